@@ -1,0 +1,175 @@
+"""Every parameter of a scene, once: name, default, unit, range, meaning.
+
+YAML loading, ROS declarations, validation messages and the documentation's table are all
+derived from `SCENE_PARAMETERS`. Defaults are the paper's values.
+"""
+
+import difflib
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+
+Value = bool | float | str
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One parameter.
+
+    Attributes
+    ----------
+    name : str
+        Dotted name, the same in YAML, in ROS and in Python.
+    default : bool, float or str
+        Its type is the parameter's type.
+    unit : str
+        SI unit, empty for pure numbers and choices.
+    description : str
+        One line for users.
+    minimum, maximum : float
+        Inclusive limits of a number.
+    positive : bool
+        True when zero is excluded although `minimum` is 0.
+    choices : tuple of str
+        Allowed values of a text; empty when any text will do.
+    while_running : bool
+        True when the parameter may change while the device runs.
+    """
+
+    name: str
+    default: Value
+    unit: str
+    description: str
+    minimum: float = -math.inf
+    maximum: float = math.inf
+    positive: bool = False
+    choices: tuple[str, ...] = ()
+    while_running: bool = False
+
+    @property
+    def type_name(self) -> str:
+        """Name of the type as a user writes it."""
+        return {bool: "true or false", float: "a number", str: "a text"}[type(self.default)]
+
+    def checked(self, value: object) -> Value:
+        """Return `value` as this parameter's type.
+
+        Raises
+        ------
+        ValueError
+            For a wrong type, a number that is not finite or out of range, or an unknown
+            choice; the message names the value, the limit and the remedy.
+        """
+        if isinstance(self.default, float):
+            return self._checked_number(value)
+        if type(value) is not type(self.default):
+            raise ValueError(f"{self.name}: {value!r} is not {self.type_name}; give {self.type_name}{self._hint()}")
+        if self.choices and value not in self.choices:
+            raise ValueError(f"{self.name}: {value!r} is unknown; choose one of {', '.join(self.choices)}")
+        return value
+
+    def _checked_number(self, value: object) -> float:
+        if isinstance(value, (bool, str)) or not hasattr(value, "__float__"):
+            raise ValueError(f"{self.name}: {value!r} is not a number; give a number{self._hint()}")
+        number = float(value)
+        if not math.isfinite(number):
+            raise ValueError(f"{self.name}: {number} is not finite; give a number{self._hint()}")
+        if number < self.minimum or number > self.maximum or (self.positive and number == 0.0):
+            raise ValueError(f"{self.name}: {number:g} is out of range; give a number{self._hint()}")
+        return number
+
+    def _hint(self) -> str:
+        unit = f" {self.unit}" if self.unit else ""
+        if self.choices:
+            return f", one of {', '.join(self.choices)}"
+        low, high = math.isfinite(self.minimum), math.isfinite(self.maximum)
+        above = "above" if self.positive else "from"
+        if low and high:
+            return f" {above} {self.minimum:g} to {self.maximum:g}{unit}"
+        if low:
+            return f" {'above' if self.positive else 'of at least'} {self.minimum:g}{unit}"
+        return unit and f" in{unit}"
+
+
+def _mass(name: str, default: float, what: str) -> Parameter:
+    return Parameter(name, default, "kg", f"mass of {what}", minimum=0.0, maximum=1e6, positive=True)
+
+
+def _length(name: str, default: float, what: str) -> Parameter:
+    return Parameter(name, default, "m", what, minimum=0.0, maximum=1e3, positive=True)
+
+
+def _guide(side: str, spring: str, plate: str, plate_at: str) -> tuple[Parameter, ...]:
+    """Drive spring, plate and gap of one guide; `spring` and `plate` are the paper's indices."""
+    return (
+        Parameter(f"{side}.spring.stiffness", 1e3, "N/m", f"drive spring k{spring}, slider to mass",
+                  minimum=0.0, maximum=1e9),
+        Parameter(f"{side}.spring.damping", 0.0, "N·s/m", f"drive damper c{spring}", minimum=0.0, maximum=1e6),
+        Parameter(f"{side}.plate.stiffness", 1e7, "N/m", f"plate spring k{plate}, one-sided",
+                  minimum=0.0, maximum=1e12),
+        Parameter(f"{side}.plate.damping", 0.0, "N·s/m", f"plate damper c{plate}", minimum=0.0, maximum=1e6),
+        Parameter(f"{side}.gap", 0.0, "m",
+                  f"clearance at the slider's mid-stroke; the plate stands at {plate_at} = rod + gap",
+                  minimum=-1e3, maximum=1e3),
+    )
+
+
+SCENE_PARAMETERS: tuple[Parameter, ...] = (
+    _mass("mass.body", 1.0, "the body, m1"),
+    _mass("mass.upper", 0.1, "the upper impact mass, m2"),
+    _mass("mass.inclined", 0.08, "the inclined impact mass, m3"),
+    _length("crank.radius", 0.02, "crank radius DA, l; at most the rods' length"),
+    _length("crank.upper_rod", 0.06, "connecting rod AB, L2"),
+    _length("crank.inclined_rod", 0.06, "connecting rod AC, L3"),
+    Parameter("guide.angle", math.radians(50.0), "rad", "angle of the inclined guide from the vertical, φ",
+              minimum=0.0, maximum=math.pi),
+    *_guide("upper", "2", "4", "E"),
+    *_guide("inclined", "3", "1", "H"),
+    Parameter("ground.friction", 0.2, "", "kinetic friction coefficient of body on ground, μ",
+              minimum=0.0, maximum=1e3),
+    Parameter("gravity", 9.81, "m/s²", "gravitational acceleration, g", minimum=0.0, maximum=1e3),
+    Parameter("motor.speed", 100.0, "rad/s", "motor speed at t = 0, and the command until another arrives",
+              minimum=0.0, maximum=1e4),
+    Parameter("motor.max_speed", 500.0, "rad/s", "highest motor speed that may be asked for",
+              minimum=0.0, maximum=1e4, positive=True),
+    Parameter("motor.acceleration", 200.0, "rad/s²", "speed limit of the ramp motor's change of speed",
+              minimum=0.0, maximum=1e9, positive=True),
+    Parameter("gap_actuator.speed", 0.005, "m/s", "speed at which a plate moves to a commanded gap",
+              minimum=0.0, maximum=10.0, positive=True),
+    Parameter("start.state", "rest", "", "rest: each mass at rest on its slider or, if that would penetrate, "
+              "on its plate; zero: every coordinate 0", choices=("rest", "zero")),
+    Parameter("effects.upper_mass", True, "", "simulate the upper mass"),
+    Parameter("effects.inclined_mass", True, "", "simulate the inclined mass; without it nothing drives the body"),
+    Parameter("effects.upper_contact", "compliant", "", "contact of the upper mass with its plate",
+              choices=("none", "compliant")),
+    Parameter("effects.inclined_contact", "compliant", "", "contact of the inclined mass with its plate",
+              choices=("none", "compliant")),
+    Parameter("effects.adhesion", True, "", "true: a plate's damper may pull, as printed; false: no tension"),
+    Parameter("effects.friction", "coulomb", "", "friction of the body on the ground", choices=("none", "coulomb")),
+    Parameter("effects.normal_force", "printed", "", "weight: N = M g; unilateral: eq. (6), not below 0; "
+              "printed: eq. (6), may be negative", choices=("weight", "unilateral", "printed")),
+    Parameter("effects.motor", "ideal", "", "ideal: speed follows the command at once; ramp: limited acceleration",
+              choices=("ideal", "ramp")),
+    Parameter("solver.method", "exact", "", "integration method", choices=("exact",)),
+)
+
+
+def checked_parameters(changes: Mapping[str, object], table: Iterable[Parameter]) -> dict[str, Value]:
+    """Values of `changes` as the types of `table`.
+
+    Raises
+    ------
+    ValueError
+        For a name that the table lacks (the message suggests the nearest one), or a bad value.
+    """
+    by_name = {parameter.name: parameter for parameter in table}
+    return {name: known(name, by_name).checked(value) for name, value in changes.items()}
+
+
+def known(name: str, by_name: Mapping[str, Parameter]) -> Parameter:
+    """The parameter called `name`, or a ValueError that suggests the nearest name."""
+    if name in by_name:
+        return by_name[name]
+    near = difflib.get_close_matches(name, by_name, n=1)
+    remedy = f"did you mean {near[0]}?" if near else "`robot --help` lists the parameters"
+    raise ValueError(f"{name}: unknown parameter; {remedy}")

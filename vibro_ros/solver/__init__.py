@@ -1,0 +1,1 @@
+"""Event-driven integration of piecewise linear systems; knows nothing of robots."""
