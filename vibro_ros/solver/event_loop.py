@@ -154,7 +154,7 @@ def _product(row, point):
 
 @kernel
 def _update_peaks(system, state, tau):
-    """Take the part of the segment from the mode's beginning to `tau` into the peaks of the monitors that are on."""
+    """Take the flow of this segment, which ends at `tau`, into the peaks of the monitors that are on."""
     mode = state.index[MODE]
     for k in range(len(state.monitor)):
         if system.monitored[mode, k]:
@@ -163,7 +163,7 @@ def _update_peaks(system, state, tau):
             for channel in range(len(state.z)):
                 if system.monitor[mode, k, channel] != 0.0:
                     add_multiple(quantity, system.monitor[mode, k, channel], state.z[channel])
-            peak = maximum(quantity, state.clock[ANCHOR], tau, state.work[2], state.work[3])
+            peak = maximum(quantity, 0.0, tau, state.work[2], state.work[3])
             state.monitor[k, PEAK] = max(state.monitor[k, PEAK], peak)
 
 
@@ -219,10 +219,10 @@ def _end_segment(system, state, point, events, count):
 def _pass_event(system, state, point, events, count):
     """Do what happens at NEXT: the end of the segment or a change of mode; returns (success, number of events)."""
     tau = state.clock[NEXT]
-    _update_peaks(system, state, tau)
     _read(state, tau, point)
     guard = state.index[GUARD]
     if guard == NOTHING:
+        _update_peaks(system, state, tau)
         close_audit(system, state, tau, point)
         state.index[STANDSTILLS] = 0
         return _end_segment(system, state, point, events, count)
@@ -233,6 +233,7 @@ def _pass_event(system, state, point, events, count):
     mode = _next_mode(system, state, point)
     same_flow = system.flow[previous] == system.flow[mode] and not 0 <= halted < dynamic and tau < 1.0
     if not same_flow:
+        _update_peaks(system, state, tau)
         close_audit(system, state, tau, point)
     if halted != NOTHING:
         point[coordinates + halted] = 0.0
@@ -314,3 +315,21 @@ def interrupt(system, state, time, point):
     close_audit(system, state, tau, point)
     state.clock[ANCHOR] = 0.0
     advance_forcing(system, state, tau)
+
+
+@kernel
+def evaluate_forms(forms, modes, points, values):
+    """Values of each mode's linear forms at sampled points.
+
+    Parameters
+    ----------
+    forms : ndarray, shape (m, f, channels)
+        The forms by mode.
+    modes, points : ndarray
+        As `advance` fills them; shapes (n,) and (n, channels).
+    values : ndarray, shape (f, n)
+        Receives the values.
+    """
+    for f in range(len(values)):
+        for k in range(len(modes)):
+            values[f, k] = _product(forms[modes[k], f], points[k])

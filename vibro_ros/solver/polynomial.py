@@ -10,7 +10,7 @@ import numba
 import numpy as np
 
 #: Coefficients of a polynomial. The flow's series is cut where 2^n / n! and 0.22^n (`signals.STRIDE`) reach rounding.
-LENGTH = 25
+LENGTH = 24
 
 # Entry [k, n] is n + k over n.
 _BINOMIAL = np.array([[float(math.comb(n + k, n)) for n in range(LENGTH)] for k in range(LENGTH)])
@@ -35,12 +35,12 @@ def value(p, x):
 
 
 @kernel
-def value_and_derivatives(p, x):
-    """p(x), p'(x) and p''(x)."""
-    f = p[LENGTH - 1]
+def value_and_derivatives(p, terms, x):
+    """p(x), p'(x) and p''(x), of the first `terms` coefficients."""
+    f = p[terms - 1]
     d = 0.0
     half_dd = 0.0
-    for n in range(LENGTH - 2, -1, -1):
+    for n in range(terms - 2, -1, -1):
         half_dd = half_dd * x + d
         d = d * x + f
         f = f * x + p[n]

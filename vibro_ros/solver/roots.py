@@ -47,7 +47,16 @@ def _third_derivative_bound(p):
 
 
 @kernel
-def _march(p, a):
+def _terms(p, noise):
+    """Number of leading coefficients beside which the others are lost in the noise."""
+    terms = LENGTH
+    while terms > 1 and abs(p[terms - 1]) <= 0.01 * noise:
+        terms -= 1
+    return terms
+
+
+@kernel
+def _march(p, terms, a):
     """First root of p, positive at a, in (a, 1], by steps that a bound on p''' proves to be free of roots.
 
     Near a simple root the steps converge like Newton's, from the safe side; a near miss
@@ -56,7 +65,7 @@ def _march(p, a):
     third = _third_derivative_bound(p)
     x = a
     for _ in range(_MOST_STEPS):
-        f, d, dd = value_and_derivatives(p, x)
+        f, d, dd = value_and_derivatives(p, terms, x)
         if f <= 0.0:
             return x
         remaining = 1.0 - x
@@ -101,7 +110,7 @@ def first_root(p, a, noise, work):
     f = value(work, a)
     for _ in range(_DEEPEST_ZERO):
         if f > noise:
-            return _march(work, a)
+            return _march(work, _terms(work, noise), a)
         if f < -noise:
             return a
         divide_by_root(work, a)
