@@ -43,12 +43,14 @@ setup(
             "ros-jazzy-std-msgs",
         ],
         "test": [
+            "catkin-pkg",
             "colcon-common-extensions",
             "hypothesis",
             "mcap",
             "mpmath",
             "packaging",
             "pytest",
+            "python-flint",
             "ruff",
             "scipy",
             "setuptools<80",  # later ones break colcon's `develop` and `install_scripts`
