@@ -18,18 +18,27 @@ sensor_msgs/msg/JointState        ``time``, ``stamp`` and, for each joint, ``<jo
 Topics of other types are counted, not read.
 """
 
-from array import array
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from rosbags.interfaces import Connection
-from rosbags.rosbag2 import Reader, ReaderError
+from rosbags.rosbag2 import Reader
 
-from vibro_ros.bag.storage import jazzy_types
+from vibro_ros.bag.series import Series, readable_types
 
 Arrays = dict[str, np.ndarray]
+
+ROBOT_TOPICS = {
+    "odom": "nav_msgs/msg/Odometry",
+    "joint_states": "sensor_msgs/msg/JointState",
+    "ground_contact": "geometry_msgs/msg/WrenchStamped",
+    "impacts": "geometry_msgs/msg/WrenchStamped",
+    "motor_power": "std_msgs/msg/Float64",
+    "motor_speed": "std_msgs/msg/Float64",
+    "upper_gap": "std_msgs/msg/Float64",
+    "inclined_gap": "std_msgs/msg/Float64",
+}  # a topic that ends like one of these and has another type is somebody else's
 
 
 class BagError(Exception):
@@ -105,13 +114,21 @@ class Bag(Mapping[str, Arrays]):
         MissingTopicError
             When no topic, or more than one, is called so.
         """
-        found = [topic for topic in self.arrays if name in (topic, topic.rpartition("/")[2])]
+        found = [topic for topic in self.arrays if name in (topic, _last(topic)) and self._as_robot_types(topic)]
         if len(found) > 1:
             raise MissingTopicError(f"{self.path}: {name} is ambiguous; give one of {', '.join(found)}")
         if not found:
-            recorded = ", ".join(self.topics) or "none"
+            recorded = ", ".join(f"{topic} ({one.type_name})" for topic, one in self.topics.items()) or "none"
             raise MissingTopicError(f"{self.path}: topic {name} is missing; recorded topics: {recorded}")
         return found[0]
+
+    def _as_robot_types(self, topic: str) -> bool:
+        type_name = self.topics[topic].type_name
+        return ROBOT_TOPICS.get(_last(topic), type_name) == type_name
+
+
+def _last(topic: str) -> str:
+    return topic.rpartition("/")[2]
 
 
 def read_bag(path: str | Path) -> Bag:
@@ -133,7 +150,7 @@ def read_bag(path: str | Path) -> Bag:
     try:
         with Reader(folder) as reader:
             return _read(folder, reader)
-    except (ReaderError, OSError, UnicodeDecodeError) as error:
+    except Exception as error:  # rosbags' parser meets damage with whatever breaks first
         reason = " ".join(str(error).split()).rstrip(".")
         raise BagError(f"{folder}: damaged bag: {reason}; record it again") from error
 
@@ -154,8 +171,8 @@ def _check_folder(folder: Path) -> None:
 def _read(folder: Path, reader: Reader) -> Bag:
     empty = reader.message_count == 0
     start = 0 if empty else reader.start_time
-    series = {connection.topic: _Series(connection, start)
-              for connection in reader.connections if connection.msgtype in _LAYOUTS}
+    series = {connection.topic: Series(connection.topic, connection.msgtype, start)
+              for connection in reader.connections if connection.msgtype in readable_types()}
     readable = [connection for connection in reader.connections if connection.topic in series]
     if readable:  # rosbags takes an empty list for "all"
         for connection, stamp, data in reader.messages(readable):
@@ -165,92 +182,3 @@ def _read(folder: Path, reader: Reader) -> Bag:
     return Bag(folder, start, 0.0 if empty else (reader.end_time - 1 - start) * 1e-9,
                dict(reader.storage.metadata.custom or {}), topics,
                {topic: one.arrays() for topic, one in series.items()})
-
-
-@dataclass(frozen=True)
-class _Layout:
-    """Columns of a message type: their widths, and a message's numbers in that order."""
-
-    widths: Callable[[object], dict[str, int]]
-    numbers: Callable[[object], tuple[float, ...]]
-    stamped: bool = True
-    framed: bool = False
-
-
-class _Series:
-    """Rows of one topic, growing message by message in compact arrays."""
-
-    def __init__(self, connection: Connection, start_ns: int) -> None:
-        self._topic, self._type = connection.topic, connection.msgtype
-        self._layout = _LAYOUTS[self._type]
-        self._start_ns = start_ns
-        self._widths = self._layout.widths(None)
-        self._times, self._stamps, self._rows = array("d"), array("d"), array("d")
-        self._frames: list[str] = []
-
-    def append(self, time_ns: int, data: bytes) -> None:
-        try:
-            message = jazzy_types().deserialize_cdr(data, self._type)
-        except Exception as error:  # rosbags raises whatever its generated code meets
-            raise ReaderError(f"unreadable message on {self._topic} at {time_ns} ns") from error
-        if not self._times:
-            self._widths = self._layout.widths(message)
-        elif self._layout.widths(message) != self._widths:
-            raise ReaderError(f"{self._topic} changes its joints at {time_ns} ns")
-        self._times.append((time_ns - self._start_ns) * 1e-9)
-        self._rows.extend(self._layout.numbers(message))
-        if self._layout.stamped:
-            stamp = message.header.stamp
-            self._stamps.append((stamp.sec * 1_000_000_000 + stamp.nanosec - self._start_ns) * 1e-9)
-        if self._layout.framed:
-            self._frames.append(message.header.frame_id)
-
-    def arrays(self) -> Arrays:
-        arrays = {"time": np.array(self._times)}
-        if self._layout.stamped:
-            arrays["stamp"] = np.array(self._stamps)
-        if self._layout.framed:
-            arrays["frame"] = np.array(self._frames, dtype=str)
-        rows = np.array(self._rows).reshape(len(self._times), sum(self._widths.values()))
-        ends = np.cumsum(list(self._widths.values()), dtype=int)
-        for (name, width), end in zip(self._widths.items(), ends, strict=True):
-            arrays[name] = rows[:, end - 1] if width == 1 else rows[:, end - width:end]
-        return arrays
-
-
-def _xyz(vector: object) -> tuple[float, float, float]:
-    return vector.x, vector.y, vector.z
-
-
-def _odometry(message: object) -> tuple[float, ...]:
-    pose, twist = message.pose.pose, message.twist.twist
-    turn = pose.orientation
-    return *_xyz(pose.position), turn.x, turn.y, turn.z, turn.w, *_xyz(twist.linear), *_xyz(twist.angular)
-
-
-def _wrench(message: object) -> tuple[float, ...]:
-    return *_xyz(message.wrench.force), *_xyz(message.wrench.torque)
-
-
-def _joints(message: object) -> tuple[float, ...]:
-    return *message.position.tolist(), *message.velocity.tolist(), *message.effort.tolist()
-
-
-def _joint_widths(message: object | None) -> dict[str, int]:
-    if message is None:
-        return {}
-    return {f"{name}.{quantity}": 1 for quantity in ("position", "velocity", "effort")
-            for name, _ in zip(message.name, getattr(message, quantity), strict=False)}
-
-
-def _fixed(**widths: int) -> Callable[[object], dict[str, int]]:
-    return lambda message: widths
-
-
-_LAYOUTS = {
-    "std_msgs/msg/Float64": _Layout(_fixed(value=1), lambda message: (message.data,), stamped=False),
-    "nav_msgs/msg/Odometry": _Layout(
-        _fixed(position=3, orientation=4, linear_velocity=3, angular_velocity=3), _odometry),
-    "geometry_msgs/msg/WrenchStamped": _Layout(_fixed(force=3, torque=3), _wrench, framed=True),
-    "sensor_msgs/msg/JointState": _Layout(_joint_widths, _joints),
-}
