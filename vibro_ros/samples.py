@@ -4,7 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vibro_ros.model.modes import OUTPUTS, Model
+from vibro_ros.model.modes import OUTPUTS
+from vibro_ros.model.tables import Model
 from vibro_ros.solver.event_loop import evaluate_forms
 
 EVENT_DTYPE = np.dtype([("time", float), ("kind", "U16"), ("speed", float), ("peak_force", float),
@@ -95,11 +96,11 @@ def sampled_quantities(model: Model, unilateral: bool, times: np.ndarray, points
     """
     linear = np.empty((len(OUTPUTS), len(times)))
     evaluate_forms(model.output, modes, points, linear)
-    quantities = dict(zip(OUTPUTS, linear))
+    quantities = dict(zip(OUTPUTS, linear, strict=True))
     if unilateral:
         quantities["normal_force"] = np.maximum(quantities["normal_force"], 0.0)
     torque = np.zeros(len(times))
-    for side, slider in zip(model.forms.guides, model.sliders):
+    for side, slider in zip(model.forms.guides, model.sliders, strict=True):
         torque += quantities[f"{side}_drive_force"] * slider.slope(phases[:, 1])
     quantities |= {
         "time": times, "body_height": np.zeros(len(times)), "crank_angle": 2.0 * np.pi * phases[:, 0] + phases[:, 1],

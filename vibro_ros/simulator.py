@@ -5,10 +5,11 @@ import time as wall_clock
 
 import numpy as np
 
-from vibro_ros.model.modes import MODE_EVENTS, compile_scene
 from vibro_ros.model.scene import Scene
+from vibro_ros.model.tables import MODE_EVENTS, compile_scene
 from vibro_ros.samples import EVENT_DTYPE, Run, Samples, sampled_quantities
-from vibro_ros.solver import event_loop, state as at
+from vibro_ros.solver import event_loop
+from vibro_ros.solver import state as at
 from vibro_ros.solver.event_loop import EVENT_COLUMNS, MONITOR_KIND, PHASE_KIND, RAMP_KIND
 
 _EVENTS_AT_ONCE = 4096
@@ -57,7 +58,7 @@ class Simulator:
         plates = {side: scene[f"crank.{side}_rod"] + scene[f"{side}.gap"] for side in forms.plates}
         position = np.zeros(forms.channels.coordinates)
         if scene["start.state"] == "rest":
-            for i, (side, slider) in enumerate(zip(forms.guides, model.sliders)):
+            for i, (side, slider) in enumerate(zip(forms.guides, model.sliders, strict=True)):
                 position[i] = min(slider.position(0.0), plates.get(side, math.inf))
         state = at.new_state(system, scene["motor.speed"],
                              np.array([plates[side] for side in forms.plates]), model.initial_mode)
@@ -172,7 +173,7 @@ class Simulator:
             return
         self._events.append(events.copy())
         kinds, counts = np.unique(events[:, 1].astype(int), return_counts=True)
-        for kind, count in zip(kinds, counts):
+        for kind, count in zip(kinds, counts, strict=True):
             name = self._kinds[int(kind)]
             self._counts[name] = self._counts.get(name, 0) + int(count)
 

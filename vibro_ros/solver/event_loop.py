@@ -12,7 +12,19 @@ from vibro_ros.solver.forcing import advance_forcing, choose_duration, fill_forc
 from vibro_ros.solver.polynomial import add_multiple, kernel, value
 from vibro_ros.solver.roots import NO_ROOT, SEARCH_FAILED, first_root, maximum
 from vibro_ros.solver.state import (
-    ANCHOR, APPROACH, DURATION, GUARD, MODE, NEXT, PEAK, SEGMENTS, SINCE, STANDSTILLS, START, START_RESIDUE, TURNS,
+    ANCHOR,
+    APPROACH,
+    DURATION,
+    GUARD,
+    MODE,
+    NEXT,
+    PEAK,
+    SEGMENTS,
+    SINCE,
+    STANDSTILLS,
+    START,
+    START_RESIDUE,
+    TURNS,
 )
 from vibro_ros.solver.system import NOTHING
 

@@ -4,8 +4,22 @@ import math
 
 from vibro_ros.solver.polynomial import LENGTH, differentiate, kernel, recentre, substitute
 from vibro_ros.solver.state import (
-    CELL, CELL_TIME, DURATION, MODE, OFFSET, RATE, SPEED, SPEED_CHANGE, SPEED_TARGET, SPEED_TIME, START,
-    START_RESIDUE, TARGET, TIME, TURNS, VALUE,
+    CELL,
+    CELL_TIME,
+    DURATION,
+    MODE,
+    OFFSET,
+    RATE,
+    SPEED,
+    SPEED_CHANGE,
+    SPEED_TARGET,
+    SPEED_TIME,
+    START,
+    START_RESIDUE,
+    TARGET,
+    TIME,
+    TURNS,
+    VALUE,
 )
 from vibro_ros.solver.system import STRIDE
 

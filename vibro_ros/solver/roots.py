@@ -1,6 +1,15 @@
 """The first root of a guard, certified: no crossing is stepped over, and a graze is told from a hit."""
 
-from vibro_ros.solver.polynomial import LENGTH, copy, differentiate, divide_by_root, kernel, sum_kernel, value, value_and_derivatives
+from vibro_ros.solver.polynomial import (
+    LENGTH,
+    copy,
+    differentiate,
+    divide_by_root,
+    kernel,
+    sum_kernel,
+    value,
+    value_and_derivatives,
+)
 
 #: Returned when a guard stays non-negative to the end of the segment.
 NO_ROOT = 2.0

@@ -1,0 +1,56 @@
+"""What the energy audit balances: the energy of the masses, and the power they receive.
+
+The masses' equations close on themselves in the paper's model, so their energy does, too:
+
+    d/dt (m q'²/2 + k (q - s)²/2 + contact) = -drive s' - c (q' - s')² - plate E' - c (q' - E')²
+
+for each guide, with the drive's and the plate's forces on slider and plate.
+"""
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from vibro_ros.model.forms import Form, Forms
+from vibro_ros.model.modes import Mode
+
+
+def audit_tables(forms: Forms, scene, modes: Sequence[Mode]) -> dict[str, np.ndarray]:
+    """`stretch`, `stiffness` and `power` of `solver.system.System`; empty unless the scene asks for the audit."""
+    stored = [[] for _ in modes]
+    power = [[] for _ in modes]
+    if scene["solver.audit"]:
+        for m, mode in enumerate(modes):
+            for side in forms.guides:
+                stored[m] += _stored_energy(forms, scene, side, mode.closed)
+                power[m] += _received_power(forms, scene, side, mode.closed)
+    stretch = np.zeros((len(modes), max(map(len, stored)), forms.channels.count))
+    stiffness = np.zeros(stretch.shape[:2])
+    pairs = np.zeros((len(modes), max(map(len, power)), 2, forms.channels.count))
+    for m in range(len(modes)):
+        for e, (weight, form) in enumerate(stored[m]):
+            stiffness[m, e], stretch[m, e] = weight, form
+        for p, pair in enumerate(power[m]):
+            pairs[m, p] = pair
+    return {"stretch": stretch, "stiffness": stiffness, "power": pairs}
+
+
+def _stored_energy(forms: Forms, scene, side: str, closed: frozenset[str]) -> Iterator[tuple[float, Form]]:
+    """Weights and forms of the energy in one guide."""
+    yield scene[f"mass.{side}"], forms.velocity(forms.guides.index(side))
+    yield scene[f"{side}.spring.stiffness"], forms.stretch(side)[0]
+    if side in closed:
+        yield scene[f"{side}.plate.stiffness"], forms.penetration(side)[0]
+
+
+def _received_power(forms: Forms, scene, side: str, closed: frozenset[str]) -> Iterator[tuple[Form, Form]]:
+    """Pairs of forms of the power that one guide receives from its slider, its dampers and its moving plate."""
+    _, rate = forms.stretch(side)
+    yield -forms.drive_force(side), forms.velocity(forms.guides.index(side)) - rate
+    if scene[f"{side}.spring.damping"]:
+        yield -scene[f"{side}.spring.damping"] * rate, rate
+    if side in closed:
+        yield -forms.plate_force(side), forms.plate(side)[1]
+        if scene[f"{side}.plate.damping"]:
+            depth_rate = forms.penetration(side)[1]
+            yield -scene[f"{side}.plate.damping"] * depth_rate, depth_rate
