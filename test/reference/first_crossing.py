@@ -26,8 +26,9 @@ def leading(coefficients: list, step: float) -> tuple[int, int]:
 def first_crossing(coefficients: list, step: arb, natural_step: float) -> arb | None:
     """First time in (0, step] at which the polynomial leaves the sign it has just after 0.
 
-    `natural_step` [s] is the scale on which `leading` weighs the coefficients. A zero at 0 itself is divided out. No pair of crossings is missed: an interval is given up
-    only when the polynomial, or its derivative, is proved to have no zero in it.
+    `natural_step` [s] is the scale on which `leading` weighs the coefficients. A zero at 0 itself is
+    divided out. No pair of crossings is missed: an interval is given up only when the polynomial, or
+    its derivative, is proved to have no zero in it.
     """
     sign, index = leading(coefficients, natural_step)
     if sign == 0:
@@ -41,7 +42,7 @@ def first_crossing(coefficients: list, step: arb, natural_step: float) -> arb | 
         if polynomial(interval) > 0:
             continue
         monotone = not derivative(interval).contains(0)
-        if (monotone or end - start < TOUCH_WIDTH):
+        if monotone or end - start < TOUCH_WIDTH:
             if polynomial(end).mid() < 0:
                 return _located(polynomial, derivative, start, end)
             continue

@@ -140,7 +140,8 @@ class ReferenceModel:
         if touching and not guide.touching:
             guide.contact = {"time": self.time, "speed": exact(guide.velocity - guide.plate_velocity), "peak": arb(0)}
         if guide.touching and not touching:
-            self._note(f"{guide.side}_contact", guide.contact["time"], duration=exact(self.time - guide.contact["time"]),
+            began = guide.contact["time"]
+            self._note(f"{guide.side}_contact", began, duration=exact(self.time - began),
                        speed=guide.contact["speed"], peak_force=guide.contact["peak"])
         guide.touching = touching
 
