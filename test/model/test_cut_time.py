@@ -4,9 +4,9 @@ import dataclasses
 
 import numpy as np
 import pytest
-from vibro_ros.scene_file import shipped_scenes
 
 import vibro_ros
+from vibro_ros.scene_file import shipped_scenes
 
 COMMANDS = ((0.1, {"motor_speed": 120.0}), (0.2, {"upper_gap": 0.0005, "inclined_gap": -0.0002}),
             (0.25, {"motor_speed": 80.0, "upper_gap": -0.0003}), (0.4, {"motor_speed": 0.0}))
@@ -57,9 +57,9 @@ def test_samples_are_states(scene):
 
 @pytest.mark.parametrize("scene", shipped_scenes())
 def test_no_number_is_lost(scene):
-    run = vibro_ros.simulate(vibro_ros.load_scene(scene), duration=1.0, rate=5000.0)
-    for field in dataclasses.fields(vibro_ros.Simulator(run.scene).state if hasattr(run, "scene")
-                                    else vibro_ros.Simulator(vibro_ros.load_scene(scene)).state):
+    scene = vibro_ros.load_scene(scene)
+    run = vibro_ros.simulate(scene, duration=1.0, rate=5000.0)
+    for field in dataclasses.fields(vibro_ros.Simulator(scene).state):
         column = getattr(run, field.name)
         assert column.shape == run.time.shape
         assert np.all(np.isfinite(column)), field.name

@@ -184,7 +184,7 @@ class ReferenceModel:
         else:
             sign = moving or leading(self.inward, step)[0]
             mode, self.friction_force = {1: "forward", -1: "backward", 0: "stick"}[sign], [sign * c for c in limit]
-        if mode not in (self.body_mode, "free"):
+        if self.body_mode and mode not in (self.body_mode, "free"):
             self._note({"forward": "slip_forward", "backward": "slip_backward"}.get(mode, mode), self.time)
         self.body_mode = mode
 
