@@ -73,7 +73,7 @@ class ReferenceModel:
         self.time, self.crank_angle, self.speed, self.acceleration = arb(0), arb(0), arb(values["motor.speed"]), arb(0)
         self.commanded_speed = self.speed
         self.body_position, self.body_velocity = arb(0), arb(0)
-        self.body_mode, self.unloaded, self.natural_step = "", False, 1e-5
+        self.body_mode, self.unloaded, self.natural_step = "", False, 1.0
         self.events = []
         self.steps = 0
         self.agenda = sorted(((arb(t), change) for t, change in commands), key=lambda entry: float(entry[0]))
@@ -129,14 +129,16 @@ class ReferenceModel:
             position.append(exact(-total / (guide.mass * ((n + 2) * (n + 1)))))
         return position, penetration, compression, force
 
-    def _resolve_contact(self, guide, step):
+    def _resolve_contact(self, guide):
         """Decide whether the plate acts just after now, and expand the mass's motion accordingly."""
-        *_, penetration, compression, _ = guide.free = self._expand(guide, touching=False)
+        free = self._expand(guide, touching=False)
+        position, penetration, compression, force = free
+        step = self._step_limit([position, guide.slider], [force])
         touching = guide.has_contact and leading(penetration, step)[0] > 0
         if touching and not self.values["effects.adhesion"]:
             touching = leading(compression, step)[0] > 0
         guide.series, guide.penetration, guide.compression, guide.force = (
-            self._expand(guide, touching=True) if touching else guide.free)
+            self._expand(guide, touching=True) if touching else free)
         if touching and not guide.touching:
             guide.contact = {"time": self.time, "speed": exact(guide.velocity - guide.plate_velocity), "peak": arb(0)}
         if guide.touching and not touching:
@@ -212,15 +214,15 @@ class ReferenceModel:
             guards.append(self.velocity[:-1])
         return guards
 
-    def _step_limit(self):
-        """Step [s] that keeps the last powers below the truncation limit."""
+    def _step_limit(self, lengths, forces):
+        """Step [s] that keeps the last two powers of series in m and in N below the truncation limit."""
         limit = 1.0
-        for guide in self.guides:
-            for series, scale in ((guide.series, 0.1), (guide.slider, 0.1), (guide.force, 10.0)):
+        for group, scale in ((lengths, 0.1), (forces, 10.0)):
+            for series in group:
                 for n in (len(series) - 2, len(series) - 1):
-                    size = abs(series[n])
-                    if size > 0:
-                        limit = min(limit, 0.9 * float((self.truncation * arb(scale) / size) ** (arb(1) / n)))
+                    if series[n] != 0:
+                        ratio = self.truncation * arb(scale) / abs(series[n])
+                        limit = min(limit, 0.9 * float(ratio ** (arb(1) / n)))
         return limit
 
     # -- advancing ------------------------------------------------------------------------------
@@ -230,8 +232,9 @@ class ReferenceModel:
         for guide in self.guides:
             guide.slider = self._slider(guide)
         for guide in self.guides:
-            self._resolve_contact(guide, self.natural_step)
-        self.natural_step = self._step_limit()
+            self._resolve_contact(guide)
+        self.natural_step = self._step_limit([series for g in self.guides for series in (g.series, g.slider)],
+                                             [g.force for g in self.guides])
         self._resolve_body(self.natural_step)
 
     def advance_to(self, time: arb):
