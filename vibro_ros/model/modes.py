@@ -3,6 +3,7 @@
 What is off leaves no coordinate, no term, no guard and no mode behind.
 """
 
+import functools
 import itertools
 from dataclasses import dataclass
 
@@ -103,12 +104,12 @@ class ModeBuilder:
                   for side in self.forms.guides]
         if not self.forms.body_moves:
             return masses
-        resultant = self.forms.inertial_force(mode.closed) - self.friction_force(mode)
+        resultant = self.forms.inertial_force() - self.friction_force(mode)
         return [*masses, resultant / self._scene.total_mass]
 
     def friction_force(self, mode: Mode) -> Form:
         """F_fr in `mode` [N]."""
-        normal, inertial = self.forms.normal_force(mode.closed), self.forms.inertial_force(mode.closed)
+        normal, inertial = self.forms.normal_force(), self.forms.inertial_force()
         return self.friction.force(mode.states[-1], normal, inertial)
 
     def guards(self, mode: Mode):
@@ -117,7 +118,7 @@ class ModeBuilder:
             for guard in contact.guards(mode.states[k]):
                 yield guard, self._targets(mode, k, guard.targets)
         if self.forms.body_moves:
-            normal, inertial = self.forms.normal_force(mode.closed), self.forms.inertial_force(mode.closed)
+            normal, inertial = self.forms.normal_force(), self.forms.inertial_force()
             for guard in self.friction.guards(mode.states[-1], normal, inertial):
                 yield guard, self._targets(mode, len(self.contacts), guard.targets)
 
@@ -136,27 +137,28 @@ class ModeBuilder:
             rows[f"{side}_plate_position"], rows[f"{side}_plate_velocity"] = forms.plate(side)
             if side in mode.closed:
                 rows[f"{side}_plate_force"] = forms.plate_force(side)
-        rows |= {"normal_force": forms.normal_force(mode.closed), "friction_force": self.friction_force(mode)}
+        rows |= {"normal_force": forms.normal_force(), "friction_force": self.friction_force(mode)}
         return np.array([rows.get(name, forms.zero) for name in OUTPUTS])
 
 
+@functools.lru_cache(maxsize=64)
 def compile_scene(scene) -> Model:
-    """Compile `scene`, a Scene, to its tables."""
+    """Compile `scene`, a Scene, to its tables, which nobody may change."""
     builder = ModeBuilder(scene)
     forms, channels = builder.forms, builder.forms.channels
     sliders = tuple(Slider(scene["crank.radius"], scene[f"crank.{side}_rod"], _tilt(scene, side))
                     for side in forms.guides)
     acceleration = np.array([builder.equations(mode) for mode in builder.modes])
     acceleration = acceleration.reshape(len(builder.modes), channels.coordinates, channels.count)
-    dynamic = len(forms.guides)
     system = System(
-        sizes=np.array([channels.coordinates, dynamic, channels.signals, channels.ramps]),
+        sizes=np.array(channels),
         acceleration=acceleration,
-        flow=flow_numbers(acceleration, dynamic),
-        longest_step=longest_steps(acceleration, channels, dynamic),
+        flow=flow_numbers(acceleration, channels.dynamic),
+        longest_step=longest_steps(acceleration, channels),
         **_guard_tables(builder),
         event=_event_table(builder),
         **_monitor_tables(builder),
+        **_audit_tables(builder, scene),
         signals=signal_table(list(sliders)),
     )
     output = np.array([builder.outputs(mode) for mode in builder.modes])
@@ -214,3 +216,45 @@ def _monitor_tables(builder: ModeBuilder) -> dict[str, np.ndarray]:
         monitored[:, k] = [side in mode.closed for mode in modes]
         approach[k] = forms.penetration(side)[1]
     return {"monitor": monitor, "monitored": monitored, "approach": approach}
+
+
+def _audit_tables(builder: ModeBuilder, scene) -> dict[str, np.ndarray]:
+    """Energy and power of the masses: m q'² / 2 + k (q - s)² / 2 + contact, and the work of sliders, dampers, plates."""
+    channels = builder.forms.channels.count
+    if not scene["solver.audit"]:
+        none = np.zeros((len(builder.modes), 0, channels))
+        return {"stretch": none, "stiffness": np.zeros((len(builder.modes), 0)), "power": np.zeros((len(builder.modes), 0, 2, channels))}
+    stored = [[term for side in builder.forms.guides for term in _stored_energy(builder.forms, scene, side, mode.closed)]
+              for mode in builder.modes]
+    power = [[term for side in builder.forms.guides for term in _received_power(builder.forms, scene, side, mode.closed)]
+             for mode in builder.modes]
+    stretch = np.zeros((len(stored), max(map(len, stored)), channels))
+    stiffness = np.zeros(stretch.shape[:2])
+    pairs = np.zeros((len(power), max(map(len, power)), 2, channels))
+    for m, (energies, powers) in enumerate(zip(stored, power)):
+        for e, (weight, form) in enumerate(energies):
+            stiffness[m, e], stretch[m, e] = weight, form
+        for p, pair in enumerate(powers):
+            pairs[m, p] = pair
+    return {"stretch": stretch, "stiffness": stiffness, "power": pairs}
+
+
+def _stored_energy(forms: Forms, scene, side: str, closed: frozenset[str]):
+    """Weights and forms of the energy stored in one guide."""
+    yield scene[f"mass.{side}"], forms.velocity(forms.guides.index(side))
+    yield scene[f"{side}.spring.stiffness"], forms.stretch(side)[0]
+    if side in closed:
+        yield scene[f"{side}.plate.stiffness"], forms.penetration(side)[0]
+
+
+def _received_power(forms: Forms, scene, side: str, closed: frozenset[str]):
+    """Pairs of forms of the power that one guide receives from its slider, its dampers and its moving plate."""
+    _, rate = forms.stretch(side)
+    yield -forms.drive_force(side), forms.velocity(forms.guides.index(side)) - rate
+    if scene[f"{side}.spring.damping"]:
+        yield -scene[f"{side}.spring.damping"] * rate, rate
+    if side in closed:
+        yield -forms.plate_force(side), forms.plate(side)[1]
+        if scene[f"{side}.plate.damping"]:
+            depth_rate = forms.penetration(side)[1]
+            yield -scene[f"{side}.plate.damping"] * depth_rate, depth_rate

@@ -6,9 +6,10 @@ so the trajectory is the same, bit for bit, however the time is cut up.
 
 import math
 
+from vibro_ros.solver.audit import close_audit, open_audit
 from vibro_ros.solver.flow import solve_driven, solve_dynamic
 from vibro_ros.solver.forcing import advance_forcing, choose_duration, fill_forcing, phase_at
-from vibro_ros.solver.polynomial import LENGTH, add_multiple, kernel, value
+from vibro_ros.solver.polynomial import add_multiple, kernel, value
 from vibro_ros.solver.roots import NO_ROOT, SEARCH_FAILED, first_root, maximum
 from vibro_ros.solver.state import (
     ANCHOR, APPROACH, DURATION, GUARD, MODE, NEXT, PEAK, SEGMENTS, SINCE, STANDSTILLS, START, START_RESIDUE, TURNS,
@@ -74,9 +75,13 @@ def _find_next_event(system, state):
 
 
 @kernel
-def begin_segment(system, state, position, velocity):
-    """Build the segment that starts with `position` and `velocity`, shape (coordinates,); False on a lost root."""
+def begin_segment(system, state, point):
+    """Build the segment that starts with the positions and velocities of `point`; False on a lost root.
+
+    `point`, shape (channels,), is overwritten.
+    """
     coordinates, dynamic = system.sizes[0], system.sizes[1]
+    position, velocity = point[:coordinates], point[coordinates:2 * coordinates]
     choose_duration(system, state)
     fill_forcing(system, state)
     for i in range(dynamic):
@@ -86,6 +91,7 @@ def begin_segment(system, state, position, velocity):
     state.index[SEGMENTS] += 1
     solve_dynamic(system, state)
     solve_driven(system, state, position, velocity)
+    open_audit(system, state, point)
     state.root[:] = -1.0
     return _find_next_event(system, state)
 
@@ -102,12 +108,9 @@ def _continue_segment(system, state, position, velocity):
 
 @kernel
 def _read(state, tau, point):
-    """Values of all channels at `tau`, into point, shape (channels,)."""
+    """Values of the first len(point) channels at `tau`."""
     for channel in range(len(point)):
-        point[channel] = state.z[channel, LENGTH - 1]
-    for n in range(LENGTH - 2, -1, -1):
-        for channel in range(len(point)):
-            point[channel] = point[channel] * tau + state.z[channel, n]
+        point[channel] = value(state.z[channel], tau)
 
 
 @kernel
@@ -209,29 +212,32 @@ def _end_segment(system, state, point, events, count):
             count = _record(events, count, time, RAMP_KIND + k, 0.0, 0.0, 0.0)
     if reached & (1 << len(state.ramp)):
         count = _record(events, count, time, PHASE_KIND, 0.0, 0.0, 0.0)
-    coordinates = system.sizes[0]
-    found = begin_segment(system, state, point[:coordinates], point[coordinates:2 * coordinates])
-    return found, count
+    return begin_segment(system, state, point), count
 
 
 @kernel
 def _pass_event(system, state, point, events, count):
     """Do what happens at NEXT: the end of the segment or a change of mode; returns (success, number of events)."""
     tau = state.clock[NEXT]
-    _read(state, tau, point)
     _update_peaks(system, state, tau)
+    _read(state, tau, point)
     guard = state.index[GUARD]
     if guard == NOTHING:
+        close_audit(system, state, tau, point)
         state.index[STANDSTILLS] = 0
         return _end_segment(system, state, point, events, count)
     state.index[STANDSTILLS] = 0 if tau > state.clock[ANCHOR] else state.index[STANDSTILLS] + 1
     coordinates, dynamic = system.sizes[0], system.sizes[1]
     previous = state.index[MODE]
     halted = system.halt[previous, guard]
+    mode = _next_mode(system, state, point)
+    same_flow = system.flow[previous] == system.flow[mode] and not 0 <= halted < dynamic and tau < 1.0
+    if not same_flow:
+        close_audit(system, state, tau, point)
     if halted != NOTHING:
         point[coordinates + halted] = 0.0
-    count = _change_mode(system, state, _next_mode(system, state, point), point, events, count)
-    if system.flow[previous] == system.flow[state.index[MODE]] and not 0 <= halted < dynamic and tau < 1.0:
+    count = _change_mode(system, state, mode, point, events, count)
+    if same_flow:
         state.clock[ANCHOR] = tau
         found = _continue_segment(system, state, point[:coordinates], point[coordinates:2 * coordinates])
         return found, count
@@ -239,7 +245,15 @@ def _pass_event(system, state, point, events, count):
 
 
 @kernel
-def advance(system, state, times, points, modes, phases, events):
+def _finite(point):
+    total = 0.0
+    for channel in range(len(point)):
+        total += point[channel]
+    return math.isfinite(total)
+
+
+@kernel
+def advance(system, state, times, point, points, modes, phases, events):
     """Pass all events up to the last of `times` and sample there.
 
     Parameters
@@ -250,6 +264,8 @@ def advance(system, state, times, points, modes, phases, events):
         Changed in place.
     times : ndarray, shape (n,)
         Instants [s], ascending, none before the last command.
+    point : ndarray, shape (channels,)
+        Overwritten.
     points : ndarray, shape (n, channels)
         Receives z.
     modes : ndarray of int, shape (n,)
@@ -264,7 +280,6 @@ def advance(system, state, times, points, modes, phases, events):
     (int, int, int)
         Why it returned, number of samples taken, number of events recorded.
     """
-    point = state.z[:, 0].copy()
     count = 0
     # The most that one event records: a change of mode, every monitor, every ramp and the speed.
     room = len(events) - 2 - len(state.monitor) - len(state.ramp)
@@ -277,7 +292,7 @@ def advance(system, state, times, points, modes, phases, events):
                 return ROOT_LOST, k, count
             if state.index[STANDSTILLS] > _MOST_STANDSTILLS:
                 return STUCK, k, count
-            if not math.isfinite(point.sum()):
+            if not _finite(point):
                 return DIVERGED, k, count
         tau = ((times[k] - state.clock[START]) - state.clock[START_RESIDUE]) / state.clock[DURATION]
         _read(state, tau, points[k])
@@ -291,10 +306,11 @@ def advance(system, state, times, points, modes, phases, events):
 def interrupt(system, state, time, point):
     """Move clock and forcing to `time`, within the current segment, and read all channels there into `point`.
 
-    For a command: set the new rates after this, then call `begin_segment` with the values read.
+    For a command: set the new rates after this, then call `begin_segment` with `point`.
     """
     tau = ((time - state.clock[START]) - state.clock[START_RESIDUE]) / state.clock[DURATION]
     _read(state, tau, point)
     _update_peaks(system, state, tau)
+    close_audit(system, state, tau, point)
     state.clock[ANCHOR] = 0.0
     advance_forcing(system, state, tau)

@@ -4,13 +4,25 @@ A polynomial is an array of `LENGTH` coefficients, constant term first, in the s
 time tau = (t - start) / duration, which runs from 0 to 1.
 """
 
+import math
+
 import numba
+import numpy as np
 
 #: Coefficients of a polynomial. The flow's series is cut where 2^n / n! and 0.22^n (`signals.STRIDE`) reach rounding.
 LENGTH = 25
 
-kernel = numba.njit(cache=True, error_model="numpy", fastmath={"contract"})
-"""How every kernel is compiled: cached on disk; fused multiply-add allowed, reordering not."""
+# Entry [k, n] is n + k over n.
+_BINOMIAL = np.array([[float(math.comb(n + k, n)) for n in range(LENGTH)] for k in range(LENGTH)])
+
+_OPTIONS = {"cache": True, "error_model": "numpy", "forceinline": True, "_nrt": False}
+
+kernel = numba.njit(fastmath={"contract"}, **_OPTIONS)
+"""How kernels are compiled: cached on disk, inlined, without reference counts (so they cannot allocate);
+fused multiply-add is allowed, reordering is not."""
+
+sum_kernel = numba.njit(fastmath={"contract", "reassoc", "nsz"}, **_OPTIONS)
+"""The same for plain sums, in which the order of the terms does not matter and several are added at once."""
 
 
 @kernel
@@ -36,6 +48,13 @@ def value_and_derivatives(p, x):
 
 
 @kernel
+def copy(p, target):
+    """target = p."""
+    for n in range(LENGTH):
+        target[n] = p[n]
+
+
+@kernel
 def divide_by_root(p, a):
     """Replace p by p / (x - a), dropping the remainder p(a)."""
     carry = 0.0
@@ -53,23 +72,22 @@ def add_multiple(target, factor, p):
 
 
 @kernel
-def recentre(p, x, target):
-    """Coefficients of target(y) = p(x + y)."""
-    for n in range(LENGTH):
-        target[n] = p[n]
-    for first in range(LENGTH - 1):
-        for n in range(LENGTH - 2, first - 1, -1):
-            target[n] += x * target[n + 1]
+def recentre(p, x, terms, target):
+    """First `terms` coefficients of target(y) = p(x + y); the others become zero."""
+    target[:] = 0.0
+    power = 1.0
+    for k in range(LENGTH):
+        for n in range(min(terms, LENGTH - k)):
+            target[n] += power * (_BINOMIAL[k, n] * p[n + k])
+        power *= x
 
 
 @kernel
 def substitute(p, a, b, target):
     """Coefficients of target(y) = p(a y + b y²), cut at the length of p."""
     if b == 0.0:
-        power = 1.0
-        for n in range(LENGTH):
-            target[n] = p[n] * power
-            power *= a
+        copy(p, target)
+        scale_argument(target, a)
         return
     target[:] = 0.0
     for k in range(LENGTH - 1, -1, -1):
@@ -77,6 +95,15 @@ def substitute(p, a, b, target):
             target[n] = a * target[n - 1] + b * target[n - 2]
         target[1] = a * target[0]
         target[0] = p[k]
+
+
+@kernel
+def scale_argument(p, a):
+    """Replace p(y) by p(a y)."""
+    power = 1.0
+    for n in range(LENGTH):
+        p[n] *= power
+        power *= a
 
 
 @kernel
