@@ -185,3 +185,12 @@ def test_friction_drives_a_body_whose_printed_normal_force_is_negative():
     assert np.count_nonzero(lifted) > 50
     assert np.all(run.body_velocity[lifted] != 0.0)
     assert np.all(run.friction_force[lifted] * run.body_velocity[lifted] < 0.0)
+
+
+@pytest.mark.parametrize("force", FORCES)
+def test_a_body_without_a_force_along_x_stays_at_rest(force):
+    """φ = 0: F_in is 0, so eq. (5) gives F_fr = 0 at rest, whatever the sign of N."""
+    run = vibro_ros.simulate(paper({"guide.angle": 0.0, "effects.normal_force": force}), duration=0.5, rate=1000.0)
+    np.testing.assert_array_equal(run.body_position, 0.0)
+    np.testing.assert_array_equal(run.body_velocity, 0.0)
+    np.testing.assert_array_equal(run.friction_force, 0.0)

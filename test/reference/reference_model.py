@@ -215,7 +215,7 @@ class ReferenceModel:
         return guards
 
     def _step_limit(self, lengths, forces):
-        """Step [s] that keeps the last two powers of series in m and in N below the truncation limit."""
+        """Step [s] that keeps the last two powers of every series, in m (or 1) and in N, below the truncation limit."""
         limit = 1.0
         for group, scale in ((lengths, 0.1), (forces, 10.0)):
             for series in group:
@@ -233,8 +233,8 @@ class ReferenceModel:
             guide.slider = self._slider(guide)
         for guide in self.guides:
             self._resolve_contact(guide)
-        self.natural_step = self._step_limit([series for g in self.guides for series in (g.series, g.slider)],
-                                             [g.force for g in self.guides])
+        lengths = [series for g in self.guides for series in (g.series, g.slider, g.kink) if series]
+        self.natural_step = self._step_limit(lengths, [g.force for g in self.guides])
         self._resolve_body(self.natural_step)
 
     def advance_to(self, time: arb):

@@ -7,13 +7,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-
-import vibro_ros
+from comparison import CONTACTS, POSITIONS, column, reference_events, replay
 
 FOLDER = Path(__file__).parent
 TABLES = {path.stem: json.loads(path.read_text()) for path in sorted((FOLDER / "tables").glob("*.json"))}
-POSITIONS = ("body_position", "upper_position", "inclined_position")
-CONTACTS = ("upper_contact", "inclined_contact")
 DAMPED = ("damped_adhesion", "damped_no_tension", "ramp_and_gaps")
 
 
@@ -33,25 +30,6 @@ def simulated():
         return runs[name]
 
     return run
-
-
-def replay(table):
-    device = vibro_ros.Simulator(vibro_ros.load_scene("paper").with_parameters(table["parameters"]))
-    commands = [(float(time), change) for time, change in table["commands"]]
-    states, events = [], []
-    for time in (float(text) for text in table["samples"]["time"]):
-        while commands and commands[0][0] <= time:
-            instant, change = commands.pop(0)
-            device.advance_to(instant)
-            device.command(**change)
-        device.advance_to(time)
-        states.append(device.state)
-        events.append(device.take_events())
-    return states, np.concatenate(events)
-
-
-def column(table, key):
-    return np.array([float(text) for text in table["samples"][key]])
 
 
 @pytest.mark.parametrize("name", TABLES)
@@ -92,8 +70,7 @@ def test_every_contact_of_the_reference_occurs_and_no_other(name, simulated):
     _, events = simulated(name)
     for kind in CONTACTS:
         ours = np.sort(events[events["kind"] == kind], order="time")
-        theirs = sorted((entry for entry in TABLES[name]["events"] if entry["kind"] == kind),
-                        key=lambda entry: float(entry["time"]))
+        theirs = reference_events(TABLES[name], kind)
         assert len(ours) == len(theirs), kind
         for key, limit in (("time", 1e-8), ("duration", 1e-8), ("speed", 1e4 * tolerance(name))):
             expected = [float(entry[key]) for entry in theirs]
@@ -117,7 +94,7 @@ def test_the_ground_is_unloaded_when_the_reference_says(name, kind, simulated):
 def assert_same_instants(name, kind, simulated):
     _, events = simulated(name)
     times = np.sort(events["time"][events["kind"] == kind])
-    expected = np.sort([float(entry["time"]) for entry in TABLES[name]["events"] if entry["kind"] == kind])
+    expected = [float(entry["time"]) for entry in reference_events(TABLES[name], kind)]
     assert len(times) == len(expected)
     np.testing.assert_allclose(times, expected, rtol=0, atol=1e-7)
 
