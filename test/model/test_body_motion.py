@@ -1,0 +1,196 @@
+"""The body on the ground: MODEL.md cases 11, 12 and 14, sticking and friction, through the public interface."""
+
+import numpy as np
+import pytest
+from exact_motion import duhamel
+
+import vibro_ros
+
+NO_CONTACT = {"effects.upper_contact": "none", "effects.inclined_contact": "none"}
+TOTAL_MASS, GRAVITY, FRICTION = 1.18, 9.81, 0.2
+SINE = np.sin(np.radians(50.0))
+FORCE_ROUNDING = 1e-9  # N: a plate of 1e7 N/m times positions of 0.06 m, a few roundings each
+FORCES = ("weight", "unilateral", "printed")
+
+
+def paper(changes):
+    return vibro_ros.load_scene("paper").with_parameters(changes)
+
+
+def greatest_inward_force(duration):
+    """Greatest |F_in| = k3 |w - s_C| sin φ of the paper's crank without contact, in [0, duration].
+
+    Duhamel's integral on a grid of 1e-4 s, refined at the peak to 1e-7 s (relative error 1e-10).
+    """
+    def force(times):
+        lag = 0.8726646259971648
+        sliders = 0.02 * np.cos(100 * times - lag) + np.sqrt(0.06**2 - (0.02 * np.sin(100 * times - lag)) ** 2)
+        start = 0.02 * np.cos(lag) + np.sqrt(0.06**2 - (0.02 * np.sin(lag)) ** 2)
+        masses = duhamel(times, 100.0, np.sqrt(1e3 / 0.08), start, 0.02, 0.06, lag)
+        return np.abs(1e3 * (masses - sliders)) * SINE
+
+    coarse = np.arange(0.0, duration, 1e-4)
+    peak = coarse[np.argmax(force(coarse))]
+    return force(np.linspace(peak - 1e-4, peak + 1e-4, 2001)).max()
+
+
+@pytest.mark.parametrize(("excess", "slips"), [(1e-7, False), (-1e-7, True)])
+def test_a_block_slips_only_beyond_the_friction_limit(excess, slips):
+    """Case 11: with μ a ten-millionth above max|F_in|/(M g) the body never moves, below it does."""
+    limit = greatest_inward_force(0.2) / (TOTAL_MASS * GRAVITY)
+    scene = paper(NO_CONTACT | {"effects.normal_force": "weight", "ground.friction": limit * (1 + excess)})
+    run = vibro_ros.simulate(scene, duration=0.2, rate=1000.0)
+    assert bool(np.any(run.body_position != 0.0)) is slips
+    assert bool(np.isin(run.events["kind"], ["slip_forward", "slip_backward"]).any()) is slips
+
+
+@pytest.mark.parametrize("turns", [2.1, 2.5])  # backwards, forwards
+def test_a_block_slides_to_rest_under_friction_alone(turns):
+    """Case 11: once the motor stands and the stiff, critically damped drive is still, v = v0 - μ g t sign(v0).
+
+    It stops after |v0|/(μ g) in v0²/(2μ g) and stays there at exactly 0. Before it is measured the drive
+    has decayed by e⁻⁷⁰ (3500/s for 0.02 s). What it still pulls is 1e6 N/m times the position's rounding,
+    1e-11 N: 1e-12 m/s in 0.1 s, and 1e-11 s of the stop at 0.2 m/s².
+    """
+    damping = 2 * np.sqrt(1e6 * 0.08)
+    friction = 0.02
+    device = vibro_ros.Simulator(paper(NO_CONTACT | {
+        "effects.normal_force": "weight", "ground.friction": friction, "inclined.spring.stiffness": 1e6,
+        "inclined.spring.damping": damping, "crank.radius": 0.03, "motor.speed": 20.0}))
+    device.advance_to(turns * 2 * np.pi / 20)
+    device.command(motor_speed=0.0)
+    device.advance_to(device.time + 0.02)
+    device.take_events()
+    began, position, speed = device.time, device.state.body_position, device.state.body_velocity
+    assert abs(speed) > 1e-3
+    deceleration = friction * GRAVITY
+    stop = abs(speed) / deceleration
+    for share in (0.25, 0.5, 0.99):
+        device.advance_to(began + share * stop)
+        left = device.time - began
+        assert device.state.body_velocity == pytest.approx(speed - np.sign(speed) * deceleration * left, abs=1e-12)
+        assert device.state.body_position == pytest.approx(
+            position + speed * left - np.sign(speed) * deceleration * left**2 / 2, abs=1e-12)
+    device.advance_to(began + stop + 0.1)
+    assert device.state.body_velocity == 0.0
+    assert device.state.body_position == pytest.approx(position + speed * abs(speed) / (2 * deceleration), abs=1e-12)
+    (event,) = device.take_events()
+    assert event["kind"] == "stick"
+    assert event["time"] == pytest.approx(began + stop, abs=1e-11)
+
+
+def test_momentum_through_every_impact():
+    """Case 12: without friction M x' - m3 w' sin φ is constant, to 1e-12 kg m/s; impacts reach thousands of newtons."""
+    run = vibro_ros.simulate(paper({"effects.friction": "none"}), duration=2.0, rate=5000.0)
+    assert np.count_nonzero(run.events["kind"] == "inclined_contact") > 30
+    momentum = TOTAL_MASS * run.body_velocity - 0.08 * run.inclined_velocity * SINE
+    assert np.abs(momentum).max() <= 1e-12
+
+
+def test_centre_of_mass_stays_without_friction():
+    """Case 12 integrated: M x - m3 w sin φ is constant from a start at rest."""
+    run = vibro_ros.simulate(paper({"effects.friction": "none"}), duration=2.0, rate=1000.0)
+    moment = TOTAL_MASS * run.body_position - 0.08 * run.inclined_position * SINE
+    assert np.abs(moment - moment[0]).max() <= 1e-12
+
+
+TWINS = {"mass.inclined": 0.1, "guide.angle": 0.0, "effects.normal_force": "unilateral"}
+
+
+def test_twin_masses_move_as_one():
+    """Case 14: φ = 0 and equal masses; both touch in the same instants, and nothing pushes the body."""
+    run = vibro_ros.simulate(paper(TWINS), duration=0.3, rate=1000.0)
+    np.testing.assert_array_equal(run.upper_position, run.inclined_position)
+    np.testing.assert_array_equal(run.body_position, 0.0)
+    upper, inclined = (np.sort(run.events[run.events["kind"] == kind], order="time")
+                       for kind in ("upper_contact", "inclined_contact"))
+    assert len(upper) == len(inclined) > 3
+    for key in ("time", "speed", "peak_force", "duration"):
+        np.testing.assert_array_equal(upper[key], inclined[key])
+
+
+def simultaneous_impacts(advance):
+    """Both masses fall from 0 on plates at their rest positions, the upper plate `advance` metres nearer.
+
+    Equal masses and springs: a quarter of the same period later both arrive, at unequal speeds.
+    """
+    inclined_rest = 0.02 * np.cos(0.9) + np.sqrt(0.06**2 - (0.02 * np.sin(0.9)) ** 2)
+    scene = paper({"mass.inclined": 0.1, "guide.angle": 0.9, "motor.speed": 0.0, "start.state": "zero",
+                   "effects.normal_force": "unilateral", "upper.gap": 0.02 - advance,
+                   "inclined.gap": inclined_rest - 0.06})
+    return vibro_ros.simulate(scene, duration=0.1, rate=1000.0)
+
+
+def test_two_impacts_in_the_same_instant_in_either_order():
+    """Case 14: 1e-13 m of lead (1e-14 s) either way, or none, changes neither the events nor the motion."""
+    runs = [simultaneous_impacts(advance) for advance in (-1e-13, 0.0, 1e-13)]
+    kinds = [sorted(run.events["kind"]) for run in runs]
+    assert kinds[0].count("upper_contact") == kinds[0].count("inclined_contact") == 3
+    assert kinds[0] == kinds[1] == kinds[2]
+    for run in runs[::2]:
+        for name in ("body_position", "upper_position", "inclined_position"):
+            np.testing.assert_allclose(getattr(run, name), getattr(runs[1], name), rtol=0, atol=1e-11)
+
+
+@pytest.mark.parametrize("force", FORCES)
+@pytest.mark.parametrize("start", ["rest", "zero"])
+def test_friction_obeys_coulombs_law(force, start):
+    """|F_fr| <= μ|N|; at rest it balances F_in exactly and the speed is exactly 0; sliding it is μ N sign(x')."""
+    run = vibro_ros.simulate(paper({"effects.normal_force": force, "start.state": start}), duration=1.0, rate=5000.0)
+    limit = FRICTION * run.normal_force
+    assert np.all(np.abs(run.friction_force) <= np.abs(limit) + FORCE_ROUNDING)
+    at_rest = run.body_velocity == 0.0
+    sliding = ~at_rest
+    assert np.count_nonzero(sliding) > 1000
+    np.testing.assert_allclose(run.friction_force[sliding], (limit * np.sign(run.body_velocity))[sliding],
+                               rtol=0, atol=FORCE_ROUNDING)
+    inward = -SINE * (run.inclined_plate_force - run.inclined_drive_force)
+    held = at_rest & (np.abs(inward) < limit - FORCE_ROUNDING)
+    assert np.count_nonzero(held) > 10 or start == "zero"  # which never sticks under `weight`
+    np.testing.assert_allclose(run.friction_force[held], inward[held], rtol=0, atol=FORCE_ROUNDING)
+    assert not np.any(sliding & (np.abs(run.body_velocity) < 1e-15)), "a sticking body must stand, not creep"
+
+
+@pytest.mark.parametrize("force", FORCES)
+def test_a_sticking_body_stays_where_it_is(force):
+    """Between a stick and the next slip the position is one number, bit for bit."""
+    run = vibro_ros.simulate(paper({"effects.normal_force": force}), duration=1.0, rate=20000.0)
+    still = (run.body_velocity[1:] == 0.0) & (run.body_velocity[:-1] == 0.0)
+    slips = run.events["time"][np.char.startswith(run.events["kind"].astype(str), "slip")]
+    between = np.searchsorted(slips, run.time[1:]) == np.searchsorted(slips, run.time[:-1])
+    same = still & between
+    assert np.count_nonzero(same) > 20
+    np.testing.assert_array_equal(run.body_position[1:][same], run.body_position[:-1][same])
+
+
+def test_normal_force_follows_its_rule():
+    """Equation (6), its part above 0, or M g."""
+    runs = {force: vibro_ros.simulate(paper({"effects.normal_force": force}), duration=0.5, rate=20000.0)
+            for force in FORCES}
+    printed = runs["printed"]
+    upper = printed.upper_plate_force - printed.upper_drive_force
+    inclined = printed.inclined_plate_force - printed.inclined_drive_force
+    expected = TOTAL_MASS * GRAVITY - upper - inclined * np.cos(np.radians(50.0))
+    np.testing.assert_allclose(printed.normal_force, expected, rtol=0, atol=FORCE_ROUNDING)
+    assert printed.normal_force.min() < -1000.0
+    np.testing.assert_allclose(runs["unilateral"].normal_force, np.maximum(expected, 0.0), rtol=0, atol=FORCE_ROUNDING)
+    np.testing.assert_array_equal(runs["weight"].normal_force, runs["weight"].normal_force[0])
+    assert runs["weight"].normal_force[0] == pytest.approx(TOTAL_MASS * GRAVITY, rel=1e-15)
+
+
+def test_friction_drives_a_body_whose_printed_normal_force_is_negative():
+    """MODEL.md: as printed N may be negative; then it never sticks, and friction pushes along the motion."""
+    run = vibro_ros.simulate(paper({}), duration=1.0, rate=20000.0)
+    lifted = run.normal_force < 0.0
+    assert np.count_nonzero(lifted) > 50
+    assert np.all(run.body_velocity[lifted] != 0.0)
+    assert np.all(run.friction_force[lifted] * run.body_velocity[lifted] < 0.0)
+
+
+@pytest.mark.parametrize("force", FORCES)
+def test_a_body_without_a_force_along_x_stays_at_rest(force):
+    """φ = 0: F_in is 0, so eq. (5) gives F_fr = 0 at rest, whatever the sign of N."""
+    run = vibro_ros.simulate(paper({"guide.angle": 0.0, "effects.normal_force": force}), duration=0.5, rate=1000.0)
+    np.testing.assert_array_equal(run.body_position, 0.0)
+    np.testing.assert_array_equal(run.body_velocity, 0.0)
+    np.testing.assert_array_equal(run.friction_force, 0.0)

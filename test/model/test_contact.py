@@ -1,0 +1,141 @@
+"""One mass against its plate: MODEL.md cases 3, 4, 5 and 8, through the public interface.
+
+A free mass is hit by a moving plate (no drive spring, motor stopped), so that no other force acts.
+"""
+
+import numpy as np
+import pytest
+from exact_motion import SteadyMotion
+
+import vibro_ros
+
+MASS, STIFFNESS, SPEED = 0.1, 1e7, 1.0
+STOPPED = {"motor.speed": 0.0, "effects.inclined_contact": "none"}
+FREE_MASS = STOPPED | {"upper.spring.stiffness": 0.0, "upper.gap": 0.03, "gap_actuator.speed": SPEED}
+
+
+def hit_by_plate(changes, end=0.02):
+    """The plate starts 0.01 m above the mass, which rests at 0.08 m, and comes down at SPEED."""
+    device = vibro_ros.Simulator(vibro_ros.load_scene("paper").with_parameters(FREE_MASS | changes))
+    device.command(upper_gap=0.0)
+    device.advance_to(end)
+    return device.state, contacts(device.take_events())
+
+
+def contacts(events, kind="upper_contact"):
+    return np.sort(events[events["kind"] == kind], order="time")
+
+
+def test_free_vibration_against_a_plate_at_the_rest_position():
+    """Case 3: angular frequency 2ω1ω2/(ω1+ω2) = 198.0199 rad/s; half a period is spent on the plate with ω2."""
+    scene = vibro_ros.load_scene("paper").with_parameters(STOPPED | {"start.state": "zero", "upper.gap": 0.02})
+    touched = contacts(vibro_ros.simulate(scene, duration=1.0, rate=10.0).events)
+    free, both = np.sqrt(1e3 / MASS), np.sqrt((1e3 + STIFFNESS) / MASS)
+    frequency = 2 * free * both / (free + both)
+    assert frequency == pytest.approx(198.0199, abs=5e-5)
+    assert len(touched) == 32  # from π/2ω1 on, every 2π/198.0199 s, up to 1 s
+    # 1e-13 s: thirty turns of a few roundings (1e-16 s) each
+    np.testing.assert_allclose(np.diff(touched["time"]), 2 * np.pi / frequency, rtol=0, atol=1e-13)
+    assert touched["time"][0] == pytest.approx(np.pi / 2 / free, abs=1e-15)
+    np.testing.assert_allclose(touched["duration"], np.pi / both, rtol=0, atol=1e-13)
+    np.testing.assert_allclose(touched["speed"], 0.08 * free, rtol=1e-12)
+    np.testing.assert_allclose(touched["peak_force"], STIFFNESS * 0.08 * free / both, rtol=1e-12)
+
+
+def test_contact_without_another_force():
+    """Case 4: lasts π/ω_c, depth v0/ω_c, so peak v0 √(km), exit speed -v0 relative to the plate."""
+    state, (contact,) = hit_by_plate({})
+    rate = np.sqrt(STIFFNESS / MASS)
+    assert contact["time"] == pytest.approx(0.01, abs=1e-15)
+    assert contact["speed"] == pytest.approx(SPEED, rel=1e-14)
+    # the plate's position is rounded to 1e-17 m, at 1 m/s 1e-17 s
+    assert contact["duration"] == pytest.approx(np.pi / rate, abs=1e-14)
+    assert contact["peak_force"] == pytest.approx(SPEED * np.sqrt(STIFFNESS * MASS), rel=1e-12)
+    assert state.upper_velocity == pytest.approx(-2 * SPEED, rel=1e-12)
+
+
+def test_contact_under_a_constant_push():
+    """Case 4: lasts (2/ω_c)(π - atan(m ω_c v0/F)); exact here, with k + k2 for k and F = k2(s-E)."""
+    scene = vibro_ros.load_scene("paper").with_parameters(STOPPED | {"start.state": "zero"})
+    touched = contacts(vibro_ros.simulate(scene, duration=0.3, rate=10.0).events)
+    rate, push = np.sqrt((1e3 + STIFFNESS) / MASS), 1e3 * 0.02
+    speed = 100.0 * np.sqrt(0.08**2 - 0.02**2)
+    duration = 2 / rate * (np.pi - np.arctan(MASS * rate * speed / push))
+    depth = push / rate**2 / MASS + np.hypot(push / rate**2 / MASS, speed / rate)
+    assert len(touched) > 5
+    np.testing.assert_allclose(touched["speed"], speed, rtol=1e-12)
+    np.testing.assert_allclose(touched["duration"], duration, rtol=0, atol=1e-14)
+    np.testing.assert_allclose(touched["peak_force"], STIFFNESS * depth, rtol=1e-12)
+
+
+def restitution(damping_ratio, adhesion):
+    """Case 5's formulas."""
+    root = np.sqrt(1 - damping_ratio**2)
+    angle = np.pi if adhesion else np.pi - np.arctan(2 * damping_ratio * root / (1 - 2 * damping_ratio**2))
+    return np.exp(-damping_ratio / root * angle), angle / root
+
+
+@pytest.mark.parametrize(("damping_ratio", "adhesion", "printed"), [
+    (0.05, True, 0.8545), (0.2, True, 0.5266), (0.5, True, 0.1630),
+    (0.05, False, 0.8588), (0.2, False, 0.5717), (0.5, False, 0.2984)])
+def test_damped_contact(damping_ratio, adhesion, printed):
+    """Case 5: exit speed, and the instant of release (no penetration, or no force)."""
+    damping = 2 * damping_ratio * np.sqrt(STIFFNESS * MASS)
+    state, (contact,) = hit_by_plate({"upper.plate.damping": damping, "effects.adhesion": adhesion})
+    expected, phase = restitution(damping_ratio, adhesion)
+    assert expected == pytest.approx(printed, abs=5e-5)
+    assert -(state.upper_velocity + SPEED) / SPEED == pytest.approx(expected, rel=1e-12)
+    assert contact["duration"] == pytest.approx(phase / np.sqrt(STIFFNESS / MASS), abs=1e-14)
+
+
+@pytest.mark.parametrize("damping_ratio", [0.05, 0.2, 0.5, 0.9])
+def test_peak_force_of_a_damped_contact(damping_ratio):
+    """The greatest k δ + c δ' of m δ'' + c δ' + k δ = 0 over a fine grid; the force at entry is c v0 already."""
+    damping = 2 * damping_ratio * np.sqrt(STIFFNESS * MASS)
+    _, (contact,) = hit_by_plate({"upper.plate.damping": damping, "effects.adhesion": False})
+    rate, decay = np.sqrt(STIFFNESS / MASS), damping_ratio * np.sqrt(STIFFNESS / MASS)
+    damped = rate * np.sqrt(1 - damping_ratio**2)
+    times = np.linspace(0.0, np.pi / damped, 200001)
+    depth = SPEED / damped * np.exp(-decay * times) * np.sin(damped * times)
+    speed = SPEED * np.exp(-decay * times) * (np.cos(damped * times) - decay / damped * np.sin(damped * times))
+    assert contact["peak_force"] == pytest.approx((STIFFNESS * depth + damping * speed).max(), rel=1e-9)
+
+
+GRAZING = {"upper.spring.stiffness": 1e5, "upper.spring.damping": 200.0,  # critical: forgets e⁻⁶² a turn
+           "effects.inclined_contact": "none"}
+TURN = 2 * np.pi / 100.0
+
+
+def grazing_contacts(depth):
+    """Contacts from the third turn to the eighth, with the plate `depth` inside the steady motion's highest point."""
+    steady = SteadyMotion(100.0, MASS, 1e5, 200.0, 0.02, 0.06)
+    _, highest = steady.highest(TURN)
+    scene = vibro_ros.load_scene("paper").with_parameters(GRAZING | {"upper.gap": highest - depth - 0.06})
+    events = contacts(vibro_ros.simulate(scene, duration=8 * TURN, rate=100.0).events)
+    return events[events["time"] > 2.5 * TURN], steady
+
+
+def test_a_plate_a_nanometre_inside_the_motion_is_touched_once_a_turn():
+    """Case 8. The steady motion is a Fourier sum good to 1e-16 m, the simulated one to about 1e-15 m."""
+    touched, steady = grazing_contacts(1e-9)
+    turns = np.floor((touched["time"] + TURN / 2) / TURN)
+    np.testing.assert_array_equal(turns, [3, 4, 5, 6, 7])
+    instant, highest = steady.highest(TURN)
+    instant -= np.sqrt(2e-9 / -steady.derivative(instant, 2))
+    for _ in range(5):
+        instant -= (steady.derivative(instant) - highest + 1e-9) / steady.derivative(instant, 1)
+    # 1e-15 m of 1e-9 m moves the speed √(2ad) by 5e-7 of itself
+    np.testing.assert_allclose(touched["speed"], steady.derivative(instant, 1), rtol=2e-6)
+
+
+def test_a_plate_a_nanometre_outside_the_motion_is_never_touched():
+    """Case 8, the event that must not happen."""
+    touched, _ = grazing_contacts(-1e-9)
+    assert len(touched) == 0
+
+
+def test_grazing_speed_follows_the_square_root_law():
+    """Case 8: four times the depth, twice the speed; relative error of order of the contact's phase, 1e-3."""
+    (near, _), (far, _) = grazing_contacts(1e-10), grazing_contacts(4e-10)
+    assert len(near) == len(far) == 5
+    np.testing.assert_allclose(far["speed"] / near["speed"], 2.0, rtol=1e-3)

@@ -1,0 +1,102 @@
+"""One mass on its drive spring, no contact: MODEL.md cases 1, 2 and 15, through the public interface.
+
+Tolerances: the positions are about 0.1 m, so one rounding is 1e-17 m; resonance piles up some thousand.
+"""
+
+import numpy as np
+import pytest
+from exact_motion import duhamel, slider
+from scipy.special import ellipe
+
+import vibro_ros
+
+TIMES = np.linspace(0.0, 0.3, 61)
+NO_CONTACT = {"effects.upper_contact": "none", "effects.inclined_contact": "none"}
+
+
+def run(changes, times=TIMES):
+    return vibro_ros.simulate(vibro_ros.load_scene("paper").with_parameters(NO_CONTACT | changes), times=times)
+
+
+def test_mean_slider_position():
+    """Case 1: (2/π) L E(m = (l/L)²); the slider is read off the drive spring's force."""
+    times = np.arange(64) * (2 * np.pi / 100.0 / 64)  # a periodic mean by 64 points converges to rounding
+    motion = run({}, times)
+    sliders = motion.upper_position + motion.upper_drive_force / 1e3
+    exact = 2 / np.pi * 0.06 * ellipe((0.02 / 0.06) ** 2)
+    assert exact == pytest.approx(0.0582969, abs=5e-8)
+    assert sliders.mean() == pytest.approx(exact, abs=1e-15)
+    np.testing.assert_allclose(sliders, slider(100.0 * times, 0.02, 0.06), rtol=0, atol=1e-15)
+
+
+def test_inclined_slider_lags_by_the_guide_angle():
+    """Equation (3): s_C = l cos(θ-φ) + √(L² - l² sin²(θ-φ))."""
+    motion = run({"guide.angle": 1.2, "crank.inclined_rod": 0.08})
+    sliders = motion.inclined_position + motion.inclined_drive_force / 1e3
+    np.testing.assert_allclose(sliders, slider(100.0 * TIMES - 1.2, 0.02, 0.08), rtol=0, atol=1e-14)
+
+
+def long_rod_drift(times, radius, rod, motor_speed, frequency):
+    """Answer to the second harmonic -(l²/4L)(1 - cos 2ωt) that a long rod leaves; the next is l⁴/8L³."""
+    a, w, k = radius**2 / (4 * rod), 2 * motor_speed, frequency
+    return -a * (1 - np.cos(k * times)) + a * k**2 / (k**2 - w**2) * (np.cos(w * times) - np.cos(k * times))
+
+
+def test_resonant_drive_grows_without_bound():
+    """Case 2: u = l cos ωt + (lω/2) t sin ωt about the mean, from rest on the slider; √(k2/m2) = ω.
+
+    A rod of 10 m makes the drive harmonic but for known 1e-5 m and unknown l⁴/8L³ = 2e-11 m.
+    """
+    motion = run({"crank.upper_rod": 10.0})
+    exact = 0.02 * np.cos(100 * TIMES) + 0.02 * 100 / 2 * TIMES * np.sin(100 * TIMES)
+    exact += 10.0 + long_rod_drift(TIMES, 0.02, 10.0, 100.0, 100.0)
+    np.testing.assert_allclose(motion.upper_position, exact, rtol=0, atol=1e-10)
+
+
+def test_drive_off_resonance_beats():
+    """Case 2: l cos Ωt + C (cos ωt - cos Ωt), C = lΩ²/(Ω²-ω²), from rest on the slider."""
+    stiffness = 1.44e3  # Ω = 120 rad/s
+    motion = run({"crank.upper_rod": 10.0, "upper.spring.stiffness": stiffness})
+    c = 0.02 * 120.0**2 / (120.0**2 - 100.0**2)
+    exact = 0.02 * np.cos(120 * TIMES) + c * (np.cos(100 * TIMES) - np.cos(120 * TIMES))
+    exact += 10.0 + long_rod_drift(TIMES, 0.02, 10.0, 100.0, 120.0)
+    np.testing.assert_allclose(motion.upper_position, exact, rtol=0, atol=1e-10)
+
+
+@pytest.mark.parametrize("mass", [0.1, 0.025, 0.08, 1e-3])
+def test_the_papers_crank_drives_as_duhamels_integral_says(mass):
+    """Resonance at ω (0.1 kg) and at the rod's second harmonic 2ω (0.025 kg), far from both, and a light mass."""
+    motion = run({"mass.upper": mass})
+    exact = duhamel(TIMES, 100.0, np.sqrt(1e3 / mass), 0.08, 0.02, 0.06)
+    np.testing.assert_allclose(motion.upper_position, exact, rtol=0, atol=1e-13)
+
+
+def test_crank_as_long_as_the_rod_has_a_kink_twice_a_turn():
+    """Case 15: s = l cos θ + l |cos θ|, against Duhamel's integral cut at the kinks."""
+    motion = run({"crank.radius": 0.06, "guide.angle": 0.9})
+    upper = duhamel(TIMES, 100.0, 100.0, 0.12, 0.06, 0.06)
+    inclined = duhamel(TIMES, 100.0, np.sqrt(1e3 / 0.08), slider(-0.9, 0.06, 0.06), 0.06, 0.06, 0.9)
+    np.testing.assert_allclose(motion.upper_position, upper, rtol=0, atol=1e-13)
+    np.testing.assert_allclose(motion.inclined_position, inclined, rtol=0, atol=1e-13)
+
+
+def test_crank_as_long_as_the_rod_is_the_limit_of_shorter_ones():
+    """Case 15: with l = L(1-ε) the motion comes nearer in proportion to ε ln(1/ε), so 100 times less ε: > 40 times."""
+    limit = run({"crank.radius": 0.06})
+    gaps = []
+    for epsilon in (1e-4, 1e-6, 1e-8):
+        near = run({"crank.radius": 0.06 * (1 - epsilon)})
+        gaps.append(max(np.abs(near.upper_position - limit.upper_position).max(),
+                        np.abs(near.inclined_position - limit.inclined_position).max()))
+    assert gaps[0] > 40 * gaps[1] > 1600 * gaps[2]
+    assert gaps[2] < 1e-7
+
+
+@pytest.mark.parametrize("epsilon", [1e-12, 1e-15])
+def test_crank_a_rounding_shorter_than_the_rod_neither_breaks_nor_differs(epsilon):
+    """Case 15, contacts included, over 0.1 s: ε ln(1/ε) times the contact's amplification of about 1e3."""
+    scene = vibro_ros.load_scene("unilateral")
+    limit = vibro_ros.simulate(scene.with_parameters({"crank.radius": 0.06}), duration=0.1, rate=100.0)
+    near = vibro_ros.simulate(scene.with_parameters({"crank.radius": 0.06 * (1 - epsilon)}), duration=0.1, rate=100.0)
+    np.testing.assert_allclose(near.body_position, limit.body_position, rtol=0, atol=1e-7)
+    np.testing.assert_allclose(near.upper_position, limit.upper_position, rtol=0, atol=1e-7)

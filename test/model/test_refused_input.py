@@ -1,0 +1,68 @@
+"""What the simulator refuses: one line that names the value, the limit and the remedy; nothing changes."""
+
+import dataclasses
+import math
+
+import pytest
+
+import vibro_ros
+
+
+@pytest.fixture
+def device():
+    made = vibro_ros.Simulator(vibro_ros.load_scene("unilateral"))
+    made.advance_to(0.03)
+    return made
+
+
+@pytest.mark.parametrize(("command", "named"), [
+    ({"motor_speed": math.nan}, "nan"), ({"motor_speed": math.inf}, "inf"),
+    ({"motor_speed": -1.0}, "-1"), ({"motor_speed": 501.0}, "501"), ({"motor_speed": "fast"}, "fast"),
+    ({"motor_speed": True}, "True"), ({"upper_gap": math.nan}, "nan"),
+    ({"upper_gap": -math.inf}, "-inf"),
+    ({"inclined_gap": 0.07}, "0.07"), ({"upper_gap": -0.061}, "-0.061"),
+    ({"inclined_gap": 1e6}, "1e+06"), ({"upper_gap": 0.001, "motor_speed": -5.0}, "-5")])
+def test_a_refused_command_changes_nothing(device, command, named):
+    before = dataclasses.astuple(device.state)
+    with pytest.raises(ValueError, match=".") as caught:
+        device.command(**command)
+    message = str(caught.value)
+    assert named in message and "\n" not in message
+    assert dataclasses.astuple(device.state) == before
+    untouched = vibro_ros.Simulator(device.scene)
+    untouched.advance_to(0.03)
+    for each in (device, untouched):
+        each.advance_to(0.1)
+    assert dataclasses.astuple(device.state) == dataclasses.astuple(untouched.state)
+
+
+@pytest.mark.parametrize("time", [0.01, math.nan, -1.0, math.inf])
+def test_time_runs_forwards_only(device, time):
+    with pytest.raises(ValueError, match=".") as caught:
+        device.advance_to(time)
+    assert "\n" not in str(caught.value)
+    assert device.time == 0.03
+
+
+@pytest.mark.parametrize(("changes", "named"), [
+    ({"guide.angel": 1.0}, "guide.angle"), ({"mass.body": 0.0}, "mass.body"), ({"mass.upper": math.nan}, "mass.upper"),
+    ({"effects.normal_force": "floating"}, "unilateral"), ({"crank.radius": 0.07}, "crank.radius"),
+    ({"motor.speed": 600.0}, "motor.speed"), ({"effects.adhesion": 1.0}, "effects.adhesion")])
+def test_a_bad_scene_is_refused(changes, named):
+    with pytest.raises(ValueError, match=".") as caught:
+        vibro_ros.load_scene("paper").with_parameters(changes)
+    assert named in str(caught.value) and "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("arguments", [
+    {"duration": -1.0}, {"duration": math.nan}, {"duration": 1.0, "rate": 0.0}, {"duration": 1.0, "rate": math.nan},
+    {"times": [0.2, 0.1]}, {"times": [-0.1, 0.1]}, {"times": [0.0, math.nan]}])
+def test_impossible_sample_times_are_refused(arguments):
+    with pytest.raises(ValueError, match=".") as caught:
+        vibro_ros.simulate(vibro_ros.load_scene("paper"), **arguments)
+    assert "\n" not in str(caught.value)
+
+
+def test_simulation_error_is_an_error_of_its_own():
+    assert issubclass(vibro_ros.SimulationError, Exception)
+    assert not issubclass(vibro_ros.SimulationError, ValueError)

@@ -1,0 +1,95 @@
+"""Scenes drawn at random, for a comparison with the reference beyond the stored tables.
+
+By hand: `python test/reference/random_scenes.py 0 100` compares seeds 0 to 99 and prints each distance.
+Left out is what no arithmetic decides: a body at rest without force under a negative normal force, and
+a mass on a standing plate spring that returns to zero penetration at zero speed.
+"""
+
+import argparse
+import math
+import random
+import sys
+from pathlib import Path
+
+SIDES = ("upper", "inclined")
+
+
+def draw(seed: int) -> tuple[dict, list]:
+    """Changes of the paper's parameters, and commands, of scene number `seed`."""
+    pick = random.Random(seed)
+
+    def between(low, high):
+        return math.exp(pick.uniform(math.log(low), math.log(high)))
+
+    changes = {
+        "effects.normal_force": pick.choice(["printed", "unilateral", "weight"]),
+        "start.state": pick.choice(["rest", "zero"]), "effects.adhesion": pick.random() < 0.5,
+        "effects.friction": pick.choice(["coulomb"] * 6 + ["none"]),
+        "guide.angle": pick.choice([math.pi / 2, pick.uniform(0.1, 3.0), pick.uniform(0.3, 1.6)]),
+        "crank.radius": pick.choice([0.02, 0.06, 0.0599, pick.uniform(0.001, 0.06)]),
+        "motor.speed": pick.choice([100.0, pick.uniform(5.0, 400.0)]),
+        "mass.body": between(0.1, 5.0), "mass.upper": between(0.01, 0.5), "mass.inclined": between(0.01, 0.5),
+        "ground.friction": pick.choice([0.2, between(0.01, 2.0)]),
+    }
+    for side in SIDES:
+        changes |= {
+            f"{side}.spring.stiffness": pick.choice([1e3, between(10.0, 1e5)]),
+            f"{side}.spring.damping": pick.choice([0.0, 2.0, between(0.1, 50.0)]),
+            f"{side}.plate.stiffness": pick.choice([1e7, between(1e3, 1e9)]),
+            f"{side}.plate.damping": pick.choice([0.0, 100.0, between(1.0, 3e3)]),
+            f"{side}.gap": pick.choice([0.0, pick.uniform(-0.01, 0.01)]),
+        }
+    return changes | _motor(pick, between), _commands(pick)
+
+
+def _motor(pick, between):
+    return {"effects.motor": pick.choice(["ideal", "ramp"]), "motor.acceleration": between(100.0, 5e3),
+            "gap_actuator.speed": between(0.001, 0.2)}
+
+
+def _commands(pick):
+    commands, time = [], 0.0
+    for _ in range(pick.randint(0, 3)):
+        time = round(time + pick.uniform(0.001, 0.04), 4)
+        change = {"motor_speed": round(pick.uniform(5.0, 300.0), 1)}
+        change |= {f"{side}_gap": round(pick.uniform(-0.01, 0.01), 5) for side in SIDES if pick.random() < 0.5}
+        commands.append([str(time), change])
+    return commands
+
+
+def reference(seed: int, duration: float) -> dict:
+    """A table, in the form of the stored ones, of scene number `seed` over `duration` [s]."""
+    from flint import arb
+    from generate import PAPER, decimal
+    from reference_model import ReferenceModel
+
+    changes, commands = draw(seed)
+    model = ReferenceModel(PAPER | changes, commands, order=40, digits=54)
+    rows = []
+    for index in range(round(duration * 100) + 1):
+        model.advance_to((arb(index) / 100).mid())
+        rows.append(model.sample())
+    events = [{key: entry if key == "kind" else decimal(entry) for key, entry in event.items()}
+              for event in model.events]
+    return {"parameters": PAPER | changes, "commands": commands, "events": events,
+            "samples": {key: [decimal(row[key]) for row in rows] for key in rows[0]}}
+
+
+def main() -> None:
+    """Compare a range of seeds."""
+    sys.path[:0] = [str(Path(__file__).parents[2])]
+    from comparison import POSITIONS, column, replay
+
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("first", type=int)
+    parser.add_argument("stop", type=int)
+    options = parser.parse_args()
+    for seed in range(options.first, options.stop):
+        table = reference(seed, 0.1)
+        states, _ = replay(table)
+        worst = max(abs(column(table, key) - [getattr(state, key) for state in states]).max() for key in POSITIONS)
+        print(f"seed {seed}: {len(table['events'])} events, {worst:.1e} m{' !' if worst > 1e-9 else ''}", flush=True)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,354 @@
+"""The paper's model, integrated by Taylor series in 60-digit arithmetic: a reference for tests.
+
+Written from MODEL.md and the paper alone; it shares no code with vibro_ros. Every step expands the
+crank, both masses, the forces and the body in powers of time. Which mode holds after an instant
+(contact, normal force, stick or slip) is decided afresh at every step by the sign of the first
+power that does not vanish, so an exact graze, as in the start at rest on a plate, needs no rule.
+"""
+
+from dataclasses import dataclass, field
+
+from first_crossing import first_crossing, leading
+from flint import arb, arb_series, ctx
+
+SPEED_IS_ZERO = arb("1e-38")  # events are located to about 1e-50 s
+
+
+def exact(value: arb) -> arb:
+    """The midpoint: a number without error radius."""
+    return value.mid()
+
+
+@dataclass
+class Guide:
+    """One impact mass with its slider and its plate; positions along the guide [m]."""
+
+    side: str
+    mass: arb
+    rod: arb
+    angle: arb
+    stiffness: arb
+    damping: arb
+    plate_stiffness: arb
+    plate_damping: arb
+    has_contact: bool
+    position: arb = arb(0)
+    velocity: arb = arb(0)
+    plate: arb = arb(0)
+    plate_velocity: arb = arb(0)
+    touching: bool = False
+    contact: dict = field(default_factory=dict)
+    slider: list = field(default_factory=list)
+    series: list = field(default_factory=list)
+    penetration: list = field(default_factory=list)
+    compression: list = field(default_factory=list)
+    force: list = field(default_factory=list)
+    kink: list = field(default_factory=list)
+
+
+class ReferenceModel:
+    """Event-driven Taylor integration of one scene.
+
+    Parameters
+    ----------
+    values : mapping of str to float, bool or str
+        The scene's parameters under the names of DESIGN.md.
+    commands : list of (str, dict)
+        Times [s, decimal text] and the commanded motor_speed [rad/s], upper_gap, inclined_gap [m].
+    order : int
+        Number of powers of time in a step.
+    digits : int
+        Decimal digits of the arithmetic.
+    """
+
+    def __init__(self, values, commands=(), order=48, digits=64):
+        ctx.dps, ctx.cap, self.order = digits, order, order
+        self.truncation = arb(10) ** -(digits - 10)
+        self.values = values
+        self.guides = [self._guide("upper", "0.0"), self._guide("inclined", values["guide.angle"])]
+        self.total_mass = sum((g.mass for g in self.guides), arb(values["mass.body"]))
+        self.weight = self.total_mass * arb(values["gravity"])
+        self.sine, self.cosine = exact(self.guides[1].angle.sin()), exact(self.guides[1].angle.cos())
+        self.friction = arb(values["ground.friction"])
+        self.time, self.crank_angle, self.speed, self.acceleration = arb(0), arb(0), arb(values["motor.speed"]), arb(0)
+        self.commanded_speed = self.speed
+        self.body_position, self.body_velocity = arb(0), arb(0)
+        self.body_mode, self.unloaded, self.natural_step = "", False, 1.0
+        self.events = []
+        self.steps = 0
+        self.agenda = sorted(((arb(t), change) for t, change in commands), key=lambda entry: float(entry[0]))
+        self._start()
+
+    def _guide(self, side, angle):
+        value = self.values
+        rod = arb(value[f"crank.{side}_rod"])
+        return Guide(side, arb(value[f"mass.{side}"]), rod, arb(angle),
+                     *(arb(value[f"{side}.{part}.{kind}"]) for part in ("spring", "plate")
+                       for kind in ("stiffness", "damping")),
+                     has_contact=value[f"effects.{side}_contact"] == "compliant",
+                     plate=exact(rod + arb(value[f"{side}.gap"])))
+
+    def _start(self):
+        if self.values["start.state"] == "zero":
+            return
+        for guide in self.guides:
+            slider = self._slider(guide)[0]
+            guide.position = guide.plate if guide.has_contact and slider > guide.plate else slider
+
+    # -- the motion as power series ------------------------------------------------------------
+
+    def _slider(self, guide):
+        """Series of s = l cos + sqrt(L² - l² sin²) at the guide's angle."""
+        radius = arb(self.values["crank.radius"])
+        angle = arb_series([self.crank_angle - guide.angle, self.speed, self.acceleration / 2], self.order)
+        cosine, sine = angle.cos(), angle.sin()
+        if radius == guide.rod:  # s = l cos + l |cos|
+            guide.kink = self._coefficients(cosine)
+            folded = leading(guide.kink, 1e-4)[0] if any(c != 0 for c in guide.kink) else 0
+            return self._coefficients(cosine * (radius * (1 + folded)))
+        root = (arb_series([guide.rod * guide.rod], self.order) - sine * sine * (radius * radius)).sqrt()
+        return self._coefficients(cosine * radius + root)
+
+    def _coefficients(self, series):
+        return [exact(series[n]) for n in range(self.order)]
+
+    def _expand(self, guide, touching):
+        """Series of position, penetration, plate compression force and total force of one mass."""
+        stiffness, damping, slider = guide.stiffness, guide.damping, guide.slider
+        position, force, penetration, compression = [guide.position, guide.velocity], [], [], []
+        plate = [guide.plate, guide.plate_velocity] + [arb(0)] * self.order
+        for n in range(self.order - 2):
+            depth = position[n] - plate[n]
+            push = guide.plate_stiffness * depth + guide.plate_damping * ((n + 1) * (position[n + 1] - plate[n + 1]))
+            total = stiffness * (position[n] - slider[n]) + damping * ((n + 1) * (position[n + 1] - slider[n + 1]))
+            if touching:
+                total += push
+            force.append(exact(total))
+            penetration.append(exact(depth))
+            compression.append(exact(push))
+            position.append(exact(-total / (guide.mass * ((n + 2) * (n + 1)))))
+        return position, penetration, compression, force
+
+    def _resolve_contact(self, guide):
+        """Decide whether the plate acts just after now, and expand the mass's motion accordingly."""
+        free = self._expand(guide, touching=False)
+        position, penetration, compression, force = free
+        step = self._step_limit([position, guide.slider], [force])
+        touching = guide.has_contact and leading(penetration, step)[0] > 0
+        if touching and not self.values["effects.adhesion"]:
+            touching = leading(compression, step)[0] > 0
+        guide.series, guide.penetration, guide.compression, guide.force = (
+            self._expand(guide, touching=True) if touching else free)
+        if touching and not guide.touching:
+            guide.contact = {"time": self.time, "speed": exact(guide.velocity - guide.plate_velocity), "peak": arb(0)}
+        if guide.touching and not touching:
+            began = guide.contact["time"]
+            self._note(f"{guide.side}_contact", began, duration=exact(self.time - began),
+                       speed=guide.contact["speed"], peak_force=guide.contact["peak"])
+        guide.touching = touching
+
+    def _note(self, kind, time, **details):
+        self.events.append({"kind": kind, "time": time, **details})
+
+    def _resolve_body(self, step):
+        """Normal force, friction and the body's motion just after now."""
+        upper, inclined = self.guides
+        inward = [exact(-f * self.sine) for f in inclined.force]
+        normal = [exact(-a - b * self.cosine) for a, b in zip(upper.force, inclined.force, strict=True)]
+        normal[0] = exact(normal[0] + self.weight)
+        rule = self.values["effects.normal_force"]
+        if rule == "weight":
+            normal = [self.weight] + [arb(0)] * (len(normal) - 1)
+        unloaded = leading(normal, step)[0] < 0
+        if unloaded != self.unloaded:
+            self._note("unloaded" if unloaded else "loaded", self.time)
+        self.unloaded, self.signed_normal, self.inward = unloaded, normal, inward
+        self.normal = [arb(0)] * len(normal) if rule == "unilateral" and unloaded else normal
+        limit = [exact(self.friction * n) for n in self.normal]
+        self._resolve_friction(limit, step)
+        acceleration = [exact((i - f) / self.total_mass) for i, f in zip(inward, self.friction_force, strict=True)]
+        velocity = [self.body_velocity] + [exact(a / (n + 1)) for n, a in enumerate(acceleration)]
+        self.velocity = velocity
+        self.position = [self.body_position] + [exact(v / (n + 1)) for n, v in enumerate(velocity)]
+
+    def _resolve_friction(self, limit, step):
+        """Set the mode (stick, +1, -1 or free) and the series of F_fr; `limit` is the series of μN."""
+        zero = [arb(0)] * len(limit)
+        self.limit = limit
+        if abs(self.body_velocity) < SPEED_IS_ZERO:
+            self.body_velocity = arb(0)
+        moving = leading([self.body_velocity], 1.0)[0]
+        absent = self.values["effects.friction"] == "none" or all(c == 0 for c in limit)
+        if absent:
+            mode, self.friction_force = "free", zero
+        elif moving == 0 and self._holds(limit, step):
+            mode, self.friction_force = "stick", self.inward
+        else:
+            sign = moving or leading(self.inward, step)[0]
+            mode, self.friction_force = {1: "forward", -1: "backward", 0: "stick"}[sign], [sign * c for c in limit]
+        if self.body_mode and mode not in (self.body_mode, "free"):
+            self._note({"forward": "slip_forward", "backward": "slip_backward"}.get(mode, mode), self.time)
+        self.body_mode = mode
+
+    def _holds(self, limit, step):
+        """Whether |F_in| <= μN just after now."""
+        margins = ([a - b for a, b in zip(limit, self.inward, strict=True)],
+                   [a + b for a, b in zip(limit, self.inward, strict=True)])
+        return all(leading(margin, step)[0] >= 0 for margin in margins)
+
+    def _guards(self):
+        """Series whose first change of sign ends the present modes."""
+        guards = []
+        for guide in self.guides:
+            if guide.kink:
+                guards.append(guide.kink)
+            if guide.has_contact:
+                guards.append(guide.penetration)
+                if not self.values["effects.adhesion"] and leading(guide.penetration, self.natural_step)[0] > 0:
+                    guards.append(guide.compression)
+        guards.append(self.signed_normal)
+        if self.body_mode == "stick":
+            guards.append([a - b for a, b in zip(self.limit, self.inward, strict=True)])
+            guards.append([a + b for a, b in zip(self.limit, self.inward, strict=True)])
+        elif self.body_mode != "free":
+            guards.append(self.velocity[:-1])
+        return guards
+
+    def _step_limit(self, lengths, forces):
+        """Step [s] that keeps the last two powers of every series, in m (or 1) and in N, below the truncation limit."""
+        limit = 1.0
+        for group, scale in ((lengths, 0.1), (forces, 10.0)):
+            for series in group:
+                for n in (len(series) - 2, len(series) - 1):
+                    if series[n] != 0:
+                        ratio = self.truncation * arb(scale) / abs(series[n])
+                        limit = min(limit, 0.9 * float(ratio ** (arb(1) / n)))
+        return limit
+
+    # -- advancing ------------------------------------------------------------------------------
+
+    def resolve(self):
+        """Expand everything at the present instant."""
+        for guide in self.guides:
+            guide.slider = self._slider(guide)
+        for guide in self.guides:
+            self._resolve_contact(guide)
+        lengths = [series for g in self.guides for series in (g.series, g.slider, g.kink) if series]
+        self.natural_step = self._step_limit(lengths, [g.force for g in self.guides])
+        self._resolve_body(self.natural_step)
+
+    def advance_to(self, time: arb):
+        """Integrate up to `time` [s] and leave everything expanded there."""
+        self._obey()
+        self.resolve()
+        while self.time < time:
+            target = min((entry[0] for entry in self.agenda), default=time)
+            target = target if target < time else time
+            step = arb(self.natural_step)
+            lands = not self.time + step < target
+            if lands:
+                step = exact(target - self.time)
+            for guard in self._guards():
+                crossing = first_crossing(guard, step, self.natural_step)
+                if crossing is not None:
+                    step, lands = crossing, False
+            self._move(step)
+            self.time = target if lands else exact(self.time + step)
+            self._obey()
+            self.resolve()
+
+    def _move(self, step):
+        for guide in self.guides:
+            if guide.touching:
+                self._follow_peak(guide, step)
+            guide.position, guide.velocity = value(guide.series, step), value(derivative(guide.series), step)
+            guide.plate = exact(guide.plate + guide.plate_velocity * step)
+        self.body_position = value(self.position, step)
+        self.body_velocity = arb(0) if self.body_mode == "stick" else value(self.velocity, step)
+        self.crank_angle = exact(self.crank_angle + step * (self.speed + step * self.acceleration / 2))
+        self.speed = exact(self.speed + step * self.acceleration)
+        self.steps += 1
+
+    def _follow_peak(self, guide, step):
+        instants = [arb(0), step]
+        turn = first_crossing(derivative(guide.compression), step, self.natural_step)
+        if turn is not None:
+            instants.append(turn)
+        for instant in instants:
+            push = value(guide.compression, instant)
+            if push > guide.contact["peak"]:
+                guide.contact["peak"] = push
+
+    # -- commands -------------------------------------------------------------------------------
+
+    def _obey(self):
+        """Carry out the agenda's entries that are due: commands, ends of ramps and of plate motions."""
+        due = [entry for entry in self.agenda if not entry[0] > self.time]
+        self.agenda = [entry for entry in self.agenda if entry[0] > self.time]
+        for _, change in due:
+            for name, target in change.items():
+                if name == "motor_speed":
+                    self._set_speed(arb(target))
+                elif name == "ramp_end":
+                    self.speed, self.acceleration = self.commanded_speed, arb(0)
+                elif name.endswith("_gap"):
+                    self._set_gap(name.removesuffix("_gap"), arb(target))
+                else:
+                    guide = self._named(name.removesuffix("_plate_stop"))
+                    guide.plate, guide.plate_velocity = target, arb(0)
+
+    def _named(self, side):
+        return self.guides[0] if side == "upper" else self.guides[1]
+
+    def _set_speed(self, target):
+        self.commanded_speed = target
+        if self.values["effects.motor"] == "ideal":
+            self.speed = target
+            return
+        self.agenda = [entry for entry in self.agenda if "ramp_end" not in entry[1]]
+        limit = arb(self.values["motor.acceleration"])
+        change = exact(target - self.speed)
+        self.acceleration = limit if change > 0 else -limit if change < 0 else arb(0)
+        if change != 0:
+            self.agenda.append((exact(self.time + abs(change) / limit), {"ramp_end": None}))
+
+    def _set_gap(self, side, gap):
+        guide, stop = self._named(side), f"{side}_plate_stop"
+        self.agenda = [entry for entry in self.agenda if stop not in entry[1]]
+        target = exact(guide.rod + gap)
+        limit = arb(self.values["gap_actuator.speed"])
+        change = exact(target - guide.plate)
+        guide.plate_velocity = limit if change > 0 else -limit if change < 0 else arb(0)
+        if change != 0:
+            self.agenda.append((exact(self.time + abs(change) / limit), {stop: target}))
+
+    # -- what a run reports ---------------------------------------------------------------------
+
+    def sample(self):
+        """Present values under the field names of DESIGN.md."""
+        upper, inclined = self.guides
+        power = arb(0)
+        for guide in self.guides:
+            drive = guide.stiffness * (guide.position - guide.slider[0]) + guide.damping * (
+                guide.velocity - guide.slider[1])
+            power -= drive * guide.slider[1]
+        return {
+            "time": self.time, "body_position": self.body_position, "body_velocity": self.body_velocity,
+            "upper_position": upper.position, "upper_velocity": upper.velocity,
+            "inclined_position": inclined.position, "inclined_velocity": inclined.velocity,
+            "crank_angle": self.crank_angle, "motor_speed": self.speed, "motor_power": exact(power),
+            "normal_force": self.normal[0], "friction_force": self.friction_force[0],
+        }
+
+
+def value(series: list, at: arb) -> arb:
+    """The series' value, by Horner."""
+    total = arb(0)
+    for coefficient in reversed(series):
+        total = exact(total * at + coefficient)
+    return total
+
+
+def derivative(series: list) -> list:
+    """The series of the derivative."""
+    return [n * c for n, c in enumerate(series)][1:]
