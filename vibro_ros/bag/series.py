@@ -1,0 +1,118 @@
+"""Turn the messages of one topic into columns of numbers."""
+
+from array import array
+from collections.abc import Callable
+from dataclasses import dataclass
+from itertools import chain
+
+import numpy as np
+
+from vibro_ros.bag.storage import jazzy_types
+
+
+def readable_types() -> frozenset[str]:
+    """Names of the message types that a `Series` can hold."""
+    return frozenset(_LAYOUTS)
+
+
+@dataclass(frozen=True)
+class _Layout:
+    """Columns of a message type: their widths, and a message's numbers in that order."""
+
+    widths: Callable[[object], dict[str, int]]
+    numbers: Callable[[object], tuple[float, ...]]
+    stamped: bool = True
+    framed: bool = False
+
+
+class Series:
+    """Rows of one topic, growing message by message in compact arrays.
+
+    Parameters
+    ----------
+    topic, type_name : str
+        Full name and ROS type, one of `readable_types`.
+    start_ns : int
+        Zero of the arrays' times, ROS time [ns].
+    """
+
+    def __init__(self, topic: str, type_name: str, start_ns: int) -> None:
+        self._topic, self._type = topic, type_name
+        self._layout = _LAYOUTS[self._type]
+        self._start_ns = start_ns
+        self._widths = self._layout.widths(None)
+        self._times, self._stamps, self._rows = array("d"), array("d"), array("d")
+        self._frames: list[str] = []
+
+    def append(self, time_ns: int, data: bytes) -> None:
+        """Add one serialised message recorded at `time_ns` (ValueError when it cannot be read)."""
+        try:
+            message = jazzy_types().deserialize_cdr(data, self._type)
+        except Exception as error:  # rosbags raises whatever its generated code meets
+            raise ValueError(f"unreadable message on {self._topic} at {time_ns} ns") from error
+        if not self._times:
+            self._widths = self._layout.widths(message)
+        elif self._layout.widths(message) != self._widths:
+            raise ValueError(f"{self._topic} changes its joints at {time_ns} ns")
+        self._times.append((time_ns - self._start_ns) * 1e-9)
+        self._rows.extend(self._layout.numbers(message))
+        if self._layout.stamped:
+            stamp = message.header.stamp
+            self._stamps.append((stamp.sec * 1_000_000_000 + stamp.nanosec - self._start_ns) * 1e-9)
+        if self._layout.framed:
+            self._frames.append(message.header.frame_id)
+
+    def arrays(self) -> dict[str, np.ndarray]:
+        """The columns so far, by name, as `vibro_ros.bag.reader` lists them."""
+        arrays = {"time": np.array(self._times)}
+        if self._layout.stamped:
+            arrays["stamp"] = np.array(self._stamps)
+        if self._layout.framed:
+            arrays["frame"] = np.array(self._frames, dtype=str)
+        rows = np.array(self._rows).reshape(len(self._times), sum(self._widths.values()))
+        ends = np.cumsum(list(self._widths.values()), dtype=int)
+        for (name, width), end in zip(self._widths.items(), ends, strict=True):
+            arrays[name] = rows[:, end - 1] if width == 1 else rows[:, end - width:end]
+        return arrays
+
+
+def _xyz(vector: object) -> tuple[float, float, float]:
+    return vector.x, vector.y, vector.z
+
+
+def _odometry(message: object) -> tuple[float, ...]:
+    pose, twist = message.pose.pose, message.twist.twist
+    turn = pose.orientation
+    return *_xyz(pose.position), turn.x, turn.y, turn.z, turn.w, *_xyz(twist.linear), *_xyz(twist.angular)
+
+
+def _wrench(message: object) -> tuple[float, ...]:
+    return *_xyz(message.wrench.force), *_xyz(message.wrench.torque)
+
+
+def _joints(message: object) -> tuple[float, ...]:
+    joints = len(message.name)
+    return tuple(chain(*(getattr(message, quantity)[:joints].tolist() for quantity in _JOINT_QUANTITIES)))
+
+
+_JOINT_QUANTITIES = ("position", "velocity", "effort")
+
+
+def _joint_widths(message: object | None) -> dict[str, int]:
+    if message is None:
+        return {}
+    return {f"{name}.{quantity}": 1 for quantity in _JOINT_QUANTITIES
+            for name, _ in zip(message.name, getattr(message, quantity), strict=False)}
+
+
+def _fixed(**widths: int) -> Callable[[object], dict[str, int]]:
+    return lambda message: widths
+
+
+_LAYOUTS = {
+    "std_msgs/msg/Float64": _Layout(_fixed(value=1), lambda message: (message.data,), stamped=False),
+    "nav_msgs/msg/Odometry": _Layout(
+        _fixed(position=3, orientation=4, linear_velocity=3, angular_velocity=3), _odometry),
+    "geometry_msgs/msg/WrenchStamped": _Layout(_fixed(force=3, torque=3), _wrench, framed=True),
+    "sensor_msgs/msg/JointState": _Layout(_joint_widths, _joints),
+}

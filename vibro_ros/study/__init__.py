@@ -1,0 +1,1 @@
+"""Offline tools and plots, started from the command line."""
