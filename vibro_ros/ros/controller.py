@@ -5,7 +5,6 @@ import signal
 import sys
 import time
 from collections.abc import Sequence
-from pathlib import Path
 
 import rclpy.duration
 from rclpy.executors import Executor
@@ -14,7 +13,6 @@ from std_msgs.msg import Float64
 
 from vibro_ros.model.parameters import Parameter, checked_parameters
 from vibro_ros.ros import process
-
 from vibro_ros.ros.parameters import declare, parameter_lines, take_overrides
 from vibro_ros.ros.qos import COMMANDS
 from vibro_ros.ros.ros_arguments import check_addressed, check_arguments, own_arguments

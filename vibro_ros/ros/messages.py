@@ -60,15 +60,15 @@ def joint_states(state: State, joints: Sequence[str], stamp: int) -> JointState:
 
 
 def ground_contact(state: State, stamp: int) -> WrenchStamped:
-    """Force of the ground on the body [N]: friction along x (backwards while the body slides forwards), normal along z."""
+    """Force of the ground on the body [N]: friction along x (negative while it slows forward motion), normal along z."""
     return _force(stamp, BASE, x=-float(state.friction_force), z=float(state.normal_force))
 
 
 def impact(event: np.void, stamp: int) -> WrenchStamped:
     """Peak force [N] of one contact, the force of the mass on the plate.
 
-    The frame is the plate's; its z axis points along the guide, outwards from the crank (for the upper plate: up), so the
-    peak force is positive. `stamp` is the first instant of contact.
+    The frame is the plate's; its z axis points along the guide, outwards from the crank (for the upper plate: up), so
+    the peak force is positive. `stamp` is the first instant of contact.
     """
     return _force(stamp, PLATES[str(event["kind"])], x=0.0, z=float(event["peak_force"]))
 

@@ -78,11 +78,15 @@ class Stepping:
     def _wait_for(self, time: float) -> bool:
         """Sleep until `time` [s] is due; False when the thread is to end."""
         dropped = self._pacing.wait_until(time, self._stopped.is_set)
+        if dropped:
+            self._report_stall(dropped)
+        return not self._stopped.is_set()
+
+    def _report_stall(self, dropped: float) -> None:
         text = self._throttle.admit(
-            f"stalled: {dropped:.3f} s of simulated time dropped, {self._pacing.dropped:.3f} s in all") if dropped else None
+            f"stalled: {dropped:.3f} s of simulated time dropped, {self._pacing.dropped:.3f} s in all")
         if text:
             self._log.warning(text)
-        return not self._stopped.is_set()
 
     def _publish(self) -> None:
         self._outputs.publish(self._device.state, self._device.take_events(), self._stamp_of, self._record)
