@@ -1,0 +1,115 @@
+"""Linear forms over the channels of a scene, written as the paper writes its terms.
+
+A form is an array, shape (channels,); its value is the scalar product with z (`solver.system`).
+The symbols, with eq. numbers of the paper: u = zeta_2, w = xi_3 (positions of the masses), s = zeta_B or
+xi_C (sliders, eqs. 2 and 3), E and H (plates), F2 and F3 (total force of spring and contact on a mass, eq. 1),
+N (normal force, eq. 6 without the friction coefficient), F_in (eq. 7).
+"""
+
+import math
+
+import numpy as np
+
+from vibro_ros.solver.system import Channels
+
+Form = np.ndarray
+
+
+class Forms:
+    """The linear forms of one scene.
+
+    Parameters
+    ----------
+    scene : Scene
+        Its effects decide which coordinates, signals and ramps exist.
+
+    Attributes
+    ----------
+    guides : tuple of str
+        Guides whose masses are simulated; guide i owns coordinate i and signal i.
+    plates : tuple of str
+        Guides that have a plate; plate k owns ramp k.
+    body_moves : bool
+        Whether x is a coordinate (the last one): only an inclined mass drives the body.
+    channels : Channels
+        Layout of z.
+    """
+
+    def __init__(self, scene):
+        self._scene = scene
+        self.guides = scene.guides
+        self.plates = tuple(side for side in self.guides if scene[f"effects.{side}_contact"] != "none")
+        self.body_moves = "inclined" in self.guides and math.sin(scene["guide.angle"]) != 0.0
+        self.channels = Channels(len(self.guides) + self.body_moves, len(self.guides), len(self.plates))
+
+    def _unit(self, channel: int) -> Form:
+        form = np.zeros(self.channels.count)
+        form[channel] = 1.0
+        return form
+
+    @property
+    def one(self) -> Form:
+        """The constant 1."""
+        return self._unit(self.channels.one)
+
+    @property
+    def zero(self) -> Form:
+        """The constant 0."""
+        return np.zeros(self.channels.count)
+
+    @property
+    def body(self) -> int:
+        """Coordinate x."""
+        return len(self.guides)
+
+    def position(self, coordinate: int) -> Form:
+        """Coordinate [m]."""
+        return self._unit(self.channels.position(coordinate))
+
+    def velocity(self, coordinate: int) -> Form:
+        """Rate of a coordinate [m/s]."""
+        return self._unit(self.channels.velocity(coordinate))
+
+    def stretch(self, side: str) -> tuple[Form, Form]:
+        """q - s [m] and its rate [m/s]: stretch of the drive spring."""
+        i = self.guides.index(side)
+        slider, slider_rate = self.channels.signal(i), self.channels.signal_rate(i)
+        return self.position(i) - self._unit(slider), self.velocity(i) - self._unit(slider_rate)
+
+    def plate(self, side: str) -> tuple[Form, Form]:
+        """E or H [m] and its rate [m/s]."""
+        k = self.plates.index(side)
+        return self._unit(self.channels.ramp(k)), self._unit(self.channels.ramp_rate(k))
+
+    def penetration(self, side: str) -> tuple[Form, Form]:
+        """u - E or w - H [m] and its rate [m/s]."""
+        i = self.guides.index(side)
+        plate, plate_rate = self.plate(side)
+        return self.position(i) - plate, self.velocity(i) - plate_rate
+
+    def drive_force(self, side: str) -> Form:
+        """k (q - s) + c (q' - s') [N]: pull of the drive spring and damper on the slider, k2 c2 or k3 c3."""
+        stretch, rate = self.stretch(side)
+        return self._scene[f"{side}.spring.stiffness"] * stretch + self._scene[f"{side}.spring.damping"] * rate
+
+    def plate_force(self, side: str) -> Form:
+        """k (q - E) + c (q' - E') [N]: push of the mass on its plate while in contact, k4 c4 or k1 c1."""
+        depth, rate = self.penetration(side)
+        return self._scene[f"{side}.plate.stiffness"] * depth + self._scene[f"{side}.plate.damping"] * rate
+
+    def guide_force(self, side: str, closed: frozenset[str]) -> Form:
+        """F2 or F3 [N], with the plates of `closed` in contact."""
+        force = self.drive_force(side) if side in self.guides else self.zero
+        return force + self.plate_force(side) if side in closed else force
+
+    def normal_force(self, closed: frozenset[str]) -> Form:
+        """N = M g - F2 - F3 cos(phi) [N], eq. (6); M g by the rule `weight`."""
+        normal = self._scene.total_mass * self._scene["gravity"] * self.one
+        if self._scene["effects.normal_force"] == "weight":
+            return normal
+        tilt = math.cos(self._scene["guide.angle"])
+        return normal - self.guide_force("upper", closed) - tilt * self.guide_force("inclined", closed)
+
+    def inertial_force(self, closed: frozenset[str]) -> Form:
+        """F_in = -F3 sin(phi) [N], eq. (7)."""
+        return -math.sin(self._scene["guide.angle"]) * self.guide_force("inclined", closed)

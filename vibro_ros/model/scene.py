@@ -1,0 +1,105 @@
+"""A scene: one choice of every parameter and effect, checked as a whole."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+
+from vibro_ros.model.description import describe
+from vibro_ros.model.parameters import SCENE_PARAMETERS, Value, checked_parameters, known
+
+_BY_NAME = {parameter.name: parameter for parameter in SCENE_PARAMETERS}
+_DEFAULTS = {parameter.name: parameter.default for parameter in SCENE_PARAMETERS}
+
+
+@dataclass(frozen=True)
+class Scene:
+    """Every parameter of a simulation; immutable.
+
+    Attributes
+    ----------
+    name : str
+        What to call it in logs and recordings.
+    parameters : Mapping
+        Name to value, complete; SI units. `SCENE_PARAMETERS` describes each.
+
+    Raises
+    ------
+    ValueError
+        If a parameter is unknown, of the wrong type or out of range, or if parameters
+        contradict each other; the message names the value, the limit and the remedy.
+    """
+
+    name: str = "paper"
+    parameters: Mapping[str, Value] = field(default_factory=dict)
+
+    def __post_init__(self):
+        complete = _DEFAULTS | checked_parameters(self.parameters, SCENE_PARAMETERS)
+        object.__setattr__(self, "parameters", MappingProxyType(complete))
+        self._check_mechanism()
+        self.checked_motor_speed(self["motor.speed"])
+        for side in ("upper", "inclined"):
+            self.checked_gap(side, self[f"{side}.gap"])
+
+    def __getitem__(self, name: str) -> Value:
+        return self.parameters[known(name, _BY_NAME).name]
+
+    def __reduce__(self):
+        return Scene, (self.name, dict(self.parameters))
+
+    def __hash__(self):
+        return hash((self.name, tuple(self.parameters.values())))
+
+    def with_parameters(self, changes: Mapping[str, object]) -> "Scene":
+        """A scene that differs by `changes`, name to value.
+
+        Raises
+        ------
+        ValueError
+            As for the constructor.
+        """
+        return Scene(self.name, {**self.parameters, **changes})
+
+    def describe(self) -> str:
+        """States, equations, guards and events that are really simulated, as text."""
+        return describe(self)
+
+    def checked_motor_speed(self, value: object) -> float:
+        """`value` as a motor speed [rad/s] that the motor can reach; else a ValueError."""
+        speed = _BY_NAME["motor.speed"].checked(value)
+        limit = self["motor.max_speed"]
+        if speed > limit:
+            raise ValueError(f"motor.speed: {speed:g} rad/s is above motor.max_speed, {limit:g} rad/s; "
+                             "ask for less or raise the limit")
+        return speed
+
+    def checked_gap(self, side: str, value: object) -> float:
+        """`value` as a gap [m] of the `upper` or `inclined` plate within the mechanism; else a ValueError.
+
+        The plate stands at rod + gap from the crank's centre; it must stay on its side of the
+        centre and within twice the rod's length.
+        """
+        gap = _BY_NAME[f"{side}.gap"].checked(value)
+        rod = self[f"crank.{side}_rod"]
+        if abs(gap) > rod:
+            raise ValueError(f"{side}.gap: {gap:g} m puts the plate beyond the mechanism; "
+                             f"give a gap from {-rod:g} to {rod:g} m")
+        return gap
+
+    def _check_mechanism(self):
+        radius = self["crank.radius"]
+        for side in ("upper", "inclined"):
+            rod = self[f"crank.{side}_rod"]
+            if radius > rod:
+                raise ValueError(f"crank.radius: {radius:g} m is longer than crank.{side}_rod, {rod:g} m, and would "
+                                 f"jam the mechanism; give a radius of at most {rod:g} m or a longer rod")
+
+    @property
+    def total_mass(self) -> float:
+        """M = m1 + m2 + m3 [kg], of the masses that the scene has."""
+        return math.fsum(self[f"mass.{part}"] for part in ("body", *self.guides))
+
+    @property
+    def guides(self) -> tuple[str, ...]:
+        """The guides whose masses the scene has: `upper`, `inclined`."""
+        return tuple(side for side in ("upper", "inclined") if self[f"effects.{side}_mass"])

@@ -1,0 +1,119 @@
+"""The sliders of the crank mechanism, eqs. (2) and (3).
+
+    s(theta) = l cos(theta - psi) + sqrt(L² - l² sin²(theta - psi))
+
+with psi = 0 for the upper slider B and psi = phi for the inclined slider C. The square root has
+branch points at theta = psi + pi/2 + k pi ± i arcosh(L/l), which reach the real axis when l = L: there
+s = l cos + l |cos|, and the slider's speed jumps twice a turn.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from vibro_ros.solver.polynomial import LENGTH
+from vibro_ros.solver.system import STRIDE, SignalTable
+
+_TURN = 2.0 * math.pi
+# Cells no longer than this resolve the cosine itself, however short the crank.
+_LONGEST_CELL = math.pi / 4.0
+
+
+@dataclass(frozen=True)
+class Slider:
+    """One slider.
+
+    Attributes
+    ----------
+    radius : float
+        Crank radius l [m].
+    rod : float
+        Rod length L [m], at least l.
+    angle : float
+        Angle psi of its guide from the vertical [rad].
+    """
+
+    radius: float
+    rod: float
+    angle: float
+
+    def position(self, theta):
+        """s [m] at crank angle theta [rad]; scalar or array."""
+        psi = theta - self.angle
+        return self.radius * np.cos(psi) + self._root(psi)
+
+    def slope(self, theta):
+        """ds/dtheta [m/rad]; at the kink of l = L, the value on its right."""
+        psi = theta - self.angle
+        sine, cosine = np.sin(psi), np.cos(psi)
+        if self.radius == self.rod:
+            return -self.radius * sine * (1.0 + np.where(cosine == 0.0, -np.sign(sine), np.sign(cosine)))
+        return -self.radius * sine * (1.0 + self.radius * cosine / self._root(psi))
+
+    @property
+    def kinks(self) -> np.ndarray:
+        """Crank angles in [0, 2 pi) at which the slope jumps; empty unless l = L."""
+        if self.radius < self.rod:
+            return np.empty(0)
+        return np.sort(np.mod(self.angle + np.array([0.5, 1.5]) * math.pi, _TURN))
+
+    def distance_to_singularity(self, theta: float) -> float:
+        """Distance in the complex plane from theta to the nearest branch point [rad]; infinite if l = L."""
+        if self.radius == self.rod:
+            return math.inf
+        along = math.remainder(theta - self.angle - 0.5 * math.pi, math.pi)
+        return math.hypot(along, math.acosh(self.rod / self.radius))
+
+    def series(self, theta: np.ndarray, width: np.ndarray) -> np.ndarray:
+        """Taylor coefficients of s in (angle - theta) / width; shape (len(theta), LENGTH)."""
+        psi = theta - self.angle
+        cosine = _cosine_series(psi, width, 1.0)
+        if self.radius == self.rod:
+            side = np.sign(np.cos(psi + 0.5 * width))
+            return self.radius * cosine * (1.0 + side)[:, None]
+        square = 0.5 * self.radius**2 * _cosine_series(2.0 * psi, width, 2.0)
+        return self.radius * cosine + _root_series(self._root(psi), square)
+
+    def _root(self, psi):
+        # Factored: L² - l² sin² psi would cancel where l nears L.
+        return np.sqrt((self.rod - self.radius) * (self.rod + self.radius) + (self.radius * np.cos(psi)) ** 2)
+
+
+def _cosine_series(at: np.ndarray, width: np.ndarray, factor: float) -> np.ndarray:
+    """Coefficients of cos(at + factor width y) in y; shape (len(at), LENGTH)."""
+    derivatives = np.stack([np.cos(at), -np.sin(at), -np.cos(at), np.sin(at)], axis=1)
+    order = np.arange(LENGTH)
+    factorial = np.array([math.factorial(n) for n in order], dtype=float)
+    return derivatives[:, order % 4] * (factor * width[:, None]) ** order / factorial
+
+
+def _root_series(value: np.ndarray, square: np.ndarray) -> np.ndarray:
+    """Series of sqrt(g) from its constant term and the series of g; shape as `square`."""
+    root = np.zeros_like(square)
+    root[:, 0] = value
+    for n in range(1, LENGTH):
+        cross = np.einsum("ij,ij->i", root[:, 1:n], root[:, n - 1:0:-1]) if n > 1 else 0.0
+        root[:, n] = (square[:, n] - cross) / (2.0 * value)
+    return root
+
+
+def signal_table(sliders: list[Slider]) -> SignalTable:
+    """Table of the sliders' positions over one turn, in cells that their series resolve to rounding."""
+    start = _cell_starts(sliders)
+    width = np.diff(start)
+    series = np.empty((len(width), len(sliders), LENGTH))
+    for k, slider in enumerate(sliders):
+        series[:, k] = slider.series(start[:-1], width)
+    return SignalTable(start, series)
+
+
+def _cell_starts(sliders: list[Slider]) -> np.ndarray:
+    kinks = sorted({float(kink) for slider in sliders for kink in slider.kinks if kink > 0.0} | {_TURN})
+    starts = [0.0]
+    for kink in kinks:
+        while starts[-1] < kink:
+            theta = starts[-1]
+            reach = min([_LONGEST_CELL] + [STRIDE * s.distance_to_singularity(theta) for s in sliders])
+            starts.append(min(theta + reach, kink))
+    return np.array(starts)

@@ -1,0 +1,105 @@
+"""Scenes and device parameters from ordinary ROS parameter files."""
+
+from pathlib import Path
+
+import yaml
+
+from vibro_ros.model.parameters import SCENE_PARAMETERS, Parameter, known
+from vibro_ros.model.scene import Scene
+from vibro_ros.shipped import config_folder
+
+#: Parameters of the device around the physics; scenes do not contain them.
+DEVICE_PARAMETERS: tuple[Parameter, ...] = (
+    Parameter("scene", "device", "", "a shipped scene's name, or a path to a parameter file"),
+    Parameter("rate.publish", 200.0, "Hz", "rate at which the states are published", minimum=0.1, maximum=1e4),
+    Parameter("rate.real_time_factor", 1.0, "", "simulated seconds per second; 0 = as fast as it can",
+              minimum=0.0, maximum=1e3),
+    Parameter("rate.max_catch_up", 0.1, "s", "longest stall that is caught up; time beyond it is dropped",
+              minimum=0.0, maximum=1e3),
+    Parameter("record.enabled", True, "", "record a bag from the start"),
+    Parameter("record.directory", ".", "", "where the time-stamped folder of the bag is made"),
+)
+
+
+def shipped_scenes() -> tuple[str, ...]:
+    """Names of the scenes that come with the package."""
+    return tuple(sorted(path.stem for path in (config_folder() / "scenes").glob("*.yaml")))
+
+
+def load_scene(name_or_path: str | Path) -> Scene:
+    """A shipped scene by its name, or the scene of a parameter file.
+
+    Parameters of the device (`DEVICE_PARAMETERS`) in the file are checked and left aside.
+
+    Raises
+    ------
+    ValueError
+        If there is no such scene or file, or the file is not a valid parameter file; the message
+        names the file, the value, the limit and the remedy.
+    """
+    path = _scene_path(str(name_or_path))
+    values = read_parameter_file(path)
+    by_name = {parameter.name: parameter for parameter in (*SCENE_PARAMETERS, *DEVICE_PARAMETERS)}
+    device = {parameter.name for parameter in DEVICE_PARAMETERS}
+    try:
+        checked = {name: known(name, by_name).checked(value) for name, value in values.items()}
+        return Scene(path.stem, {name: value for name, value in checked.items() if name not in device})
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from None
+
+
+def _scene_path(name: str) -> Path:
+    if name in shipped_scenes():
+        return config_folder() / "scenes" / f"{name}.yaml"
+    path = Path(name)
+    if path.is_file():
+        return path
+    raise ValueError(f"{name}: neither a shipped scene nor a file; shipped scenes are {', '.join(shipped_scenes())}")
+
+
+def read_parameter_file(path: str | Path) -> dict[str, object]:
+    """Parameters of a ROS parameter file, by dotted name, unchecked.
+
+    Every node's `ros__parameters` of the file are read (`/**` or a node's name).
+
+    Raises
+    ------
+    ValueError
+        If the file is missing, is not YAML, or has another structure.
+    """
+    path = Path(path)
+    try:
+        content = yaml.load(path.read_text(encoding="utf-8"), Loader=_UniqueKeyLoader)
+    except OSError as error:
+        raise ValueError(f"{path}: {error.strerror}; give the path of a parameter file") from None
+    except (yaml.YAMLError, UnicodeDecodeError) as error:
+        raise ValueError(f"{path}: not a YAML file: {' '.join(str(error).split())}") from None
+    values: dict[str, object] = {}
+    if not isinstance(content, dict):
+        raise ValueError(f"{path}: is not a parameter file; write '/**:' and below it 'ros__parameters:'")
+    for node, body in content.items():
+        if not isinstance(body, dict) or set(body) != {"ros__parameters"} or not isinstance(
+                body["ros__parameters"], dict):
+            raise ValueError(f"{path}: {node}: holds no 'ros__parameters:'; write the parameters below that key")
+        values |= _flat(body["ros__parameters"])
+    return values
+
+
+def _flat(tree: dict, prefix: str = "") -> dict[str, object]:
+    flat: dict[str, object] = {}
+    for key, value in tree.items():
+        name = f"{prefix}{key}"
+        flat |= _flat(value, f"{name}.") if isinstance(value, dict) else {name: value}
+    return flat
+
+
+class _UniqueKeyLoader(yaml.SafeLoader):
+    """Refuses a key given twice, of which YAML would silently keep the last."""
+
+    def construct_mapping(self, node, deep=False):
+        """The mapping of `node`."""
+        keys = [self.construct_object(key, deep=deep) for key, _ in node.value]
+        for key in keys:
+            if keys.count(key) > 1:
+                raise yaml.YAMLError(f"{key}: given twice, line {node.start_mark.line + 1}; keep one")
+        return super().construct_mapping(node, deep)

@@ -1,0 +1,43 @@
+"""Where the shipped configuration lies: scenes, controller scripts and the robot's parameter file."""
+
+import os
+from collections.abc import Iterator
+from pathlib import Path
+
+
+def config_folder() -> Path:
+    """Return the folder of the shipped configuration.
+
+    The same call serves a source checkout, a pip installation and a colcon workspace.
+
+    Returns
+    -------
+    Path
+        Absolute; holds `robot.yaml`, `scenes/` and `controller/`.
+
+    Raises
+    ------
+    FileNotFoundError
+        If the package was installed without its data; one line that names the places.
+    """
+    places = list(_places(Path(__file__).resolve().parent))
+    for place in places:
+        if place.is_dir():
+            return place
+    looked_for = ", ".join(map(str, places))
+    raise FileNotFoundError(f"vibro_ros was installed without its config folder (looked for {looked_for}); reinstall it")
+
+
+def _places(package: Path) -> Iterator[Path]:
+    """Yield where config/ may be, the most specific place first.
+
+    Parameters
+    ----------
+    package : Path
+        The folder of the imported package, links resolved.
+    """
+    if (package.parent / "package.xml").is_file():
+        yield package.parent / "config"
+    prefixes = [*package.parents, *map(Path, filter(None, os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep)))]
+    for prefix in prefixes:  # <prefix>/lib/python3.x/site-packages/vibro_ros; Debian puts `local/` in between
+        yield prefix / "share" / "vibro_ros" / "config"

@@ -1,0 +1,251 @@
+"""The stateful device: commands in, samples and events out."""
+
+import math
+import time as wall_clock
+
+import numpy as np
+
+from vibro_ros.model.modes import MODE_EVENTS, compile_scene
+from vibro_ros.model.scene import Scene
+from vibro_ros.samples import EVENT_DTYPE, Run, Samples, sampled_quantities
+from vibro_ros.solver import event_loop, state as at
+from vibro_ros.solver.event_loop import EVENT_COLUMNS, MONITOR_KIND, PHASE_KIND, RAMP_KIND
+
+_EVENTS_AT_ONCE = 4096
+
+_CAUSES = {
+    event_loop.STUCK: "events follow each other without any progress of time",
+    event_loop.DIVERGED: "a coordinate is no longer finite",
+    event_loop.ROOT_LOST: "the search for a guard's root did not end",
+}
+
+
+class SimulationError(RuntimeError):
+    """A run that cannot go on; the message gives time, mode and cause."""
+
+
+class Simulator:
+    """The device, stepped in simulated time.
+
+    Parameters
+    ----------
+    scene : Scene
+        What to simulate.
+
+    Attributes
+    ----------
+    scene : Scene
+        What is simulated.
+    time : float
+        Simulated time [s], from 0.
+    """
+
+    def __init__(self, scene: Scene):
+        self.scene = scene
+        self.time = 0.0
+        self._model = compile_scene(scene)
+        self._state = self._start()
+        self._room = np.empty((_EVENTS_AT_ONCE, EVENT_COLUMNS))
+        self._events: list[np.ndarray] = []
+        self._counts: dict[str, int] = {}
+        self._kinds = self._kind_names()
+
+    def _start(self) -> at.State:
+        model, scene = self._model, self.scene
+        system, forms = model.system, model.forms
+        plates = {side: scene[f"crank.{side}_rod"] + scene[f"{side}.gap"] for side in forms.plates}
+        position = np.zeros(forms.channels.coordinates)
+        if scene["start.state"] == "rest":
+            for i, (side, slider) in enumerate(zip(forms.guides, model.sliders)):
+                position[i] = min(slider.position(0.0), plates.get(side, math.inf))
+        state = at.new_state(system, position, np.zeros_like(position), scene["motor.speed"],
+                             np.array([plates[side] for side in forms.plates]), model.initial_mode)
+        self._begin_segment(state, position, np.zeros_like(position))
+        return state
+
+    def _kind_names(self) -> dict[int, str]:
+        plates = enumerate(self._model.forms.plates)
+        names = dict(enumerate(MODE_EVENTS)) | {PHASE_KIND: "motor_ramp_end"}
+        for k, side in plates:
+            names |= {MONITOR_KIND + k: f"{side}_contact", RAMP_KIND + k: "gap_reached"}
+        return names
+
+    @property
+    def state(self) -> Samples:
+        """The device now: every field of `Samples` as one number."""
+        arrays = self._sample(np.array([self.time]))
+        return Samples(**{name: float(values[0]) for name, values in arrays.items()})
+
+    def command(self, motor_speed: float | None = None, upper_gap: float | None = None,
+                inclined_gap: float | None = None) -> None:
+        """Ask for a motor speed [rad/s] and for gaps [m], from now on.
+
+        The speed follows at once or on a ramp, as the scene's motor does; the plates move at
+        `gap_actuator.speed`.
+
+        Raises
+        ------
+        ValueError
+            For a value that is not finite or beyond its limit; nothing is changed then.
+        """
+        speed = None if motor_speed is None else self.scene.checked_motor_speed(motor_speed)
+        gaps = {side: self.scene.checked_gap(side, gap)
+                for side, gap in (("upper", upper_gap), ("inclined", inclined_gap)) if gap is not None}
+        point = np.empty(self._model.forms.channels.count)
+        event_loop.interrupt(self._model.system, self._state, self.time, point)
+        if speed is not None:
+            self._command_speed(speed)
+        for side, gap in gaps.items():
+            if side in self._model.forms.plates:
+                self._command_plate(side, self.scene[f"crank.{side}_rod"] + gap)
+        n = self._model.forms.channels.coordinates
+        self._begin_segment(self._state, point[:n].copy(), point[n:2 * n].copy())
+
+    def _command_speed(self, target: float) -> None:
+        clock = self._state.clock
+        clock[at.SPEED_TARGET] = target
+        clock[at.SPEED_CHANGE] = clock[at.SPEED_TIME] = 0.0
+        if self.scene["effects.motor"] == "ideal":
+            clock[at.SPEED] = target
+        elif target != clock[at.SPEED]:
+            difference = target - clock[at.SPEED]
+            clock[at.SPEED_CHANGE] = math.copysign(self.scene["motor.acceleration"], difference)
+            clock[at.SPEED_TIME] = abs(difference) / self.scene["motor.acceleration"]
+
+    def _command_plate(self, side: str, target: float) -> None:
+        ramp = self._state.ramp[self._model.forms.plates.index(side)]
+        ramp[at.TARGET] = target
+        ramp[at.RATE] = ramp[at.TIME] = 0.0
+        difference = target - ramp[at.VALUE]
+        if difference != 0.0:
+            ramp[at.RATE] = math.copysign(self.scene["gap_actuator.speed"], difference)
+            ramp[at.TIME] = abs(difference) / self.scene["gap_actuator.speed"]
+
+    def _begin_segment(self, state: at.State, position: np.ndarray, velocity: np.ndarray) -> None:
+        if not event_loop.begin_segment(self._model.system, state, position, velocity):
+            self._fail(event_loop.ROOT_LOST, state)
+
+    def _fail(self, status: int, state: at.State) -> None:
+        mode = self._model.modes[state.index[at.MODE]]
+        raise SimulationError(f"at {state.clock[at.START]:.9g} s in mode {', '.join(mode.states)}: {_CAUSES[status]}; "
+                              "please report the scene")
+
+    def advance_to(self, time: float) -> None:
+        """Advance to the absolute instant `time` [s]; the trajectory does not depend on how time is cut up.
+
+        Raises
+        ------
+        ValueError
+            If `time` is not finite or lies before `self.time`.
+        SimulationError
+            If the run cannot go on.
+        """
+        time = float(time)
+        if not (math.isfinite(time) and time >= self.time):
+            raise ValueError(f"cannot advance to {time:g} s: the device is at {self.time:g} s and time runs forwards")
+        self._advance(np.array([time]))
+
+    def _sample(self, times: np.ndarray) -> dict[str, np.ndarray]:
+        """Advance to each of `times` [s], ascending, and return the fields of `Samples` there."""
+        points, modes, phases = self._advance(times)
+        unilateral = self.scene["effects.normal_force"] == "unilateral"
+        return sampled_quantities(self._model, unilateral, times, points, modes, phases)
+
+    def _advance(self, times: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        n = len(times)
+        points = np.empty((n, self._model.forms.channels.count))
+        modes, phases = np.empty(n, dtype=np.int64), np.empty((n, 3))
+        done, status = 0, event_loop.EVENTS_FULL
+        while status == event_loop.EVENTS_FULL:
+            status, taken, count = event_loop.advance(self._model.system, self._state, times[done:], points[done:],
+                                                      modes[done:], phases[done:], self._room)
+            done += taken
+            self._keep(self._room[:count])
+        if status != event_loop.REACHED:
+            self._fail(status, self._state)
+        if n:
+            self.time = float(times[-1])
+        return points, modes, phases
+
+    def _keep(self, events: np.ndarray) -> None:
+        if len(events) == 0:
+            return
+        self._events.append(events.copy())
+        kinds, counts = np.unique(events[:, 1].astype(int), return_counts=True)
+        for kind, count in zip(kinds, counts):
+            name = self._kinds[int(kind)]
+            self._counts[name] = self._counts.get(name, 0) + int(count)
+
+    def take_events(self) -> np.ndarray:
+        """Events completed since the last call, in the order in which they ended; dtype `EVENT_DTYPE`."""
+        if not self._events:
+            return np.empty(0, dtype=EVENT_DTYPE)
+        raw = np.concatenate(self._events)
+        self._events.clear()
+        events = np.empty(len(raw), dtype=EVENT_DTYPE)
+        events["time"], events["speed"], events["peak_force"], events["duration"] = raw[:, [0, 2, 3, 4]].T
+        events["kind"] = [self._kinds[int(kind)] for kind in raw[:, 1]]
+        return events
+
+    @property
+    def statistics(self) -> dict:
+        """Events by kind, and `segments`, the steps of the event loop."""
+        return {**self._counts, "segments": int(self._state.index[at.SEGMENTS])}
+
+
+def compile_kernels() -> None:
+    """Compile the numerical kernels, or load them from the cache, before a clock starts."""
+    device = Simulator(Scene())
+    device.advance_to(0.001)
+    device.command(motor_speed=1.0)
+
+
+def simulate(scene: Scene, duration: float | None = None, rate: float | None = None,
+             times: np.ndarray | None = None) -> Run:
+    """Simulate `scene` from its start.
+
+    Parameters
+    ----------
+    scene : Scene
+        What to simulate.
+    duration : float
+        Length of the run [s]; with `rate`.
+    rate : float
+        Samples per second, the first at t = 0.
+    times : ndarray, shape (n,)
+        Instants to sample [s], ascending, not negative; instead of `duration` and `rate`.
+
+    Returns
+    -------
+    Run
+        The samples, the events up to the last one, and statistics.
+
+    Raises
+    ------
+    ValueError
+        For times that are not finite, negative or not ascending.
+    SimulationError
+        If the run cannot go on.
+    """
+    times = _sample_times(duration, rate, times)
+    began = wall_clock.perf_counter()
+    device = Simulator(scene)
+    samples = device._sample(times)
+    wall_time = wall_clock.perf_counter() - began
+    events = device.take_events()
+    return Run(**samples, events=events[np.argsort(events["time"], kind="stable")],
+               statistics={**device.statistics, "wall_time": wall_time})
+
+
+def _sample_times(duration, rate, times) -> np.ndarray:
+    if times is None:
+        if duration is None or rate is None:
+            raise ValueError("give duration and rate, or times")
+        if not (math.isfinite(duration) and duration >= 0.0 and math.isfinite(rate) and rate > 0.0):
+            raise ValueError(f"duration {duration:g} s and rate {rate:g} Hz: give a duration of at least 0 and a "
+                             "rate above 0")
+        return np.arange(int(math.floor(duration * rate * (1.0 + 1e-12))) + 1) / rate
+    times = np.ascontiguousarray(times, dtype=float)
+    if times.ndim != 1 or not np.isfinite(times).all() or (times < 0.0).any() or (np.diff(times) < 0.0).any():
+        raise ValueError("times: give a one-dimensional, ascending array of finite instants, none below 0 s")
+    return times

@@ -1,0 +1,300 @@
+"""The event loop: segment after segment, stopping at every event, sampled wherever it is asked.
+
+Segments depend on the system, its state and its commands alone, never on the instants at which they are sampled,
+so the trajectory is the same, bit for bit, however the time is cut up.
+"""
+
+import math
+
+from vibro_ros.solver.flow import solve_driven, solve_dynamic
+from vibro_ros.solver.forcing import advance_forcing, choose_duration, fill_forcing, phase_at
+from vibro_ros.solver.polynomial import LENGTH, add_multiple, kernel, value
+from vibro_ros.solver.roots import NO_ROOT, SEARCH_FAILED, first_root, maximum
+from vibro_ros.solver.state import (
+    ANCHOR, APPROACH, DURATION, GUARD, MODE, NEXT, PEAK, SEGMENTS, SINCE, STANDSTILLS, START, START_RESIDUE, TURNS,
+)
+from vibro_ros.solver.system import NOTHING
+
+#: Kinds of recorded events: changes of mode have the system's own, from 0; then the end of monitor k, of ramp k,
+#: and of a change of the phase's speed.
+MONITOR_KIND = 100
+RAMP_KIND = 200
+PHASE_KIND = 300
+#: Columns of an event: time [s], kind, approach, peak, duration [s].
+EVENT_COLUMNS = 5
+
+# What `advance` returns.
+REACHED = 0
+EVENTS_FULL = 1
+STUCK = 2
+DIVERGED = 3
+ROOT_LOST = 4
+
+#: Events in a row at one instant after which the loop gives up; a legal cascade takes a handful.
+_MOST_STANDSTILLS = 200
+_EPSILON = 2.220446049250313e-16
+# A guard's rounding error: a sum of products, each term of magnitude scale, through the series' first terms.
+_NOISE = 16.0 * _EPSILON
+
+
+@kernel
+def _guard_root(system, state, row):
+    """First root in the segment of a guard row, from where the mode began; remembered until its polynomial changes."""
+    if state.root[row] > state.clock[ANCHOR]:
+        return state.root[row]
+    guard = state.work[1]
+    guard[:] = 0.0
+    noise = 0.0
+    for channel in range(len(state.z)):
+        factor = system.row[row, channel]
+        if factor != 0.0:
+            add_multiple(guard, factor, state.z[channel])
+            noise += abs(factor) * state.scale[channel]
+    state.root[row] = first_root(guard, state.clock[ANCHOR], _NOISE * noise, state.work[2])
+    return state.root[row]
+
+
+@kernel
+def _find_next_event(system, state):
+    """Set NEXT and GUARD to the earliest guard of the mode; False if a root search failed."""
+    mode = state.index[MODE]
+    state.clock[NEXT] = 1.0
+    state.index[GUARD] = NOTHING
+    for g in range(system.guard.shape[1]):
+        row = system.guard[mode, g]
+        if row == NOTHING:
+            break
+        root = _guard_root(system, state, row)
+        if root == SEARCH_FAILED:
+            return False
+        if root != NO_ROOT and (root < state.clock[NEXT] or state.index[GUARD] == NOTHING):
+            state.clock[NEXT] = root
+            state.index[GUARD] = g
+    return True
+
+
+@kernel
+def begin_segment(system, state, position, velocity):
+    """Build the segment that starts with `position` and `velocity`, shape (coordinates,); False on a lost root."""
+    coordinates, dynamic = system.sizes[0], system.sizes[1]
+    choose_duration(system, state)
+    fill_forcing(system, state)
+    for i in range(dynamic):
+        state.z[i, 0] = position[i]
+        state.z[coordinates + i, 0] = velocity[i]
+    state.clock[ANCHOR] = 0.0
+    state.index[SEGMENTS] += 1
+    solve_dynamic(system, state)
+    solve_driven(system, state, position, velocity)
+    state.root[:] = -1.0
+    return _find_next_event(system, state)
+
+
+@kernel
+def _continue_segment(system, state, position, velocity):
+    """Begin a mode with the flow of the one before: only the driven coordinates change their course."""
+    solve_driven(system, state, position, velocity)
+    for row in range(len(state.root)):
+        if system.driven[row]:
+            state.root[row] = -1.0
+    return _find_next_event(system, state)
+
+
+@kernel
+def _read(state, tau, point):
+    """Values of all channels at `tau`, into point, shape (channels,)."""
+    for channel in range(len(point)):
+        point[channel] = state.z[channel, LENGTH - 1]
+    for n in range(LENGTH - 2, -1, -1):
+        for channel in range(len(point)):
+            point[channel] = point[channel] * tau + state.z[channel, n]
+
+
+@kernel
+def _holds(system, state, row, point):
+    """Whether a guard is not negative at `point`, to rounding."""
+    total = 0.0
+    noise = 0.0
+    for channel in range(len(point)):
+        factor = system.row[row, channel]
+        total += factor * point[channel]
+        noise += abs(factor) * (abs(point[channel]) + state.scale[channel])
+    return total >= -_NOISE * noise
+
+
+@kernel
+def _next_mode(system, state, point):
+    """First candidate of the firing guard all of whose guards hold; else its last candidate."""
+    candidates = system.candidate[state.index[MODE], state.index[GUARD]]
+    chosen = candidates[0]
+    for candidate in candidates:
+        if candidate == NOTHING:
+            break
+        chosen = candidate
+        holds = True
+        for row in system.guard[candidate]:
+            if row != NOTHING and not _holds(system, state, row, point):
+                holds = False
+                break
+        if holds:
+            break
+    return chosen
+
+
+@kernel
+def _product(row, point):
+    total = 0.0
+    for channel in range(len(point)):
+        total += row[channel] * point[channel]
+    return total
+
+
+@kernel
+def _update_peaks(system, state, tau):
+    """Take the part of the segment from the mode's beginning to `tau` into the peaks of the monitors that are on."""
+    mode = state.index[MODE]
+    for k in range(len(state.monitor)):
+        if system.monitored[mode, k]:
+            quantity = state.work[1]
+            quantity[:] = 0.0
+            for channel in range(len(state.z)):
+                if system.monitor[mode, k, channel] != 0.0:
+                    add_multiple(quantity, system.monitor[mode, k, channel], state.z[channel])
+            peak = maximum(quantity, state.clock[ANCHOR], tau, state.work[2], state.work[3])
+            state.monitor[k, PEAK] = max(state.monitor[k, PEAK], peak)
+
+
+@kernel
+def _instant(state, tau):
+    return state.clock[START] + (state.clock[START_RESIDUE] + state.clock[DURATION] * tau)
+
+
+@kernel
+def _record(events, count, time, kind, approach, peak, duration):
+    events[count, 0] = time
+    events[count, 1] = kind
+    events[count, 2] = approach
+    events[count, 3] = peak
+    events[count, 4] = duration
+    return count + 1
+
+
+@kernel
+def _change_mode(system, state, mode, point, events, count):
+    """Enter `mode` at `point`, switch the monitors and record what happened; returns the number of events."""
+    previous = state.index[MODE]
+    time = _instant(state, state.clock[NEXT])
+    if system.event[previous, mode] != NOTHING:
+        count = _record(events, count, time, system.event[previous, mode], 0.0, 0.0, 0.0)
+    for k in range(len(state.monitor)):
+        if system.monitored[previous, k] and not system.monitored[mode, k]:
+            since = state.monitor[k, SINCE]
+            count = _record(events, count, since, MONITOR_KIND + k, state.monitor[k, APPROACH],
+                            state.monitor[k, PEAK], time - since)
+        elif system.monitored[mode, k] and not system.monitored[previous, k]:
+            state.monitor[k, SINCE] = time
+            state.monitor[k, APPROACH] = _product(system.approach[k], point)
+            state.monitor[k, PEAK] = 0.0
+    state.index[MODE] = mode
+    return count
+
+
+@kernel
+def _end_segment(system, state, point, events, count):
+    """Start the next segment at NEXT, in the mode that is now current; returns (success, number of events)."""
+    reached = advance_forcing(system, state, state.clock[NEXT])
+    time = _instant(state, 0.0)
+    for k in range(len(state.ramp)):
+        if reached & (1 << k):
+            count = _record(events, count, time, RAMP_KIND + k, 0.0, 0.0, 0.0)
+    if reached & (1 << len(state.ramp)):
+        count = _record(events, count, time, PHASE_KIND, 0.0, 0.0, 0.0)
+    coordinates = system.sizes[0]
+    found = begin_segment(system, state, point[:coordinates], point[coordinates:2 * coordinates])
+    return found, count
+
+
+@kernel
+def _pass_event(system, state, point, events, count):
+    """Do what happens at NEXT: the end of the segment or a change of mode; returns (success, number of events)."""
+    tau = state.clock[NEXT]
+    _read(state, tau, point)
+    _update_peaks(system, state, tau)
+    guard = state.index[GUARD]
+    if guard == NOTHING:
+        state.index[STANDSTILLS] = 0
+        return _end_segment(system, state, point, events, count)
+    state.index[STANDSTILLS] = 0 if tau > state.clock[ANCHOR] else state.index[STANDSTILLS] + 1
+    coordinates, dynamic = system.sizes[0], system.sizes[1]
+    previous = state.index[MODE]
+    halted = system.halt[previous, guard]
+    if halted != NOTHING:
+        point[coordinates + halted] = 0.0
+    count = _change_mode(system, state, _next_mode(system, state, point), point, events, count)
+    if system.flow[previous] == system.flow[state.index[MODE]] and not 0 <= halted < dynamic and tau < 1.0:
+        state.clock[ANCHOR] = tau
+        found = _continue_segment(system, state, point[:coordinates], point[coordinates:2 * coordinates])
+        return found, count
+    return _end_segment(system, state, point, events, count)
+
+
+@kernel
+def advance(system, state, times, points, modes, phases, events):
+    """Pass all events up to the last of `times` and sample there.
+
+    Parameters
+    ----------
+    system : System
+        The system.
+    state : State
+        Changed in place.
+    times : ndarray, shape (n,)
+        Instants [s], ascending, none before the last command.
+    points : ndarray, shape (n, channels)
+        Receives z.
+    modes : ndarray of int, shape (n,)
+        Receives the modes.
+    phases : ndarray, shape (n, 3)
+        Receives the turns, the phase past the start of the turn [rad] and its rate [rad/s].
+    events : ndarray, shape (room, EVENT_COLUMNS)
+        Receives the events.
+
+    Returns
+    -------
+    (int, int, int)
+        Why it returned, number of samples taken, number of events recorded.
+    """
+    point = state.z[:, 0].copy()
+    count = 0
+    # The most that one event records: a change of mode, every monitor, every ramp and the speed.
+    room = len(events) - 2 - len(state.monitor) - len(state.ramp)
+    for k in range(len(times)):
+        while (times[k] - state.clock[START]) - state.clock[START_RESIDUE] >= state.clock[DURATION] * state.clock[NEXT]:
+            if count > room:
+                return EVENTS_FULL, k, count
+            found, count = _pass_event(system, state, point, events, count)
+            if not found:
+                return ROOT_LOST, k, count
+            if state.index[STANDSTILLS] > _MOST_STANDSTILLS:
+                return STUCK, k, count
+            if not math.isfinite(point.sum()):
+                return DIVERGED, k, count
+        tau = ((times[k] - state.clock[START]) - state.clock[START_RESIDUE]) / state.clock[DURATION]
+        _read(state, tau, points[k])
+        modes[k] = state.index[MODE]
+        phase, speed = phase_at(system, state, tau)
+        phases[k, 0], phases[k, 1], phases[k, 2] = state.index[TURNS], phase, speed
+    return REACHED, len(times), count
+
+
+@kernel
+def interrupt(system, state, time, point):
+    """Move clock and forcing to `time`, within the current segment, and read all channels there into `point`.
+
+    For a command: set the new rates after this, then call `begin_segment` with the values read.
+    """
+    tau = ((time - state.clock[START]) - state.clock[START_RESIDUE]) / state.clock[DURATION]
+    _read(state, tau, point)
+    _update_peaks(system, state, tau)
+    state.clock[ANCHOR] = 0.0
+    advance_forcing(system, state, tau)

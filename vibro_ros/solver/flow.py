@@ -1,0 +1,67 @@
+"""The flow of a mode: its exact solution over a segment, as power series.
+
+With polynomial forcing a linear equation determines the series of its solution term by term;
+the segments are short enough for the series to end at rounding (`System.longest_step`).
+"""
+
+from vibro_ros.solver.polynomial import LENGTH, add_multiple, kernel, value
+from vibro_ros.solver.state import ANCHOR, DURATION, MODE
+
+
+@kernel
+def solve_dynamic(system, state):
+    """Series of the dynamic coordinates from their values and rates at the segment's start (constant terms)."""
+    coordinates, dynamic = system.sizes[0], system.sizes[1]
+    z, h = state.z, state.clock[DURATION]
+    row = system.acceleration[state.index[MODE]]
+    for i in range(dynamic):
+        load = state.work[i]
+        load[:] = 0.0
+        for channel in range(2 * coordinates, len(z)):
+            if row[i, channel] != 0.0:
+                add_multiple(load, row[i, channel], z[channel])
+    for n in range(LENGTH - 1):
+        step = h / (n + 1)
+        for i in range(dynamic):
+            acceleration = state.work[i, n]
+            for j in range(dynamic):
+                acceleration += row[i, j] * z[j, n] + row[i, coordinates + j] * z[coordinates + j, n]
+            state.work[i, n] = acceleration * step
+        for i in range(dynamic):
+            z[i, n + 1] = z[coordinates + i, n] * step
+            z[coordinates + i, n + 1] = state.work[i, n]
+    for i in range(dynamic):
+        state.scale[i] = abs(z[i, 0]) + abs(z[i, 1])
+        state.scale[coordinates + i] = abs(z[coordinates + i, 0]) + abs(z[coordinates + i, 1])
+
+
+@kernel
+def _integrate_through(p, tau, wanted):
+    """Set the constant term so that p(tau) = wanted."""
+    p[0] = 0.0
+    p[0] = wanted - value(p, tau)
+
+
+@kernel
+def solve_driven(system, state, position, velocity):
+    """Series of the driven coordinates that pass through `position` and `velocity` where the mode begins."""
+    coordinates, dynamic = system.sizes[0], system.sizes[1]
+    z, h, anchor = state.z, state.clock[DURATION], state.clock[ANCHOR]
+    acceleration = state.work[0]
+    for i in range(dynamic, coordinates):
+        acceleration[:] = 0.0
+        scale = 0.0
+        row = system.acceleration[state.index[MODE], i]
+        for channel in range(len(z)):
+            if row[channel] != 0.0:
+                add_multiple(acceleration, row[channel], z[channel])
+                scale += abs(row[channel]) * state.scale[channel]
+        rate = z[coordinates + i]
+        for n in range(LENGTH - 1):
+            rate[n + 1] = acceleration[n] * h / (n + 1)
+        _integrate_through(rate, anchor, velocity[i])
+        for n in range(LENGTH - 1):
+            z[i, n + 1] = rate[n] * h / (n + 1)
+        _integrate_through(z[i], anchor, position[i])
+        state.scale[coordinates + i] = abs(velocity[i]) + scale * h
+        state.scale[i] = abs(position[i]) + state.scale[coordinates + i] * h

@@ -1,0 +1,87 @@
+"""Polynomials of fixed length on the unit interval: the dense output of every segment.
+
+A polynomial is an array of `LENGTH` coefficients, constant term first, in the segment's own
+time tau = (t - start) / duration, which runs from 0 to 1.
+"""
+
+import numba
+
+#: Coefficients of a polynomial. The flow's series is cut where 2^n / n! and 0.22^n (`signals.STRIDE`) reach rounding.
+LENGTH = 25
+
+kernel = numba.njit(cache=True, error_model="numpy", fastmath={"contract"})
+"""How every kernel is compiled: cached on disk; fused multiply-add allowed, reordering not."""
+
+
+@kernel
+def value(p, x):
+    """p(x)."""
+    result = p[LENGTH - 1]
+    for n in range(LENGTH - 2, -1, -1):
+        result = result * x + p[n]
+    return result
+
+
+@kernel
+def value_and_derivatives(p, x):
+    """p(x), p'(x) and p''(x)."""
+    f = p[LENGTH - 1]
+    d = 0.0
+    half_dd = 0.0
+    for n in range(LENGTH - 2, -1, -1):
+        half_dd = half_dd * x + d
+        d = d * x + f
+        f = f * x + p[n]
+    return f, d, 2.0 * half_dd
+
+
+@kernel
+def divide_by_root(p, a):
+    """Replace p by p / (x - a), dropping the remainder p(a)."""
+    carry = 0.0
+    for n in range(LENGTH - 1, -1, -1):
+        coefficient = p[n]
+        p[n] = carry
+        carry = carry * a + coefficient
+
+
+@kernel
+def add_multiple(target, factor, p):
+    """target += factor * p."""
+    for n in range(LENGTH):
+        target[n] += factor * p[n]
+
+
+@kernel
+def recentre(p, x, target):
+    """Coefficients of target(y) = p(x + y)."""
+    for n in range(LENGTH):
+        target[n] = p[n]
+    for first in range(LENGTH - 1):
+        for n in range(LENGTH - 2, first - 1, -1):
+            target[n] += x * target[n + 1]
+
+
+@kernel
+def substitute(p, a, b, target):
+    """Coefficients of target(y) = p(a y + b y²), cut at the length of p."""
+    if b == 0.0:
+        power = 1.0
+        for n in range(LENGTH):
+            target[n] = p[n] * power
+            power *= a
+        return
+    target[:] = 0.0
+    for k in range(LENGTH - 1, -1, -1):
+        for n in range(LENGTH - 1, 1, -1):
+            target[n] = a * target[n - 1] + b * target[n - 2]
+        target[1] = a * target[0]
+        target[0] = p[k]
+
+
+@kernel
+def differentiate(p, duration, target):
+    """Coefficients of the time derivative of p over a segment of `duration`."""
+    for n in range(LENGTH - 1):
+        target[n] = (n + 1) * p[n + 1] / duration
+    target[LENGTH - 1] = 0.0

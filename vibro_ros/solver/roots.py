@@ -1,0 +1,117 @@
+"""The first root of a guard, certified: no crossing is stepped over, and a graze is told from a hit."""
+
+from vibro_ros.solver.polynomial import LENGTH, differentiate, divide_by_root, kernel, value, value_and_derivatives
+
+#: Returned when a guard stays non-negative to the end of the segment.
+NO_ROOT = 2.0
+#: Returned when the search does not end, which a finite polynomial cannot cause.
+SEARCH_FAILED = -1.0
+
+_MOST_STEPS = 1000
+_ULP_OF_ONE = 2.3e-16
+#: A guard that starts at zero to this order (a rest, a release) is zero for good: nothing moves it.
+_DEEPEST_ZERO = 5
+
+
+@kernel
+def _safe_step(f, d, dd, third, reach):
+    """How far f + d s + dd s²/2 - third s³/6, a lower bound of the guard, stays positive within `reach`.
+
+    On [0, reach] the cubic term is at least -(third reach / 6) s², which leaves a quadratic.
+    """
+    m = 0.5 * dd - third * reach / 6.0
+    if m >= 0.0 and d >= 0.0:
+        return reach
+    discriminant = d * d - 4.0 * m * f
+    if discriminant < 0.0:
+        return reach
+    return min(reach, 2.0 * f / (-d + discriminant**0.5))
+
+
+@kernel
+def _march(p, a):
+    """First root of p, positive at a, in (a, 1], by steps that a bound on p''' proves to be free of roots.
+
+    Near a simple root the steps converge like Newton's, from the safe side; a near miss
+    (p > 0 at its minimum) is passed in a few steps, because its curvature is in the bound.
+    """
+    third = 0.0
+    for n in range(3, LENGTH):
+        third += n * (n - 1) * (n - 2) * abs(p[n])
+    x = a
+    for _ in range(_MOST_STEPS):
+        f, d, dd = value_and_derivatives(p, x)
+        if f <= 0.0:
+            return x
+        remaining = 1.0 - x
+        step = _safe_step(f, d, dd, third, remaining)
+        if step >= remaining:
+            return NO_ROOT
+        if 2.0 * step < remaining:
+            step = max(step, _safe_step(f, d, dd, third, 2.0 * step))
+        x += max(step, _ULP_OF_ONE)
+        if x > 1.0:
+            return NO_ROOT
+    return SEARCH_FAILED
+
+
+@kernel
+def first_root(p, a, noise, work):
+    """First instant in [a, 1] at which the guard p turns negative.
+
+    A zero at a itself is divided out, as often as it takes, so that the sign of the first
+    coefficient that differs from zero decides: a guard that has just been left, or that starts
+    at rest on its boundary, neither fires for ever nor hides its next root.
+
+    Parameters
+    ----------
+    p : ndarray, shape (LENGTH,)
+        The guard, which a valid mode keeps non-negative.
+    a : float
+        Where the mode begins, 0 <= a < 1.
+    noise : float
+        Rounding error of the guard: what lies within it counts as zero.
+    work : ndarray, shape (LENGTH,)
+        Overwritten.
+
+    Returns
+    -------
+    float
+        The instant; `a` when the guard is negative from the start; `NO_ROOT`; or `SEARCH_FAILED`.
+    """
+    lower = p[0]
+    for n in range(1, LENGTH):
+        lower += min(p[n], 0.0)
+    if lower > noise:
+        return NO_ROOT
+    work[:] = p
+    f = value(work, a)
+    for _ in range(_DEEPEST_ZERO):
+        if f > noise:
+            return _march(work, a)
+        if f < -noise:
+            return a
+        divide_by_root(work, a)
+        f = value(work, a)
+    return NO_ROOT
+
+
+@kernel
+def maximum(p, a, b, slope, work):
+    """Largest value of p on [a, b]: the ends and every turning point between them.
+
+    `slope` and `work`, shape (LENGTH,), are overwritten.
+    """
+    differentiate(p, 1.0, slope)
+    noise = 0.0
+    for n in range(LENGTH):
+        noise += 1e-15 * abs(slope[n])
+    best = max(value(p, a), value(p, b))
+    x = a
+    while True:
+        x = first_root(slope, x, noise, work)
+        if x < a or x >= b:
+            return best
+        best = max(best, value(p, x))
+        for n in range(LENGTH):
+            slope[n] = -slope[n]

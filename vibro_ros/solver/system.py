@@ -1,0 +1,170 @@
+"""What the event loop can integrate: a piecewise linear system with known forcing, as tables.
+
+Coordinates q obey, in mode m, q'' = A_m z with the *channels*
+
+    z = [q, q', f, f', r, r', 1]
+
+where f are periodic signals of a phase whose speed is constant or changes linearly, and r are
+ramps, which move to their targets at limited speed. The first `dynamic` coordinates may enter
+the right-hand sides; the others are driven only (nothing depends on them but guards and outputs), so
+a mode that changes their equations alone leaves the flow of the dynamic ones as it is.
+
+Every guard is a linear combination g = G z that its mode keeps non-negative. When it turns
+negative the event loop stops there, sets a velocity to exactly zero if the guard says so, and enters the
+first candidate mode whose own guards hold.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+#: Part of the distance to the signals' nearest singularity that one cell spans: 0.22^LENGTH is below rounding.
+STRIDE = 0.22
+#: Longest segment in units of the mode's fastest time constant: 2^LENGTH / LENGTH! is below rounding.
+RATE_LIMIT = 2.0
+#: Halting nothing; recording nothing; no (more) candidates.
+NOTHING = -1
+
+
+class Channels(NamedTuple):
+    """Where each channel stands in z."""
+
+    coordinates: int
+    signals: int
+    ramps: int
+
+    @property
+    def count(self) -> int:
+        """Length of z."""
+        return 2 * (self.coordinates + self.signals + self.ramps) + 1
+
+    def position(self, i: int) -> int:
+        """Channel of coordinate i."""
+        return i
+
+    def velocity(self, i: int) -> int:
+        """Channel of coordinate i's time derivative."""
+        return self.coordinates + i
+
+    def signal(self, k: int) -> int:
+        """Channel of signal k."""
+        return 2 * self.coordinates + k
+
+    def signal_rate(self, k: int) -> int:
+        """Channel of signal k's time derivative."""
+        return 2 * self.coordinates + self.signals + k
+
+    def ramp(self, k: int) -> int:
+        """Channel of ramp k."""
+        return 2 * (self.coordinates + self.signals) + k
+
+    def ramp_rate(self, k: int) -> int:
+        """Channel of ramp k's time derivative."""
+        return 2 * (self.coordinates + self.signals) + self.ramps + k
+
+    @property
+    def one(self) -> int:
+        """Channel of the constant 1."""
+        return self.count - 1
+
+
+class SignalTable(NamedTuple):
+    """Periodic signals as Taylor polynomials, cell by cell over one period of the phase.
+
+    Attributes
+    ----------
+    start : ndarray, shape (cells + 1,)
+        Phases at which cells begin, ascending; the last is the period.
+    series : ndarray, shape (cells, signals, LENGTH)
+        Coefficients in (phase - start) / width of the cell.
+    """
+
+    start: np.ndarray
+    series: np.ndarray
+
+
+class System(NamedTuple):
+    """The tables of a piecewise linear system; m modes of at most g guards with c candidates, k monitors.
+
+    Attributes
+    ----------
+    sizes : ndarray of int, shape (4,)
+        Coordinates, dynamic coordinates, signals, ramps.
+    acceleration : ndarray, shape (m, coordinates, channels)
+        Rows of A.
+    flow : ndarray of int, shape (m,)
+        Equal for modes whose dynamic coordinates obey the same equations.
+    longest_step : ndarray, shape (m,)
+        Longest segment [s] that the series of the mode's flow resolves to rounding.
+    row : ndarray, shape (rows, channels)
+        Distinct rows of G.
+    driven : ndarray of bool, shape (rows,)
+        Whether the row reads a coordinate that is not dynamic.
+    guard : ndarray of int, shape (m, g)
+        Row of each guard of each mode, padded with `NOTHING`.
+    candidate : ndarray of int, shape (m, g, c)
+        Modes to try, padded with `NOTHING`; the last one given is entered when the others' guards fail.
+    halt : ndarray of int, shape (m, g)
+        Coordinate whose velocity the event sets to exactly zero, or `NOTHING`.
+    event : ndarray of int, shape (m, m)
+        Kind of the event recorded when the mode changes from the first to the second, or `NOTHING`.
+    monitor : ndarray, shape (m, k, channels)
+        Rows of the quantities whose peaks are kept while their monitor is on, such as contact forces.
+    monitored : ndarray of bool, shape (m, k)
+        Whether monitor k is on in the mode.
+    approach : ndarray, shape (k, channels)
+        Row of the quantity noted when the monitor is switched on, such as the approach speed.
+    signals : SignalTable
+        The periodic signals.
+    """
+
+    sizes: np.ndarray
+    acceleration: np.ndarray
+    flow: np.ndarray
+    longest_step: np.ndarray
+    row: np.ndarray
+    driven: np.ndarray
+    guard: np.ndarray
+    candidate: np.ndarray
+    halt: np.ndarray
+    event: np.ndarray
+    monitor: np.ndarray
+    monitored: np.ndarray
+    approach: np.ndarray
+    signals: SignalTable
+
+
+def longest_steps(acceleration: np.ndarray, channels: Channels, dynamic: int) -> np.ndarray:
+    """Longest segment of each mode [s], from the fastest eigenvalue of its dynamic coordinates.
+
+    Parameters
+    ----------
+    acceleration : ndarray, shape (m, coordinates, channels)
+        Rows of A.
+    channels : Channels
+        Layout of the rows.
+    dynamic : int
+        Number of dynamic coordinates.
+
+    Returns
+    -------
+    ndarray, shape (m,)
+        Infinite for a mode without an eigenvalue other than zero.
+    """
+    modes = len(acceleration)
+    if dynamic == 0:
+        return np.full(modes, np.inf)
+    companion = np.zeros((modes, 2 * dynamic, 2 * dynamic))
+    companion[:, :dynamic, dynamic:] = np.eye(dynamic)
+    companion[:, dynamic:, :dynamic] = acceleration[:, :dynamic, :dynamic]
+    velocity = channels.velocity(0)
+    companion[:, dynamic:, dynamic:] = acceleration[:, :dynamic, velocity:velocity + dynamic]
+    fastest = np.abs(np.linalg.eigvals(companion)).max(axis=1)
+    with np.errstate(divide="ignore"):
+        return RATE_LIMIT / fastest
+
+
+def flow_numbers(acceleration: np.ndarray, dynamic: int) -> np.ndarray:
+    """Number the modes by the equations of their dynamic coordinates; shape (m,)."""
+    numbers: dict[bytes, int] = {}
+    return np.array([numbers.setdefault(rows[:dynamic].tobytes(), len(numbers)) for rows in acceleration])
