@@ -14,7 +14,7 @@ from nav_msgs.msg import Odometry
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64, Header
 
-from vibro_ros.simulator import State
+from vibro_ros.samples import Samples
 
 ODOM = "odom"
 BASE = "base_link"
@@ -41,7 +41,7 @@ def time_of(stamp: int) -> Time:
     return Time(sec=stamp // 1_000_000_000, nanosec=stamp % 1_000_000_000)
 
 
-def odometry(state: State, stamp: int) -> Odometry:
+def odometry(state: Samples, stamp: int) -> Odometry:
     """Position [m] and velocity [m/s] of the body; `stamp` is ROS time [ns], here and below."""
     message = Odometry(header=_header(stamp, ODOM), child_frame_id=BASE)
     message.pose.pose.position.x = float(state.body_position)
@@ -51,7 +51,7 @@ def odometry(state: State, stamp: int) -> Odometry:
     return message
 
 
-def joint_states(state: State, joints: Sequence[str], stamp: int) -> JointState:
+def joint_states(state: Samples, joints: Sequence[str], stamp: int) -> JointState:
     """Position, velocity and effort of `joints`, names of `JOINTS`."""
     position, velocity, effort = ([float(getattr(state, JOINTS[joint][which])) for joint in joints]
                                   for which in range(3))
@@ -59,8 +59,8 @@ def joint_states(state: State, joints: Sequence[str], stamp: int) -> JointState:
                       effort=effort)
 
 
-def ground_contact(state: State, stamp: int) -> WrenchStamped:
-    """Force of the ground on the body [N]: friction along x (negative while it slows forward motion), normal along z."""
+def ground_contact(state: Samples, stamp: int) -> WrenchStamped:
+    """Force of the ground on the body [N]: friction along x (negative: slows forward motion), normal along z."""
     return _force(stamp, BASE, x=-float(state.friction_force), z=float(state.normal_force))
 
 
@@ -73,7 +73,7 @@ def impact(event: np.void, stamp: int) -> WrenchStamped:
     return _force(stamp, PLATES[str(event["kind"])], x=0.0, z=float(event["peak_force"]))
 
 
-def motor_power(state: State) -> Float64:
+def motor_power(state: Samples) -> Float64:
     """Power [W] that the motor gives; positive drives the robot."""
     return Float64(data=float(state.motor_power))
 

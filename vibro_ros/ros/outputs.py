@@ -13,7 +13,7 @@ from std_msgs.msg import Float64
 
 from vibro_ros.model.scene import Scene
 from vibro_ros.ros import messages, qos
-from vibro_ros.simulator import State
+from vibro_ros.samples import Samples
 
 Record = Callable[[str, int, bytes], None]
 """Takes a topic's resolved name, a stamp [ns] and the serialised message."""
@@ -45,7 +45,7 @@ class Outputs:
         absent = [side for side in ("upper", "inclined") if not scene[f"effects.{side}_mass"]]
         self._joints = [joint for joint in messages.JOINTS if joint.partition("_")[0] not in absent]
 
-    def publish(self, state: State, events: np.ndarray, stamp_of: Callable[[float], int], record: Record) -> None:
+    def publish(self, state: Samples, events: np.ndarray, stamp_of: Callable[[float], int], record: Record) -> None:
         """Publish and record a sample, and the contacts that ended since the one before it.
 
         Everything is recorded at the sample's instant, so that the bag is in time order; an impact's header has
@@ -53,7 +53,7 @@ class Outputs:
 
         Parameters
         ----------
-        state : State
+        state : Samples
             The sample.
         events : ndarray, shape (n,)
             Events of `Simulator.take_events`.

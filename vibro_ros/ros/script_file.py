@@ -12,7 +12,8 @@ from pathlib import Path
 
 from vibro_ros.ros.commands import COMMAND_UNITS
 from vibro_ros.ros.script import Course, Script, Segment
-from vibro_ros.ros.strict_yaml import read_yaml
+from vibro_ros.shipped import config_folder
+from vibro_ros.strict_yaml import read_yaml
 
 LONGEST_SCRIPT = 100_000
 """Most segments that a script may unfold to; nested repeats multiply."""
@@ -42,7 +43,7 @@ def find_script(name_or_path: str) -> Path:
 
 
 def _shipped_folder() -> Path:
-    return Path(__file__).resolve().parents[2] / "config" / "controller"
+    return config_folder() / "controller"
 
 
 def read_script(path: Path) -> Script:
