@@ -26,8 +26,8 @@ PARAMETERS = (
               minimum=0.0, maximum=1e6),
     Parameter("rate", 50.0, "Hz", "commands a second along a ramp", minimum=0.0, maximum=1e4, positive=True),
 )
-LAST_WORD = 1.0
-"""Longest wait [s] until the robot has acknowledged the last command."""
+LAST_WORD = 5.0
+"""Longest wait [s] for the robot to acknowledge the last command; Fast DDS asks for that every 3 s."""
 
 
 class Controller:

@@ -50,8 +50,12 @@ class Recording:
         if text:
             self._log.error(text)
 
-    def describe(self) -> str:
-        """Where the bag is and what is in it."""
+    def destination(self) -> str:
+        """Where the bag is, for people."""
+        return f"recording to {self._recorder.folder}" if self._recorder else "not recording"
+
+    def summary(self) -> str:
+        """Where the bag is and what is in it, for people."""
         if self._recorder is None:
             return "nothing recorded"
         return f"bag {self._recorder.folder}: {self._recorder.written} messages, {self._recorder.dropped} dropped"

@@ -41,7 +41,7 @@ def _run(words: Sequence[str]) -> int:
     with process.node_running(NODE_NAME, words) as (node, executor):
         check_addressed(files, node.get_fully_qualified_name())
         settings, scene = _configure(node)
-        node.get_logger().info(f"scene {settings['scene']}; compiling ...")
+        node.get_logger().info(f"scene {settings['scene']}; compiling (the first time takes a while) ...")
         compile_kernels()
         return _operate(node, executor, settings, scene)
 
@@ -65,10 +65,10 @@ def _operate(node: Node, executor: Executor, settings: Mapping[str, Value], scen
     recording = open_recording(settings, inputs, outputs, _metadata(settings, scene, start), log)
     stepping = Stepping(device, inputs, outputs, recording.record, pacing, settings["rate.publish"], start, log)
     log.info(f"ready: {settings['rate.publish']:g} Hz, real-time factor {settings['rate.real_time_factor']:g}, "
-             f"{recording.describe()}")
+             f"{recording.destination()}")
     with process.StopRequest() as stop, recording, stepping:
         process.spin_until(executor, lambda: bool(stop or stepping.error))
-    log.info(f"{recording.describe()}; {device.time:.3f} s simulated, {pacing.dropped:.3f} s dropped in "
+    log.info(f"{recording.summary()}; {device.time:.3f} s simulated, {pacing.dropped:.3f} s dropped in "
              f"{pacing.stalls} stalls, {inputs.refused} commands refused")
     if stepping.error:
         raise stepping.error

@@ -10,6 +10,8 @@ from pathlib import Path
 
 import yaml
 
+from vibro_ros.strict_yaml import read_yaml
+
 PARAMETERS = "ros__parameters"
 
 
@@ -75,13 +77,7 @@ def check_addressed(files: Sequence[Path], node: str) -> None:
 
 def _sections(path: Path) -> Iterator[tuple[str, Mapping[str, object]]]:
     """Node name (or pattern) and parameters of each section of a file."""
-    try:
-        document = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise ValueError(f"{path}: {error.strerror}; give the path of a parameter file") from error
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise ValueError(f"{path}: not YAML: {' '.join(str(error).split())}") from error
-    yield from _nested_sections(document, "")
+    yield from _nested_sections(read_yaml(path), "")
 
 
 def _nested_sections(tree: object, prefix: str) -> Iterator[tuple[str, Mapping[str, object]]]:
