@@ -35,14 +35,14 @@ class Executable:
         return "\n".join(self.lines)
 
     @property
-    def pid(self) -> int:
-        return self._process.pid
+    def ended(self) -> bool:
+        return self._process.poll() is not None
 
     def wait_for(self, words: str, patience: float = PATIENCE) -> str:
         """The first line that holds `words`."""
         deadline = time.monotonic() + patience
         while time.monotonic() < deadline:
-            ended = self._process.poll() is not None
+            ended = self.ended
             line = next((line for line in list(self.lines) if words in line), None)
             if line is not None:
                 return line

@@ -6,7 +6,7 @@ import sys
 import time
 from collections.abc import Sequence
 
-import rclpy.duration
+from rclpy.duration import Duration
 from rclpy.executors import Executor
 from rclpy.node import Node
 from std_msgs.msg import Float64
@@ -26,8 +26,8 @@ PARAMETERS = (
               minimum=0.0, maximum=1e6),
     Parameter("rate", 50.0, "Hz", "commands a second along a ramp", minimum=0.0, maximum=1e4, positive=True),
 )
-LAST_WORD = 5.0
-"""Longest wait [s] for the robot to acknowledge the last command; Fast DDS asks for that every 3 s."""
+LAST_WORD = 0.5
+"""Longest wait [s] for the robot to acknowledge the last command; Fast DDS asks for that every 3 s only."""
 
 
 class Controller:
@@ -90,9 +90,10 @@ class Controller:
             self._log.info("aborted: motor_speed 0 rad/s")
 
     def finish(self) -> None:
-        """Wait until the robot has acknowledged the last command: publishers take unsent data with them."""
+        """Give the last commands `LAST_WORD` to arrive: a publisher that goes takes undelivered ones with it."""
+        deadline = time.monotonic() + LAST_WORD
         for publisher in self._publishers.values():
-            publisher.wait_for_all_acked(rclpy.duration.Duration(seconds=LAST_WORD))
+            publisher.wait_for_all_acked(Duration(seconds=max(0.0, deadline - time.monotonic())))
 
     def _wait_until(self, deadline: float, stop: process.StopRequest) -> None:
         while not stop and (ahead := deadline - time.monotonic()) > 0.0:

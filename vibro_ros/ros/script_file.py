@@ -58,10 +58,12 @@ def read_script(path: Path) -> Script:
     try:
         if document is None:
             raise ValueError("the file is empty; give a list of `entries`")
-        segments = tuple(_Unfolding().block(document, start=0.0, prefix=""))
+        script = Script(tuple(_Unfolding().block(document, start=0.0, prefix="")))
+        if not script.commands:
+            raise ValueError(f"no entry gives a command; give {', '.join(COMMAND_UNITS)}")
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from error
-    return Script(segments)
+    return script
 
 
 class _Unfolding:
