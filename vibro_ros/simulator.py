@@ -45,6 +45,7 @@ class Simulator:
         self.time = 0.0
         self._model = compile_scene(scene)
         self._state = self._start()
+        self._point = np.empty(self._model.forms.channels.count)
         self._room = np.empty((_EVENTS_AT_ONCE, EVENT_COLUMNS))
         self._events: list[np.ndarray] = []
         self._counts: dict[str, int] = {}
@@ -91,7 +92,7 @@ class Simulator:
         speed = None if motor_speed is None else self.scene.checked_motor_speed(motor_speed)
         gaps = {side: self.scene.checked_gap(side, gap)
                 for side, gap in (("upper", upper_gap), ("inclined", inclined_gap)) if gap is not None}
-        point = np.empty(self._model.forms.channels.count)
+        point = self._point
         event_loop.interrupt(self._model.system, self._state, self.time, point)
         if speed is not None:
             self._command_speed(speed)
@@ -157,8 +158,8 @@ class Simulator:
         modes, phases = np.empty(n, dtype=np.int64), np.empty((n, 3))
         done, status = 0, event_loop.EVENTS_FULL
         while status == event_loop.EVENTS_FULL:
-            status, taken, count = event_loop.advance(self._model.system, self._state, times[done:], points[done:],
-                                                      modes[done:], phases[done:], self._room)
+            status, taken, count = event_loop.advance(self._model.system, self._state, times[done:], self._point,
+                                                      points[done:], modes[done:], phases[done:], self._room)
             done += taken
             self._keep(self._room[:count])
         if status != event_loop.REACHED:

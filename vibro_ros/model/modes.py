@@ -3,6 +3,7 @@
 What is off leaves no coordinate, no term, no guard and no mode behind.
 """
 
+import functools
 import itertools
 from dataclasses import dataclass
 
@@ -140,8 +141,9 @@ class ModeBuilder:
         return np.array([rows.get(name, forms.zero) for name in OUTPUTS])
 
 
+@functools.lru_cache(maxsize=64)
 def compile_scene(scene) -> Model:
-    """Compile `scene`, a Scene, to its tables."""
+    """Compile `scene`, a Scene, to its tables, which nobody may change."""
     builder = ModeBuilder(scene)
     forms, channels = builder.forms, builder.forms.channels
     sliders = tuple(Slider(scene["crank.radius"], scene[f"crank.{side}_rod"], _tilt(scene, side))

@@ -239,7 +239,15 @@ def _pass_event(system, state, point, events, count):
 
 
 @kernel
-def advance(system, state, times, points, modes, phases, events):
+def _finite(point):
+    total = 0.0
+    for channel in range(len(point)):
+        total += point[channel]
+    return math.isfinite(total)
+
+
+@kernel
+def advance(system, state, times, point, points, modes, phases, events):
     """Pass all events up to the last of `times` and sample there.
 
     Parameters
@@ -250,6 +258,8 @@ def advance(system, state, times, points, modes, phases, events):
         Changed in place.
     times : ndarray, shape (n,)
         Instants [s], ascending, none before the last command.
+    point : ndarray, shape (channels,)
+        Overwritten.
     points : ndarray, shape (n, channels)
         Receives z.
     modes : ndarray of int, shape (n,)
@@ -264,7 +274,6 @@ def advance(system, state, times, points, modes, phases, events):
     (int, int, int)
         Why it returned, number of samples taken, number of events recorded.
     """
-    point = state.z[:, 0].copy()
     count = 0
     # The most that one event records: a change of mode, every monitor, every ramp and the speed.
     room = len(events) - 2 - len(state.monitor) - len(state.ramp)
@@ -277,7 +286,7 @@ def advance(system, state, times, points, modes, phases, events):
                 return ROOT_LOST, k, count
             if state.index[STANDSTILLS] > _MOST_STANDSTILLS:
                 return STUCK, k, count
-            if not math.isfinite(point.sum()):
+            if not _finite(point):
                 return DIVERGED, k, count
         tau = ((times[k] - state.clock[START]) - state.clock[START_RESIDUE]) / state.clock[DURATION]
         _read(state, tau, points[k])

@@ -9,30 +9,34 @@ from vibro_ros.solver.state import ANCHOR, DURATION, MODE
 
 
 @kernel
+def _solve_oscillator(load, stiffness, damping, h, q, v):
+    """Series of q and v = q' with q'' = load + stiffness q + damping v, from their constant terms."""
+    position, velocity = q[0], v[0]
+    for n in range(LENGTH - 1):
+        step = h / (n + 1)
+        acceleration = load[n] + stiffness * position + damping * velocity
+        position = velocity * step
+        velocity = acceleration * step
+        q[n + 1] = position
+        v[n + 1] = velocity
+
+
+@kernel
 def solve_dynamic(system, state):
     """Series of the dynamic coordinates from their values and rates at the segment's start (constant terms)."""
     coordinates, dynamic = system.sizes[0], system.sizes[1]
     z, h = state.z, state.clock[DURATION]
-    row = system.acceleration[state.index[MODE]]
+    load = state.work[0]
     for i in range(dynamic):
-        load = state.work[i]
+        row = system.acceleration[state.index[MODE], i]
         load[:] = 0.0
         for channel in range(2 * coordinates, len(z)):
-            if row[i, channel] != 0.0:
-                add_multiple(load, row[i, channel], z[channel])
-    for n in range(LENGTH - 1):
-        step = h / (n + 1)
-        for i in range(dynamic):
-            acceleration = state.work[i, n]
-            for j in range(dynamic):
-                acceleration += row[i, j] * z[j, n] + row[i, coordinates + j] * z[coordinates + j, n]
-            state.work[i, n] = acceleration * step
-        for i in range(dynamic):
-            z[i, n + 1] = z[coordinates + i, n] * step
-            z[coordinates + i, n + 1] = state.work[i, n]
-    for i in range(dynamic):
-        state.scale[i] = abs(z[i, 0]) + abs(z[i, 1])
-        state.scale[coordinates + i] = abs(z[coordinates + i, 0]) + abs(z[coordinates + i, 1])
+            if row[channel] != 0.0:
+                add_multiple(load, row[channel], z[channel])
+        q, v = z[i], z[coordinates + i]
+        _solve_oscillator(load, row[i], row[coordinates + i], h, q, v)
+        state.scale[i] = abs(q[0]) + abs(q[1])
+        state.scale[coordinates + i] = abs(v[0]) + abs(v[1])
 
 
 @kernel

@@ -2,7 +2,7 @@
 
 import math
 
-from vibro_ros.solver.polynomial import differentiate, kernel, recentre, substitute
+from vibro_ros.solver.polynomial import LENGTH, differentiate, kernel, recentre, substitute
 from vibro_ros.solver.state import (
     CELL, CELL_TIME, DURATION, MODE, OFFSET, RATE, SPEED, SPEED_CHANGE, SPEED_TARGET, SPEED_TIME, START,
     START_RESIDUE, TARGET, TIME, TURNS, VALUE,
@@ -14,6 +14,8 @@ _LONGEST_SEGMENT = 1.0
 # While the speed changes, phase(tau) is quadratic. The series of signal(phase(tau)) reaches rounding at its last
 # term when |phase - start| stays below 1/STRIDE cells for complex |tau| up to 1/STRIDE.
 _REACH = 1.0 / STRIDE
+# Logarithm of what may be neglected beside 1.
+_ROUNDING = math.log(1e-18)
 
 
 @kernel
@@ -56,6 +58,16 @@ def choose_duration(system, state):
 
 
 @kernel
+def _terms(cells):
+    """Terms of a signal's series that matter over a segment which spans this many cells: their sizes fall as
+    (STRIDE cells)^n."""
+    ratio = STRIDE * cells
+    if ratio <= 0.0:
+        return 1
+    return min(LENGTH, int(_ROUNDING / math.log(ratio)) + 2) if ratio < 0.2 else LENGTH
+
+
+@kernel
 def fill_forcing(system, state):
     """Polynomials of the signals, the ramps and their rates over the segment."""
     clock, z = state.clock, state.z
@@ -65,12 +77,13 @@ def fill_forcing(system, state):
     duration = clock[DURATION]
     a = clock[SPEED] * duration / width
     b = 0.5 * clock[SPEED_CHANGE] * duration * duration / width
+    terms = _terms(a + 2.0 * abs(b))
     for k in range(signals):
+        channel = 2 * coordinates + k
         series = system.signals.series[cell, k]
         if clock[OFFSET] > 0.0:
-            recentre(series, clock[OFFSET] / width, state.work[0])
+            recentre(series, clock[OFFSET] / width, terms, state.work[0])
             series = state.work[0]
-        channel = 2 * coordinates + k
         substitute(series, a, b, z[channel])
         differentiate(z[channel], duration, z[channel + signals])
     for k in range(ramps):

@@ -4,12 +4,18 @@ A polynomial is an array of `LENGTH` coefficients, constant term first, in the s
 time tau = (t - start) / duration, which runs from 0 to 1.
 """
 
+import math
+
 import numba
+import numpy as np
 
 #: Coefficients of a polynomial. The flow's series is cut where 2^n / n! and 0.22^n (`signals.STRIDE`) reach rounding.
 LENGTH = 25
 
-kernel = numba.njit(cache=True, error_model="numpy", fastmath={"contract"})
+# Entry [k, n] is n + k over n.
+_BINOMIAL = np.array([[float(math.comb(n + k, n)) for n in range(LENGTH)] for k in range(LENGTH)])
+
+kernel = numba.njit(cache=True, error_model="numpy", fastmath={"contract"}, forceinline=True, _nrt=False)
 """How every kernel is compiled: cached on disk; fused multiply-add allowed, reordering not."""
 
 
@@ -36,6 +42,13 @@ def value_and_derivatives(p, x):
 
 
 @kernel
+def copy(p, target):
+    """target = p."""
+    for n in range(LENGTH):
+        target[n] = p[n]
+
+
+@kernel
 def divide_by_root(p, a):
     """Replace p by p / (x - a), dropping the remainder p(a)."""
     carry = 0.0
@@ -53,13 +66,14 @@ def add_multiple(target, factor, p):
 
 
 @kernel
-def recentre(p, x, target):
-    """Coefficients of target(y) = p(x + y)."""
-    for n in range(LENGTH):
-        target[n] = p[n]
-    for first in range(LENGTH - 1):
-        for n in range(LENGTH - 2, first - 1, -1):
-            target[n] += x * target[n + 1]
+def recentre(p, x, terms, target):
+    """First `terms` coefficients of target(y) = p(x + y); the others become zero."""
+    target[:] = 0.0
+    power = 1.0
+    for k in range(LENGTH):
+        for n in range(min(terms, LENGTH - k)):
+            target[n] += power * (_BINOMIAL[k, n] * p[n + k])
+        power *= x
 
 
 @kernel

@@ -1,6 +1,6 @@
 """The first root of a guard, certified: no crossing is stepped over, and a graze is told from a hit."""
 
-from vibro_ros.solver.polynomial import LENGTH, differentiate, divide_by_root, kernel, value, value_and_derivatives
+from vibro_ros.solver.polynomial import LENGTH, copy, differentiate, divide_by_root, kernel, value, value_and_derivatives
 
 #: Returned when a guard stays non-negative to the end of the segment.
 NO_ROOT = 2.0
@@ -84,7 +84,7 @@ def first_root(p, a, noise, work):
         lower += min(p[n], 0.0)
     if lower > noise:
         return NO_ROOT
-    work[:] = p
+    copy(p, work)
     f = value(work, a)
     for _ in range(_DEEPEST_ZERO):
         if f > noise:

@@ -61,7 +61,7 @@ class State(NamedTuple):
         Start, approach and peak of each monitor that is on.
     root : ndarray, shape (rows,)
         First root of each guard row in the segment, or a negative number while it is not known.
-    work : ndarray, shape (at least 4, LENGTH)
+    work : ndarray, shape (4, LENGTH)
         Room for temporary polynomials.
     """
 
@@ -101,7 +101,7 @@ def new_state(system: System, position: np.ndarray, velocity: np.ndarray, phase_
         ramp=np.zeros((channels.ramps, 4)),
         monitor=np.zeros((system.monitor.shape[1], 3)),
         root=np.full(len(system.row), -1.0),
-        work=np.zeros((max(4, int(system.sizes[1])), LENGTH)),
+        work=np.zeros((4, LENGTH)),
     )
     n = channels.coordinates
     state.z[:n, 0] = position

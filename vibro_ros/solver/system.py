@@ -5,8 +5,8 @@ Coordinates q obey, in mode m, q'' = A_m z with the *channels*
     z = [q, q', f, f', r, r', 1]
 
 where f are periodic signals of a phase whose speed is constant or changes linearly, and r are
-ramps, which move to their targets at limited speed. The first `dynamic` coordinates may enter
-the right-hand sides; the others are driven only (nothing depends on them but guards and outputs), so
+ramps, which move to their targets at limited speed. Each of the first `dynamic` coordinates may enter
+its own right-hand side; the others are driven only (nothing depends on them but guards and outputs), so
 a mode that changes their equations alone leaves the flow of the dynamic ones as it is.
 
 Every guard is a linear combination g = G z that its mode keeps non-negative. When it turns
@@ -151,15 +151,11 @@ def longest_steps(acceleration: np.ndarray, channels: Channels, dynamic: int) ->
     ndarray, shape (m,)
         Infinite for a mode without an eigenvalue other than zero.
     """
-    modes = len(acceleration)
-    if dynamic == 0:
-        return np.full(modes, np.inf)
-    companion = np.zeros((modes, 2 * dynamic, 2 * dynamic))
-    companion[:, :dynamic, dynamic:] = np.eye(dynamic)
-    companion[:, dynamic:, :dynamic] = acceleration[:, :dynamic, :dynamic]
-    velocity = channels.velocity(0)
-    companion[:, dynamic:, dynamic:] = acceleration[:, :dynamic, velocity:velocity + dynamic]
-    fastest = np.abs(np.linalg.eigvals(companion)).max(axis=1)
+    own = np.arange(dynamic)
+    stiffness = acceleration[:, own, own]
+    damping = acceleration[:, own, channels.velocity(0) + own]
+    root = np.sqrt(damping.astype(complex) ** 2 / 4.0 + stiffness)
+    fastest = np.maximum(abs(damping / 2.0 + root), abs(damping / 2.0 - root)).max(axis=1, initial=0.0)
     with np.errstate(divide="ignore"):
         return RATE_LIMIT / fastest
 
