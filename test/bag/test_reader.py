@@ -1,0 +1,160 @@
+"""Reading recordings back as arrays."""
+
+import numpy as np
+import pytest
+
+from vibro_ros.bag.reader import BagError, MissingTopicError, read_bag
+from vibro_ros.bag.recorder import Recorder, Topic
+
+TYPES = {"odom": "nav_msgs/msg/Odometry", "joint_states": "sensor_msgs/msg/JointState",
+         "impacts": "geometry_msgs/msg/WrenchStamped", "motor_power": "std_msgs/msg/Float64"}
+N = 50
+
+
+def topics(namespace=""):
+    return [Topic(f"{namespace}/{name}", type_name, 10) for name, type_name in TYPES.items()]
+
+
+def write_run(recorder, published, start_ns, namespace="", count=N):
+    for i in range(count):
+        for topic, message in published.items():
+            recorder.write(namespace + topic, start_ns + i * 1_000_000, message(i))
+
+
+@pytest.fixture
+def bag(tmp_path, published, start_ns):
+    with Recorder(tmp_path / "run", topics(), {"scene": "device"}) as recorder:
+        write_run(recorder, published, start_ns)
+    return read_bag(tmp_path / "run")
+
+
+def test_times_are_recorded_stamps_from_the_first_message(bag, start_ns):
+    assert bag.start_ns == start_ns
+    assert bag.duration == pytest.approx(0.049, abs=1e-15)
+    for name in TYPES:  # 1e-15 s: the subtraction is done in integers
+        np.testing.assert_allclose(bag[name]["time"], 1e-3 * np.arange(N), rtol=0, atol=1e-15)
+
+
+def test_header_stamps_keep_the_nanosecond(bag):
+    np.testing.assert_allclose(bag["impacts"]["stamp"], 1e-3 * np.arange(N) - 1e-9, rtol=0, atol=1e-15)
+
+
+def test_odometry(bag):
+    odom, i = bag["odom"], np.arange(N)
+    zero = 0.0 * i
+    np.testing.assert_array_equal(odom["position"], np.column_stack([0.1 * i, zero, zero]))
+    np.testing.assert_array_equal(odom["orientation"], np.column_stack([zero, zero, zero, zero + 1.0]))
+    np.testing.assert_array_equal(odom["linear_velocity"], np.column_stack([-0.5 * i, zero, zero]))
+    np.testing.assert_array_equal(odom["angular_velocity"], np.column_stack([zero, zero, 2.0 * i]))
+
+
+def test_joint_states_by_joint(bag):
+    joints, i = bag["joint_states"], np.arange(N)
+    np.testing.assert_array_equal(joints["crank.position"], 0.1 * i)
+    np.testing.assert_array_equal(joints["upper_mass.velocity"], -1.0 * i)
+    np.testing.assert_array_equal(joints["crank.effort"], np.full(N, 0.5))
+
+
+def test_wrenches_with_their_frames(bag):
+    impacts, i = bag["impacts"], np.arange(N)
+    np.testing.assert_array_equal(impacts["force"][:, 2], 900.0 + i)
+    np.testing.assert_array_equal(impacts["torque"][:, 1], np.full(N, 0.5))
+    assert list(impacts["frame"]) == ["upper_plate", "inclined_plate"] * (N // 2)
+
+
+def test_numbers(bag):
+    np.testing.assert_array_equal(bag["motor_power"]["value"], 0.25 * np.arange(N))
+
+
+def test_counts_types_and_metadata(bag):
+    assert {name: (one.type_name, one.messages) for name, one in bag.topics.items()} == {
+        f"/{name}": (type_name, N) for name, type_name in TYPES.items()}
+    assert bag.metadata == {"scene": "device"}
+
+
+def test_empty_topics_give_empty_arrays_of_the_same_shape(tmp_path):
+    Recorder(tmp_path / "run", topics(), {}).close()
+    bag = read_bag(tmp_path / "run")
+    assert (bag.start_ns, bag.duration) == (0, 0.0)
+    assert bag["odom"]["position"].shape == (0, 3)
+    assert bag["impacts"]["frame"].shape == (0,)
+    assert list(bag["joint_states"]) == ["time", "stamp"]
+
+
+def test_namespaced_topics_are_found_by_their_last_part(tmp_path, published, start_ns):
+    with Recorder(tmp_path / "run", topics("/robot1"), {}) as recorder:
+        write_run(recorder, published, start_ns, "/robot1")
+    bag = read_bag(tmp_path / "run")
+    assert bag.full_name("odom") == "/robot1/odom"
+    assert bag["odom"] is bag["/robot1/odom"]
+
+
+def test_two_robots_in_a_bag_must_be_told_apart(tmp_path, published, start_ns):
+    with Recorder(tmp_path / "run", topics("/a") + topics("/b"), {}) as recorder:
+        write_run(recorder, published, start_ns, "/a", 2)
+        write_run(recorder, published, start_ns, "/b", 3)
+    bag = read_bag(tmp_path / "run")
+    with pytest.raises(MissingTopicError, match="odom is ambiguous; give one of /a/odom, /b/odom"):
+        bag["odom"]
+    assert (len(bag["/a/odom"]["time"]), len(bag["/b/odom"]["time"])) == (2, 3)
+
+
+def test_topic_of_the_same_name_and_another_type_is_not_taken(tmp_path):
+    Recorder(tmp_path / "run", [Topic("/odom", "std_msgs/msg/Float64", 1), Topic("/text", "std_msgs/msg/String", 1)],
+             {}).close()
+    bag = read_bag(tmp_path / "run")
+    assert "odom" not in bag
+    with pytest.raises(MissingTopicError, match=r"topic odom is missing; recorded topics: /odom \(std_msgs"):
+        bag["odom"]
+
+
+def test_missing_topic_is_an_error_of_one_plain_line(bag):
+    with pytest.raises(MissingTopicError) as raised:
+        bag["ground_contact"]
+    text = str(raised.value)
+    assert text.startswith(f"{bag.path}: topic ground_contact is missing; recorded topics: /odom (")
+    assert "\n" not in text
+
+
+def damaged(folder, published, start_ns, how):
+    with Recorder(folder, topics(), {}) as recorder:
+        write_run(recorder, published, start_ns)
+    how(folder)
+    return folder
+
+
+def cut(folder):
+    file = next(folder.glob("*.mcap"))
+    file.write_bytes(file.read_bytes()[:2000])
+
+
+@pytest.mark.parametrize(("how", "reason"), [
+    (lambda folder: (folder / "metadata.yaml").unlink(), "not sealed"),
+    (lambda folder: next(folder.glob("*.mcap")).unlink(), "damaged bag: Some database files are missing"),
+    (cut, "damaged bag"),
+    (lambda folder: next(folder.glob("*.mcap")).write_bytes(b""), "damaged bag"),
+    (lambda folder: (folder / "metadata.yaml").write_text("{"), "damaged bag: Could not load YAML"),
+    (lambda folder: (folder / "metadata.yaml").write_text("a: 1"), "damaged bag: A metadata key is missing"),
+], ids=["unsealed", "no file", "cut", "empty file", "not YAML", "other YAML"])
+def test_spoilt_bag_is_an_error_of_one_line(tmp_path, published, start_ns, how, reason):
+    folder = damaged(tmp_path / "run", published, start_ns, how)
+    with pytest.raises(BagError) as raised:
+        read_bag(folder)
+    assert str(raised.value).startswith(f"{folder}: ")
+    assert reason in str(raised.value)
+    assert "\n" not in str(raised.value)
+
+
+def test_unreadable_message_is_named(tmp_path, start_ns):
+    with Recorder(tmp_path / "run", topics(), {}) as recorder:
+        recorder.write("/odom", start_ns, b"\x00\x01\x00\x00short")
+    with pytest.raises(BagError, match=f"unreadable message on /odom at {start_ns} ns"):
+        read_bag(tmp_path / "run")
+
+
+def test_what_is_no_bag_is_an_error_that_says_so(tmp_path):
+    (tmp_path / "file").write_text("")
+    (tmp_path / "folder").mkdir()
+    for name, reason in (("nowhere", "no such folder"), ("file", "a file, not a bag"), ("folder", "not a bag")):
+        with pytest.raises(BagError, match=f"{name}: {reason}"):
+            read_bag(tmp_path / name)

@@ -1,0 +1,75 @@
+"""Executable ``report``: sum a recording up in words, numbers and a picture."""
+
+import argparse
+import json
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from vibro_ros.bag.reader import BagError, read_bag
+from vibro_ros.study.plots import plot_run
+from vibro_ros.study.summary import as_caption, as_text, summarise
+
+
+def write_report(bag_folder: Path, output: Path | None = None) -> tuple[str, tuple[Path, ...]]:
+    """Write summary.txt, summary.json and report.png about a recording.
+
+    Parameters
+    ----------
+    bag_folder : Path
+        The recording; nothing is ever written into it.
+    output : Path, optional
+        Where to write, made when missing; ``<bag folder>_report`` beside the recording by default.
+
+    Returns
+    -------
+    str, tuple of Path
+        The summary for people, and the files written.
+
+    Raises
+    ------
+    BagError
+        When the recording cannot be read or `output` lies inside it.
+    OSError
+        When `output` cannot be written.
+    """
+    folder = Path(bag_folder).resolve()
+    output = Path(output).resolve() if output else folder.with_name(f"{folder.name}_report")
+    if output.is_relative_to(folder):
+        raise BagError(f"{output}: lies inside the recording, which is never written to; give another --output")
+    bag = read_bag(folder)
+    summary = summarise(bag)
+    text, figure = as_text(summary), plot_run(bag, as_caption(summary))
+    output.mkdir(parents=True, exist_ok=True)
+    files = tuple(output / name for name in ("summary.txt", "summary.json", "report.png"))
+    files[0].write_text(text, encoding="utf-8")
+    files[1].write_text(json.dumps(summary, indent=2, ensure_ascii=False) + "\n", encoding="utf-8")
+    figure.savefig(files[2])
+    return text, files
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the executable; returns its exit code, 2 when the recording cannot be reported on."""
+    parser = argparse.ArgumentParser(prog="report", description="Sum up a recording of the robot: distance, speed, "
+                                     "impacts, power and gaps as text and JSON, and a picture of the motion.")
+    parser.add_argument("bag", type=Path, metavar="BAG_FOLDER", help="folder of the recording")
+    parser.add_argument("--output", type=Path, metavar="DIR", help="where to write (default: BAG_FOLDER_report)")
+    options = parser.parse_args(arguments)
+    try:
+        text, files = write_report(options.bag, options.output)
+    except BagError as error:
+        return _failed(str(error))
+    except OSError as error:
+        return _failed(f"{error.filename}: cannot write: {error.strerror}; give a writable --output")
+    print(text)
+    print("\n".join(map(str, files)))
+    return 0
+
+
+def _failed(reason: str) -> int:
+    print(f"report: {reason}", file=sys.stderr)
+    return 2
+
+
+if __name__ == "__main__":
+    sys.exit(main())
