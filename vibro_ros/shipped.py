@@ -25,7 +25,7 @@ def config_folder() -> Path:
         if place.is_dir():
             return place
     looked_for = ", ".join(map(str, places))
-    raise FileNotFoundError(f"vibro_ros was installed without its config folder (looked for {looked_for}); reinstall it")
+    raise FileNotFoundError(f"vibro_ros is installed without its config folder (looked for {looked_for}); reinstall it")
 
 
 def _places(package: Path) -> Iterator[Path]:
@@ -38,6 +38,7 @@ def _places(package: Path) -> Iterator[Path]:
     """
     if (package.parent / "package.xml").is_file():
         yield package.parent / "config"
-    prefixes = [*package.parents, *map(Path, filter(None, os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep)))]
-    for prefix in prefixes:  # <prefix>/lib/python3.x/site-packages/vibro_ros; Debian puts `local/` in between
+    # <prefix>/lib/python3.x/site-packages/vibro_ros; Debian puts `local/` before `lib/`.
+    underlays = filter(None, os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep))
+    for prefix in [*package.parents[:5], *map(Path, underlays)]:
         yield prefix / "share" / "vibro_ros" / "config"

@@ -1,0 +1,66 @@
+# `make` lists the commands. `make setup PYTHON=python3.12` chooses the interpreter; .venv then stays with it.
+
+VENV := .venv
+BIN := $(VENV)/bin
+PACKAGES := $(VENV)/packages.done
+READY := $(VENV)/ready.done
+PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet --quiet
+PYTHON ?= python3
+
+# .venv holds its own ROS 2: a sourced installation must not be mixed in, nor another venv's mark that its libraries are found.
+ifdef AMENT_PREFIX_PATH
+unexport PYTHONPATH LD_LIBRARY_PATH
+endif
+unexport _ROS_WHEELS_BOOTSTRAP_COMPLETE
+export AMENT_PREFIX_PATH := $(CURDIR)/$(VENV)
+
+# An interpreter named by the caller wins over the one that .venv was made with.
+ifneq ($(origin PYTHON),file)
+ifneq ($(shell cat $(PACKAGES) 2>/dev/null),$(shell $(PYTHON) -c 'import platform; print(platform.python_version())' 2>&1))
+$(PACKAGES): another-python
+endif
+endif
+
+.PHONY: help setup demo test lint bench clean another-python
+
+help:  ## list these commands
+	@sed -n 's/^\([a-z]*\):[^#]*## /  make \1\t/p' $(MAKEFILE_LIST) | expand -t 14
+
+setup: $(READY)  ## make .venv with every pinned package; quick when nothing has changed
+	@echo "setup: $(VENV) is ready, with Python $$(cat $(PACKAGES))"
+
+demo: $(READY)  ## run robot and controller for about 20 s, record, report into out/
+	@$(BIN)/python -m vibro_ros.study.demo
+
+test: $(READY)  ## run every test
+	@$(BIN)/python -m pytest
+
+lint: $(READY)  ## check the style
+	@$(BIN)/ruff check
+
+bench: $(READY)  ## compare the exact solver's cost with fixed-step Runge-Kutta
+	@$(BIN)/python -m vibro_ros.study.bench
+
+clean:  ## remove .venv and all that is built; out/ stays
+	@rm -rf $(VENV) build install log *.egg-info .pytest_cache .ruff_cache .hypothesis
+	@find . -name __pycache__ -type d -prune -exec rm -rf {} +
+	@echo "clean: done"
+
+# The stamps are written last, so that an interrupted setup starts anew.
+$(PACKAGES): export PIP_CONSTRAINT := requirements.txt  # empy comes as source; pip builds it with the pinned setuptools
+$(PACKAGES): requirements.txt
+	@$(PYTHON) -c 'import sys; sys.exit(not (3, 10) <= sys.version_info[:2] <= (3, 13))' 2>/dev/null || { \
+		echo "setup: $(PYTHON) is $$($(PYTHON) -V 2>/dev/null || echo missing), and Python 3.10 to 3.13 is needed;" \
+			"name another one: make setup PYTHON=python3.12" >&2; \
+		exit 2; }
+	@echo "setup: making $(VENV) with $$($(PYTHON) -V)"
+	@$(PYTHON) -m venv --clear $(VENV)
+	@echo "setup: installing $$(grep -c == $<) pinned packages (800 MB on disk; a minute or two)"
+	@$(PIP) install --use-pep517 --no-deps --requirement $<
+	@$(BIN)/python -m pip check >/dev/null || { $(BIN)/python -m pip check; exit 1; }
+	@$(BIN)/python -c 'import platform; print(platform.python_version())' > $@
+
+$(READY): $(PACKAGES) setup.py setup.cfg package.xml
+	@echo "setup: installing vibro_ros from this folder"
+	@$(PIP) install --use-pep517 --no-build-isolation --no-deps --editable .
+	@touch $@

@@ -1,0 +1,66 @@
+"""Install vibro_ros with pip, or with colcon in a ROS 2 workspace."""
+
+from pathlib import Path
+from xml.etree import ElementTree
+
+from setuptools import find_packages, setup
+
+PACKAGE = ElementTree.parse("package.xml").getroot()  # name, version and the like are written there only
+NAME = PACKAGE.findtext("name")
+SHARE = f"share/{NAME}"
+
+
+def config_files() -> list[tuple[str, list[str]]]:
+    """Return every file below config/ with the folder it is installed to."""
+    files = sorted(file for file in Path("config").rglob("*") if file.is_file())
+    return [(f"{SHARE}/{file.parent}", [str(file)]) for file in files]
+
+
+setup(
+    name=NAME,
+    version=PACKAGE.findtext("version"),
+    description=PACKAGE.findtext("description"),
+    maintainer=PACKAGE.findtext("maintainer"),
+    maintainer_email=PACKAGE.find("maintainer").get("email"),
+    license=PACKAGE.findtext("license"),
+    packages=find_packages(include=[NAME, f"{NAME}.*"]),
+    data_files=[
+        ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
+        (SHARE, ["package.xml"]),
+        *config_files(),
+    ],
+    zip_safe=True,
+    python_requires=">=3.10,<3.14",
+    install_requires=["matplotlib", "numba", "numpy", "PyYAML", "rosbags==0.11.9"],
+    extras_require={
+        # ROS 2 Jazzy as wheels; not asked for by default, so that an apt installation is never shadowed.
+        "ros": [
+            "ros-jazzy-geometry-msgs",
+            "ros-jazzy-nav-msgs",
+            "ros-jazzy-rclpy==7.1.6",
+            "ros-jazzy-rmw-fastrtps-cpp",
+            "ros-jazzy-sensor-msgs",
+            "ros-jazzy-std-msgs",
+        ],
+        "test": [
+            "catkin-pkg",
+            "colcon-common-extensions",
+            "hypothesis",
+            "mcap",
+            "mpmath",
+            "packaging",
+            "pytest",
+            "python-flint",
+            "ruff",
+            "scipy",
+            "setuptools<80",  # later ones break colcon's `develop` and `install_scripts`
+        ],
+    },
+    entry_points={
+        "console_scripts": [
+            "controller = vibro_ros.ros.controller:main",
+            "report = vibro_ros.study.report:main",
+            "robot = vibro_ros.ros.robot:main",
+        ],
+    },
+)
