@@ -1,6 +1,9 @@
 from pathlib import Path
 
 import pytest
+import rclpy
+from rclpy.context import Context
+from rclpy.node import Node
 
 from vibro_ros.ros.ros_arguments import check_addressed, check_arguments, own_arguments
 
@@ -75,3 +78,24 @@ def test_a_section_for_another_node_is_refused(tmp_path: Path, section: str):
     path = params_file(tmp_path, f"{section}:\n  ros__parameters:\n    gravity: 9.81\n")
     with pytest.raises(ValueError, match="none for this node; address them to /lab/vibro_robot"):
         check_addressed([path], "/lab/vibro_robot")
+
+
+@pytest.mark.parametrize("section", [
+    "/**", "/lab/vibro_robot", "lab/vibro_robot", "/*/vibro_robot", "/**/vibro_robot", "/lab/*", "/lab/**",
+    "vibro_robt", "/vibro_robot", "/*", "/lab", "/hall/*", "/lab/vibro_robot/**/x",
+])
+def test_it_agrees_with_rcl_about_whom_a_section_is_for(tmp_path: Path, domain_id: int, section: str):
+    path = params_file(tmp_path, f"{section}:\n  ros__parameters:\n    gravity: 9.81\n")
+    context = Context()
+    rclpy.init(context=context, domain_id=domain_id,
+               args=["--ros-args", "-r", "__ns:=/lab", "--params-file", str(path)])
+    node = Node("vibro_robot", context=context, automatically_declare_parameters_from_overrides=True)
+    given = node.has_parameter("gravity")
+    node.destroy_node()
+    rclpy.shutdown(context=context)
+    try:
+        check_addressed([path], "/lab/vibro_robot")
+    except ValueError:
+        assert not given
+    else:
+        assert given

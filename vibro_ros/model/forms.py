@@ -4,6 +4,9 @@ A form is an array, shape (channels,); its value is the scalar product with z (`
 The symbols, with eq. numbers of the paper: u = zeta_2, w = xi_3 (positions of the masses), s = zeta_B or
 xi_C (sliders, eqs. 2 and 3), E and H (plates), F2 and F3 (total force of spring and contact on a mass, eq. 1),
 N (normal force, eq. 6 without the friction coefficient), F_in (eq. 7).
+
+The masses' equations m2 u'' = -F2 and m3 w'' = -F3 turn N and F_in into forms of the accelerations,
+which hold whether a plate is in contact or not.
 """
 
 import math
@@ -40,7 +43,8 @@ class Forms:
         self.guides = scene.guides
         self.plates = tuple(side for side in self.guides if scene[f"effects.{side}_contact"] != "none")
         self.body_moves = "inclined" in self.guides and math.sin(scene["guide.angle"]) != 0.0
-        self.channels = Channels(len(self.guides) + self.body_moves, len(self.guides), len(self.plates))
+        self.channels = Channels(len(self.guides) + self.body_moves, len(self.guides), len(self.guides),
+                                 len(self.plates))
 
     def _unit(self, channel: int) -> Form:
         form = np.zeros(self.channels.count)
@@ -99,17 +103,24 @@ class Forms:
 
     def guide_force(self, side: str, closed: frozenset[str]) -> Form:
         """F2 or F3 [N], with the plates of `closed` in contact."""
-        force = self.drive_force(side) if side in self.guides else self.zero
+        force = self.drive_force(side)
         return force + self.plate_force(side) if side in closed else force
 
-    def normal_force(self, closed: frozenset[str]) -> Form:
-        """N = M g - F2 - F3 cos(phi) [N], eq. (6); M g by the rule `weight`."""
+    def normal_force(self) -> Form:
+        """N = M g + m2 u'' + m3 w'' cos(phi) [N], eq. (6); M g by the rule `weight`."""
         normal = self._scene.total_mass * self._scene["gravity"] * self.one
         if self._scene["effects.normal_force"] == "weight":
             return normal
         tilt = math.cos(self._scene["guide.angle"])
-        return normal - self.guide_force("upper", closed) - tilt * self.guide_force("inclined", closed)
+        return normal + self._inertia("upper") + tilt * self._inertia("inclined")
 
-    def inertial_force(self, closed: frozenset[str]) -> Form:
-        """F_in = -F3 sin(phi) [N], eq. (7)."""
-        return -math.sin(self._scene["guide.angle"]) * self.guide_force("inclined", closed)
+    def inertial_force(self) -> Form:
+        """F_in = m3 w'' sin(phi) [N], eq. (7)."""
+        return math.sin(self._scene["guide.angle"]) * self._inertia("inclined")
+
+    def _inertia(self, side: str) -> Form:
+        """m2 u'' or m3 w'' [N]; zero without the mass."""
+        if side not in self.guides:
+            return self.zero
+        acceleration = self._unit(self.channels.acceleration(self.guides.index(side)))
+        return self._scene[f"mass.{side}"] * acceleration

@@ -104,12 +104,12 @@ class ModeBuilder:
                   for side in self.forms.guides]
         if not self.forms.body_moves:
             return masses
-        resultant = self.forms.inertial_force(mode.closed) - self.friction_force(mode)
+        resultant = self.forms.inertial_force() - self.friction_force(mode)
         return [*masses, resultant / self._scene.total_mass]
 
     def friction_force(self, mode: Mode) -> Form:
         """F_fr in `mode` [N]."""
-        normal, inertial = self.forms.normal_force(mode.closed), self.forms.inertial_force(mode.closed)
+        normal, inertial = self.forms.normal_force(), self.forms.inertial_force()
         return self.friction.force(mode.states[-1], normal, inertial)
 
     def guards(self, mode: Mode):
@@ -118,7 +118,7 @@ class ModeBuilder:
             for guard in contact.guards(mode.states[k]):
                 yield guard, self._targets(mode, k, guard.targets)
         if self.forms.body_moves:
-            normal, inertial = self.forms.normal_force(mode.closed), self.forms.inertial_force(mode.closed)
+            normal, inertial = self.forms.normal_force(), self.forms.inertial_force()
             for guard in self.friction.guards(mode.states[-1], normal, inertial):
                 yield guard, self._targets(mode, len(self.contacts), guard.targets)
 
@@ -137,7 +137,7 @@ class ModeBuilder:
             rows[f"{side}_plate_position"], rows[f"{side}_plate_velocity"] = forms.plate(side)
             if side in mode.closed:
                 rows[f"{side}_plate_force"] = forms.plate_force(side)
-        rows |= {"normal_force": forms.normal_force(mode.closed), "friction_force": self.friction_force(mode)}
+        rows |= {"normal_force": forms.normal_force(), "friction_force": self.friction_force(mode)}
         return np.array([rows.get(name, forms.zero) for name in OUTPUTS])
 
 
@@ -150,12 +150,11 @@ def compile_scene(scene) -> Model:
                     for side in forms.guides)
     acceleration = np.array([builder.equations(mode) for mode in builder.modes])
     acceleration = acceleration.reshape(len(builder.modes), channels.coordinates, channels.count)
-    dynamic = len(forms.guides)
     system = System(
-        sizes=np.array([channels.coordinates, dynamic, channels.signals, channels.ramps]),
+        sizes=np.array(channels),
         acceleration=acceleration,
-        flow=flow_numbers(acceleration, dynamic),
-        longest_step=longest_steps(acceleration, channels, dynamic),
+        flow=flow_numbers(acceleration, channels.dynamic),
+        longest_step=longest_steps(acceleration, channels),
         **_guard_tables(builder),
         event=_event_table(builder),
         **_monitor_tables(builder),

@@ -8,7 +8,7 @@ import math
 
 from vibro_ros.solver.flow import solve_driven, solve_dynamic
 from vibro_ros.solver.forcing import advance_forcing, choose_duration, fill_forcing, phase_at
-from vibro_ros.solver.polynomial import LENGTH, add_multiple, kernel, value
+from vibro_ros.solver.polynomial import add_multiple, kernel, value
 from vibro_ros.solver.roots import NO_ROOT, SEARCH_FAILED, first_root, maximum
 from vibro_ros.solver.state import (
     ANCHOR, APPROACH, DURATION, GUARD, MODE, NEXT, PEAK, SEGMENTS, SINCE, STANDSTILLS, START, START_RESIDUE, TURNS,
@@ -102,12 +102,9 @@ def _continue_segment(system, state, position, velocity):
 
 @kernel
 def _read(state, tau, point):
-    """Values of all channels at `tau`, into point, shape (channels,)."""
+    """Values of the first len(point) channels at `tau`."""
     for channel in range(len(point)):
-        point[channel] = state.z[channel, LENGTH - 1]
-    for n in range(LENGTH - 2, -1, -1):
-        for channel in range(len(point)):
-            point[channel] = point[channel] * tau + state.z[channel, n]
+        point[channel] = value(state.z[channel], tau)
 
 
 @kernel
@@ -218,13 +215,14 @@ def _end_segment(system, state, point, events, count):
 def _pass_event(system, state, point, events, count):
     """Do what happens at NEXT: the end of the segment or a change of mode; returns (success, number of events)."""
     tau = state.clock[NEXT]
-    _read(state, tau, point)
     _update_peaks(system, state, tau)
     guard = state.index[GUARD]
     if guard == NOTHING:
+        _read(state, tau, point[:2 * system.sizes[0]])
         state.index[STANDSTILLS] = 0
         return _end_segment(system, state, point, events, count)
     state.index[STANDSTILLS] = 0 if tau > state.clock[ANCHOR] else state.index[STANDSTILLS] + 1
+    _read(state, tau, point)
     coordinates, dynamic = system.sizes[0], system.sizes[1]
     previous = state.index[MODE]
     halted = system.halt[previous, guard]

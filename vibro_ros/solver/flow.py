@@ -9,8 +9,8 @@ from vibro_ros.solver.state import ANCHOR, DURATION, MODE
 
 
 @kernel
-def _solve_oscillator(load, stiffness, damping, h, q, v):
-    """Series of q and v = q' with q'' = load + stiffness q + damping v, from their constant terms."""
+def _solve_oscillator(load, stiffness, damping, h, q, v, a):
+    """Series of q, v = q' and a = q'' = load + stiffness q + damping v, from the constant terms of q and v."""
     position, velocity = q[0], v[0]
     for n in range(LENGTH - 1):
         step = h / (n + 1)
@@ -19,6 +19,7 @@ def _solve_oscillator(load, stiffness, damping, h, q, v):
         velocity = acceleration * step
         q[n + 1] = position
         v[n + 1] = velocity
+        a[n] = acceleration
 
 
 @kernel
@@ -30,13 +31,18 @@ def solve_dynamic(system, state):
     for i in range(dynamic):
         row = system.acceleration[state.index[MODE], i]
         load[:] = 0.0
-        for channel in range(2 * coordinates, len(z)):
+        scale = 0.0
+        for channel in range(2 * coordinates + dynamic, len(z)):
             if row[channel] != 0.0:
                 add_multiple(load, row[channel], z[channel])
+                scale += abs(row[channel]) * state.scale[channel]
         q, v = z[i], z[coordinates + i]
-        _solve_oscillator(load, row[i], row[coordinates + i], h, q, v)
+        stiffness, damping = row[i], row[coordinates + i]
+        _solve_oscillator(load, stiffness, damping, h, q, v, z[2 * coordinates + i])
         state.scale[i] = abs(q[0]) + abs(q[1])
         state.scale[coordinates + i] = abs(v[0]) + abs(v[1])
+        scale += abs(stiffness) * state.scale[i] + abs(damping) * state.scale[coordinates + i]
+        state.scale[2 * coordinates + i] = scale
 
 
 @kernel

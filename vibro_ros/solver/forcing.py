@@ -71,7 +71,7 @@ def _terms(cells):
 def fill_forcing(system, state):
     """Polynomials of the signals, the ramps and their rates over the segment."""
     clock, z = state.clock, state.z
-    coordinates, signals, ramps = system.sizes[0], system.sizes[2], system.sizes[3]
+    first, signals, ramps = 2 * system.sizes[0] + system.sizes[1], system.sizes[2], system.sizes[3]
     cell = state.index[CELL]
     width = system.signals.start[cell + 1] - system.signals.start[cell]
     duration = clock[DURATION]
@@ -79,7 +79,7 @@ def fill_forcing(system, state):
     b = 0.5 * clock[SPEED_CHANGE] * duration * duration / width
     terms = _terms(a + 2.0 * abs(b))
     for k in range(signals):
-        channel = 2 * coordinates + k
+        channel = first + k
         series = system.signals.series[cell, k]
         if clock[OFFSET] > 0.0:
             recentre(series, clock[OFFSET] / width, terms, state.work[0])
@@ -87,12 +87,12 @@ def fill_forcing(system, state):
         substitute(series, a, b, z[channel])
         differentiate(z[channel], duration, z[channel + signals])
     for k in range(ramps):
-        channel = 2 * (coordinates + signals) + k
+        channel = first + 2 * signals + k
         z[channel, 0] = state.ramp[k, VALUE]
         z[channel, 1] = state.ramp[k, RATE] * duration
         z[channel + ramps, 0] = state.ramp[k, RATE]
     z[len(z) - 1, 0] = 1.0
-    for channel in range(2 * coordinates, len(z)):
+    for channel in range(first, len(z)):
         state.scale[channel] = abs(z[channel, 0]) + abs(z[channel, 1])
 
 

@@ -92,7 +92,7 @@ def new_state(system: System, position: np.ndarray, velocity: np.ndarray, phase_
     mode : int
         A mode whose guards hold, at least just after the start.
     """
-    channels = Channels(*(int(system.sizes[i]) for i in (0, 2, 3)))
+    channels = Channels(*(int(size) for size in system.sizes))
     state = State(
         z=np.zeros((channels.count, LENGTH)),
         scale=np.zeros(channels.count),

@@ -2,12 +2,12 @@
 
 Coordinates q obey, in mode m, q'' = A_m z with the *channels*
 
-    z = [q, q', f, f', r, r', 1]
+    z = [q, q', a, f, f', r, r', 1]
 
-where f are periodic signals of a phase whose speed is constant or changes linearly, and r are
+where a = q'' of the dynamic coordinates, f are periodic signals of a phase whose speed is constant or changes linearly, and r are
 ramps, which move to their targets at limited speed. Each of the first `dynamic` coordinates may enter
-its own right-hand side; the others are driven only (nothing depends on them but guards and outputs), so
-a mode that changes their equations alone leaves the flow of the dynamic ones as it is.
+its own right-hand side, with the forcing; the others are driven by all of these, and nothing depends on them
+but guards and outputs, so that a mode which changes their equations alone leaves the flow of the dynamic ones as it is.
 
 Every guard is a linear combination g = G z that its mode keeps non-negative. When it turns
 negative the event loop stops there, sets a velocity to exactly zero if the guard says so, and enters the
@@ -30,13 +30,14 @@ class Channels(NamedTuple):
     """Where each channel stands in z."""
 
     coordinates: int
+    dynamic: int
     signals: int
     ramps: int
 
     @property
     def count(self) -> int:
         """Length of z."""
-        return 2 * (self.coordinates + self.signals + self.ramps) + 1
+        return 2 * (self.coordinates + self.signals + self.ramps) + self.dynamic + 1
 
     def position(self, i: int) -> int:
         """Channel of coordinate i."""
@@ -46,21 +47,25 @@ class Channels(NamedTuple):
         """Channel of coordinate i's time derivative."""
         return self.coordinates + i
 
+    def acceleration(self, i: int) -> int:
+        """Channel of dynamic coordinate i's second time derivative."""
+        return 2 * self.coordinates + i
+
     def signal(self, k: int) -> int:
         """Channel of signal k."""
-        return 2 * self.coordinates + k
+        return 2 * self.coordinates + self.dynamic + k
 
     def signal_rate(self, k: int) -> int:
         """Channel of signal k's time derivative."""
-        return 2 * self.coordinates + self.signals + k
+        return self.signal(self.signals) + k
 
     def ramp(self, k: int) -> int:
         """Channel of ramp k."""
-        return 2 * (self.coordinates + self.signals) + k
+        return self.signal(2 * self.signals) + k
 
     def ramp_rate(self, k: int) -> int:
         """Channel of ramp k's time derivative."""
-        return 2 * (self.coordinates + self.signals) + self.ramps + k
+        return self.ramp(self.ramps) + k
 
     @property
     def one(self) -> int:
@@ -134,7 +139,7 @@ class System(NamedTuple):
     signals: SignalTable
 
 
-def longest_steps(acceleration: np.ndarray, channels: Channels, dynamic: int) -> np.ndarray:
+def longest_steps(acceleration: np.ndarray, channels: Channels) -> np.ndarray:
     """Longest segment of each mode [s], from the fastest eigenvalue of its dynamic coordinates.
 
     Parameters
@@ -143,15 +148,13 @@ def longest_steps(acceleration: np.ndarray, channels: Channels, dynamic: int) ->
         Rows of A.
     channels : Channels
         Layout of the rows.
-    dynamic : int
-        Number of dynamic coordinates.
 
     Returns
     -------
     ndarray, shape (m,)
         Infinite for a mode without an eigenvalue other than zero.
     """
-    own = np.arange(dynamic)
+    own = np.arange(channels.dynamic)
     stiffness = acceleration[:, own, own]
     damping = acceleration[:, own, channels.velocity(0) + own]
     root = np.sqrt(damping.astype(complex) ** 2 / 4.0 + stiffness)

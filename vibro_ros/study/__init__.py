@@ -1,1 +1,1 @@
-"""Offline tools and plots, started from the command line."""
+"""Offline tools: benchmarks, reports, plots, the demo."""
