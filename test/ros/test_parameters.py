@@ -9,6 +9,11 @@ from vibro_ros.model.parameters import SCENE_PARAMETERS
 from vibro_ros.ros.parameters import descriptor
 from vibro_ros.scene_file import DEVICE_PARAMETERS, load_scene
 
+KINDS = {
+    bool: (ParameterType.PARAMETER_BOOL, "bool_value"),
+    str: (ParameterType.PARAMETER_STRING, "string_value"),
+    float: (ParameterType.PARAMETER_DOUBLE, "double_value"),
+}
 TABLE = (*DEVICE_PARAMETERS, *SCENE_PARAMETERS)
 
 
@@ -41,15 +46,15 @@ def test_every_parameter_is_there_with_range_description_and_value(ask):
         assert parameter.description in shown.description
         assert parameter.unit in shown.description
         assert all(choice in shown.additional_constraints for choice in parameter.choices)
-        kind, field = {bool: (ParameterType.PARAMETER_BOOL, "bool_value"), str: (ParameterType.PARAMETER_STRING, "string_value"),
-                       float: (ParameterType.PARAMETER_DOUBLE, "double_value")}[type(parameter.default)]
+        kind, field = KINDS[type(parameter.default)]
         assert (shown.type, value.type) == (kind, kind), parameter.name
         assert getattr(value, field) == expected[parameter.name], parameter.name
 
 
 def test_a_parameter_that_is_fixed_cannot_be_set(ask):
     value = ParameterValue(type=ParameterType.PARAMETER_DOUBLE, double_value=3.0)
-    (result,) = ask(SetParameters, "set_parameters", parameters=[ParameterMessage(name="mass.body", value=value)]).results
+    wanted = ParameterMessage(name="mass.body", value=value)
+    (result,) = ask(SetParameters, "set_parameters", parameters=[wanted]).results
     assert not result.successful
     assert "read-only" in result.reason
 
