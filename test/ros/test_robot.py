@@ -1,6 +1,8 @@
 """The robot as a process of its own, commanded and heard over DDS."""
 
+import json
 import math
+import resource
 import signal
 import time
 from pathlib import Path
@@ -120,7 +122,9 @@ def test_it_moves_as_the_simulation_says_and_the_bag_holds_every_message(start, 
 
     start_ns = recorded["/odom"][0][0]
     assert [stamp for stamp, _ in recorded["/odom"]] == [start_ns + PERIOD * i for i in range(len(recorded["/odom"]))]
-    assert read_bag(folder).metadata["start"] == str(start_ns)
+    metadata = read_bag(folder).metadata
+    assert (metadata["scene"], metadata["start"]) == ("device", str(start_ns))
+    assert json.loads(metadata["parameters"])["upper.spring.damping"] == 2.0
     compare_with_simulation(folder, start_ns, recorded)
 
 
@@ -304,3 +308,16 @@ def test_a_stall_is_dropped_and_told_and_the_stamps_stay_even(start, bench, tmp_
     bag = read_bag(tmp_path / stop(robot))
     # [s] stamps are whole nanoseconds, and doubles of about 10 s
     np.testing.assert_allclose(np.diff(bag["odom"]["stamp"]), PERIOD * 1e-9, rtol=0.0, atol=1e-12)
+
+
+def test_a_disk_that_fails_is_told_and_the_robot_goes_on(start, bench):
+    robot = start("robot")
+    operator = Operator(bench)
+    operator.wait_for_robot()
+    resource.prlimit(robot.pid, resource.RLIMIT_FSIZE, (1, 1))  # [bytes] every further write to a file fails
+    assert "[ERROR]" in robot.wait_for("not recorded: recording to vibro_robot_")
+    operator.spin_for_samples(20)
+    robot.send(signal.SIGINT)
+    assert robot.end() == 1
+    assert robot.lines[-1].startswith("robot: recording to vibro_robot_")
+    assert "Traceback" not in robot.text

@@ -78,8 +78,9 @@ def _operate(node: Node, executor: Executor, settings: Mapping[str, Value], scen
 
 
 def _metadata(settings: Mapping[str, Value], scene: Scene, start: int) -> dict[str, str]:
-    """What the bag says of itself: every parameter (JSON), and the ROS time [ns] of simulated time 0."""
-    return {"parameters": json.dumps({**settings, **scene.parameters}), "start": str(start)}
+    """What the bag says of itself: the scene, every parameter (JSON), and the ROS time [ns] of simulated time 0."""
+    parameters = json.dumps({**settings, **scene.parameters})
+    return {"scene": str(settings["scene"]), "parameters": parameters, "start": str(start)}
 
 
 def _parser() -> process.Parser:
