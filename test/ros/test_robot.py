@@ -190,6 +190,16 @@ def test_a_signal_ends_it_cleanly(start, tmp_path, number, awaited):
     assert awaited == "compiling" or len(list(tmp_path.glob("vibro_robot_*"))) == 1
 
 
+def test_an_impatient_user_changes_nothing(start, tmp_path):
+    robot = start("robot")
+    robot.wait_for("ready")
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGINT):
+        robot.send(number)
+    assert robot.end() == 0, robot.text
+    (folder,) = tmp_path.glob("vibro_robot_*")
+    assert "odom" in read_bag(folder)
+
+
 BAD_PARAMETERS = {
     "out of range": (["-p", "mass.body:=-1.0"], "mass.body: -1 is out of range; give a number above 0"),
     "wrong type": (["-p", "mass.body:=heavy"], "mass.body: 'heavy' is not a number; give a number above 0"),

@@ -3,7 +3,7 @@
 SIGINT and SIGTERM are taken here instead of by rclpy: rclpy's handlers shut the context down under the
 threads that still publish, and a wait without end may then never return. While a process starts, a signal
 interrupts it at once; once it runs, a signal is a request that its loop polls, so that it can say a last
-word (seal the bag, stop the motor) while ROS is still up.
+word (seal the bag, stop the motor) while ROS is still up; once it ends, further signals change nothing.
 """
 
 import argparse
@@ -51,7 +51,7 @@ class StopRequest:
         return self
 
     def __exit__(self, *_: object) -> None:
-        _on_stop_signals(signal.default_int_handler)
+        _on_stop_signals(signal.SIG_IGN)
 
     def __bool__(self) -> bool:
         return self.signal is not None
@@ -61,7 +61,7 @@ class StopRequest:
 
 
 def exit_code(program: str, body: Callable[[], int], interrupted: int) -> int:
-    """Run `body`; a foreseen error is one line on stderr, never a traceback.
+    """Run `body` as the whole of this process; a foreseen error is one line on stderr, never a traceback.
 
     Parameters
     ----------
@@ -77,7 +77,7 @@ def exit_code(program: str, body: Callable[[], int], interrupted: int) -> int:
     int
         What `body` returned; 2 for bad input (ValueError), 1 for a failure (RuntimeError, OSError).
     """
-    _on_stop_signals(signal.default_int_handler)
+    _on_stop_signals(_interrupt)
     try:
         return body()
     except KeyboardInterrupt:
@@ -89,6 +89,8 @@ def exit_code(program: str, body: Callable[[], int], interrupted: int) -> int:
     except (RuntimeError, OSError) as error:
         _say(program, str(error))
         return FAILURE
+    finally:
+        _on_stop_signals(signal.SIG_IGN)
 
 
 @contextmanager
@@ -127,7 +129,13 @@ def spin_until(executor: Executor, done: Callable[[], bool], poll: float = POLL)
         executor.spin_once(timeout_sec=poll)
 
 
-def _on_stop_signals(receive: Callable[[int, FrameType | None], None]) -> None:
+def _interrupt(number: int, frame: FrameType | None) -> None:
+    """Leave what is being started, once."""
+    _on_stop_signals(signal.SIG_IGN)
+    raise KeyboardInterrupt
+
+
+def _on_stop_signals(receive: Callable[[int, FrameType | None], None] | signal.Handlers) -> None:
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, receive)
 
