@@ -45,18 +45,20 @@ entries:
     entries:
       - {for: 0.1, motor_speed: 20.0}
       - {for: 0.1, motor_speed: 0.0}
+  - {for: 0.1, motor_speed: 0.0}
 """), "--ros-args", "-p", "rate:=20.0")
     listener.spin_until_ended(controller)
     assert controller.end() == 0, controller.text
-    ramp = listener.heard["motor_speed"][:-4]
+    ramp = listener.heard["motor_speed"][:-5]
     assert ramp == pytest.approx([0.0, 2.5, 5.0, 7.5], abs=1e-12)
-    assert listener.heard["motor_speed"][-4:] == [20.0, 0.0, 20.0, 0.0]
+    assert listener.heard["motor_speed"][-5:] == [20.0, 0.0, 20.0, 0.0, 0.0]  # every entry sends what it gives
     assert listener.heard["upper_gap"] == [0.001]
     assert listener.heard["inclined_gap"] == []
     entries = [line.split("]: ")[1] for line in controller.lines if "]: entry" in line]
     assert entries == [
         "entry 1, 0.2 s: motor_speed 0 -> 10 rad/s, upper_gap 0.001 m (faster)",
         *["entry 2.1, 0.1 s: motor_speed 20 rad/s", "entry 2.2, 0.1 s: motor_speed 0 rad/s"] * 2,
+        "entry 3, 0.1 s: motor_speed 0 rad/s",
     ]
     assert "script done" in controller.lines[-1]
 

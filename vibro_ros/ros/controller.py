@@ -5,6 +5,7 @@ import signal
 import sys
 import time
 from collections.abc import Sequence
+from itertools import chain
 
 from rclpy.duration import Duration
 from rclpy.executors import Executor
@@ -16,7 +17,7 @@ from vibro_ros.ros import process
 from vibro_ros.ros.parameters import declare, parameter_lines, take_overrides
 from vibro_ros.ros.qos import COMMANDS
 from vibro_ros.ros.ros_arguments import check_addressed, check_arguments, own_arguments
-from vibro_ros.ros.script import Script
+from vibro_ros.ros.script import Script, Segment
 from vibro_ros.ros.script_file import find_script, read_script, shipped_scripts
 
 NODE_NAME = "vibro_controller"
@@ -74,13 +75,13 @@ class Controller:
             When the robot is gone.
         """
         began, segment = time.monotonic(), None
-        for instant in (*self._script.instants(rate), self._script.duration):
+        for instant in chain(self._script.instants(rate), (self._script.duration,)):
             self._wait_until(began + instant, stop)
             if stop:
                 return
             if self._script.segment_at(instant) is not segment:
                 segment = self._script.segment_at(instant)
-                self._log.info(segment.describe())
+                self._begin(segment)
             self._send(self._script.command_at(instant))
 
     def stop_motor(self) -> None:
@@ -94,6 +95,12 @@ class Controller:
         deadline = time.monotonic() + LAST_WORD
         for publisher in self._publishers.values():
             publisher.wait_for_all_acked(Duration(seconds=max(0.0, deadline - time.monotonic())))
+
+    def _begin(self, segment: Segment) -> None:
+        """Say what comes, and send anew what the entry gives: somebody else may have commanded meanwhile."""
+        self._log.info(segment.describe())
+        for name in segment.given:
+            self._sent.pop(name, None)
 
     def _wait_until(self, deadline: float, stop: process.StopRequest) -> None:
         while not stop and (ahead := deadline - time.monotonic()) > 0.0:
