@@ -1,6 +1,5 @@
 """What every test shares: the ROS environment, a domain of its own, and no process left behind."""
 
-import ctypes
 import itertools
 import os
 import signal
@@ -14,13 +13,14 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
 DOMAINS = range(1, 102)  # [-] DDS computes its ports from the id; above 101 they meet Linux's ephemeral ports
-PATIENCE = 10.0  # [s] that a process told to end may take to disappear
-PR_SET_CHILD_SUBREAPER = 36  # from <linux/prctl.h>
+PATIENCE = 5.0  # [s] that a process told to end may take to disappear
+SESSION = f"VIBRO_ROS_TEST_SESSION={os.getpid()}"  # in the environment of all that the tests start
 
 # Before anything imports rclpy; child processes inherit it all.
 os.environ["ROS_PYTHON_CHECK_FIELDS"] = "1"
 os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
 os.environ.setdefault("MPLBACKEND", "Agg")
+os.environ.update([SESSION.split("=")])
 os.environ["PYTHONPATH"] = os.pathsep.join(filter(None, [str(ROOT), os.environ.get("PYTHONPATH")]))
 
 _next_domain = itertools.count(os.getpid())
@@ -54,11 +54,9 @@ def _claim_domain() -> tuple[int, socket.socket]:
 @pytest.fixture(scope="session", autouse=True)
 def no_process_left_behind() -> Iterator[None]:
     """Fail the session when a test leaves a process running, orphans included; end such processes."""
-    ctypes.CDLL(None).prctl(PR_SET_CHILD_SUBREAPER, 1, 0, 0, 0)  # orphans become ours, so that we see them
-    earlier = set(_running_children())
     yield
     deadline = time.monotonic() + PATIENCE
-    while (left := set(_running_children()) - earlier) and time.monotonic() < deadline:
+    while (left := _running_processes()) and time.monotonic() < deadline:
         time.sleep(0.05)
     complaints = [_describe_process(pid) for pid in sorted(left)]
     for pid in left:
@@ -67,28 +65,30 @@ def no_process_left_behind() -> Iterator[None]:
     assert not complaints, "processes left behind:\n" + "\n".join(complaints)
 
 
-def _running_children() -> list[int]:
-    """Return the ids of this process's children that still run; the ended ones (zombies) do not count."""
-    listings = Path("/proc/self/task").glob("*/children")
-    pids = [int(pid) for listing in listings for pid in listing.read_text().split()]
-    return [pid for pid in pids if _command(pid) and "multiprocessing.resource_tracker" not in _command(pid)]
+def _running_processes() -> set[int]:
+    """Return the ids of the processes that the tests started, directly or not, and that still run."""
+    everyone = {int(folder.name) for folder in Path("/proc").glob("[0-9]*")}
+    return {pid for pid in everyone - {os.getpid()} if _is_ours(pid)}
 
 
-def _command(pid: int) -> str:
-    """Return a process's command line, empty for a zombie or one that is gone."""
-    return _read_words(pid, "cmdline", " ")
+def _is_ours(pid: int) -> bool:
+    """Say whether a process is our child (a mere fork does not show SESSION) or was started in our environment."""
+    parent = " ".join(_read_words(pid, "stat")).rpartition(")")[2].split()[1:2]
+    command = " ".join(_read_words(pid, "cmdline"))  # empty for a zombie
+    ours = parent == [str(os.getpid())] or SESSION in _read_words(pid, "environ")
+    return bool(command) and ours and "multiprocessing.resource_tracker" not in command
 
 
 def _describe_process(pid: int) -> str:
     """Say which test started a process: pytest names the running test in the environment that children inherit."""
-    environment = _read_words(pid, "environ", "\n").splitlines()
-    test = [line.partition("=")[2] for line in environment if line.startswith("PYTEST_CURRENT_TEST=")]
-    return f"{pid} {_command(pid)!r} started in {test[0] if test else 'an unknown test'}"
+    prefix = "PYTEST_CURRENT_TEST="
+    tests = [word.removeprefix(prefix) for word in _read_words(pid, "environ") if word.startswith(prefix)]
+    return f"{pid} {' '.join(_read_words(pid, 'cmdline'))!r} started in {tests[0] if tests else 'an unknown test'}"
 
 
-def _read_words(pid: int, name: str, separator: str) -> str:
-    """Return the words of /proc/<pid>/<name>, or nothing when the process has ended."""
+def _read_words(pid: int, name: str) -> list[str]:
+    """Return the words of /proc/<pid>/<name>, none when the process has ended or is not ours to read."""
     try:
-        return Path(f"/proc/{pid}/{name}").read_bytes().decode(errors="replace").strip("\0").replace("\0", separator)
+        return list(filter(None, Path(f"/proc/{pid}/{name}").read_bytes().decode(errors="replace").split("\0")))
     except OSError:
-        return ""
+        return []

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from vibro_ros.model.modes import OUTPUTS, Model
+from vibro_ros.solver.event_loop import evaluate_forms
 
 EVENT_DTYPE = np.dtype([("time", float), ("kind", "U16"), ("speed", float), ("peak_force", float),
                         ("duration", float)])
@@ -93,9 +94,7 @@ def sampled_quantities(model: Model, unilateral: bool, times: np.ndarray, points
         As `solver.event_loop.advance` fills them.
     """
     linear = np.empty((len(OUTPUTS), len(times)))
-    for mode in np.unique(modes):
-        here = modes == mode
-        linear[:, here] = model.output[mode] @ points[here].T
+    evaluate_forms(model.output, modes, points, linear)
     quantities = dict(zip(OUTPUTS, linear))
     if unilateral:
         quantities["normal_force"] = np.maximum(quantities["normal_force"], 0.0)

@@ -44,8 +44,8 @@ class Simulator:
         self.scene = scene
         self.time = 0.0
         self._model = compile_scene(scene)
+        self._point = np.zeros(self._model.forms.channels.count)
         self._state = self._start()
-        self._point = np.empty(self._model.forms.channels.count)
         self._room = np.empty((_EVENTS_AT_ONCE, EVENT_COLUMNS))
         self._events: list[np.ndarray] = []
         self._counts: dict[str, int] = {}
@@ -59,9 +59,10 @@ class Simulator:
         if scene["start.state"] == "rest":
             for i, (side, slider) in enumerate(zip(forms.guides, model.sliders)):
                 position[i] = min(slider.position(0.0), plates.get(side, math.inf))
-        state = at.new_state(system, position, np.zeros_like(position), scene["motor.speed"],
+        state = at.new_state(system, scene["motor.speed"],
                              np.array([plates[side] for side in forms.plates]), model.initial_mode)
-        self._begin_segment(state, position, np.zeros_like(position))
+        self._point[:len(position)] = position
+        self._begin_segment(state)
         return state
 
     def _kind_names(self) -> dict[int, str]:
@@ -92,15 +93,13 @@ class Simulator:
         speed = None if motor_speed is None else self.scene.checked_motor_speed(motor_speed)
         gaps = {side: self.scene.checked_gap(side, gap)
                 for side, gap in (("upper", upper_gap), ("inclined", inclined_gap)) if gap is not None}
-        point = self._point
-        event_loop.interrupt(self._model.system, self._state, self.time, point)
+        event_loop.interrupt(self._model.system, self._state, self.time, self._point)
         if speed is not None:
             self._command_speed(speed)
         for side, gap in gaps.items():
             if side in self._model.forms.plates:
                 self._command_plate(side, self.scene[f"crank.{side}_rod"] + gap)
-        n = self._model.forms.channels.coordinates
-        self._begin_segment(self._state, point[:n].copy(), point[n:2 * n].copy())
+        self._begin_segment(self._state)
 
     def _command_speed(self, target: float) -> None:
         clock = self._state.clock
@@ -122,8 +121,8 @@ class Simulator:
             ramp[at.RATE] = math.copysign(self.scene["gap_actuator.speed"], difference)
             ramp[at.TIME] = abs(difference) / self.scene["gap_actuator.speed"]
 
-    def _begin_segment(self, state: at.State, position: np.ndarray, velocity: np.ndarray) -> None:
-        if not event_loop.begin_segment(self._model.system, state, position, velocity):
+    def _begin_segment(self, state: at.State) -> None:
+        if not event_loop.begin_segment(self._model.system, state, self._point):
             self._fail(event_loop.ROOT_LOST, state)
 
     def _fail(self, status: int, state: at.State) -> None:
@@ -190,8 +189,16 @@ class Simulator:
 
     @property
     def statistics(self) -> dict:
-        """Events by kind, and `segments`, the steps of the event loop."""
-        return {**self._counts, "segments": int(self._state.index[at.SEGMENTS])}
+        """Events by kind; `segments`, the steps of the event loop; and, with `solver.audit`, the energy of the masses.
+
+        `energy_residual` [J] is the part of the change of energy that the work of sliders, dampers and plates does not
+        account for, `energy_exchanged` [J] the sum of these amounts of work.
+        """
+        counts = {**self._counts, "segments": int(self._state.index[at.SEGMENTS])}
+        if not self.scene["solver.audit"]:
+            return counts
+        return {**counts, "energy_residual": float(self._state.audit[at.RESIDUAL]),
+                "energy_exchanged": float(self._state.audit[at.EXCHANGED])}
 
 
 def compile_kernels() -> None:

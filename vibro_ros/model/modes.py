@@ -158,6 +158,7 @@ def compile_scene(scene) -> Model:
         **_guard_tables(builder),
         event=_event_table(builder),
         **_monitor_tables(builder),
+        **_audit_tables(builder, scene),
         signals=signal_table(list(sliders)),
     )
     output = np.array([builder.outputs(mode) for mode in builder.modes])
@@ -215,3 +216,45 @@ def _monitor_tables(builder: ModeBuilder) -> dict[str, np.ndarray]:
         monitored[:, k] = [side in mode.closed for mode in modes]
         approach[k] = forms.penetration(side)[1]
     return {"monitor": monitor, "monitored": monitored, "approach": approach}
+
+
+def _audit_tables(builder: ModeBuilder, scene) -> dict[str, np.ndarray]:
+    """Energy and power of the masses: m q'² / 2 + k (q - s)² / 2 + contact, and the work of sliders, dampers, plates."""
+    channels = builder.forms.channels.count
+    if not scene["solver.audit"]:
+        none = np.zeros((len(builder.modes), 0, channels))
+        return {"stretch": none, "stiffness": np.zeros((len(builder.modes), 0)), "power": np.zeros((len(builder.modes), 0, 2, channels))}
+    stored = [[term for side in builder.forms.guides for term in _stored_energy(builder.forms, scene, side, mode.closed)]
+              for mode in builder.modes]
+    power = [[term for side in builder.forms.guides for term in _received_power(builder.forms, scene, side, mode.closed)]
+             for mode in builder.modes]
+    stretch = np.zeros((len(stored), max(map(len, stored)), channels))
+    stiffness = np.zeros(stretch.shape[:2])
+    pairs = np.zeros((len(power), max(map(len, power)), 2, channels))
+    for m, (energies, powers) in enumerate(zip(stored, power)):
+        for e, (weight, form) in enumerate(energies):
+            stiffness[m, e], stretch[m, e] = weight, form
+        for p, pair in enumerate(powers):
+            pairs[m, p] = pair
+    return {"stretch": stretch, "stiffness": stiffness, "power": pairs}
+
+
+def _stored_energy(forms: Forms, scene, side: str, closed: frozenset[str]):
+    """Weights and forms of the energy stored in one guide."""
+    yield scene[f"mass.{side}"], forms.velocity(forms.guides.index(side))
+    yield scene[f"{side}.spring.stiffness"], forms.stretch(side)[0]
+    if side in closed:
+        yield scene[f"{side}.plate.stiffness"], forms.penetration(side)[0]
+
+
+def _received_power(forms: Forms, scene, side: str, closed: frozenset[str]):
+    """Pairs of forms of the power that one guide receives from its slider, its dampers and its moving plate."""
+    _, rate = forms.stretch(side)
+    yield -forms.drive_force(side), forms.velocity(forms.guides.index(side)) - rate
+    if scene[f"{side}.spring.damping"]:
+        yield -scene[f"{side}.spring.damping"] * rate, rate
+    if side in closed:
+        yield -forms.plate_force(side), forms.plate(side)[1]
+        if scene[f"{side}.plate.damping"]:
+            depth_rate = forms.penetration(side)[1]
+            yield -scene[f"{side}.plate.damping"] * depth_rate, depth_rate

@@ -150,6 +150,7 @@ SCENE_PARAMETERS: tuple[Parameter, ...] = (
               "printed: eq. (6), may be negative", choices=("weight", "unilateral", "printed")),
     Parameter("effects.motor", "ideal", "", "ideal: speed follows the command at once; ramp: limited acceleration",
               choices=("ideal", "ramp")),
+    Parameter("solver.audit", False, "", "balance the masses' energy on every segment; costs time, changes nothing"),
     Parameter("solver.method", "exact", "", "integration method", choices=("exact",)),
 )
 

@@ -6,6 +6,7 @@ so the trajectory is the same, bit for bit, however the time is cut up.
 
 import math
 
+from vibro_ros.solver.audit import close_audit, open_audit
 from vibro_ros.solver.flow import solve_driven, solve_dynamic
 from vibro_ros.solver.forcing import advance_forcing, choose_duration, fill_forcing, phase_at
 from vibro_ros.solver.polynomial import add_multiple, kernel, value
@@ -74,9 +75,13 @@ def _find_next_event(system, state):
 
 
 @kernel
-def begin_segment(system, state, position, velocity):
-    """Build the segment that starts with `position` and `velocity`, shape (coordinates,); False on a lost root."""
+def begin_segment(system, state, point):
+    """Build the segment that starts with the positions and velocities of `point`; False on a lost root.
+
+    `point`, shape (channels,), is overwritten.
+    """
     coordinates, dynamic = system.sizes[0], system.sizes[1]
+    position, velocity = point[:coordinates], point[coordinates:2 * coordinates]
     choose_duration(system, state)
     fill_forcing(system, state)
     for i in range(dynamic):
@@ -86,6 +91,7 @@ def begin_segment(system, state, position, velocity):
     state.index[SEGMENTS] += 1
     solve_dynamic(system, state)
     solve_driven(system, state, position, velocity)
+    open_audit(system, state, point)
     state.root[:] = -1.0
     return _find_next_event(system, state)
 
@@ -148,7 +154,7 @@ def _product(row, point):
 
 @kernel
 def _update_peaks(system, state, tau):
-    """Take the part of the segment from the mode's beginning to `tau` into the peaks of the monitors that are on."""
+    """Take the flow of this segment, which ends at `tau`, into the peaks of the monitors that are on."""
     mode = state.index[MODE]
     for k in range(len(state.monitor)):
         if system.monitored[mode, k]:
@@ -157,7 +163,7 @@ def _update_peaks(system, state, tau):
             for channel in range(len(state.z)):
                 if system.monitor[mode, k, channel] != 0.0:
                     add_multiple(quantity, system.monitor[mode, k, channel], state.z[channel])
-            peak = maximum(quantity, state.clock[ANCHOR], tau, state.work[2], state.work[3])
+            peak = maximum(quantity, 0.0, tau, state.work[2], state.work[3])
             state.monitor[k, PEAK] = max(state.monitor[k, PEAK], peak)
 
 
@@ -206,30 +212,33 @@ def _end_segment(system, state, point, events, count):
             count = _record(events, count, time, RAMP_KIND + k, 0.0, 0.0, 0.0)
     if reached & (1 << len(state.ramp)):
         count = _record(events, count, time, PHASE_KIND, 0.0, 0.0, 0.0)
-    coordinates = system.sizes[0]
-    found = begin_segment(system, state, point[:coordinates], point[coordinates:2 * coordinates])
-    return found, count
+    return begin_segment(system, state, point), count
 
 
 @kernel
 def _pass_event(system, state, point, events, count):
     """Do what happens at NEXT: the end of the segment or a change of mode; returns (success, number of events)."""
     tau = state.clock[NEXT]
-    _update_peaks(system, state, tau)
+    _read(state, tau, point)
     guard = state.index[GUARD]
     if guard == NOTHING:
-        _read(state, tau, point[:2 * system.sizes[0]])
+        _update_peaks(system, state, tau)
+        close_audit(system, state, tau, point)
         state.index[STANDSTILLS] = 0
         return _end_segment(system, state, point, events, count)
     state.index[STANDSTILLS] = 0 if tau > state.clock[ANCHOR] else state.index[STANDSTILLS] + 1
-    _read(state, tau, point)
     coordinates, dynamic = system.sizes[0], system.sizes[1]
     previous = state.index[MODE]
     halted = system.halt[previous, guard]
+    mode = _next_mode(system, state, point)
+    same_flow = system.flow[previous] == system.flow[mode] and not 0 <= halted < dynamic and tau < 1.0
+    if not same_flow:
+        _update_peaks(system, state, tau)
+        close_audit(system, state, tau, point)
     if halted != NOTHING:
         point[coordinates + halted] = 0.0
-    count = _change_mode(system, state, _next_mode(system, state, point), point, events, count)
-    if system.flow[previous] == system.flow[state.index[MODE]] and not 0 <= halted < dynamic and tau < 1.0:
+    count = _change_mode(system, state, mode, point, events, count)
+    if same_flow:
         state.clock[ANCHOR] = tau
         found = _continue_segment(system, state, point[:coordinates], point[coordinates:2 * coordinates])
         return found, count
@@ -298,10 +307,29 @@ def advance(system, state, times, point, points, modes, phases, events):
 def interrupt(system, state, time, point):
     """Move clock and forcing to `time`, within the current segment, and read all channels there into `point`.
 
-    For a command: set the new rates after this, then call `begin_segment` with the values read.
+    For a command: set the new rates after this, then call `begin_segment` with `point`.
     """
     tau = ((time - state.clock[START]) - state.clock[START_RESIDUE]) / state.clock[DURATION]
     _read(state, tau, point)
     _update_peaks(system, state, tau)
+    close_audit(system, state, tau, point)
     state.clock[ANCHOR] = 0.0
     advance_forcing(system, state, tau)
+
+
+@kernel
+def evaluate_forms(forms, modes, points, values):
+    """Values of each mode's linear forms at sampled points.
+
+    Parameters
+    ----------
+    forms : ndarray, shape (m, f, channels)
+        The forms by mode.
+    modes, points : ndarray
+        As `advance` fills them; shapes (n,) and (n, channels).
+    values : ndarray, shape (f, n)
+        Receives the values.
+    """
+    for f in range(len(values)):
+        for k in range(len(modes)):
+            values[f, k] = _product(forms[modes[k], f], points[k])

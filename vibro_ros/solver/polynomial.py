@@ -10,13 +10,19 @@ import numba
 import numpy as np
 
 #: Coefficients of a polynomial. The flow's series is cut where 2^n / n! and 0.22^n (`signals.STRIDE`) reach rounding.
-LENGTH = 25
+LENGTH = 24
 
 # Entry [k, n] is n + k over n.
 _BINOMIAL = np.array([[float(math.comb(n + k, n)) for n in range(LENGTH)] for k in range(LENGTH)])
 
-kernel = numba.njit(cache=True, error_model="numpy", fastmath={"contract"}, forceinline=True, _nrt=False)
-"""How every kernel is compiled: cached on disk; fused multiply-add allowed, reordering not."""
+_OPTIONS = {"cache": True, "error_model": "numpy", "forceinline": True, "_nrt": False}
+
+kernel = numba.njit(fastmath={"contract"}, **_OPTIONS)
+"""How kernels are compiled: cached on disk, inlined, without reference counts (so they cannot allocate);
+fused multiply-add is allowed, reordering is not."""
+
+sum_kernel = numba.njit(fastmath={"contract", "reassoc", "nsz"}, **_OPTIONS)
+"""The same for plain sums, in which the order of the terms does not matter and several are added at once."""
 
 
 @kernel
@@ -29,12 +35,12 @@ def value(p, x):
 
 
 @kernel
-def value_and_derivatives(p, x):
-    """p(x), p'(x) and p''(x)."""
-    f = p[LENGTH - 1]
+def value_and_derivatives(p, terms, x):
+    """p(x), p'(x) and p''(x), of the first `terms` coefficients."""
+    f = p[terms - 1]
     d = 0.0
     half_dd = 0.0
-    for n in range(LENGTH - 2, -1, -1):
+    for n in range(terms - 2, -1, -1):
         half_dd = half_dd * x + d
         d = d * x + f
         f = f * x + p[n]
@@ -80,10 +86,8 @@ def recentre(p, x, terms, target):
 def substitute(p, a, b, target):
     """Coefficients of target(y) = p(a y + b y²), cut at the length of p."""
     if b == 0.0:
-        power = 1.0
-        for n in range(LENGTH):
-            target[n] = p[n] * power
-            power *= a
+        copy(p, target)
+        scale_argument(target, a)
         return
     target[:] = 0.0
     for k in range(LENGTH - 1, -1, -1):
@@ -91,6 +95,15 @@ def substitute(p, a, b, target):
             target[n] = a * target[n - 1] + b * target[n - 2]
         target[1] = a * target[0]
         target[0] = p[k]
+
+
+@kernel
+def scale_argument(p, a):
+    """Replace p(y) by p(a y)."""
+    power = 1.0
+    for n in range(LENGTH):
+        p[n] *= power
+        power *= a
 
 
 @kernel

@@ -1,6 +1,6 @@
 """The first root of a guard, certified: no crossing is stepped over, and a graze is told from a hit."""
 
-from vibro_ros.solver.polynomial import LENGTH, copy, differentiate, divide_by_root, kernel, value, value_and_derivatives
+from vibro_ros.solver.polynomial import LENGTH, copy, differentiate, divide_by_root, kernel, sum_kernel, value, value_and_derivatives
 
 #: Returned when a guard stays non-negative to the end of the segment.
 NO_ROOT = 2.0
@@ -28,19 +28,44 @@ def _safe_step(f, d, dd, third, reach):
     return min(reach, 2.0 * f / (-d + discriminant**0.5))
 
 
+@sum_kernel
+def _lower_bound(p):
+    """A value that p stays above on [0, 1]."""
+    lower = 0.0
+    for n in range(1, LENGTH):
+        lower += min(p[n], 0.0)
+    return p[0] + lower
+
+
+@sum_kernel
+def _third_derivative_bound(p):
+    """Bound of |p'''| on [0, 1]."""
+    bound = 0.0
+    for n in range(3, LENGTH):
+        bound += float(n * (n - 1) * (n - 2)) * abs(p[n])
+    return bound
+
+
 @kernel
-def _march(p, a):
+def _terms(p, noise):
+    """Number of leading coefficients beside which the others are lost in the noise."""
+    terms = LENGTH
+    while terms > 1 and abs(p[terms - 1]) <= 0.01 * noise:
+        terms -= 1
+    return terms
+
+
+@kernel
+def _march(p, terms, a):
     """First root of p, positive at a, in (a, 1], by steps that a bound on p''' proves to be free of roots.
 
     Near a simple root the steps converge like Newton's, from the safe side; a near miss
     (p > 0 at its minimum) is passed in a few steps, because its curvature is in the bound.
     """
-    third = 0.0
-    for n in range(3, LENGTH):
-        third += n * (n - 1) * (n - 2) * abs(p[n])
+    third = _third_derivative_bound(p)
     x = a
     for _ in range(_MOST_STEPS):
-        f, d, dd = value_and_derivatives(p, x)
+        f, d, dd = value_and_derivatives(p, terms, x)
         if f <= 0.0:
             return x
         remaining = 1.0 - x
@@ -79,16 +104,13 @@ def first_root(p, a, noise, work):
     float
         The instant; `a` when the guard is negative from the start; `NO_ROOT`; or `SEARCH_FAILED`.
     """
-    lower = p[0]
-    for n in range(1, LENGTH):
-        lower += min(p[n], 0.0)
-    if lower > noise:
+    if _lower_bound(p) > noise:
         return NO_ROOT
     copy(p, work)
     f = value(work, a)
     for _ in range(_DEEPEST_ZERO):
         if f > noise:
-            return _march(work, a)
+            return _march(work, _terms(work, noise), a)
         if f < -noise:
             return a
         divide_by_root(work, a)

@@ -30,6 +30,12 @@ SEGMENTS = 4
 STANDSTILLS = 5  # events in a row without any progress of time
 _INDEX_ENTRIES = 6
 
+# Entries of `State.audit` [J].
+ENERGY = 0  # at the segment's start
+RESIDUAL = 1  # what the audit cannot account for
+EXCHANGED = 2  # sum of the amounts of work
+_AUDIT_ENTRIES = 3
+
 # Columns of `State.ramp`.
 VALUE = 0
 RATE = 1
@@ -59,6 +65,8 @@ class State(NamedTuple):
         Value, rate, target and time left of each ramp.
     monitor : ndarray, shape (k, 3)
         Start, approach and peak of each monitor that is on.
+    audit : ndarray
+        The energy audit, indexed by this module's constants.
     root : ndarray, shape (rows,)
         First root of each guard row in the segment, or a negative number while it is not known.
     work : ndarray, shape (4, LENGTH)
@@ -71,20 +79,18 @@ class State(NamedTuple):
     index: np.ndarray
     ramp: np.ndarray
     monitor: np.ndarray
+    audit: np.ndarray
     root: np.ndarray
     work: np.ndarray
 
 
-def new_state(system: System, position: np.ndarray, velocity: np.ndarray, phase_speed: float,
-              ramp_values: np.ndarray, mode: int) -> State:
-    """State at time 0 and phase 0, before its first segment is built.
+def new_state(system: System, phase_speed: float, ramp_values: np.ndarray, mode: int) -> State:
+    """State at time 0 and phase 0; `event_loop.begin_segment` gives it coordinates and its first segment.
 
     Parameters
     ----------
     system : System
         The system.
-    position, velocity : ndarray, shape (coordinates,)
-        Coordinates and their rates.
     phase_speed : float
         Rate of the phase [rad/s].
     ramp_values : ndarray, shape (ramps,)
@@ -100,12 +106,10 @@ def new_state(system: System, position: np.ndarray, velocity: np.ndarray, phase_
         index=np.zeros(_INDEX_ENTRIES, dtype=np.int64),
         ramp=np.zeros((channels.ramps, 4)),
         monitor=np.zeros((system.monitor.shape[1], 3)),
+        audit=np.zeros(_AUDIT_ENTRIES),
         root=np.full(len(system.row), -1.0),
         work=np.zeros((4, LENGTH)),
     )
-    n = channels.coordinates
-    state.z[:n, 0] = position
-    state.z[n:2 * n, 0] = velocity
     state.ramp[:, VALUE] = state.ramp[:, TARGET] = ramp_values
     state.clock[[SPEED, SPEED_TARGET]] = phase_speed
     state.index[MODE] = mode

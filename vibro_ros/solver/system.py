@@ -119,6 +119,12 @@ class System(NamedTuple):
         Whether monitor k is on in the mode.
     approach : ndarray, shape (k, channels)
         Row of the quantity noted when the monitor is switched on, such as the approach speed.
+    stretch : ndarray, shape (m, e, channels)
+        Forms e of the stored energy, sum of w (e z)² / 2 ...
+    stiffness : ndarray, shape (m, e)
+        ... and their weights w; masses for velocities.
+    power : ndarray, shape (m, p, 2, channels)
+        Pairs of forms a and b of the power that the dynamic coordinates receive, sum of (a z)(b z); p = 0 for no audit.
     signals : SignalTable
         The periodic signals.
     """
@@ -136,6 +142,9 @@ class System(NamedTuple):
     monitor: np.ndarray
     monitored: np.ndarray
     approach: np.ndarray
+    stretch: np.ndarray
+    stiffness: np.ndarray
+    power: np.ndarray
     signals: SignalTable
 
 

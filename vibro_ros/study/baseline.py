@@ -31,21 +31,14 @@ def _guide_force(position, velocity, slider, slider_velocity, spring, damper, pl
 
 
 @numba.njit(cache=True, error_model="numpy", inline="always")
-def _sliders(time, p):
-    """Positions and velocities of both sliders."""
+def _accelerations(time, u, du, w, dw, dx, p, rule):
+    """u'', w'', x'' of eqs. (1) to (7), and F_in and mu N."""
     theta = p[0] * time
     sine, cosine = math.sin(theta), math.cos(theta)
     b, slope_b = _slider(sine, cosine, p[1], p[2])
     c, slope_c = _slider(sine * p[21] - cosine * p[20], cosine * p[21] + sine * p[20], p[1], p[3])
-    return b, slope_b * p[0], c, slope_c * p[0]
-
-
-@numba.njit(cache=True, error_model="numpy", inline="always")
-def _accelerations(sliders, u, du, w, dw, dx, p, rule):
-    """u'', w'', x'' of eqs. (1) to (7), and F_in and mu N."""
-    b, db, c, dc = sliders
-    f2 = _guide_force(u, du, b, db, p[5], p[6], p[7], p[8], p[9])
-    f3 = _guide_force(w, dw, c, dc, p[10], p[11], p[12], p[13], p[14])
+    f2 = _guide_force(u, du, b, slope_b * p[0], p[5], p[6], p[7], p[8], p[9])
+    f3 = _guide_force(w, dw, c, slope_c * p[0], p[10], p[11], p[12], p[13], p[14])
     total = p[15] + p[16] + p[17]
     normal = total * p[18]
     if rule != 0:
@@ -71,18 +64,16 @@ def _integrate(start, p, rule, h, per_sample, samples):
     half = 0.5 * h
     done = 0
     samples[0] = u, du, w, dw, x, dx
-    begin = _sliders(0.0, p)
     for n in range(1, len(samples)):
         for _ in range(per_sample):
-            middle = _sliders((done + 0.5) * h, p)
-            end = _sliders((done + 1) * h, p)
-            au1, aw1, ax1, _, _ = _accelerations(begin, u, du, w, dw, dx, p, rule)
+            t = done * h
+            au1, aw1, ax1, _, _ = _accelerations(t, u, du, w, dw, dx, p, rule)
             du2, dw2, dx2 = du + half * au1, dw + half * aw1, dx + half * ax1
-            au2, aw2, ax2, _, _ = _accelerations(middle, u + half * du, du2, w + half * dw, dw2, dx2, p, rule)
+            au2, aw2, ax2, _, _ = _accelerations(t + half, u + half * du, du2, w + half * dw, dw2, dx2, p, rule)
             du3, dw3, dx3 = du + half * au2, dw + half * aw2, dx + half * ax2
-            au3, aw3, ax3, _, _ = _accelerations(middle, u + half * du2, du3, w + half * dw2, dw3, dx3, p, rule)
+            au3, aw3, ax3, _, _ = _accelerations(t + half, u + half * du2, du3, w + half * dw2, dw3, dx3, p, rule)
             du4, dw4, dx4 = du + h * au3, dw + h * aw3, dx + h * ax3
-            au4, aw4, ax4, inertial, bound = _accelerations(end, u + h * du3, du4, w + h * dw3, dw4, dx4, p, rule)
+            au4, aw4, ax4, inertial, bound = _accelerations(t + h, u + h * du3, du4, w + h * dw3, dw4, dx4, p, rule)
             u += h / 6.0 * (du + 2.0 * (du2 + du3) + du4)
             w += h / 6.0 * (dw + 2.0 * (dw2 + dw3) + dw4)
             x += h / 6.0 * (dx + 2.0 * (dx2 + dx3) + dx4)
@@ -92,7 +83,6 @@ def _integrate(start, p, rule, h, per_sample, samples):
             dx += h / 6.0 * (ax1 + 2.0 * (ax2 + ax3) + ax4)
             if before * dx < 0.0 and abs(inertial) <= bound:
                 dx = 0.0
-            begin = end
             done += 1
         samples[n] = u, du, w, dw, x, dx
 
