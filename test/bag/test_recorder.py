@@ -155,12 +155,12 @@ def test_full_queue_drops_and_counts(folder, published, wait_for, monkeypatch, r
     gate, write = threading.Event(), FlushedWriter.write
     monkeypatch.setattr(FlushedWriter, "write", lambda *message: gate.wait(30.0) and write(*message))
     data = published["/motor_power"](1)
-    with Recorder(folder, POWER, METADATA, backlog=3) as recorder:
+    with Recorder(folder, POWER, METADATA, backlog=3) as recorder, contextlib.ExitStack() as before_close:
+        before_close.callback(gate.set)
         assert recorder.write("/motor_power", 0, data)
         wait_for(lambda: recorder.backlog == 0)  # the thread has taken it, and stalls
         assert [recorder.write("/motor_power", stamp, data) for stamp in range(1, 9)] == [True] * 3 + [False] * 5
         assert recorder.dropped == 5
-        gate.set()
     assert (recorder.written, recorder.dropped, recorder.fault) == (4, 5, None)
     assert [stamp for _, stamp, _ in recorded(mcap_file(folder))] == [0, 1, 2, 3]
 
@@ -211,6 +211,14 @@ def test_close_is_idempotent_ends_the_thread_and_ends_writing(folder, published)
     assert threading.active_count() == before
     assert (recorder.written, recorder.dropped, recorder.fault) == (1, 1, None)
     assert mcap_file(folder).read_bytes() == sealed
+
+
+def test_close_writes_a_long_backlog_out(folder, published, recorded):
+    data = published["/motor_power"](1)
+    with Recorder(folder, POWER, METADATA) as recorder:  # takes longer to write than FLUSH_PERIOD
+        accepted = sum(recorder.write("/motor_power", stamp, data) for stamp in range(20_000))
+    assert (recorder.written, recorder.dropped, recorder.fault) == (accepted, 20_000 - accepted, None)
+    assert len(recorded(mcap_file(folder))) == accepted == 20_000
 
 
 def test_bag_is_sealed_when_the_caller_fails(folder, published):

@@ -1,19 +1,20 @@
 """Record messages to a bag from a thread of its own, so that no caller ever waits for the disk.
 
-`Recorder.write` only puts the message on a bounded queue. The writer thread takes one message at
-a time, because draining many at once would hold the interpreter lock and delay the robot's clock.
+`Recorder.write` only puts the message on a bounded queue, which the writer thread looks at every
+`POLL_PERIOD`: waking it for each message would cost the caller ten times as much. The thread takes
+one message at a time, because many at once would hold the interpreter lock and delay the robot's clock.
 What a killed process loses is what came in the last `FLUSH_PERIOD`.
 """
 
 import contextlib
 import time
+from collections import deque
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
 from itertools import count
 from pathlib import Path
-from queue import Empty, SimpleQueue
-from threading import Lock, Thread
+from threading import Event, Lock, Thread
 
 from rosbags.interfaces import Connection
 from rosbags.rosbag2 import WriterError
@@ -21,10 +22,9 @@ from rosbags.rosbag2 import WriterError
 from vibro_ros.bag.storage import FlushedWriter, jazzy_types, reliable_qos
 
 FLUSH_PERIOD = 0.1  # s, longest time that a message stays in memory only; a flush costs about 0.3 ms
+POLL_PERIOD = 0.005  # s, between two looks at an empty queue
 BACKLOG = 20_000  # messages waiting for the disk; about 4 s of a robot that publishes at 1 kHz
 LAST_STAMP = 2**63 - 2  # ns; rosbag2 keeps signed 64-bit stamps, and rosbags reserves the last one
-
-_CLOSE = None  # queued behind the last message
 
 
 @dataclass(frozen=True)
@@ -84,8 +84,10 @@ class Recorder:
         self._refusing = Lock()
         self._lost = 0
         self._unflushed = 0
+        self._due = time.monotonic() + FLUSH_PERIOD
         self._accepting = True
-        self._queue: SimpleQueue[tuple[Connection, int, bytes] | None] = SimpleQueue()
+        self._closing = Event()
+        self._queue: deque[tuple[Connection, int, bytes]] = deque()
         self._writer, self._connections = _opened(self.folder, topics, metadata)
         self._thread = Thread(target=self._run, name="bag writer", daemon=True)
         self._thread.start()
@@ -110,8 +112,8 @@ class Recorder:
         """
         connection = self._connections.get(topic_name)
         if (connection is not None and type(stamp_ns) is int and 0 <= stamp_ns <= LAST_STAMP
-                and type(data) is bytes and self._accepting and self._queue.qsize() < self._backlog):
-            self._queue.put((connection, stamp_ns, data))
+                and type(data) is bytes and self._accepting and len(self._queue) < self._backlog):
+            self._queue.append((connection, stamp_ns, data))
             return True
         with self._refusing:
             self._refused += 1
@@ -125,12 +127,12 @@ class Recorder:
     @property
     def backlog(self) -> int:
         """Messages that wait for the writer thread."""
-        return self._queue.qsize()
+        return len(self._queue)
 
     def close(self) -> None:
         """Write what is queued, seal the bag and end the thread; calling it again does nothing."""
         self._accepting = False
-        self._queue.put(_CLOSE)
+        self._closing.set()
         self._thread.join()
         self._drop_queue()
 
@@ -149,23 +151,26 @@ class Recorder:
             self._stop(error)
 
     def _write_queue(self) -> None:
-        """Write message by message until told to close, flushing every `FLUSH_PERIOD`."""
-        due = time.monotonic() + FLUSH_PERIOD
-        while True:
-            with contextlib.suppress(Empty):
-                message = self._queue.get(timeout=max(0.0, due - time.monotonic()))
-                if message is _CLOSE:
-                    return
+        """Write what is queued until told to close, flushing every `FLUSH_PERIOD`."""
+        closing = False
+        while not closing:
+            closing = self._closing.wait(POLL_PERIOD)  # asked before the queue is emptied for the last time
+            while self._queue:
                 self._unflushed += 1
-                self._writer.write(*message)
-            if time.monotonic() >= due:
-                self._flush()
-                due = time.monotonic() + FLUSH_PERIOD
+                self._writer.write(*self._queue.popleft())
+                time.sleep(0)  # give up the interpreter lock after each message
+                self._flush_when_due()
+            self._flush_when_due()
+
+    def _flush_when_due(self) -> None:
+        if time.monotonic() >= self._due:
+            self._flush()
 
     def _flush(self) -> None:
         self._writer.flush()
         self.written += self._unflushed
         self._unflushed = 0
+        self._due = time.monotonic() + FLUSH_PERIOD
 
     def _stop(self, error: Exception) -> None:
         """Give the recording up; what is flushed stays in the unsealed file."""
@@ -178,9 +183,10 @@ class Recorder:
         _abandon(self._writer)
 
     def _drop_queue(self) -> None:
-        with contextlib.suppress(Empty):
+        with contextlib.suppress(IndexError):
             while True:
-                self._lost += self._queue.get_nowait() is not _CLOSE
+                self._queue.popleft()
+                self._lost += 1
 
 
 def new_bag_folder(directory: Path, now: datetime) -> Path:
