@@ -1,0 +1,130 @@
+"""The controller as a process of its own; the test plays the robot, or a real one runs."""
+
+import signal
+from functools import partial
+from pathlib import Path
+
+import pytest
+from std_msgs.msg import Float64
+
+COMMANDS = ("motor_speed", "upper_gap", "inclined_gap")
+
+
+class Listener:
+    """Subscribes to the commands as a robot does and keeps their values."""
+
+    def __init__(self, bench):
+        self.bench = bench
+        self.heard: dict[str, list[float]] = {name: [] for name in COMMANDS}
+        self._subscriptions = [
+            bench.node.create_subscription(Float64, name, partial(self._hear, name), 100) for name in COMMANDS
+        ]
+
+    def _hear(self, name: str, message: Float64) -> None:
+        self.heard[name].append(message.data)
+
+    def spin_until_ended(self, controller) -> None:
+        self.bench.spin_until(lambda: controller.ended, "controller done")
+
+    def leave(self) -> None:
+        for subscription in self._subscriptions:
+            self.bench.node.destroy_subscription(subscription)
+
+
+def write(folder: Path, text: str) -> str:
+    (folder / "script.yaml").write_text(text)
+    return "script.yaml"
+
+
+def test_it_plays_a_script_to_the_end(start, bench, tmp_path):
+    listener = Listener(bench)
+    controller = start("controller", write(tmp_path, """
+entries:
+  - {for: 0.2, motor_speed: {from: 0.0, to: 10.0}, upper_gap: 0.001, note: faster}
+  - repeat: 2
+    entries:
+      - {for: 0.1, motor_speed: 20.0}
+      - {for: 0.1, motor_speed: 0.0}
+  - {for: 0.1, motor_speed: 0.0}
+"""), "--ros-args", "-p", "rate:=20.0")
+    listener.spin_until_ended(controller)
+    assert controller.end() == 0, controller.text
+    ramp = listener.heard["motor_speed"][:-5]
+    assert ramp == pytest.approx([0.0, 2.5, 5.0, 7.5], abs=1e-12)
+    assert listener.heard["motor_speed"][-5:] == [20.0, 0.0, 20.0, 0.0, 0.0]  # every entry sends what it gives
+    assert listener.heard["upper_gap"] == [0.001]
+    assert listener.heard["inclined_gap"] == []
+    entries = [line.split("]: ")[1] for line in controller.lines if "]: entry" in line]
+    assert entries == [
+        "entry 1, 0.2 s: motor_speed 0 -> 10 rad/s, upper_gap 0.001 m (faster)",
+        *["entry 2.1, 0.1 s: motor_speed 20 rad/s", "entry 2.2, 0.1 s: motor_speed 0 rad/s"] * 2,
+        "entry 3, 0.1 s: motor_speed 0 rad/s",
+    ]
+    assert "script done" in controller.lines[-1]
+
+
+def test_without_a_robot_it_gives_up(start):
+    controller = start("controller", "crawl", "--ros-args", "-p", "wait:=0.5")
+    assert controller.end() == 1
+    assert controller.lines[-1].startswith(
+        "controller: no robot listens to /motor_speed, /upper_gap, /inclined_gap after 0.5 s; start one")
+    assert "Traceback" not in controller.text
+
+
+def test_it_says_when_the_robot_is_gone(start, bench, tmp_path):
+    listener = Listener(bench)
+    controller = start("controller", write(tmp_path, "entries: [{for: 1000.0, motor_speed: 10.0}]\n"))
+    bench.spin_until(lambda: listener.heard["motor_speed"], "first command")
+    listener.leave()
+    listener.spin_until_ended(controller)
+    assert controller.end() == 1
+    assert controller.lines[-1] == "controller: the robot is gone: nobody listens to /motor_speed any more"
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_an_operator_who_aborts_stops_the_motor(start, bench, tmp_path, number):
+    listener = Listener(bench)
+    controller = start("controller", write(tmp_path, "entries: [{for: 1000.0, motor_speed: 10.0, upper_gap: 0.001}]\n"))
+    bench.spin_until(lambda: listener.heard["motor_speed"], "first command")
+    controller.send(number)
+    listener.spin_until_ended(controller)
+    assert controller.end() == 128 + number
+    bench.spin_until(lambda: len(listener.heard["motor_speed"]) == 2, "the stop")
+    assert listener.heard == {"motor_speed": [10.0, 0.0], "upper_gap": [0.001], "inclined_gap": []}
+    assert "Traceback" not in controller.text
+
+
+def test_an_abort_while_waiting_sends_nothing(start):
+    controller = start("controller", "crawl")
+    controller.wait_for("waiting up to")
+    controller.send(signal.SIGINT)
+    assert controller.end() == 128 + signal.SIGINT
+    assert "aborted" not in controller.text
+
+
+@pytest.mark.parametrize("words, reason", [
+    (["script.yaml"], "controller: script.yaml: entry 2: motor_speed: nan is not finite; give a number in rad/s"),
+    (["nope.yaml"], "controller: nope.yaml: no such script; give a path or one of crawl, pulses"),
+    ([], "controller: no script given; give a path or one of crawl, pulses"),
+    (["crawl", "--fast"], "controller: unrecognized arguments: --fast; `controller --help` shows what there is"),
+    (["crawl", "--ros-args", "-p", "rate:=0.0"],
+     "controller: rate: 0 is out of range; give a number above 0 to 10000 Hz"),
+    (["crawl", "--ros-args", "-p", "wiat:=1.0"], "controller: wiat: unknown parameter; did you mean wait?"),
+])
+def test_bad_input_is_one_line_and_nothing_is_sent(start, bench, tmp_path, words, reason):
+    listener = Listener(bench)
+    write(tmp_path, "entries: [{for: 1.0, motor_speed: 10.0}, {for: 1.0, motor_speed: .nan}]\n")
+    controller = start("controller", *words)
+    listener.spin_until_ended(controller)
+    assert controller.end() == 2
+    assert controller.lines == [reason]
+    assert listener.heard == {name: [] for name in COMMANDS}
+
+
+def test_the_script_may_come_as_a_parameter(start, bench, tmp_path):
+    listener = Listener(bench)
+    controller = start("controller", "--ros-args", "-p",
+                       "script:=" + write(tmp_path, "entries: [{for: 0.1, inclined_gap: 0.002}]\n"))
+    listener.spin_until_ended(controller)
+    assert controller.end() == 0, controller.text
+    assert listener.heard["inclined_gap"] == [0.002]

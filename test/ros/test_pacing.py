@@ -1,0 +1,90 @@
+"""Pacing against a clock that the test turns."""
+
+import pytest
+
+from vibro_ros.ros.pacing import LONGEST_SLEEP, Pacing
+
+TICK = 0.005  # [s]
+
+
+class Clock:
+    """A wall clock that moves only when slept on, `oversleep` too far each time, or when a test sets it."""
+
+    def __init__(self, oversleep: float = 0.0):
+        self.time = 1000.0
+        self.sleeps: list[float] = []
+        self._oversleep = oversleep
+
+    def now(self) -> float:
+        return self.time
+
+    def sleep(self, duration: float) -> None:
+        self.sleeps.append(duration)
+        self.time += duration + self._oversleep
+
+
+def pacing(clock: Clock, factor: float = 1.0) -> Pacing:
+    paced = Pacing(factor, max_catch_up=0.1, now=clock.now, sleep=clock.sleep)
+    paced.start()
+    return paced
+
+
+@pytest.mark.parametrize("factor", [0.25, 1.0, 4.0])
+def test_oversleeping_does_not_drift(factor: float):
+    clock = Clock(oversleep=0.0004)
+    paced = pacing(clock, factor)
+    for tick in range(1, 2001):
+        assert paced.wait_until(tick * TICK) == 0.0
+    # the last deadline, and at most one oversleep beyond it; 1e-9 s for the rounding of a clock at 1000 s
+    assert clock.time == pytest.approx(1000.0 + 2000 * TICK / factor, abs=0.0004 + 1e-9)
+    assert clock.time >= 1000.0 + 2000 * TICK / factor - 1e-9
+    assert (paced.stalls, paced.dropped) == (0, 0.0)
+
+
+def test_a_short_stall_is_made_good_without_sleep():
+    clock = Clock()
+    paced = pacing(clock)
+    clock.time += 0.09
+    assert [paced.wait_until(tick * TICK) for tick in range(1, 19)] == [0.0] * 18
+    assert clock.sleeps == []
+    paced.wait_until(19 * TICK)
+    assert clock.time == pytest.approx(1000.0 + 19 * TICK, abs=1e-9)
+    assert paced.stalls == 0
+
+
+def test_a_long_stall_is_dropped_and_never_burst():
+    clock = Clock()
+    paced = pacing(clock)
+    paced.wait_until(TICK)
+    clock.time += 0.5
+    # the tick at 2 * TICK was due 0.5 s - TICK ago
+    assert paced.wait_until(2 * TICK) == pytest.approx(0.5 - TICK, abs=1e-9)
+    clock.sleeps.clear()
+    for tick in range(3, 10):
+        assert paced.wait_until(tick * TICK) == 0.0
+    assert clock.sleeps == pytest.approx([TICK] * 7, abs=1e-9)
+    assert paced.stalls == 1
+    assert paced.dropped == pytest.approx(0.5 - TICK, abs=1e-9)
+
+
+def test_dropped_time_is_simulated_time():
+    clock = Clock()
+    paced = pacing(clock, factor=2.0)
+    clock.time += 0.5
+    assert paced.wait_until(2 * TICK) == pytest.approx(2.0 * (0.5 - TICK), abs=1e-9)
+
+
+def test_factor_zero_never_waits_and_never_drops():
+    clock = Clock()
+    paced = pacing(clock, factor=0.0)
+    clock.time += 5.0
+    assert [paced.wait_until(tick * TICK) for tick in range(1, 100)] == [0.0] * 99
+    assert sum(clock.sleeps) == 0.0
+    assert paced.stalls == 0
+
+
+def test_a_stop_ends_a_long_wait():
+    clock = Clock()
+    paced = pacing(clock)
+    paced.wait_until(1e6, stopped=lambda: clock.time > 1000.2)
+    assert 1000.2 < clock.time <= 1000.2 + 2 * LONGEST_SLEEP

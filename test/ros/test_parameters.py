@@ -1,0 +1,65 @@
+"""The node's parameters as ROS tools see them."""
+
+import pytest
+from rcl_interfaces.msg import Parameter as ParameterMessage
+from rcl_interfaces.msg import ParameterType, ParameterValue
+from rcl_interfaces.srv import DescribeParameters, GetParameters, ListParameters, SetParameters
+
+from vibro_ros.model.parameters import SCENE_PARAMETERS
+from vibro_ros.ros.parameters import descriptor
+from vibro_ros.scene_file import DEVICE_PARAMETERS, load_scene
+
+KINDS = {
+    bool: (ParameterType.PARAMETER_BOOL, "bool_value"),
+    str: (ParameterType.PARAMETER_STRING, "string_value"),
+    float: (ParameterType.PARAMETER_DOUBLE, "double_value"),
+}
+TABLE = (*DEVICE_PARAMETERS, *SCENE_PARAMETERS)
+
+
+@pytest.fixture
+def ask(start, bench):
+    """Call a parameter service of a robot with one integer, one file and one override more than its defaults."""
+    robot = start("robot", "--ros-args", "-p", "record.enabled:=false", "-p", "mass.body:=2", "-p", "scene:=damped")
+
+    def call(kind, name: str, **fields):
+        client = bench.node.create_client(kind, f"/vibro_robot/{name}")
+        bench.spin_until(client.service_is_ready, name)
+        future = client.call_async(kind.Request(**fields))
+        bench.spin_until(future.done, f"answer of {name}")
+        return future.result()
+
+    robot.wait_for("ready")
+    return call
+
+
+def test_every_parameter_is_there_with_range_description_and_value(ask):
+    names = [parameter.name for parameter in TABLE]
+    assert set(names) <= set(ask(ListParameters, "list_parameters").result.names)
+    described = ask(DescribeParameters, "describe_parameters", names=names).descriptors
+    values = ask(GetParameters, "get_parameters", names=names).values
+    scene = load_scene("damped").with_parameters({"mass.body": 2.0})
+    expected = {parameter.name: parameter.default for parameter in DEVICE_PARAMETERS} | dict(scene.parameters)
+    expected |= {"record.enabled": False, "scene": "damped"}
+    for parameter, shown, value in zip(TABLE, described, values, strict=True):
+        assert shown.read_only is not parameter.while_running
+        assert parameter.description in shown.description
+        assert parameter.unit in shown.description
+        assert all(choice in shown.additional_constraints for choice in parameter.choices)
+        kind, field = KINDS[type(parameter.default)]
+        assert (shown.type, value.type) == (kind, kind), parameter.name
+        assert getattr(value, field) == expected[parameter.name], parameter.name
+
+
+def test_a_parameter_that_is_fixed_cannot_be_set(ask):
+    value = ParameterValue(type=ParameterType.PARAMETER_DOUBLE, double_value=3.0)
+    wanted = ParameterMessage(name="mass.body", value=value)
+    (result,) = ask(SetParameters, "set_parameters", parameters=[wanted]).results
+    assert not result.successful
+    assert "read-only" in result.reason
+
+
+def test_a_range_is_the_tables():
+    (speed,) = (parameter for parameter in SCENE_PARAMETERS if parameter.name == "motor.speed")
+    (span,) = descriptor(speed).floating_point_range
+    assert (span.from_value, span.to_value, span.step) == (0.0, 1e4, 0.0)

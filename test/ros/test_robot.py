@@ -1,0 +1,333 @@
+"""The robot as a process of its own, commanded and heard over DDS."""
+
+import json
+import math
+import resource
+import signal
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from geometry_msgs.msg import WrenchStamped
+from mcap.reader import make_reader
+from nav_msgs.msg import Odometry
+from rclpy.qos import QoSProfile
+from rclpy.serialization import deserialize_message
+from rosbags.rosbag2 import Reader
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64
+
+import vibro_ros
+from vibro_ros.bag.reader import read_bag
+
+PERIOD = 5_000_000  # [ns] of the default 200 Hz
+HEARD = ("odom", "joint_states", "ground_contact", "impacts", "motor_power")
+COMMANDS = ("motor_speed", "upper_gap", "inclined_gap")
+
+
+class Operator:
+    """Commands the robot and keeps every serialised message that it publishes."""
+
+    def __init__(self, bench, topics=HEARD, names: dict[str, str] | None = None):
+        self.bench = bench
+        self.heard: dict[str, list[bytes]] = {topic: [] for topic in topics}
+        names = names or {}
+        kinds = {"odom": Odometry, "joint_states": JointState, "motor_power": Float64}
+        for topic in topics:
+            bench.node.create_subscription(kinds.get(topic, WrenchStamped), names.get(topic, topic),
+                                           self.heard[topic].append, QoSProfile(depth=10_000), raw=True)
+        self._publishers = {name: bench.node.create_publisher(Float64, names.get(name, name), 10) for name in COMMANDS}
+
+    def wait_for_robot(self) -> None:
+        self.bench.spin_until(lambda: all(publisher.get_subscription_count() for publisher in self._publishers.values())
+                              and all(self.heard[topic] for topic in self.heard if topic != "impacts"), "robot up")
+
+    def command(self, **values: float) -> None:
+        for name, value in values.items():
+            self._publishers[name].publish(Float64(data=value))
+
+    def odom(self) -> Odometry:
+        return deserialize_message(self.heard["odom"][-1], Odometry)
+
+    def joint(self, name: str) -> tuple[float, float, float]:
+        """Position, velocity and effort, as heard last."""
+        message = deserialize_message(self.heard["joint_states"][-1], JointState)
+        index = list(message.name).index(name)
+        return message.position[index], message.velocity[index], message.effort[index]
+
+    def spin_for_samples(self, count: int) -> None:
+        until = len(self.heard["odom"]) + count
+        self.bench.spin_until(lambda: len(self.heard["odom"]) >= until, f"{count} more samples")
+
+
+def stop(robot, number: signal.Signals = signal.SIGINT) -> Path:
+    """End the robot as a user does; its bag."""
+    robot.send(number)
+    assert robot.end() == 0, robot.text
+    line = robot.wait_for("]: bag ")
+    assert " 0 dropped;" in line
+    return Path(line.split("]: bag ")[1].split(": ")[0])
+
+
+def raw_messages(folder: Path) -> dict[str, list[tuple[int, bytes]]]:
+    with Reader(folder) as reader:
+        messages: dict[str, list] = {connection.topic: [] for connection in reader.connections}
+        for connection, stamp, data in reader.messages():
+            messages[connection.topic].append((stamp, bytes(data)))
+    return messages
+
+
+def raw_messages_by_mcap(folder: Path) -> dict[str, list[tuple[int, bytes]]]:
+    (path,) = folder.glob("*.mcap")
+    messages: dict[str, list] = {}
+    with path.open("rb") as file:
+        for _, channel, message in make_reader(file).iter_messages():
+            messages.setdefault(channel.topic, []).append((message.log_time, message.data))
+    return messages
+
+
+@pytest.fixture(scope="module")
+def _compiled():
+    """Kernels in the cache, so that no test's patience is spent on compiling."""
+    vibro_ros.simulator.compile_kernels()
+
+
+pytestmark = pytest.mark.usefixtures("_compiled")
+
+
+def test_it_moves_as_the_simulation_says_and_the_bag_holds_every_message(start, bench, tmp_path):
+    robot = start("robot", "--ros-args", "-p", "record.directory:=bags")
+    operator = Operator(bench)
+    operator.wait_for_robot()
+    operator.command(motor_speed=100.0)
+    operator.spin_for_samples(200)
+    operator.command(upper_gap=0.0005, inclined_gap=-0.0003, motor_speed=130.0)
+    operator.spin_for_samples(200)
+    operator.command(motor_speed=60.0)
+    operator.spin_for_samples(100)
+    folder = tmp_path / stop(robot)
+
+    recorded = raw_messages(folder)
+    by_mcap = raw_messages_by_mcap(folder)
+    assert set(recorded) == {f"/{topic}" for topic in (*HEARD, *COMMANDS)}
+    for topic, messages in recorded.items():
+        assert by_mcap[topic] == messages
+    for topic, heard in operator.heard.items():
+        data = [data for _, data in recorded[f"/{topic}"]]
+        pieces = (data[first : first + len(heard)] for first in range(len(data) - len(heard) + 1))
+        assert heard in pieces, f"{topic}: heard is not a piece of the bag, without a gap"
+    assert [len(recorded[f"/{name}"]) for name in COMMANDS] == [3, 1, 1]
+    assert abs(operator.odom().pose.pose.position.x) > 0.01  # [m]
+
+    start_ns = recorded["/odom"][0][0]
+    assert [stamp for stamp, _ in recorded["/odom"]] == [start_ns + PERIOD * i for i in range(len(recorded["/odom"]))]
+    metadata = read_bag(folder).metadata
+    assert (metadata["scene"], metadata["start"]) == ("device", str(start_ns))
+    assert json.loads(metadata["parameters"])["upper.spring.damping"] == 2.0
+    compare_with_simulation(folder, start_ns, recorded)
+
+
+def compare_with_simulation(folder: Path, start_ns: int, recorded: dict[str, list[tuple[int, bytes]]]) -> None:
+    """Every recorded number against an offline run of the recorded commands, exactly."""
+    bag = read_bag(folder)
+    device = vibro_ros.Simulator(vibro_ros.load_scene("device"))
+    commands = sorted(((stamp - start_ns) / 1e9, name, deserialize_message(data, Float64).data)
+                      for name in COMMANDS for stamp, data in recorded[f"/{name}"])
+    states = []
+    for stamp, _ in recorded["/odom"]:
+        time = (stamp - start_ns) / 1e9
+        while commands and commands[0][0] < time:
+            at, name, value = commands.pop(0)
+            device.advance_to(at)
+            device.command(**{name: value})
+        device.advance_to(time)
+        states.append(device.state)
+
+    def column(field: str) -> np.ndarray:
+        return np.array([getattr(state, field) for state in states])
+
+    # the trajectory does not depend on how time is cut up: equal, bit for bit
+    odom, joints, ground = bag["odom"], bag["joint_states"], bag["ground_contact"]
+    for array, field in (
+        (odom["position"][:, 0], "body_position"),
+        (odom["position"][:, 2], "body_height"),
+        (odom["linear_velocity"][:, 0], "body_velocity"),
+        (joints["crank.position"], "crank_angle"),
+        (joints["crank.velocity"], "motor_speed"),
+        (joints["crank.effort"], "motor_torque"),
+        *((joints[f"{side}_mass.{quantity}"], f"{side}_{field}") for side in ("upper", "inclined")
+          for quantity, field in (("position", "position"), ("velocity", "velocity"), ("effort", "drive_force"))),
+        *((joints[f"{side}_plate.{quantity}"], f"{side}_plate_{field}") for side in ("upper", "inclined")
+          for quantity, field in (("position", "position"), ("velocity", "velocity"), ("effort", "force"))),
+        (ground["force"][:, 2], "normal_force"),
+        (-ground["force"][:, 0], "friction_force"),
+        (bag["motor_power"]["value"], "motor_power"),
+    ):
+        np.testing.assert_array_equal(array, column(field), err_msg=field)
+    assert (odom["position"][:, 1] == 0.0).all()
+
+    contacts = [event for event in device.take_events() if str(event["kind"]).endswith("_contact")]
+    impacts = bag["impacts"]
+    assert len(contacts) > 10
+    assert [str(event["kind"]).replace("contact", "plate") for event in contacts] == impacts["frame"].tolist()
+    np.testing.assert_array_equal(impacts["force"][:, 2], [event["peak_force"] for event in contacts])
+    assert (impacts["force"][:, :2] == 0.0).all()
+    # stamps are rounded to 1 ns
+    np.testing.assert_allclose(impacts["stamp"], [event["time"] for event in contacts], rtol=0.0, atol=1e-9)
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("awaited", ["compiling", "ready"])
+def test_a_signal_ends_it_cleanly(start, tmp_path, number, awaited):
+    robot = start("robot")
+    robot.wait_for(awaited)
+    robot.send(number)
+    assert robot.end() == 0, robot.text
+    assert "Traceback" not in robot.text
+    for folder in tmp_path.glob("vibro_robot_*"):
+        assert "odom" in read_bag(folder)
+    assert awaited == "compiling" or len(list(tmp_path.glob("vibro_robot_*"))) == 1
+
+
+def test_an_impatient_user_changes_nothing(start, tmp_path):
+    robot = start("robot")
+    robot.wait_for("ready")
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGINT):
+        robot.send(number)
+    assert robot.end() == 0, robot.text
+    (folder,) = tmp_path.glob("vibro_robot_*")
+    assert "odom" in read_bag(folder)
+
+
+BAD_PARAMETERS = {
+    "out of range": (["-p", "mass.body:=-1.0"], "mass.body: -1 is out of range; give a number above 0"),
+    "wrong type": (["-p", "mass.body:=heavy"], "mass.body: 'heavy' is not a number; give a number above 0"),
+    "not a number": (["-p", "gravity:=.nan"], "gravity: nan is not finite; give a number from 0"),
+    "infinite": (["-p", "motor.speed:=.inf"], "motor.speed: inf is not finite"),
+    "negative speed": (["-p", "motor.speed:=-1.0"], "motor.speed: -1 is out of range; give a number from 0"),
+    "too fast": (["-p", "motor.speed:=600.0"], "motor.speed: 600 rad/s is above motor.max_speed, 500 rad/s"),
+    "gap beyond the mechanism": (["-p", "upper.gap:=1.0"], "give a gap from -0.06 to 0.06 m"),
+    "unknown effect": (["-p", "effects.motor:=rocket"], "'rocket' is unknown; choose one of ideal, ramp"),
+    "misspelt": (["-p", "mass.boddy:=1.0"], "mass.boddy: unknown parameter; did you mean mass.body?"),
+    "no such scene": (["-p", "scene:=moon"], "moon: neither a shipped scene nor a file; shipped scenes are"),
+    "list": (["-p", "mass.body:=[1.0]"], "mass.body: [1.0] is not a number"),
+    "no assignment": (["-p", "mass.body=1.0"], "-p mass.body=1.0: not a parameter; write name:=value"),
+    "folder": (["-p", "record.directory:=/proc/none"], "record.directory: cannot record to /proc/none"),
+    "ROS argument": (["-r", "odom:=9x"], "ROS refuses the arguments: Couldn't parse remap rule: '-r odom:=9x'"),
+    "missing file": (["--params-file", "none.yaml"], "none.yaml: No such file or directory"),
+}
+
+
+@pytest.mark.parametrize("words, reason", BAD_PARAMETERS.values(), ids=BAD_PARAMETERS)
+def test_bad_parameters_are_one_line_and_exit_code_2(start, words, reason):
+    assert_refused(start("robot", "--ros-args", *words), reason)
+
+
+BAD_FILES = {
+    "malformed": ("/**:\n  ros__parameters:\n    mass: [1,\n", "params.yaml, line 4: not YAML"),
+    "other node": ("vibro_robt:\n  ros__parameters:\n    gravity: 9.81\n",
+                   "holds parameters for /vibro_robt, none for this node; address them to /vibro_robot or to /**"),
+    "misspelt": ("/**:\n  ros__parameters:\n    gravitty: 9.81\n", "gravitty: unknown parameter; did you mean gravity"),
+    "wrong type": ("/**:\n  ros__parameters:\n    gravity: yes\n", "gravity: True is not a number"),
+    "twice": ("/**:\n  ros__parameters:\n    gravity: 1.0\n    gravity: 2.0\n", "'gravity' is given twice"),
+    "empty": ("", "holds no parameters"),
+}
+
+
+@pytest.mark.parametrize("text, reason", BAD_FILES.values(), ids=BAD_FILES)
+def test_bad_parameter_files_are_one_line_and_exit_code_2(start, tmp_path, text, reason):
+    (tmp_path / "params.yaml").write_text(text)
+    assert_refused(start("robot", "--ros-args", "--params-file", "params.yaml"), reason)
+
+
+def test_an_unknown_argument_is_refused(start):
+    assert_refused(start("robot", "--sceen", "paper"), "unrecognized arguments: --sceen paper; `robot --help`")
+
+
+def assert_refused(robot, reason: str) -> None:
+    assert robot.end() == 2, robot.text
+    (line,) = [line for line in robot.lines if "]: scene " not in line]  # the folder is tried after the scene is known
+    assert line.startswith("robot: ")
+    assert reason in line
+
+
+def test_bad_commands_are_refused_and_the_robot_goes_on(start, bench):
+    robot = start("robot", "--ros-args", "-p", "record.enabled:=false", "-p", "effects.motor:=ideal")
+    operator = Operator(bench)
+    operator.wait_for_robot()
+    operator.command(motor_speed=80.0)
+    bench.spin_until(lambda: operator.joint("crank")[1] == 80.0, "motor at speed")
+    refusals = (
+        ("motor_speed", math.nan, "motor.speed: nan is not finite"),
+        ("motor_speed", math.inf, "motor.speed: inf is not finite"),
+        ("motor_speed", -math.inf, "motor.speed: -inf is not finite"),
+        ("motor_speed", -1.0, "motor.speed: -1 is out of range; give a number from 0"),
+        ("motor_speed", 501.0, "motor.speed: 501 rad/s is above motor.max_speed, 500 rad/s; ask for less"),
+        ("upper_gap", 0.07, "upper.gap: 0.07 m puts the plate beyond the mechanism; give a gap from -0.06 to 0.06 m"),
+        ("inclined_gap", math.nan, "inclined.gap: nan is not finite"),
+    )
+    for name, value, reason in refusals:
+        operator.command(**{name: value})
+        line = robot.wait_for(f"command refused: {reason}")
+        assert "[WARN]" in line
+    plates = operator.joint("upper_plate")[0], operator.joint("inclined_plate")[0]
+    operator.spin_for_samples(50)
+    assert operator.joint("crank")[1] == 80.0
+    assert (operator.joint("upper_plate")[0], operator.joint("inclined_plate")[0]) == plates
+    operator.command(motor_speed=90.0)
+    bench.spin_until(lambda: operator.joint("crank")[1] == 90.0, "the next good command")
+    robot.send(signal.SIGINT)
+    assert robot.end() == 0
+    assert "nothing recorded" in robot.lines[-1]
+    assert f"{len(refusals)} commands refused" in robot.lines[-1]
+
+
+def test_namespace_and_remapping_hold_for_topics_and_bag(start, bench, tmp_path):
+    robot = start("robot", "--ros-args", "-r", "__ns:=/lab", "-r", "odom:=body/odom", "-r", "motor_speed:=speed")
+    names = {topic: f"/lab/{topic}" for topic in (*HEARD, *COMMANDS)}
+    names |= {"odom": "/lab/body/odom", "motor_speed": "/lab/speed"}
+    operator = Operator(bench, names=names)
+    operator.wait_for_robot()
+    operator.command(motor_speed=50.0)
+    bench.spin_until(lambda: operator.joint("crank")[1] == 50.0, "motor at speed")
+    bag = read_bag(tmp_path / stop(robot))
+    assert set(bag.topics) == set(names.values())
+    assert bag["/lab/speed"]["value"].tolist() == [50.0]
+
+
+def test_an_absent_mass_has_no_joints(start, bench):
+    robot = start("robot", "--ros-args", "-p", "effects.upper_mass:=false", "-p", "record.enabled:=false")
+    operator = Operator(bench)
+    operator.wait_for_robot()
+    names = deserialize_message(operator.heard["joint_states"][-1], JointState).name
+    assert list(names) == ["crank", "inclined_mass", "inclined_plate"]
+    robot.send(signal.SIGINT)
+    assert robot.end() == 0
+
+
+def test_a_stall_is_dropped_and_told_and_the_stamps_stay_even(start, bench, tmp_path):
+    robot = start("robot")
+    operator = Operator(bench)
+    operator.wait_for_robot()
+    robot.send(signal.SIGSTOP)
+    time.sleep(0.5)  # the stall itself
+    robot.send(signal.SIGCONT)
+    assert "of simulated time dropped" in robot.wait_for("stalled: ")
+    operator.spin_for_samples(20)
+    bag = read_bag(tmp_path / stop(robot))
+    # [s] stamps are whole nanoseconds, and doubles of about 10 s
+    np.testing.assert_allclose(np.diff(bag["odom"]["stamp"]), PERIOD * 1e-9, rtol=0.0, atol=1e-12)
+
+
+def test_a_disk_that_fails_is_told_and_the_robot_goes_on(start, bench):
+    robot = start("robot")
+    operator = Operator(bench)
+    operator.wait_for_robot()
+    resource.prlimit(robot.pid, resource.RLIMIT_FSIZE, (1, 1))  # [bytes] every further write to a file fails
+    assert "[ERROR]" in robot.wait_for("not recorded: recording to vibro_robot_")
+    operator.spin_for_samples(20)
+    robot.send(signal.SIGINT)
+    assert robot.end() == 1
+    assert robot.lines[-1].startswith("robot: recording to vibro_robot_")
+    assert "Traceback" not in robot.text

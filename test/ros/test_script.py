@@ -1,0 +1,156 @@
+"""Scripts from YAML text to commands in time."""
+
+from pathlib import Path
+
+import pytest
+
+from vibro_ros.ros.script_file import find_script, read_script, shipped_scripts
+
+
+def script(folder: Path, text: str):
+    path = folder / "script.yaml"
+    path.write_text(text)
+    return read_script(path)
+
+
+def test_holds_follow_each_other_and_stay_until_changed(tmp_path):
+    played = script(tmp_path, """
+entries:
+  - {for: 2.0, motor_speed: 100, upper_gap: 1e-3}
+  - {for: 3.0, motor_speed: 50.0}
+""")
+    assert played.duration == 5.0
+    assert played.commands == ("motor_speed", "upper_gap")
+    assert played.command_at(0.0) == {"motor_speed": 100.0, "upper_gap": 0.001}
+    assert played.command_at(1.999) == {"motor_speed": 100.0, "upper_gap": 0.001}
+    assert played.command_at(2.0) == {"motor_speed": 50.0, "upper_gap": 0.001}
+    assert played.command_at(99.0) == {"motor_speed": 50.0, "upper_gap": 0.001}
+    assert list(played.instants(rate=50.0)) == [0.0, 2.0]
+
+
+def test_a_ramp_is_a_straight_line_that_reaches_its_end(tmp_path):
+    played = script(tmp_path, """
+entries:
+  - {for: 2.0, motor_speed: {from: 10.0, to: 30.0}}
+  - {for: 1.0, motor_speed: {to: 0.0}}
+""")
+    speeds = [played.command_at(time)["motor_speed"] for time in (0.0, 0.5, 1.0, 2.0, 2.5, 3.0)]
+    assert speeds == [10.0, 15.0, 20.0, 30.0, 15.0, 0.0]
+    assert list(played.instants(rate=2.0)) == [0.0, 0.5, 1.0, 1.5, 2.0, 2.0, 2.5, 3.0]
+
+
+def test_at_places_an_entry_and_ends_the_one_before(tmp_path):
+    played = script(tmp_path, """
+entries:
+  - {at: 1.0, motor_speed: 10.0}
+  - {at: 4.0, for: 1.0, motor_speed: 20.0}
+  - {at: 7.0, for: 1.0, motor_speed: 30.0}
+""")
+    assert [(one.start, one.duration) for one in played.segments] == [(1.0, 3.0), (4.0, 1.0), (7.0, 1.0)]
+    assert played.command_at(0.5) == {}
+    assert played.command_at(6.0) == {"motor_speed": 20.0}  # held over the pause
+
+
+def test_blocks_repeat_on_their_own_clock(tmp_path):
+    played = script(tmp_path, """
+repeat: 2
+entries:
+  - {for: 1.0, motor_speed: 5.0}
+  - repeat: 3
+    entries:
+      - {at: 0.0, motor_speed: 10.0}
+      - {at: 0.5, for: 0.5, motor_speed: {to: 20.0}}
+""")
+    assert played.duration == 8.0
+    assert [one.entry for one in played.segments] == ["1", *["2.1", "2.2"] * 3] * 2
+    once = [0.0, 1.0, 1.5, 2.0, 2.5, 3.0, 3.5]
+    assert [one.start for one in played.segments] == [*once, *(4.0 + start for start in once)]
+    assert played.command_at(7.75) == {"motor_speed": 15.0}
+
+
+def test_an_entry_says_what_it_does(tmp_path):
+    played = script(tmp_path, """
+entries:
+  - {for: 2.0, motor_speed: {from: 0.0, to: 100.0}, upper_gap: 0.0005, note: off we go}
+  - {for: 1.0}
+""")
+    assert [one.describe() for one in played.segments] == [
+        "entry 1, 2 s: motor_speed 0 -> 100 rad/s, upper_gap 0.0005 m (off we go)",
+        "entry 2, 1 s: as before",
+    ]
+
+
+BAD = {
+    "empty": ("", "the file is empty"),
+    "no entries": ("repeat: 2\n", "entries is missing; give a list"),
+    "empty list": ("entries: []\n", "entries is []; give a list with at least one entry"),
+    "a list": ("- {for: 1.0}\n", "is not a mapping; give `entries`"),
+    "not YAML": ("entries: [\n", "line 2: not YAML"),
+    "not a mapping": ("entries: [3]\n", "entry 1: 3 is not a mapping"),
+    "no duration": ("entries: [{motor_speed: 1.0}]\n", "entry 1: no duration; give `for: <seconds>`"),
+    "zero duration": ("entries: [{for: 0.0}]\n", "entry 1: for: leaves 0 s; give a duration above 0 s"),
+    "negative duration": ("entries: [{for: 1.0}, {for: -1.0}]\n", "entry 2: for: leaves -1 s"),
+    "infinite duration": ("entries: [{for: .inf}]\n", "entry 1: for: inf is not finite; give a number in s"),
+    "negative time": ("entries: [{at: -1.0, for: 1.0}]\n", "entry 1: at: -1 is negative; give a time of at least 0 s"),
+    "backwards": ("entries: [{for: 3.0}, {at: 2.0, for: 1.0}]\n",
+                  "entry 2: at: 2 s lies before the end of the entry before"),
+    "no time left": ("entries: [{at: 2.0}, {at: 2.0, for: 1.0}]\n", "entry 1: at of the next entry: leaves 0 s"),
+    "NaN": ("entries: [{for: 1.0, motor_speed: .nan}]\n",
+            "entry 1: motor_speed: nan is not finite; give a number in rad/s"),
+    "infinite": ("entries: [{for: 1.0, upper_gap: -.inf}]\n",
+                 "entry 1: upper_gap: -inf is not finite; give a number in m"),
+    "too long a number": (f"entries: [{{for: 1.0, upper_gap: 1{'0' * 400}}}]\n", "is not finite"),
+    "negative speed": ("entries: [{for: 1.0, motor_speed: -5}]\n", "entry 1: motor_speed: -5 is negative"),
+    "negative ramp": ("entries: [{for: 1.0, motor_speed: {from: 1.0, to: -1.0}}]\n",
+                      "entry 1: motor_speed: -1 is negative"),
+    "text": ("entries: [{for: 1.0, motor_speed: fast}]\n", "entry 1: motor_speed: 'fast' is not a number"),
+    "bool": ("entries: [{for: true}]\n", "entry 1: for: True is not a number"),
+    "nothing": ("entries: [{for: }]\n", "entry 1: for: missing is not a number"),
+    "unknown key": ("entries: [{for: 1.0, motor_sped: 1.0}]\n", "entry 1: motor_sped: unknown key; give at, for"),
+    "unknown top key": ("entires: []\n", "entires: unknown key; give entries, repeat"),
+    "key twice": ("entries:\n  - {for: 1.0, for: 2.0}\n", "line 2: not YAML: 'for' is given twice"),
+    "ramp without end": ("entries: [{for: 1.0, motor_speed: {from: 1.0}}]\n",
+                         "entry 1: motor_speed: a ramp needs `to`"),
+    "ramp from nowhere": ("entries: [{for: 1.0, motor_speed: {to: 1.0}}]\n",
+                          "no value to start the ramp from; give `from`"),
+    "ramp with a typo": ("entries: [{for: 1.0, motor_speed: {form: 1.0, to: 2.0}}]\n",
+                         "entry 1: motor_speed: form: unknown key"),
+    "repeat half": ("repeat: 0.5\nentries: [{for: 1.0}]\n",
+                    "repeat: 0.5 is not a count; give a whole number of at least 1"),
+    "repeat never": ("entries: [{repeat: 0, entries: [{for: 1.0}]}]\n", "entry 1: repeat: 0 is not a count"),
+    "inside a block": ("entries: [{for: 1.0}, {entries: [{for: 1.0}, {for: x}]}]\n",
+                       "entry 2.2: for: 'x' is not a number"),
+    "too long": ("repeat: 1000\nentries: [{repeat: 1000, entries: [{for: 1.0}]}]\n",
+                 "unfolds to more than 100000 entries"),
+    "a block in itself": ("&a\nentries: [*a]\n", "more than 10 blocks inside each other"),
+    "nothing commanded": ("entries: [{for: 1.0}]\n",
+                          "no entry gives a command; give motor_speed, upper_gap, inclined_gap"),
+}
+
+
+@pytest.mark.parametrize("text, reason", BAD.values(), ids=BAD)
+def test_a_bad_script_is_refused_with_file_entry_and_reason(tmp_path, text, reason):
+    with pytest.raises(ValueError) as refusal:
+        script(tmp_path, text)
+    assert str(refusal.value).startswith(str(tmp_path / "script.yaml"))
+    assert reason in str(refusal.value)
+    assert "\n" not in str(refusal.value)
+
+
+def test_a_missing_script_names_the_shipped_ones():
+    with pytest.raises(ValueError, match="dance: no such script; give a path or one of crawl, pulses"):
+        find_script("dance")
+
+
+@pytest.mark.parametrize("name", shipped_scripts())
+def test_shipped_scripts_drive_and_stop_the_motor(name):
+    played = read_script(find_script(name))
+    speeds = [played.command_at(time).get("motor_speed", 0.0) for time in played.instants(rate=10.0)]
+    assert max(speeds) >= 100.0  # [rad/s]
+    assert played.command_at(played.duration)["motor_speed"] == 0.0
+
+
+def test_crawl_crawls_speeds_up_stops_and_crawls_again():
+    crawl = read_script(find_script("crawl"))
+    assert crawl.duration == 18.0
+    assert [crawl.command_at(time)["motor_speed"] for time in (3.0, 9.0, 12.0, 15.0)] == [100.0, 130.0, 0.0, 100.0]

@@ -1,0 +1,76 @@
+"""What the robot publishes: serialised once, the same bytes to ROS and to the bag."""
+
+from collections.abc import Callable
+
+import numpy as np
+from geometry_msgs.msg import WrenchStamped
+from nav_msgs.msg import Odometry
+from rclpy.node import Node
+from rclpy.publisher import Publisher
+from rclpy.serialization import serialize_message
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64
+
+from vibro_ros.model.scene import Scene
+from vibro_ros.ros import messages, qos
+from vibro_ros.samples import Samples
+
+Record = Callable[[str, int, bytes], None]
+"""Takes a topic's resolved name, a stamp [ns] and the serialised message."""
+
+TOPICS = {
+    "odom": (Odometry, qos.SAMPLES),
+    "joint_states": (JointState, qos.SAMPLES),
+    "ground_contact": (WrenchStamped, qos.SAMPLES),
+    "impacts": (WrenchStamped, qos.IMPACTS),
+    "motor_power": (Float64, qos.SAMPLES),
+}
+
+
+class Outputs:
+    """The robot's publishers.
+
+    Parameters
+    ----------
+    node : Node
+        Publishes under the node's names.
+    scene : Scene
+        Says which masses there are.
+    """
+
+    def __init__(self, node: Node, scene: Scene):
+        self.publishers: dict[str, Publisher] = {
+            topic: node.create_publisher(kind, topic, profile) for topic, (kind, profile) in TOPICS.items()
+        }
+        absent = [side for side in ("upper", "inclined") if not scene[f"effects.{side}_mass"]]
+        self._joints = [joint for joint in messages.JOINTS if joint.partition("_")[0] not in absent]
+
+    def publish(self, state: Samples, events: np.ndarray, stamp_of: Callable[[float], int], record: Record) -> None:
+        """Publish and record a sample, and the contacts that ended since the one before it.
+
+        Everything is recorded at the sample's instant, so that the bag is in time order; an impact's header has
+        the first instant of contact.
+
+        Parameters
+        ----------
+        state : Samples
+            The sample.
+        events : ndarray, shape (n,)
+            Events of `Simulator.take_events`.
+        stamp_of : callable
+            ROS time [ns] of a simulated time [s].
+        record : callable
+            The bag.
+        """
+        stamp = stamp_of(state.time)
+        for topic, message in (
+            ("odom", messages.odometry(state, stamp)),
+            ("joint_states", messages.joint_states(state, self._joints, stamp)),
+            ("ground_contact", messages.ground_contact(state, stamp)),
+            ("motor_power", messages.motor_power(state)),
+            *(("impacts", messages.impact(event, stamp_of(float(event["time"]))))
+              for event in events if event["kind"] in messages.PLATES),
+        ):
+            data = serialize_message(message)
+            self.publishers[topic].publish(data)
+            record(self.publishers[topic].topic_name, stamp, data)

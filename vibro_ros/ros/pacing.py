@@ -1,0 +1,74 @@
+"""Simulated time against the wall clock: absolute deadlines, and time dropped after a stall."""
+
+import time
+from collections.abc import Callable
+
+LONGEST_SLEEP = 0.05
+"""Longest single sleep [s], so that a stop is noticed however far away the deadline is."""
+
+
+class Pacing:
+    """Holds simulated time to `factor` times the wall clock.
+
+    Deadlines are absolute, so sleeping too long once does not add up to drift. A lateness of at most
+    `max_catch_up` is made good by ticks without sleep; after a longer stall the whole lateness is
+    dropped, so that the device never bursts.
+
+    Parameters
+    ----------
+    factor : float
+        Simulated seconds per wall second; 0 never waits.
+    max_catch_up : float
+        Longest lateness [wall s] that is made good.
+    now, sleep : callable
+        The wall clock [s] and how to sleep on it.
+
+    Attributes
+    ----------
+    stalls : int
+        How often time was dropped.
+    dropped : float
+        Simulated time [s] dropped in all.
+    """
+
+    def __init__(
+        self,
+        factor: float,
+        max_catch_up: float,
+        now: Callable[[], float] = time.monotonic,
+        sleep: Callable[[float], None] = time.sleep,
+    ):
+        self.stalls = 0
+        self.dropped = 0.0
+        self._factor = factor
+        self._max_catch_up = max_catch_up
+        self._now = now
+        self._sleep = sleep
+        self._origin = now()
+
+    def start(self) -> None:
+        """Let simulated time 0 be this instant."""
+        self._origin = self._now()
+
+    def wait_until(self, simulated_time: float, stopped: Callable[[], bool] = lambda: False) -> float:
+        """Sleep until `simulated_time` [s] is due, or `stopped` says so.
+
+        Returns
+        -------
+        float
+            Simulated time [s] dropped because the deadline passed more than `max_catch_up` ago; else 0.
+        """
+        if self._factor == 0.0:
+            self._sleep(0.0)  # lets the executor's thread in
+            return 0.0
+        deadline = self._origin + simulated_time / self._factor
+        while (ahead := deadline - self._now()) > 0.0:
+            if stopped():
+                return 0.0
+            self._sleep(min(ahead, LONGEST_SLEEP))
+        if -ahead <= self._max_catch_up:
+            return 0.0
+        self._origin -= ahead
+        self.stalls += 1
+        self.dropped += -ahead * self._factor
+        return -ahead * self._factor

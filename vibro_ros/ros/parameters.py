@@ -1,0 +1,84 @@
+"""ROS parameters derived from the package's parameter tables."""
+
+import math
+import sys
+from collections.abc import Iterable, Mapping
+
+from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor
+from rclpy.node import Node
+
+from vibro_ros.model.parameters import Parameter, Value
+
+OF_RCLPY = ("use_sim_time", "start_type_description_service")
+"""Parameters that rclpy declares for every node."""
+
+
+def take_overrides(node: Node) -> dict[str, object]:
+    """Every parameter override that `node` was given, undeclared again.
+
+    rclpy ignores an override that nobody declares; a misspelt name shows only by taking them all. The
+    node must declare parameters from overrides automatically.
+    """
+    given = {name: parameter.value for name, parameter in node.get_parameters_by_prefix("").items()}
+    overrides = {name: value for name, value in given.items() if name not in OF_RCLPY}
+    for name in overrides:
+        node.undeclare_parameter(name)
+    return overrides
+
+
+def declare(node: Node, table: Iterable[Parameter], values: Mapping[str, Value]) -> None:
+    """Declare every parameter of `table` on `node` with its checked value of `values`."""
+    for parameter in table:
+        node.declare_parameter(parameter.name, values[parameter.name], descriptor(parameter), ignore_override=True)
+
+
+def descriptor(parameter: Parameter) -> ParameterDescriptor:
+    """A new descriptor (`declare_parameter` changes the one it is given)."""
+    return ParameterDescriptor(
+        name=parameter.name,
+        description=f"{parameter.description} [{parameter.unit}]" if parameter.unit else parameter.description,
+        additional_constraints=constraints(parameter),
+        read_only=not parameter.while_running,
+        floating_point_range=_ranges(parameter),
+    )
+
+
+def constraints(parameter: Parameter) -> str:
+    """What a range cannot say: the choices, or that zero is excluded."""
+    if parameter.choices:
+        return f"one of {', '.join(parameter.choices)}"
+    return "above 0" if parameter.positive else ""
+
+
+def parameter_lines(table: Iterable[Parameter], values: Mapping[str, Value]) -> str:
+    """One line for each parameter of `table`: name, default in `values`, meaning; for --help."""
+    return "\n".join(
+        f"  {parameter.name} = {_yaml(values[parameter.name])}{' ' * bool(parameter.unit)}{parameter.unit}: "
+        f"{parameter.description}{_limits(parameter)}"
+        for parameter in table
+    )
+
+
+def _ranges(parameter: Parameter) -> list[FloatingPointRange]:
+    if not isinstance(parameter.default, float) or _unlimited(parameter):
+        return []
+    largest = sys.float_info.max
+    low, high = max(parameter.minimum, -largest), min(parameter.maximum, largest)
+    return [FloatingPointRange(from_value=low, to_value=high, step=0.0)]
+
+
+def _unlimited(parameter: Parameter) -> bool:
+    return math.isinf(parameter.minimum) and math.isinf(parameter.maximum)
+
+
+def _limits(parameter: Parameter) -> str:
+    words = [constraints(parameter)] if constraints(parameter) else []
+    if isinstance(parameter.default, float) and not _unlimited(parameter):
+        words.append(f"{parameter.minimum:g} to {parameter.maximum:g}")
+    return f" ({', '.join(words)})" if words else ""
+
+
+def _yaml(value: Value) -> str:
+    if isinstance(value, bool):
+        return str(value).lower()
+    return f'"{value}"' if isinstance(value, str) else repr(value)

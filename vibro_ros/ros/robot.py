@@ -1,0 +1,102 @@
+"""The `robot` executable: the virtual device behind its ROS interface."""
+
+import argparse
+import json
+import sys
+from collections.abc import Mapping, Sequence
+
+from rclpy.executors import Executor
+from rclpy.node import Node
+
+from vibro_ros.model.parameters import SCENE_PARAMETERS, Value, checked_parameters
+from vibro_ros.model.scene import Scene
+from vibro_ros.ros import process
+from vibro_ros.ros.inputs import Inputs
+from vibro_ros.ros.outputs import Outputs
+from vibro_ros.ros.pacing import Pacing
+from vibro_ros.ros.parameters import declare, parameter_lines, take_overrides
+from vibro_ros.ros.recording import open_recording
+from vibro_ros.ros.ros_arguments import check_addressed, check_arguments, own_arguments
+from vibro_ros.ros.stepping import Stepping
+from vibro_ros.scene_file import DEVICE_PARAMETERS, load_scene, shipped_scenes
+from vibro_ros.simulator import Simulator, compile_kernels
+
+NODE_NAME = "vibro_robot"
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the robot until SIGINT or SIGTERM.
+
+    Returns
+    -------
+    int
+        0 after a signal; 2 for bad input; 1 when the simulation or the recording failed.
+    """
+    return process.exit_code("robot", lambda: _run(sys.argv[1:] if argv is None else argv), interrupted=0)
+
+
+def _run(words: Sequence[str]) -> int:
+    _parser().parse_args(own_arguments(words))
+    files = check_arguments(words)
+    with process.node_running(NODE_NAME, words) as (node, executor):
+        check_addressed(files, node.get_fully_qualified_name())
+        settings, scene = _configure(node)
+        node.get_logger().info(f"scene {settings['scene']}; compiling (the first time takes a while) ...")
+        compile_kernels()
+        return _operate(node, executor, settings, scene)
+
+
+def _configure(node: Node) -> tuple[dict[str, Value], Scene]:
+    """The node's settings and scene, from its overrides; every parameter declared on `node`."""
+    overrides = checked_parameters(take_overrides(node), (*DEVICE_PARAMETERS, *SCENE_PARAMETERS))
+    settings = {parameter.name: overrides.pop(parameter.name, parameter.default) for parameter in DEVICE_PARAMETERS}
+    scene = load_scene(settings["scene"]).with_parameters(overrides)
+    declare(node, DEVICE_PARAMETERS, settings)
+    declare(node, SCENE_PARAMETERS, scene.parameters)
+    return settings, scene
+
+
+def _operate(node: Node, executor: Executor, settings: Mapping[str, Value], scene: Scene) -> int:
+    """Step, publish, record and listen until a signal or a failure."""
+    log, device = node.get_logger(), Simulator(scene)
+    outputs, inputs = Outputs(node, scene), Inputs(node)
+    pacing = Pacing(settings["rate.real_time_factor"], settings["rate.max_catch_up"])
+    start = node.get_clock().now().nanoseconds
+    recording = open_recording(settings, inputs, outputs, _metadata(settings, scene, start), log)
+    stepping = Stepping(device, inputs, outputs, recording.record, pacing, settings["rate.publish"], start, log)
+    log.info(f"ready: {settings['rate.publish']:g} Hz, real-time factor {settings['rate.real_time_factor']:g}, "
+             f"{recording.destination()}")
+    with process.StopRequest() as stop, recording, stepping:
+        process.spin_until(executor, lambda: bool(stop or stepping.error))
+    log.info(f"{recording.summary()}; {device.time:.3f} s simulated, {pacing.dropped:.3f} s dropped in "
+             f"{pacing.stalls} stalls, {inputs.refused} commands refused")
+    if stepping.error:
+        raise stepping.error
+    if recording.fault:
+        raise RuntimeError(recording.fault)
+    return 0
+
+
+def _metadata(settings: Mapping[str, Value], scene: Scene, start: int) -> dict[str, str]:
+    """What the bag says of itself: the scene, every parameter (JSON), and the ROS time [ns] of simulated time 0."""
+    parameters = json.dumps({**settings, **scene.parameters})
+    return {"scene": str(settings["scene"]), "parameters": parameters, "start": str(start)}
+
+
+def _parser() -> process.Parser:
+    device = {parameter.name: parameter.default for parameter in DEVICE_PARAMETERS}
+    scene = load_scene(device["scene"]).parameters
+    return process.Parser(
+        prog="robot",
+        description="Run the vibro-impact robot as a ROS 2 device, until SIGINT or SIGTERM. "
+        "Shipped scenes: " + ", ".join(shipped_scenes()),
+        epilog="ROS parameters (--ros-args -p name:=value, or --params-file):\n"
+        + parameter_lines(DEVICE_PARAMETERS, device) + "\n"
+        + parameter_lines(SCENE_PARAMETERS, scene)
+        + "\n\nExit code 0: ended by a signal; 1: simulation or recording failed; 2: bad parameter.",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,112 @@
+"""The controller's script, unfolded in time: which command has which value when."""
+
+import math
+from bisect import bisect_right
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+
+from vibro_ros.ros.commands import COMMAND_UNITS
+
+
+@dataclass(frozen=True)
+class Course:
+    """A command's value over a segment: from `start` to `end` in a straight line; equal when held."""
+
+    start: float
+    end: float
+
+    def at(self, share: float) -> float:
+        """Value after `share` (0 to 1) of the segment."""
+        return self.start + (self.end - self.start) * share if share < 1.0 else self.end
+
+
+@dataclass(frozen=True)
+class Segment:
+    """One entry at its place in time.
+
+    Attributes
+    ----------
+    entry : str
+        Number of the entry in the file, from 1; "2.1" inside a block.
+    start, duration : float
+        In seconds from the start of the script.
+    courses : mapping of str to Course
+        Every command given so far, those that are only held from earlier entries included.
+    given : tuple of str
+        The commands that this entry itself gives.
+    note : str
+        What the author says of it.
+    """
+
+    entry: str
+    start: float
+    duration: float
+    courses: Mapping[str, Course]
+    given: tuple[str, ...]
+    note: str
+
+    @property
+    def end(self) -> float:
+        """Instant [s] at which the segment ends."""
+        return self.start + self.duration
+
+    @property
+    def is_ramp(self) -> bool:
+        """Whether any command changes during the segment."""
+        return any(course.start != course.end for course in self.courses.values())
+
+    def describe(self) -> str:
+        """What the segment commands, for people."""
+        words = [_course_text(name, self.courses[name]) for name in self.given] or ["as before"]
+        note = f" ({self.note})" if self.note else ""
+        return f"entry {self.entry}, {self.duration:g} s: {', '.join(words)}{note}"
+
+
+@dataclass(frozen=True)
+class Script:
+    """A checked script, unfolded in time; `segments` do not overlap and are in order."""
+
+    segments: tuple[Segment, ...]
+    _starts: tuple[float, ...] = field(init=False, repr=False, compare=False)
+
+    def __post_init__(self):
+        object.__setattr__(self, "_starts", tuple(segment.start for segment in self.segments))
+
+    @property
+    def duration(self) -> float:
+        """Length [s]."""
+        return self.segments[-1].end
+
+    @property
+    def commands(self) -> tuple[str, ...]:
+        """The commands that the script ever gives."""
+        return tuple(name for name in COMMAND_UNITS if name in self.segments[-1].courses)
+
+    def segment_at(self, time: float) -> Segment | None:
+        """The segment that began last at `time` [s]; None before the first."""
+        index = bisect_right(self._starts, time) - 1
+        return self.segments[index] if index >= 0 else None
+
+    def command_at(self, time: float) -> dict[str, float]:
+        """Value of every command given by `time` [s], in the units of `COMMAND_UNITS`."""
+        segment = self.segment_at(time)
+        if segment is None:
+            return {}
+        share = (time - segment.start) / segment.duration if time < segment.end else 1.0
+        return {name: course.at(share) for name, course in segment.courses.items()}
+
+    def instants(self, rate: float) -> Iterator[float]:
+        """When commands change [s], in order: at each start and, along a ramp, `rate` times a second and at its end."""
+        for segment in self.segments:
+            yield segment.start
+            if segment.is_ramp:
+                steps = math.ceil(segment.duration * rate)
+                yield from (segment.start + step / rate for step in range(1, steps))
+                yield segment.end
+
+
+def _course_text(name: str, course: Course) -> str:
+    unit = COMMAND_UNITS[name]
+    if course.start == course.end:
+        return f"{name} {course.end:g} {unit}"
+    return f"{name} {course.start:g} -> {course.end:g} {unit}"

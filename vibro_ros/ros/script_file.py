@@ -1,0 +1,186 @@
+"""A controller script read from YAML, checked as a whole before anything is sent.
+
+A script is a block: a list of `entries`, played `repeat` times. An entry says for how long (`for`) each command
+is held (`motor_speed: 100.0`) or ramped (`motor_speed: {from: 0.0, to: 100.0}`; without `from`, from where it
+is). It begins when the entry before it ends, or `at` a time counted from the start of its block. An entry may
+itself be a block. A command keeps its value until another entry changes it.
+"""
+
+import sys
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+
+from vibro_ros.ros.commands import COMMAND_UNITS
+from vibro_ros.ros.script import Course, Script, Segment
+from vibro_ros.shipped import config_folder
+from vibro_ros.strict_yaml import read_yaml
+
+LONGEST_SCRIPT = 100_000
+"""Most segments that a script may unfold to; nested repeats multiply."""
+DEEPEST_BLOCK = 10
+"""Most blocks inside each other; YAML lets a block hold itself."""
+
+
+def shipped_scripts() -> tuple[str, ...]:
+    """Names of the scripts that come with the package."""
+    return tuple(sorted(path.stem for path in _shipped_folder().glob("*.yaml")))
+
+
+def find_script(name_or_path: str) -> Path:
+    """The file of a shipped script's name, or `name_or_path` as a path.
+
+    Raises
+    ------
+    ValueError
+        When there is neither.
+    """
+    if name_or_path in shipped_scripts():
+        return _shipped_folder() / f"{name_or_path}.yaml"
+    if not Path(name_or_path).is_file():
+        missing = f"{name_or_path}: no such script" if name_or_path else "no script given"
+        raise ValueError(f"{missing}; give a path or one of {', '.join(shipped_scripts())}")
+    return Path(name_or_path)
+
+
+def _shipped_folder() -> Path:
+    return config_folder() / "controller"
+
+
+def read_script(path: Path) -> Script:
+    """Read and check the script at `path`.
+
+    Raises
+    ------
+    ValueError
+        Naming the file, the entry and the reason.
+    """
+    document = read_yaml(path)
+    try:
+        if document is None:
+            raise ValueError("the file is empty; give a list of `entries`")
+        script = Script(tuple(_Unfolding().block(document, start=0.0, prefix="")))
+        if not script.commands:
+            raise ValueError(f"no entry gives a command; give {', '.join(COMMAND_UNITS)}")
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from error
+    return script
+
+
+class _Unfolding:
+    """Unfolds blocks to segments while it remembers where each command stands."""
+
+    def __init__(self):
+        self._last: dict[str, float] = {}
+        self._count = 0
+
+    def block(self, block: object, start: float, prefix: str) -> Iterator[Segment]:
+        where = f"entry {prefix[:-1]}: " if prefix else ""
+        if not isinstance(block, Mapping):
+            raise ValueError(f"{where}{_shown(block)} is not a mapping; give `entries`, a list")
+        if prefix.count(".") > DEEPEST_BLOCK:
+            raise ValueError(f"{where}more than {DEEPEST_BLOCK} blocks inside each other; use fewer")
+        _refuse_unknown(block, ("entries", "repeat", "at", "note") if prefix else ("entries", "repeat", "note"), where)
+        entries = block.get("entries")
+        if not isinstance(entries, list) or not entries:
+            raise ValueError(f"{where}entries is {_shown(entries)}; give a list with at least one entry")
+        for _ in range(_repeats(block.get("repeat", 1), where)):
+            for segment in self._entries(entries, start, prefix):
+                yield segment
+                start_of_next = segment.end
+            start = start_of_next
+
+    def _entries(self, entries: list[object], start: float, prefix: str) -> Iterator[Segment]:
+        clock = start
+        for index, entry in enumerate(entries):
+            number = f"{prefix}{index + 1}"
+            where = f"entry {number}: "
+            if not isinstance(entry, Mapping):
+                raise ValueError(f"{where}{_shown(entry)} is not a mapping; give `for` and commands")
+            clock = _start_of(entry, start, clock, where)
+            for segment in self._entry(entry, entries[index + 1 :], start, clock, number):
+                self._count += 1
+                if self._count > LONGEST_SCRIPT:
+                    raise ValueError(f"{where}unfolds to more than {LONGEST_SCRIPT} entries; repeat less often")
+                yield segment
+                clock = segment.end
+
+    def _entry(self, entry: Mapping, later: list[object], block_start: float, start: float, number: str
+               ) -> Iterator[Segment]:
+        where = f"entry {number}: "
+        if "entries" in entry or "repeat" in entry:
+            yield from self.block(entry, start, f"{number}.")
+            return
+        _refuse_unknown(entry, ("at", "for", "note", *COMMAND_UNITS), where)
+        duration = _duration(entry, later, start - block_start, where)
+        given = {name: self._course(name, entry[name], where) for name in COMMAND_UNITS if name in entry}
+        courses = {name: Course(value, value) for name, value in self._last.items()} | given
+        self._last = {name: course.end for name, course in courses.items()}
+        yield Segment(number, start, duration, courses, tuple(given), str(entry.get("note", "")))
+
+    def _course(self, name: str, value: object, where: str) -> Course:
+        if not isinstance(value, Mapping):
+            level = _command(name, value, where)
+            return Course(level, level)
+        _refuse_unknown(value, ("from", "to"), f"{where}{name}: ")
+        if "to" not in value:
+            raise ValueError(f"{where}{name}: a ramp needs `to`; give {{from: …, to: …}}")
+        if "from" not in value and name not in self._last:
+            raise ValueError(f"{where}{name}: no value to start the ramp from; give `from`")
+        start = _command(name, value["from"], where) if "from" in value else self._last[name]
+        return Course(start, _command(name, value["to"], where))
+
+
+def _start_of(entry: Mapping, block_start: float, clock: float, where: str) -> float:
+    if "at" not in entry:
+        return clock
+    at = _number(entry["at"], f"{where}at", "s")
+    if at < 0.0:
+        raise ValueError(f"{where}at: {at:g} is negative; give a time of at least 0 s")
+    # a block's start plus `at` is rounded; the end of the entry before it as well
+    if block_start + at < clock - 1e-9 * max(1.0, clock):
+        raise ValueError(f"{where}at: {at:g} s lies before the end of the entry before it, {clock - block_start:g} s")
+    return max(block_start + at, clock)
+
+
+def _duration(entry: Mapping, later: list[object], start: float, where: str) -> float:
+    """`for`, or the time until the next entry's `at`."""
+    if "for" in entry:
+        duration, key = _number(entry["for"], f"{where}for", "s"), "for"
+    elif later and isinstance(later[0], Mapping) and "at" in later[0]:
+        duration, key = _number(later[0]["at"], "at of the entry after it", "s") - start, "at of the next entry"
+    else:
+        raise ValueError(f"{where}no duration; give `for: <seconds>`, or `at` in the entry after it")
+    if duration <= 0.0:
+        raise ValueError(f"{where}{key}: leaves {duration:g} s; give a duration above 0 s")
+    return duration
+
+
+def _repeats(value: object, where: str) -> int:
+    if type(value) is not int or value < 1:
+        raise ValueError(f"{where}repeat: {_shown(value)} is not a count; give a whole number of at least 1")
+    return value
+
+
+def _command(name: str, value: object, where: str) -> float:
+    number = _number(value, f"{where}{name}", COMMAND_UNITS[name])
+    if name == "motor_speed" and number < 0.0:
+        raise ValueError(f"{where}{name}: {number:g} is negative; give a number of at least 0 rad/s")
+    return number
+
+
+def _number(value: object, what: str, unit: str) -> float:
+    if isinstance(value, bool) or not isinstance(value, (int, float)):
+        raise ValueError(f"{what}: {_shown(value)} is not a number; give a number in {unit}")
+    if not abs(value) <= sys.float_info.max:  # also false for NaN
+        raise ValueError(f"{what}: {value} is not finite; give a number in {unit}")
+    return float(value)
+
+
+def _refuse_unknown(given: Mapping, known: tuple[str, ...], where: str) -> None:
+    for key in given:
+        if key not in known:
+            raise ValueError(f"{where}{key}: unknown key; give {', '.join(known)}")
+
+
+def _shown(value: object) -> str:
+    return "missing" if value is None else repr(value)

@@ -1,0 +1,95 @@
+"""The thread that steps the device in real time."""
+
+import threading
+
+from rclpy.impl.rcutils_logger import RcutilsLogger
+
+from vibro_ros.ros.inputs import Inputs
+from vibro_ros.ros.outputs import Outputs, Record
+from vibro_ros.ros.pacing import Pacing
+from vibro_ros.ros.throttle import Throttle
+from vibro_ros.simulator import Simulator
+
+
+class Stepping:
+    """Advances the device tick by tick in its own thread, takes commands before and publishes after each.
+
+    A context manager: the thread runs inside, and has ended outside.
+
+    Simulated time is `tick / rate` [s], never a sum of steps, so it does not drift. Stamps are `start` plus
+    simulated time: they never run backwards, and fall behind the wall clock by the time that was dropped.
+
+    Parameters
+    ----------
+    device : Simulator
+        Used by the thread alone once it runs.
+    inputs, outputs : Inputs, Outputs
+        The robot's topics.
+    record : callable
+        The bag.
+    pacing : Pacing
+        The wall clock.
+    rate : float
+        Ticks per simulated second [Hz].
+    start : int
+        ROS time [ns] of simulated time 0.
+    log : logger
+        Where stalls are reported.
+
+    Attributes
+    ----------
+    error : Exception or None
+        What ended the thread before it was asked to.
+    """
+
+    def __init__(self, device: Simulator, inputs: Inputs, outputs: Outputs, record: Record, pacing: Pacing,
+                 rate: float, start: int, log: RcutilsLogger):
+        self.error: Exception | None = None
+        self._device, self._inputs, self._outputs, self._record = device, inputs, outputs, record
+        self._pacing, self._rate, self._zero, self._log = pacing, rate, start, log
+        self._throttle = Throttle()
+        self._stopped = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="stepping")
+
+    def __enter__(self) -> "Stepping":
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._stopped.set()
+        self._thread.join()
+
+    def _run(self) -> None:
+        try:
+            self._step()
+        except Exception as error:  # the main thread says it, after it has sealed the bag
+            self.error = error
+
+    def _step(self) -> None:
+        self._pacing.start()
+        self._publish()
+        tick = 1
+        while self._wait_for(tick / self._rate):
+            self._inputs.apply(self._device, self._stamp_of, self._record)
+            self._device.advance_to(tick / self._rate)
+            self._publish()
+            tick += 1
+
+    def _wait_for(self, time: float) -> bool:
+        """Sleep until `time` [s] is due; False when the thread is to end."""
+        dropped = self._pacing.wait_until(time, self._stopped.is_set)
+        if dropped:
+            self._report_stall(dropped)
+        return not self._stopped.is_set()
+
+    def _report_stall(self, dropped: float) -> None:
+        text = self._throttle.admit(
+            f"stalled: {dropped:.3f} s of simulated time dropped, {self._pacing.dropped:.3f} s in all")
+        if text:
+            self._log.warning(text)
+
+    def _publish(self) -> None:
+        self._outputs.publish(self._device.state, self._device.take_events(), self._stamp_of, self._record)
+
+    def _stamp_of(self, time: float) -> int:
+        return self._zero + round(time * 1e9)

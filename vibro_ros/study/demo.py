@@ -1,0 +1,164 @@
+"""The demonstration: robot and controller as two processes for about 20 s, a bag, a report."""
+
+import argparse
+import json
+import os
+import random
+import signal
+import socket
+import sys
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from threading import Event
+
+import numpy as np
+
+from vibro_ros.bag.reader import ROBOT_TOPICS, Bag, BagError, read_bag
+from vibro_ros.study.child import Child
+from vibro_ros.study.report import write_report
+
+FIRST_START = 600.0
+"""How long [s] the controller waits for the robot, whose kernels may have to be compiled first."""
+MOVED = 0.01
+"""Least way [m] from the start that counts as motion; the shipped script makes more than ten times that."""
+ALWAYS_THERE = ("odom", "joint_states", "ground_contact", "impacts", "motor_power", "motor_speed")
+"""Topics that hold messages after every script that makes the robot move."""
+
+
+class DemoError(Exception):
+    """The demonstration failed; the message says why in one line."""
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the demonstration; 0 when all went well, 1 with a reason when not, 130 when stopped."""
+    options = _parser().parse_args(arguments)
+    try:
+        folder = _run(options.script, options.output)
+        text, files = write_report(folder)
+    except KeyboardInterrupt:
+        print("demo: stopped", file=sys.stderr)
+        return 128 + signal.SIGINT
+    except (DemoError, BagError, OSError) as error:
+        print(f"demo: {error}", file=sys.stderr)
+        return 1
+    print(f"\n{text}")
+    for label, path in zip(("bag", "summary", "numbers", "picture"), (folder, *files), strict=True):
+        _say(_shown(path), label)
+    return 0
+
+
+def _run(script: str, output: Path) -> Path:
+    """Let the robot crawl; its checked bag."""
+    output.mkdir(parents=True, exist_ok=True)
+    earlier = set(output.iterdir())
+    environment = _environment()
+    _say(f"look on with ROS_DOMAIN_ID={environment['ROS_DOMAIN_ID']}, for example: ros2 topic echo /odom")
+    with _stop_requested() as stop:
+        _play(script, output, environment, stop)
+        if stop.is_set():
+            raise KeyboardInterrupt
+    new = [path for path in set(output.iterdir()) - earlier if path.is_dir()]
+    if len(new) != 1:
+        raise DemoError(f"{output}: {len(new)} new bags in it where the robot should have made one")
+    check_bag(read_bag(new[0]))
+    return new[0]
+
+
+def _play(script: str, output: Path, environment: Mapping[str, str], stop: Event) -> None:
+    """Run both processes until the script ends or `stop` is set; neither is left behind."""
+    record_to = f"record.directory:={json.dumps(str(output))}"  # quoted, or a folder named 2026 would be a number
+    robot_words = ("vibro_ros.ros.robot", "--ros-args", "-p", record_to)
+    controller_words = ("vibro_ros.ros.controller", script, "--ros-args", "-p", f"wait:={FIRST_START}")
+    with (
+        Child(*robot_words, environment=environment) as robot,
+        Child(*controller_words, environment=environment) as controller,
+    ):
+        while not stop.is_set() and controller.exit_code is None and robot.exit_code is None:
+            time.sleep(0.05)
+        if stop.is_set():
+            return
+        if robot.exit_code is not None:
+            raise DemoError(f"the robot ended before the script, with exit code {robot.stop()}; it says why above")
+        if controller.exit_code != 0:
+            raise DemoError(f"the controller failed with exit code {controller.stop()}; it says why above")
+        if robot.stop() != 0:
+            raise DemoError(f"the robot did not end well, exit code {robot.exit_code}; it says why above")
+
+
+def check_bag(bag: Bag) -> None:
+    """Refuse a recording that does not show a robot in motion.
+
+    Raises
+    ------
+    DemoError
+        When a topic is missing or empty, or the body stayed within `MOVED` of its start.
+    """
+    names = {topic.rpartition("/")[2] for topic in bag.topics}
+    missing = [name for name in ROBOT_TOPICS if name not in names]
+    if missing:
+        raise DemoError(f"{bag.path}: topics missing: {', '.join(missing)}")
+    x = bag["odom"]["position"][:, 0]
+    way = float(np.abs(x - x[0]).max()) if len(x) else 0.0
+    if way < MOVED:
+        raise DemoError(f"the robot did not move: {way * 1e3:.3f} mm from its start; {MOVED * 1e3:g} mm are the least")
+    empty = [name for name in ALWAYS_THERE if not len(bag[name]["time"])]
+    if empty:
+        raise DemoError(f"{bag.path}: no messages on {', '.join(empty)}")
+
+
+@contextmanager
+def _stop_requested() -> Iterator[Event]:
+    """An event that SIGINT and SIGTERM set, so that neither can come between a start and its clean-up."""
+    stop = Event()
+    earlier = {number: signal.signal(number, lambda *_: stop.set()) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield stop
+    finally:
+        for number, handler in earlier.items():
+            signal.signal(number, handler)
+
+
+def _environment() -> dict[str, str]:
+    """This process's environment, with a free ROS domain on this machine alone unless the user has chosen one."""
+    if "ROS_DOMAIN_ID" in os.environ:
+        return dict(os.environ)
+    environment = {"ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST", **os.environ}
+    return environment | {"ROS_DOMAIN_ID": str(_free_domain())}
+
+
+def _free_domain() -> int:
+    """A domain of which no participant on this machine holds the first discovery port (DDSI-RTPS 9.6.1)."""
+    domains = range(1, 102)  # above 101 the ports meet Linux's ephemeral ones
+    for domain in random.sample(domains, len(domains)):  # two demonstrations that start together seldom meet
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+            try:
+                probe.bind(("", 7400 + 250 * domain + 10))
+            except OSError:
+                continue
+            return domain
+    raise DemoError("every ROS domain from 1 to 101 is in use; set ROS_DOMAIN_ID to share one")
+
+
+def _say(text: object, name: str = "demo") -> None:
+    print(f"{name:>10} | {text}", flush=True)
+
+
+def _shown(path: Path) -> Path:
+    """`path`, short when it lies below the current folder."""
+    here, path = Path.cwd(), Path(path).resolve()
+    return path.relative_to(here) if path.is_relative_to(here) else path
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="demo", description="Run the robot and its controller as two processes, record a bag, write a report.")
+    parser.add_argument("--script", default="crawl", help="controller script to play (default: %(default)s, 18 s)")
+    parser.add_argument("--output", type=Path, default=Path("out"), metavar="DIR",
+                        help="where the bag and the report go (default: %(default)s)")
+    return parser
+
+
+if __name__ == "__main__":
+    sys.exit(main())
