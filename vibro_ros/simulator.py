@@ -10,7 +10,7 @@ from vibro_ros.model.tables import MODE_EVENTS, compile_scene
 from vibro_ros.samples import EVENT_DTYPE, Run, Samples, sampled_quantities
 from vibro_ros.solver import event_loop
 from vibro_ros.solver import state as at
-from vibro_ros.solver.event_loop import EVENT_COLUMNS, MONITOR_KIND, PHASE_KIND, RAMP_KIND
+from vibro_ros.solver.recording import EVENT_COLUMNS, MONITOR_KIND, PHASE_KIND, RAMP_KIND
 
 _EVENTS_AT_ONCE = 4096
 
