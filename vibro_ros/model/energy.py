@@ -4,7 +4,8 @@ The masses' equations close on themselves in the paper's model, so their energy 
 
     d/dt (m q'²/2 + k (q - s)²/2 + contact) = -drive s' - c (q' - s')² - plate E' - c (q' - E')²
 
-for each guide, with the drive's and the plate's forces on slider and plate.
+for each guide, with the drive's and the plate's forces on slider and plate. With the reaction on the masses
+they exchange energy with the body, and the audit takes its kinetic energy and the work of friction in.
 """
 
 from collections.abc import Iterator, Sequence
@@ -15,7 +16,7 @@ from vibro_ros.model.forms import Form, Forms
 from vibro_ros.model.modes import Mode
 
 
-def audit_tables(forms: Forms, scene, modes: Sequence[Mode]) -> dict[str, np.ndarray]:
+def audit_tables(forms: Forms, scene, modes: Sequence[Mode], friction: Sequence[Form]) -> dict[str, np.ndarray]:
     """`stretch`, `stiffness` and `power` of `solver.system.System`; empty unless the scene asks for the audit."""
     stored = [[] for _ in modes]
     power = [[] for _ in modes]
@@ -24,6 +25,9 @@ def audit_tables(forms: Forms, scene, modes: Sequence[Mode]) -> dict[str, np.nda
             for side in forms.guides:
                 stored[m] += _stored_energy(forms, scene, side, mode.closed)
                 power[m] += _received_power(forms, scene, side, mode.closed)
+            if scene["effects.reaction"] and forms.body_moves:
+                stored[m].append((scene["mass.body"], forms.velocity(forms.body)))
+                power[m].append((-friction[m], forms.velocity(forms.body)))
     stretch = np.zeros((len(modes), max(map(len, stored)), forms.channels.count))
     stiffness = np.zeros(stretch.shape[:2])
     pairs = np.zeros((len(modes), max(map(len, power)), 2, forms.channels.count))
@@ -37,7 +41,13 @@ def audit_tables(forms: Forms, scene, modes: Sequence[Mode]) -> dict[str, np.nda
 
 def _stored_energy(forms: Forms, scene, side: str, closed: frozenset[str]) -> Iterator[tuple[float, Form]]:
     """Weights and forms of the energy in one guide."""
-    yield scene[f"mass.{side}"], forms.velocity(forms.guides.index(side))
+    mass, velocity = scene[f"mass.{side}"], forms.velocity(forms.guides.index(side))
+    if scene["effects.reaction"] and forms.body_moves:
+        along_x, upwards = forms.direction(side)
+        yield mass, along_x * velocity + forms.velocity(forms.body)
+        yield mass, upwards * velocity
+    else:
+        yield mass, velocity
     yield scene[f"{side}.spring.stiffness"], forms.stretch(side)[0]
     if side in closed:
         yield scene[f"{side}.plate.stiffness"], forms.penetration(side)[0]
@@ -47,6 +57,9 @@ def _received_power(forms: Forms, scene, side: str, closed: frozenset[str]) -> I
     """Pairs of forms of the power that one guide receives from its slider, its dampers and its moving plate."""
     _, rate = forms.stretch(side)
     yield -forms.drive_force(side), forms.velocity(forms.guides.index(side)) - rate
+    if scene["effects.mass_weight"]:
+        weight = scene[f"mass.{side}"] * scene["gravity"] * forms.direction(side)[1]
+        yield -weight * forms.one, forms.velocity(forms.guides.index(side))
     if scene[f"{side}.spring.damping"]:
         yield -scene[f"{side}.spring.damping"] * rate, rate
     if side in closed:

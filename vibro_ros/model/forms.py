@@ -74,6 +74,11 @@ class Forms:
         """Rate of a coordinate [m/s]."""
         return self._unit(self.channels.velocity(coordinate))
 
+    def direction(self, side: str) -> tuple[float, float]:
+        """Direction of a guide, outwards: its parts along x and upwards, e = (-sin(phi), cos(phi)) for the inclined."""
+        angle = self._scene["guide.angle"] if side == "inclined" else 0.0
+        return -math.sin(angle), math.cos(angle)
+
     def stretch(self, side: str) -> tuple[Form, Form]:
         """q - s [m] and its rate [m/s]: stretch of the drive spring."""
         i = self.guides.index(side)

@@ -21,6 +21,7 @@ class Friction:
     def __init__(self, scene, forms: Forms):
         self._forms = forms
         self._coefficient = scene["ground.friction"]
+        self._holding = scene["ground.static_friction" if scene["effects.friction"] == "static" else "ground.friction"]
         self._rule = scene["effects.normal_force"]
         self._absent = scene["effects.friction"] == "none" or self._coefficient == 0.0
 
@@ -48,8 +49,8 @@ class Friction:
         loaded = Guard(normal, ("unloaded",), "N >= 0")
         if state == "stick":
             return self._unloading(normal, "rest") + [
-                Guard(self._coefficient * normal - inertial, ("slip_forward",), "F_in <= μ N"),
-                Guard(self._coefficient * normal + inertial, ("slip_backward",), "-F_in <= μ N"),
+                Guard(self._holding * normal - inertial, ("slip_forward",), "F_in <= μ N"),
+                Guard(self._holding * normal + inertial, ("slip_backward",), "-F_in <= μ N"),
             ]
         if state == "rest":
             return [Guard(-normal, ("stick",), "N <= 0"), Guard(-inertial, ("slip_forward",), "F_in <= 0"),

@@ -66,13 +66,30 @@ class ModeBuilder:
         return self._number[(*(contact.initial for contact in self.contacts), friction)]
 
     def equations(self, mode: Mode) -> list[Form]:
-        """Accelerations of the coordinates: m2 u'' = -F2, m3 w'' = -F3, M x'' = F_in - F_fr (eq. 1)."""
-        masses = [-self.forms.guide_force(side, mode.closed) / self._scene[f"mass.{side}"]
-                  for side in self.forms.guides]
+        """Accelerations of the coordinates: M x'' = F_in - F_fr (eq. 1), and those of the masses."""
         if not self.forms.body_moves:
-            return masses
-        resultant = self.forms.inertial_force() - self.friction_force(mode)
-        return [*masses, resultant / self._scene.total_mass]
+            return self._mass_accelerations(mode, self.forms.zero)
+        body = (self.forms.inertial_force() - self.friction_force(mode)) / self._scene.total_mass
+        return [*self._mass_accelerations(mode, body), body]
+
+    def _mass_accelerations(self, mode: Mode, body: Form) -> list[Form]:
+        """m2 u'' = -F2 and m3 w'' = -F3 (eq. 1), with m2 g and m3 g cos(phi) for the weight, and m3 (w'' - x'' sin(phi))
+        for the reaction: there x'', a form of u'' and w'' itself, is eliminated."""
+        scene, forms = self._scene, self.forms
+        accelerations = [forms.channels.acceleration(i) for i in range(len(forms.guides))]
+        inertia = np.diag([scene[f"mass.{side}"] for side in forms.guides])
+        loads = np.array([-forms.guide_force(side, mode.closed) for side in forms.guides])
+        for i, side in enumerate(forms.guides):
+            mass, along_x, upwards = scene[f"mass.{side}"], *forms.direction(side)
+            if scene["effects.mass_weight"]:
+                loads[i] -= mass * scene["gravity"] * upwards * forms.one
+            if scene["effects.reaction"]:
+                inertia[i] += mass * along_x * body[accelerations]
+                loads[i] -= mass * along_x * body[forms.channels.one] * forms.one
+        if np.linalg.det(inertia) <= 0.0:
+            raise ValueError(f"ground.friction: {scene['ground.friction']:g} is so high that the reaction on the masses "
+                             "has no unique solution while the body slips; lower it, or set effects.reaction to false")
+        return list(np.linalg.solve(inertia, loads)) if len(loads) else []
 
     def friction_force(self, mode: Mode) -> Form:
         """F_fr in `mode` [N]."""

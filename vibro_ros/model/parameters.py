@@ -127,6 +127,8 @@ SCENE_PARAMETERS: tuple[Parameter, ...] = (
     *_guide("inclined", "3", "1", "H"),
     Parameter("ground.friction", 0.2, "", "kinetic friction coefficient of body on ground, μ",
               minimum=0.0, maximum=1e3),
+    Parameter("ground.static_friction", 0.25, "", "friction coefficient of a body at rest, at least ground.friction",
+              minimum=0.0, maximum=1e3),
     Parameter("gravity", 9.81, "m/s²", "gravitational acceleration, g", minimum=0.0, maximum=1e3),
     Parameter("motor.speed", 100.0, "rad/s", "motor speed at t = 0, and the command until another arrives",
               minimum=0.0, maximum=1e4),
@@ -145,9 +147,12 @@ SCENE_PARAMETERS: tuple[Parameter, ...] = (
     Parameter("effects.inclined_contact", "compliant", "", "contact of the inclined mass with its plate",
               choices=("none", "compliant")),
     Parameter("effects.adhesion", True, "", "true: a plate's damper may pull, as printed; false: no tension"),
-    Parameter("effects.friction", "coulomb", "", "friction of the body on the ground", choices=("none", "coulomb")),
+    Parameter("effects.friction", "coulomb", "", "friction of the body on the ground; static: "
+              "ground.static_friction holds a body at rest", choices=("none", "coulomb", "static")),
     Parameter("effects.normal_force", "printed", "", "weight: N = M g; unilateral: eq. (6), not below 0; "
               "printed: eq. (6), may be negative", choices=("weight", "unilateral", "printed")),
+    Parameter("effects.reaction", False, "", "the body's acceleration acts back on the masses; then energy balances"),
+    Parameter("effects.mass_weight", False, "", "the masses' own weight pulls them along their guides"),
     Parameter("effects.motor", "ideal", "", "ideal: speed follows the command at once; ramp: limited acceleration",
               choices=("ideal", "ramp")),
     Parameter("solver.audit", False, "", "balance the masses' energy on every segment; costs time, changes nothing"),

@@ -37,6 +37,7 @@ class Scene:
         complete = _DEFAULTS | checked_parameters(self.parameters, SCENE_PARAMETERS)
         object.__setattr__(self, "parameters", MappingProxyType(complete))
         self._check_mechanism()
+        self._check_friction()
         self.checked_motor_speed(self["motor.speed"])
         for side in ("upper", "inclined"):
             self.checked_gap(side, self[f"{side}.gap"])
@@ -92,6 +93,12 @@ class Scene:
             if radius > rod:
                 raise ValueError(f"crank.radius: {radius:g} m is longer than crank.{side}_rod, {rod:g} m, and would "
                                  f"jam the mechanism; give a radius of at most {rod:g} m or a longer rod")
+
+    def _check_friction(self):
+        kinetic, static = self["ground.friction"], self["ground.static_friction"]
+        if self["effects.friction"] == "static" and static < kinetic:
+            raise ValueError(f"ground.static_friction: {static:g} is below ground.friction, {kinetic:g}; "
+                             f"give at least {kinetic:g}")
 
     @property
     def total_mass(self) -> float:

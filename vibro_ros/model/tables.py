@@ -10,7 +10,7 @@ from vibro_ros.model.energy import audit_tables
 from vibro_ros.model.forms import Forms
 from vibro_ros.model.modes import Mode, ModeBuilder
 from vibro_ros.model.slider import Slider, signal_table
-from vibro_ros.solver.system import NOTHING, System, flow_numbers, longest_steps
+from vibro_ros.solver.system import NOTHING, System, couplings, flow_numbers, longest_steps
 
 #: Kinds of events that a change of mode records, by their number.
 MODE_EVENTS = ("stick", "slip_forward", "slip_backward", "unloaded", "loaded")
@@ -51,16 +51,17 @@ def compile_scene(scene) -> Model:
     sliders = tuple(Slider(scene["crank.radius"], scene[f"crank.{side}_rod"], _tilt(scene, side))
                     for side in forms.guides)
     acceleration = np.array([builder.equations(mode) for mode in builder.modes])
-    acceleration = acceleration.reshape(len(builder.modes), channels.coordinates, channels.count)
+    acceleration = acceleration.reshape(len(builder.modes), channels.coordinates, channels.count) + 0.0  # no -0.0
     system = System(
         sizes=np.array(channels),
         acceleration=acceleration,
         flow=flow_numbers(acceleration, channels.dynamic),
+        coupled=couplings(acceleration, channels),
         longest_step=longest_steps(acceleration, channels),
         **_guard_tables(builder),
         event=_event_table(builder),
         **_monitor_tables(builder),
-        **audit_tables(forms, scene, builder.modes),
+        **audit_tables(forms, scene, builder.modes, [builder.friction_force(mode) for mode in builder.modes]),
         signals=signal_table(list(sliders)),
     )
     output = np.array([builder.outputs(mode) for mode in builder.modes])

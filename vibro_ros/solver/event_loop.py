@@ -129,6 +129,17 @@ def _holds(system, state, row, point):
 
 
 @kernel
+def _accelerate(system, state, mode, point):
+    """Set the accelerations of the dynamic coordinates at `point` to those of `mode`."""
+    first = 2 * system.sizes[0]
+    for i in range(system.sizes[1]):
+        total = 0.0
+        for channel in range(len(point)):
+            total += system.acceleration[mode, i, channel] * point[channel]
+        point[first + i] = total
+
+
+@kernel
 def _next_mode(system, state, point):
     """First candidate of the firing guard all of whose guards hold; else its last candidate."""
     candidates = system.candidate[state.index[MODE], state.index[GUARD]]
@@ -138,6 +149,7 @@ def _next_mode(system, state, point):
             break
         chosen = candidate
         holds = True
+        _accelerate(system, state, candidate, point)
         for row in system.guard[candidate]:
             if row != NOTHING and not _holds(system, state, row, point):
                 holds = False

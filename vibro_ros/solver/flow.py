@@ -24,25 +24,41 @@ def _solve_oscillator(load, stiffness, damping, h, q, v, a):
 
 
 @kernel
+def _solve_coupled(loads, row, h, coordinates, dynamic, z):
+    """The same for coordinates that enter each other's equations; `loads` has a row for each."""
+    for n in range(LENGTH - 1):
+        step = h / (n + 1)
+        for i in range(dynamic):
+            acceleration = loads[i, n]
+            for j in range(dynamic):
+                acceleration += row[i, j] * z[j, n] + row[i, coordinates + j] * z[coordinates + j, n]
+            z[2 * coordinates + i, n] = acceleration
+        for i in range(dynamic):
+            z[i, n + 1] = z[coordinates + i, n] * step
+            z[coordinates + i, n + 1] = z[2 * coordinates + i, n] * step
+
+
+@kernel
 def solve_dynamic(system, state):
     """Series of the dynamic coordinates from their values and rates at the segment's start (constant terms)."""
     coordinates, dynamic = system.sizes[0], system.sizes[1]
-    z, h = state.z, state.clock[DURATION]
-    load = state.work[0]
+    z, h, mode = state.z, state.clock[DURATION], state.index[MODE]
     for i in range(dynamic):
-        row = system.acceleration[state.index[MODE], i]
+        row, load = system.acceleration[mode, i], state.work[i]
         load[:] = 0.0
-        scale = 0.0
         for channel in range(2 * coordinates + dynamic, len(z)):
             if row[channel] != 0.0:
                 add_multiple(load, row[channel], z[channel])
-                scale += abs(row[channel]) * state.scale[channel]
-        q, v = z[i], z[coordinates + i]
-        stiffness, damping = row[i], row[coordinates + i]
-        _solve_oscillator(load, stiffness, damping, h, q, v, z[2 * coordinates + i])
-        state.scale[i] = abs(q[0]) + abs(q[1])
-        state.scale[coordinates + i] = abs(v[0]) + abs(v[1])
-        scale += abs(stiffness) * state.scale[i] + abs(damping) * state.scale[coordinates + i]
+        if not system.coupled[mode]:
+            _solve_oscillator(load, row[i], row[coordinates + i], h, z[i], z[coordinates + i], z[2 * coordinates + i])
+    if system.coupled[mode]:
+        _solve_coupled(state.work, system.acceleration[mode], h, coordinates, dynamic, z)
+    for channel in range(2 * coordinates):
+        state.scale[channel] = abs(z[channel, 0]) + abs(z[channel, 1])
+    for i in range(dynamic):
+        scale = 0.0
+        for channel in range(len(z)):
+            scale += abs(system.acceleration[mode, i, channel]) * state.scale[channel]
         state.scale[2 * coordinates + i] = scale
 
 

@@ -5,9 +5,8 @@ Coordinates q obey, in mode m, q'' = A_m z with the *channels*
     z = [q, q', a, f, f', r, r', 1]
 
 where a = q'' of the dynamic coordinates, f are periodic signals of a phase whose speed is constant or
-changes linearly, and r are ramps, which move to their targets at limited speed. Each of the first `dynamic`
-coordinates may enter its own right-hand side, with the forcing; the others are driven by all of these, and
-nothing depends on them but guards and outputs, so that a mode which changes their equations alone leaves the
+changes linearly, and r are ramps, which move to their targets at limited speed. The first `dynamic` coordinates
+may enter their own right-hand sides, with the forcing; the others are driven by all of these, and nothing depends on them but guards and outputs, so that a mode which changes their equations alone leaves the
 flow of the dynamic ones as it is.
 
 Every guard is a linear combination g = G z that its mode keeps non-negative. When it turns
@@ -100,6 +99,8 @@ class System(NamedTuple):
         Rows of A.
     flow : ndarray of int, shape (m,)
         Equal for modes whose dynamic coordinates obey the same equations.
+    coupled : ndarray of bool, shape (m,)
+        Whether dynamic coordinates enter each other's equations.
     longest_step : ndarray, shape (m,)
         Longest segment [s] that the series of the mode's flow resolves to rounding.
     row : ndarray, shape (rows, channels)
@@ -133,6 +134,7 @@ class System(NamedTuple):
     sizes: np.ndarray
     acceleration: np.ndarray
     flow: np.ndarray
+    coupled: np.ndarray
     longest_step: np.ndarray
     row: np.ndarray
     driven: np.ndarray
@@ -164,13 +166,26 @@ def longest_steps(acceleration: np.ndarray, channels: Channels) -> np.ndarray:
     ndarray, shape (m,)
         Infinite for a mode without an eigenvalue other than zero.
     """
-    own = np.arange(channels.dynamic)
-    stiffness = acceleration[:, own, own]
-    damping = acceleration[:, own, channels.velocity(0) + own]
-    root = np.sqrt(damping.astype(complex) ** 2 / 4.0 + stiffness)
-    fastest = np.maximum(abs(damping / 2.0 + root), abs(damping / 2.0 - root)).max(axis=1, initial=0.0)
+    n = channels.dynamic
+    companion = np.zeros((len(acceleration), 2 * n, 2 * n))
+    companion[:, :n, n:] = np.eye(n)
+    companion[:, n:, :n], companion[:, n:, n:] = _own_rows(acceleration, channels)
+    fastest = abs(np.linalg.eigvals(companion)).max(axis=1, initial=0.0)
     with np.errstate(divide="ignore"):
         return RATE_LIMIT / fastest
+
+
+def couplings(acceleration: np.ndarray, channels: Channels) -> np.ndarray:
+    """Whether a dynamic coordinate of the mode enters another's equation; shape (m,)."""
+    different = ~np.eye(channels.dynamic, dtype=bool)
+    positions, velocities = _own_rows(acceleration, channels)
+    return (positions[:, different].any(axis=1)) | (velocities[:, different].any(axis=1))
+
+
+def _own_rows(acceleration: np.ndarray, channels: Channels) -> tuple[np.ndarray, np.ndarray]:
+    """Parts of A by which dynamic coordinates depend on each other's positions and velocities."""
+    n, velocity = channels.dynamic, channels.velocity(0)
+    return acceleration[:, :n, :n], acceleration[:, :n, velocity:velocity + n]
 
 
 def flow_numbers(acceleration: np.ndarray, dynamic: int) -> np.ndarray:
