@@ -73,8 +73,8 @@ class ModeBuilder:
         return [*self._mass_accelerations(mode, body), body]
 
     def _mass_accelerations(self, mode: Mode, body: Form) -> list[Form]:
-        """m2 u'' = -F2 and m3 w'' = -F3 (eq. 1), with m2 g and m3 g cos(phi) for the weight, and m3 (w'' - x'' sin(phi))
-        for the reaction: there x'', a form of u'' and w'' itself, is eliminated."""
+        """m2 u'' = -F2 and m3 w'' = -F3 (eq. 1); the weight adds m2 g and m3 g cos(phi) to F2 and F3, the reaction
+        makes it m3 (w'' - x'' sin(phi)), where x'' = `body`, a form of u'' and w'' itself, is eliminated."""
         scene, forms = self._scene, self.forms
         accelerations = [forms.channels.acceleration(i) for i in range(len(forms.guides))]
         inertia = np.diag([scene[f"mass.{side}"] for side in forms.guides])
@@ -87,8 +87,8 @@ class ModeBuilder:
                 inertia[i] += mass * along_x * body[accelerations]
                 loads[i] -= mass * along_x * body[forms.channels.one] * forms.one
         if np.linalg.det(inertia) <= 0.0:
-            raise ValueError(f"ground.friction: {scene['ground.friction']:g} is so high that the reaction on the masses "
-                             "has no unique solution while the body slips; lower it, or set effects.reaction to false")
+            raise ValueError(f"ground.friction: at {scene['ground.friction']:g} the reaction on the masses has no unique "
+                             "solution while the body slips; lower it, or set effects.reaction to false")
         return list(np.linalg.solve(inertia, loads)) if len(loads) else []
 
     def friction_force(self, mode: Mode) -> Form:

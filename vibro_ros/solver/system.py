@@ -5,9 +5,10 @@ Coordinates q obey, in mode m, q'' = A_m z with the *channels*
     z = [q, q', a, f, f', r, r', 1]
 
 where a = q'' of the dynamic coordinates, f are periodic signals of a phase whose speed is constant or
-changes linearly, and r are ramps, which move to their targets at limited speed. The first `dynamic` coordinates
-may enter their own right-hand sides, with the forcing; the others are driven by all of these, and nothing depends on them but guards and outputs, so that a mode which changes their equations alone leaves the
-flow of the dynamic ones as it is.
+changes linearly, and r are ramps, which move to their targets at limited speed. The first `dynamic`
+coordinates may enter their own right-hand sides, with the forcing; the others are driven by all of these,
+and nothing depends on them but guards and outputs, so that a mode which changes their equations alone
+leaves the flow of the dynamic ones as it is.
 
 Every guard is a linear combination g = G z that its mode keeps non-negative. When it turns
 negative the event loop stops there, sets a velocity to exactly zero if the guard says so, and enters the
