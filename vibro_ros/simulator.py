@@ -116,7 +116,9 @@ class Simulator:
             clock[at.SPEED_TIME] = abs(difference) / self.scene["motor.acceleration"]
 
     def _command_plate(self, side: str, target: float) -> None:
-        ramp = self._state.ramp[self._model.forms.plates.index(side)]
+        plate = self._model.forms.plates.index(side)
+        ramp = self._state.ramp[plate]
+        self._state.index[at.MODE] = self._model.system.unheld[self._state.index[at.MODE], plate]
         ramp[at.TARGET] = target
         ramp[at.RATE] = ramp[at.TIME] = 0.0
         difference = target - ramp[at.VALUE]

@@ -4,7 +4,26 @@ from typing import NamedTuple
 
 import numpy as np
 
-from vibro_ros.solver.system import NOTHING
+
+class Target(NamedTuple):
+    """A state that a guard may lead to.
+
+    Attributes
+    ----------
+    state : str
+        State of the guard's own effect.
+    velocities : tuple of (int, ndarray)
+        Coordinates whose velocities jump on the way, and the forms of their new values before the jump.
+    entry : ndarray or None
+        A form that must not be negative before the jump, for the target to be entered.
+    friction : str or None
+        State of the friction, where a blow changes that as well.
+    """
+
+    state: str
+    velocities: tuple[tuple[int, np.ndarray], ...] = ()
+    entry: np.ndarray | None = None
+    friction: str | None = None
 
 
 class Guard(NamedTuple):
@@ -14,15 +33,20 @@ class Guard(NamedTuple):
     ----------
     form : ndarray, shape (channels,)
         The linear form.
-    targets : tuple of str
-        States of the same effect to try, in order, when the form turns negative.
+    targets : tuple of Target
+        What to try, in order, when the form turns negative; the last is taken when none is valid.
     text : str
         The condition in the paper's symbols.
-    halt : int
-        Coordinate whose velocity becomes exactly zero then, or `NOTHING`.
+    strike : bool
+        Whether this is a blow without duration, which is recorded as a contact at once.
     """
 
     form: np.ndarray
-    targets: tuple[str, ...]
+    targets: tuple[Target, ...]
     text: str
-    halt: int = NOTHING
+    strike: bool = False
+
+
+def to(*states: str) -> tuple[Target, ...]:
+    """Targets without a jump."""
+    return tuple(Target(state) for state in states)

@@ -8,16 +8,17 @@ for each guide, with the drive's and the plate's forces on slider and plate. Wit
 they exchange energy with the body, and the audit takes its kinetic energy and the work of friction in.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 
 import numpy as np
 
 from vibro_ros.model.forms import Form, Forms
-from vibro_ros.model.modes import Mode
+from vibro_ros.model.modes import ModeBuilder
 
 
-def audit_tables(forms: Forms, scene, modes: Sequence[Mode], friction: Sequence[Form]) -> dict[str, np.ndarray]:
+def audit_tables(builder: ModeBuilder, scene) -> dict[str, np.ndarray]:
     """`stretch`, `stiffness` and `power` of `solver.system.System`; empty unless the scene asks for the audit."""
+    forms, modes = builder.forms, builder.modes
     stored = [[] for _ in modes]
     power = [[] for _ in modes]
     if scene["solver.audit"]:
@@ -25,9 +26,11 @@ def audit_tables(forms: Forms, scene, modes: Sequence[Mode], friction: Sequence[
             for side in forms.guides:
                 stored[m] += _stored_energy(forms, scene, side, mode.closed)
                 power[m] += _received_power(forms, scene, side, mode.closed)
+                if side in mode.resting:
+                    power[m].append((-builder.contact_force(mode, side), forms.plate(side)[1]))
             if scene["effects.reaction"] and forms.body_moves:
                 stored[m].append((scene["mass.body"], forms.velocity(forms.body)))
-                power[m].append((-friction[m], forms.velocity(forms.body)))
+                power[m].append((-builder.friction_force(mode), forms.velocity(forms.body)))
     stretch = np.zeros((len(modes), max(map(len, stored)), forms.channels.count))
     stiffness = np.zeros(stretch.shape[:2])
     pairs = np.zeros((len(modes), max(map(len, power)), 2, forms.channels.count))
@@ -58,8 +61,7 @@ def _received_power(forms: Forms, scene, side: str, closed: frozenset[str]) -> I
     _, rate = forms.stretch(side)
     yield -forms.drive_force(side), forms.velocity(forms.guides.index(side)) - rate
     if scene["effects.mass_weight"]:
-        weight = scene[f"mass.{side}"] * scene["gravity"] * forms.direction(side)[1]
-        yield -weight * forms.one, forms.velocity(forms.guides.index(side))
+        yield -forms.weight(side), forms.velocity(forms.guides.index(side))
     if scene[f"{side}.spring.damping"]:
         yield -scene[f"{side}.spring.damping"] * rate, rate
     if side in closed:

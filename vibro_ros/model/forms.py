@@ -107,9 +107,22 @@ class Forms:
         return self._scene[f"{side}.plate.stiffness"] * depth + self._scene[f"{side}.plate.damping"] * rate
 
     def guide_force(self, side: str, closed: frozenset[str]) -> Form:
-        """F2 or F3 [N], with the plates of `closed` in contact."""
+        """F2 or F3 [N], with the compliant plates of `closed` in contact."""
         force = self.drive_force(side)
         return force + self.plate_force(side) if side in closed else force
+
+    def weight(self, side: str) -> Form:
+        """Pull of the mass's own weight along its guide, inwards [N]; zero unless the scene has it."""
+        if not self._scene["effects.mass_weight"]:
+            return self.zero
+        return self._scene[f"mass.{side}"] * self._scene["gravity"] * self.direction(side)[1] * self.one
+
+    def resting_force(self, side: str, body: Form) -> Form:
+        """Push of a mass on the rigid plate it rests on [N]: it holds q'' at 0 while the body accelerates by `body`."""
+        force = -self.drive_force(side) - self.weight(side)
+        if not self._scene["effects.reaction"]:
+            return force
+        return force - self._scene[f"mass.{side}"] * self.direction(side)[0] * body
 
     def normal_force(self) -> Form:
         """N = M g + m2 u'' + m3 w'' cos(phi) [N], eq. (6); M g by the rule `weight`."""

@@ -1,6 +1,6 @@
 """Coulomb friction of the body on the ground, eq. (5), for each rule of the normal force."""
 
-from vibro_ros.model.automaton import Guard
+from vibro_ros.model.automaton import Guard, Target, to
 from vibro_ros.model.forms import Form, Forms
 
 #: Friction force F_fr as a multiple of mu N, by state; in `stick` and `rest` it balances F_in.
@@ -46,26 +46,27 @@ class Friction:
 
     def guards(self, state: str, normal: Form, inertial: Form) -> list[Guard]:
         """Guards of `state`, given the forms of N and F_in."""
-        loaded = Guard(normal, ("unloaded",), "N >= 0")
+        loaded = Guard(normal, to("unloaded"), "N >= 0")
         if state == "stick":
             return self._unloading(normal, "rest") + [
-                Guard(self._holding * normal - inertial, ("slip_forward",), "F_in <= μ N"),
-                Guard(self._holding * normal + inertial, ("slip_backward",), "-F_in <= μ N"),
+                Guard(self._holding * normal - inertial, to("slip_forward"), "F_in <= μ N"),
+                Guard(self._holding * normal + inertial, to("slip_backward"), "-F_in <= μ N"),
             ]
         if state == "rest":
-            return [Guard(-normal, ("stick",), "N <= 0"), Guard(-inertial, ("slip_forward",), "F_in <= 0"),
-                    Guard(inertial, ("slip_backward",), "F_in >= 0")]
+            return [Guard(-normal, to("stick"), "N <= 0"), Guard(-inertial, to("slip_forward"), "F_in <= 0"),
+                    Guard(inertial, to("slip_backward"), "F_in >= 0")]
         if state == "unloaded":
-            return [Guard(-normal, ("slip_forward", "slip_backward", "stick"), "N <= 0")]
+            return [Guard(-normal, to("slip_forward", "slip_backward", "stick"), "N <= 0")]
         if state == "frictionless":
             return []
-        velocity = self._forms.velocity(self._forms.body)
         body = self._forms.body
-        moving = (Guard(velocity, ("stick", "slip_backward"), "x' >= 0", halt=body) if state == "slip_forward"
-                  else Guard(-velocity, ("stick", "slip_forward"), "x' <= 0", halt=body))
+        velocity, stopped = self._forms.velocity(body), ((body, self._forms.zero),)
+        sign, other, text = (1.0, "slip_backward", "x' >= 0") if state == "slip_forward" else (
+            -1.0, "slip_forward", "x' <= 0")
+        moving = Guard(sign * velocity, (Target("stick", stopped), Target(other, stopped)), text)
         return [moving, loaded] if self._rule == "unilateral" else [moving]
 
     def _unloading(self, normal: Form, rest: str) -> list[Guard]:
         """First guard of `stick`: where N may fall below 0 at a blow, it decides before the bounds of F_in do."""
         target = {"weight": None, "unilateral": "unloaded", "printed": rest}[self._rule]
-        return [Guard(normal, (target,), "N >= 0")] if target else []
+        return [Guard(normal, to(target), "N >= 0")] if target else []

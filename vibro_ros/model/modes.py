@@ -8,7 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vibro_ros.model.contact import Contact
+from vibro_ros.model.automaton import Target
+from vibro_ros.model.contact import contact
 from vibro_ros.model.forms import Form, Forms
 from vibro_ros.model.friction import Friction
 
@@ -28,11 +29,24 @@ class Mode:
     states : tuple of str
         States of the contacts, in the order of `Forms.plates`, then that of the friction.
     closed : frozenset of str
-        Guides whose plates are in contact.
+        Guides whose compliant plates are in contact.
+    resting : frozenset of str
+        Guides whose masses rest on rigid plates.
     """
 
     states: tuple[str, ...]
     closed: frozenset[str]
+    resting: frozenset[str]
+
+    @property
+    def friction(self) -> str:
+        """State of the friction."""
+        return self.states[-1]
+
+    @property
+    def pressing(self) -> frozenset[str]:
+        """Guides whose masses press on their plates."""
+        return self.closed | self.resting
 
 
 class ModeBuilder:
@@ -47,17 +61,17 @@ class ModeBuilder:
     def __init__(self, scene):
         self._scene = scene
         self.forms = Forms(scene)
-        self.contacts = [Contact(scene, self.forms, side) for side in self.forms.plates]
+        self.contacts = [contact(scene, self.forms, side) for side in self.forms.plates]
         self.friction = Friction(scene, self.forms)
         # Where nothing can drive the body, it rests for good, and friction has no states.
         self.friction_states = self.friction.states if self.forms.body_moves else ("rest",)
         product = itertools.product(*(contact.states for contact in self.contacts), self.friction_states)
-        self.modes = tuple(Mode(states, self._closed(states)) for states in product)
+        self.modes = tuple(Mode(states, self._in(states, "closed"), self._in(states, "resting")) for states in product)
         self._number = {mode.states: m for m, mode in enumerate(self.modes)}
 
-    def _closed(self, states: tuple[str, ...]) -> frozenset[str]:
+    def _in(self, states: tuple[str, ...], wanted: str) -> frozenset[str]:
         contacts = zip(self.contacts, states, strict=False)  # the last state is the friction's
-        return frozenset(contact.side for contact, state in contacts if state == "closed")
+        return frozenset(contact.side for contact, state in contacts if state == wanted)
 
     @property
     def initial_mode(self) -> int:
@@ -67,47 +81,66 @@ class ModeBuilder:
 
     def equations(self, mode: Mode) -> list[Form]:
         """Accelerations of the coordinates: M x'' = F_in - F_fr (eq. 1), and those of the masses."""
-        if not self.forms.body_moves:
-            return self._mass_accelerations(mode, self.forms.zero)
-        body = (self.forms.inertial_force() - self.friction_force(mode)) / self._scene.total_mass
-        return [*self._mass_accelerations(mode, body), body]
+        masses, body = self._mass_accelerations(mode), self.body_acceleration(mode)
+        return [*masses, body] if self.forms.body_moves else masses
 
-    def _mass_accelerations(self, mode: Mode, body: Form) -> list[Form]:
+    def body_acceleration(self, mode: Mode) -> Form:
+        """x'' as a form of the masses' accelerations."""
+        if not self.forms.body_moves:
+            return self.forms.zero
+        return (self.forms.inertial_force() - self.friction_force(mode)) / self._scene.total_mass
+
+    def _mass_accelerations(self, mode: Mode) -> list[Form]:
         """m2 u'' = -F2 and m3 w'' = -F3 (eq. 1); the weight adds m2 g and m3 g cos(phi) to F2 and F3, the reaction
-        makes it m3 (w'' - x'' sin(phi)), where x'' = `body`, a form of u'' and w'' itself, is eliminated."""
-        scene, forms = self._scene, self.forms
+        makes it m3 (w'' - x'' sin(phi)), where x'', a form of u'' and w'' itself, is eliminated. A resting mass
+        keeps its velocity."""
+        scene, forms, body = self._scene, self.forms, self.body_acceleration(mode)
         accelerations = [forms.channels.acceleration(i) for i in range(len(forms.guides))]
         inertia = np.diag([scene[f"mass.{side}"] for side in forms.guides])
         loads = np.array([-forms.guide_force(side, mode.closed) for side in forms.guides])
         for i, side in enumerate(forms.guides):
-            mass, along_x, upwards = scene[f"mass.{side}"], *forms.direction(side)
-            if scene["effects.mass_weight"]:
-                loads[i] -= mass * scene["gravity"] * upwards * forms.one
-            if scene["effects.reaction"]:
+            mass, (along_x, _) = scene[f"mass.{side}"], forms.direction(side)
+            loads[i] -= forms.weight(side)
+            if side in mode.resting:
+                loads[i] = 0.0
+            elif scene["effects.reaction"]:
                 inertia[i] += mass * along_x * body[accelerations]
                 loads[i] -= mass * along_x * body[forms.channels.one] * forms.one
         if np.linalg.det(inertia) <= 0.0:
-            raise ValueError(f"ground.friction: at {scene['ground.friction']:g} the reaction on the masses has no unique "
-                             "solution while the body slips; lower it, or set effects.reaction to false")
+            raise ValueError(f"ground.friction: at {scene['ground.friction']:g} the reaction on the masses has no "
+                             "unique solution while the body slips; lower it, or set effects.reaction to false")
         return list(np.linalg.solve(inertia, loads)) if len(loads) else []
 
     def friction_force(self, mode: Mode) -> Form:
         """F_fr in `mode` [N]."""
         normal, inertial = self.forms.normal_force(), self.forms.inertial_force()
-        return self.friction.force(mode.states[-1], normal, inertial)
+        return self.friction.force(mode.friction, normal, inertial)
+
+    def contact_force(self, mode: Mode, side: str) -> Form:
+        """Push of a mass on its plate [N], were they in contact."""
+        if self._scene[f"effects.{side}_contact"] == "restitution":
+            return self.forms.resting_force(side, self.body_acceleration(mode))
+        return self.forms.plate_force(side)
 
     def guards(self, mode: Mode):
-        """Guards of `mode` and, for each, the numbers of its target modes."""
-        for k, contact in enumerate(self.contacts):
-            for guard in contact.guards(mode.states[k]):
-                yield guard, self._targets(mode, k, guard.targets)
+        """Guards of `mode`; for each, its effect's place in `Mode.states` and the numbers of its target modes."""
+        for k, plate in enumerate(self.contacts):
+            for guard in plate.guards(mode.states[k], mode.friction, self.body_acceleration(mode)):
+                yield guard, k, self._targets(mode, k, guard.targets)
         if self.forms.body_moves:
             normal, inertial = self.forms.normal_force(), self.forms.inertial_force()
-            for guard in self.friction.guards(mode.states[-1], normal, inertial):
-                yield guard, self._targets(mode, len(self.contacts), guard.targets)
+            for guard in self.friction.guards(mode.friction, normal, inertial):
+                yield guard, len(self.contacts), self._targets(mode, len(self.contacts), guard.targets)
 
-    def _targets(self, mode: Mode, place: int, states: tuple[str, ...]) -> list[int]:
-        return [self._number[mode.states[:place] + (state,) + mode.states[place + 1:]] for state in states]
+    def _targets(self, mode: Mode, place: int, targets: tuple[Target, ...]) -> list[int]:
+        numbers = []
+        for target in targets:
+            states = list(mode.states)
+            states[place] = target.state
+            if target.friction:
+                states[-1] = target.friction
+            numbers.append(self._number[tuple(states)])
+        return numbers
 
     def outputs(self, mode: Mode) -> np.ndarray:
         """Rows of `OUTPUTS`; zero for what the scene does not have."""
@@ -119,7 +152,7 @@ class ModeBuilder:
                      f"{side}_drive_force": -forms.drive_force(side)}
         for side in forms.plates:
             rows[f"{side}_plate_position"], rows[f"{side}_plate_velocity"] = forms.plate(side)
-            if side in mode.closed:
-                rows[f"{side}_plate_force"] = forms.plate_force(side)
+            if side in mode.pressing:
+                rows[f"{side}_plate_force"] = self.contact_force(mode, side)
         rows |= {"normal_force": forms.normal_force(), "friction_force": self.friction_force(mode)}
         return np.array([rows.get(name, forms.zero) for name in OUTPUTS])

@@ -38,6 +38,7 @@ class Scene:
         object.__setattr__(self, "parameters", MappingProxyType(complete))
         self._check_mechanism()
         self._check_friction()
+        self._check_blows()
         self.checked_motor_speed(self["motor.speed"])
         for side in ("upper", "inclined"):
             self.checked_gap(side, self[f"{side}.gap"])
@@ -99,6 +100,19 @@ class Scene:
         if self["effects.friction"] == "static" and static < kinetic:
             raise ValueError(f"ground.static_friction: {static:g} is below ground.friction, {kinetic:g}; "
                              f"give at least {kinetic:g}")
+
+    def _check_blows(self):
+        """A rigid blow is an infinite force: not every rule of the normal force gives its friction a meaning."""
+        rule, angle = self["effects.normal_force"], self["guide.angle"]
+        if self["effects.friction"] == "none" or not any(
+                self[f"effects.{side}_contact"] == "restitution" for side in self.guides):
+            return
+        if rule == "printed":
+            raise ValueError("effects.normal_force: 'printed' makes friction drive the body infinitely hard in a blow on "
+                             "a rigid plate; choose unilateral or weight, or a compliant contact")
+        if rule == "unilateral" and angle > math.pi / 2:
+            raise ValueError(f"guide.angle: {angle:g} rad points the inclined guide down, where a blow on a rigid plate "
+                             "presses the body on the ground; give at most 1.5708 rad, or a compliant contact")
 
     @property
     def total_mass(self) -> float:

@@ -7,10 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from vibro_ros.model.energy import audit_tables
-from vibro_ros.model.forms import Forms
+from vibro_ros.model.forms import Form, Forms
 from vibro_ros.model.modes import Mode, ModeBuilder
 from vibro_ros.model.slider import Slider, signal_table
-from vibro_ros.solver.system import NOTHING, System, couplings, flow_numbers, longest_steps
+from vibro_ros.solver.system import NOTHING, Channels, System, couplings, flow_numbers, longest_steps
+
+# A blow leads to rest, or to a rebound that makes the body slip forwards or backwards.
+_MOST_TARGETS = 3
 
 #: Kinds of events that a change of mode records, by their number.
 MODE_EVENTS = ("stick", "slip_forward", "slip_backward", "unloaded", "loaded")
@@ -61,7 +64,8 @@ def compile_scene(scene) -> Model:
         **_guard_tables(builder),
         event=_event_table(builder),
         **_monitor_tables(builder),
-        **audit_tables(forms, scene, builder.modes, [builder.friction_force(mode) for mode in builder.modes]),
+        unheld=_unheld_table(builder),
+        **audit_tables(builder, scene),
         signals=signal_table(list(sliders)),
     )
     output = np.array([builder.outputs(mode) for mode in builder.modes])
@@ -73,20 +77,39 @@ def _tilt(scene, side: str) -> float:
 
 
 def _guard_tables(builder: ModeBuilder) -> dict[str, np.ndarray]:
+    """Guards, what they lead to, and how velocities jump on the way; equal forms share a row."""
     guards = [list(builder.guards(mode)) for mode in builder.modes]
-    most = max(1, max(len(of_mode) for of_mode in guards))
-    rows = {}
-    guard = np.full((len(guards), most), NOTHING)
-    halt = np.full((len(guards), most), NOTHING)
-    candidate = np.full((len(guards), most, 3), NOTHING)
+    channels = builder.forms.channels
+    shape = (len(guards), max(1, max(map(len, guards))))
+    rows, jumps = {}, {}
+    guard, owner, strike = (np.full(shape, NOTHING) for _ in range(3))
+    candidate, entry, jump = (np.full((*shape, _MOST_TARGETS), NOTHING) for _ in range(3))
     for m, of_mode in enumerate(guards):
-        for g, (condition, targets) in enumerate(of_mode):
+        for g, (condition, place, numbers) in enumerate(of_mode):
             guard[m, g] = rows.setdefault(tuple(condition.form), len(rows))
-            halt[m, g] = condition.halt
-            candidate[m, g, :len(targets)] = targets
-    row = np.array(list(rows)).reshape(len(rows), builder.forms.channels.count)
-    return {"row": row, "driven": _reads_driven(row, builder.forms), "guard": guard, "candidate": candidate,
-            "halt": halt}
+            owner[m, g] = place
+            strike[m, g] = place if condition.strike else NOTHING
+            for c, (target, number) in enumerate(zip(condition.targets, numbers, strict=True)):
+                candidate[m, g, c] = number
+                if target.entry is not None:
+                    entry[m, g, c] = rows.setdefault(tuple(target.entry), len(rows))
+                if target.velocities:
+                    jump[m, g, c] = jumps.setdefault(_jump(target.velocities, channels).tobytes(), len(jumps))
+    row = np.array(list(rows)).reshape(len(rows), channels.count)
+    matrices = np.array([np.frombuffer(matrix) for matrix in jumps])
+    return {"row": row, "driven": _reads_driven(row, builder.forms), "guard": guard, "owner": owner,
+            "candidate": candidate, "entry": entry, "jump": jump, "strike": strike,
+            "velocity": matrices.reshape(len(jumps), channels.coordinates, channels.count)}
+
+
+def _jump(velocities: tuple[tuple[int, Form], ...], channels: Channels) -> np.ndarray:
+    """Rows that give every coordinate's velocity after a jump from the channels before it."""
+    rows = np.zeros((channels.coordinates, channels.count))
+    for i in range(channels.coordinates):
+        rows[i, channels.velocity(i)] = 1.0
+    for i, form in velocities:
+        rows[i] = form
+    return rows
 
 
 def _reads_driven(row: np.ndarray, forms: Forms) -> np.ndarray:
@@ -100,10 +123,22 @@ def _event_table(builder: ModeBuilder) -> np.ndarray:
     """Kind of event by (mode before, mode after), from their friction states."""
     table = np.full((len(builder.modes), len(builder.modes)), NOTHING)
     for before, after in itertools.permutations(range(len(builder.modes)), 2):
-        old, new = builder.modes[before].states[-1], builder.modes[after].states[-1]
+        old, new = builder.modes[before].friction, builder.modes[after].friction
         event = "loaded" if old == "unloaded" else new
         if old != new and event in MODE_EVENTS:
             table[before, after] = MODE_EVENTS.index(event)
+    return table
+
+
+def _unheld_table(builder: ModeBuilder) -> np.ndarray:
+    """Mode to continue in when a plate's speed changes, by (mode, plate): a mass that rests on it may part from it."""
+    states = [mode.states for mode in builder.modes]
+    table = np.empty((len(states), len(builder.forms.plates)), dtype=np.int64)
+    for m, old in enumerate(states):
+        for k in range(table.shape[1]):
+            new = list(old)
+            new[k] = "open" if old[k] == "resting" else old[k]
+            table[m, k] = states.index(tuple(new))
     return table
 
 
@@ -115,7 +150,7 @@ def _monitor_tables(builder: ModeBuilder) -> dict[str, np.ndarray]:
     monitored = np.zeros(shape, dtype=bool)
     approach = np.zeros((len(forms.plates), forms.channels.count))
     for k, side in enumerate(forms.plates):
-        monitor[:, k] = forms.plate_force(side)
-        monitored[:, k] = [side in mode.closed for mode in modes]
+        monitor[:, k] = [builder.contact_force(mode, side) for mode in modes]
+        monitored[:, k] = [side in mode.pressing for mode in modes]
         approach[k] = forms.penetration(side)[1]
     return {"monitor": monitor, "monitored": monitored, "approach": approach}

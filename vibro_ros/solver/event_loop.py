@@ -11,7 +11,15 @@ from vibro_ros.solver.compilation import kernel
 from vibro_ros.solver.flow import solve_driven, solve_dynamic
 from vibro_ros.solver.forcing import advance_forcing, choose_duration, fill_forcing, phase_at
 from vibro_ros.solver.polynomial import add_multiple, value
-from vibro_ros.solver.recording import PHASE_KIND, RAMP_KIND, instant, record, record_mode_change, update_peaks
+from vibro_ros.solver.recording import (
+    PHASE_KIND,
+    RAMP_KIND,
+    form_value,
+    instant,
+    record,
+    record_mode_change,
+    update_peaks,
+)
 from vibro_ros.solver.roots import NO_ROOT, SEARCH_FAILED, first_root
 from vibro_ros.solver.state import (
     ANCHOR,
@@ -135,30 +143,58 @@ def _accelerate(system, state, mode, point):
     """Set the accelerations of the dynamic coordinates at `point` to those of `mode`."""
     first = 2 * system.sizes[0]
     for i in range(system.sizes[1]):
-        total = 0.0
-        for channel in range(len(point)):
-            total += system.acceleration[mode, i, channel] * point[channel]
-        point[first + i] = total
+        point[first + i] = form_value(system.acceleration[mode, i], point)
 
 
 @kernel
-def _next_mode(system, state, point):
-    """First candidate of the firing guard all of whose guards hold; else its last candidate."""
+def _jump(system, state, candidate, point):
+    """Fill `trial` with `point` after the jump to a candidate of the firing guard."""
+    mode, guard = state.index[MODE], state.index[GUARD]
+    coordinates = system.sizes[0]
+    for channel in range(len(point)):
+        state.trial[channel] = point[channel]
+    jump = system.jump[mode, guard, candidate]
+    if jump != NOTHING:
+        for i in range(coordinates):
+            state.trial[coordinates + i] = form_value(system.velocity[jump, i], point)
+    _accelerate(system, state, system.candidate[mode, guard, candidate], state.trial)
+
+
+@kernel
+def _is_valid(system, state, candidate, point):
+    """Whether a candidate of the firing guard may be entered from `point`; fills `trial` with the point after."""
+    mode, guard = state.index[MODE], state.index[GUARD]
+    entry = system.entry[mode, guard, candidate]
+    if entry != NOTHING and not _holds(system, state, entry, point):
+        return False
+    _jump(system, state, candidate, point)
+    target = system.candidate[mode, guard, candidate]
+    for g in range(system.guard.shape[1]):
+        if system.owner[target, g] == system.owner[mode, guard]:
+            if not _holds(system, state, system.guard[target, g], state.trial):
+                return False
+    return True
+
+
+@kernel
+def _choose(system, state, point):
+    """Number of the firing guard's first valid candidate, or of its last; `trial` is the point after its jump."""
     candidates = system.candidate[state.index[MODE], state.index[GUARD]]
-    chosen = candidates[0]
-    for candidate in candidates:
-        if candidate == NOTHING:
+    last = 0
+    for candidate in range(len(candidates)):
+        if candidates[candidate] == NOTHING:
             break
-        chosen = candidate
-        holds = True
-        _accelerate(system, state, candidate, point)
-        for row in system.guard[candidate]:
-            if row != NOTHING and not _holds(system, state, row, point):
-                holds = False
-                break
-        if holds:
-            break
-    return chosen
+        if _is_valid(system, state, candidate, point):
+            return candidate
+        last = candidate
+    _jump(system, state, last, point)
+    return last
+
+
+@kernel
+def _release_from(system, state, ramp):
+    """Leave what cannot outlast a change of the ramp's rate."""
+    state.index[MODE] = system.unheld[state.index[MODE], ramp]
 
 
 @kernel
@@ -169,9 +205,22 @@ def _end_segment(system, state, point, events, count):
     for k in range(len(state.ramp)):
         if reached & (1 << k):
             count = record(events, count, time, RAMP_KIND + k, 0.0, 0.0, 0.0)
+            _release_from(system, state, k)
     if reached & (1 << len(state.ramp)):
         count = record(events, count, time, PHASE_KIND, 0.0, 0.0, 0.0)
     return begin_segment(system, state, point), count
+
+
+@kernel
+def _keeps_flow(system, state, mode, point):
+    """Whether `mode`, entered at `trial`, continues the dynamic coordinates' motion as it is at `point`."""
+    if system.flow[state.index[MODE]] != system.flow[mode]:
+        return False
+    first = system.sizes[0]
+    for i in range(system.sizes[1]):
+        if state.trial[first + i] != point[first + i]:
+            return False
+    return True
 
 
 @kernel
@@ -179,26 +228,24 @@ def _pass_event(system, state, point, events, count):
     """Do what happens at NEXT: the end of the segment or a change of mode; returns (success, number of events)."""
     tau = state.clock[NEXT]
     _read(state, tau, point)
-    guard = state.index[GUARD]
-    if guard == NOTHING:
+    if state.index[GUARD] == NOTHING:
         update_peaks(system, state, tau)
         close_audit(system, state, tau, point)
         state.index[STANDSTILLS] = 0
         return _end_segment(system, state, point, events, count)
     state.index[STANDSTILLS] = 0 if tau > state.clock[ANCHOR] else state.index[STANDSTILLS] + 1
-    coordinates, dynamic = system.sizes[0], system.sizes[1]
-    previous = state.index[MODE]
-    halted = system.halt[previous, guard]
-    mode = _next_mode(system, state, point)
-    same_flow = system.flow[previous] == system.flow[mode] and not 0 <= halted < dynamic and tau < 1.0
+    candidate = _choose(system, state, point)
+    mode = system.candidate[state.index[MODE], state.index[GUARD], candidate]
+    same_flow = tau < 1.0 and _keeps_flow(system, state, mode, point)
     if not same_flow:
         update_peaks(system, state, tau)
         close_audit(system, state, tau, point)
-    if halted != NOTHING:
-        point[coordinates + halted] = 0.0
     count = record_mode_change(system, state, mode, point, events, count)
+    for channel in range(len(point)):
+        point[channel] = state.trial[channel]
     state.index[MODE] = mode
     if same_flow:
+        coordinates = system.sizes[0]
         state.clock[ANCHOR] = tau
         found = _continue_segment(system, state, point[:coordinates], point[coordinates:2 * coordinates])
         return found, count

@@ -1,9 +1,11 @@
 """What is kept of a trajectory beside its samples: events, and the peaks of monitored quantities."""
 
+import math
+
 from vibro_ros.solver.compilation import kernel
 from vibro_ros.solver.polynomial import add_multiple
 from vibro_ros.solver.roots import maximum
-from vibro_ros.solver.state import APPROACH, DURATION, MODE, NEXT, PEAK, SINCE, START, START_RESIDUE
+from vibro_ros.solver.state import APPROACH, DURATION, GUARD, MODE, NEXT, PEAK, SINCE, START, START_RESIDUE
 from vibro_ros.solver.system import NOTHING
 
 #: Kinds of recorded events: changes of mode have the system's own, from 0; then the end of monitor k, of ramp k,
@@ -16,7 +18,8 @@ EVENT_COLUMNS = 5
 
 
 @kernel
-def _product(row, point):
+def form_value(row, point):
+    """Value of a linear form at a point."""
     total = 0.0
     for channel in range(len(point)):
         total += row[channel] * point[channel]
@@ -62,6 +65,10 @@ def record_mode_change(system, state, mode, point, events, count):
     time = instant(state, state.clock[NEXT])
     if system.event[previous, mode] != NOTHING:
         count = record(events, count, time, system.event[previous, mode], 0.0, 0.0, 0.0)
+    struck = system.strike[previous, state.index[GUARD]]
+    if struck != NOTHING and not system.monitored[mode, struck]:
+        approach = form_value(system.approach[struck], point)
+        count = record(events, count, time, MONITOR_KIND + struck, approach, math.inf, 0.0)
     for k in range(len(state.monitor)):
         if system.monitored[previous, k] and not system.monitored[mode, k]:
             since = state.monitor[k, SINCE]
@@ -69,7 +76,7 @@ def record_mode_change(system, state, mode, point, events, count):
                             state.monitor[k, PEAK], time - since)
         elif system.monitored[mode, k] and not system.monitored[previous, k]:
             state.monitor[k, SINCE] = time
-            state.monitor[k, APPROACH] = _product(system.approach[k], point)
+            state.monitor[k, APPROACH] = form_value(system.approach[k], point)
             state.monitor[k, PEAK] = 0.0
     return count
 
@@ -89,4 +96,4 @@ def evaluate_forms(forms, modes, points, values):
     """
     for f in range(len(values)):
         for k in range(len(modes)):
-            values[f, k] = _product(forms[modes[k], f], points[k])
+            values[f, k] = form_value(forms[modes[k], f], points[k])

@@ -71,6 +71,8 @@ class State(NamedTuple):
         First root of each guard row in the segment, or a negative number while it is not known.
     work : ndarray, shape (4, LENGTH)
         Room for temporary polynomials.
+    trial : ndarray, shape (channels,)
+        Room for the point that a change of mode would lead to.
     """
 
     z: np.ndarray
@@ -82,6 +84,7 @@ class State(NamedTuple):
     audit: np.ndarray
     root: np.ndarray
     work: np.ndarray
+    trial: np.ndarray
 
 
 def new_state(system: System, phase_speed: float, ramp_values: np.ndarray, mode: int) -> State:
@@ -109,6 +112,7 @@ def new_state(system: System, phase_speed: float, ramp_values: np.ndarray, mode:
         audit=np.zeros(_AUDIT_ENTRIES),
         root=np.full(len(system.row), -1.0),
         work=np.zeros((4, LENGTH)),
+        trial=np.zeros(channels.count),
     )
     state.ramp[:, VALUE] = state.ramp[:, TARGET] = ramp_values
     state.clock[[SPEED, SPEED_TARGET]] = phase_speed

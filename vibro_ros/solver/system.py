@@ -11,8 +11,8 @@ and nothing depends on them but guards and outputs, so that a mode which changes
 leaves the flow of the dynamic ones as it is.
 
 Every guard is a linear combination g = G z that its mode keeps non-negative. When it turns
-negative the event loop stops there, sets a velocity to exactly zero if the guard says so, and enters the
-first candidate mode whose own guards hold.
+negative the event loop stops there, lets velocities jump if the guard says so, and enters the
+first candidate mode that is valid.
 """
 
 from typing import NamedTuple
@@ -23,7 +23,7 @@ import numpy as np
 STRIDE = 0.22
 #: Longest segment in units of the mode's fastest time constant: 2^LENGTH / LENGTH! is below rounding.
 RATE_LIMIT = 2.0
-#: Halting nothing; recording nothing; no (more) candidates.
+#: No row, no jump, no monitor, no event, no (more) candidates.
 NOTHING = -1
 
 
@@ -110,10 +110,21 @@ class System(NamedTuple):
         Whether the row reads a coordinate that is not dynamic.
     guard : ndarray of int, shape (m, g)
         Row of each guard of each mode, padded with `NOTHING`.
+    owner : ndarray of int, shape (m, g)
+        Effect that the guard belongs to, padded with `NOTHING`: a candidate must satisfy the guards of the effect
+        that changes; the others' are not its business.
     candidate : ndarray of int, shape (m, g, c)
         Modes to try, padded with `NOTHING`; the last one given is entered when the others' guards fail.
-    halt : ndarray of int, shape (m, g)
-        Coordinate whose velocity the event sets to exactly zero, or `NOTHING`.
+    entry : ndarray of int, shape (m, g, c)
+        Row that must not be negative, before the jump, for the candidate to be entered, or `NOTHING`.
+    jump : ndarray of int, shape (m, g, c)
+        Entry of `velocity` by which velocities jump on the way to the candidate, or `NOTHING`.
+    velocity : ndarray, shape (jumps, coordinates, channels)
+        Rows of the velocities after a jump.
+    strike : ndarray of int, shape (m, g)
+        Monitor for which the guard records a blow without duration, or `NOTHING`.
+    unheld : ndarray of int, shape (m, k)
+        Mode that follows when the rate of ramp k changes.
     event : ndarray of int, shape (m, m)
         Kind of the event recorded when the mode changes from the first to the second, or `NOTHING`.
     monitor : ndarray, shape (m, k, channels)
@@ -140,8 +151,13 @@ class System(NamedTuple):
     row: np.ndarray
     driven: np.ndarray
     guard: np.ndarray
+    owner: np.ndarray
     candidate: np.ndarray
-    halt: np.ndarray
+    entry: np.ndarray
+    jump: np.ndarray
+    velocity: np.ndarray
+    strike: np.ndarray
+    unheld: np.ndarray
     event: np.ndarray
     monitor: np.ndarray
     monitored: np.ndarray
