@@ -100,7 +100,8 @@ def test_it_moves_as_the_simulation_says_and_the_bag_holds_every_message(start, 
     robot = start("robot", "--ros-args", "-p", "record.directory:=bags")
     operator = Operator(bench)
     operator.wait_for_robot()
-    operator.command(motor_speed=100.0)
+    for speed in (300.0, 200.0, 100.0):  # all within one tick or two: the last must win
+        operator.command(motor_speed=speed)
     operator.spin_for_samples(200)
     operator.command(upper_gap=0.0005, inclined_gap=-0.0003, motor_speed=130.0)
     operator.spin_for_samples(200)
@@ -117,14 +118,15 @@ def test_it_moves_as_the_simulation_says_and_the_bag_holds_every_message(start, 
         data = [data for _, data in recorded[f"/{topic}"]]
         pieces = (data[first : first + len(heard)] for first in range(len(data) - len(heard) + 1))
         assert heard in pieces, f"{topic}: heard is not a piece of the bag, without a gap"
-    assert [len(recorded[f"/{name}"]) for name in COMMANDS] == [3, 1, 1]
+    bag = read_bag(folder)
+    sent = [300.0, 200.0, 100.0, 130.0, 60.0], [0.0005], [-0.0003]
+    assert tuple(bag[name]["value"].tolist() for name in COMMANDS) == sent
     assert abs(operator.odom().pose.pose.position.x) > 0.01  # [m]
 
     start_ns = recorded["/odom"][0][0]
     assert [stamp for stamp, _ in recorded["/odom"]] == [start_ns + PERIOD * i for i in range(len(recorded["/odom"]))]
-    metadata = read_bag(folder).metadata
-    assert (metadata["scene"], metadata["start"]) == ("device", str(start_ns))
-    assert json.loads(metadata["parameters"])["upper.spring.damping"] == 2.0
+    assert (bag.metadata["scene"], bag.metadata["start"]) == ("device", str(start_ns))
+    assert json.loads(bag.metadata["parameters"])["upper.spring.damping"] == 2.0
     compare_with_simulation(folder, start_ns, recorded)
 
 
@@ -132,8 +134,9 @@ def compare_with_simulation(folder: Path, start_ns: int, recorded: dict[str, lis
     """Every recorded number against an offline run of the recorded commands, exactly."""
     bag = read_bag(folder)
     device = vibro_ros.Simulator(vibro_ros.load_scene("device"))
-    commands = sorted(((stamp - start_ns) / 1e9, name, deserialize_message(data, Float64).data)
-                      for name in COMMANDS for stamp, data in recorded[f"/{name}"])
+    commands = [((stamp - start_ns) / 1e9, name, deserialize_message(data, Float64).data)
+                for name in COMMANDS for stamp, data in recorded[f"/{name}"]]
+    commands.sort(key=lambda command: command[0])  # stable: commands of one instant stay in their order
     states = []
     for stamp, _ in recorded["/odom"]:
         time = (stamp - start_ns) / 1e9

@@ -4,7 +4,8 @@ With polynomial forcing a linear equation determines the series of its solution 
 the segments are short enough for the series to end at rounding (`System.longest_step`).
 """
 
-from vibro_ros.solver.polynomial import LENGTH, add_multiple, kernel, value
+from vibro_ros.solver.compilation import kernel
+from vibro_ros.solver.polynomial import LENGTH, add_multiple, value
 from vibro_ros.solver.state import ANCHOR, DURATION, MODE
 
 
