@@ -45,6 +45,11 @@ def kernel(function):
     return _compiled(function, {"contract"})
 
 
+def rounding_kernel(function):
+    """Compile a kernel that rounds every product, so that equal products cancel to exactly zero."""
+    return _compiled(function, False)
+
+
 def sum_kernel(function):
     """Compile a plain sum, in which the order of the terms does not matter and several are added at once."""
     return _compiled(function, {"contract", "reassoc", "nsz"})

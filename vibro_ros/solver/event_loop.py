@@ -37,6 +37,8 @@ ROOT_LOST = 4
 #: Events in a row at one instant after which the loop gives up; a legal cascade takes a handful.
 _MOST_STANDSTILLS = 200
 _EPSILON = 2.220446049250313e-16
+# Roots no further apart than rounding are simultaneous: the guard that its mode names first decides.
+_SIMULTANEOUS = 8.0 * _EPSILON
 # A guard's rounding error: a sum of products, each term of magnitude scale, through the series' first terms.
 _NOISE = 16.0 * _EPSILON
 
@@ -71,7 +73,7 @@ def _find_next_event(system, state):
         root = _guard_root(system, state, row)
         if root == SEARCH_FAILED:
             return False
-        if root != NO_ROOT and (root < state.clock[NEXT] or state.index[GUARD] == NOTHING):
+        if root != NO_ROOT and (root < state.clock[NEXT] - _SIMULTANEOUS or state.index[GUARD] == NOTHING):
             state.clock[NEXT] = root
             state.index[GUARD] = g
     return True

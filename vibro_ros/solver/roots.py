@@ -15,7 +15,7 @@ NO_ROOT = 2.0
 #: Returned when the search does not end, which a finite polynomial cannot cause.
 SEARCH_FAILED = -1.0
 
-_MOST_STEPS = 1000
+_MOST_STEPS = 100_000
 _ULP_OF_ONE = 2.3e-16
 #: A guard that starts at zero to this order (a rest, a release) is zero for good: nothing moves it.
 _DEEPEST_ZERO = 5
@@ -33,7 +33,9 @@ def _safe_step(f, d, dd, third, reach):
     discriminant = d * d - 4.0 * m * f
     if discriminant < 0.0:
         return reach
-    return min(reach, 2.0 * f / (-d + discriminant**0.5))
+    root = discriminant**0.5
+    # Of the two ways to write the quadratic's root, the one that does not cancel.
+    return min(reach, 2.0 * f / (root - d) if d < 0.0 else (d + root) / (-2.0 * m))
 
 
 @sum_kernel
@@ -80,8 +82,11 @@ def _march(p, terms, a):
         step = _safe_step(f, d, dd, third, remaining)
         if step >= remaining:
             return NO_ROOT
-        if 2.0 * step < remaining:
-            step = max(step, _safe_step(f, d, dd, third, 2.0 * step))
+        # A shorter reach bends the bound less: as long as all of it proves safe, try one twice as long.
+        reach = step
+        while step >= reach and 2.0 * step < remaining:
+            reach = 2.0 * step
+            step = max(step, _safe_step(f, d, dd, third, reach))
         x += max(step, _ULP_OF_ONE)
         if x > 1.0:
             return NO_ROOT

@@ -1,0 +1,196 @@
+"""The first root of a guard, against the eigenvalues of companion matrices and exact rational arithmetic."""
+
+from fractions import Fraction
+from math import comb
+
+import numpy as np
+import pytest
+
+from vibro_ros.solver.polynomial import LENGTH
+from vibro_ros.solver.roots import NO_ROOT, first_root, maximum
+
+ROUNDING = 4e-15  # of an instant in [0, 1] where the guard's slope is of its coefficients' order
+
+
+def padded(coefficients):
+    polynomial = np.zeros(LENGTH)
+    polynomial[:len(coefficients)] = coefficients
+    return polynomial
+
+
+def search(coefficients, start=0.0, noise=0.0):
+    return first_root(padded(coefficients), start, noise, np.empty(LENGTH))
+
+
+def exact_value(coefficients, x):
+    total = Fraction(0)
+    for coefficient in reversed(coefficients):
+        total = total * Fraction(float(x)) + Fraction(float(coefficient))
+    return total
+
+
+def real_roots(coefficients, start=0.0):
+    """Real roots in (start, 1), ascending, by numpy's companion matrix."""
+    roots = np.roots(np.asarray(coefficients)[::-1])
+    return np.sort(roots.real[(abs(roots.imag) < 1e-9) & (roots.real > start) & (roots.real < 1.0)])
+
+
+def first_crossing(coefficients, start=0.0):
+    """First root behind which the polynomial is negative, its sign taken exactly; NO_ROOT without one."""
+    if exact_value(coefficients, start) < 0:
+        return start
+    edges = [*real_roots(coefficients, start), 1.0]
+    for root, following in zip(edges, edges[1:], strict=False):
+        if exact_value(coefficients, (root + following) / 2) < 0:
+            return root
+    return NO_ROOT
+
+
+def product(*factors):
+    result = np.ones(1)
+    for factor in factors:
+        result = np.convolve(result, factor)
+    return result
+
+
+def power(root, order):
+    """Coefficients of (x - root)^order."""
+    return np.array([comb(order, n) * (-root) ** (order - n) for n in range(order + 1)])
+
+
+def motion(random):
+    """Series, over two radians, of a random oscillation about a random place: what guards look like."""
+    order = np.arange(LENGTH)
+    factorial = np.cumprod(np.maximum(order, 1.0))
+    phase, rate = random.uniform(0, 2 * np.pi), random.uniform(0.01, 2.0)
+    series = np.cos(phase + order * np.pi / 2) * rate**order / factorial
+    series[:3] += random.uniform(-1, 1, 3)
+    return series
+
+
+@pytest.mark.parametrize("kind", ["oscillation", "decaying", "any"])
+def test_random_polynomials(kind):
+    """1000 guards each: the first crossing within 1e-9 of the companion matrix's, which is the less exact one."""
+    random = np.random.default_rng(["oscillation", "decaying", "any"].index(kind))
+    crossings = 0
+    for number in range(1000):
+        polynomial = motion(random) if kind == "oscillation" else random.normal(size=LENGTH)
+        if kind == "decaying":
+            polynomial *= random.uniform(0.1, 1.0) ** np.arange(LENGTH)
+        start = random.choice([0.0, random.uniform(0, 0.5)])
+        if random.random() < 0.9:
+            polynomial *= np.sign(np.polynomial.polynomial.polyval(start, polynomial))
+        expected = first_crossing(polynomial, start)
+        found = search(polynomial, start, 1e-15 * abs(polynomial).sum())
+        assert found == pytest.approx(expected, abs=1e-9), number
+        crossings += start < found < NO_ROOT
+    assert crossings > 150
+
+
+def test_the_guard_keeps_its_sign_before_the_root():
+    """Exact signs: not negative at 200 instants before the instant found, negative within 1e-12 behind it."""
+    random = np.random.default_rng(5)
+    found = 0
+    for _ in range(200):
+        polynomial = motion(random)
+        root = search(polynomial, 0.0, 1e-15)
+        if 1e-9 < root < 1.0:
+            found += 1
+            for instant in np.linspace(0.0, root - ROUNDING, 200):
+                assert exact_value(polynomial, instant) > -1e-15
+            assert exact_value(polynomial, root + 1e-12) < 0
+    assert found > 30
+
+
+@pytest.mark.parametrize("lift", [1e-13, -1e-13, 1e-10, -1e-10])
+def test_a_graze_is_told_from_a_hit(lift):
+    """(x - r)² + lift has no root for lift > 0, and its first one at r - sqrt(-lift) for lift < 0."""
+    random = np.random.default_rng(7)
+    for _ in range(300):
+        place = random.uniform(0.05, 0.95)
+        polynomial = product(power(place, 2), [1.0, random.uniform(-0.5, 0.5)])
+        polynomial[0] += lift
+        found = search(polynomial, 0.0, 2e-15)
+        if lift > 0:
+            assert found == NO_ROOT
+        else:
+            depth = -lift / (1.0 + polynomial[3] * place)
+            assert found == pytest.approx(place - np.sqrt(depth), abs=2e-15 / np.sqrt(depth) + 3 * depth)
+
+
+@pytest.mark.parametrize("order", [1, 2, 3, 4])
+@pytest.mark.parametrize("start", [0.0, 0.3, 0.71])
+def test_a_root_at_the_start_does_not_hide_the_next_one(order, start):
+    """(x - a)^n (r - x) turns negative at r; with the other sign it is negative from a on."""
+    for behind in (0.04, 0.1, 0.25):
+        polynomial = product(power(start, order), [start + behind, -1.0])
+        noise = 1e-15
+        assert search(polynomial, start, noise) == pytest.approx(start + behind, abs=1e-10)
+        assert search(-polynomial, start, noise) == start
+
+
+@pytest.mark.parametrize("distance", [1e-2, 1e-4, 1e-6])
+def test_two_crossings_close_together(distance):
+    """Both are noticed, whatever the step: the first one is returned, to the guard's rounding over its slope."""
+    random = np.random.default_rng(11)
+    for _ in range(300):
+        root = random.uniform(0.01, 0.98)
+        polynomial = product([-root, 1.0], [-root - distance, 1.0], [1.0, random.uniform(-0.9, 2.0), 0.3])
+        assert search(polynomial, 0.0, 1e-16) == pytest.approx(root, abs=1e-15 / distance)
+
+
+def test_what_is_all_noise_has_no_root():
+    random = np.random.default_rng(13)
+    for _ in range(200):
+        assert search(random.normal(size=LENGTH) * 1e-15, random.uniform(0, 0.2), 1e-12) == NO_ROOT
+    assert search(np.zeros(LENGTH)) == NO_ROOT
+
+
+@pytest.mark.parametrize("height", [1e-9, 1e-13, 1e-14, 1e-15, 1e-17])
+def test_a_guard_that_rises_from_almost_zero(height):
+    """ε + x - 1.25 x² falls through zero at 0.8 + ε to first order; a cancelling step leapt beyond it."""
+    assert search([height, 1.0, -1.25]) == pytest.approx(0.8 + height, abs=ROUNDING)
+
+
+@pytest.mark.parametrize("order", [3, 4, 5, 6, 8])
+@pytest.mark.parametrize("height", [1e-9, 1e-12, 1e-15])
+def test_a_flat_guard(order, height):
+    """ε - x^n: all derivatives but the n-th are small up to the root, as after a start from rest."""
+    assert search([height] + [0.0] * (order - 1) + [-1.0]) == pytest.approx(height ** (1 / order), rel=1e-10)
+
+
+@pytest.mark.parametrize("order", [4, 6])
+def test_a_flat_near_miss(order):
+    polynomial = power(0.5, order)
+    polynomial[0] += 1e-14
+    assert search(polynomial, 0.0, 1e-15) == NO_ROOT
+
+
+def test_the_start_when_the_guard_is_negative_there():
+    assert search([-1e-3, 1.0]) == 0.0
+    assert search([1.0, -2.0], 0.75) == 0.75
+
+
+def test_a_root_at_the_very_end():
+    """At exactly 1 it belongs to the next segment, which starts with it."""
+    assert search([1.0 - 1e-12, -1.0]) == pytest.approx(1.0 - 1e-12, abs=ROUNDING)
+    assert search([1.0 + 1e-12, -1.0]) == NO_ROOT
+
+
+def test_maximum():
+    """Against the values at the ends and at all roots of the derivative."""
+    random = np.random.default_rng(17)
+    work = np.empty((2, LENGTH))
+    for _ in range(500):
+        polynomial = motion(random) if random.random() < 0.7 else random.normal(size=LENGTH)
+        start, end = np.sort(random.uniform(0, 1, 2))
+        slope = np.arange(1, LENGTH) * polynomial[1:]
+        turns = [x for x in real_roots(slope) if start < x < end]
+        expected = max(np.polynomial.polynomial.polyval([start, end, *turns], polynomial))
+        assert maximum(polynomial, start, end, *work) == pytest.approx(expected, abs=1e-13 * abs(polynomial).sum())
+
+
+@pytest.mark.parametrize("polynomial", [[2.0], [0.0], [1.0, 1e-18], [1.0, 0.0, -1.0], [0.0, 0.0, 0.0, 0.0, 1.0]])
+def test_maximum_of_flat_polynomials(polynomial):
+    end = np.polynomial.polynomial.polyval(np.linspace(0, 1, 101), polynomial).max()
+    assert maximum(padded(polynomial), 0.0, 1.0, np.empty(LENGTH), np.empty(LENGTH)) == pytest.approx(end, abs=1e-16)
