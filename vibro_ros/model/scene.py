@@ -102,3 +102,8 @@ class Scene:
     def guides(self) -> tuple[str, ...]:
         """The guides whose masses the scene has: `upper`, `inclined`."""
         return tuple(side for side in ("upper", "inclined") if self[f"effects.{side}_mass"])
+
+    @property
+    def plates(self) -> tuple[str, ...]:
+        """The guides whose masses can meet a plate."""
+        return tuple(side for side in self.guides if self[f"effects.{side}_contact"] != "none")
