@@ -24,7 +24,7 @@ FRAMES_PER_TURN = 44
 SAMPLES_PER_FRAME = 20  # of the traces
 FRAME_TIME = 0.05  # s; a GIF's clock counts hundredths
 GLOW = 0.004  # s, in which an impact's light fades to 1/e; contacts last 0.3 ms, too short to be seen
-COLOURS_IN_GIF = 64
+COLOURS_IN_GIF = 128
 
 
 class Animation:
