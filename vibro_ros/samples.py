@@ -6,7 +6,7 @@ import numpy as np
 
 from vibro_ros.model.modes import OUTPUTS
 from vibro_ros.model.tables import Model
-from vibro_ros.solver.event_loop import evaluate_forms
+from vibro_ros.solver.recording import evaluate_forms
 
 EVENT_DTYPE = np.dtype([("time", float), ("kind", "U16"), ("speed", float), ("peak_force", float),
                         ("duration", float)])

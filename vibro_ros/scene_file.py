@@ -2,11 +2,10 @@
 
 from pathlib import Path
 
-import yaml
-
 from vibro_ros.model.parameters import SCENE_PARAMETERS, Parameter, known
 from vibro_ros.model.scene import Scene
 from vibro_ros.shipped import config_folder
+from vibro_ros.strict_yaml import read_yaml
 
 #: Parameters of the device around the physics; scenes do not contain them.
 DEVICE_PARAMETERS: tuple[Parameter, ...] = (
@@ -67,13 +66,7 @@ def read_parameter_file(path: str | Path) -> dict[str, object]:
     ValueError
         If the file is missing, is not YAML, or has another structure.
     """
-    path = Path(path)
-    try:
-        content = yaml.load(path.read_text(encoding="utf-8"), Loader=_UniqueKeyLoader)
-    except OSError as error:
-        raise ValueError(f"{path}: {error.strerror}; give the path of a parameter file") from None
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise ValueError(f"{path}: not a YAML file: {' '.join(str(error).split())}") from None
+    content = read_yaml(Path(path))
     values: dict[str, object] = {}
     if not isinstance(content, dict):
         raise ValueError(f"{path}: is not a parameter file; write '/**:' and below it 'ros__parameters:'")
@@ -91,15 +84,3 @@ def _flat(tree: dict, prefix: str = "") -> dict[str, object]:
         name = f"{prefix}{key}"
         flat |= _flat(value, f"{name}.") if isinstance(value, dict) else {name: value}
     return flat
-
-
-class _UniqueKeyLoader(yaml.SafeLoader):
-    """Refuses a key given twice, of which YAML would silently keep the last."""
-
-    def construct_mapping(self, node, deep=False):
-        """The mapping of `node`."""
-        keys = [self.construct_object(key, deep=deep) for key, _ in node.value]
-        for key in keys:
-            if keys.count(key) > 1:
-                raise yaml.YAMLError(f"{key}: given twice, line {node.start_mark.line + 1}; keep one")
-        return super().construct_mapping(node, deep)

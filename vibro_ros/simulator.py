@@ -10,7 +10,7 @@ from vibro_ros.model.tables import MODE_EVENTS, compile_scene
 from vibro_ros.samples import EVENT_DTYPE, Run, Samples, sampled_quantities
 from vibro_ros.solver import event_loop
 from vibro_ros.solver import state as at
-from vibro_ros.solver.event_loop import EVENT_COLUMNS, MONITOR_KIND, PHASE_KIND, RAMP_KIND
+from vibro_ros.solver.recording import EVENT_COLUMNS, MONITOR_KIND, PHASE_KIND, RAMP_KIND
 
 _EVENTS_AT_ONCE = 4096
 
@@ -58,8 +58,10 @@ class Simulator:
         plates = {side: scene[f"crank.{side}_rod"] + scene[f"{side}.gap"] for side in forms.plates}
         position = np.zeros(forms.channels.coordinates)
         if scene["start.state"] == "rest":
-            for i, (side, slider) in enumerate(zip(forms.guides, model.sliders, strict=True)):
-                position[i] = min(slider.position(0.0), plates.get(side, math.inf))
+            for i, side in enumerate(forms.guides):
+                # The very bits that the flow uses: a mass at rest on its slider must feel no force at all.
+                slider = system.signals.series[0, i, 0]
+                position[i] = min(slider, plates.get(side, math.inf))
         state = at.new_state(system, scene["motor.speed"],
                              np.array([plates[side] for side in forms.plates]), model.initial_mode)
         self._point[:len(position)] = position

@@ -6,44 +6,11 @@ crank, both masses, the forces and the body in powers of time. Which mode holds 
 power that does not vanish, so an exact graze, as in the start at rest on a plate, needs no rule.
 """
 
-from dataclasses import dataclass, field
-
 from first_crossing import first_crossing, leading
-from flint import arb, arb_series, ctx
+from flint import arb, ctx
+from guide_series import Guide, derivative, exact, value
 
 SPEED_IS_ZERO = arb("1e-38")  # events are located to about 1e-50 s
-
-
-def exact(value: arb) -> arb:
-    """The midpoint: a number without error radius."""
-    return value.mid()
-
-
-@dataclass
-class Guide:
-    """One impact mass with its slider and its plate; positions along the guide [m]."""
-
-    side: str
-    mass: arb
-    rod: arb
-    angle: arb
-    stiffness: arb
-    damping: arb
-    plate_stiffness: arb
-    plate_damping: arb
-    has_contact: bool
-    position: arb = arb(0)
-    velocity: arb = arb(0)
-    plate: arb = arb(0)
-    plate_velocity: arb = arb(0)
-    touching: bool = False
-    contact: dict = field(default_factory=dict)
-    slider: list = field(default_factory=list)
-    series: list = field(default_factory=list)
-    penetration: list = field(default_factory=list)
-    compression: list = field(default_factory=list)
-    force: list = field(default_factory=list)
-    kink: list = field(default_factory=list)
 
 
 class ReferenceModel:
@@ -92,53 +59,26 @@ class ReferenceModel:
         if self.values["start.state"] == "zero":
             return
         for guide in self.guides:
-            slider = self._slider(guide)[0]
+            self._expand_slider(guide)
+            slider = guide.slider[0]
             guide.position = guide.plate if guide.has_contact and slider > guide.plate else slider
+
+    def _expand_slider(self, guide):
+        radius = arb(self.values["crank.radius"])
+        guide.expand_slider(radius, self.crank_angle, self.speed, self.acceleration, self.order)
 
     # -- the motion as power series ------------------------------------------------------------
 
-    def _slider(self, guide):
-        """Series of s = l cos + sqrt(L² - l² sin²) at the guide's angle."""
-        radius = arb(self.values["crank.radius"])
-        angle = arb_series([self.crank_angle - guide.angle, self.speed, self.acceleration / 2], self.order)
-        cosine, sine = angle.cos(), angle.sin()
-        if radius == guide.rod:  # s = l cos + l |cos|
-            guide.kink = self._coefficients(cosine)
-            folded = leading(guide.kink, 1e-4)[0] if any(c != 0 for c in guide.kink) else 0
-            return self._coefficients(cosine * (radius * (1 + folded)))
-        root = (arb_series([guide.rod * guide.rod], self.order) - sine * sine * (radius * radius)).sqrt()
-        return self._coefficients(cosine * radius + root)
-
-    def _coefficients(self, series):
-        return [exact(series[n]) for n in range(self.order)]
-
-    def _expand(self, guide, touching):
-        """Series of position, penetration, plate compression force and total force of one mass."""
-        stiffness, damping, slider = guide.stiffness, guide.damping, guide.slider
-        position, force, penetration, compression = [guide.position, guide.velocity], [], [], []
-        plate = [guide.plate, guide.plate_velocity] + [arb(0)] * self.order
-        for n in range(self.order - 2):
-            depth = position[n] - plate[n]
-            push = guide.plate_stiffness * depth + guide.plate_damping * ((n + 1) * (position[n + 1] - plate[n + 1]))
-            total = stiffness * (position[n] - slider[n]) + damping * ((n + 1) * (position[n + 1] - slider[n + 1]))
-            if touching:
-                total += push
-            force.append(exact(total))
-            penetration.append(exact(depth))
-            compression.append(exact(push))
-            position.append(exact(-total / (guide.mass * ((n + 2) * (n + 1)))))
-        return position, penetration, compression, force
-
     def _resolve_contact(self, guide):
         """Decide whether the plate acts just after now, and expand the mass's motion accordingly."""
-        free = self._expand(guide, touching=False)
+        free = guide.expand(touching=False)
         position, penetration, compression, force = free
         step = self._step_limit([position, guide.slider], [force])
         touching = guide.has_contact and leading(penetration, step)[0] > 0
         if touching and not self.values["effects.adhesion"]:
             touching = leading(compression, step)[0] > 0
         guide.series, guide.penetration, guide.compression, guide.force = (
-            self._expand(guide, touching=True) if touching else free)
+            guide.expand(touching=True) if touching else free)
         if touching and not guide.touching:
             guide.contact = {"time": self.time, "speed": exact(guide.velocity - guide.plate_velocity), "peak": arb(0)}
         if guide.touching and not touching:
@@ -230,7 +170,7 @@ class ReferenceModel:
     def resolve(self):
         """Expand everything at the present instant."""
         for guide in self.guides:
-            guide.slider = self._slider(guide)
+            self._expand_slider(guide)
         for guide in self.guides:
             self._resolve_contact(guide)
         lengths = [series for g in self.guides for series in (g.series, g.slider, g.kink) if series]
@@ -329,9 +269,7 @@ class ReferenceModel:
         upper, inclined = self.guides
         power = arb(0)
         for guide in self.guides:
-            drive = guide.stiffness * (guide.position - guide.slider[0]) + guide.damping * (
-                guide.velocity - guide.slider[1])
-            power -= drive * guide.slider[1]
+            power -= guide.drive_force() * guide.slider[1]
         return {
             "time": self.time, "body_position": self.body_position, "body_velocity": self.body_velocity,
             "upper_position": upper.position, "upper_velocity": upper.velocity,
@@ -339,16 +277,3 @@ class ReferenceModel:
             "crank_angle": self.crank_angle, "motor_speed": self.speed, "motor_power": exact(power),
             "normal_force": self.normal[0], "friction_force": self.friction_force[0],
         }
-
-
-def value(series: list, at: arb) -> arb:
-    """The series' value, by Horner."""
-    total = arb(0)
-    for coefficient in reversed(series):
-        total = exact(total * at + coefficient)
-    return total
-
-
-def derivative(series: list) -> list:
-    """The series of the derivative."""
-    return [n * c for n, c in enumerate(series)][1:]

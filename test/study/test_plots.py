@@ -88,3 +88,10 @@ def test_dense_recording_is_drawn_with_a_bounded_number_of_points(record_run):
     figure = plot_run(read_bag(record_run(count=4001)))
     power = lines(np.array(figure.axes).reshape(4, 2)[3, 0])["power (mean, range)"]
     assert len(power.get_xdata()) == 120
+
+
+def test_a_robot_without_one_mass_or_plate_is_drawn_without_it(record_run):
+    bag = read_bag(record_run(joints=["crank", "inclined_mass", "inclined_plate", "upper_mass"]))
+    labels = lines(np.array(plot_run(bag).axes).reshape(4, 2)[1, 0])
+    assert "inclined plate" in labels and "upper mass (mean, range)" in labels
+    assert "upper plate" not in labels

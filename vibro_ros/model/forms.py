@@ -41,7 +41,7 @@ class Forms:
     def __init__(self, scene):
         self._scene = scene
         self.guides = scene.guides
-        self.plates = tuple(side for side in self.guides if scene[f"effects.{side}_contact"] != "none")
+        self.plates = scene.plates
         self.body_moves = "inclined" in self.guides and math.sin(scene["guide.angle"]) != 0.0
         self.channels = Channels(len(self.guides) + self.body_moves, len(self.guides), len(self.guides),
                                  len(self.plates))

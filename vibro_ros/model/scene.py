@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 
 from vibro_ros.model.description import describe
@@ -66,12 +66,11 @@ class Scene:
 
     def checked_motor_speed(self, value: object) -> float:
         """`value` as a motor speed [rad/s] that the motor can reach; else a ValueError."""
-        speed = _BY_NAME["motor.speed"].checked(value)
-        limit = self["motor.max_speed"]
-        if speed > limit:
-            raise ValueError(f"motor.speed: {speed:g} rad/s is above motor.max_speed, {limit:g} rad/s; "
-                             "ask for less or raise the limit")
-        return speed
+        limited = replace(_BY_NAME["motor.speed"], maximum=self["motor.max_speed"])
+        try:
+            return limited.checked(value)
+        except ValueError as error:
+            raise ValueError(f"{error} (the limit is motor.max_speed)") from None
 
     def checked_gap(self, side: str, value: object) -> float:
         """`value` as a gap [m] of the `upper` or `inclined` plate within the mechanism; else a ValueError.
@@ -79,12 +78,12 @@ class Scene:
         The plate stands at rod + gap from the crank's centre; it must stay on its side of the
         centre and within twice the rod's length.
         """
-        gap = _BY_NAME[f"{side}.gap"].checked(value)
         rod = self[f"crank.{side}_rod"]
-        if abs(gap) > rod:
-            raise ValueError(f"{side}.gap: {gap:g} m puts the plate beyond the mechanism; "
-                             f"give a gap from {-rod:g} to {rod:g} m")
-        return gap
+        limited = replace(_BY_NAME[f"{side}.gap"], minimum=-rod, maximum=rod)
+        try:
+            return limited.checked(value)
+        except ValueError as error:
+            raise ValueError(f"{error} (the limit is the rod's length)") from None
 
     def _check_mechanism(self):
         radius = self["crank.radius"]
@@ -103,3 +102,8 @@ class Scene:
     def guides(self) -> tuple[str, ...]:
         """The guides whose masses the scene has: `upper`, `inclined`."""
         return tuple(side for side in ("upper", "inclined") if self[f"effects.{side}_mass"])
+
+    @property
+    def plates(self) -> tuple[str, ...]:
+        """The guides whose masses can meet a plate."""
+        return tuple(side for side in self.guides if self[f"effects.{side}_contact"] != "none")

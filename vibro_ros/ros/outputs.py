@@ -42,8 +42,9 @@ class Outputs:
         self.publishers: dict[str, Publisher] = {
             topic: node.create_publisher(kind, topic, profile) for topic, (kind, profile) in TOPICS.items()
         }
-        absent = [side for side in ("upper", "inclined") if not scene[f"effects.{side}_mass"]]
-        self._joints = [joint for joint in messages.JOINTS if joint.partition("_")[0] not in absent]
+        masses = [f"{side}_mass" for side in scene.guides]
+        plates = [f"{side}_plate" for side in scene.plates]
+        self._joints = [joint for joint in messages.JOINTS if joint in ("crank", *masses, *plates)]
 
     def publish(self, state: Samples, events: np.ndarray, stamp_of: Callable[[float], int], record: Record) -> None:
         """Publish and record a sample, and the contacts that ended since the one before it.

@@ -10,7 +10,8 @@ error, found without knowing the solution.
 
 import numpy as np
 
-from vibro_ros.solver.polynomial import LENGTH, add_multiple, kernel, scale_argument, sum_kernel
+from vibro_ros.solver.compilation import kernel, sum_kernel
+from vibro_ros.solver.polynomial import LENGTH, add_multiple, scale_argument
 from vibro_ros.solver.state import DURATION, ENERGY, EXCHANGED, MODE, RESIDUAL
 
 # Entry [i, j] is the integral of tau^i tau^j from 0 to 1.

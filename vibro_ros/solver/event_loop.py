@@ -7,34 +7,25 @@ so the trajectory is the same, bit for bit, however the time is cut up.
 import math
 
 from vibro_ros.solver.audit import close_audit, open_audit
+from vibro_ros.solver.compilation import kernel
 from vibro_ros.solver.flow import solve_driven, solve_dynamic
 from vibro_ros.solver.forcing import advance_forcing, choose_duration, fill_forcing, phase_at
-from vibro_ros.solver.polynomial import add_multiple, kernel, value
-from vibro_ros.solver.roots import NO_ROOT, SEARCH_FAILED, first_root, maximum
+from vibro_ros.solver.polynomial import add_multiple, value
+from vibro_ros.solver.recording import PHASE_KIND, RAMP_KIND, instant, record, record_mode_change, update_peaks
+from vibro_ros.solver.roots import NO_ROOT, SEARCH_FAILED, first_root
 from vibro_ros.solver.state import (
     ANCHOR,
-    APPROACH,
     DURATION,
     GUARD,
     MODE,
     NEXT,
-    PEAK,
     SEGMENTS,
-    SINCE,
     STANDSTILLS,
     START,
     START_RESIDUE,
     TURNS,
 )
 from vibro_ros.solver.system import NOTHING
-
-#: Kinds of recorded events: changes of mode have the system's own, from 0; then the end of monitor k, of ramp k,
-#: and of a change of the phase's speed.
-MONITOR_KIND = 100
-RAMP_KIND = 200
-PHASE_KIND = 300
-#: Columns of an event: time [s], kind, approach, peak, duration [s].
-EVENT_COLUMNS = 5
 
 # What `advance` returns.
 REACHED = 0
@@ -50,6 +41,8 @@ _MOST_STANDSTILLS = 200
 _DOUBTFUL_STANDSTILLS = 10
 _DOUBT = 8.0  # rounding errors
 _EPSILON = 2.220446049250313e-16
+# Roots no further apart than rounding are simultaneous: the guard that its mode names first decides.
+_SIMULTANEOUS = 8.0 * _EPSILON
 # A guard's rounding error: a sum of products, each term of magnitude scale, through the series' first terms.
 _NOISE = 16.0 * _EPSILON
 
@@ -87,7 +80,7 @@ def _find_next_event(system, state):
         root = _guard_root(system, state, row)
         if root == SEARCH_FAILED:
             return False
-        if root != NO_ROOT and (root < state.clock[NEXT] or state.index[GUARD] == NOTHING):
+        if root != NO_ROOT and (root < state.clock[NEXT] - _SIMULTANEOUS or state.index[GUARD] == NOTHING):
             state.clock[NEXT] = root
             state.index[GUARD] = g
     return True
@@ -164,73 +157,15 @@ def _next_mode(system, state, point):
 
 
 @kernel
-def _product(row, point):
-    total = 0.0
-    for channel in range(len(point)):
-        total += row[channel] * point[channel]
-    return total
-
-
-@kernel
-def _update_peaks(system, state, tau):
-    """Take the flow of this segment, which ends at `tau`, into the peaks of the monitors that are on."""
-    mode = state.index[MODE]
-    for k in range(len(state.monitor)):
-        if system.monitored[mode, k]:
-            quantity = state.work[1]
-            quantity[:] = 0.0
-            for channel in range(len(state.z)):
-                if system.monitor[mode, k, channel] != 0.0:
-                    add_multiple(quantity, system.monitor[mode, k, channel], state.z[channel])
-            peak = maximum(quantity, 0.0, tau, state.work[2], state.work[3])
-            state.monitor[k, PEAK] = max(state.monitor[k, PEAK], peak)
-
-
-@kernel
-def _instant(state, tau):
-    return state.clock[START] + (state.clock[START_RESIDUE] + state.clock[DURATION] * tau)
-
-
-@kernel
-def _record(events, count, time, kind, approach, peak, duration):
-    events[count, 0] = time
-    events[count, 1] = kind
-    events[count, 2] = approach
-    events[count, 3] = peak
-    events[count, 4] = duration
-    return count + 1
-
-
-@kernel
-def _change_mode(system, state, mode, point, events, count):
-    """Enter `mode` at `point`, switch the monitors and record what happened; returns the number of events."""
-    previous = state.index[MODE]
-    time = _instant(state, state.clock[NEXT])
-    if system.event[previous, mode] != NOTHING:
-        count = _record(events, count, time, system.event[previous, mode], 0.0, 0.0, 0.0)
-    for k in range(len(state.monitor)):
-        if system.monitored[previous, k] and not system.monitored[mode, k]:
-            since = state.monitor[k, SINCE]
-            count = _record(events, count, since, MONITOR_KIND + k, state.monitor[k, APPROACH],
-                            state.monitor[k, PEAK], time - since)
-        elif system.monitored[mode, k] and not system.monitored[previous, k]:
-            state.monitor[k, SINCE] = time
-            state.monitor[k, APPROACH] = _product(system.approach[k], point)
-            state.monitor[k, PEAK] = 0.0
-    state.index[MODE] = mode
-    return count
-
-
-@kernel
 def _end_segment(system, state, point, events, count):
     """Start the next segment at NEXT, in the mode that is now current; returns (success, number of events)."""
     reached = advance_forcing(system, state, state.clock[NEXT])
-    time = _instant(state, 0.0)
+    time = instant(state, 0.0)
     for k in range(len(state.ramp)):
         if reached & (1 << k):
-            count = _record(events, count, time, RAMP_KIND + k, 0.0, 0.0, 0.0)
+            count = record(events, count, time, RAMP_KIND + k, 0.0, 0.0, 0.0)
     if reached & (1 << len(state.ramp)):
-        count = _record(events, count, time, PHASE_KIND, 0.0, 0.0, 0.0)
+        count = record(events, count, time, PHASE_KIND, 0.0, 0.0, 0.0)
     return begin_segment(system, state, point), count
 
 
@@ -241,7 +176,7 @@ def _pass_event(system, state, point, events, count):
     _read(state, tau, point)
     guard = state.index[GUARD]
     if guard == NOTHING:
-        _update_peaks(system, state, tau)
+        update_peaks(system, state, tau)
         close_audit(system, state, tau, point)
         state.index[STANDSTILLS] = 0
         return _end_segment(system, state, point, events, count)
@@ -252,11 +187,12 @@ def _pass_event(system, state, point, events, count):
     mode = _next_mode(system, state, point)
     same_flow = system.flow[previous] == system.flow[mode] and not 0 <= halted < dynamic and tau < 1.0
     if not same_flow:
-        _update_peaks(system, state, tau)
+        update_peaks(system, state, tau)
         close_audit(system, state, tau, point)
     if halted != NOTHING:
         point[coordinates + halted] = 0.0
-    count = _change_mode(system, state, mode, point, events, count)
+    count = record_mode_change(system, state, mode, point, events, count)
+    state.index[MODE] = mode
     if same_flow:
         state.clock[ANCHOR] = tau
         found = _continue_segment(system, state, point[:coordinates], point[coordinates:2 * coordinates])
@@ -330,25 +266,7 @@ def interrupt(system, state, time, point):
     """
     tau = ((time - state.clock[START]) - state.clock[START_RESIDUE]) / state.clock[DURATION]
     _read(state, tau, point)
-    _update_peaks(system, state, tau)
+    update_peaks(system, state, tau)
     close_audit(system, state, tau, point)
     state.clock[ANCHOR] = 0.0
     advance_forcing(system, state, tau)
-
-
-@kernel
-def evaluate_forms(forms, modes, points, values):
-    """Values of each mode's linear forms at sampled points.
-
-    Parameters
-    ----------
-    forms : ndarray, shape (m, f, channels)
-        The forms by mode.
-    modes, points : ndarray
-        As `advance` fills them; shapes (n,) and (n, channels).
-    values : ndarray, shape (f, n)
-        Receives the values.
-    """
-    for f in range(len(values)):
-        for k in range(len(modes)):
-            values[f, k] = _product(forms[modes[k], f], points[k])

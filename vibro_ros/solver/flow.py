@@ -4,11 +4,12 @@ With polynomial forcing a linear equation determines the series of its solution 
 the segments are short enough for the series to end at rounding (`System.longest_step`).
 """
 
-from vibro_ros.solver.polynomial import LENGTH, add_multiple, kernel, value
+from vibro_ros.solver.compilation import kernel, rounding_kernel
+from vibro_ros.solver.polynomial import LENGTH, add_multiple, value
 from vibro_ros.solver.state import ANCHOR, DURATION, MODE
 
 
-@kernel
+@rounding_kernel  # a mass at rest on its slider feels exactly no force
 def _solve_oscillator(load, stiffness, damping, h, q, v, a):
     """Series of q, v = q' and a = q'' = load + stiffness q + damping v, from the constant terms of q and v."""
     position, velocity = q[0], v[0]

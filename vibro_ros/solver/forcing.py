@@ -2,7 +2,8 @@
 
 import math
 
-from vibro_ros.solver.polynomial import LENGTH, differentiate, kernel, recentre, substitute
+from vibro_ros.solver.compilation import kernel
+from vibro_ros.solver.polynomial import LENGTH, differentiate, recentre, substitute
 from vibro_ros.solver.state import (
     CELL,
     CELL_TIME,

@@ -6,23 +6,15 @@ time tau = (t - start) / duration, which runs from 0 to 1.
 
 import math
 
-import numba
 import numpy as np
+
+from vibro_ros.solver.compilation import kernel
 
 #: Coefficients of a polynomial. The flow's series is cut where 2^n / n! and 0.22^n (`signals.STRIDE`) reach rounding.
 LENGTH = 24
 
 # Entry [k, n] is n + k over n.
 _BINOMIAL = np.array([[float(math.comb(n + k, n)) for n in range(LENGTH)] for k in range(LENGTH)])
-
-_OPTIONS = {"cache": True, "error_model": "numpy", "forceinline": True, "_nrt": False}
-
-kernel = numba.njit(fastmath={"contract"}, **_OPTIONS)
-"""How kernels are compiled: cached on disk, inlined, without reference counts (so they cannot allocate);
-fused multiply-add is allowed, reordering is not."""
-
-sum_kernel = numba.njit(fastmath={"contract", "reassoc", "nsz"}, **_OPTIONS)
-"""The same for plain sums, in which the order of the terms does not matter and several are added at once."""
 
 
 @kernel

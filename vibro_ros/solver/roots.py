@@ -1,12 +1,11 @@
 """The first root of a guard, certified: no crossing is stepped over, and a graze is told from a hit."""
 
+from vibro_ros.solver.compilation import kernel, sum_kernel
 from vibro_ros.solver.polynomial import (
     LENGTH,
     copy,
     differentiate,
     divide_by_root,
-    kernel,
-    sum_kernel,
     value,
     value_and_derivatives,
 )

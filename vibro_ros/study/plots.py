@@ -5,7 +5,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from vibro_ros.bag.reader import Bag
+from vibro_ros.bag.reader import Arrays, Bag
 from vibro_ros.study.summary import GAP, impacts_of
 
 MOMENT = 0.3  # s, the close-up; about five crank turns at 100 rad/s
@@ -73,15 +73,20 @@ def _draw_body(axes: Axes, bag: Bag, span: Span) -> None:
 
 def _draw_masses(axes: Axes, bag: Bag, span: Span) -> None:
     joints = bag["joint_states"]
-    for guide, colour in _GUIDE_COLOURS.items():
+    for guide, colour in _guides_with(joints, "mass"):
         _swings(axes, joints["time"], joints[f"{guide}_mass.position"] * MM, span, colour, f"{guide} mass")
-    for guide, colour in _GUIDE_COLOURS.items():
+    for guide, colour in _guides_with(joints, "plate"):
         _line(axes, joints["time"], joints[f"{guide}_plate.position"] * MM, span,
               color=colour, ls=_PLATE_DASHES[guide], label=f"{guide} plate")
         if _is_moment(span):  # over a whole run they would be one smear
             _mark_impacts(axes, bag, guide, span)
     axes.margins(y=0.1)
     axes.set_ylabel("position on guide [mm]")
+
+
+def _guides_with(joints: Arrays, part: str) -> list[tuple[str, str]]:
+    """Guide and colour of each guide whose mass or plate the recording has."""
+    return [item for item in _GUIDE_COLOURS.items() if f"{item[0]}_{part}.position" in joints]
 
 
 def _mark_impacts(axes: Axes, bag: Bag, guide: str, span: Span) -> None:

@@ -9,8 +9,7 @@ from vibro_ros.bag.reader import Arrays, Bag, BagError
 GAP = 2.5  # publish periods; a longer pause between two samples is a gap in the stream
 SAMPLED_TOPICS = ("odom", "joint_states", "ground_contact", "motor_power")  # published at `rate.publish`
 GUIDES = ("upper", "inclined")
-JOINT_COLUMNS = ("crank.position", "crank.velocity",
-                 *(f"{guide}_{part}.position" for guide in GUIDES for part in ("mass", "plate")))
+JOINT_COLUMNS = ("crank.position", "crank.velocity")  # of every robot; masses and plates may be absent from a scene
 
 
 def summarise(bag: Bag) -> dict[str, object]:

@@ -1,0 +1,92 @@
+"""What is kept of a trajectory beside its samples: events, and the peaks of monitored quantities."""
+
+from vibro_ros.solver.compilation import kernel
+from vibro_ros.solver.polynomial import add_multiple
+from vibro_ros.solver.roots import maximum
+from vibro_ros.solver.state import APPROACH, DURATION, MODE, NEXT, PEAK, SINCE, START, START_RESIDUE
+from vibro_ros.solver.system import NOTHING
+
+#: Kinds of recorded events: changes of mode have the system's own, from 0; then the end of monitor k, of ramp k,
+#: and of a change of the phase's speed.
+MONITOR_KIND = 100
+RAMP_KIND = 200
+PHASE_KIND = 300
+#: Columns of an event: time [s], kind, approach, peak, duration [s].
+EVENT_COLUMNS = 5
+
+
+@kernel
+def _product(row, point):
+    total = 0.0
+    for channel in range(len(point)):
+        total += row[channel] * point[channel]
+    return total
+
+
+@kernel
+def update_peaks(system, state, tau):
+    """Take the flow of this segment, which ends at `tau`, into the peaks of the monitors that are on."""
+    mode = state.index[MODE]
+    for k in range(len(state.monitor)):
+        if system.monitored[mode, k]:
+            quantity = state.work[1]
+            quantity[:] = 0.0
+            for channel in range(len(state.z)):
+                if system.monitor[mode, k, channel] != 0.0:
+                    add_multiple(quantity, system.monitor[mode, k, channel], state.z[channel])
+            peak = maximum(quantity, 0.0, tau, state.work[2], state.work[3])
+            state.monitor[k, PEAK] = max(state.monitor[k, PEAK], peak)
+
+
+@kernel
+def instant(state, tau):
+    """Time [s] at `tau` of the segment."""
+    return state.clock[START] + (state.clock[START_RESIDUE] + state.clock[DURATION] * tau)
+
+
+@kernel
+def record(events, count, time, kind, approach, peak, duration):
+    """Append an event; returns the new number of events."""
+    events[count, 0] = time
+    events[count, 1] = kind
+    events[count, 2] = approach
+    events[count, 3] = peak
+    events[count, 4] = duration
+    return count + 1
+
+
+@kernel
+def record_mode_change(system, state, mode, point, events, count):
+    """Record that `mode` begins at `point`, and switch the monitors; returns the number of events."""
+    previous = state.index[MODE]
+    time = instant(state, state.clock[NEXT])
+    if system.event[previous, mode] != NOTHING:
+        count = record(events, count, time, system.event[previous, mode], 0.0, 0.0, 0.0)
+    for k in range(len(state.monitor)):
+        if system.monitored[previous, k] and not system.monitored[mode, k]:
+            since = state.monitor[k, SINCE]
+            count = record(events, count, since, MONITOR_KIND + k, state.monitor[k, APPROACH],
+                            state.monitor[k, PEAK], time - since)
+        elif system.monitored[mode, k] and not system.monitored[previous, k]:
+            state.monitor[k, SINCE] = time
+            state.monitor[k, APPROACH] = _product(system.approach[k], point)
+            state.monitor[k, PEAK] = 0.0
+    return count
+
+
+@kernel
+def evaluate_forms(forms, modes, points, values):
+    """Values of each mode's linear forms at sampled points.
+
+    Parameters
+    ----------
+    forms : ndarray, shape (m, f, channels)
+        The forms by mode.
+    modes, points : ndarray
+        As `event_loop.advance` fills them; shapes (n,) and (n, channels).
+    values : ndarray, shape (f, n)
+        Receives the values.
+    """
+    for f in range(len(values)):
+        for k in range(len(modes)):
+            values[f, k] = _product(forms[modes[k], f], points[k])
