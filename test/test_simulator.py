@@ -185,6 +185,18 @@ def test_commands_and_samples_at_the_instant_of_an_event():
     np.testing.assert_allclose(finals, finals[0], rtol=0, atol=1e-12)
 
 
+@pytest.mark.parametrize("scene", ["paper", "unilateral", "damped"])
+def test_a_flood_of_commands_at_one_instant(scene):
+    """The last of 1000 counts; each jump of the speed jolts the dampers, and none is taken for a lack of progress."""
+    made = device({"upper.spring.damping": 50.0, "inclined.spring.damping": 50.0}, scene)
+    made.advance_to(0.0155)
+    for index in range(1000):
+        made.command(motor_speed=500.0 * (index % 2), upper_gap=0.001 * (index % 3))
+    made.command(motor_speed=90.0, upper_gap=0.0)
+    made.advance_to(0.1)
+    assert made.state.motor_speed == 90.0
+
+
 def test_steps_of_a_picosecond():
     made, whole = device(), device()
     made.advance_to(0.01)

@@ -269,4 +269,5 @@ def interrupt(system, state, time, point):
     update_peaks(system, state, tau)
     close_audit(system, state, tau, point)
     state.clock[ANCHOR] = 0.0
+    state.index[STANDSTILLS] = 0  # what a command sets off is no part of the cascade before it
     advance_forcing(system, state, tau)
