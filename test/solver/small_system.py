@@ -8,6 +8,7 @@ import numpy as np
 from vibro_ros.solver import event_loop
 from vibro_ros.solver import state as at
 from vibro_ros.solver.polynomial import LENGTH
+from vibro_ros.solver.recording import EVENT_COLUMNS
 from vibro_ros.solver.state import new_state
 from vibro_ros.solver.system import NOTHING, SignalTable, System, flow_numbers, longest_steps
 
@@ -109,7 +110,7 @@ class Integration:
         """z, shape (n, channels), modes and phases, shape (n, 3), at `times`; events are appended to `.events`."""
         times = np.asarray(times, dtype=float)
         points, modes = np.empty((len(times), len(self.point))), np.empty(len(times), dtype=np.int64)
-        phases, events = np.empty((len(times), 3)), np.empty((room, event_loop.EVENT_COLUMNS))
+        phases, events = np.empty((len(times), 3)), np.empty((room, EVENT_COLUMNS))
         done, self.status = 0, event_loop.EVENTS_FULL
         while self.status == event_loop.EVENTS_FULL:
             self.status, taken, count = event_loop.advance(

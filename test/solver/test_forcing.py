@@ -8,7 +8,7 @@ import pytest
 from small_system import Integration, build, cosine_table
 
 from vibro_ros.model.slider import Slider, signal_table
-from vibro_ros.solver.event_loop import PHASE_KIND, RAMP_KIND
+from vibro_ros.solver.recording import PHASE_KIND, RAMP_KIND
 from vibro_ros.solver.system import Channels
 
 ONE_SIGNAL = Channels(0, 0, 1, 0)
