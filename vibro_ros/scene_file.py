@@ -1,5 +1,6 @@
 """Scenes and device parameters from ordinary ROS parameter files."""
 
+from collections.abc import Iterator
 from pathlib import Path
 
 from vibro_ros.model.parameters import SCENE_PARAMETERS, Parameter, known
@@ -74,13 +75,26 @@ def read_parameter_file(path: str | Path) -> dict[str, object]:
         if not isinstance(body, dict) or set(body) != {"ros__parameters"} or not isinstance(
                 body["ros__parameters"], dict):
             raise ValueError(f"{path}: {node}: holds no 'ros__parameters:'; write the parameters below that key")
-        values |= _flat(body["ros__parameters"])
+        values |= _flat(body["ros__parameters"], path)
     return values
 
 
-def _flat(tree: dict, prefix: str = "") -> dict[str, object]:
+def _flat(tree: dict, path: str | Path) -> dict[str, object]:
     flat: dict[str, object] = {}
-    for key, value in tree.items():
-        name = f"{prefix}{key}"
-        flat |= _flat(value, f"{name}.") if isinstance(value, dict) else {name: value}
+    try:
+        leaves = list(_leaves(tree, ""))
+    except RecursionError:
+        raise ValueError(f"{path}: a mapping contains itself; write it out") from None
+    for name, value in leaves:
+        if name in flat:
+            raise ValueError(f"{path}: {name}: is given twice, dotted and nested; keep one")
+        flat[name] = value
     return flat
+
+
+def _leaves(tree: dict, prefix: str) -> Iterator[tuple[str, object]]:
+    for key, value in tree.items():
+        if isinstance(value, dict):
+            yield from _leaves(value, f"{prefix}{key}.")
+        else:
+            yield f"{prefix}{key}", value

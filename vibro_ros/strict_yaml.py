@@ -8,7 +8,7 @@ import yaml
 
 
 class _Loader(yaml.SafeLoader):
-    """PyYAML's safe loader without its two surprises (the last of equal keys wins; 1e-3 is a text)."""
+    """PyYAML's safe loader without its two surprises (the last of equal keys wins; 1e-3 and 1.0e7 are texts)."""
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Hashable, object]:
         keys = [self.construct_object(key, deep=True) for key, _ in node.value]
@@ -19,7 +19,8 @@ class _Loader(yaml.SafeLoader):
 
 
 _Loader.add_implicit_resolver(
-    "tag:yaml.org,2002:float", re.compile(r"^[-+]?[0-9][0-9_]*[eE][-+]?[0-9]+$"), list("-+0123456789")
+    "tag:yaml.org,2002:float", re.compile(r"^[-+]?([0-9][0-9_]*\.?|[0-9_]*\.[0-9][0-9_]*)[eE][-+]?[0-9]+$"),
+    list("-+.0123456789")
 )
 
 
@@ -38,5 +39,7 @@ def read_yaml(path: Path) -> object:
     except yaml.MarkedYAMLError as error:
         line = f", line {error.problem_mark.line + 1}" if error.problem_mark else ""
         raise ValueError(f"{path}{line}: not YAML: {error.problem}") from error
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
+    except RecursionError as error:
+        raise ValueError(f"{path}: not YAML: nested too deeply") from error
+    except (yaml.YAMLError, ValueError) as error:  # ValueError: a text's encoding, a number's length
         raise ValueError(f"{path}: not YAML: {' '.join(str(error).split())}") from error

@@ -71,7 +71,10 @@ class Parameter:
     def _checked_number(self, value: object) -> float:
         if isinstance(value, (bool, str)) or not hasattr(value, "__float__"):
             raise ValueError(f"{self.name}: {value!r} is not a number; give a number{self._hint()}")
-        number = float(value)
+        try:
+            number = float(value)
+        except OverflowError:
+            number = math.inf if value > 0 else -math.inf
         if not math.isfinite(number):
             raise ValueError(f"{self.name}: {number} is not finite; give a number{self._hint()}")
         if number < self.minimum or number > self.maximum or (self.positive and number == 0.0):
@@ -180,4 +183,5 @@ def known(name: str, by_name: Mapping[str, Parameter]) -> Parameter:
         return by_name[name]
     near = difflib.get_close_matches(name, by_name, n=1)
     remedy = f"did you mean {near[0]}?" if near else "`robot --help` lists the parameters"
-    raise ValueError(f"{name}: unknown parameter; {remedy}")
+    shown = name if name.isprintable() else repr(name)
+    raise ValueError(f"{shown}: unknown parameter; {remedy}")

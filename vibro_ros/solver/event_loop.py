@@ -44,6 +44,10 @@ ROOT_LOST = 4
 
 #: Events in a row at one instant after which the loop gives up; a legal cascade takes a handful.
 _MOST_STANDSTILLS = 200
+# Events in a row at one instant after which a guard must be below zero by more than its rounding error: modes whose
+# guards contradict each other within it would take turns for ever.
+_DOUBTFUL_STANDSTILLS = 10
+_DOUBT = 8.0  # rounding errors
 _EPSILON = 2.220446049250313e-16
 # Roots no further apart than rounding are simultaneous: the guard that its mode names first decides.
 _SIMULTANEOUS = 8.0 * _EPSILON
@@ -64,7 +68,10 @@ def _guard_root(system, state, row):
         if factor != 0.0:
             add_multiple(guard, factor, state.z[channel])
             noise += abs(factor) * state.scale[channel]
-    state.root[row] = first_root(guard, state.clock[ANCHOR], _NOISE * noise, state.work[2])
+    noise *= _NOISE
+    if state.index[STANDSTILLS] > _DOUBTFUL_STANDSTILLS:
+        guard[0] += _DOUBT * noise
+    state.root[row] = first_root(guard, state.clock[ANCHOR], noise, state.work[2])
     return state.root[row]
 
 
@@ -321,4 +328,5 @@ def interrupt(system, state, time, point):
     update_peaks(system, state, tau)
     close_audit(system, state, tau, point)
     state.clock[ANCHOR] = 0.0
+    state.index[STANDSTILLS] = 0  # what a command sets off is no part of the cascade before it
     advance_forcing(system, state, tau)

@@ -19,6 +19,9 @@ _MOST_STEPS = 100_000
 _ULP_OF_ONE = 2.3e-16
 #: A guard that starts at zero to this order (a rest, a release) is zero for good: nothing moves it.
 _DEEPEST_ZERO = 5
+# What a zero hides, up to the noise, stands up to four times as large in the next coefficients: a flow's series
+# falls no faster than 2^n / n!. Were it read there, a mass at rest on its plate would be pushed off by nothing.
+_ECHO = 4.0
 
 
 @kernel
@@ -121,13 +124,15 @@ def first_root(p, a, noise, work):
         return NO_ROOT
     copy(p, work)
     f = value(work, a)
+    hidden = noise
     for _ in range(_DEEPEST_ZERO):
-        if f > noise:
+        if f > hidden:
             return _march(work, _terms(work, noise), a)
-        if f < -noise:
+        if f < -hidden:
             return a
         divide_by_root(work, a)
         f = value(work, a)
+        hidden = _ECHO * noise
     return NO_ROOT
 
 

@@ -1,0 +1,120 @@
+"""Systems of a few rows, built by hand: the solver is tested without any robot."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from vibro_ros.solver import event_loop
+from vibro_ros.solver import state as at
+from vibro_ros.solver.polynomial import LENGTH
+from vibro_ros.solver.recording import EVENT_COLUMNS
+from vibro_ros.solver.state import new_state
+from vibro_ros.solver.system import NOTHING, SignalTable, System, flow_numbers, longest_steps
+
+
+@dataclass(frozen=True)
+class Guard:
+    """form >= 0; else the first of `targets` that holds, with the velocity of coordinate `halt` set to zero."""
+
+    form: np.ndarray
+    targets: tuple[int, ...]
+    halt: int = NOTHING
+
+
+def cosine_table(cells=8):
+    """cos(phase) as the only signal."""
+    start = 2 * math.pi * np.arange(cells + 1) / cells
+    order = np.arange(LENGTH)
+    factorial = np.cumprod(np.maximum(order, 1.0))
+    series = np.cos(start[:-1, None] + order * math.pi / 2) * np.diff(start)[:, None] ** order / factorial
+    return SignalTable(start, series[:, None, :])
+
+
+def build(channels, modes, guards=(), signals=None, monitor=None):
+    """System whose mode m has the rows `modes[m]` and the guards `guards[m]`; entering it is event m.
+
+    `monitor`: the form watched, that noted at its start, and the modes in which it is on.
+    """
+    count = len(modes)
+    acceleration = np.array(modes, dtype=float).reshape(count, channels.coordinates, channels.count)
+    guards = guards or [()] * count
+    most = max(1, *map(len, guards))
+    row = [guard.form for of_mode in guards for guard in of_mode]
+    number, halt = np.full((count, most), NOTHING), np.full((count, most), NOTHING)
+    candidate = np.full((count, most, 3), NOTHING)
+    for m, of_mode in enumerate(guards):
+        for g, guard in enumerate(of_mode):
+            number[m, g] = sum(map(len, guards[:m])) + g
+            halt[m, g] = guard.halt
+            candidate[m, g, :len(guard.targets)] = guard.targets
+    row = np.array(row).reshape(len(row), channels.count)
+    driven = np.zeros(channels.count, dtype=bool)
+    driven[channels.dynamic:channels.coordinates] = True
+    driven[channels.coordinates + channels.dynamic:2 * channels.coordinates] = True
+    event = np.tile(np.arange(count), (count, 1))
+    np.fill_diagonal(event, NOTHING)
+    watched = 0 if monitor is None else 1
+    return System(
+        sizes=np.array(channels), acceleration=acceleration, flow=flow_numbers(acceleration, channels.dynamic),
+        longest_step=longest_steps(acceleration, channels), row=row, driven=row[:, driven].any(axis=1),
+        guard=number, candidate=candidate, halt=halt, event=event,
+        monitor=np.zeros((count, 0, channels.count)) if monitor is None else np.tile(monitor[0], (count, 1, 1)),
+        monitored=np.array([[m in monitor[2]] * watched if monitor else [] for m in range(count)], dtype=bool),
+        approach=np.zeros((0, channels.count)) if monitor is None else np.array([monitor[1]]),
+        stretch=np.zeros((count, 0, channels.count)), stiffness=np.zeros((count, 0)),
+        power=np.zeros((count, 0, 2, channels.count)),
+        signals=signals or SignalTable(np.array([0.0, 2 * math.pi]), np.zeros((1, 0, LENGTH))))
+
+
+class Integration:
+    """A system under way.
+
+    Parameters
+    ----------
+    system : System
+    position, velocity : sequence of float
+        Coordinates and rates at t = 0.
+    mode : int
+    speed : float
+        Rate of the phase [rad/s].
+    ramps : sequence of float
+        Where the ramps stand.
+    """
+
+    def __init__(self, system, position=(), velocity=(), mode=0, speed=0.0, ramps=()):
+        self.system = system
+        self.state = new_state(system, speed, np.array(ramps, dtype=float), mode)
+        self.point = np.zeros(len(self.state.z))
+        self.point[:len(position)] = position
+        self.point[len(position):2 * len(position)] = velocity
+        self.events = []
+        assert event_loop.begin_segment(system, self.state, self.point)
+
+    def ramp_speed(self, target, change):
+        """Let the speed change to `target` at `change` [rad/s²], from the present segment's start on."""
+        clock = self.state.clock
+        clock[at.SPEED_TARGET] = target
+        clock[at.SPEED_CHANGE] = math.copysign(change, target - clock[at.SPEED])
+        clock[at.SPEED_TIME] = abs(target - clock[at.SPEED]) / change
+        assert event_loop.begin_segment(self.system, self.state, self.point)
+
+    def move_ramp(self, k, target, rate):
+        """Let ramp k move to `target` at `rate`."""
+        ramp = self.state.ramp[k]
+        ramp[at.TARGET], ramp[at.RATE] = target, math.copysign(rate, target - ramp[at.VALUE])
+        ramp[at.TIME] = abs(target - ramp[at.VALUE]) / rate
+        assert event_loop.begin_segment(self.system, self.state, self.point)
+
+    def sample(self, times, room=64):
+        """z, shape (n, channels), modes and phases, shape (n, 3), at `times`; events are appended to `.events`."""
+        times = np.asarray(times, dtype=float)
+        points, modes = np.empty((len(times), len(self.point))), np.empty(len(times), dtype=np.int64)
+        phases, events = np.empty((len(times), 3)), np.empty((room, EVENT_COLUMNS))
+        done, self.status = 0, event_loop.EVENTS_FULL
+        while self.status == event_loop.EVENTS_FULL:
+            self.status, taken, count = event_loop.advance(
+                self.system, self.state, times[done:], self.point, points[done:], modes[done:], phases[done:], events)
+            done += taken
+            self.events += [tuple(event) for event in events[:count]]
+        return points, modes, phases

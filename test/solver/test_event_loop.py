@@ -1,0 +1,229 @@
+"""The event loop on systems of a few rows: friction oscillators with known answers, and how the loop ends."""
+
+import math
+
+import numpy as np
+import pytest
+from small_system import Guard, Integration, build, cosine_table
+
+from vibro_ros.solver import event_loop
+from vibro_ros.solver.recording import MONITOR_KIND
+from vibro_ros.solver.system import Channels
+
+FORWARD, BACKWARD, STICK = 0, 1, 2
+RATE = 100.0  # Ω of the spring [rad/s]
+
+
+def friction_oscillator(friction, drive=0.0):
+    """q'' = -Ω² q + drive cos(phase) - friction sign(q'), and it sticks while the force is below friction."""
+    channels = Channels(1, 1, 1, 0)
+
+    def form(position=0.0, velocity=0.0, signal=0.0, one=0.0):
+        row = np.zeros(channels.count)
+        row[[channels.position(0), channels.velocity(0), channels.signal(0), channels.one]] = (
+            position, velocity, signal, one)
+        return row
+
+    rows = [[form(-RATE**2, 0, drive, -friction)], [form(-RATE**2, 0, drive, friction)], [form()]]
+    guards = [[Guard(form(velocity=1.0), (STICK, BACKWARD), halt=0)],
+              [Guard(form(velocity=-1.0), (STICK, FORWARD), halt=0)],
+              [Guard(form(RATE**2, 0, -drive, friction), (FORWARD,)),
+               Guard(form(-RATE**2, 0, drive, friction), (BACKWARD,))]]
+    return build(channels, rows, guards, cosine_table())
+
+
+def test_coulombs_free_oscillator():
+    """MODEL.md case 9: each half period takes 2 f/Ω² off the amplitude; it rests within f/Ω², for good.
+
+    From 1 with f/Ω² = 0.03 the turning points are 1, -0.94, 0.88 ... and the last, 0.02, is inside the dead zone.
+    """
+    band = 0.03
+    run = Integration(friction_oscillator(band * RATE**2), [1.0], [0.0], mode=STICK)
+    halves = np.arange(18)
+    points, modes, _ = run.sample(halves * math.pi / RATE)
+    amplitudes = np.maximum(1.0 - 2 * band * halves, 1.0 - 2 * band * 17) * (-1.0) ** halves
+    amplitudes[17] = -(1.0 - 2 * band * 17)
+    np.testing.assert_allclose(points[:, 0], amplitudes, rtol=0, atol=1e-12)
+    rest, rest_modes, _ = run.sample([0.6, 1.0, 100.0])
+    assert np.all(rest_modes == STICK) and np.all(rest[:, 1] == 0.0)
+    np.testing.assert_allclose(rest[:, 0], -(1.0 - 2 * band * 17), rtol=0, atol=1e-12)
+    assert abs(rest[0, 0]) <= band
+    kinds = [event[1] for event in run.events]
+    assert kinds == [BACKWARD, *[FORWARD, BACKWARD] * 8, STICK]
+    np.testing.assert_allclose([event[0] for event in run.events], np.arange(18) * math.pi / RATE, rtol=0, atol=1e-13)
+
+
+@pytest.mark.parametrize("start", [0.03, 0.03 * (1 - 1e-9), -0.03])
+def test_a_spring_at_most_as_strong_as_friction_moves_nothing(start):
+    run = Integration(friction_oscillator(0.03 * RATE**2), [start], [0.0], mode=STICK)
+    points, modes, _ = run.sample([0.0, 0.1, 10.0])
+    assert np.all(points[:, 0] == start) and np.all(modes == STICK)
+    assert run.events == []
+
+
+def den_hartog(beta, share):
+    """Amplitude over P/k of the non-stop motion; `beta` = ω/Ω, `share` = friction over P."""
+    response = 1 / (1 - beta**2)
+    loss = math.sin(math.pi / beta) / (beta * (1 + math.cos(math.pi / beta)))
+    return math.sqrt(response**2 - (share * loss) ** 2)
+
+
+def test_den_hartogs_oscillator():
+    """MODEL.md case 10: β = 0.8, f = 0.2: the steady turning points are at 2.7114152 P/k, and it never sticks."""
+    run = Integration(friction_oscillator(0.2 * RATE**2, drive=RATE**2), [2.5], [0.0], mode=STICK, speed=0.8 * RATE)
+    expected = den_hartog(0.8, 0.2)
+    assert expected == pytest.approx(2.7114152, abs=1e-7)
+    period = 2 * math.pi / (0.8 * RATE)
+    run.sample([400 * period])
+    run.events.clear()
+    times = np.linspace(400 * period, 402 * period, 4001)
+    points, modes, _ = run.sample(times)
+    assert STICK not in modes
+    assert len(run.events) == 4
+    assert abs(points[:, 0]).max() == pytest.approx(expected, rel=2e-6)
+
+
+def test_the_turning_points_of_den_hartogs_oscillator():
+    """Sampled exactly where the velocity changes its sign, after the transient has died: to rounding."""
+    system = friction_oscillator(0.2 * RATE**2, drive=RATE**2)
+    scout = Integration(system, [2.5], [0.0], mode=STICK, speed=0.8 * RATE)
+    period = 2 * math.pi / (0.8 * RATE)
+    scout.sample([3000 * period])
+    turns = np.array([event[0] for event in scout.events[-10:]])
+    np.testing.assert_allclose(np.diff(turns), period / 2, rtol=0, atol=1e-10)
+    points, _, _ = Integration(system, [2.5], [0.0], mode=STICK, speed=0.8 * RATE).sample(turns)
+    np.testing.assert_allclose(abs(points[:, 0]), den_hartog(0.8, 0.2), rtol=1e-13)
+    assert np.all(abs(points[:, 1]) < 1e-9)
+
+
+def sliding_block(friction):
+    """x'' = -friction sign(x'): a driven coordinate only."""
+    channels = Channels(1, 0, 0, 0)
+    forward, backward, stick, velocity = np.zeros((4, channels.count))
+    forward[channels.one], backward[channels.one], velocity[channels.velocity(0)] = -friction, friction, 1.0
+    guards = [[Guard(velocity, (STICK,), halt=0)], [Guard(-velocity, (STICK,), halt=0)], []]
+    return build(channels, [[forward], [backward], [stick]], guards)
+
+
+@pytest.mark.parametrize("speed", [1e-9, 0.3, 200.0])
+@pytest.mark.parametrize("mode", [FORWARD, BACKWARD])
+def test_a_sliding_block_stops(speed, mode):
+    """MODEL.md case 11: after v0/(μ g), in v0²/(2 μ g); from then on its speed is exactly zero."""
+    sign = 1.0 if mode == FORWARD else -1.0
+    stop = speed / (0.2 * 9.81)
+    run = Integration(sliding_block(0.2 * 9.81), [0.0], [sign * speed], mode=mode)
+    points, modes, _ = run.sample([stop / 2, 2 * stop, 2 * stop + 10.0])
+    assert points[0, 1] == pytest.approx(sign * speed / 2, rel=1e-13)
+    np.testing.assert_allclose(points[1:, 0], sign * speed * stop / 2, rtol=1e-13)
+    assert np.all(points[1:, 1] == 0.0) and list(modes) == [mode, STICK, STICK]
+    ((time, kind, *_),) = run.events
+    assert kind == STICK and time == pytest.approx(stop, rel=1e-14)
+
+
+def bouncing_mass():
+    """q'' = -1 above the floor q = 0, and a spring of rate 1e4 below: open 0, closed 1; the spring's force watched."""
+    channels = Channels(1, 1, 0, 0)
+    fall, spring, position = np.zeros((3, channels.count))
+    fall[channels.one], spring[channels.one] = -1.0, -1.0
+    spring[channels.position(0)], position[channels.position(0)] = -1e8, 1.0
+    guards = [[Guard(position, (1,))], [Guard(-position, (0,))]]
+    approach = np.zeros(channels.count)
+    approach[channels.velocity(0)] = -1.0
+    return build(channels, [[fall], [spring]], guards, monitor=(-1e8 * position, approach, {1}))
+
+
+def test_a_monitor_reports_each_contact_once():
+    """A drop of 0.5 hits at speed 1 after 1; peak and duration of a spring under a constant push (MODEL.md case 4)."""
+    run = Integration(bouncing_mass(), [0.5], [0.0])
+    run.sample([4.5])
+    contacts = [event for event in run.events if event[1] == MONITOR_KIND]
+    assert len(contacts) == 2
+    duration = 2e-4 * (math.pi - math.atan(1e4))
+    for number, (time, _, approach, peak, lasted) in enumerate(contacts):
+        assert time == pytest.approx(1.0 + number * (2.0 + duration), rel=1e-12)
+        assert approach == pytest.approx(1.0, rel=1e-12)
+        assert peak == pytest.approx(1.0 + math.sqrt(1.0 + 1e8), rel=1e-12)
+        assert lasted == pytest.approx(duration, rel=1e-9)
+
+
+def test_full_rooms_for_events_lose_none():
+    """Whatever fits at once, the events and the samples are the same bits."""
+    results = []
+    for room in (4, 7, 1000):
+        run = Integration(bouncing_mass(), [0.5], [0.0])
+        points, _, _ = run.sample(np.linspace(0, 20, 11), room)
+        results.append((points.tobytes(), run.events))
+    assert results[0] == results[1] == results[2]
+    assert len(results[0][1]) > 25
+
+
+def test_two_crossings_within_one_segment_are_seen():
+    """A graze of 1e-9 beyond a wall on a slow oscillation: in and out within 1e-6 of a period."""
+    channels = Channels(1, 1, 0, 0)
+    row, wall = np.zeros((2, channels.count))
+    row[channels.position(0)] = -1.0
+    wall[channels.position(0)] = -1.0
+    for depth, contacts in ((1e-9, 3), (1e-13, 3), (-1e-13, 0)):
+        wall[channels.one] = 1.0 - depth
+        run = Integration(build(channels, [[row], [row]], [[Guard(wall, (1,))], [Guard(-wall, (0,))]]), [0.0], [1.0])
+        run.sample([6 * math.pi])
+        entries = [event[0] for event in run.events if event[1] == 1]
+        assert len(entries) == contacts
+        expected = math.pi / 2 - math.acos(1.0 - max(depth, 0.0)) + 2 * math.pi * np.arange(contacts)
+        np.testing.assert_allclose(entries, expected, rtol=0, atol=2e-16 / math.sqrt(2 * abs(depth)) + 1e-13)
+
+
+def toggling(value):
+    """Two modes with the guard q - 1 + `value`, while q stays at 1: if it fires, they take turns."""
+    channels = Channels(1, 1, 0, 0)
+    row, guard = np.zeros((2, channels.count))
+    guard[[channels.position(0), channels.one]] = 1.0, value - 1.0
+    return build(channels, [[row], [row]], [[Guard(guard, (1,))], [Guard(guard, (0,))]])
+
+
+def test_events_without_end_at_one_instant_are_given_up():
+    run = Integration(toggling(-1e-12), [1.0], [0.0])
+    run.sample([1.0])
+    assert run.status == event_loop.STUCK
+
+
+def test_guards_that_are_negative_within_rounding_only_do_not_fire():
+    run = Integration(toggling(-4.4e-16), [1.0], [0.0])
+    points, _, _ = run.sample([1.0])
+    assert run.status == event_loop.REACHED and points[0, 0] == 1.0
+
+
+def test_modes_that_contradict_each_other_within_rounding():
+    """A spring that acts beyond q = 1, loaded to a depth of some roundings: both modes may hold, and one does."""
+    channels = Channels(1, 1, 0, 0)
+    for depth in np.arange(-12, 13) * 2.2e-16:
+        free, spring, wall = np.zeros((3, channels.count))
+        free[channels.one] = 1e-3
+        spring[[channels.position(0), channels.one]] = -1e9, 1e9 + 1e-3
+        wall[[channels.position(0), channels.one]] = -1.0, 1.0
+        system = build(channels, [[free], [spring]], [[Guard(wall, (1,))], [Guard(-wall, (0,))]])
+        run = Integration(system, [1.0 + depth], [0.0])
+        points, _, _ = run.sample(np.linspace(0, 0.01, 20))
+        assert run.status == event_loop.REACHED
+        assert np.all(abs(points[:, 0] - 1.0) < 1e-11)
+
+
+def test_what_grows_beyond_all_numbers_is_reported():
+    channels = Channels(1, 1, 0, 0)
+    row = np.zeros(channels.count)
+    row[channels.position(0)] = 1e4
+    run = Integration(build(channels, [[row]]), [1.0], [0.0])
+    run.sample([100.0])
+    assert run.status == event_loop.DIVERGED
+
+
+def test_sampling_does_not_disturb():
+    """The same bits for 7 samples as for 7000, in one call or in many."""
+    system = friction_oscillator(0.2 * RATE**2, drive=RATE**2)
+    times = np.linspace(0, 2.0, 7000)
+    fine, _, _ = Integration(system, [2.5], [0.0], mode=STICK, speed=80.0).sample(times)
+    coarse, _, _ = Integration(system, [2.5], [0.0], mode=STICK, speed=80.0).sample(times[::1000])
+    pieces = Integration(system, [2.5], [0.0], mode=STICK, speed=80.0)
+    apart = np.concatenate([pieces.sample(times[k:k + 1000])[0] for k in range(0, 7000, 1000)])
+    np.testing.assert_array_equal(coarse, fine[::1000])
+    np.testing.assert_array_equal(apart, fine)

@@ -1,0 +1,94 @@
+"""Polynomials of fixed length, against exact rational arithmetic and numpy."""
+
+from fractions import Fraction
+
+import numpy as np
+import pytest
+
+from vibro_ros.solver import polynomial as poly
+from vibro_ros.solver.polynomial import LENGTH
+
+RANDOM = np.random.default_rng(23)
+DECAYING = RANDOM.normal(size=(20, LENGTH)) * 0.3 ** np.arange(LENGTH)
+
+
+def exact(coefficients, x):
+    total = Fraction(0)
+    for coefficient in reversed(coefficients):
+        total = total * x + Fraction(float(coefficient))
+    return total
+
+
+@pytest.mark.parametrize("x", [0.0, 0.25, 0.7, 1.0])
+def test_value_and_derivatives(x):
+    """To a few roundings of the sum of the terms."""
+    for p in DECAYING:
+        derivatives = [exact(p, Fraction(x))]
+        coefficients = [Fraction(float(c)) for c in p]
+        for _ in range(2):
+            coefficients = [n * c for n, c in enumerate(coefficients)][1:]
+            derivatives.append(sum(c * Fraction(x) ** n for n, c in enumerate(coefficients)))
+        found = poly.value_and_derivatives(p, LENGTH, x)
+        np.testing.assert_allclose(found, [float(d) for d in derivatives], rtol=0, atol=1e-14)
+        assert poly.value(p, x) == pytest.approx(float(derivatives[0]), abs=1e-15)
+
+
+def test_value_and_derivatives_of_the_leading_terms():
+    assert poly.value_and_derivatives(DECAYING[0], 1, 0.5) == (DECAYING[0, 0], 0.0, 0.0)
+    a, b, c = DECAYING[0, :3]
+    expected = (a + b / 2 + c / 4, b + c, 2 * c)
+    assert poly.value_and_derivatives(DECAYING[0], 3, 0.5) == pytest.approx(expected, abs=1e-16)
+
+
+@pytest.mark.parametrize("root", [0.0, 0.3, 1.0])
+def test_divide_by_root(root):
+    for quotient in DECAYING:
+        short = quotient[:-1]
+        product = np.convolve(short, [-root, 1.0])
+        poly.divide_by_root(product, root)
+        np.testing.assert_allclose(product, [*short, 0.0], rtol=0, atol=1e-15)
+
+
+@pytest.mark.parametrize("x", [0.0, 0.2, 0.9])
+def test_recentre(x):
+    target = np.empty(LENGTH)
+    for p in DECAYING:
+        poly.recentre(p, x, LENGTH, target)
+        expected = np.polynomial.Polynomial(p)(np.polynomial.Polynomial([x, 1.0])).coef
+        np.testing.assert_allclose(target, expected, rtol=0, atol=1e-14)
+        poly.recentre(p, x, 5, target)
+        np.testing.assert_allclose(target, [*expected[:5], *np.zeros(LENGTH - 5)], rtol=0, atol=1e-14)
+
+
+@pytest.mark.parametrize(("a", "b"), [(1.0, 0.0), (0.4, 0.0), (0.5, 0.2), (0.0, 0.7), (0.9, -0.3)])
+def test_substitute(a, b):
+    """p(a y + b y²), cut at the length of p: exactly its first coefficients."""
+    target = np.empty(LENGTH)
+    for p in DECAYING:
+        poly.substitute(p, a, b, target)
+        expected = np.polynomial.Polynomial(p)(np.polynomial.Polynomial([0.0, a, b])).coef
+        np.testing.assert_allclose(target, np.resize(expected, LENGTH) if b else expected, rtol=0, atol=1e-15)
+
+
+def test_differentiate_in_time():
+    """d/dt = d/dtau / duration; in place as well."""
+    p = DECAYING[0].copy()
+    expected = [*(np.arange(1, LENGTH) * p[1:] / 0.02), 0.0]
+    target = np.empty(LENGTH)
+    poly.differentiate(p, 0.02, target)
+    np.testing.assert_allclose(target, expected, rtol=1e-15)
+    poly.differentiate(p, 0.02, p)
+    np.testing.assert_array_equal(p, target)
+
+
+def test_add_multiple_and_scale_argument():
+    target = DECAYING[1].copy()
+    poly.add_multiple(target, -3.0, DECAYING[2])
+    np.testing.assert_allclose(target, DECAYING[1] - 3.0 * DECAYING[2], rtol=0, atol=1e-15)
+    poly.scale_argument(target, 0.5)
+    np.testing.assert_allclose(target, (DECAYING[1] - 3.0 * DECAYING[2]) * 0.5 ** np.arange(LENGTH), rtol=0, atol=1e-15)
+
+
+def test_kernels_do_not_allocate():
+    """A 1 kHz loop must not collect garbage."""
+    assert poly.value.targetoptions["_nrt"] is False
