@@ -24,6 +24,12 @@ def _solve_oscillator(load, stiffness, damping, h, q, v, a):
 
 
 @kernel
+def _rescale(state, channel, magnitude):
+    """A segment starts with the rounding error of the one before, however small its own terms are."""
+    state.scale[channel] = max(magnitude, 0.5 * state.scale[channel])
+
+
+@kernel
 def solve_dynamic(system, state):
     """Series of the dynamic coordinates from their values and rates at the segment's start (constant terms)."""
     coordinates, dynamic = system.sizes[0], system.sizes[1]
@@ -40,8 +46,8 @@ def solve_dynamic(system, state):
         q, v = z[i], z[coordinates + i]
         stiffness, damping = row[i], row[coordinates + i]
         _solve_oscillator(load, stiffness, damping, h, q, v, z[2 * coordinates + i])
-        state.scale[i] = abs(q[0]) + abs(q[1])
-        state.scale[coordinates + i] = abs(v[0]) + abs(v[1])
+        _rescale(state, i, abs(q[0]) + abs(q[1]))
+        _rescale(state, coordinates + i, abs(v[0]) + abs(v[1]))
         scale += abs(stiffness) * state.scale[i] + abs(damping) * state.scale[coordinates + i]
         state.scale[2 * coordinates + i] = scale
 
