@@ -21,7 +21,7 @@ $(PACKAGES): another-python
 endif
 endif
 
-.PHONY: help setup demo test lint bench clean another-python
+.PHONY: help setup demo test lint bench docs picture clean another-python
 
 help:  ## list these commands
 	@sed -n 's/^\([a-z]*\):[^#]*## /  make \1\t/p' $(MAKEFILE_LIST) | expand -t 14
@@ -40,6 +40,12 @@ lint: $(READY)  ## check the style
 
 bench: $(READY)  ## compare the exact solver's cost with fixed-step Runge-Kutta
 	@$(BIN)/python -m vibro_ros.study.bench
+
+docs: $(READY)  ## write the parameters' table into docs/interface.md anew
+	@$(BIN)/python -m vibro_ros.study.parameter_table
+
+picture: $(READY)  ## simulate and draw docs/robot.gif, the robot in slow motion
+	@$(BIN)/python -m vibro_ros.study.animation
 
 clean:  ## remove .venv and all that is built; out/ stays
 	@rm -rf $(VENV) build install log *.egg-info .pytest_cache .ruff_cache .hypothesis

@@ -31,7 +31,7 @@ setup(
     ],
     zip_safe=True,
     python_requires=">=3.10,<3.14",
-    install_requires=["matplotlib", "numba", "numpy", "PyYAML", "rosbags==0.11.9"],
+    install_requires=["matplotlib", "numba", "numpy", "pillow", "PyYAML", "rosbags==0.11.9"],
     extras_require={
         # ROS 2 Jazzy as wheels; not asked for by default, so that an apt installation is never shadowed.
         "ros": [

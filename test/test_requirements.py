@@ -13,7 +13,7 @@ from packaging.requirements import Requirement
 from packaging.version import Version
 
 ROOT = Path(__file__).resolve().parents[1]
-ROSDEP_KEYS = {"rosbags": "python3-rosbags-pip", "yaml": "python3-yaml"}  # where it is not python3-<import>
+ROSDEP_KEYS = {"PIL": "python3-pil", "rosbags": "python3-rosbags-pip", "yaml": "python3-yaml"}  # not python3-<import>
 ROSDEP_KEYS |= {name: f"python3-{name}" for name in ("matplotlib", "numba", "numpy", "scipy")}
 
 

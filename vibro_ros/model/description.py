@@ -1,6 +1,160 @@
-"""A scene in words: what the compiled tables really simulate."""
+"""A scene in words: what its compiled tables really simulate."""
+
+from collections.abc import Iterator
+
+from vibro_ros.model.automaton import Guard
+from vibro_ros.model.modes import OUTPUTS, ModeBuilder
+from vibro_ros.model.slider import Slider
+from vibro_ros.model.symbols import MASS, PLATE, SLIDER, Symbols, multiple, product
+from vibro_ros.model.tables import MODE_EVENTS, Model, compile_scene
+from vibro_ros.solver.system import NOTHING
 
 
 def describe(scene) -> str:
-    """States, equations, guards and modes of a scene as compiled."""
-    return ""
+    """States, forcing, equations, modes, guards and events of `scene`, a Scene, in the paper's symbols with values.
+
+    Equations come from the compiled tables and guards from what the tables were compiled from, so that the text
+    shows what is integrated; an effect that is off leaves nothing in it.
+    """
+    description = _Description(scene)
+    sections = {
+        "states": list(description.states()), "known in time": list(description.forcing()),
+        "equations": list(description.equations()), "modes": list(description.modes()),
+        "guards: a state lasts while its conditions hold": list(description.guards()),
+        "events": list(description.events()), "effects": list(description.effects()),
+    }
+    blocks = ("\n".join([title, *_columns(lines)]) for title, lines in sections.items() if lines)
+    return "\n\n".join([f"scene {scene.name}", *blocks]) + "\n"
+
+
+class _Description:
+    """The sections of one scene's description, each as lines."""
+
+    def __init__(self, scene):
+        self._scene = scene
+        self._model: Model = compile_scene(scene)
+        self._builder = ModeBuilder(scene)
+        self._symbols = Symbols(self._model.forms)
+        self._rubs = "slip_forward" in self._builder.friction_states
+
+    def states(self) -> Iterator[str]:
+        """One line a coordinate; the body's place when it is none."""
+        meaning = {"u": "upper mass on its guide", "w": "inclined mass on its guide", "x": "body on the ground"}
+        for symbol in self._symbols.coordinates:
+            yield f"{symbol}, {symbol}'    position [m] and speed [m/s] of the {meaning[symbol]}"
+        if not self._model.forms.body_moves:
+            yield "x = 0    no force acts on the body along the ground"
+
+    def forcing(self) -> Iterator[str]:
+        """The crank, the sliders and the plates."""
+        scene, forms = self._scene, self._model.forms
+        follows = ("at once" if scene["effects.motor"] == "ideal"
+                   else f"at {scene['motor.acceleration']:g} rad/s²")
+        yield f"θ' = {scene['motor.speed']:g} rad/s    follows a command {follows}"
+        for side, slider in zip(forms.guides, self._model.sliders, strict=True):
+            yield f"{SLIDER[side]} = {_slider_text(slider)}"
+        for side in forms.plates:
+            place = scene[f"crank.{side}_rod"] + scene[f"{side}.gap"]
+            yield f"{PLATE[side]} = {place:g} m    follows a command at {scene['gap_actuator.speed']:g} m/s"
+
+    def equations(self) -> Iterator[str]:
+        """Masses, by the states of their contacts, and the body, with forces [N]."""
+        forms = self._model.forms
+        for i, side in enumerate(forms.guides):
+            for row, states in self._rows_by_contact(i, side).items():
+                while_ = f"    while {' or '.join(states)}" if side in forms.plates else ""
+                yield f"{self._scene[f'mass.{side}']:g} {MASS[side]}'' = {row}{while_}"
+        if forms.body_moves:
+            yield from self._body_equations()
+
+    def _rows_by_contact(self, i: int, side: str) -> dict[str, list[str]]:
+        """Right-hand side of mass i as text, with the states of its own contact in which it holds."""
+        plates, rows = self._model.forms.plates, {}
+        for mode, of_mode in zip(self._model.modes, self._model.system.acceleration, strict=True):
+            states = rows.setdefault(self._symbols.text(self._scene[f"mass.{side}"] * of_mode[i]), [])
+            state = mode.states[plates.index(side)] if side in plates else ""
+            if state not in states:
+                states.append(state)
+        return rows
+
+    def _body_equations(self) -> Iterator[str]:
+        outputs, body = self._model.output, self._model.forms.body
+        normal = outputs[0, OUTPUTS.index("normal_force")]
+        friction = outputs[:, OUTPUTS.index("friction_force")]
+        total = self._scene.total_mass
+        inertial = total * self._model.system.acceleration[0, body] + friction[0]
+        yield f"{total:g} x'' = F_in{' - F_fr' if self._rubs else ''}"
+        yield f"F_in = {self._symbols.text(inertial)}    eq. (7)"
+        if not self._rubs:
+            return
+        source = "eq. (6)" if normal[:self._model.forms.channels.one].any() else "weight"
+        reported = "; reported as 0 where it is negative" * ("unloaded" in self._builder.friction_states)
+        yield f"N = {self._symbols.text(normal)}    {source}{reported}"
+        for m, state in enumerate(self._builder.friction_states):  # the friction's state runs fastest
+            factor = multiple(friction[m], normal)
+            force = "F_in" if factor is None else product(factor, "N") if factor else "0"
+            yield f"F_fr = {force}    while {state}"
+
+    def modes(self) -> Iterator[str]:
+        """Their number, and where it comes from."""
+        parts = self._parts()
+        counts = " × ".join(f"{len(states)} ({name})" for name, states in parts.items())
+        initial = ", ".join(self._model.modes[self._model.initial_mode].states[:len(parts)])
+        yield f"{len(self._model.modes)}{' = ' if parts else ''}{counts}{'; first ' if parts else ''}{initial}"
+
+    def _parts(self) -> dict[str, tuple[str, ...]]:
+        """States of each effect that has guards."""
+        parts = {f"{contact.side} contact": contact.states for contact in self._builder.contacts}
+        return parts | ({"friction": self._builder.friction_states} if self._rubs else {})
+
+    def guards(self) -> Iterator[str]:
+        """Condition of each state and the states to try when it turns false."""
+        for place, (name, states) in enumerate(self._parts().items()):
+            for state in states:
+                for guard in self._state_guards(place, state):
+                    stops = f", with {self._symbols.coordinates[guard.halt]}' = 0" if guard.halt != NOTHING else ""
+                    yield f"{name} {state}: {guard.text}    else {' or '.join(guard.targets)}{stops}"
+
+    def _state_guards(self, place: int, state: str) -> list[Guard]:
+        builder, forms = self._builder, self._builder.forms
+        if place < len(builder.contacts):
+            return builder.contacts[place].guards(state)
+        return builder.friction.guards(state, forms.normal_force(), forms.inertial_force())
+
+    def events(self) -> Iterator[str]:
+        """What is recorded."""
+        kinds = sorted(set(self._model.system.event.ravel()) - {NOTHING})
+        words = [f"{side}_contact" for side in self._model.forms.plates] + [MODE_EVENTS[kind] for kind in kinds]
+        if self._scene["effects.motor"] != "ideal":
+            words.append("motor_ramp_end")
+        if self._model.forms.plates:
+            words.append("gap_reached")
+        yield ", ".join(words) or "none"
+
+    def effects(self) -> Iterator[str]:
+        """What the scene asks for and the tables hold."""
+        scene, forms = self._scene, self._model.forms
+        words = [f"{side} mass" for side in forms.guides]
+        for contact in self._builder.contacts:
+            words.append(f"{contact.side} contact, compliant" + ", without tension" * ("released" in contact.states))
+        if self._rubs:
+            words.append(f"{scene['effects.friction']} friction, normal force {scene['effects.normal_force']}")
+        words.append(f"{scene['effects.motor']} motor")
+        if self._model.system.power.shape[1]:
+            words.append("energy audit")
+        yield "; ".join(words)
+
+
+def _slider_text(slider: Slider) -> str:
+    angle = f"(θ - {slider.angle:g})" if slider.angle else "θ"
+    if slider.radius == slider.rod:
+        return f"{slider.radius:g} (cos {angle} + |cos {angle}|)"
+    return f"{slider.radius:g} cos {angle} + √({slider.rod:g}² - {slider.radius:g}² sin² {angle})"
+
+
+def _columns(lines: list[str]) -> Iterator[str]:
+    """The lines, indented, with what follows a gap of four spaces set in a column."""
+    width = max(len(line.partition("    ")[0]) for line in lines)
+    for line in lines:
+        head, _, remark = line.partition("    ")
+        yield f"  {head:<{width}}    {remark}".rstrip()

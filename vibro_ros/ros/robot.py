@@ -62,12 +62,14 @@ def _operate(node: Node, executor: Executor, settings: Mapping[str, Value], scen
     outputs, inputs = Outputs(node, scene), Inputs(node)
     pacing = Pacing(settings["rate.real_time_factor"], settings["rate.max_catch_up"])
     start = node.get_clock().now().nanoseconds
-    recording = open_recording(settings, inputs, outputs, _metadata(settings, scene, start), log)
-    stepping = Stepping(device, inputs, outputs, recording.record, pacing, settings["rate.publish"], start, log)
-    log.info(f"ready: {settings['rate.publish']:g} Hz, real-time factor {settings['rate.real_time_factor']:g}, "
-             f"{recording.destination()}")
-    with process.StopRequest() as stop, recording, stepping:
-        process.spin_until(executor, lambda: bool(stop or stepping.error))
+    metadata = _metadata(settings, scene, start)
+    # Signals become requests before the bag is opened, so that none can come between its opening and its sealing.
+    with process.StopRequest() as stop, open_recording(settings, inputs, outputs, metadata, log) as recording:
+        log.info(f"ready: {settings['rate.publish']:g} Hz, real-time factor {settings['rate.real_time_factor']:g}, "
+                 f"{recording.destination()}")
+        with Stepping(device, inputs, outputs, recording.record, pacing, settings["rate.publish"], start,
+                      log) as stepping:
+            process.spin_until(executor, lambda: bool(stop or stepping.error))
     log.info(f"{recording.summary()}; {device.time:.3f} s simulated, {pacing.dropped:.3f} s dropped in "
              f"{pacing.stalls} stalls, {inputs.refused} commands refused")
     if stepping.error:

@@ -1,0 +1,172 @@
+"""What README and docs say holds: their Python runs, their commands, parameters, topics and tests exist."""
+
+import contextlib
+import dataclasses
+import io
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+import yaml
+
+import vibro_ros
+from vibro_ros.bag.reader import ROBOT_TOPICS
+from vibro_ros.model.parameters import SCENE_PARAMETERS
+from vibro_ros.ros import outputs, qos
+from vibro_ros.ros.commands import COMMAND_UNITS
+from vibro_ros.ros.messages import JOINTS
+from vibro_ros.ros.script_file import read_script
+from vibro_ros.samples import Samples
+from vibro_ros.scene_file import DEVICE_PARAMETERS, load_scene, shipped_scenes
+from vibro_ros.study import bench, parameter_table
+
+ROOT = Path(__file__).resolve().parents[2]
+DOCUMENTS = {path.name: path.read_text(encoding="utf-8") for path in (ROOT / "README.md", *ROOT.glob("docs/*.md"))}
+FENCE = re.compile(r"^```(\w+)\n(.*?)^```\n(?:```text\n(.*?)^```\n)?", re.MULTILINE | re.DOTALL)
+BLOCKS = [(name, language, text, output) for name, document in DOCUMENTS.items()
+          for language, text, output in FENCE.findall(document)]
+each_document = pytest.mark.parametrize("document", DOCUMENTS.values(), ids=DOCUMENTS)
+
+
+def blocks(language):
+    """Each fenced block of a language and the output shown below it, as test parameters."""
+    found = [(text, output) for _, of, text, output in BLOCKS if of == language]
+    names = [f"{name}-{k}" for k, name in enumerate(name for name, of, _, _ in BLOCKS if of == language)]
+    assert found
+    return pytest.mark.parametrize(("text", "output"), found, ids=names)
+
+
+@blocks("python")
+def test_python_runs_and_prints_what_is_shown(text, output, tmp_path, monkeypatch, record_run):
+    record_run("out/vibro_robot_2026_01_02-03_04_05")
+    (tmp_path / "out" / "vibro_robot_2026_01_02-03_04_05_report").mkdir()
+    monkeypatch.chdir(tmp_path)
+    with contextlib.redirect_stdout(io.StringIO()) as printed:
+        exec(text, {})
+    assert printed.getvalue()
+    assert output in ("", printed.getvalue())
+
+
+@blocks("yaml")
+def test_yaml_is_a_script_or_a_scene(text, output, tmp_path):
+    file = tmp_path / "file.yaml"
+    file.write_text(text)
+    if "entries" in yaml.safe_load(text):
+        assert read_script(file).duration > 0.0
+    else:
+        assert load_scene(file).parameters != load_scene("paper").parameters
+
+
+@pytest.mark.parametrize("line", [line for _, language, text, _ in BLOCKS if language == "console"
+                                  for line in text.splitlines()])
+def test_errors_are_the_ones_shown(line, tmp_path, domain_id):
+    """The words of the command stand for each shown error."""
+    (tmp_path / "bad.yaml").write_text("entries:\n  - for: 1.0\n    motor_speed: -5\n")
+    words = {"guide.angel": "ros.robot --ros-args -p guide.angel:=1.0", "bad.yaml": "ros.controller bad.yaml",
+             "mass.body": "ros.robot --ros-args -p mass.body:=0.0", "/tmp/nobag": "study.report /tmp/nobag",
+             "papper": "ros.robot --ros-args -p scene:=papper"}[line.split(": ")[1]].split()
+    done = subprocess.run([sys.executable, "-m", f"vibro_ros.{words[0]}", *words[1:]], cwd=tmp_path,
+                          capture_output=True, text=True, timeout=60)
+    assert (done.returncode, done.stderr) == (2, f"{line}\n")
+
+
+@each_document
+def test_make_targets_and_executables_exist(document):
+    targets = set(re.findall(r"^([a-z]+):.*##", (ROOT / "Makefile").read_text(), re.MULTILINE))
+    assert set(re.findall(r"(?:`|^ +)make ([a-z]+)", document, re.MULTILINE)) <= targets
+    scripts = set(re.findall(r'"(\w+) = vibro_ros', (ROOT / "setup.py").read_text()))
+    named = re.findall(r"\.venv/bin/([\w-]+)|ros2 run vibro_ros (\w+)", document)
+    assert {own or run for own, run in named} <= scripts | {"python"}
+
+
+@each_document
+def test_every_script_that_is_run_exists(document):
+    for path in re.findall(r"bin/python ([\w/.]+)", document):
+        assert (ROOT / path).is_file(), path
+    for name in re.findall(r"bin/controller (\w+)", document):
+        assert (ROOT / "config" / "controller" / f"{name}.yaml").is_file(), name
+
+
+@pytest.mark.parametrize("name", DOCUMENTS)
+def test_links_lead_somewhere(name):
+    folder = ROOT if name == "README.md" else ROOT / "docs"
+    links = re.findall(r"\]\(([^)]+)\)", DOCUMENTS[name])
+    assert [link for link in links if not (folder / link).exists()] == []
+
+
+@each_document
+def test_parameters_and_their_choices_are_real(document):
+    table = {parameter.name: parameter for parameter in (*SCENE_PARAMETERS, *DEVICE_PARAMETERS)}
+    groups = "|".join({name.partition(".")[0] for name in table if "." in name})
+    named = set(re.findall(rf"`((?:{groups})\.[\w.]+)`", document)) | set(re.findall(r"-p ([\w.]+):=", document))
+    named |= set(re.findall(rf'"((?:{groups})\.[\w.]+)"', document))
+    named -= {"report.png"}
+    assert named <= table.keys() | {"upper_mass.position"}
+
+
+def test_choices_of_every_effect_are_in_the_model():
+    rows = re.findall(r"^\| (`effects[^|]*) \| ([^|]*) \|", DOCUMENTS["model.md"], re.MULTILINE)
+    told = {name: set(re.findall(r"`([\w.]+)`", choices)) for names, choices in rows
+            for name in re.findall(r"`([\w.]+)`", names)}
+    real = {parameter.name: set(parameter.choices) or {"true", "false"} for parameter in SCENE_PARAMETERS
+            if parameter.name.startswith("effects.")}
+    assert told == real
+
+
+def test_every_named_test_exists():
+    named = re.findall(r"`(test_\w+\.py)::(test_\w+)`", DOCUMENTS["model.md"])
+    assert len(named) > 10
+    for file, test in named:
+        [path] = (ROOT / "test").rglob(file)
+        assert f"def {test}(" in path.read_text(), (file, test)
+
+
+def test_topics_are_the_robots():
+    rows = re.findall(r"^\| `(\w+)` \| (in|out) \| (\S+) \| (\d+) \|", DOCUMENTS["interface.md"], re.MULTILINE)
+    told = {name: (direction, kind, int(depth)) for name, direction, kind, depth in rows}
+    real = {name: ("in", ROBOT_TOPICS[name], qos.COMMANDS.depth) for name in COMMAND_UNITS}
+    real |= {name: ("out", ROBOT_TOPICS[name], profile.depth) for name, (_, profile) in outputs.TOPICS.items()}
+    assert told == real
+
+
+def test_joints_fields_and_kinds_are_complete():
+    text = DOCUMENTS["interface.md"]
+    for name in (*JOINTS, *(field.name for field in dataclasses.fields(Samples))):
+        assert f"`{name}`" in text, name
+    run = vibro_ros.Simulator(load_scene("device"))
+    run.command(motor_speed=100.0, upper_gap=1e-4)
+    run.advance_to(2.0)
+    for kind in set(run.take_events()["kind"]):
+        assert f"`{kind}`" in text, kind
+
+
+def test_shipped_scenes_are_described():
+    paragraph = DOCUMENTS["model.md"].partition("Shipped scenes: ")[2].partition("\n\n")[0]
+    assert set(re.findall(r"`(\w+)`", paragraph)) == set(shipped_scenes())
+
+
+def test_bench_table_has_the_benchmarks_scenes():
+    table = DOCUMENTS["README.md"].partition("<!-- bench")[2].partition("<!-- end of bench")[0]
+    assert re.findall(r"^\| `(\w+)` \|", table, re.MULTILINE) == list(bench.SCENES)
+
+
+def test_parameter_table_is_up_to_date():
+    assert parameter_table.updated(DOCUMENTS["interface.md"]) == DOCUMENTS["interface.md"], "run `make docs`"
+
+
+def test_parameter_table_has_every_parameter_once():
+    rows = re.findall(r"^\| `([\w.]+)` \|", parameter_table.parameter_table(), re.MULTILINE)
+    assert rows == [parameter.name for parameter in (*DEVICE_PARAMETERS, *SCENE_PARAMETERS)]
+
+
+def test_a_document_without_a_place_for_the_table_is_refused(tmp_path, capsys):
+    file = tmp_path / "page.md"
+    for text in ("no place", f"{parameter_table.END}\n{parameter_table.BEGIN}\n", f"{parameter_table.BEGIN}\n" * 2):
+        file.write_text(text)
+        assert parameter_table.main([str(file)]) == 2
+        assert file.read_text() == text
+        assert capsys.readouterr().err.count("\n") == 1
+    assert parameter_table.main([str(tmp_path / "missing.md")]) == 2
+    assert "missing.md" in capsys.readouterr().err
