@@ -194,3 +194,21 @@ def test_maximum():
 def test_maximum_of_flat_polynomials(polynomial):
     end = np.polynomial.polynomial.polyval(np.linspace(0, 1, 101), polynomial).max()
     assert maximum(padded(polynomial), 0.0, 1.0, np.empty(LENGTH), np.empty(LENGTH)) == pytest.approx(end, abs=1e-16)
+
+
+@pytest.mark.parametrize("magnitude", [1e-90, 1e-150, 1e-164, 1e-300, 1e-320])
+def test_a_motion_that_has_died_away(magnitude):
+    """Squares of the coefficients are below the smallest number: the searches end, and what is tiny is zero."""
+    random = np.random.default_rng(19)
+    for _ in range(50):
+        polynomial = motion(random) * magnitude
+        root = search(polynomial)
+        expected = search(polynomial / magnitude) if magnitude > 1e-100 else NO_ROOT
+        assert root == pytest.approx(expected, abs=1e-12)
+        highest = maximum(polynomial, 0.0, 1.0, np.empty(LENGTH), np.empty(LENGTH))
+        assert max(polynomial[0], polynomial.sum()) - magnitude * 1e-12 <= highest <= 10 * magnitude
+
+
+@pytest.mark.parametrize("coefficients", [[1e-30, 0.0, -1e-300], [1e-30, 1e-200, -1e-300], [1e-30, -1e-200, -1e-300]])
+def test_terms_whose_products_vanish(coefficients):
+    assert search(coefficients) == NO_ROOT

@@ -36,6 +36,10 @@ def _solve_coupled(loads, row, h, coordinates, dynamic, z):
         for i in range(dynamic):
             z[i, n + 1] = z[coordinates + i, n] * step
             z[coordinates + i, n + 1] = z[2 * coordinates + i, n] * step
+@kernel
+def _rescale(state, channel, magnitude):
+    """A segment starts with the rounding error of the one before, however small its own terms are."""
+    state.scale[channel] = max(magnitude, 0.5 * state.scale[channel])
 
 
 @kernel
@@ -53,8 +57,9 @@ def solve_dynamic(system, state):
             _solve_oscillator(load, row[i], row[coordinates + i], h, z[i], z[coordinates + i], z[2 * coordinates + i])
     if system.coupled[mode]:
         _solve_coupled(state.work, system.acceleration[mode], h, coordinates, dynamic, z)
-    for channel in range(2 * coordinates):
-        state.scale[channel] = abs(z[channel, 0]) + abs(z[channel, 1])
+    for i in range(dynamic):
+        for channel in (i, coordinates + i):
+            _rescale(state, channel, abs(z[channel, 0]) + abs(z[channel, 1]))
     for i in range(dynamic):
         scale = 0.0
         for channel in range(len(z)):

@@ -22,6 +22,8 @@ _DEEPEST_ZERO = 5
 # What a zero hides, up to the noise, stands up to four times as large in the next coefficients: a flow's series
 # falls no faster than 2^n / n!. Were it read there, a mass at rest on its plate would be pushed off by nothing.
 _ECHO = 4.0
+# Guards of a motion that has died away: their squares would be lost below the smallest number.
+_VANISHING = 1e-100
 
 
 @kernel
@@ -38,7 +40,9 @@ def _safe_step(f, d, dd, third, reach):
         return reach
     root = discriminant**0.5
     # Of the two ways to write the quadratic's root, the one that does not cancel.
-    return min(reach, 2.0 * f / (root - d) if d < 0.0 else (d + root) / (-2.0 * m))
+    if d < 0.0:
+        return min(reach, 2.0 * f / (root - d))
+    return min(reach, (d + root) / (-2.0 * m)) if root > 0.0 else reach  # 0: squares below the smallest number
 
 
 @sum_kernel
@@ -87,7 +91,7 @@ def _march(p, terms, a):
             return NO_ROOT
         # A shorter reach bends the bound less: as long as all of it proves safe, try one twice as long.
         reach = step
-        while step >= reach and 2.0 * step < remaining:
+        while 0.0 < reach <= step and 2.0 * step < remaining:
             reach = 2.0 * step
             step = max(step, _safe_step(f, d, dd, third, reach))
         x += max(step, _ULP_OF_ONE)
@@ -120,6 +124,7 @@ def first_root(p, a, noise, work):
     float
         The instant; `a` when the guard is negative from the start; `NO_ROOT`; or `SEARCH_FAILED`.
     """
+    noise = max(noise, _VANISHING)
     if _lower_bound(p) > noise:
         return NO_ROOT
     copy(p, work)
