@@ -11,7 +11,7 @@ from comparison import CONTACTS, POSITIONS, column, reference_events, replay
 
 FOLDER = Path(__file__).parent
 TABLES = {path.stem: json.loads(path.read_text()) for path in sorted((FOLDER / "tables").glob("*.json"))}
-DAMPED = ("damped_adhesion", "damped_no_tension", "ramp_and_gaps")
+DAMPED = ("damped_adhesion", "damped_no_tension", "ramp_and_gaps", "reaction_weight_damped", "static_reaction_damped")
 
 
 def tolerance(name):
