@@ -177,13 +177,22 @@ def painleve_limit(angle):
 @pytest.mark.parametrize("angle", [ANGLE, np.pi - ANGLE, 1.5])
 @pytest.mark.parametrize("force", ["unilateral", "printed"])
 def test_friction_beyond_painleves_limit_is_refused(force, angle):
-    """Beyond it a slipping body has no unique acceleration; just below it the machine runs."""
-    changes = {"effects.normal_force": force, "guide.angle": angle}
-    near = scene("damped", REACTION, changes, {"ground.friction": painleve_limit(angle) * (1 - 1e-3)})
-    assert np.isfinite(vibro_ros.simulate(near, duration=0.05, rate=1000.0).body_position).all()
+    """Beyond it a slipping body has no unique acceleration."""
+    excessive = {"effects.normal_force": force, "guide.angle": angle,
+                 "ground.friction": painleve_limit(angle) * (1 + 1e-9)}
     with pytest.raises(ValueError, match="ground.friction") as caught:
-        vibro_ros.Simulator(scene("damped", REACTION, changes, {"ground.friction": painleve_limit(angle) * (1 + 1e-9)}))
+        vibro_ros.Simulator(scene("damped", REACTION, excessive))
     assert "\n" not in str(caught.value) and "effects.reaction" in str(caught.value)
+
+
+@pytest.mark.parametrize("angle", [ANGLE, np.pi - ANGLE, 1.5])
+@pytest.mark.parametrize("force", ["unilateral", "printed"])
+@pytest.mark.parametrize("name", ["damped", "unilateral"])
+def test_the_ground_carries_the_body_again_just_below_painleves_limit(name, force, angle):
+    """There N of a slipping body is a thousand times that of a free one, and so is its rounding where N = 0."""
+    near = {"effects.normal_force": force, "guide.angle": angle, "ground.friction": painleve_limit(angle) * (1 - 1e-3)}
+    run = vibro_ros.simulate(scene(name, REACTION, near), duration=0.2, rate=1000.0)
+    assert np.count_nonzero(run.events["kind"] == "stick") > 5
 
 
 @pytest.mark.parametrize("changes", [{"effects.reaction": False}, {"effects.normal_force": "weight"},
