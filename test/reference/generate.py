@@ -1,4 +1,4 @@
-"""Write the reference tables: `python test/reference/generate.py` (about a minute; needs python-flint).
+"""Write the reference tables: `python test/reference/generate.py` (about two minutes; needs python-flint).
 
 A table holds a scene's parameters, commands and samples as 30-digit decimals, its events, and how
 far a second run of other order and precision lies from it. `--scene`, `--duration` and `--folder`
