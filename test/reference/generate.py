@@ -1,4 +1,4 @@
-"""Write the reference tables: `python test/reference/generate.py` (about a minute; needs python-flint).
+"""Write the reference tables: `python test/reference/generate.py` (about two minutes; needs python-flint).
 
 A table holds a scene's parameters, commands and samples as 30-digit decimals, its events, and how
 far a second run of other order and precision lies from it. `--scene`, `--duration` and `--folder`
@@ -24,10 +24,12 @@ PAPER = {
     "upper.plate.stiffness": 1e7, "upper.plate.damping": 0.0, "upper.gap": 0.0,
     "inclined.spring.stiffness": 1e3, "inclined.spring.damping": 0.0,
     "inclined.plate.stiffness": 1e7, "inclined.plate.damping": 0.0, "inclined.gap": 0.0,
-    "ground.friction": 0.2, "gravity": 9.81, "motor.speed": 100.0, "motor.acceleration": 200.0,
+    "ground.friction": 0.2, "ground.static_friction": 0.25, "gravity": 9.81,
+    "motor.speed": 100.0, "motor.acceleration": 200.0,
     "gap_actuator.speed": 0.005, "start.state": "rest",
     "effects.upper_contact": "compliant", "effects.inclined_contact": "compliant", "effects.adhesion": True,
     "effects.friction": "coulomb", "effects.normal_force": "printed", "effects.motor": "ideal",
+    "effects.reaction": False, "effects.mass_weight": False,
 }
 DAMPED = {f"{side}.{part}.damping": damping for side in ("upper", "inclined")
           for part, damping in (("spring", 2.0), ("plate", 100.0))} | {"effects.normal_force": "unilateral"}
@@ -45,6 +47,15 @@ SCENES = {
     "crank_near_rod": ({"crank.radius": 0.0599, "effects.normal_force": "unilateral"}, [], 0.2),
     "crank_equals_rod": ({"crank.radius": 0.06, "effects.normal_force": "unilateral"}, [], 0.2),
     "frictionless": ({"effects.friction": "none"}, [], 0.2),
+    "reaction": ({"effects.reaction": True, "effects.normal_force": "unilateral"}, [], 0.2),
+    "reaction_printed_heavy": ({"effects.reaction": True, "mass.body": 0.2, "mass.inclined": 0.3}, [], 0.2),
+    "reaction_weight_damped": (DAMPED | {"effects.reaction": True, "effects.mass_weight": True}, [], 1.0),
+    "mass_weight": ({"effects.mass_weight": True, "effects.normal_force": "unilateral"}, [], 0.2),
+    "static_friction": ({"effects.friction": "static", "ground.static_friction": 0.4,
+                         "effects.normal_force": "unilateral"}, [], 0.2),
+    "static_reaction_damped": (DAMPED | {"effects.friction": "static", "ground.static_friction": 0.3,
+                                         "effects.reaction": True, "effects.mass_weight": True,
+                                         "effects.adhesion": False}, [], 0.5),
     "ramp_and_gaps": (DAMPED | {"motor.speed": 0.0, "effects.motor": "ramp", "motor.acceleration": 500.0},
                       [["0", {"motor_speed": 100.0}], ["0.3", {"upper_gap": 0.0005, "inclined_gap": -0.0005}],
                        ["0.35", {"motor_speed": 60.0, "upper_gap": -0.0001}], ["0.7", {"motor_speed": 0.0}]], 1.0),

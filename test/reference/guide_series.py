@@ -49,23 +49,26 @@ class Guide:
         root = (arb_series([self.rod * self.rod], order) - sine * sine * (radius * radius)).sqrt()
         self.slider = _coefficients(cosine * radius + root, order)
 
-    def expand(self, touching):
-        """Series of position, penetration, plate compression force and total force, with or without the plate."""
-        slider, order = self.slider, len(self.slider)
-        position, force, penetration, compression = [self.position, self.velocity], [], [], []
-        plate = [self.plate, self.plate_velocity] + [arb(0)] * order
-        for n in range(order - 2):
-            depth = position[n] - plate[n]
-            push = self.plate_stiffness * depth + self.plate_damping * ((n + 1) * (position[n + 1] - plate[n + 1]))
-            total = self.stiffness * (position[n] - slider[n])
-            total += self.damping * ((n + 1) * (position[n + 1] - slider[n + 1]))
-            if touching:
-                total += push
-            force.append(exact(total))
-            penetration.append(exact(depth))
-            compression.append(exact(push))
-            position.append(exact(-total / (self.mass * ((n + 2) * (n + 1)))))
-        return position, penetration, compression, force
+    def begin_series(self):
+        """Start the series of position, penetration, plate compression force and total force."""
+        self.series, self.force, self.penetration, self.compression = [self.position, self.velocity], [], [], []
+
+    def extend_force(self, n, touching):
+        """Coefficient n of the spring and contact force, appended, with or without the plate."""
+        position, slider, plate = self.series, self.slider, [self.plate, self.plate_velocity] + [arb(0)] * (n + 1)
+        depth = position[n] - plate[n]
+        push = self.plate_stiffness * depth + self.plate_damping * ((n + 1) * (position[n + 1] - plate[n + 1]))
+        total = self.stiffness * (position[n] - slider[n])
+        total += self.damping * ((n + 1) * (position[n + 1] - slider[n + 1]))
+        if touching:
+            total += push
+        self.force.append(exact(total))
+        self.penetration.append(exact(depth))
+        self.compression.append(exact(push))
+
+    def extend_position(self, n, inertia):
+        """Coefficient n + 2 of the position, appended; `inertia` is coefficient n of mass times acceleration."""
+        self.series.append(exact(inertia / (self.mass * ((n + 2) * (n + 1)))))
 
     def drive_force(self):
         """Present force of the drive spring and damper on the slider [N]."""

@@ -41,7 +41,25 @@ def draw(seed: int) -> tuple[dict, list]:
             f"{side}.plate.damping": pick.choice([0.0, 100.0, between(1.0, 3e3)]),
             f"{side}.gap": pick.choice([0.0, pick.uniform(-0.01, 0.01)]),
         }
-    return changes | _motor(pick, between), _commands(pick)
+    changes |= _motor(pick, between)
+    commands = _commands(pick)
+    return changes | _ground(pick, between, changes) | _masses(pick, changes), commands
+
+
+def _ground(pick, between, changes):
+    """Static friction for some of the scenes with friction."""
+    if changes["effects.friction"] == "none" or pick.random() < 0.5:
+        return {}
+    return {"effects.friction": "static", "ground.static_friction": changes["ground.friction"] * between(1.0, 2.0)}
+
+
+def _masses(pick, changes):
+    """Weight and reaction for half of the scenes; the reaction only where it has a unique solution for every N."""
+    inclined, angle = changes["mass.inclined"], changes["guide.angle"]
+    total = changes["mass.body"] + changes["mass.upper"] + inclined
+    unlike = total - inclined * math.sin(angle) ** 2  # M - m3 sin²φ: the body's share of the inertia
+    unique = changes["ground.friction"] * inclined * abs(math.sin(angle) * math.cos(angle)) < 0.9 * unlike
+    return {"effects.reaction": unique and pick.random() < 0.5, "effects.mass_weight": pick.random() < 0.5}
 
 
 def _motor(pick, between):

@@ -37,6 +37,8 @@ class ReferenceModel:
         self.weight = self.total_mass * arb(values["gravity"])
         self.sine, self.cosine = exact(self.guides[1].angle.sin()), exact(self.guides[1].angle.cos())
         self.friction = arb(values["ground.friction"])
+        static = values["effects.friction"] == "static"
+        self.holding = arb(values["ground.static_friction"]) if static else self.friction
         self.time, self.crank_angle, self.speed, self.acceleration = arb(0), arb(0), arb(values["motor.speed"]), arb(0)
         self.commanded_speed = self.speed
         self.body_position, self.body_velocity = arb(0), arb(0)
@@ -69,16 +71,62 @@ class ReferenceModel:
 
     # -- the motion as power series ------------------------------------------------------------
 
-    def _resolve_contact(self, guide):
-        """Decide whether the plate acts just after now, and expand the mass's motion accordingly."""
-        free = guide.expand(touching=False)
-        position, penetration, compression, force = free
-        step = self._step_limit([position, guide.slider], [force])
-        touching = guide.has_contact and leading(penetration, step)[0] > 0
-        if touching and not self.values["effects.adhesion"]:
-            touching = leading(compression, step)[0] > 0
-        guide.series, guide.penetration, guide.compression, guide.force = (
-            guide.expand(touching=True) if touching else free)
+    def _expand(self, touching, held=False, sliding=0):
+        """Series of all motion: rows x, u, w of the mass matrix for y = 0, and N from its row y.
+
+        x: M x'' - m3 sin φ w'' = -F_fr; u: m2 u'' = -F2 (- m2 g); w: m3 w'' (- m3 sin φ x'') = -F3 (- m3 g cos φ);
+        y: N = M g + m2 u'' + m3 cos φ w''. The body is `held`, x'' = 0, or F_fr = μ N times `sliding`, -1, 0 or 1.
+        Sets F_in, the friction force that would hold the body, for the present x''.
+        """
+        upper, inclined = self.guides
+        gravity, back = (arb(self.values["gravity"]) if self.values["effects.mass_weight"] else arb(0)), arb(0)
+        if self.values["effects.reaction"]:
+            back = exact(inclined.mass * self.sine)
+        by_weight = self.values["effects.normal_force"] == "weight"
+        slide = sliding * self.friction
+        resistance = self.total_mass - back * self.sine + (0 if by_weight else slide * back * self.cosine)
+        self.normal, self.inward, self.friction_force, accelerations = [], [], [], []
+        for guide in self.guides:
+            guide.begin_series()
+        for n in range(self.order - 2):
+            for guide, touches in zip(self.guides, touching, strict=True):
+                guide.extend_force(n, touches)
+            constant = 1 if n == 0 else 0
+            upper_load = -upper.force[n] - constant * upper.mass * gravity
+            inclined_load = -inclined.force[n] - constant * inclined.mass * gravity * self.cosine
+            normal = constant * self.weight + (0 if by_weight else upper_load + self.cosine * inclined_load)
+            inward = self.sine * inclined_load
+            acceleration = arb(0) if held else exact((inward - slide * normal) / resistance)
+            inertia = inclined_load + back * acceleration
+            normal += 0 if by_weight else self.cosine * back * acceleration
+            upper.extend_position(n, upper_load)
+            inclined.extend_position(n, inertia)
+            self.normal.append(exact(normal))
+            self.inward.append(exact(self.sine * inertia))
+            self.friction_force.append(self.inward[n] if held else exact(slide * normal))
+            accelerations.append(acceleration)
+        self.velocity = [self.body_velocity] + [exact(a / (n + 1)) for n, a in enumerate(accelerations)]
+        self.position = [self.body_position] + [exact(v / (n + 1)) for n, v in enumerate(self.velocity)]
+
+    def _touches(self, guide):
+        """Whether the plate acts just after now, from series expanded without it."""
+        step = self._step_limit([guide.series, guide.slider], [guide.force])
+        touching = guide.has_contact and leading(guide.penetration, step)[0] > 0
+        return touching and (self.values["effects.adhesion"] or leading(guide.compression, step)[0] > 0)
+
+    def _settle(self, **body):
+        """Expand all motion for one state of the body, with the plates that act in it; sets the natural step."""
+        self._expand((False, False), **body)
+        touching = [self._touches(guide) for guide in self.guides]
+        self._expand(touching, **body)
+        lengths = [series for g in self.guides for series in (g.series, g.slider, g.kink) if series]
+        self.natural_step = self._step_limit(lengths, [g.force for g in self.guides])
+        return touching
+
+    def _note(self, kind, time, **details):
+        self.events.append({"kind": kind, "time": time, **details})
+
+    def _note_contact(self, guide, touching):
         if touching and not guide.touching:
             guide.contact = {"time": self.time, "speed": exact(guide.velocity - guide.plate_velocity), "peak": arb(0)}
         if guide.touching and not touching:
@@ -87,54 +135,45 @@ class ReferenceModel:
                        speed=guide.contact["speed"], peak_force=guide.contact["peak"])
         guide.touching = touching
 
-    def _note(self, kind, time, **details):
-        self.events.append({"kind": kind, "time": time, **details})
-
-    def _resolve_body(self, step):
-        """Normal force, friction and the body's motion just after now."""
-        upper, inclined = self.guides
-        inward = [exact(-f * self.sine) for f in inclined.force]
-        normal = [exact(-a - b * self.cosine) for a, b in zip(upper.force, inclined.force, strict=True)]
-        normal[0] = exact(normal[0] + self.weight)
-        rule = self.values["effects.normal_force"]
-        if rule == "weight":
-            normal = [self.weight] + [arb(0)] * (len(normal) - 1)
-        unloaded = leading(normal, step)[0] < 0
-        if unloaded != self.unloaded:
-            self._note("unloaded" if unloaded else "loaded", self.time)
-        self.unloaded, self.signed_normal, self.inward = unloaded, normal, inward
-        self.normal = [arb(0)] * len(normal) if rule == "unilateral" and unloaded else normal
-        limit = [exact(self.friction * n) for n in self.normal]
-        self._resolve_friction(limit, step)
-        acceleration = [exact((i - f) / self.total_mass) for i, f in zip(inward, self.friction_force, strict=True)]
-        velocity = [self.body_velocity] + [exact(a / (n + 1)) for n, a in enumerate(acceleration)]
-        self.velocity = velocity
-        self.position = [self.body_position] + [exact(v / (n + 1)) for n, v in enumerate(velocity)]
-
-    def _resolve_friction(self, limit, step):
-        """Set the mode (stick, +1, -1 or free) and the series of F_fr; `limit` is the series of μN."""
-        zero = [arb(0)] * len(limit)
-        self.limit = limit
+    def _resolve_body(self):
+        """The body's mode just after now, and all series in it; returns which plates act."""
         if abs(self.body_velocity) < SPEED_IS_ZERO:
             self.body_velocity = arb(0)
-        moving = leading([self.body_velocity], 1.0)[0]
-        absent = self.values["effects.friction"] == "none" or all(c == 0 for c in limit)
-        if absent:
-            mode, self.friction_force = "free", zero
-        elif moving == 0 and self._holds(limit, step):
-            mode, self.friction_force = "stick", self.inward
-        else:
-            sign = moving or leading(self.inward, step)[0]
-            mode, self.friction_force = {1: "forward", -1: "backward", 0: "stick"}[sign], [sign * c for c in limit]
+        sign = leading([self.body_velocity], 1.0)[0]
+        if self.values["effects.friction"] == "none" or self.friction == 0:
+            return "free", self._settle()
+        unilateral = self.values["effects.normal_force"] == "unilateral"
+        if sign == 0:
+            touching = self._settle(held=True)
+            if self._holds():
+                return "stick", touching
+            sign = leading(self.inward, self.natural_step)[0]
+            if sign == 0 and not unilateral:
+                return "stick", touching
+        touching = self._settle(sliding=sign)
+        if unilateral and self._sign_of_normal() < 0:
+            return "free", self._settle()
+        return {1: "forward", -1: "backward"}[sign], touching
+
+    def _sign_of_normal(self):
+        return leading(self.normal, self.natural_step)[0]
+
+    def _margins(self):
+        """Series of μN - F_in and μN + F_in, with the friction coefficient of a body at rest."""
+        return ([self.holding * n - i for n, i in zip(self.normal, self.inward, strict=True)],
+                [self.holding * n + i for n, i in zip(self.normal, self.inward, strict=True)])
+
+    def _holds(self):
+        """Whether |F_in| <= μN just after now, of a body at rest."""
+        return all(leading([exact(c) for c in margin], self.natural_step)[0] >= 0 for margin in self._margins())
+
+    def _note_body(self, mode):
+        unloaded = self._sign_of_normal() < 0
+        if unloaded != self.unloaded:
+            self._note("unloaded" if unloaded else "loaded", self.time)
         if self.body_mode and mode not in (self.body_mode, "free"):
             self._note({"forward": "slip_forward", "backward": "slip_backward"}.get(mode, mode), self.time)
-        self.body_mode = mode
-
-    def _holds(self, limit, step):
-        """Whether |F_in| <= μN just after now."""
-        margins = ([a - b for a, b in zip(limit, self.inward, strict=True)],
-                   [a + b for a, b in zip(limit, self.inward, strict=True)])
-        return all(leading(margin, step)[0] >= 0 for margin in margins)
+        self.unloaded, self.body_mode = unloaded, mode
 
     def _guards(self):
         """Series whose first change of sign ends the present modes."""
@@ -146,10 +185,9 @@ class ReferenceModel:
                 guards.append(guide.penetration)
                 if not self.values["effects.adhesion"] and leading(guide.penetration, self.natural_step)[0] > 0:
                     guards.append(guide.compression)
-        guards.append(self.signed_normal)
+        guards.append(self.normal)
         if self.body_mode == "stick":
-            guards.append([a - b for a, b in zip(self.limit, self.inward, strict=True)])
-            guards.append([a + b for a, b in zip(self.limit, self.inward, strict=True)])
+            guards.extend(self._margins())
         elif self.body_mode != "free":
             guards.append(self.velocity[:-1])
         return guards
@@ -171,11 +209,10 @@ class ReferenceModel:
         """Expand everything at the present instant."""
         for guide in self.guides:
             self._expand_slider(guide)
-        for guide in self.guides:
-            self._resolve_contact(guide)
-        lengths = [series for g in self.guides for series in (g.series, g.slider, g.kink) if series]
-        self.natural_step = self._step_limit(lengths, [g.force for g in self.guides])
-        self._resolve_body(self.natural_step)
+        mode, touching = self._resolve_body()
+        for guide, touches in zip(self.guides, touching, strict=True):
+            self._note_contact(guide, touches)
+        self._note_body(mode)
 
     def advance_to(self, time: arb):
         """Integrate up to `time` [s] and leave everything expanded there."""
@@ -270,10 +307,11 @@ class ReferenceModel:
         power = arb(0)
         for guide in self.guides:
             power -= guide.drive_force() * guide.slider[1]
+        lifted = self.unloaded and self.values["effects.normal_force"] == "unilateral"
         return {
             "time": self.time, "body_position": self.body_position, "body_velocity": self.body_velocity,
             "upper_position": upper.position, "upper_velocity": upper.velocity,
             "inclined_position": inclined.position, "inclined_velocity": inclined.velocity,
             "crank_angle": self.crank_angle, "motor_speed": self.speed, "motor_power": exact(power),
-            "normal_force": self.normal[0], "friction_force": self.friction_force[0],
+            "normal_force": arb(0) if lifted else self.normal[0], "friction_force": self.friction_force[0],
         }

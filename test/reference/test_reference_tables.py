@@ -11,7 +11,7 @@ from comparison import CONTACTS, POSITIONS, column, reference_events, replay
 
 FOLDER = Path(__file__).parent
 TABLES = {path.stem: json.loads(path.read_text()) for path in sorted((FOLDER / "tables").glob("*.json"))}
-DAMPED = ("damped_adhesion", "damped_no_tension", "ramp_and_gaps")
+DAMPED = ("damped_adhesion", "damped_no_tension", "ramp_and_gaps", "reaction_weight_damped", "static_reaction_damped")
 
 
 def tolerance(name):
@@ -126,3 +126,28 @@ def test_the_reference_conserves_momentum_through_every_impact():
     share = table["parameters"]["mass.inclined"] * np.sin(table["parameters"]["guide.angle"])
     momentum = total * column(table, "body_velocity") - share * column(table, "inclined_velocity")
     assert np.abs(momentum).max() < 1e-15
+
+
+@pytest.mark.parametrize("name", ["reaction", "reaction_printed_heavy", "static_reaction_damped"])
+def test_the_reference_obeys_every_row_of_the_mass_matrix(name):
+    """MODEL.md's matrix for y = 0, at instants of all modes; 64 digits times forces of up to 1e4 N."""
+    pytest.importorskip("flint", reason="python-flint makes the tables")
+    from flint import arb
+    from generate import PAPER, SCENES
+    from reference_model import ReferenceModel
+
+    model, modes = ReferenceModel(PAPER | SCENES[name][0]), set()
+    heavy = arb(9.81) if model.values["effects.mass_weight"] else arb(0)
+    for index in range(60):
+        model.advance_to((arb(index) / 1000).mid())
+        upper, inclined = model.guides
+        x, u, w = model.velocity[1], 2 * upper.series[2], 2 * inclined.series[2]
+        along, upwards = -inclined.mass * model.sine, inclined.mass * model.cosine
+        rows = {"x": model.total_mass * x + along * w + model.friction_force[0],
+                "y": upper.mass * u + upwards * w - model.normal[0] + model.weight,
+                "u": upper.mass * u + upper.force[0] + upper.mass * heavy,
+                "w": along * x + inclined.mass * w + inclined.force[0] + upwards * heavy}
+        for row, rest in rows.items():
+            assert abs(float(rest)) < 1e-55, (row, index)
+        modes.add(model.body_mode)
+    assert len(modes) > 2

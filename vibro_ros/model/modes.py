@@ -106,9 +106,6 @@ class ModeBuilder:
             elif scene["effects.reaction"]:
                 inertia[i] += mass * along_x * body[accelerations]
                 loads[i] -= mass * along_x * body[forms.channels.one] * forms.one
-        if np.linalg.det(inertia) <= 0.0:
-            raise ValueError(f"ground.friction: at {scene['ground.friction']:g} the reaction on the masses has no "
-                             "unique solution while the body slips; lower it, or set effects.reaction to false")
         return list(np.linalg.solve(inertia, loads)) if len(loads) else []
 
     def friction_force(self, mode: Mode) -> Form:

@@ -100,6 +100,20 @@ class Scene:
         if self["effects.friction"] == "static" and static < kinetic:
             raise ValueError(f"ground.static_friction: {static:g} is below ground.friction, {kinetic:g}; "
                              f"give at least {kinetic:g}")
+        highest = self._highest_friction()
+        if self["effects.friction"] != "none" and kinetic >= highest:
+            raise ValueError(f"ground.friction: at {kinetic:g} the reaction on the masses has no unique solution while "
+                             f"the body slips (Painlevé's paradox); give less than {highest:g}, or set "
+                             "effects.reaction to false")
+
+    def _highest_friction(self) -> float:
+        """Friction coefficient at which the inertia of the slipping body and its inclined mass becomes singular."""
+        sine, cosine = math.sin(self["guide.angle"]), math.cos(self["guide.angle"])
+        coupled = self["effects.reaction"] and self["effects.inclined_mass"] and self["effects.normal_force"] != "weight"
+        if not coupled or sine * cosine == 0.0:
+            return math.inf
+        mass = self["mass.inclined"]
+        return (self.total_mass - mass * sine**2) / (mass * sine * abs(cosine))
 
     def _check_blows(self):
         """A rigid blow is an infinite force: not every rule of the normal force gives its friction a meaning."""
@@ -108,11 +122,11 @@ class Scene:
                 self[f"effects.{side}_contact"] == "restitution" for side in self.guides):
             return
         if rule == "printed":
-            raise ValueError("effects.normal_force: 'printed' makes friction drive the body infinitely hard in a blow on "
-                             "a rigid plate; choose unilateral or weight, or a compliant contact")
+            raise ValueError("effects.normal_force: 'printed' makes friction drive the body infinitely hard in a blow "
+                             "on a rigid plate; choose unilateral or weight, or a compliant contact")
         if rule == "unilateral" and angle > math.pi / 2:
-            raise ValueError(f"guide.angle: {angle:g} rad points the inclined guide down, where a blow on a rigid plate "
-                             "presses the body on the ground; give at most 1.5708 rad, or a compliant contact")
+            raise ValueError(f"guide.angle: {angle:g} rad points the inclined guide down, where a blow on a rigid "
+                             "plate presses the body on the ground; give at most 1.5708 rad, or a compliant contact")
 
     @property
     def total_mass(self) -> float:

@@ -136,21 +136,32 @@ def _read(state, tau, point):
 @kernel
 def _holds(system, state, row, point):
     """Whether a guard is not negative at `point`, to rounding."""
+    first = 2 * system.sizes[0]
     total = 0.0
     noise = 0.0
     for channel in range(len(point)):
         factor = system.row[row, channel]
         total += factor * point[channel]
-        noise += abs(factor) * (abs(point[channel]) + state.scale[channel])
+        if first <= channel < first + system.sizes[1]:
+            noise += abs(factor) * state.work[3, channel - first]
+        else:
+            noise += abs(factor) * (abs(point[channel]) + state.scale[channel])
     return total >= -_NOISE * noise
 
 
 @kernel
 def _accelerate(system, state, mode, point):
-    """Set the accelerations of the dynamic coordinates at `point` to those of `mode`."""
+    """Set the accelerations of the dynamic coordinates at `point` to those of `mode`, and their scales in `work`."""
     first = 2 * system.sizes[0]
     for i in range(system.sizes[1]):
-        point[first + i] = form_value(system.acceleration[mode, i], point)
+        total = 0.0
+        scale = 0.0
+        for channel in range(len(point)):
+            factor = system.acceleration[mode, i, channel]
+            total += factor * point[channel]
+            scale += abs(factor) * (abs(point[channel]) + state.scale[channel])
+        point[first + i] = total
+        state.work[3, i] = scale
 
 
 @kernel

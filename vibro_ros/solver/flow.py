@@ -36,6 +36,8 @@ def _solve_coupled(loads, row, h, coordinates, dynamic, z):
         for i in range(dynamic):
             z[i, n + 1] = z[coordinates + i, n] * step
             z[coordinates + i, n + 1] = z[2 * coordinates + i, n] * step
+
+
 @kernel
 def _rescale(state, channel, magnitude):
     """A segment starts with the rounding error of the one before, however small its own terms are."""

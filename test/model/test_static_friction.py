@@ -1,0 +1,107 @@
+"""A static coefficient above the kinetic one: it holds a body at rest, and has no say in a moving one.
+
+The mass starts at 0, its drive spring stretched by the standing slider, and pulls with
+F_in = k3 s sin φ cos Ωt, greatest at once: a bound known in closed form.
+"""
+
+import numpy as np
+import pytest
+
+import vibro_ros
+
+STIFFNESS, INCLINED, TOTAL, GRAVITY, KINETIC = 1e3, 0.08, 1.18, 9.81, 1.0
+ANGLE = 0.8726646259971648
+STRETCH = 0.02 * np.cos(ANGLE) + np.sqrt(0.06**2 - (0.02 * np.sin(ANGLE)) ** 2)
+PULL = STIFFNESS * STRETCH * np.sin(ANGLE)  # N, greatest F_in
+FREQUENCY = np.sqrt(STIFFNESS / INCLINED)
+LIMIT = PULL / (TOTAL * GRAVITY)
+RELEASED = {"effects.upper_contact": "none", "effects.inclined_contact": "none", "effects.normal_force": "weight",
+            "motor.speed": 0.0, "start.state": "zero", "ground.friction": KINETIC}
+SLIPS = ("slip_forward", "slip_backward")
+
+
+def run(coefficient, changes=(), times=None, friction="static"):
+    scene = vibro_ros.load_scene("paper").with_parameters(RELEASED | dict(changes) | {
+        "effects.friction": friction, "ground.static_friction": coefficient})
+    return vibro_ros.simulate(scene, times=np.linspace(0.0, 0.5, 501) if times is None else times)
+
+
+@pytest.mark.parametrize("reaction", [False, True])
+@pytest.mark.parametrize(("excess", "slips"), [(1e-9, False), (-1e-9, True)])
+def test_a_body_at_rest_slips_only_beyond_the_static_limit(excess, slips, reaction):
+    """μs N > |F_in| > μ N holds it for good, through eight turns of F_in; a billionth less does not."""
+    assert LIMIT > 4 * KINETIC
+    motion = run(LIMIT * (1 + excess), {"effects.reaction": reaction})
+    assert bool(motion.body_position.any()) is slips
+    assert bool(np.isin(motion.events["kind"], SLIPS).any()) is slips
+    if not slips:
+        expected = PULL * np.cos(FREQUENCY * motion.time)
+        np.testing.assert_allclose(motion.friction_force, expected, rtol=0, atol=1e-10)
+        assert abs(motion.friction_force).max() > 4 * KINETIC * TOTAL * GRAVITY
+
+
+def test_the_kinetic_coefficient_alone_does_not_hold_it():
+    assert run(LIMIT * 2, friction="coulomb").body_position.any()
+
+
+def test_a_slipping_body_feels_the_kinetic_coefficient():
+    """M x'' = F_in - μ M g from the first instant, until it turns: x to the rounding of 0.01 m."""
+    times = np.linspace(0.0, 0.02, 41)
+    motion = run(LIMIT * (1 - 1e-9), times=times)
+    speed = PULL * np.sin(FREQUENCY * times) / (FREQUENCY * TOTAL) - KINETIC * GRAVITY * times
+    assert speed[1:].min() > 0.0
+    position = PULL * (1 - np.cos(FREQUENCY * times)) / (FREQUENCY**2 * TOTAL) - KINETIC * GRAVITY * times**2 / 2
+    np.testing.assert_allclose(motion.body_velocity, speed, rtol=0, atol=1e-14)
+    np.testing.assert_allclose(motion.body_position, position, rtol=0, atol=1e-15)
+    np.testing.assert_allclose(motion.friction_force[1:], KINETIC * TOTAL * GRAVITY, rtol=1e-15)
+
+
+@pytest.mark.parametrize(("share", "held"), [(1.01, True), (0.99, False)])
+def test_a_body_that_comes_to_rest_is_held_by_the_static_coefficient(share, held):
+    """Where the speed vanishes first, |F_in| is above μ N: it stays for good below μs N, and turns beyond."""
+    moving = run(KINETIC, times=np.linspace(0.0, 0.02, 3))
+    assert moving.body_velocity[-1] > 0.0
+    turn = next(event["time"] for event in run(KINETIC).events if event["kind"] == "slip_backward")
+    limit = abs(PULL * np.cos(FREQUENCY * turn)) / (TOTAL * GRAVITY)
+    assert KINETIC < limit < LIMIT
+    motion = run(limit * share)
+    ends = motion.events[np.isin(motion.events["kind"], ("stick", "slip_backward"))]
+    assert ends["time"][0] == pytest.approx(turn, abs=1e-12)
+    assert ends["kind"][0] == ("stick" if held else "slip_backward")
+
+
+def test_it_lets_go_again_where_the_pull_exceeds_the_static_limit():
+    """The first slip after the first stick begins where k3 s sin φ |cos Ωt| = μs M g."""
+    turn = next(event["time"] for event in run(KINETIC).events if event["kind"] == "slip_backward")
+    coefficient = abs(PULL * np.cos(FREQUENCY * turn)) / (TOTAL * GRAVITY) * 1.01
+    kinds = run(coefficient).events
+    kinds = kinds[np.isin(kinds["kind"], (*SLIPS, "stick"))]
+    stick = list(kinds["kind"]).index("stick")
+    release = kinds[stick + 1]
+    angle = np.arccos(coefficient / LIMIT)
+    candidates = np.sort(np.concatenate([np.arange(40) * np.pi - angle, np.arange(40) * np.pi + angle])) / FREQUENCY
+    rising = np.sin(FREQUENCY * candidates) * np.cos(FREQUENCY * candidates) < 0.0
+    expected = candidates[rising & (candidates > kinds["time"][stick])][0]
+    assert release["kind"] in SLIPS
+    assert release["time"] == pytest.approx(expected, abs=1e-12)
+
+
+@pytest.mark.parametrize("reaction", [False, True])
+@pytest.mark.parametrize("force", ["unilateral", "weight", "printed"])
+def test_equal_coefficients_are_coulombs(force, reaction):
+    """Bit for bit."""
+    scenes = [vibro_ros.load_scene("damped").with_parameters({
+        "effects.friction": friction, "ground.static_friction": 0.2, "effects.normal_force": force,
+        "effects.reaction": reaction}) for friction in ("static", "coulomb")]
+    static, coulomb = (vibro_ros.simulate(scene, duration=1.0, rate=1000.0) for scene in scenes)
+    np.testing.assert_array_equal(static.body_position, coulomb.body_position)
+    assert static.events.tobytes() == coulomb.events.tobytes()
+
+
+def test_a_static_coefficient_below_the_kinetic_is_refused():
+    scene = vibro_ros.load_scene("unilateral")
+    with pytest.raises(ValueError, match="ground.static_friction: 0.19 ") as caught:
+        scene.with_parameters({"effects.friction": "static", "ground.static_friction": 0.19})
+    assert "0.2" in str(caught.value) and "\n" not in str(caught.value)
+    scene.with_parameters({"effects.friction": "static", "ground.static_friction": 0.2})
+    scene.with_parameters({"effects.friction": "coulomb", "ground.static_friction": 0.19})
