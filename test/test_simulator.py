@@ -185,6 +185,17 @@ def test_commands_and_samples_at_the_instant_of_an_event():
     np.testing.assert_allclose(finals, finals[0], rtol=0, atol=1e-12)
 
 
+def test_a_plate_called_away_lets_go_at_once():
+    """No tension: in the very instant of the command the damper would pull by c E' = 1 N, and must not be seen to."""
+    for instant in np.linspace(0.04, 0.06, 60) * math.pi / 3:
+        made = device(RAMP | {"effects.adhesion": False, "upper.gap": 0.0199, "upper.plate.damping": 100.0,
+                              "upper.spring.damping": 20.0, "upper.plate.stiffness": 1e4, "gap_actuator.speed": 0.5})
+        made.advance_to(instant)
+        assert made.state.upper_plate_force > 0.0
+        made.command(upper_gap=0.03)
+        assert made.state.upper_plate_force == 0.0
+
+
 @pytest.mark.parametrize("scene", ["paper", "unilateral", "damped"])
 def test_a_flood_of_commands_at_one_instant(scene):
     """The last of 1000 counts; each jump of the speed jolts the dampers, and none is taken for a lack of progress."""

@@ -341,3 +341,4 @@ def interrupt(system, state, time, point):
     state.clock[ANCHOR] = 0.0
     state.index[STANDSTILLS] = 0  # what a command sets off is no part of the cascade before it
     advance_forcing(system, state, tau)
+    state.clock[START], state.clock[START_RESIDUE] = time, 0.0  # or a sample now could lie before what follows at once
