@@ -198,7 +198,8 @@ def test_the_ground_carries_the_body_again_just_below_painleves_limit(name, forc
 @pytest.mark.parametrize("changes", [{"effects.reaction": False}, {"effects.normal_force": "weight"},
                                      {"effects.friction": "none"}, {"guide.angle": np.pi / 2}])
 def test_friction_is_unlimited_where_the_reaction_does_not_reach_it(changes):
-    run = vibro_ros.simulate(scene("damped", REACTION, {"ground.friction": 900.0}, changes), duration=0.05, rate=1000.0)
+    made = scene("damped", REACTION | {"ground.friction": 900.0} | changes)
+    run = vibro_ros.simulate(made, duration=0.05, rate=1000.0)
     assert np.isfinite(run.body_position).all()
 
 

@@ -1,7 +1,7 @@
 """Systems of a few rows, built by hand: the solver is tested without any robot."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -10,16 +10,22 @@ from vibro_ros.solver import state as at
 from vibro_ros.solver.polynomial import LENGTH
 from vibro_ros.solver.recording import EVENT_COLUMNS
 from vibro_ros.solver.state import new_state
-from vibro_ros.solver.system import NOTHING, SignalTable, System, flow_numbers, longest_steps
+from vibro_ros.solver.system import NOTHING, SignalTable, System, couplings, flow_numbers, longest_steps
 
 
 @dataclass(frozen=True)
 class Guard:
-    """form >= 0; else the first of `targets` that holds, with the velocity of coordinate `halt` set to zero."""
+    """form >= 0; else the first of `targets` that holds, after the jump (channel to form).
+
+    A blow `strike`s monitor 0. `entry`: a form that the first target needs before the jump.
+    """
 
     form: np.ndarray
     targets: tuple[int, ...]
-    halt: int = NOTHING
+    jump: dict[int, np.ndarray] = field(default_factory=dict)
+    first_jump: dict[int, np.ndarray] | None = None
+    entry: np.ndarray | None = None
+    strike: bool = False
 
 
 def cosine_table(cells=8):
@@ -40,14 +46,25 @@ def build(channels, modes, guards=(), signals=None, monitor=None):
     acceleration = np.array(modes, dtype=float).reshape(count, channels.coordinates, channels.count)
     guards = guards or [()] * count
     most = max(1, *map(len, guards))
-    row = [guard.form for of_mode in guards for guard in of_mode]
-    number, halt = np.full((count, most), NOTHING), np.full((count, most), NOTHING)
-    candidate = np.full((count, most, 3), NOTHING)
+    row, landing = [], []
+    number, owner, strike = (np.full((count, most), NOTHING) for _ in range(3))
+    candidate, entry, jump = (np.full((count, most, 3), NOTHING) for _ in range(3))
     for m, of_mode in enumerate(guards):
         for g, guard in enumerate(of_mode):
-            number[m, g] = sum(map(len, guards[:m])) + g
-            halt[m, g] = guard.halt
+            number[m, g], owner[m, g] = len(row), 0
+            row.append(guard.form)
+            strike[m, g] = 0 if guard.strike else NOTHING
             candidate[m, g, :len(guard.targets)] = guard.targets
+            for c in range(len(guard.targets)):
+                jumps = guard.first_jump if c == 0 and guard.first_jump is not None else guard.jump
+                if jumps:
+                    jump[m, g, c] = len(landing)
+                    landing.append(np.eye(2 * channels.coordinates, channels.count))
+                    for channel, form in jumps.items():
+                        landing[-1][channel] = form
+            if guard.entry is not None:
+                entry[m, g, 0] = len(row)
+                row.append(guard.entry)
     row = np.array(row).reshape(len(row), channels.count)
     driven = np.zeros(channels.count, dtype=bool)
     driven[channels.dynamic:channels.coordinates] = True
@@ -58,7 +75,10 @@ def build(channels, modes, guards=(), signals=None, monitor=None):
     return System(
         sizes=np.array(channels), acceleration=acceleration, flow=flow_numbers(acceleration, channels.dynamic),
         longest_step=longest_steps(acceleration, channels), row=row, driven=row[:, driven].any(axis=1),
-        guard=number, candidate=candidate, halt=halt, event=event,
+        coupled=couplings(acceleration, channels), guard=number, owner=owner, candidate=candidate, entry=entry,
+        jump=jump,
+        landing=np.array(landing).reshape(len(landing), 2 * channels.coordinates, channels.count), strike=strike,
+        unheld=np.tile(np.arange(count)[:, None], (1, channels.ramps)), event=event,
         monitor=np.zeros((count, 0, channels.count)) if monitor is None else np.tile(monitor[0], (count, 1, 1)),
         monitored=np.array([[m in monitor[2]] * watched if monitor else [] for m in range(count)], dtype=bool),
         approach=np.zeros((0, channels.count)) if monitor is None else np.array([monitor[1]]),

@@ -25,8 +25,8 @@ def friction_oscillator(friction, drive=0.0):
         return row
 
     rows = [[form(-RATE**2, 0, drive, -friction)], [form(-RATE**2, 0, drive, friction)], [form()]]
-    guards = [[Guard(form(velocity=1.0), (STICK, BACKWARD), halt=0)],
-              [Guard(form(velocity=-1.0), (STICK, FORWARD), halt=0)],
+    guards = [[Guard(form(velocity=1.0), (STICK, BACKWARD), jump={1: np.zeros(channels.count)})],
+              [Guard(form(velocity=-1.0), (STICK, FORWARD), jump={1: np.zeros(channels.count)})],
               [Guard(form(RATE**2, 0, -drive, friction), (FORWARD,)),
                Guard(form(-RATE**2, 0, drive, friction), (BACKWARD,))]]
     return build(channels, rows, guards, cosine_table())
@@ -101,7 +101,8 @@ def sliding_block(friction):
     channels = Channels(1, 0, 0, 0)
     forward, backward, stick, velocity = np.zeros((4, channels.count))
     forward[channels.one], backward[channels.one], velocity[channels.velocity(0)] = -friction, friction, 1.0
-    guards = [[Guard(velocity, (STICK,), halt=0)], [Guard(-velocity, (STICK,), halt=0)], []]
+    stop = {1: np.zeros(channels.count)}
+    guards = [[Guard(velocity, (STICK,), jump=stop)], [Guard(-velocity, (STICK,), jump=stop)], []]
     return build(channels, [[forward], [backward], [stick]], guards)
 
 

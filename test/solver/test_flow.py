@@ -105,12 +105,12 @@ def test_a_driven_coordinate_integrates_the_others():
 
 
 def test_energy_of_a_free_oscillator_over_a_million_radians():
-    """The series is cut below rounding: 5e5 segments change the energy by at most a rounding each, here far less."""
+    """The series is cut below rounding: 5e5 segments change the energy by at most a rounding (2.2e-16) each."""
     run = Integration(oscillator(1e4, 0.0, 0.0), [1.0], [0.0])
     points, _, _ = run.sample([1e4])
     assert run.status == 0
     energy = points[0, 0] ** 2 + (points[0, 1] / 100.0) ** 2
-    assert energy == pytest.approx(1.0, abs=5e-11)
+    assert energy == pytest.approx(1.0, abs=1.1e-10)
 
 
 def test_longest_steps():

@@ -12,8 +12,8 @@ class Target(NamedTuple):
     ----------
     state : str
         State of the guard's own effect.
-    velocities : tuple of (int, ndarray)
-        Coordinates whose velocities jump on the way, and the forms of their new values before the jump.
+    jumps : tuple of (int, ndarray)
+        Channels of positions and velocities that change on the way, and their new values as forms of the old ones.
     entry : ndarray or None
         A form that must not be negative before the jump, for the target to be entered.
     friction : str or None
@@ -21,7 +21,7 @@ class Target(NamedTuple):
     """
 
     state: str
-    velocities: tuple[tuple[int, np.ndarray], ...] = ()
+    jumps: tuple[tuple[int, np.ndarray], ...] = ()
     entry: np.ndarray | None = None
     friction: str | None = None
 

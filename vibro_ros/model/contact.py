@@ -85,24 +85,25 @@ class RigidContact:
     def _rest(self, friction: str) -> Target:
         _, approach = self._forms.penetration(self.side)
         slow = REST_SPEED * self._forms.one - self._restitution * approach
-        jumps = self._jumps(0.0)
-        return Target("resting", jumps if friction not in ("stick", "rest") else jumps[:1], entry=slow)
+        own, body = self._blow(0.0)
+        return Target("resting", own if friction in ("stick", "rest") else own + body, entry=slow)
 
     def _rebounds(self, friction: str) -> list[Target]:
-        jumps = self._jumps(self._restitution)
-        if len(jumps) == 1 or friction in ("frictionless", "unloaded"):
-            return [Target("open", jumps)]
-        (_, body) = jumps[1]
-        return [Target("open", jumps, entry=body, friction="slip_forward"),
-                Target("open", jumps, entry=-body, friction="slip_backward")]
+        own, body = self._blow(self._restitution)
+        if not body or friction in ("frictionless", "unloaded"):
+            return [Target("open", own + body)]
+        ((_, speed),) = body
+        return [Target("open", own + body, entry=speed, friction="slip_forward"),
+                Target("open", own + body, entry=-speed, friction="slip_backward")]
 
-    def _jumps(self, restitution: float) -> tuple[tuple[int, Form], ...]:
-        """New velocities of the mass and, if the blow moves it, of the body."""
+    def _blow(self, restitution: float) -> tuple[tuple[tuple[int, Form], ...], tuple[tuple[int, Form], ...]]:
+        """What a blow changes: the mass, put exactly on its plate, and the body if it moves it."""
         forms, i = self._forms, self._forms.guides.index(self.side)
+        plate, _ = forms.plate(self.side)
         _, approach = forms.penetration(self.side)
         change = -(1.0 + restitution) * approach
-        mass = (i, forms.velocity(i) + change)
+        own = (forms.channels.position(i), plate), (forms.channels.velocity(i), forms.velocity(i) + change)
         if self.side != "inclined" or not forms.body_moves:
-            return (mass,)
+            return own, ()
         share = self._scene["mass.inclined"] * math.sin(self._scene["guide.angle"]) / self._scene.total_mass
-        return mass, (forms.body, forms.velocity(forms.body) + share * change)
+        return own, ((forms.channels.velocity(forms.body), forms.velocity(forms.body) + share * change),)

@@ -1,6 +1,6 @@
 """A scene in words: what its compiled tables really simulate."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
 from vibro_ros.model.automaton import Guard
 from vibro_ros.model.modes import OUTPUTS, ModeBuilder
@@ -61,21 +61,25 @@ class _Description:
         """Masses, by the states of their contacts, and the body, with forces [N]."""
         forms = self._model.forms
         for i, side in enumerate(forms.guides):
-            for row, states in self._rows_by_contact(i, side).items():
-                while_ = f"    while {' or '.join(states)}" if side in forms.plates else ""
+            for row, cases in self._cases(i, side).items():
+                while_ = f"    while {' or '.join(cases)}" if any(cases) else ""
                 yield f"{self._scene[f'mass.{side}']:g} {MASS[side]}'' = {row}{while_}"
         if forms.body_moves:
             yield from self._body_equations()
 
-    def _rows_by_contact(self, i: int, side: str) -> dict[str, list[str]]:
-        """Right-hand side of mass i as text, with the states of its own contact in which it holds."""
-        plates, rows = self._model.forms.plates, {}
-        for mode, of_mode in zip(self._model.modes, self._model.system.acceleration, strict=True):
-            states = rows.setdefault(self._symbols.text(self._scene[f"mass.{side}"] * of_mode[i]), [])
-            state = mode.states[plates.index(side)] if side in plates else ""
-            if state not in states:
-                states.append(state)
-        return rows
+    def _cases(self, i: int, side: str) -> dict[str, list[str]]:
+        """Right-hand side of mass i as text, with the states in which it holds of the effects that it depends on."""
+        rows = {mode.states: self._symbols.text(self._scene[f"mass.{side}"] * of_mode[i])
+                for mode, of_mode in zip(self._model.modes, self._model.system.acceleration, strict=True)}
+        names = [f"{contact.side} contact" for contact in self._builder.contacts] + ["friction"]
+        cases = {}
+        for row in dict.fromkeys(rows.values()):
+            holding = {states for states, text in rows.items() if text == row}
+            matter = [place for place in range(len(names)) if not _holds_for_all(holding, place, rows)]
+            conditions = (" and ".join(f"{names[place]} {states[place]}" for place in matter)
+                          for states in rows if states in holding)
+            cases[row] = list(dict.fromkeys(conditions))
+        return cases
 
     def _body_equations(self) -> Iterator[str]:
         outputs, body = self._model.output, self._model.forms.body
@@ -112,13 +116,23 @@ class _Description:
         for place, (name, states) in enumerate(self._parts().items()):
             for state in states:
                 for guard in self._state_guards(place, state):
-                    stops = f", with {self._symbols.coordinates[guard.halt]}' = 0" if guard.halt != NOTHING else ""
-                    yield f"{name} {state}: {guard.text}    else {' or '.join(guard.targets)}{stops}"
+                    targets = dict.fromkeys(target.state for target in guard.targets)
+                    yield f"{name} {state}: {guard.text}    else {' or '.join(targets)}{self._jumps(guard)}"
+
+    def _jumps(self, guard: Guard) -> str:
+        """What changes at once when a guard fires."""
+        channels = {channel: form for target in guard.targets for channel, form in target.jumps}
+        coordinates = self._symbols.coordinates
+        speeds = {f"{coordinates[channel - len(coordinates)]}'": form
+                  for channel, form in channels.items() if channel >= len(coordinates)}
+        if not any(form.any() for form in speeds.values()):
+            return "".join(f", with {speed} = 0" for speed in speeds)
+        return f", where {' and '.join(speeds)} jump{'s' if len(speeds) == 1 else ''}"
 
     def _state_guards(self, place: int, state: str) -> list[Guard]:
         builder, forms = self._builder, self._builder.forms
         if place < len(builder.contacts):
-            return builder.contacts[place].guards(state)
+            return builder.contacts[place].guards(state, builder.friction_states[0], forms.zero)
         return builder.friction.guards(state, forms.normal_force(), forms.inertial_force())
 
     def events(self) -> Iterator[str]:
@@ -136,13 +150,23 @@ class _Description:
         scene, forms = self._scene, self._model.forms
         words = [f"{side} mass" for side in forms.guides]
         for contact in self._builder.contacts:
-            words.append(f"{contact.side} contact, compliant" + ", without tension" * ("released" in contact.states))
+            rigid = f"rigid, restitution {scene[f'{contact.side}.plate.restitution']:g}"
+            kind = rigid if "resting" in contact.states else "compliant"
+            words.append(f"{contact.side} contact, {kind}" + ", without tension" * ("released" in contact.states))
         if self._rubs:
             words.append(f"{scene['effects.friction']} friction, normal force {scene['effects.normal_force']}")
+        words += ["reaction on the masses"] * (scene["effects.reaction"] and forms.body_moves and bool(forms.guides))
+        words += ["weight of the masses"] * (scene["effects.mass_weight"] and bool(forms.guides))
         words.append(f"{scene['effects.motor']} motor")
         if self._model.system.power.shape[1]:
             words.append("energy audit")
         yield "; ".join(words)
+
+
+def _holds_for_all(holding: set[tuple[str, ...]], place: int, every: Iterable[tuple[str, ...]]) -> bool:
+    """Whether a set of states holds whatever the state at `place` is."""
+    choices = {states[place] for states in every}
+    return all(states[:place] + (choice,) + states[place + 1:] in holding for states in holding for choice in choices)
 
 
 def _slider_text(slider: Slider) -> str:

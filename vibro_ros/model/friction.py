@@ -60,7 +60,7 @@ class Friction:
         if state == "frictionless":
             return []
         body = self._forms.body
-        velocity, stopped = self._forms.velocity(body), ((body, self._forms.zero),)
+        velocity, stopped = self._forms.velocity(body), ((self._forms.channels.velocity(body), self._forms.zero),)
         sign, other, text = (1.0, "slip_backward", "x' >= 0") if state == "slip_forward" else (
             -1.0, "slip_forward", "x' <= 0")
         moving = Guard(sign * velocity, (Target("stick", stopped), Target(other, stopped)), text)

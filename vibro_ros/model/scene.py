@@ -109,8 +109,8 @@ class Scene:
     def _highest_friction(self) -> float:
         """Friction coefficient at which the inertia of the slipping body and its inclined mass becomes singular."""
         sine, cosine = math.sin(self["guide.angle"]), math.cos(self["guide.angle"])
-        coupled = self["effects.reaction"] and self["effects.inclined_mass"] and self["effects.normal_force"] != "weight"
-        if not coupled or sine * cosine == 0.0:
+        coupled = self["effects.reaction"] and self["effects.normal_force"] != "weight"
+        if not coupled or "inclined" not in self.guides or sine * cosine == 0.0:
             return math.inf
         mass = self["mass.inclined"]
         return (self.total_mass - mass * sine**2) / (mass * sine * abs(cosine))

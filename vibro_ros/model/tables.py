@@ -93,22 +93,20 @@ def _guard_tables(builder: ModeBuilder) -> dict[str, np.ndarray]:
                 candidate[m, g, c] = number
                 if target.entry is not None:
                     entry[m, g, c] = rows.setdefault(tuple(target.entry), len(rows))
-                if target.velocities:
-                    jump[m, g, c] = jumps.setdefault(_jump(target.velocities, channels).tobytes(), len(jumps))
+                if target.jumps:
+                    jump[m, g, c] = jumps.setdefault(_jump(target.jumps, channels).tobytes(), len(jumps))
     row = np.array(list(rows)).reshape(len(rows), channels.count)
     matrices = np.array([np.frombuffer(matrix) for matrix in jumps])
     return {"row": row, "driven": _reads_driven(row, builder.forms), "guard": guard, "owner": owner,
             "candidate": candidate, "entry": entry, "jump": jump, "strike": strike,
-            "velocity": matrices.reshape(len(jumps), channels.coordinates, channels.count)}
+            "landing": matrices.reshape(len(jumps), 2 * channels.coordinates, channels.count)}
 
 
-def _jump(velocities: tuple[tuple[int, Form], ...], channels: Channels) -> np.ndarray:
-    """Rows that give every coordinate's velocity after a jump from the channels before it."""
-    rows = np.zeros((channels.coordinates, channels.count))
-    for i in range(channels.coordinates):
-        rows[i, channels.velocity(i)] = 1.0
-    for i, form in velocities:
-        rows[i] = form
+def _jump(jumps: tuple[tuple[int, Form], ...], channels: Channels) -> np.ndarray:
+    """Rows that give positions and velocities after a jump from the channels before it."""
+    rows = np.eye(2 * channels.coordinates, channels.count)
+    for channel, form in jumps:
+        rows[channel] = form
     return rows
 
 

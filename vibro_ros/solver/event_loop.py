@@ -168,13 +168,12 @@ def _accelerate(system, state, mode, point):
 def _jump(system, state, candidate, point):
     """Fill `trial` with `point` after the jump to a candidate of the firing guard."""
     mode, guard = state.index[MODE], state.index[GUARD]
-    coordinates = system.sizes[0]
     for channel in range(len(point)):
         state.trial[channel] = point[channel]
     jump = system.jump[mode, guard, candidate]
     if jump != NOTHING:
-        for i in range(coordinates):
-            state.trial[coordinates + i] = form_value(system.velocity[jump, i], point)
+        for channel in range(2 * system.sizes[0]):
+            state.trial[channel] = form_value(system.landing[jump, channel], point)
     _accelerate(system, state, system.candidate[mode, guard, candidate], state.trial)
 
 
@@ -234,9 +233,9 @@ def _keeps_flow(system, state, mode, point):
     """Whether `mode`, entered at `trial`, continues the dynamic coordinates' motion as it is at `point`."""
     if system.flow[state.index[MODE]] != system.flow[mode]:
         return False
-    first = system.sizes[0]
+    coordinates = system.sizes[0]
     for i in range(system.sizes[1]):
-        if state.trial[first + i] != point[first + i]:
+        if state.trial[i] != point[i] or state.trial[coordinates + i] != point[coordinates + i]:
             return False
     return True
 

@@ -11,7 +11,7 @@ and nothing depends on them but guards and outputs, so that a mode which changes
 leaves the flow of the dynamic ones as it is.
 
 Every guard is a linear combination g = G z that its mode keeps non-negative. When it turns
-negative the event loop stops there, lets velocities jump if the guard says so, and enters the
+negative the event loop stops there, lets positions and velocities jump if the guard says so, and enters the
 first candidate mode that is valid.
 """
 
@@ -118,9 +118,9 @@ class System(NamedTuple):
     entry : ndarray of int, shape (m, g, c)
         Row that must not be negative, before the jump, for the candidate to be entered, or `NOTHING`.
     jump : ndarray of int, shape (m, g, c)
-        Entry of `velocity` by which velocities jump on the way to the candidate, or `NOTHING`.
-    velocity : ndarray, shape (jumps, coordinates, channels)
-        Rows of the velocities after a jump.
+        Entry of `landing` by which the coordinates jump on the way to the candidate, or `NOTHING`.
+    landing : ndarray, shape (jumps, 2 coordinates, channels)
+        Rows of the positions and velocities after a jump.
     strike : ndarray of int, shape (m, g)
         Monitor for which the guard records a blow without duration, or `NOTHING`.
     unheld : ndarray of int, shape (m, k)
@@ -155,7 +155,7 @@ class System(NamedTuple):
     candidate: np.ndarray
     entry: np.ndarray
     jump: np.ndarray
-    velocity: np.ndarray
+    landing: np.ndarray
     strike: np.ndarray
     unheld: np.ndarray
     event: np.ndarray
