@@ -174,7 +174,6 @@ def _jump(system, state, candidate, point):
     if jump != NOTHING:
         for channel in range(2 * system.sizes[0]):
             state.trial[channel] = form_value(system.landing[jump, channel], point)
-    _accelerate(system, state, system.candidate[mode, guard, candidate], state.trial)
 
 
 @kernel
@@ -186,6 +185,7 @@ def _is_valid(system, state, candidate, point):
         return False
     _jump(system, state, candidate, point)
     target = system.candidate[mode, guard, candidate]
+    _accelerate(system, state, target, state.trial)
     for g in range(system.guard.shape[1]):
         if system.owner[target, g] == system.owner[mode, guard]:
             if not _holds(system, state, system.guard[target, g], state.trial):
@@ -195,15 +195,13 @@ def _is_valid(system, state, candidate, point):
 
 @kernel
 def _choose(system, state, point):
-    """Number of the firing guard's first valid candidate, or of its last; `trial` is the point after its jump."""
+    """Number of the firing guard's first valid candidate, else of its last; `trial` is the point after its jump."""
     candidates = system.candidate[state.index[MODE], state.index[GUARD]]
     last = 0
-    for candidate in range(len(candidates)):
-        if candidates[candidate] == NOTHING:
-            break
-        if _is_valid(system, state, candidate, point):
-            return candidate
-        last = candidate
+    while last + 1 < len(candidates) and candidates[last + 1] != NOTHING:
+        if _is_valid(system, state, last, point):
+            return last
+        last += 1
     _jump(system, state, last, point)
     return last
 
