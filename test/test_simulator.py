@@ -222,7 +222,8 @@ LIGHT = {"mass.body": 1e-3, "mass.upper": 1e-3, "mass.inclined": 1e-3}
 
 @pytest.mark.parametrize("changes", [
     {"guide.angle": 0.0}, {"guide.angle": math.pi / 2}, {"guide.angle": math.pi}, {"gravity": 0.0},
-    {"gravity": 0.0, "guide.angle": math.pi / 2}, {"ground.friction": 0.0}, {"ground.friction": 1e3}, LIGHT,
+    {"gravity": 0.0, "guide.angle": math.pi / 2}, {"ground.friction": 0.0},
+    {"ground.friction": 1e3, "effects.reaction": False}, LIGHT,
     {"upper.spring.stiffness": 0.0, "inclined.spring.stiffness": 0.0},
     {"upper.plate.stiffness": 0.0, "inclined.plate.stiffness": 0.0},
     {"upper.plate.stiffness": 0.0, "inclined.plate.stiffness": 0.0, "effects.adhesion": False,

@@ -64,7 +64,7 @@ def test_rigid_without_loss_is_the_limit_of_stiff_plates():
 
 
 def test_a_pressed_mass_rests_and_leaves_when_it_is_pulled():
-    """At rest on its plate while the spring presses; the spring's pull is the force told; released where it vanishes."""
+    """At rest on its plate while the spring presses, with its force; released where that vanishes."""
     scene = RIGID.with_parameters({"motor.speed": 5.0, "inclined.gap": 0.05})
     run = vibro_ros.simulate(scene, duration=0.5, rate=2000.0)
     first = run.events[run.events["kind"] == "upper_contact"][0]
