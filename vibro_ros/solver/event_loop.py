@@ -14,7 +14,6 @@ from vibro_ros.solver.polynomial import add_multiple, value
 from vibro_ros.solver.recording import (
     PHASE_KIND,
     RAMP_KIND,
-    form_value,
     instant,
     record,
     record_mode_change,
@@ -34,6 +33,7 @@ from vibro_ros.solver.state import (
     TURNS,
 )
 from vibro_ros.solver.system import NOTHING
+from vibro_ros.solver.transition import EPSILON, NOISE, choose_candidate, keeps_flow
 
 # What `advance` returns.
 REACHED = 0
@@ -48,11 +48,8 @@ _MOST_STANDSTILLS = 200
 # guards contradict each other within it would take turns for ever.
 _DOUBTFUL_STANDSTILLS = 10
 _DOUBT = 8.0  # rounding errors
-_EPSILON = 2.220446049250313e-16
 # Roots no further apart than rounding are simultaneous: the guard that its mode names first decides.
-_SIMULTANEOUS = 8.0 * _EPSILON
-# A guard's rounding error: a sum of products, each term of magnitude scale, through the series' first terms.
-_NOISE = 16.0 * _EPSILON
+_SIMULTANEOUS = 8.0 * EPSILON
 
 
 @kernel
@@ -68,7 +65,7 @@ def _guard_root(system, state, row):
         if factor != 0.0:
             add_multiple(guard, factor, state.z[channel])
             noise += abs(factor) * state.scale[channel]
-    noise *= _NOISE
+    noise *= NOISE
     if state.index[STANDSTILLS] > _DOUBTFUL_STANDSTILLS:
         guard[0] += _DOUBT * noise
     state.root[row] = first_root(guard, state.clock[ANCHOR], noise, state.work[2])
@@ -134,79 +131,6 @@ def _read(state, tau, point):
 
 
 @kernel
-def _holds(system, state, row, point):
-    """Whether a guard is not negative at `point`, to rounding."""
-    first = 2 * system.sizes[0]
-    total = 0.0
-    noise = 0.0
-    for channel in range(len(point)):
-        factor = system.row[row, channel]
-        total += factor * point[channel]
-        if first <= channel < first + system.sizes[1]:
-            noise += abs(factor) * state.work[3, channel - first]
-        else:
-            noise += abs(factor) * (abs(point[channel]) + state.scale[channel])
-    return total >= -_NOISE * noise
-
-
-@kernel
-def _accelerate(system, state, mode, point):
-    """Set the accelerations of the dynamic coordinates at `point` to those of `mode`, and their scales in `work`."""
-    first = 2 * system.sizes[0]
-    for i in range(system.sizes[1]):
-        total = 0.0
-        scale = 0.0
-        for channel in range(len(point)):
-            factor = system.acceleration[mode, i, channel]
-            total += factor * point[channel]
-            scale += abs(factor) * (abs(point[channel]) + state.scale[channel])
-        point[first + i] = total
-        state.work[3, i] = scale
-
-
-@kernel
-def _jump(system, state, candidate, point):
-    """Fill `trial` with `point` after the jump to a candidate of the firing guard."""
-    mode, guard = state.index[MODE], state.index[GUARD]
-    for channel in range(len(point)):
-        state.trial[channel] = point[channel]
-    jump = system.jump[mode, guard, candidate]
-    if jump != NOTHING:
-        for channel in range(2 * system.sizes[0]):
-            state.trial[channel] = form_value(system.landing[jump, channel], point)
-
-
-@kernel
-def _is_valid(system, state, candidate, point):
-    """Whether a candidate of the firing guard may be entered from `point`; fills `trial` with the point after."""
-    mode, guard = state.index[MODE], state.index[GUARD]
-    entry = system.entry[mode, guard, candidate]
-    if entry != NOTHING and not _holds(system, state, entry, point):
-        return False
-    _jump(system, state, candidate, point)
-    target = system.candidate[mode, guard, candidate]
-    _accelerate(system, state, target, state.trial)
-    for g in range(system.guard.shape[1]):
-        if system.owner[target, g] == system.owner[mode, guard]:
-            if not _holds(system, state, system.guard[target, g], state.trial):
-                return False
-    return True
-
-
-@kernel
-def _choose(system, state, point):
-    """Number of the firing guard's first valid candidate, else of its last; `trial` is the point after its jump."""
-    candidates = system.candidate[state.index[MODE], state.index[GUARD]]
-    last = 0
-    while last + 1 < len(candidates) and candidates[last + 1] != NOTHING:
-        if _is_valid(system, state, last, point):
-            return last
-        last += 1
-    _jump(system, state, last, point)
-    return last
-
-
-@kernel
 def _release_from(system, state, ramp):
     """Leave what cannot outlast a change of the ramp's rate."""
     state.index[MODE] = system.unheld[state.index[MODE], ramp]
@@ -227,18 +151,6 @@ def _end_segment(system, state, point, events, count):
 
 
 @kernel
-def _keeps_flow(system, state, mode, point):
-    """Whether `mode`, entered at `trial`, continues the dynamic coordinates' motion as it is at `point`."""
-    if system.flow[state.index[MODE]] != system.flow[mode]:
-        return False
-    coordinates = system.sizes[0]
-    for i in range(system.sizes[1]):
-        if state.trial[i] != point[i] or state.trial[coordinates + i] != point[coordinates + i]:
-            return False
-    return True
-
-
-@kernel
 def _pass_event(system, state, point, events, count):
     """Do what happens at NEXT: the end of the segment or a change of mode; returns (success, number of events)."""
     tau = state.clock[NEXT]
@@ -249,9 +161,9 @@ def _pass_event(system, state, point, events, count):
         state.index[STANDSTILLS] = 0
         return _end_segment(system, state, point, events, count)
     state.index[STANDSTILLS] = 0 if tau > state.clock[ANCHOR] else state.index[STANDSTILLS] + 1
-    candidate = _choose(system, state, point)
+    candidate = choose_candidate(system, state, point)
     mode = system.candidate[state.index[MODE], state.index[GUARD], candidate]
-    same_flow = tau < 1.0 and _keeps_flow(system, state, mode, point)
+    same_flow = tau < 1.0 and keeps_flow(system, state, mode, point)
     if not same_flow:
         update_peaks(system, state, tau)
         close_audit(system, state, tau, point)
