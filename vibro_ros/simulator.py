@@ -13,6 +13,8 @@ from vibro_ros.solver import state as at
 from vibro_ros.solver.recording import EVENT_COLUMNS, MONITOR_KIND, PHASE_KIND, RAMP_KIND
 
 _EVENTS_AT_ONCE = 4096
+#: After so many of its time constants a lagging motor has reached its speed, to rounding.
+_TIME_CONSTANTS = 40.0
 
 _CAUSES = {
     event_loop.STUCK: "events follow each other without any progress of time",
@@ -107,11 +109,14 @@ class Simulator:
     def _command_speed(self, target: float) -> None:
         clock = self._state.clock
         clock[at.SPEED_TARGET] = target
-        clock[at.SPEED_CHANGE] = clock[at.SPEED_TIME] = 0.0
+        clock[at.SPEED_CHANGE] = clock[at.SPEED_TIME] = clock[at.LAG] = 0.0
+        difference = target - clock[at.SPEED]
         if self.scene["effects.motor"] == "ideal":
             clock[at.SPEED] = target
-        elif target != clock[at.SPEED]:
-            difference = target - clock[at.SPEED]
+        elif difference != 0.0 and self.scene["effects.motor"] == "lag":
+            clock[at.LAG] = self.scene["motor.time_constant"]
+            clock[at.SPEED_TIME] = _TIME_CONSTANTS * clock[at.LAG]
+        elif difference != 0.0:
             clock[at.SPEED_CHANGE] = math.copysign(self.scene["motor.acceleration"], difference)
             clock[at.SPEED_TIME] = abs(difference) / self.scene["motor.acceleration"]
 

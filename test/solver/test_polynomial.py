@@ -60,14 +60,15 @@ def test_recentre(x):
         np.testing.assert_allclose(target, [*expected[:5], *np.zeros(LENGTH - 5)], rtol=0, atol=1e-14)
 
 
-@pytest.mark.parametrize(("a", "b"), [(1.0, 0.0), (0.4, 0.0), (0.5, 0.2), (0.0, 0.7), (0.9, -0.3)])
-def test_substitute(a, b):
-    """p(a y + b y²), cut at the length of p: exactly its first coefficients."""
-    target = np.empty(LENGTH)
+@pytest.mark.parametrize("inner", [(1.0,), (0.4,), (0.5, 0.2), (0.0, 0.7), (0.9, -0.3), (0.6, -0.2, 0.05, -0.01, 1e-3)])
+def test_substitute(inner):
+    """p(inner(y)), cut at the length of p: exactly its first coefficients."""
+    target, series = np.empty(LENGTH), np.zeros(LENGTH)
+    series[1:len(inner) + 1] = inner
     for p in DECAYING:
-        poly.substitute(p, a, b, target)
-        expected = np.polynomial.Polynomial(p)(np.polynomial.Polynomial([0.0, a, b])).coef
-        np.testing.assert_allclose(target, np.resize(expected, LENGTH) if b else expected, rtol=0, atol=1e-15)
+        poly.substitute(p, series, len(inner) + 1, target)
+        expected = np.polynomial.Polynomial(p)(np.polynomial.Polynomial([0.0, *inner])).coef
+        np.testing.assert_allclose(target, np.resize(expected, LENGTH), rtol=0, atol=1e-15)
 
 
 def test_differentiate_in_time():

@@ -48,8 +48,8 @@ class _Description:
     def forcing(self) -> Iterator[str]:
         """The crank, the sliders and the plates."""
         scene, forms = self._scene, self._model.forms
-        follows = ("at once" if scene["effects.motor"] == "ideal"
-                   else f"at {scene['motor.acceleration']:g} rad/s²")
+        follows = {"ideal": "at once", "ramp": f"at {scene['motor.acceleration']:g} rad/s²",
+                   "lag": f"with a time constant of {scene['motor.time_constant']:g} s"}[scene["effects.motor"]]
         yield f"θ' = {scene['motor.speed']:g} rad/s    follows a command {follows}"
         for side, slider in zip(forms.guides, self._model.sliders, strict=True):
             yield f"{SLIDER[side]} = {_slider_text(slider)}"

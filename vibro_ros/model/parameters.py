@@ -141,6 +141,8 @@ SCENE_PARAMETERS: tuple[Parameter, ...] = (
               minimum=0.0, maximum=1e4, positive=True),
     Parameter("motor.acceleration", 200.0, "rad/s²", "speed limit of the ramp motor's change of speed",
               minimum=0.0, maximum=1e9, positive=True),
+    Parameter("motor.time_constant", 0.1, "s", "time constant of the lag motor's change of speed",
+              minimum=0.0, maximum=1e3, positive=True),
     Parameter("gap_actuator.speed", 0.005, "m/s", "speed at which a plate moves to a commanded gap",
               minimum=0.0, maximum=10.0, positive=True),
     Parameter("start.state", "rest", "", "rest: each mass at rest on its slider or, if that would penetrate, "
@@ -158,8 +160,9 @@ SCENE_PARAMETERS: tuple[Parameter, ...] = (
               "printed: eq. (6), may be negative", choices=("weight", "unilateral", "printed")),
     Parameter("effects.reaction", False, "", "the body's acceleration acts back on the masses; then energy balances"),
     Parameter("effects.mass_weight", False, "", "the masses' own weight pulls them along their guides"),
-    Parameter("effects.motor", "ideal", "", "ideal: speed follows the command at once; ramp: limited acceleration",
-              choices=("ideal", "ramp")),
+    Parameter("effects.motor", "ideal", "", "ideal: speed follows the command at once; ramp: with limited "
+              "acceleration; lag: with a time constant",
+              choices=("ideal", "ramp", "lag")),
     Parameter("solver.audit", False, "", "balance the masses' energy on every segment; costs time, changes nothing"),
     Parameter("solver.method", "exact", "", "integration method", choices=("exact",)),
 )

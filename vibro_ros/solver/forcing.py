@@ -8,6 +8,7 @@ from vibro_ros.solver.state import (
     CELL,
     CELL_TIME,
     DURATION,
+    LAG,
     MODE,
     OFFSET,
     RATE,
@@ -31,6 +32,10 @@ _LONGEST_SEGMENT = 1.0
 _REACH = 1.0 / STRIDE
 # Logarithm of what may be neglected beside 1.
 _ROUNDING = math.log(1e-18)
+_NEGLIGIBLE = 1e-18
+# Newton's method for the end of a cell: monotone after its first step, because the speed is.
+_MOST_NEWTON_STEPS = 60
+_NEWTON_END = 4e-16
 
 
 @kernel
@@ -43,13 +48,72 @@ def _next_cell(system, state):
 
 
 @kernel
-def _time_to_cross(distance, speed, change):
+def _phase_after(clock, elapsed):
+    """Advance of the phase [rad] in `elapsed` [s] from the segment's start, and its rate [rad/s] then."""
+    speed, target, lag = clock[SPEED], clock[SPEED_TARGET], clock[LAG]
+    if lag > 0.0:
+        decayed = -math.expm1(-elapsed / lag)
+        return target * elapsed + (speed - target) * lag * decayed, speed + (target - speed) * decayed
+    change = clock[SPEED_CHANGE]
+    # The speed falls to zero, never below: what is less is rounding.
+    return elapsed * (speed + 0.5 * change * elapsed), max(0.0, speed + change * elapsed)
+
+
+@kernel
+def _ramped_time_to_cross(distance, speed, change):
     """Time [s] in which the phase advances by `distance`; infinite if it stops before."""
     discriminant = speed * speed + 2.0 * change * distance
     if discriminant < 0.0:
         return math.inf
     rate = speed + math.sqrt(discriminant)
     return 2.0 * distance / rate if rate > 0.0 else math.inf
+
+
+@kernel
+def _time_to_cross(clock, distance):
+    """The same for any change of speed."""
+    if clock[LAG] == 0.0:
+        return _ramped_time_to_cross(distance, clock[SPEED], clock[SPEED_CHANGE])
+    if clock[SPEED_TARGET] == 0.0 and clock[SPEED] * clock[LAG] <= distance:
+        return math.inf
+    time = distance / max(clock[SPEED], clock[SPEED_TARGET])
+    for _ in range(_MOST_NEWTON_STEPS):
+        phase, rate = _phase_after(clock, time)
+        if rate <= 0.0:
+            return math.inf
+        step = (distance - phase) / rate
+        time += step
+        if abs(step) <= _NEWTON_END * time:
+            break
+    return time
+
+
+@kernel
+def _resolved_time(clock, width):
+    """Longest time [s] over which the series of the signals resolves a changing speed."""
+    if clock[LAG] > 0.0:
+        # For complex times up to 1/STRIDE segments the decay grows by e at most, and the phase with it.
+        fastest = max(clock[SPEED], clock[SPEED_TARGET])
+        return STRIDE * min(clock[LAG], _REACH * width / (2.0 * math.e * fastest))
+    return STRIDE * _ramped_time_to_cross(_REACH * width, clock[SPEED], abs(clock[SPEED_CHANGE]))
+
+
+@kernel
+def _fill_phase(clock, width, series):
+    """Phase past the segment's start in cells, as a series over the segment; returns its number of terms."""
+    duration = clock[DURATION]
+    series[:] = 0.0
+    series[1] = clock[SPEED] * duration / width
+    if clock[LAG] == 0.0:
+        series[2] = 0.5 * clock[SPEED_CHANGE] * duration * duration / width
+        return 2 if series[2] == 0.0 else 3
+    shrink = duration / clock[LAG]
+    series[2] = 0.5 * (clock[SPEED_TARGET] - clock[SPEED]) * shrink * duration / width
+    terms = 3
+    while terms < LENGTH and abs(series[terms - 1]) > _NEGLIGIBLE:
+        series[terms] = -series[terms - 1] * shrink / terms
+        terms += 1
+    return terms
 
 
 @kernel
@@ -61,11 +125,10 @@ def choose_duration(system, state):
     if clock[OFFSET] >= width:
         _next_cell(system, state)
         width = start[state.index[CELL] + 1] - start[state.index[CELL]]
-    clock[CELL_TIME] = _time_to_cross(width - clock[OFFSET], clock[SPEED], clock[SPEED_CHANGE])
+    clock[CELL_TIME] = _time_to_cross(clock, width - clock[OFFSET])
     duration = min(_LONGEST_SEGMENT, system.longest_step[state.index[MODE]], clock[CELL_TIME])
-    if clock[SPEED_CHANGE] != 0.0:
-        resolved = STRIDE * _time_to_cross(_REACH * width, clock[SPEED], abs(clock[SPEED_CHANGE]))
-        duration = min(duration, clock[SPEED_TIME], resolved)
+    if clock[SPEED_TIME] > 0.0:
+        duration = min(duration, clock[SPEED_TIME], _resolved_time(clock, width))
     for k in range(len(state.ramp)):
         if state.ramp[k, RATE] != 0.0:
             duration = min(duration, state.ramp[k, TIME])
@@ -90,16 +153,19 @@ def fill_forcing(system, state):
     cell = state.index[CELL]
     width = system.signals.start[cell + 1] - system.signals.start[cell]
     duration = clock[DURATION]
-    a = clock[SPEED] * duration / width
-    b = 0.5 * clock[SPEED_CHANGE] * duration * duration / width
-    terms = _terms(a + 2.0 * abs(b))
+    phase = state.work[1]
+    phase_terms = _fill_phase(clock, width, phase)
+    reach = 0.0
+    for n in range(1, phase_terms):
+        reach += n * abs(phase[n])
+    terms = _terms(reach)
     for k in range(signals):
         channel = first + k
         series = system.signals.series[cell, k]
         if clock[OFFSET] > 0.0:
             recentre(series, clock[OFFSET] / width, terms, state.work[0])
             series = state.work[0]
-        substitute(series, a, b, z[channel])
+        substitute(series, phase, phase_terms, z[channel])
         differentiate(z[channel], duration, z[channel + signals])
     for k in range(ramps):
         channel = first + 2 * signals + k
@@ -133,17 +199,18 @@ def advance_forcing(system, state, tau):
     clock = state.clock
     elapsed = clock[DURATION] * tau
     at_end = tau == 1.0
+    advance, speed = _phase_after(clock, elapsed)
     if at_end and elapsed == clock[CELL_TIME]:
         _next_cell(system, state)
     else:
-        clock[OFFSET] += elapsed * (clock[SPEED] + 0.5 * clock[SPEED_CHANGE] * elapsed)
+        clock[OFFSET] += advance
     reached = 0
-    if clock[SPEED_CHANGE] != 0.0:
-        clock[SPEED] += clock[SPEED_CHANGE] * elapsed
+    if clock[SPEED_TIME] > 0.0:
+        clock[SPEED] = speed
         clock[SPEED_TIME] -= elapsed
         if clock[SPEED_TIME] <= 0.0:
             clock[SPEED] = clock[SPEED_TARGET]
-            clock[SPEED_CHANGE] = 0.0
+            clock[SPEED_CHANGE] = clock[LAG] = clock[SPEED_TIME] = 0.0
             reached |= 1 << len(state.ramp)
     for k in range(len(state.ramp)):
         if state.ramp[k, RATE] != 0.0:
@@ -161,7 +228,5 @@ def advance_forcing(system, state, tau):
 def phase_at(system, state, tau):
     """Phase past the start of the turn [rad] and its rate [rad/s] at `tau` of the segment."""
     clock = state.clock
-    elapsed = clock[DURATION] * tau
-    phase = system.signals.start[state.index[CELL]] + clock[OFFSET]
-    phase += elapsed * (clock[SPEED] + 0.5 * clock[SPEED_CHANGE] * elapsed)
-    return phase, clock[SPEED] + clock[SPEED_CHANGE] * elapsed
+    advance, speed = _phase_after(clock, clock[DURATION] * tau)
+    return system.signals.start[state.index[CELL]] + clock[OFFSET] + advance, speed

@@ -75,17 +75,19 @@ def recentre(p, x, terms, target):
 
 
 @kernel
-def substitute(p, a, b, target):
-    """Coefficients of target(y) = p(a y + b y²), cut at the length of p."""
-    if b == 0.0:
+def substitute(p, inner, terms, target):
+    """Coefficients of target(y) = p(inner(y)), cut at the length of p; `inner` has `terms` terms and inner(0) = 0."""
+    if terms == 2:
         copy(p, target)
-        scale_argument(target, a)
+        scale_argument(target, inner[1])
         return
     target[:] = 0.0
     for k in range(LENGTH - 1, -1, -1):
-        for n in range(LENGTH - 1, 1, -1):
-            target[n] = a * target[n - 1] + b * target[n - 2]
-        target[1] = a * target[0]
+        for n in range(LENGTH - 1, 0, -1):
+            total = 0.0
+            for m in range(1, min(n + 1, terms)):
+                total += inner[m] * target[n - m]
+            target[n] = total
         target[0] = p[k]
 
 

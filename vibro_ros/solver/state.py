@@ -18,8 +18,9 @@ SPEED = 6  # rate of the phase [rad/s] ...
 SPEED_CHANGE = 7  # ... its rate of change [rad/s²] ...
 SPEED_TARGET = 8  # ... what it changes to ...
 SPEED_TIME = 9  # ... and in how long [s]
-CELL_TIME = 10  # time from the segment's start to the end of the cell [s]
-_CLOCK_ENTRIES = 11
+LAG = 10  # time constant [s] with which the speed approaches its target instead, or 0
+CELL_TIME = 11  # time from the segment's start to the end of the cell [s]
+_CLOCK_ENTRIES = 12
 
 # Entries of `State.index`.
 MODE = 0
