@@ -298,7 +298,7 @@ def test_an_hour_of_standing_still_is_cheap():
     before = made.state.upper_position
     made.advance_to(3600.0)
     assert made.state.upper_position == pytest.approx(before, abs=1e-15)
-    assert made.statistics["segments"] < 3600 * 112 / 2 * 1.1
+    assert made.statistics["steps"] < 3600 * 112 / 2 * 1.1
 
 
 def test_a_long_run_needs_no_more_memory():
@@ -326,3 +326,14 @@ def test_statistics_count_the_events_that_were_taken():
     counts = {kind: taken.count(kind) for kind in taken}
     assert {name: made.statistics[name] for name in counts} == counts
     assert len(made.take_events()) == 0
+
+
+def test_tolerance_and_method_override_the_scene():
+    scene = vibro_ros.load_scene("damped")
+    usual = vibro_ros.simulate(scene, duration=0.1, rate=100.0)
+    asked = vibro_ros.simulate(scene, duration=0.1, rate=100.0, tolerance=1e-12, method="exact")
+    assert np.array_equal(usual.body_position, asked.body_position)
+    with pytest.raises(ValueError, match="solver.tolerance: 1e-15 is out of range; give .* 1e-12 to 0.001 m"):
+        vibro_ros.simulate(scene, duration=0.1, rate=100.0, tolerance=1e-15)
+    with pytest.raises(ValueError, match="solver.method: 'euler' is unknown; choose one of exact"):
+        vibro_ros.simulate(scene, duration=0.1, rate=100.0, method="euler")

@@ -74,7 +74,7 @@ class Run(Samples):
         By time: `time` [s]; `kind`; and for the contacts `upper_contact` and `inclined_contact`, whose time is
         their first instant, approach `speed` [m/s], `peak_force` [N] and `duration` [s].
     statistics : dict
-        Events by kind, `segments` (steps of the event loop), `wall_time` [s].
+        Events by kind, `steps` (segments of the event loop), `wall_time` [s].
     """
 
     events: np.ndarray

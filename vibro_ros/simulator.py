@@ -199,12 +199,12 @@ class Simulator:
 
     @property
     def statistics(self) -> dict:
-        """Events by kind; `segments`, the steps of the event loop; and, with `solver.audit`, the energy of the masses.
+        """Events by kind; `steps`, the segments of the event loop; and, with `solver.audit`, the energy of the masses.
 
         `energy_residual` [J] is the part of the change of energy that the work of sliders, dampers and plates does not
         account for, `energy_exchanged` [J] the sum of these amounts of work.
         """
-        counts = {**self._counts, "segments": int(self._state.index[at.SEGMENTS])}
+        counts = {**self._counts, "steps": int(self._state.index[at.SEGMENTS])}
         if not self.scene["solver.audit"]:
             return counts
         return {**counts, "energy_residual": float(self._state.audit[at.RESIDUAL]),
@@ -219,7 +219,7 @@ def compile_kernels() -> None:
 
 
 def simulate(scene: Scene, duration: float | None = None, rate: float | None = None,
-             times: np.ndarray | None = None) -> Run:
+             times: np.ndarray | None = None, tolerance: float | None = None, method: str | None = None) -> Run:
     """Simulate `scene` from its start.
 
     Parameters
@@ -232,6 +232,8 @@ def simulate(scene: Scene, duration: float | None = None, rate: float | None = N
         Samples per second, the first at t = 0.
     times : ndarray, shape (n,)
         Instants to sample [s], ascending, not negative; instead of `duration` and `rate`.
+    tolerance, method : float [m], str
+        Override the scene's `solver.tolerance` and `solver.method`.
 
     Returns
     -------
@@ -241,10 +243,12 @@ def simulate(scene: Scene, duration: float | None = None, rate: float | None = N
     Raises
     ------
     ValueError
-        For times that are not finite, negative or not ascending.
+        For times that are not finite, negative or not ascending, and an unknown method or tolerance.
     SimulationError
         If the run cannot go on.
     """
+    overrides = {"solver.tolerance": tolerance, "solver.method": method}
+    scene = scene.with_parameters({name: value for name, value in overrides.items() if value is not None})
     times = _sample_times(duration, rate, times)
     began = wall_clock.perf_counter()
     device = Simulator(scene)

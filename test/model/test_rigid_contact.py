@@ -95,7 +95,7 @@ def test_a_plate_that_moves_takes_its_mass_along_and_lets_it_go():
 
 def test_rest_costs_nothing():
     run = vibro_ros.simulate(RIGID.with_parameters({"motor.speed": 0.0}), duration=3600.0, rate=0.1)
-    assert run.statistics["segments"] < 5000
+    assert run.statistics["steps"] < 5000
     assert not run.body_position.any()
 
 

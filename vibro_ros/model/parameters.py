@@ -164,6 +164,8 @@ SCENE_PARAMETERS: tuple[Parameter, ...] = (
               "acceleration; lag: with a time constant",
               choices=("ideal", "ramp", "lag")),
     Parameter("solver.audit", False, "", "balance the masses' energy on every segment; costs time, changes nothing"),
+    Parameter("solver.tolerance", 1e-9, "m", "error of a position over a short horizon that may not be exceeded; "
+              "`exact` stays below all that may be asked for", minimum=1e-12, maximum=1e-3),
     Parameter("solver.method", "exact", "", "integration method", choices=("exact",)),
 )
 
