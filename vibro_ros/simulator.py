@@ -123,7 +123,8 @@ class Simulator:
     def _command_plate(self, side: str, target: float) -> None:
         plate = self._model.forms.plates.index(side)
         ramp = self._state.ramp[plate]
-        self._state.index[at.MODE] = self._model.system.unheld[self._state.index[at.MODE], plate]
+        ended = event_loop.release_from(self._model.system, self._state, plate, self._point, self._room, 0)
+        self._keep(self._room[:ended])
         ramp[at.TARGET] = target
         ramp[at.RATE] = ramp[at.TIME] = 0.0
         difference = target - ramp[at.VALUE]

@@ -5,8 +5,8 @@ The symbols, with eq. numbers of the paper: u = zeta_2, w = xi_3 (positions of t
 xi_C (sliders, eqs. 2 and 3), E and H (plates), F2 and F3 (total force of spring and contact on a mass, eq. 1),
 N (normal force, eq. 6 without the friction coefficient), F_in (eq. 7).
 
-The masses' equations m2 u'' = -F2 and m3 w'' = -F3 turn N and F_in into forms of the accelerations,
-which hold whether a plate is in contact or not.
+N and F_in are written with the accelerations, which m2 u'' = -F2 and m3 w'' = -F3 give in the paper: these forms
+hold whether a plate is in contact or not, and with the reaction on the masses, too.
 """
 
 import math

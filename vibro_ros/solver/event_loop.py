@@ -17,6 +17,7 @@ from vibro_ros.solver.recording import (
     instant,
     record,
     record_mode_change,
+    switch_monitors,
     update_peaks,
 )
 from vibro_ros.solver.roots import NO_ROOT, SEARCH_FAILED, first_root
@@ -131,9 +132,12 @@ def _read(state, tau, point):
 
 
 @kernel
-def _release_from(system, state, ramp):
-    """Leave what cannot outlast a change of the ramp's rate."""
-    state.index[MODE] = system.unheld[state.index[MODE], ramp]
+def release_from(system, state, ramp, point, events, count):
+    """At the segment's start, leave what cannot outlast a change of the ramp's rate; returns the number of events."""
+    mode = system.unheld[state.index[MODE], ramp]
+    count = switch_monitors(system, state, mode, instant(state, 0.0), point, events, count)
+    state.index[MODE] = mode
+    return count
 
 
 @kernel
@@ -144,7 +148,7 @@ def _end_segment(system, state, point, events, count):
     for k in range(len(state.ramp)):
         if reached & (1 << k):
             count = record(events, count, time, RAMP_KIND + k, 0.0, 0.0, 0.0)
-            _release_from(system, state, k)
+            count = release_from(system, state, k, point, events, count)
     if reached & (1 << len(state.ramp)):
         count = record(events, count, time, PHASE_KIND, 0.0, 0.0, 0.0)
     return begin_segment(system, state, point), count
@@ -216,8 +220,8 @@ def advance(system, state, times, point, points, modes, phases, events):
         Why it returned, number of samples taken, number of events recorded.
     """
     count = 0
-    # The most that one event records: a change of mode, every monitor, every ramp and the speed.
-    room = len(events) - 2 - len(state.monitor) - len(state.ramp)
+    # The most that one event records: a change of mode, a blow, every monitor, every ramp and its release, the speed.
+    room = len(events) - 3 - len(state.monitor) - 2 * len(state.ramp)
     for k in range(len(times)):
         while (times[k] - state.clock[START]) - state.clock[START_RESIDUE] >= state.clock[DURATION] * state.clock[NEXT]:
             if count > room:
@@ -241,7 +245,8 @@ def advance(system, state, times, point, points, modes, phases, events):
 def interrupt(system, state, time, point):
     """Move clock and forcing to `time`, within the current segment, and read all channels there into `point`.
 
-    For a command: set the new rates after this, then call `begin_segment` with `point`.
+    For a command: set the new rates after this, then call `release_from` for every ramp whose
+    rate changes, and `begin_segment` with `point`.
     """
     tau = ((time - state.clock[START]) - state.clock[START_RESIDUE]) / state.clock[DURATION]
     _read(state, tau, point)

@@ -10,7 +10,7 @@ import numpy as np
 
 from vibro_ros.solver.compilation import kernel
 
-#: Coefficients of a polynomial. The flow's series is cut where 2^n / n! and 0.22^n (`signals.STRIDE`) reach rounding.
+#: Coefficients of a polynomial. The flow's series is cut where 2^n / n! and 0.22^n (`system.STRIDE`) reach rounding.
 LENGTH = 24
 
 # Entry [k, n] is n + k over n.

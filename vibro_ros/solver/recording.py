@@ -60,7 +60,7 @@ def record(events, count, time, kind, approach, peak, duration):
 
 @kernel
 def record_mode_change(system, state, mode, point, events, count):
-    """Record that `mode` begins at `point`, and switch the monitors; returns the number of events."""
+    """Record that a guard leads to `mode` at `point`, and switch the monitors; returns the number of events."""
     previous = state.index[MODE]
     time = instant(state, state.clock[NEXT])
     if system.event[previous, mode] != NOTHING:
@@ -69,6 +69,14 @@ def record_mode_change(system, state, mode, point, events, count):
     if struck != NOTHING and not system.monitored[mode, struck]:
         approach = form_value(system.approach[struck], point)
         count = record(events, count, time, MONITOR_KIND + struck, approach, math.inf, 0.0)
+    return switch_monitors(system, state, mode, time, point, events, count)
+
+
+@kernel
+def switch_monitors(system, state, mode, time, point, events, count):
+    """Switch on the monitors that `mode`, entered at `time` [s], needs; record those that end. Returns the number
+    of events."""
+    previous = state.index[MODE]
     for k in range(len(state.monitor)):
         if system.monitored[previous, k] and not system.monitored[mode, k]:
             since = state.monitor[k, SINCE]

@@ -71,7 +71,7 @@ class State(NamedTuple):
     root : ndarray, shape (rows,)
         First root of each guard row in the segment, or a negative number while it is not known.
     work : ndarray, shape (4, LENGTH)
-        Room for temporary polynomials.
+        Room for temporary polynomials; while a candidate is checked, row 3 holds the scales of its accelerations.
     trial : ndarray, shape (channels,)
         Room for the point that a change of mode would lead to.
     """
