@@ -1,0 +1,237 @@
+"""The peer: a scene integrated by heyoka's Taylor method with terminal events."""
+
+import math
+import time as wall_clock
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+
+import heyoka as hy
+import numpy as np
+
+from vibro_ros.model.scene import Scene
+from vibro_ros.study.peer.automaton import Automaton
+from vibro_ros.study.peer.equations import Equations
+
+#: Columns of `PeerRun.samples`.
+COLUMNS = ("upper_position", "upper_velocity", "inclined_position", "inclined_velocity", "body_position",
+           "body_velocity")
+_EVENT_DTYPE = np.dtype([("time", float), ("kind", "U16"), ("speed", float)])
+
+
+@dataclass(frozen=True)
+class PeerRun:
+    """What heyoka found.
+
+    Attributes
+    ----------
+    times : ndarray, shape (n,)
+        Instants [s].
+    samples : ndarray, shape (n, 6)
+        u, u', w, w', x, x' [m, m/s] (`COLUMNS`); zero for what the scene does not have.
+    events : structured ndarray
+        By time: `time` [s], `kind` (`upper_contact`, `inclined_contact`, `stick`, `slip_forward`, `slip_backward`,
+        `unloaded`) and approach `speed` of a contact [m/s].
+    steps : int
+        Taylor steps.
+    wall_time : float
+        Seconds that the integration took, compilation excluded.
+    """
+
+    times: np.ndarray
+    samples: np.ndarray
+    events: np.ndarray
+    steps: int
+    wall_time: float
+
+
+class Peer:
+    """A scene, compiled once by heyoka, to be run any number of times.
+
+    Parameters
+    ----------
+    scene : Scene
+        What to simulate.
+    tolerance : float
+        heyoka's, relative to the state; its strictest is about 1e-15.
+    """
+
+    def __init__(self, scene: Scene, tolerance: float = 1e-15):
+        self.scene = scene
+        equations = self._equations = Equations(scene)
+        guards = equations.guards()
+        self._actions: dict[str, object] = {}
+        events = [self._event(name, guard) for name, guard in guards.items()]
+        self._integrator = hy.taylor_adaptive(sys=equations.system, state=[0.0] * len(equations.system), tol=tolerance,
+                                              t_events=events)
+        self._state, self._switches = self._integrator.state, self._integrator.pars
+        self._automaton = Automaton(equations, self._state, self._switches)
+        self._actions.update(self._automaton.actions())
+
+    def _event(self, name: str, guard: hy.expression):
+        actions = self._actions
+
+        def act(integrator, direction):
+            actions[name](integrator.time, direction)
+            return True
+
+        if name.endswith("kink"):  # crossed at the motor's speed, again only half a turn later
+            return hy.t_event(guard, callback=act)
+        return hy.t_event(guard, callback=act, cooldown=0.0)
+
+    def run(self, duration: float, rate: float) -> PeerRun:
+        """Run from the start for `duration` [s], sampled `rate` times a second."""
+        return self.integrate(np.arange(round(duration * rate) + 1) / rate)
+
+    def integrate(self, times: np.ndarray, commands: Iterable[tuple[float, Mapping[str, float]]] = ()) -> PeerRun:
+        """Run from the start.
+
+        Parameters
+        ----------
+        times : ndarray, shape (n,)
+            Instants to sample [s], ascending, none negative.
+        commands : iterable of (float, mapping)
+            Instants [s], ascending, and what is commanded then: `motor_speed` [rad/s], `upper_gap`, `inclined_gap` [m].
+
+        Raises
+        ------
+        RuntimeError
+            If heyoka fails or an event was missed.
+        """
+        times = np.asarray(times, dtype=float)
+        began = wall_clock.perf_counter()
+        self._start()
+        waiting, parts, steps = list(commands), [], 0
+        now, end, done = 0.0, float(times[-1]), 0
+        while True:
+            while waiting and waiting[0][0] <= now:
+                self._command(**waiting.pop(0)[1])
+            self._automaton.settle(0.0)
+            stop = min([end, *(command[0] for command in waiting[:1]), *(now + left for left in self._ramps_left())])
+            last = stop == end
+            upto = len(times) if last else int(np.searchsorted(times, stop))
+            samples, taken = self._advance(times[done:upto] - now, stop - now)
+            parts.append(samples)
+            steps, done = steps + taken, upto
+            if last:
+                break
+            self._count_from(stop - now)
+            now = stop
+        wall_time = wall_clock.perf_counter() - began
+        found = np.array(self._automaton.events, dtype=_EVENT_DTYPE)
+        return PeerRun(times, np.concatenate(parts), found, steps, wall_time)
+
+    # -- start, commands and ramps: time is counted from the last of them ------------------------------
+
+    def _start(self):
+        scene, automaton = self.scene, self._automaton
+        automaton.begin()
+        self._integrator.time = 0.0
+        self._integrator.reset_cooldowns()
+        self._switches[:] = 0.0
+        self._state[:] = 0.0
+        self._angle, self._speed, self._target = 0.0, scene["motor.speed"], scene["motor.speed"]
+        self._set_motor()
+        self._plates, self._goals, self._plate_speeds = {}, {}, {}
+        for i, guide in enumerate(self._equations.guides):
+            side = guide.side
+            plate = guide.rod + scene[f"{side}.gap"] if guide.kind != "none" else 0.0
+            crank = math.cos(guide.angle)
+            slider = scene["crank.radius"] * crank + math.sqrt(guide.rod**2 - (scene["crank.radius"] * math.sin(
+                guide.angle))**2)
+            automaton.set(f"{side}.free", 1.0)
+            automaton.set(f"{side}.sign", math.copysign(1.0, crank))
+            self._plates[side] = self._goals[side] = plate
+            self._set_plate(side, 0.0)
+            rest = min(slider - plate, 0.0) if guide.kind != "none" else slider
+            self._state[2 * i] = rest if scene["start.state"] == "rest" else -plate
+
+    def _set_motor(self):
+        change = {"ideal": 0.0, "lag": self._speed - self._target,
+                  "ramp": math.copysign(self.scene["motor.acceleration"], self._target - self._speed)}
+        self._change = change[self.scene["effects.motor"]] if self._target != self._speed else 0.0
+        steady = self._target if self.scene["effects.motor"] == "lag" else self._speed
+        for name, value in (("angle", self._angle), ("speed", steady), ("change", self._change)):
+            self._automaton.set(name, value)
+
+    def _set_plate(self, side: str, speed: float):
+        """Let a plate move on at `speed` [m/s]; its mass keeps its own."""
+        place = 2 * [guide.side for guide in self._equations.guides].index(side)
+        self._state[place + 1] += self._plate_speeds.get(side, 0.0) - speed
+        self._plate_speeds[side] = speed
+        self._automaton.set(f"{side}.plate", self._plates[side])
+        self._automaton.set(f"{side}.plate_speed", speed)
+
+    def _command(self, motor_speed: float | None = None, upper_gap: float | None = None,
+                 inclined_gap: float | None = None):
+        if motor_speed is not None:
+            self._target = motor_speed
+            if self.scene["effects.motor"] == "ideal":
+                self._speed = motor_speed
+            self._set_motor()
+        for side, gap in (("upper", upper_gap), ("inclined", inclined_gap)):
+            guide = next((guide for guide in self._equations.guides if guide.side == side), None)
+            if gap is not None and guide is not None and guide.kind != "none":
+                self._goals[side] = guide.rod + gap
+                way = np.sign(self._goals[side] - self._plates[side])
+                self._set_plate(side, float(way) * self.scene["gap_actuator.speed"])
+
+    def _ramps_left(self) -> list[float]:
+        """Seconds after which the motor's ramp and each plate's end."""
+        left = [abs((self._goals[side] - self._plates[side]) / speed)
+                for side, speed in self._plate_speeds.items() if speed]
+        if self.scene["effects.motor"] == "ramp" and self._change:
+            left.append((self._target - self._speed) / self._change)
+        return left
+
+    def _count_from(self, later: float):
+        """Begin to count time `later` seconds [s] after where it is counted from now; end the ramps that are over."""
+        over = [left <= later for left in self._ramps_left()]
+        moving = [side for side, speed in self._plate_speeds.items() if speed]
+        self._turn_motor(later)
+        for side, speed in self._plate_speeds.items():
+            self._plates[side] += speed * later
+        for side, reached in zip(moving, over, strict=False):
+            if reached:
+                self._plates[side] = self._goals[side]
+        if over[len(moving):] == [True]:
+            self._speed = self._target
+        self._set_motor()
+        for side, speed in self._plate_speeds.items():
+            self._set_plate(side, 0.0 if self._plates[side] == self._goals[side] else speed)
+        self._automaton.origin += later
+        self._integrator.time = 0.0
+
+    def _turn_motor(self, t: float):
+        """Crank angle and speed after `t` seconds."""
+        lag = self.scene["motor.time_constant"]
+        if self.scene["effects.motor"] == "lag":
+            part = -math.expm1(-t / lag)
+            self._angle += self._target * t + self._change * lag * part
+            self._speed -= self._change * part
+        else:
+            self._angle += self._speed * t + 0.5 * self._change * t * t
+            self._speed += self._change * t
+
+    def _advance(self, times: np.ndarray, stop: float) -> tuple[np.ndarray, int]:
+        """Samples at `times` [s] as counted now, and the number of steps to `stop` [s]."""
+        grid = np.concatenate([[0.0] if not len(times) or times[0] > 0.0 else [], times,
+                               [stop] if not len(times) or times[-1] < stop else []])
+        outcome, _, _, steps, *_, points = self._integrator.propagate_grid(grid)
+        if outcome != hy.taylor_outcome.time_limit:
+            raise RuntimeError(f"heyoka stopped with {outcome} at {self._automaton.origin + self._integrator.time:g} s")
+        first = len(grid) - len(times) - (not len(times) or times[-1] < stop)
+        points = points[first:first + len(times)]
+        samples = np.zeros((len(times), len(COLUMNS)))
+        for i, guide in enumerate(self._equations.guides):
+            column = COLUMNS.index(f"{guide.side}_position")
+            speed = self._plate_speeds[guide.side]
+            samples[:, column] = points[:, 2 * i] + (self._plates[guide.side] + speed * times)
+            samples[:, column + 1] = points[:, 2 * i + 1] + speed
+        if self._equations.body_moves:
+            samples[:, 4:] = points[:, -2:]
+        return samples, steps
+
+
+def integrate_heyoka(scene: Scene, times: np.ndarray, tolerance: float = 1e-15, commands=()) -> PeerRun:
+    """Integrate a scene by heyoka; `Peer` with `Peer.integrate` in one call."""
+    return Peer(scene, tolerance).integrate(times, commands)

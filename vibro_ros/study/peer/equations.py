@@ -1,0 +1,185 @@
+"""The equations of MODEL.md as heyoka expressions, with run-time parameters where a mode switches a term.
+
+Positions are counted from the plates, d = u - E and d = w - H, whose zero a double resolves without limit: a guard
+can be put on either side of zero by less than any rounding error. Time is counted from the last command.
+"""
+
+import math
+from dataclasses import dataclass
+
+import heyoka as hy
+
+from vibro_ros.model.scene import Scene
+
+
+class Switches:
+    """Names for heyoka's numbered run-time parameters."""
+
+    def __init__(self):
+        self.number: dict[str, int] = {}
+
+    def __getitem__(self, name: str) -> hy.expression:
+        return hy.par[self.number.setdefault(name, len(self.number))]
+
+
+@dataclass(frozen=True)
+class Guide:
+    """One mass on its guide: constants, and expressions of its motion."""
+
+    side: str
+    angle: float
+    mass: float
+    kind: str  # of contact
+    rod: float
+    plate_stiffness: float
+    plate_damping: float
+    restitution: float
+    watches_force: bool  # whether the plate lets go at zero force instead of zero depth
+    has_kink: bool
+    depth: hy.expression
+    rate: hy.expression
+    load: hy.expression  # force along the guide but for the body's acceleration, plate included
+    push: hy.expression  # k d + c d' of the plate
+    crank: hy.expression  # cosine whose zeros are the slider's kinks
+
+
+class Equations:
+    """Right-hand sides, ground forces and guards of one scene.
+
+    Parameters
+    ----------
+    scene : Scene
+        Read by parameter name only.
+
+    Attributes
+    ----------
+    switches : Switches
+        Run-time parameters: `<side>.spring`, `<side>.damper` (of the plate while it acts, else 0), `<side>.free` (0 while
+        resting on a rigid plate), `<side>.plate`, `<side>.plate_speed`, `<side>.sign` (of the kinked root),
+        `<side>.watch`, `<side>.offset`, `slide` (mu times direction), `mobility` (x'' per force; 0 while the body is
+        held), `stick`, `normal_offset`, `angle`, `speed`, `change`.
+    guides : list of Guide
+    system : list
+        For `heyoka.taylor_adaptive`: d, d' of each guide, then x, x' if the body can move.
+    normal, inertial : expression
+        N and F_in [N].
+    """
+
+    def __init__(self, scene: Scene):
+        self.scene, self.switches = scene, Switches()
+        self._motor()
+        tilt = {"upper": 0.0, "inclined": scene["guide.angle"]}
+        sides = [side for side in tilt if scene[f"effects.{side}_mass"]]
+        self.total = math.fsum([scene["mass.body"], *(scene[f"mass.{side}"] for side in sides)])
+        self.sine, self.cosine = math.sin(tilt["inclined"]), math.cos(tilt["inclined"])
+        self.body_moves = "inclined" in sides and self.sine != 0.0
+        self.rubs = self.body_moves and scene["effects.friction"] != "none" and scene["ground.friction"] > 0.0
+        self.rule = scene["effects.normal_force"]
+        self.guides = [self._guide(side, tilt[side]) for side in sides]
+        self._body()
+
+    def _motor(self):
+        at, t, lag = self.switches, hy.time, self.scene["motor.time_constant"]
+        extra = {"ideal": (0.0, 0.0), "ramp": (0.5 * at["change"] * t * t, at["change"] * t)}
+        if self.scene["effects.motor"] == "lag":
+            decay = hy.exp(-t / lag)
+            extra["lag"] = (at["change"] * lag * (1.0 - decay), at["change"] * decay)
+        angle, speed = extra[self.scene["effects.motor"]]
+        self.theta, self.omega = at["angle"] + at["speed"] * t + angle, at["speed"] + speed
+
+    def _guide(self, side: str, angle: float) -> Guide:
+        scene, at = self.scene, self.switches
+        depth, rate = hy.make_vars(f"{side}_d", f"{side}_v")
+        kind, rod, mass = scene[f"effects.{side}_contact"], scene[f"crank.{side}_rod"], scene[f"mass.{side}"]
+        slider, slope, crank = self._slider(side, rod, angle)
+        plate = at[f"{side}.plate"] + at[f"{side}.plate_speed"] * hy.time
+        load = -scene[f"{side}.spring.stiffness"] * (depth + (plate - slider))
+        if scene[f"{side}.spring.damping"] > 0.0:
+            load -= scene[f"{side}.spring.damping"] * (rate + at[f"{side}.plate_speed"] - slope * self.omega)
+        if scene["effects.mass_weight"]:
+            load -= mass * scene["gravity"] * math.cos(angle)
+        spring, damper = scene[f"{side}.plate.stiffness"], scene[f"{side}.plate.damping"]
+        if kind == "compliant":
+            load -= at[f"{side}.spring"] * depth
+            if damper > 0.0:
+                load -= at[f"{side}.damper"] * rate
+        return Guide(side, angle, mass, kind, rod, spring, damper, scene[f"{side}.plate.restitution"],
+                     kind == "compliant" and damper > 0.0 and not scene["effects.adhesion"],
+                     scene["crank.radius"] == rod, depth, rate, load, spring * depth + damper * rate, crank)
+
+    def _slider(self, side: str, rod: float, angle: float):
+        """Slider position, its slope by the crank angle, and cos of the crank angle from the guide; eqs. (2), (3)."""
+        radius = self.scene["crank.radius"]
+        sine, cosine = hy.sin(self.theta - angle), hy.cos(self.theta - angle)
+        if radius == rod:  # the root is rod |cos|, whose sign a guard switches
+            both = radius + self.switches[f"{side}.sign"] * rod
+            return both * cosine, -both * sine, cosine
+        root = hy.sqrt(rod * rod - radius * radius * sine * sine)
+        return radius * cosine + root, -radius * sine * (1.0 + radius * cosine / root), cosine
+
+    def _body(self):
+        """Rows x, u, w of the mass matrix with y = 0, and N from its row y."""
+        self.normal, self.inertial = hy.expression(self.total * self.scene["gravity"]), hy.expression(0.0)
+        inward, ground, at = hy.expression(0.0), self.normal, self.switches
+        share = {"upper": 0.0, "inclined": self.sine if self.body_moves else 0.0}
+        upwards = {"upper": 1.0, "inclined": self.cosine}
+        for guide in self.guides:
+            load = self._freed(guide, guide.load)
+            inward += share[guide.side] * load
+            ground += upwards[guide.side] * load
+        if self.rule == "weight":
+            ground = self.normal
+        self.acceleration = at["mobility"] * (inward - (at["slide"] * ground if self.rubs else 0.0))
+        self.system, self.forces = [], {}
+        for guide in self.guides:
+            force = guide.load
+            if self.scene["effects.reaction"] and share[guide.side]:
+                force = force + guide.mass * self.sine * self.acceleration
+            inertia = self._freed(guide, force)
+            self.forces[guide.side] = force
+            self.system += [(guide.depth, guide.rate), (guide.rate, inertia / guide.mass)]
+            self.inertial += share[guide.side] * inertia
+            if self.rule != "weight":
+                self.normal += upwards[guide.side] * inertia
+        if self.body_moves:
+            x, p = hy.make_vars("x", "x_v")
+            self.velocity = p
+            self.system += [(x, p), (p, self.acceleration)]
+
+    def _freed(self, guide: Guide, force: hy.expression) -> hy.expression:
+        """`force`, or 0 while the mass rests on a rigid plate and moves with it."""
+        return self.switches[f"{guide.side}.free"] * force if guide.kind == "restitution" else force
+
+    def mobility(self, direction: float, inclined_free: bool) -> tuple[float, float]:
+        """`slide` and `mobility` of a body that slips forwards (1), backwards (-1) or without friction (0)."""
+        slide = direction * self.scene["ground.friction"] if self.rubs else 0.0
+        inertia = self.total
+        if self.scene["effects.reaction"] and inclined_free:
+            lift = 0.0 if self.rule == "weight" else slide * self.cosine
+            inertia -= self.scene["mass.inclined"] * self.sine * (self.sine - lift)
+        return slide, 1.0 / inertia
+
+    def guards(self) -> dict[str, hy.expression]:
+        """Expressions whose zeros end a mode, by name; what does not apply in a mode is switched to a constant."""
+        at, found = self.switches, {}
+        for guide in self.guides:
+            side = guide.side
+            if guide.kind == "compliant":
+                found[f"{side} depth"] = guide.depth
+            if guide.watches_force:
+                watch = at[f"{side}.watch"]
+                found[f"{side} force"] = watch * (guide.push + at[f"{side}.offset"]) + (1.0 - watch)
+            if guide.kind == "restitution":
+                free = at[f"{side}.free"]
+                found[f"{side} plate"] = free * guide.depth - (1.0 - free) * self.forces[side]
+            if guide.has_kink:
+                found[f"{side} kink"] = guide.crank
+        if self.rubs:
+            holding = self.scene["ground.static_friction" if self.scene["effects.friction"] == "static"
+                                 else "ground.friction"]
+            stick, bound = at["stick"], holding * self.normal
+            found["body forward"] = stick * (bound - self.inertial) + (1.0 - stick) * self.velocity
+            found["body backward"] = stick * (bound + self.inertial) + (1.0 - stick)
+            if self.rule == "unilateral":
+                found["normal"] = self.normal + at["normal_offset"]
+        return found
