@@ -72,18 +72,26 @@ class Automaton:
             found[f"{side} depth"] = lambda t, d, g=guide: self._cross_plate(t, g, d)
             found[f"{side} force"] = lambda t, d, g=guide: self._cross_force(t, g, d)
             found[f"{side} plate"] = lambda t, d, g=guide: self._meet_rigid(t, g)
-            found[f"{side} kink"] = lambda t, d, g=guide: self.set(f"{g.side}.sign", float(d))
+            found[f"{side} kink"] = lambda t, d, g=guide: self._pass_kink(t, g, d)
         found["body forward"] = lambda t, d: self._leave_stick(t, 1.0) if self.friction == "stick" else self._stop(t, d)
         found["body backward"] = lambda t, d: self._leave_stick(t, -1.0)
         found["normal"] = self._cross_normal
         return found
+
+    def _pass_kink(self, time: float, guide: Guide, direction: int) -> None:
+        self.set(f"{guide.side}.sign", float(direction))
+        self._reconsider_body(time)  # the slider's speed has jumped, and its damper's force
 
     def settle(self, time: float) -> None:
         """Decide every mode afresh, ties included."""
         for guide in self._guides:
             self._settle_plate(time, guide)
         if self._equations.body_moves:
+            before, noted = self.friction, len(self.events)
             self._settle_body(time)
+            del self.events[noted:]  # what it tried
+            if before not in ("", self.friction):
+                self._note(time, self.friction, 0.0)
 
     # -- plates ----------------------------------------------------------------------------------------
 

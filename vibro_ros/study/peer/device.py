@@ -15,6 +15,7 @@ from vibro_ros.study.peer.equations import Equations
 #: Columns of `PeerRun.samples`.
 COLUMNS = ("upper_position", "upper_velocity", "inclined_position", "inclined_velocity", "body_position",
            "body_velocity")
+_SAME_INSTANT = 1e-13  # s; a time of about 1 s is rounded by 1e-16
 _EVENT_DTYPE = np.dtype([("time", float), ("kind", "U16"), ("speed", float)])
 
 
@@ -185,7 +186,7 @@ class Peer:
 
     def _count_from(self, later: float):
         """Begin to count time `later` seconds [s] after where it is counted from now; end the ramps that are over."""
-        over = [left <= later for left in self._ramps_left()]
+        over = [left <= later + _SAME_INSTANT for left in self._ramps_left()]
         moving = [side for side, speed in self._plate_speeds.items() if speed]
         self._turn_motor(later)
         for side, speed in self._plate_speeds.items():
@@ -214,13 +215,12 @@ class Peer:
 
     def _advance(self, times: np.ndarray, stop: float) -> tuple[np.ndarray, int]:
         """Samples at `times` [s] as counted now, and the number of steps to `stop` [s]."""
-        grid = np.concatenate([[0.0] if not len(times) or times[0] > 0.0 else [], times,
-                               [stop] if not len(times) or times[-1] < stop else []])
+        before, after = not len(times) or times[0] > 0.0, not len(times) or times[-1] < stop
+        grid = np.concatenate([[0.0] * before, times, [stop] * after])
         outcome, _, _, steps, *_, points = self._integrator.propagate_grid(grid)
         if outcome != hy.taylor_outcome.time_limit:
             raise RuntimeError(f"heyoka stopped with {outcome} at {self._automaton.origin + self._integrator.time:g} s")
-        first = len(grid) - len(times) - (not len(times) or times[-1] < stop)
-        points = points[first:first + len(times)]
+        points = points[int(before):int(before) + len(times)]
         samples = np.zeros((len(times), len(COLUMNS)))
         for i, guide in enumerate(self._equations.guides):
             column = COLUMNS.index(f"{guide.side}_position")

@@ -24,7 +24,8 @@ class Series:
 
     def __init__(self, equations: Equations, state: np.ndarray, switches: np.ndarray):
         self._equations, self._state, self._switches = equations, state, switches
-        self._probe = hy.taylor_adaptive(sys=equations.system, state=state.copy(), tol=1e-15)
+        # The tolerance asks for 10 powers of time; the step itself is not used.
+        self._probe = hy.taylor_adaptive(sys=equations.system, state=state.copy(), tol=1e-7)
         scene = equations.scene
         stiffest = max((scene[f"{g.side}.spring.stiffness"] + g.plate_stiffness) / g.mass for g in equations.guides)
         rate = max(math.sqrt(stiffest), scene["motor.speed"], 1.0)
