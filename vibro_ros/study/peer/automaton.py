@@ -73,7 +73,7 @@ class Automaton:
             found[f"{side} force"] = lambda t, d, g=guide: self._cross_force(t, g, d)
             found[f"{side} plate"] = lambda t, d, g=guide: self._meet_rigid(t, g)
             found[f"{side} kink"] = lambda t, d, g=guide: self._pass_kink(t, g, d)
-        found["body forward"] = lambda t, d: self._leave_stick(t, 1.0) if self.friction == "stick" else self._stop(t, d)
+        found["body forward"] = lambda t, d: self._leave_stick(t, 1.0) if self.friction == "stick" else self._stop(t)
         found["body backward"] = lambda t, d: self._leave_stick(t, -1.0)
         found["normal"] = self._cross_normal
         return found
@@ -200,6 +200,7 @@ class Automaton:
         self.set("slide", 0.0 if held else slide)
         self.set("mobility", 0.0 if held else mobility)
         self.set("stick", float(held))
+        self.set("slip", float(friction.startswith("slip")))
         if self.friction not in ("", friction):
             self._note(time, friction, 0.0)
         self.friction = friction
@@ -216,14 +217,8 @@ class Automaton:
             self._slip(time, direction)
             self.set("normal_offset", 0.0)
 
-    def _stop(self, time: float, direction: int) -> None:
-        """x' passes zero: with a unilateral ground that is unloaded nothing changes; else stick, or slip on."""
-        if self.friction == "unloaded":
-            self._state[-1] = direction * _SPEED_NUDGE
-            return
-        self._stick_or_slip(time)
-
-    def _stick_or_slip(self, time: float) -> None:
+    def _stop(self, time: float) -> None:
+        """x' has reached zero: stick, or slip on in the direction of F_in."""
         self._state[-1] = 0.0
         self._hold()
         normal, inertial = self._read(time)[:2]
@@ -240,7 +235,7 @@ class Automaton:
         if direction < 0:
             self._turn_friction(time, "unloaded")
         elif abs(self._state[-1]) <= _SPEED_NUDGE:
-            self._stick_or_slip(time)
+            self._stop(time)
         else:
             self._slip(time, 1.0 if self._state[-1] > 0.0 else -1.0)
         self.set("normal_offset", direction * _FORCE_NUDGE)

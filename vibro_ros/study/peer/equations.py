@@ -57,7 +57,7 @@ class Equations:
         Run-time parameters: `<side>.spring`, `<side>.damper` (of the plate while it acts, else 0), `<side>.free` (0 while
         resting on a rigid plate), `<side>.plate`, `<side>.plate_speed`, `<side>.sign` (of the kinked root),
         `<side>.watch`, `<side>.offset`, `slide` (mu times direction), `mobility` (x'' per force; 0 while the body is
-        held), `stick`, `normal_offset`, `angle`, `speed`, `change`.
+        held), `stick` and `slip` (1 in that mode), `normal_offset`, `angle`, `speed`, `change`.
     guides : list of Guide
     system : list
         For `heyoka.taylor_adaptive`: d, d' of each guide, then x, x' if the body can move.
@@ -177,8 +177,9 @@ class Equations:
         if self.rubs:
             holding = self.scene["ground.static_friction" if self.scene["effects.friction"] == "static"
                                  else "ground.friction"]
-            stick, bound = at["stick"], holding * self.normal
-            found["body forward"] = stick * (bound - self.inertial) + (1.0 - stick) * self.velocity
+            stick, slip, bound = at["stick"], at["slip"], holding * self.normal
+            found["body forward"] = (stick * (bound - self.inertial) + slip * self.velocity
+                                     + (1.0 - stick - slip))
             found["body backward"] = stick * (bound + self.inertial) + (1.0 - stick)
             if self.rule == "unilateral":
                 found["normal"] = self.normal + at["normal_offset"]
