@@ -4,6 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 PACKAGES := $(VENV)/packages.done
 READY := $(VENV)/ready.done
+PEER := $(VENV)/peer.done
 PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet --quiet
 PYTHON ?= python3
 
@@ -32,13 +33,13 @@ setup: $(READY)  ## make .venv with every pinned package; quick when nothing has
 demo: $(READY)  ## run robot and controller for about 20 s, record, report into out/
 	@$(BIN)/python -m vibro_ros.study.demo
 
-test: $(READY)  ## run every test
+test: $(READY) $(PEER)  ## run every test
 	@$(BIN)/python -m pytest
 
 lint: $(READY)  ## check the style
 	@$(BIN)/ruff check
 
-bench: $(READY)  ## compare the exact solver's cost with fixed-step Runge-Kutta
+bench: $(READY) $(PEER)  ## compare the exact solver's cost with fixed-step Runge-Kutta
 	@$(BIN)/python -m vibro_ros.study.bench
 
 docs: $(READY)  ## write the parameters' table into docs/interface.md anew
@@ -69,4 +70,11 @@ $(PACKAGES): requirements.txt
 $(READY): $(PACKAGES) setup.py setup.cfg package.xml
 	@echo "setup: installing vibro_ros from this folder"
 	@$(PIP) install --use-pep517 --no-build-isolation --no-deps --editable .
+	@touch $@
+
+# Only what compares needs it: 104 MB to load.
+$(PEER): requirements-bench.txt $(PACKAGES)
+	@echo "setup: installing heyoka, to compare with"
+	@$(PIP) install --only-binary :all: --no-deps --requirement $<
+	@$(BIN)/python -m pip check >/dev/null || { $(BIN)/python -m pip check; exit 1; }
 	@touch $@

@@ -33,6 +33,8 @@ setup(
     python_requires=">=3.10,<3.14",
     install_requires=["matplotlib", "numba", "numpy", "pillow", "PyYAML", "rosbags==0.11.9"],
     extras_require={
+        # The peer that bench and tests compare with: 104 MB, and no wheel for Python 3.10.
+        "bench": ['heyoka==7.13.2 ; python_version >= "3.11"'],
         # ROS 2 Jazzy as wheels; not asked for by default, so that an apt installation is never shadowed.
         "ros": [
             "ros-jazzy-geometry-msgs",

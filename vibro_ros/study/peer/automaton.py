@@ -2,9 +2,11 @@
 
 heyoka finds a root wherever an event's polynomial starts at zero, and its own remedy, a cooldown, would hide a true
 event that follows at once (bounces that die out, N = 0 just after an impact). So cooldowns are off, and whatever fires
-is put on its new side by less than a rounding error: a depth or a speed of the body by a nudge of the state, a force by an
-offset of its guard.
+is put on its new side by less than a rounding error: a depth or a speed of the body by a nudge of the state, a force by
+an offset of its guard.
 """
+
+import math
 
 import heyoka as hy
 import numpy as np
@@ -30,8 +32,8 @@ class Automaton:
 
     Attributes
     ----------
-    events : list of (float, str, float)
-        Instant [s] since `origin`'s zero, kind, and for contacts the approach speed [m/s], else 0.
+    events : list of (float, str, float, float)
+        Instant [s], kind, and for contacts approach speed [m/s] and duration [s] (infinite while they last), else 0.
     origin : float
         Instant [s] from which the integrator counts time.
     """
@@ -53,7 +55,8 @@ class Automaton:
 
     def begin(self) -> None:
         """Forget everything, as before a start."""
-        self.events: list[tuple[float, str, float]] = []
+        self.events: list[tuple[float, str, float, float]] = []
+        self._lasting: dict[str, int] = {}  # number of each guide's contact that has not ended
         self.origin = 0.0
         self.friction = ""
         self.contact = {guide.side: "open" for guide in self._guides}
@@ -91,7 +94,7 @@ class Automaton:
             self._settle_body(time)
             del self.events[noted:]  # what it tried
             if before not in ("", self.friction):
-                self._note(time, self.friction, 0.0)
+                self._note(time, self.friction)
 
     # -- plates ----------------------------------------------------------------------------------------
 
@@ -116,7 +119,9 @@ class Automaton:
         if "released" not in (contact, old):
             self.set(f"{side}.offset", 0.0)
         if acts and old != "closed":
-            self._note(time, f"{side}_contact", self._state[self._place[side] + 1])
+            self._begin_contact(time, side, self._state[self._place[side] + 1])
+        elif old == "closed" and not acts:
+            self._end_contact(time, side)
 
     def _check_plates(self, time: float) -> None:
         """Notice the other plate when it is crossed in the same instant."""
@@ -133,8 +138,7 @@ class Automaton:
         at, side = self._place[guide.side], guide.side
         self._state[at] = -_DEPTH_NUDGE
         if self.contact[side] == "resting":
-            self.contact[side] = "open"
-            self.set(f"{side}.free", 1.0)
+            self._part(time, side)
         else:
             self._strike(time, guide, self._state[at + 1])
         self._reconsider_body(time)
@@ -142,7 +146,7 @@ class Automaton:
     def _strike(self, time: float, guide: Guide, approach: float) -> None:
         """Newton's restitution; M x' - m3 w' sin(phi) is kept, because a finite friction does nothing in no time."""
         at, equations, side = self._place[guide.side], self._equations, guide.side
-        self._note(time, f"{side}_contact", approach)
+        self._begin_contact(time, side, approach)
         rests = guide.restitution * approach <= _REST_SPEED
         rests = rests and self._read(time)[2 + len(self._guides) + self._guides.index(guide)] >= 0.0
         change = -approach if rests else -(1.0 + guide.restitution) * approach
@@ -151,13 +155,22 @@ class Automaton:
             self.contact[side] = "resting"
             self._state[at] = self._state[at + 1] = 0.0
             self.set(f"{side}.free", 0.0)
+        else:
+            self._end_contact(time, side)
         if side == "inclined" and equations.body_moves and not (rests and self.friction == "stick"):
             self._state[-1] += guide.mass * equations.sine / equations.total * change
             if self.friction == "stick":
                 self._slip(time, 1.0 if self._state[-1] > 0.0 else -1.0)
 
+    def _part(self, time: float, side: str) -> None:
+        """Let a mass fly that may rest on its rigid plate."""
+        if self.contact[side] == "resting":
+            self._end_contact(time, side)
+        self.contact[side] = "open"
+        self.set(f"{side}.free", 1.0)
+
     def _settle_plate(self, time: float, guide: Guide) -> None:
-        at, side = self._place[guide.side], guide.side
+        at = self._place[guide.side]
         if guide.kind == "restitution":
             self._settle_rigid(time, guide)
         if guide.kind != "compliant":
@@ -178,8 +191,7 @@ class Automaton:
         approach = self._state[at + 1]
         if self.contact[side] == "resting" and approach == 0.0:
             return  # the guard of its force watches it
-        self.contact[side] = "open"
-        self.set(f"{side}.free", 1.0)
+        self._part(time, side)
         if self._state[at] < 0.0:
             return
         if approach > 0.0 or (approach == 0.0 and self._series.depth(time, guide) > 0):
@@ -202,7 +214,7 @@ class Automaton:
         self.set("stick", float(held))
         self.set("slip", float(friction.startswith("slip")))
         if self.friction not in ("", friction):
-            self._note(time, friction, 0.0)
+            self._note(time, friction)
         self.friction = friction
 
     def _slip(self, time: float, direction: float) -> None:
@@ -287,6 +299,14 @@ class Automaton:
         if equations.rule == "unilateral" and leading(*self._series.ground(time)[::2]) < 0:
             self._turn_friction(time, "unloaded")
 
-    def _note(self, time: float, kind: str, speed: float) -> None:
-        self.events.append((self.origin + time, kind, float(speed)))
+    def _note(self, time: float, kind: str) -> None:
+        self.events.append((self.origin + time, kind, 0.0, 0.0))
 
+    def _begin_contact(self, time: float, side: str, speed: float) -> None:
+        self._lasting[side] = len(self.events)
+        self.events.append((self.origin + time, f"{side}_contact", float(speed), math.inf))
+
+    def _end_contact(self, time: float, side: str) -> None:
+        number = self._lasting.pop(side)
+        began, kind, speed, _ = self.events[number]
+        self.events[number] = began, kind, speed, self.origin + time - began

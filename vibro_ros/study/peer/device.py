@@ -16,7 +16,7 @@ from vibro_ros.study.peer.equations import Equations
 COLUMNS = ("upper_position", "upper_velocity", "inclined_position", "inclined_velocity", "body_position",
            "body_velocity")
 _SAME_INSTANT = 1e-13  # s; a time of about 1 s is rounded by 1e-16
-_EVENT_DTYPE = np.dtype([("time", float), ("kind", "U16"), ("speed", float)])
+_EVENT_DTYPE = np.dtype([("time", float), ("kind", "U16"), ("speed", float), ("duration", float)])
 
 
 @dataclass(frozen=True)
@@ -31,7 +31,7 @@ class PeerRun:
         u, u', w, w', x, x' [m, m/s] (`COLUMNS`); zero for what the scene does not have.
     events : structured ndarray
         By time: `time` [s], `kind` (`upper_contact`, `inclined_contact`, `stick`, `slip_forward`, `slip_backward`,
-        `unloaded`) and approach `speed` of a contact [m/s].
+        `unloaded`), and for contacts approach `speed` [m/s] and `duration` [s], infinite if they last at the end.
     steps : int
         Taylor steps.
     wall_time : float

@@ -54,8 +54,8 @@ class Equations:
     Attributes
     ----------
     switches : Switches
-        Run-time parameters: `<side>.spring`, `<side>.damper` (of the plate while it acts, else 0), `<side>.free` (0 while
-        resting on a rigid plate), `<side>.plate`, `<side>.plate_speed`, `<side>.sign` (of the kinked root),
+        Run-time parameters: `<side>.spring`, `<side>.damper` (of the plate while it acts, else 0), `<side>.free` (0
+        while resting on a rigid plate), `<side>.plate`, `<side>.plate_speed`, `<side>.sign` (of the kinked root),
         `<side>.watch`, `<side>.offset`, `slide` (mu times direction), `mobility` (x'' per force; 0 while the body is
         held), `stick` and `slip` (1 in that mode), `normal_offset`, `angle`, `speed`, `change`.
     guides : list of Guide

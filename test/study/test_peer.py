@@ -1,0 +1,142 @@
+"""The exact solver against a second robot: heyoka's Taylor method with terminal events, written from the equations.
+
+Every effect alone, then scenes drawn at random. heyoka works at its strictest, 1e-15 of the state a step. Over 0.2 s,
+with up to 1e2 impacts, that and the solver's rounding grow to at most 1e-13 m where nothing is lost: 1e-11 m leaves
+room for another machine's arithmetic, and is 1e7 times less than the least effect compared here changes. Contacts:
+1e-11 s, within which a mass of 5 m/s moves 5e-11 m.
+"""
+
+import random
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import vibro_ros
+
+pytest.importorskip("heyoka", reason="heyoka, the extra `bench`, has no wheel for Python 3.10")
+
+from vibro_ros.study.peer import COLUMNS, Peer, integrate_heyoka
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "reference"))
+from random_scenes import draw
+
+POSITION = 1e-11  # m
+SPEED = 1e-7  # m/s: the position's times 1e4/s, a contact's angular frequency
+INSTANT = 1e-11  # s
+WITHOUT_FRICTION_AND_PLATES = {
+    "effects.friction": "none", "effects.upper_contact": "none", "effects.inclined_contact": "none",
+}
+DAMPERS = {f"{side}.{part}.damping": value for side in ("upper", "inclined")
+           for part, value in (("spring", 2.0), ("plate", 100.0))}
+RIGID = {"effects.upper_contact": "restitution", "effects.inclined_contact": "restitution"}
+UNILATERAL = {"effects.normal_force": "unilateral"}
+SPEED_UP = ((0.03, {"motor_speed": 140.0}), (0.11, {"motor_speed": 60.0}))
+GAPS = ((0.02, {"upper_gap": 0.0004, "inclined_gap": -0.0003}), (0.1, {"upper_gap": 0.0}))
+
+EFFECTS = {
+    "no plates, no friction": (WITHOUT_FRICTION_AND_PLATES, ()),
+    "upper mass absent": (UNILATERAL | {"effects.upper_mass": False}, ()),
+    "inclined mass absent": ({"effects.inclined_mass": False}, ()),
+    "compliant plates without friction": ({"effects.friction": "none"}, ()),
+    "Coulomb friction by weight": ({"effects.normal_force": "weight"}, ()),
+    "Coulomb friction as printed": ({}, ()),
+    "Coulomb friction on a ground that cannot pull": (UNILATERAL, ()),
+    "static friction": (UNILATERAL | {"effects.friction": "static", "ground.static_friction": 0.35}, ()),
+    "start at zero": (UNILATERAL | {"start.state": "zero"}, ()),
+    "dampers and adhesion": (UNILATERAL | DAMPERS, ()),
+    "dampers without tension": (UNILATERAL | DAMPERS | {"effects.adhesion": False}, ()),
+    "rigid plates": (UNILATERAL | RIGID, ()),
+    "rigid plates, reaction and weight": (
+        UNILATERAL | RIGID | {"effects.reaction": True, "effects.mass_weight": True}, ()),
+    "bounces that die out": (
+        UNILATERAL | RIGID | {"upper.plate.restitution": 0.2, "inclined.plate.restitution": 0.0}, ()),
+    "reaction": (UNILATERAL | {"effects.reaction": True}, ()),
+    "weight of the masses": (UNILATERAL | {"effects.mass_weight": True}, ()),
+    "ideal motor": (UNILATERAL, SPEED_UP),
+    "ramp motor": (UNILATERAL | {"effects.motor": "ramp", "motor.acceleration": 800.0}, SPEED_UP),
+    "lag motor": (UNILATERAL | {"effects.motor": "lag", "motor.time_constant": 0.03}, SPEED_UP),
+    "moving plates": (UNILATERAL, GAPS),
+    "moving rigid plates": (UNILATERAL | RIGID, GAPS),
+    "crank as long as the rods": (UNILATERAL | DAMPERS | {"crank.radius": 0.06}, ()),
+}
+
+
+def simulated(scene, times, commands):
+    """u, u', w, w', x, x' at `times`, and the events, of the exact solver."""
+    device, waiting, rows, events = vibro_ros.Simulator(scene), list(commands), [], []
+    for time in times:
+        while waiting and waiting[0][0] <= time:
+            instant, change = waiting.pop(0)
+            device.advance_to(instant)
+            device.command(**change)
+        device.advance_to(time)
+        rows.append([getattr(device.state, column) for column in COLUMNS])
+        events.append(device.take_events())
+    return np.array(rows), np.sort(np.concatenate(events), order="time")
+
+
+def assert_agreement(scene, duration, commands=(), position=POSITION):
+    times = np.linspace(0.0, duration, 41)
+    peer = integrate_heyoka(scene, times, commands=commands)
+    samples, events = simulated(scene, times, commands)
+    for column, limit in enumerate((position, 1e4 * position) * 3):
+        error = np.abs(peer.samples[:, column] - samples[:, column])
+        assert error.max() <= limit, f"{COLUMNS[column]} off by {error.max():.1e} at {times[error.argmax()]:g} s"
+    for kind in ("upper_contact", "inclined_contact", "stick", "unloaded"):
+        ours, theirs = events[events["kind"] == kind], peer.events[peer.events["kind"] == kind]
+        theirs = theirs[np.isfinite(theirs["duration"])]  # the solver reports a contact when it has ended
+        assert len(ours) == len(theirs), kind
+        for key, limit in (("time", INSTANT), ("speed", 1e4 * position), ("duration", 2.0 * INSTANT)):
+            np.testing.assert_allclose(ours[key], theirs[key], rtol=0.0, atol=limit, err_msg=f"{kind} {key}")
+    return peer
+
+
+@pytest.mark.parametrize("name", EFFECTS)
+def test_an_effect_agrees_with_the_peer(name):
+    changes, commands = EFFECTS[name]
+    assert_agreement(vibro_ros.load_scene("paper").with_parameters(changes), 0.2, commands)
+
+
+def test_the_damped_device_agrees_for_longer_than_chaos_would_let_it():
+    """2 s; the motion contracts, so that the limits of 0.2 s hold."""
+    scene = vibro_ros.load_scene("device").with_parameters({"motor.speed": 100.0, "solver.audit": False})
+    peer = assert_agreement(scene, 2.0, ((0.5, {"motor_speed": 120.0, "upper_gap": 0.0005}),))
+    assert np.count_nonzero(peer.events["kind"] == "upper_contact") > 20
+
+
+@pytest.mark.parametrize("seed", range(200, 212))
+def test_a_random_scene_agrees_with_the_peer(seed):
+    """Over 0.1 s; 1e-10 m, for stiff plates that a mass chatters on."""
+    changes, commands = draw(seed)
+    changes |= random_extras(random.Random(seed), changes)
+    scene = vibro_ros.load_scene("paper").with_parameters(changes)
+    assert_agreement(scene, 0.1, [(float(time), change) for time, change in commands], position=1e-10)
+
+
+def random_extras(pick, changes):
+    """Effects that `draw` does not know: a motor with lag, and rigid plates where the scene may have them."""
+    extras = {"effects.motor": pick.choice([changes["effects.motor"], "lag"])}
+    if changes["effects.normal_force"] == "weight" or (
+            changes["effects.normal_force"] == "unilateral" and changes["guide.angle"] < 1.57):
+        extras |= {f"effects.{side}_contact": pick.choice(["compliant", "restitution"])
+                   for side in ("upper", "inclined")}
+    return extras
+
+
+def test_the_peer_notices_an_effect_left_out():
+    """What the comparison would find, were a term missing in one of the two."""
+    scene = vibro_ros.load_scene("damped")
+    with pytest.raises(AssertionError, match="off by"):
+        times = np.linspace(0.0, 0.2, 41)
+        lighter = scene.with_parameters({"effects.reaction": True})
+        error = np.abs(integrate_heyoka(scene, times).samples - simulated(lighter, times, ())[0])[:, ::2]
+        assert error.max() <= 1e7 * POSITION, f"off by {error.max()}"
+
+
+def test_a_peer_runs_again_from_the_start():
+    peer = Peer(vibro_ros.load_scene("unilateral"), tolerance=1e-9)
+    first, second = (peer.run(duration=0.2, rate=200.0) for _ in range(2))
+    assert len(first.samples) == 41
+    np.testing.assert_array_equal(first.samples, second.samples)
