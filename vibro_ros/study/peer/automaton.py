@@ -14,11 +14,13 @@ import numpy as np
 from vibro_ros.study.peer.equations import Equations, Guide
 from vibro_ros.study.peer.series import Series, leading
 
-_DEPTH_NUDGE = 1e-30  # m
+#: m; bounces at _REST_SPEED rise 5e-21 m, and heyoka's search for a root gives up on much finer scales.
+_DEPTH_NUDGE = 1e-23
 _SPEED_NUDGE = 1e-18  # m/s; outweighs the rounding error of the force, 1e-12 N, that a stick ends with
 _FORCE_NUDGE = 1e-12  # N
 #: docs/model.md: a mass that would rebound more slowly [m/s] rests.
 _REST_SPEED = 1e-9
+_FAINT = 1e-6  # m/s; the last bounce before a rest does not wake a sticking body, a blow with e = 0 does
 
 
 class Automaton:
@@ -157,7 +159,8 @@ class Automaton:
             self.set(f"{side}.free", 0.0)
         else:
             self._end_contact(time, side)
-        if side == "inclined" and equations.body_moves and not (rests and self.friction == "stick"):
+        faint = rests and approach < _FAINT
+        if side == "inclined" and equations.body_moves and not (faint and self.friction == "stick"):
             self._state[-1] += guide.mass * equations.sine / equations.total * change
             if self.friction == "stick":
                 self._slip(time, 1.0 if self._state[-1] > 0.0 else -1.0)

@@ -127,7 +127,8 @@ class Peer:
         scene, automaton = self.scene, self._automaton
         automaton.begin()
         self._integrator.time = 0.0
-        self._integrator.reset_cooldowns()
+        if self._integrator.with_events:
+            self._integrator.reset_cooldowns()
         self._switches[:] = 0.0
         self._state[:] = 0.0
         self._angle, self._speed, self._target = 0.0, scene["motor.speed"], scene["motor.speed"]
