@@ -10,6 +10,7 @@ from vibro_ros.model.tables import MODE_EVENTS, compile_scene
 from vibro_ros.samples import EVENT_DTYPE, Run, Samples, sampled_quantities
 from vibro_ros.solver import event_loop
 from vibro_ros.solver import state as at
+from vibro_ros.solver.forcing import read_signals
 from vibro_ros.solver.recording import EVENT_COLUMNS, MONITOR_KIND, PHASE_KIND, RAMP_KIND
 
 _EVENTS_AT_ONCE = 4096
@@ -58,14 +59,14 @@ class Simulator:
         model, scene = self._model, self.scene
         system, forms = model.system, model.forms
         plates = {side: scene[f"crank.{side}_rod"] + scene[f"{side}.gap"] for side in forms.plates}
-        position = np.zeros(forms.channels.coordinates)
-        if scene["start.state"] == "rest":
-            for i, side in enumerate(forms.guides):
-                # The very bits that the flow uses: a mass at rest on its slider must feel no force at all.
-                slider = system.signals.series[0, i, 0]
-                position[i] = min(slider, plates.get(side, math.inf))
         state = at.new_state(system, scene["motor.speed"],
                              np.array([plates[side] for side in forms.plates]), model.initial_mode)
+        position = np.zeros(forms.channels.coordinates)
+        if scene["start.state"] == "rest":
+            # The very bits that the flow uses: a mass at rest on its slider must feel no force at all.
+            read_signals(system, state, position)
+            for i, side in enumerate(forms.guides):
+                position[i] = min(position[i], plates.get(side, math.inf))
         self._point[:len(position)] = position
         self._begin_segment(state)
         return state

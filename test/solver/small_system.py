@@ -10,7 +10,16 @@ from vibro_ros.solver import state as at
 from vibro_ros.solver.polynomial import LENGTH
 from vibro_ros.solver.recording import EVENT_COLUMNS
 from vibro_ros.solver.state import new_state
-from vibro_ros.solver.system import NOTHING, SignalTable, System, couplings, flow_numbers, longest_steps
+from vibro_ros.solver.system import (
+    NOTHING,
+    SignalTable,
+    System,
+    acceleration_terms,
+    couplings,
+    flow_numbers,
+    longest_steps,
+    terms,
+)
 
 
 @dataclass(frozen=True)
@@ -33,7 +42,8 @@ def cosine_table(cells=8):
     start = 2 * math.pi * np.arange(cells + 1) / cells
     order = np.arange(LENGTH)
     factorial = np.cumprod(np.maximum(order, 1.0))
-    series = np.cos(start[:-1, None] + order * math.pi / 2) * np.diff(start)[:, None] ** order / factorial
+    middle, half = 0.5 * (start[:-1] + start[1:]), 0.5 * np.diff(start)
+    series = np.cos(middle[:, None] + order * math.pi / 2) * half[:, None] ** order / factorial
     return SignalTable(start, series[:, None, :])
 
 
@@ -72,18 +82,20 @@ def build(channels, modes, guards=(), signals=None, monitor=None):
     event = np.tile(np.arange(count), (count, 1))
     np.fill_diagonal(event, NOTHING)
     watched = 0 if monitor is None else 1
+    watch = np.zeros((count, 0, channels.count)) if monitor is None else np.tile(monitor[0], (count, 1, 1))
     return System(
-        sizes=np.array(channels), acceleration=acceleration, flow=flow_numbers(acceleration, channels.dynamic),
-        longest_step=longest_steps(acceleration, channels), row=row, driven=row[:, driven].any(axis=1),
+        sizes=np.array(channels), acceleration=acceleration, terms=acceleration_terms(acceleration, channels),
+        flow=flow_numbers(acceleration, channels.dynamic), longest_step=longest_steps(acceleration, channels),
+        row=row, row_terms=terms(row), driven=row[:, driven].any(axis=1),
         coupled=couplings(acceleration, channels), guard=number, owner=owner, candidate=candidate, entry=entry,
         jump=jump,
         landing=np.array(landing).reshape(len(landing), 2 * channels.coordinates, channels.count), strike=strike,
         unheld=np.tile(np.arange(count)[:, None], (1, channels.ramps)), event=event,
-        monitor=np.zeros((count, 0, channels.count)) if monitor is None else np.tile(monitor[0], (count, 1, 1)),
+        monitor=watch, monitor_terms=terms(watch),
         monitored=np.array([[m in monitor[2]] * watched if monitor else [] for m in range(count)], dtype=bool),
         approach=np.zeros((0, channels.count)) if monitor is None else np.array([monitor[1]]),
         stretch=np.zeros((count, 0, channels.count)), stiffness=np.zeros((count, 0)),
-        power=np.zeros((count, 0, 2, channels.count)),
+        power=np.zeros((count, 0, 2, channels.count)), power_terms=np.zeros((count, 0, 2, channels.count), dtype=int),
         signals=signals or SignalTable(np.array([0.0, 2 * math.pi]), np.zeros((1, 0, LENGTH))))
 
 

@@ -114,12 +114,12 @@ def test_energy_of_a_free_oscillator_over_a_million_radians():
 
 
 def test_longest_steps():
-    """RATE_LIMIT over the fastest eigenvalue: k, overdamped, none."""
+    """2 RATE_LIMIT over the fastest eigenvalue: k, overdamped, none."""
     channels = Channels(1, 1, 0, 0)
     rows = np.zeros((4, 1, channels.count))
     rows[0, 0, 0] = -1e4
     rows[1, 0, :2] = -1e4, -1e4
     rows[2, 0, 1] = -50.0
     slow = 5e3 + math.sqrt(25e6 - 1e4)
-    expected = [RATE_LIMIT / 100, RATE_LIMIT / slow, RATE_LIMIT / 50, math.inf]
+    expected = [RATE_LIMIT / 50, 2 * RATE_LIMIT / slow, RATE_LIMIT / 25, math.inf]
     np.testing.assert_allclose(longest_steps(rows, channels), expected)

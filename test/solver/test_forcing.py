@@ -46,7 +46,8 @@ def check(slider, speed, target, change, times):
     rounding = 3e-16 + 2 * slider.radius * fastest * times * 2e-15
     assert np.all(abs(points[:, 0] - expected) <= rounding), abs(points[:, 0] - expected).max()
     found = phases[:, 0] * 2 * math.pi + phases[:, 1]
-    np.testing.assert_allclose(found, turned, rtol=1e-15, atol=fastest * times.max() * 1e-15)
+    # The instant within a cell, of at most 2 rad, is rounded to 1.1e-16 of its half.
+    np.testing.assert_allclose(found, turned, rtol=1e-15, atol=fastest * times.max() * 1e-15 + 1.1e-16)
     return run, points, phases
 
 
@@ -89,7 +90,7 @@ def test_a_phase_that_stops_in_a_cell_stays_there():
     run = Integration(build(ONE_SIGNAL, [[]], signals=cosine_table()), speed=10.0)
     run.ramp_speed(0.0, 100.0)
     points, _, phases = run.sample([0.1, 1.0, 3600.0])
-    np.testing.assert_allclose(points[:, 0], math.cos(0.5), rtol=0, atol=2e-16)
+    np.testing.assert_allclose(points[:, 0], math.cos(0.5), rtol=0, atol=3e-16)
     assert np.all(phases[1:, 2] == 0.0)
     np.testing.assert_array_equal(points[1], points[2])
 

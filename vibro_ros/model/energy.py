@@ -14,6 +14,7 @@ import numpy as np
 
 from vibro_ros.model.forms import Form, Forms
 from vibro_ros.model.modes import ModeBuilder
+from vibro_ros.solver.system import terms
 
 
 def audit_tables(builder: ModeBuilder, scene) -> dict[str, np.ndarray]:
@@ -39,7 +40,7 @@ def audit_tables(builder: ModeBuilder, scene) -> dict[str, np.ndarray]:
             stiffness[m, e], stretch[m, e] = weight, form
         for p, pair in enumerate(power[m]):
             pairs[m, p] = pair
-    return {"stretch": stretch, "stiffness": stiffness, "power": pairs}
+    return {"stretch": stretch, "stiffness": stiffness, "power": pairs, "power_terms": terms(pairs)}
 
 
 def _stored_energy(forms: Forms, scene, side: str, closed: frozenset[str]) -> Iterator[tuple[float, Form]]:

@@ -16,8 +16,10 @@ from vibro_ros.solver.polynomial import LENGTH
 from vibro_ros.solver.system import STRIDE, SignalTable
 
 _TURN = 2.0 * math.pi
-# Cells no longer than this resolve the cosine itself, however short the crank.
-_LONGEST_CELL = math.pi / 4.0
+# Half a cell no longer than this resolves the cosine itself, however short the crank.
+_LONGEST_HALF = math.pi / 4.0
+# STRIDE to this power is below rounding.
+_CONTRACTIONS = 25
 
 
 @dataclass(frozen=True)
@@ -65,14 +67,13 @@ class Slider:
         along = math.remainder(theta - self.angle - 0.5 * math.pi, math.pi)
         return math.hypot(along, math.acosh(self.rod / self.radius))
 
-    def series(self, theta: np.ndarray, width: np.ndarray) -> np.ndarray:
-        """Taylor coefficients of s in (angle - theta) / width; shape (len(theta), LENGTH)."""
-        psi = theta - self.angle
-        cosine = _cosine_series(psi, width, 1.0)
+    def series(self, middle: np.ndarray, half: np.ndarray) -> np.ndarray:
+        """Taylor coefficients of s in (angle - middle) / half; shape (len(middle), LENGTH)."""
+        psi = middle - self.angle
+        cosine = _cosine_series(psi, half, 1.0)
         if self.radius == self.rod:
-            side = np.sign(np.cos(psi + 0.5 * width))
-            return self.radius * cosine * (1.0 + side)[:, None]
-        square = 0.5 * self.radius**2 * _cosine_series(2.0 * psi, width, 2.0)
+            return self.radius * cosine * (1.0 + np.sign(np.cos(psi)))[:, None]
+        square = 0.5 * self.radius**2 * _cosine_series(2.0 * psi, half, 2.0)
         return self.radius * cosine + _root_series(self._root(psi), square)
 
     def _root(self, psi):
@@ -80,12 +81,12 @@ class Slider:
         return np.sqrt((self.rod - self.radius) * (self.rod + self.radius) + (self.radius * np.cos(psi)) ** 2)
 
 
-def _cosine_series(at: np.ndarray, width: np.ndarray, factor: float) -> np.ndarray:
-    """Coefficients of cos(at + factor width y) in y; shape (len(at), LENGTH)."""
+def _cosine_series(at: np.ndarray, half: np.ndarray, factor: float) -> np.ndarray:
+    """Coefficients of cos(at + factor half y) in y; shape (len(at), LENGTH)."""
     derivatives = np.stack([np.cos(at), -np.sin(at), -np.cos(at), np.sin(at)], axis=1)
     order = np.arange(LENGTH)
     factorial = np.array([math.factorial(n) for n in order], dtype=float)
-    return derivatives[:, order % 4] * (factor * width[:, None]) ** order / factorial
+    return derivatives[:, order % 4] * (factor * half[:, None]) ** order / factorial
 
 
 def _root_series(value: np.ndarray, square: np.ndarray) -> np.ndarray:
@@ -101,10 +102,10 @@ def _root_series(value: np.ndarray, square: np.ndarray) -> np.ndarray:
 def signal_table(sliders: list[Slider]) -> SignalTable:
     """Table of the sliders' positions over one turn, in cells that their series resolve to rounding."""
     start = _cell_starts(sliders)
-    width = np.diff(start)
-    series = np.empty((len(width), len(sliders), LENGTH))
+    middle, half = 0.5 * (start[:-1] + start[1:]), 0.5 * np.diff(start)
+    series = np.empty((len(half), len(sliders), LENGTH))
     for k, slider in enumerate(sliders):
-        series[:, k] = slider.series(start[:-1], width)
+        series[:, k] = slider.series(middle, half)
     return SignalTable(start, series)
 
 
@@ -113,7 +114,14 @@ def _cell_starts(sliders: list[Slider]) -> np.ndarray:
     starts = [0.0]
     for kink in kinks:
         while starts[-1] < kink:
-            theta = starts[-1]
-            reach = min([_LONGEST_CELL] + [STRIDE * s.distance_to_singularity(theta) for s in sliders])
-            starts.append(min(theta + reach, kink))
+            starts.append(min(starts[-1] + 2.0 * _half_cell(sliders, starts[-1]), kink))
     return np.array(starts)
+
+
+def _half_cell(sliders: list[Slider], start: float) -> float:
+    """Half the longest cell from `start` [rad] whose series reaches rounding: STRIDE of the way from its middle to the
+    nearest singularity. The distance changes by no more than the middle moves, so the iteration contracts by STRIDE."""
+    half = 0.0
+    for _ in range(_CONTRACTIONS):
+        half = min([_LONGEST_HALF] + [STRIDE * s.distance_to_singularity(start + half) for s in sliders])
+    return half

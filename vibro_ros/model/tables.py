@@ -10,7 +10,16 @@ from vibro_ros.model.energy import audit_tables
 from vibro_ros.model.forms import Form, Forms
 from vibro_ros.model.modes import Mode, ModeBuilder
 from vibro_ros.model.slider import Slider, signal_table
-from vibro_ros.solver.system import NOTHING, Channels, System, couplings, flow_numbers, longest_steps
+from vibro_ros.solver.system import (
+    NOTHING,
+    Channels,
+    System,
+    acceleration_terms,
+    couplings,
+    flow_numbers,
+    longest_steps,
+    terms,
+)
 
 # A blow leads to rest, or to a rebound that makes the body slip forwards or backwards.
 _MOST_TARGETS = 3
@@ -58,6 +67,7 @@ def compile_scene(scene) -> Model:
     system = System(
         sizes=np.array(channels),
         acceleration=acceleration,
+        terms=acceleration_terms(acceleration, channels),
         flow=flow_numbers(acceleration, channels.dynamic),
         coupled=couplings(acceleration, channels),
         longest_step=longest_steps(acceleration, channels),
@@ -97,8 +107,8 @@ def _guard_tables(builder: ModeBuilder) -> dict[str, np.ndarray]:
                     jump[m, g, c] = jumps.setdefault(_jump(target.jumps, channels).tobytes(), len(jumps))
     row = np.array(list(rows)).reshape(len(rows), channels.count)
     matrices = np.array([np.frombuffer(matrix) for matrix in jumps])
-    return {"row": row, "driven": _reads_driven(row, builder.forms), "guard": guard, "owner": owner,
-            "candidate": candidate, "entry": entry, "jump": jump, "strike": strike,
+    return {"row": row, "row_terms": terms(row), "driven": _reads_driven(row, builder.forms),
+            "guard": guard, "owner": owner, "candidate": candidate, "entry": entry, "jump": jump, "strike": strike,
             "landing": matrices.reshape(len(jumps), 2 * channels.coordinates, channels.count)}
 
 
@@ -151,4 +161,4 @@ def _monitor_tables(builder: ModeBuilder) -> dict[str, np.ndarray]:
         monitor[:, k] = [builder.contact_force(mode, side) for mode in modes]
         monitored[:, k] = [side in mode.pressing for mode in modes]
         approach[k] = forms.penetration(side)[1]
-    return {"monitor": monitor, "monitored": monitored, "approach": approach}
+    return {"monitor": monitor, "monitor_terms": terms(monitor), "monitored": monitored, "approach": approach}

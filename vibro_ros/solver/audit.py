@@ -8,14 +8,9 @@ on every segment, with E = sum w (e z)² / 2 and P = sum (a z)(b z). What remain
 error, found without knowing the solution.
 """
 
-import numpy as np
-
-from vibro_ros.solver.compilation import kernel, sum_kernel
-from vibro_ros.solver.polynomial import LENGTH, add_multiple, scale_argument
-from vibro_ros.solver.state import DURATION, ENERGY, EXCHANGED, MODE, RESIDUAL
-
-# Entry [i, j] is the integral of tau^i tau^j from 0 to 1.
-_MOMENT = 1.0 / (np.arange(LENGTH)[:, None] + np.arange(LENGTH) + 1.0)
+from vibro_ros.solver.compilation import kernel
+from vibro_ros.solver.polynomial import LENGTH, fill_form, fill_powers, product
+from vibro_ros.solver.state import ENERGY, ENTRANCE, EXCHANGED, HALF, MODE, RESIDUAL
 
 
 @kernel
@@ -33,53 +28,48 @@ def _energy(system, state, point):
 
 
 @kernel
-def _fill(form, z, target):
-    """target = form z; False if it vanishes."""
-    target[:] = 0.0
-    vanishes = True
-    for channel in range(len(z)):
-        if form[channel] != 0.0:
-            add_multiple(target, form[channel], z[channel])
-            vanishes = False
-    return not vanishes
+def _fill_moments(a, b, moments):
+    """moments[n] = integral of x^n from a to b."""
+    low, high = a, b
+    for n in range(len(moments)):
+        moments[n] = (high - low) / (n + 1)
+        low *= a
+        high *= b
 
 
-@sum_kernel
-def _integral_of_product(p, q):
-    """Integral of p q from 0 to 1."""
+@kernel
+def _integral_of_product(p, q, moments):
+    """Integral of p q where the moments were taken."""
     total = 0.0
     for i in range(LENGTH):
-        inner = 0.0
-        for j in range(LENGTH):
-            inner += _MOMENT[i, j] * q[j]
-        total += p[i] * inner
+        total += p[i] * product(q, moments[i:i + LENGTH])
     return total
 
 
 @kernel
 def open_audit(system, state, point):
-    """Note the energy at the start of a segment; `point`, shape (channels,), is overwritten."""
+    """Note the energy where a flow begins; `point`, shape (channels,), is overwritten."""
     if system.power.shape[1] == 0:
         return
+    fill_powers(state.clock[ENTRANCE], state.powers)
     for channel in range(len(point)):
-        point[channel] = state.z[channel, 0]
+        point[channel] = product(state.z[channel], state.powers)
     state.audit[ENERGY] = _energy(system, state, point)
 
 
 @kernel
-def close_audit(system, state, tau, point):
-    """Balance the segment up to `tau`, where the channels have the values of `point`."""
+def close_audit(system, state, x, point):
+    """Balance the flow up to `x`, where the channels have the values of `point`."""
     if system.power.shape[1] == 0:
         return
+    mode = state.index[MODE]
     work = 0.0
+    _fill_moments(state.clock[ENTRANCE], x, state.moments)
     for k in range(system.power.shape[1]):
         force, rate = state.work[0], state.work[1]
-        form = system.power[state.index[MODE], k]
-        if _fill(form[0], state.z, force) and _fill(form[1], state.z, rate):
-            if tau < 1.0:
-                scale_argument(force, tau)
-                scale_argument(rate, tau)
-            work += _integral_of_product(force, rate)
-    work *= state.clock[DURATION] * tau
+        form, terms = system.power[mode, k], system.power_terms[mode, k]
+        if fill_form(form[0], terms[0], state.z, force) and fill_form(form[1], terms[1], state.z, rate):
+            work += _integral_of_product(force, rate, state.moments)
+    work *= state.clock[HALF]
     state.audit[RESIDUAL] += _energy(system, state, point) - state.audit[ENERGY] - work
     state.audit[EXCHANGED] += abs(work)

@@ -8,9 +8,9 @@ import math
 
 from vibro_ros.solver.audit import close_audit, open_audit
 from vibro_ros.solver.compilation import kernel
-from vibro_ros.solver.flow import solve_driven, solve_dynamic
-from vibro_ros.solver.forcing import advance_forcing, choose_duration, fill_forcing, phase_at
-from vibro_ros.solver.polynomial import add_multiple, value
+from vibro_ros.solver.flow import solve_driven, solve_dynamic, weighted_sum
+from vibro_ros.solver.forcing import advance_forcing, choose_segment, fill_forcing, phase_at, place_of
+from vibro_ros.solver.polynomial import fill_form, fill_powers, product
 from vibro_ros.solver.recording import (
     PHASE_KIND,
     RAMP_KIND,
@@ -23,7 +23,6 @@ from vibro_ros.solver.recording import (
 from vibro_ros.solver.roots import NO_ROOT, SEARCH_FAILED, first_root
 from vibro_ros.solver.state import (
     ANCHOR,
-    DURATION,
     GUARD,
     MODE,
     NEXT,
@@ -32,6 +31,8 @@ from vibro_ros.solver.state import (
     START,
     START_RESIDUE,
     TURNS,
+    UNKNOWN,
+    VERSION,
 )
 from vibro_ros.solver.system import NOTHING
 from vibro_ros.solver.transition import EPSILON, NOISE, choose_candidate, keeps_flow
@@ -50,7 +51,7 @@ _MOST_STANDSTILLS = 200
 _DOUBTFUL_STANDSTILLS = 10
 _DOUBT = 8.0  # rounding errors
 # Roots no further apart than rounding are simultaneous: the guard that its mode names first decides.
-_SIMULTANEOUS = 8.0 * EPSILON
+_SIMULTANEOUS = 16.0 * EPSILON
 
 
 @kernel
@@ -59,14 +60,8 @@ def _guard_root(system, state, row):
     if state.root[row] > state.clock[ANCHOR]:
         return state.root[row]
     guard = state.work[1]
-    guard[:] = 0.0
-    noise = 0.0
-    for channel in range(len(state.z)):
-        factor = system.row[row, channel]
-        if factor != 0.0:
-            add_multiple(guard, factor, state.z[channel])
-            noise += abs(factor) * state.scale[channel]
-    noise *= NOISE
+    fill_form(system.row[row], system.row_terms[row], state.z, guard)
+    noise = NOISE * weighted_sum(system.row[row], state.scale)
     if state.index[STANDSTILLS] > _DOUBTFUL_STANDSTILLS:
         guard[0] += _DOUBT * noise
     state.root[row] = first_root(guard, state.clock[ANCHOR], noise, state.work[2])
@@ -98,44 +93,50 @@ def begin_segment(system, state, point):
 
     `point`, shape (channels,), is overwritten.
     """
-    coordinates, dynamic = system.sizes[0], system.sizes[1]
-    position, velocity = point[:coordinates], point[coordinates:2 * coordinates]
-    choose_duration(system, state)
+    _note_origin(state, point)
+    choose_segment(system, state)
     fill_forcing(system, state)
-    for i in range(dynamic):
-        state.z[i, 0] = position[i]
-        state.z[coordinates + i, 0] = velocity[i]
-    state.clock[ANCHOR] = 0.0
     state.index[SEGMENTS] += 1
-    solve_dynamic(system, state)
-    solve_driven(system, state, position, velocity)
+    solve_dynamic(system, state, point)
+    solve_driven(system, state, point)
     open_audit(system, state, point)
-    state.root[:] = -1.0
+    state.root[:] = UNKNOWN
     return _find_next_event(system, state)
 
 
 @kernel
-def _continue_segment(system, state, position, velocity):
+def _continue_segment(system, state, point):
     """Begin a mode with the flow of the one before: only the driven coordinates change their course."""
-    solve_driven(system, state, position, velocity)
+    _note_origin(state, point)
+    solve_driven(system, state, point)
     for row in range(len(state.root)):
         if system.driven[row]:
-            state.root[row] = -1.0
+            state.root[row] = UNKNOWN
     return _find_next_event(system, state)
 
 
 @kernel
-def _read(state, tau, point):
-    """Values of the first len(point) channels at `tau`."""
+def _read(state, x, point):
+    """Values of the first len(point) channels at `x`; where the mode began, the coordinates' very values."""
+    fill_powers(x, state.powers)
     for channel in range(len(point)):
-        point[channel] = value(state.z[channel], tau)
+        point[channel] = product(state.z[channel], state.powers)
+    if x == state.clock[ANCHOR]:
+        for channel in range(len(state.origin)):
+            point[channel] = state.origin[channel]
+
+
+@kernel
+def _note_origin(state, point):
+    for channel in range(len(state.origin)):
+        state.origin[channel] = point[channel]
 
 
 @kernel
 def release_from(system, state, ramp, point, events, count):
     """At the segment's start, leave what cannot outlast a change of the ramp's rate; returns the number of events."""
     mode = system.unheld[state.index[MODE], ramp]
-    count = switch_monitors(system, state, mode, instant(state, 0.0), point, events, count)
+    count = switch_monitors(system, state, mode, instant(state, -1.0), point, events, count)
     state.index[MODE] = mode
     return count
 
@@ -144,7 +145,7 @@ def release_from(system, state, ramp, point, events, count):
 def _end_segment(system, state, point, events, count):
     """Start the next segment at NEXT, in the mode that is now current; returns (success, number of events)."""
     reached = advance_forcing(system, state, state.clock[NEXT])
-    time = instant(state, 0.0)
+    time = instant(state, -1.0)
     for k in range(len(state.ramp)):
         if reached & (1 << k):
             count = record(events, count, time, RAMP_KIND + k, 0.0, 0.0, 0.0)
@@ -157,29 +158,30 @@ def _end_segment(system, state, point, events, count):
 @kernel
 def _pass_event(system, state, point, events, count):
     """Do what happens at NEXT: the end of the segment or a change of mode; returns (success, number of events)."""
-    tau = state.clock[NEXT]
-    _read(state, tau, point)
+    x = state.clock[NEXT]
+    if state.index[GUARD] == NOTHING and system.power.shape[1] == 0:
+        _read(state, x, point[:2 * system.sizes[0]])  # all that the next segment needs
+    else:
+        _read(state, x, point)
     if state.index[GUARD] == NOTHING:
-        update_peaks(system, state, tau)
-        close_audit(system, state, tau, point)
+        update_peaks(system, state, x)
+        close_audit(system, state, x, point)
         state.index[STANDSTILLS] = 0
         return _end_segment(system, state, point, events, count)
-    state.index[STANDSTILLS] = 0 if tau > state.clock[ANCHOR] else state.index[STANDSTILLS] + 1
+    state.index[STANDSTILLS] = 0 if x > state.clock[ANCHOR] else state.index[STANDSTILLS] + 1
     candidate = choose_candidate(system, state, point)
     mode = system.candidate[state.index[MODE], state.index[GUARD], candidate]
-    same_flow = tau < 1.0 and keeps_flow(system, state, mode, point)
+    same_flow = x < 1.0 and keeps_flow(system, state, mode, point)
     if not same_flow:
-        update_peaks(system, state, tau)
-        close_audit(system, state, tau, point)
+        update_peaks(system, state, x)
+        close_audit(system, state, x, point)
     count = record_mode_change(system, state, mode, point, events, count)
     for channel in range(len(point)):
         point[channel] = state.trial[channel]
     state.index[MODE] = mode
     if same_flow:
-        coordinates = system.sizes[0]
-        state.clock[ANCHOR] = tau
-        found = _continue_segment(system, state, point[:coordinates], point[coordinates:2 * coordinates])
-        return found, count
+        state.clock[ANCHOR] = x
+        return _continue_segment(system, state, point), count
     return _end_segment(system, state, point, events, count)
 
 
@@ -223,7 +225,7 @@ def advance(system, state, times, point, points, modes, phases, events):
     # The most that one event records: a change of mode, a blow, every monitor, every ramp and its release, the speed.
     room = len(events) - 3 - len(state.monitor) - 2 * len(state.ramp)
     for k in range(len(times)):
-        while (times[k] - state.clock[START]) - state.clock[START_RESIDUE] >= state.clock[DURATION] * state.clock[NEXT]:
+        while place_of(state, times[k]) >= state.clock[NEXT]:
             if count > room:
                 return EVENTS_FULL, k, count
             found, count = _pass_event(system, state, point, events, count)
@@ -233,10 +235,10 @@ def advance(system, state, times, point, points, modes, phases, events):
                 return STUCK, k, count
             if not _finite(point):
                 return DIVERGED, k, count
-        tau = ((times[k] - state.clock[START]) - state.clock[START_RESIDUE]) / state.clock[DURATION]
-        _read(state, tau, points[k])
+        x = max(place_of(state, times[k]), state.clock[ANCHOR])
+        _read(state, x, points[k])
         modes[k] = state.index[MODE]
-        phase, speed = phase_at(system, state, tau)
+        phase, speed = phase_at(system, state, x)
         phases[k, 0], phases[k, 1], phases[k, 2] = state.index[TURNS], phase, speed
     return REACHED, len(times), count
 
@@ -248,11 +250,11 @@ def interrupt(system, state, time, point):
     For a command: set the new rates after this, then call `release_from` for every ramp whose
     rate changes, and `begin_segment` with `point`.
     """
-    tau = ((time - state.clock[START]) - state.clock[START_RESIDUE]) / state.clock[DURATION]
-    _read(state, tau, point)
-    update_peaks(system, state, tau)
-    close_audit(system, state, tau, point)
-    state.clock[ANCHOR] = 0.0
+    x = max(place_of(state, time), state.clock[ANCHOR])
+    _read(state, x, point)
+    update_peaks(system, state, x)
+    close_audit(system, state, x, point)
     state.index[STANDSTILLS] = 0  # what a command sets off is no part of the cascade before it
-    advance_forcing(system, state, tau)
+    advance_forcing(system, state, x)
+    state.index[VERSION] += 1  # of the forcing after the command
     state.clock[START], state.clock[START_RESIDUE] = time, 0.0  # or a sample now could lie before what follows at once

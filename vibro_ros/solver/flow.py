@@ -1,41 +1,166 @@
-"""The flow of a mode: its exact solution over a segment, as power series.
+"""The flow of a mode: its exact solution over a segment, as power series about the segment's middle.
 
-With polynomial forcing a linear equation determines the series of its solution term by term;
-the segments are short enough for the series to end at rounding (`System.longest_step`).
+With polynomial forcing a linear equation determines the series of its solution term by term; the segments are short
+enough for the series to end at rounding (`System.longest_step`). Any forced motion serves as long as the free motion
+is added that makes it begin where it should: free motion, and forced motion over a whole cell at a steady speed, are
+therefore kept for the next segment of their kind.
 """
 
-from vibro_ros.solver.compilation import kernel, rounding_kernel
-from vibro_ros.solver.polynomial import LENGTH, add_multiple, value
-from vibro_ros.solver.state import ANCHOR, DURATION, MODE
+from vibro_ros.solver.compilation import kernel, rounding_kernel, sum_kernel
+from vibro_ros.solver.polynomial import (
+    INVERSE,
+    LENGTH,
+    add_multiple,
+    copy,
+    differentiate,
+    fill_form,
+    fill_powers,
+    integrate_through,
+    product,
+)
+from vibro_ros.solver.state import ANCHOR, CELL, ENTRANCE, HALF, MODE, SLOT, VERSION
 
 
 @rounding_kernel  # a mass at rest on its slider feels exactly no force
-def _solve_oscillator(load, stiffness, damping, h, q, v, a):
-    """Series of q, v = q' and a = q'' = load + stiffness q + damping v, from the constant terms of q and v."""
+def _solve_oscillator(load, stiffness, damping, half, q, v):
+    """Series of q and v = q' with q'' = load + stiffness q + damping v, from their constant terms."""
     position, velocity = q[0], v[0]
     for n in range(LENGTH - 1):
-        step = h / (n + 1)
+        step = half * INVERSE[n + 1]
         acceleration = load[n] + stiffness * position + damping * velocity
         position = velocity * step
         velocity = acceleration * step
         q[n + 1] = position
         v[n + 1] = velocity
-        a[n] = acceleration
 
 
 @kernel
-def _solve_coupled(loads, row, h, coordinates, dynamic, z):
-    """The same for coordinates that enter each other's equations; `loads` has a row for each."""
+def _solve_coupled(loads, row, half, coordinates, dynamic, motion):
+    """The same for coordinates that enter each other's equations; `loads` has a row for each, `motion` two."""
     for n in range(LENGTH - 1):
-        step = h / (n + 1)
+        step = half * INVERSE[n + 1]
         for i in range(dynamic):
             acceleration = loads[i, n]
             for j in range(dynamic):
-                acceleration += row[i, j] * z[j, n] + row[i, coordinates + j] * z[coordinates + j, n]
-            z[2 * coordinates + i, n] = acceleration
+                acceleration += row[i, j] * motion[j, n] + row[i, coordinates + j] * motion[dynamic + j, n]
+            motion[dynamic + i, n + 1] = acceleration * step
         for i in range(dynamic):
-            z[i, n + 1] = z[coordinates + i, n] * step
-            z[coordinates + i, n + 1] = z[2 * coordinates + i, n] * step
+            motion[i, n + 1] = motion[dynamic + i, n] * step
+
+
+@kernel
+def _solve(system, state, motion):
+    """Series of the components of the motion from their constant terms, under the loads in `work`."""
+    coordinates, dynamic = system.sizes[0], system.sizes[1]
+    half, rows = state.clock[HALF], system.acceleration[state.index[MODE]]
+    if system.coupled[state.index[MODE]]:
+        _solve_coupled(state.work, rows, half, coordinates, dynamic, motion)
+        return
+    for i in range(dynamic):
+        _solve_oscillator(state.work[i], rows[i, i], rows[i, coordinates + i], half, motion[i], motion[dynamic + i])
+
+
+@kernel
+def _keep_free_motion(system, state, flow, slot):
+    """See to it that the library has the free motion of segments like this one."""
+    library = state.library
+    if library.half[flow, slot] == state.clock[HALF]:
+        return
+    library.half[flow, slot] = state.clock[HALF]
+    library.version[flow, slot] = 0
+    components = 2 * system.sizes[1]
+    state.work[:] = 0.0
+    for j in range(components):
+        motion = library.free[flow, slot, j]
+        motion[:] = 0.0
+        motion[j, 0] = 1.0
+        _solve(system, state, motion)
+        for c in range(components):
+            total = 0.0
+            for n in range(LENGTH):
+                total += motion[c, n]
+            library.free_end[flow, slot, j, c] = total
+
+
+@kernel
+def _fill_loads(system, state):
+    """Loads of the dynamic coordinates, as series in `work`."""
+    for i in range(system.sizes[1]):
+        mode = state.index[MODE]
+        if not fill_form(system.acceleration[mode, i], system.terms[mode, i], state.z, state.work[i]):
+            state.work[i, :] = 0.0
+
+
+@kernel
+def _keep_forced_motion(system, state, flow, slot):
+    """See to it that the library has the forced motion over this cell."""
+    library = state.library
+    if library.version[flow, slot] == state.index[VERSION]:
+        return
+    library.version[flow, slot] = state.index[VERSION]
+    motion = library.forced[flow, slot]
+    motion[:, 0] = 0.0
+    _fill_loads(system, state)
+    _solve(system, state, motion)
+    fill_powers(-1.0, state.powers)
+    for c in range(len(motion)):
+        library.forced_start[flow, slot, c] = product(motion[c], state.powers)
+
+
+@kernel
+def _component(system, c):
+    """Channel of component c."""
+    coordinates, dynamic = system.sizes[0], system.sizes[1]
+    return c if c < dynamic else coordinates + c - dynamic
+
+
+@kernel
+def _find_defect(system, state, motion, at_start, point):
+    """Note what the forced motion lacks of the coordinates of `point` where the flow begins; whether it is anything."""
+    entrance = state.clock[ENTRANCE]
+    known = entrance == -1.0 and state.index[SLOT] == state.index[CELL]
+    if not known:
+        fill_powers(entrance, state.powers)
+    anything = False
+    for c in range(len(motion)):
+        found = at_start[c] if known else product(motion[c], state.powers)
+        defect = point[_component(system, c)] - found
+        state.defect[0, c] = defect
+        anything = anything or defect != 0.0
+    return anything
+
+
+@kernel
+def _are_bound(system, state, j, c):
+    """Whether components j and c have to do with each other."""
+    return system.coupled[state.index[MODE]] or (j - c) % system.sizes[1] == 0
+
+
+@kernel
+def _carry_to_middle(system, state, free, free_end):
+    """The free motion whose value is the defect where the flow begins has this value in the middle."""
+    entrance = state.clock[ENTRANCE]
+    if entrance != -1.0:
+        fill_powers(-entrance, state.powers)
+    for c in range(len(free)):
+        total = 0.0
+        for j in range(len(free)):
+            if _are_bound(system, state, j, c):
+                part = free_end[j, c] if entrance == -1.0 else product(free[j, c], state.powers)
+                total += part * state.defect[0, j]
+        state.defect[1, c] = total
+
+
+@kernel
+def _pass_through(system, state, point):
+    """Set the constant terms anew, by less than a rounding or two: carried to the middle and back, the values would be
+    off by the same rounding in every segment of the kind."""
+    fill_powers(state.clock[ENTRANCE], state.powers)
+    for c in range(2 * system.sizes[1]):
+        channel = _component(system, c)
+        series = state.z[channel]
+        series[0] = 0.0
+        series[0] = point[channel] - product(series, state.powers)
 
 
 @kernel
@@ -44,58 +169,64 @@ def _rescale(state, channel, magnitude):
     state.scale[channel] = max(magnitude, 0.5 * state.scale[channel])
 
 
+@sum_kernel
+def weighted_sum(row, scale):
+    """Sum of |row| scale."""
+    total = 0.0
+    for channel in range(len(row)):
+        total += abs(row[channel]) * scale[channel]
+    return total
+
+
 @kernel
-def solve_dynamic(system, state):
-    """Series of the dynamic coordinates from their values and rates at the segment's start (constant terms)."""
+def solve_dynamic(system, state, point):
+    """Series of the dynamic coordinates that pass through `point` where the flow begins."""
     coordinates, dynamic = system.sizes[0], system.sizes[1]
-    z, h, mode = state.z, state.clock[DURATION], state.index[MODE]
+    z, mode, slot, library = state.z, state.index[MODE], state.index[SLOT], state.library
+    flow = system.flow[mode]
+    _keep_free_motion(system, state, flow, slot)
+    motion, free = library.forced[flow, slot], library.free[flow, slot]
+    if slot == state.index[CELL]:
+        _keep_forced_motion(system, state, flow, slot)
+    else:
+        # From the coordinates' present values, for rest to be found as rest, exactly.
+        for c in range(2 * dynamic):
+            motion[c, 0] = point[_component(system, c)]
+        _fill_loads(system, state)
+        _solve(system, state, motion)
+    incomplete = _find_defect(system, state, motion, library.forced_start[flow, slot], point)
+    if incomplete:
+        _carry_to_middle(system, state, free, library.free_end[flow, slot])
+    for c in range(2 * dynamic):
+        channel = _component(system, c)
+        copy(motion[c], z[channel])
+        if incomplete:
+            for j in range(2 * dynamic):
+                if _are_bound(system, state, j, c):
+                    add_multiple(z[channel], state.defect[1, j], free[j, c])
+        _rescale(state, channel, abs(z[channel, 0]) + abs(z[channel, 1]))
+    if incomplete:
+        _pass_through(system, state, point)
     for i in range(dynamic):
-        row, load = system.acceleration[mode, i], state.work[i]
-        load[:] = 0.0
-        for channel in range(2 * coordinates + dynamic, len(z)):
-            if row[channel] != 0.0:
-                add_multiple(load, row[channel], z[channel])
-        if not system.coupled[mode]:
-            _solve_oscillator(load, row[i], row[coordinates + i], h, z[i], z[coordinates + i], z[2 * coordinates + i])
-    if system.coupled[mode]:
-        _solve_coupled(state.work, system.acceleration[mode], h, coordinates, dynamic, z)
-    for i in range(dynamic):
-        for channel in (i, coordinates + i):
-            _rescale(state, channel, abs(z[channel, 0]) + abs(z[channel, 1]))
-    for i in range(dynamic):
-        scale = 0.0
-        for channel in range(len(z)):
-            scale += abs(system.acceleration[mode, i, channel]) * state.scale[channel]
-        state.scale[2 * coordinates + i] = scale
+        differentiate(z[coordinates + i], state.clock[HALF], z[2 * coordinates + i])
+        state.scale[2 * coordinates + i] = weighted_sum(system.acceleration[mode, i], state.scale)
 
 
 @kernel
-def _integrate_through(p, tau, wanted):
-    """Set the constant term so that p(tau) = wanted."""
-    p[0] = 0.0
-    p[0] = wanted - value(p, tau)
-
-
-@kernel
-def solve_driven(system, state, position, velocity):
-    """Series of the driven coordinates that pass through `position` and `velocity` where the mode begins."""
-    coordinates, dynamic = system.sizes[0], system.sizes[1]
-    z, h, anchor = state.z, state.clock[DURATION], state.clock[ANCHOR]
-    acceleration = state.work[0]
-    for i in range(dynamic, coordinates):
-        acceleration[:] = 0.0
-        scale = 0.0
-        row = system.acceleration[state.index[MODE], i]
-        for channel in range(len(z)):
-            if row[channel] != 0.0:
-                add_multiple(acceleration, row[channel], z[channel])
-                scale += abs(row[channel]) * state.scale[channel]
+def solve_driven(system, state, point):
+    """Series of the driven coordinates that pass through `point` where the mode begins."""
+    coordinates, mode = system.sizes[0], state.index[MODE]
+    z, half, acceleration = state.z, state.clock[HALF], state.work[0]
+    fill_powers(state.clock[ANCHOR], state.powers)
+    for i in range(system.sizes[1], coordinates):
+        row = system.acceleration[mode, i]
         rate = z[coordinates + i]
-        for n in range(LENGTH - 1):
-            rate[n + 1] = acceleration[n] * h / (n + 1)
-        _integrate_through(rate, anchor, velocity[i])
-        for n in range(LENGTH - 1):
-            z[i, n + 1] = rate[n] * h / (n + 1)
-        _integrate_through(z[i], anchor, position[i])
-        state.scale[coordinates + i] = abs(velocity[i]) + scale * h
-        state.scale[i] = abs(position[i]) + state.scale[coordinates + i] * h
+        if fill_form(row, system.terms[mode, i], z, acceleration):
+            integrate_through(acceleration, half, state.powers, point[coordinates + i], rate)
+        else:
+            rate[:] = 0.0
+            rate[0] = point[coordinates + i]
+        integrate_through(rate, half, state.powers, point[i], z[i])
+        duration = 2.0 * half
+        state.scale[coordinates + i] = abs(point[coordinates + i]) + weighted_sum(row, state.scale) * duration
+        state.scale[i] = abs(point[i]) + state.scale[coordinates + i] * duration

@@ -3,15 +3,18 @@
 import math
 
 from vibro_ros.solver.compilation import kernel
-from vibro_ros.solver.polynomial import LENGTH, differentiate, recentre, substitute
+from vibro_ros.solver.polynomial import LENGTH, copy, differentiate, fill_powers, product, recentre, substitute
 from vibro_ros.solver.state import (
+    ANCHOR,
     CELL,
     CELL_TIME,
-    DURATION,
+    ENTRANCE,
+    HALF,
     LAG,
     MODE,
     OFFSET,
     RATE,
+    SLOT,
     SPEED,
     SPEED_CHANGE,
     SPEED_TARGET,
@@ -22,14 +25,16 @@ from vibro_ros.solver.state import (
     TIME,
     TURNS,
     VALUE,
+    VERSION,
 )
 from vibro_ros.solver.system import STRIDE
 
 #: A segment without a fast mode, a signal or a ramp to end it ends after this time [s].
 _LONGEST_SEGMENT = 1.0
-# While the speed changes, phase(tau) is quadratic. The series of signal(phase(tau)) reaches rounding at its last
-# term when |phase - start| stays below 1/STRIDE cells for complex |tau| up to 1/STRIDE.
-_REACH = 1.0 / STRIDE
+# While the speed changes, a signal's series in time reaches rounding at its last term when the phase stays within
+# 1/STRIDE halves of its cell for complex times up to 1/STRIDE halves of the segment; the middle of the segment is off
+# the cell's by one half at most.
+_REACH = 0.5 * (1.0 / STRIDE - 1.0)
 # Logarithm of what may be neglected beside 1.
 _ROUNDING = math.log(1e-18)
 _NEGLIGIBLE = 1e-18
@@ -91,24 +96,29 @@ def _time_to_cross(clock, distance):
 @kernel
 def _resolved_time(clock, width):
     """Longest time [s] over which the series of the signals resolves a changing speed."""
+    change = clock[SPEED_CHANGE]
     if clock[LAG] > 0.0:
-        # For complex times up to 1/STRIDE segments the decay grows by e at most, and the phase with it.
+        # For complex times up to 1/STRIDE half segments the decay grows by e at most, and the phase with it.
         fastest = max(clock[SPEED], clock[SPEED_TARGET])
-        return STRIDE * min(clock[LAG], _REACH * width / (2.0 * math.e * fastest))
-    return STRIDE * _ramped_time_to_cross(_REACH * width, clock[SPEED], abs(clock[SPEED_CHANGE]))
+        return 2.0 * STRIDE * min(clock[LAG], _REACH * width / (2.0 * math.e * fastest))
+    # By the middle, STRIDE of that time away, the speed has risen.
+    change_from_middle = abs(change) + 2.0 * STRIDE * max(change, 0.0)
+    return 2.0 * STRIDE * _ramped_time_to_cross(_REACH * width, clock[SPEED], change_from_middle)
 
 
 @kernel
 def _fill_phase(clock, width, series):
-    """Phase past the segment's start in cells, as a series over the segment; returns its number of terms."""
-    duration = clock[DURATION]
+    """Phase from the middle of the cell in halves of it, as a series over the segment; returns its number of terms."""
+    half = clock[HALF]
+    advance, speed = _phase_after(clock, half)
     series[:] = 0.0
-    series[1] = clock[SPEED] * duration / width
+    series[0] = 2.0 * (clock[OFFSET] + advance) / width - 1.0
+    series[1] = speed * half * 2.0 / width
     if clock[LAG] == 0.0:
-        series[2] = 0.5 * clock[SPEED_CHANGE] * duration * duration / width
+        series[2] = clock[SPEED_CHANGE] * half * half / width
         return 2 if series[2] == 0.0 else 3
-    shrink = duration / clock[LAG]
-    series[2] = 0.5 * (clock[SPEED_TARGET] - clock[SPEED]) * shrink * duration / width
+    shrink = half / clock[LAG]
+    series[2] = (clock[SPEED_TARGET] - speed) * shrink * half / width
     terms = 3
     while terms < LENGTH and abs(series[terms - 1]) > _NEGLIGIBLE:
         series[terms] = -series[terms - 1] * shrink / terms
@@ -117,64 +127,132 @@ def _fill_phase(clock, width, series):
 
 
 @kernel
-def choose_duration(system, state):
-    """Set the segment's duration: to the end of the cell or of a ramp, or to what the series resolves."""
+def _spans_cell(system, state, width):
+    """Whether a segment may be the whole cell: at a steady speed that the flow's series can follow so far."""
+    clock = state.clock
+    if clock[SPEED] <= 0.0 or clock[SPEED_TIME] > 0.0:
+        return False
+    duration = width / clock[SPEED]
+    if duration > min(_LONGEST_SEGMENT, system.longest_step[state.index[MODE]]):
+        return False
+    left = (width - clock[OFFSET]) / clock[SPEED]
+    for k in range(len(state.ramp)):
+        if state.ramp[k, RATE] != 0.0 and state.ramp[k, TIME] <= left:
+            return False
+    return True
+
+
+@kernel
+def place_of(state, time):
+    """Where in the segment (-1 to 1) the instant `time` [s] is."""
+    return ((time - state.clock[START]) - state.clock[START_RESIDUE]) / state.clock[HALF] - 1.0
+
+
+@kernel
+def _return_to_cell(state):
+    """Move the segment's start back to the start of the cell and the anchor to where the start was."""
+    clock = state.clock
+    now, residue, back = clock[START], clock[START_RESIDUE], clock[OFFSET] / clock[SPEED]
+    clock[OFFSET] = 0.0
+    advance_clock(state, -back)
+    clock[ANCHOR] = ((now - clock[START]) + (residue - clock[START_RESIDUE])) / clock[HALF] - 1.0
+    for k in range(len(state.ramp)):
+        if state.ramp[k, RATE] != 0.0:
+            state.ramp[k, VALUE] -= state.ramp[k, RATE] * back
+            state.ramp[k, TIME] += back
+
+
+@kernel
+def choose_segment(system, state):
+    """Set the segment's extent and where in it the flow begins.
+
+    It is the whole cell where the flow's series reaches so far, with the flow entering on the way, so that the
+    series of the cell serve again; else it begins now and ends with the cell or a ramp, or where a series ends.
+    """
     clock = state.clock
     start = system.signals.start
     width = start[state.index[CELL] + 1] - start[state.index[CELL]]
     if clock[OFFSET] >= width:
         _next_cell(system, state)
         width = start[state.index[CELL] + 1] - start[state.index[CELL]]
-    clock[CELL_TIME] = _time_to_cross(clock, width - clock[OFFSET])
-    duration = min(_LONGEST_SEGMENT, system.longest_step[state.index[MODE]], clock[CELL_TIME])
-    if clock[SPEED_TIME] > 0.0:
-        duration = min(duration, clock[SPEED_TIME], _resolved_time(clock, width))
-    for k in range(len(state.ramp)):
-        if state.ramp[k, RATE] != 0.0:
-            duration = min(duration, state.ramp[k, TIME])
-    clock[DURATION] = duration
+    clock[ANCHOR] = -1.0
+    if _spans_cell(system, state, width):
+        clock[CELL_TIME] = duration = width / clock[SPEED]
+        clock[HALF] = 0.5 * duration
+        if clock[OFFSET] > 0.0:
+            _return_to_cell(state)
+        state.index[SLOT] = state.index[CELL]
+    else:
+        clock[CELL_TIME] = _time_to_cross(clock, width - clock[OFFSET])
+        duration = min(_LONGEST_SEGMENT, system.longest_step[state.index[MODE]], clock[CELL_TIME])
+        if clock[SPEED_TIME] > 0.0:
+            duration = min(duration, clock[SPEED_TIME], _resolved_time(clock, width))
+        for k in range(len(state.ramp)):
+            if state.ramp[k, RATE] != 0.0:
+                duration = min(duration, state.ramp[k, TIME])
+        state.index[SLOT] = len(start) - 1
+    clock[ENTRANCE] = clock[ANCHOR]
+    clock[HALF] = 0.5 * duration
 
 
 @kernel
 def _terms(cells):
-    """Terms of a signal's series that matter over a segment which spans this many cells: their sizes fall as
-    (STRIDE cells)^n."""
-    ratio = STRIDE * cells
+    """Terms of a signal's series that matter over a segment which spans this part of its cell: the singularity is
+    1 / STRIDE - 1 halves of the cell away, or farther."""
+    ratio = STRIDE / (1.0 - STRIDE) * cells
     if ratio <= 0.0:
         return 1
-    return min(LENGTH, int(_ROUNDING / math.log(ratio)) + 2) if ratio < 0.2 else LENGTH
+    return min(LENGTH, int(_ROUNDING / math.log(ratio)) + 2) if ratio < 0.17 else LENGTH
+
+
+@kernel
+def _fill_signals(system, state):
+    """Polynomials of the signals over a part of a cell, or at a changing speed."""
+    clock, cell, phase = state.clock, state.index[CELL], state.work[1]
+    phase_terms = _fill_phase(clock, system.signals.start[cell + 1] - system.signals.start[cell], phase)
+    middle = phase[0]
+    phase[0] = 0.0
+    reach = 0.0
+    for n in range(1, phase_terms):
+        reach += n * abs(phase[n])
+    terms = _terms(reach)
+    for k in range(system.sizes[2]):
+        recentre(system.signals.series[cell, k], middle, terms, state.work[0])
+        substitute(state.work[0], phase, phase_terms, state.z[2 * system.sizes[0] + system.sizes[1] + k])
 
 
 @kernel
 def fill_forcing(system, state):
     """Polynomials of the signals, the ramps and their rates over the segment."""
-    clock, z = state.clock, state.z
+    half, z = state.clock[HALF], state.z
     first, signals, ramps = 2 * system.sizes[0] + system.sizes[1], system.sizes[2], system.sizes[3]
-    cell = state.index[CELL]
-    width = system.signals.start[cell + 1] - system.signals.start[cell]
-    duration = clock[DURATION]
-    phase = state.work[1]
-    phase_terms = _fill_phase(clock, width, phase)
-    reach = 0.0
-    for n in range(1, phase_terms):
-        reach += n * abs(phase[n])
-    terms = _terms(reach)
-    for k in range(signals):
-        channel = first + k
-        series = system.signals.series[cell, k]
-        if clock[OFFSET] > 0.0:
-            recentre(series, clock[OFFSET] / width, terms, state.work[0])
-            series = state.work[0]
-        substitute(series, phase, phase_terms, z[channel])
-        differentiate(z[channel], duration, z[channel + signals])
+    if state.index[SLOT] == state.index[CELL]:
+        for k in range(signals):
+            copy(system.signals.series[state.index[CELL], k], z[first + k])
+    else:
+        _fill_signals(system, state)
+    for channel in range(first, first + signals):
+        differentiate(z[channel], half, z[channel + signals])
     for k in range(ramps):
+        if state.ramp[k, RATE] != 0.0:
+            state.index[VERSION] += 1
         channel = first + 2 * signals + k
-        z[channel, 0] = state.ramp[k, VALUE]
-        z[channel, 1] = state.ramp[k, RATE] * duration
+        z[channel, 0] = state.ramp[k, VALUE] + state.ramp[k, RATE] * half
+        z[channel, 1] = state.ramp[k, RATE] * half
         z[channel + ramps, 0] = state.ramp[k, RATE]
     z[len(z) - 1, 0] = 1.0
     for channel in range(first, len(z)):
         state.scale[channel] = abs(z[channel, 0]) + abs(z[channel, 1])
+
+
+@kernel
+def read_signals(system, state, values):
+    """Values of the signals now, before the first segment: the very ones that its flow will start with."""
+    choose_segment(system, state)
+    fill_forcing(system, state)
+    fill_powers(-1.0, state.powers)
+    for k in range(system.sizes[2]):
+        values[k] = product(state.z[2 * system.sizes[0] + system.sizes[1] + k], state.powers)
 
 
 @kernel
@@ -188,8 +266,8 @@ def advance_clock(state, elapsed):
 
 
 @kernel
-def advance_forcing(system, state, tau):
-    """Move phase and ramps to `tau` of the segment.
+def advance_forcing(system, state, x):
+    """Move phase and ramps to `x` in the segment.
 
     Returns
     -------
@@ -197,8 +275,8 @@ def advance_forcing(system, state, tau):
         Bit k is set when ramp k has reached its target, the bit after the last ramp when the speed has.
     """
     clock = state.clock
-    elapsed = clock[DURATION] * tau
-    at_end = tau == 1.0
+    elapsed = clock[HALF] * (x + 1.0)
+    at_end = x == 1.0
     advance, speed = _phase_after(clock, elapsed)
     if at_end and elapsed == clock[CELL_TIME]:
         _next_cell(system, state)
@@ -220,13 +298,15 @@ def advance_forcing(system, state, tau):
                 state.ramp[k, VALUE] = state.ramp[k, TARGET]
                 state.ramp[k, RATE] = 0.0
                 reached |= 1 << k
+    if reached:
+        state.index[VERSION] += 1
     advance_clock(state, elapsed)
     return reached
 
 
 @kernel
-def phase_at(system, state, tau):
-    """Phase past the start of the turn [rad] and its rate [rad/s] at `tau` of the segment."""
+def phase_at(system, state, x):
+    """Phase past the start of the turn [rad] and its rate [rad/s] at `x` in the segment."""
     clock = state.clock
-    advance, speed = _phase_after(clock, clock[DURATION] * tau)
+    advance, speed = _phase_after(clock, clock[HALF] * (x + 1.0))
     return system.signals.start[state.index[CELL]] + clock[OFFSET] + advance, speed

@@ -1,18 +1,24 @@
-"""Polynomials of fixed length on the unit interval: the dense output of every segment.
+"""Polynomials of fixed length on the interval from -1 to 1: the dense output of every segment.
 
 A polynomial is an array of `LENGTH` coefficients, constant term first, in the segment's own
-time tau = (t - start) / duration, which runs from 0 to 1.
+time x = 2 (t - start) / duration - 1. About its middle a series reaches twice as far as from an end.
+
+Loops over all coefficients run to `len(p)`, not to `LENGTH`: a loop of known length would be unrolled, and the
+compiler does not turn that into vector instructions.
 """
 
 import math
 
 import numpy as np
 
-from vibro_ros.solver.compilation import kernel
+from vibro_ros.solver.compilation import kernel, sum_kernel
 
-#: Coefficients of a polynomial. The flow's series is cut where 2^n / n! and 0.22^n (`system.STRIDE`) reach rounding.
+#: Coefficients of a polynomial. The flow's series is cut where 1.7^n / n! and 0.22^n (`system.STRIDE`) reach rounding.
 LENGTH = 24
+#: Entry n is 1 / n, for n from 1 to LENGTH.
+INVERSE = np.array([0.0] + [1.0 / n for n in range(1, LENGTH + 1)])
 
+_ORDER = np.arange(LENGTH, dtype=float)
 # Entry [k, n] is n + k over n.
 _BINOMIAL = np.array([[float(math.comb(n + k, n)) for n in range(LENGTH)] for k in range(LENGTH)])
 
@@ -24,6 +30,25 @@ def value(p, x):
     for n in range(LENGTH - 2, -1, -1):
         result = result * x + p[n]
     return result
+
+
+@kernel
+def fill_powers(x, powers):
+    """powers[n] = x^n, for `product`."""
+    square = x * x
+    powers[0], powers[1], powers[2], powers[3] = 1.0, x, square, square * x
+    fourth = square * square
+    for n in range(4, LENGTH):
+        powers[n] = powers[n - 4] * fourth
+
+
+@sum_kernel
+def product(p, q):
+    """Sum of p[n] q[n]: the value of p where `fill_powers` filled q, to rounding of its largest term."""
+    total = 0.0
+    for n in range(len(p)):
+        total += p[n] * q[n]
+    return total
 
 
 @kernel
@@ -42,7 +67,7 @@ def value_and_derivatives(p, terms, x):
 @kernel
 def copy(p, target):
     """target = p."""
-    for n in range(LENGTH):
+    for n in range(len(p)):
         target[n] = p[n]
 
 
@@ -57,16 +82,38 @@ def divide_by_root(p, a):
 
 
 @kernel
+def fill_multiple(target, factor, p):
+    """target = factor * p."""
+    for n in range(len(p)):
+        target[n] = factor * p[n]
+
+
+@kernel
 def add_multiple(target, factor, p):
     """target += factor * p."""
-    for n in range(LENGTH):
+    for n in range(len(p)):
         target[n] += factor * p[n]
+
+
+@kernel
+def fill_form(form, channels, z, target):
+    """target = sum of form[c] z[c] over the leading `channels` that are not negative; returns whether there are any."""
+    for k in range(len(channels)):
+        channel = channels[k]
+        if channel < 0:
+            return k > 0
+        if k == 0:
+            fill_multiple(target, form[channel], z[channel])
+        else:
+            add_multiple(target, form[channel], z[channel])
+    return True
 
 
 @kernel
 def recentre(p, x, terms, target):
     """First `terms` coefficients of target(y) = p(x + y); the others become zero."""
-    target[:] = 0.0
+    for n in range(len(target)):
+        target[n] = 0.0
     power = 1.0
     for k in range(LENGTH):
         for n in range(min(terms, LENGTH - k)):
@@ -81,7 +128,8 @@ def substitute(p, inner, terms, target):
         copy(p, target)
         scale_argument(target, inner[1])
         return
-    target[:] = 0.0
+    for n in range(len(target)):
+        target[n] = 0.0
     for k in range(LENGTH - 1, -1, -1):
         for n in range(LENGTH - 1, 0, -1):
             total = 0.0
@@ -101,8 +149,19 @@ def scale_argument(p, a):
 
 
 @kernel
-def differentiate(p, duration, target):
-    """Coefficients of the time derivative of p over a segment of `duration`."""
-    for n in range(LENGTH - 1):
-        target[n] = (n + 1) * p[n + 1] / duration
-    target[LENGTH - 1] = 0.0
+def differentiate(p, half, target):
+    """Coefficients of the time derivative of p over a segment that lasts 2 `half`."""
+    rate = 1.0 / half
+    for n in range(len(p) - 1):
+        target[n] = (_ORDER[n + 1] * p[n + 1]) * rate
+    target[len(p) - 1] = 0.0
+
+
+@kernel
+def integrate_through(p, half, x, wanted, target):
+    """Coefficients of the time integral of p over a segment that lasts 2 `half`, which is `wanted` where `fill_powers`
+    filled `x`."""
+    for n in range(len(p) - 1):
+        target[n + 1] = p[n] * (half * INVERSE[n + 1])
+    target[0] = 0.0
+    target[0] = wanted - product(target, x)

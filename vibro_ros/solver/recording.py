@@ -2,10 +2,10 @@
 
 import math
 
-from vibro_ros.solver.compilation import kernel
-from vibro_ros.solver.polynomial import add_multiple
+from vibro_ros.solver.compilation import kernel, sum_kernel
+from vibro_ros.solver.polynomial import fill_form
 from vibro_ros.solver.roots import maximum
-from vibro_ros.solver.state import APPROACH, DURATION, GUARD, MODE, NEXT, PEAK, SINCE, START, START_RESIDUE
+from vibro_ros.solver.state import APPROACH, ENTRANCE, GUARD, HALF, MODE, NEXT, PEAK, SINCE, START, START_RESIDUE
 from vibro_ros.solver.system import NOTHING
 
 #: Kinds of recorded events: changes of mode have the system's own, from 0; then the end of monitor k, of ramp k,
@@ -17,7 +17,7 @@ PHASE_KIND = 300
 EVENT_COLUMNS = 5
 
 
-@kernel
+@sum_kernel
 def form_value(row, point):
     """Value of a linear form at a point."""
     total = 0.0
@@ -27,24 +27,21 @@ def form_value(row, point):
 
 
 @kernel
-def update_peaks(system, state, tau):
-    """Take the flow of this segment, which ends at `tau`, into the peaks of the monitors that are on."""
+def update_peaks(system, state, x):
+    """Take the flow of this segment, which ends at `x`, into the peaks of the monitors that are on."""
     mode = state.index[MODE]
     for k in range(len(state.monitor)):
         if system.monitored[mode, k]:
             quantity = state.work[1]
-            quantity[:] = 0.0
-            for channel in range(len(state.z)):
-                if system.monitor[mode, k, channel] != 0.0:
-                    add_multiple(quantity, system.monitor[mode, k, channel], state.z[channel])
-            peak = maximum(quantity, 0.0, tau, state.work[2], state.work[3])
+            fill_form(system.monitor[mode, k], system.monitor_terms[mode, k], state.z, quantity)
+            peak = maximum(quantity, state.clock[ENTRANCE], x, state.work[2], state.work[3])
             state.monitor[k, PEAK] = max(state.monitor[k, PEAK], peak)
 
 
 @kernel
-def instant(state, tau):
-    """Time [s] at `tau` of the segment."""
-    return state.clock[START] + (state.clock[START_RESIDUE] + state.clock[DURATION] * tau)
+def instant(state, x):
+    """Time [s] at `x` in the segment."""
+    return state.clock[START] + (state.clock[START_RESIDUE] + state.clock[HALF] * (x + 1.0))
 
 
 @kernel

@@ -1,5 +1,7 @@
 """The first root of a guard, certified: no crossing is stepped over, and a graze is told from a hit."""
 
+import numpy as np
+
 from vibro_ros.solver.compilation import kernel, sum_kernel
 from vibro_ros.solver.polynomial import (
     LENGTH,
@@ -13,7 +15,7 @@ from vibro_ros.solver.polynomial import (
 #: Returned when a guard stays non-negative to the end of the segment.
 NO_ROOT = 2.0
 #: Returned when the search does not end, which a finite polynomial cannot cause.
-SEARCH_FAILED = -1.0
+SEARCH_FAILED = -3.0
 
 _MOST_STEPS = 100_000
 _ULP_OF_ONE = 2.3e-16
@@ -24,6 +26,12 @@ _DEEPEST_ZERO = 5
 _ECHO = 4.0
 # Guards of a motion that has died away: their squares would be lost below the smallest number.
 _VANISHING = 1e-100
+
+_ORDER = np.arange(LENGTH)
+_THIRD = (_ORDER * (_ORDER - 1) * (_ORDER - 2)).astype(float)
+# On [-1, 1] an odd term is at least -|p|, an even one at least min(p, 0) = (p - |p|) / 2, and the constant is p.
+_KEPT = np.where(_ORDER == 0, 1.0, np.where(_ORDER % 2 == 0, 0.5, 0.0))
+_LOST = np.where(_ORDER == 0, 0.0, np.where(_ORDER % 2 == 0, 0.5, 1.0))
 
 
 @kernel
@@ -47,19 +55,19 @@ def _safe_step(f, d, dd, third, reach):
 
 @sum_kernel
 def _lower_bound(p):
-    """A value that p stays above on [0, 1]."""
+    """A value that p stays above on [-1, 1]."""
     lower = 0.0
-    for n in range(1, LENGTH):
-        lower += min(p[n], 0.0)
-    return p[0] + lower
+    for n in range(len(p)):
+        lower += _KEPT[n] * p[n] - _LOST[n] * abs(p[n])
+    return lower
 
 
 @sum_kernel
 def _third_derivative_bound(p):
-    """Bound of |p'''| on [0, 1]."""
+    """Bound of |p'''| on [-1, 1]."""
     bound = 0.0
-    for n in range(3, LENGTH):
-        bound += float(n * (n - 1) * (n - 2)) * abs(p[n])
+    for n in range(len(p)):
+        bound += _THIRD[n] * abs(p[n])
     return bound
 
 
@@ -113,7 +121,7 @@ def first_root(p, a, noise, work):
     p : ndarray, shape (LENGTH,)
         The guard, which a valid mode keeps non-negative.
     a : float
-        Where the mode begins, 0 <= a < 1.
+        Where the mode begins, -1 <= a < 1.
     noise : float
         Rounding error of the guard: what lies within it counts as zero.
     work : ndarray, shape (LENGTH,)

@@ -10,17 +10,18 @@ from vibro_ros.solver.system import Channels, System
 # Entries of `State.clock`.
 START = 0  # instant at which the segment starts [s] ...
 START_RESIDUE = 1  # ... and what rounding took from it: an hour of segments must not move the clock
-DURATION = 2  # of the segment [s]
-ANCHOR = 3  # where in the segment (0 to 1) the mode began
-NEXT = 4  # where in the segment the next event is; 1 at its end
-OFFSET = 5  # phase past the start of the cell [rad]
-SPEED = 6  # rate of the phase [rad/s] ...
-SPEED_CHANGE = 7  # ... its rate of change [rad/s²] ...
-SPEED_TARGET = 8  # ... what it changes to ...
-SPEED_TIME = 9  # ... and in how long [s]
-LAG = 10  # time constant [s] with which the speed approaches its target instead, or 0
-CELL_TIME = 11  # time from the segment's start to the end of the cell [s]
-_CLOCK_ENTRIES = 12
+HALF = 2  # half the segment's duration [s]
+ENTRANCE = 3  # where in the segment (-1 to 1) its flow ...
+ANCHOR = 4  # ... and its mode began
+NEXT = 5  # where in the segment the next event is; 1 at its end
+OFFSET = 6  # phase from the start of the cell to the segment's [rad]
+SPEED = 7  # rate of the phase [rad/s] ...
+SPEED_CHANGE = 8  # ... its rate of change [rad/s²] ...
+SPEED_TARGET = 9  # ... what it changes to ...
+SPEED_TIME = 10  # ... and in how long [s]
+LAG = 11  # time constant [s] with which the speed approaches its target instead, or 0
+CELL_TIME = 12  # time from the segment's start to the end of the cell [s]
+_CLOCK_ENTRIES = 13
 
 # Entries of `State.index`.
 MODE = 0
@@ -29,7 +30,12 @@ TURNS = 2
 GUARD = 3  # that fires at NEXT, or NOTHING at the segment's end
 SEGMENTS = 4
 STANDSTILLS = 5  # events in a row without any progress of time
-_INDEX_ENTRIES = 6
+SLOT = 6  # of `Library` for a segment of this kind
+VERSION = 7  # of the forcing: what is driven by the same version over the same cell moves alike
+_INDEX_ENTRIES = 8
+
+#: Root of a guard that has not been searched in this segment; smaller than any instant of it.
+UNKNOWN = -2.0
 
 # Entries of `State.audit` [J].
 ENERGY = 0  # at the segment's start
@@ -47,6 +53,35 @@ TIME = 3
 SINCE = 0
 APPROACH = 1
 PEAK = 2
+
+
+class Library(NamedTuple):
+    """Series that many segments share, by flow and slot: one slot for each cell, the last for all other segments.
+
+    n dynamic coordinates have 2 n components, their positions and then their velocities.
+
+    Attributes
+    ----------
+    half : ndarray, shape (flows, slots)
+        Half the duration [s] that the series belong to; 0 while there are none.
+    free : ndarray, shape (flows, slots, 2 n, 2 n, LENGTH)
+        Motion without load, from a unit of each component in the middle.
+    free_end : ndarray, shape (flows, slots, 2 n, 2 n)
+        Its values at the segment's end.
+    version : ndarray of int, shape (flows, slots)
+        Version of the forcing that the forced motion belongs to; 0 while there is none.
+    forced : ndarray, shape (flows, slots, 2 n, LENGTH)
+        Motion under the cell's load, from rest at zero in the middle.
+    forced_start : ndarray, shape (flows, slots, 2 n)
+        Its values at the segment's start.
+    """
+
+    half: np.ndarray
+    free: np.ndarray
+    free_end: np.ndarray
+    version: np.ndarray
+    forced: np.ndarray
+    forced_start: np.ndarray
 
 
 class State(NamedTuple):
@@ -69,7 +104,17 @@ class State(NamedTuple):
     audit : ndarray
         The energy audit, indexed by this module's constants.
     root : ndarray, shape (rows,)
-        First root of each guard row in the segment, or a negative number while it is not known.
+        First root of each guard row in the segment, or `UNKNOWN`.
+    library : Library
+        Series that many segments share.
+    powers : ndarray, shape (LENGTH,)
+        Powers of the instant at which the channels are read.
+    defect : ndarray, shape (2, 2 n)
+        What the forced motion lacks of the wanted one where a flow begins, and what free motion adds in the middle.
+    origin : ndarray, shape (2 coordinates,)
+        Positions and velocities where the mode began.
+    moments : ndarray, shape (2 LENGTH,)
+        Integrals of the powers, for the audit.
     work : ndarray, shape (4, LENGTH)
         Room for temporary polynomials; while a candidate is checked, row 3 holds the scales of its accelerations.
     trial : ndarray, shape (channels,)
@@ -84,8 +129,21 @@ class State(NamedTuple):
     monitor: np.ndarray
     audit: np.ndarray
     root: np.ndarray
+    library: Library
+    powers: np.ndarray
+    defect: np.ndarray
+    origin: np.ndarray
+    moments: np.ndarray
     work: np.ndarray
     trial: np.ndarray
+
+
+def _empty_library(system: System, channels: Channels) -> Library:
+    slots = (int(system.flow.max(initial=0)) + 1, len(system.signals.start))
+    components = 2 * channels.dynamic
+    return Library(half=np.zeros(slots), free=np.zeros((*slots, components, components, LENGTH)),
+                   free_end=np.zeros((*slots, components, components)), version=np.zeros(slots, dtype=np.int64),
+                   forced=np.zeros((*slots, components, LENGTH)), forced_start=np.zeros((*slots, components)))
 
 
 def new_state(system: System, phase_speed: float, ramp_values: np.ndarray, mode: int) -> State:
@@ -111,11 +169,17 @@ def new_state(system: System, phase_speed: float, ramp_values: np.ndarray, mode:
         ramp=np.zeros((channels.ramps, 4)),
         monitor=np.zeros((system.monitor.shape[1], 3)),
         audit=np.zeros(_AUDIT_ENTRIES),
-        root=np.full(len(system.row), -1.0),
+        root=np.full(len(system.row), UNKNOWN),
+        library=_empty_library(system, channels),
+        powers=np.zeros(LENGTH),
+        defect=np.zeros((2, 2 * channels.dynamic)),
+        origin=np.zeros(2 * channels.coordinates),
+        moments=np.zeros(2 * LENGTH),
         work=np.zeros((4, LENGTH)),
         trial=np.zeros(channels.count),
     )
     state.ramp[:, VALUE] = state.ramp[:, TARGET] = ramp_values
     state.clock[[SPEED, SPEED_TARGET]] = phase_speed
     state.index[MODE] = mode
+    state.index[VERSION] = 1
     return state

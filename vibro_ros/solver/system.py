@@ -19,10 +19,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-#: Part of the distance to the signals' nearest singularity that one cell spans: 0.22^LENGTH is below rounding.
+#: Half a cell as part of the distance from its middle to the signals' nearest singularity: 0.22^LENGTH is rounding.
 STRIDE = 0.22
-#: Longest segment in units of the mode's fastest time constant: 2^LENGTH / LENGTH! is below rounding.
-RATE_LIMIT = 2.0
+#: Half the longest segment in units of the mode's fastest time constant: 1.7^LENGTH / LENGTH! is below rounding.
+RATE_LIMIT = 1.7
 #: No row, no jump, no monitor, no event, no (more) candidates.
 NOTHING = -1
 
@@ -82,7 +82,7 @@ class SignalTable(NamedTuple):
     start : ndarray, shape (cells + 1,)
         Phases at which cells begin, ascending; the last is the period.
     series : ndarray, shape (cells, signals, LENGTH)
-        Coefficients in (phase - start) / width of the cell.
+        Coefficients in 2 (phase - start) / width - 1 of the cell.
     """
 
     start: np.ndarray
@@ -104,8 +104,12 @@ class System(NamedTuple):
         Whether dynamic coordinates enter each other's equations.
     longest_step : ndarray, shape (m,)
         Longest segment [s] that the series of the mode's flow resolves to rounding.
+    terms : ndarray of int, shape (m, coordinates, channels)
+        Channels that the rows of A read, padded with `NOTHING`; for dynamic coordinates, those of the forcing.
     row : ndarray, shape (rows, channels)
         Distinct rows of G.
+    row_terms : ndarray of int, shape (rows, channels)
+        Channels that they read, padded with `NOTHING`.
     driven : ndarray of bool, shape (rows,)
         Whether the row reads a coordinate that is not dynamic.
     guard : ndarray of int, shape (m, g)
@@ -129,6 +133,8 @@ class System(NamedTuple):
         Kind of the event recorded when the mode changes from the first to the second, or `NOTHING`.
     monitor : ndarray, shape (m, k, channels)
         Rows of the quantities whose peaks are kept while their monitor is on, such as contact forces.
+    monitor_terms : ndarray of int, shape (m, k, channels)
+        Channels that they read, padded with `NOTHING`.
     monitored : ndarray of bool, shape (m, k)
         Whether monitor k is on in the mode.
     approach : ndarray, shape (k, channels)
@@ -139,6 +145,8 @@ class System(NamedTuple):
         ... and their weights w; masses for velocities.
     power : ndarray, shape (m, p, 2, channels)
         Pairs of forms a and b of the power that the dynamic coordinates receive, sum of (a z)(b z); p = 0 for no audit.
+    power_terms : ndarray of int, shape (m, p, 2, channels)
+        Channels that they read, padded with `NOTHING`.
     signals : SignalTable
         The periodic signals.
     """
@@ -148,7 +156,9 @@ class System(NamedTuple):
     flow: np.ndarray
     coupled: np.ndarray
     longest_step: np.ndarray
+    terms: np.ndarray
     row: np.ndarray
+    row_terms: np.ndarray
     driven: np.ndarray
     guard: np.ndarray
     owner: np.ndarray
@@ -160,12 +170,28 @@ class System(NamedTuple):
     unheld: np.ndarray
     event: np.ndarray
     monitor: np.ndarray
+    monitor_terms: np.ndarray
     monitored: np.ndarray
     approach: np.ndarray
     stretch: np.ndarray
     stiffness: np.ndarray
     power: np.ndarray
+    power_terms: np.ndarray
     signals: SignalTable
+
+
+def terms(forms: np.ndarray) -> np.ndarray:
+    """Indices of the entries of forms that are not zero, first, and then `NOTHING`; shape as `forms`."""
+    zero = forms == 0.0
+    order = np.argsort(zero, axis=-1, kind="stable")
+    return np.where(np.take_along_axis(zero, order, axis=-1), NOTHING, order)
+
+
+def acceleration_terms(acceleration: np.ndarray, channels: Channels) -> np.ndarray:
+    """`System.terms` of `System.acceleration`."""
+    forcing = acceleration.copy()
+    forcing[:, :channels.dynamic, :channels.signal(0)] = 0.0
+    return terms(forcing)
 
 
 def longest_steps(acceleration: np.ndarray, channels: Channels) -> np.ndarray:
@@ -189,7 +215,7 @@ def longest_steps(acceleration: np.ndarray, channels: Channels) -> np.ndarray:
     companion[:, n:, :n], companion[:, n:, n:] = _own_rows(acceleration, channels)
     fastest = abs(np.linalg.eigvals(companion)).max(axis=1, initial=0.0)
     with np.errstate(divide="ignore"):
-        return RATE_LIMIT / fastest
+        return 2.0 * RATE_LIMIT / fastest
 
 
 def couplings(acceleration: np.ndarray, channels: Channels) -> np.ndarray:
