@@ -41,7 +41,7 @@ class CompliantContact:
         """Names of the states."""
         return ("open", "closed") if self._may_pull else ("open", "closed", "released")
 
-    def guards(self, state: str, friction: str, body: Form) -> list[Guard]:
+    def guards(self, state: str, friction: str, body: tuple[Form, Form]) -> list[Guard]:
         """Guards of `state`; the friction and the body's acceleration do not matter."""
         depth, _ = self._forms.penetration(self.side)
         force = self._forms.plate_force(self.side)
@@ -74,8 +74,8 @@ class RigidContact:
         self._forms = forms
         self._restitution = scene[f"{side}.plate.restitution"]
 
-    def guards(self, state: str, friction: str, body: Form) -> list[Guard]:
-        """Guards of `state`, given the state of the friction and the form of the body's acceleration."""
+    def guards(self, state: str, friction: str, body: tuple[Form, Form]) -> list[Guard]:
+        """Guards of `state`, given the state of the friction and the body's acceleration along x and upwards."""
         mass, plate, _ = _SYMBOL[self.side]
         if state == "resting":
             return [Guard(self._forms.resting_force(self.side, body), to("open"), f"force on {plate} >= 0")]
@@ -90,7 +90,7 @@ class RigidContact:
 
     def _rebounds(self, friction: str) -> list[Target]:
         own, body = self._blow(self._restitution)
-        if not body or friction in ("frictionless", "unloaded"):
+        if not body or friction in ("grounded", "unloaded"):
             return [Target("open", own + body)]
         ((_, speed),) = body
         return [Target("open", own + body, entry=speed, friction="slip_forward"),
