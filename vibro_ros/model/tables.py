@@ -12,8 +12,8 @@ from vibro_ros.model.modes import Mode, ModeBuilder
 from vibro_ros.model.slider import Slider, signal_table
 from vibro_ros.solver.system import NOTHING, UNCHECKED, Channels, System, couplings, flow_numbers, longest_steps
 
-# A blow leads to rest, or to a rebound that makes the body slip forwards or backwards.
-_MOST_TARGETS = 3
+# A blow leads to rest, of the body or not, or to a rebound that makes the body slip forwards or backwards.
+_MOST_TARGETS = 4
 
 #: Kinds of events that a change of mode records, by their number.
 MODE_EVENTS = ("stick", "slip_forward", "slip_backward", "unloaded", "loaded", "lift_off", "landing")
