@@ -20,8 +20,10 @@ class Samples:
     ----------
     time : float or ndarray
         Instant [s].
-    body_position, body_velocity, body_height : float or ndarray
-        x [m], x' [m/s], and height above the ground [m].
+    body_position, body_velocity : float or ndarray
+        x [m] and x' [m/s].
+    body_height, body_vertical_velocity : float or ndarray
+        Height above the ground [m] and its rate [m/s]; zero but for the rule `hop`.
     upper_position, upper_velocity, inclined_position, inclined_velocity : float or ndarray
         Positions of the masses along their guides from the crank's centre, outwards positive [m], and rates [m/s].
         Zero for a mass that the scene does not have, as everything of it below.
@@ -44,6 +46,7 @@ class Samples:
     body_position: float | np.ndarray
     body_velocity: float | np.ndarray
     body_height: float | np.ndarray
+    body_vertical_velocity: float | np.ndarray
     upper_position: float | np.ndarray
     upper_velocity: float | np.ndarray
     inclined_position: float | np.ndarray
@@ -103,7 +106,7 @@ def sampled_quantities(model: Model, unilateral: bool, times: np.ndarray, points
     for side, slider in zip(model.forms.guides, model.sliders, strict=True):
         torque += quantities[f"{side}_drive_force"] * slider.slope(phases[:, 1])
     quantities |= {
-        "time": times, "body_height": np.zeros(len(times)), "crank_angle": 2.0 * np.pi * phases[:, 0] + phases[:, 1],
+        "time": times, "crank_angle": 2.0 * np.pi * phases[:, 0] + phases[:, 1],
         "motor_speed": phases[:, 2].copy(), "motor_torque": torque, "motor_power": torque * phases[:, 2],
     }
     return quantities

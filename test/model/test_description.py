@@ -21,6 +21,11 @@ VARIANTS = {
     "reaction": {"effects.reaction": True, "effects.mass_weight": True}, "static": {"effects.friction": "static"},
     "rigid reaction": {"effects.reaction": True, "effects.normal_force": "unilateral",
                        "effects.upper_contact": "restitution", "effects.inclined_contact": "restitution"},
+    "hop": {"effects.normal_force": "hop"}, "hop on ice": {"effects.normal_force": "hop", "effects.friction": "none"},
+    "hop reaction": {"effects.normal_force": "hop", "effects.reaction": True, "effects.mass_weight": True},
+    "hop upright": {"effects.normal_force": "hop", "effects.reaction": True, "guide.angle": 0.0},
+    "hop, one guide": {"effects.normal_force": "hop", "effects.inclined_mass": False},
+    "hop, no guide": {"effects.normal_force": "hop", "effects.inclined_mass": False, "effects.upper_mass": False},
     "no tension": {"effects.adhesion": False, "upper.plate.damping": 50.0}}
 SCENES = [vibro_ros.load_scene(name) for name in shipped_scenes()]
 SCENES += [vibro_ros.Scene(name, changes) for name, changes in VARIANTS.items()]
@@ -64,7 +69,7 @@ def holds_in(line: str, states: tuple[str, ...], plates: tuple[str, ...]) -> boo
     """Whether the cases after "while" of an equation, if there are any, hold for the states of a mode."""
     _, _, cases = line.partition("while ")
     now = {f"{side} contact {state}" for side, state in zip((*plates, ""), states, strict=True)}
-    now.add(f"friction {states[-1]}")
+    now |= {f"friction {states[-1]}", f"ground {states[-1]}"}
     return not cases or any(set(case.split(" and ")) <= now for case in cases.split(" or "))
 
 
@@ -73,6 +78,7 @@ def test_every_coordinate_and_no_other_is_a_state(scene):
     lines = sections(scene)["states"]
     assert sum("'" in line for line in lines) == compile_scene(scene).forms.channels.coordinates
     assert any(line.startswith("x = 0") for line in lines) != compile_scene(scene).forms.body_moves
+    assert any(line.startswith("y, y'") for line in lines) == compile_scene(scene).forms.body_hops
 
 
 @each_scene
@@ -85,7 +91,8 @@ def test_guards_of_every_mode_are_told(scene):
     """A mode's guards are those of its states: as many rows in the tables as lines in the text."""
     model, told = compile_scene(scene), sections(scene).get("guards", [])
     for mode, rows in zip(model.modes, model.system.guard, strict=True):
-        parts = [f"{side} contact" for side in model.forms.plates] + ["friction"]
+        ground = "friction" if any("slip" in line for line in told) else "ground"
+        parts = [f"{side} contact" for side in model.forms.plates] + [ground]
         lines = [line for line in told for part, state in zip(parts, mode.states, strict=True)
                  if line.startswith(f"{part} {state}:")]
         assert len(lines) == np.count_nonzero(rows != NOTHING)
@@ -114,7 +121,7 @@ def test_equation_of_the_body_has_the_tables_values(scene):
     model, lines = compile_scene(scene), sections(scene).get("equations", [])
     told = {line.partition(" = ")[0]: line.partition(" = ")[2].partition("  ")[0] for line in lines}
     if not model.forms.body_moves:
-        assert not [name for name in told if "x" in name or name in ("N", "F_in", "F_fr")]
+        assert not [name for name in told if "x" in name or name in ("F_in", "F_fr")]
         return
     z = random_point(model.forms)
     values = symbol_values(model.forms, z)
@@ -125,7 +132,23 @@ def test_equation_of_the_body_has_the_tables_values(scene):
     [mass] = [name.partition(" ")[0] for name in told if name.endswith("x''")]
     for mode, rows in zip(model.modes, model.system.acceleration, strict=True):
         friction = value_of(frictions.get(mode.states[-1], "0"), values)
-        assert float(mass) * float(rows[-1] @ z) == pytest.approx(values["F_in"] - friction, rel=1e-5, abs=1e-12)
+        inertia = float(mass) * float(rows[model.forms.body] @ z)
+        assert inertia == pytest.approx(values["F_in"] - friction, rel=1e-5, abs=1e-12)
+
+
+@each_scene
+def test_equation_of_the_height_has_the_tables_values(scene):
+    model, lines = compile_scene(scene), sections(scene).get("equations", [])
+    told = [line for line in lines if re.match(r"\S+ y'' =", line)]
+    if not model.forms.body_hops:
+        assert not told
+        return
+    [line] = told
+    z = random_point(model.forms)
+    mass, _, right = line.partition("  ")[0].partition(" y'' = ")
+    for mode, rows in zip(model.modes, model.system.acceleration, strict=True):
+        lift = value_of(right, symbol_values(model.forms, z)) if mode.states[-1] == "airborne" else 0.0
+        assert float(mass) * float(rows[model.forms.height] @ z) == pytest.approx(lift, rel=1e-5)
 
 
 @each_scene
@@ -136,7 +159,8 @@ def test_nothing_of_an_effect_that_is_off(scene):
     words += [f"{side}_contact" for side in ("upper", "inclined") if side not in forms.plates]
     words += [word for side, word in (("upper", "(u - E)"), ("inclined", "(w - H)")) if side not in forms.plates]
     if scene["effects.friction"] == "none" or scene["ground.friction"] == 0.0 or not forms.body_moves:
-        words += ["friction", "slip", "μ", "N ="]
+        words += ["friction", "slip", "μ"] + ["N ="] * (not forms.body_hops)
+    words += [] if forms.body_hops else ["y'", "airborne", "lift_off", "landing", "leaves"]
     if scene["effects.motor"] == "ideal":
         words += ["ramp", "rad/s²"]
     words += [] if scene["solver.audit"] and forms.guides else ["audit"]

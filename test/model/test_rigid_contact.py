@@ -37,6 +37,21 @@ def test_momentum_is_constant_through_every_blow(changes):
     np.testing.assert_allclose(momentum, 0.0, rtol=0, atol=1e-12)
 
 
+@pytest.mark.parametrize("restitution", [0.0, 1e-12, 0.5])
+def test_a_blow_moves_a_body_at_rest_however_rough_the_ground(restitution):
+    """M x' - m3 w' sin(phi) is kept, to the 1e-6 that friction takes in 2 ns, whether the mass rebounds or rests."""
+    scene = RIGID.with_parameters({"inclined.plate.restitution": restitution, "inclined.gap": 0.005,
+                                   "effects.normal_force": "weight", "ground.friction": 100.0})
+    blows = vibro_ros.simulate(scene, times=[0.3]).events
+    hard = blows["time"][(blows["kind"] == "inclined_contact") & (blows["speed"] > 1.0)]
+    assert len(hard) > 2
+    run = vibro_ros.simulate(scene, times=(hard[:, None] + [-1e-9, 1e-9]).ravel())
+    assert np.all(run.body_velocity[::2] == 0.0)
+    share = scene["mass.inclined"] * math.sin(scene["guide.angle"]) / scene.total_mass
+    np.testing.assert_allclose(run.body_velocity[1::2], share * (run.inclined_velocity[1::2]
+                                                                 - run.inclined_velocity[::2]), rtol=0, atol=3e-6)
+
+
 def test_a_blow_returns_the_approach_speed_times_e():
     """Just before and after each blow of the upper mass: times cut so finely that the spring adds 1e-7 m/s at most."""
     first = vibro_ros.simulate(RIGID, duration=1.0, rate=100.0)

@@ -31,7 +31,8 @@ def test_odometry_is_along_x_above_the_ground():
     pose, twist = message.pose.pose, message.twist.twist
     assert (pose.position.x, pose.position.y, pose.position.z) == (STATE.body_position, 0.0, STATE.body_height)
     assert (pose.orientation.x, pose.orientation.y, pose.orientation.z, pose.orientation.w) == (0.0, 0.0, 0.0, 1.0)
-    assert (twist.linear.x, twist.linear.y, twist.linear.z, twist.angular.z) == (STATE.body_velocity, 0.0, 0.0, 0.0)
+    assert (twist.linear.x, twist.linear.y, twist.linear.z, twist.angular.z) == (
+        STATE.body_velocity, 0.0, STATE.body_vertical_velocity, 0.0)
 
 
 def test_joints_have_position_velocity_and_effort():

@@ -39,12 +39,16 @@ class Guard(NamedTuple):
         The condition in the paper's symbols.
     strike : bool
         Whether this is a blow without duration, which is recorded as a contact at once.
+    committed : bool
+        Whether the targets' entries alone decide, whatever the targets' own guards say of the point after the jump:
+        a landing has happened even if the body lifts off again at once.
     """
 
     form: np.ndarray
     targets: tuple[Target, ...]
     text: str
     strike: bool = False
+    committed: bool = False
 
 
 def to(*states: str) -> tuple[Target, ...]:

@@ -41,7 +41,7 @@ class CompliantContact:
         """Names of the states."""
         return ("open", "closed") if self._may_pull else ("open", "closed", "released")
 
-    def guards(self, state: str, friction: str, body: Form) -> list[Guard]:
+    def guards(self, state: str, friction: str, body: tuple[Form, Form]) -> list[Guard]:
         """Guards of `state`; the friction and the body's acceleration do not matter."""
         depth, _ = self._forms.penetration(self.side)
         force = self._forms.plate_force(self.side)
@@ -74,23 +74,28 @@ class RigidContact:
         self._forms = forms
         self._restitution = scene[f"{side}.plate.restitution"]
 
-    def guards(self, state: str, friction: str, body: Form) -> list[Guard]:
-        """Guards of `state`, given the state of the friction and the form of the body's acceleration."""
+    def guards(self, state: str, friction: str, body: tuple[Form, Form]) -> list[Guard]:
+        """Guards of `state`, given the state of the friction and the body's acceleration along x and upwards."""
         mass, plate, _ = _SYMBOL[self.side]
         if state == "resting":
             return [Guard(self._forms.resting_force(self.side, body), to("open"), f"force on {plate} >= 0")]
         depth, _ = self._forms.penetration(self.side)
-        return [Guard(-depth, (self._rest(friction), *self._rebounds(friction)), f"{mass} <= {plate}", strike=True)]
+        return [Guard(-depth, (*self._rests(friction), *self._rebounds(friction)), f"{mass} <= {plate}", strike=True)]
 
-    def _rest(self, friction: str) -> Target:
+    def _rests(self, friction: str) -> list[Target]:
         _, approach = self._forms.penetration(self.side)
         slow = REST_SPEED * self._forms.one - self._restitution * approach
         own, body = self._blow(0.0)
-        return Target("resting", own if friction in ("stick", "rest") else own + body, entry=slow)
+        if friction != "stick" or not body:
+            return [Target("resting", own + body, entry=slow)]
+        # A body at rest stays so where it, too, would get no more than this speed; else it is struck backwards.
+        gentle = REST_SPEED * self._forms.one - max(self._restitution, self._share) * approach
+        return [Target("resting", own, entry=gentle),
+                Target("resting", own + body, entry=slow, friction="slip_backward")]
 
     def _rebounds(self, friction: str) -> list[Target]:
         own, body = self._blow(self._restitution)
-        if not body or friction in ("frictionless", "unloaded"):
+        if not body or friction in ("grounded", "unloaded"):
             return [Target("open", own + body)]
         ((_, speed),) = body
         return [Target("open", own + body, entry=speed, friction="slip_forward"),
@@ -105,5 +110,9 @@ class RigidContact:
         own = (forms.channels.position(i), plate), (forms.channels.velocity(i), forms.velocity(i) + change)
         if self.side != "inclined" or not forms.body_moves:
             return own, ()
-        share = self._scene["mass.inclined"] * math.sin(self._scene["guide.angle"]) / self._scene.total_mass
-        return own, ((forms.channels.velocity(forms.body), forms.velocity(forms.body) + share * change),)
+        return own, ((forms.channels.velocity(forms.body), forms.velocity(forms.body) + self._share * change),)
+
+    @property
+    def _share(self) -> float:
+        """Part of the inclined mass's change of speed that the body takes."""
+        return self._scene["mass.inclined"] * math.sin(self._scene["guide.angle"]) / self._scene.total_mass

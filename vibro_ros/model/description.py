@@ -2,7 +2,10 @@
 
 from collections.abc import Iterable, Iterator
 
+import numpy as np
+
 from vibro_ros.model.automaton import Guard
+from vibro_ros.model.forms import Form
 from vibro_ros.model.modes import OUTPUTS, ModeBuilder
 from vibro_ros.model.slider import Slider
 from vibro_ros.model.symbols import MASS, PLATE, SLIDER, Symbols, multiple, product
@@ -35,11 +38,15 @@ class _Description:
         self._model: Model = compile_scene(scene)
         self._builder = ModeBuilder(scene)
         self._symbols = Symbols(self._model.forms)
-        self._rubs = "slip_forward" in self._builder.friction_states
+        self._rubs = "slip_forward" in self._builder.friction.states
+        # What the friction's states tell apart: without friction, whether the body is on the ground.
+        self._ground = "friction" if self._rubs else "ground"
 
     def states(self) -> Iterator[str]:
         """One line a coordinate; the body's place when it is none."""
-        meaning = {"u": "upper mass on its guide", "w": "inclined mass on its guide", "x": "body on the ground"}
+        meaning = {"u": "upper mass on its guide", "w": "inclined mass on its guide",
+                   "x": f"body {'along' if self._model.forms.body_hops else 'on'} the ground",
+                   "y": "body above the ground"}
         for symbol in self._symbols.coordinates:
             yield f"{symbol}, {symbol}'    position [m] and speed [m/s] of the {meaning[symbol]}"
         if not self._model.forms.body_moves:
@@ -65,13 +72,20 @@ class _Description:
                 while_ = f"    while {' or '.join(cases)}" if any(cases) else ""
                 yield f"{self._scene[f'mass.{side}']:g} {MASS[side]}'' = {row}{while_}"
         if forms.body_moves:
-            yield from self._body_equations()
+            yield from self._equations_along_the_ground()
+        if forms.body_hops:
+            upwards = self._scene.total_mass * self._lifted_acceleration()
+            yield f"{self._scene.total_mass:g} y'' = {self._symbols.text(upwards)}    while airborne, else 0"
+        if self._rubs or forms.body_hops:
+            yield self._normal_force()
+        if self._rubs:
+            yield from self._friction_force()
 
     def _cases(self, i: int, side: str) -> dict[str, list[str]]:
         """Right-hand side of mass i as text, with the states in which it holds of the effects that it depends on."""
         rows = {mode.states: self._symbols.text(self._scene[f"mass.{side}"] * of_mode[i])
                 for mode, of_mode in zip(self._model.modes, self._model.system.acceleration, strict=True)}
-        names = [f"{contact.side} contact" for contact in self._builder.contacts] + ["friction"]
+        names = [f"{contact.side} contact" for contact in self._builder.contacts] + [self._ground]
         cases = {}
         for row in dict.fromkeys(rows.values()):
             holding = {states for states, text in rows.items() if text == row}
@@ -81,20 +95,29 @@ class _Description:
             cases[row] = list(dict.fromkeys(conditions))
         return cases
 
-    def _body_equations(self) -> Iterator[str]:
-        outputs, body = self._model.output, self._model.forms.body
-        normal = outputs[0, OUTPUTS.index("normal_force")]
-        friction = outputs[:, OUTPUTS.index("friction_force")]
-        total = self._scene.total_mass
-        inertial = total * self._model.system.acceleration[0, body] + friction[0]
+    def _equations_along_the_ground(self) -> Iterator[str]:
+        total, body = self._scene.total_mass, self._model.forms.body
+        inertial = total * self._model.system.acceleration[0, body] + self._output("friction_force")[0]
         yield f"{total:g} x'' = F_in{' - F_fr' if self._rubs else ''}"
         yield f"F_in = {self._symbols.text(inertial)}    eq. (7)"
-        if not self._rubs:
-            return
+
+    def _output(self, name: str) -> np.ndarray:
+        """Rows of an output, mode by mode; the friction's state runs fastest."""
+        return self._model.output[:, OUTPUTS.index(name)]
+
+    def _lifted_acceleration(self) -> Form:
+        airborne = self._builder.friction.states.index("airborne")
+        return self._model.system.acceleration[airborne, self._model.forms.height]
+
+    def _normal_force(self) -> str:
+        normal, states = self._output("normal_force")[0], self._builder.friction.states
         source = "eq. (6)" if normal[:self._model.forms.channels.one].any() else "weight"
-        reported = "; reported as 0 where it is negative" * ("unloaded" in self._builder.friction_states)
-        yield f"N = {self._symbols.text(normal)}    {source}{reported}"
-        for m, state in enumerate(self._builder.friction_states):  # the friction's state runs fastest
+        reported = "; reported as 0 where it is negative" * ("unloaded" in states)
+        return f"N = {self._symbols.text(normal)}    {source}{reported}{'; 0 while airborne' * ('airborne' in states)}"
+
+    def _friction_force(self) -> Iterator[str]:
+        normal, friction = self._output("normal_force")[0], self._output("friction_force")
+        for m, state in enumerate(self._builder.friction.states):
             factor = multiple(friction[m], normal)
             force = "F_in" if factor is None else product(factor, "N") if factor else "0"
             yield f"F_fr = {force}    while {state}"
@@ -109,7 +132,8 @@ class _Description:
     def _parts(self) -> dict[str, tuple[str, ...]]:
         """States of each effect that has guards."""
         parts = {f"{contact.side} contact": contact.states for contact in self._builder.contacts}
-        return parts | ({"friction": self._builder.friction_states} if self._rubs else {})
+        states = self._builder.friction.states
+        return parts | ({self._ground: states} if len(states) > 1 else {})
 
     def guards(self) -> Iterator[str]:
         """Condition of each state and the states to try when it turns false."""
@@ -121,18 +145,21 @@ class _Description:
 
     def _jumps(self, guard: Guard) -> str:
         """What changes at once when a guard fires."""
-        channels = {channel: form for target in guard.targets for channel, form in target.jumps}
-        coordinates = self._symbols.coordinates
-        speeds = {f"{coordinates[channel - len(coordinates)]}'": form
-                  for channel, form in channels.items() if channel >= len(coordinates)}
-        if not any(form.any() for form in speeds.values()):
-            return "".join(f", with {speed} = 0" for speed in speeds)
-        return f", where {' and '.join(speeds)} jump{'s' if len(speeds) == 1 else ''}"
+        coordinates, jumping = self._symbols.coordinates, {}
+        for target in guard.targets:
+            for channel, form in target.jumps:
+                if channel >= len(coordinates):
+                    speed = f"{coordinates[channel - len(coordinates)]}'"
+                    jumping[speed] = jumping.get(speed, False) or form.any()
+        stopped = "".join(f", with {speed} = 0" for speed, jumps in jumping.items() if not jumps)
+        jumping = [speed for speed, jumps in jumping.items() if jumps]
+        where = f", where {' and '.join(jumping)} jump{'s' if len(jumping) == 1 else ''}"
+        return stopped + where * bool(jumping)
 
     def _state_guards(self, place: int, state: str) -> list[Guard]:
         builder, forms = self._builder, self._builder.forms
         if place < len(builder.contacts):
-            return builder.contacts[place].guards(state, builder.friction_states[0], forms.zero)
+            return builder.contacts[place].guards(state, builder.friction.states[0], (forms.zero, forms.zero))
         return builder.friction.guards(state, forms.normal_force(), forms.inertial_force())
 
     def events(self) -> Iterator[str]:
@@ -155,7 +182,8 @@ class _Description:
             words.append(f"{contact.side} contact, {kind}" + ", without tension" * ("released" in contact.states))
         if self._rubs:
             words.append(f"{scene['effects.friction']} friction, normal force {scene['effects.normal_force']}")
-        words += ["reaction on the masses"] * (scene["effects.reaction"] and forms.body_moves and bool(forms.guides))
+        words += ["the body leaves the ground"] * forms.body_hops
+        words += ["reaction on the masses"] * (scene["effects.reaction"] and (forms.body_moves or forms.body_hops))
         words += ["weight of the masses"] * (scene["effects.mass_weight"] and bool(forms.guides))
         words.append(f"{scene['effects.motor']} motor")
         if self._model.system.power.shape[1]:

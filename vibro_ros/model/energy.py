@@ -5,7 +5,8 @@ The masses' equations close on themselves in the paper's model, so their energy 
     d/dt (m q'²/2 + k (q - s)²/2 + contact) = -drive s' - c (q' - s')² - plate E' - c (q' - E')²
 
 for each guide, with the drive's and the plate's forces on slider and plate. With the reaction on the masses
-they exchange energy with the body, and the audit takes its kinetic energy and the work of friction in.
+they exchange energy with the body, and the audit takes its kinetic energy and the work of friction and, where it
+hops, of gravity in. What a landing or a blow takes at once falls between two segments and is no part of the balance.
 """
 
 from collections.abc import Iterator
@@ -13,7 +14,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from vibro_ros.model.forms import Form, Forms
-from vibro_ros.model.modes import ModeBuilder
+from vibro_ros.model.modes import Mode, ModeBuilder
 from vibro_ros.solver.system import terms
 
 
@@ -29,9 +30,9 @@ def audit_tables(builder: ModeBuilder, scene) -> dict[str, np.ndarray]:
                 power[m] += _received_power(forms, scene, side, mode.closed)
                 if side in mode.resting:
                     power[m].append((-builder.contact_force(mode, side), forms.plate(side)[1]))
-            if scene["effects.reaction"] and forms.body_moves:
-                stored[m].append((scene["mass.body"], forms.velocity(forms.body)))
-                power[m].append((-builder.friction_force(mode), forms.velocity(forms.body)))
+            if scene["effects.reaction"]:
+                stored[m] += [(scene["mass.body"], rate) for rate in forms.body_velocity() if rate.any()]
+                power[m] += _body_power(builder, scene, mode)
     stretch = np.zeros((len(modes), max(map(len, stored)), forms.channels.count))
     stiffness = np.zeros(stretch.shape[:2])
     pairs = np.zeros((len(modes), max(map(len, power)), 2, forms.channels.count))
@@ -46,15 +47,23 @@ def audit_tables(builder: ModeBuilder, scene) -> dict[str, np.ndarray]:
 def _stored_energy(forms: Forms, scene, side: str, closed: frozenset[str]) -> Iterator[tuple[float, Form]]:
     """Weights and forms of the energy in one guide."""
     mass, velocity = scene[f"mass.{side}"], forms.velocity(forms.guides.index(side))
-    if scene["effects.reaction"] and forms.body_moves:
-        along_x, upwards = forms.direction(side)
-        yield mass, along_x * velocity + forms.velocity(forms.body)
-        yield mass, upwards * velocity
+    if scene["effects.reaction"] and (forms.body_moves or forms.body_hops):
+        for part, rate in zip(forms.direction(side), forms.body_velocity(), strict=True):
+            yield mass, part * velocity + rate
     else:
         yield mass, velocity
     yield scene[f"{side}.spring.stiffness"], forms.stretch(side)[0]
     if side in closed:
         yield scene[f"{side}.plate.stiffness"], forms.penetration(side)[0]
+
+
+def _body_power(builder: ModeBuilder, scene, mode: Mode) -> Iterator[tuple[Form, Form]]:
+    """Pairs of forms of the power of friction and, where the body leaves the ground, of the weight of all."""
+    along_x, upwards = builder.forms.body_velocity()
+    if along_x.any():
+        yield -builder.friction_force(mode), along_x
+    if upwards.any():
+        yield -scene.total_mass * scene["gravity"] * builder.forms.one, upwards
 
 
 def _received_power(forms: Forms, scene, side: str, closed: frozenset[str]) -> Iterator[tuple[Form, Form]]:

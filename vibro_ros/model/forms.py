@@ -33,7 +33,9 @@ class Forms:
     plates : tuple of str
         Guides that have a plate; plate k owns ramp k.
     body_moves : bool
-        Whether x is a coordinate (the last one): only an inclined mass drives the body.
+        Whether x is a coordinate (after the masses): only an inclined mass drives the body.
+    body_hops : bool
+        Whether y, the body's height, is a coordinate (the last one): by the rule `hop`, a mass can lift the body.
     channels : Channels
         Layout of z.
     """
@@ -43,8 +45,9 @@ class Forms:
         self.guides = scene.guides
         self.plates = scene.plates
         self.body_moves = "inclined" in self.guides and math.sin(scene["guide.angle"]) != 0.0
-        self.channels = Channels(len(self.guides) + self.body_moves, len(self.guides), len(self.guides),
-                                 len(self.plates))
+        self.body_hops = scene["effects.normal_force"] == "hop" and bool(self.guides)
+        self.channels = Channels(len(self.guides) + self.body_moves + self.body_hops, len(self.guides),
+                                 len(self.guides), len(self.plates))
 
     def _unit(self, channel: int) -> Form:
         form = np.zeros(self.channels.count)
@@ -66,6 +69,11 @@ class Forms:
         """Coordinate x."""
         return len(self.guides)
 
+    @property
+    def height(self) -> int:
+        """Coordinate y."""
+        return len(self.guides) + self.body_moves
+
     def position(self, coordinate: int) -> Form:
         """Coordinate [m]."""
         return self._unit(self.channels.position(coordinate))
@@ -73,6 +81,11 @@ class Forms:
     def velocity(self, coordinate: int) -> Form:
         """Rate of a coordinate [m/s]."""
         return self._unit(self.channels.velocity(coordinate))
+
+    def body_velocity(self) -> tuple[Form, Form]:
+        """x' and y' [m/s]; zero where they are no coordinates."""
+        return (self.velocity(self.body) if self.body_moves else self.zero,
+                self.velocity(self.height) if self.body_hops else self.zero)
 
     def direction(self, side: str) -> tuple[float, float]:
         """Direction of a guide, outwards: its parts along x and upwards, e = (-sin(phi), cos(phi)) for the inclined."""
@@ -117,15 +130,20 @@ class Forms:
             return self.zero
         return self._scene[f"mass.{side}"] * self._scene["gravity"] * self.direction(side)[1] * self.one
 
-    def resting_force(self, side: str, body: Form) -> Form:
+    def resting_force(self, side: str, body: tuple[Form, Form]) -> Form:
         """Push of a mass on the rigid plate it rests on [N]: it holds q'' at 0 while the body accelerates by `body`."""
         force = -self.drive_force(side) - self.weight(side)
         if not self._scene["effects.reaction"]:
             return force
-        return force - self._scene[f"mass.{side}"] * self.direction(side)[0] * body
+        return force - self._scene[f"mass.{side}"] * self.along(side, body)
+
+    def along(self, side: str, vector: tuple[Form, Form]) -> Form:
+        """Part along a guide of a vector, given by its parts along x and upwards."""
+        along_x, upwards = self.direction(side)
+        return along_x * vector[0] + upwards * vector[1]
 
     def normal_force(self) -> Form:
-        """N = M g + m2 u'' + m3 w'' cos(phi) [N], eq. (6); M g by the rule `weight`."""
+        """N = M g + m2 u'' + m3 w'' cos(phi) [N], eq. (6); M g by the rule `weight`. In the air this is -M y''."""
         normal = self._scene.total_mass * self._scene["gravity"] * self.one
         if self._scene["effects.normal_force"] == "weight":
             return normal

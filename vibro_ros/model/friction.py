@@ -1,10 +1,11 @@
-"""Coulomb friction of the body on the ground, eq. (5), for each rule of the normal force."""
+"""The body on the ground: Coulomb friction, eq. (5), for each rule of the normal force; lift-off and landing."""
 
 from vibro_ros.model.automaton import Guard, Target, to
 from vibro_ros.model.forms import Form, Forms
+from vibro_ros.model.landing import Landing
 
 #: Friction force F_fr as a multiple of mu N, by state; in `stick` and `rest` it balances F_in.
-SLIDING = {"slip_forward": 1.0, "slip_backward": -1.0, "unloaded": 0.0, "frictionless": 0.0}
+SLIDING = {"slip_forward": 1.0, "slip_backward": -1.0, "unloaded": 0.0, "grounded": 0.0, "airborne": 0.0}
 
 
 class Friction:
@@ -14,16 +15,19 @@ class Friction:
     `unloaded` (rule `unilateral`): N < 0, no friction, and x' = 0 is no event.
     `rest` (rule `printed`): N < 0 and x' = 0, where eq. (5) starts the body in the direction of F_in, and
     leaves it at rest while F_in is exactly zero.
+    `airborne` (rule `hop`): N = 0 and y > 0, from lift-off to landing.
+    `grounded`: on the ground without friction, or without a force along it.
     """
 
     name = "friction"
 
     def __init__(self, scene, forms: Forms):
+        self._scene = scene
         self._forms = forms
         self._coefficient = scene["ground.friction"]
         self._holding = scene["ground.static_friction" if scene["effects.friction"] == "static" else "ground.friction"]
         self._rule = scene["effects.normal_force"]
-        self._absent = scene["effects.friction"] == "none" or self._coefficient == 0.0
+        self._absent = scene["effects.friction"] == "none" or self._coefficient == 0.0 or not forms.body_moves
 
     @property
     def initial(self) -> str:
@@ -33,9 +37,10 @@ class Friction:
     @property
     def states(self) -> tuple[str, ...]:
         """Names of the states."""
+        airborne = ("airborne",) if self._forms.body_hops else ()
         if self._absent:
-            return ("frictionless",)
-        extra = {"weight": (), "unilateral": ("unloaded",), "printed": ("rest",)}[self._rule]
+            return ("grounded", *airborne)
+        extra = {"weight": (), "unilateral": ("unloaded",), "printed": ("rest",), "hop": airborne}[self._rule]
         return ("stick", "slip_forward", "slip_backward", *extra)
 
     def force(self, state: str, normal: Form, inertial: Form) -> Form:
@@ -46,9 +51,10 @@ class Friction:
 
     def guards(self, state: str, normal: Form, inertial: Form) -> list[Guard]:
         """Guards of `state`, given the forms of N and F_in."""
-        loaded = Guard(normal, to("unloaded"), "N >= 0")
+        if state == "airborne":
+            return [Guard(self._forms.position(self._forms.height), self._landing(), "y >= 0", committed=True)]
         if state == "stick":
-            return self._unloading(normal, "rest") + [
+            return self._unloading(state, normal) + [
                 Guard(self._holding * normal - inertial, to("slip_forward"), "F_in <= μ N"),
                 Guard(self._holding * normal + inertial, to("slip_backward"), "-F_in <= μ N"),
             ]
@@ -57,16 +63,25 @@ class Friction:
                     Guard(inertial, to("slip_backward"), "F_in >= 0")]
         if state == "unloaded":
             return [Guard(-normal, to("slip_forward", "slip_backward", "stick"), "N <= 0")]
-        if state == "frictionless":
-            return []
+        if state == "grounded":
+            return self._unloading(state, normal)
         body = self._forms.body
         velocity, stopped = self._forms.velocity(body), ((self._forms.channels.velocity(body), self._forms.zero),)
         sign, other, text = (1.0, "slip_backward", "x' >= 0") if state == "slip_forward" else (
             -1.0, "slip_forward", "x' <= 0")
         moving = Guard(sign * velocity, (Target("stick", stopped), Target(other, stopped)), text)
-        return [moving, loaded] if self._rule == "unilateral" else [moving]
+        return [moving, *self._unloading(state, normal)]
 
-    def _unloading(self, normal: Form, rest: str) -> list[Guard]:
-        """First guard of `stick`: where N may fall below 0 at a blow, it decides before the bounds of F_in do."""
-        target = {"weight": None, "unilateral": "unloaded", "printed": rest}[self._rule]
-        return [Guard(normal, to(target), "N >= 0")] if target else []
+    def _unloading(self, state: str, normal: Form) -> list[Guard]:
+        """N >= 0 by the rules that end `state` where it fails. In `stick`, where N may fall below 0 at a blow, it
+        decides before the bounds of F_in do; it needs not be the N of a slipping body, which may still be pressed."""
+        slipping = ("slip_forward", "slip_backward") if state == "stick" else ()
+        targets = {"weight": (), "printed": ("rest",) if state == "stick" else (),
+                   "unilateral": () if self._absent else ("unloaded",),
+                   "hop": (*slipping, "airborne") if self._forms.body_hops else ()}[self._rule]
+        return [Guard(normal, to(*targets), "N >= 0")] if targets else []
+
+    def _landing(self) -> tuple[Target, ...]:
+        if self._absent:
+            return Landing(self._scene, self._forms, 0.0, 0.0).on_ice("grounded")
+        return Landing(self._scene, self._forms, self._coefficient, self._holding).with_friction()

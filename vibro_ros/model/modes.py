@@ -14,10 +14,10 @@ from vibro_ros.model.forms import Form, Forms
 from vibro_ros.model.friction import Friction
 
 #: Linear outputs of a mode, in the order of `Model.output`'s rows.
-OUTPUTS = ("body_position", "body_velocity", "upper_position", "upper_velocity", "inclined_position",
-           "inclined_velocity", "upper_drive_force", "inclined_drive_force", "upper_plate_force",
-           "inclined_plate_force", "upper_plate_position", "upper_plate_velocity", "inclined_plate_position",
-           "inclined_plate_velocity", "normal_force", "friction_force")
+OUTPUTS = ("body_position", "body_velocity", "body_height", "body_vertical_velocity", "upper_position",
+           "upper_velocity", "inclined_position", "inclined_velocity", "upper_drive_force", "inclined_drive_force",
+           "upper_plate_force", "inclined_plate_force", "upper_plate_position", "upper_plate_velocity",
+           "inclined_plate_position", "inclined_plate_velocity", "normal_force", "friction_force")
 
 
 @dataclass(frozen=True)
@@ -63,9 +63,7 @@ class ModeBuilder:
         self.forms = Forms(scene)
         self.contacts = [contact(scene, self.forms, side) for side in self.forms.plates]
         self.friction = Friction(scene, self.forms)
-        # Where nothing can drive the body, it rests for good, and friction has no states.
-        self.friction_states = self.friction.states if self.forms.body_moves else ("rest",)
-        product = itertools.product(*(contact.states for contact in self.contacts), self.friction_states)
+        product = itertools.product(*(contact.states for contact in self.contacts), self.friction.states)
         self.modes = tuple(Mode(states, self._in(states, "closed"), self._in(states, "resting")) for states in product)
         self._number = {mode.states: m for m, mode in enumerate(self.modes)}
 
@@ -76,37 +74,41 @@ class ModeBuilder:
     @property
     def initial_mode(self) -> int:
         """Number of the mode to start in."""
-        friction = self.friction.initial if self.forms.body_moves else "rest"
-        return self._number[(*(contact.initial for contact in self.contacts), friction)]
+        return self._number[(*(contact.initial for contact in self.contacts), self.friction.initial)]
 
     def equations(self, mode: Mode) -> list[Form]:
-        """Accelerations of the coordinates: M x'' = F_in - F_fr (eq. 1), and those of the masses."""
-        masses, body = self._mass_accelerations(mode), self.body_acceleration(mode)
-        return [*masses, body] if self.forms.body_moves else masses
+        """Accelerations of the coordinates: those of the masses, and the body's."""
+        along_x, upwards = self.body_acceleration(mode)
+        return [*self._mass_accelerations(mode), *[along_x] * self.forms.body_moves, *[upwards] * self.forms.body_hops]
 
-    def body_acceleration(self, mode: Mode) -> Form:
-        """x'' as a form of the masses' accelerations."""
-        if not self.forms.body_moves:
-            return self.forms.zero
-        return (self.forms.inertial_force() - self.friction_force(mode)) / self._scene.total_mass
+    def body_acceleration(self, mode: Mode) -> tuple[Form, Form]:
+        """x'' and y'' as forms of the masses' accelerations: M x'' = F_in - F_fr (eq. 1); in the air, where N = 0,
+        M y'' = -M g - m2 u'' - m3 w'' cos(phi)."""
+        forms, total = self.forms, self._scene.total_mass
+        along_x = (forms.inertial_force() - self.friction_force(mode)) / total if forms.body_moves else forms.zero
+        return along_x, -forms.normal_force() / total if mode.friction == "airborne" else forms.zero
 
     def _mass_accelerations(self, mode: Mode) -> list[Form]:
         """m2 u'' = -F2 and m3 w'' = -F3 (eq. 1); the weight adds m2 g and m3 g cos(phi) to F2 and F3, the reaction
-        makes it m3 (w'' - x'' sin(phi)), where x'', a form of u'' and w'' itself, is eliminated. A resting mass
-        keeps its velocity."""
+        makes it m2 (u'' + y'') and m3 (w'' - x'' sin(phi) + y'' cos(phi)), where x'' and y'', forms of u'' and w''
+        themselves, are eliminated. A resting mass keeps its velocity."""
         scene, forms, body = self._scene, self.forms, self.body_acceleration(mode)
         accelerations = [forms.channels.acceleration(i) for i in range(len(forms.guides))]
         inertia = np.diag([scene[f"mass.{side}"] for side in forms.guides])
         loads = np.array([-forms.guide_force(side, mode.closed) for side in forms.guides])
         for i, side in enumerate(forms.guides):
-            mass, (along_x, _) = scene[f"mass.{side}"], forms.direction(side)
+            mass, along = scene[f"mass.{side}"], forms.along(side, body)
             loads[i] -= forms.weight(side)
             if side in mode.resting:
                 loads[i] = 0.0
             elif scene["effects.reaction"]:
-                inertia[i] += mass * along_x * body[accelerations]
-                loads[i] -= mass * along_x * body[forms.channels.one] * forms.one
+                inertia[i] += mass * along[accelerations]
+                loads[i] -= mass * along[forms.channels.one] * forms.one
         return list(np.linalg.solve(inertia, loads)) if len(loads) else []
+
+    def normal_force(self, mode: Mode) -> Form:
+        """N in `mode` [N]."""
+        return self.forms.zero if mode.friction == "airborne" else self.forms.normal_force()
 
     def friction_force(self, mode: Mode) -> Form:
         """F_fr in `mode` [N]."""
@@ -124,10 +126,9 @@ class ModeBuilder:
         for k, plate in enumerate(self.contacts):
             for guard in plate.guards(mode.states[k], mode.friction, self.body_acceleration(mode)):
                 yield guard, k, self._targets(mode, k, guard.targets)
-        if self.forms.body_moves:
-            normal, inertial = self.forms.normal_force(), self.forms.inertial_force()
-            for guard in self.friction.guards(mode.friction, normal, inertial):
-                yield guard, len(self.contacts), self._targets(mode, len(self.contacts), guard.targets)
+        normal, inertial = self.forms.normal_force(), self.forms.inertial_force()
+        for guard in self.friction.guards(mode.friction, normal, inertial):
+            yield guard, len(self.contacts), self._targets(mode, len(self.contacts), guard.targets)
 
     def _targets(self, mode: Mode, place: int, targets: tuple[Target, ...]) -> list[int]:
         numbers = []
@@ -144,6 +145,9 @@ class ModeBuilder:
         forms, rows = self.forms, {}
         if forms.body_moves:
             rows |= {"body_position": forms.position(forms.body), "body_velocity": forms.velocity(forms.body)}
+        if forms.body_hops:
+            rows |= {"body_height": forms.position(forms.height),
+                     "body_vertical_velocity": forms.velocity(forms.height)}
         for i, side in enumerate(forms.guides):
             rows |= {f"{side}_position": forms.position(i), f"{side}_velocity": forms.velocity(i),
                      f"{side}_drive_force": -forms.drive_force(side)}
@@ -151,5 +155,5 @@ class ModeBuilder:
             rows[f"{side}_plate_position"], rows[f"{side}_plate_velocity"] = forms.plate(side)
             if side in mode.pressing:
                 rows[f"{side}_plate_force"] = self.contact_force(mode, side)
-        rows |= {"normal_force": forms.normal_force(), "friction_force": self.friction_force(mode)}
+        rows |= {"normal_force": self.normal_force(mode), "friction_force": self.friction_force(mode)}
         return np.array([rows.get(name, forms.zero) for name in OUTPUTS])

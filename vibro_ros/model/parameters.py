@@ -157,7 +157,8 @@ SCENE_PARAMETERS: tuple[Parameter, ...] = (
     Parameter("effects.friction", "coulomb", "", "friction of the body on the ground; static: "
               "ground.static_friction holds a body at rest", choices=("none", "coulomb", "static")),
     Parameter("effects.normal_force", "printed", "", "weight: N = M g; unilateral: eq. (6), not below 0; "
-              "printed: eq. (6), may be negative", choices=("weight", "unilateral", "printed")),
+              "printed: eq. (6), may be negative; hop: at 0 the body leaves the ground and lands inelastically",
+              choices=("weight", "unilateral", "printed", "hop")),
     Parameter("effects.reaction", False, "", "the body's acceleration acts back on the masses; then energy balances"),
     Parameter("effects.mass_weight", False, "", "the masses' own weight pulls them along their guides"),
     Parameter("effects.motor", "ideal", "", "ideal: speed follows the command at once; ramp: with limited "

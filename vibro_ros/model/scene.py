@@ -118,8 +118,12 @@ class Scene:
     def _check_blows(self):
         """A rigid blow is an infinite force: not every rule of the normal force gives its friction a meaning."""
         rule, angle = self["effects.normal_force"], self["guide.angle"]
-        if self["effects.friction"] == "none" or not any(
-                self[f"effects.{side}_contact"] == "restitution" for side in self.guides):
+        if not any(self[f"effects.{side}_contact"] == "restitution" for side in self.guides):
+            return
+        if rule == "hop":
+            raise ValueError("effects.normal_force: 'hop' has no law for a rigid plate's blow that lifts the body; "
+                             "choose unilateral or weight, or a compliant contact")
+        if self["effects.friction"] == "none":
             return
         if rule == "printed":
             raise ValueError("effects.normal_force: 'printed' makes friction drive the body infinitely hard in a blow "

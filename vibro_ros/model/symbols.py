@@ -1,6 +1,6 @@
 """Linear forms in the paper's symbols, for people.
 
-u = zeta_2 and w = xi_3 (masses), x (body), s_B and s_C (sliders), E and H (plates); a prime is a rate.
+u = zeta_2 and w = xi_3 (masses), x and y (body), s_B and s_C (sliders), E and H (plates); a prime is a rate.
 """
 
 from collections.abc import Iterator
@@ -26,7 +26,8 @@ class Symbols:
 
     def __init__(self, forms: Forms):
         self._channels = forms.channels
-        self._coordinates = [MASS[side] for side in forms.guides] + ["x"] * forms.body_moves
+        self._coordinates = [MASS[side] for side in forms.guides] + ["x"] * forms.body_moves + (
+            ["y"] * forms.body_hops)
         self._guides, self._plates = forms.guides, forms.plates
 
     @property

@@ -12,6 +12,7 @@ from vibro_ros.model.modes import Mode, ModeBuilder
 from vibro_ros.model.slider import Slider, signal_table
 from vibro_ros.solver.system import (
     NOTHING,
+    UNCHECKED,
     Channels,
     System,
     acceleration_terms,
@@ -21,11 +22,12 @@ from vibro_ros.solver.system import (
     terms,
 )
 
-# A blow leads to rest, or to a rebound that makes the body slip forwards or backwards.
-_MOST_TARGETS = 3
+# A blow leads to rest, of the body or not, or to a rebound that makes the body slip forwards or backwards.
+_MOST_TARGETS = 4
 
 #: Kinds of events that a change of mode records, by their number.
-MODE_EVENTS = ("stick", "slip_forward", "slip_backward", "unloaded", "loaded")
+MODE_EVENTS = ("stick", "slip_forward", "slip_backward", "unloaded", "loaded", "lift_off", "landing")
+_ENTERING, _LEAVING = {"airborne": "lift_off"}, {"unloaded": "loaded", "airborne": "landing"}
 
 @dataclass(frozen=True)
 class Model:
@@ -97,7 +99,7 @@ def _guard_tables(builder: ModeBuilder) -> dict[str, np.ndarray]:
     for m, of_mode in enumerate(guards):
         for g, (condition, place, numbers) in enumerate(of_mode):
             guard[m, g] = rows.setdefault(tuple(condition.form), len(rows))
-            owner[m, g] = place
+            owner[m, g] = UNCHECKED if condition.committed else place
             strike[m, g] = place if condition.strike else NOTHING
             for c, (target, number) in enumerate(zip(condition.targets, numbers, strict=True)):
                 candidate[m, g, c] = number
@@ -121,10 +123,8 @@ def _jump(jumps: tuple[tuple[int, Form], ...], channels: Channels) -> np.ndarray
 
 
 def _reads_driven(row: np.ndarray, forms: Forms) -> np.ndarray:
-    if not forms.body_moves:
-        return np.zeros(len(row), dtype=bool)
-    channels = [forms.channels.position(forms.body), forms.channels.velocity(forms.body)]
-    return row[:, channels].any(axis=1)
+    at, driven = forms.channels, range(forms.channels.dynamic, forms.channels.coordinates)
+    return row[:, [channel(i) for channel in (at.position, at.velocity) for i in driven]].any(axis=1)
 
 
 def _event_table(builder: ModeBuilder) -> np.ndarray:
@@ -132,7 +132,7 @@ def _event_table(builder: ModeBuilder) -> np.ndarray:
     table = np.full((len(builder.modes), len(builder.modes)), NOTHING)
     for before, after in itertools.permutations(range(len(builder.modes)), 2):
         old, new = builder.modes[before].friction, builder.modes[after].friction
-        event = "loaded" if old == "unloaded" else new
+        event = _LEAVING.get(old) or _ENTERING.get(new, new)
         if old != new and event in MODE_EVENTS:
             table[before, after] = MODE_EVENTS.index(event)
     return table

@@ -48,6 +48,7 @@ def odometry(state: Samples, stamp: int) -> Odometry:
     message.pose.pose.position.z = float(state.body_height)
     message.pose.pose.orientation.w = 1.0
     message.twist.twist.linear.x = float(state.body_velocity)
+    message.twist.twist.linear.z = float(state.body_vertical_velocity)
     return message
 
 

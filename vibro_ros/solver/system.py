@@ -25,6 +25,8 @@ STRIDE = 0.22
 RATE_LIMIT = 1.7
 #: No row, no jump, no monitor, no event, no (more) candidates.
 NOTHING = -1
+#: Owner of a guard whose candidates need not satisfy any guard.
+UNCHECKED = -2
 
 
 class Channels(NamedTuple):
@@ -116,7 +118,7 @@ class System(NamedTuple):
         Row of each guard of each mode, padded with `NOTHING`.
     owner : ndarray of int, shape (m, g)
         Effect that the guard belongs to, padded with `NOTHING`: a candidate must satisfy the guards of the effect
-        that changes; the others' are not its business.
+        that changes; the others' are not its business. `UNCHECKED`: entries alone decide.
     candidate : ndarray of int, shape (m, g, c)
         Modes to try, padded with `NOTHING`; the last one given is entered when the others' guards fail.
     entry : ndarray of int, shape (m, g, c)

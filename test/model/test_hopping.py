@@ -1,0 +1,234 @@
+"""The rule `hop`: lift-off, flight and inelastic landing of the body."""
+
+import numpy as np
+import pytest
+from hopping_body import HoppingBody
+
+import vibro_ros
+from vibro_ros.model.forms import Forms
+from vibro_ros.model.landing import Landing
+from vibro_ros.scene_file import shipped_scenes
+
+BODY, UPPER, INCLINED = 1.0, 0.1, 0.08
+TOTAL, GRAVITY = BODY + UPPER + INCLINED, 9.81
+HOP = {"effects.normal_force": "hop"}
+REACTION = {"effects.reaction": True}
+HEAVY = REACTION | {"effects.mass_weight": True}
+STATIC = {"effects.friction": "static", "ground.static_friction": 0.4}
+NO_CONTACT = {"effects.upper_contact": "none", "effects.inclined_contact": "none"}
+SOFT = HOP | {"upper.gap": 0.003, "inclined.gap": 0.002, "upper.plate.stiffness": 1e6, "inclined.plate.stiffness": 1e6,
+              "upper.spring.damping": 2.0, "inclined.spring.damping": 2.0, "upper.plate.damping": 20.0,
+              "inclined.plate.damping": 20.0}
+RUNNING = {"motor.speed": 100.0}
+SCENES = [name for name in shipped_scenes() if "rigid" not in name]
+
+
+def scene(name, *changes):
+    made = vibro_ros.load_scene(name)
+    for change in (HOP, RUNNING, *changes):
+        made = made.with_parameters(change)
+    return made
+
+
+def times_of(events, kind):
+    return events["time"][events["kind"] == kind]
+
+
+def around(instants, machine):
+    """Samples just before and after each of `instants`, shape (2 n,): 1e-9 s change no speed by more than 1e-5 m/s."""
+    return vibro_ros.simulate(machine, times=np.ravel(np.column_stack((instants - 1e-9, instants + 1e-9))))
+
+
+# -- independent integration ----------------------------------------------------------------------
+
+@pytest.mark.parametrize("changes", [
+    {}, HEAVY, REACTION | {"ground.friction": 0.6, "guide.angle": 1.2},
+    REACTION | {"effects.friction": "none", "guide.angle": 2.2}], ids=["no reaction", "heavy", "rough", "ice"])
+def test_the_full_equations_integrated_by_scipy_give_the_same_motion(changes):
+    """DOP853 at rtol 1e-12 in steps of 0.2 ms: positions to 1e-12 m, speeds to 1e-9 m/s (its error in a dashpot's
+    force), every lift-off and landing to 1e-11 s."""
+    machine = vibro_ros.Scene("soft", SOFT | changes)
+    times = np.linspace(0.0, 0.2, 401)
+    expected, jumps = HoppingBody(machine).run(times, 2e-4)
+    run = vibro_ros.simulate(machine, times=times)
+    positions = run.body_position, run.body_height, run.upper_position, run.inclined_position
+    speeds = run.body_velocity, run.body_vertical_velocity, run.upper_velocity, run.inclined_velocity
+    np.testing.assert_allclose(positions, expected[:4], rtol=0, atol=1e-12)
+    np.testing.assert_allclose(speeds, expected[4:], rtol=0, atol=1e-9)
+    events = run.events[np.isin(run.events["kind"], ["lift_off", "landing"])]
+    assert len(events) > 6
+    assert list(events["kind"]) == [kind for _, kind in jumps]
+    np.testing.assert_allclose(events["time"], [instant for instant, _ in jumps], rtol=0, atol=1e-11)
+
+
+# -- flight ---------------------------------------------------------------------------------------
+
+@pytest.mark.parametrize("changes", [{}, REACTION, HEAVY], ids=["no reaction", "reaction", "heavy"])
+def test_the_centre_of_gravity_flies_on_a_parabola(changes):
+    """Rows x and y of MODEL.md without ground: M y + m2 u + m3 w cos φ = a + b t - M g t²/2 through every impact in
+    the air, and M x' - m3 w' sin φ is kept; to the rounding of 0.05 kg m and 0.5 kg m/s."""
+    machine = scene("damped", changes)
+    angle = machine["guide.angle"]
+    run = vibro_ros.simulate(machine, duration=1.0, rate=10000.0)
+    moment = TOTAL * run.body_height + UPPER * run.upper_position + INCLINED * np.cos(angle) * run.inclined_position
+    momentum = TOTAL * run.body_velocity - INCLINED * np.sin(angle) * run.inclined_velocity
+    landings, struck = times_of(run.events, "landing"), 0
+    for start in times_of(run.events, "lift_off"):
+        flying = (run.time > start) & (run.time < np.min(landings[landings > start], initial=run.time[-1]))
+        if np.count_nonzero(flying) < 20:
+            continue
+        t = run.time[flying] - run.time[flying][0]
+        free = moment[flying] + TOTAL * GRAVITY * t**2 / 2
+        line = np.polynomial.Polynomial.fit(t, free, 1)
+        assert abs(free - line(t)).max() <= 1e-13
+        assert np.ptp(momentum[flying]) <= 1e-12
+        struck += any(start < instant < start + t[-1] for instant in times_of(run.events, "inclined_contact"))
+    assert struck > 3
+
+
+# -- landing --------------------------------------------------------------------------------------
+
+@pytest.mark.parametrize("changes", [{}, REACTION, HEAVY], ids=["no reaction", "reaction", "heavy"])
+def test_a_landing_takes_the_energy_of_the_fall(changes):
+    """On ice: y'²/2 times the inertia that the ground feels, M, or 1/(A⁻¹)_yy of MODEL.md's mass matrix. The 2 ns
+    between the samples leave 1e-6 of it to everything else."""
+    machine = scene("damped", {"effects.friction": "none"}, changes)
+    angle = machine["guide.angle"]
+    ex, ey = -np.sin(angle), np.cos(angle)
+    inertia = np.array([[TOTAL, 0, 0, INCLINED * ex], [0, TOTAL, UPPER, INCLINED * ey],
+                        [0, UPPER, UPPER, 0], [INCLINED * ex, INCLINED * ey, 0, INCLINED]])
+    if not machine["effects.reaction"]:
+        inertia[2:, :2] = inertia[:2, 2:] = 0.0
+    felt = 1.0 / np.linalg.inv(inertia)[1, 1]
+    landings = times_of(vibro_ros.simulate(machine, times=[1.0]).events, "landing")
+    run = around(landings, machine)
+    v = np.array([run.body_velocity, run.body_vertical_velocity, run.upper_velocity, run.inclined_velocity])
+    energy = np.einsum("ik,ij,jk->k", v, inertia, v) / 2
+    fall = v[1, ::2]
+    hard = fall < -0.05
+    assert np.count_nonzero(hard) > 5
+    np.testing.assert_allclose((energy[::2] - energy[1::2])[hard], (felt * fall**2 / 2)[hard], rtol=1e-4)
+
+
+def routh(x, y, across, along, up, friction, steps=4000):
+    """x' after a shock that brakes y' to 0, in small equal parts of the fall, each with the friction of its instant."""
+    part = -y / steps
+    for _ in range(steps):
+        rates = {sign: -(across + sign * friction * up) / (along + sign * friction * across) for sign in (1.0, -1.0)}
+        if abs(x) > part * max(map(abs, rates.values())):
+            x += part * rates[np.sign(x)]
+        elif abs(across) <= friction * up:
+            x = 0.0
+        else:
+            x += part * rates[-np.sign(across)]
+    return x
+
+
+@pytest.mark.parametrize("friction", [0.001, 0.03, 0.2, 0.8])
+@pytest.mark.parametrize("angle", [0.4, 0.9, 1.4, 1.9, 2.7])
+def test_a_shock_slips_sticks_or_turns_back_as_coulomb_asks_at_every_instant(angle, friction):
+    """The closed form against the shock in 4000 parts, which stops the body to one of them."""
+    made = vibro_ros.Scene("shock", HOP | REACTION | {"guide.angle": angle, "mass.inclined": 0.5})
+    forms, total = Forms(made), made.total_mass
+    ex, ey = -np.sin(angle), np.cos(angle)
+    along, across, up = total - 0.5 * ex**2, -0.5 * ex * ey, total - 0.1 - 0.5 * ey**2
+    targets = Landing(made, forms, friction, friction).with_friction()
+    for x in np.random.default_rng(3).uniform(-0.6, 0.6, 12):
+        z = np.zeros(forms.channels.count)
+        z[forms.channels.velocity(forms.body)], z[forms.channels.velocity(forms.height)] = x, -0.7
+        target = next(target for target in targets if target.entry is None or target.entry @ z >= 0.0)
+        after = dict(target.jumps)[forms.channels.velocity(forms.body)] @ z
+        assert after == pytest.approx(routh(x, -0.7, across, along, up, friction), abs=2e-3)
+        assert (target.state == "stick") == (after == 0.0)
+        assert target.state == "stick" or (target.state == "slip_forward") == (after > 0.0)
+
+
+def test_landing_on_a_running_stick():
+    """A fall whose friction impulse stops the body ends in stick at once: x' is exactly 0, no slip between."""
+    machine = scene("damped", {"ground.friction": 2.0})
+    run = vibro_ros.simulate(machine, times=[3.0])
+    sliding = times_of(run.events, "landing")[1:]
+    run = around(sliding, machine)
+    before, after = run.body_velocity[::2], run.body_velocity[1::2]
+    stopped = (after == 0.0) & (abs(before) > 1e-3)
+    assert np.count_nonzero(stopped) > 5
+    assert np.all(abs(before[stopped]) <= 2.0 * abs(run.body_vertical_velocity[::2][stopped]) + 1e-6)
+
+
+# -- lift-off -------------------------------------------------------------------------------------
+
+@pytest.mark.parametrize("changes", [{}, HEAVY], ids=["no reaction", "heavy"])
+def test_the_body_lifts_off_during_an_impact(changes):
+    """An impact pushes the body up with ten times its weight: it is in the air before the mass leaves the plate."""
+    run = vibro_ros.simulate(scene("damped", changes), times=[1.0])
+    impacts = run.events[run.events["peak_force"] > 10 * TOTAL * GRAVITY]
+    lifts = times_of(run.events, "lift_off")
+    inside = [np.any((lifts >= hit["time"]) & (lifts <= hit["time"] + hit["duration"])) for hit in impacts]
+    assert np.count_nonzero(inside) > 5
+
+
+@pytest.mark.parametrize("excess", [-1e-6, 1e-6])
+def test_the_ground_is_left_where_the_normal_force_would_vanish_and_not_before(excess):
+    """The least N over a run is M g plus what does not depend on g, without reaction: that g decides, to 1e-6."""
+    calm = NO_CONTACT | {"motor.speed": 40.0, "effects.friction": "none"}
+    still = vibro_ros.simulate(scene("unilateral", calm, {"effects.normal_force": "printed"}), duration=1.0, rate=2e5)
+    critical = GRAVITY - still.normal_force.min() / TOTAL
+    run = vibro_ros.simulate(scene("unilateral", calm, {"gravity": critical * (1 + excess)}), times=[1.0])
+    assert np.any(run.events["kind"] == "lift_off") == (excess < 0)
+
+
+@pytest.mark.parametrize("gravity", [0.0, 1e-9, 1.0])
+@pytest.mark.parametrize("changes", [{}, REACTION, HEAVY], ids=["no reaction", "reaction", "heavy"])
+def test_no_lock_up_where_the_normal_force_is_almost_nothing(gravity, changes):
+    """N of nothing but rounding, at rest, and barely a weight, running and stopped: no more events than the motion."""
+    for speed in (0.0, 30.0):
+        device = vibro_ros.Simulator(scene("damped", changes, NO_CONTACT, {"gravity": gravity, "motor.speed": speed}))
+        device.advance_to(0.5)
+        device.command(motor_speed=0.0)
+        device.advance_to(1.0)
+        assert len(device.take_events()) < 500
+
+
+# -- invariants -----------------------------------------------------------------------------------
+
+@pytest.mark.parametrize("effects", [{}, REACTION, HEAVY, HEAVY | STATIC], ids=["none", "reaction", "heavy", "static"])
+@pytest.mark.parametrize("name", SCENES)
+def test_the_ground_never_pulls_and_is_never_entered(name, effects):
+    """y and N to their rounding of 1e-15 m and 1e-9 N; exactly 0 where the other is not; friction within its cone."""
+    machine = scene(name, effects, {"solver.audit": True})
+    run = vibro_ros.simulate(machine, duration=2.0, rate=5000.0)
+    assert run.body_height.min() >= -1e-15
+    assert run.normal_force.min() >= -1e-9
+    grounded = run.normal_force != 0.0
+    assert np.all(run.body_height[grounded] == 0.0)
+    assert np.all(run.body_vertical_velocity[grounded] == 0.0)
+    assert np.count_nonzero(run.body_height > 1e-4) > 100
+    static = machine["ground.static_friction" if machine["effects.friction"] == "static" else "ground.friction"]
+    static *= machine["effects.friction"] != "none"
+    assert np.all(abs(run.friction_force) <= static * run.normal_force + 1e-9)
+    assert abs(run.statistics["energy_residual"]) <= 1e-12 * run.statistics["energy_exchanged"]
+
+
+@pytest.mark.parametrize("changes", [{}, REACTION, HEAVY, HEAVY | STATIC], ids=["none", "reaction", "heavy", "static"])
+def test_hop_and_unilateral_agree_while_the_ground_is_pressed(changes):
+    """Where N > 0 all the time they are the same equations: 1e-13 m and m/s."""
+    calm = NO_CONTACT | {"motor.speed": 40.0, "ground.friction": 0.05} | changes
+    runs = [vibro_ros.simulate(scene("damped", calm, {"effects.normal_force": rule}), duration=2.0, rate=1000.0)
+            for rule in ("hop", "unilateral")]
+    assert runs[0].normal_force.min() > 0.0
+    assert np.ptp(runs[0].body_position) > 1e-4
+    for name in ("body_position", "body_velocity", "upper_position", "inclined_position", "normal_force"):
+        np.testing.assert_allclose(getattr(runs[0], name), getattr(runs[1], name), rtol=0, atol=1e-13)
+    np.testing.assert_array_equal(runs[0].events, runs[1].events)
+
+
+def test_a_body_that_nothing_drives_along_the_ground_hops_on_the_spot():
+    run = vibro_ros.simulate(scene("damped", HEAVY, {"guide.angle": 0.0}), duration=1.0, rate=1000.0)
+    assert run.body_height.max() > 1e-3
+    assert not run.body_position.any()
+
+
+@pytest.mark.parametrize("friction", ["none", "coulomb"])
+def test_hop_with_rigid_plates_is_refused(friction):
+    with pytest.raises(ValueError, match="'hop' has no law for a rigid plate's blow"):
+        vibro_ros.Scene("x", HOP | {"effects.friction": friction, "effects.upper_contact": "restitution"})
