@@ -10,7 +10,8 @@ from vibro_ros.model.forms import Form, Forms
 
 _SYMBOL = {"upper": ("u", "E", "k4 (u - E) + c4 (u' - E')"), "inclined": ("w", "H", "k1 (w - H) + c1 (w' - H')")}
 
-#: A mass that would rebound more slowly [m/s] stays on its plate: the bounces left out last about 1e-11 s.
+#: A mass that arrives more slowly [m/s] stays on its plate: the bounces left out last about 1e-11 s. One that arrives
+#: faster strikes a blow even if its restitution is 0, for the blow moves the body, and rests at once after it.
 REST_SPEED = 1e-9
 
 
@@ -84,7 +85,7 @@ class RigidContact:
 
     def _rest(self, friction: str) -> Target:
         _, approach = self._forms.penetration(self.side)
-        slow = REST_SPEED * self._forms.one - self._restitution * approach
+        slow = REST_SPEED * self._forms.one - approach
         own, body = self._blow(0.0)
         return Target("resting", own if friction in ("stick", "rest") else own + body, entry=slow)
 

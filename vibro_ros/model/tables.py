@@ -55,10 +55,12 @@ def compile_scene(scene) -> Model:
                     for side in forms.guides)
     acceleration = np.array([builder.equations(mode) for mode in builder.modes])
     acceleration = acceleration.reshape(len(builder.modes), channels.coordinates, channels.count) + 0.0  # no -0.0
+    # With the reaction the body's energy is audited, too: a segment must then end where the body's equation changes.
+    own = channels.coordinates if scene["effects.reaction"] else channels.dynamic
     system = System(
         sizes=np.array(channels),
         acceleration=acceleration,
-        flow=flow_numbers(acceleration, channels.dynamic),
+        flow=flow_numbers(acceleration, own),
         coupled=couplings(acceleration, channels),
         longest_step=longest_steps(acceleration, channels),
         **_guard_tables(builder),
