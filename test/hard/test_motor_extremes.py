@@ -89,7 +89,7 @@ def test_an_hour_at_motor_speed_zero_changes_no_bit(name):
 
 
 def test_the_device_at_rest_settles_under_its_weight_for_good():
-    """Masses with weight swing down on damped springs; from then on nothing changes, not even by rounding to and fro."""
+    """Masses with weight swing down on damped springs; from then on nothing changes, not even by rounding."""
     device = vibro_ros.Simulator(vibro_ros.load_scene("device").with_parameters({
         "upper.gap": 0.03, "inclined.gap": 0.03}))
     device.advance_to(60.0)

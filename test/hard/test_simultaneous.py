@@ -24,10 +24,11 @@ def agree(runs, tolerance):
 @pytest.mark.parametrize(("rule", "friction"), [("weight", 6.0), ("unilateral", 4.0)])
 @pytest.mark.parametrize("reaction", [False, True])
 def test_contact_and_stick_in_the_same_instant(reaction, rule, friction, kind):
-    """The plate is put where the slowly rising upper mass is when the body stops, or 1e-15 s to 1e-13 s of its way off."""
+    """The plate is put where the rising upper mass is when the body stops, or 1e-15 to 1e-13 s of its way off."""
     base = PAPER.with_parameters({
         "effects.normal_force": rule, "effects.upper_contact": "none", "effects.reaction": reaction,
-        "start.state": "zero", "effects.inclined_contact": "none", "ground.friction": friction, "upper.spring.stiffness": 10.0})
+        "start.state": "zero", "effects.inclined_contact": "none", "ground.friction": friction,
+        "upper.spring.stiffness": 10.0})
     events = vibro_ros.simulate(base, duration=0.3, rate=100.0).events
     stop = events["time"][(events["kind"] == "stick") & (events["time"] > 0.01)][0]
     met = vibro_ros.simulate(base, times=np.array([stop]))
