@@ -101,8 +101,6 @@ def test_an_effect_agrees_with_the_peer(name):
     assert_agreement(vibro_ros.load_scene("paper").with_parameters(changes), 0.2, commands)
 
 
-@pytest.mark.xfail(strict=True, raises=AssertionError, reason="model/contact.py: a blow that ends in rest turns the "
-                   "body round, but keeps the friction's state, whose guard x' >= 0 then stops the body")
 def test_a_blow_without_rebound_moves_the_body():
     changes = UNILATERAL | RIGID | {"upper.plate.restitution": 0.2, "inclined.plate.restitution": 0.0}
     assert_agreement(vibro_ros.load_scene("paper").with_parameters(changes), 0.2)

@@ -10,7 +10,8 @@ from vibro_ros.model.forms import Form, Forms
 
 _SYMBOL = {"upper": ("u", "E", "k4 (u - E) + c4 (u' - E')"), "inclined": ("w", "H", "k1 (w - H) + c1 (w' - H')")}
 
-#: A mass that would rebound more slowly [m/s] stays on its plate: the bounces left out last about 1e-11 s.
+#: A mass that arrives more slowly [m/s] stays on its plate: the bounces left out last about 1e-11 s. One that arrives
+#: faster strikes a blow even if its restitution is 0, for the blow moves the body, and rests at once after it.
 REST_SPEED = 1e-9
 
 
@@ -80,18 +81,13 @@ class RigidContact:
         if state == "resting":
             return [Guard(self._forms.resting_force(self.side, body), to("open"), f"force on {plate} >= 0")]
         depth, _ = self._forms.penetration(self.side)
-        return [Guard(-depth, (*self._rests(friction), *self._rebounds(friction)), f"{mass} <= {plate}", strike=True)]
+        return [Guard(-depth, (self._rest(friction), *self._rebounds(friction)), f"{mass} <= {plate}", strike=True)]
 
-    def _rests(self, friction: str) -> list[Target]:
+    def _rest(self, friction: str) -> Target:
         _, approach = self._forms.penetration(self.side)
-        slow = REST_SPEED * self._forms.one - self._restitution * approach
+        slow = REST_SPEED * self._forms.one - approach
         own, body = self._blow(0.0)
-        if friction != "stick" or not body:
-            return [Target("resting", own + body, entry=slow)]
-        # A body at rest stays so where it, too, would get no more than this speed; else it is struck backwards.
-        gentle = REST_SPEED * self._forms.one - max(self._restitution, self._share) * approach
-        return [Target("resting", own, entry=gentle),
-                Target("resting", own + body, entry=slow, friction="slip_backward")]
+        return Target("resting", own if friction == "stick" else own + body, entry=slow)
 
     def _rebounds(self, friction: str) -> list[Target]:
         own, body = self._blow(self._restitution)
@@ -110,9 +106,5 @@ class RigidContact:
         own = (forms.channels.position(i), plate), (forms.channels.velocity(i), forms.velocity(i) + change)
         if self.side != "inclined" or not forms.body_moves:
             return own, ()
-        return own, ((forms.channels.velocity(forms.body), forms.velocity(forms.body) + self._share * change),)
-
-    @property
-    def _share(self) -> float:
-        """Part of the inclined mass's change of speed that the body takes."""
-        return self._scene["mass.inclined"] * math.sin(self._scene["guide.angle"]) / self._scene.total_mass
+        share = self._scene["mass.inclined"] * math.sin(self._scene["guide.angle"]) / self._scene.total_mass
+        return own, ((forms.channels.velocity(forms.body), forms.velocity(forms.body) + share * change),)

@@ -8,6 +8,10 @@ from types import MappingProxyType
 from vibro_ros.model.description import describe
 from vibro_ros.model.parameters import SCENE_PARAMETERS, Value, checked_parameters, known
 
+#: Fastest rate [1/s] of a mass on its springs and dampers that is simulated: a step lasts two of its time constants,
+#: so 5e6 steps, some ten seconds, a simulated second. 1 g on 1e9 N/m has a rate of 1e6 1/s.
+FASTEST_RATE = 1e7
+
 _BY_NAME = {parameter.name: parameter for parameter in SCENE_PARAMETERS}
 _DEFAULTS = {parameter.name: parameter.default for parameter in SCENE_PARAMETERS}
 
@@ -39,6 +43,7 @@ class Scene:
         self._check_mechanism()
         self._check_friction()
         self._check_blows()
+        self._check_rates()
         self.checked_motor_speed(self["motor.speed"])
         for side in ("upper", "inclined"):
             self.checked_gap(side, self[f"{side}.gap"])
@@ -110,10 +115,11 @@ class Scene:
         """Friction coefficient at which the inertia of the slipping body and its inclined mass becomes singular."""
         sine, cosine = math.sin(self["guide.angle"]), math.cos(self["guide.angle"])
         coupled = self["effects.reaction"] and self["effects.normal_force"] != "weight"
-        if not coupled or "inclined" not in self.guides or sine * cosine == 0.0:
-            return math.inf
         mass = self["mass.inclined"]
-        return (self.total_mass - mass * sine**2) / (mass * sine * abs(cosine))
+        coupling = mass * sine * abs(cosine)
+        if not coupled or "inclined" not in self.guides or coupling == 0.0:
+            return math.inf
+        return (self.total_mass - mass * sine**2) / coupling
 
     def _check_blows(self):
         """A rigid blow is an infinite force: not every rule of the normal force gives its friction a meaning."""
@@ -131,6 +137,21 @@ class Scene:
         if rule == "unilateral" and angle > math.pi / 2:
             raise ValueError(f"guide.angle: {angle:g} rad points the inclined guide down, where a blow on a rigid "
                              "plate presses the body on the ground; give at most 1.5708 rad, or a compliant contact")
+
+    def _check_rates(self):
+        """A mass that is too light for its springs and dampers would take steps that no one can wait for."""
+        for side in self.guides:
+            parts = ("spring", "plate") if self[f"effects.{side}_contact"] == "compliant" else ("spring",)
+            stiffness = {f"{side}.{part}.stiffness": self[f"{side}.{part}.stiffness"] for part in parts}
+            damping = {f"{side}.{part}.damping": self[f"{side}.{part}.damping"] for part in parts}
+            # Bounds of the mass from w = sqrt(k / m), and from w < c / m where the damping prevails.
+            by_spring, by_damper = sum(stiffness.values()) / FASTEST_RATE**2, sum(damping.values()) / FASTEST_RATE
+            lightest, mass = max(by_spring, by_damper), self[f"mass.{side}"]
+            if mass < lightest:
+                name, value = max((stiffness if by_spring >= by_damper else damping).items(), key=lambda item: item[1])
+                raise ValueError(f"{name}: {value:g} {_BY_NAME[name].unit} moves mass.{side}, {mass:g} kg, faster than "
+                                 f"{FASTEST_RATE:g} 1/s, which takes too long to simulate; give a mass of at least "
+                                 f"{lightest:g} kg, or less stiffness and damping")
 
     @property
     def total_mass(self) -> float:

@@ -22,8 +22,8 @@ from vibro_ros.solver.system import (
     terms,
 )
 
-# A blow leads to rest, of the body or not, or to a rebound that makes the body slip forwards or backwards.
-_MOST_TARGETS = 4
+# A blow leads to rest, or to a rebound that makes the body slip forwards or backwards.
+_MOST_TARGETS = 3
 
 #: Kinds of events that a change of mode records, by their number.
 MODE_EVENTS = ("stick", "slip_forward", "slip_backward", "unloaded", "loaded", "lift_off", "landing")
@@ -66,11 +66,13 @@ def compile_scene(scene) -> Model:
                     for side in forms.guides)
     acceleration = np.array([builder.equations(mode) for mode in builder.modes])
     acceleration = acceleration.reshape(len(builder.modes), channels.coordinates, channels.count) + 0.0  # no -0.0
+    # With the reaction the body's energy is audited, too: a segment must then end where the body's equation changes.
+    own = channels.coordinates if scene["effects.reaction"] else channels.dynamic
     system = System(
         sizes=np.array(channels),
         acceleration=acceleration,
         terms=acceleration_terms(acceleration, channels),
-        flow=flow_numbers(acceleration, channels.dynamic),
+        flow=flow_numbers(acceleration, own),
         coupled=couplings(acceleration, channels),
         longest_step=longest_steps(acceleration, channels),
         **_guard_tables(builder),

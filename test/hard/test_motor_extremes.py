@@ -1,0 +1,102 @@
+"""The motor at its extremes: ramps that stop and turn back at every phase, an hour of standstill."""
+
+import math
+
+import numpy as np
+import pytest
+from exact_motion import NODES, WEIGHTS, slider
+
+import vibro_ros
+
+FREE = vibro_ros.load_scene("paper").with_parameters({
+    "effects.upper_contact": "none", "effects.inclined_mass": False, "effects.motor": "ramp",
+    "motor.acceleration": 2000.0, "motor.speed": 60.0})
+
+
+def ramped(time, corners, speeds):
+    """Crank angle [rad] at `time` of a speed that is linear between `corners` [s]."""
+    speed = np.interp(time, corners, speeds)
+    done = np.concatenate(([0.0], np.cumsum(np.diff(corners) * (np.add(speeds[1:], speeds[:-1]) / 2))))
+    k = np.clip(np.searchsorted(corners, time, side="right") - 1, 0, len(corners) - 1)
+    return done[k] + (time - np.take(corners, k)) * (np.take(speeds, k) + speed) / 2
+
+
+def swing(time, corners, speeds, frequency=100.0):
+    """Duhamel's integral over a slider at that angle, by Gauss's rule on pieces of 1 ms that end at the corners."""
+    edges = np.unique(np.concatenate((np.linspace(0.0, time, int(time * 1e3) + 2), [c for c in corners if c < time])))
+    middle, half = (edges[1:] + edges[:-1]) / 2, (edges[1:] - edges[:-1]) / 2
+    tau = middle[:, None] + half[:, None] * NODES
+    angle = ramped(tau, corners, speeds)
+    integrand = slider(angle, 0.02, 0.06) * np.sin(frequency * (time - tau))
+    return 0.08 * math.cos(frequency * time) + frequency * np.sum(half[:, None] * WEIGHTS * integrand)
+
+
+@pytest.mark.parametrize("low", [0.0, 1e-9, 20.0])
+def test_a_ramp_turned_back_at_every_phase(low):
+    """Down from 60 rad/s at 48 instants of a turn, back up before or after it stands: angle and mass as computed."""
+    turn = 2.0 * math.pi / 60.0
+    for begin in np.arange(1, 49) / 48 * turn:
+        device = vibro_ros.Simulator(FREE)
+        device.advance_to(begin)
+        device.command(motor_speed=0.0)
+        bottom = begin + (60.0 - low) / 2000.0
+        pause = bottom + (0.003 if low == 0.0 else 0.0)
+        device.advance_to(pause)
+        assert device.state.motor_speed == pytest.approx(low, abs=1e-12)
+        device.command(motor_speed=60.0)
+        end = pause + (60.0 - low) / 2000.0 + 0.01
+        device.advance_to(end)
+        corners = [0.0, begin, bottom, pause, end - 0.01, end]
+        speeds = [60.0, 60.0, low, low, 60.0, 60.0]
+        assert device.state.crank_angle == pytest.approx(float(ramped(end, corners, speeds)), rel=1e-14)
+        # positions of 0.1 m, some hundred roundings
+        assert device.state.upper_position == pytest.approx(swing(end, corners, speeds), abs=1e-14)
+
+
+def test_a_motor_that_stops_on_a_cell_of_the_crank_starts_again():
+    """Ramps that stop exactly at multiples of an eighth turn, where the tables of the slider have their seams."""
+    for eighths in range(1, 17):
+        angle = eighths * math.pi / 4.0
+        device = vibro_ros.Simulator(FREE.with_parameters({"motor.acceleration": 60.0**2 / (2.0 * angle)}))
+        device.command(motor_speed=0.0)
+        stop = 2.0 * angle / 60.0
+        device.advance_to(stop + 0.05)
+        assert device.state.motor_speed == 0.0
+        assert device.state.crank_angle == pytest.approx(angle, rel=1e-15)
+        device.command(motor_speed=30.0)
+        device.advance_to(stop + 0.25 + stop / 2.0)
+        expected = angle + 30.0 * stop / 4.0 + 30.0 * 0.2
+        assert device.state.crank_angle == pytest.approx(expected, rel=1e-14)
+        corners = [0.0, stop, stop + 0.05, stop + 0.05 + stop / 2.0, stop + 0.25 + stop / 2.0]
+        assert device.state.upper_position == pytest.approx(
+            swing(corners[-1], corners, [60.0, 0.0, 0.0, 30.0, 30.0]), abs=1e-14)
+
+
+@pytest.mark.parametrize("name", ["paper", "unilateral", "damped", "frictionless", "no_impact", "rigid"])
+def test_an_hour_at_motor_speed_zero_changes_no_bit(name):
+    """Masses at rest on their sliders (or resting on a rigid plate) are told exactly so an hour later."""
+    scene = vibro_ros.load_scene(name).with_parameters({
+        "motor.speed": 0.0, "inclined.gap": 0.03, "upper.gap": 0.0 if name == "rigid" else 0.03})
+    device = vibro_ros.Simulator(scene)
+    before = device.state
+    device.advance_to(3600.0)
+    after = device.state
+    for field in vars(before):
+        if field != "time":
+            assert getattr(after, field) == getattr(before, field), field
+    assert len(device.take_events()) == 0
+    assert device.statistics["steps"] < 250_000  # 2 / 112 s each
+
+
+def test_the_device_at_rest_settles_under_its_weight_for_good():
+    """Masses with weight swing down on damped springs; from then on nothing changes, not even by rounding."""
+    device = vibro_ros.Simulator(vibro_ros.load_scene("device").with_parameters({
+        "upper.gap": 0.03, "inclined.gap": 0.03}))
+    device.advance_to(60.0)
+    settled = device.state
+    device.take_events()
+    device.advance_to(600.0)
+    assert abs(device.state.upper_position - settled.upper_position) <= 3e-17
+    assert abs(device.state.inclined_position - settled.inclined_position) <= 3e-17
+    assert device.state.body_position == settled.body_position
+    assert len(device.take_events()) == 0

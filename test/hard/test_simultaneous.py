@@ -1,0 +1,88 @@
+"""Two things in one instant: their order, a rounding apart either way, must not matter."""
+
+import math
+
+import numpy as np
+import pytest
+
+import vibro_ros
+
+PAPER = vibro_ros.load_scene("paper")
+SINE, COSINE = math.sin(PAPER["guide.angle"]), math.cos(PAPER["guide.angle"])
+POSITIONS = ("body_position", "upper_position", "inclined_position")
+
+
+def agree(runs, tolerance):
+    """All runs tell of the same events and end alike."""
+    for run in runs[1:]:
+        assert sorted(run.events["kind"]) == sorted(runs[0].events["kind"])
+        for name in POSITIONS:
+            np.testing.assert_allclose(getattr(run, name), getattr(runs[0], name), rtol=0, atol=tolerance)
+
+
+@pytest.mark.parametrize("kind", ["compliant", "restitution"])
+@pytest.mark.parametrize(("rule", "friction"), [("weight", 6.0), ("unilateral", 4.0)])
+@pytest.mark.parametrize("reaction", [False, True])
+def test_contact_and_stick_in_the_same_instant(reaction, rule, friction, kind):
+    """The plate is put where the rising upper mass is when the body stops, or 1e-15 to 1e-13 s of its way off."""
+    base = PAPER.with_parameters({
+        "effects.normal_force": rule, "effects.upper_contact": "none", "effects.reaction": reaction,
+        "start.state": "zero", "effects.inclined_contact": "none", "ground.friction": friction,
+        "upper.spring.stiffness": 10.0})
+    events = vibro_ros.simulate(base, duration=0.3, rate=100.0).events
+    stop = events["time"][(events["kind"] == "stick") & (events["time"] > 0.01)][0]
+    met = vibro_ros.simulate(base, times=np.array([stop]))
+    place, speed = met.upper_position[0], met.upper_velocity[0]
+    assert speed > 0.05 and abs(met.body_velocity[0]) < 1e-12
+    changes = {"effects.upper_contact": kind, "upper.plate.restitution": 0.7}
+    runs = [vibro_ros.simulate(base.with_parameters(changes | {"upper.gap": place - 0.06 + lead * speed}),
+                               times=np.linspace(0.0, stop + 0.004, 50))
+            for lead in (0.0, 1e-15, -1e-15, 1e-14, -1e-14, 1e-13, -1e-13)]
+    for run in runs:
+        found = run.events["time"][run.events["kind"] == "upper_contact"]
+        assert found[0] == pytest.approx(stop, abs=2e-13)
+    agree(runs, 1e-12)  # 1e-13 s at up to 10 m/s
+
+
+def test_stick_is_released_where_the_pull_reaches_the_bound():
+    """m3 w'' sin φ = μ M g, for the swing w = s + (w0 - s) cos Ωt of a mass on a standing slider."""
+    scene = PAPER.with_parameters({
+        "effects.upper_mass": False, "effects.inclined_contact": "none", "motor.speed": 0.0, "start.state": "zero",
+        "effects.normal_force": "weight", "ground.friction": 4.0, "solver.audit": False})
+    slider = 0.02 * COSINE + math.sqrt(0.06**2 - (0.02 * SINE) ** 2)
+    rate, bound = math.sqrt(1e3 / 0.08), 4.0 * 1.08 * 9.81
+    assert 1e3 * slider * SINE > bound  # it is pulled off at once, and comes to rest
+    run = vibro_ros.simulate(scene, duration=0.5, rate=1000.0)
+    kinds, times = run.events["kind"], run.events["time"]
+    for k in np.flatnonzero(kinds == "stick"):
+        slips = np.flatnonzero(kinds[k + 1:] != "stick")
+        if len(slips) == 0:
+            continue
+        force = 1e3 * slider * math.cos(rate * times[k + 1]) * SINE
+        assert abs(force) == pytest.approx(bound, rel=1e-13)
+        assert kinds[k + 1] == ("slip_forward" if force > 0.0 else "slip_backward")
+    assert np.count_nonzero(kinds == "stick") > 10
+
+
+@pytest.mark.parametrize("stiffness", [1e4, 1e7, 1e9])
+def test_the_normal_force_passes_zero_in_contact(stiffness):
+    """`unloaded` and `loaded` where M g + m2 u'' = 0, for the upper mass that swings on its plate about its balance."""
+    scene = PAPER.with_parameters({
+        "effects.inclined_contact": "none", "motor.speed": 0.0, "start.state": "zero", "upper.gap": 0.0,
+        "inclined.spring.stiffness": 0.0, "effects.normal_force": "unilateral", "upper.plate.stiffness": stiffness})
+    run = vibro_ros.simulate(scene, duration=0.1, rate=1000.0)
+    contact = run.events[run.events["kind"] == "upper_contact"][0]
+    free, both = 100.0, math.sqrt((1e3 + stiffness) / 0.1)
+    touched = math.acos(1.0 - 0.06 / 0.08) / free
+    assert contact["time"] == pytest.approx(touched, abs=1e-16)
+    speed = 8.0 * math.sin(free * touched)
+    push = 1e3 * 0.02 / 0.1 / both**2  # the balance's depth; u - E - push = a sin(both t) - push cos(both t)
+    size, lag = math.hypot(speed / both, push), math.atan2(push, speed / both)
+    depth = 1.18 * 9.81 / 0.1 / both**2  # beyond the balance, where u'' = -M g / m2
+    unloaded = (lag + math.asin(depth / size)) / both
+    loaded = (lag + math.pi - math.asin(depth / size)) / both
+    found = {kind: run.events["time"][run.events["kind"] == kind][0] for kind in ("unloaded", "loaded")}
+    # instants of 0.013 s rounded, and a place of 0.06 m rounded to 7e-18 m at some m/s
+    assert found["unloaded"] - contact["time"] == pytest.approx(unloaded, abs=1e-16)
+    assert found["loaded"] - contact["time"] == pytest.approx(loaded, abs=1e-16)
+    assert np.abs(run.body_position).max() < 1e-18  # nothing pushes it along the ground

@@ -1,0 +1,120 @@
+"""Plates from soft to hardly compressible, and overdamped ones, against the exact contact of a free mass.
+
+The mass of 0.1 kg floats at 0.08 m (no drive spring, motor stopped), and its plate comes down on it.
+"""
+
+import numpy as np
+import pytest
+
+import vibro_ros
+
+MASS, SPEED = 0.1, 1.0
+FREE = vibro_ros.load_scene("paper").with_parameters({
+    "motor.speed": 0.0, "effects.inclined_mass": False, "upper.spring.stiffness": 0.0, "upper.gap": 0.021,
+    "gap_actuator.speed": SPEED, "solver.audit": True})
+
+
+def hit(changes, end=0.05):
+    """State and the only contact after a plate 1 mm above the mass has come down at SPEED."""
+    device = vibro_ros.Simulator(FREE.with_parameters(changes))
+    device.command(upper_gap=-0.06)
+    device.advance_to(end)
+    events = device.take_events()
+    contacts = events[events["kind"] == "upper_contact"]
+    statistics = device.statistics
+    # one contact exchanges m v²/2 = 0.05 J a few times; stiffness times rounding of 0.08 m per step
+    assert abs(statistics["energy_residual"]) <= 1e-11 * statistics["energy_exchanged"] + 1e-15
+    return device.state, contacts
+
+
+@pytest.mark.parametrize("stiffness", [1e3, 1e5, 1e7, 1e9, 1e12])
+def test_plates_of_any_stiffness(stiffness):
+    """Case 4: π √(m/k) of contact, peak v √(km), exit speed -v; the plate's place, 0.08 m, is rounded to 1e-17 m."""
+    state, contacts = hit({"upper.plate.stiffness": stiffness})
+    (contact,) = contacts
+    assert contact["time"] == pytest.approx(0.001, abs=1e-16)
+    assert contact["duration"] == pytest.approx(np.pi * np.sqrt(MASS / stiffness), abs=1e-15)
+    rounding = 1e-17 * np.sqrt(stiffness / MASS)  # of a penetration, in depths
+    assert contact["peak_force"] == pytest.approx(SPEED * np.sqrt(stiffness * MASS), rel=1e-13 + rounding)
+    assert state.upper_velocity == pytest.approx(-2.0 * SPEED, rel=1e-13 + rounding)
+
+
+@pytest.mark.parametrize("ratio", [1.0 + 1e-6, 1.5, 10.0, 100.0])
+def test_an_overdamped_plate_without_tension_lets_go_where_its_force_vanishes(ratio):
+    """m δ'' + c δ' + k δ = 0 with roots -a, -b: k δ + c δ' = -m δ'' is 0 where a² exp(-a t) = b² exp(-b t)."""
+    rate = np.sqrt(1e7 / MASS)
+    a, b = rate * (ratio - np.sqrt(ratio**2 - 1)), rate * (ratio + np.sqrt(ratio**2 - 1))
+    end = 2.0 * np.log(b / a) / (b - a)
+    exit_speed = SPEED / (b - a) * (b * np.exp(-b * end) - a * np.exp(-a * end))
+    assert exit_speed < 0.0
+    state, contacts = hit({"upper.plate.damping": 2.0 * ratio * np.sqrt(1e7 * MASS), "effects.adhesion": False})
+    (contact,) = contacts
+    assert contact["duration"] == pytest.approx(end, rel=1e-9)  # near ratio 1 the formula's b - a loses 3 digits
+    assert state.upper_velocity + SPEED == pytest.approx(exit_speed, rel=1e-9)
+    assert contact["peak_force"] == pytest.approx(2.0 * ratio * np.sqrt(1e7 * MASS) * SPEED, rel=1e-12)  # at entry
+
+
+@pytest.mark.parametrize("ratio", [1.0, 10.0])
+def test_an_overdamped_plate_that_may_pull_never_lets_go(ratio):
+    """As printed: δ falls towards 0 and never reaches it, so the contact goes on and the mass follows the plate."""
+    state, contacts = hit({"upper.plate.damping": 2.0 * ratio * np.sqrt(1e7 * MASS)})
+    assert len(contacts) == 0  # not ended
+    assert state.upper_velocity == pytest.approx(-SPEED, abs=1e-9)
+    assert state.upper_position >= state.upper_plate_position - 1e-16
+
+
+def test_a_plate_without_stiffness_and_damping_is_no_plate():
+    state, contacts = hit({"upper.plate.stiffness": 0.0})
+    assert state.upper_position == 0.08 and state.upper_velocity == 0.0
+    assert (contacts["peak_force"] == 0.0).all()
+
+
+@pytest.mark.parametrize("stiffness", [1e3, 1e7, 1e9])
+@pytest.mark.parametrize("gap", [-0.005, -0.03])
+def test_a_preloaded_mass_settles_where_both_springs_balance(gap, stiffness):
+    """u = (k2 s + k4 E) / (k2 + k4), s = 0.08 m: a damped plate that has pressed on the mass from the start."""
+    scene = vibro_ros.load_scene("damped").with_parameters({
+        "motor.speed": 0.0, "upper.gap": gap, "upper.plate.stiffness": stiffness, "upper.spring.damping": 20.0,
+        "inclined.gap": 0.05, "upper.plate.damping": 0.1 * np.sqrt(stiffness * MASS)})
+    state = vibro_ros.Simulator(scene)
+    state.advance_to(2.0)
+    settled = (1e3 * 0.08 + stiffness * (0.06 + gap)) / (1e3 + stiffness)
+    assert state.state.upper_position == pytest.approx(settled, abs=1e-16)
+    assert abs(state.state.upper_velocity) < 1e-12
+    assert state.state.upper_plate_force == pytest.approx(1e3 * (0.08 - settled), abs=stiffness * 3e-17 + 1e-12)
+
+
+def test_a_preload_beyond_the_stroke_keeps_a_rigid_contact_closed():
+    """The plate stands at 0.03 m, below all of the slider's way from 0.04 m on: the mass never leaves it."""
+    scene = vibro_ros.load_scene("rigid").with_parameters({"upper.gap": -0.03, "effects.inclined_mass": False})
+    run = vibro_ros.simulate(scene, duration=10.0, rate=1000.0)
+    assert not run.upper_velocity.any() and (run.upper_position == 0.03).all()
+    assert len(run.events) == 0
+    slider = 0.02 * np.cos(100.0 * run.time) + np.sqrt(0.06**2 - (0.02 * np.sin(100.0 * run.time)) ** 2)
+    np.testing.assert_allclose(run.upper_plate_force, 1e3 * (slider - 0.03), rtol=0, atol=1e-10)  # phase 1e3, rounded
+
+
+@pytest.mark.parametrize(("kind", "restitution"), [("restitution", 0.5), ("restitution", 1.0), ("compliant", 1.0)])
+@pytest.mark.parametrize("phase", [1.0, 1.4, 1.7, 2.0])
+def test_a_plate_that_closes_onto_a_moving_mass(phase, kind, restitution):
+    """u = s (1 - cos Ωt), s = 0.08 m, moves up; a plate that comes down at 10 m/s is timed to meet it at Ωt = phase."""
+    meeting, time, plate = 0.08 * (1.0 - np.cos(phase)), phase / 100.0, 10.0
+    device = vibro_ros.Simulator(vibro_ros.load_scene("paper").with_parameters({
+        "motor.speed": 0.0, "effects.inclined_mass": False, "start.state": "zero", "effects.upper_contact": kind,
+        "upper.plate.restitution": restitution, "upper.plate.stiffness": 1e12, "gap_actuator.speed": plate,
+        "upper.gap": 0.06, "effects.normal_force": "weight", "solver.audit": True}))
+    device.advance_to(time - (0.12 - meeting) / plate)  # it waits at 0.12 m until then
+    device.command(upper_gap=-0.06)
+    device.advance_to(time + 2e-6)
+    events = device.take_events()
+    contact = events[events["kind"] == "upper_contact"][0]
+    approach = 8.0 * np.sin(phase) + plate
+    assert contact["time"] == pytest.approx(time, abs=1e-16)
+    assert contact["speed"] == pytest.approx(approach, rel=1e-14)
+    lasts = 0.0 if kind == "restitution" else np.pi * np.sqrt(MASS / 1e12)
+    assert contact["duration"] == pytest.approx(lasts, rel=1e-4)
+    # the drive spring changes the speed by 1e3 N/m * 0.08 m / 0.1 kg * 2e-6 s at most
+    assert device.state.upper_velocity == pytest.approx(-restitution * approach - plate, abs=2e-3)
+    statistics = device.statistics
+    # the plate's work among it; 3e6 N times a penetration rounded to 1e-17 m, and 5 J rounded
+    assert abs(statistics["energy_residual"]) <= 1e-11 * statistics["energy_exchanged"] + 1e-14

@@ -1,0 +1,43 @@
+"""Scenes that are legal but would take for ever are refused, with what to do; the stiffest sensible ones are not."""
+
+import re
+
+import pytest
+
+import vibro_ros
+
+PAPER = vibro_ros.load_scene("paper")
+
+
+@pytest.mark.parametrize(("changes", "message"), [
+    ({"mass.upper": 1e-3, "upper.spring.damping": 1e6},
+     "upper.spring.damping: 1e+06 N·s/m moves mass.upper, 0.001 kg, faster than 1e+07 1/s, which takes too long to "
+     "simulate; give a mass of at least 0.1 kg, or less stiffness and damping"),
+    ({"mass.inclined": 1e-3, "inclined.plate.stiffness": 1e12},
+     "inclined.plate.stiffness: 1e+12 N/m moves mass.inclined, 0.001 kg, faster than 1e+07 1/s"),
+    ({"mass.inclined": 1e-12}, "inclined.plate.stiffness: 1e+07 N/m moves mass.inclined, 1e-12 kg")])
+def test_a_scene_that_would_take_for_ever_is_refused(changes, message):
+    with pytest.raises(ValueError, match=re.escape(message)):
+        PAPER.with_parameters(changes)
+
+
+@pytest.mark.parametrize("changes", [
+    {"mass.upper": 1e-3, "upper.plate.stiffness": 1e9}, {"upper.plate.stiffness": 1e12},
+    {"mass.upper": 1e-3, "upper.plate.damping": 1e3, "effects.adhesion": False},
+    {"mass.upper": 1e-9, "upper.spring.damping": 1e6, "effects.upper_mass": False},
+    {"mass.upper": 1e-12, "upper.spring.stiffness": 10.0, "effects.upper_contact": "none"},
+    {"mass.upper": 1e-3, "upper.plate.stiffness": 1e12, "effects.upper_contact": "restitution",
+     "effects.friction": "none"}])
+def test_what_is_fast_but_sensible_or_not_simulated_is_accepted(changes):
+    device = vibro_ros.Simulator(PAPER.with_parameters(changes))
+    device.advance_to(1e-3)
+    assert device.statistics["steps"] < 10_000  # 1e-3 s at 5e6 steps a second, and some for events
+
+
+def test_a_guide_that_hardly_leans_has_no_limit_of_friction():
+    """Its sine, times the mass, is below the smallest number."""
+    scene = vibro_ros.load_scene("device").with_parameters({"guide.angle": 5e-324})
+    device = vibro_ros.Simulator(scene)
+    device.command(motor_speed=50.0)
+    device.advance_to(0.1)
+    assert device.state.body_position == 0.0
