@@ -217,6 +217,7 @@ def compile_kernels() -> None:
     device = Simulator(Scene())
     device.advance_to(0.001)
     device.command(motor_speed=1.0)
+    device._sample(np.array([0.001]))
 
 
 def simulate(scene: Scene, duration: float | None = None, rate: float | None = None,
@@ -248,9 +249,8 @@ def simulate(scene: Scene, duration: float | None = None, rate: float | None = N
     SimulationError
         If the run cannot go on.
     """
-    overrides = {"solver.tolerance": tolerance, "solver.method": method}
-    scene = scene.with_parameters({name: value for name, value in overrides.items() if value is not None})
-    times = _sample_times(duration, rate, times)
+    scene = scene.with_parameters(overriding(tolerance, method))
+    times = sample_times(duration, rate, times)
     began = wall_clock.perf_counter()
     device = Simulator(scene)
     samples = device._sample(times)
@@ -260,7 +260,14 @@ def simulate(scene: Scene, duration: float | None = None, rate: float | None = N
                statistics={**device.statistics, "wall_time": wall_time})
 
 
-def _sample_times(duration, rate, times) -> np.ndarray:
+def overriding(tolerance: float | None, method: str | None) -> dict[str, object]:
+    """Parameters of the scene that the arguments of `simulate` override."""
+    overrides = {"solver.tolerance": tolerance, "solver.method": method}
+    return {name: value for name, value in overrides.items() if value is not None}
+
+
+def sample_times(duration: float | None, rate: float | None, times: np.ndarray | None) -> np.ndarray:
+    """Instants to sample [s], shape (n,), from the arguments of `simulate`; a ValueError for any that make no sense."""
     if times is None:
         if duration is None or rate is None:
             raise ValueError("give duration and rate, or times")
