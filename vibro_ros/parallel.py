@@ -152,18 +152,20 @@ class _Team:
 
     def take(self) -> tuple[Scene, Run | str]:
         """The next scene and its outcome."""
+        self._collect(0.0 if self._taken in self._outcomes else None)
+        self._give()
         while self._taken not in self._outcomes:
             self._collect(None)
             self._give()
-        self._collect(0.0)
-        self._give()
         number, self._taken = self._taken, self._taken + 1
         return self._scenes.pop(number), self._outcomes.pop(number)
 
     def stop(self) -> None:
         """End every worker, whatever it does."""
-        for worker in self._workers:
+        for worker in self._workers:  # all at once, and then wait
             worker.kill()
+        for worker in self._workers:
+            worker.forget()
 
     def _give(self) -> None:
         while not self._exhausted and len(self._scenes) < _AHEAD * self._size and (worker := self._free_worker()):
@@ -232,6 +234,9 @@ class _Worker:
     def kill(self) -> None:
         """End it: a kernel would not notice a gentler signal before its run is over."""
         self._process.kill()
+
+    def forget(self) -> None:
+        """Wait for its end and leave nothing of it behind."""
         self._process.join()
         self._process.close()
         self.pipe.close()
