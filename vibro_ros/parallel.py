@@ -59,7 +59,8 @@ def simulate_many(scenes: Iterable[Scene], duration: float | None = None, rate: 
 
     Notes
     -----
-    Workers are forks of the calling process. Like every fork they are unwise while another thread compiles kernels.
+    Workers are forks of the calling process. Like every fork they are unwise while another thread compiles kernels,
+    and a worker of another pool may have none: give ``workers=1`` there.
     """
     times = sample_times(duration, rate, times)
     checked_parameters(overriding(tolerance, method), SCENE_PARAMETERS)
