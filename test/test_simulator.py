@@ -317,6 +317,30 @@ def test_a_long_run_needs_no_more_memory():
     assert sizes[-1] - sizes[0] < 20_000
 
 
+def test_samples_are_the_states_at_their_instants():
+    """On from where the device stands, after a command, with two samples at one instant."""
+    made, whole = device(scene="device"), device(scene="device")
+    for each in (made, whole):
+        each.command(motor_speed=80.0)
+        each.advance_to(0.5)
+    times = [0.5, 0.61, 0.7, 0.7]
+    samples = whole.sample(times)
+    for index, time in enumerate(times):
+        made.advance_to(time)
+        for field in dataclasses.fields(samples):
+            assert getattr(samples, field.name)[index] == getattr(made.state, field.name)
+    assert whole.time == 0.7
+
+
+@pytest.mark.parametrize("times", [[0.4], [0.6, 0.5], [math.nan], [[0.6]], [math.inf]])
+def test_samples_run_forwards(times):
+    made = device()
+    made.advance_to(0.5)
+    with pytest.raises(ValueError, match="ascending array of finite instants, none below 0.5 s"):
+        made.sample(times)
+    assert made.time == 0.5
+
+
 def test_statistics_count_the_events_that_were_taken():
     made = device()
     taken = []

@@ -31,6 +31,8 @@ class SimulationError(RuntimeError):
 class Simulator:
     """The device, stepped in simulated time.
 
+    What it holds does not grow with time, except for events: they are kept until `take_events` hands them over.
+
     Parameters
     ----------
     scene : Scene
@@ -157,6 +159,19 @@ class Simulator:
             raise ValueError(f"cannot advance to {time:g} s: the device is at {self.time:g} s and time runs forwards")
         self._advance(np.array([time]))
 
+    def sample(self, times: np.ndarray) -> Samples:
+        """Advance to each of `times` [s] in turn; the device there, every field of shape (n,).
+
+        Raises
+        ------
+        ValueError
+            If `times` is not one-dimensional, finite, ascending and at `self.time` or later.
+        SimulationError
+            If the run cannot go on.
+        """
+        times = _checked_times(times, self.time)
+        return Samples(**self._sample(times))
+
     def _sample(self, times: np.ndarray) -> dict[str, np.ndarray]:
         """Advance to each of `times` [s], ascending, and return the fields of `Samples` there."""
         points, modes, phases = self._advance(times)
@@ -218,6 +233,7 @@ def compile_kernels() -> None:
     device = Simulator(Scene())
     device.advance_to(0.001)
     device.command(motor_speed=1.0)
+    device._sample(np.array([0.001]))
 
 
 def simulate(scene: Scene, duration: float | None = None, rate: float | None = None,
@@ -249,9 +265,8 @@ def simulate(scene: Scene, duration: float | None = None, rate: float | None = N
     SimulationError
         If the run cannot go on.
     """
-    overrides = {"solver.tolerance": tolerance, "solver.method": method}
-    scene = scene.with_parameters({name: value for name, value in overrides.items() if value is not None})
-    times = _sample_times(duration, rate, times)
+    scene = scene.with_parameters(overriding(tolerance, method))
+    times = sample_times(duration, rate, times)
     began = wall_clock.perf_counter()
     device = Simulator(scene)
     samples = device._sample(times)
@@ -261,7 +276,14 @@ def simulate(scene: Scene, duration: float | None = None, rate: float | None = N
                statistics={**device.statistics, "wall_time": wall_time})
 
 
-def _sample_times(duration, rate, times) -> np.ndarray:
+def overriding(tolerance: float | None, method: str | None) -> dict[str, object]:
+    """Parameters of the scene that the arguments of `simulate` override."""
+    overrides = {"solver.tolerance": tolerance, "solver.method": method}
+    return {name: value for name, value in overrides.items() if value is not None}
+
+
+def sample_times(duration: float | None, rate: float | None, times: np.ndarray | None) -> np.ndarray:
+    """Instants to sample [s], shape (n,), from the arguments of `simulate`; a ValueError for any that make no sense."""
     if times is None:
         if duration is None or rate is None:
             raise ValueError("give duration and rate, or times")
@@ -269,7 +291,12 @@ def _sample_times(duration, rate, times) -> np.ndarray:
             raise ValueError(f"duration {duration:g} s and rate {rate:g} Hz: give a duration of at least 0 and a "
                              "rate above 0")
         return np.arange(int(math.floor(duration * rate * (1.0 + 1e-12))) + 1) / rate
+    return _checked_times(times, 0.0)
+
+
+def _checked_times(times: np.ndarray, start: float) -> np.ndarray:
     times = np.ascontiguousarray(times, dtype=float)
-    if times.ndim != 1 or not np.isfinite(times).all() or (times < 0.0).any() or (np.diff(times) < 0.0).any():
-        raise ValueError("times: give a one-dimensional, ascending array of finite instants, none below 0 s")
+    if times.ndim != 1 or not np.isfinite(times).all() or (times < start).any() or (np.diff(times) < 0.0).any():
+        raise ValueError("times: give a one-dimensional, ascending array of finite instants, none below "
+                         f"{start:.9g} s")
     return times

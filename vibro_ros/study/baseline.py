@@ -1,10 +1,11 @@
 """The baseline that timings are ratios to: fixed-step Runge-Kutta 4 of the same scene, compiled by numba.
 
-It shares no code with the event loop. Contacts and friction are evaluated where the steps happen to fall, which is
-what makes fixed steps inexact here: that is the comparison's point, not an oversight.
+It shares no code with the event loop. Contacts, blows and friction are evaluated where the steps happen to fall, which
+is what makes fixed steps inexact here: that is the comparison's point, not an oversight.
 """
 
 import math
+from typing import NamedTuple
 
 import numba
 import numpy as np
@@ -12,68 +13,144 @@ import numpy as np
 from vibro_ros.model.scene import Scene
 
 _RULES = {"weight": 0, "unilateral": 1, "printed": 2}
+_inlined = numba.njit(cache=True, error_model="numpy", inline="always")
 
 
-@numba.njit(cache=True, error_model="numpy", inline="always")
-def _slider(sine, cosine, radius, rod):
-    """Position and slope of a slider, eqs. (2) and (3)."""
-    root = math.sqrt(rod * rod - radius * radius * sine * sine)
-    return radius * cosine + root, -radius * sine * (1.0 + radius * cosine / root)
+class Guide(NamedTuple):
+    """One guide: its direction from the vertical, mass and weight along it, rod, drive, and plate (inf: none)."""
+
+    sine: float
+    cosine: float
+    mass: float
+    weight: float
+    rod: float
+    spring: float
+    damper: float
+    plate: float
+    plate_spring: float
+    plate_damper: float
+    restitution: float
+    rigid: bool
+    may_pull: bool
 
 
-@numba.njit(cache=True, error_model="numpy", inline="always")
-def _guide_force(position, velocity, slider, slider_velocity, spring, damper, plate, plate_spring, plate_damper):
-    """F2 or F3, eqs. (1) and (4)."""
-    force = spring * (position - slider) + damper * (velocity - slider_velocity)
-    if position >= plate:
-        force += plate_spring * (position - plate) + plate_damper * velocity
+class Machine(NamedTuple):
+    """What the integration needs of a scene, both guides apart."""
+
+    radius: float
+    total: float
+    gravity: float
+    friction: float
+    rule: int
+    reaction: bool
+    start_speed: float
+    speed: float
+    acceleration: float
+
+
+@_inlined
+def _motor_speed(time, machine):
+    """From `start_speed` to `speed`, as fast as `acceleration` lets it."""
+    if machine.speed >= machine.start_speed:
+        return min(machine.start_speed + machine.acceleration * time, machine.speed)
+    return max(machine.start_speed - machine.acceleration * time, machine.speed)
+
+
+@_inlined
+def _guide_force(position, velocity, sine, cosine, omega, guide, radius):
+    """F2 or F3, eqs. (1) to (4), and the weight, with the crank's angle from the guide; a mass that is pressed on a
+    rigid plate feels no net force."""
+    root = math.sqrt(guide.rod * guide.rod - radius * radius * sine * sine)
+    slider, slope = radius * cosine + root, -radius * sine * (1.0 + radius * cosine / root)
+    force = guide.spring * (position - slider) + guide.damper * (velocity - slope * omega) + guide.weight
+    if position >= guide.plate:
+        if guide.rigid:
+            return max(force, 0.0) if velocity >= 0.0 else force
+        contact = guide.plate_spring * (position - guide.plate) + guide.plate_damper * velocity
+        force += contact if guide.may_pull else max(contact, 0.0)
     return force
 
 
-@numba.njit(cache=True, error_model="numpy", inline="always")
-def _accelerations(time, u, du, w, dw, dx, p, rule):
-    """u'', w'', x'' of eqs. (1) to (7), and F_in and mu N."""
-    theta = p[0] * time
+@_inlined
+def _slipping(f2, f3, friction, inclined, machine):
+    """w'' and x'' while the body slips and feels its reaction on the masses; `friction` is mu or -mu.
+
+    m3 w'' = -F3 + m3 x'' sin(phi), M x'' = m3 w'' sin(phi) - mu N, and N = M g + m2 u'' + m3 w'' cos(phi) or M g.
+    """
+    sine, mass, total = inclined.sine, inclined.mass, machine.total
+    cosine, normal = inclined.cosine, total * machine.gravity - f2
+    if machine.rule == 0:
+        cosine, normal = 0.0, total * machine.gravity
+    inertia = mass * (1.0 - mass / total * sine * (sine - friction * cosine))
+    w = -(f3 + friction * mass * sine / total * normal) / inertia
+    normal += mass * w * cosine
+    if machine.rule == 1 and normal < 0.0:
+        w = -f3 / (mass * (1.0 - mass / total * sine * sine))
+        normal = 0.0
+    return w, (mass * w * sine - friction * normal) / total
+
+
+@_inlined
+def _accelerations(theta, omega, u, du, w, dw, dx, upper, inclined, machine):
+    """u'', w'', x'' of eqs. (1) to (7), and F_in and mu N of a body at rest."""
     sine, cosine = math.sin(theta), math.cos(theta)
-    b, slope_b = _slider(sine, cosine, p[1], p[2])
-    c, slope_c = _slider(sine * p[21] - cosine * p[20], cosine * p[21] + sine * p[20], p[1], p[3])
-    f2 = _guide_force(u, du, b, slope_b * p[0], p[5], p[6], p[7], p[8], p[9])
-    f3 = _guide_force(w, dw, c, slope_c * p[0], p[10], p[11], p[12], p[13], p[14])
-    total = p[15] + p[16] + p[17]
-    normal = total * p[18]
-    if rule != 0:
-        normal -= f2 + f3 * p[21]
-    if rule == 1:
+    f2 = _guide_force(u, du, sine, cosine, omega, upper, machine.radius)
+    f3 = _guide_force(w, dw, sine * inclined.cosine - cosine * inclined.sine,
+                      cosine * inclined.cosine + sine * inclined.sine, omega, inclined, machine.radius)
+    normal = machine.total * machine.gravity
+    if machine.rule != 0:
+        normal -= f2 + f3 * inclined.cosine
+    if machine.rule == 1:
         normal = max(normal, 0.0)
-    inertial = -f3 * p[20]
-    bound = p[19] * normal
+    inertial, bound = -f3 * inclined.sine, machine.friction * normal
     if dx > 0.0 or (dx == 0.0 and inertial > bound):
-        friction = bound
+        sign = 1.0
     elif dx < 0.0 or -inertial > bound:
-        friction = -bound
+        sign = -1.0
     else:
-        friction = inertial
-    return -f2 / p[16], -f3 / p[17], (inertial - friction) / total, inertial, bound
+        return -f2 / upper.mass, -f3 / inclined.mass, 0.0, inertial, bound
+    if machine.reaction:
+        aw, ax = _slipping(f2, f3, sign * machine.friction, inclined, machine)
+        return -f2 / upper.mass, aw, ax, inertial, bound
+    return -f2 / upper.mass, -f3 / inclined.mass, (inertial - sign * bound) / machine.total, inertial, bound
+
+
+@_inlined
+def _blow(position, velocity, acceleration, h, guide):
+    """Position and velocity after a rigid plate has thrown back what a step took beyond it.
+
+    What comes no faster than two steps of its acceleration has stopped bouncing.
+    """
+    if not (guide.rigid and position >= guide.plate and velocity > 0.0):
+        return position, velocity
+    resting = velocity <= 2.0 * h * abs(acceleration)
+    return guide.plate, 0.0 if resting else -guide.restitution * velocity
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _integrate(start, p, rule, h, per_sample, samples):
+def _integrate(start, upper, inclined, machine, h, per_sample, samples):
     """Fixed steps from t = 0; the body stops where x' changes sign while |F_in| <= mu N."""
     u, du, w, dw = start
-    x = dx = 0.0
+    theta = x = dx = 0.0
     half = 0.5 * h
     done = 0
+    share = inclined.mass * inclined.sine / machine.total
     samples[0] = u, du, w, dw, x, dx
     for n in range(1, len(samples)):
         for _ in range(per_sample):
             t = done * h
-            au1, aw1, ax1, _, _ = _accelerations(t, u, du, w, dw, dx, p, rule)
+            o1, o2, o4 = (_motor_speed(t, machine), _motor_speed(t + half, machine), _motor_speed(t + h, machine))
+            au1, aw1, ax1, _, _ = _accelerations(theta, o1, u, du, w, dw, dx, upper, inclined, machine)
             du2, dw2, dx2 = du + half * au1, dw + half * aw1, dx + half * ax1
-            au2, aw2, ax2, _, _ = _accelerations(t + half, u + half * du, du2, w + half * dw, dw2, dx2, p, rule)
+            au2, aw2, ax2, _, _ = _accelerations(theta + half * o1, o2, u + half * du, du2, w + half * dw, dw2, dx2,
+                                                 upper, inclined, machine)
             du3, dw3, dx3 = du + half * au2, dw + half * aw2, dx + half * ax2
-            au3, aw3, ax3, _, _ = _accelerations(t + half, u + half * du2, du3, w + half * dw2, dw3, dx3, p, rule)
+            au3, aw3, ax3, _, _ = _accelerations(theta + half * o2, o2, u + half * du2, du3, w + half * dw2, dw3, dx3,
+                                                 upper, inclined, machine)
             du4, dw4, dx4 = du + h * au3, dw + h * aw3, dx + h * ax3
-            au4, aw4, ax4, inertial, bound = _accelerations(t + h, u + h * du3, du4, w + h * dw3, dw4, dx4, p, rule)
+            au4, aw4, ax4, inertial, bound = _accelerations(theta + h * o2, o4, u + h * du3, du4, w + h * dw3, dw4,
+                                                            dx4, upper, inclined, machine)
+            theta += h / 6.0 * (o1 + 4.0 * o2 + o4)
             u += h / 6.0 * (du + 2.0 * (du2 + du3) + du4)
             w += h / 6.0 * (dw + 2.0 * (dw2 + dw3) + dw4)
             x += h / 6.0 * (dx + 2.0 * (dx2 + dx3) + dx4)
@@ -83,45 +160,71 @@ def _integrate(start, p, rule, h, per_sample, samples):
             dx += h / 6.0 * (ax1 + 2.0 * (ax2 + ax3) + ax4)
             if before * dx < 0.0 and abs(inertial) <= bound:
                 dx = 0.0
+            u, du = _blow(u, du, au4, h, upper)
+            incoming = dw
+            w, dw = _blow(w, dw, aw4, h, inclined)
+            if dw < 0.0 < incoming:
+                dx += share * (dw - incoming)
             done += 1
         samples[n] = u, du, w, dw, x, dx
 
 
-def integrate_rk4(scene: Scene, start: np.ndarray, duration: float, rate: float, step: float = 1e-5) -> np.ndarray:
-    """Integrate a scene with both masses, an ideal motor and gaps at rest.
+def integrate_rk4(scene: Scene, start: np.ndarray, duration: float, rate: float, step: float = 1e-5,
+                  speed: float | None = None) -> np.ndarray:
+    """Integrate a scene with both masses and gaps at rest.
 
     Parameters
     ----------
     scene : Scene
-        The scene; `effects.adhesion` false is not supported.
+        The scene.
     start : ndarray, shape (4,)
         u, u', w, w' at t = 0 [m, m/s]; the body starts at rest at 0.
     duration, rate : float
         Length [s] and samples per second.
     step : float
         Fixed step [s]; the nearest that divides the sampling period is used.
+    speed : float
+        Motor speed [rad/s] commanded at t = 0; none if not given.
 
     Returns
     -------
     ndarray, shape (samples, 6)
         u, u', w, w', x, x', the first sample at t = 0.
+
+    Raises
+    ------
+    ValueError
+        For effects that it does not have: a missing mass, static friction, a lagging motor, and rigid plates together
+        with the reaction on the masses.
     """
+    rigid = any(scene[f"effects.{side}_contact"] == "restitution" for side in scene.guides)
+    if (len(scene.guides) < 2 or scene["effects.friction"] not in ("none", "coulomb")
+            or scene["effects.motor"] == "lag" or (rigid and scene["effects.reaction"])):
+        raise ValueError(f"scene {scene.name}: the baseline lacks one of its effects")
     per_sample = max(1, round(1.0 / (rate * step)))
     samples = np.empty((round(duration * rate) + 1, 6))
-    _integrate(tuple(start), _vector(scene), _RULES[scene["effects.normal_force"]], 1.0 / (rate * per_sample),
-               per_sample, samples)
+    _integrate(tuple(start), _guide(scene, "upper", 0.0), _guide(scene, "inclined", scene["guide.angle"]),
+               _machine(scene, speed), 1.0 / (rate * per_sample), per_sample, samples)
     return samples
 
 
-def _vector(scene: Scene) -> np.ndarray:
-    def guide(side):
-        contact = scene[f"effects.{side}_contact"] != "none"
-        return [scene[f"{side}.spring.stiffness"], scene[f"{side}.spring.damping"],
-                scene[f"crank.{side}_rod"] + scene[f"{side}.gap"] if contact else math.inf,
-                scene[f"{side}.plate.stiffness"], scene[f"{side}.plate.damping"]]
+def _guide(scene: Scene, side: str, angle: float) -> Guide:
+    rod, mass, contact = scene[f"crank.{side}_rod"], scene[f"mass.{side}"], scene[f"effects.{side}_contact"]
+    return Guide(
+        sine=math.sin(angle), cosine=math.cos(angle), mass=mass,
+        weight=mass * scene["gravity"] * math.cos(angle) if scene["effects.mass_weight"] else 0.0,
+        rod=rod, spring=scene[f"{side}.spring.stiffness"], damper=scene[f"{side}.spring.damping"],
+        plate=math.inf if contact == "none" else rod + scene[f"{side}.gap"],
+        plate_spring=scene[f"{side}.plate.stiffness"], plate_damper=scene[f"{side}.plate.damping"],
+        restitution=scene[f"{side}.plate.restitution"], rigid=contact == "restitution",
+        may_pull=scene["effects.adhesion"])
 
-    friction = scene["ground.friction"] if scene["effects.friction"] != "none" else 0.0
-    return np.array([scene["motor.speed"], scene["crank.radius"], scene["crank.upper_rod"],
-                     scene["crank.inclined_rod"], scene["guide.angle"], *guide("upper"), *guide("inclined"),
-                     scene["mass.body"], scene["mass.upper"], scene["mass.inclined"], scene["gravity"], friction,
-                     math.sin(scene["guide.angle"]), math.cos(scene["guide.angle"])])
+
+def _machine(scene: Scene, speed: float | None) -> Machine:
+    target = scene["motor.speed"] if speed is None else speed
+    ramp = scene["effects.motor"] == "ramp"
+    return Machine(
+        radius=scene["crank.radius"], total=scene.total_mass, gravity=scene["gravity"],
+        friction=scene["ground.friction"] if scene["effects.friction"] != "none" else 0.0,
+        rule=_RULES[scene["effects.normal_force"]], reaction=scene["effects.reaction"],
+        start_speed=scene["motor.speed"] if ramp else target, speed=target, acceleration=scene["motor.acceleration"])

@@ -1,0 +1,255 @@
+"""Many scenes at once: worker processes, results in the order of the scenes.
+
+Processes, not threads: compiling a scene to its tables is Python, and takes as long as seconds of robot time.
+They are forked, so that they start in milliseconds with the kernels that their parent has compiled.
+"""
+
+import functools
+import multiprocessing
+import os
+import signal
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator
+from multiprocessing.connection import Connection, wait
+
+import numpy as np
+
+from vibro_ros.model.parameters import SCENE_PARAMETERS, checked_parameters
+from vibro_ros.model.scene import Scene
+from vibro_ros.samples import Run
+from vibro_ros.simulator import SimulationError, compile_kernels, overriding, sample_times, simulate
+
+# Scenes at a time that a worker has been given: one runs while the other waits, so that it need not wait for us.
+_GIVEN = 2
+# Scenes a worker that may be ahead of the result that is due: a slow scene does not stop the others at once.
+_AHEAD = 4
+
+_FORK = multiprocessing.get_context("fork")
+
+
+def simulate_many(scenes: Iterable[Scene], duration: float | None = None, rate: float | None = None,
+                  times: np.ndarray | None = None, tolerance: float | None = None, method: str | None = None,
+                  workers: int | None = None) -> Iterator[Run]:
+    """Simulate many scenes on all cores, each as `simulate` does, to the last bit.
+
+    Parameters
+    ----------
+    scenes : iterable of Scene
+        What to simulate. Taken as it is needed, at most four scenes a worker ahead of the result that is due, so
+        that it may be a generator without end.
+    duration, rate, times, tolerance, method
+        As for `simulate`, the same for every scene.
+    workers : int
+        Processes; as many as cores that this process may use unless given. With 1 the calling process does it all.
+
+    Yields
+    ------
+    Run
+        The result of each scene, in the order of `scenes`. Only results that wait for an earlier one are kept:
+        ``list(simulate_many(...))`` keeps all. Workers run while results are asked for; they end with the last
+        result, with an error, or when the iterator is closed or dropped.
+
+    Raises
+    ------
+    ValueError
+        At the call: as `simulate`, and for less than one worker.
+    SimulationError
+        In the place of the first result that cannot be had, after all before it; the message names the scene by
+        its number, from 0, and by what distinguishes it from the first.
+
+    Notes
+    -----
+    Workers are forks of the calling process. Like every fork they are unwise while another thread compiles kernels,
+    and a worker of another pool may have none: give ``workers=1`` there.
+    """
+    times = sample_times(duration, rate, times)
+    checked_parameters(overriding(tolerance, method), SCENE_PARAMETERS)
+    workers = len(os.sched_getaffinity(0)) if workers is None else workers
+    if isinstance(workers, bool) or not isinstance(workers, int) or workers < 1:
+        raise ValueError(f"workers: {workers!r} is no number of processes; give 1 or more")
+    run = functools.partial(simulate, times=times, tolerance=tolerance, method=method)
+    outcomes = _in_turn(scenes, run) if workers == 1 else _in_parallel(scenes, run, workers)
+    return _results(outcomes)
+
+
+def _results(outcomes: Iterator[tuple[Scene, Run | str]]) -> Iterator[Run]:
+    """The runs; an error where the outcome is the text of one."""
+    first = None
+    try:
+        for index, (scene, outcome) in enumerate(outcomes):
+            first = scene if first is None else first
+            if isinstance(outcome, str):
+                raise SimulationError(f"scene {index} ({_distinction(scene, first)}): {outcome}")
+            yield outcome
+    finally:
+        outcomes.close()
+
+
+def _distinction(scene: Scene, first: Scene) -> str:
+    """A scene's name and the parameters in which it differs from the first."""
+    different = {name: value for name, value in scene.parameters.items() if value != first[name]}
+    return ", ".join([scene.name, *(f"{name} = {value!r}" for name, value in different.items())])
+
+
+def _outcome(run: Callable[[Scene], Run], scene: Scene) -> Run | str:
+    """The run, or what prevented it."""
+    try:
+        return run(scene)
+    except SimulationError as error:
+        return str(error)
+    except Exception as error:
+        return f"{type(error).__name__}: {error}"
+
+
+def _checked(scenes: Iterable[Scene]) -> Iterator[Scene]:
+    for index, scene in enumerate(scenes):
+        if not isinstance(scene, Scene):
+            raise TypeError(f"scene {index}: {scene!r} is not a Scene; vibro_ros.load_scene makes one of a name")
+        yield scene
+
+
+def _in_turn(scenes: Iterable[Scene], run: Callable[[Scene], Run]) -> Iterator[tuple[Scene, Run | str]]:
+    for scene in _checked(scenes):
+        yield scene, _outcome(run, scene)
+
+
+def _in_parallel(scenes: Iterable[Scene], run: Callable[[Scene], Run],
+                 workers: int) -> Iterator[tuple[Scene, Run | str]]:
+    compile_kernels()  # once for all that are forked
+    team = _Team(_checked(scenes), run, workers)
+    try:
+        while team.due():
+            yield team.take()
+    finally:
+        team.stop()
+
+
+class _Team:
+    """Workers, the scenes that they have been given, and the outcomes that wait to be taken.
+
+    A scene's number is its place among all scenes; outcomes are taken in its order.
+    """
+
+    def __init__(self, scenes: Iterator[Scene], run: Callable[[Scene], Run], size: int):
+        self._source, self._run, self._size = scenes, run, size
+        self._workers: list[_Worker] = []
+        self._scenes: dict[int, Scene] = {}  # pulled and not yet taken
+        self._outcomes: dict[int, Run | str] = {}
+        self._pulled = self._taken = 0
+        self._exhausted = False
+        self._error: Exception | None = None
+
+    def due(self) -> bool:
+        """Give the workers what they have room for; whether there is an outcome to take.
+
+        An error of the iterable of scenes is raised when all that came before it has been taken.
+        """
+        self._give()
+        if self._scenes:
+            return True
+        if self._error is not None:
+            raise self._error
+        return False
+
+    def take(self) -> tuple[Scene, Run | str]:
+        """The next scene and its outcome."""
+        self._collect(0.0 if self._taken in self._outcomes else None)
+        self._give()
+        while self._taken not in self._outcomes:
+            self._collect(None)
+            self._give()
+        number, self._taken = self._taken, self._taken + 1
+        return self._scenes.pop(number), self._outcomes.pop(number)
+
+    def stop(self) -> None:
+        """End every worker, whatever it does."""
+        for worker in self._workers:  # all at once, and then wait
+            worker.kill()
+        for worker in self._workers:
+            worker.forget()
+
+    def _give(self) -> None:
+        while not self._exhausted and len(self._scenes) < _AHEAD * self._size and (worker := self._free_worker()):
+            try:
+                scene = next(self._source)
+            except StopIteration:
+                self._exhausted = True
+            except Exception as error:
+                self._exhausted, self._error = True, error
+            else:
+                self._scenes[self._pulled] = scene
+                worker.give(self._pulled, scene)
+                self._pulled += 1
+
+    def _free_worker(self) -> "_Worker | None":
+        """A worker with the least to do: a new one before one that is busy; None when all have enough."""
+        free = min(self._workers, key=lambda worker: len(worker.given), default=None)
+        if (free is None or free.given) and len(self._workers) < self._size:
+            free = _Worker(self._run, [worker.pipe for worker in self._workers])
+            self._workers.append(free)
+        return free if len(free.given) < _GIVEN else None
+
+    def _collect(self, patience: float | None) -> None:
+        by_pipe = {worker.pipe: worker for worker in self._workers if worker.given}
+        for pipe in wait(list(by_pipe), patience):
+            number, outcome = by_pipe[pipe].answer()
+            self._outcomes[number] = outcome
+
+
+class _Worker:
+    """A process that simulates scene after scene.
+
+    Attributes
+    ----------
+    pipe : Connection
+        To it and from it.
+    given : deque of int
+        Numbers of the scenes it has been given and has not answered, in order.
+    """
+
+    def __init__(self, run: Callable[[Scene], Run], inherited: list[Connection]):
+        self.pipe, far = _FORK.Pipe()
+        self.given: deque[int] = deque()
+        self._process = _FORK.Process(target=_work, args=(far, [*inherited, self.pipe], run), daemon=True,
+                                      name="simulate_many")
+        self._process.start()
+        far.close()
+
+    def give(self, number: int, scene: Scene) -> None:
+        """Add a scene to its work."""
+        self.given.append(number)
+        try:
+            self.pipe.send(scene)
+        except OSError:  # it has ended: `answer` says so
+            pass
+
+    def answer(self) -> tuple[int, Run | str]:
+        """Number and outcome of the oldest scene it was given."""
+        number = self.given.popleft()
+        try:
+            return number, self.pipe.recv()
+        except (EOFError, OSError):
+            self._process.join()
+            return number, f"its process ended with exit code {self._process.exitcode}"
+
+    def kill(self) -> None:
+        """End it: a kernel would not notice a gentler signal before its run is over."""
+        self._process.kill()
+
+    def forget(self) -> None:
+        """Wait for its end and leave nothing of it behind."""
+        self._process.join()
+        self._process.close()
+        self.pipe.close()
+
+
+def _work(pipe: Connection, inherited: list[Connection], run: Callable[[Scene], Run]) -> None:
+    """Answer every scene that comes, until nobody is left to ask."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches the parent as well, which ends us
+    for other in inherited:  # or we would keep each other alive if the parent were killed
+        other.close()
+    try:
+        while True:
+            pipe.send(_outcome(run, pipe.recv()))
+    except (EOFError, OSError):
+        pass
