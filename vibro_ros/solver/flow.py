@@ -92,26 +92,30 @@ def _fill_loads(system, state):
 
 
 @kernel
-def _keep_forced_motion(system, state, flow, slot):
-    """See to it that the library has the forced motion over this cell."""
-    library = state.library
-    if library.version[flow, slot] == state.index[VERSION]:
-        return
-    library.version[flow, slot] = state.index[VERSION]
-    motion = library.forced[flow, slot]
-    motion[:, 0] = 0.0
-    _fill_loads(system, state)
-    _solve(system, state, motion)
-    fill_powers(-1.0, state.powers)
-    for c in range(len(motion)):
-        library.forced_start[flow, slot, c] = product(motion[c], state.powers)
-
-
-@kernel
 def _component(system, c):
     """Channel of component c."""
     coordinates, dynamic = system.sizes[0], system.sizes[1]
     return c if c < dynamic else coordinates + c - dynamic
+
+
+@kernel
+def _find_forced_motion(system, state, flow, slot, point):
+    """See to it that the library has forced motion over this segment."""
+    library = state.library
+    of_cell = slot == state.index[CELL]
+    if of_cell and library.version[flow, slot] == state.index[VERSION]:
+        return
+    motion = library.forced[flow, slot]
+    for c in range(len(motion)):
+        # From the coordinates' present values, for rest to be found as rest, exactly; a cell's serves later, too.
+        motion[c, 0] = 0.0 if of_cell else point[_component(system, c)]
+    _fill_loads(system, state)
+    _solve(system, state, motion)
+    if of_cell:
+        library.version[flow, slot] = state.index[VERSION]
+        fill_powers(-1.0, state.powers)
+        for c in range(len(motion)):
+            library.forced_start[flow, slot, c] = product(motion[c], state.powers)
 
 
 @kernel
@@ -199,14 +203,7 @@ def solve_dynamic(system, state, point):
     flow = system.flow[mode]
     _keep_free_motion(system, state, flow, slot)
     motion, free = library.forced[flow, slot], library.free[flow, slot]
-    if slot == state.index[CELL]:
-        _keep_forced_motion(system, state, flow, slot)
-    else:
-        # From the coordinates' present values, for rest to be found as rest, exactly.
-        for c in range(2 * dynamic):
-            motion[c, 0] = point[_component(system, c)]
-        _fill_loads(system, state)
-        _solve(system, state, motion)
+    _find_forced_motion(system, state, flow, slot, point)
     incomplete = _find_defect(system, state, motion, library.forced_start[flow, slot], point)
     if incomplete:
         _carry_to_middle(system, state, free, library.free_end[flow, slot])
