@@ -61,6 +61,7 @@ setup(
     entry_points={
         "console_scripts": [
             "controller = vibro_ros.ros.controller:main",
+            "recover = vibro_ros.study.recover:main",
             "report = vibro_ros.study.report:main",
             "robot = vibro_ros.ros.robot:main",
         ],
