@@ -23,6 +23,9 @@ POLL_PERIOD = 0.005  # s, between two looks at an empty queue
 BACKLOG = 20_000  # messages waiting for the disk; about 4 s of a robot that publishes at 1 kHz
 LAST_STAMP = 2**63 - 2  # ns; rosbag2 keeps signed 64-bit stamps, and rosbags reserves the last one
 
+BAG_PATTERN = "vibro_robot_*"
+"""Of the names that `new_bag_folder` gives."""
+
 _PLAIN = Storage()
 
 
@@ -127,16 +130,30 @@ class Recorder:
         """Messages that wait for the writer thread."""
         return len(self._queue)
 
-    def finish(self) -> None:
-        """Accept no more; the thread writes what is queued, seals the bag and ends."""
+    @property
+    def ended(self) -> bool:
+        """Whether the thread has ended: after a fault, or when the bag is sealed."""
+        return not self._thread.is_alive()
+
+    def close(self, patience: float | None = None) -> bool:
+        """Accept no more, write what is queued, seal the bag and end the thread; calling it again does nothing.
+
+        Parameters
+        ----------
+        patience : float or None
+            Longest time [s] to wait for that; None waits until it is done.
+
+        Returns
+        -------
+        bool
+            False when the disk was slower than `patience`: the thread goes on by itself.
+        """
         self._accepting = False
         self._closing.set()
-
-    def close(self) -> None:
-        """`finish`, and wait until it is done; calling it again does nothing."""
-        self.finish()
-        self._thread.join()
-        self._discard_queue()
+        self._thread.join(patience)
+        if self.ended:
+            self._discard_queue()
+        return self.ended
 
     def __enter__(self) -> "Recorder":
         return self

@@ -9,7 +9,7 @@ import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
-Value = bool | float | str
+Value = bool | float | str | tuple[str, ...]
 
 
 @dataclass(frozen=True)
@@ -20,7 +20,7 @@ class Parameter:
     ----------
     name : str
         Dotted name, the same in YAML, in ROS and in Python.
-    default : bool, float or str
+    default : bool, float, str or tuple of str
         Its type is the parameter's type.
     unit : str
         SI unit, empty for pure numbers and choices.
@@ -49,7 +49,7 @@ class Parameter:
     @property
     def type_name(self) -> str:
         """Name of the type as a user writes it."""
-        return {bool: "true or false", float: "a number", str: "a text"}[type(self.default)]
+        return {bool: "true or false", float: "a number", str: "a text", tuple: "a list of texts"}[type(self.default)]
 
     def checked(self, value: object) -> Value:
         """Return `value` as this parameter's type.
@@ -62,11 +62,19 @@ class Parameter:
         """
         if isinstance(self.default, float):
             return self._checked_number(value)
+        if isinstance(self.default, tuple):
+            return self._checked_texts(value)
         if type(value) is not type(self.default):
             raise ValueError(f"{self.name}: {value!r} is not {self.type_name}; give {self.type_name}{self._hint()}")
         if self.choices and value not in self.choices:
             raise ValueError(f"{self.name}: {value!r} is unknown; choose one of {', '.join(self.choices)}")
         return value
+
+    def _checked_texts(self, value: object) -> tuple[str, ...]:
+        """A list, of which the empty one is the default."""
+        if not isinstance(value, (list, tuple)) or not all(isinstance(text, str) for text in value):
+            raise ValueError(f"{self.name}: {value!r} is not {self.type_name}; write [one, another]")
+        return tuple(value) or self.default
 
     def _checked_number(self, value: object) -> float:
         if isinstance(value, (bool, str)) or not hasattr(value, "__float__"):

@@ -36,6 +36,8 @@ def _rows(table: Iterable[Parameter], device: dict[str, Value]) -> list[str]:
 def _shown(value: Value) -> str:
     if isinstance(value, bool):
         return f"`{str(value).lower()}`"
+    if isinstance(value, tuple):
+        return f"`[{', '.join(value)}]`"
     return f"`{value}`" if isinstance(value, str) else _number(value)
 
 
@@ -49,6 +51,8 @@ def _number(value: float) -> str:
 def _allowed(parameter: Parameter) -> str:
     if isinstance(parameter.default, bool):
         return "`true`, `false`"
+    if isinstance(parameter.default, tuple):
+        return "list of texts"
     if isinstance(parameter.default, str):
         return ", ".join(f"`{choice}`" for choice in parameter.choices) or "text"
     if math.isinf(parameter.minimum) and math.isinf(parameter.maximum):
