@@ -22,12 +22,13 @@ from std_msgs.msg import Float64
 from std_srvs.srv import SetBool
 
 import vibro_ros
+from vibro_ros.bag.definitions import defined
 from vibro_ros.bag.reader import read_bag
 from vibro_ros.bag.recovery import recover
-from vibro_ros.bag.writer import Storage
+from vibro_ros.bag.writer import BagWriter, Storage
 from vibro_ros.ros.inputs import Inputs
 from vibro_ros.ros.outputs import Outputs
-from vibro_ros.ros.recording import Plan, open_recording, plan_recording
+from vibro_ros.ros.recording import Plan, offer_recovery, open_recording, plan_recording
 from vibro_ros.scene_file import DEVICE_PARAMETERS
 
 UNLIMITED = (resource.RLIM_INFINITY, resource.RLIM_INFINITY)
@@ -103,8 +104,7 @@ def stop(robot, code: int = 0) -> None:
 
 
 @pytest.mark.parametrize("rate", [50.0, 1000.0])
-def test_a_killed_robot_loses_the_last_moments_and_the_next_one_tells_how_to_seal_its_bag(
-        start, listener, tmp_path, rate):
+def test_a_killed_robot_loses_the_last_moments_and_the_next_one_tells_how_to_seal(start, listener, tmp_path, rate):
     robot = start("robot", "--ros-args", "-p", f"rate.publish:={rate}")
     listener.spin_for_samples(1)
     end = time.monotonic() + random.uniform(0.1, 1.0)
@@ -114,15 +114,12 @@ def test_a_killed_robot_loses_the_last_moments_and_the_next_one_tells_how_to_sea
     with contextlib.suppress(AssertionError):  # what was still on its way
         listener.bench.spin_until(lambda: False, "the rest", patience=0.3)
     (folder,) = bags(tmp_path)
-    following = start("robot", "--ros-args", "-p", f"record.recover:={str(rate == 50.0).lower()}")
     if rate == 50.0:
-        line = following.wait_for(f"{folder.name}: sealed, ")
-    else:
-        line = following.wait_for(f"seal it with `recover {folder.name}`")
-    assert "[WARN]" in line
-    following.wait_for("ready")
-    stop(following)
-    assert recover(folder).was_sealed == (rate == 50.0)
+        following = start("robot")
+        assert "[WARN]" in following.wait_for(f"{folder.name}: not sealed, its robot was killed; seal it with `recover")
+        following.wait_for("ready")
+        stop(following)
+    assert not recover(folder).was_sealed
     recorded, heard = stamps_of(folder), listener.stamps
     assert recorded == [recorded[0] + i * round(1e9 / rate) for i in range(len(recorded))]
     assert (heard[-1] - recorded[-1]) * 1e-9 <= LONGEST_LOSS
@@ -189,7 +186,8 @@ def test_a_removed_folder_is_told_once_and_the_robot_goes_on(start, listener, re
     shutil.rmtree(folder)
     assert "No such file or directory; the folder is gone" in robot.wait_for("not recorded: ")
     listener.spin_for_samples(50)
-    assert record(False)[1] == "not recording"
+    done, said = record(False)
+    assert done and said.startswith("not recording: recording to vibro_robot_")
     assert record(True)[0]
     listener.spin_for_samples(20)
     stop(robot, code=1)
@@ -255,16 +253,29 @@ def test_only_the_topics_asked_for_are_recorded(start, listener, tmp_path):
     assert [path.suffix for path in folder.iterdir() if path.name != "metadata.yaml"] == [".db3"]
 
 
-@pytest.mark.parametrize("words, reason", [
-    (["record.topics:=[odmo]"], "record.topics: 'odmo' is not a topic of the robot; choose from odom, joint_states"),
-    (["record.max_size:=5"], "record.max_size: 5 is too small; give 0 for no limit, or at least 100000 bytes"),
-    (["record.storage:=sqlite3", "record.compression:=zstd"], "record.compression: zstd goes with record.storage mcap"),
+@pytest.mark.parametrize("wrong, reason", [
+    ({"record.topics": ("odmo",)}, "record.topics: 'odmo' is not a topic of the robot; choose from odom, joint_states"),
+    ({"record.max_size": 5.0}, "record.max_size: 5 is too small; give 0 for no limit, or at least 100000 bytes"),
+    ({"record.storage": "sqlite3", "record.compression": "zstd"}, "record.compression: zstd goes with record.storage"),
 ], ids=["topic", "size", "compression"])
-def test_recordings_that_cannot_be_are_refused(start, tmp_path, words, reason):
-    robot = start("robot", "--ros-args", *(part for word in words for part in ("-p", word)))
-    assert robot.end() == 2
-    assert robot.lines[-1].startswith("robot: ") and reason in robot.lines[-1]
-    assert bags(tmp_path) == []
+def test_recordings_that_cannot_be_are_refused(bench, wrong, reason):
+    with pytest.raises(ValueError, match=re.escape(reason)):
+        plan_recording(SETTINGS | wrong, Inputs(bench.node), Outputs(bench.node, vibro_ros.Scene()), {})
+
+
+def test_bags_left_unsealed_are_sealed_if_the_robot_is_told_to(bench, tmp_path):
+    topics = plan_recording(SETTINGS, Inputs(bench.node), Outputs(bench.node, vibro_ros.Scene()), {}).topics
+    folder = tmp_path / "vibro_robot_1"
+    writer = BagWriter(folder, defined(topics), {}, Storage())
+    writer.write(1, 1, bytes(100))
+    writer.flush()
+    offer_recovery(tmp_path, True, bench.node.get_logger())
+    assert not (folder / "metadata.yaml").exists()  # it is in use
+    writer.abandon()
+    offer_recovery(tmp_path, False, bench.node.get_logger())
+    assert not (folder / "metadata.yaml").exists()
+    offer_recovery(tmp_path, True, bench.node.get_logger())
+    assert stamps_of(folder, topics[0].name) == [1]
 
 
 def test_a_snapshot_holds_the_last_seconds_when_it_is_asked_for(start, listener, record, tmp_path):

@@ -7,7 +7,8 @@ from pathlib import Path
 
 from rclpy.impl.rcutils_logger import RcutilsLogger
 
-from vibro_ros.bag.recorder import Recorder, Topic, new_bag_folder
+from vibro_ros.bag.recorder import BAG_PATTERN, Recorder, Topic, new_bag_folder
+from vibro_ros.bag.recovery import RecoveryError, described, recover, unsealed_bags
 from vibro_ros.bag.snapshot import Snapshot
 from vibro_ros.bag.writer import Storage
 from vibro_ros.model.parameters import Value
@@ -98,6 +99,7 @@ class Recording:
     def begin(self) -> None:
         """Record from now on, or keep what a snapshot will need (ValueError, OSError: see `Recorder`)."""
         if self._plan.snapshot:
+            self._plan.directory.mkdir(parents=True, exist_ok=True)  # better now than when it matters
             self._snapshot = Snapshot(self._plan.snapshot)
         else:
             self._recorder = self._new_bag()
@@ -168,8 +170,8 @@ class Recording:
 
     def _stop(self) -> tuple[bool, str]:
         recorder, self._recorder = self._recorder, None
-        if recorder is None:
-            return True, "not recording"
+        if recorder is None or recorder.fault:
+            return True, f"not recording: {recorder.fault}" if recorder else "not recording"
         if not recorder.close(SEALING):
             return False, f"{recorder.folder}: the disk does not answer; the bag will be sealed when it does"
         self.watch()
@@ -215,7 +217,7 @@ def plan_recording(settings: Mapping[str, Value], inputs: Inputs, outputs: Outpu
     storage = Storage(settings["record.storage"], settings["record.compression"], int(settings["record.max_size"]),
                       settings["record.max_duration"], int(settings["record.max_bytes"]))
     topics = _chosen(settings["record.topics"], {**_published(outputs), **_received(inputs)})
-    return Plan(Path(settings["record.directory"]), topics, storage, metadata, settings["record.snapshot"])
+    return Plan(Path(settings["record.directory"]).expanduser(), topics, storage, metadata, settings["record.snapshot"])
 
 
 def open_recording(plan: Plan, enabled: bool, log: RcutilsLogger) -> Recording:
@@ -227,6 +229,18 @@ def open_recording(plan: Plan, enabled: bool, log: RcutilsLogger) -> Recording:
     except OSError as error:
         raise ValueError(f"record.directory: {error}") from error
     return recording
+
+
+def offer_recovery(directory: Path, do_it: bool, log: RcutilsLogger) -> None:
+    """Say which bags in `directory` a killed robot has left unsealed, and seal them if told to `do_it`."""
+    for folder in unsealed_bags(directory, BAG_PATTERN):
+        if not do_it:
+            log.warning(f"{folder}: not sealed, its robot was killed; seal it with `recover {folder}`")
+            continue
+        try:
+            log.warning(" ".join(described(recover(folder), str)))
+        except RecoveryError as error:
+            log.error(str(error))
 
 
 def _chosen(names: Sequence[str], topics: Mapping[str, Topic]) -> tuple[Topic, ...]:

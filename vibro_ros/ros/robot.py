@@ -6,17 +6,13 @@ import platform
 import sys
 from collections.abc import Mapping, Sequence
 from importlib.metadata import PackageNotFoundError, version
-from pathlib import Path
 
 import numba
 import numpy as np
 from rclpy.executors import Executor
-from rclpy.impl.rcutils_logger import RcutilsLogger
 from rclpy.node import Node
 from std_srvs.srv import SetBool
 
-from vibro_ros.bag.recorder import BAG_PATTERN
-from vibro_ros.bag.recovery import RecoveryError, described, recover, unsealed_bags
 from vibro_ros.model.parameters import SCENE_PARAMETERS, Value, checked_parameters
 from vibro_ros.model.scene import Scene
 from vibro_ros.ros import process
@@ -25,7 +21,7 @@ from vibro_ros.ros.inputs import Inputs
 from vibro_ros.ros.outputs import Outputs
 from vibro_ros.ros.pacing import Pacing
 from vibro_ros.ros.parameters import declare, parameter_lines, take_overrides
-from vibro_ros.ros.recording import Recording, open_recording, plan_recording
+from vibro_ros.ros.recording import Recording, offer_recovery, open_recording, plan_recording
 from vibro_ros.ros.ros_arguments import check_addressed, check_arguments, own_arguments
 from vibro_ros.ros.stepping import Stepping
 from vibro_ros.scene_file import DEVICE_PARAMETERS, load_scene, shipped_scenes
@@ -74,7 +70,7 @@ def _operate(node: Node, executor: Executor, settings: Mapping[str, Value], scen
     start = node.get_clock().now().nanoseconds
     metadata = _metadata(settings, scene, start)
     plan = plan_recording(settings, inputs, outputs, metadata)
-    _offer_recovery(plan.directory, settings["record.recover"], log)
+    offer_recovery(plan.directory, settings["record.recover"], log)
     # Signals become requests before the bag is opened, so that none can come between its opening and its sealing.
     with process.StopRequest() as stop, open_recording(plan, settings["record.enabled"], log) as recording:
         node.create_service(SetBool, "~/record", lambda request, answer: _switch(recording, request, answer))
@@ -100,18 +96,6 @@ def _switch(recording: Recording, request: SetBool.Request, answer: SetBool.Resp
     """Answer the service `~/record`."""
     answer.success, answer.message = recording.switch(request.data)
     return answer
-
-
-def _offer_recovery(directory: Path, do_it: bool, log: RcutilsLogger) -> None:
-    """Say which bags in `directory` a killed robot has left unsealed, and seal them if so asked."""
-    for folder in unsealed_bags(directory.expanduser(), BAG_PATTERN):
-        if not do_it:
-            log.warning(f"{folder}: not sealed, its robot was killed; seal it with `recover {folder}`")
-            continue
-        try:
-            log.warning(" ".join(described(recover(folder), str)))
-        except RecoveryError as error:
-            log.error(str(error))
 
 
 def _metadata(settings: Mapping[str, Value], scene: Scene, start: int) -> dict[str, str]:
