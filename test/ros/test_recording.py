@@ -234,13 +234,13 @@ def test_a_disk_that_stalls_for_two_seconds_costs_no_message_and_no_time(listene
 def test_all_topics_at_1_khz_in_small_files_drop_nothing(start, listener, tmp_path):
     robot = start("robot", "--ros-args", "-p", "rate.publish:=1000.0", "-p", "record.max_duration:=0.5",
                   "-p", "record.compression:=zstd", "-p", "motor.speed:=100.0")
-    listener.spin_for_samples(3000)
+    listener.spin_for_samples(2000)
     stop(robot)
     assert " 0 dropped; " in robot.lines[-1]
     (folder,) = bags(tmp_path)
     recorded = stamps_of(folder)
     assert recorded == [recorded[0] + i * 1_000_000 for i in range(len(recorded))]
-    assert len(list(folder.glob("*.mcap"))) >= 6
+    assert len(list(folder.glob("*.mcap"))) >= 4
     assert read_bag(folder).metadata["dropped"] == "0"
 
 

@@ -57,6 +57,7 @@ class McapSegment:
         try:
             self._append(mcap.header(LIBRARY) + self._announce(definitions))
             self._append_metadata(metadata)
+            self._fixed_size += len(metadata.encode())
         except OSError:
             self._file.close()
             path.unlink(missing_ok=True)
@@ -131,8 +132,8 @@ class McapSegment:
                 "offered_qos_profiles": as_text(topic.qos).strip(), "topic_type_hash": topic.type_hash}))
         found = self._contents
         records = [*map(mcap.schema, found.schemas.values()), *map(mcap.channel, found.channels.values())]
-        # In the file twice, at its beginning and in the summary; metadata comes once more at the end.
-        self._fixed_size = sum(map(len, records)) + 8192
+        # In the file twice, at its beginning and in the summary; so are the metadata, which grow a little.
+        self._fixed_size = sum(map(len, records)) + 2048
         return b"".join(records)
 
     def _append_metadata(self, text: str) -> None:
