@@ -75,7 +75,8 @@ def simulated(scene, times, commands):
         device.advance_to(time)
         rows.append([getattr(device.state, column) for column in COLUMNS])
         events.append(device.take_events())
-    return np.array(rows), np.sort(np.concatenate(events), order="time")
+    events = np.concatenate(events)
+    return np.array(rows), events[np.argsort(events["time"], kind="stable")]
 
 
 def assert_agreement(scene, duration, commands=(), position=POSITION):

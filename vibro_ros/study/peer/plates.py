@@ -5,8 +5,8 @@ from vibro_ros.study.peer.equations import Equations, Guide
 from vibro_ros.study.peer.present import Present
 from vibro_ros.study.peer.series import Series
 
-#: m; bounces at _REST_SPEED rise 5e-21 m, and heyoka's search for a root gives up on much finer scales.
-_DEPTH_NUDGE = 1e-23
+_DEPTH_NUDGE = 1e-23  # m
+_LEAST_RISE = 1e-22  # m; heyoka's search for a root gives up on a bounce that rises less
 _FORCE_NUDGE = 1e-12  # N
 #: docs/model.md: a mass that arrives no faster [m/s] rests.
 _REST_SPEED = 1e-9
@@ -128,12 +128,9 @@ class Plates:
         self._body.reconsider(time)
 
     def _strike(self, time: float, guide: Guide, approach: float) -> None:
-        """Rest after a slow approach; else a blow, which a mass without rebound, or with a slow one, ends at rest.
-
-        The flight between blow and rest lasts about 1e-11 s, in which nothing else moves.
-        """
+        """Rest after a slow approach; else a blow, which a mass ends at rest if heyoka could not find its return."""
         if approach <= _REST_SPEED and self._present.support(time, guide) >= 0.0:
-            self._rest(time, guide, approach)
+            self._rest(time, guide, approach, -approach)
             return
         rebound = guide.restitution * approach
         self._present.begin_contact(time, guide.side, approach)
@@ -144,10 +141,11 @@ class Plates:
         if rebound <= _REST_SPEED:
             self._body.reconsider(time)
             force = self._present.support(time, guide)
-            if force > 0.0:
-                self._rest(time + 2.0 * rebound * guide.mass / force, guide, rebound)
+            if force > 0.0 and 0.5 * guide.mass * rebound**2 <= force * _LEAST_RISE:
+                self._rest(time + 2.0 * rebound * guide.mass / force, guide, rebound, rebound)
 
-    def _rest(self, time: float, guide: Guide, approach: float) -> None:
+    def _rest(self, time: float, guide: Guide, approach: float, change: float) -> None:
+        """Rest after an arrival with `approach` [m/s]; the mass's speed jumps, or has in a bounce, by `change`."""
         at, side = self._place[guide.side], guide.side
         self._present.begin_contact(time, side, approach)
         self.contact[side] = "resting"
@@ -156,7 +154,7 @@ class Plates:
         if side == "inclined":
             self._body.inclined_free = False
             if self._body.friction != "stick":
-                self._body.feel_blow(time, -approach)
+                self._body.feel_blow(time, change)
 
     def _part(self, time: float, side: str) -> None:
         """Let a mass fly that may rest on its rigid plate."""
