@@ -74,7 +74,7 @@ class Peer:
 
         def act(integrator, direction):
             actions[name](integrator.time, direction)
-            return True
+            return self._automaton.present.flight == 0.0  # else stop, and go on in short steps
 
         if name.endswith("kink"):  # crossed at the motor's speed, again only half a turn later
             return hy.t_event(guard, callback=act)
@@ -217,14 +217,7 @@ class Peer:
 
     def _advance(self, times: np.ndarray, stop: float) -> tuple[np.ndarray, int]:
         """Samples at `times` [s] as counted now, and the number of steps to `stop` [s]."""
-        before = [0.0] if not len(times) or times[0] > 0.0 else []
-        after = [stop] if not len(times) or times[-1] < stop else []
-        grid = np.concatenate([before, times, after])
-        outcome, _, _, steps, *_, points = self._integrator.propagate_grid(grid)
-        if outcome != hy.taylor_outcome.time_limit:
-            instant = self._automaton.present.origin + self._integrator.time
-            raise RuntimeError(f"heyoka stopped with {outcome} at {instant:g} s")
-        points = points[len(before):len(before) + len(times)]
+        points, steps = self._propagate(times, stop)
         samples = np.zeros((len(times), len(COLUMNS)))
         for i, guide in enumerate(self._equations.guides):
             column = COLUMNS.index(f"{guide.side}_position")
@@ -236,6 +229,28 @@ class Peer:
             if there:
                 samples[:, column:column + 2] = points[:, place:place + 2]
         return samples, steps
+
+    def _propagate(self, times: np.ndarray, stop: float) -> tuple[np.ndarray, int]:
+        """States at `times` and the number of steps; in short bounces by short steps."""
+        integrator, present = self._integrator, self._automaton.present
+        parts, found, steps = [], 0, 0
+        while True:
+            now, flight = integrator.time, present.flight
+            integrator.time = now  # heyoka keeps a second double, and would go back by it to the grid's first instant
+            end = min(stop, now + 1.5 * flight) if flight else stop
+            within = times[found:np.searchsorted(times, end, side="right")]
+            before = [now] if not len(within) or within[0] > now else []
+            after = [end] if end > (within[-1] if len(within) else now) else []
+            present.flight = 0.0
+            outcome, _, _, taken, *_, points = integrator.propagate_grid(
+                np.concatenate([before, within, after]), max_delta_t=1.5 * flight if flight else math.inf)
+            parts.append(points[len(before):len(before) + len(within)])
+            steps, found = steps + taken, found + len(parts[-1])
+            if outcome == hy.taylor_outcome.time_limit:
+                if end == stop:
+                    return np.concatenate(parts), steps
+            elif not present.flight:
+                raise RuntimeError(f"heyoka stopped with {outcome} at {present.origin + integrator.time:g} s")
 
 
 def integrate_heyoka(scene: Scene, times: np.ndarray, tolerance: float = 1e-15, commands=()) -> PeerRun:

@@ -8,6 +8,8 @@ from vibro_ros.study.peer.series import Series
 _DEPTH_NUDGE = 1e-23  # m
 _LEAST_RISE = 1e-22  # m; heyoka's search for a root gives up on a bounce that rises less
 _FORCE_NUDGE = 1e-12  # N
+_SHORT_FLIGHT = 1e-5  # s; a step is about 1e-3 s, and finding a root at a small part of it may take heyoka too long
+_FAST = 0.1  # m/s; flies for longer under any force that is not 1e3 times the usual
 #: docs/model.md: a mass that arrives no faster [m/s] rests.
 _REST_SPEED = 1e-9
 
@@ -138,11 +140,19 @@ class Plates:
         self._state[self._place[guide.side] + 1] = -rebound
         if guide.side == "inclined":
             self._body.feel_blow(time, -rebound - approach)
-        if rebound <= _REST_SPEED:
+        if rebound <= _FAST:
             self._body.reconsider(time)
             force = self._present.support(time, guide)
-            if force > 0.0 and 0.5 * guide.mass * rebound**2 <= force * _LEAST_RISE:
-                self._rest(time + 2.0 * rebound * guide.mass / force, guide, rebound, rebound)
+            if force > 0.0:
+                self._bounce(time, guide, rebound, force / guide.mass)
+
+    def _bounce(self, time: float, guide: Guide, rebound: float, pull: float) -> None:
+        """A low flight back to the plate."""
+        flight = 2.0 * rebound / pull
+        if rebound**2 <= 2.0 * pull * _LEAST_RISE:
+            self._rest(time + flight, guide, rebound, rebound)
+        elif flight < _SHORT_FLIGHT:
+            self._present.flight = flight
 
     def _rest(self, time: float, guide: Guide, approach: float, change: float) -> None:
         """Rest after an arrival with `approach` [m/s]; the mass's speed jumps, or has in a bounce, by `change`."""

@@ -23,6 +23,9 @@ class Present:
         Instant [s], kind, and for contacts approach speed [m/s] and duration [s] (infinite while they last), else 0.
     origin : float
         Instant [s] from which the integrator counts time.
+    flight : float
+        About how long [s] the bounce takes that has just begun, if heyoka cannot find its end in a step of the usual
+        length; else 0.
     """
 
     def __init__(self, equations: Equations, state: np.ndarray, switches: np.ndarray):
@@ -42,7 +45,7 @@ class Present:
         """Forget what has happened."""
         self.events: list[tuple[float, str, float, float]] = []
         self._lasting: dict[str, int] = {}  # number of each guide's contact that has not ended
-        self.origin = 0.0
+        self.origin = self.flight = 0.0
 
     def set(self, name: str, value: float) -> None:
         """Set a run-time parameter, where the scene has it."""
