@@ -5,8 +5,8 @@ from vibro_ros.study.peer.equations import Equations, Guide
 from vibro_ros.study.peer.present import Present
 from vibro_ros.study.peer.series import Series
 
-_DEPTH_NUDGE = 1e-23  # m
-_LEAST_RISE = 1e-22  # m; heyoka's search for a root gives up on a bounce that rises less
+_DEPTH_NUDGE = 1e-27  # m
+_LEAST_RISE = 1e-26  # m; heyoka's search for a root gives up on a bounce that rises less
 _FORCE_NUDGE = 1e-12  # N
 _SHORT_FLIGHT = 1e-5  # s; a step is about 1e-3 s, and finding a root at a small part of it may take heyoka too long
 _FAST = 0.1  # m/s; flies for longer under any force that is not 1e3 times the usual
