@@ -2,6 +2,8 @@
 
 from collections.abc import Callable
 
+import numpy as np
+
 from vibro_ros.study.peer.equations import GROUND, Equations
 from vibro_ros.study.peer.present import Present
 from vibro_ros.study.peer.series import Series, leading
@@ -36,7 +38,7 @@ class Body:
         self._state, self._speed, self._height = present.state, equations.body + 1, equations.height
         self._holding = equations.holding
         self._without_load = _WITHOUT_LOAD.get(equations.rule) if equations.rubs or equations.hops else None
-        self._modes = {(state, free): equations.ground_mode(state, free) for free in (True, False)
+        self._modes = {(state, free): np.array(equations.ground_mode(state, free)) for free in (True, False)
                        for state in ("free", "stick", "slip_forward", "slip_backward", "unloaded", "airborne")}
         self._ground_switches = present.switches[:len(GROUND)]
         self.feel_landing: Callable[[float], None] = lambda time: None
@@ -147,7 +149,6 @@ class Body:
         else:
             self._settle_friction(time)
         if self.friction != "airborne":
-            self._present.set("normal_offset", 0.0)
             self._present.set("normal_offset", direction * _FORCE_NUDGE - self._present.ground(time)[0])
 
     # -- changes of state ------------------------------------------------------------------------------

@@ -7,6 +7,8 @@ import numpy as np
 
 from vibro_ros.study.peer.equations import Equations, Guide
 
+_TIME = hy.expression("t")
+
 
 class Present:
     """The integrator's arrays, changed in place, and the list of events.
@@ -35,10 +37,14 @@ class Present:
         self._push = {side: 2 + i for i, side in enumerate(sides)}
         self._support = {side: 2 + len(sides) + i for i, side in enumerate(sides)}
         pushes = [guide.push for guide in equations.guides]
-        self._forces = hy.cfunc([equations.normal, equations.inertial, *pushes, *map(equations.forces.get, sides)],
-                                vars=[variable for variable, _ in equations.system])
-        self._read_switches = switches[:self._forces.nparams]  # guards have more
-        self._values = np.empty(2 + 2 * len(sides))
+        # One array of inputs: heyoka takes longer over its arguments than over these formulas.
+        wanted = [equations.normal, equations.inertial, *pushes, *map(equations.forces.get, sides)]
+        parameters = hy.make_vars(*(f"p{i}" for i in range(len(switches))))
+        given = {hy.par[i]: parameter for i, parameter in enumerate(parameters)}
+        self._forces = hy.cfunc([hy.subs(force, given | {hy.time: _TIME}) for force in wanted],
+                                vars=[*(variable for variable, _ in equations.system), *parameters, _TIME])
+        self._inputs = np.empty(len(state) + len(switches) + 1)
+        self._state_input, self._switch_input = self._inputs[:len(state)], self._inputs[len(state):-1]
         self.begin()
 
     def begin(self) -> None:
@@ -66,7 +72,8 @@ class Present:
         return float(self._read(time)[self._support[guide.side]])
 
     def _read(self, time: float) -> np.ndarray:
-        return self._forces(self.state, outputs=self._values, pars=self._read_switches, time=time)
+        self._state_input[:], self._switch_input[:], self._inputs[-1] = self.state, self.switches, time
+        return self._forces(self._inputs)
 
     def note(self, time: float, kind: str) -> None:
         """An event without duration."""
