@@ -52,9 +52,11 @@ EFFECTS = {
     "dampers without tension": (UNILATERAL | DAMPERS | {"effects.adhesion": False}, ()),
     "rigid plates": (UNILATERAL | RIGID, ()),
     "rigid plates, reaction and weight": (
-        UNILATERAL | RIGID | {"effects.reaction": True, "effects.mass_weight": True}, ()),
+        UNILATERAL | RIGID | HEAVY, ()),
     "bounces that die out": (
         UNILATERAL | RIGID | {"upper.plate.restitution": 0.2, "inclined.plate.restitution": 0.4}, ()),
+    "bounces that die out at once": (
+        UNILATERAL | RIGID | HEAVY | {"upper.plate.restitution": 0.001, "inclined.plate.restitution": 0.02}, GAPS),
     "reaction": (UNILATERAL | {"effects.reaction": True}, ()),
     "weight of the masses": (UNILATERAL | {"effects.mass_weight": True}, ()),
     "hop": (HOP | DAMPERS, ()),

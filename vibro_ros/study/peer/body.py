@@ -65,7 +65,8 @@ class Body:
         """Decide the state afresh, ties included."""
         if self.friction == "airborne" or not (self._equations.body_moves or self._equations.hops):
             return
-        before, noted = self.friction, len(self._present.events)
+        at_first = "stick" if self._equations.rubs else "free"
+        before, noted = self.friction or at_first, len(self._present.events)
         self._present.set("normal_offset", 0.0)
         if self._equations.rubs:
             self._settle_friction(time)
@@ -74,7 +75,7 @@ class Body:
         if self._without_load and leading(*self._series.ground(time)[::2]) < 0:
             self._unload(time)
         del self._present.events[noted:]  # what it tried
-        if before not in ("", self.friction):
+        if before != self.friction:
             self._present.note(time, _kind(before, self.friction))
 
     def _settle_friction(self, time: float) -> None:

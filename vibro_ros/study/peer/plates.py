@@ -29,6 +29,7 @@ class Plates:
     def __init__(self, equations: Equations, present: Present, body: Body, series: Series):
         self._guides, self._present, self._body, self._series = equations.guides, present, body, series
         self._state = present.state
+        self._compliant = [guide for guide in equations.guides if guide.kind == "compliant"]
         self._place = {guide.side: 2 * i for i, guide in enumerate(equations.guides)}
         self.begin()
 
@@ -96,9 +97,9 @@ class Plates:
 
     def _check(self, time: float) -> None:
         """Notice the other plate when it is crossed in the same instant."""
-        for guide in self._guides:
+        for guide in self._compliant:
             depth = self._state[self._place[guide.side]]
-            wrong = guide.kind == "compliant" and depth * (0.5 - (self.contact[guide.side] == "open")) < 0.0
+            wrong = depth > 0.0 if self.contact[guide.side] == "open" else depth < 0.0
             if wrong and abs(depth) > 1e-13:
                 raise RuntimeError(f"heyoka missed the {guide.side} plate by {depth:g} m before {time:.17g} s")
             if wrong:
