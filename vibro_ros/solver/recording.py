@@ -32,9 +32,9 @@ def update_peaks(system, state, x):
     mode = state.index[MODE]
     for k in range(len(state.monitor)):
         if system.monitored[mode, k]:
-            quantity = state.work[1]
+            quantity = state.work[0]
             fill_form(system.monitor[mode, k], system.monitor_terms[mode, k], state.z, quantity)
-            peak = maximum(quantity, state.clock[ENTRANCE], x, state.work[2], state.work[3])
+            peak = maximum(quantity, state.clock[ENTRANCE], x, state.work[1:])
             state.monitor[k, PEAK] = max(state.monitor[k, PEAK], peak)
 
 
