@@ -65,7 +65,7 @@ class Scene:
         ValueError
             As for the constructor.
         """
-        return Scene(self.name, {**self.parameters, **changes})
+        return Scene(self.name, {**self.parameters, **changes}) if changes else self
 
     def describe(self) -> str:
         """States, equations, guards and events that are really simulated, as text."""
