@@ -159,7 +159,8 @@ class _Description:
     def _state_guards(self, place: int, state: str) -> list[Guard]:
         builder, forms = self._builder, self._builder.forms
         if place < len(builder.contacts):
-            return builder.contacts[place].guards(state, builder.friction.states[0], (forms.zero, forms.zero))
+            return builder.contacts[place].guards(state, builder.friction.states[0], frozenset(),
+                                                  (forms.zero, forms.zero))
         return builder.friction.guards(state, forms.normal_force(), forms.inertial_force())
 
     def events(self) -> Iterator[str]:

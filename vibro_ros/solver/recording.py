@@ -60,8 +60,9 @@ def record_mode_change(system, state, mode, point, events, count):
     """Record that a guard leads to `mode` at `point`, and switch the monitors; returns the number of events."""
     previous = state.index[MODE]
     time = instant(state, state.clock[NEXT])
-    if system.event[previous, mode] != NOTHING:
-        count = record(events, count, time, system.event[previous, mode], 0.0, 0.0, 0.0)
+    kind = system.event[previous, mode]
+    if kind != NOTHING:
+        count = record(events, count, time, kind, form_value(system.noted[kind], point), 0.0, 0.0)
     struck = system.strike[previous, state.index[GUARD]]
     if struck != NOTHING and not system.monitored[mode, struck]:
         approach = form_value(system.approach[struck], point)
