@@ -78,8 +78,9 @@ def switch_monitors(system, state, mode, time, point, events, count):
     for k in range(len(state.monitor)):
         if system.monitored[previous, k] and not system.monitored[mode, k]:
             since = state.monitor[k, SINCE]
+            # In the same instant, two segments' clocks may differ by the rounding of either.
             count = record(events, count, since, MONITOR_KIND + k, state.monitor[k, APPROACH],
-                            state.monitor[k, PEAK], time - since)
+                            state.monitor[k, PEAK], max(time - since, 0.0))
         elif system.monitored[mode, k] and not system.monitored[previous, k]:
             state.monitor[k, SINCE] = time
             state.monitor[k, APPROACH] = form_value(system.approach[k], point)
