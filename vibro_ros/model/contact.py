@@ -12,6 +12,10 @@ _SYMBOL = {"upper": ("u", "E", "k4 (u - E) + c4 (u' - E')"), "inclined": ("w", "
 #: A mass that arrives more slowly [m/s] stays on its plate: the bounces left out last about 1e-11 s. One that arrives
 #: faster strikes a blow even if its restitution is 0, for the blow moves the body, and rests at once after it.
 REST_SPEED = 1e-9
+#: Nor does one bounce that its spring would end sooner than this [s]: a force of 1000 times the weight
+#: lifts it by F/m T²/8, 1e-11 m. With
+#: restitution 1, against a damper, bounces grow shorter without end, and would become too many ever to be done.
+SHORTEST_BOUNCE = 1e-7
 
 
 def contact(scene, forms: Forms, side: str):
@@ -71,6 +75,7 @@ class RigidContact:
     def __init__(self, scene, forms: Forms, side: str):
         self.side = side
         self._forms = forms
+        self._mass = scene[f"mass.{side}"]
         self._restitution = scene[f"{side}.plate.restitution"]
         self._blow = Blow(scene, forms, side)
         self._parts = scene["effects.reaction"]
@@ -82,17 +87,22 @@ class RigidContact:
         if state == "resting":
             return [Guard(self._forms.resting_force(self.side, body), to("open"), f"force on {plate} >= 0")]
         depth, _ = self._forms.penetration(self.side)
-        targets = self._rest(friction, resting), *self._rebounds(friction)
+        targets = *self._rest(friction, resting), *self._rebounds(friction)
         return [Guard(-depth, targets, f"{mass} <= {plate}", strike=True)]
 
-    def _rest(self, friction: str, resting: frozenset[str]) -> Target:
-        _, approach = self._forms.penetration(self.side)
-        slow = REST_SPEED * self._forms.one - approach
+    def _rest(self, friction: str, resting: frozenset[str]) -> list[Target]:
         if friction == "airborne":
             body = self._blow.throw(0.0, resting)
         else:
             body = () if friction == "stick" else self._blow.slide(0.0)
-        return Target("resting", self._blow.own(0.0) + body, entries=(slow,))
+        return [Target("resting", self._blow.own(0.0) + body, entries=(slow,)) for slow in self._too_slow()]
+
+    def _too_slow(self) -> tuple[Form, Form]:
+        """Approaches that no bounce follows: one of the two is not negative."""
+        forms = self._forms
+        _, approach = forms.penetration(self.side)
+        push = forms.resting_force(self.side, (forms.zero, forms.zero))
+        return REST_SPEED * forms.one - approach, SHORTEST_BOUNCE / 2.0 / self._mass * push - approach
 
     def _rebounds(self, friction: str) -> list[Target]:
         own = self._blow.own(self._restitution)
