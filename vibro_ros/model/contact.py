@@ -12,9 +12,8 @@ _SYMBOL = {"upper": ("u", "E", "k4 (u - E) + c4 (u' - E')"), "inclined": ("w", "
 #: A mass that arrives more slowly [m/s] stays on its plate: the bounces left out last about 1e-11 s. One that arrives
 #: faster strikes a blow even if its restitution is 0, for the blow moves the body, and rests at once after it.
 REST_SPEED = 1e-9
-#: Nor does one bounce that its spring would end sooner than this [s]: a force of 1000 times the weight
-#: lifts it by F/m T²/8, 1e-11 m. With
-#: restitution 1, against a damper, bounces grow shorter without end, and would become too many ever to be done.
+#: Nor does a bounce follow that the spring would end sooner than this [s]: the mass would rise by F/m T²/8, for 100 g
+#: and 20 N 3e-13 m. With restitution 1 against a damper, bounces shorten for ever, and were too many to be done.
 SHORTEST_BOUNCE = 1e-7
 
 
