@@ -6,6 +6,7 @@ from hypothesis import HealthCheck, Phase, given, note, settings
 from hypothesis import strategies as st
 
 import vibro_ros
+from vibro_ros.model.tables import MODE_EVENTS
 
 ROUNDING = 2.3e-16
 SAMPLES = 60
@@ -97,8 +98,7 @@ def check_friction(scene, rows):
 
 def check_rest(scene, rows, events):
     """After a `stick` and until the next event of the friction the body stands: exactly 0, at one place."""
-    changes = events[np.isin(events["kind"], ["stick", "slip_forward", "slip_backward", "unloaded", "loaded", "lift_off",
-                                              "landing"])]
+    changes = events[np.isin(events["kind"], MODE_EVENTS)]
     last = np.searchsorted(changes["time"], rows["time"], side="right") - 1
     for k in np.flatnonzero(changes["kind"] == "stick"):
         still = last == k
