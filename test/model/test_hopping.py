@@ -20,7 +20,6 @@ SOFT = HOP | {"upper.gap": 0.003, "inclined.gap": 0.002, "upper.plate.stiffness"
               "upper.spring.damping": 2.0, "inclined.spring.damping": 2.0, "upper.plate.damping": 20.0,
               "inclined.plate.damping": 20.0}
 RUNNING = {"motor.speed": 100.0}
-SCENES = [name for name in shipped_scenes() if "rigid" not in name]
 
 
 def scene(name, *changes):
@@ -192,7 +191,7 @@ def test_no_lock_up_where_the_normal_force_is_almost_nothing(gravity, changes):
 # -- invariants -----------------------------------------------------------------------------------
 
 @pytest.mark.parametrize("effects", [{}, REACTION, HEAVY, HEAVY | STATIC], ids=["none", "reaction", "heavy", "static"])
-@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.parametrize("name", shipped_scenes())
 def test_the_ground_never_pulls_and_is_never_entered(name, effects):
     """y and N to their rounding of 1e-15 m and 1e-9 N; exactly 0 where the other is not; friction within its cone."""
     machine = scene(name, effects, {"solver.audit": True})
@@ -226,9 +225,3 @@ def test_a_body_that_nothing_drives_along_the_ground_hops_on_the_spot():
     run = vibro_ros.simulate(scene("damped", HEAVY, {"guide.angle": 0.0}), duration=1.0, rate=1000.0)
     assert run.body_height.max() > 1e-3
     assert not run.body_position.any()
-
-
-@pytest.mark.parametrize("friction", ["none", "coulomb"])
-def test_hop_with_rigid_plates_is_refused(friction):
-    with pytest.raises(ValueError, match="'hop' has no law for a rigid plate's blow"):
-        vibro_ros.Scene("x", HOP | {"effects.friction": friction, "effects.upper_contact": "restitution"})

@@ -12,8 +12,10 @@ _SYMBOL = {"upper": ("u", "E", "k4 (u - E) + c4 (u' - E')"), "inclined": ("w", "
 #: A mass that arrives more slowly [m/s] stays on its plate: the bounces left out last about 1e-11 s. One that arrives
 #: faster strikes a blow even if its restitution is 0, for the blow moves the body, and rests at once after it.
 REST_SPEED = 1e-9
-#: Nor does a bounce follow that the spring would end sooner than this [s]: the mass would rise by F/m T²/8, for 100 g
-#: and 20 N 3e-13 m. With restitution 1 against a damper, bounces shorten for ever, and were too many to be done.
+#: With a restitution above `ALMOST_LOSSLESS`, neither does one go on bouncing whose spring would end its bounce sooner
+#: than `SHORTEST_BOUNCE` [s]: it would rise by F/m T²/8, for 100 g and 20 N 3e-13 m. Bounces that only a damper of the
+#: drive makes shorter would become too many ever to be done.
+ALMOST_LOSSLESS = 0.999
 SHORTEST_BOUNCE = 1e-7
 
 
@@ -96,12 +98,15 @@ class RigidContact:
             body = () if friction == "stick" else self._blow.slide(0.0)
         return [Target("resting", self._blow.own(0.0) + body, entries=(slow,)) for slow in self._too_slow()]
 
-    def _too_slow(self) -> tuple[Form, Form]:
-        """Approaches that no bounce follows: one of the two is not negative."""
+    def _too_slow(self) -> list[Form]:
+        """Approaches that no bounce follows: where one of these is not negative."""
         forms = self._forms
         _, approach = forms.penetration(self.side)
-        push = forms.resting_force(self.side, (forms.zero, forms.zero))
-        return REST_SPEED * forms.one - approach, SHORTEST_BOUNCE / 2.0 / self._mass * push - approach
+        slow = [REST_SPEED * forms.one - approach]
+        if self._restitution > ALMOST_LOSSLESS:
+            push = forms.resting_force(self.side, (forms.zero, forms.zero))
+            slow.append(SHORTEST_BOUNCE / 2.0 / self._mass * push - approach)
+        return slow
 
     def _rebounds(self, friction: str) -> list[Target]:
         own = self._blow.own(self._restitution)
