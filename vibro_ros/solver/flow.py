@@ -10,7 +10,7 @@ from vibro_ros.solver.compilation import kernel, rounding_kernel, sum_kernel
 from vibro_ros.solver.polynomial import (
     INVERSE,
     LENGTH,
-    add_multiple,
+    add_two_multiples,
     copy,
     differentiate,
     fill_form,
@@ -92,26 +92,30 @@ def _fill_loads(system, state):
 
 
 @kernel
-def _keep_forced_motion(system, state, flow, slot):
-    """See to it that the library has the forced motion over this cell."""
-    library = state.library
-    if library.version[flow, slot] == state.index[VERSION]:
-        return
-    library.version[flow, slot] = state.index[VERSION]
-    motion = library.forced[flow, slot]
-    motion[:, 0] = 0.0
-    _fill_loads(system, state)
-    _solve(system, state, motion)
-    fill_powers(-1.0, state.powers)
-    for c in range(len(motion)):
-        library.forced_start[flow, slot, c] = product(motion[c], state.powers)
-
-
-@kernel
 def _component(system, c):
     """Channel of component c."""
     coordinates, dynamic = system.sizes[0], system.sizes[1]
     return c if c < dynamic else coordinates + c - dynamic
+
+
+@kernel
+def _find_forced_motion(system, state, flow, slot, point):
+    """See to it that the library has forced motion over this segment."""
+    library = state.library
+    of_cell = slot == state.index[CELL]
+    if of_cell and library.version[flow, slot] == state.index[VERSION]:
+        return
+    motion = library.forced[flow, slot]
+    for c in range(len(motion)):
+        # From the coordinates' present values, for rest to be found as rest, exactly; a cell's serves later, too.
+        motion[c, 0] = 0.0 if of_cell else point[_component(system, c)]
+    _fill_loads(system, state)
+    _solve(system, state, motion)
+    if of_cell:
+        library.version[flow, slot] = state.index[VERSION]
+        fill_powers(-1.0, state.powers)
+        for c in range(len(motion)):
+            library.forced_start[flow, slot, c] = product(motion[c], state.powers)
 
 
 @kernel
@@ -131,9 +135,13 @@ def _find_defect(system, state, motion, at_start, point):
 
 
 @kernel
-def _are_bound(system, state, j, c):
-    """Whether components j and c have to do with each other."""
-    return system.coupled[state.index[MODE]] or (j - c) % system.sizes[1] == 0
+def _companions(system, state, c):
+    """First and step of the components that component c has to do with: all if they are coupled, else its
+    coordinate's position and velocity."""
+    dynamic = system.sizes[1]
+    if system.coupled[state.index[MODE]]:
+        return 0, 1
+    return (c if c < dynamic else c - dynamic), dynamic
 
 
 @kernel
@@ -144,11 +152,20 @@ def _carry_to_middle(system, state, free, free_end):
         fill_powers(-entrance, state.powers)
     for c in range(len(free)):
         total = 0.0
-        for j in range(len(free)):
-            if _are_bound(system, state, j, c):
-                part = free_end[j, c] if entrance == -1.0 else product(free[j, c], state.powers)
-                total += part * state.defect[0, j]
+        first, step = _companions(system, state, c)
+        for j in range(first, len(free), step):
+            part = free_end[j, c] if entrance == -1.0 else product(free[j, c], state.powers)
+            total += part * state.defect[0, j]
         state.defect[1, c] = total
+
+
+@kernel
+def _add_free_motion(system, state, free, c, target):
+    """target += component c of the free motion."""
+    first, step = _companions(system, state, c)
+    for j in range(first, len(free), 2 * step):
+        other = j + step
+        add_two_multiples(target, state.defect[1, j], free[j, c], state.defect[1, other], free[other, c])
 
 
 @kernel
@@ -186,14 +203,7 @@ def solve_dynamic(system, state, point):
     flow = system.flow[mode]
     _keep_free_motion(system, state, flow, slot)
     motion, free = library.forced[flow, slot], library.free[flow, slot]
-    if slot == state.index[CELL]:
-        _keep_forced_motion(system, state, flow, slot)
-    else:
-        # From the coordinates' present values, for rest to be found as rest, exactly.
-        for c in range(2 * dynamic):
-            motion[c, 0] = point[_component(system, c)]
-        _fill_loads(system, state)
-        _solve(system, state, motion)
+    _find_forced_motion(system, state, flow, slot, point)
     incomplete = _find_defect(system, state, motion, library.forced_start[flow, slot], point)
     if incomplete:
         _carry_to_middle(system, state, free, library.free_end[flow, slot])
@@ -201,9 +211,7 @@ def solve_dynamic(system, state, point):
         channel = _component(system, c)
         copy(motion[c], z[channel])
         if incomplete:
-            for j in range(2 * dynamic):
-                if _are_bound(system, state, j, c):
-                    add_multiple(z[channel], state.defect[1, j], free[j, c])
+            _add_free_motion(system, state, free, c, z[channel])
         _rescale(state, channel, abs(z[channel, 0]) + abs(z[channel, 1]))
     if incomplete:
         _pass_through(system, state, point)
