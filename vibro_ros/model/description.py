@@ -140,7 +140,8 @@ class _Description:
         for place, (name, states) in enumerate(self._parts().items()):
             for state in states:
                 for guard in self._state_guards(place, state):
-                    targets = dict.fromkeys(target.state for target in guard.targets)
+                    targets = dict.fromkeys(target.state + " and airborne" * (target.friction == "airborne")
+                                            for target in guard.targets)
                     yield f"{name} {state}: {guard.text}    else {' or '.join(targets)}{self._jumps(guard)}"
 
     def _jumps(self, guard: Guard) -> str:
