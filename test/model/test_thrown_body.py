@@ -201,7 +201,12 @@ def test_rigid_plates_are_the_limit_of_stiff_ones(rule, changes, restitution):
     np.testing.assert_allclose(np.log10(coarse[moved] / fine[moved]), 1.0, rtol=0, atol=0.15)
 
 
-# -- what is refused ------------------------------------------------------------------------------
+# -- what is said and what is refused ------------------------------------------------------------------------------
+
+def test_the_description_says_that_a_blow_throws_the_body_up():
+    lines = [" ".join(line.split()) for line in RIGID.describe().splitlines()]
+    assert any(line.startswith("upper contact open: u <= E else resting or open and airborne, where") for line in lines)
+
 
 @pytest.mark.parametrize("friction", ["none", "coulomb"])
 def test_a_guide_that_points_down_is_refused(friction):
