@@ -56,7 +56,7 @@ _SIMULTANEOUS = 16.0 * EPSILON
 
 @kernel
 def _guard_root(system, state, row):
-    """First root in the segment of a guard row, from where the mode began; remembered until its polynomial changes."""
+    """First root up to NEXT of a guard row, from where the mode began; remembered until its polynomial changes."""
     if state.root[row] > state.clock[ANCHOR]:
         return state.root[row]
     guard = state.work[1]
@@ -64,8 +64,10 @@ def _guard_root(system, state, row):
     noise = NOISE * weighted_sum(system.row[row], state.scale)
     if state.index[STANDSTILLS] > _DOUBTFUL_STANDSTILLS:
         guard[0] += _DOUBT * noise
-    state.root[row] = first_root(guard, state.clock[ANCHOR], noise, state.work[2])
-    return state.root[row]
+    limit = state.clock[NEXT]
+    root = first_root(guard, state.clock[ANCHOR], limit, noise, state.work[2])
+    state.root[row] = UNKNOWN if root == NO_ROOT and limit < 1.0 else root
+    return root
 
 
 @kernel
