@@ -223,7 +223,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("file", type=Path, nargs="?", default=Path("docs/model.md"), help="default: %(default)s")
     parser.add_argument("--duration", type=float, default=20.0, help="robot time [s] (default %(default)g)")
     parser.add_argument("--starts", type=int, default=8, help="starts for each mean speed (default %(default)d)")
-    parser.add_argument("--repeats", type=int, default=7, help="pairs of timed runs (default %(default)d)")
+    parser.add_argument("--repeats", type=int, default=25, help="pairs of timed runs (default %(default)d)")
     options = parser.parse_args(arguments)
     scene = load_scene("device")
     try:
