@@ -1,12 +1,14 @@
 """The table of effects: counts, costs and speeds of pairs of scenes."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from vibro_ros.model.parameters import SCENE_PARAMETERS
 from vibro_ros.scene_file import load_scene
 from vibro_ros.study import effects
-from vibro_ros.study.effects import Effect, measure, size
+from vibro_ros.study.effects import Effect, mean_speeds, measure, size
 
 DEVICE = load_scene("device")
 EFFECTS = {effect.name: effect for effect in effects.EFFECTS}
@@ -45,6 +47,18 @@ def test_mean_speeds_are_the_body_s_way_over_its_time():
     assert np.all(abs(row.speed_without) < 0.01)  # a swing of m3/M 4 cm, at the most, in 2 s
     assert np.all(row.speed_with < -0.05)
     assert effects.as_line(row).startswith("| friction |")
+
+
+def test_the_documents_mean_speeds_are_still_the_robots():
+    """Rows whose eight starts all ended in one motion, by one start: to 0.5 mm/s, a swing of 1 cm in 20 s."""
+    document = (Path(__file__).resolve().parents[2] / "docs" / "model.md").read_text(encoding="utf-8")
+    table = document.partition(effects.BEGIN)[2].partition(effects.END)[0]
+    rows = [line.removeprefix("| ").split(" | ") for line in table.splitlines() if line[:2] == "| " and "±" in line]
+    steady = {row[0]: float(row[6].split()[0]) for row in rows if row[6].endswith("± 0.0")}
+    assert len(steady) > 5
+    for name, speed in steady.items():
+        _, without = EFFECTS[name].scenes(DEVICE)
+        assert mean_speeds(without, 20.0, 1)[0] * 1e3 == pytest.approx(speed, abs=0.5), name
 
 
 def test_a_row_says_what_the_spread_can_explain():
