@@ -52,8 +52,8 @@ def product(p, q):
 
 
 @kernel
-def value_and_derivatives(p, terms, x):
-    """p(x), p'(x) and p''(x), of the first `terms` coefficients and, if they are odd in number, the next.
+def value_and_derivatives(p, pairs, x):
+    """p(x), p'(x) and p''(x), of the first 2 `pairs` coefficients.
 
     As p(x) = E(x²) + x O(x²): of two series of half the length, the processor computes one beside the other.
     """
@@ -61,7 +61,7 @@ def value_and_derivatives(p, terms, x):
     even, odd = 0.0, 0.0
     even_d, odd_d = 0.0, 0.0
     half_even_dd, half_odd_dd = 0.0, 0.0
-    for n in range((terms - 1) // 2, -1, -1):
+    for n in range(pairs - 1, -1, -1):
         half_even_dd = half_even_dd * y + even_d
         half_odd_dd = half_odd_dd * y + odd_d
         even_d = even_d * y + even

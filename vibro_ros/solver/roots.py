@@ -72,16 +72,16 @@ def _third_derivative_bound(p):
 
 
 @kernel
-def _terms(p, noise):
-    """Number of leading coefficients beside which the others are lost in the noise."""
-    terms = LENGTH
-    while terms > 1 and abs(p[terms - 1]) <= 0.01 * noise:
-        terms -= 1
-    return terms
+def _pairs(p, noise):
+    """Number of leading pairs of coefficients beside which the others are lost in the noise."""
+    pairs = LENGTH // 2
+    while pairs > 1 and abs(p[2 * pairs - 2]) + abs(p[2 * pairs - 1]) <= 0.01 * noise:
+        pairs -= 1
+    return pairs
 
 
 @kernel
-def _march(p, terms, a, limit):
+def _march(p, pairs, a, limit):
     """First root of p, positive at a, in (a, limit], by steps that a bound on p''' proves to be free of roots.
 
     Near a simple root the steps converge faster than Newton's, from the safe side; a near miss
@@ -91,7 +91,7 @@ def _march(p, terms, a, limit):
     x = a
     reach = limit - x
     for _ in range(_MOST_STEPS):
-        f, d, dd = value_and_derivatives(p, terms, x)
+        f, d, dd = value_and_derivatives(p, pairs, x)
         if f <= 0.0:
             return x
         # A shorter reach bends the bound less; a root is hardly farther than twice where the tangent has it.
@@ -100,9 +100,11 @@ def _march(p, terms, a, limit):
         step = _safe_step(f, d, dd, third, reach)
         if step >= limit - x:
             return NO_ROOT
-        while 2.0 * step < reach:
-            reach = 2.0 * step
-            step = max(step, _safe_step(f, d, dd, third, reach))
+        # Where it bends the bound too much, twice as far as has been proved, as long as all of that proves safe.
+        proved = step
+        while proved == step and 2.0 * step < reach:
+            proved = 2.0 * step
+            step = max(step, _safe_step(f, d, dd, third, proved))
         x += max(step, _ULP_OF_ONE)
         reach = limit - x
         if reach < 0.0:
@@ -144,7 +146,7 @@ def first_root(p, a, limit, noise, work):
     hidden = noise
     for _ in range(_DEEPEST_ZERO):
         if f > hidden:
-            return _march(work, _terms(work, noise), a, limit)
+            return _march(work, _pairs(work, noise), a, limit)
         if f < -hidden:
             return a
         divide_by_root(work, a)
