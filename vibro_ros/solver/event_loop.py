@@ -8,6 +8,7 @@ import math
 
 from vibro_ros.solver.audit import close_audit, open_audit
 from vibro_ros.solver.compilation import kernel
+from vibro_ros.solver.decay import decays, known_reach, resolve_decay
 from vibro_ros.solver.flow import solve_driven, solve_dynamic, weighted_sum
 from vibro_ros.solver.forcing import advance_forcing, choose_segment, fill_forcing, phase_at, place_of
 from vibro_ros.solver.polynomial import fill_form, fill_powers, product
@@ -88,16 +89,28 @@ def _find_next_event(system, state):
 
 
 @kernel
+def _solve_up_to_driven(system, state, point):
+    """Set up a segment that is short enough for a decaying term, if there is one."""
+    longest = known_reach(system, state)
+    while True:
+        choose_segment(system, state, longest)
+        fill_forcing(system, state)
+        solve_dynamic(system, state, point)
+        longest = resolve_decay(system, state, point)
+        if longest == math.inf:
+            return
+        advance_forcing(system, state, state.clock[ANCHOR])  # back from the cell's start to where the flow begins
+
+
+@kernel
 def begin_segment(system, state, point):
     """Build the segment that starts with the positions and velocities of `point`; False on a lost root.
 
     `point`, shape (channels,), is overwritten.
     """
     _note_origin(state, point)
-    choose_segment(system, state)
-    fill_forcing(system, state)
+    _solve_up_to_driven(system, state, point)
     state.index[SEGMENTS] += 1
-    solve_dynamic(system, state, point)
     solve_driven(system, state, point)
     open_audit(system, state, point)
     state.root[:] = UNKNOWN
@@ -171,7 +184,7 @@ def _pass_event(system, state, point, events, count):
     state.index[STANDSTILLS] = 0 if x > state.clock[ANCHOR] else state.index[STANDSTILLS] + 1
     candidate = choose_candidate(system, state, point)
     mode = system.candidate[state.index[MODE], state.index[GUARD], candidate]
-    same_flow = x < 1.0 and keeps_flow(system, state, mode, point)
+    same_flow = x < 1.0 and keeps_flow(system, state, mode, point) and not decays(system, mode)
     if not same_flow:
         update_peaks(system, state, x)
         close_audit(system, state, x, point)
