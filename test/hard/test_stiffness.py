@@ -14,27 +14,30 @@ FREE = vibro_ros.load_scene("paper").with_parameters({
     "gap_actuator.speed": SPEED, "solver.audit": True})
 
 
-def hit(changes, end=0.05):
-    """State and the only contact after a plate 1 mm above the mass has come down at SPEED."""
+def hit(changes, end=0.05, way=0.0):
+    """State and the only contact after a plate 1 mm above the mass has come down at SPEED.
+
+    `way`: how far [m] the mass goes in contact. Its place, 0.08 m, is rounded to 1.4e-17 m, and the force with it.
+    """
     device = vibro_ros.Simulator(FREE.with_parameters(changes))
     device.command(upper_gap=-0.06)
     device.advance_to(end)
     events = device.take_events()
     contacts = events[events["kind"] == "upper_contact"]
     statistics = device.statistics
-    # one contact exchanges m v²/2 = 0.05 J a few times; stiffness times rounding of 0.08 m per step
-    assert abs(statistics["energy_residual"]) <= 1e-11 * statistics["energy_exchanged"] + 1e-15
+    rounding = 1.4e-17 * device.scene["upper.plate.stiffness"] * way
+    assert abs(statistics["energy_residual"]) <= 1e-12 * statistics["energy_exchanged"] + 1e-15 + 2.0 * rounding
     return device.state, contacts
 
 
 @pytest.mark.parametrize("stiffness", [1e3, 1e5, 1e7, 1e9, 1e12])
 def test_plates_of_any_stiffness(stiffness):
-    """Case 4: π √(m/k) of contact, peak v √(km), exit speed -v; the plate's place, 0.08 m, is rounded to 1e-17 m."""
-    state, contacts = hit({"upper.plate.stiffness": stiffness})
+    """Case 4: π √(m/k) of contact, peak v √(km), exit speed -v; the places, 0.08 m, are rounded to 1.4e-17 m."""
+    state, contacts = hit({"upper.plate.stiffness": stiffness}, way=SPEED * np.pi * np.sqrt(MASS / stiffness))
     (contact,) = contacts
     assert contact["time"] == pytest.approx(0.001, abs=1e-16)
     assert contact["duration"] == pytest.approx(np.pi * np.sqrt(MASS / stiffness), abs=1e-15)
-    rounding = 1e-17 * np.sqrt(stiffness / MASS)  # of a penetration, in depths
+    rounding = 2e-17 * np.sqrt(stiffness / MASS)  # of the two places that make a penetration, in depths
     assert contact["peak_force"] == pytest.approx(SPEED * np.sqrt(stiffness * MASS), rel=1e-13 + rounding)
     assert state.upper_velocity == pytest.approx(-2.0 * SPEED, rel=1e-13 + rounding)
 
@@ -57,15 +60,16 @@ def test_an_overdamped_plate_without_tension_lets_go_where_its_force_vanishes(ra
 @pytest.mark.parametrize("ratio", [1.0, 10.0])
 def test_an_overdamped_plate_that_may_pull_never_lets_go(ratio):
     """As printed: δ falls towards 0 and never reaches it, so the contact goes on and the mass follows the plate."""
-    state, contacts = hit({"upper.plate.damping": 2.0 * ratio * np.sqrt(1e7 * MASS)})
+    state, contacts = hit({"upper.plate.damping": 2.0 * ratio * np.sqrt(1e7 * MASS)}, way=0.049)
     assert len(contacts) == 0  # not ended
     assert state.upper_velocity == pytest.approx(-SPEED, abs=1e-9)
-    assert state.upper_position >= state.upper_plate_position - 1e-16
+    # Over c/k = 2 ms, about 120 steps for the larger c, roundings of 3.5e-18 m a step add up.
+    assert state.upper_position >= state.upper_plate_position - 4e-16
 
 
 def test_a_plate_without_stiffness_and_damping_is_no_plate():
     state, contacts = hit({"upper.plate.stiffness": 0.0})
-    assert state.upper_position == 0.08 and state.upper_velocity == 0.0
+    assert state.upper_position == vibro_ros.Simulator(FREE).state.upper_position and state.upper_velocity == 0.0
     assert (contacts["peak_force"] == 0.0).all()
 
 
