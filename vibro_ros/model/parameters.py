@@ -135,7 +135,7 @@ SCENE_PARAMETERS: tuple[Parameter, ...] = (
     Parameter("ground.static_friction", 0.25, "", "friction coefficient of a body at rest, at least ground.friction",
               minimum=0.0, maximum=1e3),
     Parameter("ground.stribeck_speed", 0.01, "m/s", "speed v_s over which the coefficient falls from static to kinetic: "
-              "μ(v) = μ + (μs - μ) exp(-|v|/v_s)", minimum=1e-9, maximum=1e3),
+              "μ(v) = μ + (μs - μ) exp(-|v|/v_s)", minimum=1e-6, maximum=1e3),
     Parameter("gravity", 9.81, "m/s²", "gravitational acceleration, g", minimum=0.0, maximum=1e3),
     Parameter("motor.speed", 100.0, "rad/s", "motor speed at t = 0, and the command until another arrives",
               minimum=0.0, maximum=1e4),

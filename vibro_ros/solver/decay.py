@@ -166,19 +166,24 @@ def resolve_decay(system, state, point):
     if not fill_form(row, system.terms[mode, coordinate], state.z, load):  # of which the term is one, still zero
         load[:] = 0.0
     if -rate * speed > _WELL_OVER:
-        return _time_without(state, load, rate, speed, weighted_sum(row, state.scale))
+        time = _time_without(state, load, rate, speed, weighted_sum(row, state.scale))
+        if time == math.inf:
+            state.clock[REACH] = math.inf
+        return time
     if not fill_form(system.decay.factor[mode], system.decay.terms[mode], state.z, factor):
         return math.inf
     start = math.exp(min(rate * speed, 0.0))  # a speed beyond zero is rounding
     state.scale[channel] = start * weighted_sum(system.decay.factor[mode], state.scale)
     change = half * abs(rate) * (_size(load) + abs(row[channel]) * start * _size(factor))
-    share = _CAUTION * _STRONGEST / change if change > _STRONGEST else 1.0
-    if share == 1.0:
-        left_out = _fill_term(state, load, factor, row[channel], rate, start, term)
-        allowed = _ALLOWED * weighted_sum(row, state.scale)
-        share = _CAUTION * (allowed / left_out) ** (1.0 / (LENGTH - _LAST_TERMS)) if left_out > 0.0 else _LONGER
-        if not left_out > allowed:  # or either is NaN, which the event loop will find
-            state.clock[REACH] = max(state.clock[REACH], 2.0 * half * min(share, _LONGER))
-            return math.inf
-    state.clock[REACH] = 2.0 * half * max(min(share, _CAUTION), _SHORTER)
-    return state.clock[REACH]
+    if change > _STRONGEST:
+        state.clock[REACH] = 2.0 * half * _CAUTION * _STRONGEST / change
+        return state.clock[REACH]
+    left_out = _fill_term(state, load, factor, row[channel], rate, start, term)
+    allowed = _ALLOWED * weighted_sum(row, state.scale)
+    share = _CAUTION * (allowed / left_out) ** (1.0 / (LENGTH - _LAST_TERMS)) if left_out > 0.0 else _LONGER
+    if left_out > allowed:
+        state.clock[REACH] = 2.0 * half * max(min(share, _CAUTION), _SHORTER)
+        return state.clock[REACH]
+    # Resolved; or a value is NaN, which the event loop will find.
+    state.clock[REACH] = max(state.clock[REACH], 2.0 * half * min(share, _LONGER))
+    return math.inf
