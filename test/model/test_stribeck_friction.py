@@ -40,24 +40,21 @@ def test_an_independent_solution_agrees(rule, duration):
     for i, name in enumerate(STATES):
         allowed = 1e-12 if i < 3 else 5e-9
         np.testing.assert_allclose(getattr(motion, name), rows[:, i], rtol=0, atol=allowed, err_msg=name)
-    np.testing.assert_allclose(motion.friction_force, forces, rtol=0, atol=1e-6)
+    np.testing.assert_allclose(motion.friction_force, forces, rtol=0, atol=3e-7)
     events = friction_events(motion)
-    np.testing.assert_allclose(events["time"], [time for time, _ in changes], rtol=0, atol=1e-10)
+    np.testing.assert_allclose(events["time"], [time for time, _ in changes], rtol=0, atol=4e-11)
     for kind, (_, state) in zip(events["kind"], changes, strict=True):
         assert kind == "loaded" or NEW_STATE[str(kind)] == state
     assert {"stick", "slip_forward", "slip_backward"} <= set(events["kind"])
     assert motion.statistics["upper_contact"] and motion.statistics["inclined_contact"]
 
 
-@pytest.mark.parametrize("rule", RULES)
-@pytest.mark.parametrize("contact", ["compliant", "restitution"])
+@pytest.mark.parametrize(("rule", "contact"), [*((rule, "compliant") for rule in RULES), ("unilateral", "restitution"),
+                                               ("weight", "restitution")])
 def test_a_slipping_body_feels_the_coefficient_of_its_speed(rule, contact):
     """To the rounding of the speed, 1e-15 m/s of some m/s, beside v_s, and that of N: 1e7 N/m times 1e-17 m."""
-    if rule == "printed" and contact == "restitution":
-        pytest.skip("refused")
-    made = scene(**{"effects.normal_force": rule, "effects.upper_contact": contact,
-                    "effects.inclined_contact": contact})
-    motion = vibro_ros.simulate(made, duration=1.0, rate=5000.0)
+    contacts = {f"effects.{side}_contact": contact for side in ("upper", "inclined")}
+    motion = vibro_ros.simulate(scene(**contacts | {"effects.normal_force": rule}), duration=1.0, rate=5000.0)
     speed, normal = motion.body_velocity, motion.normal_force
     coefficient = KINETIC + (STATIC - KINETIC) * np.exp(-abs(speed) / SPEED)
     slips = speed != 0.0
@@ -128,12 +125,13 @@ def test_a_fast_decay_tends_to_the_static_law():
 @pytest.mark.parametrize("rule", RULES)
 @pytest.mark.parametrize("speed", [1e-6, 1e3])
 def test_the_extremes_of_the_speed_are_simulated(rule, speed):
-    """In at most a hundred times the steps of the static law, of which each stop and start takes its share."""
+    """However fast the decay: each stop and each start takes some twenty steps through it, measured up to 10 times as
+    many in all as by the static law."""
     steps = {friction: vibro_ros.simulate(
         scene("unilateral", **{"effects.friction": friction, "effects.normal_force": rule,
                                "ground.stribeck_speed": speed}), duration=1.0, rate=100.0).statistics["steps"]
         for friction in ("static", "stribeck")}
-    assert steps["stribeck"] < 100 * steps["static"]
+    assert steps["stribeck"] < 12 * steps["static"]
 
 
 def test_every_cut_of_time_gives_the_same_bits():
