@@ -51,12 +51,13 @@ def test_divide_by_root(root):
 
 @pytest.mark.parametrize("x", [0.0, 0.2, 0.9])
 def test_recentre(x):
-    target = np.empty(LENGTH)
+    target, powers = np.empty(LENGTH), np.empty(LENGTH)
+    poly.fill_powers(x, powers)
     for p in DECAYING:
-        poly.recentre(p, x, LENGTH, target)
+        poly.recentre(p, powers, LENGTH, target)
         expected = np.polynomial.Polynomial(p)(np.polynomial.Polynomial([x, 1.0])).coef
         np.testing.assert_allclose(target, expected, rtol=0, atol=1e-14)
-        poly.recentre(p, x, 5, target)
+        poly.recentre(p, powers, 5, target)
         np.testing.assert_allclose(target, [*expected[:5], *np.zeros(LENGTH - 5)], rtol=0, atol=1e-14)
 
 
@@ -82,12 +83,19 @@ def test_differentiate_in_time():
     np.testing.assert_array_equal(p, target)
 
 
-def test_add_multiple_and_scale_argument():
+def test_add_multiples():
     target = DECAYING[1].copy()
     poly.add_multiple(target, -3.0, DECAYING[2])
     np.testing.assert_allclose(target, DECAYING[1] - 3.0 * DECAYING[2], rtol=0, atol=1e-15)
-    poly.scale_argument(target, 0.5)
-    np.testing.assert_allclose(target, (DECAYING[1] - 3.0 * DECAYING[2]) * 0.5 ** np.arange(LENGTH), rtol=0, atol=1e-15)
+    poly.add_two_multiples(target, 2.0, DECAYING[2], -1.0, DECAYING[1])
+    np.testing.assert_allclose(target, -DECAYING[2], rtol=0, atol=1e-15)
+
+
+def test_scale_argument():
+    target, powers = np.empty(LENGTH), np.empty(LENGTH)
+    poly.fill_powers(0.5, powers)
+    poly.scale_argument(DECAYING[1], powers, target)
+    np.testing.assert_allclose(target, DECAYING[1] * 0.5 ** np.arange(LENGTH), rtol=0, atol=1e-15)
 
 
 def test_kernels_do_not_allocate():

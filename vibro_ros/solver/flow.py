@@ -10,7 +10,7 @@ from vibro_ros.solver.compilation import kernel, rounding_kernel, sum_kernel
 from vibro_ros.solver.polynomial import (
     INVERSE,
     LENGTH,
-    add_multiple,
+    add_two_multiples,
     copy,
     differentiate,
     fill_form,
@@ -131,9 +131,13 @@ def _find_defect(system, state, motion, at_start, point):
 
 
 @kernel
-def _are_bound(system, state, j, c):
-    """Whether components j and c have to do with each other."""
-    return system.coupled[state.index[MODE]] or (j - c) % system.sizes[1] == 0
+def _companions(system, state, c):
+    """First and step of the components that component c has to do with: all if they are coupled, else its
+    coordinate's position and velocity."""
+    dynamic = system.sizes[1]
+    if system.coupled[state.index[MODE]]:
+        return 0, 1
+    return (c if c < dynamic else c - dynamic), dynamic
 
 
 @kernel
@@ -144,11 +148,20 @@ def _carry_to_middle(system, state, free, free_end):
         fill_powers(-entrance, state.powers)
     for c in range(len(free)):
         total = 0.0
-        for j in range(len(free)):
-            if _are_bound(system, state, j, c):
-                part = free_end[j, c] if entrance == -1.0 else product(free[j, c], state.powers)
-                total += part * state.defect[0, j]
+        first, step = _companions(system, state, c)
+        for j in range(first, len(free), step):
+            part = free_end[j, c] if entrance == -1.0 else product(free[j, c], state.powers)
+            total += part * state.defect[0, j]
         state.defect[1, c] = total
+
+
+@kernel
+def _add_free_motion(system, state, free, c, target):
+    """target += component c of the free motion."""
+    first, step = _companions(system, state, c)
+    for j in range(first, len(free), 2 * step):
+        other = j + step
+        add_two_multiples(target, state.defect[1, j], free[j, c], state.defect[1, other], free[other, c])
 
 
 @kernel
@@ -201,9 +214,7 @@ def solve_dynamic(system, state, point):
         channel = _component(system, c)
         copy(motion[c], z[channel])
         if incomplete:
-            for j in range(2 * dynamic):
-                if _are_bound(system, state, j, c):
-                    add_multiple(z[channel], state.defect[1, j], free[j, c])
+            _add_free_motion(system, state, free, c, z[channel])
         _rescale(state, channel, abs(z[channel, 0]) + abs(z[channel, 1]))
     if incomplete:
         _pass_through(system, state, point)

@@ -3,7 +3,16 @@
 import math
 
 from vibro_ros.solver.compilation import kernel
-from vibro_ros.solver.polynomial import LENGTH, copy, differentiate, fill_powers, product, recentre, substitute
+from vibro_ros.solver.polynomial import (
+    LENGTH,
+    copy,
+    differentiate,
+    fill_powers,
+    product,
+    recentre,
+    scale_argument,
+    substitute,
+)
 from vibro_ros.solver.state import (
     ANCHOR,
     CELL,
@@ -210,15 +219,23 @@ def _fill_signals(system, state):
     """Polynomials of the signals over a part of a cell, or at a changing speed."""
     clock, cell, phase = state.clock, state.index[CELL], state.work[1]
     phase_terms = _fill_phase(clock, system.signals.start[cell + 1] - system.signals.start[cell], phase)
-    middle = phase[0]
+    fill_powers(phase[0], state.powers)
     phase[0] = 0.0
     reach = 0.0
     for n in range(1, phase_terms):
         reach += n * abs(phase[n])
     terms = _terms(reach)
+    first, series = 2 * system.sizes[0] + system.sizes[1], state.work[0]
     for k in range(system.sizes[2]):
-        recentre(system.signals.series[cell, k], middle, terms, state.work[0])
-        substitute(state.work[0], phase, phase_terms, state.z[2 * system.sizes[0] + system.sizes[1] + k])
+        recentre(system.signals.series[cell, k], state.powers, terms, state.z[first + k])
+    if phase_terms == 2:
+        fill_powers(phase[1], state.powers)
+    for k in range(system.sizes[2]):
+        if phase_terms == 2:
+            scale_argument(state.z[first + k], state.powers, state.z[first + k])
+        else:
+            copy(state.z[first + k], series)
+            substitute(series, phase, phase_terms, state.z[first + k])
 
 
 @kernel

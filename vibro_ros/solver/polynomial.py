@@ -19,8 +19,8 @@ LENGTH = 24
 INVERSE = np.array([0.0] + [1.0 / n for n in range(1, LENGTH + 1)])
 
 _ORDER = np.arange(LENGTH, dtype=float)
-# Entry [k, n] is n + k over n.
-_BINOMIAL = np.array([[float(math.comb(n + k, n)) for n in range(LENGTH)] for k in range(LENGTH)])
+# Entry [n, k] is n + k over n.
+_BINOMIAL = np.array([[float(math.comb(n + k, n)) for k in range(LENGTH)] for n in range(LENGTH)])
 
 
 @kernel
@@ -96,6 +96,13 @@ def add_multiple(target, factor, p):
 
 
 @kernel
+def add_two_multiples(target, a, p, b, q):
+    """target += a * p + b * q."""
+    for n in range(len(p)):
+        target[n] += a * p[n] + b * q[n]
+
+
+@kernel
 def fill_form(form, channels, z, target):
     """target = sum of form[c] z[c] over the leading `channels` that are not negative; returns whether there are any."""
     for k in range(len(channels)):
@@ -109,25 +116,27 @@ def fill_form(form, channels, z, target):
     return True
 
 
+@sum_kernel
+def _taylor(weights, powers, p, n):
+    """Coefficient n of p(x + y) in y, with the powers of x."""
+    total = 0.0
+    for k in range(len(powers) - n):
+        total += weights[k] * powers[k] * p[n + k]
+    return total
+
+
 @kernel
-def recentre(p, x, terms, target):
-    """First `terms` coefficients of target(y) = p(x + y); the others become zero."""
+def recentre(p, powers, terms, target):
+    """First `terms` coefficients of target(y) = p(x + y), with x as `fill_powers` filled it; the others become zero."""
     for n in range(len(target)):
         target[n] = 0.0
-    power = 1.0
-    for k in range(LENGTH):
-        for n in range(min(terms, LENGTH - k)):
-            target[n] += power * (_BINOMIAL[k, n] * p[n + k])
-        power *= x
+    for n in range(terms):
+        target[n] = _taylor(_BINOMIAL[n], powers, p, n)
 
 
 @kernel
 def substitute(p, inner, terms, target):
     """Coefficients of target(y) = p(inner(y)), cut at the length of p; `inner` has `terms` terms and inner(0) = 0."""
-    if terms == 2:
-        copy(p, target)
-        scale_argument(target, inner[1])
-        return
     for n in range(len(target)):
         target[n] = 0.0
     for k in range(LENGTH - 1, -1, -1):
@@ -140,12 +149,10 @@ def substitute(p, inner, terms, target):
 
 
 @kernel
-def scale_argument(p, a):
-    """Replace p(y) by p(a y)."""
-    power = 1.0
-    for n in range(LENGTH):
-        p[n] *= power
-        power *= a
+def scale_argument(p, powers, target):
+    """target(y) = p(a y), with the powers of a."""
+    for n in range(len(p)):
+        target[n] = p[n] * powers[n]
 
 
 @kernel
