@@ -1,5 +1,7 @@
 """Friction that falls with the speed, mu(v) = mu + (mu_s - mu) exp(-|v| / v_s), against DOP853 and its limits."""
 
+import itertools
+
 import numpy as np
 import pytest
 from stribeck_motion import solve
@@ -74,7 +76,7 @@ def test_work_of_the_falling_friction_is_accounted_for():
     made = scene(**{"effects.normal_force": "weight", "effects.upper_contact": "none",
                     "effects.inclined_contact": "none", "inclined.spring.stiffness": 3e3})
     ends = np.append(friction_events(vibro_ros.simulate(made, duration=1.0, rate=10.0))["time"], 1.0)
-    ends = np.unique(np.concatenate([np.linspace(low, high, 11) for low, high in zip([0.0, *ends], ends)]))
+    ends = np.unique(np.concatenate([np.linspace(low, high, 11) for low, high in itertools.pairwise([0.0, *ends])]))
     nodes, weights = np.polynomial.legendre.leggauss(20)
     low, high = ends[:-1, None], ends[1:, None]
     motion = vibro_ros.simulate(made, times=np.append(((low + high + (high - low) * nodes) / 2).ravel(), 1.0))
@@ -142,6 +144,12 @@ def test_every_cut_of_time_gives_the_same_bits():
     cut.advance_to(1.0)
     assert cut.state == whole.state
     assert cut.take_events().tobytes() == whole.take_events().tobytes()
+
+
+def test_the_description_tells_the_law():
+    text = " ".join(scene().describe().split())
+    assert "F_fr = -0.2 N - 0.15 N exp(-|x'|/0.02) while slip_backward" in text
+    assert "friction stick: F_in <= 0.35 N" in text and "stribeck friction" in text
 
 
 @pytest.mark.parametrize(("changes", "named"), [

@@ -11,8 +11,8 @@ from vibro_ros.solver.polynomial import LENGTH
 from vibro_ros.solver.recording import EVENT_COLUMNS
 from vibro_ros.solver.state import new_state
 from vibro_ros.solver.system import (
-    Decay,
     NOTHING,
+    Decay,
     SignalTable,
     System,
     acceleration_terms,

@@ -117,7 +117,8 @@ class _Description:
 
     def _friction_force(self) -> Iterator[str]:
         normal, friction = self._output("normal_force")[0], self._output("friction_force")
-        decayed, law = self._model.forms.decayed_normal_force(), f"N exp(-|x'|/{self._scene['ground.stribeck_speed']:g})"
+        decayed = self._model.forms.decayed_normal_force()
+        law = f"N exp(-|x'|/{self._scene['ground.stribeck_speed']:g})"
         for m, state in enumerate(self._builder.friction.states):
             falling = float(decayed @ friction[m])
             factor = multiple(friction[m] - falling * decayed, normal)

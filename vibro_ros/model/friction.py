@@ -69,9 +69,10 @@ class Friction:
         if state == "airborne":
             return [Guard(self._forms.position(self._forms.height), self._landing(), "y >= 0", committed=True)]
         if state == "stick":
+            bound = f"F_in <= {self._holding:g} N"
             return self._unloading(state, normal) + [
-                Guard(self._holding * normal - inertial, to("slip_forward"), "F_in <= μ N"),
-                Guard(self._holding * normal + inertial, to("slip_backward"), "-F_in <= μ N"),
+                Guard(self._holding * normal - inertial, to("slip_forward"), bound),
+                Guard(self._holding * normal + inertial, to("slip_backward"), f"-{bound}"),
             ]
         if state == "rest":
             return [Guard(-normal, to("stick"), "N <= 0"), Guard(-inertial, to("slip_forward"), "F_in <= 0"),

@@ -132,10 +132,10 @@ SCENE_PARAMETERS: tuple[Parameter, ...] = (
     *_guide("inclined", "3", "1", "H"),
     Parameter("ground.friction", 0.2, "", "kinetic friction coefficient of body on ground, μ",
               minimum=0.0, maximum=1e3),
-    Parameter("ground.static_friction", 0.25, "", "friction coefficient of a body at rest, at least ground.friction",
-              minimum=0.0, maximum=1e3),
-    Parameter("ground.stribeck_speed", 0.01, "m/s", "speed v_s over which the coefficient falls from static to kinetic: "
-              "μ(v) = μ + (μs - μ) exp(-|v|/v_s)", minimum=1e-6, maximum=1e3),
+    Parameter("ground.static_friction", 0.25, "", "friction coefficient of a body at rest, μs, at least "
+              "ground.friction", minimum=0.0, maximum=1e3),
+    Parameter("ground.stribeck_speed", 0.01, "m/s", "speed v_s over which friction falls from static to kinetic: "
+              "μ(v) = μ + (μs - μ) exp(-abs(v)/v_s)", minimum=1e-6, maximum=1e3),
     Parameter("gravity", 9.81, "m/s²", "gravitational acceleration, g", minimum=0.0, maximum=1e3),
     Parameter("motor.speed", 100.0, "rad/s", "motor speed at t = 0, and the command until another arrives",
               minimum=0.0, maximum=1e4),

@@ -11,8 +11,9 @@ zeros of w at complex times. Its last terms decide whether the segment is short 
 
 import math
 
-from vibro_ros.solver.compilation import kernel, sum_kernel
+from vibro_ros.solver.compilation import called_kernel, kernel, sum_kernel
 from vibro_ros.solver.flow import weighted_sum
+from vibro_ros.solver.forcing import advance_forcing
 from vibro_ros.solver.polynomial import (
     INVERSE,
     LENGTH,
@@ -145,17 +146,9 @@ def _fill_term(state, load, factor, strength, rate, start, term):
 
 
 @kernel
-def resolve_decay(system, state, point):
-    """Series of the decaying term, through the velocity in `point` where the mode begins.
-
-    Returns
-    -------
-    float
-        Infinite if the series resolve the segment to rounding; else the duration [s] of one to try instead.
-    """
+def _resolve(system, state, point):
+    """See `resolve_decay`."""
     mode = state.index[MODE]
-    if not decays(system, mode):
-        return math.inf
     coordinate, channel, half = system.sizes[1], len(state.z) - 2, state.clock[HALF]
     row, rate = system.acceleration[mode, coordinate], system.decay.rate[mode]
     speed = point[system.sizes[0] + coordinate]
@@ -187,3 +180,19 @@ def resolve_decay(system, state, point):
     # Resolved; or a value is NaN, which the event loop will find.
     state.clock[REACH] = max(state.clock[REACH], 2.0 * half * min(share, _LONGER))
     return math.inf
+
+
+@called_kernel
+def resolve_decay(system, state, point):
+    """Series of the decaying term of a mode that has one, through the velocity in `point` where the mode begins.
+
+    Returns
+    -------
+    float
+        Infinite if the series resolve the segment to rounding; else the duration [s] of one to try instead, with the
+        forcing back where the mode begins.
+    """
+    longest = _resolve(system, state, point)
+    if longest < math.inf:
+        advance_forcing(system, state, state.clock[ANCHOR])  # from the cell's start, if the segment was a whole cell
+    return longest

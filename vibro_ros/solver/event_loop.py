@@ -96,10 +96,11 @@ def _solve_up_to_driven(system, state, point):
         choose_segment(system, state, longest)
         fill_forcing(system, state)
         solve_dynamic(system, state, point)
+        if not decays(system, state.index[MODE]):
+            return
         longest = resolve_decay(system, state, point)
         if longest == math.inf:
             return
-        advance_forcing(system, state, state.clock[ANCHOR])  # back from the cell's start to where the flow begins
 
 
 @kernel
