@@ -39,7 +39,7 @@ test: $(READY) $(PEER)  ## run every test
 lint: $(READY)  ## check the style
 	@$(BIN)/ruff check
 
-bench: $(READY) $(PEER)  ## compare the exact solver's cost with fixed-step Runge-Kutta
+bench: $(READY) $(PEER)  ## compare the exact solver's cost with fixed-step Runge-Kutta and heyoka
 	@$(BIN)/python -m vibro_ros.study.bench
 
 docs: $(READY)  ## write the parameters' table into docs/interface.md anew

@@ -18,8 +18,8 @@ def padded(coefficients):
     return polynomial
 
 
-def search(coefficients, start=0.0, noise=0.0):
-    return first_root(padded(coefficients), start, noise, np.empty(LENGTH))
+def search(coefficients, start=0.0, noise=0.0, limit=1.0):
+    return first_root(padded(coefficients), start, limit, noise, np.empty(LENGTH))
 
 
 def exact_value(coefficients, x):
@@ -169,6 +169,15 @@ def test_a_flat_near_miss(order):
 def test_the_start_when_the_guard_is_negative_there():
     assert search([-1e-3, 1.0]) == 0.0
     assert search([1.0, -2.0], 0.75) == 0.75
+
+
+def test_the_search_ends_at_its_limit():
+    """A root behind the limit is none, whatever the limit; one before it is found as without."""
+    cubic = product([-0.4, 1.0], [-0.4, 1.0], [0.7, -1.0])
+    assert search(cubic) == pytest.approx(0.7, abs=ROUNDING)
+    for limit in (0.1, 0.4, 0.6999):
+        assert search(cubic, limit=limit) == NO_ROOT
+    assert search(cubic, limit=0.7001) == pytest.approx(0.7, abs=ROUNDING)
 
 
 def test_a_root_at_the_very_end():

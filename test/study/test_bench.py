@@ -1,6 +1,8 @@
 """What `make bench` prints."""
 
 import re
+import sys
+from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
@@ -17,9 +19,51 @@ def test_the_table_has_a_row_a_scene_and_a_cell_a_column(monkeypatch, capsys):
     table = [re.split(r" *\| *", line.strip("|")) for line in lines if line.startswith("|")]
     assert [row[0].strip() for row in table] == ["scene", "---", *(f"`{name}`" for name in bench.SCENES)]
     assert {len(row) for row in table} == {len(bench.COLUMNS)}
+    peer = [row.pop(2) for row in table[2:]]
     assert all(float(cell.split()[0]) > 0.0 for row in table[2:] for cell in row[1:])
+    assert all(float(cell) > 0.0 for cell in peer) if find_spec("heyoka") else set(peer) == {"-"}
     last = r"`simulate_many`, 4 scenes of 2 s: two workers are \d+\.\d\d times as fast as one\."
     assert re.fullmatch(last, lines[-1])
+
+
+def test_the_numbers_come_with_versions_and_cores(capsys, monkeypatch):
+    monkeypatch.setattr(bench, "SCENES", ())
+    monkeypatch.setattr(bench, "measure_many", lambda *_: 1.0)
+    bench.main([])
+    version = r"\d+\.\d+\.\d+"
+    assert re.fullmatch(rf"Python {version}, numpy {version}, numba {version}, (heyoka {version}|no heyoka); "
+                        r"\w+, \d+ cores", capsys.readouterr().out.splitlines()[1])
+
+
+def test_without_heyoka_its_cell_is_a_dash_and_the_others_are_there(monkeypatch, capsys):
+    for module in [name for name in sys.modules if name.startswith("vibro_ros.study.peer")]:
+        monkeypatch.delitem(sys.modules, module)
+    monkeypatch.setitem(sys.modules, "heyoka", None)  # as if it were not installed
+    values = bench.measure("no_impact", 0.05, 1)
+    assert values["heyoka"] == "-"
+    assert values["ratio"] > 0.0
+    assert re.match("bench: no_impact without heyoka: .*heyoka", capsys.readouterr().err)
+
+
+def test_a_scene_that_heyoka_fails_at_has_a_dash(monkeypatch, capsys):
+    def failing(scene):
+        raise RuntimeError("heyoka missed the upper plate")
+
+    monkeypatch.setattr(bench, "compiled_peer", failing)
+    assert bench.measure("no_impact", 0.05, 1)["heyoka"] == "-"
+    assert capsys.readouterr().err == "bench: no_impact without heyoka: heyoka missed the upper plate\n"
+
+
+@pytest.mark.parametrize("name", bench.SCENES)
+def test_heyoka_runs_the_same(name):
+    """Within 1e-9 m over 0.3 s: a step is right to 1e-9 of some cm, 1e-11 m, and some ten impacts magnify that."""
+    pytest.importorskip("heyoka", reason="heyoka, the extra `bench`, has no wheel for Python 3.10")
+    times = np.arange(61) / 200.0
+    exact, _ = bench.run_exact(load_scene(name), times)
+    places = np.array([exact.upper_position, exact.inclined_position, exact.body_position]).T
+    found = bench.compiled_peer(load_scene(name))(times)[:, [0, 2, 4]]
+    assert np.abs(found - places).max() < 1e-9
+    assert np.ptp(places, axis=0).max() > 1e-3  # m: it moves
 
 
 @pytest.mark.parametrize("name", bench.SCENES)

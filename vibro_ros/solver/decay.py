@@ -19,6 +19,7 @@ from vibro_ros.solver.polynomial import (
     LENGTH,
     add_multiple,
     fill_form,
+    fill_integral_powers,
     fill_multiple,
     fill_powers,
     integrate_through,
@@ -117,11 +118,12 @@ def known_reach(system, state):
 def _time_without(state, load, rate, speed, scale):
     """Time [s] from the anchor in which a motion too fast for the decay does without; infinite if to the end."""
     half, anchor, guard = state.clock[HALF], state.clock[ANCHOR], state.work[1]
-    integrate_through(load, half, state.powers, speed, guard)
+    fill_integral_powers(state.powers, state.work[2])
+    integrate_through(load, half, state.work[2], speed, guard)
     fill_multiple(guard, -rate, guard)
     guard[0] -= _OVER
     noise = NOISE * abs(rate) * (abs(speed) + scale * 2.0 * half)
-    root = first_root(guard, anchor, noise, state.work[2])
+    root = first_root(guard, anchor, 1.0, noise, state.work[2])
     if root == NO_ROOT:
         return math.inf
     return half * (root - anchor) * _BEFORE if root > anchor else half

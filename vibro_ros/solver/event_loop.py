@@ -57,7 +57,7 @@ _SIMULTANEOUS = 16.0 * EPSILON
 
 @kernel
 def _guard_root(system, state, row):
-    """First root in the segment of a guard row, from where the mode began; remembered until its polynomial changes."""
+    """First root up to NEXT of a guard row, from where the mode began; remembered until its polynomial changes."""
     if state.root[row] > state.clock[ANCHOR]:
         return state.root[row]
     guard = state.work[1]
@@ -65,8 +65,10 @@ def _guard_root(system, state, row):
     noise = NOISE * weighted_sum(system.row[row], state.scale)
     if state.index[STANDSTILLS] > _DOUBTFUL_STANDSTILLS:
         guard[0] += _DOUBT * noise
-    state.root[row] = first_root(guard, state.clock[ANCHOR], noise, state.work[2])
-    return state.root[row]
+    limit = state.clock[NEXT]
+    root = first_root(guard, state.clock[ANCHOR], limit, noise, state.work[2])
+    state.root[row] = UNKNOWN if root == NO_ROOT and limit < 1.0 else root
+    return root
 
 
 @kernel
@@ -90,7 +92,7 @@ def _find_next_event(system, state):
 
 @kernel
 def _solve_up_to_driven(system, state, point):
-    """Set up a segment that is short enough for a decaying term, if there is one."""
+    """Set up a segment that is short enough for a decaying term, if the mode has one."""
     longest = known_reach(system, state)
     while True:
         choose_segment(system, state, longest)
@@ -104,29 +106,29 @@ def _solve_up_to_driven(system, state, point):
 
 
 @kernel
+def _begin_mode(system, state, point, same_flow):
+    """Begin the current mode at `point`, in the segment that is there if its flow is the same; False on a lost root."""
+    for channel in range(len(state.origin)):
+        state.origin[channel] = point[channel]
+    if not same_flow:
+        _solve_up_to_driven(system, state, point)
+        state.index[SEGMENTS] += 1
+    solve_driven(system, state, point)
+    if not same_flow:
+        open_audit(system, state, point)
+    for row in range(len(state.root)):
+        if system.driven[row] or not same_flow:
+            state.root[row] = UNKNOWN
+    return _find_next_event(system, state)
+
+
+@kernel
 def begin_segment(system, state, point):
     """Build the segment that starts with the positions and velocities of `point`; False on a lost root.
 
     `point`, shape (channels,), is overwritten.
     """
-    _note_origin(state, point)
-    _solve_up_to_driven(system, state, point)
-    state.index[SEGMENTS] += 1
-    solve_driven(system, state, point)
-    open_audit(system, state, point)
-    state.root[:] = UNKNOWN
-    return _find_next_event(system, state)
-
-
-@kernel
-def _continue_segment(system, state, point):
-    """Begin a mode with the flow of the one before: only the driven coordinates change their course."""
-    _note_origin(state, point)
-    solve_driven(system, state, point)
-    for row in range(len(state.root)):
-        if system.driven[row]:
-            state.root[row] = UNKNOWN
-    return _find_next_event(system, state)
+    return _begin_mode(system, state, point, False)
 
 
 @kernel
@@ -141,12 +143,6 @@ def _read(state, x, point):
 
 
 @kernel
-def _note_origin(state, point):
-    for channel in range(len(state.origin)):
-        state.origin[channel] = point[channel]
-
-
-@kernel
 def release_from(system, state, ramp, point, events, count):
     """At the segment's start, leave what cannot outlast a change of the ramp's rate; returns the number of events."""
     mode = system.unheld[state.index[MODE], ramp]
@@ -156,47 +152,48 @@ def release_from(system, state, ramp, point, events, count):
 
 
 @kernel
-def _end_segment(system, state, point, events, count):
-    """Start the next segment at NEXT, in the mode that is now current; returns (success, number of events)."""
-    reached = advance_forcing(system, state, state.clock[NEXT])
-    time = instant(state, -1.0)
-    for k in range(len(state.ramp)):
-        if reached & (1 << k):
-            count = record(events, count, time, RAMP_KIND + k, 0.0, 0.0, 0.0)
-            count = release_from(system, state, k, point, events, count)
-    if reached & (1 << len(state.ramp)):
-        count = record(events, count, time, PHASE_KIND, 0.0, 0.0, 0.0)
-    return begin_segment(system, state, point), count
+def _move_forcing(system, state, x, point, events, count):
+    """Move the forcing to `x`, where the next segment starts; returns the number of events."""
+    reached = advance_forcing(system, state, x)
+    if reached:
+        time = instant(state, -1.0)
+        for k in range(len(state.ramp)):
+            if reached & (1 << k):
+                count = record(events, count, time, RAMP_KIND + k, 0.0, 0.0, 0.0)
+                count = release_from(system, state, k, point, events, count)
+        if reached & (1 << len(state.ramp)):
+            count = record(events, count, time, PHASE_KIND, 0.0, 0.0, 0.0)
+    return count
 
 
 @kernel
 def _pass_event(system, state, point, events, count):
-    """Do what happens at NEXT: the end of the segment or a change of mode; returns (success, number of events)."""
-    x = state.clock[NEXT]
-    if state.index[GUARD] == NOTHING and system.power.shape[1] == 0:
-        _read(state, x, point[:2 * system.sizes[0]])  # all that the next segment needs
-    else:
-        _read(state, x, point)
-    if state.index[GUARD] == NOTHING:
-        update_peaks(system, state, x)
-        close_audit(system, state, x, point)
-        state.index[STANDSTILLS] = 0
-        return _end_segment(system, state, point, events, count)
-    state.index[STANDSTILLS] = 0 if x > state.clock[ANCHOR] else state.index[STANDSTILLS] + 1
-    candidate = choose_candidate(system, state, point)
-    mode = system.candidate[state.index[MODE], state.index[GUARD], candidate]
-    same_flow = x < 1.0 and keeps_flow(system, state, mode, point) and not decays(system, mode)
+    """Do what happens at NEXT: the end of the segment or a change of mode; returns (success, number of events).
+
+    Everything is called from one place only: kernels are inlined, and two copies would fill the processor's cache.
+    """
+    x, mode, same_flow = state.clock[NEXT], state.index[MODE], False
+    fires = state.index[GUARD] != NOTHING
+    # At a segment's end the next one needs the positions and velocities, and the audit all.
+    _read(state, x, point if fires or system.power.shape[1] > 0 else point[:2 * system.sizes[0]])
+    if fires:
+        candidate = choose_candidate(system, state, point)
+        mode = system.candidate[mode, state.index[GUARD], candidate]
+        same_flow = x < 1.0 and keeps_flow(system, state, mode, point) and not decays(system, mode)
+    state.index[STANDSTILLS] = state.index[STANDSTILLS] + 1 if fires and x == state.clock[ANCHOR] else 0
     if not same_flow:
         update_peaks(system, state, x)
         close_audit(system, state, x, point)
-    count = record_mode_change(system, state, mode, point, events, count)
-    for channel in range(len(point)):
-        point[channel] = state.trial[channel]
-    state.index[MODE] = mode
+    if fires:
+        count = record_mode_change(system, state, mode, point, events, count)
+        for channel in range(len(point)):
+            point[channel] = state.trial[channel]
+        state.index[MODE] = mode
     if same_flow:
         state.clock[ANCHOR] = x
-        return _continue_segment(system, state, point), count
-    return _end_segment(system, state, point, events, count)
+    else:
+        count = _move_forcing(system, state, x, point, events, count)
+    return _begin_mode(system, state, point, same_flow), count
 
 
 @kernel

@@ -52,16 +52,24 @@ def product(p, q):
 
 
 @kernel
-def value_and_derivatives(p, terms, x):
-    """p(x), p'(x) and p''(x), of the first `terms` coefficients."""
-    f = p[terms - 1]
-    d = 0.0
-    half_dd = 0.0
-    for n in range(terms - 2, -1, -1):
-        half_dd = half_dd * x + d
-        d = d * x + f
-        f = f * x + p[n]
-    return f, d, 2.0 * half_dd
+def value_and_derivatives(p, pairs, x):
+    """p(x), p'(x) and p''(x), of the first 2 `pairs` coefficients.
+
+    As p(x) = E(x²) + x O(x²): of two series of half the length, the processor computes one beside the other.
+    """
+    y = x * x
+    even, odd = 0.0, 0.0
+    even_d, odd_d = 0.0, 0.0
+    half_even_dd, half_odd_dd = 0.0, 0.0
+    for n in range(pairs - 1, -1, -1):
+        half_even_dd = half_even_dd * y + even_d
+        half_odd_dd = half_odd_dd * y + odd_d
+        even_d = even_d * y + even
+        odd_d = odd_d * y + odd
+        even = even * y + p[2 * n]
+        odd = odd * y + p[2 * n + 1]
+    second = 2.0 * even_d + 8.0 * (y * half_even_dd) + x * (6.0 * odd_d + 8.0 * (y * half_odd_dd))
+    return even + x * odd, 2.0 * x * even_d + odd + 2.0 * (y * odd_d), second
 
 
 @kernel
@@ -100,6 +108,13 @@ def add_two_multiples(target, a, p, b, q):
     """target += a * p + b * q."""
     for n in range(len(p)):
         target[n] += a * p[n] + b * q[n]
+
+
+@kernel
+def fill_sum(target, r, a, p, b, q):
+    """target = r + a * p + b * q."""
+    for n in range(len(r)):
+        target[n] = r[n] + (a * p[n] + b * q[n])
 
 
 @kernel
@@ -165,10 +180,17 @@ def differentiate(p, half, target):
 
 
 @kernel
+def fill_integral_powers(powers, target):
+    """target[n] = x^(n + 1) / (n + 1), for `integrate_through`, where `fill_powers` filled x."""
+    for n in range(len(powers) - 1):
+        target[n] = powers[n + 1] * INVERSE[n + 1]
+    target[len(powers) - 1] = 0.0
+
+
+@kernel
 def integrate_through(p, half, x, wanted, target):
-    """Coefficients of the time integral of p over a segment that lasts 2 `half`, which is `wanted` where `fill_powers`
-    filled `x`."""
+    """Coefficients of the time integral of p over a segment that lasts 2 `half`, which is `wanted` where
+    `fill_integral_powers` filled `x`."""
     for n in range(len(p) - 1):
         target[n + 1] = p[n] * (half * INVERSE[n + 1])
-    target[0] = 0.0
-    target[0] = wanted - product(target, x)
+    target[0] = wanted - half * product(p, x)

@@ -1,9 +1,14 @@
-"""`make bench`: what the exact solver costs, as ratios to the fixed-step baseline of the same run."""
+"""`make bench`: what the exact solver and its peer heyoka cost, as ratios to the fixed-step baseline of one run."""
 
 import argparse
+import os
+import platform
 import statistics
+import sys
 import time
 from collections.abc import Callable
+from functools import partial
+from importlib import metadata
 
 import numpy as np
 
@@ -15,16 +20,19 @@ from vibro_ros.simulator import Simulator, simulate
 from vibro_ros.study.baseline import integrate_rk4
 
 SCENES = ("unilateral", "paper", "damped", "frictionless", "no_impact", "rigid", "device")
-#: Heading of a column, and how it shows a value of `measure`. A peer is one column more, and one value there.
+#: Heading of a column, and how it shows a value of `measure`.
 COLUMNS = {
     "scene": "`{scene}`",
     "cost, RK4 = 1": "{ratio:.4f}",
+    "heyoka, RK4 = 1": "{heyoka}",
     "times faster than real time": "{real_time:.0f}",
     "an event": "{event:.2f} µs",
     "1 ms of robot time": "{tick:.1f} µs",
     "RK4, 1 s": "{baseline:.1f} ms",
 }
+_PACKAGES = ("numpy", "numba", "heyoka")
 _STEP = 1e-5
+_TOLERANCE = 1e-9  # heyoka's: over 10 s of each scene, its errors are below the baseline's
 _RATE = 200.0
 _SPEED = 100.0  # commanded at t = 0 of a scene whose motor stands still
 _MANY = 200
@@ -54,28 +62,58 @@ def run_baseline(scene: Scene, times: np.ndarray, step: float = _STEP) -> np.nda
     return integrate_rk4(scene, start, times[-1], 1.0 / times[1], step, speed)
 
 
+def compiled_peer(scene: Scene) -> Callable[[np.ndarray], np.ndarray]:
+    """The same by heyoka, compiled: a function of the times that returns u, u', w, w', x, x', ... for each of them.
+
+    Raises
+    ------
+    ModuleNotFoundError
+        Without the extra `bench`.
+    """
+    from vibro_ros.study.peer import Peer
+
+    peer = Peer(scene, _TOLERANCE)
+    commands = ((0.0, {"motor_speed": _SPEED}),) if scene["motor.speed"] == 0.0 else ()
+    return lambda times: peer.integrate(times, commands).samples
+
+
 def measure(name: str, duration: float, repeats: int) -> dict[str, str | float]:
-    """Medians over `repeats` pairs of runs, exact and baseline in turn, all compiled before.
+    """Medians over `repeats` rounds of runs: exact, baseline and peer in turn, all compiled before.
 
     Returns
     -------
     dict
-        `scene`; `ratio` of exact to baseline; `real_time`, simulated seconds per second; `event`, microseconds an
-        event; `tick`, microseconds of a 1 ms `advance_to`; `baseline`, milliseconds per simulated second.
+        `scene`; `ratio` of exact to baseline; `heyoka`, its ratio as text, `-` without a peer; `real_time`, simulated
+        seconds per second; `event`, microseconds an event; `tick`, microseconds of a 1 ms `advance_to`; `baseline`,
+        milliseconds per simulated second.
     """
     scene, times = load_scene(name), np.arange(round(duration * _RATE) + 1) / _RATE
     run_baseline(scene, times[:2])
     _, events = run_exact(scene, times)
-    pairs = [(seconds(run_exact, scene, times), seconds(run_baseline, scene, times)) for _ in range(repeats)]
-    exact = statistics.median(pair[0] for pair in pairs)
+    runs = [partial(run_exact, scene, times), partial(run_baseline, scene, times), *_peer_runs(scene, times)]
+    rounds = np.array([[seconds(run) for run in runs] for _ in range(repeats)])
+    exact, baseline, *_ = np.median(rounds, axis=0)
+    ratio, _, *peers = np.median(rounds / rounds[:, 1:2], axis=0)
     return {
         "scene": name,
-        "ratio": statistics.median(a / b for a, b in pairs),
+        "ratio": ratio,
+        "heyoka": f"{peers[0]:.4f}" if peers else "-",
         "real_time": duration / exact,
         "event": exact / max(1, len(events)) * 1e6,
         "tick": _tick(scene) * 1e6,
-        "baseline": statistics.median(pair[1] for pair in pairs) / duration * 1e3,
+        "baseline": baseline / duration * 1e3,
     }
+
+
+def _peer_runs(scene: Scene, times: np.ndarray) -> list[Callable[[], np.ndarray]]:
+    """The peer's run if it can be measured; if it is not installed or fails, none, and the reason on stderr."""
+    try:
+        run = partial(compiled_peer(scene), times)
+        run()
+    except (ModuleNotFoundError, ValueError, RuntimeError) as error:
+        print(f"bench: {scene.name} without heyoka: {error}", file=sys.stderr)
+        return []
+    return [run]
 
 
 def _tick(scene: Scene) -> float:
@@ -101,6 +139,17 @@ def measure_many(count: int, duration: float, repeats: int) -> float:
     return statistics.median(seconds(run, 1) / seconds(run, 2) for _ in range(repeats))
 
 
+def machine() -> str:
+    """What the numbers depend on: versions, and processor cores."""
+    versions = [f"Python {platform.python_version()}"]
+    for package in _PACKAGES:
+        try:
+            versions.append(f"{package} {metadata.version(package)}")
+        except metadata.PackageNotFoundError:
+            versions.append(f"no {package}")
+    return f"{', '.join(versions)}; {platform.machine()}, {os.cpu_count()} cores"
+
+
 def heading() -> str:
     """First two lines of the table, in Markdown."""
     return f"| {' | '.join(COLUMNS)} |\n{'|---' * len(COLUMNS)}|"
@@ -118,7 +167,8 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--repeats", type=int, default=7, help="pairs of runs (default 7)")
     options = parser.parse_args(arguments)
     print(f"{options.duration:g} s of robot time sampled at {_RATE:g} Hz, medians of {options.repeats}; "
-          f"RK4: dt = {_STEP:g} s, compiled by numba, in the same run\n")
+          f"RK4: dt = {_STEP:g} s, compiled by numba, and heyoka: tolerance {_TOLERANCE:g}, in the same run")
+    print(f"{machine()}\n")
     print(heading())
     for name in SCENES:
         print(row(measure(name, options.duration, options.repeats)), flush=True)
