@@ -25,6 +25,8 @@ VARIANTS = {
                        "effects.upper_contact": "restitution", "effects.inclined_contact": "restitution"},
     "hop": {"effects.normal_force": "hop"}, "hop on ice": {"effects.normal_force": "hop", "effects.friction": "none"},
     "hop reaction": {"effects.normal_force": "hop", "effects.reaction": True, "effects.mass_weight": True},
+    "hop, rigid": {"effects.normal_force": "hop", "effects.reaction": True, "effects.upper_contact": "restitution",
+                   "effects.inclined_contact": "restitution"},
     "hop upright": {"effects.normal_force": "hop", "effects.reaction": True, "guide.angle": 0.0},
     "hop, one guide": {"effects.normal_force": "hop", "effects.inclined_mass": False},
     "hop, no guide": {"effects.normal_force": "hop", "effects.inclined_mass": False, "effects.upper_mass": False},

@@ -60,7 +60,8 @@ def build(channels, modes, guards=(), signals=None, monitor=None, decay=None):
     most = max(1, *map(len, guards))
     row, landing = [], []
     number, owner, strike = (np.full((count, most), NOTHING) for _ in range(3))
-    candidate, entry, jump = (np.full((count, most, 3), NOTHING) for _ in range(3))
+    candidate, jump = (np.full((count, most, 3), NOTHING) for _ in range(2))
+    entry = np.full((count, most, 3, 1), NOTHING)
     for m, of_mode in enumerate(guards):
         for g, guard in enumerate(of_mode):
             number[m, g], owner[m, g] = len(row), 0
@@ -75,7 +76,7 @@ def build(channels, modes, guards=(), signals=None, monitor=None, decay=None):
                     for channel, form in jumps.items():
                         landing[-1][channel] = form
             if guard.entry is not None:
-                entry[m, g, 0] = len(row)
+                entry[m, g, 0, 0] = len(row)
                 row.append(guard.entry)
     row = np.array(row).reshape(len(row), channels.count)
     driven = np.zeros(channels.count, dtype=bool)
@@ -93,6 +94,7 @@ def build(channels, modes, guards=(), signals=None, monitor=None, decay=None):
         jump=jump,
         landing=np.array(landing).reshape(len(landing), 2 * channels.coordinates, channels.count), strike=strike,
         unheld=np.tile(np.arange(count)[:, None], (1, channels.ramps)), event=event,
+        noted=np.zeros((count, channels.count)),
         monitor=watch, monitor_terms=terms(watch),
         monitored=np.array([[m in monitor[2]] * watched if monitor else [] for m in range(count)], dtype=bool),
         approach=np.zeros((0, channels.count)) if monitor is None else np.array([monitor[1]]),

@@ -143,7 +143,8 @@ class _Description:
         for place, (name, states) in enumerate(self._parts().items()):
             for state in states:
                 for guard in self._state_guards(place, state):
-                    targets = dict.fromkeys(target.state for target in guard.targets)
+                    targets = dict.fromkeys(target.state + " and airborne" * (target.friction == "airborne")
+                                            for target in guard.targets)
                     yield f"{name} {state}: {guard.text}    else {' or '.join(targets)}{self._jumps(guard)}"
 
     def _jumps(self, guard: Guard) -> str:
@@ -162,7 +163,8 @@ class _Description:
     def _state_guards(self, place: int, state: str) -> list[Guard]:
         builder, forms = self._builder, self._builder.forms
         if place < len(builder.contacts):
-            return builder.contacts[place].guards(state, builder.friction.states[0], (forms.zero, forms.zero))
+            return builder.contacts[place].guards(state, builder.friction.states[0], frozenset(),
+                                                  (forms.zero, forms.zero))
         return builder.friction.guards(state, forms.normal_force(), forms.inertial_force())
 
     def events(self) -> Iterator[str]:

@@ -9,7 +9,10 @@ in the form of A. Tustin, J. IEE 94 (1947), which is the general one with expone
 P. Dupont and C. Canudas de Wit, Automatica 30 (1994), 1083-1138).
 """
 
+from collections.abc import Iterator
+
 from vibro_ros.model.automaton import Guard, Target, to
+from vibro_ros.model.contact import REST_SPEED
 from vibro_ros.model.forms import Form, Forms
 from vibro_ros.model.landing import Landing
 
@@ -64,10 +67,11 @@ class Friction:
         """Change of ln(N exp(-|x'| / v_s) / N) with x' [s/m]; 0 where no friction decays."""
         return -SLIDING.get(state, 0.0) / self._scene["ground.stribeck_speed"] if self._forms.friction_decays else 0.0
 
-    def guards(self, state: str, normal: Form, inertial: Form) -> list[Guard]:
-        """Guards of `state`, given the forms of N and F_in."""
+    def guards(self, state: str, normal: Form, inertial: Form, resting: frozenset[str] = frozenset()) -> list[Guard]:
+        """Guards of `state`, given the forms of N and F_in, and the guides whose masses rest on rigid plates."""
         if state == "airborne":
-            return [Guard(self._forms.position(self._forms.height), self._landing(), "y >= 0", committed=True)]
+            height = self._forms.position(self._forms.height)
+            return [Guard(height, tuple(self._landings(resting)), "y >= 0", committed=True)]
         if state == "stick":
             bound = f"F_in <= {self._holding:g} N"
             return self._unloading(state, normal) + [
@@ -97,7 +101,19 @@ class Friction:
                    "hop": (*slipping, "airborne") if self._forms.body_hops else ()}[self._rule]
         return [Guard(normal, to(*targets), "N >= 0")] if targets else []
 
-    def _landing(self) -> tuple[Target, ...]:
+    def _landings(self, resting: frozenset[str]) -> Iterator[Target]:
+        """With masses at rest that feel the landing, first those that are too slow to part them from their plates."""
+        if not (resting and self._scene["effects.reaction"]):
+            yield from self._landing(frozenset())
+            return
+        _, rise = self._forms.body_velocity()
+        slow = REST_SPEED * self._forms.one + rise
+        for target in self._landing(resting):
+            yield target._replace(entries=(slow, *target.entries))
+        for target in self._landing(frozenset()):
+            yield target._replace(parts=True)
+
+    def _landing(self, resting: frozenset[str]) -> tuple[Target, ...]:
         if self._absent:
-            return Landing(self._scene, self._forms, 0.0, 0.0).on_ice("grounded")
-        return Landing(self._scene, self._forms, self._coefficient, self._holding).with_friction()
+            return Landing(self._scene, self._forms, 0.0, 0.0, resting).on_ice("grounded")
+        return Landing(self._scene, self._forms, self._coefficient, self._holding, resting).with_friction()

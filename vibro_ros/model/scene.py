@@ -65,7 +65,7 @@ class Scene:
         ValueError
             As for the constructor.
         """
-        return Scene(self.name, {**self.parameters, **changes})
+        return Scene(self.name, {**self.parameters, **changes}) if changes else self
 
     def describe(self) -> str:
         """States, equations, guards and events that are really simulated, as text."""
@@ -138,9 +138,10 @@ class Scene:
         rule, angle = self["effects.normal_force"], self["guide.angle"]
         if not any(self[f"effects.{side}_contact"] == "restitution" for side in self.guides):
             return
-        if rule == "hop":
-            raise ValueError("effects.normal_force: 'hop' has no law for a rigid plate's blow that lifts the body; "
-                             "choose unilateral or weight, or a compliant contact")
+        inclined = "inclined" in self.guides and self["effects.inclined_contact"] == "restitution"
+        if rule == "hop" and inclined and angle > math.pi / 2:
+            raise ValueError(f"guide.angle: {angle:g} rad points the inclined guide down, where a blow on its rigid "
+                             "plate presses the body on the ground; give at most 1.5708 rad, or a compliant contact")
         if self["effects.friction"] == "none":
             return
         if rule == "printed":

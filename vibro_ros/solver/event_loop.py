@@ -57,7 +57,8 @@ _SIMULTANEOUS = 16.0 * EPSILON
 
 @kernel
 def _guard_root(system, state, row):
-    """First root up to NEXT of a guard row, from where the mode began; remembered until its polynomial changes."""
+    """First root up to NEXT of a guard row, from where the mode began, whose powers are filled; remembered until its
+    polynomial changes."""
     if state.root[row] > state.clock[ANCHOR]:
         return state.root[row]
     guard = state.work[1]
@@ -66,7 +67,7 @@ def _guard_root(system, state, row):
     if state.index[STANDSTILLS] > _DOUBTFUL_STANDSTILLS:
         guard[0] += _DOUBT * noise
     limit = state.clock[NEXT]
-    root = first_root(guard, state.clock[ANCHOR], limit, noise, state.work[2])
+    root = first_root(guard, state.clock[ANCHOR], state.powers, limit, noise, state.work[2])
     state.root[row] = UNKNOWN if root == NO_ROOT and limit < 1.0 else root
     return root
 
@@ -77,6 +78,7 @@ def _find_next_event(system, state):
     mode = state.index[MODE]
     state.clock[NEXT] = 1.0
     state.index[GUARD] = NOTHING
+    fill_powers(state.clock[ANCHOR], state.powers)
     for g in range(system.guard.shape[1]):
         row = system.guard[mode, g]
         if row == NOTHING:

@@ -97,10 +97,10 @@ def fill_multiple(target, factor, p):
 
 
 @kernel
-def add_multiple(target, factor, p):
-    """target += factor * p."""
+def fill_two_multiples(target, a, p, b, q):
+    """target = a * p + b * q."""
     for n in range(len(p)):
-        target[n] += factor * p[n]
+        target[n] = a * p[n] + b * q[n]
 
 
 @kernel
@@ -120,14 +120,18 @@ def fill_sum(target, r, a, p, b, q):
 @kernel
 def fill_form(form, channels, z, target):
     """target = sum of form[c] z[c] over the leading `channels` that are not negative; returns whether there are any."""
-    for k in range(len(channels)):
-        channel = channels[k]
-        if channel < 0:
-            return k > 0
-        if k == 0:
-            fill_multiple(target, form[channel], z[channel])
-        else:
-            add_multiple(target, form[channel], z[channel])
+    count = 0
+    while count < len(channels) and channels[count] >= 0:
+        count += 1
+    if count == 0:
+        return False
+    if count % 2 == 1:
+        fill_multiple(target, form[channels[0]], z[channels[0]])
+    else:
+        fill_two_multiples(target, form[channels[0]], z[channels[0]], form[channels[1]], z[channels[1]])
+    for k in range(2 - count % 2, count, 2):
+        c, d = channels[k], channels[k + 1]
+        add_two_multiples(target, form[c], z[c], form[d], z[d])
     return True
 
 

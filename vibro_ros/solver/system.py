@@ -148,8 +148,8 @@ class System(NamedTuple):
         that changes; the others' are not its business. `UNCHECKED`: entries alone decide.
     candidate : ndarray of int, shape (m, g, c)
         Modes to try, padded with `NOTHING`; the last one given is entered when the others' guards fail.
-    entry : ndarray of int, shape (m, g, c)
-        Row that must not be negative, before the jump, for the candidate to be entered, or `NOTHING`.
+    entry : ndarray of int, shape (m, g, c, n)
+        Rows that must not be negative, before the jump, for the candidate to be entered, padded with `NOTHING`.
     jump : ndarray of int, shape (m, g, c)
         Entry of `landing` by which the coordinates jump on the way to the candidate, or `NOTHING`.
     landing : ndarray, shape (jumps, 2 coordinates, channels)
@@ -160,6 +160,8 @@ class System(NamedTuple):
         Mode that follows when the rate of ramp k changes.
     event : ndarray of int, shape (m, m)
         Kind of the event recorded when the mode changes from the first to the second, or `NOTHING`.
+    noted : ndarray, shape (kinds, channels)
+        Row of the quantity noted with an event of that kind, before the jump.
     monitor : ndarray, shape (m, k, channels)
         Rows of the quantities whose peaks are kept while their monitor is on, such as contact forces.
     monitor_terms : ndarray of int, shape (m, k, channels)
@@ -200,6 +202,7 @@ class System(NamedTuple):
     strike: np.ndarray
     unheld: np.ndarray
     event: np.ndarray
+    noted: np.ndarray
     monitor: np.ndarray
     monitor_terms: np.ndarray
     monitored: np.ndarray
