@@ -17,11 +17,11 @@ from vibro_ros.solver.forcing import advance_forcing
 from vibro_ros.solver.polynomial import (
     INVERSE,
     LENGTH,
-    add_multiple,
     fill_form,
     fill_integral_powers,
     fill_multiple,
     fill_powers,
+    fill_two_multiples,
     integrate_through,
     product,
 )
@@ -77,8 +77,7 @@ def _fill_growth(load, force, exponent, powers, growth, forced):
         growth[n + 1] = step * free_rate
         forced[n + 1] = step * forced_rate
     amount = (1.0 - product(forced, powers)) / product(growth, powers)
-    fill_multiple(growth, amount, growth)
-    add_multiple(growth, 1.0, forced)
+    fill_two_multiples(growth, amount, growth, 1.0, forced)
 
 
 @kernel
@@ -123,7 +122,7 @@ def _time_without(state, load, rate, speed, scale):
     fill_multiple(guard, -rate, guard)
     guard[0] -= _OVER
     noise = NOISE * abs(rate) * (abs(speed) + scale * 2.0 * half)
-    root = first_root(guard, anchor, 1.0, noise, state.work[2])
+    root = first_root(guard, anchor, state.powers, 1.0, noise, state.work[2])
     if root == NO_ROOT:
         return math.inf
     return half * (root - anchor) * _BEFORE if root > anchor else half
