@@ -51,8 +51,8 @@ def test_divide_by_root(root):
 
 @pytest.mark.parametrize("x", [0.0, 0.2, 0.9])
 def test_recentre(x):
-    target, powers = np.empty(LENGTH), np.empty(LENGTH)
-    poly.fill_powers(x, powers)
+    target, powers = np.empty(LENGTH), np.zeros(2 * LENGTH)
+    poly.fill_powers(x, powers[LENGTH:])
     for p in DECAYING:
         poly.recentre(p, powers, LENGTH, target)
         expected = np.polynomial.Polynomial(p)(np.polynomial.Polynomial([x, 1.0])).coef

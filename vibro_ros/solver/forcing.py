@@ -219,7 +219,7 @@ def _fill_signals(system, state):
     """Polynomials of the signals over a part of a cell, or at a changing speed."""
     clock, cell, phase = state.clock, state.index[CELL], state.work[1]
     phase_terms = _fill_phase(clock, system.signals.start[cell + 1] - system.signals.start[cell], phase)
-    fill_powers(phase[0], state.powers)
+    fill_powers(phase[0], state.shift[LENGTH:])
     phase[0] = 0.0
     reach = 0.0
     for n in range(1, phase_terms):
@@ -227,7 +227,7 @@ def _fill_signals(system, state):
     terms = _terms(reach)
     first, series = 2 * system.sizes[0] + system.sizes[1], state.work[0]
     for k in range(system.sizes[2]):
-        recentre(system.signals.series[cell, k], state.powers, terms, state.z[first + k])
+        recentre(system.signals.series[cell, k], state.shift, terms, state.z[first + k])
     if phase_terms == 2:
         fill_powers(phase[1], state.powers)
     for k in range(system.sizes[2]):

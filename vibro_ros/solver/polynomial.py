@@ -19,8 +19,8 @@ LENGTH = 24
 INVERSE = np.array([0.0] + [1.0 / n for n in range(1, LENGTH + 1)])
 
 _ORDER = np.arange(LENGTH, dtype=float)
-# Entry [n, k] is n + k over n.
-_BINOMIAL = np.array([[float(math.comb(n + k, n)) for k in range(LENGTH)] for n in range(LENGTH)])
+# Entry [n, k] is k over n.
+_BINOMIAL = np.array([[float(math.comb(k, n)) for k in range(LENGTH)] for n in range(LENGTH)])
 
 
 @kernel
@@ -136,21 +136,24 @@ def fill_form(form, channels, z, target):
 
 
 @sum_kernel
-def _taylor(weights, powers, p, n):
-    """Coefficient n of p(x + y) in y, with the powers of x."""
+def _product_of_three(p, q, r):
     total = 0.0
-    for k in range(len(powers) - n):
-        total += weights[k] * powers[k] * p[n + k]
+    for n in range(len(p)):
+        total += p[n] * q[n] * r[n]
     return total
 
 
 @kernel
 def recentre(p, powers, terms, target):
-    """First `terms` coefficients of target(y) = p(x + y), with x as `fill_powers` filled it; the others become zero."""
+    """First `terms` coefficients of target(y) = p(x + y); the others become zero.
+
+    `powers`, shape (2 LENGTH,), are zeros and then the powers of x as `fill_powers` fills them, so that every sum has
+    the same length.
+    """
     for n in range(len(target)):
         target[n] = 0.0
     for n in range(terms):
-        target[n] = _taylor(_BINOMIAL[n], powers, p, n)
+        target[n] = _product_of_three(_BINOMIAL[n], p, powers[LENGTH - n:2 * LENGTH - n])
 
 
 @kernel

@@ -110,6 +110,8 @@ class State(NamedTuple):
         Series that many segments share.
     powers : ndarray, shape (LENGTH,)
         Powers of the instant at which the channels are read.
+    shift : ndarray, shape (2 LENGTH,)
+        Zeros, and then the powers by which signals are recentred.
     defect : ndarray, shape (2, 2 n)
         What the forced motion lacks of the wanted one where a flow begins, and what free motion adds in the middle.
     origin : ndarray, shape (2 coordinates,)
@@ -132,6 +134,7 @@ class State(NamedTuple):
     root: np.ndarray
     library: Library
     powers: np.ndarray
+    shift: np.ndarray
     defect: np.ndarray
     origin: np.ndarray
     moments: np.ndarray
@@ -173,6 +176,7 @@ def new_state(system: System, phase_speed: float, ramp_values: np.ndarray, mode:
         root=np.full(len(system.row), UNKNOWN),
         library=_empty_library(system, channels),
         powers=np.zeros(LENGTH),
+        shift=np.zeros(2 * LENGTH),
         defect=np.zeros((2, 2 * channels.dynamic)),
         origin=np.zeros(2 * channels.coordinates),
         moments=np.zeros(2 * LENGTH),
