@@ -93,6 +93,12 @@ def check_friction(scene, rows):
         return
     coefficient = scene["ground.static_friction" if scene["effects.friction"] != "coulomb" else "ground.friction"]
     limit = coefficient * np.abs(rows["normal_force"])
+    if scene["effects.friction"] == "stribeck":
+        kinetic, speed = scene["ground.friction"], np.abs(rows["body_velocity"])
+        # Of the speeds that a segment of up to a second passes through, a rounding may be missing in the exponent.
+        passed = np.abs(rows["body_velocity"]).max() + limit.max() / scene.total_mass
+        decayed = np.exp(np.minimum(0.0, 64 * ROUNDING * passed - speed) / scene["ground.stribeck_speed"])
+        limit = (kinetic + (coefficient - kinetic) * decayed) * np.abs(rows["normal_force"])
     assert (np.abs(rows["friction_force"]) <= limit + (1.0 + coefficient) * force_rounding(scene, rows)).all()
 
 

@@ -12,6 +12,7 @@ from vibro_ros.solver.recording import EVENT_COLUMNS
 from vibro_ros.solver.state import new_state
 from vibro_ros.solver.system import (
     NOTHING,
+    Decay,
     SignalTable,
     System,
     acceleration_terms,
@@ -47,10 +48,11 @@ def cosine_table(cells=8):
     return SignalTable(start, series[:, None, :])
 
 
-def build(channels, modes, guards=(), signals=None, monitor=None):
+def build(channels, modes, guards=(), signals=None, monitor=None, decay=None):
     """System whose mode m has the rows `modes[m]` and the guards `guards[m]`; entering it is event m.
 
-    `monitor`: the form watched, that noted at its start, and the modes in which it is on.
+    `monitor`: the form watched, that noted at its start, and the modes in which it is on. `decay`: factors and rates
+    of the decaying term, mode by mode.
     """
     count = len(modes)
     acceleration = np.array(modes, dtype=float).reshape(count, channels.coordinates, channels.count)
@@ -98,7 +100,14 @@ def build(channels, modes, guards=(), signals=None, monitor=None):
         approach=np.zeros((0, channels.count)) if monitor is None else np.array([monitor[1]]),
         stretch=np.zeros((count, 0, channels.count)), stiffness=np.zeros((count, 0)),
         power=np.zeros((count, 0, 2, channels.count)), power_terms=np.zeros((count, 0, 2, channels.count), dtype=int),
-        signals=signals or SignalTable(np.array([0.0, 2 * math.pi]), np.zeros((1, 0, LENGTH))))
+        signals=signals or SignalTable(np.array([0.0, 2 * math.pi]), np.zeros((1, 0, LENGTH))),
+        decay=_decay(channels, decay))
+
+
+def _decay(channels, decay):
+    factors, rates = decay or ((), ())
+    factors = np.array(factors, dtype=float).reshape(len(rates), channels.count)
+    return Decay(factors, terms(factors), np.array(rates, dtype=float))
 
 
 class Integration:

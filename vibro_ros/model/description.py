@@ -8,7 +8,7 @@ from vibro_ros.model.automaton import Guard
 from vibro_ros.model.forms import Form
 from vibro_ros.model.modes import OUTPUTS, ModeBuilder
 from vibro_ros.model.slider import Slider
-from vibro_ros.model.symbols import MASS, PLATE, SLIDER, Symbols, multiple, product
+from vibro_ros.model.symbols import MASS, PLATE, SLIDER, Symbols, multiple, total
 from vibro_ros.model.tables import MODE_EVENTS, Model, compile_scene
 from vibro_ros.solver.system import NOTHING
 
@@ -117,10 +117,13 @@ class _Description:
 
     def _friction_force(self) -> Iterator[str]:
         normal, friction = self._output("normal_force")[0], self._output("friction_force")
+        decayed = self._model.forms.decayed_normal_force()
+        law = f"N exp(-|x'|/{self._scene['ground.stribeck_speed']:g})"
         for m, state in enumerate(self._builder.friction.states):
-            factor = multiple(friction[m], normal)
-            force = "F_in" if factor is None else product(factor, "N") if factor else "0"
-            yield f"F_fr = {force}    while {state}"
+            falling = float(decayed @ friction[m])
+            factor = multiple(friction[m] - falling * decayed, normal)
+            sliding = [(part, symbol) for part, symbol in ((factor, "N"), (falling, law)) if part]
+            yield f"F_fr = {'F_in' if factor is None else total(sliding)}    while {state}"
 
     def modes(self) -> Iterator[str]:
         """Their number, and where it comes from."""

@@ -14,6 +14,7 @@ from vibro_ros.solver.system import (
     NOTHING,
     UNCHECKED,
     Channels,
+    Decay,
     System,
     acceleration_terms,
     couplings,
@@ -79,9 +80,18 @@ def compile_scene(scene) -> Model:
         unheld=_unheld_table(builder),
         **audit_tables(builder, scene),
         signals=signal_table(list(sliders)),
+        decay=_decay_table(builder),
     )
     output = np.array([builder.outputs(mode) for mode in builder.modes])
     return Model(forms, sliders, builder.modes, system, output, builder.initial_mode)
+
+
+def _decay_table(builder: ModeBuilder) -> Decay:
+    """The normal force of a slipping body, which Stribeck's law lets decay."""
+    forms, modes = builder.forms, builder.modes if builder.forms.friction_decays else ()
+    rate = np.array([builder.friction.decay_rate(mode.friction) for mode in modes])
+    factor = np.array([builder.normal_force(mode) for mode in modes]).reshape(len(modes), forms.channels.count)
+    return Decay(factor, terms(factor), rate)
 
 
 def _tilt(scene, side: str) -> float:

@@ -8,6 +8,7 @@ import math
 
 from vibro_ros.solver.audit import close_audit, open_audit
 from vibro_ros.solver.compilation import kernel
+from vibro_ros.solver.decay import decays, known_reach, resolve_decay
 from vibro_ros.solver.flow import solve_driven, solve_dynamic, weighted_sum
 from vibro_ros.solver.forcing import advance_forcing, choose_segment, fill_forcing, phase_at, place_of
 from vibro_ros.solver.polynomial import fill_form, fill_powers, product
@@ -92,15 +93,28 @@ def _find_next_event(system, state):
 
 
 @kernel
+def _solve_up_to_driven(system, state, point):
+    """Set up a segment that is short enough for a decaying term, if the mode has one."""
+    longest = known_reach(system, state)
+    while True:
+        choose_segment(system, state, longest)
+        fill_forcing(system, state)
+        solve_dynamic(system, state, point)
+        if not decays(system, state.index[MODE]):
+            return
+        longest = resolve_decay(system, state, point)
+        if longest == math.inf:
+            return
+
+
+@kernel
 def _begin_mode(system, state, point, same_flow):
     """Begin the current mode at `point`, in the segment that is there if its flow is the same; False on a lost root."""
     for channel in range(len(state.origin)):
         state.origin[channel] = point[channel]
     if not same_flow:
-        choose_segment(system, state)
-        fill_forcing(system, state)
+        _solve_up_to_driven(system, state, point)
         state.index[SEGMENTS] += 1
-        solve_dynamic(system, state, point)
     solve_driven(system, state, point)
     if not same_flow:
         open_audit(system, state, point)
@@ -167,7 +181,7 @@ def _pass_event(system, state, point, events, count):
     if fires:
         candidate = choose_candidate(system, state, point)
         mode = system.candidate[mode, state.index[GUARD], candidate]
-        same_flow = x < 1.0 and keeps_flow(system, state, mode, point)
+        same_flow = x < 1.0 and keeps_flow(system, state, mode, point) and not decays(system, mode)
     state.index[STANDSTILLS] = state.index[STANDSTILLS] + 1 if fires and x == state.clock[ANCHOR] else 0
     if not same_flow:
         update_peaks(system, state, x)

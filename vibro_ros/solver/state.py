@@ -21,7 +21,8 @@ SPEED_TARGET = 9  # ... what it changes to ...
 SPEED_TIME = 10  # ... and in how long [s]
 LAG = 11  # time constant [s] with which the speed approaches its target instead, or 0
 CELL_TIME = 12  # time from the segment's start to the end of the cell [s]
-_CLOCK_ENTRIES = 13
+REACH = 13  # duration [s] of a segment that the series of a decaying term may resolve
+_CLOCK_ENTRIES = 14
 
 # Entries of `State.index`.
 MODE = 0
@@ -184,6 +185,7 @@ def new_state(system: System, phase_speed: float, ramp_values: np.ndarray, mode:
     )
     state.ramp[:, VALUE] = state.ramp[:, TARGET] = ramp_values
     state.clock[[SPEED, SPEED_TARGET]] = phase_speed
+    state.clock[REACH] = np.inf
     state.index[MODE] = mode
     state.index[VERSION] = 1
     return state

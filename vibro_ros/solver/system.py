@@ -2,10 +2,11 @@
 
 Coordinates q obey, in mode m, q'' = A_m z with the *channels*
 
-    z = [q, q', a, f, f', r, r', 1]
+    z = [q, q', a, f, f', r, r', d, 1]
 
 where a = q'' of the dynamic coordinates, f are periodic signals of a phase whose speed is constant or
-changes linearly, and r are ramps, which move to their targets at limited speed. The first `dynamic`
+changes linearly, r are ramps, which move to their targets at limited speed, and d, where there is one, is
+a term that decays exponentially with a driven coordinate's velocity (`Decay`). The first `dynamic`
 coordinates may enter their own right-hand sides, with the forcing; the others are driven by all of these,
 and nothing depends on them but guards and outputs, so that a mode which changes their equations alone
 leaves the flow of the dynamic ones as it is.
@@ -36,11 +37,12 @@ class Channels(NamedTuple):
     dynamic: int
     signals: int
     ramps: int
+    decays: int = 0  # or 1
 
     @property
     def count(self) -> int:
         """Length of z."""
-        return 2 * (self.coordinates + self.signals + self.ramps) + self.dynamic + 1
+        return 2 * (self.coordinates + self.signals + self.ramps) + self.dynamic + self.decays + 1
 
     def position(self, i: int) -> int:
         """Channel of coordinate i."""
@@ -71,6 +73,11 @@ class Channels(NamedTuple):
         return self.ramp(self.ramps) + k
 
     @property
+    def decay(self) -> int:
+        """Channel of the decaying term."""
+        return self.count - 2
+
+    @property
     def one(self) -> int:
         """Channel of the constant 1."""
         return self.count - 1
@@ -91,13 +98,33 @@ class SignalTable(NamedTuple):
     series: np.ndarray
 
 
+class Decay(NamedTuple):
+    """A decaying term d = f exp(r v): v is the velocity of the first driven coordinate, the only one that reads d.
+
+    Nothing else reads it but outputs. All arrays are empty where there is none.
+
+    Attributes
+    ----------
+    factor : ndarray, shape (m, channels)
+        Rows of the factor f.
+    terms : ndarray of int, shape (m, channels)
+        Channels that they read, padded with `NOTHING`.
+    rate : ndarray, shape (m,)
+        r, with r v <= 0 while the mode lasts; 0 in a mode without such a term.
+    """
+
+    factor: np.ndarray
+    terms: np.ndarray
+    rate: np.ndarray
+
+
 class System(NamedTuple):
     """The tables of a piecewise linear system; m modes of at most g guards with c candidates, k monitors.
 
     Attributes
     ----------
-    sizes : ndarray of int, shape (4,)
-        Coordinates, dynamic coordinates, signals, ramps.
+    sizes : ndarray of int, shape (5,)
+        Coordinates, dynamic coordinates, signals, ramps, decaying terms.
     acceleration : ndarray, shape (m, coordinates, channels)
         Rows of A.
     flow : ndarray of int, shape (m,)
@@ -153,6 +180,8 @@ class System(NamedTuple):
         Channels that they read, padded with `NOTHING`.
     signals : SignalTable
         The periodic signals.
+    decay : Decay
+        The decaying term.
     """
 
     sizes: np.ndarray
@@ -183,6 +212,7 @@ class System(NamedTuple):
     power: np.ndarray
     power_terms: np.ndarray
     signals: SignalTable
+    decay: Decay
 
 
 def terms(forms: np.ndarray) -> np.ndarray:
