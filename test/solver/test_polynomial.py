@@ -28,16 +28,16 @@ def test_value_and_derivatives(x):
         for _ in range(2):
             coefficients = [n * c for n, c in enumerate(coefficients)][1:]
             derivatives.append(sum(c * Fraction(x) ** n for n, c in enumerate(coefficients)))
-        found = poly.value_and_derivatives(p, LENGTH, x)
+        found = poly.value_and_derivatives(p, LENGTH // 2, x)
         np.testing.assert_allclose(found, [float(d) for d in derivatives], rtol=0, atol=1e-14)
         assert poly.value(p, x) == pytest.approx(float(derivatives[0]), abs=1e-15)
 
 
 def test_value_and_derivatives_of_the_leading_terms():
-    assert poly.value_and_derivatives(DECAYING[0], 1, 0.5) == (DECAYING[0, 0], 0.0, 0.0)
-    a, b, c = DECAYING[0, :3]
-    expected = (a + b / 2 + c / 4, b + c, 2 * c)
-    assert poly.value_and_derivatives(DECAYING[0], 3, 0.5) == pytest.approx(expected, abs=1e-16)
+    a, b, c, d = DECAYING[0, :4]
+    assert poly.value_and_derivatives(DECAYING[0], 1, 0.5) == pytest.approx((a + b / 2, b, 0.0), abs=1e-16)
+    expected = (a + b / 2 + c / 4 + d / 8, b + c + 3 * d / 4, 2 * c + 3 * d)
+    assert poly.value_and_derivatives(DECAYING[0], 2, 0.5) == pytest.approx(expected, abs=1e-15)
 
 
 @pytest.mark.parametrize("root", [0.0, 0.3, 1.0])
@@ -51,8 +51,8 @@ def test_divide_by_root(root):
 
 @pytest.mark.parametrize("x", [0.0, 0.2, 0.9])
 def test_recentre(x):
-    target, powers = np.empty(LENGTH), np.empty(LENGTH)
-    poly.fill_powers(x, powers)
+    target, powers = np.empty(LENGTH), np.zeros(2 * LENGTH)
+    poly.fill_powers(x, powers[LENGTH:])
     for p in DECAYING:
         poly.recentre(p, powers, LENGTH, target)
         expected = np.polynomial.Polynomial(p)(np.polynomial.Polynomial([x, 1.0])).coef
@@ -83,12 +83,41 @@ def test_differentiate_in_time():
     np.testing.assert_array_equal(p, target)
 
 
-def test_add_multiples():
-    target = DECAYING[1].copy()
-    poly.add_multiple(target, -3.0, DECAYING[2])
-    np.testing.assert_allclose(target, DECAYING[1] - 3.0 * DECAYING[2], rtol=0, atol=1e-15)
-    poly.add_two_multiples(target, 2.0, DECAYING[2], -1.0, DECAYING[1])
-    np.testing.assert_allclose(target, -DECAYING[2], rtol=0, atol=1e-15)
+def test_multiples():
+    target = np.empty(LENGTH)
+    poly.fill_two_multiples(target, 3.0, DECAYING[0], -2.0, DECAYING[1])
+    np.testing.assert_allclose(target, 3.0 * DECAYING[0] - 2.0 * DECAYING[1], rtol=0, atol=1e-15)
+    poly.add_two_multiples(target, -3.0, DECAYING[0], 1.0, DECAYING[1])
+    np.testing.assert_allclose(target, -DECAYING[1], rtol=0, atol=1e-15)
+
+
+@pytest.mark.parametrize("channels", [(), (2,), (0, 2), (0, 1, 2)])
+def test_fill_form(channels):
+    target, form = np.zeros(LENGTH), np.array([0.5, -2.0, 3.0])
+    listed = np.array([*channels, *[-1] * (3 - len(channels))])
+    assert poly.fill_form(form, listed, DECAYING[:3].copy(), target) == bool(channels)
+    expected = sum((form[c] * DECAYING[c] for c in channels), np.zeros(LENGTH))
+    np.testing.assert_allclose(target, expected, rtol=0, atol=2e-15)
+
+
+def test_fill_sum():
+    target = np.empty(LENGTH)
+    poly.fill_sum(target, DECAYING[0], -3.0, DECAYING[1], 2.0, DECAYING[2])
+    expected = DECAYING[0] - 3.0 * DECAYING[1] + 2.0 * DECAYING[2]
+    np.testing.assert_allclose(target, expected, rtol=0, atol=1e-15)
+
+
+@pytest.mark.parametrize("x", [-1.0, 0.3])
+def test_integrate_through(x):
+    """The integral has p as its derivative, cut by one term, and the wanted value at x."""
+    powers, weights, target, rate = (np.empty(LENGTH) for _ in range(4))
+    poly.fill_powers(x, powers)
+    poly.fill_integral_powers(powers, weights)
+    for p in DECAYING:
+        poly.integrate_through(p, 0.02, weights, 0.7, target)
+        assert poly.product(target, powers) == pytest.approx(0.7, abs=2e-16)  # its own rounding, twice
+        poly.differentiate(target, 0.02, rate)
+        np.testing.assert_allclose(rate, [*p[:-1], 0.0], rtol=1e-15)
 
 
 def test_scale_argument():

@@ -33,6 +33,8 @@ DAMPERS = {f"{side}.{part}.damping": value for side in ("upper", "inclined")
            for part, value in (("spring", 2.0), ("plate", 100.0))}
 RIGID = {"effects.upper_contact": "restitution", "effects.inclined_contact": "restitution"}
 UNILATERAL = {"effects.normal_force": "unilateral"}
+HOP = {"effects.normal_force": "hop"}
+HEAVY = {"effects.reaction": True, "effects.mass_weight": True}
 SPEED_UP = ((0.03, {"motor_speed": 140.0}), (0.11, {"motor_speed": 60.0}))
 GAPS = ((0.02, {"upper_gap": 0.0004, "inclined_gap": -0.0003}), (0.1, {"upper_gap": 0.0}))
 
@@ -50,11 +52,27 @@ EFFECTS = {
     "dampers without tension": (UNILATERAL | DAMPERS | {"effects.adhesion": False}, ()),
     "rigid plates": (UNILATERAL | RIGID, ()),
     "rigid plates, reaction and weight": (
-        UNILATERAL | RIGID | {"effects.reaction": True, "effects.mass_weight": True}, ()),
+        UNILATERAL | RIGID | HEAVY, ()),
     "bounces that die out": (
         UNILATERAL | RIGID | {"upper.plate.restitution": 0.2, "inclined.plate.restitution": 0.4}, ()),
+    "bounces that die out at once": (
+        UNILATERAL | RIGID | HEAVY | {"upper.plate.restitution": 0.001, "inclined.plate.restitution": 0.02}, GAPS),
     "reaction": (UNILATERAL | {"effects.reaction": True}, ()),
     "weight of the masses": (UNILATERAL | {"effects.mass_weight": True}, ()),
+    "hop": (HOP | DAMPERS, ()),
+    "hop without loss": (HOP, ()),
+    "hop, reaction and weight": (HOP | DAMPERS | HEAVY, ()),
+    "hop, reaction, static friction and no tension": (
+        HOP | DAMPERS | HEAVY | {"effects.friction": "static", "ground.static_friction": 0.35,
+                                 "effects.adhesion": False}, ()),
+    "hop on ice": (HOP | DAMPERS | HEAVY | {"effects.friction": "none", "guide.angle": 2.2}, ()),
+    "hop on a ground so smooth that a landing turns the body round": (
+        HOP | DAMPERS | HEAVY | {"ground.friction": 0.005, "guide.angle": 0.8, "mass.inclined": 0.4,
+                                 "upper.plate.damping": 20.0, "inclined.plate.damping": 20.0}, ()),
+    "hop straight up": (HOP | DAMPERS | HEAVY | {"effects.inclined_mass": False}, ()),
+    "hop with a lag motor": (
+        HOP | DAMPERS | HEAVY | {"effects.motor": "lag", "motor.time_constant": 0.03}, SPEED_UP),
+    "hop with moving plates": (HOP | DAMPERS, GAPS),
     "ideal motor": (UNILATERAL, SPEED_UP),
     "ramp motor": (UNILATERAL | {"effects.motor": "ramp", "motor.acceleration": 800.0}, SPEED_UP),
     "lag motor": (UNILATERAL | {"effects.motor": "lag", "motor.time_constant": 0.03}, SPEED_UP),
@@ -75,17 +93,18 @@ def simulated(scene, times, commands):
         device.advance_to(time)
         rows.append([getattr(device.state, column) for column in COLUMNS])
         events.append(device.take_events())
-    return np.array(rows), np.sort(np.concatenate(events), order="time")
+    events = np.concatenate(events)
+    return np.array(rows), events[np.argsort(events["time"], kind="stable")]
 
 
 def assert_agreement(scene, duration, commands=(), position=POSITION):
     times = np.linspace(0.0, duration, 41)
     peer = integrate_heyoka(scene, times, commands=commands)
     samples, events = simulated(scene, times, commands)
-    for column, limit in enumerate((position, 1e4 * position) * 3):
+    for column, limit in enumerate((position, 1e4 * position) * 4):
         error = np.abs(peer.samples[:, column] - samples[:, column])
         assert error.max() <= limit, f"{COLUMNS[column]} off by {error.max():.1e} at {times[error.argmax()]:g} s"
-    for kind in ("upper_contact", "inclined_contact", "stick", "unloaded"):
+    for kind in ("upper_contact", "inclined_contact", "stick", "unloaded", "lift_off", "landing"):
         ours, theirs = events[events["kind"] == kind], peer.events[peer.events["kind"] == kind]
         theirs = theirs[np.isfinite(theirs["duration"])]  # the solver reports a contact when it has ended
         assert len(ours) == len(theirs), kind
@@ -106,6 +125,30 @@ def test_a_blow_without_rebound_moves_the_body():
     assert_agreement(vibro_ros.load_scene("paper").with_parameters(changes), 0.2)
 
 
+def test_a_body_lifts_off_in_an_impact_and_lands_slipping_sticking_or_turned_round():
+    """What the scenes with the rule `hop` compare, besides the motion: every kind of lift-off and landing occurs."""
+    landings = []
+    for name in ("hop", "hop on a ground so smooth that a landing turns the body round"):
+        peer = Peer(vibro_ros.load_scene("paper").with_parameters(EFFECTS[name][0]))
+        events = peer.run(0.2, 200.0).events
+        kinds = events["kind"]
+        lift_off, impacts = events["time"][kinds == "lift_off"], events[kinds == "upper_contact"]
+        ends = impacts["time"] + impacts["duration"]
+        assert np.any((lift_off[:, None] > impacts["time"]) & (lift_off[:, None] < ends)), name
+        instants = events["time"][kinds == "landing"]
+        around = peer.integrate(np.ravel(np.column_stack((instants - 1e-9, instants + 1e-9)))).samples
+        landings.append(np.stack((around[::2], around[1::2])))
+    before, after = np.concatenate(landings, axis=1)
+    speed, height, climb = (COLUMNS.index(f"body_{column}") for column in ("velocity", "height", "vertical_velocity"))
+    assert np.all(before[:, climb] < 0.0)
+    assert np.any(before[:, speed] * after[:, speed] > 0.0)
+    assert np.any(after[:, speed] == 0.0)
+    assert np.any(before[:, speed] * after[:, speed] < 0.0)
+    grounded = after[:, height] == 0.0  # the others lifted off again in the same instant
+    assert np.count_nonzero(grounded) > 5
+    assert np.all(after[grounded, climb] == 0.0)
+
+
 def test_the_damped_device_agrees_for_longer_than_chaos_would_let_it():
     """2 s; the motion contracts, so that the limits of 0.2 s hold."""
     scene = vibro_ros.load_scene("device").with_parameters({"motor.speed": 100.0, "solver.audit": False})
@@ -123,10 +166,13 @@ def test_a_random_scene_agrees_with_the_peer(seed):
 
 
 def random_extras(pick, changes):
-    """Effects that `draw` does not know: a motor with lag, and rigid plates where the scene may have them."""
-    extras = {"effects.motor": pick.choice([changes["effects.motor"], "lag"])}
-    if changes["effects.normal_force"] == "weight" or (
-            changes["effects.normal_force"] == "unilateral" and changes["guide.angle"] < 1.57):
+    """Effects that `draw` does not know: a motor with lag, a body that hops, rigid plates where the scene may have
+    them."""
+    rule = changes["effects.normal_force"]
+    if rule == "unilateral":
+        rule = pick.choice([rule, "hop"])
+    extras = {"effects.motor": pick.choice([changes["effects.motor"], "lag"]), "effects.normal_force": rule}
+    if rule == "weight" or (rule == "unilateral" and changes["guide.angle"] < 1.57):
         extras |= {f"effects.{side}_contact": pick.choice(["compliant", "restitution"])
                    for side in ("upper", "inclined")}
     return extras
@@ -140,6 +186,11 @@ def test_the_peer_notices_an_effect_left_out():
         lighter = scene.with_parameters({"effects.reaction": True})
         error = np.abs(integrate_heyoka(scene, times).samples - simulated(lighter, times, ())[0])[:, ::2]
         assert error.max() <= 1e7 * POSITION, f"off by {error.max()}"
+
+
+def test_the_peer_refuses_what_it_does_not_simulate():
+    with pytest.raises(ValueError, match="no rigid plates that throw a hopping body up"):
+        Peer(vibro_ros.load_scene("rigid").with_parameters(HOP))
 
 
 def test_a_peer_runs_again_from_the_start():

@@ -140,8 +140,10 @@ SCENE_PARAMETERS: tuple[Parameter, ...] = (
     *_guide("inclined", "3", "1", "H"),
     Parameter("ground.friction", 0.2, "", "kinetic friction coefficient of body on ground, μ",
               minimum=0.0, maximum=1e3),
-    Parameter("ground.static_friction", 0.25, "", "friction coefficient of a body at rest, at least ground.friction",
-              minimum=0.0, maximum=1e3),
+    Parameter("ground.static_friction", 0.25, "", "friction coefficient of a body at rest, μs, at least "
+              "ground.friction", minimum=0.0, maximum=1e3),
+    Parameter("ground.stribeck_speed", 0.01, "m/s", "speed v_s over which friction falls from static to kinetic: "
+              "μ(v) = μ + (μs - μ) exp(-abs(v)/v_s)", minimum=1e-6, maximum=1e3),
     Parameter("gravity", 9.81, "m/s²", "gravitational acceleration, g", minimum=0.0, maximum=1e3),
     Parameter("motor.speed", 100.0, "rad/s", "motor speed at t = 0, and the command until another arrives",
               minimum=0.0, maximum=1e4),
@@ -163,7 +165,8 @@ SCENE_PARAMETERS: tuple[Parameter, ...] = (
               choices=("none", "restitution", "compliant")),
     Parameter("effects.adhesion", True, "", "true: a plate's damper may pull, as printed; false: no tension"),
     Parameter("effects.friction", "coulomb", "", "friction of the body on the ground; static: "
-              "ground.static_friction holds a body at rest", choices=("none", "coulomb", "static")),
+              "ground.static_friction holds a body at rest; stribeck: and falls to ground.friction with the speed",
+              choices=("none", "coulomb", "static", "stribeck")),
     Parameter("effects.normal_force", "printed", "", "weight: N = M g; unilateral: eq. (6), not below 0; "
               "printed: eq. (6), may be negative; hop: at 0 the body leaves the ground and lands inelastically",
               choices=("weight", "unilateral", "printed", "hop")),

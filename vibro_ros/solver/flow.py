@@ -14,7 +14,9 @@ from vibro_ros.solver.polynomial import (
     copy,
     differentiate,
     fill_form,
+    fill_integral_powers,
     fill_powers,
+    fill_sum,
     integrate_through,
     product,
 )
@@ -160,10 +162,12 @@ def _carry_to_middle(system, state, free, free_end):
 
 
 @kernel
-def _add_free_motion(system, state, free, c, target):
-    """target += component c of the free motion."""
+def _add_free_motion(system, state, free, c, forced, target):
+    """target = forced + component c of the free motion."""
     first, step = _companions(system, state, c)
-    for j in range(first, len(free), 2 * step):
+    other = first + step
+    fill_sum(target, forced, state.defect[1, first], free[first, c], state.defect[1, other], free[other, c])
+    for j in range(first + 2 * step, len(free), 2 * step):
         other = j + step
         add_two_multiples(target, state.defect[1, j], free[j, c], state.defect[1, other], free[other, c])
 
@@ -173,11 +177,10 @@ def _pass_through(system, state, point):
     """Set the constant terms anew, by less than a rounding or two: carried to the middle and back, the values would be
     off by the same rounding in every segment of the kind."""
     fill_powers(state.clock[ENTRANCE], state.powers)
+    state.powers[0] = 0.0
     for c in range(2 * system.sizes[1]):
         channel = _component(system, c)
-        series = state.z[channel]
-        series[0] = 0.0
-        series[0] = point[channel] - product(series, state.powers)
+        state.z[channel, 0] = point[channel] - product(state.z[channel], state.powers)
 
 
 @kernel
@@ -209,9 +212,10 @@ def solve_dynamic(system, state, point):
         _carry_to_middle(system, state, free, library.free_end[flow, slot])
     for c in range(2 * dynamic):
         channel = _component(system, c)
-        copy(motion[c], z[channel])
         if incomplete:
-            _add_free_motion(system, state, free, c, z[channel])
+            _add_free_motion(system, state, free, c, motion[c], z[channel])
+        else:
+            copy(motion[c], z[channel])
         _rescale(state, channel, abs(z[channel, 0]) + abs(z[channel, 1]))
     if incomplete:
         _pass_through(system, state, point)
@@ -224,17 +228,18 @@ def solve_dynamic(system, state, point):
 def solve_driven(system, state, point):
     """Series of the driven coordinates that pass through `point` where the mode begins."""
     coordinates, mode = system.sizes[0], state.index[MODE]
-    z, half, acceleration = state.z, state.clock[HALF], state.work[0]
+    z, half, acceleration, anchor = state.z, state.clock[HALF], state.work[0], state.work[1]
     fill_powers(state.clock[ANCHOR], state.powers)
+    fill_integral_powers(state.powers, anchor)
     for i in range(system.sizes[1], coordinates):
         row = system.acceleration[mode, i]
         rate = z[coordinates + i]
         if fill_form(row, system.terms[mode, i], z, acceleration):
-            integrate_through(acceleration, half, state.powers, point[coordinates + i], rate)
+            integrate_through(acceleration, half, anchor, point[coordinates + i], rate)
         else:
             rate[:] = 0.0
             rate[0] = point[coordinates + i]
-        integrate_through(rate, half, state.powers, point[i], z[i])
+        integrate_through(rate, half, anchor, point[i], z[i])
         duration = 2.0 * half
         state.scale[coordinates + i] = abs(point[coordinates + i]) + weighted_sum(row, state.scale) * duration
         state.scale[i] = abs(point[i]) + state.scale[coordinates + i] * duration

@@ -8,7 +8,8 @@ from vibro_ros.solver.polynomial import (
     copy,
     differentiate,
     divide_by_root,
-    value,
+    fill_powers,
+    product,
     value_and_derivatives,
 )
 
@@ -72,45 +73,49 @@ def _third_derivative_bound(p):
 
 
 @kernel
-def _terms(p, noise):
-    """Number of leading coefficients beside which the others are lost in the noise."""
-    terms = LENGTH
-    while terms > 1 and abs(p[terms - 1]) <= 0.01 * noise:
-        terms -= 1
-    return terms
+def _pairs(p, noise):
+    """Number of leading pairs of coefficients beside which the others are lost in the noise."""
+    pairs = LENGTH // 2
+    while pairs > 1 and abs(p[2 * pairs - 2]) + abs(p[2 * pairs - 1]) <= 0.01 * noise:
+        pairs -= 1
+    return pairs
 
 
 @kernel
-def _march(p, terms, a):
-    """First root of p, positive at a, in (a, 1], by steps that a bound on p''' proves to be free of roots.
+def _march(p, pairs, a, limit):
+    """First root of p, positive at a, in (a, limit], by steps that a bound on p''' proves to be free of roots.
 
-    Near a simple root the steps converge like Newton's, from the safe side; a near miss
+    Near a simple root the steps converge faster than Newton's, from the safe side; a near miss
     (p > 0 at its minimum) is passed in a few steps, because its curvature is in the bound.
     """
     third = _third_derivative_bound(p)
     x = a
+    reach = limit - x
     for _ in range(_MOST_STEPS):
-        f, d, dd = value_and_derivatives(p, terms, x)
+        f, d, dd = value_and_derivatives(p, pairs, x)
         if f <= 0.0:
             return x
-        remaining = 1.0 - x
-        step = _safe_step(f, d, dd, third, remaining)
-        if step >= remaining:
+        # A shorter reach bends the bound less; a root is hardly farther than twice where the tangent has it.
+        if x > a and 2.0 * f < -d * reach:
+            reach = -2.0 * f / d
+        step = _safe_step(f, d, dd, third, reach)
+        if step >= limit - x:
             return NO_ROOT
-        # A shorter reach bends the bound less: as long as all of it proves safe, try one twice as long.
-        reach = step
-        while 0.0 < reach <= step and 2.0 * step < remaining:
-            reach = 2.0 * step
-            step = max(step, _safe_step(f, d, dd, third, reach))
+        # Where it bends the bound too much, twice as far as has been proved, as long as all of that proves safe.
+        proved = step
+        while proved == step and 2.0 * step < reach:
+            proved = 2.0 * step
+            step = max(step, _safe_step(f, d, dd, third, proved))
         x += max(step, _ULP_OF_ONE)
-        if x > 1.0:
+        reach = limit - x
+        if reach < 0.0:
             return NO_ROOT
     return SEARCH_FAILED
 
 
 @kernel
-def first_root(p, a, noise, work):
-    """First instant in [a, 1] at which the guard p turns negative.
+def first_root(p, a, powers, limit, noise, work):
+    """First instant in [a, limit] at which the guard p turns negative.
 
     A zero at a itself is divided out, as often as it takes, so that the sign of the first
     coefficient that differs from zero decides: a guard that has just been left, or that starts
@@ -122,6 +127,10 @@ def first_root(p, a, noise, work):
         The guard, which a valid mode keeps non-negative.
     a : float
         Where the mode begins, -1 <= a < 1.
+    powers : ndarray, shape (LENGTH,)
+        The powers of `a`.
+    limit : float
+        Where the search ends, a < limit <= 1.
     noise : float
         Rounding error of the guard: what lies within it counts as zero.
     work : ndarray, shape (LENGTH,)
@@ -136,35 +145,44 @@ def first_root(p, a, noise, work):
     if _lower_bound(p) > noise:
         return NO_ROOT
     copy(p, work)
-    f = value(work, a)
+    f = product(work, powers)
     hidden = noise
     for _ in range(_DEEPEST_ZERO):
         if f > hidden:
-            return _march(work, _terms(work, noise), a)
+            return _march(work, _pairs(work, noise), a, limit)
         if f < -hidden:
             return a
         divide_by_root(work, a)
-        f = value(work, a)
+        f = product(work, powers)
         hidden = _ECHO * noise
     return NO_ROOT
 
 
+@sum_kernel
+def _sum_of_magnitudes(p):
+    total = 0.0
+    for n in range(len(p)):
+        total += abs(p[n])
+    return total
+
+
 @kernel
-def maximum(p, a, b, slope, work):
+def maximum(p, a, b, work):
     """Largest value of p on [a, b]: the ends and every turning point between them.
 
-    `slope` and `work`, shape (LENGTH,), are overwritten.
+    `work`, shape (3, LENGTH), is overwritten.
     """
+    slope, powers = work[0], work[1]
     differentiate(p, 1.0, slope)
-    noise = 0.0
-    for n in range(LENGTH):
-        noise += 1e-15 * abs(slope[n])
-    best = max(value(p, a), value(p, b))
+    noise = 1e-15 * _sum_of_magnitudes(slope)
+    fill_powers(b, powers)
+    best = product(p, powers)
     x = a
     while True:
-        x = first_root(slope, x, noise, work)
+        fill_powers(x, powers)
+        best = max(best, product(p, powers))
+        x = first_root(slope, x, powers, b, noise, work[2])
         if x < a or x >= b:
             return best
-        best = max(best, value(p, x))
-        for n in range(LENGTH):
+        for n in range(len(slope)):
             slope[n] = -slope[n]

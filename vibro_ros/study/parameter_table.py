@@ -8,6 +8,7 @@ from pathlib import Path
 
 from vibro_ros.model.parameters import SCENE_PARAMETERS, Parameter, Value
 from vibro_ros.scene_file import DEVICE_PARAMETERS, load_scene
+from vibro_ros.study.generated_text import replaced
 
 BEGIN = "<!-- parameters: written by `make docs` -->"
 END = "<!-- end of parameters -->"
@@ -68,11 +69,7 @@ def updated(document: str) -> str:
     ValueError
         If the marks are not there, once each and in order.
     """
-    head, begin, rest = document.partition(BEGIN)
-    _, end, tail = rest.partition(END)
-    if not (begin and end) or BEGIN in rest or END in tail:
-        raise ValueError(f"the table's place is not marked; write '{BEGIN}' and '{END}' once each")
-    return f"{head}{BEGIN}\n{parameter_table()}\n{END}{tail}"
+    return replaced(document, BEGIN, END, parameter_table())
 
 
 def main(arguments: list[str] | None = None) -> int:

@@ -14,7 +14,7 @@ from vibro_ros.study.peer.equations import Equations
 
 #: Columns of `PeerRun.samples`.
 COLUMNS = ("upper_position", "upper_velocity", "inclined_position", "inclined_velocity", "body_position",
-           "body_velocity")
+           "body_velocity", "body_height", "body_vertical_velocity")
 _SAME_INSTANT = 1e-13  # s; a time of about 1 s is rounded by 1e-16
 _EVENT_DTYPE = np.dtype([("time", float), ("kind", "U16"), ("speed", float), ("duration", float)])
 
@@ -27,11 +27,12 @@ class PeerRun:
     ----------
     times : ndarray, shape (n,)
         Instants [s].
-    samples : ndarray, shape (n, 6)
-        u, u', w, w', x, x' [m, m/s] (`COLUMNS`); zero for what the scene does not have.
+    samples : ndarray, shape (n, 8)
+        u, u', w, w', x, x', y, y' [m, m/s] (`COLUMNS`); zero for what the scene does not have.
     events : structured ndarray
         By time: `time` [s], `kind` (`upper_contact`, `inclined_contact`, `stick`, `slip_forward`, `slip_backward`,
-        `unloaded`), and for contacts approach `speed` [m/s] and `duration` [s], infinite if they last at the end.
+        `unloaded`, `lift_off`, `landing`), and for contacts approach `speed` [m/s] and `duration` [s], infinite if
+        they last at the end.
     steps : int
         Taylor steps.
     wall_time : float
@@ -54,11 +55,18 @@ class Peer:
         What to simulate.
     tolerance : float
         heyoka's, relative to the state; its strictest is about 1e-15.
+
+    Raises
+    ------
+    ValueError
+        For rigid plates together with a body that hops.
     """
 
     def __init__(self, scene: Scene, tolerance: float = 1e-15):
         self.scene = scene
         equations = self._equations = Equations(scene)
+        if equations.hops and any(guide.kind == "restitution" for guide in equations.guides):
+            raise ValueError(f"scene {scene.name}: the peer has no rigid plates that throw a hopping body up")
         guards = equations.guards()
         self._actions: dict[str, object] = {}
         events = [self._event(name, guard) for name, guard in guards.items()]
@@ -73,7 +81,7 @@ class Peer:
 
         def act(integrator, direction):
             actions[name](integrator.time, direction)
-            return True
+            return self._automaton.present.flight == 0.0  # else stop, and go on in short steps
 
         if name.endswith("kink"):  # crossed at the motor's speed, again only half a turn later
             return hy.t_event(guard, callback=act)
@@ -118,7 +126,7 @@ class Peer:
             self._count_from(stop - now)
             now = stop
         wall_time = wall_clock.perf_counter() - began
-        found = np.array(self._automaton.events, dtype=_EVENT_DTYPE)
+        found = np.array(self._automaton.present.events, dtype=_EVENT_DTYPE)
         return PeerRun(times, np.concatenate(parts), found, steps, wall_time)
 
     # -- start, commands and ramps: time is counted from the last of them ------------------------------
@@ -140,8 +148,8 @@ class Peer:
             crank = math.cos(guide.angle)
             slider = scene["crank.radius"] * crank + math.sqrt(guide.rod**2 - (scene["crank.radius"] * math.sin(
                 guide.angle))**2)
-            automaton.set(f"{side}.free", 1.0)
-            automaton.set(f"{side}.sign", math.copysign(1.0, crank))
+            automaton.present.set(f"{side}.free", 1.0)
+            automaton.present.set(f"{side}.sign", math.copysign(1.0, crank))
             self._plates[side] = self._goals[side] = plate
             self._set_plate(side, 0.0)
             rest = min(slider - plate, 0.0) if guide.kind != "none" else slider
@@ -153,15 +161,15 @@ class Peer:
         self._change = change[self.scene["effects.motor"]] if self._target != self._speed else 0.0
         steady = self._target if self.scene["effects.motor"] == "lag" else self._speed
         for name, value in (("angle", self._angle), ("speed", steady), ("change", self._change)):
-            self._automaton.set(name, value)
+            self._automaton.present.set(name, value)
 
     def _set_plate(self, side: str, speed: float):
         """Let a plate move on at `speed` [m/s]; its mass keeps its own."""
         place = 2 * [guide.side for guide in self._equations.guides].index(side)
         self._state[place + 1] += self._plate_speeds.get(side, 0.0) - speed
         self._plate_speeds[side] = speed
-        self._automaton.set(f"{side}.plate", self._plates[side])
-        self._automaton.set(f"{side}.plate_speed", speed)
+        self._automaton.present.set(f"{side}.plate", self._plates[side])
+        self._automaton.present.set(f"{side}.plate_speed", speed)
 
     def _command(self, motor_speed: float | None = None, upper_gap: float | None = None,
                  inclined_gap: float | None = None):
@@ -200,7 +208,7 @@ class Peer:
         self._set_motor()
         for side, speed in self._plate_speeds.items():
             self._set_plate(side, 0.0 if self._plates[side] == self._goals[side] else speed)
-        self._automaton.origin += later
+        self._automaton.present.origin += later
         self._integrator.time = 0.0
 
     def _turn_motor(self, t: float):
@@ -216,21 +224,40 @@ class Peer:
 
     def _advance(self, times: np.ndarray, stop: float) -> tuple[np.ndarray, int]:
         """Samples at `times` [s] as counted now, and the number of steps to `stop` [s]."""
-        before, after = not len(times) or times[0] > 0.0, not len(times) or times[-1] < stop
-        grid = np.concatenate([[0.0] * before, times, [stop] * after])
-        outcome, _, _, steps, *_, points = self._integrator.propagate_grid(grid)
-        if outcome != hy.taylor_outcome.time_limit:
-            raise RuntimeError(f"heyoka stopped with {outcome} at {self._automaton.origin + self._integrator.time:g} s")
-        points = points[int(before):int(before) + len(times)]
+        points, steps = self._propagate(times, stop)
         samples = np.zeros((len(times), len(COLUMNS)))
         for i, guide in enumerate(self._equations.guides):
             column = COLUMNS.index(f"{guide.side}_position")
             speed = self._plate_speeds[guide.side]
             samples[:, column] = points[:, 2 * i] + (self._plates[guide.side] + speed * times)
             samples[:, column + 1] = points[:, 2 * i + 1] + speed
-        if self._equations.body_moves:
-            samples[:, 4:] = points[:, -2:]
+        equations = self._equations
+        for column, place, there in ((4, equations.body, equations.body_moves), (6, equations.height, equations.hops)):
+            if there:
+                samples[:, column:column + 2] = points[:, place:place + 2]
         return samples, steps
+
+    def _propagate(self, times: np.ndarray, stop: float) -> tuple[np.ndarray, int]:
+        """States at `times` and the number of steps; in short bounces by short steps."""
+        integrator, present = self._integrator, self._automaton.present
+        parts, found, steps = [], 0, 0
+        while True:
+            now, flight = integrator.time, present.flight
+            integrator.time = now  # heyoka keeps a second double, and would go back by it to the grid's first instant
+            end = min(stop, now + 1.5 * flight) if flight else stop
+            within = times[found:np.searchsorted(times, end, side="right")]
+            before = [now] if not len(within) or within[0] > now else []
+            after = [end] if end > (within[-1] if len(within) else now) else []
+            present.flight = 0.0
+            outcome, _, _, taken, *_, points = integrator.propagate_grid(
+                np.concatenate([before, within, after]), max_delta_t=1.5 * flight if flight else math.inf)
+            parts.append(points[len(before):len(before) + len(within)])
+            steps, found = steps + taken, found + len(parts[-1])
+            if outcome == hy.taylor_outcome.time_limit:
+                if end == stop:
+                    return np.concatenate(parts), steps
+            elif not present.flight:
+                raise RuntimeError(f"heyoka stopped with {outcome} at {present.origin + integrator.time:g} s")
 
 
 def integrate_heyoka(scene: Scene, times: np.ndarray, tolerance: float = 1e-15, commands=()) -> PeerRun:

@@ -11,12 +11,15 @@ import heyoka as hy
 
 from vibro_ros.model.scene import Scene
 
+#: The first of the switches: they decide how the body moves (`Equations.ground_mode`).
+GROUND = ("slide", "mobility", "stick", "slip", "air")
+
 
 class Switches:
     """Names for heyoka's numbered run-time parameters."""
 
     def __init__(self):
-        self.number: dict[str, int] = {}
+        self.number = {name: number for number, name in enumerate(GROUND)}
 
     def __getitem__(self, name: str) -> hy.expression:
         return hy.par[self.number.setdefault(name, len(self.number))]
@@ -57,12 +60,19 @@ class Equations:
         Run-time parameters: `<side>.spring`, `<side>.damper` (of the plate while it acts, else 0), `<side>.free` (0
         while resting on a rigid plate), `<side>.plate`, `<side>.plate_speed`, `<side>.sign` (of the kinked root),
         `<side>.watch`, `<side>.offset`, `slide` (mu times direction), `mobility` (x'' per force; 0 while the body is
-        held), `stick` and `slip` (1 in that mode), `normal_offset`, `angle`, `speed`, `change`.
+        held), `stick`, `slip` and `air` (1 in that mode), `normal_offset`, `angle`, `speed`, `change`.
     guides : list of Guide
     system : list
-        For `heyoka.taylor_adaptive`: d, d' of each guide, then x, x' if the body can move.
+        For `heyoka.taylor_adaptive`: d, d' of each guide, then x, x' if the body can move, y, y' if it can leave the
+        ground.
+    body, height : int
+        Places of x and y in the state, were they there.
     normal, inertial : expression
-        N and F_in [N].
+        N and F_in [N], of a body on the ground.
+    holding : float
+        Friction coefficient of a body that sticks.
+    share : float
+        m3 sin(phi) / M: what of a jump of w' a rigid blow gives to x'.
     """
 
     def __init__(self, scene: Scene):
@@ -74,8 +84,13 @@ class Equations:
         self.sine, self.cosine = math.sin(tilt["inclined"]), math.cos(tilt["inclined"])
         self.body_moves = "inclined" in sides and self.sine != 0.0
         self.rubs = self.body_moves and scene["effects.friction"] != "none" and scene["ground.friction"] > 0.0
+        self.holding = scene["ground.static_friction" if scene["effects.friction"] == "static" else "ground.friction"]
         self.rule = scene["effects.normal_force"]
+        self.hops = self.rule == "hop" and bool(sides)
+        self.share = scene["mass.inclined"] * self.sine / self.total if self.body_moves else 0.0
         self.guides = [self._guide(side, tilt[side]) for side in sides]
+        self.body = 2 * len(self.guides)
+        self.height = self.body + 2 * self.body_moves
         self._body()
 
     def _motor(self):
@@ -118,7 +133,7 @@ class Equations:
         return radius * cosine + root, -radius * sine * (1.0 + radius * cosine / root), cosine
 
     def _body(self):
-        """Rows x, u, w of the mass matrix with y = 0, and N from its row y."""
+        """Rows x, y, u, w of the mass matrix; on the ground y = 0, and row y gives N."""
         self.normal, self.inertial = hy.expression(self.total * self.scene["gravity"]), hy.expression(0.0)
         inward, ground, at = hy.expression(0.0), self.normal, self.switches
         share = {"upper": 0.0, "inclined": self.sine if self.body_moves else 0.0}
@@ -129,12 +144,16 @@ class Equations:
             ground += upwards[guide.side] * load
         if self.rule == "weight":
             ground = self.normal
-        self.acceleration = at["mobility"] * (inward - (at["slide"] * ground if self.rubs else 0.0))
+        along_x = at["mobility"] * (inward - (at["slide"] * ground if self.rubs or self.hops else 0.0))
+        along, across, up = self.inertia()
+        rise = (across * inward + along * ground) / (across**2 - along * up)  # y'' in the air
         self.system, self.forces = [], {}
         for guide in self.guides:
             force = guide.load
             if self.scene["effects.reaction"] and share[guide.side]:
-                force = force + guide.mass * self.sine * self.acceleration
+                force = force + guide.mass * self.sine * along_x
+            if self.scene["effects.reaction"] and self.hops:
+                force = force - guide.mass * upwards[guide.side] * at["air"] * rise
             inertia = self._freed(guide, force)
             self.forces[guide.side] = force
             self.system += [(guide.depth, guide.rate), (guide.rate, inertia / guide.mass)]
@@ -142,22 +161,74 @@ class Equations:
             if self.rule != "weight":
                 self.normal += upwards[guide.side] * inertia
         if self.body_moves:
-            x, p = hy.make_vars("x", "x_v")
-            self.velocity = p
-            self.system += [(x, p), (p, self.acceleration)]
+            x, self.velocity = hy.make_vars("x", "x_v")
+            self.system += [(x, self.velocity), (self.velocity, along_x)]
+        if self.hops:
+            self.altitude, climb = hy.make_vars("y", "y_v")
+            self.system += [(self.altitude, climb), (climb, at["air"] * rise)]
 
     def _freed(self, guide: Guide, force: hy.expression) -> hy.expression:
         """`force`, or 0 while the mass rests on a rigid plate and moves with it."""
         return self.switches[f"{guide.side}.free"] * force if guide.kind == "restitution" else force
 
-    def mobility(self, direction: float, inclined_free: bool) -> tuple[float, float]:
-        """`slide` and `mobility` of a body that slips forwards (1), backwards (-1) or without friction (0)."""
-        slide = direction * self.scene["ground.friction"] if self.rubs else 0.0
-        inertia = self.total
-        if self.scene["effects.reaction"] and inclined_free:
-            lift = 0.0 if self.rule == "weight" else slide * self.cosine
-            inertia -= self.scene["mass.inclined"] * self.sine * (self.sine - lift)
-        return slide, 1.0 / inertia
+    def inertia(self, inclined_free: bool = True) -> tuple[float, float, float]:
+        """What is left of the body's mass matrix, M_xx, M_xy, M_yy [kg], when masses that feel it move are eliminated;
+        an inclined mass that rests on its plate is a part of the body."""
+        along, across, up = self.total, 0.0, self.total
+        if self.scene["effects.reaction"]:
+            for guide in self.guides:
+                if guide.side == "upper":
+                    up -= guide.mass
+                elif inclined_free:
+                    along -= guide.mass * self.sine**2
+                    across += guide.mass * self.sine * self.cosine
+                    up -= guide.mass * self.cosine**2
+        return along, across, up
+
+    def ground_mode(self, state: str, inclined_free: bool) -> tuple[float, ...]:
+        """Values of the switches `GROUND` in a state of `body.Body`.
+
+        In the air, row y makes the two switches of row x stand for something else: x'' is as if the normal force of
+        row y with y'' = 0 acted with -M_xy / M_yy for the friction coefficient.
+        """
+        along, across, up = self.inertia(inclined_free)
+        if state == "stick":
+            return 0.0, 0.0, 1.0, 0.0, 0.0
+        if state == "airborne":
+            return -across / up, up / (along * up - across**2), 0.0, 0.0, 1.0
+        slips = state.startswith("slip")
+        slide = self.scene["ground.friction"] * (1.0 if state == "slip_forward" else -1.0) if slips else 0.0
+        lift = 0.0 if self.rule == "weight" else slide * across
+        return slide, 1.0 / (along + lift), 0.0, float(slips), 0.0
+
+    def shock(self, speed: float, fall: float) -> tuple[float, bool]:
+        """x' [m/s] after a landing at x' = `speed`, y' = `fall`, and whether the body sticks.
+
+        While the body slips forwards (1) or backwards (-1), P_x = -direction mu P_y; P_x and P_y follow from the
+        changes of x' and y' by `inertia`. If it stops, what is left of the fall meets a body at rest.
+        """
+        along, across, up = self.inertia()
+        mu = self.scene["ground.friction"] if self.rubs else 0.0
+
+        def per_fall(direction: float) -> float:
+            return (across + direction * mu * up) / (along + direction * mu * across)
+
+        after = speed
+        if speed != 0.0:
+            after = speed + per_fall(math.copysign(1.0, speed)) * fall
+            if not self.rubs or after * speed > 0.0:
+                return after, False
+            fall *= after / (after - speed)
+        if self.rubs and abs(across) <= self.holding * up:
+            return 0.0, True
+        return per_fall(-math.copysign(1.0, across)) * fall, False
+
+    def kept_in_space(self, along_x: float, upwards: float) -> list[float]:
+        """Jumps of each d' [m/s] when x' and y' jump by these, and no force acts on the masses."""
+        if not self.scene["effects.reaction"]:
+            return [0.0] * len(self.guides)
+        return [-upwards if guide.side == "upper" else self.sine * along_x - self.cosine * upwards
+                for guide in self.guides]
 
     def guards(self) -> dict[str, hy.expression]:
         """Expressions whose zeros end a mode, by name; what does not apply in a mode is switched to a constant."""
@@ -175,12 +246,12 @@ class Equations:
             if guide.has_kink:
                 found[f"{side} kink"] = guide.crank
         if self.rubs:
-            holding = self.scene["ground.static_friction" if self.scene["effects.friction"] == "static"
-                                 else "ground.friction"]
-            stick, slip, bound = at["stick"], at["slip"], holding * self.normal
+            stick, slip, bound = at["stick"], at["slip"], self.holding * self.normal
             found["body forward"] = (stick * (bound - self.inertial) + slip * self.velocity
                                      + (1.0 - stick - slip))
             found["body backward"] = stick * (bound + self.inertial) + (1.0 - stick)
-            if self.rule == "unilateral":
-                found["normal"] = self.normal + at["normal_offset"]
+        if self.hops:
+            found["normal"] = at["air"] * self.altitude + (1.0 - at["air"]) * (self.normal + at["normal_offset"])
+        elif self.rubs and self.rule == "unilateral":
+            found["normal"] = self.normal + at["normal_offset"]
         return found
