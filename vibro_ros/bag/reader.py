@@ -23,9 +23,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from rosbags.rosbag2 import Reader
 
 from vibro_ros.bag.series import Series, readable_types
+from vibro_ros.bag.stream import BagError, BagStream, RecordedTopic
+
+__all__ = ["ROBOT_TOPICS", "Arrays", "Bag", "BagError", "MissingTopicError", "RecordedTopic", "read_bag"]
 
 Arrays = dict[str, np.ndarray]
 
@@ -41,30 +43,10 @@ ROBOT_TOPICS = {
 }  # a topic that ends like one of these and has another type is somebody else's
 
 
-class BagError(Exception):
-    """A recording cannot be read; the message is one line for the user."""
-
-
 class MissingTopicError(BagError, KeyError):
     """A recording lacks a topic."""
 
     __str__ = Exception.__str__  # KeyError would quote the sentence
-
-
-@dataclass(frozen=True)
-class RecordedTopic:
-    """What a recording holds of one topic.
-
-    Attributes
-    ----------
-    type_name : str
-        ROS type, such as ``nav_msgs/msg/Odometry``.
-    messages : int
-        Number of messages.
-    """
-
-    type_name: str
-    messages: int
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,40 +127,19 @@ def read_bag(path: str | Path) -> Bag:
         When the folder is missing, no bag, not sealed or damaged; the message names path, reason
         and remedy.
     """
-    folder = Path(path)
-    _check_folder(folder)
-    try:
-        with Reader(folder) as reader:
-            return _read(folder, reader)
-    except Exception as error:  # rosbags' parser meets damage with whatever breaks first
-        reason = " ".join(str(error).split()).rstrip(".")
-        raise BagError(f"{folder}: damaged bag: {reason}; record it again") from error
+    with BagStream(path) as stream:
+        try:
+            series = _series(stream)
+            arrays = {topic: one.arrays() for topic, one in series.items()}
+        except ValueError as error:
+            raise stream.damage(error) from error
+        return Bag(stream.folder, stream.start, (stream.end - stream.start) * 1e-9, stream.metadata, stream.topics,
+                   arrays)
 
 
-def _check_folder(folder: Path) -> None:
-    if not folder.exists():
-        raise BagError(f"{folder}: no such folder; give the folder of a recording")
-    if not folder.is_dir():
-        raise BagError(f"{folder}: a file, not a bag; give the folder that holds metadata.yaml")
-    if (folder / "metadata.yaml").is_file():
-        return
-    if any(folder.glob("*.mcap")):
-        raise BagError(f"{folder}: the bag is not sealed: its recorder still runs, or was killed; "
-                       f"end the recorder, or seal it with `recover {folder}`")
-    raise BagError(f"{folder}: not a bag, it holds no metadata.yaml; give the folder of a recording")
-
-
-def _read(folder: Path, reader: Reader) -> Bag:
-    empty = reader.message_count == 0
-    start = 0 if empty else reader.start_time
-    series = {connection.topic: Series(connection.topic, connection.msgtype, start)
-              for connection in reader.connections if connection.msgtype in readable_types()}
-    readable = [connection for connection in reader.connections if connection.topic in series]
-    if readable:  # rosbags takes an empty list for "all"
-        for connection, stamp, data in reader.messages(readable):
-            series[connection.topic].append(stamp, data)
-    topics = {connection.topic: RecordedTopic(connection.msgtype, connection.msgcount)
-              for connection in reader.connections}
-    return Bag(folder, start, 0.0 if empty else (reader.end_time - 1 - start) * 1e-9,
-               dict(reader.storage.metadata.custom or {}), topics,
-               {topic: one.arrays() for topic, one in series.items()})
+def _series(stream: BagStream) -> dict[str, Series]:
+    series = {topic: Series(topic, one.type_name, stream.start)
+              for topic, one in stream.topics.items() if one.type_name in readable_types()}
+    for topic, stamp, data in stream.messages(frozenset(series)):
+        series[topic].append(stamp, data)
+    return series
