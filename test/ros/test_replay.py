@@ -173,7 +173,7 @@ def test_another_rate_another_pace_a_namespace_and_splits(start, bench, tmp_path
     bag = record(start, bench, tmp_path, "rate.publish:=333.0", "rate.real_time_factor:=3.0", "scene:=unilateral",
                  "record.max_duration:=0.5", "record.storage:=sqlite3", seconds=1.0,
                  names=("-r", "__ns:=/lab", "-r", "motor_speed:=speed", "-r", "odom:=body/odom"),
-                 topics={"motor_speed": "/lab/speed", **{name: f"/lab/{name}" for name in ("upper_gap", "inclined_gap")}})
+                 topics={name: f"/lab/{name.replace('motor_', '')}" for name in RANGES})
     assert len(list(bag.glob("*.db3"))) > 4
     assert replay.main([str(bag)]) == 0
     assert "identical: " in capsys.readouterr().out

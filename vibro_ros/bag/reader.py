@@ -1,24 +1,6 @@
-"""Read a recording into numpy arrays, topic by topic.
+"""Read a recording into numpy arrays, topic by topic."""
 
-Arrays of each message type; ``time`` is the recorded stamp [s] after the bag's first message
-(`Bag.start_ns`), shape (n,), ascending; ``stamp`` is the header's stamp on the same scale [s]:
-
-================================  ==========================================================
-std_msgs/msg/Float64              ``time``, ``value`` (the topic's own unit)
-nav_msgs/msg/Odometry             ``time``, ``stamp``, ``position`` [m] shape (n, 3), ``orientation``
-                                  (quaternion x, y, z, w) shape (n, 4), ``linear_velocity`` [m/s]
-                                  and ``angular_velocity`` [rad/s] shape (n, 3)
-geometry_msgs/msg/WrenchStamped   ``time``, ``stamp``, ``frame`` (text, shape (n,)), ``force`` [N] and
-                                  ``torque`` [N m] shape (n, 3)
-sensor_msgs/msg/JointState        ``time``, ``stamp`` and, for each joint, ``<joint>.position``
-                                  [m or rad], ``<joint>.velocity`` [m/s or rad/s],
-                                  ``<joint>.effort`` [N or N m], shape (n,)
-================================  ==========================================================
-
-Topics of other types are counted, not read.
-"""
-
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -69,7 +51,7 @@ class Bag(Mapping[str, Arrays]):
     topics : dict of str to RecordedTopic
         Every topic, those of other types included, by full name.
     arrays : dict of str to dict of str to ndarray
-        The module's table, by full name.
+        What `read_bag` lists, by full name.
     """
 
     path: Path
@@ -113,13 +95,41 @@ def _last(topic: str) -> str:
     return topic.rpartition("/")[2]
 
 
-def read_bag(path: str | Path) -> Bag:
-    """Read a bag folder, of this recorder or of ``ros2 bag record``, message by message.
+def read_bag(path: str | Path, columns: Mapping[str, Sequence[str]] | None = None) -> Bag:
+    """Read a bag folder, of the robot's recorder or of ``ros2 bag record``, into numpy arrays by topic.
+
+    Messages are read one by one into growing arrays: what is kept takes 8 bytes a number. Needs no ROS.
 
     Parameters
     ----------
     path : str or Path
-        The bag folder.
+        The bag folder, sealed; of one file or several, MCAP or sqlite3, compressed or not.
+    columns : mapping of str to sequence of str, optional
+        What to read when the bag is large: by the last part of a topic's name, names of its arrays, with ``*`` for any
+        text (``{"odom": ["position"], "joint_states": ["*.position"]}``). ``time`` is always there. Topics that
+        are not named are counted, not read. Everything by default.
+
+    Returns
+    -------
+    Bag
+        ``bag["odom"]["position"]``: arrays of each topic, by the type of its messages. ``time`` is the recorded
+        stamp [s] after the bag's first message (`Bag.start_ns`), shape (n,), ascending; ``stamp`` is the header's
+        stamp on the same scale [s]:
+
+        ================================  ==========================================================
+        std_msgs/msg/Float64              ``time``, ``value`` (the topic's own unit: rad/s for
+                                          `motor_speed`, m for the gaps, W for `motor_power`)
+        nav_msgs/msg/Odometry             ``time``, ``stamp``, ``position`` [m] shape (n, 3), ``orientation``
+                                          (quaternion x, y, z, w) shape (n, 4), ``linear_velocity`` [m/s]
+                                          and ``angular_velocity`` [rad/s] shape (n, 3)
+        geometry_msgs/msg/WrenchStamped   ``time``, ``stamp``, ``frame`` (text, shape (n,)), ``force`` [N] and
+                                          ``torque`` [N m] shape (n, 3)
+        sensor_msgs/msg/JointState        ``time``, ``stamp`` and, for each joint, ``<joint>.position``
+                                          [m or rad], ``<joint>.velocity`` [m/s or rad/s],
+                                          ``<joint>.effort`` [N or N m], shape (n,)
+        ================================  ==========================================================
+
+        Topics of other types are counted, not read.
 
     Raises
     ------
@@ -129,17 +139,18 @@ def read_bag(path: str | Path) -> Bag:
     """
     with BagStream(path) as stream:
         try:
-            series = _series(stream)
-            arrays = {topic: one.arrays() for topic, one in series.items()}
+            series = _series(stream, columns)
         except ValueError as error:
             raise stream.damage(error) from error
+        arrays = {topic: one.arrays() for topic, one in series.items()}
         return Bag(stream.folder, stream.start, (stream.end - stream.start) * 1e-9, stream.metadata, stream.topics,
                    arrays)
 
 
-def _series(stream: BagStream) -> dict[str, Series]:
-    series = {topic: Series(topic, one.type_name, stream.start)
-              for topic, one in stream.topics.items() if one.type_name in readable_types()}
+def _series(stream: BagStream, columns: Mapping[str, Sequence[str]] | None) -> dict[str, Series]:
+    series = {topic: Series(topic, one.type_name, stream.start, ("*",) if columns is None else columns[_last(topic)])
+              for topic, one in stream.topics.items()
+              if one.type_name in readable_types() and (columns is None or _last(topic) in columns)}
     for topic, stamp, data in stream.messages(frozenset(series)):
         series[topic].append(stamp, data)
     return series

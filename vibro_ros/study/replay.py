@@ -10,6 +10,7 @@ from vibro_ros.bag.reader import read_bag
 from vibro_ros.bag.stream import BagError, BagStream
 from vibro_ros.strict_yaml import read_scalar
 from vibro_ros.study.comparison import Comparison, compare
+from vibro_ros.study.report import COLUMNS
 from vibro_ros.study.summary import as_text, summarise
 from vibro_ros.study.variation import write_variation
 
@@ -70,7 +71,7 @@ def _vary(bag: Path, changes: Mapping[str, object]) -> int:
 
 def _summary(bag: Path) -> str:
     try:
-        return as_text(summarise(read_bag(bag)))
+        return as_text(summarise(read_bag(bag, COLUMNS)))
     except BagError as error:
         return f"no summary: {error}\n"
 
