@@ -5,11 +5,17 @@ import os
 import random
 import shutil
 import signal
+import subprocess
+import sys
 import time
 from pathlib import Path
 from types import MappingProxyType
 
+import numpy as np
 import pytest
+from nav_msgs.msg import Odometry
+from rclpy.qos import QoSProfile
+from rosgraph_msgs.msg import Clock
 from std_msgs.msg import Float64
 
 from vibro_ros.bag.definitions import Topic, defined
@@ -228,3 +234,72 @@ def test_a_bag_that_says_nothing_of_its_scene_is_refused(recorded, tmp_path, cap
     folder = rewritten(recorded, tmp_path / "foreign", scene=None)
     assert replay.main([str(folder)]) == 2
     assert "says nothing of scene" in capsys.readouterr().err
+
+
+def test_commands_are_played_to_a_live_robot(recorded, start, tmp_path):
+    """At three times the speed, by the installed name's own code: what arrives is what was sent, in order."""
+    robot = start("robot", "--ros-args", "-p", "record.directory:=live")
+    robot.wait_for("ready")
+    player = start("playback", str(recorded), "--rate", "3.0")
+    assert player.end() == 0, player.text
+    robot.send(signal.SIGINT)
+    assert robot.end() == 0, robot.text
+    (live,) = (tmp_path / "live").iterdir()
+    played, original = read_bag(live), read_bag(recorded)
+    for name in RANGES:
+        assert played[name]["value"].tolist() == original[name]["value"].tolist()
+    sent = original["motor_speed"]["time"] / 3.0
+    came = played["motor_speed"]["time"]
+    # [s] at 3 times the speed; a busy machine may be late, by much less than a replay in real time would be
+    assert np.abs((came - came[0]) - (sent - sent[0])).max() < 0.5
+
+
+def test_all_topics_are_played_with_the_clock_and_a_signal_ends_it(recorded, start, bench):
+    heard, clock = [], []
+    bench.node.create_subscription(Odometry, "/odom", heard.append, QoSProfile(depth=1000), raw=True)
+    bench.node.create_subscription(Clock, "/clock", clock.append, 1000)
+    player = start("playback", str(recorded), "--all-topics", "--clock")
+    bench.spin_until(lambda: len(heard) > 200 and len(clock) > 200, "a second of it")
+    player.send(signal.SIGINT)
+    assert player.end() == 130, player.text
+    assert "Traceback" not in player.text
+    with BagStream(recorded) as stream:
+        sent = [bytes(data) for _, _, data in stream.messages(frozenset({"/odom"}))]
+        first = sent.index(heard[0])
+        assert heard == sent[first:first + len(heard)]
+        times = [message.clock.sec * 10**9 + message.clock.nanosec for message in clock]
+        assert times == sorted(times)
+        assert stream.start <= times[0] < times[-1] <= stream.end
+
+
+def test_an_abort_stops_the_motor(recorded, start, bench):
+    heard = []
+
+    def ignore(message):
+        pass
+
+    for name in RANGES:
+        bench.node.create_subscription(Float64, name, heard.append if name == "motor_speed" else ignore, 100)
+    player = start("playback", str(recorded))
+    bench.spin_until(lambda: len(heard) > 3, "some commands")
+    player.send(signal.SIGTERM)
+    assert player.end() == 143, player.text
+    bench.spin_until(lambda: heard[-1].data == 0.0, "the motor's stop")
+
+
+@pytest.mark.parametrize(("words", "code", "reason"), [
+    (["--wait", "0.2"], 1, "no robot listens to /motor_speed, /upper_gap, /inclined_gap after 0.2 s"),
+    (["--rate", "0"], 2, "argument --rate: 0 is not above 0"),
+    (["--rat", "1", "--nonsense"], 2, "unrecognized arguments: --nonsense"),
+])
+def test_a_playback_that_cannot_be_is_one_line(recorded, start, words, code, reason):
+    player = start("playback", str(recorded), *words)
+    assert player.end() == code
+    assert reason in player.lines[-1] and player.lines[-1].startswith("replay: ")
+
+
+def test_the_executable_plays_with_publish(recorded, domain_id):
+    command = [sys.executable, "-m", "vibro_ros.study.replay", str(recorded), "--publish", "--wait", "0.2"]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60)
+    assert done.returncode == 1
+    assert "replay: no robot listens to /motor_speed" in done.stderr

@@ -6,23 +6,13 @@ from pathlib import Path
 
 import numpy as np
 
+from vibro_ros.bag.robot_topics import ROBOT_TOPICS
 from vibro_ros.bag.series import Series, readable_types
 from vibro_ros.bag.stream import BagError, BagStream, RecordedTopic
 
 __all__ = ["ROBOT_TOPICS", "Arrays", "Bag", "BagError", "MissingTopicError", "RecordedTopic", "read_bag"]
 
 Arrays = dict[str, np.ndarray]
-
-ROBOT_TOPICS = {
-    "odom": "nav_msgs/msg/Odometry",
-    "joint_states": "sensor_msgs/msg/JointState",
-    "ground_contact": "geometry_msgs/msg/WrenchStamped",
-    "impacts": "geometry_msgs/msg/WrenchStamped",
-    "motor_power": "std_msgs/msg/Float64",
-    "motor_speed": "std_msgs/msg/Float64",
-    "upper_gap": "std_msgs/msg/Float64",
-    "inclined_gap": "std_msgs/msg/Float64",
-}  # a topic that ends like one of these and has another type is somebody else's
 
 
 class MissingTopicError(BagError, KeyError):

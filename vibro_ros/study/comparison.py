@@ -6,12 +6,12 @@ from collections import Counter
 from dataclasses import dataclass, field
 
 from vibro_ros.bag.cdr import first_difference
-from vibro_ros.bag.reader import ROBOT_TOPICS
+from vibro_ros.bag.robot_topics import COMMANDS, ROBOT_TOPICS
 from vibro_ros.bag.stream import BagStream
 from vibro_ros.message_fields import joints_of
 from vibro_ros.provenance import software
 from vibro_ros.simulator import SimulationError
-from vibro_ros.study.rerun import COMMANDS, Rerun, RunFacts, run_facts, ticks
+from vibro_ros.study.rerun import Rerun, RunFacts, run_facts, ticks
 
 ABSENT = "no message"
 

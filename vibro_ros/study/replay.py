@@ -95,7 +95,7 @@ def _failed(reason: str, code: int) -> int:
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
-        prog="replay", formatter_class=argparse.RawDescriptionHelpFormatter,
+        prog="replay", allow_abbrev=False, formatter_class=argparse.RawDescriptionHelpFormatter,
         description="Simulate a recorded run again from its commands and compare every recorded number, to the last\n"
         "bit; or tell what it would have done with other parameters; or play the bag to ROS.",
         epilog="With --publish, the bag is played on the live graph: `replay --publish --help`.\n\n"

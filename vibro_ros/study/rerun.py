@@ -12,14 +12,13 @@ from dataclasses import dataclass
 
 from vibro_ros import message_fields as fields
 from vibro_ros.bag.cdr import blank, deserialised, serialised
-from vibro_ros.bag.reader import ROBOT_TOPICS
+from vibro_ros.bag.robot_topics import ROBOT_TOPICS, robot_topics
 from vibro_ros.bag.stream import BagError, BagStream
 from vibro_ros.model.parameters import SCENE_PARAMETERS, Value, checked_parameters
 from vibro_ros.model.scene import Scene
 from vibro_ros.scene_file import DEVICE_PARAMETERS
 from vibro_ros.simulator import Simulator
 
-COMMANDS = ("motor_speed", "upper_gap", "inclined_gap")
 SAMPLED = ("odom", "joint_states", "ground_contact", "motor_power")
 
 
@@ -82,23 +81,11 @@ def run_facts(stream: BagStream) -> RunFacts:
                                       DEVICE_PARAMETERS)
         scene = Scene(known["scene"], {name: value for name, value in parameters.items() if name in of_scene})
         defaults = {one.name: one.default for one in DEVICE_PARAMETERS}
-        return RunFacts(defaults | settings, scene, int(known["start"]), _topics(stream))
+        return RunFacts(defaults | settings, scene, int(known["start"]), robot_topics(stream))
     except (ValueError, AttributeError) as error:
         version = known.get("version", "unknown")
         raise BagError(f"{stream.folder}: cannot be simulated by this version: {error} (recorded by version "
                        f"{version})") from error
-
-
-def _topics(stream: BagStream) -> dict[str, str]:
-    """Resolved names, told by the bag or by the names' last parts."""
-    told = json.loads(stream.metadata.get("topics", "{}"))
-    names = told or {name: topic for topic in stream.topics for name in ROBOT_TOPICS if topic.endswith(f"/{name}")}
-    found = {name: topic for name, topic in names.items() if name in ROBOT_TOPICS}
-    for name, topic in found.items():
-        recorded = stream.topics.get(topic)
-        if recorded and recorded.type_name != ROBOT_TOPICS[name]:
-            raise BagError(f"{stream.folder}: {topic} is {recorded.type_name}, not the robot's {ROBOT_TOPICS[name]}")
-    return found
 
 
 class Rerun:

@@ -6,13 +6,13 @@ from itertools import count
 from pathlib import Path
 
 from vibro_ros.bag.definitions import Topic, defined
-from vibro_ros.bag.reader import ROBOT_TOPICS
+from vibro_ros.bag.robot_topics import COMMANDS, ROBOT_TOPICS
 from vibro_ros.bag.stream import QOS_DEPTH, BagError, BagStream
 from vibro_ros.bag.writer import BagWriter, Storage
 from vibro_ros.model.scene import Scene
 from vibro_ros.provenance import provenance
 from vibro_ros.simulator import SimulationError
-from vibro_ros.study.rerun import COMMANDS, Rerun, RunFacts, run_facts, ticks
+from vibro_ros.study.rerun import Rerun, RunFacts, run_facts, ticks
 
 FLUSH_MESSAGES = 2000  # between two looks at the disk; a chunk of MCAP is written earlier when it is full
 
