@@ -17,6 +17,7 @@ from nav_msgs.msg import Odometry
 from rclpy.qos import QoSProfile
 from rosgraph_msgs.msg import Clock
 from std_msgs.msg import Float64
+from std_srvs.srv import SetBool
 
 from vibro_ros.bag.definitions import Topic, defined
 from vibro_ros.bag.reader import read_bag
@@ -48,13 +49,16 @@ def command_at_random(bench, seconds: float, seed: int, topics: dict[str, str]) 
 
 
 def record(start, bench, folder: Path, *parameters: str, seconds: float = SECONDS, end=signal.SIGINT, names=(),
-           topics: dict[str, str] = MappingProxyType({})) -> Path:
+           topics: dict[str, str] = MappingProxyType({}), then=None) -> Path:
     """The bag of a robot that was commanded at random."""
     compile_kernels()
     words = [word for parameter in (f"record.directory:={folder}", *parameters) for word in ("-p", parameter)]
     robot = start("robot", "--ros-args", *words, *names)
     robot.wait_for("ready")
     command_at_random(bench, seconds, len(parameters), topics)
+    if then:
+        then(bench)
+        command_at_random(bench, seconds, 1 + len(parameters), topics)
     robot.send(end)
     assert robot.end() == (0 if end == signal.SIGINT else -end), robot.text
     (bag,) = folder.glob("vibro_robot_*")
@@ -303,3 +307,31 @@ def test_the_executable_plays_with_publish(recorded, domain_id):
     done = subprocess.run(command, capture_output=True, text=True, timeout=60)
     assert done.returncode == 1
     assert "replay: no robot listens to /motor_speed" in done.stderr
+
+
+def switch_on(bench) -> None:
+    """Call ~/record with true."""
+    client = bench.node.create_client(SetBool, "/vibro_robot/record")
+    bench.spin_until(client.service_is_ready, "~/record")
+    future = client.call_async(SetBool.Request(data=True))
+    bench.spin_until(future.done, "answer of ~/record")
+    assert future.result().success, future.result().message
+
+
+LATE = {"begun late": ("record.enabled:=false",), "snapshot": ("record.snapshot:=1.5",),
+        "beginning deleted": ("record.max_bytes:=2e6", "rate.publish:=1000.0")}
+
+
+@pytest.mark.parametrize("parameters", LATE.values(), ids=LATE)
+def test_a_bag_without_the_runs_beginning_is_replayed(start, bench, tmp_path, capsys, parameters):
+    bag = record(start, bench, tmp_path, *parameters, seconds=1.5, then=switch_on)
+    with BagStream(bag) as stream:
+        assert stream.start - int(stream.metadata["start"]) > 0.5e9  # [ns]
+        assert stream.topics["/vibro_robot/checkpoint"].messages > 0
+    assert replay.main([str(bag)]) == 0
+    out = capsys.readouterr().out
+    assert out.startswith("identical: ") and "not recorded" not in out
+    assert int(out.split()[1]) > 300  # messages
+    assert int(out.split()[-2]) > 5  # commands
+    assert replay.main([str(bag), "--set", "guide.angle=1.0"]) == 2
+    assert "after the robot started" in capsys.readouterr().err
