@@ -133,6 +133,25 @@ def test_one_flipped_bit_of_a_state_is_named(recorded, tmp_path, capsys, bit):
     assert (f"({2**bit} ulp)" in out) == (bit < 63)  # the last one is the sign
 
 
+@pytest.mark.parametrize("storage", [PLAIN, Storage("sqlite3")], ids=["mcap", "sqlite3"])
+def test_one_flipped_bit_in_the_file_is_caught(recorded, tmp_path, capsys, storage):
+    """MCAP's checksums find it before the comparison does."""
+    folder = rewritten(recorded, tmp_path / "flipped", storage=storage)
+    with BagStream(folder) as stream:
+        data = [bytes(data) for _, _, data in stream.messages(frozenset({"/odom"}))][321]
+    (file,) = folder.glob("flipped_0.*")
+    content = bytearray(file.read_bytes())
+    assert content.count(data) == 1
+    content[content.index(data) + data.index(b"base_link") + 16] ^= 1  # in the position
+    file.write_bytes(content)
+    code = replay.main([str(folder)])
+    captured = capsys.readouterr()
+    if storage is PLAIN:
+        assert code == 2 and "damaged bag: " in captured.err
+    else:
+        assert code == 1 and "/odom message 321 at 1.605 s" in captured.out and "pose.pose.position." in captured.out
+
+
 @pytest.mark.parametrize("way", ["dropped", "untold"])
 def test_a_message_that_lacks_is_told(recorded, tmp_path, capsys, way):
     def lose(messages):
