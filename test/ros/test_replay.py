@@ -3,6 +3,7 @@
 import json
 import os
 import random
+import re
 import shutil
 import signal
 import subprocess
@@ -24,6 +25,7 @@ from vibro_ros.bag.reader import read_bag
 from vibro_ros.bag.recovery import recover
 from vibro_ros.bag.stream import BagStream
 from vibro_ros.bag.writer import BagWriter, Storage
+from vibro_ros.ros import playback
 from vibro_ros.simulator import compile_kernels
 from vibro_ros.study import replay
 
@@ -197,25 +199,20 @@ def test_the_storage_makes_no_difference(recorded, tmp_path, capsys, storage):
     assert again == capsys.readouterr().out
 
 
-def test_another_rate_another_pace_a_namespace_and_splits(start, bench, tmp_path, capsys):
-    """Samples that are not at whole nanoseconds, three times as fast as the clock, in files of half a second."""
+def test_a_killed_robots_bag_is_replayed_as_far_as_it_goes(start, bench, tmp_path, capsys):
+    """Samples not at whole nanoseconds, three times as fast as the clock, topics renamed, files of half a second."""
     bag = record(start, bench, tmp_path, "rate.publish:=333.0", "rate.real_time_factor:=3.0", "scene:=unilateral",
-                 "record.max_duration:=0.5", "record.storage:=sqlite3", seconds=1.0,
+                 "record.max_duration:=0.5", seconds=1.0, end=signal.SIGKILL,
                  names=("-r", "__ns:=/lab", "-r", "motor_speed:=speed", "-r", "odom:=body/odom"),
                  topics={name: f"/lab/{name.replace('motor_', '')}" for name in RANGES})
-    assert len(list(bag.glob("*.db3"))) > 4
-    assert replay.main([str(bag)]) == 0
-    assert "identical: " in capsys.readouterr().out
-
-
-def test_a_killed_robots_bag_is_replayed_as_far_as_it_goes(start, bench, tmp_path, capsys):
-    bag = record(start, bench, tmp_path, seconds=1.5, end=signal.SIGKILL)
+    assert len(list(bag.glob("*.mcap"))) > 4
     assert replay.main([str(bag)]) == 2
     assert "not sealed" in capsys.readouterr().err
     recover(bag)
     assert replay.main([str(bag)]) == 0
     out = capsys.readouterr().out
-    assert float(out.split(" messages to ")[1].split()[0]) > 1.0  # [s]
+    assert out.startswith("identical: ")
+    assert float(out.split(" messages to ")[1].split()[0]) > 2.0  # [s]
 
 
 def test_other_parameters_are_written_to_a_new_bag(recorded, capsys):
@@ -310,15 +307,14 @@ def test_an_abort_stops_the_motor(recorded, start, bench):
     bench.spin_until(lambda: heard[-1].data == 0.0, "the motor's stop")
 
 
-@pytest.mark.parametrize(("words", "code", "reason"), [
-    (["--wait", "0.2"], 1, "no robot listens to /motor_speed, /upper_gap, /inclined_gap after 0.2 s"),
-    (["--rate", "0"], 2, "argument --rate: 0 is not above 0"),
-    (["--rat", "1", "--nonsense"], 2, "unrecognized arguments: --nonsense"),
+@pytest.mark.parametrize(("words", "reason"), [
+    (["--rate", "0"], "argument --rate: 0 is not above 0"),
+    (["--nonsense"], "unrecognized arguments: --nonsense; `replay --publish --help` shows what there is"),
+    (["--ros-args", "-p", "speed"], "-p speed: not a parameter"),
 ])
-def test_a_playback_that_cannot_be_is_one_line(recorded, start, words, code, reason):
-    player = start("playback", str(recorded), *words)
-    assert player.end() == code
-    assert reason in player.lines[-1] and player.lines[-1].startswith("replay: ")
+def test_bad_arguments_of_a_playback_are_refused(recorded, words, reason):
+    with pytest.raises(ValueError, match=re.escape(reason)):
+        playback._run([str(recorded), *words])
 
 
 def test_the_executable_plays_with_publish(recorded, domain_id):
@@ -337,20 +333,20 @@ def switch_on(bench) -> None:
     assert future.result().success, future.result().message
 
 
-LATE = {"begun late": ("record.enabled:=false",), "snapshot": ("record.snapshot:=1.5",),
-        "beginning deleted": ("record.max_bytes:=2e6", "rate.publish:=1000.0")}
+LATE = {"begun late": ("record.enabled:=false",), "snapshot": ("record.snapshot:=0.8",),
+        "beginning deleted": ("record.max_bytes:=1e6", "rate.publish:=1000.0")}
 
 
 @pytest.mark.parametrize("parameters", LATE.values(), ids=LATE)
 def test_a_bag_without_the_runs_beginning_is_replayed(start, bench, tmp_path, capsys, parameters):
-    bag = record(start, bench, tmp_path, *parameters, seconds=1.5, then=switch_on)
+    bag = record(start, bench, tmp_path, *parameters, seconds=1.0, then=switch_on)
     with BagStream(bag) as stream:
-        assert stream.start - int(stream.metadata["start"]) > 0.5e9  # [ns]
+        assert stream.start - int(stream.metadata["start"]) > 0
         assert stream.topics["/vibro_robot/checkpoint"].messages > 0
     assert replay.main([str(bag)]) == 0
     out = capsys.readouterr().out
     assert out.startswith("identical: ") and "not recorded" not in out
-    assert int(out.split()[1]) > 300  # messages
-    assert int(out.split()[-2]) > 5  # commands
+    assert int(out.split()[1]) > 100  # messages
+    assert int(out.split()[-2]) > 0  # commands
     assert replay.main([str(bag), "--set", "guide.angle=1.0"]) == 2
     assert "after the robot started" in capsys.readouterr().err
