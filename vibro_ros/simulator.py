@@ -54,8 +54,8 @@ class Simulator:
         self._state = self._start()
         self._room = np.empty((_EVENTS_AT_ONCE, EVENT_COLUMNS))
         self._events: list[np.ndarray] = []
-        self._counts: dict[str, int] = {}
         self._kinds = self._kind_names()
+        self._counts = np.zeros(len(self._kinds), dtype=np.int64)
 
     def _start(self) -> at.State:
         model, scene = self._model, self.scene
@@ -73,11 +73,13 @@ class Simulator:
         self._begin_segment(state)
         return state
 
-    def _kind_names(self) -> dict[int, str]:
-        plates = enumerate(self._model.forms.plates)
-        names = dict(enumerate(MODE_EVENTS)) | {PHASE_KIND: "motor_ramp_end"}
-        for k, side in plates:
-            names |= {MONITOR_KIND + k: f"{side}_contact", RAMP_KIND + k: "gap_reached"}
+    def _kind_names(self) -> np.ndarray:
+        """Names of the kinds of recorded events, by their number."""
+        names = np.zeros(PHASE_KIND + 1, dtype=EVENT_DTYPE["kind"])
+        names[:len(MODE_EVENTS)] = MODE_EVENTS
+        names[PHASE_KIND] = "motor_ramp_end"
+        for k, side in enumerate(self._model.forms.plates):
+            names[MONITOR_KIND + k], names[RAMP_KIND + k] = f"{side}_contact", "gap_reached"
         return names
 
     @property
@@ -198,10 +200,7 @@ class Simulator:
         if len(events) == 0:
             return
         self._events.append(events.copy())
-        kinds, counts = np.unique(events[:, 1].astype(int), return_counts=True)
-        for kind, count in zip(kinds, counts, strict=True):
-            name = self._kinds[int(kind)]
-            self._counts[name] = self._counts.get(name, 0) + int(count)
+        self._counts += np.bincount(events[:, 1].astype(np.int64), minlength=len(self._counts))
 
     def take_events(self) -> np.ndarray:
         """Events completed since the last call, in the order in which they ended; dtype `EVENT_DTYPE`."""
@@ -211,8 +210,7 @@ class Simulator:
         self._events.clear()
         events = np.empty(len(raw), dtype=EVENT_DTYPE)
         events["time"], events["speed"], events["peak_force"], events["duration"] = raw[:, [0, 2, 3, 4]].T
-        codes, kinds = np.unique(raw[:, 1], return_inverse=True)
-        events["kind"] = np.array([self._kinds[int(code)] for code in codes])[kinds]
+        events["kind"] = self._kinds[raw[:, 1].astype(np.int64)]
         return events
 
     @property
@@ -222,7 +220,11 @@ class Simulator:
         `energy_residual` [J] is the part of the change of energy that the work of sliders, dampers and plates does not
         account for, `energy_exchanged` [J] the sum of these amounts of work.
         """
-        counts = {**self._counts, "steps": int(self._state.index[at.SEGMENTS])}
+        counts: dict[str, int] = {}
+        for kind in np.flatnonzero(self._counts):
+            name = str(self._kinds[kind])
+            counts[name] = counts.get(name, 0) + int(self._counts[kind])
+        counts["steps"] = int(self._state.index[at.SEGMENTS])
         if not self.scene["solver.audit"]:
             return counts
         return {**counts, "energy_residual": float(self._state.audit[at.RESIDUAL]),
