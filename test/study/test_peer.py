@@ -33,6 +33,7 @@ DAMPERS = {f"{side}.{part}.damping": value for side in ("upper", "inclined")
            for part, value in (("spring", 2.0), ("plate", 100.0))}
 RIGID = {"effects.upper_contact": "restitution", "effects.inclined_contact": "restitution"}
 UNILATERAL = {"effects.normal_force": "unilateral"}
+STRIBECK = {"effects.friction": "stribeck", "ground.static_friction": 0.35}
 HOP = {"effects.normal_force": "hop"}
 HEAVY = {"effects.reaction": True, "effects.mass_weight": True}
 SPEED_UP = ((0.03, {"motor_speed": 140.0}), (0.11, {"motor_speed": 60.0}))
@@ -47,6 +48,16 @@ EFFECTS = {
     "Coulomb friction as printed": ({}, ()),
     "Coulomb friction on a ground that cannot pull": (UNILATERAL, ()),
     "static friction": (UNILATERAL | {"effects.friction": "static", "ground.static_friction": 0.35}, ()),
+    "static friction that vanishes when the body slips": (
+        UNILATERAL | {"effects.friction": "static", "ground.friction": 0.0}, ()),
+    "Stribeck friction": (UNILATERAL | STRIBECK, ()),
+    "Stribeck friction by weight": ({"effects.normal_force": "weight"} | STRIBECK, ()),
+    "Stribeck friction as printed": (STRIBECK, ()),
+    "Stribeck friction that vanishes at high speed": (UNILATERAL | STRIBECK | {"ground.friction": 0.0}, ()),
+    "Stribeck friction that falls at once": (UNILATERAL | STRIBECK | DAMPERS | {"ground.stribeck_speed": 1e-5}, ()),
+    "Stribeck friction that falls over all speeds": (UNILATERAL | STRIBECK | {"ground.stribeck_speed": 0.3}, ()),
+    "Stribeck friction, rigid plates and a lag motor": (
+        UNILATERAL | STRIBECK | RIGID | {"effects.motor": "lag", "motor.time_constant": 0.03}, SPEED_UP),
     "start at zero": (UNILATERAL | {"start.state": "zero"}, ()),
     "dampers and adhesion": (UNILATERAL | DAMPERS, ()),
     "dampers without tension": (UNILATERAL | DAMPERS | {"effects.adhesion": False}, ()),

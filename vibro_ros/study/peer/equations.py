@@ -12,7 +12,17 @@ import heyoka as hy
 from vibro_ros.model.scene import Scene
 
 #: The first of the switches: they decide how the body moves (`Equations.ground_mode`).
-GROUND = ("slide", "mobility", "stick", "slip", "air")
+GROUND = ("slide", "direction", "mobility", "stick", "slip", "air")
+#: Every effect that there are equations for, and its values.
+KNOWN = {
+    "effects.upper_mass": (True, False), "effects.inclined_mass": (True, False),
+    "effects.upper_contact": ("compliant", "restitution", "none"),
+    "effects.inclined_contact": ("compliant", "restitution", "none"), "effects.adhesion": (True, False),
+    "effects.friction": ("coulomb", "static", "stribeck", "none"),
+    "effects.normal_force": ("weight", "unilateral", "printed", "hop"),
+    "effects.reaction": (True, False), "effects.mass_weight": (True, False),
+    "effects.motor": ("ideal", "ramp", "lag"), "start.state": ("rest", "zero"),
+}
 
 
 class Switches:
@@ -59,8 +69,9 @@ class Equations:
     switches : Switches
         Run-time parameters: `<side>.spring`, `<side>.damper` (of the plate while it acts, else 0), `<side>.free` (0
         while resting on a rigid plate), `<side>.plate`, `<side>.plate_speed`, `<side>.sign` (of the kinked root),
-        `<side>.watch`, `<side>.offset`, `slide` (mu times direction), `mobility` (x'' per force; 0 while the body is
-        held), `stick`, `slip` and `air` (1 in that mode), `normal_offset`, `angle`, `speed`, `change`.
+        `<side>.watch`, `<side>.offset`, `slide` (mu times direction), `direction` (of a body that slips: 1 or -1, else
+        0), `mobility` (x'' per force; 0 while the body is held), `stick`, `slip` and `air` (1 in that mode),
+        `normal_offset`, `angle`, `speed`, `change`.
     guides : list of Guide
     system : list
         For `heyoka.taylor_adaptive`: d, d' of each guide, then x, x' if the body can move, y, y' if it can leave the
@@ -73,9 +84,15 @@ class Equations:
         Friction coefficient of a body that sticks.
     share : float
         m3 sin(phi) / M: what of a jump of w' a rigid blow gives to x'.
+
+    Raises
+    ------
+    ValueError
+        For an effect, or a value of one, that is not among `KNOWN`.
     """
 
     def __init__(self, scene: Scene):
+        refuse_unknown(scene)
         self.scene, self.switches = scene, Switches()
         self._motor()
         tilt = {"upper": 0.0, "inclined": scene["guide.angle"]}
@@ -83,8 +100,9 @@ class Equations:
         self.total = math.fsum([scene["mass.body"], *(scene[f"mass.{side}"] for side in sides)])
         self.sine, self.cosine = math.sin(tilt["inclined"]), math.cos(tilt["inclined"])
         self.body_moves = "inclined" in sides and self.sine != 0.0
-        self.rubs = self.body_moves and scene["effects.friction"] != "none" and scene["ground.friction"] > 0.0
-        self.holding = scene["ground.static_friction" if scene["effects.friction"] == "static" else "ground.friction"]
+        law = scene["effects.friction"]
+        self.holding = scene["ground.static_friction" if law in ("static", "stribeck") else "ground.friction"]
+        self.rubs = self.body_moves and law != "none" and self.holding > 0.0
         self.rule = scene["effects.normal_force"]
         self.hops = self.rule == "hop" and bool(sides)
         self.share = scene["mass.inclined"] * self.sine / self.total if self.body_moves else 0.0
@@ -144,7 +162,8 @@ class Equations:
             ground += upwards[guide.side] * load
         if self.rule == "weight":
             ground = self.normal
-        along_x = at["mobility"] * (inward - (at["slide"] * ground if self.rubs or self.hops else 0.0))
+        x, self.velocity = hy.make_vars("x", "x_v")
+        along_x = at["mobility"] * (inward - (self._friction() * ground if self.rubs or self.hops else 0.0))
         along, across, up = self.inertia()
         rise = (across * inward + along * ground) / (across**2 - along * up)  # y'' in the air
         self.system, self.forces = [], {}
@@ -161,11 +180,19 @@ class Equations:
             if self.rule != "weight":
                 self.normal += upwards[guide.side] * inertia
         if self.body_moves:
-            x, self.velocity = hy.make_vars("x", "x_v")
             self.system += [(x, self.velocity), (self.velocity, along_x)]
         if self.hops:
             self.altitude, climb = hy.make_vars("y", "y_v")
             self.system += [(self.altitude, climb), (climb, at["air"] * rise)]
+
+    def _friction(self) -> hy.expression:
+        """F_fr as a multiple of N while the body slips: mu, and by Stribeck's law what decays with abs(x')."""
+        at, scene = self.switches, self.scene
+        if scene["effects.friction"] != "stribeck":
+            return at["slide"]
+        extra = self.holding - scene["ground.friction"]
+        return at["slide"] + extra * at["direction"] * hy.exp(
+            -at["direction"] * self.velocity / scene["ground.stribeck_speed"])
 
     def _freed(self, guide: Guide, force: hy.expression) -> hy.expression:
         """`force`, or 0 while the mass rests on a rigid plate and moves with it."""
@@ -193,13 +220,13 @@ class Equations:
         """
         along, across, up = self.inertia(inclined_free)
         if state == "stick":
-            return 0.0, 0.0, 1.0, 0.0, 0.0
+            return 0.0, 0.0, 0.0, 1.0, 0.0, 0.0
         if state == "airborne":
-            return -across / up, up / (along * up - across**2), 0.0, 0.0, 1.0
-        slips = state.startswith("slip")
-        slide = self.scene["ground.friction"] * (1.0 if state == "slip_forward" else -1.0) if slips else 0.0
+            return -across / up, 0.0, up / (along * up - across**2), 0.0, 0.0, 1.0
+        direction = {"slip_forward": 1.0, "slip_backward": -1.0}.get(state, 0.0)
+        slide = self.scene["ground.friction"] * direction
         lift = 0.0 if self.rule == "weight" else slide * across
-        return slide, 1.0 / (along + lift), 0.0, float(slips), 0.0
+        return slide, direction, 1.0 / (along + lift), 0.0, abs(direction), 0.0
 
     def shock(self, speed: float, fall: float) -> tuple[float, bool]:
         """x' [m/s] after a landing at x' = `speed`, y' = `fall`, and whether the body sticks.
@@ -255,3 +282,11 @@ class Equations:
         elif self.rubs and self.rule == "unilateral":
             found["normal"] = self.normal + at["normal_offset"]
         return found
+
+
+def refuse_unknown(scene: Scene) -> None:
+    """Raise ValueError for what the scene has and the equations do not: it would be left out unnoticed."""
+    effects = {name: value for name, value in scene.parameters.items() if name.startswith("effects.") or name in KNOWN}
+    for name, value in effects.items():
+        if value not in KNOWN.get(name, ()):
+            raise ValueError(f"scene {scene.name}: the peer has no {name} {value!r}")
