@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 import vibro_ros
+from vibro_ros.model.parameters import SCENE_PARAMETERS
 
 pytest.importorskip("heyoka", reason="heyoka, the extra `bench`, has no wheel for Python 3.10")
 
@@ -177,8 +178,8 @@ def test_a_random_scene_agrees_with_the_peer(seed):
 
 
 def random_extras(pick, changes):
-    """Effects that `draw` does not know: a motor with lag, a body that hops, rigid plates where the scene may have
-    them."""
+    """Effects that `draw` does not know: a motor with lag, a body that hops, rigid plates and Stribeck friction where
+    the scene may have them."""
     rule = changes["effects.normal_force"]
     if rule == "unilateral":
         rule = pick.choice([rule, "hop"])
@@ -186,6 +187,10 @@ def random_extras(pick, changes):
     if rule == "weight" or (rule == "unilateral" and changes["guide.angle"] < 1.57):
         extras |= {f"effects.{side}_contact": pick.choice(["compliant", "restitution"])
                    for side in ("upper", "inclined")}
+    may_decay = changes["effects.friction"] != "none" and rule != "hop" and not changes["effects.reaction"]
+    if may_decay and pick.random() < 0.5:
+        extras |= {"effects.friction": "stribeck", "ground.stribeck_speed": 10.0 ** pick.uniform(-5.0, 0.0),
+                   "ground.static_friction": changes["ground.friction"] * pick.uniform(1.0, 2.5)}
     return extras
 
 
@@ -197,6 +202,29 @@ def test_the_peer_notices_an_effect_left_out():
         lighter = scene.with_parameters({"effects.reaction": True})
         error = np.abs(integrate_heyoka(scene, times).samples - simulated(lighter, times, ())[0])[:, ::2]
         assert error.max() <= 1e7 * POSITION, f"off by {error.max()}"
+
+
+@pytest.mark.parametrize(("name", "value"), [("effects.friction", "viscous"), ("effects.normal_force", "magnet"),
+                                             ("effects.motor", "stepper"), ("effects.upper_contact", "hertz"),
+                                             ("effects.wind", True), ("start.state", "thrown")])
+def test_an_effect_that_the_peer_does_not_know_is_refused(name, value):
+    """As a later version of the model may have them: a scene whose check lets it pass."""
+    scene = vibro_ros.load_scene("paper")
+    object.__setattr__(scene, "parameters", {**scene.parameters, name: value})
+    with pytest.raises(ValueError, match=f"scene paper: the peer has no {name} {value!r}"):
+        Peer(scene)
+
+
+def test_every_effect_that_a_scene_may_have_is_compared():
+    """By name and value: who adds one to the model is told here to add it to the peer and to `EFFECTS`."""
+    default = vibro_ros.load_scene("paper")
+    compared = {name: {default[name]} for name in default.parameters if name.startswith("effects.")}
+    for changes, _ in EFFECTS.values():
+        for name in compared.keys() & changes.keys():
+            compared[name].add(changes[name])
+    choices = {parameter.name: set(parameter.choices or (True, False)) for parameter in SCENE_PARAMETERS
+               if parameter.name.startswith("effects.")}
+    assert compared == choices
 
 
 def test_the_peer_refuses_what_it_does_not_simulate():

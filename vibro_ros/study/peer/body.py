@@ -51,7 +51,8 @@ class Body:
     def actions(self) -> dict[str, object]:
         """What each guard of the body does: a function of time [s] and the sign of the guard's derivative."""
         return {"body forward": lambda t, d: self._leave_stick(t, 1.0) if self.friction == "stick" else self._stop(t),
-                "body backward": lambda t, d: self._leave_stick(t, -1.0), "normal": self._cross_normal}
+                "body backward": lambda t, d: self._leave_stick(t, -1.0), "normal": self._cross_normal,
+                "decay": lambda t, d: None}  # that a step ends there is enough
 
     def feel_blow(self, time: float, change: float) -> None:
         """The inclined mass's speed has jumped by `change` [m/s]: M x' - m3 w' sin(phi) is kept, because a finite

@@ -83,7 +83,8 @@ class Peer:
             actions[name](integrator.time, direction)
             return self._automaton.present.flight == 0.0  # else stop, and go on in short steps
 
-        if name.endswith("kink"):  # crossed at the motor's speed, again only half a turn later
+        # A kink is crossed at the motor's speed, and again only half a turn later; a friction that fades, nothing.
+        if name.endswith("kink") or name == "decay":
             return hy.t_event(guard, callback=act)
         return hy.t_event(guard, callback=act, cooldown=0.0)
 

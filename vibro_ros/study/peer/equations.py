@@ -13,6 +13,8 @@ from vibro_ros.model.scene import Scene
 
 #: The first of the switches: they decide how the body moves (`Equations.ground_mode`).
 GROUND = ("slide", "direction", "mobility", "stick", "slip", "air")
+#: exp(-x), 4e-18, which no Taylor coefficient shows any more: heyoka would step over the stop of the body that follows.
+_FADED = 40.0
 #: Every effect that there are equations for, and its values.
 KNOWN = {
     "effects.upper_mass": (True, False), "effects.inclined_mass": (True, False),
@@ -276,6 +278,9 @@ class Equations:
             stick, slip, bound = at["stick"], at["slip"], self.holding * self.normal
             found["body forward"] = (stick * (bound - self.inertial) + slip * self.velocity
                                      + (1.0 - stick - slip))
+            if self.scene["effects.friction"] == "stribeck":
+                faded = at["direction"] * self.velocity - _FADED * self.scene["ground.stribeck_speed"]
+                found["decay"] = slip * faded + (1.0 - slip)
             found["body backward"] = stick * (bound + self.inertial) + (1.0 - stick)
         if self.hops:
             found["normal"] = at["air"] * self.altitude + (1.0 - at["air"]) * (self.normal + at["normal_offset"])
