@@ -33,6 +33,7 @@ WITHOUT_FRICTION_AND_PLATES = {
 DAMPERS = {f"{side}.{part}.damping": value for side in ("upper", "inclined")
            for part, value in (("spring", 2.0), ("plate", 100.0))}
 RIGID = {"effects.upper_contact": "restitution", "effects.inclined_contact": "restitution"}
+DYING = {"upper.plate.restitution": 0.2, "inclined.plate.restitution": 0.4}
 UNILATERAL = {"effects.normal_force": "unilateral"}
 STRIBECK = {"effects.friction": "stribeck", "ground.static_friction": 0.35}
 HOP = {"effects.normal_force": "hop"}
@@ -66,7 +67,7 @@ EFFECTS = {
     "rigid plates, reaction and weight": (
         UNILATERAL | RIGID | HEAVY, ()),
     "bounces that die out": (
-        UNILATERAL | RIGID | {"upper.plate.restitution": 0.2, "inclined.plate.restitution": 0.4}, ()),
+        UNILATERAL | RIGID | DYING, ()),
     "bounces that die out at once": (
         UNILATERAL | RIGID | HEAVY | {"upper.plate.restitution": 0.001, "inclined.plate.restitution": 0.02}, GAPS),
     "reaction": (UNILATERAL | {"effects.reaction": True}, ()),
@@ -85,6 +86,22 @@ EFFECTS = {
     "hop with a lag motor": (
         HOP | DAMPERS | HEAVY | {"effects.motor": "lag", "motor.time_constant": 0.03}, SPEED_UP),
     "hop with moving plates": (HOP | DAMPERS, GAPS),
+    "a blow throws the body up": (HOP | RIGID, ()),
+    "a blow throws the body up, reaction": (HOP | RIGID | {"effects.reaction": True}, ()),
+    "a blow throws the body up, reaction and weight": (HOP | RIGID | HEAVY, ()),
+    "a blow throws the body up from ice": (HOP | RIGID | HEAVY | {"effects.friction": "none"}, ()),
+    "a blow throws the body up, static friction": (
+        HOP | RIGID | HEAVY | {"effects.friction": "static", "ground.static_friction": 0.35, "guide.angle": 1.3}, ()),
+    "blows that die out on a body in flight": (HOP | RIGID | HEAVY | DYING, GAPS),
+    "blows without rebound on a body that hops": (
+        HOP | RIGID | HEAVY | {"upper.plate.restitution": 0.0, "inclined.plate.restitution": 0.0}, GAPS),
+    "a mass that rests on its plate parts from a body that lands or is struck": (
+        HOP | RIGID | HEAVY | {"inclined.gap": -0.004, "inclined.plate.restitution": 0.0, "upper.gap": 0.004}, ()),
+    "masses that rest on their plates fly with the body": (
+        HOP | RIGID | DYING | {"upper.gap": -0.004, "inclined.gap": -0.004}, ()),
+    "one plate rigid, one with a damper that cannot pull": (
+        HOP | DAMPERS | HEAVY | {"effects.upper_contact": "restitution", "effects.adhesion": False}, ()),
+    "a rigid plate throws up a body that only jumps": (HOP | RIGID | HEAVY | {"effects.inclined_mass": False}, ()),
     "ideal motor": (UNILATERAL, SPEED_UP),
     "ramp motor": (UNILATERAL | {"effects.motor": "ramp", "motor.acceleration": 800.0}, SPEED_UP),
     "lag motor": (UNILATERAL | {"effects.motor": "lag", "motor.time_constant": 0.03}, SPEED_UP),
@@ -184,7 +201,7 @@ def random_extras(pick, changes):
     if rule == "unilateral":
         rule = pick.choice([rule, "hop"])
     extras = {"effects.motor": pick.choice([changes["effects.motor"], "lag"]), "effects.normal_force": rule}
-    if rule == "weight" or (rule == "unilateral" and changes["guide.angle"] < 1.57):
+    if rule == "weight" or (rule in ("unilateral", "hop") and changes["guide.angle"] < 1.57):
         extras |= {f"effects.{side}_contact": pick.choice(["compliant", "restitution"])
                    for side in ("upper", "inclined")}
     may_decay = changes["effects.friction"] != "none" and rule != "hop" and not changes["effects.reaction"]
@@ -225,11 +242,6 @@ def test_every_effect_that_a_scene_may_have_is_compared():
     choices = {parameter.name: set(parameter.choices or (True, False)) for parameter in SCENE_PARAMETERS
                if parameter.name.startswith("effects.")}
     assert compared == choices
-
-
-def test_the_peer_refuses_what_it_does_not_simulate():
-    with pytest.raises(ValueError, match="no rigid plates that throw a hopping body up"):
-        Peer(vibro_ros.load_scene("rigid").with_parameters(HOP))
 
 
 def test_a_peer_runs_again_from_the_start():

@@ -59,14 +59,12 @@ class Peer:
     Raises
     ------
     ValueError
-        For rigid plates together with a body that hops.
+        For an effect that the peer does not know (`equations.KNOWN`).
     """
 
     def __init__(self, scene: Scene, tolerance: float = 1e-15):
         self.scene = scene
         equations = self._equations = Equations(scene)
-        if equations.hops and any(guide.kind == "restitution" for guide in equations.guides):
-            raise ValueError(f"scene {scene.name}: the peer has no rigid plates that throw a hopping body up")
         guards = equations.guards()
         self._actions: dict[str, object] = {}
         events = [self._event(name, guard) for name, guard in guards.items()]
