@@ -54,7 +54,8 @@ class Peer:
     scene : Scene
         What to simulate.
     tolerance : float
-        heyoka's, relative to the state; its strictest is about 1e-15.
+        heyoka's, of a step, relative to the largest coordinate or speed. 1e-15 is a double's own, but the start of a
+        body under Stribeck's friction is decided by speeds of some 1e-10 m/s: it needs 1e-18.
 
     Raises
     ------
