@@ -60,7 +60,7 @@ class Peer:
     Raises
     ------
     ValueError
-        For an effect that the peer does not know (`equations.KNOWN`).
+        For an effect that the peer does not know (`known.KNOWN`).
     """
 
     def __init__(self, scene: Scene, tolerance: float = 1e-15):

@@ -11,21 +11,12 @@ from dataclasses import dataclass
 import heyoka as hy
 
 from vibro_ros.model.scene import Scene
+from vibro_ros.study.peer.known import refuse_unknown
 
 #: The first of the switches: they decide how the body moves (`Equations.ground_mode`).
 GROUND = ("slide", "direction", "mobility", "stick", "slip", "air")
 #: exp(-x), 4e-18, which no Taylor coefficient shows any more: heyoka would step over the stop of the body that follows.
 _FADED = 40.0
-#: Every effect that there are equations for, and its values.
-KNOWN = {
-    "effects.upper_mass": (True, False), "effects.inclined_mass": (True, False),
-    "effects.upper_contact": ("compliant", "restitution", "none"),
-    "effects.inclined_contact": ("compliant", "restitution", "none"), "effects.adhesion": (True, False),
-    "effects.friction": ("coulomb", "static", "stribeck", "none"),
-    "effects.normal_force": ("weight", "unilateral", "printed", "hop"),
-    "effects.reaction": (True, False), "effects.mass_weight": (True, False),
-    "effects.motor": ("ideal", "ramp", "lag"), "start.state": ("rest", "zero"),
-}
 
 
 class Switches:
@@ -95,7 +86,7 @@ class Equations:
     Raises
     ------
     ValueError
-        For an effect, or a value of one, that is not among `KNOWN`.
+        For an effect, or a value of one, that is not among `known.KNOWN`.
     """
 
     def __init__(self, scene: Scene):
@@ -307,11 +298,3 @@ class Equations:
         elif self.rubs and self.rule == "unilateral":
             found["normal"] = self.normal + at["normal_offset"]
         return found
-
-
-def refuse_unknown(scene: Scene) -> None:
-    """Raise ValueError for what the scene has and the equations do not: it would be left out unnoticed."""
-    effects = {name: value for name, value in scene.parameters.items() if name.startswith("effects.") or name in KNOWN}
-    for name, value in effects.items():
-        if value not in KNOWN.get(name, ()):
-            raise ValueError(f"scene {scene.name}: the peer has no {name} {value!r}")
