@@ -128,14 +128,12 @@ class Simulator:
     def _command_plate(self, side: str, target: float) -> None:
         plate = self._model.forms.plates.index(side)
         ramp = self._state.ramp[plate]
-        ended = event_loop.release_from(self._model.system, self._state, plate, self._point, self._room, 0)
-        self._keep(self._room[:ended])
-        ramp[at.TARGET] = target
-        ramp[at.RATE] = ramp[at.TIME] = 0.0
-        difference = target - ramp[at.VALUE]
-        if difference != 0.0:
-            ramp[at.RATE] = math.copysign(self.scene["gap_actuator.speed"], difference)
-            ramp[at.TIME] = abs(difference) / self.scene["gap_actuator.speed"]
+        speed, difference = self.scene["gap_actuator.speed"], target - ramp[at.VALUE]
+        rate = math.copysign(speed, difference) if difference != 0.0 else 0.0
+        if rate != ramp[at.RATE]:  # else a mass that rests on the plate rests on
+            ended = event_loop.release_from(self._model.system, self._state, plate, self._point, self._room, 0)
+            self._keep(self._room[:ended])
+        ramp[at.TARGET], ramp[at.RATE], ramp[at.TIME] = target, rate, abs(difference) / speed
 
     def _begin_segment(self, state: at.State) -> None:
         if not event_loop.begin_segment(self._model.system, state, self._point):
