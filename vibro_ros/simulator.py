@@ -11,6 +11,7 @@ from vibro_ros.samples import EVENT_DTYPE, Run, Samples, sampled_quantities
 from vibro_ros.solver import event_loop
 from vibro_ros.solver import state as at
 from vibro_ros.solver.forcing import read_signals
+from vibro_ros.solver.methods import SCHEMES, Exact, FixedStep, Method
 from vibro_ros.solver.recording import EVENT_COLUMNS, MONITOR_KIND, PHASE_KIND, RAMP_KIND
 
 _EVENTS_AT_ONCE = 4096
@@ -50,12 +51,17 @@ class Simulator:
         self.scene = scene
         self.time = 0.0
         self._model = compile_scene(scene)
+        self._method = self._new_method()
         self._point = np.zeros(self._model.forms.channels.count)
         self._state = self._start()
         self._room = np.empty((_EVENTS_AT_ONCE, EVENT_COLUMNS))
         self._events: list[np.ndarray] = []
         self._counts: dict[str, int] = {}
         self._kinds = self._kind_names()
+
+    def _new_method(self) -> Method:
+        name, system = self.scene["solver.method"], self._model.system
+        return Exact(system) if name == "exact" else FixedStep(system, SCHEMES[name], self.scene["solver.step"])
 
     def _start(self) -> at.State:
         model, scene = self._model, self.scene
@@ -101,7 +107,7 @@ class Simulator:
         speed = None if motor_speed is None else self.scene.checked_motor_speed(motor_speed)
         gaps = {side: self.scene.checked_gap(side, gap)
                 for side, gap in (("upper", upper_gap), ("inclined", inclined_gap)) if gap is not None}
-        event_loop.interrupt(self._model.system, self._state, self.time, self._point)
+        self._method.interrupt(self._state, self.time, self._point)
         if speed is not None:
             self._command_speed(speed)
         for side, gap in gaps.items():
@@ -136,13 +142,15 @@ class Simulator:
             ramp[at.TIME] = abs(difference) / self.scene["gap_actuator.speed"]
 
     def _begin_segment(self, state: at.State) -> None:
-        if not event_loop.begin_segment(self._model.system, state, self._point):
+        if not self._method.begin(state, self._point):
             self._fail(event_loop.ROOT_LOST, state)
 
     def _fail(self, status: int, state: at.State) -> None:
-        mode = self._model.modes[state.index[at.MODE]]
+        mode, step = self._model.modes[state.index[at.MODE]], self.scene["solver.step"]
+        remedy = "please report the scene" if self.scene["solver.method"] == "exact" else (
+            f"{self.scene['solver.method']} may need a solver.step below {step:g} s, or use solver.method exact")
         raise SimulationError(f"at {state.clock[at.START]:.9g} s in mode {', '.join(mode.states)}: {_CAUSES[status]}; "
-                              "please report the scene")
+                              f"{remedy}")
 
     def advance_to(self, time: float) -> None:
         """Advance to the absolute instant `time` [s]; the trajectory does not depend on how time is cut up.
@@ -184,8 +192,8 @@ class Simulator:
         modes, phases = np.empty(n, dtype=np.int64), np.empty((n, 3))
         done, status = 0, event_loop.EVENTS_FULL
         while status == event_loop.EVENTS_FULL:
-            status, taken, count = event_loop.advance(self._model.system, self._state, times[done:], self._point,
-                                                      points[done:], modes[done:], phases[done:], self._room)
+            status, taken, count = self._method.advance(self._state, times[done:], self._point, points[done:],
+                                                        modes[done:], phases[done:], self._room)
             done += taken
             self._keep(self._room[:count])
         if status != event_loop.REACHED:
@@ -222,7 +230,7 @@ class Simulator:
         account for, `energy_exchanged` [J] the sum of these amounts of work.
         """
         counts = {**self._counts, "steps": int(self._state.index[at.SEGMENTS])}
-        if not self.scene["solver.audit"]:
+        if not self.scene["solver.audit"] or self.scene["solver.method"] != "exact":
             return counts
         return {**counts, "energy_residual": float(self._state.audit[at.RESIDUAL]),
                 "energy_exchanged": float(self._state.audit[at.EXCHANGED])}
