@@ -174,6 +174,8 @@ def _read(system, state, track, x, z):
         for channel in range(len(z)):
             z[channel] = track.start[channel]
         return
+    for channel in range(len(z)):
+        z[channel] = 0.0  # where it is multiplied by zero it may still not be NaN
     _interpolate(track, system.sizes[0], 0.5 * (x + 1.0), z)
     fill_forcing_at(system, state, state.clock[HALF] * (x + 1.0), z)
     accelerate(system, state.index[MODE], z, track.slopes[2])
