@@ -5,6 +5,7 @@ import time as wall_clock
 
 import numpy as np
 
+from vibro_ros.model.laws import contact_laws
 from vibro_ros.model.scene import Scene
 from vibro_ros.model.tables import MODE_EVENTS, compile_scene
 from vibro_ros.samples import EVENT_DTYPE, Run, Samples, sampled_quantities
@@ -60,8 +61,11 @@ class Simulator:
         self._kinds = self._kind_names()
 
     def _new_method(self) -> Method:
-        name, system = self.scene["solver.method"], self._model.system
-        return Exact(system) if name == "exact" else FixedStep(system, SCHEMES[name], self.scene["solver.step"])
+        model, name, step = self._model, self.scene["solver.method"], self.scene["solver.step"]
+        if name == "exact":
+            return Exact(model.system)
+        laws = contact_laws(self.scene, model.forms, model.modes, step) if name == "moreau" else None
+        return FixedStep(model.system, SCHEMES[name], step, laws)
 
     def _start(self) -> at.State:
         model, scene = self._model, self.scene

@@ -167,8 +167,8 @@ SCENE_PARAMETERS: tuple[Parameter, ...] = (
     Parameter("solver.audit", False, "", "balance the masses' energy on every segment; costs time, changes nothing"),
     Parameter("solver.tolerance", 1e-9, "m", "error of a position over a short horizon that may not be exceeded; "
               "`exact` stays below all that may be asked for", minimum=1e-12, maximum=1e-3),
-    Parameter("solver.method", "exact", "", "exact: event by event, to rounding; else steps of fixed length, for comparison",
-              choices=("exact", "rk4", "semi_implicit_euler")),
+    Parameter("solver.method", "exact", "", "exact: event by event, to rounding; the others: steps of fixed length",
+              choices=("exact", "rk4", "semi_implicit_euler", "moreau")),
     Parameter("solver.step", 1e-5, "s", "step of the methods of fixed step", minimum=1e-8, maximum=0.01),
 )
 

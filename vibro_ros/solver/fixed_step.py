@@ -3,7 +3,7 @@
 The grid starts at time 0 and anew at every command, so that the trajectory does not depend on where it is sampled.
 A step is taken in the mode that its start is in. At its end the guards are evaluated, and the mode changes there, by
 the same candidates and jumps as in the event loop: an event is up to a step late, and a pair of crossings within
-one step goes unseen. Between a step's ends samples are interpolated, by cubic Hermite polynomials of the positions
+one step goes unseen. Moreau's scheme finds the mode together with the step instead. Between a step's ends samples are interpolated, by cubic Hermite polynomials of the positions
 and of the velocities (first-order schemes: linearly).
 """
 
@@ -13,7 +13,8 @@ from vibro_ros.solver.compilation import kernel
 from vibro_ros.solver.event_loop import DIVERGED, EVENTS_FULL, REACHED, release_from
 from vibro_ros.solver.forcing import advance_clock, place_of
 from vibro_ros.solver.instant import accelerate, fill_forcing_at, move_forcing, phase_after
-from vibro_ros.solver.one_step import RK4, take_step
+from vibro_ros.solver.moreau import enter_found_mode
+from vibro_ros.solver.one_step import MOREAU, RK4, take_step
 from vibro_ros.solver.recording import PHASE_KIND, RAMP_KIND, form_value, record, record_mode_change
 from vibro_ros.solver.state import GUARD, HALF, MODE, NEXT, PEAK, SEGMENTS, START, START_RESIDUE, TURNS
 from vibro_ros.solver.system import NOTHING
@@ -121,12 +122,15 @@ def _move_forcing(system, state, point, events, count):
 @kernel
 def _pass_step(system, state, track, events, count):
     """Go on to the next step; returns the number of events."""
+    count = _move_forcing(system, state, track.start, events, count)
+    if track.scheme == MOREAU:
+        count = enter_found_mode(system, state, track, events, count)
     for channel in range(len(track.start)):
         track.start[channel] = track.end[channel]
-    count = _move_forcing(system, state, track.start, events, count)
     accelerate(system, state.index[MODE], track.start, track.rates[0])
     _raise_peaks(system, state, track.start)
-    count = _change_modes(system, state, track, events, count)
+    if track.scheme != MOREAU:
+        count = _change_modes(system, state, track, events, count)
     _finish_step(system, state, track)
     return count
 

@@ -5,12 +5,13 @@ from typing import Protocol
 import numpy as np
 
 from vibro_ros.solver import event_loop, fixed_step
-from vibro_ros.solver.one_step import RK4, SEMI_IMPLICIT_EULER, new_track
+from vibro_ros.solver.laws import Laws
+from vibro_ros.solver.one_step import MOREAU, RK4, SEMI_IMPLICIT_EULER, new_track
 from vibro_ros.solver.state import State
 from vibro_ros.solver.system import System
 
 #: Methods of fixed step, by name.
-SCHEMES = {"rk4": RK4, "semi_implicit_euler": SEMI_IMPLICIT_EULER}
+SCHEMES = {"rk4": RK4, "semi_implicit_euler": SEMI_IMPLICIT_EULER, "moreau": MOREAU}
 
 
 class Method(Protocol):
@@ -47,11 +48,11 @@ class Exact:
 
 
 class FixedStep:
-    """Steps of `step` [s] by one of `SCHEMES`."""
+    """Steps of `step` [s] by one of `SCHEMES`; `laws` for `MOREAU`."""
 
-    def __init__(self, system: System, scheme: int, step: float):
+    def __init__(self, system: System, scheme: int, step: float, laws: Laws | None = None):
         self._system = system
-        self._track = new_track(system, scheme, step)
+        self._track = new_track(system, scheme, step, laws)
 
     def begin(self, state, point):
         """See `Method`."""

@@ -9,12 +9,15 @@ import numpy as np
 
 from vibro_ros.solver.compilation import kernel
 from vibro_ros.solver.instant import accelerate, fill_forcing_at
+from vibro_ros.solver.laws import Laws, no_laws
+from vibro_ros.solver.moreau import step_velocities
 from vibro_ros.solver.state import HALF, MODE
 from vibro_ros.solver.system import Channels, System
 
 #: Schemes.
 RK4 = 0
 SEMI_IMPLICIT_EULER = 1
+MOREAU = 2
 
 
 class Track(NamedTuple):
@@ -34,6 +37,14 @@ class Track(NamedTuple):
         Room for the channels between.
     slopes : ndarray, shape (3, coordinates)
         Weighted sums of velocities and of accelerations, and room for those of a stage.
+    laws : Laws
+        The laws of Moreau's scheme.
+    gap, drift, approach : ndarray, shape (m,)
+        Gap of each contact at the start, the part of its rate that the ramps make, and its rate at the start.
+    impulse : ndarray, shape (m + 1,)
+        Impulses of the contacts and of friction during the step.
+    found : ndarray of int, shape (2,)
+        The friction law's outcome, and the mode at the end.
     """
 
     scheme: int
@@ -43,14 +54,23 @@ class Track(NamedTuple):
     rates: np.ndarray
     stage: np.ndarray
     slopes: np.ndarray
+    laws: Laws
+    gap: np.ndarray
+    drift: np.ndarray
+    approach: np.ndarray
+    impulse: np.ndarray
+    found: np.ndarray
 
 
-def new_track(system: System, scheme: int, step: float) -> Track:
-    """Room for steps of `step` [s] by `scheme`."""
+def new_track(system: System, scheme: int, step: float, laws: Laws | None = None) -> Track:
+    """Room for steps of `step` [s] by `scheme`; `laws` for `MOREAU`."""
     channels = Channels(*(int(size) for size in system.sizes))
     start, end, stage = np.zeros((3, channels.count))
+    laws = laws or no_laws(channels.coordinates, channels.count)
+    gap, drift, approach = np.zeros((3, len(laws.gap)))
     return Track(scheme, step, start, end, np.zeros((2, channels.coordinates)), stage,
-                 np.zeros((3, channels.coordinates)))
+                 np.zeros((3, channels.coordinates)), laws, gap, drift, approach, np.zeros(len(gap) + 1),
+                 np.zeros(2, dtype=np.int64))
 
 
 @kernel
@@ -58,6 +78,8 @@ def take_step(system, state, track):
     """Fill `Track.end`, by the track's scheme."""
     if track.scheme == RK4:
         _runge_kutta(system, state, track)
+    elif track.scheme == MOREAU:
+        step_velocities(system, state, track)
     else:
         _semi_implicit_euler(system, state, track)
 
