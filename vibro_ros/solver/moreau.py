@@ -29,10 +29,20 @@ def _rate(laws, contact, coordinates, v):
 
 
 @kernel
-def _rigid_impulse(laws, contact, gap, before, free, h):
+def _wanted_rate(laws, contact, gap, before, free, h):
+    """Least rate of a rigid contact's gap where it closes: that of the rebound or, without one, what closes it just.
+
+    What arrives no faster than a step accelerates it does not rebound: no step could follow it.
+    """
+    if -before > abs(free - before) and laws.restitution[contact] > 0.0:
+        return -laws.restitution[contact] * before
+    return -max(gap, 0.0) / h
+
+
+@kernel
+def _rigid_impulse(laws, contact, gap, wanted, free, h):
     if gap + h * free > 0.0:
         return 0.0
-    wanted = -laws.restitution[contact] * min(before, 0.0)
     return max(0.0, (wanted - free) / laws.compliance[contact])
 
 
@@ -52,7 +62,7 @@ def _project_contact(laws, track, contact, coordinates, h):
     free = _rate(laws, contact, coordinates, v) + track.drift[contact] - laws.compliance[contact] * old
     gap = track.gap[contact]
     if laws.rigid[contact]:
-        new = _rigid_impulse(laws, contact, gap, track.approach[contact], free, h)
+        new = _rigid_impulse(laws, contact, gap, track.wanted[contact], free, h)
     else:
         new = _compliant_impulse(laws, contact, gap, free, h)
     track.impulse[contact] = new
@@ -130,6 +140,8 @@ def _begin_step(system, state, track, coordinates, h):
         track.gap[contact] = form_value(laws.gap[contact], start)
         track.drift[contact] = (form_value(laws.gap[contact], track.stage) - track.gap[contact]) / h
         track.approach[contact] = _rate(laws, contact, coordinates, start) + track.drift[contact]
+        free = _rate(laws, contact, coordinates, end) + track.drift[contact]
+        track.wanted[contact] = _wanted_rate(laws, contact, track.gap[contact], track.approach[contact], free, h)
     for law in range(len(track.impulse)):
         track.impulse[law] = 0.0
 
@@ -157,11 +169,9 @@ def step_velocities(system, state, track):
 
 
 @kernel
-def _rebounds(laws, track, contact, coordinates):
+def _rebounds(laws, track, contact):
     """Whether a rigid contact has thrown back what struck it."""
-    rate = _rate(laws, contact, coordinates, track.end) + track.drift[contact]
-    return laws.rigid[contact] and track.impulse[contact] > 0.0 and track.approach[contact] < 0.0 and (
-        rate > 0.5 * laws.restitution[contact] * -track.approach[contact])
+    return laws.rigid[contact] and track.impulse[contact] > 0.0 and track.wanted[contact] > 0.0
 
 
 @kernel
@@ -169,7 +179,7 @@ def _found_mode(laws, track, coordinates, h):
     number = 0
     for contact in range(len(laws.gap)):
         if contact != laws.support:
-            pressing = track.impulse[contact] != 0.0 and not _rebounds(laws, track, contact, coordinates)
+            pressing = track.impulse[contact] != 0.0 and not _rebounds(laws, track, contact)
             number = 2 * number + (1 if pressing else 0)
     outcome = track.found[0]
     if laws.slipping == NOTHING or laws.support != NOTHING:
@@ -181,10 +191,10 @@ def _found_mode(laws, track, coordinates, h):
 @kernel
 def enter_found_mode(system, state, track, events, count):
     """Record what the step has done, at its end, and enter the mode that it ended in; returns the number of events."""
-    laws, coordinates, time = track.laws, system.sizes[0], state.clock[START]
+    laws, time = track.laws, state.clock[START]
     previous, mode = state.index[MODE], track.found[1]
     for contact in range(len(laws.gap)):
-        if contact != laws.support and _rebounds(laws, track, contact, coordinates):
+        if contact != laws.support and _rebounds(laws, track, contact):
             count = record(events, count, time, MONITOR_KIND + contact, -track.approach[contact], float("inf"), 0.0)
     kind = system.event[previous, mode]
     if kind != NOTHING:

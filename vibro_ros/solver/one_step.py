@@ -39,8 +39,9 @@ class Track(NamedTuple):
         Weighted sums of velocities and of accelerations, and room for those of a stage.
     laws : Laws
         The laws of Moreau's scheme.
-    gap, drift, approach : ndarray, shape (m,)
-        Gap of each contact at the start, the part of its rate that the ramps make, and its rate at the start.
+    gap, drift, approach, wanted : ndarray, shape (m,)
+        Gap of each contact at the start, the part of its rate that the ramps make, its rate at the start, and the
+        least one at the end should it close.
     impulse : ndarray, shape (m + 1,)
         Impulses of the contacts and of friction during the step.
     found : ndarray of int, shape (2,)
@@ -58,6 +59,7 @@ class Track(NamedTuple):
     gap: np.ndarray
     drift: np.ndarray
     approach: np.ndarray
+    wanted: np.ndarray
     impulse: np.ndarray
     found: np.ndarray
 
@@ -67,9 +69,9 @@ def new_track(system: System, scheme: int, step: float, laws: Laws | None = None
     channels = Channels(*(int(size) for size in system.sizes))
     start, end, stage = np.zeros((3, channels.count))
     laws = laws or no_laws(channels.coordinates, channels.count)
-    gap, drift, approach = np.zeros((3, len(laws.gap)))
+    gap, drift, approach, wanted = np.zeros((4, len(laws.gap)))
     return Track(scheme, step, start, end, np.zeros((2, channels.coordinates)), stage,
-                 np.zeros((3, channels.coordinates)), laws, gap, drift, approach, np.zeros(len(gap) + 1),
+                 np.zeros((3, channels.coordinates)), laws, gap, drift, approach, wanted, np.zeros(len(gap) + 1),
                  np.zeros(2, dtype=np.int64))
 
 
