@@ -27,7 +27,7 @@ COLUMNS = ("upper_position", "upper_velocity", "inclined_position", "inclined_ve
 DRIVE_SPEED = 100.0
 EVENT_DTYPE = np.dtype([("time", float), ("kind", "U16")])
 _FORCING_EVENTS = ("motor_ramp_end", "gap_reached")
-_MOST_EVALUATIONS = 2e6  # of a right-hand side in Python, some 20 s
+_MOST_EVALUATIONS = 3e5  # of a right-hand side in Python, some 20 s
 
 
 @dataclass(frozen=True)

@@ -26,7 +26,10 @@ from vibro_ros.solver.transition import NOISE, choose_candidate
 SOLVERS: dict[str, type[OdeSolver]] = {"DOP853": DOP853, "Radau": Radau, "LSODA": LSODA}
 # Points between a step's ends at which its guards are evaluated, too.
 _WITHIN = np.linspace(0.0, 1.0, 9)[1:]
-_MOST_AT_ONCE = 200  # changes of mode at one instant
+# Changes of mode at one instant after which one is passed by, because the error of the dense output has guards
+# contradict each other; and halvings of a step's first part in search of a guard that rises before it falls.
+_MOST_AT_ONCE = 20
+_HALVINGS = 30
 _ROOT = 4.0 * np.finfo(float).eps  # of `brentq`, the least that it takes
 
 
@@ -120,18 +123,17 @@ class _Located:
     def __init__(self, name, tables, times, tolerance, work):
         self._make, self._tables, self._times, self._work = SOLVERS[name], tables, times, work
         self._tolerance = tolerance
+        self._at_once = 0
         self.states = np.zeros((len(times), len(tables.start)))
         self.events: list[tuple[float, str]] = []
 
     def integrate(self):
         tables, time, y, mode = self._tables, 0.0, self._tables.start, self._tables.model.initial_mode
-        done = at_once = 0
+        done = 0
         while done < len(self._times):
             stop = self._times[-1] if time >= tables.motor_settled else min(self._times[-1], tables.motor_settled)
             ended, y_end, guard, done = self._piece(time, y, mode, stop, done)
-            at_once = at_once + 1 if ended == time else 0
-            if at_once > _MOST_AT_ONCE:
-                raise UnableError(f"{at_once} events at {time:g} s")
+            self._at_once = self._at_once + 1 if ended == time else 0
             time, y = ended, y_end
             if guard == NOTHING and time >= self._times[-1]:
                 self.states[done:] = y
@@ -171,16 +173,23 @@ class _Located:
             z = tables.point(after, dense(after), mode)
             following = tables.guards(mode, z)
             if tables.broken_guard(mode, z) != NOTHING:
-                roots = [(self._root(dense, before, after, mode, g) if values[g] > 0.0 else before, g)
-                         for g in np.flatnonzero(following < 0.0)]
-                return min(roots)
+                return min((self._root(dense, before, after, mode, g, values[g]), g)
+                           for g in np.flatnonzero(following < 0.0))
             before, values = after, following
         return ended, NOTHING
 
-    def _root(self, dense, before, after, mode, guard):
-        tables = self._tables
-        return brentq(lambda t: tables.guards(mode, tables.point(t, dense(t), mode))[guard], before, after,
-                      xtol=1e-16, rtol=_ROOT)
+    def _root(self, dense, before, after, mode, guard, first):
+        """Where a guard of the value `first` at `before` has turned negative by `after`."""
+        def value(time):
+            return self._tables.guards(mode, self._tables.point(time, dense(time), mode))[guard]
+
+        if first > 0.0:
+            return brentq(value, before, after, xtol=1e-16, rtol=_ROOT)
+        for k in range(1, _HALVINGS):
+            between = before + (after - before) / 2.0**k
+            if value(between) > 0.0:
+                return brentq(value, between, after, xtol=1e-16, rtol=_ROOT)
+        return before if self._at_once < _MOST_AT_ONCE else after
 
 
 def blind(name: str, tables: Tables, times: np.ndarray, tolerance: float, work: Work):
