@@ -1,10 +1,12 @@
 """The stateful device: commands in, samples and events out."""
 
+import functools
 import math
 import time as wall_clock
 
 import numpy as np
 
+from vibro_ros.choice import Choice, choose, chosen
 from vibro_ros.model.laws import contact_laws
 from vibro_ros.model.scene import Scene
 from vibro_ros.model.tables import MODE_EVENTS, compile_scene
@@ -43,15 +45,18 @@ class Simulator:
     Attributes
     ----------
     scene : Scene
-        What is simulated.
+        What is simulated; with `solver.method` auto, by the method and step that were picked.
+    choice : Choice or None
+        What auto has picked, and why.
     time : float
         Simulated time [s], from 0.
     """
 
     def __init__(self, scene: Scene):
-        self.scene = scene
+        self.choice: Choice | None = choose_method(scene) if scene["solver.method"] == "auto" else None
+        self.scene = chosen(scene, self.choice) if self.choice else scene
         self.time = 0.0
-        self._model = compile_scene(scene)
+        self._model = compile_scene(self.scene)
         self._method = self._new_method()
         self._point = np.zeros(self._model.forms.channels.count)
         self._state = self._start()
@@ -228,24 +233,50 @@ class Simulator:
 
     @property
     def statistics(self) -> dict:
-        """Events by kind; `steps`, the segments of the event loop; and, with `solver.audit`, the energy of the masses.
+        """Events by kind; `steps`, the segments of the event loop; `solver.method`, and `solver.step` if it has one;
+        and, with `solver.audit` and the method exact, the energy of the masses.
 
         `energy_residual` [J] is the part of the change of energy that the work of sliders, dampers and plates does not
         account for, `energy_exchanged` [J] the sum of these amounts of work.
         """
-        counts = {**self._counts, "steps": int(self._state.index[at.SEGMENTS])}
+        method = {"solver.method": self.scene["solver.method"]}
+        if method["solver.method"] != "exact":
+            method["solver.step"] = self.scene["solver.step"]
+        counts = {**self._counts, "steps": int(self._state.index[at.SEGMENTS]), **method}
         if not self.scene["solver.audit"] or self.scene["solver.method"] != "exact":
             return counts
         return {**counts, "energy_residual": float(self._state.audit[at.RESIDUAL]),
                 "energy_exchanged": float(self._state.audit[at.EXCHANGED])}
 
 
-def compile_kernels() -> None:
-    """Compile the numerical kernels, or load them from the cache, before a clock starts."""
-    device = Simulator(Scene())
-    device.advance_to(0.001)
-    device.command(motor_speed=1.0)
-    device._sample(np.array([0.001]))
+def compile_kernels(method: str = "exact") -> None:
+    """Compile the numerical kernels of a `solver.method`, or load them from the cache, before a clock starts."""
+    for name in ("exact", "rk4") if method == "auto" else (method,):  # all steps of fixed length are one kernel
+        device = Simulator(Scene(parameters={"solver.method": name}))
+        device.advance_to(0.001)
+        device.command(motor_speed=1.0)
+        device._sample(np.array([0.001]))
+
+
+@functools.lru_cache(maxsize=64)
+def choose_method(scene: Scene) -> Choice:
+    """What `solver.method` auto picks for `scene`; measured once in a process."""
+    compile_kernels("auto")
+    return choose(scene, _measure)
+
+
+def _measure(scene: Scene, times: np.ndarray) -> tuple[np.ndarray, float]:
+    """For `choice.choose`: the cost is that of the time after the last sample, when what is kept for later is there."""
+    device = Simulator(scene)
+    try:
+        samples = device.sample(times)
+        began = wall_clock.thread_time()  # not that of whatever else the machine does
+        device.advance_to(2.0 * times[-1])
+        seconds = wall_clock.thread_time() - began
+    except SimulationError:
+        return np.full((1, len(times)), math.nan), math.inf
+    return np.array([samples.body_position, samples.body_height, samples.upper_position,
+                     samples.inclined_position]), seconds
 
 
 def simulate(scene: Scene, duration: float | None = None, rate: float | None = None,
