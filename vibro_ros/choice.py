@@ -16,7 +16,8 @@ _INSTANTS = 201
 SAFETY = 4.0
 # `exact` is left only for what costs less by more than a measurement of time is off.
 _CLEARLY_LESS = 0.8
-_COARSEST, _STEPS_A_DECADE = 1e-2, 4
+# Steps that are tried [s]; `solver.step` allows them.
+_COARSEST, _FINEST, _STEPS_A_DECADE = 1e-2, 1e-8, 4
 # Step that shows what a step costs [s].
 _TYPICAL = 1e-4
 
@@ -84,7 +85,7 @@ class _Trial:
     def coarsest(self, method: str) -> Choice | None:
         """The longest step that is as accurate as asked for; None where that does not cost less than `exact`."""
         _, cost = self._run(method, _TYPICAL)
-        finest = cost * _TYPICAL / (_CLEARLY_LESS * self.exact_cost)
+        finest = max(_FINEST, cost * _TYPICAL / (_CLEARLY_LESS * self.exact_cost))
         if finest > _COARSEST or self._error(method, finest) > self._limit:
             return None
         count = math.floor(_STEPS_A_DECADE * math.log10(_COARSEST / finest))

@@ -3,14 +3,15 @@
 >>> answer = METHODS["rk4"](scene, times, 1e-5)
 
 A scene whose motor stands still at t = 0 is commanded `DRIVE_SPEED` then, by every method. To compare with another
-method, also a wrong one, add it to a copy of the table: ``METHODS | {"mine": Method(function, "step", (1e-4,))}``.
+method, also a wrong one, add it to a copy of the table: ``METHODS | {"mine": Method(function, "step", (1e-4,))}``; for
+other settings, `dataclasses.replace` its `ladder`.
 """
 
 import importlib.util
 import math
 import time as wall_clock
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
@@ -165,7 +166,3 @@ METHODS: dict[str, Method] = {
     "heyoka": Method(by_heyoka, "tolerance", _ladder(1e-5, 1e-15)),
 }
 
-
-def with_ladder(method: Method, settings: tuple[float, ...]) -> Method:
-    """`method` with other settings for a study."""
-    return replace(method, ladder=settings)
