@@ -36,7 +36,9 @@ def _broken_guard(system, mode, z):
             break
         total = 0.0
         noise = 0.0
-        for channel in range(len(z)):
+        for channel in system.row_terms[row]:
+            if channel == NOTHING:
+                break
             term = system.row[row, channel] * z[channel]
             total += term
             noise += abs(term)
@@ -122,12 +124,17 @@ def _move_forcing(system, state, point, events, count):
 @kernel
 def _pass_step(system, state, track, events, count):
     """Go on to the next step; returns the number of events."""
+    mode = state.index[MODE]
     count = _move_forcing(system, state, track.start, events, count)
     if track.scheme == MOREAU:
         count = enter_found_mode(system, state, track, events, count)
     for channel in range(len(track.start)):
         track.start[channel] = track.end[channel]
-    accelerate(system, state.index[MODE], track.start, track.rates[0])
+    if state.index[MODE] == mode:
+        for i in range(system.sizes[0]):
+            track.rates[0, i] = track.rates[1, i]
+    else:
+        accelerate(system, state.index[MODE], track.start, track.rates[0])
     _raise_peaks(system, state, track.start)
     if track.scheme != MOREAU:
         count = _change_modes(system, state, track, events, count)

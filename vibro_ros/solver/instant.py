@@ -2,7 +2,7 @@
 
 from vibro_ros.solver.compilation import kernel
 from vibro_ros.solver.forcing import phase_at
-from vibro_ros.solver.polynomial import LENGTH
+from vibro_ros.solver.polynomial import LENGTH, value_and_derivatives
 from vibro_ros.solver.recording import form_value
 from vibro_ros.solver.state import (
     CELL,
@@ -47,11 +47,7 @@ def _fill_signals(system, state, elapsed, z):
     scale = 2.0 / (start[cell + 1] - start[cell])
     y = (phase - start[cell]) * scale - 1.0
     for k in range(signals):
-        series = system.signals.series[cell, k]
-        value, slope = series[LENGTH - 1], 0.0
-        for n in range(LENGTH - 2, -1, -1):
-            slope = slope * y + value
-            value = value * y + series[n]
+        value, slope, _ = value_and_derivatives(system.signals.series[cell, k], LENGTH // 2, y)
         z[first + k] = value
         z[first + signals + k] = slope * scale * speed
 
