@@ -42,8 +42,9 @@ lint: $(READY)  ## check the style
 bench: $(READY) $(PEER)  ## compare the exact solver's cost with fixed-step Runge-Kutta and heyoka
 	@$(BIN)/python -m vibro_ros.study.bench
 
-docs: $(READY)  ## write the parameters' table into docs/interface.md anew
+docs: $(READY)  ## measure and write the tables in docs/interface.md and docs/model.md anew; some minutes
 	@$(BIN)/python -m vibro_ros.study.parameter_table
+	@$(BIN)/python -m vibro_ros.study.effects
 
 picture: $(READY)  ## simulate and draw docs/robot.gif, the robot in slow motion
 	@$(BIN)/python -m vibro_ros.study.animation

@@ -37,12 +37,14 @@ setup(
         "bench": ['heyoka==7.13.2 ; python_version >= "3.11"'],
         # ROS 2 Jazzy as wheels; not asked for by default, so that an apt installation is never shadowed.
         "ros": [
+            "ros-jazzy-diagnostic-msgs",
             "ros-jazzy-geometry-msgs",
             "ros-jazzy-nav-msgs",
             "ros-jazzy-rclpy==7.1.6",
             "ros-jazzy-rmw-fastrtps-cpp",
             "ros-jazzy-sensor-msgs",
             "ros-jazzy-std-msgs",
+            "ros-jazzy-std-srvs",
         ],
         "test": [
             "catkin-pkg",
@@ -61,6 +63,7 @@ setup(
     entry_points={
         "console_scripts": [
             "controller = vibro_ros.ros.controller:main",
+            "recover = vibro_ros.study.recover:main",
             "report = vibro_ros.study.report:main",
             "robot = vibro_ros.ros.robot:main",
         ],

@@ -1,5 +1,6 @@
 """Scene files: what is read, and that whatever cannot be read is refused in one line."""
 
+import json
 import math
 
 import pytest
@@ -58,11 +59,18 @@ def test_numbers_as_people_write_them(scene_file, text, value):
 
 def test_device_parameters_are_checked_and_left_aside(scene_file):
     device = {parameter.name: parameter.default for parameter in DEVICE_PARAMETERS}
-    lines = [f"{name}: {str(value).lower() if isinstance(value, bool) else value}" for name, value in device.items()]
+    lines = [f"{name}: {json.dumps(value)}" for name, value in device.items()]
     path = scene_file(below_head("mass.body: 2.0", *lines))
     assert load_scene(path).parameters == Scene("x", {"mass.body": 2.0}).parameters
-    assert read_parameter_file(path) == {"mass.body": 2.0, **device}
+    assert read_parameter_file(path) == {"mass.body": 2.0, **device, "record.topics": ["all"]}
     assert "rate.publish" in refusal(scene_file(below_head("rate.publish: -1.0")))
+
+
+@pytest.mark.parametrize("value", ["odom", "[1, 2]", "{a: b}", "true"])
+def test_a_list_of_texts_that_is_none_is_refused(scene_file, value):
+    said = refusal(scene_file(below_head(f"record.topics: {value}")))
+    assert "record.topics" in said
+    assert value == "{a: b}" or "is not a list of texts; write [one, another]" in said
 
 
 def test_every_scene_parameter_can_be_given_its_default(scene_file):

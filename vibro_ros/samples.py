@@ -102,11 +102,23 @@ def sampled_quantities(model: Model, unilateral: bool, times: np.ndarray, points
     quantities = dict(zip(OUTPUTS, linear, strict=True))
     if unilateral:
         quantities["normal_force"] = np.maximum(quantities["normal_force"], 0.0)
-    torque = np.zeros(len(times))
-    for side, slider in zip(model.forms.guides, model.sliders, strict=True):
-        torque += quantities[f"{side}_drive_force"] * slider.slope(phases[:, 1])
+    speed = phases[:, 2].copy()
+    power = np.zeros(len(times))
+    for k, side in enumerate(model.forms.guides):
+        power += quantities[f"{side}_drive_force"] * points[:, model.forms.channels.signal_rate(k)]
     quantities |= {
-        "time": times, "crank_angle": 2.0 * np.pi * phases[:, 0] + phases[:, 1],
-        "motor_speed": phases[:, 2].copy(), "motor_torque": torque, "motor_power": torque * phases[:, 2],
+        "time": times, "crank_angle": 2.0 * np.pi * phases[:, 0] + phases[:, 1], "motor_speed": speed,
+        "motor_torque": _torque(model, quantities, phases[:, 1], speed, power), "motor_power": power,
     }
     return quantities
+
+
+def _torque(model: Model, quantities: dict[str, np.ndarray], phase: np.ndarray, speed: np.ndarray,
+            power: np.ndarray) -> np.ndarray:
+    """Torque of the drive forces on the crank [N m]: power by speed, and where it stands, by the sliders' slopes."""
+    stands = speed == 0.0
+    torque = power / np.where(stands, 1.0, speed)
+    if stands.any():
+        torque[stands] = sum(quantities[f"{side}_drive_force"][stands] * slider.slope(phase[stands])
+                             for side, slider in zip(model.forms.guides, model.sliders, strict=True))
+    return torque

@@ -18,6 +18,17 @@ DEVICE_PARAMETERS: tuple[Parameter, ...] = (
               minimum=0.0, maximum=1e3),
     Parameter("record.enabled", True, "", "record a bag from the start"),
     Parameter("record.directory", ".", "", "where the time-stamped folder of the bag is made"),
+    Parameter("record.topics", ("all",), "", "topics to record, such as [odom, motor_speed]; [all] records every one"),
+    Parameter("record.storage", "mcap", "", "file format of the bag", choices=("mcap", "sqlite3")),
+    Parameter("record.compression", "none", "", "compression of an MCAP bag's chunks", choices=("none", "zstd")),
+    Parameter("record.max_size", 0.0, "B", "a file of the bag is followed by another before it exceeds this; 0 = never",
+              minimum=0.0, maximum=1e18),
+    Parameter("record.max_duration", 0.0, "s", "the same by robot time; 0 = never", minimum=0.0, maximum=1e9),
+    Parameter("record.max_bytes", 0.0, "B", "the bag's oldest file is deleted before the bag exceeds this; 0 = never",
+              minimum=0.0, maximum=1e18),
+    Parameter("record.snapshot", 0.0, "s", "keep only so much in memory, and write it when the simulation fails or "
+              "`~/record` asks; 0 = record everything at once", minimum=0.0, maximum=3600.0),
+    Parameter("record.recover", False, "", "seal bags that a killed robot left in record.directory; false: say how"),
 )
 
 

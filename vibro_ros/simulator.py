@@ -228,7 +228,8 @@ class Simulator:
         self._events.clear()
         events = np.empty(len(raw), dtype=EVENT_DTYPE)
         events["time"], events["speed"], events["peak_force"], events["duration"] = raw[:, [0, 2, 3, 4]].T
-        events["kind"] = [self._kinds[int(kind)] for kind in raw[:, 1]]
+        codes, kinds = np.unique(raw[:, 1], return_inverse=True)
+        events["kind"] = np.array([self._kinds[int(code)] for code in codes])[kinds]
         return events
 
     @property

@@ -69,7 +69,7 @@ def test_numbers(bag):
 def test_counts_types_and_metadata(bag):
     assert {name: (one.type_name, one.messages) for name, one in bag.topics.items()} == {
         f"/{name}": (type_name, N) for name, type_name in TYPES.items()}
-    assert bag.metadata == {"scene": "device"}
+    assert bag.metadata == {"scene": "device", "written": str(4 * N), "dropped": "0", "lost": "0"}
 
 
 def test_empty_topics_give_empty_arrays_of_the_same_shape(tmp_path):

@@ -1,12 +1,14 @@
 """The recorder: complete and byte-identical bags, counted drops, faults that never reach the caller."""
 
 import contextlib
+import json
 import os
 import resource
 import shutil
 import subprocess
 import sys
 import threading
+import time
 from datetime import datetime
 from pathlib import Path
 
@@ -17,7 +19,7 @@ from rosbags.rosbag2 import Reader
 
 import vibro_ros.bag.recorder as recorder_module
 from vibro_ros.bag.recorder import FLUSH_PERIOD, LAST_STAMP, Recorder, Topic, new_bag_folder
-from vibro_ros.bag.storage import FlushedWriter
+from vibro_ros.bag.writer import BagWriter, Storage
 
 TOPICS = (
     Topic("/odom", "nav_msgs/msg/Odometry", 10),
@@ -26,6 +28,8 @@ TOPICS = (
     Topic("/motor_power", "std_msgs/msg/Float64", 10),
 )
 POWER = TOPICS[3:]
+ROOT = str(Path(recorder_module.__file__).parents[2])
+DEADLINE = 30.0  # s
 METADATA = {"scene": "device", "parameters": "guide.angle: 0.87", "version": "0.1", "start": "2026-11-21T10:00:00"}
 
 
@@ -72,7 +76,7 @@ def test_bag_keeps_types_qos_and_what_the_recorder_says_of_itself(sealed):
         assert {topic: (kind, qos.depth) for topic, (kind, qos) in offered.items()} == {
             topic.name: (topic.type_name, topic.qos_depth) for topic in TOPICS}
         assert {qos.reliability for _, qos in offered.values()} == {QosReliability.RELIABLE}
-        assert reader.storage.metadata.custom == METADATA
+        assert reader.storage.metadata.custom == METADATA | {"written": "1600", "dropped": "0", "lost": "0"}
 
 
 def test_topics_are_on_the_disk_right_after_opening(folder):
@@ -106,9 +110,8 @@ while True:
 
 
 def test_killed_recorder_loses_the_last_moments_only(folder, recorded):
-    root = str(Path(recorder_module.__file__).parents[2])
     child = subprocess.Popen([sys.executable, "-c", ENDLESS, str(folder)], stdout=subprocess.PIPE, text=True,
-                             env=os.environ | {"PYTHONPATH": root})
+                             env=os.environ | {"PYTHONPATH": ROOT})
     try:
         written = [int(child.stdout.readline()) for _ in range(800)]
     finally:
@@ -152,8 +155,8 @@ def test_unknown_topic_and_data_that_is_not_bytes_are_refused_and_counted(folder
 
 
 def test_full_queue_drops_and_counts(folder, published, wait_for, monkeypatch, recorded):
-    gate, write = threading.Event(), FlushedWriter.write
-    monkeypatch.setattr(FlushedWriter, "write", lambda *message: gate.wait(30.0) and write(*message))
+    gate, write = threading.Event(), BagWriter.write
+    monkeypatch.setattr(BagWriter, "write", lambda *message: gate.wait(30.0) and write(*message))
     data = published["/motor_power"](1)
     with Recorder(folder, POWER, METADATA, backlog=3) as recorder, contextlib.ExitStack() as before_close:
         before_close.callback(gate.set)
@@ -175,19 +178,79 @@ def no_file_larger_than(size: int):
         resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
 
 
-def test_disk_that_fills_up_stops_the_recording_not_the_caller(folder, published, wait_for, recorded):
+@pytest.mark.parametrize("kind", ["mcap", "sqlite3"])
+def test_disk_that_fills_up_stops_the_recording_not_the_caller(folder, published, kind):
     data = published["/odom"](1)
-    calls = 0
-    with no_file_larger_than(400_000), Recorder(folder, TOPICS, METADATA) as recorder:
-        while recorder.fault is None and calls < 1_000_000:
+    calls, deadline = 0, time.monotonic() + DEADLINE
+    with no_file_larger_than(400_000), Recorder(folder, TOPICS, METADATA, storage=Storage(kind)) as recorder:
+        while recorder.fault is None:
             recorder.write("/odom", calls, data)
             calls += 1
+            time.sleep(1e-4)  # [s] the writer thread gets its turn
+            assert time.monotonic() < deadline
         assert not recorder.write("/odom", calls, data)
-    assert recorder.fault.startswith(f"recording to {folder} stopped: File too large")
+    assert recorder.fault.startswith(f"recording to {folder} stopped: ")
+    assert {"mcap": "File too large", "sqlite3": "disk"}[kind] in recorder.fault
     assert "\n" not in recorder.fault
-    assert recorder.written + recorder.dropped == calls + 1
-    assert recorder.dropped > 0
-    assert len(recorded(mcap_file(folder))) >= recorder.written
+    assert recorder.written + recorder.dropped + recorder.lost == calls + 1
+    assert min(recorder.written, recorder.dropped, recorder.lost) > 0
+
+
+FULL_DISK = """
+import json, subprocess, sys, time
+from pathlib import Path
+from rosbags.rosbag2 import Reader
+from vibro_ros.bag.recorder import Recorder, Topic
+from vibro_ros.bag.writer import Storage
+disk = Path(sys.argv[1])
+subprocess.run(["mount", "-t", "tmpfs", "-o", "size=1m", "tmpfs", str(disk)], check=True)
+topics = [Topic("/odom", "nav_msgs/msg/Odometry", 10)]
+with Recorder(disk / "run", topics, {}, storage=Storage(sys.argv[2])) as recorder:
+    stamp = 0
+    while recorder.fault is None:
+        recorder.write("/odom", stamp, bytes(700))
+        stamp += 1
+        time.sleep(1e-4)
+with Reader(disk / "run") as reader:
+    read = [stamp for _, stamp, _ in reader.messages()]
+    custom = dict(reader.storage.metadata.custom)
+try:
+    with (disk / "ballast").open("wb", buffering=0) as ballast:
+        while ballast.write(bytes(4096)) == 4096:
+            pass
+except OSError:
+    pass
+try:
+    Recorder(disk / "next", topics, {})
+    again = "opened"
+except OSError as error:
+    again = str(error)
+left = sorted(path.name for path in disk.iterdir())
+for path in (disk / "run").iterdir():
+    path.write_bytes(b"")  # to remove it would not do: rosbags keeps a database open
+Recorder(disk / "next", topics, {}).close()
+print(json.dumps({"fault": recorder.fault, "read": read == list(range(recorder.written)), "custom": custom,
+                  "written": recorder.written, "lost": recorder.lost, "again": again,
+                  "left": left}))
+"""
+
+
+@pytest.mark.parametrize("kind", ["mcap", "sqlite3"])
+def test_a_bag_on_a_full_disk_is_sealed_with_all_that_was_written(tmp_path, kind):
+    command = ["unshare", "--map-root-user", "--mount", sys.executable, "-c", FULL_DISK, str(tmp_path), kind]
+    if subprocess.run([*command[:3], "mount", "-t", "tmpfs", "tmpfs", str(tmp_path)], capture_output=True).returncode:
+        pytest.skip("no disk of one's own can be mounted here")
+    child = subprocess.run(command, env=os.environ | {"PYTHONPATH": ROOT}, capture_output=True, text=True, timeout=60)
+    assert child.returncode == 0, child.stderr
+    told = json.loads(child.stdout)
+    assert {"mcap": "No space left on device", "sqlite3": "database or disk is full"}[kind] in told["fault"]
+    assert told["fault"].endswith(f"the bag is sealed with its {told['written']} messages")
+    assert told["read"]
+    assert told["written"] > 700  # of 700 bytes each, on a disk of 1 MiB
+    assert told["custom"] == {"written": str(told["written"]), "lost": str(told["lost"]),
+                              "dropped": told["custom"]["dropped"]}
+    assert told["again"].startswith("cannot record to") and "No space left" in told["again"]
+    assert told["left"] == ["ballast", "run"]  # nothing of the attempt
 
 
 def test_removed_folder_stops_the_recording_not_the_caller(folder, published, wait_for):
@@ -197,7 +260,8 @@ def test_removed_folder_stops_the_recording_not_the_caller(folder, published, wa
         wait_for(lambda: recorder.fault is not None)
         assert not recorder.write("/motor_power", 2, published["/motor_power"](2))
     assert "No such file" in recorder.fault
-    assert (recorder.written, recorder.dropped) == (0, 2)
+    assert (recorder.written, recorder.dropped, recorder.lost) == (0, 1, 1)
+    assert "the folder is gone" in recorder.fault
 
 
 def test_close_is_idempotent_ends_the_thread_and_ends_writing(folder, published):

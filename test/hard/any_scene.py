@@ -86,7 +86,7 @@ def affordable(scene, commands, end, steps):
                                    [{}, *(wanted for _, wanted in commands)], strict=True):
         device.command(**wanted)
         for fraction in 2.0 ** np.arange(-30, 1):
-            taken = start + (stop - start) * fraction
+            taken = min(start + (stop - start) * fraction, stop)  # a sum may be rounded up
             device.advance_to(taken)
             if device.statistics["steps"] > steps:
                 return taken

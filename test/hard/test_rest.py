@@ -55,6 +55,19 @@ def test_a_chattering_mass_rests_and_is_released_once_a_turn():
     assert run.statistics["steps"] < 10_000
 
 
+def test_bounces_without_loss_that_a_damper_shortens_come_to_an_end():
+    """e = 1 against c2 and a push of 40 N. A parabola of the speed v lasts T = 2 v m/F, and the damper takes the part
+    c T/(3 m) of v: after 3 m/c / 1e-7 s bounces, to 1 % for the first, long ones, T is 1e-7 s, and it rests."""
+    scene = RIGID.with_parameters({"upper.plate.restitution": 1.0, "effects.inclined_mass": False, "upper.gap": -0.02,
+                                   "upper.spring.damping": 20.0, "mass.upper": 0.02, "motor.speed": 1.0,
+                                   "start.state": "zero"})
+    run = vibro_ros.simulate(scene, times=[0.0, 0.2])
+    assert run.upper_velocity[1] == 0.0
+    assert run.upper_position[1] == run.upper_plate_position[1]
+    assert len(run.events) == pytest.approx(3.0 * 0.02 / 20.0 / 1e-7, rel=0.01)
+    assert run.events["speed"][-1] == pytest.approx(40.0 / 0.02 * 1e-7 / 2.0, rel=0.01)
+
+
 @pytest.mark.parametrize("restitution", [0.0, 1e-12, 1e-3])
 @pytest.mark.parametrize("reaction", [False, True])
 @pytest.mark.parametrize(("friction", "stands"), [(5.0, True), (0.2, False)])

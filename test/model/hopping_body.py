@@ -12,7 +12,7 @@ SIGN = {FORWARD: 1.0, BACKWARD: -1.0}
 
 
 class HoppingBody:
-    """The machine of a scene's parameters, mapping-like; plates of a positive stiffness, whose dampers may pull."""
+    """A scene's machine, of its parameters. Dampers of plates may pull; no mass may rest on a rigid one."""
 
     def __init__(self, scene):
         self.p = scene
@@ -26,6 +26,7 @@ class HoppingBody:
         self.inverse = np.linalg.inv(self.inertia)
         weights = scene["effects.mass_weight"] * scene["gravity"] * np.array([m2, m3 * ey])
         self.weight = np.array([0.0, -total * scene["gravity"], *-weights])
+        self.rigid = [scene[f"effects.{side}_contact"] == "restitution" for side in ("upper", "inclined")]
         self.friction = scene["ground.friction"] * (scene["effects.friction"] != "none")
 
     def slider(self, t, side):
@@ -81,6 +82,11 @@ class HoppingBody:
         if stops:
             z[4] = 0.0
 
+    def strike(self, z, i):
+        """Velocities after a blow on a rigid plate: an impulse between mass i and the body; the ground gives none."""
+        restitution = self.p[f"{('upper', 'inclined')[i]}.plate.restitution"]
+        z[4:] -= (1.0 + restitution) * z[6 + i] / self.inverse[2 + i, 2 + i] * self.inverse[:, 2 + i]
+
     def guards(self, mode, closed):
         sign = [1.0 if on else -1.0 for on in closed]
         guards = [lambda t, z: sign[0] * self.depth(z, 0, "upper"), lambda t, z: sign[1] * self.depth(z, 1, "inclined")]
@@ -116,7 +122,10 @@ class HoppingBody:
             [fired] = [k for k, instants in enumerate(flow.t_events) if len(instants)]
             t, z = flow.t_events[fired][0], flow.y_events[fired][0].copy()
             before = mode
-            if fired < 2:
+            if fired < 2 and self.rigid[fired]:
+                self.strike(z, fired)
+                mode = AIR
+            elif fired < 2:
                 closed = [on != (k == fired) for k, on in enumerate(closed)]
                 mode = mode if mode == AIR else self.ground_mode(t, z, closed)
             elif mode == AIR:

@@ -19,10 +19,14 @@ VARIANTS = {
     "upright": {"guide.angle": 0.0}, "one plate": {"effects.upper_contact": "none"}, "l = L": {"crank.radius": 0.06},
     "smooth ground": {"ground.friction": 0.0}, "weight": {"effects.normal_force": "weight"},
     "reaction": {"effects.reaction": True, "effects.mass_weight": True}, "static": {"effects.friction": "static"},
+    "stribeck": {"effects.friction": "stribeck"},
+    "stribeck, weight": {"effects.friction": "stribeck", "effects.normal_force": "weight"},
     "rigid reaction": {"effects.reaction": True, "effects.normal_force": "unilateral",
                        "effects.upper_contact": "restitution", "effects.inclined_contact": "restitution"},
     "hop": {"effects.normal_force": "hop"}, "hop on ice": {"effects.normal_force": "hop", "effects.friction": "none"},
     "hop reaction": {"effects.normal_force": "hop", "effects.reaction": True, "effects.mass_weight": True},
+    "hop, rigid": {"effects.normal_force": "hop", "effects.reaction": True, "effects.upper_contact": "restitution",
+                   "effects.inclined_contact": "restitution"},
     "hop upright": {"effects.normal_force": "hop", "effects.reaction": True, "guide.angle": 0.0},
     "hop, one guide": {"effects.normal_force": "hop", "effects.inclined_mass": False},
     "hop, no guide": {"effects.normal_force": "hop", "effects.inclined_mass": False, "effects.upper_mass": False},
@@ -127,7 +131,10 @@ def test_equation_of_the_body_has_the_tables_values(scene):
     values = symbol_values(model.forms, z)
     values["F_in"] = value_of(told["F_in"], values)
     values["N"] = value_of(told.get("N", "0"), values)
-    frictions = {line.rpartition("while ")[2]: line.partition(" = ")[2].partition("  ")[0]
+    if model.forms.friction_decays:
+        values["D"] = float(z[model.forms.channels.decay])
+    law = re.compile(rf"N exp\(-\|x'\|/{scene['ground.stribeck_speed']:g}\)")
+    frictions = {line.rpartition("while ")[2]: law.sub("D", line.partition(" = ")[2].partition("  ")[0])
                  for line in lines if line.startswith("F_fr")}
     [mass] = [name.partition(" ")[0] for name in told if name.endswith("x''")]
     for mode, rows in zip(model.modes, model.system.acceleration, strict=True):
@@ -161,6 +168,7 @@ def test_nothing_of_an_effect_that_is_off(scene):
     if scene["effects.friction"] == "none" or scene["ground.friction"] == 0.0 or not forms.body_moves:
         words += ["friction", "slip", "μ"] + ["N ="] * (not forms.body_hops)
     words += [] if forms.body_hops else ["y'", "airborne", "lift_off", "landing", "leaves"]
+    words += [] if forms.friction_decays else ["exp"]
     if scene["effects.motor"] == "ideal":
         words += ["ramp", "rad/s²"]
     words += [] if scene["solver.audit"] and forms.guides else ["audit"]

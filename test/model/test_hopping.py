@@ -20,7 +20,10 @@ SOFT = HOP | {"upper.gap": 0.003, "inclined.gap": 0.002, "upper.plate.stiffness"
               "upper.spring.damping": 2.0, "inclined.spring.damping": 2.0, "upper.plate.damping": 20.0,
               "inclined.plate.damping": 20.0}
 RUNNING = {"motor.speed": 100.0}
-SCENES = [name for name in shipped_scenes() if "rigid" not in name]
+
+# Rigid plates beyond the sliders' reach: no mass comes to rest on one.
+STRUCK = {"effects.upper_contact": "restitution", "effects.inclined_contact": "restitution", "upper.gap": 0.022,
+          "inclined.gap": 0.021}
 
 
 def scene(name, *changes):
@@ -43,7 +46,9 @@ def around(instants, machine):
 
 @pytest.mark.parametrize("changes", [
     {}, HEAVY, REACTION | {"ground.friction": 0.6, "guide.angle": 1.2},
-    REACTION | {"effects.friction": "none", "guide.angle": 2.2}], ids=["no reaction", "heavy", "rough", "ice"])
+    REACTION | {"effects.friction": "none", "guide.angle": 2.2}, STRUCK, HEAVY | STRUCK,
+    HEAVY | STRUCK | {"effects.inclined_contact": "compliant"}],
+    ids=["no reaction", "heavy", "rough", "ice", "rigid", "heavy rigid", "rigid and compliant"])
 def test_the_full_equations_integrated_by_scipy_give_the_same_motion(changes):
     """DOP853 at rtol 1e-12 in steps of 0.2 ms: positions to 1e-12 m, speeds to 1e-9 m/s (its error in a dashpot's
     force), every lift-off and landing to 1e-11 s."""
@@ -56,7 +61,9 @@ def test_the_full_equations_integrated_by_scipy_give_the_same_motion(changes):
     np.testing.assert_allclose(positions, expected[:4], rtol=0, atol=1e-12)
     np.testing.assert_allclose(speeds, expected[4:], rtol=0, atol=1e-9)
     events = run.events[np.isin(run.events["kind"], ["lift_off", "landing"])]
-    assert len(events) > 6
+    assert len(events) > 4
+    rigid = machine["effects.upper_contact"] == "restitution"
+    assert np.count_nonzero(np.isinf(run.events["peak_force"])) > 2 or not rigid
     assert list(events["kind"]) == [kind for _, kind in jumps]
     np.testing.assert_allclose(events["time"], [instant for instant, _ in jumps], rtol=0, atol=1e-11)
 
@@ -136,7 +143,7 @@ def test_a_shock_slips_sticks_or_turns_back_as_coulomb_asks_at_every_instant(ang
     for x in np.random.default_rng(3).uniform(-0.6, 0.6, 12):
         z = np.zeros(forms.channels.count)
         z[forms.channels.velocity(forms.body)], z[forms.channels.velocity(forms.height)] = x, -0.7
-        target = next(target for target in targets if target.entry is None or target.entry @ z >= 0.0)
+        target = next(target for target in targets if all(entry @ z >= 0.0 for entry in target.entries))
         after = dict(target.jumps)[forms.channels.velocity(forms.body)] @ z
         assert after == pytest.approx(routh(x, -0.7, across, along, up, friction), abs=2e-3)
         assert (target.state == "stick") == (after == 0.0)
@@ -192,7 +199,7 @@ def test_no_lock_up_where_the_normal_force_is_almost_nothing(gravity, changes):
 # -- invariants -----------------------------------------------------------------------------------
 
 @pytest.mark.parametrize("effects", [{}, REACTION, HEAVY, HEAVY | STATIC], ids=["none", "reaction", "heavy", "static"])
-@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.parametrize("name", shipped_scenes())
 def test_the_ground_never_pulls_and_is_never_entered(name, effects):
     """y and N to their rounding of 1e-15 m and 1e-9 N; exactly 0 where the other is not; friction within its cone."""
     machine = scene(name, effects, {"solver.audit": True})
@@ -226,9 +233,3 @@ def test_a_body_that_nothing_drives_along_the_ground_hops_on_the_spot():
     run = vibro_ros.simulate(scene("damped", HEAVY, {"guide.angle": 0.0}), duration=1.0, rate=1000.0)
     assert run.body_height.max() > 1e-3
     assert not run.body_position.any()
-
-
-@pytest.mark.parametrize("friction", ["none", "coulomb"])
-def test_hop_with_rigid_plates_is_refused(friction):
-    with pytest.raises(ValueError, match="'hop' has no law for a rigid plate's blow"):
-        vibro_ros.Scene("x", HOP | {"effects.friction": friction, "effects.upper_contact": "restitution"})

@@ -13,6 +13,7 @@ KINDS = {
     bool: (ParameterType.PARAMETER_BOOL, "bool_value"),
     str: (ParameterType.PARAMETER_STRING, "string_value"),
     float: (ParameterType.PARAMETER_DOUBLE, "double_value"),
+    tuple: (ParameterType.PARAMETER_STRING_ARRAY, "string_array_value"),
 }
 TABLE = (*DEVICE_PARAMETERS, *SCENE_PARAMETERS)
 
@@ -41,14 +42,15 @@ def test_every_parameter_is_there_with_range_description_and_value(ask):
     scene = load_scene("damped").with_parameters({"mass.body": 2.0})
     expected = {parameter.name: parameter.default for parameter in DEVICE_PARAMETERS} | dict(scene.parameters)
     expected |= {"record.enabled": False, "scene": "damped"}
-    for parameter, shown, value in zip(TABLE, described, values, strict=True):
-        assert shown.read_only is not parameter.while_running
-        assert parameter.description in shown.description
-        assert parameter.unit in shown.description
-        assert all(choice in shown.additional_constraints for choice in parameter.choices)
+    for parameter, told, value in zip(TABLE, described, values, strict=True):
+        assert told.read_only is not parameter.while_running
+        assert parameter.description in told.description
+        assert parameter.unit in told.description
+        assert all(choice in told.additional_constraints for choice in parameter.choices)
         kind, field = KINDS[type(parameter.default)]
-        assert (shown.type, value.type) == (kind, kind), parameter.name
-        assert getattr(value, field) == expected[parameter.name], parameter.name
+        assert (told.type, value.type) == (kind, kind), parameter.name
+        shown = getattr(value, field)
+        assert (tuple(shown) if kind == ParameterType.PARAMETER_STRING_ARRAY else shown) == expected[parameter.name]
 
 
 def test_a_parameter_that_is_fixed_cannot_be_set(ask):

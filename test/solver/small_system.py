@@ -12,6 +12,7 @@ from vibro_ros.solver.recording import EVENT_COLUMNS
 from vibro_ros.solver.state import new_state
 from vibro_ros.solver.system import (
     NOTHING,
+    Decay,
     SignalTable,
     System,
     acceleration_terms,
@@ -47,10 +48,11 @@ def cosine_table(cells=8):
     return SignalTable(start, series[:, None, :])
 
 
-def build(channels, modes, guards=(), signals=None, monitor=None):
+def build(channels, modes, guards=(), signals=None, monitor=None, decay=None):
     """System whose mode m has the rows `modes[m]` and the guards `guards[m]`; entering it is event m.
 
-    `monitor`: the form watched, that noted at its start, and the modes in which it is on.
+    `monitor`: the form watched, that noted at its start, and the modes in which it is on. `decay`: factors and rates
+    of the decaying term, mode by mode.
     """
     count = len(modes)
     acceleration = np.array(modes, dtype=float).reshape(count, channels.coordinates, channels.count)
@@ -58,7 +60,8 @@ def build(channels, modes, guards=(), signals=None, monitor=None):
     most = max(1, *map(len, guards))
     row, landing = [], []
     number, owner, strike = (np.full((count, most), NOTHING) for _ in range(3))
-    candidate, entry, jump = (np.full((count, most, 3), NOTHING) for _ in range(3))
+    candidate, jump = (np.full((count, most, 3), NOTHING) for _ in range(2))
+    entry = np.full((count, most, 3, 1), NOTHING)
     for m, of_mode in enumerate(guards):
         for g, guard in enumerate(of_mode):
             number[m, g], owner[m, g] = len(row), 0
@@ -73,7 +76,7 @@ def build(channels, modes, guards=(), signals=None, monitor=None):
                     for channel, form in jumps.items():
                         landing[-1][channel] = form
             if guard.entry is not None:
-                entry[m, g, 0] = len(row)
+                entry[m, g, 0, 0] = len(row)
                 row.append(guard.entry)
     row = np.array(row).reshape(len(row), channels.count)
     driven = np.zeros(channels.count, dtype=bool)
@@ -91,12 +94,20 @@ def build(channels, modes, guards=(), signals=None, monitor=None):
         jump=jump,
         landing=np.array(landing).reshape(len(landing), 2 * channels.coordinates, channels.count), strike=strike,
         unheld=np.tile(np.arange(count)[:, None], (1, channels.ramps)), event=event,
+        noted=np.zeros((count, channels.count)),
         monitor=watch, monitor_terms=terms(watch),
         monitored=np.array([[m in monitor[2]] * watched if monitor else [] for m in range(count)], dtype=bool),
         approach=np.zeros((0, channels.count)) if monitor is None else np.array([monitor[1]]),
         stretch=np.zeros((count, 0, channels.count)), stiffness=np.zeros((count, 0)),
         power=np.zeros((count, 0, 2, channels.count)), power_terms=np.zeros((count, 0, 2, channels.count), dtype=int),
-        signals=signals or SignalTable(np.array([0.0, 2 * math.pi]), np.zeros((1, 0, LENGTH))))
+        signals=signals or SignalTable(np.array([0.0, 2 * math.pi]), np.zeros((1, 0, LENGTH))),
+        decay=_decay(channels, decay))
+
+
+def _decay(channels, decay):
+    factors, rates = decay or ((), ())
+    factors = np.array(factors, dtype=float).reshape(len(rates), channels.count)
+    return Decay(factors, terms(factors), np.array(rates, dtype=float))
 
 
 class Integration:

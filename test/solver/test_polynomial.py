@@ -51,8 +51,8 @@ def test_divide_by_root(root):
 
 @pytest.mark.parametrize("x", [0.0, 0.2, 0.9])
 def test_recentre(x):
-    target, powers = np.empty(LENGTH), np.empty(LENGTH)
-    poly.fill_powers(x, powers)
+    target, powers = np.empty(LENGTH), np.zeros(2 * LENGTH)
+    poly.fill_powers(x, powers[LENGTH:])
     for p in DECAYING:
         poly.recentre(p, powers, LENGTH, target)
         expected = np.polynomial.Polynomial(p)(np.polynomial.Polynomial([x, 1.0])).coef
@@ -83,12 +83,21 @@ def test_differentiate_in_time():
     np.testing.assert_array_equal(p, target)
 
 
-def test_add_multiples():
-    target = DECAYING[1].copy()
-    poly.add_multiple(target, -3.0, DECAYING[2])
-    np.testing.assert_allclose(target, DECAYING[1] - 3.0 * DECAYING[2], rtol=0, atol=1e-15)
-    poly.add_two_multiples(target, 2.0, DECAYING[2], -1.0, DECAYING[1])
-    np.testing.assert_allclose(target, -DECAYING[2], rtol=0, atol=1e-15)
+def test_multiples():
+    target = np.empty(LENGTH)
+    poly.fill_two_multiples(target, 3.0, DECAYING[0], -2.0, DECAYING[1])
+    np.testing.assert_allclose(target, 3.0 * DECAYING[0] - 2.0 * DECAYING[1], rtol=0, atol=1e-15)
+    poly.add_two_multiples(target, -3.0, DECAYING[0], 1.0, DECAYING[1])
+    np.testing.assert_allclose(target, -DECAYING[1], rtol=0, atol=1e-15)
+
+
+@pytest.mark.parametrize("channels", [(), (2,), (0, 2), (0, 1, 2)])
+def test_fill_form(channels):
+    target, form = np.zeros(LENGTH), np.array([0.5, -2.0, 3.0])
+    listed = np.array([*channels, *[-1] * (3 - len(channels))])
+    assert poly.fill_form(form, listed, DECAYING[:3].copy(), target) == bool(channels)
+    expected = sum((form[c] * DECAYING[c] for c in channels), np.zeros(LENGTH))
+    np.testing.assert_allclose(target, expected, rtol=0, atol=2e-15)
 
 
 def test_fill_sum():

@@ -6,7 +6,7 @@ from math import comb
 import numpy as np
 import pytest
 
-from vibro_ros.solver.polynomial import LENGTH
+from vibro_ros.solver.polynomial import LENGTH, fill_powers
 from vibro_ros.solver.roots import NO_ROOT, first_root, maximum
 
 ROUNDING = 4e-15  # of an instant in [0, 1] where the guard's slope is of its coefficients' order
@@ -18,8 +18,14 @@ def padded(coefficients):
     return polynomial
 
 
+def powers_of(x):
+    powers = np.empty(LENGTH)
+    fill_powers(x, powers)
+    return powers
+
+
 def search(coefficients, start=0.0, noise=0.0, limit=1.0):
-    return first_root(padded(coefficients), start, limit, noise, np.empty(LENGTH))
+    return first_root(padded(coefficients), start, powers_of(start), limit, noise, np.empty(LENGTH))
 
 
 def exact_value(coefficients, x):
@@ -189,20 +195,20 @@ def test_a_root_at_the_very_end():
 def test_maximum():
     """Against the values at the ends and at all roots of the derivative."""
     random = np.random.default_rng(17)
-    work = np.empty((2, LENGTH))
+    work = np.empty((3, LENGTH))
     for _ in range(500):
         polynomial = motion(random) if random.random() < 0.7 else random.normal(size=LENGTH)
         start, end = np.sort(random.uniform(0, 1, 2))
         slope = np.arange(1, LENGTH) * polynomial[1:]
         turns = [x for x in real_roots(slope) if start < x < end]
         expected = max(np.polynomial.polynomial.polyval([start, end, *turns], polynomial))
-        assert maximum(polynomial, start, end, *work) == pytest.approx(expected, abs=1e-13 * abs(polynomial).sum())
+        assert maximum(polynomial, start, end, work) == pytest.approx(expected, abs=1e-13 * abs(polynomial).sum())
 
 
 @pytest.mark.parametrize("polynomial", [[2.0], [0.0], [1.0, 1e-18], [1.0, 0.0, -1.0], [0.0, 0.0, 0.0, 0.0, 1.0]])
 def test_maximum_of_flat_polynomials(polynomial):
     end = np.polynomial.polynomial.polyval(np.linspace(0, 1, 101), polynomial).max()
-    assert maximum(padded(polynomial), 0.0, 1.0, np.empty(LENGTH), np.empty(LENGTH)) == pytest.approx(end, abs=1e-16)
+    assert maximum(padded(polynomial), 0.0, 1.0, np.empty((3, LENGTH))) == pytest.approx(end, abs=1e-16)
 
 
 @pytest.mark.parametrize("magnitude", [1e-90, 1e-150, 1e-164, 1e-300, 1e-320])
@@ -214,7 +220,7 @@ def test_a_motion_that_has_died_away(magnitude):
         root = search(polynomial)
         expected = search(polynomial / magnitude) if magnitude > 1e-100 else NO_ROOT
         assert root == pytest.approx(expected, abs=1e-12)
-        highest = maximum(polynomial, 0.0, 1.0, np.empty(LENGTH), np.empty(LENGTH))
+        highest = maximum(polynomial, 0.0, 1.0, np.empty((3, LENGTH)))
         assert max(polynomial[0], polynomial.sum()) - magnitude * 1e-12 <= highest <= 10 * magnitude
 
 

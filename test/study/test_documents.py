@@ -20,7 +20,7 @@ from vibro_ros.ros.messages import JOINTS
 from vibro_ros.ros.script_file import read_script
 from vibro_ros.samples import Samples
 from vibro_ros.scene_file import DEVICE_PARAMETERS, load_scene, shipped_scenes
-from vibro_ros.study import bench, parameter_table
+from vibro_ros.study import bench, effects, parameter_table
 
 ROOT = Path(__file__).resolve().parents[2]
 DOCUMENTS = {path.name: path.read_text(encoding="utf-8") for path in (ROOT / "README.md", *ROOT.glob("docs/*.md"))}
@@ -66,6 +66,7 @@ def test_errors_are_the_ones_shown(line, tmp_path, domain_id):
     (tmp_path / "bad.yaml").write_text("entries:\n  - for: 1.0\n    motor_speed: -5\n")
     words = {"guide.angel": "ros.robot --ros-args -p guide.angel:=1.0", "bad.yaml": "ros.controller bad.yaml",
              "mass.body": "ros.robot --ros-args -p mass.body:=0.0", "/tmp/nobag": "study.report /tmp/nobag",
+             "/tmp/none": "study.recover /tmp/none",
              "papper": "ros.robot --ros-args -p scene:=papper"}[line.split(": ")[1]].split()
     done = subprocess.run([sys.executable, "-m", f"vibro_ros.{words[0]}", *words[1:]], cwd=tmp_path,
                           capture_output=True, text=True, timeout=60)
@@ -170,3 +171,16 @@ def test_a_document_without_a_place_for_the_table_is_refused(tmp_path, capsys):
         assert capsys.readouterr().err.count("\n") == 1
     assert parameter_table.main([str(tmp_path / "missing.md")]) == 2
     assert "missing.md" in capsys.readouterr().err
+
+
+def test_effects_table_has_every_effect_and_counts_what_is_compiled():
+    """Times and speeds are measured; what an effect adds to the tables is not."""
+    table = DOCUMENTS["model.md"].partition(effects.BEGIN)[2].partition(effects.END)[0]
+    lines = table.strip().splitlines()
+    scene = load_scene("device")
+    expected = [effects.counted(effect, *map(effects.size, effect.scenes(scene))) for effect in effects.EFFECTS]
+    assert lines[2:4] == effects.heading()
+    assert [line[:len(start)] for line, start in zip(lines[4:], expected, strict=True)] == expected, "run `make docs`"
+    whole = effects.size(scene)
+    numbers = f"{whole.states} states, {whole.modes} modes, at most {whole.terms} terms and {whole.guards} guards"
+    assert numbers in lines[0]

@@ -188,6 +188,11 @@ def test_the_peer_notices_an_effect_left_out():
         assert error.max() <= 1e7 * POSITION, f"off by {error.max()}"
 
 
+def test_the_peer_refuses_what_it_does_not_simulate():
+    with pytest.raises(ValueError, match="no rigid plates that throw a hopping body up"):
+        Peer(vibro_ros.load_scene("rigid").with_parameters(HOP))
+
+
 def test_a_peer_runs_again_from_the_start():
     peer = Peer(vibro_ros.load_scene("unilateral"), tolerance=1e-9)
     first, second = (peer.run(duration=0.2, rate=200.0) for _ in range(2))

@@ -164,7 +164,7 @@ def _check_folder(folder: Path) -> None:
         return
     if any(folder.glob("*.mcap")):
         raise BagError(f"{folder}: the bag is not sealed: its recorder still runs, or was killed; "
-                       "end the recorder, or record again")
+                       f"end the recorder, or seal it with `recover {folder}`")
     raise BagError(f"{folder}: not a bag, it holds no metadata.yaml; give the folder of a recording")
 
 

@@ -1,57 +1,43 @@
 """Record messages to a bag from a thread of its own, so that no caller ever waits for the disk.
 
 `Recorder.write` only puts the message on a bounded queue, which the writer thread looks at every
-`POLL_PERIOD`: waking it for each message would cost the caller ten times as much. The thread takes
-one message at a time, because many at once would hold the interpreter lock and delay the robot's clock.
+`POLL_PERIOD`: waking it for each message would cost the caller ten times as much. The thread takes a few
+messages at a time: many would hold the interpreter lock and delay the robot's clock, and after each single one
+it would wait so long for the lock to come back that it would fall behind a robot that publishes at 1 kHz.
 What a killed process loses is what came in the last `FLUSH_PERIOD`.
 """
 
 import contextlib
 import time
 from collections import deque
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
 from datetime import datetime
 from itertools import count
 from pathlib import Path
 from threading import Event, Lock, Thread
 
-from rosbags.interfaces import Connection
-from rosbags.rosbag2 import WriterError
+from vibro_ros.bag.definitions import Definition, Topic, defined
+from vibro_ros.bag.writer import BagWriter, Storage
 
-from vibro_ros.bag.storage import FlushedWriter, jazzy_types, reliable_qos
-
-FLUSH_PERIOD = 0.1  # s, longest time that a message stays in memory only; a flush costs about 0.3 ms
+FLUSH_PERIOD = 0.05  # s, that a message stays in memory only; 0.1 is promised, and a busy machine is late
 POLL_PERIOD = 0.005  # s, between two looks at an empty queue
+BATCH = 25  # messages between two offers of the interpreter lock; about 50 us
 BACKLOG = 20_000  # messages waiting for the disk; about 4 s of a robot that publishes at 1 kHz
 LAST_STAMP = 2**63 - 2  # ns; rosbag2 keeps signed 64-bit stamps, and rosbags reserves the last one
 
+BAG_PATTERN = "vibro_robot_*"
+"""Of the names that `new_bag_folder` gives."""
 
-@dataclass(frozen=True)
-class Topic:
-    """A topic of a recording.
-
-    Attributes
-    ----------
-    name : str
-        Fully resolved name, such as ``/odom``.
-    type_name : str
-        ROS type, such as ``nav_msgs/msg/Odometry``; any type of ROS 2 Jazzy's common interfaces.
-    qos_depth : int
-        History depth that the publisher offers.
-    """
-
-    name: str
-    type_name: str
-    qos_depth: int
+_PLAIN = Storage()
 
 
 class Recorder:
     """Writes messages to a new bag folder; a context manager.
 
     Once open, nothing that happens to the disk reaches the caller: the recording stops, `fault`
-    says why, and further messages are dropped and counted. After `close`, the number of `write`
-    calls is `written` + `dropped`.
+    says why, what was written is sealed where the disk allows it, and further messages are dropped and
+    counted. After `close`, the number of `write` calls is `written` + `dropped` + `lost`; the bag's custom data
+    say these three as well.
 
     Parameters
     ----------
@@ -60,35 +46,42 @@ class Recorder:
     topics : sequence of Topic
         Every topic that will be written.
     metadata : mapping of str to str
-        Kept as the bag's custom data (scene, parameters, version, start time).
+        Kept as the bag's custom data (scene, parameters, version, start time), also when the process is killed.
     backlog : int
         Largest number of messages waiting for the disk; beyond it, messages are dropped.
+    storage : Storage
+        How the bag lies on the disk.
+    earlier : iterable of (str, int, bytes)
+        Messages that are written first, as `write` takes them, however many they are.
 
     Raises
     ------
     FileExistsError
         When the folder exists: a recording never overwrites.
     OSError
-        When the folder cannot be made or written.
+        When the folder cannot be made or written; nothing is left behind.
     ValueError
         For an unknown message type or a topic given twice.
     """
 
     def __init__(self, folder: Path, topics: Sequence[Topic], metadata: Mapping[str, str],
-                 backlog: int = BACKLOG) -> None:
+                 backlog: int = BACKLOG, storage: Storage = _PLAIN, earlier: Iterable = ()) -> None:
         self.folder = Path(folder)
         self.fault: str | None = None
-        self.written = 0
+        self.sealed = False
         self._backlog = backlog
         self._refused = 0
         self._refusing = Lock()
-        self._lost = 0
-        self._unflushed = 0
+        self._taken = 0
         self._due = time.monotonic() + FLUSH_PERIOD
         self._accepting = True
+        self._over = self._gone = False
         self._closing = Event()
-        self._queue: deque[tuple[Connection, int, bytes]] = deque()
-        self._writer, self._connections = _opened(self.folder, topics, metadata)
+        definitions = defined(topics)
+        self._topics = {one.information.name: number for number, one in enumerate(definitions, start=1)}
+        self._queue: deque[tuple[int, int, bytes]] = deque(
+            (self._topics[topic], stamp, data) for topic, stamp, data in earlier)
+        self._writer = _opened(self.folder, definitions, metadata, storage)
         self._thread = Thread(target=self._run, name="bag writer", daemon=True)
         self._thread.start()
 
@@ -110,31 +103,59 @@ class Recorder:
             False when the message was dropped (and counted): unknown topic, stamp that would spoil
             the bag, data that is not bytes, queue full, recording stopped.
         """
-        connection = self._connections.get(topic_name)
-        if (connection is not None and type(stamp_ns) is int and 0 <= stamp_ns <= LAST_STAMP
+        topic = self._topics.get(topic_name)
+        if (topic is not None and type(stamp_ns) is int and 0 <= stamp_ns <= LAST_STAMP
                 and type(data) is bytes and self._accepting and len(self._queue) < self._backlog):
-            self._queue.append((connection, stamp_ns, data))
+            self._queue.append((topic, stamp_ns, data))
             return True
         with self._refusing:
             self._refused += 1
         return False
 
     @property
+    def written(self) -> int:
+        """Messages in the bag that a killed process would not lose; none when the folder was removed."""
+        return 0 if self._gone else self._writer.stored
+
+    @property
     def dropped(self) -> int:
-        """Messages given to `write` that are not in the bag and never will be."""
-        return self._refused + self._lost
+        """Messages that `write` refused."""
+        return self._refused
+
+    @property
+    def lost(self) -> int:
+        """Messages that `write` took and that did not reach the bag, because the recording stopped."""
+        return self._taken - self.written if self._over else 0
 
     @property
     def backlog(self) -> int:
         """Messages that wait for the writer thread."""
         return len(self._queue)
 
-    def close(self) -> None:
-        """Write what is queued, seal the bag and end the thread; calling it again does nothing."""
+    @property
+    def ended(self) -> bool:
+        """Whether the thread has ended: after a fault, or when the bag is sealed."""
+        return not self._thread.is_alive()
+
+    def close(self, patience: float | None = None) -> bool:
+        """Accept no more, write what is queued, seal the bag and end the thread; calling it again does nothing.
+
+        Parameters
+        ----------
+        patience : float or None
+            Longest time [s] to wait for that; None waits until it is done.
+
+        Returns
+        -------
+        bool
+            False when the disk was slower than `patience`: the thread goes on by itself.
+        """
         self._accepting = False
         self._closing.set()
-        self._thread.join()
-        self._drop_queue()
+        self._thread.join(patience)
+        if self.ended:
+            self._discard_queue()
+        return self.ended
 
     def __enter__(self) -> "Recorder":
         return self
@@ -145,9 +166,10 @@ class Recorder:
     def _run(self) -> None:
         try:
             self._write_queue()
-            self._flush()
-            self._writer.close()
-        except Exception as error:  # whatever the disk or rosbags does, the robot goes on
+            self._writer.flush()
+            self._over = True
+            self._seal()
+        except Exception as error:  # whatever the disk does, the robot goes on
             self._stop(error)
 
     def _write_queue(self) -> None:
@@ -156,37 +178,48 @@ class Recorder:
         while not closing:
             closing = self._closing.wait(POLL_PERIOD)  # asked before the queue is emptied for the last time
             while self._queue:
-                self._unflushed += 1
-                self._writer.write(*self._queue.popleft())
-                time.sleep(0)  # give up the interpreter lock after each message
+                for _ in range(min(BATCH, len(self._queue))):
+                    message = self._queue.popleft()
+                    self._taken += 1
+                    self._writer.write(*message)
+                time.sleep(0)  # offer the interpreter lock
                 self._flush_when_due()
             self._flush_when_due()
 
     def _flush_when_due(self) -> None:
         if time.monotonic() >= self._due:
-            self._flush()
+            self._writer.flush()
+            self._due = time.monotonic() + FLUSH_PERIOD
 
-    def _flush(self) -> None:
-        self._writer.flush()
-        self.written += self._unflushed
-        self._unflushed = 0
-        self._due = time.monotonic() + FLUSH_PERIOD
+    def _seal(self) -> None:
+        self._writer.close({"written": str(self.written), "dropped": str(self.dropped), "lost": str(self.lost)})
+        self.sealed = True
 
     def _stop(self, error: Exception) -> None:
-        """Give the recording up; what is flushed stays in the unsealed file."""
+        """End the recording; what is stored is sealed, or stays as it is for `recover`."""
         self._accepting = False
+        self._over = True
         reason = " ".join((getattr(error, "strerror", None) or str(error) or type(error).__name__).split())
-        self.fault = f"recording to {self.folder} stopped: {reason}; the bag is not sealed"
-        self._lost += self._unflushed
-        self._unflushed = 0
-        self._drop_queue()
-        _abandon(self._writer)
+        self._discard_queue()
+        with contextlib.suppress(Exception):  # it would write to the disk that failed
+            self._seal()
+        if not self.sealed:
+            self._writer.abandon()
+        self._gone = not self.folder.exists()
+        self.fault = f"recording to {self.folder} stopped: {reason}; {self._remains()}"
 
-    def _drop_queue(self) -> None:
+    def _remains(self) -> str:
+        if self.sealed:
+            return f"the bag is sealed with its {self.written} messages"
+        if self._gone:
+            return "the folder is gone"
+        return f"the bag is not sealed; `recover {self.folder}` seals it when there is room"
+
+    def _discard_queue(self) -> None:
         with contextlib.suppress(IndexError):
             while True:
                 self._queue.popleft()
-                self._lost += 1
+                self._taken += 1
 
 
 def new_bag_folder(directory: Path, now: datetime) -> Path:
@@ -213,44 +246,12 @@ def new_bag_folder(directory: Path, now: datetime) -> Path:
     return folder
 
 
-def _opened(folder: Path, topics: Sequence[Topic], metadata: Mapping[str, str],
-            ) -> tuple[FlushedWriter, dict[str, Connection]]:
-    """A bag with every topic announced and on the disk, and the connections by topic name."""
-    _check_topics(topics)
-    with contextlib.ExitStack() as on_failure:
-        try:
-            writer = FlushedWriter(folder)
-            for key, value in metadata.items():
-                writer.set_custom_data(key, value)
-            on_failure.callback(_abandon, writer)
-            writer.open()
-            connections = {topic.name: _announced(writer, topic) for topic in topics}
-            writer.flush()
-        except OSError as error:
-            raise OSError(f"cannot record to {folder}: {error.strerror}; give a folder that can be written") from error
-        except WriterError as error:
-            if folder.exists():
-                raise FileExistsError(f"{folder} exists already; a recording never overwrites: "
-                                      "give a new folder") from error
-            raise ValueError(f"{folder}: {error}") from error
-        on_failure.pop_all()
-    return writer, connections
-
-
-def _abandon(writer: FlushedWriter) -> None:
-    with contextlib.suppress(Exception):  # closing flushes once more, onto the disk that failed
-        writer.abort()
-
-
-def _announced(writer: FlushedWriter, topic: Topic) -> Connection:
-    return writer.add_connection(topic.name, topic.type_name, typestore=jazzy_types(),
-                                 offered_qos_profiles=[reliable_qos(topic.qos_depth)])
-
-
-def _check_topics(topics: Sequence[Topic]) -> None:
-    names = [topic.name for topic in topics]
-    for topic in topics:
-        if topic.type_name not in jazzy_types().fielddefs:
-            raise ValueError(f"{topic.name}: unknown message type {topic.type_name!r}; give one of ROS 2 Jazzy's")
-        if names.count(topic.name) > 1:
-            raise ValueError(f"{topic.name}: given twice; a topic is recorded once")
+def _opened(folder: Path, definitions: Sequence[Definition], metadata: Mapping[str, str],
+            storage: Storage) -> BagWriter:
+    try:
+        return BagWriter(folder, definitions, metadata, storage)
+    except FileExistsError as error:
+        raise FileExistsError(f"{folder} exists already; a recording never overwrites: "
+                              "give a new folder") from error
+    except OSError as error:
+        raise OSError(f"cannot record to {folder}: {error.strerror}; give a folder that can be written") from error

@@ -7,7 +7,7 @@ from itertools import chain
 
 import numpy as np
 
-from vibro_ros.bag.storage import jazzy_types
+from vibro_ros.bag.definitions import jazzy_types
 
 
 def readable_types() -> frozenset[str]:

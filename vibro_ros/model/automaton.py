@@ -14,16 +14,19 @@ class Target(NamedTuple):
         State of the guard's own effect.
     jumps : tuple of (int, ndarray)
         Channels of positions and velocities that change on the way, and their new values as forms of the old ones.
-    entry : ndarray or None
-        A form that must not be negative before the jump, for the target to be entered.
+    entries : tuple of ndarray
+        Forms that must not be negative before the jump, for the target to be entered.
     friction : str or None
         State of the friction, where a blow changes that as well.
+    parts : bool
+        Whether it is a shock in which masses that rest on other plates part from them.
     """
 
     state: str
     jumps: tuple[tuple[int, np.ndarray], ...] = ()
-    entry: np.ndarray | None = None
+    entries: tuple[np.ndarray, ...] = ()
     friction: str | None = None
+    parts: bool = False
 
 
 class Guard(NamedTuple):

@@ -8,7 +8,7 @@ from vibro_ros.model.automaton import Guard
 from vibro_ros.model.forms import Form
 from vibro_ros.model.modes import OUTPUTS, ModeBuilder
 from vibro_ros.model.slider import Slider
-from vibro_ros.model.symbols import MASS, PLATE, SLIDER, Symbols, multiple, product
+from vibro_ros.model.symbols import MASS, PLATE, SLIDER, Symbols, multiple, total
 from vibro_ros.model.tables import MODE_EVENTS, Model, compile_scene
 from vibro_ros.solver.system import NOTHING
 
@@ -117,10 +117,13 @@ class _Description:
 
     def _friction_force(self) -> Iterator[str]:
         normal, friction = self._output("normal_force")[0], self._output("friction_force")
+        decayed = self._model.forms.decayed_normal_force()
+        law = f"N exp(-|x'|/{self._scene['ground.stribeck_speed']:g})"
         for m, state in enumerate(self._builder.friction.states):
-            factor = multiple(friction[m], normal)
-            force = "F_in" if factor is None else product(factor, "N") if factor else "0"
-            yield f"F_fr = {force}    while {state}"
+            falling = float(decayed @ friction[m])
+            factor = multiple(friction[m] - falling * decayed, normal)
+            sliding = [(part, symbol) for part, symbol in ((factor, "N"), (falling, law)) if part]
+            yield f"F_fr = {'F_in' if factor is None else total(sliding)}    while {state}"
 
     def modes(self) -> Iterator[str]:
         """Their number, and where it comes from."""
@@ -140,7 +143,8 @@ class _Description:
         for place, (name, states) in enumerate(self._parts().items()):
             for state in states:
                 for guard in self._state_guards(place, state):
-                    targets = dict.fromkeys(target.state for target in guard.targets)
+                    targets = dict.fromkeys(target.state + " and airborne" * (target.friction == "airborne")
+                                            for target in guard.targets)
                     yield f"{name} {state}: {guard.text}    else {' or '.join(targets)}{self._jumps(guard)}"
 
     def _jumps(self, guard: Guard) -> str:
@@ -159,7 +163,8 @@ class _Description:
     def _state_guards(self, place: int, state: str) -> list[Guard]:
         builder, forms = self._builder, self._builder.forms
         if place < len(builder.contacts):
-            return builder.contacts[place].guards(state, builder.friction.states[0], (forms.zero, forms.zero))
+            return builder.contacts[place].guards(state, builder.friction.states[0], frozenset(),
+                                                  (forms.zero, forms.zero))
         return builder.friction.guards(state, forms.normal_force(), forms.inertial_force())
 
     def events(self) -> Iterator[str]:

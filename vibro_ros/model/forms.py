@@ -36,6 +36,8 @@ class Forms:
         Whether x is a coordinate (after the masses): only an inclined mass drives the body.
     body_hops : bool
         Whether y, the body's height, is a coordinate (the last one): by the rule `hop`, a mass can lift the body.
+    friction_decays : bool
+        Whether the friction coefficient falls with the speed: Stribeck's law, with a part that falls.
     channels : Channels
         Layout of z.
     """
@@ -46,8 +48,10 @@ class Forms:
         self.plates = scene.plates
         self.body_moves = "inclined" in self.guides and math.sin(scene["guide.angle"]) != 0.0
         self.body_hops = scene["effects.normal_force"] == "hop" and bool(self.guides)
+        self.friction_decays = self.body_moves and scene["effects.friction"] == "stribeck" and (
+            scene["ground.static_friction"] > scene["ground.friction"])
         self.channels = Channels(len(self.guides) + self.body_moves + self.body_hops, len(self.guides),
-                                 len(self.guides), len(self.plates))
+                                 len(self.guides), len(self.plates), int(self.friction_decays))
 
     def _unit(self, channel: int) -> Form:
         form = np.zeros(self.channels.count)
@@ -149,6 +153,10 @@ class Forms:
             return normal
         tilt = math.cos(self._scene["guide.angle"])
         return normal + self._inertia("upper") + tilt * self._inertia("inclined")
+
+    def decayed_normal_force(self) -> Form:
+        """N exp(-|x'| / v_s) [N] while the body slips, for Stribeck's law; v_s is `ground.stribeck_speed`."""
+        return self._unit(self.channels.decay) if self.friction_decays else self.zero
 
     def inertial_force(self) -> Form:
         """F_in = m3 w'' sin(phi) [N], eq. (7)."""

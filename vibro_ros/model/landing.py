@@ -1,24 +1,24 @@
 """The landing of a body that was in the air: an inelastic shock with friction.
 
-The ground gives the body the impulse (P_x, P_y) that ends its fall, y'+ = 0. Spring and damper forces are finite and
-do nothing meanwhile. So a mass that feels the body move keeps, in space, its speed along e, the direction of its
-guide: along the guide it changes by -(e_x dx' + e_y dy'). What is left is a body with the inertia
+The ground gives the body the impulse (P_x, P_y) that ends its fall, y'+ = 0. With the inertia of `shock.Shock`
 
-    P_x = M_xx dx' + M_xy dy'        M_xx = M - sum r m e_x²        M_xy = -sum r m e_x e_y
-    P_y = M_xy dx' + M_yy dy'        M_yy = M - sum r m e_y²
+    P_x = M_xx dx' + M_xy dy'        P_y = M_xy dx' + M_yy dy'
 
-over the masses, r = 1 with the reaction on them and 0 without. While it slips, P_x = -sigma mu P_y, sigma = sign(x'):
+While it slips, P_x = -sigma mu P_y, sigma = sign(x'):
 
     dx' = -c dy',    c(sigma) = (M_xy + sigma mu M_yy) / (M_xx + sigma mu M_xy)
 
 (Routh's law: friction opposes the speed that the body has, at every instant of the shock.) A body that comes to rest
 before its fall has ended sticks if abs(M_xy) <= mu M_yy, and else slips the other way for the rest of the shock.
-"""
 
-import math
+A mass that rests on a rigid plate and feels the body move parts from it: it goes on falling, or where friction throws
+the body against it, strikes the plate at once. A fall slower than `contact.REST_SPEED` leaves it at rest, and the body
+with it is one: or hops and bounces that belong together would follow each other without end.
+"""
 
 from vibro_ros.model.automaton import Target
 from vibro_ros.model.forms import Form, Forms
+from vibro_ros.model.shock import Shock
 
 
 class Landing:
@@ -32,20 +32,17 @@ class Landing:
         Its channels.
     kinetic, static : float
         Friction coefficients while the body slips and while it sticks.
+    resting : frozenset of str
+        Guides whose masses rest on rigid plates and stay there.
     """
 
-    def __init__(self, scene, forms: Forms, kinetic: float, static: float):
+    def __init__(self, scene, forms: Forms, kinetic: float, static: float, resting: frozenset[str] = frozenset()):
         self._forms = forms
-        self._felt = forms.guides if scene["effects.reaction"] else ()
-        along, across, up = (scene.total_mass - self._sum(scene, 0, 0), -self._sum(scene, 0, 1),
-                             scene.total_mass - self._sum(scene, 1, 1))
+        self._shock = Shock(scene, forms, resting)
+        (along, across), (_, up) = self._shock.inertia
         self._forwards, self._backwards = ((across + sign * kinetic * up) / (along + sign * kinetic * across)
                                            for sign in (1.0, -1.0))
         self._sticks = abs(across) <= static * up
-
-    def _sum(self, scene, i: int, j: int) -> float:
-        return math.fsum(scene[f"mass.{side}"] * self._forms.direction(side)[i] * self._forms.direction(side)[j]
-                         for side in self._felt)
 
     def on_ice(self, state: str) -> tuple[Target, ...]:
         """The one target without friction, `state`."""
@@ -59,8 +56,8 @@ class Landing:
         forwards, backwards = speed + self._forwards * fall, speed + self._backwards * fall
         # A shock that drives the body on never stops it: then its speed before decides, else the one after.
         entries = forwards if self._forwards >= 0.0 else speed, backwards if self._backwards <= 0.0 else speed
-        return (Target("slip_forward", self._jumps(forwards), entry=entries[0]),
-                Target("slip_backward", self._jumps(backwards), entry=-entries[1]),
+        return (Target("slip_forward", self._jumps(forwards), entries=(entries[0],)),
+                Target("slip_backward", self._jumps(backwards), entries=(-entries[1],)),
                 self._after_a_stop(speed, fall))
 
     def _after_a_stop(self, speed: Form, fall: Form) -> Target:
@@ -78,7 +75,4 @@ class Landing:
         jumps = [(at.position(forms.height), forms.zero), (at.velocity(forms.height), forms.zero)]
         if forms.body_moves:
             jumps.append((at.velocity(forms.body), speed_after))
-        for side in self._felt:
-            i = forms.guides.index(side)
-            jumps.append((at.velocity(i), forms.velocity(i) - forms.along(side, (speed_after - speed, -fall))))
-        return tuple(jumps)
+        return (*jumps, *self._shock.masses((speed_after - speed, -fall)))

@@ -124,16 +124,16 @@ class ModeBuilder:
     def guards(self, mode: Mode):
         """Guards of `mode`; for each, its effect's place in `Mode.states` and the numbers of its target modes."""
         for k, plate in enumerate(self.contacts):
-            for guard in plate.guards(mode.states[k], mode.friction, self.body_acceleration(mode)):
+            for guard in plate.guards(mode.states[k], mode.friction, mode.resting, self.body_acceleration(mode)):
                 yield guard, k, self._targets(mode, k, guard.targets)
         normal, inertial = self.forms.normal_force(), self.forms.inertial_force()
-        for guard in self.friction.guards(mode.friction, normal, inertial):
+        for guard in self.friction.guards(mode.friction, normal, inertial, mode.resting):
             yield guard, len(self.contacts), self._targets(mode, len(self.contacts), guard.targets)
 
     def _targets(self, mode: Mode, place: int, targets: tuple[Target, ...]) -> list[int]:
         numbers = []
         for target in targets:
-            states = list(mode.states)
+            states = ["open" if target.parts and state == "resting" else state for state in mode.states]
             states[place] = target.state
             if target.friction:
                 states[-1] = target.friction

@@ -9,7 +9,7 @@ import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
-Value = bool | float | str
+Value = bool | float | str | tuple[str, ...]
 
 
 @dataclass(frozen=True)
@@ -20,7 +20,7 @@ class Parameter:
     ----------
     name : str
         Dotted name, the same in YAML, in ROS and in Python.
-    default : bool, float or str
+    default : bool, float, str or tuple of str
         Its type is the parameter's type.
     unit : str
         SI unit, empty for pure numbers and choices.
@@ -49,7 +49,7 @@ class Parameter:
     @property
     def type_name(self) -> str:
         """Name of the type as a user writes it."""
-        return {bool: "true or false", float: "a number", str: "a text"}[type(self.default)]
+        return {bool: "true or false", float: "a number", str: "a text", tuple: "a list of texts"}[type(self.default)]
 
     def checked(self, value: object) -> Value:
         """Return `value` as this parameter's type.
@@ -62,11 +62,19 @@ class Parameter:
         """
         if isinstance(self.default, float):
             return self._checked_number(value)
+        if isinstance(self.default, tuple):
+            return self._checked_texts(value)
         if type(value) is not type(self.default):
             raise ValueError(f"{self.name}: {value!r} is not {self.type_name}; give {self.type_name}{self._hint()}")
         if self.choices and value not in self.choices:
             raise ValueError(f"{self.name}: {value!r} is unknown; choose one of {', '.join(self.choices)}")
         return value
+
+    def _checked_texts(self, value: object) -> tuple[str, ...]:
+        """A list, of which the empty one is the default."""
+        if not isinstance(value, (list, tuple)) or not all(isinstance(text, str) for text in value):
+            raise ValueError(f"{self.name}: {value!r} is not {self.type_name}; write [one, another]")
+        return tuple(value) or self.default
 
     def _checked_number(self, value: object) -> float:
         if isinstance(value, (bool, str)) or not hasattr(value, "__float__"):
@@ -132,8 +140,10 @@ SCENE_PARAMETERS: tuple[Parameter, ...] = (
     *_guide("inclined", "3", "1", "H"),
     Parameter("ground.friction", 0.2, "", "kinetic friction coefficient of body on ground, μ",
               minimum=0.0, maximum=1e3),
-    Parameter("ground.static_friction", 0.25, "", "friction coefficient of a body at rest, at least ground.friction",
-              minimum=0.0, maximum=1e3),
+    Parameter("ground.static_friction", 0.25, "", "friction coefficient of a body at rest, μs, at least "
+              "ground.friction", minimum=0.0, maximum=1e3),
+    Parameter("ground.stribeck_speed", 0.01, "m/s", "speed v_s over which friction falls from static to kinetic: "
+              "μ(v) = μ + (μs - μ) exp(-abs(v)/v_s)", minimum=1e-6, maximum=1e3),
     Parameter("gravity", 9.81, "m/s²", "gravitational acceleration, g", minimum=0.0, maximum=1e3),
     Parameter("motor.speed", 100.0, "rad/s", "motor speed at t = 0, and the command until another arrives",
               minimum=0.0, maximum=1e4),
@@ -155,7 +165,8 @@ SCENE_PARAMETERS: tuple[Parameter, ...] = (
               choices=("none", "restitution", "compliant")),
     Parameter("effects.adhesion", True, "", "true: a plate's damper may pull, as printed; false: no tension"),
     Parameter("effects.friction", "coulomb", "", "friction of the body on the ground; static: "
-              "ground.static_friction holds a body at rest", choices=("none", "coulomb", "static")),
+              "ground.static_friction holds a body at rest; stribeck: and falls to ground.friction with the speed",
+              choices=("none", "coulomb", "static", "stribeck")),
     Parameter("effects.normal_force", "printed", "", "weight: N = M g; unilateral: eq. (6), not below 0; "
               "printed: eq. (6), may be negative; hop: at 0 the body leaves the ground and lands inelastically",
               choices=("weight", "unilateral", "printed", "hop")),

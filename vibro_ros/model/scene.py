@@ -69,7 +69,7 @@ class Scene:
         ValueError
             As for the constructor.
         """
-        return Scene(self.name, {**self.parameters, **changes})
+        return Scene(self.name, {**self.parameters, **changes}) if changes else self
 
     def describe(self) -> str:
         """States, equations, guards and events that are really simulated, as text."""
@@ -106,14 +106,26 @@ class Scene:
 
     def _check_friction(self):
         kinetic, static = self["ground.friction"], self["ground.static_friction"]
-        if self["effects.friction"] == "static" and static < kinetic:
+        if self["effects.friction"] in ("static", "stribeck") and static < kinetic:
             raise ValueError(f"ground.static_friction: {static:g} is below ground.friction, {kinetic:g}; "
                              f"give at least {kinetic:g}")
+        self._check_stribeck()
         highest = self._highest_friction()
         if self["effects.friction"] != "none" and kinetic >= highest:
             raise ValueError(f"ground.friction: at {kinetic:g} the reaction on the masses has no unique solution while "
                              f"the body slips (Painlevé's paradox); give less than {highest:g}, or set "
                              "effects.reaction to false")
+
+    def _check_stribeck(self):
+        """A coefficient that changes with the speed must not make the masses' motion or a landing's shock nonlinear."""
+        if self["effects.friction"] != "stribeck":
+            return
+        if self["effects.reaction"]:
+            raise ValueError("effects.friction: 'stribeck' has no exact solution with effects.reaction true, by which "
+                             "the friction moves the masses; choose static, or set effects.reaction to false")
+        if self["effects.normal_force"] == "hop":
+            raise ValueError("effects.friction: 'stribeck' has no exact law for a landing, in which the coefficient "
+                             "would change during the shock; choose static, or unilateral for effects.normal_force")
 
     def _highest_friction(self) -> float:
         """Friction coefficient at which the inertia of the slipping body and its inclined mass becomes singular."""
@@ -130,9 +142,10 @@ class Scene:
         rule, angle = self["effects.normal_force"], self["guide.angle"]
         if not any(self[f"effects.{side}_contact"] == "restitution" for side in self.guides):
             return
-        if rule == "hop":
-            raise ValueError("effects.normal_force: 'hop' has no law for a rigid plate's blow that lifts the body; "
-                             "choose unilateral or weight, or a compliant contact")
+        inclined = "inclined" in self.guides and self["effects.inclined_contact"] == "restitution"
+        if rule == "hop" and inclined and angle > math.pi / 2:
+            raise ValueError(f"guide.angle: {angle:g} rad points the inclined guide down, where a blow on its rigid "
+                             "plate presses the body on the ground; give at most 1.5708 rad, or a compliant contact")
         if self["effects.friction"] == "none":
             return
         if rule == "printed":

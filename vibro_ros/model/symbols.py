@@ -3,7 +3,7 @@
 u = zeta_2 and w = xi_3 (masses), x and y (body), s_B and s_C (sliders), E and H (plates); a prime is a rate.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
 from vibro_ros.model.forms import Form, Forms
 
@@ -37,7 +37,7 @@ class Symbols:
 
     def text(self, form: Form) -> str:
         """The form with its coefficients, such as ``-1000 (u - s_B) - 1e+07 (u - E)``; ``0`` when it is empty."""
-        return _sum(self._terms(form))
+        return total(self._terms(form))
 
     def _terms(self, form: Form) -> Iterator[tuple[float, str]]:
         """Coefficients and symbols: first differences to sliders and plates, then what is left, the constant last."""
@@ -85,10 +85,11 @@ def multiple(form: Form, of: Form) -> float | None:
 
 def product(factor: float, symbol: str) -> str:
     """Text of factor times symbol, without a factor of 1."""
-    return _sum([(factor, symbol)])
+    return total([(factor, symbol)])
 
 
-def _sum(terms) -> str:
+def total(terms: Iterable[tuple[float, str]]) -> str:
+    """Text of a sum of factors times symbols; ``0`` when it is empty."""
     text = ""
     for factor, symbol in terms:
         sign = "-" if factor < 0.0 else "+"

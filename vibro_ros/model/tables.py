@@ -14,6 +14,7 @@ from vibro_ros.solver.system import (
     NOTHING,
     UNCHECKED,
     Channels,
+    Decay,
     System,
     acceleration_terms,
     couplings,
@@ -21,9 +22,6 @@ from vibro_ros.solver.system import (
     longest_steps,
     terms,
 )
-
-# A blow leads to rest, or to a rebound that makes the body slip forwards or backwards.
-_MOST_TARGETS = 3
 
 #: Kinds of events that a change of mode records, by their number.
 MODE_EVENTS = ("stick", "slip_forward", "slip_backward", "unloaded", "loaded", "lift_off", "landing")
@@ -77,13 +75,23 @@ def compile_scene(scene) -> Model:
         longest_step=longest_steps(acceleration, channels),
         **_guard_tables(builder),
         event=_event_table(builder),
+        noted=_noted_table(builder),
         **_monitor_tables(builder),
         unheld=_unheld_table(builder),
         **audit_tables(builder, scene),
         signals=signal_table(list(sliders)),
+        decay=_decay_table(builder),
     )
     output = np.array([builder.outputs(mode) for mode in builder.modes])
     return Model(forms, sliders, builder.modes, system, output, builder.initial_mode)
+
+
+def _decay_table(builder: ModeBuilder) -> Decay:
+    """The normal force of a slipping body, which Stribeck's law lets decay."""
+    forms, modes = builder.forms, builder.modes if builder.forms.friction_decays else ()
+    rate = np.array([builder.friction.decay_rate(mode.friction) for mode in modes])
+    factor = np.array([builder.normal_force(mode) for mode in modes]).reshape(len(modes), forms.channels.count)
+    return Decay(factor, terms(factor), rate)
 
 
 def _tilt(scene, side: str) -> float:
@@ -94,10 +102,14 @@ def _guard_tables(builder: ModeBuilder) -> dict[str, np.ndarray]:
     """Guards, what they lead to, and how velocities jump on the way; equal forms share a row."""
     guards = [list(builder.guards(mode)) for mode in builder.modes]
     channels = builder.forms.channels
+    targets = [target for of_mode in guards for condition, _, _ in of_mode for target in condition.targets]
+    most = max((len(condition.targets) for of_mode in guards for condition, _, _ in of_mode), default=1)
+    entries = max((len(target.entries) for target in targets), default=0)
     shape = (len(guards), max(1, max(map(len, guards))))
     rows, jumps = {}, {}
     guard, owner, strike = (np.full(shape, NOTHING) for _ in range(3))
-    candidate, entry, jump = (np.full((*shape, _MOST_TARGETS), NOTHING) for _ in range(3))
+    candidate, jump = (np.full((*shape, most), NOTHING) for _ in range(2))
+    entry = np.full((*shape, most, entries), NOTHING)
     for m, of_mode in enumerate(guards):
         for g, (condition, place, numbers) in enumerate(of_mode):
             guard[m, g] = rows.setdefault(tuple(condition.form), len(rows))
@@ -105,8 +117,8 @@ def _guard_tables(builder: ModeBuilder) -> dict[str, np.ndarray]:
             strike[m, g] = place if condition.strike else NOTHING
             for c, (target, number) in enumerate(zip(condition.targets, numbers, strict=True)):
                 candidate[m, g, c] = number
-                if target.entry is not None:
-                    entry[m, g, c] = rows.setdefault(tuple(target.entry), len(rows))
+                for e, form in enumerate(target.entries):
+                    entry[m, g, c, e] = rows.setdefault(tuple(form), len(rows))
                 if target.jumps:
                     jump[m, g, c] = jumps.setdefault(_jump(target.jumps, channels).tobytes(), len(jumps))
     row = np.array(list(rows)).reshape(len(rows), channels.count)
@@ -138,6 +150,12 @@ def _event_table(builder: ModeBuilder) -> np.ndarray:
         if old != new and event in MODE_EVENTS:
             table[before, after] = MODE_EVENTS.index(event)
     return table
+
+
+def _noted_table(builder: ModeBuilder) -> np.ndarray:
+    """What is noted with each kind of event: the speed of the fall that a landing ends."""
+    _, upwards = builder.forms.body_velocity()
+    return np.array([-upwards if kind == "landing" else builder.forms.zero for kind in MODE_EVENTS]) + 0.0  # no -0.0
 
 
 def _unheld_table(builder: ModeBuilder) -> np.ndarray:

@@ -25,6 +25,8 @@ class Pacing:
 
     Attributes
     ----------
+    missed : int
+        How often the next deadline had passed before anybody waited for it.
     stalls : int
         How often time was dropped.
     dropped : float
@@ -38,6 +40,7 @@ class Pacing:
         now: Callable[[], float] = time.monotonic,
         sleep: Callable[[float], None] = time.sleep,
     ):
+        self.missed = 0
         self.stalls = 0
         self.dropped = 0.0
         self._factor = factor
@@ -62,6 +65,7 @@ class Pacing:
             self._sleep(0.0)  # lets the executor's thread in
             return 0.0
         deadline = self._origin + simulated_time / self._factor
+        self.missed += deadline < self._now()
         while (ahead := deadline - self._now()) > 0.0:
             if stopped():
                 return 0.0

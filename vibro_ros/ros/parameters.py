@@ -81,4 +81,6 @@ def _limits(parameter: Parameter) -> str:
 def _yaml(value: Value) -> str:
     if isinstance(value, bool):
         return str(value).lower()
+    if isinstance(value, tuple):
+        return f"[{', '.join(value)}]"
     return f'"{value}"' if isinstance(value, str) else repr(value)

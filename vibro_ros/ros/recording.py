@@ -1,104 +1,275 @@
-"""The robot's bag: which topics, and what the bag says of itself."""
+"""The robot's bags: which topics, when they begin and end, and what is said when one fails."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
 
 from rclpy.impl.rcutils_logger import RcutilsLogger
 
-from vibro_ros.bag.recorder import Recorder, Topic, new_bag_folder
+from vibro_ros.bag.recorder import BAG_PATTERN, Recorder, Topic, new_bag_folder
+from vibro_ros.bag.recovery import RecoveryError, described, recover, unsealed_bags
+from vibro_ros.bag.snapshot import Snapshot
+from vibro_ros.bag.writer import Storage
 from vibro_ros.model.parameters import Value
 from vibro_ros.ros import qos
 from vibro_ros.ros.inputs import Inputs
 from vibro_ros.ros.outputs import TOPICS, Outputs
 from vibro_ros.ros.throttle import Throttle
 
+SEALING = 5.0
+"""Longest time [s] that the answer of `~/record` waits for the disk; commands wait with it."""
+
+_ALL = "all"
+
+
+@dataclass(frozen=True)
+class Plan:
+    """How the robot records.
+
+    Attributes
+    ----------
+    directory : Path
+        Where bags are made.
+    topics : tuple of Topic
+        What is recorded, under resolved names.
+    storage : Storage
+        How bags lie on the disk.
+    metadata : mapping of str to str
+        What each bag says of itself.
+    snapshot : float
+        Time [s] that is kept in memory until it is asked for; 0 records everything.
+    """
+
+    directory: Path
+    topics: tuple[Topic, ...]
+    storage: Storage
+    metadata: Mapping[str, str]
+    snapshot: float = 0.0
+
 
 class Recording:
-    """The bag of one run, or none; a context manager that seals it.
+    """The bags of one run; a context manager that seals the last one.
+
+    `record` is for the stepping thread, everything else for the main thread.
 
     Parameters
     ----------
-    recorder : Recorder or None
-        None records nothing.
+    plan : Plan
+        How to record.
     log : logger
         Where lost messages are reported.
+
+    Attributes
+    ----------
+    faults : list of str
+        Why recordings stopped, in order.
     """
 
-    def __init__(self, recorder: Recorder | None, log: RcutilsLogger):
-        self._recorder = recorder
+    def __init__(self, plan: Plan, log: RcutilsLogger):
+        self.faults: list[str] = []
+        self._plan = plan
         self._log = log
+        self._names = {topic.name for topic in plan.topics}
+        self._snapshot: Snapshot | None = None
+        self._recorder: Recorder | None = None  # the one that messages go to
+        self._latest: Recorder | None = None
+        self._watched: list[Recorder] = []
+        self._dropped = 0
         self._throttle = Throttle(burst=1)
 
     def __enter__(self) -> "Recording":
         return self
 
     def __exit__(self, *_: object) -> None:
-        if self._recorder:
-            self._recorder.close()
+        for recorder in self._watched:
+            recorder.close()
+        self.watch()
 
     @property
-    def fault(self) -> str | None:
-        """Why the recording stopped; None while it goes on, or when nothing is recorded."""
-        return self._recorder.fault if self._recorder else None
+    def latest(self) -> Recorder | None:
+        """The bag that is being written, or was written last; None when there was none."""
+        return self._latest
+
+    @property
+    def active(self) -> bool:
+        """Whether messages are being recorded, or kept for a snapshot."""
+        return bool(self._snapshot or (self._recorder and not self._recorder.ended))
+
+    def begin(self) -> None:
+        """Record from now on, or keep what a snapshot will need (ValueError, OSError: see `Recorder`)."""
+        if self._plan.snapshot:
+            self._plan.directory.mkdir(parents=True, exist_ok=True)  # better now than when it matters
+            self._snapshot = Snapshot(self._plan.snapshot)
+        else:
+            self._recorder = self._new_bag()
 
     def record(self, topic: str, stamp: int, data: bytes) -> None:
         """Queue one message for the bag: resolved topic name, ROS time [ns], serialised message. Never blocks."""
-        if self._recorder is None or self._recorder.write(topic, stamp, data):
-            return
-        text = self._throttle.admit(f"not recorded: {self.fault or 'the disk is too slow, messages are dropped'}")
-        if text:
-            self._log.error(text)
+        recorder, snapshot = self._recorder, self._snapshot
+        if topic in self._names:
+            if recorder is not None:
+                recorder.write(topic, stamp, data)
+            elif snapshot is not None:
+                snapshot.write(topic, stamp, data)
+
+    def switch(self, on: bool) -> tuple[bool, str]:
+        """Begin a new bag, or seal the one that is written: what `~/record` asks for.
+
+        Returns
+        -------
+        bool, str
+            Whether it was done; where the bag is, or why not.
+        """
+        try:
+            if self._plan.snapshot:
+                return self._write_snapshot({}) if on else (False, "record.snapshot keeps the last seconds always")
+            return self._start() if on else self._stop()
+        except (OSError, ValueError) as error:
+            return False, str(error)
+
+    def save(self, error: Exception) -> None:
+        """Write the snapshot, if one is kept, because the device failed."""
+        if self._snapshot:
+            try:
+                self._log.error(self._write_snapshot({"error": str(error)})[1])
+            except (OSError, ValueError) as failure:
+                self.faults.append(f"the last seconds are lost: {failure}")
+                self._log.error(self.faults[-1])
+
+    def watch(self) -> None:
+        """Say what has gone wrong since the last call."""
+        for recorder in [recorder for recorder in self._watched if recorder.ended]:
+            self._watched.remove(recorder)
+            if recorder.fault:
+                self.faults.append(recorder.fault)
+                self._log.error(f"not recorded: {recorder.fault}. The robot goes on; the service ~/record begins "
+                                "another bag")
+        if self._recorder and not self._recorder.fault and self._recorder.dropped > self._dropped:
+            self._dropped = self._recorder.dropped
+            text = self._throttle.admit(f"not recorded: the disk is too slow, {self._dropped} messages dropped")
+            if text:
+                self._log.error(text)
 
     def destination(self) -> str:
         """Where the bag is, for people."""
+        if self._snapshot:
+            return f"keeping the last {self._plan.snapshot:g} s"
         return f"recording to {self._recorder.folder}" if self._recorder else "not recording"
 
     def summary(self) -> str:
-        """Where the bag is and what is in it, for people."""
-        if self._recorder is None:
-            return "nothing recorded"
-        return f"bag {self._recorder.folder}: {self._recorder.written} messages, {self._recorder.dropped} dropped"
+        """Where the last bag is and what is in it, for people."""
+        return f"bag {_contents(self._latest)}" if self._latest else "nothing recorded"
+
+    def _start(self) -> tuple[bool, str]:
+        if self._recorder and not self._recorder.ended:
+            return True, f"already recording to {self._recorder.folder}"
+        self._recorder = self._new_bag()
+        self._log.info(self.destination())
+        return True, self.destination()
+
+    def _stop(self) -> tuple[bool, str]:
+        recorder, self._recorder = self._recorder, None
+        if recorder is None or recorder.fault:
+            return True, f"not recording: {recorder.fault}" if recorder else "not recording"
+        if not recorder.close(SEALING):
+            return False, f"{recorder.folder}: the disk does not answer; the bag will be sealed when it does"
+        self.watch()
+        done = recorder.fault or f"sealed {_contents(recorder)}"
+        self._log.info(done)
+        return recorder.fault is None, done
+
+    def _write_snapshot(self, reason: Mapping[str, str]) -> tuple[bool, str]:
+        if self._snapshot is None:
+            return False, "record.enabled is false: nothing was kept"
+        messages = self._snapshot.messages()
+        recorder = self._new_bag(messages, reason)
+        recorder.close(patience=0.0)
+        return True, f"writing the last {self._plan.snapshot:g} s, {len(messages)} messages, to {recorder.folder}"
+
+    def _new_bag(self, earlier: Sequence = (), more: Mapping[str, str] = {}) -> Recorder:  # noqa: B006 (never changed)
+        folder = new_bag_folder(self._plan.directory, datetime.now())
+        recorder = Recorder(folder, self._plan.topics, {**self._plan.metadata, **more}, storage=self._plan.storage,
+                            earlier=earlier)
+        self._latest, self._dropped = recorder, 0
+        self._watched.append(recorder)
+        return recorder
 
 
-def open_recording(settings: Mapping[str, Value], inputs: Inputs, outputs: Outputs, metadata: Mapping[str, str],
-                   log: RcutilsLogger) -> Recording:
-    """A new bag of everything that is published and received, if `settings` ask for one.
+def plan_recording(settings: Mapping[str, Value], inputs: Inputs, outputs: Outputs,
+                   metadata: Mapping[str, str]) -> Plan:
+    """How to record, from the device's parameters.
 
     Parameters
     ----------
     settings : mapping
-        `record.enabled` and `record.directory`.
+        The parameters `record.*`.
     inputs, outputs : Inputs, Outputs
         The robot's topics; recorded under their resolved names.
     metadata : mapping of str to str
-        What the bag says of itself.
-    log : logger
-        Where lost messages are reported.
+        What each bag says of itself.
 
     Raises
     ------
     ValueError
-        When the folder cannot be written.
+        For a topic that the robot does not have, and for limits that make no sense.
     """
-    if not settings["record.enabled"]:
-        return Recording(None, log)
-    folder = new_bag_folder(Path(settings["record.directory"]), datetime.now())
+    storage = Storage(settings["record.storage"], settings["record.compression"], int(settings["record.max_size"]),
+                      settings["record.max_duration"], int(settings["record.max_bytes"]))
+    topics = _chosen(settings["record.topics"], {**_published(outputs), **_received(inputs)})
+    return Plan(Path(settings["record.directory"]).expanduser(), topics, storage, metadata, settings["record.snapshot"])
+
+
+def open_recording(plan: Plan, enabled: bool, log: RcutilsLogger) -> Recording:
+    """A recording, begun if `enabled` (ValueError when the folder cannot be written)."""
+    recording = Recording(plan, log)
     try:
-        return Recording(Recorder(folder, [*_published(outputs), *_received(inputs)], metadata), log)
+        if enabled:
+            recording.begin()
     except OSError as error:
         raise ValueError(f"record.directory: {error}") from error
+    return recording
 
 
-def _published(outputs: Outputs) -> Iterator[Topic]:
-    for topic, (kind, profile) in TOPICS.items():
-        yield Topic(outputs.publishers[topic].topic_name, _type_name(kind), profile.depth)
+def offer_recovery(directory: Path, do_it: bool, log: RcutilsLogger) -> None:
+    """Say which bags in `directory` a killed robot has left unsealed, and seal them if told to `do_it`."""
+    for folder in unsealed_bags(directory, BAG_PATTERN):
+        if not do_it:
+            log.warning(f"{folder}: not sealed, its robot was killed; seal it with `recover {folder}`")
+            continue
+        try:
+            log.warning(" ".join(described(recover(folder), str)))
+        except RecoveryError as error:
+            log.error(str(error))
 
 
-def _received(inputs: Inputs) -> Iterator[Topic]:
-    for subscription in inputs.subscriptions.values():
-        yield Topic(subscription.topic_name, _type_name(subscription.msg_type), qos.COMMANDS.depth)
+def _chosen(names: Sequence[str], topics: Mapping[str, Topic]) -> tuple[Topic, ...]:
+    """The topics that are named, by the robot's own names for them or by resolved ones."""
+    if _ALL in names:
+        return tuple(topics.values())
+    by_name = {**{topic.name: topic for topic in topics.values()}, **topics}
+    for name in names:
+        if name not in by_name:
+            raise ValueError(f"record.topics: {name!r} is not a topic of the robot; choose from {', '.join(topics)}, "
+                             f"or {_ALL}")
+    return tuple(dict.fromkeys(by_name[name] for name in names))
+
+
+def _published(outputs: Outputs) -> dict[str, Topic]:
+    return {topic: Topic(outputs.publishers[topic].topic_name, _type_name(kind), profile.depth)
+            for topic, (kind, profile) in TOPICS.items()}
+
+
+def _received(inputs: Inputs) -> dict[str, Topic]:
+    return {name: Topic(subscription.topic_name, _type_name(subscription.msg_type), qos.COMMANDS.depth)
+            for name, subscription in inputs.subscriptions.items()}
 
 
 def _type_name(kind: type) -> str:
     return f"{kind.__module__.split('.')[0]}/msg/{kind.__name__}"
+
+
+def _contents(recorder: Recorder) -> str:
+    """Where a bag is and what is in it, for people."""
+    lost = f"{recorder.lost} lost, " if recorder.lost else ""
+    return f"{recorder.folder}: {recorder.written} messages, {lost}{recorder.dropped} dropped"

@@ -2,20 +2,26 @@
 
 import argparse
 import json
+import platform
 import sys
 from collections.abc import Mapping, Sequence
+from importlib.metadata import PackageNotFoundError, version
 
+import numba
+import numpy as np
 from rclpy.executors import Executor
 from rclpy.node import Node
+from std_srvs.srv import SetBool
 
 from vibro_ros.model.parameters import SCENE_PARAMETERS, Value, checked_parameters
 from vibro_ros.model.scene import Scene
 from vibro_ros.ros import process
+from vibro_ros.ros.diagnostics import Diagnostics
 from vibro_ros.ros.inputs import Inputs
 from vibro_ros.ros.outputs import Outputs
 from vibro_ros.ros.pacing import Pacing
 from vibro_ros.ros.parameters import declare, parameter_lines, take_overrides
-from vibro_ros.ros.recording import open_recording
+from vibro_ros.ros.recording import Recording, offer_recovery, open_recording, plan_recording
 from vibro_ros.ros.ros_arguments import check_addressed, check_arguments, own_arguments
 from vibro_ros.ros.stepping import Stepping
 from vibro_ros.scene_file import DEVICE_PARAMETERS, load_scene, shipped_scenes
@@ -65,26 +71,53 @@ def _operate(node: Node, executor: Executor, settings: Mapping[str, Value], scen
     pacing = Pacing(settings["rate.real_time_factor"], settings["rate.max_catch_up"])
     start = node.get_clock().now().nanoseconds
     metadata = _metadata(settings, scene, start)
+    plan = plan_recording(settings, inputs, outputs, metadata)
+    offer_recovery(plan.directory, settings["record.recover"], log)
     # Signals become requests before the bag is opened, so that none can come between its opening and its sealing.
-    with process.StopRequest() as stop, open_recording(settings, inputs, outputs, metadata, log) as recording:
+    with process.StopRequest() as stop, open_recording(plan, settings["record.enabled"], log) as recording:
+        node.create_service(SetBool, "~/record", lambda request, answer: _switch(recording, request, answer))
         log.info(f"ready: {settings['rate.publish']:g} Hz, real-time factor {settings['rate.real_time_factor']:g}, "
                  f"{recording.destination()}")
         with Stepping(device, inputs, outputs, recording.record, pacing, settings["rate.publish"], start,
                       log) as stepping:
-            process.spin_until(executor, lambda: bool(stop or stepping.error))
+            diagnostics = Diagnostics(node, device, stepping, pacing, inputs, recording)
+            process.spin_until(executor, lambda: recording.watch() or bool(stop or stepping.error))
+        if stepping.error:
+            recording.save(stepping.error)
+            diagnostics.publish()
     log.info(f"{recording.summary()}; {device.time:.3f} s simulated, {pacing.dropped:.3f} s dropped in "
              f"{pacing.stalls} stalls, {inputs.refused} commands refused")
     if stepping.error:
         raise stepping.error
-    if recording.fault:
-        raise RuntimeError(recording.fault)
+    if recording.faults:
+        raise RuntimeError(recording.faults[0])
     return 0
 
 
+def _switch(recording: Recording, request: SetBool.Request, answer: SetBool.Response) -> SetBool.Response:
+    """Answer the service `~/record`."""
+    answer.success, answer.message = recording.switch(request.data)
+    return answer
+
+
 def _metadata(settings: Mapping[str, Value], scene: Scene, start: int) -> dict[str, str]:
-    """What the bag says of itself: the scene, every parameter (JSON), and the ROS time [ns] of simulated time 0."""
+    """What the bag says of itself.
+
+    The scene, every parameter (JSON), the solver, the versions that a bit-identical replay needs, and the ROS time
+    [ns] of simulated time 0.
+    """
     parameters = json.dumps({**settings, **scene.parameters})
-    return {"scene": str(settings["scene"]), "parameters": parameters, "start": str(start)}
+    solver = f"{scene['solver.method']}, tolerance {scene['solver.tolerance']:g} m"
+    return {"scene": str(settings["scene"]), "parameters": parameters, "solver": solver, "version": _version(),
+            "platform": f"{platform.machine()}, Python {platform.python_version()}, numpy {np.__version__}, "
+                        f"numba {numba.__version__}", "start": str(start)}
+
+
+def _version() -> str:
+    try:
+        return version("vibro_ros")
+    except PackageNotFoundError:  # run from a source folder that was never installed
+        return "unknown"
 
 
 def _parser() -> process.Parser:

@@ -1,6 +1,7 @@
 """The thread that steps the device in real time."""
 
 import threading
+import time
 
 from rclpy.impl.rcutils_logger import RcutilsLogger
 
@@ -40,11 +41,17 @@ class Stepping:
     ----------
     error : Exception or None
         What ended the thread before it was asked to.
+    ticks : int
+        Steps taken.
+    busy : float
+        Wall time [s] that they took, without publishing.
     """
 
     def __init__(self, device: Simulator, inputs: Inputs, outputs: Outputs, record: Record, pacing: Pacing,
                  rate: float, start: int, log: RcutilsLogger):
         self.error: Exception | None = None
+        self.ticks = 0
+        self.busy = 0.0
         self._device, self._inputs, self._outputs, self._record = device, inputs, outputs, record
         self._pacing, self._rate, self._zero, self._log = pacing, rate, start, log
         self._throttle = Throttle()
@@ -68,16 +75,17 @@ class Stepping:
     def _step(self) -> None:
         self._pacing.start()
         self._publish()
-        tick = 1
-        while self._wait_for(tick / self._rate):
+        while self._wait_for((self.ticks + 1) / self._rate):
+            begun = time.perf_counter()
             self._inputs.apply(self._device, self._stamp_of, self._record)
-            self._device.advance_to(tick / self._rate)
+            self._device.advance_to((self.ticks + 1) / self._rate)
+            self.busy += time.perf_counter() - begun
             self._publish()
-            tick += 1
+            self.ticks += 1
 
-    def _wait_for(self, time: float) -> bool:
-        """Sleep until `time` [s] is due; False when the thread is to end."""
-        dropped = self._pacing.wait_until(time, self._stopped.is_set)
+    def _wait_for(self, due: float) -> bool:
+        """Sleep until the simulated time `due` [s]; False when the thread is to end."""
+        dropped = self._pacing.wait_until(due, self._stopped.is_set)
         if dropped:
             self._report_stall(dropped)
         return not self._stopped.is_set()

@@ -29,12 +29,12 @@ def _cache_folder() -> str:
 _FOLDER = _cache_folder()
 
 
-def _compiled(function, fastmath):
+def _compiled(function, fastmath, **options):
     """Give `function` to numba, which reads its cache folder from its configuration when it decorates."""
     others = numba.config.CACHE_DIR
     numba.config.CACHE_DIR = _FOLDER
     try:
-        return numba.njit(fastmath=fastmath, **_OPTIONS)(function)
+        return numba.njit(fastmath=fastmath, **_OPTIONS | options)(function)
     finally:
         numba.config.CACHE_DIR = others
 
@@ -43,6 +43,11 @@ def kernel(function):
     """Compile a kernel: inlined, without reference counts (it cannot allocate), fused multiply-add allowed,
     reordering not."""
     return _compiled(function, {"contract"})
+
+
+def called_kernel(function):
+    """Compile a kernel that is called, not inlined: what few systems need must not be compiled at every call."""
+    return _compiled(function, {"contract"}, forceinline=False)
 
 
 def rounding_kernel(function):

@@ -8,6 +8,7 @@ import math
 
 from vibro_ros.solver.audit import close_audit, open_audit
 from vibro_ros.solver.compilation import kernel
+from vibro_ros.solver.decay import decays, known_reach, resolve_decay
 from vibro_ros.solver.flow import solve_driven, solve_dynamic, weighted_sum
 from vibro_ros.solver.forcing import advance_forcing, choose_segment, fill_forcing, phase_at, place_of
 from vibro_ros.solver.polynomial import fill_form, fill_powers, product
@@ -56,7 +57,8 @@ _SIMULTANEOUS = 16.0 * EPSILON
 
 @kernel
 def _guard_root(system, state, row):
-    """First root up to NEXT of a guard row, from where the mode began; remembered until its polynomial changes."""
+    """First root up to NEXT of a guard row, from where the mode began, whose powers are filled; remembered until its
+    polynomial changes."""
     if state.root[row] > state.clock[ANCHOR]:
         return state.root[row]
     guard = state.work[1]
@@ -65,7 +67,7 @@ def _guard_root(system, state, row):
     if state.index[STANDSTILLS] > _DOUBTFUL_STANDSTILLS:
         guard[0] += _DOUBT * noise
     limit = state.clock[NEXT]
-    root = first_root(guard, state.clock[ANCHOR], limit, noise, state.work[2])
+    root = first_root(guard, state.clock[ANCHOR], state.powers, limit, noise, state.work[2])
     state.root[row] = UNKNOWN if root == NO_ROOT and limit < 1.0 else root
     return root
 
@@ -76,6 +78,7 @@ def _find_next_event(system, state):
     mode = state.index[MODE]
     state.clock[NEXT] = 1.0
     state.index[GUARD] = NOTHING
+    fill_powers(state.clock[ANCHOR], state.powers)
     for g in range(system.guard.shape[1]):
         row = system.guard[mode, g]
         if row == NOTHING:
@@ -90,15 +93,28 @@ def _find_next_event(system, state):
 
 
 @kernel
+def _solve_up_to_driven(system, state, point):
+    """Set up a segment that is short enough for a decaying term, if the mode has one."""
+    longest = known_reach(system, state)
+    while True:
+        choose_segment(system, state, longest)
+        fill_forcing(system, state)
+        solve_dynamic(system, state, point)
+        if not decays(system, state.index[MODE]):
+            return
+        longest = resolve_decay(system, state, point)
+        if longest == math.inf:
+            return
+
+
+@kernel
 def _begin_mode(system, state, point, same_flow):
     """Begin the current mode at `point`, in the segment that is there if its flow is the same; False on a lost root."""
     for channel in range(len(state.origin)):
         state.origin[channel] = point[channel]
     if not same_flow:
-        choose_segment(system, state)
-        fill_forcing(system, state)
+        _solve_up_to_driven(system, state, point)
         state.index[SEGMENTS] += 1
-        solve_dynamic(system, state, point)
     solve_driven(system, state, point)
     if not same_flow:
         open_audit(system, state, point)
@@ -165,7 +181,7 @@ def _pass_event(system, state, point, events, count):
     if fires:
         candidate = choose_candidate(system, state, point)
         mode = system.candidate[mode, state.index[GUARD], candidate]
-        same_flow = x < 1.0 and keeps_flow(system, state, mode, point)
+        same_flow = x < 1.0 and keeps_flow(system, state, mode, point) and not decays(system, mode)
     state.index[STANDSTILLS] = state.index[STANDSTILLS] + 1 if fires and x == state.clock[ANCHOR] else 0
     if not same_flow:
         update_peaks(system, state, x)

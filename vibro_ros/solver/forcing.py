@@ -136,13 +136,13 @@ def _fill_phase(clock, width, series):
 
 
 @kernel
-def _spans_cell(system, state, width):
+def _spans_cell(system, state, width, longest):
     """Whether a segment may be the whole cell: at a steady speed that the flow's series can follow so far."""
     clock = state.clock
     if clock[SPEED] <= 0.0 or clock[SPEED_TIME] > 0.0:
         return False
     duration = width / clock[SPEED]
-    if duration > min(_LONGEST_SEGMENT, system.longest_step[state.index[MODE]]):
+    if duration > min(_LONGEST_SEGMENT, system.longest_step[state.index[MODE]], longest):
         return False
     left = (width - clock[OFFSET]) / clock[SPEED]
     for k in range(len(state.ramp)):
@@ -172,8 +172,8 @@ def _return_to_cell(state):
 
 
 @kernel
-def choose_segment(system, state):
-    """Set the segment's extent and where in it the flow begins.
+def choose_segment(system, state, longest):
+    """Set the segment's extent, at most `longest` [s], and where in it the flow begins.
 
     It is the whole cell where the flow's series reaches so far, with the flow entering on the way, so that the
     series of the cell serve again; else it begins now and ends with the cell or a ramp, or where a series ends.
@@ -185,7 +185,7 @@ def choose_segment(system, state):
         _next_cell(system, state)
         width = start[state.index[CELL] + 1] - start[state.index[CELL]]
     clock[ANCHOR] = -1.0
-    if _spans_cell(system, state, width):
+    if _spans_cell(system, state, width, longest):
         clock[CELL_TIME] = duration = width / clock[SPEED]
         clock[HALF] = 0.5 * duration
         if clock[OFFSET] > 0.0:
@@ -193,7 +193,7 @@ def choose_segment(system, state):
         state.index[SLOT] = state.index[CELL]
     else:
         clock[CELL_TIME] = _time_to_cross(clock, width - clock[OFFSET])
-        duration = min(_LONGEST_SEGMENT, system.longest_step[state.index[MODE]], clock[CELL_TIME])
+        duration = min(_LONGEST_SEGMENT, system.longest_step[state.index[MODE]], clock[CELL_TIME], longest)
         if clock[SPEED_TIME] > 0.0:
             duration = min(duration, clock[SPEED_TIME], _resolved_time(clock, width))
         for k in range(len(state.ramp)):
@@ -219,7 +219,7 @@ def _fill_signals(system, state):
     """Polynomials of the signals over a part of a cell, or at a changing speed."""
     clock, cell, phase = state.clock, state.index[CELL], state.work[1]
     phase_terms = _fill_phase(clock, system.signals.start[cell + 1] - system.signals.start[cell], phase)
-    fill_powers(phase[0], state.powers)
+    fill_powers(phase[0], state.shift[LENGTH:])
     phase[0] = 0.0
     reach = 0.0
     for n in range(1, phase_terms):
@@ -227,7 +227,7 @@ def _fill_signals(system, state):
     terms = _terms(reach)
     first, series = 2 * system.sizes[0] + system.sizes[1], state.work[0]
     for k in range(system.sizes[2]):
-        recentre(system.signals.series[cell, k], state.powers, terms, state.z[first + k])
+        recentre(system.signals.series[cell, k], state.shift, terms, state.z[first + k])
     if phase_terms == 2:
         fill_powers(phase[1], state.powers)
     for k in range(system.sizes[2]):
@@ -265,7 +265,7 @@ def fill_forcing(system, state):
 @kernel
 def read_signals(system, state, values):
     """Values of the signals now, before the first segment: the very ones that its flow will start with."""
-    choose_segment(system, state)
+    choose_segment(system, state, math.inf)
     fill_forcing(system, state)
     fill_powers(-1.0, state.powers)
     for k in range(system.sizes[2]):

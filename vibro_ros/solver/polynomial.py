@@ -19,8 +19,8 @@ LENGTH = 24
 INVERSE = np.array([0.0] + [1.0 / n for n in range(1, LENGTH + 1)])
 
 _ORDER = np.arange(LENGTH, dtype=float)
-# Entry [n, k] is n + k over n.
-_BINOMIAL = np.array([[float(math.comb(n + k, n)) for k in range(LENGTH)] for n in range(LENGTH)])
+# Entry [n, k] is k over n.
+_BINOMIAL = np.array([[float(math.comb(k, n)) for k in range(LENGTH)] for n in range(LENGTH)])
 
 
 @kernel
@@ -97,10 +97,10 @@ def fill_multiple(target, factor, p):
 
 
 @kernel
-def add_multiple(target, factor, p):
-    """target += factor * p."""
+def fill_two_multiples(target, a, p, b, q):
+    """target = a * p + b * q."""
     for n in range(len(p)):
-        target[n] += factor * p[n]
+        target[n] = a * p[n] + b * q[n]
 
 
 @kernel
@@ -120,33 +120,40 @@ def fill_sum(target, r, a, p, b, q):
 @kernel
 def fill_form(form, channels, z, target):
     """target = sum of form[c] z[c] over the leading `channels` that are not negative; returns whether there are any."""
-    for k in range(len(channels)):
-        channel = channels[k]
-        if channel < 0:
-            return k > 0
-        if k == 0:
-            fill_multiple(target, form[channel], z[channel])
-        else:
-            add_multiple(target, form[channel], z[channel])
+    count = 0
+    while count < len(channels) and channels[count] >= 0:
+        count += 1
+    if count == 0:
+        return False
+    if count % 2 == 1:
+        fill_multiple(target, form[channels[0]], z[channels[0]])
+    else:
+        fill_two_multiples(target, form[channels[0]], z[channels[0]], form[channels[1]], z[channels[1]])
+    for k in range(2 - count % 2, count, 2):
+        c, d = channels[k], channels[k + 1]
+        add_two_multiples(target, form[c], z[c], form[d], z[d])
     return True
 
 
 @sum_kernel
-def _taylor(weights, powers, p, n):
-    """Coefficient n of p(x + y) in y, with the powers of x."""
+def _product_of_three(p, q, r):
     total = 0.0
-    for k in range(len(powers) - n):
-        total += weights[k] * powers[k] * p[n + k]
+    for n in range(len(p)):
+        total += p[n] * q[n] * r[n]
     return total
 
 
 @kernel
 def recentre(p, powers, terms, target):
-    """First `terms` coefficients of target(y) = p(x + y), with x as `fill_powers` filled it; the others become zero."""
+    """First `terms` coefficients of target(y) = p(x + y); the others become zero.
+
+    `powers`, shape (2 LENGTH,), are zeros and then the powers of x as `fill_powers` fills them, so that every sum has
+    the same length.
+    """
     for n in range(len(target)):
         target[n] = 0.0
     for n in range(terms):
-        target[n] = _taylor(_BINOMIAL[n], powers, p, n)
+        target[n] = _product_of_three(_BINOMIAL[n], p, powers[LENGTH - n:2 * LENGTH - n])
 
 
 @kernel

@@ -32,9 +32,9 @@ def update_peaks(system, state, x):
     mode = state.index[MODE]
     for k in range(len(state.monitor)):
         if system.monitored[mode, k]:
-            quantity = state.work[1]
+            quantity = state.work[0]
             fill_form(system.monitor[mode, k], system.monitor_terms[mode, k], state.z, quantity)
-            peak = maximum(quantity, state.clock[ENTRANCE], x, state.work[2], state.work[3])
+            peak = maximum(quantity, state.clock[ENTRANCE], x, state.work[1:])
             state.monitor[k, PEAK] = max(state.monitor[k, PEAK], peak)
 
 
@@ -60,8 +60,9 @@ def record_mode_change(system, state, mode, point, events, count):
     """Record that a guard leads to `mode` at `point`, and switch the monitors; returns the number of events."""
     previous = state.index[MODE]
     time = instant(state, state.clock[NEXT])
-    if system.event[previous, mode] != NOTHING:
-        count = record(events, count, time, system.event[previous, mode], 0.0, 0.0, 0.0)
+    kind = system.event[previous, mode]
+    if kind != NOTHING:
+        count = record(events, count, time, kind, form_value(system.noted[kind], point), 0.0, 0.0)
     struck = system.strike[previous, state.index[GUARD]]
     if struck != NOTHING and not system.monitored[mode, struck]:
         approach = form_value(system.approach[struck], point)
@@ -77,8 +78,9 @@ def switch_monitors(system, state, mode, time, point, events, count):
     for k in range(len(state.monitor)):
         if system.monitored[previous, k] and not system.monitored[mode, k]:
             since = state.monitor[k, SINCE]
+            # In the same instant, two segments' clocks may differ by the rounding of either.
             count = record(events, count, since, MONITOR_KIND + k, state.monitor[k, APPROACH],
-                            state.monitor[k, PEAK], time - since)
+                            state.monitor[k, PEAK], max(time - since, 0.0))
         elif system.monitored[mode, k] and not system.monitored[previous, k]:
             state.monitor[k, SINCE] = time
             state.monitor[k, APPROACH] = form_value(system.approach[k], point)

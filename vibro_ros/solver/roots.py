@@ -8,7 +8,8 @@ from vibro_ros.solver.polynomial import (
     copy,
     differentiate,
     divide_by_root,
-    value,
+    fill_powers,
+    product,
     value_and_derivatives,
 )
 
@@ -113,7 +114,7 @@ def _march(p, pairs, a, limit):
 
 
 @kernel
-def first_root(p, a, limit, noise, work):
+def first_root(p, a, powers, limit, noise, work):
     """First instant in [a, limit] at which the guard p turns negative.
 
     A zero at a itself is divided out, as often as it takes, so that the sign of the first
@@ -126,6 +127,8 @@ def first_root(p, a, limit, noise, work):
         The guard, which a valid mode keeps non-negative.
     a : float
         Where the mode begins, -1 <= a < 1.
+    powers : ndarray, shape (LENGTH,)
+        The powers of `a`.
     limit : float
         Where the search ends, a < limit <= 1.
     noise : float
@@ -142,7 +145,7 @@ def first_root(p, a, limit, noise, work):
     if _lower_bound(p) > noise:
         return NO_ROOT
     copy(p, work)
-    f = value(work, a)
+    f = product(work, powers)
     hidden = noise
     for _ in range(_DEEPEST_ZERO):
         if f > hidden:
@@ -150,27 +153,36 @@ def first_root(p, a, limit, noise, work):
         if f < -hidden:
             return a
         divide_by_root(work, a)
-        f = value(work, a)
+        f = product(work, powers)
         hidden = _ECHO * noise
     return NO_ROOT
 
 
+@sum_kernel
+def _sum_of_magnitudes(p):
+    total = 0.0
+    for n in range(len(p)):
+        total += abs(p[n])
+    return total
+
+
 @kernel
-def maximum(p, a, b, slope, work):
+def maximum(p, a, b, work):
     """Largest value of p on [a, b]: the ends and every turning point between them.
 
-    `slope` and `work`, shape (LENGTH,), are overwritten.
+    `work`, shape (3, LENGTH), is overwritten.
     """
+    slope, powers = work[0], work[1]
     differentiate(p, 1.0, slope)
-    noise = 0.0
-    for n in range(LENGTH):
-        noise += 1e-15 * abs(slope[n])
-    best = max(value(p, a), value(p, b))
+    noise = 1e-15 * _sum_of_magnitudes(slope)
+    fill_powers(b, powers)
+    best = product(p, powers)
     x = a
     while True:
-        x = first_root(slope, x, b, noise, work)
+        fill_powers(x, powers)
+        best = max(best, product(p, powers))
+        x = first_root(slope, x, powers, b, noise, work[2])
         if x < a or x >= b:
             return best
-        best = max(best, value(p, x))
-        for n in range(LENGTH):
+        for n in range(len(slope)):
             slope[n] = -slope[n]

@@ -21,7 +21,8 @@ SPEED_TARGET = 9  # ... what it changes to ...
 SPEED_TIME = 10  # ... and in how long [s]
 LAG = 11  # time constant [s] with which the speed approaches its target instead, or 0
 CELL_TIME = 12  # time from the segment's start to the end of the cell [s]
-_CLOCK_ENTRIES = 13
+REACH = 13  # duration [s] of a segment that the series of a decaying term may resolve
+_CLOCK_ENTRIES = 14
 
 # Entries of `State.index`.
 MODE = 0
@@ -109,6 +110,8 @@ class State(NamedTuple):
         Series that many segments share.
     powers : ndarray, shape (LENGTH,)
         Powers of the instant at which the channels are read.
+    shift : ndarray, shape (2 LENGTH,)
+        Zeros, and then the powers by which signals are recentred.
     defect : ndarray, shape (2, 2 n)
         What the forced motion lacks of the wanted one where a flow begins, and what free motion adds in the middle.
     origin : ndarray, shape (2 coordinates,)
@@ -131,6 +134,7 @@ class State(NamedTuple):
     root: np.ndarray
     library: Library
     powers: np.ndarray
+    shift: np.ndarray
     defect: np.ndarray
     origin: np.ndarray
     moments: np.ndarray
@@ -172,6 +176,7 @@ def new_state(system: System, phase_speed: float, ramp_values: np.ndarray, mode:
         root=np.full(len(system.row), UNKNOWN),
         library=_empty_library(system, channels),
         powers=np.zeros(LENGTH),
+        shift=np.zeros(2 * LENGTH),
         defect=np.zeros((2, 2 * channels.dynamic)),
         origin=np.zeros(2 * channels.coordinates),
         moments=np.zeros(2 * LENGTH),
@@ -180,6 +185,7 @@ def new_state(system: System, phase_speed: float, ramp_values: np.ndarray, mode:
     )
     state.ramp[:, VALUE] = state.ramp[:, TARGET] = ramp_values
     state.clock[[SPEED, SPEED_TARGET]] = phase_speed
+    state.clock[REACH] = np.inf
     state.index[MODE] = mode
     state.index[VERSION] = 1
     return state

@@ -2,10 +2,11 @@
 
 Coordinates q obey, in mode m, q'' = A_m z with the *channels*
 
-    z = [q, q', a, f, f', r, r', 1]
+    z = [q, q', a, f, f', r, r', d, 1]
 
 where a = q'' of the dynamic coordinates, f are periodic signals of a phase whose speed is constant or
-changes linearly, and r are ramps, which move to their targets at limited speed. The first `dynamic`
+changes linearly, r are ramps, which move to their targets at limited speed, and d, where there is one, is
+a term that decays exponentially with a driven coordinate's velocity (`Decay`). The first `dynamic`
 coordinates may enter their own right-hand sides, with the forcing; the others are driven by all of these,
 and nothing depends on them but guards and outputs, so that a mode which changes their equations alone
 leaves the flow of the dynamic ones as it is.
@@ -36,11 +37,12 @@ class Channels(NamedTuple):
     dynamic: int
     signals: int
     ramps: int
+    decays: int = 0  # or 1
 
     @property
     def count(self) -> int:
         """Length of z."""
-        return 2 * (self.coordinates + self.signals + self.ramps) + self.dynamic + 1
+        return 2 * (self.coordinates + self.signals + self.ramps) + self.dynamic + self.decays + 1
 
     def position(self, i: int) -> int:
         """Channel of coordinate i."""
@@ -71,6 +73,11 @@ class Channels(NamedTuple):
         return self.ramp(self.ramps) + k
 
     @property
+    def decay(self) -> int:
+        """Channel of the decaying term."""
+        return self.count - 2
+
+    @property
     def one(self) -> int:
         """Channel of the constant 1."""
         return self.count - 1
@@ -91,13 +98,33 @@ class SignalTable(NamedTuple):
     series: np.ndarray
 
 
+class Decay(NamedTuple):
+    """A decaying term d = f exp(r v): v is the velocity of the first driven coordinate, the only one that reads d.
+
+    Nothing else reads it but outputs. All arrays are empty where there is none.
+
+    Attributes
+    ----------
+    factor : ndarray, shape (m, channels)
+        Rows of the factor f.
+    terms : ndarray of int, shape (m, channels)
+        Channels that they read, padded with `NOTHING`.
+    rate : ndarray, shape (m,)
+        r, with r v <= 0 while the mode lasts; 0 in a mode without such a term.
+    """
+
+    factor: np.ndarray
+    terms: np.ndarray
+    rate: np.ndarray
+
+
 class System(NamedTuple):
     """The tables of a piecewise linear system; m modes of at most g guards with c candidates, k monitors.
 
     Attributes
     ----------
-    sizes : ndarray of int, shape (4,)
-        Coordinates, dynamic coordinates, signals, ramps.
+    sizes : ndarray of int, shape (5,)
+        Coordinates, dynamic coordinates, signals, ramps, decaying terms.
     acceleration : ndarray, shape (m, coordinates, channels)
         Rows of A.
     flow : ndarray of int, shape (m,)
@@ -121,8 +148,8 @@ class System(NamedTuple):
         that changes; the others' are not its business. `UNCHECKED`: entries alone decide.
     candidate : ndarray of int, shape (m, g, c)
         Modes to try, padded with `NOTHING`; the last one given is entered when the others' guards fail.
-    entry : ndarray of int, shape (m, g, c)
-        Row that must not be negative, before the jump, for the candidate to be entered, or `NOTHING`.
+    entry : ndarray of int, shape (m, g, c, n)
+        Rows that must not be negative, before the jump, for the candidate to be entered, padded with `NOTHING`.
     jump : ndarray of int, shape (m, g, c)
         Entry of `landing` by which the coordinates jump on the way to the candidate, or `NOTHING`.
     landing : ndarray, shape (jumps, 2 coordinates, channels)
@@ -133,6 +160,8 @@ class System(NamedTuple):
         Mode that follows when the rate of ramp k changes.
     event : ndarray of int, shape (m, m)
         Kind of the event recorded when the mode changes from the first to the second, or `NOTHING`.
+    noted : ndarray, shape (kinds, channels)
+        Row of the quantity noted with an event of that kind, before the jump.
     monitor : ndarray, shape (m, k, channels)
         Rows of the quantities whose peaks are kept while their monitor is on, such as contact forces.
     monitor_terms : ndarray of int, shape (m, k, channels)
@@ -151,6 +180,8 @@ class System(NamedTuple):
         Channels that they read, padded with `NOTHING`.
     signals : SignalTable
         The periodic signals.
+    decay : Decay
+        The decaying term.
     """
 
     sizes: np.ndarray
@@ -171,6 +202,7 @@ class System(NamedTuple):
     strike: np.ndarray
     unheld: np.ndarray
     event: np.ndarray
+    noted: np.ndarray
     monitor: np.ndarray
     monitor_terms: np.ndarray
     monitored: np.ndarray
@@ -180,6 +212,7 @@ class System(NamedTuple):
     power: np.ndarray
     power_terms: np.ndarray
     signals: SignalTable
+    decay: Decay
 
 
 def terms(forms: np.ndarray) -> np.ndarray:

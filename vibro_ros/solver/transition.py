@@ -57,9 +57,9 @@ def _jump(system, state, candidate, point):
 def _is_valid(system, state, candidate, point):
     """Whether a candidate of the firing guard may be entered from `point`; fills `trial` with the point after."""
     mode, guard = state.index[MODE], state.index[GUARD]
-    entry = system.entry[mode, guard, candidate]
-    if entry != NOTHING and not _holds(system, state, entry, point):
-        return False
+    for entry in system.entry[mode, guard, candidate]:
+        if entry != NOTHING and not _holds(system, state, entry, point):
+            return False
     _jump(system, state, candidate, point)
     target = system.candidate[mode, guard, candidate]
     _accelerate(system, state, target, state.trial)

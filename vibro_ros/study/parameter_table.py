@@ -8,6 +8,7 @@ from pathlib import Path
 
 from vibro_ros.model.parameters import SCENE_PARAMETERS, Parameter, Value
 from vibro_ros.scene_file import DEVICE_PARAMETERS, load_scene
+from vibro_ros.study.generated_text import replaced
 
 BEGIN = "<!-- parameters: written by `make docs` -->"
 END = "<!-- end of parameters -->"
@@ -36,6 +37,8 @@ def _rows(table: Iterable[Parameter], device: dict[str, Value]) -> list[str]:
 def _shown(value: Value) -> str:
     if isinstance(value, bool):
         return f"`{str(value).lower()}`"
+    if isinstance(value, tuple):
+        return f"`[{', '.join(value)}]`"
     return f"`{value}`" if isinstance(value, str) else _number(value)
 
 
@@ -49,6 +52,8 @@ def _number(value: float) -> str:
 def _allowed(parameter: Parameter) -> str:
     if isinstance(parameter.default, bool):
         return "`true`, `false`"
+    if isinstance(parameter.default, tuple):
+        return "list of texts"
     if isinstance(parameter.default, str):
         return ", ".join(f"`{choice}`" for choice in parameter.choices) or "text"
     if math.isinf(parameter.minimum) and math.isinf(parameter.maximum):
@@ -64,11 +69,7 @@ def updated(document: str) -> str:
     ValueError
         If the marks are not there, once each and in order.
     """
-    head, begin, rest = document.partition(BEGIN)
-    _, end, tail = rest.partition(END)
-    if not (begin and end) or BEGIN in rest or END in tail:
-        raise ValueError(f"the table's place is not marked; write '{BEGIN}' and '{END}' once each")
-    return f"{head}{BEGIN}\n{parameter_table()}\n{END}{tail}"
+    return replaced(document, BEGIN, END, parameter_table())
 
 
 def main(arguments: list[str] | None = None) -> int:

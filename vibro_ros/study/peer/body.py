@@ -158,7 +158,8 @@ class Body:
         self._ground_switches[:] = self._modes[friction, self.inclined_free]
         if self.friction != friction:
             if self.friction:
-                self._present.note(time, _kind(self.friction, friction))
+                fall = -float(self._state[self._height + 1]) if self.friction == "airborne" else 0.0
+                self._present.note(time, _kind(self.friction, friction), fall)
             self.friction = friction
 
     def _slip(self, time: float, direction: float) -> None:
@@ -180,7 +181,7 @@ class Body:
         before = float(state[self._speed]) if equations.body_moves else 0.0
         fall = float(state[self._height + 1])
         after, sticks = equations.shock(before, fall)
-        state[self._height] = state[self._height + 1] = 0.0
+        state[self._height] = 0.0
         if equations.body_moves:
             state[self._speed] = after
         for i, change in enumerate(equations.kept_in_space(after - before, -fall)):
@@ -191,6 +192,7 @@ class Body:
             self._turn(time, "stick")
         else:
             self._slip(time, after)
+        state[self._height + 1] = 0.0
         self.feel_landing(time)
         self.reconsider(time)
 

@@ -55,11 +55,18 @@ class Peer:
         What to simulate.
     tolerance : float
         heyoka's, relative to the state; its strictest is about 1e-15.
+
+    Raises
+    ------
+    ValueError
+        For rigid plates together with a body that hops.
     """
 
     def __init__(self, scene: Scene, tolerance: float = 1e-15):
         self.scene = scene
         equations = self._equations = Equations(scene)
+        if equations.hops and any(guide.kind == "restitution" for guide in equations.guides):
+            raise ValueError(f"scene {scene.name}: the peer has no rigid plates that throw a hopping body up")
         guards = equations.guards()
         self._actions: dict[str, object] = {}
         events = [self._event(name, guard) for name, guard in guards.items()]

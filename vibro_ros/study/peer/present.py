@@ -22,7 +22,8 @@ class Present:
     Attributes
     ----------
     events : list of (float, str, float, float)
-        Instant [s], kind, and for contacts approach speed [m/s] and duration [s] (infinite while they last), else 0.
+        Instant [s], kind, speed of a contact's approach or a landing's fall [m/s], else 0, and a contact's duration [s]
+        (infinite while it lasts), else 0.
     origin : float
         Instant [s] from which the integrator counts time.
     flight : float
@@ -75,9 +76,9 @@ class Present:
         self._state_input[:], self._switch_input[:], self._inputs[-1] = self.state, self.switches, time
         return self._forces(self._inputs)
 
-    def note(self, time: float, kind: str) -> None:
-        """An event without duration."""
-        self.events.append((self.origin + time, kind, 0.0, 0.0))
+    def note(self, time: float, kind: str, speed: float = 0.0) -> None:
+        """An event without duration; a landing's `speed` [m/s] is that of the fall."""
+        self.events.append((self.origin + time, kind, speed, 0.0))
 
     def begin_contact(self, time: float, side: str, speed: float) -> None:
         """A mass has met its plate with `speed` [m/s]."""

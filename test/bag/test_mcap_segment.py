@@ -1,0 +1,148 @@
+"""One MCAP file as rosbag2 writes it, and the contract with the internals of rosbags that the package touches."""
+
+from importlib.metadata import version
+
+import pytest
+import yaml
+from mcap.exceptions import EndOfFile
+from mcap.reader import make_reader
+from mcap.stream_reader import StreamReader
+from rosbags.rosbag2 import Reader
+from rosbags.rosbag2.errors import ReaderError
+from rosbags.rosbag2.storage_mcap import decompress, zstd
+from rosbags.rosbag2.storage_sqlite3 import Sqlite3Writer
+
+from vibro_ros.bag.definitions import Topic, defined, jazzy_types
+from vibro_ros.bag.mcap_segment import CHUNK_SIZE, McapSegment
+
+ODOMETRY = "nav_msgs/msg/Odometry"
+TOPICS = defined([Topic("/odom", ODOMETRY, 10), Topic("/motor_power", "std_msgs/msg/Float64", 10)])
+
+
+@pytest.fixture
+def path(tmp_path):
+    return tmp_path / "run_0.mcap"
+
+
+@pytest.fixture
+def segment(path):
+    segment = McapSegment(path, TOPICS, "early", "none")
+    yield segment
+    segment.abandon()
+
+
+def records(path, **options):
+    found = []
+    with path.open("rb") as file, pytest.raises(EndOfFile):  # not sealed yet
+        for record in StreamReader(file, **options).records:
+            found.append(record)
+    return found
+
+
+def summary(path):
+    with path.open("rb") as file:
+        return make_reader(file).get_summary()
+
+
+def test_rosbags_is_the_version_whose_internals_were_read():
+    assert version("rosbags") == "0.11.9"
+
+
+def test_rosbags_compresses_and_decompresses_chunks():
+    packed = zstd.compress(b"data" * 100)
+    assert len(packed) < 100
+    assert decompress(packed, "zstd", 400, 0) == b"data" * 100
+    with pytest.raises(ReaderError, match="checksum"):
+        decompress(b"data", "", 4, 1)
+
+
+def test_rosbags_knows_the_tables_of_rosbag2():
+    for table in ("schema", "metadata", "topics", "message_definitions", "messages"):
+        assert f"CREATE TABLE {table}(" in Sqlite3Writer.SQLITE_SCHEMA
+
+
+def test_topics_and_metadata_are_on_the_disk_before_any_message(segment, path):
+    kinds = [type(record).__name__ for record in records(path)]
+    assert kinds == ["Header", "Schema", "Schema", "Channel", "Channel", "Metadata"]
+
+
+def test_flush_puts_every_message_on_the_disk(segment, path, published):
+    for i in range(3):
+        segment.write(1, i, published["/odom"](i))
+    assert segment.stored == 0
+    segment.flush()
+    assert segment.stored == 3
+    assert [record.data for record in records(path) if type(record).__name__ == "Message"] == [
+        published["/odom"](i) for i in range(3)]
+
+
+def test_flush_without_news_writes_nothing(segment, path):
+    size = path.stat().st_size
+    segment.flush()
+    assert path.stat().st_size == size
+
+
+def test_a_long_silence_of_flush_does_not_fill_the_memory(segment, path):
+    for i in range(3):
+        segment.write(1, i, bytes(CHUNK_SIZE))
+    assert segment.stored == 3
+
+
+def test_flush_of_a_removed_file_is_an_error(segment, path):
+    path.unlink()
+    with pytest.raises(FileNotFoundError):
+        segment.flush()
+
+
+def test_chunks_have_a_checksum_and_an_index_of_every_message(segment, path, published):
+    for i in range(10):
+        segment.write(1 + i % 2, i, published["/odom"](i))
+    segment.flush()
+    segment.seal("late")
+    with path.open("rb") as file:
+        assert len(list(make_reader(file, validate_crcs=True).iter_messages())) == 10
+    with path.open("rb") as file:
+        chunk = next(record for record in StreamReader(file, emit_chunks=True).records
+                     if type(record).__name__ == "Chunk")
+    assert chunk.uncompressed_crc != 0
+    (index,) = summary(path).chunk_indexes
+    assert (index.message_start_time, index.message_end_time, sorted(index.message_index_offsets)) == (0, 9, [1, 2])
+    assert summary(path).statistics.channel_message_counts == {1: 5, 2: 5}
+
+
+@pytest.mark.parametrize("compression", ["none", "zstd"])
+def test_messages_are_read_back_byte_for_byte(path, published, compression):
+    segment = McapSegment(path, TOPICS, "early", compression)
+    for i in range(100):
+        segment.write(1, i, published["/odom"](i))
+    segment.flush()
+    segment.seal("late")
+    with Reader(path) as reader:
+        assert [bytes(data) for _, _, data in reader.messages()] == [published["/odom"](i) for i in range(100)]
+    assert {index.compression for index in summary(path).chunk_indexes} == {{"none": "", "zstd": "zstd"}[compression]}
+    assert (path.stat().st_size < 30_000) == (compression == "zstd")
+
+
+def test_channel_carries_qos_and_type_hash_as_rosbag2_writes_them(segment, path):
+    segment.seal("late")
+    channel = summary(path).channels[1]
+    assert channel.metadata["topic_type_hash"] == jazzy_types().hash_rihs01(ODOMETRY)
+    [qos] = yaml.safe_load(channel.metadata["offered_qos_profiles"])
+    assert (qos["reliability"], qos["history"], qos["depth"], qos["durability"]) == (
+        "reliable", "keep_last", 10, "volatile")
+
+
+def test_metadata_are_indexed_and_counted(segment, path):
+    segment.seal("late")
+    with path.open("rb") as file:
+        found = [record.metadata for record in make_reader(file).iter_metadata()]
+    assert found == [{"serialized_metadata": "early"}, {"serialized_metadata": "late"}]
+    assert summary(path).statistics.metadata_count == 2
+
+
+def test_empty_file_is_sealed_readable_and_not_from_the_far_future(segment, path):
+    segment.seal("late")
+    statistics = summary(path).statistics
+    assert (statistics.message_count, statistics.message_start_time, statistics.message_end_time) == (0, 0, 0)
+    with Reader(path) as reader:
+        assert (reader.message_count, [one.topic for one in reader.connections]) == (0, ["/odom", "/motor_power"])

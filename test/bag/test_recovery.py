@@ -1,0 +1,371 @@
+"""`recover`: what a killed recorder leaves is sealed, with all that was flushed; nothing else is ever touched."""
+
+import contextlib
+import os
+import random
+import resource
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from mcap.reader import make_reader
+from mcap.writer import IndexType
+from mcap.writer import Writer as ForeignWriter
+from rosbags.rosbag2 import Reader, StoragePlugin, Writer
+from rosbags.typesys import Stores, get_typestore
+
+from vibro_ros.bag import reserve
+from vibro_ros.bag.definitions import Topic, defined
+from vibro_ros.bag.recorder import Recorder
+from vibro_ros.bag.recovery import RecoveryError, is_bag_sealed, recover, unsealed_bags
+from vibro_ros.bag.writer import BagWriter, Storage
+from vibro_ros.study import recover as executable
+
+ROOT = str(Path(__file__).parents[2])
+KILLS = int(os.environ.get("VIBRO_ROS_KILLS", "8"))  # VIBRO_ROS_KILLS=100 for the long version
+LONGEST_LOSS = 0.15  # [s] what the issue allows
+POWER = [Topic("/motor_power", "std_msgs/msg/Float64", 10)]
+STORAGES = {"mcap": Storage(), "zstd": Storage(compression="zstd"), "split": Storage(max_size=100_000),
+            "sqlite3": Storage("sqlite3"), "sqlite3 split": Storage("sqlite3", max_size=200_000)}
+
+# Writes for ever and says what it has written, [ns] of the monotonic clock; its own pauses are the machine's.
+ENDLESS = """
+import sys, time
+from pathlib import Path
+from vibro_ros.bag.recorder import Recorder, Topic
+from vibro_ros.bag.writer import Storage
+kind, compression, size, rate = sys.argv[2:]
+topics = [Topic("/odom", "nav_msgs/msg/Odometry", 10), Topic("/motor_power", "std_msgs/msg/Float64", 10)]
+recorder = Recorder(Path(sys.argv[1]), topics, {"scene": "device"}, storage=Storage(kind, compression, int(size)))
+due = time.monotonic()
+while True:
+    stamp = time.monotonic_ns()
+    assert recorder.write("/odom", stamp, stamp.to_bytes(8, "little") * 88)
+    assert recorder.write("/motor_power", stamp, bytes.fromhex("00010000") + stamp.to_bytes(8, "little"))
+    print(stamp, flush=True)
+    due += 1.0 / float(rate)
+    time.sleep(max(0.0, due - time.monotonic()))
+"""
+
+
+def killed(folder: Path, storage: Storage, rate: float, after: float) -> list[int]:
+    """Record in a process of its own and kill that after so many seconds; the stamps that it wrote."""
+    words = [storage.kind, storage.compression, str(storage.max_size), str(rate)]
+    child = subprocess.Popen([sys.executable, "-c", ENDLESS, str(folder), *words], stdout=subprocess.PIPE, text=True,
+                             env=os.environ | {"PYTHONPATH": ROOT})
+    try:
+        first = child.stdout.readline()
+        time.sleep(after)
+    finally:
+        child.kill()
+        rest, _ = child.communicate()
+    assert first
+    # a line cut by the kill is no promise of the child's
+    return [int(line) for line in [first, *rest.splitlines(keepends=True)] if line.endswith("\n")]
+
+
+def by_rosbags(folder: Path) -> list[tuple[str, int, bytes]]:
+    with Reader(folder) as reader:
+        found = [(one.topic, stamp, bytes(data)) for one, stamp, data in reader.messages()]
+        assert len(found) == reader.message_count == sum(one.msgcount for one in reader.connections)
+    return found
+
+
+def by_mcap(folder: Path) -> list[tuple[str, int, bytes]]:
+    found = []
+    for path in sorted(folder.glob("*.mcap"), key=lambda path: int(path.stem.rpartition("_")[2])):
+        with path.open("rb") as file:
+            reader = make_reader(file, validate_crcs=True)
+            messages = [(channel.topic, message.log_time, message.data) for _, channel, message in
+                        reader.iter_messages()]
+            assert len(messages) == reader.get_summary().statistics.message_count
+        found += messages
+    return found
+
+
+@pytest.fixture
+def unsealed(tmp_path, published, start_ns):
+    """Make what a recorder leaves that was killed with 60 messages on the disk: the folder, and the messages."""
+    def make(storage: Storage = Storage(), samples: int = 60, name: str = "run") -> tuple[Path, list]:  # noqa: B008
+        folder = tmp_path / name
+        sent = [("/motor_power", start_ns + i * 5_000_000, published["/motor_power"](i)) for i in range(samples)]
+        writer = BagWriter(folder, defined(POWER), {"scene": "device"}, storage)
+        for i, (_, stamp, data) in enumerate(sent):
+            writer.write(1, stamp, data)
+            if i in (samples // 2, samples - 1):
+                writer.flush()  # a chunk of its own
+        writer.abandon()
+        return folder, sent
+    return make
+
+
+def wait_until(done) -> None:
+    end = time.monotonic() + 30.0
+    while not done():
+        assert time.monotonic() < end
+        time.sleep(0.002)
+
+
+def content(folder: Path) -> dict[str, bytes]:
+    return {path.name: path.read_bytes() for path in folder.iterdir()}
+
+
+@pytest.mark.parametrize("attempt", range(KILLS))
+def test_a_killed_recorder_loses_the_last_moments_only(tmp_path, attempt):
+    after = random.Random(time.monotonic_ns()).uniform(0.0, 1.0)
+    storage = list(STORAGES.values())[attempt % len(STORAGES)]
+    rate = (1000.0, 50.0)[attempt // len(STORAGES) % 2]
+    folder = tmp_path / "run"
+    written = killed(folder, storage, rate, after)
+    with contextlib.suppress(RecoveryError):
+        recover(folder)
+    assert (folder / "metadata.yaml").exists(), (after, sorted(folder.iterdir()))
+    found = by_rosbags(folder)
+    if storage.kind == "mcap":
+        assert by_mcap(folder) == found
+    power = [int.from_bytes(data[4:], "little") for topic, _, data in found if topic == "/motor_power"]
+    odom = [stamp for topic, stamp, _ in found if topic == "/odom"]
+    assert power == [stamp for topic, stamp, _ in found if topic == "/motor_power"]
+    assert len(odom) - len(power) in (0, 1)
+    # the last may be there although the child could not say so any more
+    assert power[:len(written)] == written[:len(power)]
+    assert len(power) <= len(written) + 1
+    # what the machine itself held up is no loss of the recorder's
+    pause = max((later - earlier for earlier, later in zip(written, written[1:], strict=False)), default=0)
+    owed = [stamp for stamp in written if stamp < written[-1] - LONGEST_LOSS * 1e9 - max(0, pause - 1e9 / rate)]
+    assert len(power) >= len(owed), f"killed after {after} s: {len(owed) - len(power)} messages too few"
+
+
+@pytest.mark.parametrize("storage", STORAGES.values(), ids=STORAGES)
+def test_everything_flushed_is_there_and_so_is_what_the_bag_says_of_itself(unsealed, storage):
+    folder, sent = unsealed(storage)
+    done = recover(folder)
+    assert (done.messages, done.cut, done.last, done.was_sealed) == (60, 0, sent[-1][1], False)
+    assert by_rosbags(folder) == sent
+    with Reader(folder) as reader:
+        custom = reader.storage.metadata.custom
+        (topic,) = reader.connections
+    assert (custom["scene"], custom["written"], custom["recovered"]) == ("device", "60", "true")
+    assert topic.digest.startswith("RIHS01_")
+    assert topic.ext.offered_qos_profiles[0].depth == 10
+    assert not (folder / reserve.NAME).exists()
+
+
+@pytest.mark.parametrize("cut", range(1, 1500, 37))
+def test_any_torn_tail_is_cut_and_told(unsealed, cut):
+    """The file ends anywhere within its last records: each kind of record is torn in one of the cases."""
+    folder, sent = unsealed()
+    (path,) = folder.glob("*.mcap")
+    size = path.stat().st_size - cut
+    os.truncate(path, size)
+    done = recover(folder)
+    found = by_rosbags(folder)
+    assert found == by_mcap(folder) == sent[:len(found)]
+    assert len(found) == done.messages
+    assert done.messages in (60, 31, 0)  # a chunk is whole, or gone
+    assert recover(folder).was_sealed
+
+
+@pytest.mark.parametrize("tail", [b"\0" * 5000, b"\x06", os.urandom(500), b"\x06" + (2**63).to_bytes(8, "little")],
+                         ids=["zeros", "half a head", "noise", "endless record"])
+def test_rubbish_at_the_end_is_cut(unsealed, tail):
+    folder, sent = unsealed()
+    (path,) = folder.glob("*.mcap")
+    with path.open("ab") as file:
+        file.write(tail)
+    assert recover(folder).cut == len(tail)
+    assert by_rosbags(folder) == by_mcap(folder) == sent
+
+
+def test_a_damaged_chunk_in_the_middle_costs_no_other(unsealed):
+    folder, sent = unsealed()
+    (path,) = folder.glob("*.mcap")
+    data = bytearray(path.read_bytes())
+    data[data.index(sent[0][2])] ^= 1
+    path.write_bytes(data)
+    done = recover(folder)
+    assert done.cut > 31 * 30  # bytes of the first chunk
+    assert by_rosbags(folder) == by_mcap(folder) == sent[31:]
+    assert done.messages == 29
+
+
+@pytest.mark.parametrize("part", [0.2, 0.5, 0.9])
+def test_a_recovery_that_was_killed_is_made_up_for(unsealed, part):
+    folder, sent = unsealed()
+    (path,) = folder.glob("*.mcap")
+    before = path.stat().st_size
+    recover(folder)
+    (folder / "metadata.yaml").unlink()
+    os.truncate(path, before + int(part * (path.stat().st_size - before)))
+    recover(folder)
+    assert by_rosbags(folder) == by_mcap(folder) == sent
+
+
+def test_a_recovery_without_room_leaves_all_that_was_there(unsealed):
+    folder, sent = unsealed()
+    (path,) = folder.glob("*.mcap")
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (path.stat().st_size + 100, hard))
+    try:
+        before = path.read_bytes()
+        with pytest.raises(RecoveryError, match="cannot be sealed: File too large; nothing was lost"):
+            recover(folder)
+        assert path.read_bytes() == before
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    recover(folder)
+    assert by_rosbags(folder) == sent
+
+
+@pytest.mark.parametrize("storage", STORAGES.values(), ids=STORAGES)
+def test_a_sealed_bag_is_not_touched(tmp_path, published, storage, capsys):
+    with Recorder(tmp_path / "run", POWER, {}, storage=storage) as recorder:
+        recorder.write("/motor_power", 1, published["/motor_power"](1))
+    before = content(tmp_path / "run")
+    assert executable.main([str(tmp_path / "run")]) == 0
+    assert "sealed already, 1 messages; nothing to do" in capsys.readouterr().out
+    assert content(tmp_path / "run") == before
+
+
+def test_lost_metadata_are_made_again_from_sealed_files(tmp_path, published):
+    with Recorder(tmp_path / "run", POWER, {"scene": "x"}, storage=Storage(max_duration=0.1)) as recorder:
+        for i in range(300):
+            recorder.write("/motor_power", i * 1_000_000, published["/motor_power"](i))
+    before = content(tmp_path / "run")
+    messages = by_rosbags(tmp_path / "run")
+    for lost in (None, b"", before["metadata.yaml"][:100]):
+        (tmp_path / "run" / "metadata.yaml").unlink()
+        if lost is not None:
+            (tmp_path / "run" / "metadata.yaml").write_bytes(lost)
+        assert recover(tmp_path / "run").messages == 300
+        after = content(tmp_path / "run")
+        assert {name: data for name, data in after.items() if name != "metadata.yaml"} == {
+            name: data for name, data in before.items() if name != "metadata.yaml"}
+        assert by_rosbags(tmp_path / "run") == messages
+
+
+def test_a_bag_that_another_recorder_left_is_sealed(tmp_path, published):
+    """rosbags keeps definitions and topics inside of chunks."""
+    store = get_typestore(Stores.ROS2_JAZZY)
+    writer = Writer(tmp_path / "run", version=9, storage_plugin=StoragePlugin.MCAP)
+    writer.open()
+    topic = writer.add_connection("/motor_power", "std_msgs/msg/Float64", typestore=store)
+    for i in range(40_000):  # a chunk of 1 MiB, and another that is lost
+        writer.write(topic, i, published["/motor_power"](1))
+    with pytest.raises(RecoveryError, match=f"in use, process {os.getpid()} writes to it"):
+        recover(tmp_path / "run")
+    writer.abort()
+    done = recover(tmp_path / "run")
+    assert 20_000 < done.messages < 40_000
+    assert [stamp for _, stamp, _ in by_rosbags(tmp_path / "run")] == list(range(done.messages))
+    assert len(by_mcap_any(tmp_path / "run" / "run.mcap")) == done.messages
+
+
+def by_mcap_any(path: Path) -> list[int]:
+    with path.open("rb") as file:
+        return [message.log_time for _, _, message in make_reader(file).iter_messages()]
+
+
+@pytest.mark.parametrize("chunked", [True, False])
+def test_a_file_without_indexes_is_sealed(tmp_path, chunked):
+    (tmp_path / "run").mkdir()
+    path = tmp_path / "run" / "run_0.mcap"
+    with path.open("wb") as file:
+        writer = ForeignWriter(file, chunk_size=100, use_chunking=chunked, index_types=IndexType.NONE)
+        writer.start("ros2", "test")
+        schema = writer.register_schema("std_msgs/msg/Float64", "ros2msg", b"float64 data")
+        channel = writer.register_channel("/x", "cdr", schema)
+        for i in range(20):
+            writer.add_message(channel, i, bytes(12), i)
+    assert recover(tmp_path / "run").messages >= 10
+    assert [stamp for _, stamp, _ in by_rosbags(tmp_path / "run")] == by_mcap_any(path)
+
+
+def test_a_bag_in_use_is_left_alone(tmp_path, published):
+    with Recorder(tmp_path / "run", POWER, {}) as recorder:
+        recorder.write("/motor_power", 1, published["/motor_power"](1))
+        wait_until(lambda: recorder.written == 1)
+        before = content(tmp_path / "run")
+        with pytest.raises(RecoveryError, match="the bag is in use, its recorder still runs; end the recorder"):
+            recover(tmp_path / "run")
+        assert unsealed_bags(tmp_path) == []
+        assert content(tmp_path / "run") == before
+
+
+def empty(folder: Path) -> None:
+    (folder / "run_0.mcap").write_bytes(b"")
+
+
+def foreign(folder: Path) -> None:
+    (folder / "run_0.mcap").write_bytes(b"not a recording at all")
+
+
+def of_another_robot(folder: Path) -> None:
+    with (folder / "run_0.mcap").open("wb") as file:
+        ForeignWriter(file).start("ros1", "test")
+        file.write(bytes(10))
+
+
+def header_only(folder: Path) -> None:
+    (folder / "run_0.mcap").write_bytes(b"\x89MCAP0\r\n\x01\x10")
+
+
+def empty_database(folder: Path) -> None:
+    (folder / "run_0.db3").write_bytes(b"")
+
+
+def foreign_database(folder: Path) -> None:
+    (folder / "run_0.db3").write_bytes(b"text" * 1000)
+
+
+def notes(folder: Path) -> None:
+    (folder / "notes.txt").write_text("text")
+
+
+@pytest.mark.parametrize("make, reason", [
+    (empty, "run_0.mcap is empty (0 bytes), nothing was recorded"), (foreign, "run_0.mcap: not an MCAP file"),
+    (of_another_robot, "run_0.mcap: an MCAP file, but not of ROS 2: its profile is 'ros1'"),
+    (header_only, "run_0.mcap: the file ends within its header, nothing was recorded"),
+    (empty_database, "run_0.db3 is empty (0 bytes)"), (foreign_database, "run_0.db3: not a readable database"),
+    (notes, "not a bag, it holds no .mcap and no .db3 file"),
+], ids=lambda value: getattr(value, "__name__", ""))
+def test_what_is_no_bag_is_one_line_and_untouched(tmp_path, capsys, make, reason):
+    folder = tmp_path / "run"
+    folder.mkdir()
+    make(folder)
+    before = content(folder)
+    assert executable.main([str(folder)]) == 2
+    told = capsys.readouterr()
+    assert (told.out, told.err.count("\n")) == ("", 1)
+    assert told.err.startswith("recover: ") and reason in told.err
+    assert content(folder) == before
+
+
+def test_a_missing_folder_and_a_foreign_file_are_refused(tmp_path, capsys):
+    (tmp_path / "notes.txt").write_text("text")
+    assert executable.main([str(tmp_path / "none"), str(tmp_path / "notes.txt")]) == 2
+    first, second = capsys.readouterr().err.splitlines()
+    assert first.endswith("none: no such folder; give the folder of a recording")
+    assert second.endswith("notes.txt: a file, not a bag; give the folder of a recording")
+
+
+def test_an_empty_last_file_is_left_out(unsealed):
+    folder, sent = unsealed()
+    (folder / "run_1.mcap").write_bytes(b"")
+    assert recover(folder).messages == 60
+    assert by_rosbags(folder) == sent
+    assert recover(folder).was_sealed
+
+
+def test_several_bags_are_sealed_at_once_and_by_their_files(unsealed, capsys):
+    one, two = unsealed(name="one")[0], unsealed(name="two")[0]
+    (file,) = two.glob("*.mcap")
+    assert unsealed_bags(one.parent) == [one, two]
+    assert executable.main([str(one), str(file)]) == 0
+    told = capsys.readouterr().out.splitlines()
+    assert told[0] == f"{one}: sealed, 60 messages, the last of 2025-11-21 04:40:00.295 UTC; no bytes lost"
+    assert told[1].startswith(f"{two}: sealed, 60 messages")
+    assert unsealed_bags(one.parent) == []
+    assert is_bag_sealed(one) and is_bag_sealed(two)

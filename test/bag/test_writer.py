@@ -1,0 +1,154 @@
+"""A bag of several files: in time order, without overlap, within its limits, one metadata.yaml for all."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+from mcap.reader import make_reader
+from rosbags.rosbag2 import Reader
+
+from vibro_ros.bag.definitions import Topic, defined, jazzy_types
+from vibro_ros.bag.writer import BagWriter, Storage
+
+TOPICS = defined([Topic("/odom", "nav_msgs/msg/Odometry", 10), Topic("/motor_power", "std_msgs/msg/Float64", 10)])
+PERIOD = 5_000_000  # ns
+SPLITS = {
+    "size": Storage(max_size=100_000),
+    "duration": Storage(max_duration=0.5),
+    "size and duration": Storage(max_size=150_000, max_duration=0.3),
+    "sqlite3 by size": Storage("sqlite3", max_size=200_000),
+    "sqlite3 by duration": Storage("sqlite3", max_duration=0.5),
+}
+
+
+def write(folder: Path, storage: Storage, published, start_ns, samples: int = 400) -> list[tuple[str, int, bytes]]:
+    """Record two topics with the same stamps, a flush every 0.1 s; what was written."""
+    writer = BagWriter(folder, TOPICS, {"scene": "device"}, storage)
+    sent = []
+    for i in range(samples):
+        for number, topic in enumerate(("/odom", "/motor_power"), start=1):
+            sent.append((topic, start_ns + i * PERIOD, published[topic](i)))
+            writer.write(number, *sent[-1][1:])
+        if i % 20 == 0:
+            writer.flush()
+    writer.flush()
+    writer.close({"written": str(writer.stored)})
+    return sent
+
+
+def metadata(folder: Path) -> dict:
+    return yaml.safe_load((folder / "metadata.yaml").read_text())["rosbag2_bagfile_information"]
+
+
+@pytest.mark.parametrize("storage", SPLITS.values(), ids=SPLITS)
+def test_a_split_bag_holds_every_message_in_files_that_do_not_overlap(tmp_path, published, start_ns, storage):
+    folder = tmp_path / "run"
+    sent = write(folder, storage, published, start_ns)
+    with Reader(folder) as reader:
+        assert [(one.topic, stamp, bytes(data)) for one, stamp, data in reader.messages()] == sent
+    files = metadata(folder)["files"]
+    assert len(files) > 2
+    suffix = {"mcap": "mcap", "sqlite3": "db3"}[storage.kind]
+    assert [file["path"] for file in files] == [f"run_{i}.{suffix}" for i in range(len(files))]
+    assert metadata(folder)["relative_file_paths"] == [file["path"] for file in files]
+    end = 0
+    for file in files:
+        with Reader(folder / file["path"]) as reader:
+            stamps = [stamp for _, stamp, _ in reader.messages()]
+        assert min(stamps) > end
+        end = max(stamps)
+        assert (file["starting_time"], file["duration"], file["message_count"]) == (
+            {"nanoseconds_since_epoch": min(stamps)}, {"nanoseconds": end - min(stamps)}, len(stamps))
+        if storage.max_size:
+            assert (folder / file["path"]).stat().st_size <= storage.max_size
+        if storage.max_duration:
+            assert end - min(stamps) <= storage.max_duration * 1e9
+    names = {path.name for path in folder.iterdir()}
+    assert names == {"metadata.yaml", *(file["path"] for file in files)}
+
+
+def test_size_is_that_of_the_compressed_file(tmp_path, start_ns):
+    writer = BagWriter(tmp_path / "run", TOPICS, {}, Storage(compression="zstd", max_size=100_000))
+    random = np.random.default_rng(1)
+    for i in range(400):  # about 300 kB after compression, 1.2 MB before
+        writer.write(2, start_ns + i * PERIOD, random.bytes(700) + bytes(2300))
+        writer.flush()
+    writer.close({})
+    sizes = [path.stat().st_size for path in sorted((tmp_path / "run").glob("*.mcap"))]
+    assert max(sizes) <= 100_000
+    assert 3 <= len(sizes) <= 6
+
+
+def test_metadata_are_those_of_rosbag2_in_jazzy(tmp_path, published, start_ns):
+    folder = tmp_path / "run"
+    sent = write(folder, Storage(max_duration=1.0), published, start_ns)
+    found = metadata(folder)
+    assert (found["version"], found["storage_identifier"], found["ros_distro"]) == (9, "mcap", "jazzy")
+    assert found["starting_time"] == {"nanoseconds_since_epoch": start_ns}
+    assert found["duration"] == {"nanoseconds": 399 * PERIOD}
+    assert found["message_count"] == len(sent) == 800
+    assert (found["compression_format"], found["compression_mode"]) == ("", "")  # a chunk's is not the bag's
+    assert found["custom_data"] == {"scene": "device", "written": "800"}
+    odom = found["topics_with_message_count"][0]
+    assert odom["message_count"] == 400
+    assert odom["topic_metadata"]["type_description_hash"] == jazzy_types().hash_rihs01("nav_msgs/msg/Odometry")
+    [qos] = odom["topic_metadata"]["offered_qos_profiles"]
+    assert (qos["reliability"], qos["history"], qos["depth"], qos["durability"], qos["liveliness"]) == (
+        "reliable", "keep_last", 10, "volatile", "automatic")
+
+
+def test_every_file_of_a_split_bag_says_what_it_is(tmp_path, published, start_ns):
+    folder = tmp_path / "run"
+    write(folder, Storage(max_duration=1.0), published, start_ns)
+    for path in folder.glob("*.mcap"):
+        with path.open("rb") as file:
+            *_, last = make_reader(file).iter_metadata()
+        inside = yaml.safe_load(last.metadata["serialized_metadata"])
+        assert inside["relative_file_paths"] == [path.name]
+        assert inside["custom_data"]["scene"] == "device"
+
+
+@pytest.mark.parametrize("kind, given", [("mcap", {}), ("mcap", {"max_size": 400_000}), ("sqlite3", {})])
+def test_the_oldest_files_go_before_a_bag_exceeds_its_limit(tmp_path, published, start_ns, kind, given):
+    folder, limit = tmp_path / "run", 1_000_000
+    writer = BagWriter(folder, TOPICS, {}, Storage(kind, max_bytes=limit, **given))
+    count = 2000  # about 1.6 MB
+    for i in range(count):
+        writer.write(1, start_ns + i * PERIOD, published["/odom"](i))
+        if i % 50 == 0:
+            writer.flush()
+            assert sum(path.stat().st_size for path in folder.iterdir()) <= limit
+    writer.flush()
+    writer.close({})
+    assert 0.3 * limit < sum(path.stat().st_size for path in folder.iterdir()) <= limit
+    with Reader(folder) as reader:
+        stamps = [stamp for _, stamp, _ in reader.messages()]
+    assert stamps == [start_ns + i * PERIOD for i in range(count - len(stamps), count)]
+    custom = metadata(folder)["custom_data"]
+    assert int(custom["discarded_messages"]) == count - len(stamps)
+    assert int(custom["discarded_files"]) > 0
+    assert metadata(folder)["relative_file_paths"][0].startswith(f"run_{custom['discarded_files']}.")
+
+
+def test_messages_out_of_order_do_not_make_files_overlap(tmp_path, published, start_ns):
+    folder = tmp_path / "run"
+    writer = BagWriter(folder, TOPICS, {}, Storage(max_duration=0.1))
+    for i in (0, 30, 20, 10, 40):  # x 5 ms: 30 begins a file, 20 and 10 come late
+        writer.write(2, start_ns + i * PERIOD, published["/motor_power"](i))
+    writer.flush()
+    writer.close({})
+    with Reader(folder) as reader:
+        assert reader.message_count == 5
+
+
+@pytest.mark.parametrize("wrong, reason", [
+    ({"max_size": 10}, "record.max_size: 10 is too small; give 0 for no limit, or at least 100000 bytes"),
+    ({"max_duration": 0.01}, "record.max_duration: 0.01 is too small; give 0 for no limit, or at least 0.1 s"),
+    ({"max_bytes": 1000}, "record.max_bytes: 1000 is too small"),
+    ({"max_bytes": 1_000_000, "max_size": 900_000}, "record.max_size: 900000 does not fit twice"),
+    ({"kind": "sqlite3", "compression": "zstd"}, "record.compression: zstd goes with record.storage mcap only"),
+])
+def test_limits_that_make_no_sense_are_refused(wrong, reason):
+    with pytest.raises(ValueError, match=reason):
+        Storage(**wrong)

@@ -1,0 +1,220 @@
+"""The rule `hop` with rigid plates: a blow throws the body up, and what follows.
+
+A blow is known from the mass matrix of MODEL.md for q = (x, y, u, w) alone: an impulse J between mass i and its plate
+changes the speeds by -J A⁻¹ e_i, and restitution asks for -J (A⁻¹)_ii = -(1 + e) times the approach.
+"""
+
+import math
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+
+import vibro_ros
+
+RIGID = vibro_ros.load_scene("rigid").with_parameters({"effects.normal_force": "hop"})
+REACTION = {"effects.reaction": True}
+HEAVY = REACTION | {"effects.mass_weight": True}
+RESTING = HEAVY | {"inclined.gap": -0.004, "inclined.plate.restitution": 0.0}
+COORDINATES = {"upper": 2, "inclined": 3}
+SPEEDS = ("body_velocity", "body_vertical_velocity", "upper_velocity", "inclined_velocity")
+each_coupling = pytest.mark.parametrize("changes", [{}, REACTION, HEAVY, RESTING, HEAVY | {"effects.friction": "none"},
+                                                    HEAVY | {"guide.angle": 1.5}],
+                                        ids=["no reaction", "reaction", "heavy", "one rests", "ice", "steep"])
+
+
+def mass_matrix(scene):
+    """A of A q'' = loads, as MODEL.md prints it; without the reaction rows u and w have no x'' and y''."""
+    m2, m3, angle = scene["mass.upper"], scene["mass.inclined"], scene["guide.angle"]
+    total, ex, ey = scene.total_mass, -math.sin(angle), math.cos(angle)
+    matrix = np.array([[total, 0, 0, m3 * ex], [0, total, m2, m3 * ey], [0, m2, m2, 0], [m3 * ex, m3 * ey, 0, m3]])
+    if not scene["effects.reaction"]:
+        matrix[2:, :2] = 0.0
+    return matrix
+
+
+def blows(scene, duration, least=0.05):
+    """Hard blows with nothing else within 1e-6 s but the lift-off and, with e = 0, the rest that follow: the events,
+    their guides, and all speeds 1e-9 s before and after each; shapes (n,), (n,), (2, n, 4)."""
+    events = vibro_ros.simulate(scene, times=[duration]).events
+    hits = events[np.isinf(events["peak_force"]) & (events["speed"] > least)]
+    hits = hits[[set(events["kind"][abs(events["time"] - hit["time"]) < 1e-6]) <= {hit["kind"], "lift_off"}
+                 for hit in hits]]
+    hits = hits[np.argsort(hits["time"])]
+    run = vibro_ros.simulate(scene, times=np.ravel(np.column_stack((hits["time"] - 1e-9, hits["time"] + 1e-9))))
+    speeds = np.transpose([getattr(run, name) for name in SPEEDS])
+    return hits, [str(kind).removesuffix("_contact") for kind in hits["kind"]], np.stack((speeds[::2], speeds[1::2]))
+
+
+# -- one blow -------------------------------------------------------------------------------------
+
+@each_coupling
+def test_a_blow_changes_every_speed_as_the_mass_matrix_asks(changes):
+    """In 2 ns forces of some 100 N change a mass of 80 g by 3e-6 m/s, which is all the difference there is."""
+    scene = RIGID.with_parameters(changes)
+    inverse = np.linalg.inv(mass_matrix(scene))
+    hits, sides, (before, after) = blows(scene, 2.0)
+    assert set(sides) == {"upper", "inclined"} and len(hits) > 30
+    for hit, side, old, new in zip(hits, sides, before, after, strict=True):
+        i, restitution = COORDINATES[side], scene[f"{side}.plate.restitution"]
+        impulse = (1.0 + restitution) * hit["speed"] / inverse[i, i]
+        np.testing.assert_allclose(new - old, -impulse * inverse[:, i], rtol=0, atol=1e-5)
+        assert new[1] > old[1]
+
+
+@each_coupling
+def test_a_blow_keeps_the_momentum_of_the_whole(changes):
+    """Rows x and y without the ground: M x' + m3 e_x w' and M y' + m2 u' + m3 e_y w', to 2 ns of weight and drive."""
+    scene = RIGID.with_parameters(changes)
+    rows = mass_matrix(scene)[:2]
+    _, _, (before, after) = blows(scene, 2.0)
+    np.testing.assert_allclose(after @ rows.T, before @ rows.T, rtol=0, atol=1e-6)
+    assert abs(after - before)[:, 1].max() > 0.05
+
+
+@pytest.mark.parametrize("restitution", [0.0, 0.5, 1.0])
+def test_a_blow_takes_the_energy_of_its_approach(restitution):
+    """(1 - e²) a²/2 times the inertia that the blow feels, 1/(A⁻¹)_ii; nothing with e = 1."""
+    scene = RIGID.with_parameters(HEAVY | {f"{side}.plate.restitution": restitution for side in COORDINATES})
+    matrix = mass_matrix(scene)
+    felt = 1.0 / np.diag(np.linalg.inv(matrix))
+    hits, sides, (before, after) = blows(scene, 2.0, 0.5)
+    taken = [(old @ matrix @ old - new @ matrix @ new) / 2 for old, new in zip(before, after, strict=True)]
+    expected = [(1 - restitution**2) * felt[COORDINATES[side]] * hit["speed"]**2 / 2
+                for hit, side in zip(hits, sides, strict=True)]
+    assert len(hits) > 20
+    np.testing.assert_allclose(taken, expected, rtol=0, atol=1e-5)  # 100 N at 3 m/s for 2 ns, and rounding
+
+
+def test_a_mass_at_rest_on_the_other_plate_parts_from_a_body_that_is_thrown_up():
+    """It keeps its speed in space: e . dV slower than the plate from then on, by the other mass's blow."""
+    scene = RIGID.with_parameters(RESTING | {"upper.gap": 0.004})
+    hits, sides, (before, after) = blows(scene, 2.0)
+    found = [(old, new) for side, old, new in zip(sides, before, after, strict=True)
+             if side == "upper" and old[3] == 0.0]
+    assert len(found) > 3
+    across, up = -math.sin(scene["guide.angle"]), math.cos(scene["guide.angle"])
+    for old, new in found:
+        assert new[3] == pytest.approx(-(across * (new - old)[0] + up * (new - old)[1]), abs=1e-5)
+        assert new[3] < -1e-3
+
+
+# -- flight and landing ---------------------------------------------------------------------------
+
+@each_coupling
+def test_a_blow_on_a_standing_body_is_a_lift_off_and_the_fall_ends_in_a_landing_at_its_speed(changes):
+    """Each landing notes the fall 1e-9 s before it, to the 1e-5 m/s of that time; other changes of mode, nothing."""
+    scene = RIGID.with_parameters(changes)
+    events = vibro_ros.simulate(scene, times=[2.0]).events
+    lifts, falls = (events[events["kind"] == kind] for kind in ("lift_off", "landing"))
+    assert len(falls) > 10
+    assert np.isin(lifts["time"], events["time"][np.isinf(events["peak_force"])]).mean() > 0.5
+    run = vibro_ros.simulate(scene, times=falls["time"] - 1e-9)
+    np.testing.assert_allclose(falls["speed"], -run.body_vertical_velocity, rtol=0, atol=1e-5)
+    assert falls["speed"].max() > 0.05
+    assert not events["speed"][np.isin(events["kind"], ["lift_off", "slip_forward", "slip_backward", "stick"])].any()
+
+
+def test_a_body_that_one_blow_throws_up_falls_back_like_a_stone():
+    """A plate that comes down at 1 m/s on a mass that no spring holds: y' = m2 (1 + e)/M from then on, and no force but
+    the weights, so y = y' t - g t²/2, and the landing after 2 y'/g is at the speed y'; to rounding."""
+    scene = vibro_ros.Scene("stone", HEAVY | {
+        "effects.normal_force": "hop", "effects.upper_contact": "restitution", "effects.inclined_mass": False,
+        "upper.plate.restitution": 0.6, "upper.spring.stiffness": 0.0, "upper.gap": 0.01, "gravity": 2.0,
+        "motor.speed": 0.0, "gap_actuator.speed": 1.0})
+    device = vibro_ros.Simulator(scene)
+    device.command(upper_gap=-0.03)
+    thrown = 0.1 * 1.6 / 1.1
+    device.advance_to(0.05)
+    assert device.state.body_height == pytest.approx(thrown * 0.05 - 0.05**2, rel=1e-13)
+    device.advance_to(0.2)
+    events = {event["kind"]: event for event in device.take_events()}
+    assert (events["upper_contact"]["time"], events["lift_off"]["time"]) == (0.0, 0.0)
+    assert events["upper_contact"]["speed"] == 1.0
+    assert events["landing"]["time"] == pytest.approx(thrown, rel=1e-13)
+    assert events["landing"]["speed"] == pytest.approx(thrown, rel=1e-13)
+    assert device.state.body_height == 0.0 and device.state.body_vertical_velocity == 0.0
+
+
+def test_everything_comes_to_rest_when_the_motor_stops():
+    """Bounces and hops that throw each other up die out: one event at most a second, body on the ground, x' = 0."""
+    for changes in ({}, HEAVY, RESTING | {"upper.gap": -0.001}):
+        device = vibro_ros.Simulator(RIGID.with_parameters(changes | {
+            "upper.spring.damping": 2.0, "inclined.spring.damping": 2.0}))
+        device.advance_to(1.0)
+        device.command(motor_speed=0.0)
+        device.advance_to(9.0)
+        device.take_events()
+        device.advance_to(10.0)
+        assert len(device.take_events()) <= 1
+        assert device.state.body_height == 0.0 and device.state.body_velocity == 0.0
+
+
+@each_coupling
+def test_the_ground_never_pulls_and_nothing_enters_a_plate(changes):
+    """y to 1e-15 m, positions to their rounding; N to 1e-9 N; the audit between blows to 1e-12 of what is exchanged."""
+    run = vibro_ros.simulate(RIGID.with_parameters(changes | {"solver.audit": True}), duration=3.0, rate=5000.0)
+    assert run.body_height.min() >= -1e-15 and run.body_height.max() > 1e-3
+    assert run.normal_force.min() >= -1e-9
+    assert np.all(run.body_height[run.normal_force != 0.0] == 0.0)
+    for side in COORDINATES:
+        assert (getattr(run, f"{side}_position") - getattr(run, f"{side}_plate_position")).max() <= 1e-15
+        assert getattr(run, f"{side}_plate_force").min() >= -1e-9
+    assert abs(run.statistics["energy_residual"]) <= 1e-12 * run.statistics["energy_exchanged"]
+
+
+# -- the limit of stiff plates --------------------------------------------------------------------
+
+def restitution_without_tension(ratio):
+    """MODEL.md case 5, for damping ratios below 1/sqrt(2)."""
+    root = math.sqrt(1.0 - ratio**2)
+    return math.exp(-ratio / root * (math.pi - math.atan(2 * ratio * root / (1.0 - 2.0 * ratio**2))))
+
+
+@pytest.mark.parametrize("restitution", [1.0, 0.7])
+@pytest.mark.parametrize(("rule", "changes"), [("unilateral", {}), ("hop", {}), ("hop", HEAVY)],
+                         ids=["unilateral", "hop", "hop, heavy"])
+def test_rigid_plates_are_the_limit_of_stiff_ones(rule, changes, restitution):
+    """A contact lasts some sqrt(m/k), lifts the body some M g/(k v) after it began, and is as deep as v sqrt(m/k): the
+    error is of first order in 1/sqrt(k). The damper is the one that gives that restitution to a contact that feels the
+    inertia 1/(A⁻¹)_ii."""
+    scene = RIGID.with_parameters(changes | {"effects.normal_force": rule, "upper.gap": 0.01, "inclined.gap": 0.01})
+    felt = 1.0 / np.diag(np.linalg.inv(mass_matrix(scene)))
+    ratio = 0.0 if restitution == 1.0 else brentq(lambda r: restitution_without_tension(r) - restitution, 0.0, 0.7)
+    times = np.linspace(0.0, 0.13, 66)
+    rigid = vibro_ros.simulate(scene.with_parameters({f"{s}.plate.restitution": restitution for s in COORDINATES}),
+                               times=times)
+    assert np.count_nonzero(np.char.endswith(rigid.events["kind"], "contact")) >= 3
+    apart = np.all([getattr(rigid, f"{s}_position") - getattr(rigid, f"{s}_plate_position") < -1e-3
+                    for s in COORDINATES], axis=0)
+    errors = []
+    for stiffness in (1e8, 1e10):
+        plates = {"effects.adhesion": False}
+        for side, i in COORDINATES.items():
+            plates |= {f"effects.{side}_contact": "compliant", f"{side}.plate.stiffness": stiffness,
+                       f"{side}.plate.damping": 2.0 * ratio * math.sqrt(stiffness * felt[i])}
+        soft = vibro_ros.simulate(scene.with_parameters(plates), times=times)
+        errors.append([np.abs(getattr(soft, name) - getattr(rigid, name))[apart].max()
+                       for name in ("body_position", "body_height", "upper_position", "inclined_position")])
+    coarse, fine = np.array(errors)
+    moved = coarse > 0.0
+    np.testing.assert_allclose(np.log10(coarse[moved] / fine[moved]), 1.0, rtol=0, atol=0.15)
+
+
+# -- what is said and what is refused ------------------------------------------------------------------------------
+
+def test_the_description_says_that_a_blow_throws_the_body_up():
+    lines = [" ".join(line.split()) for line in RIGID.describe().splitlines()]
+    assert any(line.startswith("upper contact open: u <= E else resting or open and airborne, where") for line in lines)
+
+
+@pytest.mark.parametrize("friction", ["none", "coulomb"])
+def test_a_guide_that_points_down_is_refused(friction):
+    """Its blow presses the body on the ground, whose answer is a shock of its own."""
+    with pytest.raises(ValueError, match="guide.angle: 2 rad points the inclined guide down.*; give at most 1.5708"):
+        RIGID.with_parameters({"guide.angle": 2.0, "effects.friction": friction})
+
+
+def test_a_guide_that_points_down_is_taken_where_its_plate_is_compliant():
+    scene = RIGID.with_parameters({"guide.angle": 2.0, "effects.inclined_contact": "compliant"} | HEAVY)
+    assert np.count_nonzero(vibro_ros.simulate(scene, times=[1.0]).events["kind"] == "landing") > 5

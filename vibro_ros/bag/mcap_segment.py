@@ -1,0 +1,176 @@
+"""One MCAP file of a bag while it is written.
+
+Messages gather in a chunk in memory, which `flush` hands to the operating system in one piece: a killed process
+loses what came after the last flush, and leaves at most one torn record at the end.
+"""
+
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from zlib import crc32
+
+from rosbags.rosbag2.storage_mcap import zstd
+
+from vibro_ros.bag import mcap_records as mcap
+from vibro_ros.bag.definitions import Definition
+from vibro_ros.bag.mcap_contents import Contents
+from vibro_ros.bag.metadata import FileInformation, as_text
+
+LIBRARY = "vibro_ros"
+METADATA_NAME = "rosbag2"
+METADATA_KEY = "serialized_metadata"
+CHUNK_SIZE = 2**20  # bytes; the largest chunk, unless one message is larger
+
+_COMPRESSORS = {"none": ("", bytes), "zstd": ("zstd", zstd.compress)}
+
+
+class McapSegment:
+    """Writes one MCAP file; header, topics and metadata are on the disk once it is made.
+
+    Parameters
+    ----------
+    path : Path
+        File to make; it must not exist.
+    definitions : sequence of Definition
+        The topics; a message names its topic by the position in this sequence, counted from 1.
+    metadata : str
+        What the bag says of itself so far, as rosbag2 keeps it inside the file.
+    compression : str
+        ``none`` or ``zstd``, of chunks.
+
+    Raises
+    ------
+    OSError
+        When the file cannot be made or written.
+    """
+
+    SUFFIX = ".mcap"
+
+    def __init__(self, path: Path, definitions: Sequence[Definition], metadata: str, compression: str):
+        self.path = path
+        self._contents = Contents()
+        self._topics = [definition.information.name for definition in definitions]
+        self._compression, self._compress = _COMPRESSORS[compression]
+        self._file = path.open("xb", buffering=0)
+        self._good = 0
+        self._begin_chunk()
+        try:
+            self._append(mcap.header(LIBRARY) + self._announce(definitions))
+            self._append_metadata(metadata)
+            self._fixed_size += len(metadata.encode())
+        except OSError:
+            self._file.close()
+            path.unlink(missing_ok=True)
+            raise
+
+    def write(self, topic: int, stamp: int, data: bytes) -> None:
+        """Take a message (OSError when its chunk was due and could not be written)."""
+        length = mcap.MESSAGE_OVERHEAD + len(data)
+        self._pieces += mcap.MESSAGE_HEAD.pack(mcap.MESSAGE, length, topic, 0, stamp, stamp), data
+        self._entries.setdefault(topic, []).append((stamp, self._size))
+        self._size += mcap.MESSAGE_HEAD.size + len(data)
+        self._first, self._last = min(self._first, stamp), max(self._last, stamp)
+        if self._size > CHUNK_SIZE:
+            self._write_chunk()
+
+    def flush(self) -> None:
+        """Hand every message to the operating system: a killed process no longer loses them.
+
+        Raises
+        ------
+        OSError
+            When the disk is full, or the file is no longer where it was made.
+        """
+        if self._pieces:
+            self._write_chunk()
+        self.path.stat()  # writing to a removed file succeeds: notice it here
+
+    @property
+    def stored(self) -> int:
+        """Number of messages that the operating system has."""
+        return self._contents.messages
+
+    @property
+    def size(self) -> int:
+        """Bytes on the disk if the file were sealed now without compression of the pending chunk."""
+        return self._good + self._size + self.ending_size
+
+    @property
+    def ending_size(self) -> int:
+        """Bytes that sealing will take, about."""
+        return len(self._contents.chunk_indexes) + self._fixed_size
+
+    @property
+    def information(self) -> FileInformation:
+        """What is stored, for metadata.yaml."""
+        found = self._contents
+        counts = {self._topics[channel - 1]: count for channel, count in found.counts.items()}
+        return FileInformation(self.path.name, found.first if found.messages else 0, found.last, counts)
+
+    def seal(self, metadata: str) -> None:
+        """Write metadata, index and footer after what is stored, and close; a failed write leaves nothing behind.
+
+        Messages that were not flushed are lost.
+        """
+        self.path.stat()
+        self._append_metadata(metadata)
+        self._append(self._contents.ending(self._good))
+        self._file.close()
+
+    def abandon(self) -> None:
+        """Close without sealing; `recover` can do that later."""
+        self._file.close()
+
+    def _announce(self, definitions: Sequence[Definition]) -> bytes:
+        schemas: dict[str, mcap.Schema] = {}
+        for number, definition in enumerate(definitions, start=1):
+            topic = definition.information
+            schema = schemas.setdefault(topic.type_name, mcap.Schema(len(schemas) + 1, topic.type_name, "ros2msg",
+                                                                     definition.text.encode()))
+            self._contents.schemas[schema.id] = schema
+            self._contents.add_channel(mcap.Channel(number, schema.id, topic.name, topic.encoding, {
+                "offered_qos_profiles": as_text(topic.qos).strip(), "topic_type_hash": topic.type_hash}))
+        found = self._contents
+        records = [*map(mcap.schema, found.schemas.values()), *map(mcap.channel, found.channels.values())]
+        # In the file twice, at its beginning and in the summary; so are the metadata, which grow a little.
+        self._fixed_size = sum(map(len, records)) + 2048
+        return b"".join(records)
+
+    def _append_metadata(self, text: str) -> None:
+        record = mcap.metadata(METADATA_NAME, {METADATA_KEY: text})
+        offset = self._good
+        self._append(record)
+        self._contents.metadata.append((offset, len(record), METADATA_NAME))
+
+    def _begin_chunk(self) -> None:
+        self._pieces: list[bytes] = []
+        self._entries: dict[int, list[tuple[int, int]]] = {}
+        self._size = 0
+        self._first, self._last = 2**63 - 1, 0
+
+    def _write_chunk(self) -> None:
+        raw, entries, first, last = b"".join(self._pieces), self._entries, self._first, self._last
+        self._begin_chunk()
+        content = mcap.ChunkContent(first, last, len(raw), crc32(raw), self._compression, self._compress(raw))
+        record = mcap.chunk(content)
+        indexes, offsets, offset = [], {}, self._good + len(record)
+        for channel, found in entries.items():
+            indexes.append(mcap.message_index(channel, found))
+            offsets[channel] = offset
+            offset += len(indexes[-1])
+        chunk = mcap.Chunk(first, last, self._good, len(record), offsets, offset - self._good - len(record),
+                           self._compression, len(content.records), len(raw))
+        self._append(b"".join([record, *indexes]))
+        self._contents.add_chunk(chunk, ((channel, len(found)) for channel, found in entries.items()))
+
+    def _append(self, data: bytes) -> None:
+        """Write all of `data` after what is stored, or leave the file as it was."""
+        rest = memoryview(data)
+        try:
+            while rest:
+                rest = rest[self._file.write(rest):]
+        except OSError:
+            os.ftruncate(self._file.fileno(), self._good)
+            self._file.seek(self._good)
+            raise
+        self._good += len(data)

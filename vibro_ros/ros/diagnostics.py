@@ -1,0 +1,105 @@
+"""What the robot says of itself on /diagnostics, once a second (REP-107)."""
+
+import time
+from collections.abc import Mapping
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from rclpy.clock import Clock
+from rclpy.clock_type import ClockType
+from rclpy.node import Node
+
+from vibro_ros.ros import qos
+from vibro_ros.ros.inputs import Inputs
+from vibro_ros.ros.pacing import Pacing
+from vibro_ros.ros.recording import Recording
+from vibro_ros.ros.stepping import Stepping
+from vibro_ros.simulator import Simulator
+
+PERIOD = 1.0  # s
+TOPIC = "/diagnostics"
+NOT_EVENTS = ("steps", "energy_residual", "energy_exchanged")
+"""Keys of `Simulator.statistics` that do not count events."""
+
+
+class Diagnostics:
+    """Publishes the state of simulation and recorder; runs in the executor's thread.
+
+    Parameters
+    ----------
+    node : Node
+        Publishes, and gives the name.
+    device, stepping, pacing, inputs, recording
+        What is reported.
+    """
+
+    def __init__(self, node: Node, device: Simulator, stepping: Stepping, pacing: Pacing, inputs: Inputs,
+                 recording: Recording):
+        self._node, self._device, self._stepping = node, device, stepping
+        self._pacing, self._inputs, self._recording = pacing, inputs, recording
+        self._publisher = node.create_publisher(DiagnosticArray, TOPIC, qos.DIAGNOSTICS)
+        self._before = self._counters()
+        # a clock that runs whatever drives the stamps
+        node.create_timer(PERIOD, self.publish, clock=Clock(clock_type=ClockType.STEADY_TIME))
+
+    def publish(self) -> None:
+        """Publish once."""
+        now = self._counters()
+        change = {name: value - self._before[name] for name, value in now.items()}
+        self._before = now
+        stamp = self._node.get_clock().now().to_msg()
+        message = DiagnosticArray(status=[self._simulation(change), self._recorder()])
+        message.header.stamp = stamp
+        self._publisher.publish(message)
+
+    def _counters(self) -> dict[str, float]:
+        """What only grows; numbers that the stepping thread may change meanwhile, each of them whole."""
+        statistics = self._device.statistics
+        return {"wall": time.monotonic(), "simulated": self._device.time, "ticks": self._stepping.ticks,
+                "busy": self._stepping.busy, "dropped": self._pacing.dropped, "missed": self._pacing.missed,
+                "refused": self._inputs.refused,
+                "events": sum(count for kind, count in statistics.items() if kind not in NOT_EVENTS)}
+
+    def _simulation(self, change: Mapping[str, float]) -> DiagnosticStatus:
+        device, wall = self._device, max(change["wall"], 1e-9)
+        complaints = []
+        if change["dropped"] > 0.0:
+            complaints.append(f"{change['dropped']:.3f} s of simulated time dropped")
+        if change["refused"]:
+            complaints.append(f"{change['refused']:.0f} commands refused")
+        level, text = (DiagnosticStatus.WARN, ", ".join(complaints)) if complaints else (DiagnosticStatus.OK, "running")
+        if self._stepping.error:
+            level, text = DiagnosticStatus.ERROR, str(self._stepping.error)
+        values = {
+            "simulated time [s]": f"{device.time:.6f}",
+            "real-time factor": f"{change['simulated'] / wall:.4f}",
+            "missed deadlines": f"{self._pacing.missed}",
+            "dropped time [s]": f"{self._pacing.dropped:.6f}",
+            "stalls": f"{self._pacing.stalls}",
+            "cost of a step [us]": f"{1e6 * change['busy'] / max(change['ticks'], 1):.1f}",
+            "events per second": f"{change['events'] / wall:.1f}",
+            "rejected commands": f"{self._inputs.refused}",
+            "solver method": device.scene["solver.method"],
+            "solver tolerance [m]": f"{device.scene['solver.tolerance']:g}",
+        }
+        residual = device.statistics.get("energy_residual")
+        if residual is not None:
+            values["energy residual [J]"] = f"{residual:.3e}"
+        return self._status("simulation", level, text, values)
+
+    def _recorder(self) -> DiagnosticStatus:
+        recording, recorder = self._recording, self._recording.latest
+        level, text, values = DiagnosticStatus.OK, recording.destination(), {}
+        if recorder:
+            values = {"folder": str(recorder.folder), "backlog": f"{recorder.backlog}",
+                      "written": f"{recorder.written}", "dropped": f"{recorder.dropped}", "lost": f"{recorder.lost}",
+                      "fault": recorder.fault or ""}
+            if recorder.dropped or recorder.lost:
+                level, text = DiagnosticStatus.WARN, f"{text}; {recorder.dropped + recorder.lost} messages lost"
+            if recorder.fault:
+                level, text = DiagnosticStatus.ERROR, recorder.fault
+        return self._status("recorder", level, text, values)
+
+    def _status(self, part: str, level: bytes, text: str, values: Mapping[str, str]) -> DiagnosticStatus:
+        return DiagnosticStatus(level=level, name=f"{self._node.get_name()}: {part}", message=text,
+                                hardware_id=self._node.get_fully_qualified_name(),
+                                values=[KeyValue(key=key, value=value) for key, value in values.items()])

@@ -1,0 +1,45 @@
+"""The `recover` executable: seals bags whose recorder was killed."""
+
+import argparse
+import sys
+from collections.abc import Sequence
+from datetime import datetime, timezone
+
+from vibro_ros.bag.recovery import RecoveryError, described, recover
+
+BAD_INPUT = 2
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Seal each bag; 0 when all are sealed now, 2 with a line on stderr for each that cannot be."""
+    code = 0
+    for bag in _parser().parse_args(arguments).bags:
+        try:
+            print("\n".join(described(recover(bag), _clock)))
+        except RecoveryError as error:
+            print(f"recover: {error}", file=sys.stderr)
+            code = BAD_INPUT
+    return code
+
+
+def _clock(stamp: int) -> str:
+    """A time [ns] for people, UTC."""
+    seconds, nanoseconds = divmod(stamp, 10**9)
+    try:
+        return f"{datetime.fromtimestamp(seconds, timezone.utc):%Y-%m-%d %H:%M:%S}.{nanoseconds // 10**6:03d} UTC"
+    except (ValueError, OverflowError):
+        return f"{stamp} ns"
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="recover",
+        description="Seal bags whose recorder was killed or ran out of disk: cut the torn end, write index and "
+        "metadata.yaml, in place. A sealed bag is not touched.",
+        epilog="Exit code 0: every bag is sealed now; 2: one is no bag, is empty, in use, or cannot be written.")
+    parser.add_argument("bags", nargs="+", metavar="BAG_FOLDER", help="folder of a recording")
+    return parser
+
+
+if __name__ == "__main__":
+    sys.exit(main())
