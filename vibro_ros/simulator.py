@@ -150,6 +150,33 @@ class Simulator:
             self._keep(self._room[:ended])
         ramp[at.TARGET], ramp[at.RATE], ramp[at.TIME] = target, rate, abs(difference) / speed
 
+    def checkpoint(self) -> np.ndarray:
+        """All that the device's future depends on besides its scene and commands, for `restore`; shape (n,).
+
+        Events that were not taken, and the counts of `statistics`, are not in it.
+        """
+        return np.concatenate([[self.time], self._point, *(values.ravel() for values in at.lasting(self._state))])
+
+    def restore(self, checkpoint: np.ndarray) -> None:
+        """Go on from a `checkpoint` of a device of the same scene, bit for bit as that one; also back in time.
+
+        Raises
+        ------
+        ValueError
+            For a checkpoint of another scene, as far as its size tells; nothing is changed then.
+        """
+        parts = [self._point, *at.lasting(self._state)]
+        size = 1 + sum(part.size for part in parts)
+        if np.shape(checkpoint) != (size,):
+            raise ValueError(f"the checkpoint has shape {np.shape(checkpoint)}, this device's have ({size},); give one "
+                             "of the same scene and version")
+        self.time, end = float(checkpoint[0]), 1
+        for part in parts:
+            part[...] = checkpoint[end:end + part.size].reshape(part.shape)
+            end += part.size
+        self._state.library.half[...] = 0.0  # no series there belongs to this state
+        self._events.clear()
+
     def _begin_segment(self, state: at.State) -> None:
         if not self._method.begin(state, self._point):
             self._fail(event_loop.ROOT_LOST, state)

@@ -17,6 +17,7 @@ from nav_msgs.msg import Odometry
 from rclpy.qos import QoSProfile
 from rosgraph_msgs.msg import Clock
 from std_msgs.msg import Float64
+from std_srvs.srv import SetBool
 
 from vibro_ros.bag.definitions import Topic, defined
 from vibro_ros.bag.reader import read_bag
@@ -48,13 +49,16 @@ def command_at_random(bench, seconds: float, seed: int, topics: dict[str, str]) 
 
 
 def record(start, bench, folder: Path, *parameters: str, seconds: float = SECONDS, end=signal.SIGINT, names=(),
-           topics: dict[str, str] = MappingProxyType({})) -> Path:
+           topics: dict[str, str] = MappingProxyType({}), then=None) -> Path:
     """The bag of a robot that was commanded at random."""
     compile_kernels()
     words = [word for parameter in (f"record.directory:={folder}", *parameters) for word in ("-p", parameter)]
     robot = start("robot", "--ros-args", *words, *names)
     robot.wait_for("ready")
     command_at_random(bench, seconds, len(parameters), topics)
+    if then:
+        then(bench)
+        command_at_random(bench, seconds, 1 + len(parameters), topics)
     robot.send(end)
     assert robot.end() == (0 if end == signal.SIGINT else -end), robot.text
     (bag,) = folder.glob("vibro_robot_*")
@@ -127,6 +131,25 @@ def test_one_flipped_bit_of_a_state_is_named(recorded, tmp_path, capsys, bit):
     assert f"first difference: /joint_states message 333 at 1.665 s (stamp {chosen[0]}): " in out
     assert "position[4] (inclined_plate): recorded " in out
     assert (f"({2**bit} ulp)" in out) == (bit < 63)  # the last one is the sign
+
+
+@pytest.mark.parametrize("storage", [PLAIN, Storage("sqlite3")], ids=["mcap", "sqlite3"])
+def test_one_flipped_bit_in_the_file_is_caught(recorded, tmp_path, capsys, storage):
+    """MCAP's checksums find it before the comparison does."""
+    folder = rewritten(recorded, tmp_path / "flipped", storage=storage)
+    with BagStream(folder) as stream:
+        data = [bytes(data) for _, _, data in stream.messages(frozenset({"/odom"}))][321]
+    (file,) = folder.glob("flipped_0.*")
+    content = bytearray(file.read_bytes())
+    assert content.count(data) == 1
+    content[content.index(data) + data.index(b"base_link") + 16] ^= 1  # in the position
+    file.write_bytes(content)
+    code = replay.main([str(folder)])
+    captured = capsys.readouterr()
+    if storage is PLAIN:
+        assert code == 2 and "damaged bag: " in captured.err
+    else:
+        assert code == 1 and "/odom message 321 at 1.605 s" in captured.out and "pose.pose.position." in captured.out
 
 
 @pytest.mark.parametrize("way", ["dropped", "untold"])
@@ -303,3 +326,31 @@ def test_the_executable_plays_with_publish(recorded, domain_id):
     done = subprocess.run(command, capture_output=True, text=True, timeout=60)
     assert done.returncode == 1
     assert "replay: no robot listens to /motor_speed" in done.stderr
+
+
+def switch_on(bench) -> None:
+    """Call ~/record with true."""
+    client = bench.node.create_client(SetBool, "/vibro_robot/record")
+    bench.spin_until(client.service_is_ready, "~/record")
+    future = client.call_async(SetBool.Request(data=True))
+    bench.spin_until(future.done, "answer of ~/record")
+    assert future.result().success, future.result().message
+
+
+LATE = {"begun late": ("record.enabled:=false",), "snapshot": ("record.snapshot:=1.5",),
+        "beginning deleted": ("record.max_bytes:=2e6", "rate.publish:=1000.0")}
+
+
+@pytest.mark.parametrize("parameters", LATE.values(), ids=LATE)
+def test_a_bag_without_the_runs_beginning_is_replayed(start, bench, tmp_path, capsys, parameters):
+    bag = record(start, bench, tmp_path, *parameters, seconds=1.5, then=switch_on)
+    with BagStream(bag) as stream:
+        assert stream.start - int(stream.metadata["start"]) > 0.5e9  # [ns]
+        assert stream.topics["/vibro_robot/checkpoint"].messages > 0
+    assert replay.main([str(bag)]) == 0
+    out = capsys.readouterr().out
+    assert out.startswith("identical: ") and "not recorded" not in out
+    assert int(out.split()[1]) > 300  # messages
+    assert int(out.split()[-2]) > 5  # commands
+    assert replay.main([str(bag), "--set", "guide.angle=1.0"]) == 2
+    assert "after the robot started" in capsys.readouterr().err

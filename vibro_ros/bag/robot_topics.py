@@ -18,6 +18,12 @@ ROBOT_TOPICS = {
 COMMANDS = ("motor_speed", "upper_gap", "inclined_gap")
 """Those that the robot listens to."""
 
+CHECKPOINT = "checkpoint"
+CHECKPOINT_TYPE = "std_msgs/msg/Float64MultiArray"
+"""Only in bags that may lack a run's beginning: `Simulator.checkpoint` after a sample and before its commands."""
+
+_TYPES = {**ROBOT_TOPICS, CHECKPOINT: CHECKPOINT_TYPE}
+
 
 def robot_topics(stream: BagStream) -> dict[str, str]:
     """Full names of the robot's topics, by its own names for them: as the bag's custom data tell, else by last parts.
@@ -29,13 +35,13 @@ def robot_topics(stream: BagStream) -> dict[str, str]:
     """
     try:
         told = json.loads(stream.metadata.get("topics", "{}"))
-        found = {name: str(told[name]) for name in ROBOT_TOPICS if name in told}
+        found = {name: str(told[name]) for name in _TYPES if name in told}
     except (ValueError, TypeError) as error:
         raise BagError(f"{stream.folder}: its custom data `topics` cannot be read: {error}") from error
     for name, topic in found.items():
         recorded = stream.topics.get(topic)
-        if recorded and recorded.type_name != ROBOT_TOPICS[name]:
-            raise BagError(f"{stream.folder}: {topic} is {recorded.type_name}, not the robot's {ROBOT_TOPICS[name]}")
+        if recorded and recorded.type_name != _TYPES[name]:
+            raise BagError(f"{stream.folder}: {topic} is {recorded.type_name}, not the robot's {_TYPES[name]}")
     return found or _by_last_part(stream)
 
 

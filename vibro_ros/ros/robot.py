@@ -3,12 +3,20 @@
 import argparse
 import json
 import sys
-from collections.abc import Mapping, Sequence
+from array import array
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from functools import partial
 
+import numpy as np
 from rclpy.executors import Executor
 from rclpy.node import Node
+from rclpy.serialization import serialize_message
+from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import SetBool
 
+from vibro_ros.bag.definitions import Topic
+from vibro_ros.bag.robot_topics import CHECKPOINT, CHECKPOINT_TYPE
 from vibro_ros.model.parameters import SCENE_PARAMETERS, Value, checked_parameters
 from vibro_ros.model.scene import Scene
 from vibro_ros.provenance import provenance
@@ -25,6 +33,7 @@ from vibro_ros.scene_file import DEVICE_PARAMETERS, load_scene, shipped_scenes
 from vibro_ros.simulator import Simulator, compile_kernels
 
 NODE_NAME = "vibro_robot"
+CHECKPOINT_DEPTH = 1
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -67,16 +76,17 @@ def _operate(node: Node, executor: Executor, settings: Mapping[str, Value], scen
     outputs, inputs = Outputs(node, scene), Inputs(node)
     pacing = Pacing(settings["rate.real_time_factor"], settings["rate.max_catch_up"])
     start = node.get_clock().now().nanoseconds
-    metadata = _metadata(settings, scene, start, {**inputs.topics, **outputs.topics})
-    plan = plan_recording(settings, inputs, outputs, metadata)
+    checkpoint = Topic(f"{node.get_fully_qualified_name()}/{CHECKPOINT}", CHECKPOINT_TYPE, CHECKPOINT_DEPTH)
+    metadata = _metadata(settings, scene, start, {**inputs.topics, **outputs.topics, CHECKPOINT: checkpoint.name})
+    plan = replace(plan_recording(settings, inputs, outputs, metadata), checkpoint=checkpoint)
     offer_recovery(plan.directory, settings["record.recover"], log)
     # Signals become requests before the bag is opened, so that none can come between its opening and its sealing.
     with process.StopRequest() as stop, open_recording(plan, settings["record.enabled"], log) as recording:
         node.create_service(SetBool, "~/record", lambda request, answer: _switch(recording, request, answer))
         log.info(f"ready: {settings['rate.publish']:g} Hz, real-time factor {settings['rate.real_time_factor']:g}, "
                  f"{recording.destination()}")
-        with Stepping(device, inputs, outputs, recording.record, pacing, settings["rate.publish"], start,
-                      log) as stepping:
+        with Stepping(device, inputs, outputs, recording.record, pacing, settings["rate.publish"], start, log,
+                      partial(_keep_checkpoint, recording)) as stepping:
             diagnostics = Diagnostics(node, device, stepping, pacing, inputs, recording)
             process.spin_until(executor, lambda: recording.watch() or bool(stop or stepping.error))
         if stepping.error:
@@ -95,6 +105,11 @@ def _switch(recording: Recording, request: SetBool.Request, answer: SetBool.Resp
     """Answer the service `~/record`."""
     answer.success, answer.message = recording.switch(request.data)
     return answer
+
+
+def _keep_checkpoint(recording: Recording, stamp: int, state: Callable[[], np.ndarray]) -> None:
+    """Offer the device's whole state to the bag, which seldom wants it."""
+    recording.checkpoint(stamp, lambda: serialize_message(Float64MultiArray(data=array("d", state()))))
 
 
 def _metadata(settings: Mapping[str, Value], scene: Scene, start: int, topics: Mapping[str, str]) -> dict[str, str]:

@@ -6,8 +6,8 @@ from collections import Counter
 from dataclasses import dataclass, field
 
 from vibro_ros.bag.cdr import first_difference
-from vibro_ros.bag.robot_topics import COMMANDS, ROBOT_TOPICS
-from vibro_ros.bag.stream import BagStream
+from vibro_ros.bag.robot_topics import CHECKPOINT, COMMANDS, ROBOT_TOPICS
+from vibro_ros.bag.stream import BagError, BagStream
 from vibro_ros.message_fields import joints_of
 from vibro_ros.provenance import software
 from vibro_ros.simulator import SimulationError
@@ -110,6 +110,7 @@ class _Comparing:
         self._may_lack = stream.metadata.get("dropped") != "0"
         self._failure = ""  # of the simulation
         self._begun = False
+        self._late = stream.start > facts.start and CHECKPOINT in self._recorded
         self._lacking: list[tuple[str, int]] = []  # messages that follow others and are not there: topic, sample
 
     def result(self) -> Comparison:
@@ -124,6 +125,9 @@ class _Comparing:
     def _sample(self, stamp: int, group: list[tuple[str, bytes]]) -> Difference | None:
         """Compare what was recorded with one stamp, and give its commands to the device."""
         tick = self._facts.tick(stamp)
+        if self._late and tick is not None:
+            self._restore(tick, group)
+            return None
         if tick is None or tick <= self._rerun.tick:
             return self._difference(group[0][0], stamp, "recorded stamp", stamp,
                                     self._facts.stamp(self._rerun.tick + 1))
@@ -138,6 +142,20 @@ class _Comparing:
         difference = self._match(stamp, group, replayed)
         self._command(group)
         return difference
+
+    def _restore(self, tick: int, group: list[tuple[str, bytes]]) -> None:
+        """Begin at a bag's first checkpoint, of which the sample is already out, and its commands are not."""
+        for i, (name, data) in enumerate(group):
+            if name == CHECKPOINT:
+                try:
+                    self._rerun.restore(tick, data)
+                except ValueError as error:
+                    raise BagError(f"{self._stream.folder}: {error}") from error
+                self._late, self._begun = False, True
+                self._command(group[i + 1:])
+                break
+        for name, _ in group:
+            self._seen[name] += name not in COMMANDS
 
     def _advance(self, tick: int) -> list[tuple[str, bytes]]:
         """Go to a sample; what it publishes."""
@@ -156,7 +174,7 @@ class _Comparing:
         for name, data in replayed:
             expected.setdefault(name, []).append(data)
         for name, data in group:
-            if name in COMMANDS:
+            if name in COMMANDS or name == CHECKPOINT:
                 continue
             waiting = expected.get(name, [])
             found = [first_difference(data, other, ROBOT_TOPICS[name]) for other in waiting]
@@ -196,13 +214,13 @@ def notes(stream: BagStream, facts: RunFacts) -> list[str]:
     for key, here in software().items():
         if told.get(key) != here:
             found.append(f"recorded with {key} {told.get(key, 'unknown')}, replayed with {here}: bits may differ")
-    if stream.start > facts.start:
+    if stream.start > facts.start and facts.topics.get(CHECKPOINT) not in stream.topics:
         found.append(f"the bag begins {(stream.start - facts.start) * 1e-9:.3f} s after the robot started: commands "
                      "before are unknown")
     found += [f"commands on {facts.topics.get(name, name)} were not recorded" for name in COMMANDS
               if facts.topics.get(name) not in stream.topics]
-    found += [f"{told[key]} messages {key}; a command may be among them" for key in ("dropped", "discarded_messages")
-              if told.get(key, "0") != "0"]
+    if told.get("dropped", "0") != "0":
+        found.append(f"{told['dropped']} messages dropped; a command may be among them")
     return found
 
 

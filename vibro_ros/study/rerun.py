@@ -10,9 +10,11 @@ import json
 from collections.abc import Iterator
 from dataclasses import dataclass
 
+import numpy as np
+
 from vibro_ros import message_fields as fields
 from vibro_ros.bag.cdr import blank, deserialised, serialised
-from vibro_ros.bag.robot_topics import ROBOT_TOPICS, robot_topics
+from vibro_ros.bag.robot_topics import CHECKPOINT_TYPE, ROBOT_TOPICS, robot_topics
 from vibro_ros.bag.stream import BagError, BagStream
 from vibro_ros.model.parameters import SCENE_PARAMETERS, Value, checked_parameters
 from vibro_ros.model.scene import Scene
@@ -126,6 +128,13 @@ class Rerun:
         if self.tick:
             self._device.advance_to(self._facts.time(self.tick))
         return list(self._messages())
+
+    def restore(self, tick: int, data: bytes) -> None:
+        """Stand at the sample `tick` as a recorded checkpoint says, its messages already out (ValueError when bad)."""
+        self._device.restore(np.array(deserialised(data, CHECKPOINT_TYPE).data))
+        if self._device.time != self._facts.time(tick):
+            raise ValueError(f"the checkpoint is of {self._device.time:.9g} s, not of {self._facts.time(tick):.9g} s")
+        self.tick = tick
 
     def command(self, name: str, data: bytes) -> None:
         """Give the device a recorded command; a refused one changes nothing (SimulationError as above)."""

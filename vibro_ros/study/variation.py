@@ -45,6 +45,9 @@ def write_variation(bag: Path, changes: Mapping[str, object]) -> tuple[Path, str
     """
     with BagStream(bag) as stream:
         facts = run_facts(stream)
+        if stream.start > facts.start:
+            raise BagError(f"{bag}: begins {(stream.start - facts.start) * 1e-9:.3f} s after the robot started, and "
+                           "what another would have done until then is unknown; give a bag of the run's beginning")
         scene = facts.scene.with_parameters(changes)
         writer = BagWriter(_new_folder(bag), defined(_topics(stream, facts)),
                            _metadata(stream, facts, scene, changes), Storage())
