@@ -308,7 +308,8 @@ def test_a_snapshot_is_written_when_the_simulation_fails(bench, tmp_path):
 
 @pytest.mark.parametrize(("asked", "method"), [("moreau", "moreau"), ("auto", "exact")])
 def test_the_node_runs_by_the_method_asked_for(start, listener, bench, asked, method):
-    start("robot", "--ros-args", "-p", "motor.speed:=100.0", "-p", f"solver.method:={asked}", "-p", "solver.step:=5.0e-5")
+    start("robot", "--ros-args", "-p", "motor.speed:=100.0", "-p", f"solver.method:={asked}",
+          "-p", "solver.step:=5.0e-5")
     _, values = listener.wait_for_status("simulation", lambda status: status.level == DiagnosticStatus.OK)
     assert values["solver method"] == method
     assert values.get("solver step [s]") == ("5e-05" if method == "moreau" else None)
