@@ -64,6 +64,7 @@ setup(
         "console_scripts": [
             "controller = vibro_ros.ros.controller:main",
             "recover = vibro_ros.study.recover:main",
+            "replay = vibro_ros.study.replay:main",
             "report = vibro_ros.study.report:main",
             "robot = vibro_ros.ros.robot:main",
         ],

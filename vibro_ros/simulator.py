@@ -62,8 +62,8 @@ class Simulator:
         self._state = self._start()
         self._room = np.empty((_EVENTS_AT_ONCE, EVENT_COLUMNS))
         self._events: list[np.ndarray] = []
-        self._counts: dict[str, int] = {}
         self._kinds = self._kind_names()
+        self._counts = np.zeros(len(self._kinds), dtype=np.int64)
 
     def _new_method(self) -> Method:
         model, name, step = self._model, self.scene["solver.method"], self.scene["solver.step"]
@@ -88,11 +88,13 @@ class Simulator:
         self._begin_segment(state)
         return state
 
-    def _kind_names(self) -> dict[int, str]:
-        plates = enumerate(self._model.forms.plates)
-        names = dict(enumerate(MODE_EVENTS)) | {PHASE_KIND: "motor_ramp_end"}
-        for k, side in plates:
-            names |= {MONITOR_KIND + k: f"{side}_contact", RAMP_KIND + k: "gap_reached"}
+    def _kind_names(self) -> np.ndarray:
+        """Names of the kinds of recorded events, by their number."""
+        names = np.zeros(PHASE_KIND + 1, dtype=EVENT_DTYPE["kind"])
+        names[:len(MODE_EVENTS)] = MODE_EVENTS
+        names[PHASE_KIND] = "motor_ramp_end"
+        for k, side in enumerate(self._model.forms.plates):
+            names[MONITOR_KIND + k], names[RAMP_KIND + k] = f"{side}_contact", "gap_reached"
         return names
 
     @property
@@ -141,14 +143,12 @@ class Simulator:
     def _command_plate(self, side: str, target: float) -> None:
         plate = self._model.forms.plates.index(side)
         ramp = self._state.ramp[plate]
-        ended = event_loop.release_from(self._model.system, self._state, plate, self._point, self._room, 0)
-        self._keep(self._room[:ended])
-        ramp[at.TARGET] = target
-        ramp[at.RATE] = ramp[at.TIME] = 0.0
-        difference = target - ramp[at.VALUE]
-        if difference != 0.0:
-            ramp[at.RATE] = math.copysign(self.scene["gap_actuator.speed"], difference)
-            ramp[at.TIME] = abs(difference) / self.scene["gap_actuator.speed"]
+        speed, difference = self.scene["gap_actuator.speed"], target - ramp[at.VALUE]
+        rate = math.copysign(speed, difference) if difference != 0.0 else 0.0
+        if rate != ramp[at.RATE]:  # else a mass that rests on the plate rests on
+            ended = event_loop.release_from(self._model.system, self._state, plate, self._point, self._room, 0)
+            self._keep(self._room[:ended])
+        ramp[at.TARGET], ramp[at.RATE], ramp[at.TIME] = target, rate, abs(difference) / speed
 
     def _begin_segment(self, state: at.State) -> None:
         if not self._method.begin(state, self._point):
@@ -215,10 +215,7 @@ class Simulator:
         if len(events) == 0:
             return
         self._events.append(events.copy())
-        kinds, counts = np.unique(events[:, 1].astype(int), return_counts=True)
-        for kind, count in zip(kinds, counts, strict=True):
-            name = self._kinds[int(kind)]
-            self._counts[name] = self._counts.get(name, 0) + int(count)
+        self._counts += np.bincount(events[:, 1].astype(np.int64), minlength=len(self._counts))
 
     def take_events(self) -> np.ndarray:
         """Events completed since the last call, in the order in which they ended; dtype `EVENT_DTYPE`."""
@@ -228,8 +225,7 @@ class Simulator:
         self._events.clear()
         events = np.empty(len(raw), dtype=EVENT_DTYPE)
         events["time"], events["speed"], events["peak_force"], events["duration"] = raw[:, [0, 2, 3, 4]].T
-        codes, kinds = np.unique(raw[:, 1], return_inverse=True)
-        events["kind"] = np.array([self._kinds[int(code)] for code in codes])[kinds]
+        events["kind"] = self._kinds[raw[:, 1].astype(np.int64)]
         return events
 
     @property
@@ -240,11 +236,14 @@ class Simulator:
         `energy_residual` [J] is the part of the change of energy that the work of sliders, dampers and plates does not
         account for, `energy_exchanged` [J] the sum of these amounts of work.
         """
-        method = {"solver.method": self.scene["solver.method"]}
-        if method["solver.method"] != "exact":
-            method["solver.step"] = self.scene["solver.step"]
-        counts = {**self._counts, "steps": int(self._state.index[at.SEGMENTS]), **method}
-        if not self.scene["solver.audit"] or self.scene["solver.method"] != "exact":
+        counts: dict[str, int | str | float] = {}
+        for kind in np.flatnonzero(self._counts):
+            name = str(self._kinds[kind])
+            counts[name] = counts.get(name, 0) + int(self._counts[kind])
+        counts |= {"steps": int(self._state.index[at.SEGMENTS]), "solver.method": self.scene["solver.method"]}
+        if self.scene["solver.method"] != "exact":
+            return counts | {"solver.step": self.scene["solver.step"]}
+        if not self.scene["solver.audit"]:
             return counts
         return {**counts, "energy_residual": float(self._state.audit[at.RESIDUAL]),
                 "energy_exchanged": float(self._state.audit[at.EXCHANGED])}

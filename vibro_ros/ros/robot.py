@@ -2,19 +2,16 @@
 
 import argparse
 import json
-import platform
 import sys
 from collections.abc import Mapping, Sequence
-from importlib.metadata import PackageNotFoundError, version
 
-import numba
-import numpy as np
 from rclpy.executors import Executor
 from rclpy.node import Node
 from std_srvs.srv import SetBool
 
 from vibro_ros.model.parameters import SCENE_PARAMETERS, Value, checked_parameters
 from vibro_ros.model.scene import Scene
+from vibro_ros.provenance import provenance
 from vibro_ros.ros import process
 from vibro_ros.ros.diagnostics import Diagnostics
 from vibro_ros.ros.inputs import Inputs
@@ -70,7 +67,7 @@ def _operate(node: Node, executor: Executor, settings: Mapping[str, Value], scen
     outputs, inputs = Outputs(node, scene), Inputs(node)
     pacing = Pacing(settings["rate.real_time_factor"], settings["rate.max_catch_up"])
     start = node.get_clock().now().nanoseconds
-    metadata = _metadata(settings, scene, start)
+    metadata = _metadata(settings, scene, start, {**inputs.topics, **outputs.topics})
     plan = plan_recording(settings, inputs, outputs, metadata)
     offer_recovery(plan.directory, settings["record.recover"], log)
     # Signals become requests before the bag is opened, so that none can come between its opening and its sealing.
@@ -100,24 +97,10 @@ def _switch(recording: Recording, request: SetBool.Request, answer: SetBool.Resp
     return answer
 
 
-def _metadata(settings: Mapping[str, Value], scene: Scene, start: int) -> dict[str, str]:
-    """What the bag says of itself.
-
-    The scene, every parameter (JSON), the solver, the versions that a bit-identical replay needs, and the ROS time
-    [ns] of simulated time 0.
-    """
-    parameters = json.dumps({**settings, **scene.parameters})
-    solver = f"{scene['solver.method']}, tolerance {scene['solver.tolerance']:g} m"
-    return {"scene": str(settings["scene"]), "parameters": parameters, "solver": solver, "version": _version(),
-            "platform": f"{platform.machine()}, Python {platform.python_version()}, numpy {np.__version__}, "
-                        f"numba {numba.__version__}", "start": str(start)}
-
-
-def _version() -> str:
-    try:
-        return version("vibro_ros")
-    except PackageNotFoundError:  # run from a source folder that was never installed
-        return "unknown"
+def _metadata(settings: Mapping[str, Value], scene: Scene, start: int, topics: Mapping[str, str]) -> dict[str, str]:
+    """What the bag says of itself: `scene`, the `topics` by the robot's own names for them, and all of `provenance`."""
+    parameters = {**settings, **scene.parameters}
+    return {"scene": str(settings["scene"]), "topics": json.dumps(topics), **provenance(parameters, start)}
 
 
 def _parser() -> process.Parser:

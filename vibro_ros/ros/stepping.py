@@ -5,6 +5,7 @@ import time
 
 from rclpy.impl.rcutils_logger import RcutilsLogger
 
+from vibro_ros.message_fields import stamp_at
 from vibro_ros.ros.inputs import Inputs
 from vibro_ros.ros.outputs import Outputs, Record
 from vibro_ros.ros.pacing import Pacing
@@ -100,4 +101,4 @@ class Stepping:
         self._outputs.publish(self._device.state, self._device.take_events(), self._stamp_of, self._record)
 
     def _stamp_of(self, time: float) -> int:
-        return self._zero + round(time * 1e9)
+        return stamp_at(self._zero, time)
