@@ -1,4 +1,4 @@
-"""Makes `small_system` importable beside the tests."""
+"""Makes `small_system` and `from_python` importable beside the tests."""
 
 import sys
 from pathlib import Path

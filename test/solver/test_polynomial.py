@@ -4,9 +4,12 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
+from from_python import FromPython
 
-from vibro_ros.solver import polynomial as poly
+from vibro_ros.solver import polynomial
 from vibro_ros.solver.polynomial import LENGTH
+
+poly = FromPython(polynomial)
 
 RANDOM = np.random.default_rng(23)
 DECAYING = RANDOM.normal(size=(20, LENGTH)) * 0.3 ** np.arange(LENGTH)
@@ -129,4 +132,4 @@ def test_scale_argument():
 
 def test_kernels_do_not_allocate():
     """A 1 kHz loop must not collect garbage."""
-    assert poly.value.targetoptions["_nrt"] is False
+    assert polynomial.value.targetoptions["_nrt"] is False

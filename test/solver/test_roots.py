@@ -5,9 +5,14 @@ from math import comb
 
 import numpy as np
 import pytest
+from from_python import FromPython
 
-from vibro_ros.solver.polynomial import LENGTH, fill_powers
-from vibro_ros.solver.roots import NO_ROOT, first_root, maximum
+from vibro_ros.solver import polynomial, roots
+from vibro_ros.solver.polynomial import LENGTH
+from vibro_ros.solver.roots import NO_ROOT
+
+fill_powers = FromPython(polynomial).fill_powers
+first_root, maximum = FromPython(roots).first_root, FromPython(roots).maximum
 
 ROUNDING = 4e-15  # of an instant in [0, 1] where the guard's slope is of its coefficients' order
 

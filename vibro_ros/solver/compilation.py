@@ -10,7 +10,9 @@ import pkgutil
 
 import numba
 
-_OPTIONS = {"cache": True, "error_model": "numpy", "forceinline": True, "_nrt": False}
+_OPTIONS = {"error_model": "numpy", "_nrt": False}
+# Most kernels are parts of others: neither called from Python nor kept, they need not become machine code themselves.
+_PART = {"forceinline": True, "no_cpython_wrapper": True}
 
 
 def _cache_folder() -> str:
@@ -40,21 +42,26 @@ def _compiled(function, fastmath, **options):
 
 
 def kernel(function):
-    """Compile a kernel: inlined, without reference counts (it cannot allocate), fused multiply-add allowed,
-    reordering not."""
-    return _compiled(function, {"contract"})
-
-
-def called_kernel(function):
-    """Compile a kernel that is called, not inlined: what few systems need must not be compiled at every call."""
-    return _compiled(function, {"contract"}, forceinline=False)
+    """Compile a kernel that is part of others: inlined, without reference counts (it cannot allocate), fused
+    multiply-add allowed, reordering not."""
+    return _compiled(function, {"contract"}, **_PART)
 
 
 def rounding_kernel(function):
     """Compile a kernel that rounds every product, so that equal products cancel to exactly zero."""
-    return _compiled(function, False)
+    return _compiled(function, False, **_PART)
 
 
 def sum_kernel(function):
     """Compile a plain sum, in which the order of the terms does not matter and several are added at once."""
-    return _compiled(function, {"contract", "reassoc", "nsz"})
+    return _compiled(function, {"contract", "reassoc", "nsz"}, **_PART)
+
+
+def called_kernel(function):
+    """Compile a kernel that is called, not inlined: what few systems need must not be compiled at every call."""
+    return _compiled(function, {"contract"}, no_cpython_wrapper=True)
+
+
+def entry_kernel(function):
+    """Compile a kernel that Python calls, and keep it with all that is inlined into it."""
+    return _compiled(function, {"contract"}, cache=True)

@@ -6,8 +6,10 @@ so the trajectory is the same, bit for bit, however the time is cut up.
 
 import math
 
+import numpy as np
+
 from vibro_ros.solver.audit import close_audit, open_audit
-from vibro_ros.solver.compilation import kernel
+from vibro_ros.solver.compilation import entry_kernel, kernel
 from vibro_ros.solver.decay import decays, known_reach, resolve_decay
 from vibro_ros.solver.flow import solve_driven, solve_dynamic, weighted_sum
 from vibro_ros.solver.forcing import advance_forcing, choose_segment, fill_forcing, phase_at, place_of
@@ -124,13 +126,13 @@ def _begin_mode(system, state, point, same_flow):
     return _find_next_event(system, state)
 
 
-@kernel
+@entry_kernel
 def begin_segment(system, state, point):
     """Build the segment that starts with the positions and velocities of `point`; False on a lost root.
 
     `point`, shape (channels,), is overwritten.
     """
-    return _begin_mode(system, state, point, False)
+    return _begin_mode(system, state, point, np.bool_(False))  # a literal would be one more signature to compile
 
 
 @kernel
@@ -144,7 +146,7 @@ def _read(state, x, point):
             point[channel] = state.origin[channel]
 
 
-@kernel
+@entry_kernel
 def release_from(system, state, ramp, point, events, count):
     """At the segment's start, leave what cannot outlast a change of the ramp's rate; returns the number of events."""
     mode = system.unheld[state.index[MODE], ramp]
@@ -206,7 +208,7 @@ def _finite(point):
     return math.isfinite(total)
 
 
-@kernel
+@entry_kernel
 def advance(system, state, times, point, points, modes, phases, events):
     """Pass all events up to the last of `times` and sample there.
 
@@ -234,7 +236,7 @@ def advance(system, state, times, point, points, modes, phases, events):
     (int, int, int)
         Why it returned, number of samples taken, number of events recorded.
     """
-    count = 0
+    count = np.int64(0)  # see `begin_segment`
     # The most that one event records: a change of mode, a blow, every monitor, every ramp and its release, the speed.
     room = len(events) - 3 - len(state.monitor) - 2 * len(state.ramp)
     for k in range(len(times)):
@@ -256,7 +258,7 @@ def advance(system, state, times, point, points, modes, phases, events):
     return REACHED, len(times), count
 
 
-@kernel
+@entry_kernel
 def interrupt(system, state, time, point):
     """Move clock and forcing to `time`, within the current segment, and read all channels there into `point`.
 

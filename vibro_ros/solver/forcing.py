@@ -2,7 +2,7 @@
 
 import math
 
-from vibro_ros.solver.compilation import kernel
+from vibro_ros.solver.compilation import entry_kernel, kernel
 from vibro_ros.solver.polynomial import (
     LENGTH,
     copy,
@@ -262,7 +262,7 @@ def fill_forcing(system, state):
         state.scale[channel] = abs(z[channel, 0]) + abs(z[channel, 1])
 
 
-@kernel
+@entry_kernel
 def read_signals(system, state, values):
     """Values of the signals now, before the first segment: the very ones that its flow will start with."""
     choose_segment(system, state, math.inf)

@@ -2,7 +2,7 @@
 
 import math
 
-from vibro_ros.solver.compilation import kernel, sum_kernel
+from vibro_ros.solver.compilation import entry_kernel, kernel, sum_kernel
 from vibro_ros.solver.polynomial import fill_form
 from vibro_ros.solver.roots import maximum
 from vibro_ros.solver.state import APPROACH, ENTRANCE, GUARD, HALF, MODE, NEXT, PEAK, SINCE, START, START_RESIDUE
@@ -88,7 +88,7 @@ def switch_monitors(system, state, mode, time, point, events, count):
     return count
 
 
-@kernel
+@entry_kernel
 def evaluate_forms(forms, modes, points, values):
     """Values of each mode's linear forms at sampled points.
 
