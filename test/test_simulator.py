@@ -9,6 +9,7 @@ import pytest
 
 import vibro_ros
 from vibro_ros.model.slider import Slider
+from vibro_ros.solver.methods import SCHEMES
 
 SWINGING = {"effects.upper_contact": "none", "effects.inclined_contact": "none"}
 RAMP = {"effects.motor": "ramp", "motor.speed": 0.0}
@@ -363,8 +364,10 @@ def test_tolerance_and_method_override_the_scene():
         vibro_ros.simulate(scene, duration=0.1, rate=100.0, method="euler")
 
 
-@pytest.mark.parametrize("changes", [{}, {"effects.motor": "lag"}, {"upper.plate.stiffness": 1e9}])
-@pytest.mark.parametrize("name", ["device", "unilateral", "rigid"])
+@pytest.mark.parametrize(("name", "changes"), [
+    *((name, changes) for name in ("device", "unilateral", "rigid")
+      for changes in ({}, {"effects.motor": "lag"}, {"upper.plate.stiffness": 1e9})),
+    *(("rigid", {"solver.method": method, "solver.step": 1.3e-4}) for method in sorted(SCHEMES))])
 def test_a_device_goes_on_from_a_checkpoint_bit_for_bit(name, changes):
     scene = vibro_ros.load_scene(name).with_parameters(changes)
     device = vibro_ros.Simulator(scene)

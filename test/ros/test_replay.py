@@ -27,6 +27,7 @@ from vibro_ros.bag.stream import BagStream
 from vibro_ros.bag.writer import BagWriter, Storage
 from vibro_ros.ros import playback
 from vibro_ros.simulator import compile_kernels
+from vibro_ros.solver.methods import SCHEMES
 from vibro_ros.study import replay
 
 SECONDS = 5.0
@@ -135,6 +136,15 @@ def test_one_flipped_bit_of_a_state_is_named(recorded, tmp_path, capsys, bit):
     assert (f"({2**bit} ulp)" in out) == (bit < 63)  # the last one is the sign
 
 
+def test_a_spoilt_stamp_is_named_at_once(recorded, tmp_path, capsys):
+    def spoil(messages):
+        topic, stamp, data = messages[-1]
+        return [*messages[:-1], (topic, stamp + 10**18, data)]  # 32 years later
+
+    assert replay.main([str(rewritten(recorded, tmp_path / "spoilt", spoil))]) == 1
+    assert "recorded stamp: recorded " in capsys.readouterr().out
+
+
 @pytest.mark.parametrize("storage", [PLAIN, Storage("sqlite3")], ids=["mcap", "sqlite3"])
 def test_one_flipped_bit_in_the_file_is_caught(recorded, tmp_path, capsys, storage):
     """MCAP's checksums find it before the comparison does."""
@@ -237,6 +247,14 @@ def test_other_parameters_are_written_to_a_new_bag(recorded, capsys):
     assert replay.main([str(folders[0])]) == 0  # a whole bag, which can be replayed itself
 
 
+def test_what_auto_has_picked_is_recorded(recorded):
+    """It measures, and might pick another method the next time."""
+    assert replay.main([str(recorded), "--set", "solver.method=auto", "--set", "solver.tolerance=1e-3"]) == 0
+    folder = recorded.with_name(f"{recorded.name}_replay")
+    assert json.loads(read_bag(folder).metadata["parameters"])["solver.method"] in ("exact", *SCHEMES)
+    assert replay.main([str(folder)]) == 0
+
+
 @pytest.mark.parametrize(("words", "reason"), [
     (["--set", "guide.angel=1.2"], "guide.angel: unknown parameter; did you mean guide.angle?"),
     (["--set", "guide.angle"], "--set guide.angle: not a change; write name=value"),
@@ -334,7 +352,7 @@ def switch_on(bench) -> None:
 
 
 LATE = {"begun late": ("record.enabled:=false",), "snapshot": ("record.snapshot:=0.8",),
-        "beginning deleted": ("record.max_bytes:=1e6", "rate.publish:=1000.0")}
+        "beginning deleted": ("record.max_bytes:=2e6", "rate.publish:=1000.0")}
 
 
 @pytest.mark.parametrize("parameters", LATE.values(), ids=LATE)

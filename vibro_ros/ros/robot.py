@@ -77,7 +77,8 @@ def _operate(node: Node, executor: Executor, settings: Mapping[str, Value], scen
     pacing = Pacing(settings["rate.real_time_factor"], settings["rate.max_catch_up"])
     start = node.get_clock().now().nanoseconds
     checkpoint = Topic(f"{node.get_fully_qualified_name()}/{CHECKPOINT}", CHECKPOINT_TYPE, CHECKPOINT_DEPTH)
-    metadata = _metadata(settings, scene, start, {**inputs.topics, **outputs.topics, CHECKPOINT: checkpoint.name})
+    topics = {**inputs.topics, **outputs.topics, CHECKPOINT: checkpoint.name}
+    metadata = _metadata(settings, device.scene, start, topics)
     plan = replace(plan_recording(settings, inputs, outputs, metadata), checkpoint=checkpoint)
     offer_recovery(plan.directory, settings["record.recover"], log)
     # Signals become requests before the bag is opened, so that none can come between its opening and its sealing.

@@ -27,6 +27,10 @@ class Method(Protocol):
     def interrupt(self, state: State, time: float, point: np.ndarray) -> None:
         """Move clock and forcing to `time` and fill `point` with all channels; new rates and `begin` follow."""
 
+    @property
+    def memory(self) -> list[np.ndarray]:
+        """The arrays that the future depends on beside the state."""
+
 
 class Exact:
     """The event loop."""
@@ -45,6 +49,11 @@ class Exact:
     def interrupt(self, state, time, point):
         """See `Method`."""
         event_loop.interrupt(self._system, state, time, point)
+
+    @property
+    def memory(self):
+        """See `Method`."""
+        return []
 
 
 class FixedStep:
@@ -66,3 +75,8 @@ class FixedStep:
     def interrupt(self, state, time, point):
         """See `Method`."""
         fixed_step.interrupt(self._system, state, self._track, time, point)
+
+    @property
+    def memory(self):
+        """See `Method`."""
+        return [values for values in self._track if isinstance(values, np.ndarray)]

@@ -5,7 +5,7 @@ import struct
 from collections import Counter
 from dataclasses import dataclass, field
 
-from vibro_ros.bag.cdr import first_difference
+from vibro_ros.bag.cdr import deserialised, first_difference
 from vibro_ros.bag.robot_topics import CHECKPOINT, COMMANDS, ROBOT_TOPICS
 from vibro_ros.bag.stream import BagError, BagStream
 from vibro_ros.message_fields import joints_of
@@ -14,6 +14,8 @@ from vibro_ros.simulator import SimulationError
 from vibro_ros.study.rerun import Rerun, RunFacts, run_facts, ticks
 
 ABSENT = "no message"
+STAMPED = ("odom", "joint_states", "ground_contact")  # topics whose headers have the recorded stamp
+LONGEST_PAUSE = 10.0  # s of robot time without a message, after which a stamp is doubted
 
 
 @dataclass(frozen=True)
@@ -128,7 +130,7 @@ class _Comparing:
         if self._late and tick is not None:
             self._restore(tick, group)
             return None
-        if tick is None or tick <= self._rerun.tick:
+        if tick is None or tick <= self._rerun.tick or not self._is_likely(tick, stamp, group):
             return self._difference(group[0][0], stamp, "recorded stamp", stamp,
                                     self._facts.stamp(self._rerun.tick + 1))
         replayed = self._advance(tick)
@@ -142,6 +144,16 @@ class _Comparing:
         difference = self._match(stamp, group, replayed)
         self._command(group)
         return difference
+
+    def _is_likely(self, tick: int, stamp: int, group: list[tuple[str, bytes]]) -> bool:
+        """Whether a header bears a stamp out that lies far ahead: a spoilt one would cost years of simulation."""
+        if tick - self._rerun.tick < LONGEST_PAUSE * self._facts.rate or not self._recorded.intersection(STAMPED):
+            return True
+        try:
+            headers = [deserialised(data, ROBOT_TOPICS[name]).header.stamp for name, data in group if name in STAMPED]
+        except ValueError:
+            return False
+        return any(one.sec * 1_000_000_000 + one.nanosec == stamp for one in headers)
 
     def _restore(self, tick: int, group: list[tuple[str, bytes]]) -> None:
         """Begin at a bag's first checkpoint, of which the sample is already out, and its commands are not."""

@@ -106,6 +106,8 @@ class Rerun:
         Number of the last sample taken; -1 before the first.
     refused : int
         Commands that the device refused.
+    scene : Scene
+        What is simulated, with the method that `solver.method` auto has picked.
     """
 
     def __init__(self, facts: RunFacts, scene: Scene):
@@ -113,6 +115,7 @@ class Rerun:
         self.refused = 0
         self._facts = facts
         self._device = Simulator(scene)
+        self.scene = self._device.scene
         self._joints = fields.joints_of(scene)
         self._blank = {name: blank(kind) for name, kind in ROBOT_TOPICS.items()}
 

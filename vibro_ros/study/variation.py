@@ -48,11 +48,11 @@ def write_variation(bag: Path, changes: Mapping[str, object]) -> tuple[Path, str
         if stream.start > facts.start:
             raise BagError(f"{bag}: begins {(stream.start - facts.start) * 1e-9:.3f} s after the robot started, and "
                            "what another would have done until then is unknown; give a bag of the run's beginning")
-        scene = facts.scene.with_parameters(changes)
+        rerun = Rerun(facts, facts.scene.with_parameters(changes))
         writer = BagWriter(_new_folder(bag), defined(_topics(stream, facts)),
-                           _metadata(stream, facts, scene, changes), Storage())
+                           _metadata(stream, facts, rerun.scene, changes), Storage())
         try:
-            return writer.folder, _write(writer, _messages(stream, facts, scene))
+            return writer.folder, _write(writer, _messages(stream, facts, rerun))
         finally:
             writer.flush()
             writer.close({"written": str(writer.stored), "dropped": "0", "lost": "0"})
@@ -81,9 +81,8 @@ def _topics(stream: BagStream, facts: RunFacts) -> list[Topic]:
     return [Topic(names[name], kind, depths.get(names[name], QOS_DEPTH)) for name, kind in ROBOT_TOPICS.items()]
 
 
-def _messages(stream: BagStream, facts: RunFacts, scene: Scene) -> Iterator[tuple[int, str, bytes]]:
+def _messages(stream: BagStream, facts: RunFacts, rerun: Rerun) -> Iterator[tuple[int, str, bytes]]:
     """Recorded stamp [ns], the robot's own name of the topic, and message, of all that the changed robot records."""
-    rerun = Rerun(facts, scene)
     for stamp, group in ticks(stream, facts):
         tick = facts.tick(stamp)
         if tick is None or tick <= rerun.tick:
