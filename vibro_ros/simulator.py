@@ -1,16 +1,20 @@
 """The stateful device: commands in, samples and events out."""
 
+import functools
 import math
 import time as wall_clock
 
 import numpy as np
 
+from vibro_ros.choice import Choice, choose, chosen
+from vibro_ros.model.laws import contact_laws
 from vibro_ros.model.scene import Scene
 from vibro_ros.model.tables import MODE_EVENTS, compile_scene
 from vibro_ros.samples import EVENT_DTYPE, Run, Samples, sampled_quantities
 from vibro_ros.solver import event_loop
 from vibro_ros.solver import state as at
 from vibro_ros.solver.forcing import read_signals
+from vibro_ros.solver.methods import SCHEMES, Exact, FixedStep, Method
 from vibro_ros.solver.recording import EVENT_COLUMNS, MONITOR_KIND, PHASE_KIND, RAMP_KIND
 
 _EVENTS_AT_ONCE = 4096
@@ -41,21 +45,32 @@ class Simulator:
     Attributes
     ----------
     scene : Scene
-        What is simulated.
+        What is simulated; with `solver.method` auto, by the method and step that were picked.
+    choice : Choice or None
+        What auto has picked, and why.
     time : float
         Simulated time [s], from 0.
     """
 
     def __init__(self, scene: Scene):
-        self.scene = scene
+        self.choice: Choice | None = choose_method(scene) if scene["solver.method"] == "auto" else None
+        self.scene = chosen(scene, self.choice) if self.choice else scene
         self.time = 0.0
-        self._model = compile_scene(scene)
+        self._model = compile_scene(self.scene)
+        self._method = self._new_method()
         self._point = np.zeros(self._model.forms.channels.count)
         self._state = self._start()
         self._room = np.empty((_EVENTS_AT_ONCE, EVENT_COLUMNS))
         self._events: list[np.ndarray] = []
         self._counts: dict[str, int] = {}
         self._kinds = self._kind_names()
+
+    def _new_method(self) -> Method:
+        model, name, step = self._model, self.scene["solver.method"], self.scene["solver.step"]
+        if name == "exact":
+            return Exact(model.system)
+        laws = contact_laws(self.scene, model.forms, model.modes, step) if name == "moreau" else None
+        return FixedStep(model.system, SCHEMES[name], step, laws)
 
     def _start(self) -> at.State:
         model, scene = self._model, self.scene
@@ -101,7 +116,7 @@ class Simulator:
         speed = None if motor_speed is None else self.scene.checked_motor_speed(motor_speed)
         gaps = {side: self.scene.checked_gap(side, gap)
                 for side, gap in (("upper", upper_gap), ("inclined", inclined_gap)) if gap is not None}
-        event_loop.interrupt(self._model.system, self._state, self.time, self._point)
+        self._method.interrupt(self._state, self.time, self._point)
         if speed is not None:
             self._command_speed(speed)
         for side, gap in gaps.items():
@@ -136,13 +151,15 @@ class Simulator:
             ramp[at.TIME] = abs(difference) / self.scene["gap_actuator.speed"]
 
     def _begin_segment(self, state: at.State) -> None:
-        if not event_loop.begin_segment(self._model.system, state, self._point):
+        if not self._method.begin(state, self._point):
             self._fail(event_loop.ROOT_LOST, state)
 
     def _fail(self, status: int, state: at.State) -> None:
-        mode = self._model.modes[state.index[at.MODE]]
+        mode, step = self._model.modes[state.index[at.MODE]], self.scene["solver.step"]
+        remedy = "please report the scene" if self.scene["solver.method"] == "exact" else (
+            f"{self.scene['solver.method']} may need a solver.step below {step:g} s, or use solver.method exact")
         raise SimulationError(f"at {state.clock[at.START]:.9g} s in mode {', '.join(mode.states)}: {_CAUSES[status]}; "
-                              "please report the scene")
+                              f"{remedy}")
 
     def advance_to(self, time: float) -> None:
         """Advance to the absolute instant `time` [s]; the trajectory does not depend on how time is cut up.
@@ -184,8 +201,8 @@ class Simulator:
         modes, phases = np.empty(n, dtype=np.int64), np.empty((n, 3))
         done, status = 0, event_loop.EVENTS_FULL
         while status == event_loop.EVENTS_FULL:
-            status, taken, count = event_loop.advance(self._model.system, self._state, times[done:], self._point,
-                                                      points[done:], modes[done:], phases[done:], self._room)
+            status, taken, count = self._method.advance(self._state, times[done:], self._point, points[done:],
+                                                        modes[done:], phases[done:], self._room)
             done += taken
             self._keep(self._room[:count])
         if status != event_loop.REACHED:
@@ -217,24 +234,50 @@ class Simulator:
 
     @property
     def statistics(self) -> dict:
-        """Events by kind; `steps`, the segments of the event loop; and, with `solver.audit`, the energy of the masses.
+        """Events by kind; `steps`, the segments of the event loop; `solver.method`, and `solver.step` if it has one;
+        and, with `solver.audit` and the method exact, the energy of the masses.
 
         `energy_residual` [J] is the part of the change of energy that the work of sliders, dampers and plates does not
         account for, `energy_exchanged` [J] the sum of these amounts of work.
         """
-        counts = {**self._counts, "steps": int(self._state.index[at.SEGMENTS])}
-        if not self.scene["solver.audit"]:
+        method = {"solver.method": self.scene["solver.method"]}
+        if method["solver.method"] != "exact":
+            method["solver.step"] = self.scene["solver.step"]
+        counts = {**self._counts, "steps": int(self._state.index[at.SEGMENTS]), **method}
+        if not self.scene["solver.audit"] or self.scene["solver.method"] != "exact":
             return counts
         return {**counts, "energy_residual": float(self._state.audit[at.RESIDUAL]),
                 "energy_exchanged": float(self._state.audit[at.EXCHANGED])}
 
 
-def compile_kernels() -> None:
-    """Compile the numerical kernels, or load them from the cache, before a clock starts."""
-    device = Simulator(Scene())
-    device.advance_to(0.001)
-    device.command(motor_speed=1.0)
-    device._sample(np.array([0.001]))
+def compile_kernels(method: str = "exact") -> None:
+    """Compile the numerical kernels of a `solver.method`, or load them from the cache, before a clock starts."""
+    for name in ("exact", "rk4") if method == "auto" else (method,):  # all steps of fixed length are one kernel
+        device = Simulator(Scene(parameters={"solver.method": name}))
+        device.advance_to(0.001)
+        device.command(motor_speed=1.0)
+        device._sample(np.array([0.001]))
+
+
+@functools.lru_cache(maxsize=64)
+def choose_method(scene: Scene) -> Choice:
+    """What `solver.method` auto picks for `scene`; measured once in a process."""
+    compile_kernels("auto")
+    return choose(scene, _measure)
+
+
+def _measure(scene: Scene, times: np.ndarray) -> tuple[np.ndarray, float]:
+    """For `choice.choose`: the cost is that of the time after the last sample, when what is kept for later is there."""
+    device = Simulator(scene)
+    try:
+        samples = device.sample(times)
+        began = wall_clock.thread_time()  # not that of whatever else the machine does
+        device.advance_to(2.0 * times[-1])
+        seconds = wall_clock.thread_time() - began
+    except SimulationError:
+        return np.full((1, len(times)), math.nan), math.inf
+    return np.array([samples.body_position, samples.body_height, samples.upper_position,
+                     samples.inclined_position]), seconds
 
 
 def simulate(scene: Scene, duration: float | None = None, rate: float | None = None,

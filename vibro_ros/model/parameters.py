@@ -177,8 +177,13 @@ SCENE_PARAMETERS: tuple[Parameter, ...] = (
               choices=("ideal", "ramp", "lag")),
     Parameter("solver.audit", False, "", "balance the masses' energy on every segment; costs time, changes nothing"),
     Parameter("solver.tolerance", 1e-9, "m", "error of a position over a short horizon that may not be exceeded; "
-              "`exact` stays below all that may be asked for", minimum=1e-12, maximum=1e-3),
-    Parameter("solver.method", "exact", "", "integration method", choices=("exact",)),
+              "`exact` stays below all that may be asked for, at the same cost", minimum=1e-12, maximum=1e-3),
+    Parameter("solver.method", "exact", "", "exact: event by event, to rounding; auto: the cheapest that keeps "
+              "solver.accuracy; the others: steps of fixed length, blind to events within a step",
+              choices=("exact", "auto", "rk4", "semi_implicit_euler", "moreau")),
+    Parameter("solver.step", 1e-5, "s", "step of a method of fixed step", minimum=1e-8, maximum=0.01),
+    Parameter("solver.accuracy", 1e-6, "m", "error of a position over 0.2 s that the method auto may leave",
+              minimum=1e-12, maximum=0.01),
 )
 
 

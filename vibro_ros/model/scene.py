@@ -12,6 +12,9 @@ from vibro_ros.model.parameters import SCENE_PARAMETERS, Value, checked_paramete
 #: so 5e6 steps, some ten seconds, a simulated second. 1 g on 1e9 N/m has a rate of 1e6 1/s.
 FASTEST_RATE = 1e7
 
+#: Least tolerance as a part of the rods' length: 4500 times the rounding of a number.
+LEAST_TOLERANCE = 1e-12
+
 _BY_NAME = {parameter.name: parameter for parameter in SCENE_PARAMETERS}
 _DEFAULTS = {parameter.name: parameter.default for parameter in SCENE_PARAMETERS}
 
@@ -44,6 +47,7 @@ class Scene:
         self._check_friction()
         self._check_blows()
         self._check_rates()
+        self._check_tolerance()
         self.checked_motor_speed(self["motor.speed"])
         for side in ("upper", "inclined"):
             self.checked_gap(side, self[f"{side}.gap"])
@@ -165,6 +169,14 @@ class Scene:
                 raise ValueError(f"{name}: {value:g} {_BY_NAME[name].unit} moves mass.{side}, {mass:g} kg, faster than "
                                  f"{FASTEST_RATE:g} 1/s, which takes too long to simulate; give a mass of at least "
                                  f"{lightest:g} kg, or less stiffness and damping")
+
+    def _check_tolerance(self):
+        """A position is not known better than to some thousand roundings of the mechanism's length."""
+        length = max(self[f"crank.{side}_rod"] for side in self.guides) if self.guides else 0.0
+        for name in ("solver.tolerance", "solver.accuracy"):
+            if self[name] < LEAST_TOLERANCE * length:
+                raise ValueError(f"{name}: {self[name]:g} m is below what rounding allows with rods of {length:g} m; "
+                                 f"give at least {LEAST_TOLERANCE * length:g} m")
 
     @property
     def total_mass(self) -> float:

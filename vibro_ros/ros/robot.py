@@ -48,7 +48,7 @@ def _run(words: Sequence[str]) -> int:
         check_addressed(files, node.get_fully_qualified_name())
         settings, scene = _configure(node)
         node.get_logger().info(f"scene {settings['scene']}; compiling (the first time takes a while) ...")
-        compile_kernels()
+        compile_kernels(scene["solver.method"])
         return _operate(node, executor, settings, scene)
 
 
@@ -65,6 +65,8 @@ def _configure(node: Node) -> tuple[dict[str, Value], Scene]:
 def _operate(node: Node, executor: Executor, settings: Mapping[str, Value], scene: Scene) -> int:
     """Step, publish, record and listen until a signal or a failure."""
     log, device = node.get_logger(), Simulator(scene)
+    if device.choice:
+        log.info(f"solver.method auto: {device.choice}")
     outputs, inputs = Outputs(node, scene), Inputs(node)
     pacing = Pacing(settings["rate.real_time_factor"], settings["rate.max_catch_up"])
     start = node.get_clock().now().nanoseconds

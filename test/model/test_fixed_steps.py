@@ -1,0 +1,184 @@
+"""Methods of fixed step: their orders of convergence, what they keep exactly, and what they may miss."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+import vibro_ros
+
+METHODS = ("rk4", "semi_implicit_euler", "moreau")
+SMOOTH = {"effects.friction": "none", "effects.upper_contact": "none", "effects.inclined_contact": "none",
+          "upper.spring.damping": 2.0, "inclined.spring.damping": 2.0}
+TURNING = {"motor.speed": 100.0, "solver.audit": False}
+POSITIONS = ("upper_position", "inclined_position", "body_position")
+
+
+def scene(name, changes=None):
+    return vibro_ros.load_scene(name).with_parameters(TURNING | (changes or {}))
+
+
+def errors(made, method, step, end=0.1):
+    """Largest errors of the positions [m] over `end` seconds."""
+    times = np.linspace(0.0, end, 101)
+    exact = vibro_ros.simulate(made, times=times)
+    found = vibro_ros.simulate(made.with_parameters({"solver.method": method, "solver.step": step}), times=times)
+    return np.array([np.abs(getattr(found, name) - getattr(exact, name)).max() for name in POSITIONS])
+
+
+def order(made, method, steps):
+    """Slope of log(error) over log(step) through many steps, by position."""
+    found = [errors(made, method, step) for step in steps]
+    return np.polyfit(np.log(steps), np.log(found), 1)[0]
+
+
+@pytest.mark.parametrize(("method", "expected", "steps"), [
+    ("rk4", 4.0, [2e-3, 1e-3, 5e-4, 2.5e-4]), ("semi_implicit_euler", 1.0, [4e-4, 2e-4, 1e-4, 5e-5]),
+    ("moreau", 1.0, [4e-5, 2e-5, 1e-5])])
+@pytest.mark.parametrize("changes", [{}, {"effects.reaction": True, "effects.mass_weight": True}])
+def test_order_without_events(method, expected, steps, changes):
+    """The next power adds a share of a few per cent at these steps."""
+    found = order(scene("unilateral", SMOOTH | changes), method, steps)
+    np.testing.assert_allclose(found, expected, rtol=0, atol=0.1)
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("name", ["rigid", "device"])
+def test_order_one_when_events_are_crossed_blindly(method, name):
+    """Where in its step an event falls scatters the errors by a factor of a few, and so the slope through 24 steps over
+    two decades by 0.2; fourth order is far off."""
+    found = order(scene(name), method, np.geomspace(1e-4, 1e-6, 24))
+    assert 0.7 < np.mean(found[:2]) < 1.3, found
+
+
+def test_kicked_half_a_step_late_euler_is_second_order_from_rest():
+    """Without dampers it is the leapfrog, half a step off in the velocities, which are zero at the start."""
+    found = order(scene("unilateral", SMOOTH | {"upper.spring.damping": 0.0, "inclined.spring.damping": 0.0}),
+                  "semi_implicit_euler", [4e-4, 2e-4, 1e-4])
+    np.testing.assert_allclose(found, 2.0, rtol=0, atol=0.1)
+
+
+def trajectory(method, name, piece):
+    device = vibro_ros.Simulator(scene(name, {"solver.method": method, "solver.step": 2e-5, "effects.motor": "ramp"}))
+    states, events = [], []
+    for instant, change in ((0.0412345, {"motor_speed": 90.0, "upper_gap": 0.0002}), (0.05, {"inclined_gap": -0.0001}),
+                            (0.12, {})):
+        while device.time + piece < instant:
+            device.advance_to(device.time + piece)
+            events.append(device.take_events())
+        device.advance_to(instant)
+        states.append(dataclasses.astuple(device.state))
+        device.command(**change)
+    return np.array(states), np.concatenate([*events, device.take_events()])
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("name", ["device", "rigid", "paper"])
+def test_every_cut_of_time_gives_the_same_bits(method, name):
+    whole, events = trajectory(method, name, np.inf)
+    assert np.isfinite(whole).all() and {"motor_ramp_end", "gap_reached"} & set(events["kind"])
+    for piece in (1e-3, 0.37e-3, 7e-6 * np.pi):
+        states, found = trajectory(method, name, piece)
+        np.testing.assert_array_equal(states, whole, err_msg=f"pieces of {piece} s")
+        assert found.tobytes() == events.tobytes()
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("name", ["paper", "unilateral", "damped", "rigid", "device"])
+def test_commands_between_the_steps_act_as_they_do_exactly(method, name):
+    """First order: at 5e-7 s what an event or an implicit contact is off by stays below 1e-3 m within 0.08 s."""
+    ends = []
+    for solver in ({}, {"solver.method": method, "solver.step": 5e-7}):
+        device = vibro_ros.Simulator(scene(name, {"effects.motor": "lag", **solver}))
+        device.advance_to(0.01234567)
+        device.command(motor_speed=60.0, upper_gap=0.0002)
+        device.advance_to(0.08)
+        ends.append(device.state)
+    assert ends[1].crank_angle == pytest.approx(ends[0].crank_angle, abs=1e-10)  # rad; 160000 roundings of it
+    assert ends[1].motor_speed == pytest.approx(ends[0].motor_speed, abs=1e-10)
+    assert ends[1].upper_plate_position == pytest.approx(ends[0].upper_plate_position, abs=1e-15)
+    for position in POSITIONS:
+        assert getattr(ends[1], position) == pytest.approx(getattr(ends[0], position), abs=1e-3)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_a_body_that_never_slips_stays_where_it_is_exactly(method):
+    """20 N of spring force at most, away from resonance, against 35 N of friction."""
+    run = vibro_ros.simulate(scene("no_impact", {"ground.friction": 3.0, "motor.speed": 30.0, "solver.step": 1e-4}),
+                             duration=0.5, rate=1e4, method=method)
+    assert not np.any(run.body_velocity) and not np.any(run.body_position)
+    assert "slip_forward" not in run.statistics and "slip_backward" not in run.statistics
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("friction", ["coulomb", "static"])
+def test_a_body_that_comes_to_rest_has_no_speed_at_all(method, friction):
+    made = scene("no_impact", {"motor.speed": 60.0, "effects.friction": friction, "ground.friction": 0.5,
+                               "ground.static_friction": 0.6, "solver.step": 1e-4})
+    run = vibro_ros.simulate(made, duration=1.0, rate=1e4, method=method)
+    events = run.events[np.isin(run.events["kind"], ["stick", "slip_forward", "slip_backward"])]
+    stuck = [(begun["time"], ended["time"]) for begun, ended in zip(events[:-1], events[1:], strict=True)
+             if begun["kind"] == "stick"]
+    assert sum(ended - begun for begun, ended in stuck) > 0.1  # s
+    for begun, ended in stuck:
+        within = (run.time > begun + 1e-9) & (run.time < ended - 1.5e-4)  # s; the last step ends in slip
+        assert not np.any(run.body_velocity[within])
+
+
+def test_time_stepping_does_not_enter_a_rigid_plate_and_rests_quietly():
+    run = vibro_ros.simulate(scene("rigid", {"solver.step": 1e-4}), duration=0.3, rate=1e4, method="moreau")
+    for side in ("upper", "inclined"):
+        depth = getattr(run, f"{side}_position") - getattr(run, f"{side}_plate_position")
+        assert depth.max() <= 1e-15  # m; of 0.06 m: rounding
+    contacts = run.events[np.char.endswith(run.events["kind"], "contact")]
+    exact = vibro_ros.simulate(scene("rigid"), duration=0.3, rate=1e4).events
+    assert 0 < len(contacts) <= np.char.endswith(exact["kind"], "contact").sum()  # bounces below a step are left out
+
+
+def test_time_stepping_rebounds_by_newtons_law():
+    times = np.linspace(0.0, 0.065, 6501)
+    run = vibro_ros.simulate(scene("rigid", {"solver.step": 1e-5, "upper.plate.restitution": 0.5}), times=times,
+                             method="moreau")
+    blow = next(event for event in run.events if event["kind"] == "upper_contact" and event["speed"] > 1.0)
+    after = run.upper_velocity[np.argmin(np.abs(times - blow["time"]))]
+    assert after == pytest.approx(-0.5 * blow["speed"], abs=1e-12)
+    # The body feels the blow on the upper plate in its normal force alone: no friction in that step, and no jump.
+    assert np.isinf(blow["peak_force"])
+
+
+def test_time_stepping_stays_bounded_where_rk4_does_not():
+    """A step of three of the contact's time constants."""
+    made = scene("damped", {"solver.step": 1e-3})
+    with pytest.raises(vibro_ros.SimulationError, match="rk4 may need a solver.step below 0.001 s"):
+        vibro_ros.simulate(made, duration=5.0, rate=100.0, method="rk4")
+    run = vibro_ros.simulate(made, duration=5.0, rate=100.0, method="moreau")
+    assert np.abs(run.upper_position).max() < 0.09  # m; the slider's highest point is at 0.08
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_contacts_are_recorded_at_step_resolution(method):
+    exact, found = (vibro_ros.simulate(scene("damped", changes), duration=0.08, rate=1e3).events
+                    for changes in ({}, {"solver.method": method, "solver.step": 1e-6}))
+    for side in ("upper", "inclined"):
+        (first, *_), (other, *_) = (events[(events["kind"] == f"{side}_contact") & (events["speed"] > 1.0)]
+                                    for events in (exact, found))
+        # A step, and what the mass is late by: first order, some steps of drift within 0.07 s.
+        assert other["time"] == pytest.approx(first["time"], abs=1e-4)
+        assert other["speed"] == pytest.approx(first["speed"], rel=0.02)
+        assert other["peak_force"] == pytest.approx(first["peak_force"], rel=0.05)
+        assert other["duration"] == pytest.approx(first["duration"], abs=2e-5)
+
+
+def test_statistics_say_method_and_step():
+    run = vibro_ros.simulate(scene("device", {"solver.step": 1e-4, "solver.audit": True}), duration=0.1, rate=10.0,
+                             method="moreau")
+    assert run.statistics["solver.method"] == "moreau" and run.statistics["solver.step"] == 1e-4
+    assert run.statistics["steps"] in (1000, 1001)
+    assert "energy_residual" not in run.statistics  # there is no segment to balance
+
+
+@pytest.mark.parametrize(("name", "value"), [("solver.step", 0.0), ("solver.step", 1.0), ("solver.accuracy", 1e-13),
+                                             ("solver.method", "euler")])
+def test_settings_out_of_range_are_refused(name, value):
+    with pytest.raises(ValueError, match=f"{name}: .* (give a number from|choose one of)"):
+        scene("paper", {name: value})
