@@ -9,7 +9,7 @@ interpolated, by cubic Hermite polynomials of the positions and of the velocitie
 
 import math
 
-from vibro_ros.solver.compilation import kernel
+from vibro_ros.solver.compilation import entry_kernel, kernel
 from vibro_ros.solver.event_loop import DIVERGED, EVENTS_FULL, REACHED, release_from
 from vibro_ros.solver.forcing import advance_clock, place_of
 from vibro_ros.solver.instant import accelerate, fill_forcing_at, move_forcing, phase_after
@@ -150,7 +150,7 @@ def _finish_step(system, state, track):
     state.index[SEGMENTS] += 1
 
 
-@kernel
+@entry_kernel
 def begin(system, state, track, point):
     """Begin the grid now, with the positions and velocities of `point`, shape (channels,)."""
     state.clock[HALF] = 0.5 * track.step
@@ -200,7 +200,7 @@ def _finite(z):
     return math.isfinite(total)
 
 
-@kernel
+@entry_kernel
 def advance(system, state, track, times, points, modes, phases, events):
     """Take all steps up to the last of `times` and sample there; as `event_loop.advance`."""
     count = 0
@@ -221,7 +221,7 @@ def advance(system, state, track, times, points, modes, phases, events):
     return REACHED, len(times), count
 
 
-@kernel
+@entry_kernel
 def interrupt(system, state, track, time, point):
     """Move clock and forcing to `time`, within the present step, and read all channels there into `point`; as
     `event_loop.interrupt`, and `begin` is to follow."""
