@@ -24,7 +24,7 @@ from vibro_ros.study.precision_text import finding, markdown, recommendations, r
 
 BAD_INPUT, INTERRUPTED = 2, 130
 TABLE, TEXT = "accuracy.csv", "accuracy.md"
-_PACKAGES = ("vibro_ros", "numpy", "numba", "scipy", "heyoka")
+_PACKAGES = ("numpy", "numba", "scipy", "heyoka")
 _LEAST_HORIZON = 1e-3  # s, one sample
 
 
@@ -45,14 +45,17 @@ def row_writer(path: Path):
 
 def machine() -> str:
     """What costs depend on: versions, processor, date."""
-    versions = [f"Python {platform.python_version()}"]
-    for package in _PACKAGES:
-        try:
-            versions.append(f"{package} {metadata.version(package)}")
-        except metadata.PackageNotFoundError:
-            versions.append(f"no {package}")
+    versions = [f"vibro_ros {_version('vibro_ros') or 'from source'}", f"Python {platform.python_version()}"]
+    versions += [f"{package} {version}" if (version := _version(package)) else f"no {package}" for package in _PACKAGES]
     return (f"{', '.join(versions)}; {platform.system()} {platform.machine()}, {os.cpu_count()} cores; "
             f"{datetime.now(timezone.utc):%Y-%m-%d}")
+
+
+def _version(package: str) -> str | None:
+    try:
+        return metadata.version(package)
+    except metadata.PackageNotFoundError:
+        return None
 
 
 class Accuracy:

@@ -64,16 +64,18 @@ class Growth:
 
 @dataclass(frozen=True)
 class Average:
-    """A mean over starts, and half the width of its 95 % confidence interval."""
+    """A mean over starts, half the width of its 95 % confidence interval, and how many of the starts are positive."""
 
     mean: float
     spread: float
+    positive: int
 
 
 def average(values: np.ndarray) -> Average:
     """Mean of independent values, and its interval by Student's distribution."""
     error = float(np.std(values, ddof=1)) / math.sqrt(len(values))
-    return Average(float(np.mean(values)), float(student.ppf(0.975, len(values) - 1)) * error)
+    return Average(float(np.mean(values)), float(student.ppf(0.975, len(values) - 1)) * error,
+                   int(np.sum(values > 0.0)))
 
 
 def cruising_speed(scene: Scene) -> float:

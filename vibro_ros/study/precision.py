@@ -21,11 +21,13 @@ TRAJECTORY, AVERAGE, REFERENCE = "trajectory", "mean speed", "reference"
 #: Step of the baseline [s].
 BASELINE_STEP = 1e-5
 #: Steps [s] at which mean speeds are measured.
-AVERAGE_STEPS = (1e-3, 3e-4, 1e-4, 3e-5, 1e-5)
+AVERAGE_STEPS = (1e-3, 3e-4, 1e-4, 3e-5, 1e-5, 3e-6, 1e-6)
 _RATE = 1000.0  # samples per second
 _FINEST_EXACT, _FINEST_PEER, _FINEST_LOCATED = 1e-12, 1e-15, 1e-13  # tolerances
 # Starts for the exact mean, times those of the others: it is what they are measured against, and cheap.
 _MORE_STARTS = 4
+# A mean speed is one row of many runs: so many times `Effort.patience` ends its ladder.
+_MORE_PATIENCE = 4.0
 
 
 @dataclass(frozen=True)
@@ -39,7 +41,8 @@ class Effort:
     horizon : float or None
         Time over which trajectories are compared [s]; by the Lyapunov time if None.
     patience : float
-        A row's runs [s] after which it is not repeated, and after which its method's ladder goes no further.
+        A row's runs [s] after which it is not repeated, and after which its method's ladder goes no further; four
+        times that for a mean speed.
     starts : int
         Starts of a mean speed, at least 2.
     duration : float
@@ -58,9 +61,9 @@ class Row:
     """A line of the table; NaN where a number does not apply.
 
     `compared` is `TRAJECTORY` (the errors are distances within `horizon`), `AVERAGE` (`mean_speed` and its 95 %
-    interval, over `repeats` starts of `horizon` seconds) or `REFERENCE` (the errors are those of the exact method
-    against the independent method named). `cost` is a ratio to the baseline's, `wall_time` in seconds; lengths in m,
-    times in s, speeds in m/s.
+    interval, over `repeats` starts of `horizon` seconds, of which `starts_forwards` have a positive one) or
+    `REFERENCE` (the errors are those of the exact method against the independent method named). `cost` is a ratio to
+    the baseline's, `wall_time` in seconds; lengths in m, times in s, speeds in m/s.
     """
 
     scene: str
@@ -78,6 +81,7 @@ class Row:
     speed_error: float = math.nan
     mean_speed: float = math.nan
     mean_speed_spread: float = math.nan
+    starts_forwards: int = 0
     note: str = ""
 
     @property
@@ -217,8 +221,8 @@ class SceneStudy:
                 continue
             wall_time = wall_clock.perf_counter() - began
             yield self._row(AVERAGE, name, kind, value, horizon=effort.duration, repeats=starts, wall_time=wall_time,
-                            mean_speed=found.mean, mean_speed_spread=found.spread)
-            if wall_time > 4.0 * effort.patience:
+                            mean_speed=found.mean, mean_speed_spread=found.spread, starts_forwards=found.positive)
+            if wall_time > _MORE_PATIENCE * effort.patience:
                 return
 
 

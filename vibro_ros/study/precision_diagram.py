@@ -84,8 +84,8 @@ def _draw_speeds(axes: Axes, rows: Sequence[Row]) -> None:
                       yerr=[row.mean_speed_spread for row in own], color=_colour(name), marker="o", ms=4, capsize=3)
     axes.set_xscale("log")
     if averages:
-        axes.set_title(f"averages, beyond the horizon: {averages[-1].repeats} starts of {averages[-1].horizon:g} s, "
-                       "95 % intervals; black: exact, light: ± 5 %", fontsize=10, loc="left")
+        axes.set_title(f"averages, beyond the horizon: {averages[-1].repeats} starts of {averages[-1].horizon:g} s\n"
+                       "95 % intervals; black: exact, light band: ± 5 %", fontsize=10, loc="left")
     axes.set_xlabel("step [s]")
     axes.set_ylabel("mean speed [m/s]")
     _tidy(axes)

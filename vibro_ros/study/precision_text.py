@@ -21,12 +21,12 @@ def reference_of(rows: Sequence[Row]) -> Row:
 def markdown(rows: Sequence[Row]) -> str:
     """Both tables of one scene: trajectories, and mean speeds."""
     reference = reference_of(rows)
-    lines = [f"Trajectories, compared within {reference.horizon:g} s (errors: largest distances; a run: 1 in the "
-             "column `runs`)", "", _line(_HEADING), "|---" * len(_HEADING) + "|"]
+    lines = [f"Trajectories, compared within {reference.horizon:g} s; errors are the largest within it.", "",
+             _line(_HEADING), "|---" * len(_HEADING) + "|"]
     lines += [_line(_trajectory(row, reference)) for row in rows if row.compared == TRAJECTORY]
     averages = [row for row in rows if row.compared == AVERAGE]
     if averages:
-        lines += ["", "Averages beyond the horizon: mean speed of the body, 95 % confidence interval over starts", "",
+        lines += ["", "Averages, beyond the horizon: mean speed of the body, 95 % confidence interval over starts.", "",
                   "| method | setting | starts | of | mean speed | |\n|---|---|---|---|---|---|"]
         lines += [_line((row.method, _setting(row), row.repeats, f"{row.horizon:g} s",
                          f"{1e3 * row.mean_speed:.2f} ± {1e3 * row.mean_speed_spread:.2f} mm/s"
@@ -59,6 +59,10 @@ def finding(rows: Sequence[Row], method: str = "rk4") -> str:
     first = "at no step tried" if good == len(own) else f"from dt = {own[good].value:g} s down"
     text = f"Finding: {method} reports the mean speed within {WITHIN:.0%} {first} ({truth}"
     text += f"; {method}: {_speed(own[good])})." if good < len(own) else ")."
+    failed = [f"{row.value:g} s" for row in rows if row.compared == AVERAGE and row.method == method
+              and not math.isfinite(row.mean_speed)]
+    if failed:
+        text += f" It cannot go on at all at {', '.join(failed)}."
     if good:
         text += " Before that: " + "; ".join(_verdict(row, exact) for row in own[:good]) + "."
     else:
@@ -100,6 +104,8 @@ def _verdict(row: Row, exact: Row) -> str:
         sign = "sign not known"
     else:
         sign = "right sign" if row.mean_speed * exact.mean_speed > 0.0 else "WRONG SIGN"
+    wrong = row.starts_forwards if exact.mean_speed < 0.0 else row.repeats - row.starts_forwards
+    sign += f" ({wrong} of {row.repeats} starts the wrong way)"
     return f"{row.value:g} s: {_speed(row)}, {row.mean_speed / exact.mean_speed - 1.0:+.0%}, {sign}"
 
 
