@@ -65,6 +65,7 @@ setup(
             "accuracy = vibro_ros.study.accuracy:main",
             "controller = vibro_ros.ros.controller:main",
             "recover = vibro_ros.study.recover:main",
+            "replay = vibro_ros.study.replay:main",
             "report = vibro_ros.study.report:main",
             "robot = vibro_ros.ros.robot:main",
         ],

@@ -361,3 +361,33 @@ def test_tolerance_and_method_override_the_scene():
         vibro_ros.simulate(scene, duration=0.1, rate=100.0, tolerance=1e-15)
     with pytest.raises(ValueError, match="solver.method: 'euler' is unknown; choose one of exact"):
         vibro_ros.simulate(scene, duration=0.1, rate=100.0, method="euler")
+
+
+@pytest.mark.parametrize("changes", [{}, {"effects.motor": "lag"}, {"upper.plate.stiffness": 1e9}])
+@pytest.mark.parametrize("name", ["device", "unilateral", "rigid"])
+def test_a_device_goes_on_from_a_checkpoint_bit_for_bit(name, changes):
+    scene = vibro_ros.load_scene(name).with_parameters(changes)
+    device = vibro_ros.Simulator(scene)
+    device.command(motor_speed=110.0, upper_gap=5e-4)
+    device.advance_to(0.777)  # amid ramps, with a history of its own
+    device.take_events()
+    follower = vibro_ros.Simulator(scene)
+    follower.advance_to(2.0)
+    follower.restore(device.checkpoint())
+    assert follower.time == device.time
+    ends = []
+    for one in (device, follower):
+        one.advance_to(1.1)
+        one.command(motor_speed=60.0, inclined_gap=-2e-4)
+        samples = one.sample(np.arange(1.2, 2.0, 0.01))
+        ends.append([getattr(samples, field).tobytes() for field in samples.__dataclass_fields__]
+                    + [one.take_events().tobytes()])
+    assert ends[0] == ends[1]
+
+
+def test_a_checkpoint_of_another_scene_is_refused():
+    device = vibro_ros.Simulator(vibro_ros.load_scene("device"))
+    before = device.checkpoint()
+    with pytest.raises(ValueError, match="same scene and version"):
+        device.restore(before[:-1])
+    assert device.checkpoint().tobytes() == before.tobytes()

@@ -1,9 +1,29 @@
 """A vibro-impact robot as a virtual device, with physics to be trusted to the last digit."""
 
-from vibro_ros.model.scene import Scene
-from vibro_ros.parallel import simulate_many
-from vibro_ros.scene_file import load_scene
-from vibro_ros.simulator import SimulationError, Simulator, simulate
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
 
-__all__ = ["Scene", "SimulationError", "Simulator", "load_scene", "simulate",
-           "simulate_many"]
+if TYPE_CHECKING:
+    from vibro_ros.bag.reader import read_bag
+    from vibro_ros.model.scene import Scene
+    from vibro_ros.parallel import simulate_many
+    from vibro_ros.scene_file import load_scene
+    from vibro_ros.simulator import SimulationError, Simulator, simulate
+
+__all__ = ["Scene", "SimulationError", "Simulator", "load_scene", "read_bag", "simulate", "simulate_many"]
+
+_HOMES = {"Scene": "model.scene", "SimulationError": "simulator", "Simulator": "simulator", "load_scene": "scene_file",
+          "read_bag": "bag.reader", "simulate": "simulator", "simulate_many": "parallel"}
+
+
+def __getattr__(name: str) -> Any:
+    """Import what is asked for: who reads bags needs no kernels (65 MB), who simulates no bags."""
+    if name in _HOMES:
+        return getattr(import_module(f"{__name__}.{_HOMES[name]}"), name)
+    if name in _HOMES.values():
+        return import_module(f"{__name__}.{name}")
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return sorted([*globals(), *__all__])

@@ -62,8 +62,8 @@ class Simulator:
         self._state = self._start()
         self._room = np.empty((_EVENTS_AT_ONCE, EVENT_COLUMNS))
         self._events: list[np.ndarray] = []
-        self._counts: dict[str, int] = {}
         self._kinds = self._kind_names()
+        self._counts = np.zeros(len(self._kinds), dtype=np.int64)
 
     def _new_method(self) -> Method:
         model, name, step = self._model, self.scene["solver.method"], self.scene["solver.step"]
@@ -88,11 +88,13 @@ class Simulator:
         self._begin_segment(state)
         return state
 
-    def _kind_names(self) -> dict[int, str]:
-        plates = enumerate(self._model.forms.plates)
-        names = dict(enumerate(MODE_EVENTS)) | {PHASE_KIND: "motor_ramp_end"}
-        for k, side in plates:
-            names |= {MONITOR_KIND + k: f"{side}_contact", RAMP_KIND + k: "gap_reached"}
+    def _kind_names(self) -> np.ndarray:
+        """Names of the kinds of recorded events, by their number."""
+        names = np.zeros(PHASE_KIND + 1, dtype=EVENT_DTYPE["kind"])
+        names[:len(MODE_EVENTS)] = MODE_EVENTS
+        names[PHASE_KIND] = "motor_ramp_end"
+        for k, side in enumerate(self._model.forms.plates):
+            names[MONITOR_KIND + k], names[RAMP_KIND + k] = f"{side}_contact", "gap_reached"
         return names
 
     @property
@@ -141,14 +143,39 @@ class Simulator:
     def _command_plate(self, side: str, target: float) -> None:
         plate = self._model.forms.plates.index(side)
         ramp = self._state.ramp[plate]
-        ended = event_loop.release_from(self._model.system, self._state, plate, self._point, self._room, 0)
-        self._keep(self._room[:ended])
-        ramp[at.TARGET] = target
-        ramp[at.RATE] = ramp[at.TIME] = 0.0
-        difference = target - ramp[at.VALUE]
-        if difference != 0.0:
-            ramp[at.RATE] = math.copysign(self.scene["gap_actuator.speed"], difference)
-            ramp[at.TIME] = abs(difference) / self.scene["gap_actuator.speed"]
+        speed, difference = self.scene["gap_actuator.speed"], target - ramp[at.VALUE]
+        rate = math.copysign(speed, difference) if difference != 0.0 else 0.0
+        if rate != ramp[at.RATE]:  # else a mass that rests on the plate rests on
+            ended = event_loop.release_from(self._model.system, self._state, plate, self._point, self._room, 0)
+            self._keep(self._room[:ended])
+        ramp[at.TARGET], ramp[at.RATE], ramp[at.TIME] = target, rate, abs(difference) / speed
+
+    def checkpoint(self) -> np.ndarray:
+        """All that the device's future depends on besides its scene and commands, for `restore`; shape (n,).
+
+        Events that were not taken, and the counts of `statistics`, are not in it.
+        """
+        return np.concatenate([[self.time], self._point, *(values.ravel() for values in at.lasting(self._state))])
+
+    def restore(self, checkpoint: np.ndarray) -> None:
+        """Go on from a `checkpoint` of a device of the same scene, bit for bit as that one; also back in time.
+
+        Raises
+        ------
+        ValueError
+            For a checkpoint of another scene, as far as its size tells; nothing is changed then.
+        """
+        parts = [self._point, *at.lasting(self._state)]
+        size = 1 + sum(part.size for part in parts)
+        if np.shape(checkpoint) != (size,):
+            raise ValueError(f"the checkpoint has shape {np.shape(checkpoint)}, this device's have ({size},); give one "
+                             "of the same scene and version")
+        self.time, end = float(checkpoint[0]), 1
+        for part in parts:
+            part[...] = checkpoint[end:end + part.size].reshape(part.shape)
+            end += part.size
+        self._state.library.half[...] = 0.0  # no series there belongs to this state
+        self._events.clear()
 
     def _begin_segment(self, state: at.State) -> None:
         if not self._method.begin(state, self._point):
@@ -215,10 +242,7 @@ class Simulator:
         if len(events) == 0:
             return
         self._events.append(events.copy())
-        kinds, counts = np.unique(events[:, 1].astype(int), return_counts=True)
-        for kind, count in zip(kinds, counts, strict=True):
-            name = self._kinds[int(kind)]
-            self._counts[name] = self._counts.get(name, 0) + int(count)
+        self._counts += np.bincount(events[:, 1].astype(np.int64), minlength=len(self._counts))
 
     def take_events(self) -> np.ndarray:
         """Events completed since the last call, in the order in which they ended; dtype `EVENT_DTYPE`."""
@@ -228,9 +252,15 @@ class Simulator:
         self._events.clear()
         events = np.empty(len(raw), dtype=EVENT_DTYPE)
         events["time"], events["speed"], events["peak_force"], events["duration"] = raw[:, [0, 2, 3, 4]].T
-        codes, kinds = np.unique(raw[:, 1], return_inverse=True)
-        events["kind"] = np.array([self._kinds[int(code)] for code in codes])[kinds]
+        events["kind"] = self._kinds[raw[:, 1].astype(np.int64)]
         return events
+
+    def _events_by_kind(self) -> dict[str, int]:
+        counts: dict[str, int] = {}
+        for kind in np.flatnonzero(self._counts):
+            name = str(self._kinds[kind])
+            counts[name] = counts.get(name, 0) + int(self._counts[kind])
+        return counts
 
     @property
     def statistics(self) -> dict:
@@ -243,7 +273,7 @@ class Simulator:
         method = {"solver.method": self.scene["solver.method"]}
         if method["solver.method"] != "exact":
             method["solver.step"] = self.scene["solver.step"]
-        counts = {**self._counts, "steps": int(self._state.index[at.SEGMENTS]), **method}
+        counts = {**self._events_by_kind(), "steps": int(self._state.index[at.SEGMENTS]), **method}
         if not self.scene["solver.audit"] or self.scene["solver.method"] != "exact":
             return counts
         return {**counts, "energy_residual": float(self._state.audit[at.RESIDUAL]),

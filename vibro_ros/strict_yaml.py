@@ -24,6 +24,15 @@ _Loader.add_implicit_resolver(
 )
 
 
+def read_scalar(text: str) -> object:
+    """The value that `text` is in YAML: a number, true or false, else the text itself."""
+    try:
+        value = yaml.load(text, _Loader)
+    except (yaml.YAMLError, ValueError, RecursionError):
+        return text
+    return value if isinstance(value, (bool, int, float, str)) else text
+
+
 def read_yaml(path: Path) -> object:
     """The document in the file at `path`; None when it is empty.
 

@@ -1,8 +1,12 @@
 """Reading recordings back as arrays."""
 
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 
+import vibro_ros
 from vibro_ros.bag.reader import BagError, MissingTopicError, read_bag
 from vibro_ros.bag.recorder import Recorder, Topic
 
@@ -158,3 +162,27 @@ def test_what_is_no_bag_is_an_error_that_says_so(tmp_path):
     for name, reason in (("nowhere", "no such folder"), ("file", "a file, not a bag"), ("folder", "not a bag")):
         with pytest.raises(BagError, match=f"{name}: {reason}"):
             read_bag(tmp_path / name)
+
+
+def test_chosen_columns_alone_are_read(tmp_path, published, start_ns):
+    with Recorder(tmp_path / "run", topics(), {}) as recorder:
+        write_run(recorder, published, start_ns)
+    whole = read_bag(tmp_path / "run")
+    chosen = read_bag(tmp_path / "run", {"odom": ["position"], "joint_states": ["*.position"], "motor_power": []})
+    found = {topic: set(arrays) for topic, arrays in chosen.items()}
+    assert found == {"/odom": {"time", "position"}, "/motor_power": {"time"},
+                     "/joint_states": {"time", "crank.position", "upper_mass.position"}}
+    for topic, arrays in chosen.items():
+        for name, column in arrays.items():
+            np.testing.assert_array_equal(column, whole[topic][name])
+    assert chosen.topics == whole.topics
+
+
+def test_the_package_offers_it_without_ros_or_kernels(tmp_path, published, start_ns):
+    with Recorder(tmp_path / "run", topics(), {}) as recorder:
+        write_run(recorder, published, start_ns)
+    program = ("import sys, vibro_ros; bag = vibro_ros.read_bag(sys.argv[1]); print(len(bag['odom']['time'])); "
+               "assert not {'rclpy', 'numba'} & set(sys.modules)")
+    done = subprocess.run([sys.executable, "-c", program, str(tmp_path / "run")], capture_output=True, text=True)
+    assert (done.stdout, done.stderr) == (f"{N}\n", "")
+    assert "[rad/s]" in vibro_ros.read_bag.__doc__

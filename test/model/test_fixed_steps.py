@@ -182,3 +182,20 @@ def test_statistics_say_method_and_step():
 def test_settings_out_of_range_are_refused(name, value):
     with pytest.raises(ValueError, match=f"{name}: .* (give a number from|choose one of)"):
         scene("paper", {name: value})
+
+
+RIGID = {"effects.upper_contact": "restitution", "effects.inclined_contact": "restitution"}
+STRIBECK = {"effects.friction": "stribeck", "ground.static_friction": 0.5, "ground.stribeck_speed": 0.05}
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize(("name", "changes"), [
+    ("no_impact", STRIBECK | {"effects.normal_force": "printed"}), ("device", RIGID),
+    ("device", {"effects.friction": "none"}), ("rigid", {"effects.reaction": True, "effects.normal_force": "weight"}),
+    ("paper", {"effects.reaction": True}), ("device", {"effects.inclined_mass": False}),
+    ("damped", {"effects.adhesion": True})])
+def test_every_effect_converges_to_the_exact_motion(method, name, changes):
+    """Over a factor of ten in the step, first order gains ten, give or take the scatter of the events' places."""
+    coarse, fine = (errors(scene(name, changes), method, step) for step in (1e-5, 1e-6))
+    assert fine.max() < 1e-3  # m; an implicit contact of 1e7 N/m is off most
+    assert fine.max() < 0.5 * coarse.max()

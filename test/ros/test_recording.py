@@ -306,6 +306,15 @@ def test_a_snapshot_is_written_when_the_simulation_fails(bench, tmp_path):
     assert read_bag(folder).metadata["error"] == "at 3 s in mode slip: stuck"
 
 
+@pytest.mark.parametrize(("asked", "method"), [("moreau", "moreau"), ("auto", "exact")])
+def test_the_node_runs_by_the_method_asked_for(start, listener, bench, asked, method):
+    start("robot", "--ros-args", "-p", "motor.speed:=100.0", "-p", f"solver.method:={asked}",
+          "-p", "solver.step:=5.0e-5")
+    _, values = listener.wait_for_status("simulation", lambda status: status.level == DiagnosticStatus.OK)
+    assert values["solver method"] == method
+    assert values.get("solver step [s]") == ("5e-05" if method == "moreau" else None)
+
+
 def test_diagnostics_tell_how_it_goes(start, listener, bench):
     robot = start("robot", "--ros-args", "-p", "motor.speed:=100.0")
     speed = bench.node.create_publisher(Float64, "motor_speed", 10)

@@ -66,7 +66,7 @@ def test_errors_are_the_ones_shown(line, tmp_path, domain_id):
     (tmp_path / "bad.yaml").write_text("entries:\n  - for: 1.0\n    motor_speed: -5\n")
     words = {"guide.angel": "ros.robot --ros-args -p guide.angel:=1.0", "bad.yaml": "ros.controller bad.yaml",
              "mass.body": "ros.robot --ros-args -p mass.body:=0.0", "/tmp/nobag": "study.report /tmp/nobag",
-             "/tmp/none": "study.recover /tmp/none",
+             "/tmp/none": "study.recover /tmp/none", "/tmp/norun": "study.replay /tmp/norun",
              "papper": "ros.robot --ros-args -p scene:=papper"}[line.split(": ")[1]].split()
     done = subprocess.run([sys.executable, "-m", f"vibro_ros.{words[0]}", *words[1:]], cwd=tmp_path,
                           capture_output=True, text=True, timeout=60)

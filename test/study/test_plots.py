@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from vibro_ros.bag.reader import read_bag
+from vibro_ros.study import plots
 from vibro_ros.study.plots import MOMENT, plot_run
 
 
@@ -95,3 +96,16 @@ def test_a_robot_without_one_mass_or_plate_is_drawn_without_it(record_run):
     labels = lines(np.array(plot_run(bag).axes).reshape(4, 2)[1, 0])
     assert "inclined plate" in labels and "upper mass (mean, range)" in labels
     assert "upper plate" not in labels
+
+
+def test_a_long_line_keeps_its_ends_and_extremes():
+    values = np.random.default_rng(0).normal(size=100_003)
+    samples = np.arange(3, len(values))
+    seen = plots._visible(samples, values)
+    assert len(seen) < 5 * plots.POINTS
+    assert (np.diff(seen) > 0).all()
+    assert (seen[0], seen[-1]) == (3, len(values) - 1)
+    size = len(samples) // plots.POINTS
+    for first in range(3, 3 + size * plots.POINTS, size):
+        block, kept = values[first:first + size], values[seen[(seen >= first) & (seen < first + size)]]
+        assert (kept.min(), kept.max()) == (block.min(), block.max())

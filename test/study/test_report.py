@@ -8,10 +8,18 @@ from pathlib import Path
 
 import pytest
 from matplotlib.image import imread
+from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
+from rosbags.typesys import Stores, get_typestore
 
 import vibro_ros.study.report as report
+from vibro_ros.bag.definitions import Topic, defined
 from vibro_ros.bag.reader import read_bag
+from vibro_ros.bag.recovery import recover
+from vibro_ros.bag.stream import BagStream
+from vibro_ros.bag.writer import BagWriter, Storage
 from vibro_ros.study.summary import as_text, summarise
+
+PLAIN = Storage()
 
 
 def contents(folder):
@@ -94,6 +102,65 @@ def test_output_that_cannot_be_made_ends_with_2(record_run, tmp_path, capsys):
     (tmp_path / "file").write_text("")
     assert report.main([str(record_run()), "--output", str(tmp_path / "file")]) == 2
     assert "file: cannot write: File exists; give a writable --output" in one_error_line(capsys)
+
+
+def split(folder, target):
+    """The same bag in files of a second, compressed."""
+    copy(folder, target, Storage("mcap", "zstd", max_duration=1.0))
+    assert len(list(target.glob("*.mcap"))) > 3
+
+
+def recovered(folder, target):
+    """The same bag, killed before its end was sealed."""
+    copy(folder, target, PLAIN)
+    (target / "metadata.yaml").unlink()
+    [file] = target.glob("*.mcap")
+    file.write_bytes(file.read_bytes()[:-100])
+    recover(target)
+
+
+def foreign(folder, target, plugin=StoragePlugin.SQLITE3, mode=None):
+    """The same messages as another program records them: no custom data, an earlier version, a topic of its own."""
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    unopened = Writer(target, version=8, storage_plugin=plugin)
+    if mode:
+        unopened.set_compression(mode, CompressionFormat.ZSTD)
+    with BagStream(folder) as stream, unopened as writer:
+        connections = {topic: writer.add_connection(topic, one.type_name, typestore=store)
+                       for topic, one in stream.topics.items()}
+        extra = writer.add_connection("/rosout_text", "std_msgs/msg/String", typestore=store)
+        text = store.serialize_cdr(store.types["std_msgs/msg/String"](data="hello"), "std_msgs/msg/String")
+        writer.write(extra, stream.start, text)
+        for topic, stamp, data in stream.messages():
+            writer.write(connections[topic], stamp, bytes(data))
+
+
+def copy(folder, target, storage):
+    with BagStream(folder) as stream:
+        topics = [Topic(name, one.type_name, one.qos_depth) for name, one in stream.topics.items()]
+        writer = BagWriter(target, defined(topics), stream.metadata, storage)
+        for topic, stamp, data in stream.messages():
+            writer.write(1 + list(stream.topics).index(topic), stamp, bytes(data))
+        writer.flush()
+        writer.close({})
+
+
+@pytest.mark.parametrize("make", [
+    split, recovered, foreign,
+    lambda folder, target: copy(folder, target, Storage("sqlite3", max_size=200_000)),
+    lambda folder, target: foreign(folder, target, StoragePlugin.MCAP, CompressionMode.STORAGE),
+    lambda folder, target: foreign(folder, target, mode=CompressionMode.MESSAGE),
+    lambda folder, target: foreign(folder, target, mode=CompressionMode.FILE),
+], ids=["split", "recovered", "foreign", "sqlite3-split", "foreign-chunks", "foreign-messages", "foreign-file"])
+def test_every_kind_of_bag_gives_the_same_numbers(record_run, tmp_path, make):
+    folder = record_run()
+    make(folder, tmp_path / "other")
+    report.write_report(tmp_path / "other")
+    one, other = (summarise(read_bag(path)) for path in (folder, tmp_path / "other"))
+    for summary in (one, other):
+        del summary["bag"], summary["recorder"]
+        summary["topics"].pop("/rosout_text", None)
+    assert other == one
 
 
 def run(*arguments):

@@ -1,70 +1,24 @@
-"""Read a recording into numpy arrays, topic by topic.
+"""Read a recording into numpy arrays, topic by topic."""
 
-Arrays of each message type; ``time`` is the recorded stamp [s] after the bag's first message
-(`Bag.start_ns`), shape (n,), ascending; ``stamp`` is the header's stamp on the same scale [s]:
-
-================================  ==========================================================
-std_msgs/msg/Float64              ``time``, ``value`` (the topic's own unit)
-nav_msgs/msg/Odometry             ``time``, ``stamp``, ``position`` [m] shape (n, 3), ``orientation``
-                                  (quaternion x, y, z, w) shape (n, 4), ``linear_velocity`` [m/s]
-                                  and ``angular_velocity`` [rad/s] shape (n, 3)
-geometry_msgs/msg/WrenchStamped   ``time``, ``stamp``, ``frame`` (text, shape (n,)), ``force`` [N] and
-                                  ``torque`` [N m] shape (n, 3)
-sensor_msgs/msg/JointState        ``time``, ``stamp`` and, for each joint, ``<joint>.position``
-                                  [m or rad], ``<joint>.velocity`` [m/s or rad/s],
-                                  ``<joint>.effort`` [N or N m], shape (n,)
-================================  ==========================================================
-
-Topics of other types are counted, not read.
-"""
-
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from rosbags.rosbag2 import Reader
 
+from vibro_ros.bag.robot_topics import ROBOT_TOPICS
 from vibro_ros.bag.series import Series, readable_types
+from vibro_ros.bag.stream import BagError, BagStream, RecordedTopic
+
+__all__ = ["ROBOT_TOPICS", "Arrays", "Bag", "BagError", "MissingTopicError", "RecordedTopic", "read_bag"]
 
 Arrays = dict[str, np.ndarray]
-
-ROBOT_TOPICS = {
-    "odom": "nav_msgs/msg/Odometry",
-    "joint_states": "sensor_msgs/msg/JointState",
-    "ground_contact": "geometry_msgs/msg/WrenchStamped",
-    "impacts": "geometry_msgs/msg/WrenchStamped",
-    "motor_power": "std_msgs/msg/Float64",
-    "motor_speed": "std_msgs/msg/Float64",
-    "upper_gap": "std_msgs/msg/Float64",
-    "inclined_gap": "std_msgs/msg/Float64",
-}  # a topic that ends like one of these and has another type is somebody else's
-
-
-class BagError(Exception):
-    """A recording cannot be read; the message is one line for the user."""
 
 
 class MissingTopicError(BagError, KeyError):
     """A recording lacks a topic."""
 
     __str__ = Exception.__str__  # KeyError would quote the sentence
-
-
-@dataclass(frozen=True)
-class RecordedTopic:
-    """What a recording holds of one topic.
-
-    Attributes
-    ----------
-    type_name : str
-        ROS type, such as ``nav_msgs/msg/Odometry``.
-    messages : int
-        Number of messages.
-    """
-
-    type_name: str
-    messages: int
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,7 +41,7 @@ class Bag(Mapping[str, Arrays]):
     topics : dict of str to RecordedTopic
         Every topic, those of other types included, by full name.
     arrays : dict of str to dict of str to ndarray
-        The module's table, by full name.
+        What `read_bag` lists, by full name.
     """
 
     path: Path
@@ -131,13 +85,41 @@ def _last(topic: str) -> str:
     return topic.rpartition("/")[2]
 
 
-def read_bag(path: str | Path) -> Bag:
-    """Read a bag folder, of this recorder or of ``ros2 bag record``, message by message.
+def read_bag(path: str | Path, columns: Mapping[str, Sequence[str]] | None = None) -> Bag:
+    """Read a bag folder, of the robot's recorder or of ``ros2 bag record``, into numpy arrays by topic.
+
+    Messages are read one by one into growing arrays: what is kept takes 8 bytes a number. Needs no ROS.
 
     Parameters
     ----------
     path : str or Path
-        The bag folder.
+        The bag folder, sealed; of one file or several, MCAP or sqlite3, compressed or not.
+    columns : mapping of str to sequence of str, optional
+        What to read when the bag is large: by the last part of a topic's name, names of its arrays, with ``*`` for any
+        text (``{"odom": ["position"], "joint_states": ["*.position"]}``). ``time`` is always there. Topics that
+        are not named are counted, not read. Everything by default.
+
+    Returns
+    -------
+    Bag
+        ``bag["odom"]["position"]``: arrays of each topic, by the type of its messages. ``time`` is the recorded
+        stamp [s] after the bag's first message (`Bag.start_ns`), shape (n,), ascending; ``stamp`` is the header's
+        stamp on the same scale [s]:
+
+        ================================  ==========================================================
+        std_msgs/msg/Float64              ``time``, ``value`` (the topic's own unit: rad/s for
+                                          `motor_speed`, m for the gaps, W for `motor_power`)
+        nav_msgs/msg/Odometry             ``time``, ``stamp``, ``position`` [m] shape (n, 3), ``orientation``
+                                          (quaternion x, y, z, w) shape (n, 4), ``linear_velocity`` [m/s]
+                                          and ``angular_velocity`` [rad/s] shape (n, 3)
+        geometry_msgs/msg/WrenchStamped   ``time``, ``stamp``, ``frame`` (text, shape (n,)), ``force`` [N] and
+                                          ``torque`` [N m] shape (n, 3)
+        sensor_msgs/msg/JointState        ``time``, ``stamp`` and, for each joint, ``<joint>.position``
+                                          [m or rad], ``<joint>.velocity`` [m/s or rad/s],
+                                          ``<joint>.effort`` [N or N m], shape (n,)
+        ================================  ==========================================================
+
+        Topics of other types are counted, not read.
 
     Raises
     ------
@@ -145,40 +127,20 @@ def read_bag(path: str | Path) -> Bag:
         When the folder is missing, no bag, not sealed or damaged; the message names path, reason
         and remedy.
     """
-    folder = Path(path)
-    _check_folder(folder)
-    try:
-        with Reader(folder) as reader:
-            return _read(folder, reader)
-    except Exception as error:  # rosbags' parser meets damage with whatever breaks first
-        reason = " ".join(str(error).split()).rstrip(".")
-        raise BagError(f"{folder}: damaged bag: {reason}; record it again") from error
+    with BagStream(path) as stream:
+        try:
+            series = _series(stream, columns)
+        except ValueError as error:
+            raise stream.damage(error) from error
+        arrays = {topic: one.arrays() for topic, one in series.items()}
+        return Bag(stream.folder, stream.start, (stream.end - stream.start) * 1e-9, stream.metadata, stream.topics,
+                   arrays)
 
 
-def _check_folder(folder: Path) -> None:
-    if not folder.exists():
-        raise BagError(f"{folder}: no such folder; give the folder of a recording")
-    if not folder.is_dir():
-        raise BagError(f"{folder}: a file, not a bag; give the folder that holds metadata.yaml")
-    if (folder / "metadata.yaml").is_file():
-        return
-    if any(folder.glob("*.mcap")):
-        raise BagError(f"{folder}: the bag is not sealed: its recorder still runs, or was killed; "
-                       f"end the recorder, or seal it with `recover {folder}`")
-    raise BagError(f"{folder}: not a bag, it holds no metadata.yaml; give the folder of a recording")
-
-
-def _read(folder: Path, reader: Reader) -> Bag:
-    empty = reader.message_count == 0
-    start = 0 if empty else reader.start_time
-    series = {connection.topic: Series(connection.topic, connection.msgtype, start)
-              for connection in reader.connections if connection.msgtype in readable_types()}
-    readable = [connection for connection in reader.connections if connection.topic in series]
-    if readable:  # rosbags takes an empty list for "all"
-        for connection, stamp, data in reader.messages(readable):
-            series[connection.topic].append(stamp, data)
-    topics = {connection.topic: RecordedTopic(connection.msgtype, connection.msgcount)
-              for connection in reader.connections}
-    return Bag(folder, start, 0.0 if empty else (reader.end_time - 1 - start) * 1e-9,
-               dict(reader.storage.metadata.custom or {}), topics,
-               {topic: one.arrays() for topic, one in series.items()})
+def _series(stream: BagStream, columns: Mapping[str, Sequence[str]] | None) -> dict[str, Series]:
+    series = {topic: Series(topic, one.type_name, stream.start, ("*",) if columns is None else columns[_last(topic)])
+              for topic, one in stream.topics.items()
+              if one.type_name in readable_types() and (columns is None or _last(topic) in columns)}
+    for topic, stamp, data in stream.messages(frozenset(series)):
+        series[topic].append(stamp, data)
+    return series

@@ -1,9 +1,10 @@
 """Turn the messages of one topic into columns of numbers."""
 
 from array import array
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from itertools import chain
+from fnmatch import fnmatchcase
+from itertools import accumulate, chain
 
 import numpy as np
 
@@ -26,7 +27,7 @@ class _Layout:
 
 
 class Series:
-    """Rows of one topic, growing message by message in compact arrays.
+    """Chosen columns of one topic, growing message by message in compact arrays.
 
     Parameters
     ----------
@@ -34,46 +35,72 @@ class Series:
         Full name and ROS type, one of `readable_types`.
     start_ns : int
         Zero of the arrays' times, ROS time [ns].
+    columns : sequence of str
+        Patterns of the columns' names, as `fnmatch` reads them; without any, only times are kept, unread.
     """
 
-    def __init__(self, topic: str, type_name: str, start_ns: int) -> None:
-        self._topic, self._type = topic, type_name
+    def __init__(self, topic: str, type_name: str, start_ns: int, columns: Sequence[str] = ("*",)) -> None:
+        self._topic, self._type, self._patterns = topic, type_name, columns
         self._layout = _LAYOUTS[self._type]
         self._start_ns = start_ns
-        self._widths = self._layout.widths(None)
         self._times, self._stamps, self._rows = array("d"), array("d"), array("d")
-        self._frames: list[str] = []
+        self._frames: dict[str, int] = {}
+        self._frame = array("L")
+        self._stamped = self._layout.stamped and self._wants("stamp")
+        self._framed = self._layout.framed and self._wants("frame")
+        self._choose(None)
 
     def append(self, time_ns: int, data: bytes) -> None:
         """Add one serialised message recorded at `time_ns` (ValueError when it cannot be read)."""
+        if self._patterns:
+            self._read(time_ns, data)
+        self._times.append((time_ns - self._start_ns) * 1e-9)
+
+    def arrays(self) -> dict[str, np.ndarray]:
+        """The columns by name, as `vibro_ros.read_bag` lists them; nothing can be appended any more."""
+        arrays = {"time": _as_array(self._times)}
+        if self._stamped:
+            arrays["stamp"] = _as_array(self._stamps)
+        if self._framed:
+            arrays["frame"] = np.array(list(self._frames), dtype=str)[_as_array(self._frame)]
+        rows = _as_array(self._rows).reshape(len(self._times), len(self._chosen))
+        end = 0
+        for name, width in self._kept.items():
+            end += width
+            arrays[name] = rows[:, end - 1] if width == 1 else rows[:, end - width:end]
+        return arrays
+
+    def _read(self, time_ns: int, data: bytes) -> None:
         try:
             message = jazzy_types().deserialize_cdr(data, self._type)
         except Exception as error:  # rosbags raises whatever its generated code meets
             raise ValueError(f"unreadable message on {self._topic} at {time_ns} ns") from error
         if not self._times:
-            self._widths = self._layout.widths(message)
+            self._choose(message)
         elif self._layout.widths(message) != self._widths:
             raise ValueError(f"{self._topic} changes its joints at {time_ns} ns")
-        self._times.append((time_ns - self._start_ns) * 1e-9)
-        self._rows.extend(self._layout.numbers(message))
-        if self._layout.stamped:
+        numbers = self._layout.numbers(message)
+        self._rows.extend(numbers if len(self._chosen) == len(numbers) else [numbers[i] for i in self._chosen])
+        if self._stamped:
             stamp = message.header.stamp
             self._stamps.append((stamp.sec * 1_000_000_000 + stamp.nanosec - self._start_ns) * 1e-9)
-        if self._layout.framed:
-            self._frames.append(message.header.frame_id)
+        if self._framed:
+            self._frame.append(self._frames.setdefault(message.header.frame_id, len(self._frames)))
 
-    def arrays(self) -> dict[str, np.ndarray]:
-        """The columns so far, by name, as `vibro_ros.bag.reader` lists them."""
-        arrays = {"time": np.array(self._times)}
-        if self._layout.stamped:
-            arrays["stamp"] = np.array(self._stamps)
-        if self._layout.framed:
-            arrays["frame"] = np.array(self._frames, dtype=str)
-        rows = np.array(self._rows).reshape(len(self._times), sum(self._widths.values()))
-        ends = np.cumsum(list(self._widths.values()), dtype=int)
-        for (name, width), end in zip(self._widths.items(), ends, strict=True):
-            arrays[name] = rows[:, end - 1] if width == 1 else rows[:, end - width:end]
-        return arrays
+    def _choose(self, message: object | None) -> None:
+        """Fix the columns from the first message; without one, from the type."""
+        self._widths = self._layout.widths(message)
+        self._kept = {name: width for name, width in self._widths.items() if self._wants(name)}
+        starts = dict(zip(self._widths, accumulate(self._widths.values(), initial=0), strict=False))
+        self._chosen = [starts[name] + i for name, width in self._kept.items() for i in range(width)]
+
+    def _wants(self, name: str) -> bool:
+        return any(fnmatchcase(name, pattern) for pattern in self._patterns)
+
+
+def _as_array(numbers: array) -> np.ndarray:
+    """The same memory as an ndarray."""
+    return np.frombuffer(numbers, dtype=numbers.typecode) if numbers else np.empty(0, dtype=numbers.typecode)
 
 
 def _xyz(vector: object) -> tuple[float, float, float]:

@@ -31,12 +31,12 @@ def contact_laws(scene, forms: Forms, modes: tuple[Mode, ...], step: float) -> L
     gap = np.array([-forms.penetration(side)[0] for side in forms.plates]
                    + [forms.position(forms.height)] * forms.body_hops).reshape(-1, at.count)
     response = gap[:, :n] @ inverse.T  # a contact pushes where it widens its gap
-    kinetic, static = _coefficients(scene)
-    slips = kinetic > 0.0 and forms.body_moves
+    friction = _coefficients(scene, forms)
+    slips = friction["holding"] > 0.0 and forms.body_moves
     return Laws(
         inertia=inertia, stiffness=stiffness, load=load, inverse=inverse, gap=gap, **_plates(scene, forms),
         response=response, compliance=np.einsum("ij,ij->i", gap[:, :n], response),
-        slipping=forms.body if slips else NOTHING, sliding=kinetic, holding=static,
+        slipping=forms.body if slips else NOTHING, **friction,
         slip_response=inverse[:, forms.body].copy() if slips else np.zeros(n),
         weight=scene.total_mass * scene["gravity"], swing=_swing(scene, forms),
         support=len(forms.plates) if forms.body_hops else NOTHING,
@@ -82,12 +82,15 @@ def _plates(scene, forms: Forms) -> dict[str, np.ndarray]:
     }
 
 
-def _coefficients(scene) -> tuple[float, float]:
-    """mu of the slipping body and of the body at rest."""
-    kinetic = scene["ground.friction"]
-    if scene["effects.friction"] == "none":
-        return 0.0, 0.0
-    return kinetic, scene["ground.static_friction"] if scene["effects.friction"] == "static" else kinetic
+def _coefficients(scene, forms: Forms) -> dict[str, float]:
+    """mu of the slipping body, as it falls with its speed, and of the body at rest."""
+    law, kinetic = scene["effects.friction"], scene["ground.friction"]
+    if law == "none":
+        return {"sliding": 0.0, "rise": 0.0, "fading": 0.0, "holding": 0.0}
+    static = scene["ground.static_friction"] if law in ("static", "stribeck") else kinetic
+    falls = float(forms.friction_decays)
+    return {"sliding": kinetic, "rise": falls * (static - kinetic), "fading": falls / scene["ground.stribeck_speed"],
+            "holding": static}
 
 
 def _swing(scene, forms: Forms) -> np.ndarray:

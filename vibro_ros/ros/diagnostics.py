@@ -17,7 +17,7 @@ from vibro_ros.simulator import Simulator
 
 PERIOD = 1.0  # s
 TOPIC = "/diagnostics"
-NOT_EVENTS = ("steps", "energy_residual", "energy_exchanged")
+NOT_EVENTS = ("steps", "energy_residual", "energy_exchanged", "solver.method", "solver.step")
 """Keys of `Simulator.statistics` that do not count events."""
 
 
@@ -81,6 +81,8 @@ class Diagnostics:
             "solver method": device.scene["solver.method"],
             "solver tolerance [m]": f"{device.scene['solver.tolerance']:g}",
         }
+        if "solver.step" in device.statistics:
+            values["solver step [s]"] = f"{device.scene['solver.step']:g}"
         residual = device.statistics.get("energy_residual")
         if residual is not None:
             values["energy residual [J]"] = f"{residual:.3e}"

@@ -43,6 +43,11 @@ class Inputs:
             for name in COMMAND_UNITS
         }
 
+    @property
+    def topics(self) -> dict[str, str]:
+        """Resolved name of each command's topic."""
+        return {name: subscription.topic_name for name, subscription in self.subscriptions.items()}
+
     def apply(self, device: Simulator, stamp_of: Callable[[float], int], record: Record) -> None:
         """Give the device, at its current time, every command that has arrived; record each, the refused ones too."""
         while self._waiting:

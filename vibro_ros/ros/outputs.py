@@ -11,6 +11,7 @@ from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64
 
+from vibro_ros.message_fields import joints_of
 from vibro_ros.model.scene import Scene
 from vibro_ros.ros import messages, qos
 from vibro_ros.samples import Samples
@@ -42,9 +43,12 @@ class Outputs:
         self.publishers: dict[str, Publisher] = {
             topic: node.create_publisher(kind, topic, profile) for topic, (kind, profile) in TOPICS.items()
         }
-        masses = [f"{side}_mass" for side in scene.guides]
-        plates = [f"{side}_plate" for side in scene.plates]
-        self._joints = [joint for joint in messages.JOINTS if joint in ("crank", *masses, *plates)]
+        self._joints = joints_of(scene)
+
+    @property
+    def topics(self) -> dict[str, str]:
+        """Resolved name of each topic."""
+        return {name: publisher.topic_name for name, publisher in self.publishers.items()}
 
     def publish(self, state: Samples, events: np.ndarray, stamp_of: Callable[[float], int], record: Record) -> None:
         """Publish and record a sample, and the contacts that ended since the one before it.

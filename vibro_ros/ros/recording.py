@@ -1,6 +1,6 @@
 """The robot's bags: which topics, when they begin and end, and what is said when one fails."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
@@ -19,6 +19,9 @@ from vibro_ros.ros.throttle import Throttle
 
 SEALING = 5.0
 """Longest time [s] that the answer of `~/record` waits for the disk; commands wait with it."""
+
+CHECKPOINT_PERIOD = 500_000_000
+"""Robot time [ns] between two checkpoints, about 6 kB each."""
 
 _ALL = "all"
 
@@ -39,6 +42,8 @@ class Plan:
         What each bag says of itself.
     snapshot : float
         Time [s] that is kept in memory until it is asked for; 0 records everything.
+    checkpoint : Topic or None
+        Where a bag that may lack the run's beginning has the device's whole state now and then.
     """
 
     directory: Path
@@ -46,6 +51,7 @@ class Plan:
     storage: Storage
     metadata: Mapping[str, str]
     snapshot: float = 0.0
+    checkpoint: Topic | None = None
 
 
 class Recording:
@@ -70,7 +76,10 @@ class Recording:
         self.faults: list[str] = []
         self._plan = plan
         self._log = log
-        self._names = {topic.name for topic in plan.topics}
+        self._names = {topic.name for topic in (*plan.topics, *filter(None, [plan.checkpoint]))}
+        self._whole: Recorder | None = None  # the one that holds the run's beginning, whatever comes
+        self._checkpointed: Recorder | Snapshot | None = None  # where the last checkpoint is
+        self._checkpoint_due = 0
         self._snapshot: Snapshot | None = None
         self._recorder: Recorder | None = None  # the one that messages go to
         self._latest: Recorder | None = None
@@ -102,7 +111,8 @@ class Recording:
             self._plan.directory.mkdir(parents=True, exist_ok=True)  # better now than when it matters
             self._snapshot = Snapshot(self._plan.snapshot)
         else:
-            self._recorder = self._new_bag()
+            self._recorder = self._new_bag(whole=not self._plan.storage.max_bytes)
+            self._whole = None if self._plan.storage.max_bytes else self._recorder
 
     def record(self, topic: str, stamp: int, data: bytes) -> None:
         """Queue one message for the bag: resolved topic name, ROS time [ns], serialised message. Never blocks."""
@@ -112,6 +122,18 @@ class Recording:
                 recorder.write(topic, stamp, data)
             elif snapshot is not None:
                 snapshot.write(topic, stamp, data)
+
+    def checkpoint(self, stamp: int, state: Callable[[], bytes]) -> None:
+        """Record the device's whole `state` (serialised), if the bag needs it now, in the stepping thread.
+
+        So a bag that was begun late, or whose beginning was deleted, can be replayed.
+        """
+        target = self._recorder or self._snapshot
+        if self._plan.checkpoint is None or target is None or target is self._whole:
+            return
+        if target is not self._checkpointed or stamp >= self._checkpoint_due:
+            self._checkpointed, self._checkpoint_due = target, stamp + CHECKPOINT_PERIOD
+            self.record(self._plan.checkpoint.name, stamp, state())
 
     def switch(self, on: bool) -> tuple[bool, str]:
         """Begin a new bag, or seal the one that is written: what `~/record` asks for.
@@ -187,10 +209,12 @@ class Recording:
         recorder.close(patience=0.0)
         return True, f"writing the last {self._plan.snapshot:g} s, {len(messages)} messages, to {recorder.folder}"
 
-    def _new_bag(self, earlier: Sequence = (), more: Mapping[str, str] = {}) -> Recorder:  # noqa: B006 (never changed)
+    def _new_bag(self, earlier: Sequence = (), more: Mapping[str, str] = {},  # noqa: B006 (never changed)
+                 whole: bool = False) -> Recorder:
         folder = new_bag_folder(self._plan.directory, datetime.now())
-        recorder = Recorder(folder, self._plan.topics, {**self._plan.metadata, **more}, storage=self._plan.storage,
-                            earlier=earlier)
+        checkpoint = [] if whole or self._plan.checkpoint is None else [self._plan.checkpoint]
+        recorder = Recorder(folder, (*self._plan.topics, *checkpoint), {**self._plan.metadata, **more},
+                            storage=self._plan.storage, earlier=earlier)
         self._latest, self._dropped = recorder, 0
         self._watched.append(recorder)
         return recorder

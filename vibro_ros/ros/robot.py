@@ -2,19 +2,24 @@
 
 import argparse
 import json
-import platform
 import sys
-from collections.abc import Mapping, Sequence
-from importlib.metadata import PackageNotFoundError, version
+from array import array
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from functools import partial
 
-import numba
 import numpy as np
 from rclpy.executors import Executor
 from rclpy.node import Node
+from rclpy.serialization import serialize_message
+from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import SetBool
 
+from vibro_ros.bag.definitions import Topic
+from vibro_ros.bag.robot_topics import CHECKPOINT, CHECKPOINT_TYPE
 from vibro_ros.model.parameters import SCENE_PARAMETERS, Value, checked_parameters
 from vibro_ros.model.scene import Scene
+from vibro_ros.provenance import provenance
 from vibro_ros.ros import process
 from vibro_ros.ros.diagnostics import Diagnostics
 from vibro_ros.ros.inputs import Inputs
@@ -28,6 +33,7 @@ from vibro_ros.scene_file import DEVICE_PARAMETERS, load_scene, shipped_scenes
 from vibro_ros.simulator import Simulator, compile_kernels
 
 NODE_NAME = "vibro_robot"
+CHECKPOINT_DEPTH = 1
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -70,16 +76,17 @@ def _operate(node: Node, executor: Executor, settings: Mapping[str, Value], scen
     outputs, inputs = Outputs(node, scene), Inputs(node)
     pacing = Pacing(settings["rate.real_time_factor"], settings["rate.max_catch_up"])
     start = node.get_clock().now().nanoseconds
-    metadata = _metadata(settings, scene, start)
-    plan = plan_recording(settings, inputs, outputs, metadata)
+    checkpoint = Topic(f"{node.get_fully_qualified_name()}/{CHECKPOINT}", CHECKPOINT_TYPE, CHECKPOINT_DEPTH)
+    metadata = _metadata(settings, scene, start, {**inputs.topics, **outputs.topics, CHECKPOINT: checkpoint.name})
+    plan = replace(plan_recording(settings, inputs, outputs, metadata), checkpoint=checkpoint)
     offer_recovery(plan.directory, settings["record.recover"], log)
     # Signals become requests before the bag is opened, so that none can come between its opening and its sealing.
     with process.StopRequest() as stop, open_recording(plan, settings["record.enabled"], log) as recording:
         node.create_service(SetBool, "~/record", lambda request, answer: _switch(recording, request, answer))
         log.info(f"ready: {settings['rate.publish']:g} Hz, real-time factor {settings['rate.real_time_factor']:g}, "
                  f"{recording.destination()}")
-        with Stepping(device, inputs, outputs, recording.record, pacing, settings["rate.publish"], start,
-                      log) as stepping:
+        with Stepping(device, inputs, outputs, recording.record, pacing, settings["rate.publish"], start, log,
+                      partial(_keep_checkpoint, recording)) as stepping:
             diagnostics = Diagnostics(node, device, stepping, pacing, inputs, recording)
             process.spin_until(executor, lambda: recording.watch() or bool(stop or stepping.error))
         if stepping.error:
@@ -100,24 +107,15 @@ def _switch(recording: Recording, request: SetBool.Request, answer: SetBool.Resp
     return answer
 
 
-def _metadata(settings: Mapping[str, Value], scene: Scene, start: int) -> dict[str, str]:
-    """What the bag says of itself.
-
-    The scene, every parameter (JSON), the solver, the versions that a bit-identical replay needs, and the ROS time
-    [ns] of simulated time 0.
-    """
-    parameters = json.dumps({**settings, **scene.parameters})
-    solver = f"{scene['solver.method']}, tolerance {scene['solver.tolerance']:g} m"
-    return {"scene": str(settings["scene"]), "parameters": parameters, "solver": solver, "version": _version(),
-            "platform": f"{platform.machine()}, Python {platform.python_version()}, numpy {np.__version__}, "
-                        f"numba {numba.__version__}", "start": str(start)}
+def _keep_checkpoint(recording: Recording, stamp: int, state: Callable[[], np.ndarray]) -> None:
+    """Offer the device's whole state to the bag, which seldom wants it."""
+    recording.checkpoint(stamp, lambda: serialize_message(Float64MultiArray(data=array("d", state()))))
 
 
-def _version() -> str:
-    try:
-        return version("vibro_ros")
-    except PackageNotFoundError:  # run from a source folder that was never installed
-        return "unknown"
+def _metadata(settings: Mapping[str, Value], scene: Scene, start: int, topics: Mapping[str, str]) -> dict[str, str]:
+    """What the bag says of itself: `scene`, the `topics` by the robot's own names for them, and all of `provenance`."""
+    parameters = {**settings, **scene.parameters}
+    return {"scene": str(settings["scene"]), "topics": json.dumps(topics), **provenance(parameters, start)}
 
 
 def _parser() -> process.Parser:

@@ -2,14 +2,19 @@
 
 import threading
 import time
+from collections.abc import Callable
 
+import numpy as np
 from rclpy.impl.rcutils_logger import RcutilsLogger
 
+from vibro_ros.message_fields import stamp_at
 from vibro_ros.ros.inputs import Inputs
 from vibro_ros.ros.outputs import Outputs, Record
 from vibro_ros.ros.pacing import Pacing
 from vibro_ros.ros.throttle import Throttle
 from vibro_ros.simulator import Simulator
+
+Checkpoint = Callable[[int, Callable[[], np.ndarray]], None]
 
 
 class Stepping:
@@ -36,6 +41,8 @@ class Stepping:
         ROS time [ns] of simulated time 0.
     log : logger
         Where stalls are reported.
+    checkpoint : callable, optional
+        Told the stamp [ns] of each sample when it is out, before its commands, and how to get the device's whole state.
 
     Attributes
     ----------
@@ -48,12 +55,13 @@ class Stepping:
     """
 
     def __init__(self, device: Simulator, inputs: Inputs, outputs: Outputs, record: Record, pacing: Pacing,
-                 rate: float, start: int, log: RcutilsLogger):
+                 rate: float, start: int, log: RcutilsLogger, checkpoint: Checkpoint | None = None):
         self.error: Exception | None = None
         self.ticks = 0
         self.busy = 0.0
         self._device, self._inputs, self._outputs, self._record = device, inputs, outputs, record
         self._pacing, self._rate, self._zero, self._log = pacing, rate, start, log
+        self._checkpoint = checkpoint
         self._throttle = Throttle()
         self._stopped = threading.Event()
         self._thread = threading.Thread(target=self._run, name="stepping")
@@ -98,6 +106,8 @@ class Stepping:
 
     def _publish(self) -> None:
         self._outputs.publish(self._device.state, self._device.take_events(), self._stamp_of, self._record)
+        if self._checkpoint:
+            self._checkpoint(self._stamp_of(self._device.time), self._device.checkpoint)
 
     def _stamp_of(self, time: float) -> int:
-        return self._zero + round(time * 1e9)
+        return stamp_at(self._zero, time)

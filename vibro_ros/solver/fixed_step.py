@@ -9,6 +9,8 @@ interpolated, by cubic Hermite polynomials of the positions and of the velocitie
 
 import math
 
+import numpy as np
+
 from vibro_ros.solver.compilation import entry_kernel, kernel
 from vibro_ros.solver.event_loop import DIVERGED, EVENTS_FULL, REACHED, release_from
 from vibro_ros.solver.forcing import advance_clock, place_of
@@ -203,7 +205,7 @@ def _finite(z):
 @entry_kernel
 def advance(system, state, track, times, points, modes, phases, events):
     """Take all steps up to the last of `times` and sample there; as `event_loop.advance`."""
-    count = 0
+    count = np.int64(0)  # a literal would be one more signature to compile
     # The most that a step records: each change of mode a blow, itself and every monitor; then ramps and the speed.
     room = len(events) - (_MOST_CHANGES + 1) * (2 + len(state.monitor)) - 2 * len(state.ramp)
     for k in range(len(times)):

@@ -1,5 +1,7 @@
 """All channels at one instant, by values and not by series: what a fixed step evaluates."""
 
+import math
+
 from vibro_ros.solver.compilation import kernel
 from vibro_ros.solver.forcing import phase_at
 from vibro_ros.solver.polynomial import LENGTH, value_and_derivatives
@@ -69,11 +71,20 @@ def fill_forcing_at(system, state, elapsed, z):
 
 @kernel
 def accelerate(system, mode, z, accelerations):
-    """Accelerations of all coordinates in `mode`, from the other channels of z; it receives the dynamic ones'."""
-    for i in range(system.sizes[0]):
+    """Accelerations of all coordinates in `mode`, from the other channels of z; it receives the dynamic ones' and the
+    decaying term."""
+    coordinates, dynamic = system.sizes[0], system.sizes[1]
+    for i in range(dynamic):
+        accelerations[i] = z[2 * coordinates + i] = form_value(system.acceleration[mode, i], z)
+    if system.sizes[4] > 0:
+        decay = len(z) - 2
+        z[decay] = 0.0
+        if system.decay.rate[mode] != 0.0:
+            # A step may end beyond the speed 0, where the mode ends.
+            fallen = min(0.0, system.decay.rate[mode] * z[coordinates + dynamic])
+            z[decay] = form_value(system.decay.factor[mode], z) * math.exp(fallen)
+    for i in range(dynamic, coordinates):
         accelerations[i] = form_value(system.acceleration[mode, i], z)
-        if i < system.sizes[1]:
-            z[2 * system.sizes[0] + i] = accelerations[i]
 
 
 @kernel

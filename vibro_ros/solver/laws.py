@@ -47,8 +47,10 @@ class Laws(NamedTuple):
         Change of the gap's rate by it.
     slipping : int
         The coordinate with friction, or `NOTHING`.
-    sliding, holding : float
-        mu while it slips and while it is at rest.
+    sliding, rise, fading : float
+        mu of the coordinate that slips with the speed v is sliding + rise exp(-fading |v|) ...
+    holding : float
+        ... and while it is at rest.
     slip_response : ndarray, shape (n,)
         Change of the velocities by a unit of its impulse.
     weight : float
@@ -77,6 +79,8 @@ class Laws(NamedTuple):
     compliance: np.ndarray
     slipping: int
     sliding: float
+    rise: float
+    fading: float
     holding: float
     slip_response: np.ndarray
     weight: float
@@ -90,5 +94,6 @@ def no_laws(coordinates: int, channels: int) -> Laws:
     """Laws of nothing, for the methods that know of guards instead."""
     square, none = np.zeros((coordinates, coordinates)), np.zeros(0)
     return Laws(square, square, np.zeros((coordinates, channels)), square, np.zeros((0, channels)), none, none, none,
-                np.zeros(0, dtype=bool), np.zeros(0, dtype=bool), np.zeros((0, coordinates)), none, NOTHING, 0.0, 0.0,
-                np.zeros(coordinates), 0.0, np.zeros(coordinates), NOTHING, False, np.zeros(4, dtype=np.int64))
+                np.zeros(0, dtype=bool), np.zeros(0, dtype=bool), np.zeros((0, coordinates)), none, NOTHING,
+                0.0, 0.0, 0.0, 0.0, np.zeros(coordinates), 0.0, np.zeros(coordinates), NOTHING, False,
+                np.zeros(4, dtype=np.int64))

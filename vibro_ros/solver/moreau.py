@@ -7,6 +7,8 @@ velocity zero, exactly. First order. See V. Acary and B. Brogliato, Numerical Me
 (2008), ch. 10.
 """
 
+import math
+
 from vibro_ros.solver.compilation import kernel
 from vibro_ros.solver.instant import fill_forcing_at
 from vibro_ros.solver.laws import BACKWARD, FORWARD, STICK, WITHOUT_LOAD
@@ -84,12 +86,13 @@ def _normal_impulse(laws, track, coordinates, h):
 @kernel
 def _friction(laws, before, free, normal):
     """Friction impulse and outcome, from the speeds before the step and after it, were there no friction."""
+    sliding = laws.sliding + laws.rise * math.exp(-laws.fading * abs(before))
     if normal <= 0.0:
         ahead = before if before != 0.0 else free
         if not laws.negative or normal == 0.0 or ahead == 0.0:
             return 0.0, WITHOUT_LOAD
-        return (-laws.sliding * normal, FORWARD) if ahead > 0.0 else (laws.sliding * normal, BACKWARD)
-    compliance, bound = laws.slip_response[laws.slipping], laws.sliding * normal
+        return (-sliding * normal, FORWARD) if ahead > 0.0 else (sliding * normal, BACKWARD)
+    compliance, bound = laws.slip_response[laws.slipping], sliding * normal
     if before > 0.0 and free > bound * compliance:
         return -bound, FORWARD
     if before < 0.0 and free < -bound * compliance:
@@ -195,10 +198,10 @@ def enter_found_mode(system, state, track, events, count):
     previous, mode = state.index[MODE], track.found[1]
     for contact in range(len(laws.gap)):
         if contact != laws.support and _rebounds(laws, track, contact):
-            count = record(events, count, time, MONITOR_KIND + contact, -track.approach[contact], float("inf"), 0.0)
+            count = record(events, count, time, MONITOR_KIND + contact, -track.approach[contact], math.inf, 0.0)
     kind = system.event[previous, mode]
     if kind != NOTHING:
-        count = record(events, count, time, kind, 0.0, 0.0, 0.0)
+        count = record(events, count, time, kind, form_value(system.noted[kind], track.start), 0.0, 0.0)
     count = switch_monitors(system, state, mode, time, track.start, events, count)
     state.index[MODE] = mode
     return count

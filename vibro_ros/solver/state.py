@@ -142,6 +142,11 @@ class State(NamedTuple):
     trial: np.ndarray
 
 
+def lasting(state: State) -> list[np.ndarray]:
+    """The arrays that the future depends on: not the library, whose series come out the same again."""
+    return [values for name, values in zip(state._fields, state, strict=True) if name != "library"]
+
+
 def _empty_library(system: System, channels: Channels) -> Library:
     slots = (int(system.flow.max(initial=0)) + 1, len(system.signals.start))
     components = 2 * channels.dynamic

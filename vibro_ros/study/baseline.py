@@ -13,6 +13,10 @@ import numpy as np
 from vibro_ros.model.scene import Scene
 
 _RULES = {"weight": 0, "unilateral": 1, "printed": 2, "hop": 1}  # hop: on the ground, where N cannot pull
+#: Values that it has of the effects that it does not have all values of, and those that it has with rigid plates.
+_KNOWN = {"effects.friction": ("none", "coulomb"), "effects.motor": ("ideal", "ramp"), "effects.upper_mass": (True,),
+          "effects.inclined_mass": (True,)}
+_KNOWN_WHERE_RIGID = {"effects.reaction": (False,), "effects.normal_force": ("weight", "unilateral", "printed")}
 _inlined = numba.njit(cache=True, error_model="numpy", inline="always")
 
 
@@ -255,19 +259,24 @@ def integrate_rk4(scene: Scene, start: np.ndarray, duration: float, rate: float,
     Raises
     ------
     ValueError
-        For effects that it does not have: a missing mass, static friction, a lagging motor, and rigid plates together
-        with the reaction on the masses or a body that hops.
+        For effects that it does not have: a missing mass, static or Stribeck friction, a lagging motor, and rigid
+        plates together with the reaction on the masses or a body that hops.
     """
-    rigid = any(scene[f"effects.{side}_contact"] == "restitution" for side in scene.guides)
-    if (len(scene.guides) < 2 or scene["effects.friction"] not in ("none", "coulomb")
-            or scene["effects.motor"] == "lag"
-            or (rigid and (scene["effects.reaction"] or scene["effects.normal_force"] == "hop"))):
-        raise ValueError(f"scene {scene.name}: the baseline lacks one of its effects")
+    _refuse_unknown(scene)
     per_sample = max(1, round(1.0 / (rate * step)))
     samples = np.empty((round(duration * rate) + 1, 8))
     _integrate(tuple(start), _guide(scene, "upper", 0.0), _guide(scene, "inclined", scene["guide.angle"]),
                _machine(scene, speed), _flight(scene), 1.0 / (rate * per_sample), per_sample, samples)
     return samples
+
+
+def _refuse_unknown(scene: Scene) -> None:
+    """Raise ValueError for an effect that would be left out or taken for another."""
+    rigid = any(scene[f"effects.{side}_contact"] == "restitution" for side in scene.guides)
+    for known, where in ((_KNOWN, ""), (_KNOWN_WHERE_RIGID if rigid else {}, " with rigid plates")):
+        for name, values in known.items():
+            if scene[name] not in values:
+                raise ValueError(f"scene {scene.name}: the baseline has no {name} {scene[name]!r}{where}")
 
 
 def _guide(scene: Scene, side: str, angle: float) -> Guide:

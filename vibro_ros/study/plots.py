@@ -10,6 +10,7 @@ from vibro_ros.study.summary import GAP, impacts_of
 
 MOMENT = 0.3  # s, the close-up; about five crank turns at 100 rad/s
 BINS = 120  # of a band over the whole run; in 10 s each holds a whole swing
+POINTS = 2000  # blocks of a line of many samples; more than the picture has pixels across
 MM = 1e3  # mm/m
 
 _BODY, _MOTOR, _POWER, _COMMAND = "#222222", "#2b8a5b", "#8b3fa0", "#222222"
@@ -117,10 +118,22 @@ def _draw_power(axes: Axes, bag: Bag, span: Span) -> None:
 
 def _line(axes: Axes, time: np.ndarray, values: np.ndarray, span: Span, **style: object) -> None:
     """The samples of `span`, broken at gaps in the stream."""
-    shown = (time >= span[0]) & (time <= span[1])
-    time, values = time[shown], values[shown]
-    gaps = _gaps(time)
-    axes.plot(np.insert(time, gaps, np.nan), np.insert(values, gaps, np.nan), **{"lw": 1.3} | style)
+    shown = np.flatnonzero((time >= span[0]) & (time <= span[1]))
+    drawn = [_visible(piece, values) for piece in np.split(shown, _gaps(time[shown]))]
+    broken = [np.concatenate([column for piece in drawn for column in (of[piece], [np.nan])])[:-1]
+              for of in (time, values)]
+    axes.plot(*broken, **{"lw": 1.3} | style)
+
+
+def _visible(samples: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Of the indices `samples`, those that a line can show: of each of `POINTS` blocks its ends and its extremes."""
+    size = len(samples) // POINTS
+    if size < 8:
+        return samples
+    blocks = samples[:len(samples) // size * size].reshape(-1, size)
+    rows = np.arange(len(blocks))
+    extremes = [blocks[rows, pick(values[blocks], axis=1)] for pick in (np.argmin, np.argmax)]
+    return np.unique(np.concatenate([blocks[:, 0], blocks[:, -1], *extremes, samples[blocks.size:]]))
 
 
 def _swings(axes: Axes, time: np.ndarray, values: np.ndarray, span: Span, colour: str, label: str) -> None:

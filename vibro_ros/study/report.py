@@ -10,6 +10,10 @@ from vibro_ros.bag.reader import BagError, read_bag
 from vibro_ros.study.plots import plot_run
 from vibro_ros.study.summary import as_caption, as_text, summarise
 
+COLUMNS = {"odom": ("position",), "joint_states": ("*.position", "crank.velocity"), "ground_contact": (),
+           "impacts": ("stamp", "frame"), "motor_power": ("value",), "motor_speed": ("value",)}
+"""All that summary and picture need of a recording, which may be long."""
+
 
 def write_report(bag_folder: Path, output: Path | None = None) -> tuple[str, tuple[Path, ...]]:
     """Write summary.txt, summary.json and report.png about a recording.
@@ -37,7 +41,7 @@ def write_report(bag_folder: Path, output: Path | None = None) -> tuple[str, tup
     output = Path(output).resolve() if output else folder.with_name(f"{folder.name}_report")
     if output.is_relative_to(folder):
         raise BagError(f"{output}: lies inside the recording, which is never written to; give another --output")
-    bag = read_bag(folder)
+    bag = read_bag(folder, COLUMNS)
     summary = summarise(bag)
     text, figure = as_text(summary), plot_run(bag, as_caption(summary))
     output.mkdir(parents=True, exist_ok=True)

@@ -18,11 +18,11 @@ from scipy.optimize import brentq
 from vibro_ros.model.scene import Scene
 from vibro_ros.model.tables import MODE_EVENTS, Model
 from vibro_ros.simulator import Simulator
-from vibro_ros.solver import instant, transition
 from vibro_ros.solver.compilation import entry_kernel
-from vibro_ros.solver.state import GUARD, MODE
+from vibro_ros.solver.instant import accelerate, fill_forcing_at
+from vibro_ros.solver.state import GUARD, MODE, SPEED_TIME
 from vibro_ros.solver.system import NOTHING
-from vibro_ros.solver.transition import NOISE
+from vibro_ros.solver.transition import NOISE, choose_candidate
 
 SOLVERS: dict[str, type[OdeSolver]] = {"DOP853": DOP853, "Radau": Radau, "LSODA": LSODA}
 # Points between a step's ends at which its guards are evaluated, too.
@@ -34,26 +34,19 @@ _HALVINGS = 30
 _ROOT = 4.0 * np.finfo(float).eps  # of `brentq`, the least that it takes
 
 
-# Kernels that are parts of others, with an entry from Python.
-
-
-@entry_kernel
-def _fill_forcing(system, state, time, z):
-    instant.fill_forcing_at(system, state, time, z)
-
-
-@entry_kernel
-def _accelerate(system, mode, z, accelerations):
-    instant.accelerate(system, mode, z, accelerations)
-
-
-@entry_kernel
-def _choose_candidate(system, state, z):
-    return transition.choose_candidate(system, state, z)
-
-
 class UnableError(RuntimeError):
     """A method cannot integrate the scene, or not at this cost."""
+
+
+@entry_kernel
+def _fill_point(system, state, mode, time, z, accelerations):
+    fill_forcing_at(system, state, time, z)
+    accelerate(system, mode, z, accelerations)
+
+
+@entry_kernel
+def _choose(system, state, z):
+    return choose_candidate(system, state, z)
 
 
 @dataclass
@@ -83,7 +76,7 @@ class Tables:
         self.model: Model = device._model
         self.system, self.state = self.model.system, device._state
         self.channels = self.model.forms.channels
-        self.motor_settled = float(self.state.clock[instant.SPEED_TIME])
+        self.motor_settled = float(self.state.clock[SPEED_TIME])
         n = self.channels.coordinates
         self.start = device._point[:2 * n].copy()
         self._z, self._accelerations = np.zeros(self.channels.count), np.zeros(n)
@@ -91,8 +84,7 @@ class Tables:
     def point(self, time: float, y: np.ndarray, mode: int) -> np.ndarray:
         """All channels, shape (channels,); overwritten by the next call."""
         self._z[:len(y)] = y
-        _fill_forcing(self.system, self.state, time, self._z)
-        _accelerate(self.system, mode, self._z, self._accelerations)
+        _fill_point(self.system, self.state, mode, time, self._z, self._accelerations)
         return self._z
 
     def slope(self, time: float, y: np.ndarray, mode: int) -> np.ndarray:
@@ -115,7 +107,7 @@ class Tables:
     def change(self, mode: int, guard: int, z: np.ndarray) -> tuple[int, np.ndarray, list[str]]:
         """Mode that follows when a guard of `mode` fires, the coordinates then, and kinds of events to record."""
         self.state.index[[MODE, GUARD]] = mode, guard
-        candidate = _choose_candidate(self.system, self.state, z)
+        candidate = _choose(self.system, self.state, z)
         after = int(self.system.candidate[mode, guard, candidate])
         kinds = []
         if self.system.event[mode, after] != NOTHING:

@@ -35,7 +35,7 @@ class Automaton:
         series = Series(equations, state, switches)
         self._body = Body(equations, self.present, series)
         self._plates = Plates(equations, self.present, self._body, series)
-        self._body.feel_landing = self._plates.feel_landing
+        self._body.feel_shock = self._plates.feel_shock
 
     def begin(self) -> None:
         """Forget everything, as before a start."""
@@ -44,9 +44,11 @@ class Automaton:
 
     def actions(self) -> dict[str, object]:
         """What each of `Equations.guards` does: a function of time [s] and the sign of the guard's derivative."""
-        return self._plates.actions() | self._body.actions()
+        actions = self._plates.actions() | self._body.actions()
+        return {name: lambda t, d, act=act: (act(t, d), self._plates.release(t)) for name, act in actions.items()}
 
     def settle(self, time: float) -> None:
         """Decide every mode afresh, ties included."""
         self._plates.settle(time)
         self._body.settle(time)
+        self._plates.release(time)

@@ -5,14 +5,18 @@ can be put on either side of zero by less than any rounding error. Time is count
 """
 
 import math
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
 import heyoka as hy
 
 from vibro_ros.model.scene import Scene
+from vibro_ros.study.peer.known import refuse_unknown
 
 #: The first of the switches: they decide how the body moves (`Equations.ground_mode`).
-GROUND = ("slide", "mobility", "stick", "slip", "air")
+GROUND = ("slide", "direction", "mobility", "stick", "slip", "air")
+#: exp(-x), 4e-18, which no Taylor coefficient shows any more: heyoka would step over the stop of the body that follows.
+_FADED = 40.0
 
 
 class Switches:
@@ -59,8 +63,9 @@ class Equations:
     switches : Switches
         Run-time parameters: `<side>.spring`, `<side>.damper` (of the plate while it acts, else 0), `<side>.free` (0
         while resting on a rigid plate), `<side>.plate`, `<side>.plate_speed`, `<side>.sign` (of the kinked root),
-        `<side>.watch`, `<side>.offset`, `slide` (mu times direction), `mobility` (x'' per force; 0 while the body is
-        held), `stick`, `slip` and `air` (1 in that mode), `normal_offset`, `angle`, `speed`, `change`.
+        `<side>.watch`, `<side>.offset`, `slide` (mu times direction), `direction` (of a body that slips: 1 or -1, else
+        0), `mobility` (x'' per force; 0 while the body is held), `stick`, `slip` and `air` (1 in that mode),
+        `normal_offset`, `angle`, `speed`, `change`.
     guides : list of Guide
     system : list
         For `heyoka.taylor_adaptive`: d, d' of each guide, then x, x' if the body can move, y, y' if it can leave the
@@ -69,13 +74,23 @@ class Equations:
         Places of x and y in the state, were they there.
     normal, inertial : expression
         N and F_in [N], of a body on the ground.
+    rise : expression
+        y'' [m/s^2], of a body in the air.
+    forces : dict of str to expression
+        Force along each guide [N] as its mass feels it in the body's frame: what presses it on a rigid plate.
     holding : float
         Friction coefficient of a body that sticks.
     share : float
         m3 sin(phi) / M: what of a jump of w' a rigid blow gives to x'.
+
+    Raises
+    ------
+    ValueError
+        For an effect, or a value of one, that is not among `known.KNOWN`.
     """
 
     def __init__(self, scene: Scene):
+        refuse_unknown(scene)
         self.scene, self.switches = scene, Switches()
         self._motor()
         tilt = {"upper": 0.0, "inclined": scene["guide.angle"]}
@@ -83,8 +98,9 @@ class Equations:
         self.total = math.fsum([scene["mass.body"], *(scene[f"mass.{side}"] for side in sides)])
         self.sine, self.cosine = math.sin(tilt["inclined"]), math.cos(tilt["inclined"])
         self.body_moves = "inclined" in sides and self.sine != 0.0
-        self.rubs = self.body_moves and scene["effects.friction"] != "none" and scene["ground.friction"] > 0.0
-        self.holding = scene["ground.static_friction" if scene["effects.friction"] == "static" else "ground.friction"]
+        law = scene["effects.friction"]
+        self.holding = scene["ground.static_friction" if law in ("static", "stribeck") else "ground.friction"]
+        self.rubs = self.body_moves and law != "none" and self.holding > 0.0
         self.rule = scene["effects.normal_force"]
         self.hops = self.rule == "hop" and bool(sides)
         self.share = scene["mass.inclined"] * self.sine / self.total if self.body_moves else 0.0
@@ -144,16 +160,17 @@ class Equations:
             ground += upwards[guide.side] * load
         if self.rule == "weight":
             ground = self.normal
-        along_x = at["mobility"] * (inward - (at["slide"] * ground if self.rubs or self.hops else 0.0))
-        along, across, up = self.inertia()
-        rise = (across * inward + along * ground) / (across**2 - along * up)  # y'' in the air
+        x, self.velocity = hy.make_vars("x", "x_v")
+        along_x = at["mobility"] * (inward - (self._friction() * ground if self.rubs or self.hops else 0.0))
+        along, across, up = self.inertia({guide.side: self._freed(guide, 1.0) for guide in self.guides})
+        self.rise = (across * inward + along * ground) / (across**2 - along * up)
         self.system, self.forces = [], {}
         for guide in self.guides:
             force = guide.load
             if self.scene["effects.reaction"] and share[guide.side]:
                 force = force + guide.mass * self.sine * along_x
             if self.scene["effects.reaction"] and self.hops:
-                force = force - guide.mass * upwards[guide.side] * at["air"] * rise
+                force = force - guide.mass * upwards[guide.side] * at["air"] * self.rise
             inertia = self._freed(guide, force)
             self.forces[guide.side] = force
             self.system += [(guide.depth, guide.rate), (guide.rate, inertia / guide.mass)]
@@ -161,53 +178,75 @@ class Equations:
             if self.rule != "weight":
                 self.normal += upwards[guide.side] * inertia
         if self.body_moves:
-            x, self.velocity = hy.make_vars("x", "x_v")
             self.system += [(x, self.velocity), (self.velocity, along_x)]
         if self.hops:
             self.altitude, climb = hy.make_vars("y", "y_v")
-            self.system += [(self.altitude, climb), (climb, at["air"] * rise)]
+            self.system += [(self.altitude, climb), (climb, at["air"] * self.rise)]
 
-    def _freed(self, guide: Guide, force: hy.expression) -> hy.expression:
+    def _friction(self) -> hy.expression:
+        """F_fr as a multiple of N while the body slips: mu, and by Stribeck's law what decays with abs(x')."""
+        at, scene = self.switches, self.scene
+        if scene["effects.friction"] != "stribeck":
+            return at["slide"]
+        extra = self.holding - scene["ground.friction"]
+        return at["slide"] + extra * at["direction"] * hy.exp(
+            -at["direction"] * self.velocity / scene["ground.stribeck_speed"])
+
+    def _freed(self, guide: Guide, force: hy.expression | float) -> hy.expression | float:
         """`force`, or 0 while the mass rests on a rigid plate and moves with it."""
         return self.switches[f"{guide.side}.free"] * force if guide.kind == "restitution" else force
 
-    def inertia(self, inclined_free: bool = True) -> tuple[float, float, float]:
+    def inertia(self, free: Mapping[str, hy.expression | float]) -> tuple:
         """What is left of the body's mass matrix, M_xx, M_xy, M_yy [kg], when masses that feel it move are eliminated;
-        an inclined mass that rests on its plate is a part of the body."""
+        one whose `free` is 0, not 1, is a part of the body: it rests on a rigid plate."""
         along, across, up = self.total, 0.0, self.total
         if self.scene["effects.reaction"]:
             for guide in self.guides:
+                mass = free.get(guide.side, 1.0) * guide.mass
                 if guide.side == "upper":
-                    up -= guide.mass
-                elif inclined_free:
-                    along -= guide.mass * self.sine**2
-                    across += guide.mass * self.sine * self.cosine
-                    up -= guide.mass * self.cosine**2
+                    up -= mass
+                else:
+                    along -= mass * self.sine**2
+                    across += mass * self.sine * self.cosine
+                    up -= mass * self.cosine**2
         return along, across, up
 
-    def ground_mode(self, state: str, inclined_free: bool) -> tuple[float, ...]:
-        """Values of the switches `GROUND` in a state of `body.Body`.
+    def ground_mode(self, state: str, resting: Collection[str]) -> tuple[float, ...]:
+        """Values of the switches `GROUND` in a state of `body.Body`, with the masses of the guides `resting` at rest on
+        rigid plates.
 
         In the air, row y makes the two switches of row x stand for something else: x'' is as if the normal force of
         row y with y'' = 0 acted with -M_xy / M_yy for the friction coefficient.
         """
-        along, across, up = self.inertia(inclined_free)
+        along, across, up = self.inertia(dict.fromkeys(resting, 0.0))
         if state == "stick":
-            return 0.0, 0.0, 1.0, 0.0, 0.0
+            return 0.0, 0.0, 0.0, 1.0, 0.0, 0.0
         if state == "airborne":
-            return -across / up, up / (along * up - across**2), 0.0, 0.0, 1.0
-        slips = state.startswith("slip")
-        slide = self.scene["ground.friction"] * (1.0 if state == "slip_forward" else -1.0) if slips else 0.0
+            return -across / up, 0.0, up / (along * up - across**2), 0.0, 0.0, 1.0
+        direction = {"slip_forward": 1.0, "slip_backward": -1.0}.get(state, 0.0)
+        slide = self.scene["ground.friction"] * direction
         lift = 0.0 if self.rule == "weight" else slide * across
-        return slide, 1.0 / (along + lift), 0.0, float(slips), 0.0
+        return slide, direction, 1.0 / (along + lift), 0.0, abs(direction), 0.0
 
-    def shock(self, speed: float, fall: float) -> tuple[float, bool]:
+    def thrown(self, guide: Guide, change: float, resting: Collection[str]) -> tuple[float, float]:
+        """Jumps of x' and y' [m/s] of a body that nothing holds when a blow changes d' of one mass by `change` [m/s].
+
+        What the mass loses along its guide, m e change, the body gains, of which it and the masses of the guides
+        `resting` are a part.
+        """
+        along, across, up = self.inertia(dict.fromkeys((guide.side, *resting), 0.0))
+        lost = -guide.mass * change
+        inward, upward = -lost * math.sin(guide.angle), lost * math.cos(guide.angle)
+        area = along * up - across**2
+        return (up * inward - across * upward) / area, (along * upward - across * inward) / area
+
+    def shock(self, speed: float, fall: float, resting: Collection[str]) -> tuple[float, bool]:
         """x' [m/s] after a landing at x' = `speed`, y' = `fall`, and whether the body sticks.
 
         While the body slips forwards (1) or backwards (-1), P_x = -direction mu P_y; P_x and P_y follow from the
         changes of x' and y' by `inertia`. If it stops, what is left of the fall meets a body at rest.
         """
-        along, across, up = self.inertia()
+        along, across, up = self.inertia(dict.fromkeys(resting, 0.0))
         mu = self.scene["ground.friction"] if self.rubs else 0.0
 
         def per_fall(direction: float) -> float:
@@ -223,12 +262,13 @@ class Equations:
             return 0.0, True
         return per_fall(-math.copysign(1.0, across)) * fall, False
 
-    def kept_in_space(self, along_x: float, upwards: float) -> list[float]:
-        """Jumps of each d' [m/s] when x' and y' jump by these, and no force acts on the masses."""
-        if not self.scene["effects.reaction"]:
-            return [0.0] * len(self.guides)
-        return [-upwards if guide.side == "upper" else self.sine * along_x - self.cosine * upwards
-                for guide in self.guides]
+    def kept_in_space(self, along_x: float, upwards: float, moved: Collection[str]) -> list[float]:
+        """Jumps of each d' [m/s] when x' and y' jump by these, and no force acts on the masses but those of the guides
+        `moved`."""
+        felt = [self.scene["effects.reaction"] and guide.side not in moved for guide in self.guides]
+        jumps = [-upwards if guide.side == "upper" else self.sine * along_x - self.cosine * upwards
+                 for guide in self.guides]
+        return [jump if feels else 0.0 for jump, feels in zip(jumps, felt, strict=True)]
 
     def guards(self) -> dict[str, hy.expression]:
         """Expressions whose zeros end a mode, by name; what does not apply in a mode is switched to a constant."""
@@ -249,6 +289,9 @@ class Equations:
             stick, slip, bound = at["stick"], at["slip"], self.holding * self.normal
             found["body forward"] = (stick * (bound - self.inertial) + slip * self.velocity
                                      + (1.0 - stick - slip))
+            if self.scene["effects.friction"] == "stribeck":
+                faded = at["direction"] * self.velocity - _FADED * self.scene["ground.stribeck_speed"]
+                found["decay"] = slip * faded + (1.0 - slip)
             found["body backward"] = stick * (bound + self.inertial) + (1.0 - stick)
         if self.hops:
             found["normal"] = at["air"] * self.altitude + (1.0 - at["air"]) * (self.normal + at["normal_offset"])

@@ -8,7 +8,6 @@ from vibro_ros.study.peer.series import Series
 _DEPTH_NUDGE = 1e-27  # m
 _LEAST_RISE = 1e-26  # m; heyoka's search for a root gives up on a bounce that rises less
 _FORCE_NUDGE = 1e-12  # N
-_SHORT_FLIGHT = 1e-5  # s; a step is about 1e-3 s, and finding a root at a small part of it may take heyoka too long
 _FAST = 0.1  # m/s; flies for longer under any force that is not 1e3 times the usual
 #: docs/model.md: a mass that arrives no faster [m/s] rests.
 _REST_SPEED = 1e-9
@@ -73,8 +72,20 @@ class Plates:
         self._present.set(f"{guide.side}.offset", direction * _FORCE_NUDGE - self._present.push(time, guide))
         self._turn(time, guide, "closed" if direction > 0 else "released")
 
-    def feel_landing(self, time: float) -> None:
-        """The dampers' forces have jumped with the masses' speeds: a plate without tension may let go or press anew."""
+    def feel_shock(self, time: float, parted: frozenset[str]) -> None:
+        """A landing or a blow has changed the masses' speeds: those of the guides `parted` rest no longer, and with the
+        dampers' forces a plate without tension may let go or press anew."""
+        for guide in self._guides:
+            if guide.side in parted:
+                self._part(time, guide.side)
+                self._state[self._place[guide.side]] = -_DEPTH_NUDGE
+        for guide in self._guides:
+            if guide.side in parted:
+                approach = float(self._state[self._place[guide.side] + 1])
+                if approach > 0.0:
+                    self._strike(time, guide, approach)
+                else:
+                    self._fly(time, guide, -approach)
         for guide in self._guides:
             if guide.watches_force and self.contact[guide.side] != "open":
                 self._present.set(f"{guide.side}.offset", 0.0)
@@ -139,21 +150,21 @@ class Plates:
         self._present.begin_contact(time, guide.side, approach)
         self._present.end_contact(time, guide.side)
         self._state[self._place[guide.side] + 1] = -rebound
-        if guide.side == "inclined":
-            self._body.feel_blow(time, -rebound - approach)
-        if rebound <= _FAST:
-            self._body.reconsider(time)
-            force = self._present.support(time, guide)
-            if force > 0.0:
-                self._bounce(time, guide, rebound, force / guide.mass)
+        self._body.feel_blow(time, guide, -rebound - approach)
+        self._fly(time, guide, rebound)
 
-    def _bounce(self, time: float, guide: Guide, rebound: float, pull: float) -> None:
-        """A low flight back to the plate."""
-        flight = 2.0 * rebound / pull
-        if rebound**2 <= 2.0 * pull * _LEAST_RISE:
-            self._rest(time + flight, guide, rebound, rebound)
-        elif flight < _SHORT_FLIGHT:
-            self._present.flight = flight
+    def _fly(self, time: float, guide: Guide, rebound: float) -> None:
+        """Leave the plate with `rebound` [m/s]; a low flight may be over before heyoka can find its end."""
+        if rebound > _FAST:
+            return
+        self._body.reconsider(time)
+        pull = self._present.support(time, guide) / guide.mass
+        if pull > 0.0:
+            flight = 2.0 * rebound / pull
+            if rebound**2 <= 2.0 * pull * _LEAST_RISE:
+                self._rest(time + flight, guide, rebound, rebound)
+            else:
+                self._present.expect(flight)
 
     def _rest(self, time: float, guide: Guide, approach: float, change: float) -> None:
         """Rest after an arrival with `approach` [m/s]; the mass's speed jumps, or has in a bounce, by `change`."""
@@ -162,10 +173,8 @@ class Plates:
         self.contact[side] = "resting"
         self._state[at] = self._state[at + 1] = 0.0
         self._present.set(f"{side}.free", 0.0)
-        if side == "inclined":
-            self._body.inclined_free = False
-            if self._body.friction != "stick":
-                self._body.feel_blow(time, change)
+        self._body.feel_last_blow(time, guide, change)
+        self._body.feel_rest(side, True)
 
     def _part(self, time: float, side: str) -> None:
         """Let a mass fly that may rest on its rigid plate."""
@@ -173,8 +182,15 @@ class Plates:
             self._present.end_contact(time, side)
         self.contact[side] = "open"
         self._present.set(f"{side}.free", 1.0)
-        if side == "inclined":
-            self._body.inclined_free = True
+        self._body.feel_rest(side, False)
+
+    def release(self, time: float) -> None:
+        """Part the masses that nothing presses on their rigid plates any more, because a force has jumped."""
+        for guide in self._guides:
+            if self.contact[guide.side] == "resting" and self._present.support(time, guide) < 0.0:
+                self._part(time, guide.side)
+                self._state[self._place[guide.side]] = -_DEPTH_NUDGE
+                self._body.reconsider(time)
 
     def _settle_rigid(self, time: float, guide: Guide) -> None:
         at, side = self._place[guide.side], guide.side

@@ -7,6 +7,7 @@ import numpy as np
 
 from vibro_ros.study.peer.equations import Equations, Guide
 
+_SHORT_FLIGHT = 1e-5  # s; a step is about 1e-3 s, and finding a root at a small part of it may take heyoka too long
 _TIME = hy.expression("t")
 
 
@@ -39,7 +40,7 @@ class Present:
         self._support = {side: 2 + len(sides) + i for i, side in enumerate(sides)}
         pushes = [guide.push for guide in equations.guides]
         # One array of inputs: heyoka takes longer over its arguments than over these formulas.
-        wanted = [equations.normal, equations.inertial, *pushes, *map(equations.forces.get, sides)]
+        wanted = [equations.normal, equations.inertial, *pushes, *map(equations.forces.get, sides), equations.rise]
         parameters = hy.make_vars(*(f"p{i}" for i in range(len(switches))))
         given = {hy.par[i]: parameter for i, parameter in enumerate(parameters)}
         self._forces = hy.cfunc([hy.subs(force, given | {hy.time: _TIME}) for force in wanted],
@@ -71,6 +72,15 @@ class Present:
     def support(self, time: float, guide: Guide) -> float:
         """Force [N] that presses a mass on its rigid plate."""
         return float(self._read(time)[self._support[guide.side]])
+
+    def rise(self, time: float) -> float:
+        """y'' [m/s^2] of a body in the air."""
+        return float(self._read(time)[-1])
+
+    def expect(self, flight: float) -> None:
+        """Announce a bounce that ends after about `flight` [s], if that is short."""
+        if flight < _SHORT_FLIGHT:
+            self.flight = min(flight, self.flight or flight)
 
     def _read(self, time: float) -> np.ndarray:
         self._state_input[:], self._switch_input[:], self._inputs[-1] = self.state, self.switches, time

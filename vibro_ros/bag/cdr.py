@@ -1,0 +1,84 @@
+"""Messages without ROS: blank ones to fill, their bytes, and where two of them differ."""
+
+import struct
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+from rosbags.interfaces import Nodetype
+
+from vibro_ros.bag.definitions import jazzy_types
+
+
+def blank(type_name: str) -> Any:
+    """A message with zeros, empty texts and empty lists, as every ROS library makes it."""
+    store = jazzy_types()
+    _, fields = store.fielddefs[type_name]
+    return store.types[type_name](**{name: _blank(kind, what) for name, (kind, what) in fields})
+
+
+def serialised(message: Any, type_name: str) -> bytes:
+    """The message as it is published (CDR); lists of numbers may be lists."""
+    _, fields = jazzy_types().fielddefs[type_name]
+    for name, (kind, what) in fields:
+        if kind is Nodetype.SEQUENCE and what[0][0] is Nodetype.BASE and what[0][1][0] == "float64":
+            setattr(message, name, np.asarray(getattr(message, name), dtype=float))
+    return bytes(jazzy_types().serialize_cdr(message, type_name))
+
+
+def deserialised(data: bytes, type_name: str) -> Any:
+    """The message in `data` (ValueError when it cannot be read)."""
+    try:
+        return jazzy_types().deserialize_cdr(data, type_name)
+    except Exception as error:  # rosbags raises whatever its generated code meets
+        raise ValueError(f"not a {type_name}: {error}") from error
+
+
+def first_difference(one: bytes, other: bytes, type_name: str) -> tuple[str, object, object] | None:
+    """Where two serialised messages differ first: field, its value in one and in the other; None when nowhere.
+
+    Numbers are equal when all their bits are; bytes that belong to no field do not count. The field of an
+    unreadable message is its length.
+    """
+    if one == other:
+        return None
+    try:
+        read = deserialised(one, type_name)
+        if serialised(read, type_name) == other:  # only the padding differs, which some libraries leave to chance
+            return None
+        fields = _leaves(read, deserialised(other, type_name), "")
+        return next((found for found in fields if _bits(found[1]) != _bits(found[2])), None)
+    except ValueError:
+        return "bytes", len(one), len(other)
+
+
+def _blank(kind: Nodetype, what: Any) -> Any:
+    if kind is Nodetype.NAME:
+        return blank(what)
+    if kind is Nodetype.BASE:
+        return {"string": "", "bool": False, "float64": 0.0, "float32": 0.0}.get(what[0], 0)
+    (inner, of), length = what
+    if inner is Nodetype.BASE and of[0] != "string":
+        return np.zeros(length if kind is Nodetype.ARRAY else 0, dtype=of[0])
+    return [_blank(inner, of) for _ in range(length if kind is Nodetype.ARRAY else 0)]
+
+
+def _leaves(one: Any, other: Any, path: str) -> Iterator[tuple[str, object, object]]:
+    if hasattr(one, "__msgtype__"):
+        for name in (name for name in vars(one) if name != "__msgtype__"):
+            yield from _leaves(getattr(one, name), getattr(other, name), f"{path}.{name}" if path else name)
+    elif isinstance(one, (list, np.ndarray)):
+        if len(one) != len(other):
+            yield f"length of {path}", len(one), len(other)
+        for i, (left, right) in enumerate(zip(one, other, strict=False)):
+            yield from _leaves(left, right, f"{path}[{i}]")
+    else:
+        yield path, _plain(one), _plain(other)
+
+
+def _plain(value: Any) -> object:
+    return value.item() if isinstance(value, np.generic) else value
+
+
+def _bits(value: object) -> object:
+    return struct.pack("<d", value) if isinstance(value, float) else value

@@ -1,0 +1,56 @@
+"""The robot's topics in a bag: their types, and the names that remapping and namespaces gave them."""
+
+import json
+
+from vibro_ros.bag.stream import BagError, BagStream
+
+ROBOT_TOPICS = {
+    "odom": "nav_msgs/msg/Odometry",
+    "joint_states": "sensor_msgs/msg/JointState",
+    "ground_contact": "geometry_msgs/msg/WrenchStamped",
+    "impacts": "geometry_msgs/msg/WrenchStamped",
+    "motor_power": "std_msgs/msg/Float64",
+    "motor_speed": "std_msgs/msg/Float64",
+    "upper_gap": "std_msgs/msg/Float64",
+    "inclined_gap": "std_msgs/msg/Float64",
+}  # a topic that ends like one of these and has another type is somebody else's
+
+COMMANDS = ("motor_speed", "upper_gap", "inclined_gap")
+"""Those that the robot listens to."""
+
+CHECKPOINT = "checkpoint"
+CHECKPOINT_TYPE = "std_msgs/msg/Float64MultiArray"
+"""Only in bags that may lack a run's beginning: `Simulator.checkpoint` after a sample and before its commands."""
+
+_TYPES = {**ROBOT_TOPICS, CHECKPOINT: CHECKPOINT_TYPE}
+
+
+def robot_topics(stream: BagStream) -> dict[str, str]:
+    """Full names of the robot's topics, by its own names for them: as the bag's custom data tell, else by last parts.
+
+    Raises
+    ------
+    BagError
+        When a topic that the bag tells has another type, and when two robots are in a bag that tells nothing.
+    """
+    try:
+        told = json.loads(stream.metadata.get("topics", "{}"))
+        found = {name: str(told[name]) for name in _TYPES if name in told}
+    except (ValueError, TypeError) as error:
+        raise BagError(f"{stream.folder}: its custom data `topics` cannot be read: {error}") from error
+    for name, topic in found.items():
+        recorded = stream.topics.get(topic)
+        if recorded and recorded.type_name != _TYPES[name]:
+            raise BagError(f"{stream.folder}: {topic} is {recorded.type_name}, not the robot's {_TYPES[name]}")
+    return found or _by_last_part(stream)
+
+
+def _by_last_part(stream: BagStream) -> dict[str, str]:
+    found: dict[str, str] = {}
+    for topic, recorded in stream.topics.items():
+        name = topic.rpartition("/")[2]
+        if ROBOT_TOPICS.get(name) == recorded.type_name:
+            if name in found:
+                raise BagError(f"{stream.folder}: {name} is ambiguous: {found[name]} and {topic}")
+            found[name] = topic
+    return found

@@ -1,0 +1,38 @@
+"""Where numbers come from: what a recording must say for somebody to compute it again, bit for bit."""
+
+import json
+import platform
+from collections.abc import Mapping
+from importlib.metadata import PackageNotFoundError, version
+
+import numba
+import numpy as np
+
+from vibro_ros.model.parameters import Value
+
+
+def provenance(parameters: Mapping[str, Value], start: int) -> dict[str, str]:
+    """All that fixes the bits of a run besides its commands, as custom data of a bag.
+
+    Parameters
+    ----------
+    parameters : mapping
+        Every parameter of the device and its scene.
+    start : int
+        ROS time [ns] of simulated time 0.
+    """
+    solver = f"{parameters['solver.method']}, tolerance {parameters['solver.tolerance']:g} m"
+    return {"parameters": json.dumps(dict(parameters)), "solver": solver, **software(), "start": str(start)}
+
+
+def software() -> dict[str, str]:
+    """`version` of this package and `platform` that it runs on: between two of them bits may differ."""
+    return {"version": _version(), "platform": f"{platform.machine()}, Python {platform.python_version()}, "
+                                               f"numpy {np.__version__}, numba {numba.__version__}"}
+
+
+def _version() -> str:
+    try:
+        return version("vibro_ros")
+    except PackageNotFoundError:  # run from a source folder that was never installed
+        return "unknown"
