@@ -134,6 +134,20 @@ def test_an_interrupted_run_keeps_its_rows(monkeypatch, tmp_path, capsys):
     assert "what was measured is kept" in capsys.readouterr().err
 
 
+def test_a_scene_that_cannot_be_simulated_does_not_end_the_others(monkeypatch, tmp_path, capsys):
+    def study(scene, effort):
+        if scene.name == "paper":
+            raise UnableError("at 0.1 s: events follow each other")
+        return SceneStudy(scene, effort)
+
+    monkeypatch.setattr(accuracy, "SceneStudy", study)
+    monkeypatch.setattr(accuracy, "shipped_scenes", lambda: ("paper", "damped"))
+    options = ["--all", "--methods", "exact", "--horizon", "0.05", "--repeats", "1", "--starts", "2"]
+    assert accuracy.main([*options, "--output", str(tmp_path)]) == accuracy.FAILED
+    assert "paper: exact cannot simulate it: at 0.1 s" in capsys.readouterr().err
+    assert "## damped" in (tmp_path / "accuracy.md").read_text(encoding="utf-8")
+
+
 @pytest.mark.parametrize(("options", "reason"), [
     (["--scene", "nowhere"], "nowhere: neither a shipped scene nor a file"),
     (["--scene", "paper", "--methods", "magic"], "magic: no such method; methods are exact, rk4"),

@@ -17,12 +17,12 @@ from tqdm import tqdm
 from vibro_ros.scene_file import load_scene, shipped_scenes
 from vibro_ros.simulator import SimulationError
 from vibro_ros.study.chaos import Growth
-from vibro_ros.study.methods import Method
+from vibro_ros.study.methods import Method, UnableError
 from vibro_ros.study.precision import BASELINE_STEP, STUDIED, Effort, Row, SceneStudy
 from vibro_ros.study.precision_diagram import draw_precision
-from vibro_ros.study.precision_text import finding, markdown, recommendations, reference_in_words, reference_of
+from vibro_ros.study.precision_text import findings, markdown, recommendations, reference_in_words, reference_of
 
-BAD_INPUT, INTERRUPTED = 2, 130
+FAILED, BAD_INPUT, INTERRUPTED = 1, 2, 130
 TABLE, TEXT = "accuracy.csv", "accuracy.md"
 _PACKAGES = ("numpy", "numba", "scipy", "heyoka")
 _LEAST_HORIZON = 1e-3  # s, one sample
@@ -89,7 +89,8 @@ class Accuracy:
                 write(row)
                 bar.set_postfix_str(f"{row.method} {row.value:g}")
                 bar.update()
-        self._say(f"{scene.name}: {finding(kept)}")
+        for text in findings(kept):
+            self._say(f"{scene.name}: {text}")
 
     def write_text_and_diagrams(self, folder: Path, interrupted: bool) -> tuple[Path, ...]:
         """Write what the rows measured so far tell; returns the files."""
@@ -109,7 +110,7 @@ class Accuracy:
             files.append(picture)
             parts += ["", f"## {name}", "", f"![{name}]({picture.name})", "", f"{_sentence(self.growths[name])} "
                       f"{self._horizon(name)}", "", reference_in_words(reference_of(rows)), "",
-                      finding(rows), "", recommendations(rows), "", markdown(rows)]
+                      "\n\n".join(findings(rows)), "", recommendations(rows), "", markdown(rows)]
         files[0].write_text("\n".join(parts) + "\n", encoding="utf-8")
         return tuple(files)
 
@@ -151,23 +152,26 @@ def main(arguments: Sequence[str] | None = None) -> int:
             load_scene(scene)
         options.output.mkdir(parents=True, exist_ok=True)
         return _run(scenes, Accuracy(methods, effort), options.output)
-    except (ValueError, SimulationError) as error:
+    except ValueError as error:
         return _failed(str(error))
     except OSError as error:
         return _failed(f"{error.filename}: {error.strerror}; give a readable scene and a writable --output")
 
 
 def _run(scenes: Sequence[str], study: Accuracy, folder: Path) -> int:
-    interrupted = False
+    code = 0
     with row_writer(folder / TABLE) as write:
         try:
             for scene in scenes:
-                study.measure(scene, write)
+                try:
+                    study.measure(scene, write)
+                except (SimulationError, UnableError) as error:
+                    code = _failed(f"{scene}: exact cannot simulate it: {error}", FAILED)
         except KeyboardInterrupt:
-            interrupted = True
+            code = INTERRUPTED
             print("accuracy: interrupted; what was measured is kept", file=sys.stderr)
-    print("\n".join(map(str, (folder / TABLE, *study.write_text_and_diagrams(folder, interrupted)))))
-    return INTERRUPTED if interrupted else 0
+    print("\n".join(map(str, (folder / TABLE, *study.write_text_and_diagrams(folder, code == INTERRUPTED)))))
+    return code
 
 
 def _effort(options: argparse.Namespace) -> Effort:
@@ -188,8 +192,8 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="accuracy", description="Measure error over cost for every method: a diagram for each scene, a table as "
         "Markdown and CSV. Ctrl-C keeps what is done.",
-        epilog="Exit code 0: all measured; 2: bad input, or nowhere to write; 130: interrupted, what was measured is "
-        "written.")
+        epilog="Exit code 0: all measured; 1: a scene cannot be simulated; 2: bad input, or nowhere to write; 130: "
+        "interrupted, what was measured is written.")
     which = parser.add_mutually_exclusive_group(required=True)
     which.add_argument("--scene", metavar="NAME", help="shipped scene or scene file")
     which.add_argument("--all", action="store_true", help="every shipped scene")
@@ -208,9 +212,9 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
-def _failed(reason: str) -> int:
+def _failed(reason: str, code: int = BAD_INPUT) -> int:
     print(f"accuracy: {reason}", file=sys.stderr)
-    return BAD_INPUT
+    return code
 
 
 if __name__ == "__main__":

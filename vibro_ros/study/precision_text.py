@@ -43,6 +43,12 @@ def reference_in_words(row: Row) -> str:
             f"(contacts), {_number(row.speed_error, 'm/s')} (mean speed): the reference's uncertainty.")
 
 
+def findings(rows: Sequence[Row]) -> list[str]:
+    """`finding` for each method whose mean speeds were measured."""
+    methods = dict.fromkeys(row.method for row in rows if row.compared == AVERAGE and row.method != "exact")
+    return [finding(rows, method) for method in methods]
+
+
 def finding(rows: Sequence[Row], method: str = "rk4") -> str:
     """From which step on a method reports the mean speed within 5 %, and its sign before that."""
     averages = [row for row in rows if row.compared == AVERAGE and math.isfinite(row.mean_speed)]
@@ -57,6 +63,7 @@ def finding(rows: Sequence[Row], method: str = "rk4") -> str:
     while good and abs(own[good - 1].mean_speed / exact.mean_speed - 1.0) <= WITHIN:
         good -= 1
     first = "at no step tried" if good == len(own) else f"from dt = {own[good].value:g} s down"
+    first += ", the finest tried," if good == len(own) - 1 else ""
     text = f"Finding: {method} reports the mean speed within {WITHIN:.0%} {first} ({truth}"
     text += f"; {method}: {_speed(own[good])})." if good < len(own) else ")."
     failed = [f"{row.value:g} s" for row in rows if row.compared == AVERAGE and row.method == method
