@@ -31,7 +31,8 @@ setup(
     ],
     zip_safe=True,
     python_requires=">=3.10,<3.14",
-    install_requires=["matplotlib", "numba", "numpy", "pillow", "PyYAML", "rosbags==0.11.9"],
+    install_requires=["matplotlib", "numba", "numpy", "pillow", "PyYAML", "rosbags==0.11.9",
+                      "scipy", "tqdm"],
     extras_require={
         # The peer that bench and tests compare with: 104 MB, and no wheel for Python 3.10.
         "bench": ['heyoka==7.13.2 ; python_version >= "3.11"'],
@@ -56,12 +57,12 @@ setup(
             "pytest",
             "python-flint",
             "ruff",
-            "scipy",
             "setuptools<80",  # later ones break colcon's `develop` and `install_scripts`
         ],
     },
     entry_points={
         "console_scripts": [
+            "accuracy = vibro_ros.study.accuracy:main",
             "controller = vibro_ros.ros.controller:main",
             "recover = vibro_ros.study.recover:main",
             "replay = vibro_ros.study.replay:main",

@@ -1,0 +1,162 @@
+"""`accuracy`: a wrong method looks wrong, an interruption loses nothing, bad input is refused in words."""
+
+import csv
+import math
+from dataclasses import fields
+
+import numpy as np
+import pytest
+
+import vibro_ros
+from vibro_ros.study import accuracy
+from vibro_ros.study.chaos import growth
+from vibro_ros.study.errors import errors
+from vibro_ros.study.methods import METHODS, Answer, Method, UnableError
+from vibro_ros.study.precision import AVERAGE, REFERENCE, STUDIED, TRAJECTORY, Effort, Row, SceneStudy
+from vibro_ros.study.precision_text import BELOW, finding, markdown, recommendations
+
+QUICK = Effort(repeats=1, horizon=0.1, starts=2, duration=0.5)
+
+
+def with_less_damping(scene, times, step):
+    damping = {f"{side}.spring.damping": 0.9 * scene[f"{side}.spring.damping"] for side in ("upper", "inclined")}
+    return METHODS["rk4"](scene.with_parameters(damping), times, step)
+
+
+def exploding(scene, times, step):
+    answer = METHODS["rk4"](scene, times, step)
+    return Answer(times, np.full_like(answer.samples, np.nan), answer.events, 1, 1, 1.0)
+
+
+def unable(scene, times, step):
+    raise UnableError("cannot do it")
+
+
+@pytest.fixture(scope="module")
+def rows() -> list[Row]:
+    """Rows of the scene damped, by right, wrong, exploding and unable methods."""
+    steps = (1e-4, 1e-5, 1e-6)
+    table = {"exact": METHODS["exact"], "rk4": Method(METHODS["rk4"].run, "step", steps),
+             "planted": Method(with_less_damping, "step", steps), "exploding": Method(exploding, "step", (1e-4,)),
+             "unable": Method(unable, "step", (1e-4,)), "baseline": STUDIED["baseline"]}
+    study = SceneStudy(vibro_ros.load_scene("damped"), QUICK)
+    measured = list(study.rows(table))
+    assert len(measured) <= study.count(table)
+    return measured
+
+
+def of(rows, method, compared=TRAJECTORY):
+    return [row for row in rows if row.method == method and row.compared == compared]
+
+
+def test_a_wrong_method_looks_wrong(rows):
+    """Steps of a tenth gain at least a factor of 3 a decade where the method is right, none where it is wrong."""
+    right, wrong = ([row.mass_error for row in of(rows, name)] for name in ("rk4", "planted"))
+    assert right[-1] < right[0] / 9.0
+    assert wrong[-1] > 0.3 * wrong[-2] and wrong[-1] > 10.0 * right[-1]
+    assert of(rows, "planted")[-1].body_error > 10.0 * of(rows, "rk4")[-1].body_error
+    assert "| planted | step 1e-06 s |" in markdown(rows)
+
+
+def test_the_reference_is_checked_by_another_method(rows):
+    """Both are accurate to rounding errors; 1e-9 m is DOP853's share, where heyoka is missing."""
+    (reference,) = of(rows, "heyoka", REFERENCE) or of(rows, "DOP853", REFERENCE)
+    assert 0.0 < reference.mass_error < 1e-9 and 0.0 < reference.event_error < 1e-9
+    assert markdown(rows).count(BELOW) >= 4  # every error of exact, which is the reference
+
+
+def test_costs_are_ratios_to_the_baseline_of_the_same_run(rows):
+    assert of(rows, "baseline")[0].cost == 1.0
+    costs = [row.cost for row in of(rows, "rk4")]
+    assert costs[2] > 10.0 * costs[0] > 0.0  # a hundredth of the step costs a hundred times as much, less overhead
+
+
+def test_what_failed_is_said_not_drawn(rows):
+    assert of(rows, "exploding")[0].note == "positions not finite" and math.isnan(of(rows, "exploding")[0].body_error)
+    assert of(rows, "unable")[0].note == "cannot do it" and math.isnan(of(rows, "unable")[0].cost)
+    assert "exploding" not in recommendations(rows) and "unable" not in recommendations(rows)
+
+
+def answer(times, contacts):
+    events = np.array([(time, "upper_contact") for time in contacts], dtype=METHODS["exact"](
+        vibro_ros.load_scene("damped"), np.array([0.0, 1e-3]), 1e-9).events.dtype)
+    return Answer(times, np.zeros((len(times), 8)), events, 1, 1, 1.0)
+
+
+def test_a_contact_too_many_or_too_few_is_an_error():
+    times, full = np.array([0.0, 1.0]), [0.1, 0.2, 0.5]
+    assert errors(answer(times, full), answer(times, full)).events == 0.0
+    assert errors(answer(times, [0.1, 0.2]), answer(times, full)).events == pytest.approx(0.3)
+    assert errors(answer(times, [*full, 0.6]), answer(times, full)).events == pytest.approx(0.1)
+    assert math.isnan(errors(answer(times, []), answer(times, full)).events)
+
+
+def test_chaos_is_seen_where_it_is_and_nowhere_else():
+    """The paper's exponent is 5 1/s; the interval of so few starts is wide."""
+    chaotic, regular = (growth(vibro_ros.load_scene(name), 8.0) for name in ("paper", "damped"))
+    assert 2.0 < chaotic.rate < 10.0 and chaotic.chaotic
+    assert chaotic.horizon < 2.5 and "chaotic" in str(chaotic)
+    assert not regular.chaotic and regular.horizon == 1.0
+
+
+def speeds(*values):
+    exact = Row("s", AVERAGE, "exact", "tolerance", 1e-9, 20.0, 16, mean_speed=-0.1, mean_speed_spread=0.001)
+    return [exact, *(Row("s", AVERAGE, "rk4", "step", step, 20.0, 16, mean_speed=speed, mean_speed_spread=0.001,
+                           starts_forwards=16 if speed > 0.0 else 0)
+                     for step, speed in zip((1e-3, 1e-4, 1e-5), values, strict=True))]
+
+
+def test_the_finding_names_the_coarsest_step_from_which_all_are_right():
+    text = finding(speeds(0.05, -0.2, -0.101))
+    assert "from dt = 1e-05 s down" in text and "0.001 s: 50.00 ± 1 mm/s, -150%, WRONG SIGN (16 of 16" in text
+    assert "right sign" in text.partition("0.0001 s")[2]
+    assert "at no step tried" in finding(speeds(-0.1, -0.1, -0.2))  # right by accident
+
+
+def test_an_interrupted_run_keeps_its_rows(monkeypatch, tmp_path, capsys):
+    rk4 = METHODS["rk4"].run
+
+    def interrupted(scene, times, step):
+        if step < 5e-4 and len(times) > 2:
+            raise KeyboardInterrupt
+        return rk4(scene, times, step)
+
+    monkeypatch.setitem(accuracy.STUDIED, "rk4", Method(interrupted, "step", (1e-3, 1e-4)))
+    options = ["--scene", "damped", "--methods", "rk4", "exact", "--horizon", "0.05", "--repeats", "1"]
+    assert accuracy.main([*options, "--output", str(tmp_path)]) == accuracy.INTERRUPTED
+    with (tmp_path / "accuracy.csv").open(encoding="utf-8") as file:
+        kept = list(csv.DictReader(file))
+    assert list(kept[0]) == [field.name for field in fields(Row)]
+    assert [row["method"] for row in kept][1:] == ["exact", "rk4"]
+    assert float(kept[-1]["body_error"]) > 0.0
+    assert "Interrupted: only a part" in (tmp_path / "accuracy.md").read_text(encoding="utf-8")
+    assert (tmp_path / "damped.png").stat().st_size > 10_000
+    assert "what was measured is kept" in capsys.readouterr().err
+
+
+def test_a_scene_that_cannot_be_simulated_does_not_end_the_others(monkeypatch, tmp_path, capsys):
+    def study(scene, effort):
+        if scene.name == "paper":
+            raise UnableError("at 0.1 s: events follow each other")
+        return SceneStudy(scene, effort)
+
+    monkeypatch.setattr(accuracy, "SceneStudy", study)
+    monkeypatch.setattr(accuracy, "shipped_scenes", lambda: ("paper", "damped"))
+    options = ["--all", "--methods", "exact", "--horizon", "0.05", "--repeats", "1", "--starts", "2"]
+    assert accuracy.main([*options, "--output", str(tmp_path)]) == accuracy.FAILED
+    assert "paper: exact cannot simulate it: at 0.1 s" in capsys.readouterr().err
+    assert "## damped" in (tmp_path / "accuracy.md").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize(("options", "reason"), [
+    (["--scene", "nowhere"], "nowhere: neither a shipped scene nor a file"),
+    (["--scene", "paper", "--methods", "magic"], "magic: no such method; methods are exact, rk4"),
+    (["--scene", "paper", "--horizon", "-1"], "--horizon -1: must be from 0.001"),
+    (["--scene", "paper", "--horizon", "nan"], "--horizon nan: must be from 0.001"),
+    (["--scene", "paper", "--repeats", "0"], "--repeats 0: must be at least 1"),
+    (["--scene", "paper", "--starts", "1"], "--starts 1: must be at least 2"),
+])
+def test_bad_input_is_refused_before_anything_is_written(options, reason, tmp_path, capsys):
+    assert accuracy.main([*options, "--output", str(tmp_path / "new")]) == accuracy.BAD_INPUT
+    assert reason in capsys.readouterr().err
+    assert not (tmp_path / "new").exists()

@@ -1,0 +1,221 @@
+"""Executable ``accuracy``: what a digit of accuracy costs with every method, for a scene."""
+
+import argparse
+import csv
+import os
+import platform
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import astuple, fields, replace
+from datetime import datetime, timezone
+from importlib import metadata
+from pathlib import Path
+
+from tqdm import tqdm
+
+from vibro_ros.scene_file import load_scene, shipped_scenes
+from vibro_ros.simulator import SimulationError
+from vibro_ros.study.chaos import Growth
+from vibro_ros.study.methods import Method, UnableError
+from vibro_ros.study.precision import BASELINE_STEP, STUDIED, Effort, Row, SceneStudy
+from vibro_ros.study.precision_diagram import draw_precision
+from vibro_ros.study.precision_text import findings, markdown, recommendations, reference_in_words, reference_of
+
+FAILED, BAD_INPUT, INTERRUPTED = 1, 2, 130
+TABLE, TEXT = "accuracy.csv", "accuracy.md"
+_PACKAGES = ("numpy", "numba", "scipy", "heyoka")
+_LEAST_HORIZON = 1e-3  # s, one sample
+
+
+@contextmanager
+def row_writer(path: Path):
+    """Give a function that appends a `Row` to a new CSV file, on disk before it returns."""
+    with path.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file)
+        writer.writerow([field.name for field in fields(Row)])
+
+        def write(row: Row) -> None:
+            writer.writerow(astuple(row))
+            file.flush()
+
+        file.flush()
+        yield write
+
+
+def machine() -> str:
+    """What costs depend on: versions, processor, date."""
+    versions = [f"vibro_ros {_version('vibro_ros') or 'from source'}", f"Python {platform.python_version()}"]
+    versions += [f"{package} {version}" if (version := _version(package)) else f"no {package}" for package in _PACKAGES]
+    return (f"{', '.join(versions)}; {platform.system()} {platform.machine()}, {os.cpu_count()} cores; "
+            f"{datetime.now(timezone.utc):%Y-%m-%d}")
+
+
+def _version(package: str) -> str | None:
+    try:
+        return metadata.version(package)
+    except metadata.PackageNotFoundError:
+        return None
+
+
+class Accuracy:
+    """A study of scenes that keeps what it has measured.
+
+    Attributes
+    ----------
+    rows : dict
+        Scene to its rows so far.
+    growths : dict
+        Scene to its `Growth`.
+    """
+
+    def __init__(self, methods: Mapping[str, Method], effort: Effort, say: Callable[[str], None] = tqdm.write):
+        self._methods, self._effort, self._say = methods, effort, say
+        self.rows: dict[str, list[Row]] = {}
+        self.growths: dict[str, Growth] = {}
+
+    def measure(self, scene_name: str, write: Callable[[Row], None]) -> None:
+        """Measure a scene, with a progress bar; each row is handed to `write` at once."""
+        scene = load_scene(scene_name)
+        self._say(f"{scene.name}: chaos and reference ...")
+        study = SceneStudy(scene, self._effort)
+        self.growths[scene.name] = study.growth
+        self._say(f"{scene.name}: {study.growth}")
+        self._say(f"{scene.name}: {reference_in_words(study.uncertainty)}")
+        kept = self.rows.setdefault(scene.name, [])
+        with tqdm(total=study.count(self._methods), desc=scene.name, unit="row", disable=None) as bar:
+            for row in study.rows(self._methods):
+                kept.append(row)
+                write(row)
+                bar.set_postfix_str(f"{row.method} {row.value:g}")
+                bar.update()
+        for text in findings(kept):
+            self._say(f"{scene.name}: {text}")
+
+    def write_text_and_diagrams(self, folder: Path, interrupted: bool) -> tuple[Path, ...]:
+        """Write what the rows measured so far tell; returns the files."""
+        files = [folder / TEXT]
+        parts = ["# What accuracy costs", "", f"Measured on: {machine()}.", "",
+                 f"Costs are medians of at most {self._effort.repeats} runs, as ratios to fixed-step Runge-Kutta 4 of "
+                 f"{BASELINE_STEP:g} s (`baseline`), run in turn with each of them. A ladder ends after a run of more "
+                 f"than {self._effort.patience:g} s. `_blind`: without location of events."]
+        if interrupted:
+            parts += ["", "**Interrupted: only a part was measured.**"]
+        for name, rows in self.rows.items():
+            if not rows:
+                continue
+            picture = folder / f"{Path(name).stem}.png"
+            draw_precision(rows, f"{self.growths[name]}; median of {self._effort.repeats} runs\n{machine()}").savefig(
+                picture)
+            files.append(picture)
+            parts += ["", f"## {name}", "", f"![{name}]({picture.name})", "", f"{_sentence(self.growths[name])} "
+                      f"{self._horizon(name)}", "", reference_in_words(reference_of(rows)), "",
+                      "\n\n".join(findings(rows)), "", recommendations(rows), "", markdown(rows)]
+        files[0].write_text("\n".join(parts) + "\n", encoding="utf-8")
+        return tuple(files)
+
+    def _horizon(self, name: str) -> str:
+        horizon, allowed = reference_of(self.rows[name]).horizon, self.growths[name].horizon
+        if horizon > allowed:
+            return (f"Trajectories are compared within {horizon:g} s as asked for, BEYOND the {allowed:.2g} s that "
+                    "chaos allows: the errors show it as much as the methods.")
+        return f"Trajectories are compared within {horizon:g} s only; beyond, averages are."
+
+
+def _sentence(growth: Growth) -> str:
+    text = str(growth)
+    return f"{text[0].upper()}{text[1:]}."
+
+
+def chosen_methods(names: Sequence[str]) -> dict[str, Method]:
+    """The methods named, in the table's order; all if none is.
+
+    Raises
+    ------
+    ValueError
+        For a name that the table does not have.
+    """
+    for name in names:
+        if name not in STUDIED:
+            raise ValueError(f"{name}: no such method; methods are {', '.join(STUDIED)}")
+    return {name: method for name, method in STUDIED.items() if not names or name in names}
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the executable; returns its exit code."""
+    options = _parser().parse_args(arguments)
+    try:
+        methods = chosen_methods(options.methods)
+        effort = _effort(options)
+        scenes = shipped_scenes() if options.all else [options.scene]
+        for scene in scenes:
+            load_scene(scene)
+        options.output.mkdir(parents=True, exist_ok=True)
+        return _run(scenes, Accuracy(methods, effort), options.output)
+    except ValueError as error:
+        return _failed(str(error))
+    except OSError as error:
+        return _failed(f"{error.filename}: {error.strerror}; give a readable scene and a writable --output")
+
+
+def _run(scenes: Sequence[str], study: Accuracy, folder: Path) -> int:
+    code = 0
+    with row_writer(folder / TABLE) as write:
+        try:
+            for scene in scenes:
+                try:
+                    study.measure(scene, write)
+                except (SimulationError, UnableError) as error:
+                    code = _failed(f"{scene}: exact cannot simulate it: {error}", FAILED)
+        except KeyboardInterrupt:
+            code = INTERRUPTED
+            print("accuracy: interrupted; what was measured is kept", file=sys.stderr)
+    print("\n".join(map(str, (folder / TABLE, *study.write_text_and_diagrams(folder, code == INTERRUPTED)))))
+    return code
+
+
+def _effort(options: argparse.Namespace) -> Effort:
+    if options.repeats < 1:
+        raise ValueError(f"--repeats {options.repeats}: must be at least 1")
+    if options.horizon is not None and not _LEAST_HORIZON <= options.horizon <= 1e3:
+        raise ValueError(f"--horizon {options.horizon:g}: must be from {_LEAST_HORIZON:g} to 1000 s")
+    if options.starts < 2:
+        raise ValueError(f"--starts {options.starts}: must be at least 2, or there is no confidence interval")
+    if not options.patience > 0.0:
+        raise ValueError(f"--patience {options.patience:g}: must be positive")
+    return replace(Effort(), repeats=options.repeats, horizon=options.horizon, starts=options.starts,
+                   patience=options.patience)
+
+
+def _parser() -> argparse.ArgumentParser:
+    default = Effort()
+    parser = argparse.ArgumentParser(
+        prog="accuracy", description="Measure error over cost for every method: a diagram for each scene, a table as "
+        "Markdown and CSV. Ctrl-C keeps what is done.",
+        epilog="Exit code 0: all measured; 1: a scene cannot be simulated; 2: bad input, or nowhere to write; 130: "
+        "interrupted, what was measured is written.")
+    which = parser.add_mutually_exclusive_group(required=True)
+    which.add_argument("--scene", metavar="NAME", help="shipped scene or scene file")
+    which.add_argument("--all", action="store_true", help="every shipped scene")
+    parser.add_argument("--methods", nargs="+", default=(), metavar="METHOD", help=f"of {', '.join(STUDIED)} "
+                        "(default: all)")
+    parser.add_argument("--horizon", type=float, metavar="S", help="compare trajectories within so many seconds "
+                        "(default: 5 Lyapunov times, 1 s at most)")
+    parser.add_argument("--repeats", type=int, default=default.repeats, metavar="N",
+                        help=f"runs of which the median cost is taken (default: {default.repeats})")
+    parser.add_argument("--starts", type=int, default=default.starts, metavar="N",
+                        help=f"starts of a mean speed (default: {default.starts})")
+    parser.add_argument("--patience", type=float, default=default.patience, metavar="S", help="run time after which a "
+                        f"setting is not repeated nor a finer one tried (default: {default.patience:g})")
+    parser.add_argument("--output", type=Path, default=Path("out/accuracy"), metavar="DIR",
+                        help="where to write (default: out/accuracy)")
+    return parser
+
+
+def _failed(reason: str, code: int = BAD_INPUT) -> int:
+    print(f"accuracy: {reason}", file=sys.stderr)
+    return code
+
+
+if __name__ == "__main__":
+    sys.exit(main())

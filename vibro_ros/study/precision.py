@@ -1,0 +1,230 @@
+"""Measured rows of a work-precision study: what each method and setting costs, and how far off it is."""
+
+import importlib.util
+import math
+import statistics
+import time as wall_clock
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from vibro_ros.model.scene import Scene
+from vibro_ros.simulator import SimulationError, simulate
+from vibro_ros.solver.methods import SCHEMES
+from vibro_ros.study.baseline import integrate_rk4
+from vibro_ros.study.chaos import Growth, growth, speed_over_starts
+from vibro_ros.study.errors import Errors, errors
+from vibro_ros.study.methods import METHODS, Answer, Method, UnableError, drive_speed
+
+TRAJECTORY, AVERAGE, REFERENCE = "trajectory", "mean speed", "reference"
+#: Step of the baseline [s].
+BASELINE_STEP = 1e-5
+#: Steps [s] at which mean speeds are measured.
+AVERAGE_STEPS = (1e-3, 3e-4, 1e-4, 3e-5, 1e-5, 3e-6, 1e-6)
+_RATE = 1000.0  # samples per second
+_FINEST_EXACT, _FINEST_PEER, _FINEST_LOCATED = 1e-12, 1e-15, 1e-13  # tolerances
+# Starts for the exact mean, times those of the others: it is what they are measured against, and cheap.
+_MORE_STARTS = 4
+# A mean speed is one row of many runs: so many times `Effort.patience` ends its ladder.
+_MORE_PATIENCE = 4.0
+
+
+@dataclass(frozen=True)
+class Effort:
+    """How much is measured.
+
+    Attributes
+    ----------
+    repeats : int
+        Runs of each row; costs are medians.
+    horizon : float or None
+        Time over which trajectories are compared [s]; by the Lyapunov time if None.
+    patience : float
+        A row's runs [s] after which it is not repeated, and after which its method's ladder goes no further; four
+        times that for a mean speed.
+    starts : int
+        Starts of a mean speed, at least 2.
+    duration : float
+        Time of each start that counts [s].
+    """
+
+    repeats: int = 5
+    horizon: float | None = None
+    patience: float = 2.0
+    starts: int = 16
+    duration: float = 20.0
+
+
+@dataclass(frozen=True)
+class Row:
+    """A line of the table; NaN where a number does not apply.
+
+    `compared` is `TRAJECTORY` (the errors are distances within `horizon`), `AVERAGE` (`mean_speed` and its 95 %
+    interval, over `repeats` starts of `horizon` seconds, of which `starts_forwards` have a positive one) or
+    `REFERENCE` (the errors are those of the exact method against the independent method named). `cost` is a ratio to
+    the baseline's, `wall_time` in seconds; lengths in m, times in s, speeds in m/s.
+    """
+
+    scene: str
+    compared: str
+    method: str
+    setting: str
+    value: float
+    horizon: float
+    repeats: int
+    wall_time: float = math.nan
+    cost: float = math.nan
+    body_error: float = math.nan
+    mass_error: float = math.nan
+    event_error: float = math.nan
+    speed_error: float = math.nan
+    mean_speed: float = math.nan
+    mean_speed_spread: float = math.nan
+    starts_forwards: int = 0
+    note: str = ""
+
+    @property
+    def errors(self) -> Errors:
+        """The four errors together."""
+        return Errors(self.body_error, self.mass_error, self.event_error, self.speed_error)
+
+
+def by_baseline(scene: Scene, times: np.ndarray, step: float) -> Answer:
+    """The baseline as a method; `times` are those of one rate. It has no events."""
+    first = simulate(scene, times=np.zeros(1))
+    start = np.array([first.upper_position[0], 0.0, first.inclined_position[0], 0.0])
+    began = wall_clock.perf_counter()
+    try:
+        samples = integrate_rk4(scene, start, times[-1], 1.0 / times[1], step, drive_speed(scene))
+    except ValueError as error:
+        raise UnableError(str(error)) from error
+    wall_time = wall_clock.perf_counter() - began
+    steps = round(times[-1] / step)
+    return Answer(times, samples, np.empty(0, METHODS["exact"](scene, times[:1], 1e-9).events.dtype), steps, 4 * steps,
+                  wall_time)
+
+
+def _thinned(method: Method) -> Method:
+    """One setting a decade, or a hundredth for what a right-hand side in Python makes slow."""
+    return replace(method, ladder=method.ladder[::2 if method.setting == "step" else 4])
+
+
+#: Name to method of a study: every method, with ladders that take seconds, and the baseline.
+STUDIED: dict[str, Method] = {name: _thinned(method) for name, method in METHODS.items()} | {
+    "baseline": Method(by_baseline, "step", (BASELINE_STEP,))}
+
+
+class SceneStudy:
+    """The study of one scene; `rows` measures, everything before it is the reference.
+
+    Attributes
+    ----------
+    scene : Scene
+        As loaded.
+    growth : Growth
+        Its chaos.
+    times : ndarray
+        Instants [s] at which trajectories are compared.
+    reference : Answer
+        By the exact method.
+    uncertainty : Row
+        Errors of the reference against the most accurate independent method at hand, named there.
+    """
+
+    def __init__(self, scene: Scene, effort: Effort):
+        self.scene, self.effort = scene, effort
+        self.growth: Growth = growth(scene)
+        horizon = effort.horizon or math.floor(self.growth.horizon * 20.0) / 20.0 or 0.05
+        self.times = np.arange(max(1, round(horizon * _RATE)) + 1) / _RATE
+        self.horizon = float(self.times[-1])
+        self.reference = METHODS["exact"](scene, self.times, _FINEST_EXACT)
+        self.uncertainty = self._uncertainty()
+
+    def count(self, methods: Mapping[str, Method]) -> int:
+        """Number of rows that are tried."""
+        averages = [1 if name == "exact" else len(AVERAGE_STEPS) for name in methods if name in ("exact", *SCHEMES)]
+        return 1 + sum(len(method.ladder) for method in methods.values()) + sum(averages)
+
+    def rows(self, methods: Mapping[str, Method]) -> Iterator[Row]:
+        """Measure row by row: the reference, trajectories, then mean speeds."""
+        yield self.uncertainty
+        for name, method in methods.items():
+            yield from self._trajectories(name, method)
+        for name in methods:
+            if name == "exact" or name in SCHEMES:
+                yield from self._averages(name)
+
+    def _row(self, compared: str, name: str, setting: str, value: float, **numbers) -> Row:
+        return Row(self.scene.name, compared, name, setting, value, **{"horizon": self.horizon, "repeats": 1} | numbers)
+
+    def _uncertainty(self) -> Row:
+        peers = {"heyoka": _FINEST_PEER} if importlib.util.find_spec("heyoka") else {}
+        reasons = []
+        for name, tolerance in (peers | {"DOP853": _FINEST_LOCATED}).items():
+            try:
+                found = METHODS[name](self.scene, self.times, tolerance)
+            except UnableError as error:
+                reasons.append(str(error))
+                continue
+            return self._row(REFERENCE, name, "tolerance", tolerance, **_named(errors(self.reference, found)))
+        return self._row(REFERENCE, "none", "tolerance", math.nan, note="; ".join(reasons))
+
+    def _trajectories(self, name: str, method: Method) -> Iterator[Row]:
+        try:  # what is compiled at first use is not the method's cost
+            method(self.scene, self.times[:2], method.ladder[0])
+        except UnableError:
+            pass
+        for value in method.ladder:
+            row = self._trajectory(name, method, value)
+            yield row
+            if row.wall_time > self.effort.patience:
+                return
+
+    def _trajectory(self, name: str, method: Method, value: float) -> Row:
+        walls, ratios = [], []
+        while len(walls) < self.effort.repeats and sum(walls) < self.effort.patience:
+            try:
+                answer = method(self.scene, self.times, value)
+            except UnableError as error:
+                return self._row(TRAJECTORY, name, method.setting, value, repeats=0, note=str(error))
+            walls.append(answer.wall_time)
+            ratios.append(answer.wall_time / (answer.wall_time if name == "baseline" else self._baseline()))
+        off = errors(answer, self.reference)
+        if not off.finite:
+            return self._row(TRAJECTORY, name, method.setting, value, repeats=len(walls), note="positions not finite")
+        return self._row(TRAJECTORY, name, method.setting, value, repeats=len(walls), cost=statistics.median(ratios),
+                         wall_time=statistics.median(walls), **_named(off))
+
+    def _baseline(self) -> float:
+        """Wall time of the baseline now [s]; NaN where it lacks one of the scene's effects."""
+        try:
+            return by_baseline(self.scene, self.times, BASELINE_STEP).wall_time
+        except UnableError:
+            return math.nan
+
+    def _averages(self, name: str) -> Iterator[Row]:
+        effort = self.effort
+        if name == "exact":
+            settings = {METHODS["exact"].ladder[-1]: {"solver.method": name}}
+        else:
+            settings = {step: {"solver.method": name, "solver.step": step} for step in AVERAGE_STEPS}
+        starts = effort.starts * (_MORE_STARTS if name == "exact" else 1)
+        for value, parameters in settings.items():
+            kind = "tolerance" if name == "exact" else "step"
+            scene = self.scene.with_parameters(parameters | {"solver.audit": False})
+            began = wall_clock.perf_counter()
+            try:
+                found = speed_over_starts(scene, effort.duration, starts)
+            except SimulationError as error:
+                yield self._row(AVERAGE, name, kind, value, horizon=effort.duration, repeats=0, note=str(error))
+                continue
+            wall_time = wall_clock.perf_counter() - began
+            yield self._row(AVERAGE, name, kind, value, horizon=effort.duration, repeats=starts, wall_time=wall_time,
+                            mean_speed=found.mean, mean_speed_spread=found.spread, starts_forwards=found.positive)
+            if wall_time > _MORE_PATIENCE * effort.patience:
+                return
+
+
+def _named(off: Errors) -> dict[str, float]:
+    return {"body_error": off.body, "mass_error": off.masses, "event_error": off.events, "speed_error": off.speed}

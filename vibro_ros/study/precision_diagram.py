@@ -1,0 +1,101 @@
+"""The work-precision diagram of a scene: error over cost within the horizon, and mean speeds beyond it."""
+
+import math
+from collections.abc import Sequence
+
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from vibro_ros.study.precision import AVERAGE, REFERENCE, TRAJECTORY, Row
+
+_COLOURS = {"exact": "#000000", "rk4": "#1f6fb4", "semi_implicit_euler": "#2b8a5b", "moreau": "#d1671b",
+            "DOP853": "#8b3fa0", "Radau": "#c2255c", "LSODA": "#946200", "heyoka": "#0b7285", "baseline": "#868e96"}
+_OTHER, _GRID, _BAND = "#e03131", "#e8e8e8", "#dddddd"
+_PANELS = (("body_error", "error of the body's position [m]"), ("mass_error", "error of the masses' positions [m]"),
+           ("event_error", "error of the contacts' instants [s]"))
+#: Within 5 %: what the last panel marks around the exact mean speed.
+WITHIN = 0.05
+
+
+def draw_precision(rows: Sequence[Row], caption: str) -> Figure:
+    """Draw the rows of one scene.
+
+    Parameters
+    ----------
+    rows : sequence of Row
+        All of the same scene; what was not measured is left out.
+    caption : str
+        A line under the title.
+
+    Returns
+    -------
+    Figure
+        Three panels of errors of trajectories, and one of mean speeds with 95 % intervals.
+    """
+    figure = Figure(figsize=(14.0, 10.0), dpi=110, layout="constrained", facecolor="white")
+    FigureCanvasAgg(figure)
+    axes = figure.subplots(2, 2)
+    for axis, (column, label) in zip(axes.flat, _PANELS, strict=False):
+        _draw_errors(axis, rows, column, label)
+    _draw_speeds(axes[1, 1], rows)
+    handles, labels = axes[0, 0].get_legend_handles_labels()
+    if handles:
+        figure.legend(handles, labels, loc="outside lower center", ncols=6, frameon=False, fontsize=9)
+    figure.suptitle(f"{rows[0].scene}: accuracy and its cost\n{caption}", fontsize=11)
+    return figure
+
+
+def _draw_errors(axes: Axes, rows: Sequence[Row], column: str, label: str) -> None:
+    """Error over cost; below the reference's own error nothing can be told, and points are put on its edge."""
+    reference = next((row for row in rows if row.compared == REFERENCE), None)
+    floor = getattr(reference, column) if reference else math.nan
+    floor = floor if math.isfinite(floor) and floor > 0.0 else 1e-16
+    trajectories = [row for row in rows if row.compared == TRAJECTORY and math.isfinite(row.cost)]
+    for name in dict.fromkeys(row.method for row in trajectories):
+        points = [(row.cost, max(getattr(row, column), floor)) for row in trajectories
+                  if row.method == name and math.isfinite(getattr(row, column))]
+        style = {"marker": "*", "ms": 15} if name == "exact" else {"marker": "o", "ms": 4}
+        axes.loglog(*zip(*points, strict=True) if points else ([], []), color=_colour(name), lw=1.4, label=name,
+                    ls="--" if name.endswith("_blind") else "-", **style)
+    axes.set_ylim(bottom=floor / 10.0)
+    axes.axhspan(floor / 10.0, floor, color=_BAND, lw=0)
+    axes.text(0.01, 0.02, "below the reference's own error", transform=axes.transAxes, fontsize=8)
+    axes.set_title(f"trajectories, within {trajectories[0].horizon:g} s" if trajectories else "no trajectories",
+                   fontsize=10, loc="left")
+    axes.set_xlabel("cost, RK4 at 1e-5 s = 1")
+    axes.set_ylabel(label)
+    _tidy(axes)
+
+
+def _draw_speeds(axes: Axes, rows: Sequence[Row]) -> None:
+    """Mean speeds over the step, with the exact one and its 95 % interval as a band."""
+    averages = [row for row in rows if row.compared == AVERAGE and math.isfinite(row.mean_speed)]
+    exact = next((row for row in averages if row.method == "exact"), None)
+    if exact:
+        axes.axhline(exact.mean_speed, color="black", lw=1.2)
+        axes.axhspan(exact.mean_speed - exact.mean_speed_spread, exact.mean_speed + exact.mean_speed_spread,
+                     color="#999999", alpha=0.5, lw=0)
+        near = WITHIN * abs(exact.mean_speed)
+        axes.axhspan(exact.mean_speed - near, exact.mean_speed + near, color=_BAND, alpha=0.5, lw=0)
+    for name in dict.fromkeys(row.method for row in averages if row is not exact):
+        own = [row for row in averages if row.method == name]
+        axes.errorbar([row.value for row in own], [row.mean_speed for row in own],
+                      yerr=[row.mean_speed_spread for row in own], color=_colour(name), marker="o", ms=4, capsize=3)
+    axes.set_xscale("log")
+    if averages:
+        axes.set_title(f"averages, beyond the horizon: {averages[-1].repeats} starts of {averages[-1].horizon:g} s\n"
+                       "95 % intervals; black: exact, light band: ± 5 %", fontsize=10, loc="left")
+    axes.set_xlabel("step [s]")
+    axes.set_ylabel("mean speed [m/s]")
+    _tidy(axes)
+
+
+def _colour(name: str) -> str:
+    return _COLOURS.get(name.removesuffix("_blind"), _OTHER)
+
+
+def _tidy(axes: Axes) -> None:
+    axes.grid(color=_GRID, lw=0.8)
+    axes.set_axisbelow(True)
+    axes.spines[["top", "right"]].set_visible(False)
