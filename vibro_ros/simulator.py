@@ -155,7 +155,10 @@ class Simulator:
 
         Events that were not taken, and the counts of `statistics`, are not in it.
         """
-        return np.concatenate([[self.time], self._point, *(values.ravel() for values in at.lasting(self._state))])
+        return np.concatenate([[self.time], *(values.ravel() for values in self._lasting())])
+
+    def _lasting(self) -> list[np.ndarray]:
+        return [self._point, *at.lasting(self._state), *self._method.lasting()]
 
     def restore(self, checkpoint: np.ndarray) -> None:
         """Go on from a `checkpoint` of a device of the same scene, bit for bit as that one; also back in time.
@@ -165,7 +168,7 @@ class Simulator:
         ValueError
             For a checkpoint of another scene, as far as its size tells; nothing is changed then.
         """
-        parts = [self._point, *at.lasting(self._state)]
+        parts = self._lasting()
         size = 1 + sum(part.size for part in parts)
         if np.shape(checkpoint) != (size,):
             raise ValueError(f"the checkpoint has shape {np.shape(checkpoint)}, this device's have ({size},); give one "

@@ -73,6 +73,7 @@ def _operate(node: Node, executor: Executor, settings: Mapping[str, Value], scen
     log, device = node.get_logger(), Simulator(scene)
     if device.choice:
         log.info(f"solver.method auto: {device.choice}")
+        scene = device.scene  # a replay must not choose again
     outputs, inputs = Outputs(node, scene), Inputs(node)
     pacing = Pacing(settings["rate.real_time_factor"], settings["rate.max_catch_up"])
     start = node.get_clock().now().nanoseconds

@@ -27,6 +27,9 @@ class Method(Protocol):
     def interrupt(self, state: State, time: float, point: np.ndarray) -> None:
         """Move clock and forcing to `time` and fill `point` with all channels; new rates and `begin` follow."""
 
+    def lasting(self) -> list[np.ndarray]:
+        """The arrays beside the state that the future depends on."""
+
 
 class Exact:
     """The event loop."""
@@ -45,6 +48,10 @@ class Exact:
     def interrupt(self, state, time, point):
         """See `Method`."""
         event_loop.interrupt(self._system, state, time, point)
+
+    def lasting(self):
+        """See `Method`."""
+        return []
 
 
 class FixedStep:
@@ -66,3 +73,8 @@ class FixedStep:
     def interrupt(self, state, time, point):
         """See `Method`."""
         fixed_step.interrupt(self._system, state, self._track, time, point)
+
+    def lasting(self):
+        """See `Method`."""
+        track = self._track
+        return [track.start, track.end, track.rates, track.impulse, track.approach, track.wanted, track.found]
