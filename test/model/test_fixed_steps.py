@@ -199,3 +199,19 @@ def test_every_effect_converges_to_the_exact_motion(method, name, changes):
     coarse, fine = (errors(scene(name, changes), method, step) for step in (1e-5, 1e-6))
     assert fine.max() < 1e-3  # m; an implicit contact of 1e7 N/m is off most
     assert fine.max() < 0.5 * coarse.max()
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("name", ["device", "rigid"])
+def test_a_checkpoint_between_two_steps_goes_on_bit_for_bit(method, name):
+    made = scene(name, {"solver.method": method, "solver.step": 1e-4})
+    device, follower = vibro_ros.Simulator(made), vibro_ros.Simulator(made)
+    device.advance_to(0.06643)
+    checkpoint = device.checkpoint()
+    device.advance_to(0.06871)
+    follower.restore(checkpoint)
+    for each in (device, follower):
+        each.advance_to(0.07)
+        each.command(motor_speed=90.0)
+        each.advance_to(0.13337)
+    assert dataclasses.astuple(device.state) == dataclasses.astuple(follower.state)
