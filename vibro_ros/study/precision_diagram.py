@@ -12,8 +12,12 @@ from vibro_ros.study.precision import AVERAGE, REFERENCE, TRAJECTORY, Row
 _COLOURS = {"exact": "#000000", "rk4": "#1f6fb4", "semi_implicit_euler": "#2b8a5b", "moreau": "#d1671b",
             "DOP853": "#8b3fa0", "Radau": "#c2255c", "LSODA": "#946200", "heyoka": "#0b7285", "baseline": "#868e96"}
 _OTHER, _GRID, _BAND = "#e03131", "#e8e8e8", "#dddddd"
+# m or s, longer than the robot and the horizon: a method that is off by more has diverged, and leaves the panel.
+_LARGEST_ERROR = 1.0
 _PANELS = (("body_error", "error of the body's position [m]"), ("mass_error", "error of the masses' positions [m]"),
            ("event_error", "error of the contacts' instants [s]"))
+# Times the exact mean speed, or ten times its interval where that is more; what differs by more leaves the panel.
+_LARGEST_DIFFERENCE = 2.0
 #: Within 5 %: what the last panel marks around the exact mean speed.
 WITHIN = 0.05
 
@@ -58,7 +62,7 @@ def _draw_errors(axes: Axes, rows: Sequence[Row], column: str, label: str) -> No
         style = {"marker": "*", "ms": 15} if name == "exact" else {"marker": "o", "ms": 4}
         axes.loglog(*zip(*points, strict=True) if points else ([], []), color=_colour(name), lw=1.4, label=name,
                     ls="--" if name.endswith("_blind") else "-", **style)
-    axes.set_ylim(bottom=floor / 10.0)
+    axes.set_ylim(floor / 10.0, _LARGEST_ERROR)
     axes.axhspan(floor / 10.0, floor, color=_BAND, lw=0)
     axes.text(0.01, 0.02, "below the reference's own error", transform=axes.transAxes, fontsize=8)
     axes.set_title(f"trajectories, within {trajectories[0].horizon:g} s" if trajectories else "no trajectories",
@@ -76,6 +80,8 @@ def _draw_speeds(axes: Axes, rows: Sequence[Row]) -> None:
         axes.axhline(exact.mean_speed, color="black", lw=1.2)
         axes.axhspan(exact.mean_speed - exact.mean_speed_spread, exact.mean_speed + exact.mean_speed_spread,
                      color="#999999", alpha=0.5, lw=0)
+        reach = _LARGEST_DIFFERENCE * max(abs(exact.mean_speed), 10.0 * exact.mean_speed_spread) or 1.0
+        axes.set_ylim(exact.mean_speed - reach, exact.mean_speed + reach)
         near = WITHIN * abs(exact.mean_speed)
         axes.axhspan(exact.mean_speed - near, exact.mean_speed + near, color=_BAND, alpha=0.5, lw=0)
     for name in dict.fromkeys(row.method for row in averages if row is not exact):

@@ -72,7 +72,7 @@ def finding(rows: Sequence[Row], method: str = "rk4") -> str:
         text += f" It cannot go on at all at {', '.join(failed)}."
     if good:
         text += " Before that: " + "; ".join(_verdict(row, exact) for row in own[:good]) + "."
-    else:
+    elif not failed:
         text += " No coarser step was tried."
     widest = max(row.mean_speed_spread for row in (*own[good:], exact)) / abs(exact.mean_speed)
     if widest > WITHIN:
