@@ -11,7 +11,8 @@ import pkgutil
 import numba
 
 _OPTIONS = {"error_model": "numpy", "_nrt": False}
-# Most kernels are parts of others: neither called from Python nor kept, they need not become machine code themselves.
+# Most kernels are parts of others: neither called from Python, which would crash, nor kept, they need not become
+# machine code themselves.
 _PART = {"forceinline": True, "no_cpython_wrapper": True}
 
 
