@@ -98,7 +98,7 @@ def sampled_quantities(model: Model, unilateral: bool, times: np.ndarray, points
         As `solver.event_loop.advance` fills them.
     """
     linear = np.empty((len(OUTPUTS), len(times)))
-    evaluate_forms(model.output, modes, points, linear)
+    evaluate_forms(model.output, model.output_terms, modes, points, linear)
     quantities = dict(zip(OUTPUTS, linear, strict=True))
     if unilateral:
         quantities["normal_force"] = np.maximum(quantities["normal_force"], 0.0)

@@ -43,6 +43,8 @@ class Model:
         The tables of the event loop.
     output : ndarray, shape (modes, len(OUTPUTS), channels)
         Rows of the outputs.
+    output_terms : ndarray of int, shape (modes, len(OUTPUTS), channels)
+        Their channels; see `solver.system.terms`.
     initial_mode : int
         Mode to start in.
     """
@@ -52,6 +54,7 @@ class Model:
     modes: tuple[Mode, ...]
     system: System
     output: np.ndarray
+    output_terms: np.ndarray
     initial_mode: int
 
 
@@ -83,7 +86,7 @@ def compile_scene(scene) -> Model:
         decay=_decay_table(builder),
     )
     output = np.array([builder.outputs(mode) for mode in builder.modes])
-    return Model(forms, sliders, builder.modes, system, output, builder.initial_mode)
+    return Model(forms, sliders, builder.modes, system, output, terms(output), builder.initial_mode)
 
 
 def _decay_table(builder: ModeBuilder) -> Decay:

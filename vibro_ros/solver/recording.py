@@ -89,18 +89,26 @@ def switch_monitors(system, state, mode, time, point, events, count):
 
 
 @entry_kernel
-def evaluate_forms(forms, modes, points, values):
+def evaluate_forms(forms, terms, modes, points, values):
     """Values of each mode's linear forms at sampled points.
 
     Parameters
     ----------
     forms : ndarray, shape (m, f, channels)
         The forms by mode.
+    terms : ndarray of int, shape (m, f, channels)
+        The forms' `system.terms`.
     modes, points : ndarray
         As `event_loop.advance` fills them; shapes (n,) and (n, channels).
     values : ndarray, shape (f, n)
         Receives the values.
     """
-    for f in range(len(values)):
-        for k in range(len(modes)):
-            values[f, k] = form_value(forms[modes[k], f], points[k])
+    for k in range(len(modes)):
+        mode = modes[k]
+        for f in range(len(values)):
+            total = 0.0
+            for channel in terms[mode, f]:
+                if channel < 0:
+                    break
+                total += forms[mode, f, channel] * points[k, channel]
+            values[f, k] = total
