@@ -283,6 +283,21 @@ def advance_clock(state, elapsed):
 
 
 @kernel
+def advance_ramps(state, elapsed):
+    """Move the ramps by `elapsed` [s]; bit k of the result is set when ramp k has reached its target."""
+    reached = 0
+    for k in range(len(state.ramp)):
+        if state.ramp[k, RATE] != 0.0:
+            state.ramp[k, VALUE] += state.ramp[k, RATE] * elapsed
+            state.ramp[k, TIME] -= elapsed
+            if state.ramp[k, TIME] <= 0.0:
+                state.ramp[k, VALUE] = state.ramp[k, TARGET]
+                state.ramp[k, RATE] = 0.0
+                reached |= 1 << k
+    return reached
+
+
+@kernel
 def advance_forcing(system, state, x):
     """Move phase and ramps to `x` in the segment.
 
@@ -307,14 +322,7 @@ def advance_forcing(system, state, x):
             clock[SPEED] = clock[SPEED_TARGET]
             clock[SPEED_CHANGE] = clock[LAG] = clock[SPEED_TIME] = 0.0
             reached |= 1 << len(state.ramp)
-    for k in range(len(state.ramp)):
-        if state.ramp[k, RATE] != 0.0:
-            state.ramp[k, VALUE] += state.ramp[k, RATE] * elapsed
-            state.ramp[k, TIME] -= elapsed
-            if state.ramp[k, TIME] <= 0.0:
-                state.ramp[k, VALUE] = state.ramp[k, TARGET]
-                state.ramp[k, RATE] = 0.0
-                reached |= 1 << k
+    reached |= advance_ramps(state, elapsed)
     if reached:
         state.index[VERSION] += 1
     advance_clock(state, elapsed)

@@ -3,7 +3,7 @@
 import math
 
 from vibro_ros.solver.compilation import kernel
-from vibro_ros.solver.forcing import phase_at
+from vibro_ros.solver.forcing import advance_ramps, phase_at
 from vibro_ros.solver.polynomial import LENGTH, value_and_derivatives
 from vibro_ros.solver.recording import form_value
 from vibro_ros.solver.state import (
@@ -115,12 +115,4 @@ def move_forcing(system, state, elapsed):
     """Move phase and ramps by `elapsed` [s], but not the clock; returns what has been reached, as
     `forcing.advance_forcing` does."""
     reached = 1 << len(state.ramp) if _move_phase(system, state, elapsed) else 0
-    for k in range(len(state.ramp)):
-        if state.ramp[k, RATE] != 0.0:
-            state.ramp[k, VALUE] += state.ramp[k, RATE] * elapsed
-            state.ramp[k, TIME] -= elapsed
-            if state.ramp[k, TIME] <= 0.0:
-                state.ramp[k, VALUE] = state.ramp[k, TARGET]
-                state.ramp[k, RATE] = 0.0
-                reached |= 1 << k
-    return reached
+    return reached | advance_ramps(state, elapsed)
