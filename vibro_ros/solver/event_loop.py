@@ -201,7 +201,8 @@ def _pass_event(system, state, point, events, count):
 
 
 @kernel
-def _finite(point):
+def is_finite(point):
+    """Whether every channel is a finite number."""
     total = 0.0
     for channel in range(len(point)):
         total += point[channel]
@@ -248,7 +249,7 @@ def advance(system, state, times, point, points, modes, phases, events):
                 return ROOT_LOST, k, count
             if state.index[STANDSTILLS] > _MOST_STANDSTILLS:
                 return STUCK, k, count
-            if not _finite(point):
+            if not is_finite(point):
                 return DIVERGED, k, count
         x = max(place_of(state, times[k]), state.clock[ANCHOR])
         _read(state, x, points[k])

@@ -7,12 +7,11 @@ one step goes unseen. Moreau's scheme finds the mode together with the step inst
 interpolated, by cubic Hermite polynomials of the positions and of the velocities (first-order schemes: linearly).
 """
 
-import math
 
 import numpy as np
 
 from vibro_ros.solver.compilation import entry_kernel, kernel
-from vibro_ros.solver.event_loop import DIVERGED, EVENTS_FULL, REACHED, release_from
+from vibro_ros.solver.event_loop import DIVERGED, EVENTS_FULL, REACHED, is_finite, release_from
 from vibro_ros.solver.forcing import advance_clock, place_of
 from vibro_ros.solver.instant import accelerate, fill_forcing_at, move_forcing, phase_after
 from vibro_ros.solver.moreau import enter_found_mode
@@ -194,14 +193,6 @@ def _read(system, state, track, x, z):
     accelerate(system, state.index[MODE], z, track.slopes[2])
 
 
-@kernel
-def _finite(z):
-    total = 0.0
-    for channel in range(len(z)):
-        total += z[channel]
-    return math.isfinite(total)
-
-
 @entry_kernel
 def advance(system, state, track, times, points, modes, phases, events):
     """Take all steps up to the last of `times` and sample there; as `event_loop.advance`."""
@@ -213,7 +204,7 @@ def advance(system, state, track, times, points, modes, phases, events):
             if count > room:
                 return EVENTS_FULL, k, count
             count = _pass_step(system, state, track, events, count)
-            if not _finite(track.end):
+            if not is_finite(track.end):
                 return DIVERGED, k, count
         x = place_of(state, times[k])
         _read(system, state, track, x, points[k])
