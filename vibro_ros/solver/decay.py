@@ -122,7 +122,7 @@ def _time_without(state, load, rate, speed, scale):
     fill_multiple(guard, -rate, guard)
     guard[0] -= _OVER
     noise = NOISE * abs(rate) * (abs(speed) + scale * 2.0 * half)
-    root = first_root(guard, anchor, state.powers, 1.0, noise, state.work[2])
+    root = first_root(guard, anchor, state.powers, 1.0, noise, state.work[2:4])
     if root == NO_ROOT:
         return math.inf
     return half * (root - anchor) * _BEFORE if root > anchor else half

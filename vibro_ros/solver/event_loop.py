@@ -69,7 +69,7 @@ def _guard_root(system, state, row):
     if state.index[STANDSTILLS] > _DOUBTFUL_STANDSTILLS:
         guard[0] += _DOUBT * noise
     limit = state.clock[NEXT]
-    root = first_root(guard, state.clock[ANCHOR], state.powers, limit, noise, state.work[2])
+    root = first_root(guard, state.clock[ANCHOR], state.powers, limit, noise, state.work[2:4])
     state.root[row] = UNKNOWN if root == NO_ROOT and limit < 1.0 else root
     return root
 

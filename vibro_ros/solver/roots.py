@@ -18,6 +18,8 @@ NO_ROOT = 2.0
 #: Returned when the search does not end, which a finite polynomial cannot cause.
 SEARCH_FAILED = -3.0
 
+_MIDDLE = 8
+_SPACING = 0.125
 _MOST_STEPS = 100_000
 _ULP_OF_ONE = 2.3e-16
 #: A guard that starts at zero to this order (a rest, a release) is zero for good: nothing moves it.
@@ -29,6 +31,7 @@ _ECHO = 4.0
 _VANISHING = 1e-100
 
 _ORDER = np.arange(LENGTH)
+_SECOND = (_ORDER * (_ORDER - 1)).astype(float)
 _THIRD = (_ORDER * (_ORDER - 1) * (_ORDER - 2)).astype(float)
 # On [-1, 1] an odd term is at least -|p|, an even one at least min(p, 0) = (p - |p|) / 2, and the constant is p.
 _KEPT = np.where(_ORDER == 0, 1.0, np.where(_ORDER % 2 == 0, 0.5, 0.0))
@@ -79,6 +82,70 @@ def _pairs(p, noise):
     while pairs > 1 and abs(p[2 * pairs - 2]) + abs(p[2 * pairs - 1]) <= 0.01 * noise:
         pairs -= 1
     return pairs
+
+
+@sum_kernel
+def _second_derivative_bound(p):
+    """Bound of |p''| on [-1, 1]."""
+    bound = 0.0
+    for n in range(len(p)):
+        bound += _SECOND[n] * abs(p[n])
+    return bound
+
+
+@kernel
+def _fill_values_at_four(p, pairs, first, values):
+    """Values of p at -1 + k / 8 for the four k from 8 + `first` on, and at their mirror images about 0."""
+    x0 = first * _SPACING
+    x1, x2, x3 = x0 + _SPACING, x0 + 2.0 * _SPACING, x0 + 3.0 * _SPACING
+    y0, y1, y2, y3 = x0 * x0, x1 * x1, x2 * x2, x3 * x3
+    even0, even1, even2, even3 = 0.0, 0.0, 0.0, 0.0
+    odd0, odd1, odd2, odd3 = 0.0, 0.0, 0.0, 0.0
+    for n in range(pairs - 1, -1, -1):
+        even, odd = p[2 * n], p[2 * n + 1]
+        even0, even1, even2, even3 = even0 * y0 + even, even1 * y1 + even, even2 * y2 + even, even3 * y3 + even
+        odd0, odd1, odd2, odd3 = odd0 * y0 + odd, odd1 * y1 + odd, odd2 * y2 + odd, odd3 * y3 + odd
+    up, down = _MIDDLE + first, _MIDDLE - first
+    values[up], values[down] = even0 + x0 * odd0, even0 - x0 * odd0
+    values[up + 1], values[down - 1] = even1 + x1 * odd1, even1 - x1 * odd1
+    values[up + 2], values[down - 2] = even2 + x2 * odd2, even2 - x2 * odd2
+    values[up + 3], values[down - 3] = even3 + x3 * odd3, even3 - x3 * odd3
+
+
+@kernel
+def _only_root(p, pairs, left, right, start):
+    """Root of p in [left, right], where it falls all the way, by Halley's method from `start`."""
+    x = start
+    for _ in range(_MOST_STEPS):
+        f, d, dd = value_and_derivatives(p, pairs, x)
+        step = 2.0 * f * d / (2.0 * d * d - f * dd)
+        x = min(max(x - step, left), right)
+        if abs(step) < 3e-7:  # its cube is lost in rounding
+            return x
+    return SEARCH_FAILED
+
+
+@kernel
+def _search(p, pairs, a, f, limit, noise, values):
+    """First root of p, which is f > 0 at a, in (a, limit]."""
+    # Between two places p is nowhere farther than this below the lower of its two values.
+    bend = 0.125 * _SPACING * _SPACING * _second_derivative_bound(p) + noise
+    values[_MIDDLE] = p[0]
+    _fill_values_at_four(p, pairs, 1, values)
+    _fill_values_at_four(p, pairs, 5, values)
+    left, value = a, f
+    for k in range(int((a + 1.0) / _SPACING) + 1, 2 * _MIDDLE + 1):
+        right = (k - _MIDDLE) * _SPACING
+        if min(value, values[k]) <= bend:
+            drop = value - values[k]
+            if values[k] < 0.0 and drop > 5.0 * bend:
+                root = _only_root(p, pairs, left, right, left + (right - left) * value / drop)
+                return root if root <= limit else NO_ROOT
+            return _march(p, pairs, left, limit)
+        if right >= limit:
+            return NO_ROOT
+        left, value = right, values[k]
+    return NO_ROOT
 
 
 @kernel
@@ -133,7 +200,7 @@ def first_root(p, a, powers, limit, noise, work):
         Where the search ends, a < limit <= 1.
     noise : float
         Rounding error of the guard: what lies within it counts as zero.
-    work : ndarray, shape (LENGTH,)
+    work : ndarray, shape (2, LENGTH)
         Overwritten.
 
     Returns
@@ -144,16 +211,17 @@ def first_root(p, a, powers, limit, noise, work):
     noise = max(noise, _VANISHING)
     if _lower_bound(p) > noise:
         return NO_ROOT
-    copy(p, work)
-    f = product(work, powers)
+    guard, values = work[0], work[1]
+    copy(p, guard)
+    f = product(guard, powers)
     hidden = noise
     for _ in range(_DEEPEST_ZERO):
         if f > hidden:
-            return _march(work, _pairs(work, noise), a, limit)
+            return _search(guard, _pairs(guard, noise), a, f, limit, noise, values)
         if f < -hidden:
             return a
-        divide_by_root(work, a)
-        f = product(work, powers)
+        divide_by_root(guard, a)
+        f = product(guard, powers)
         hidden = _ECHO * noise
     return NO_ROOT
 
@@ -170,7 +238,7 @@ def _sum_of_magnitudes(p):
 def maximum(p, a, b, work):
     """Largest value of p on [a, b]: the ends and every turning point between them.
 
-    `work`, shape (3, LENGTH), is overwritten.
+    `work`, shape (4, LENGTH), is overwritten.
     """
     slope, powers = work[0], work[1]
     differentiate(p, 1.0, slope)
@@ -181,7 +249,7 @@ def maximum(p, a, b, work):
     while True:
         fill_powers(x, powers)
         best = max(best, product(p, powers))
-        x = first_root(slope, x, powers, b, noise, work[2])
+        x = first_root(slope, x, powers, b, noise, work[2:])
         if x < a or x >= b:
             return best
         for n in range(len(slope)):

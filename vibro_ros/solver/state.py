@@ -118,7 +118,7 @@ class State(NamedTuple):
         Positions and velocities where the mode began.
     moments : ndarray, shape (2 LENGTH,)
         Integrals of the powers, for the audit.
-    work : ndarray, shape (4, LENGTH)
+    work : ndarray, shape (5, LENGTH)
         Room for temporary polynomials; while a candidate is checked, row 3 holds the scales of its accelerations.
     trial : ndarray, shape (channels,)
         Room for the point that a change of mode would lead to.
@@ -185,7 +185,7 @@ def new_state(system: System, phase_speed: float, ramp_values: np.ndarray, mode:
         defect=np.zeros((2, 2 * channels.dynamic)),
         origin=np.zeros(2 * channels.coordinates),
         moments=np.zeros(2 * LENGTH),
-        work=np.zeros((4, LENGTH)),
+        work=np.zeros((5, LENGTH)),
         trial=np.zeros(channels.count),
     )
     state.ramp[:, VALUE] = state.ramp[:, TARGET] = ramp_values
