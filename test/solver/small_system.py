@@ -45,7 +45,7 @@ def cosine_table(cells=8):
     factorial = np.cumprod(np.maximum(order, 1.0))
     middle, half = 0.5 * (start[:-1] + start[1:]), 0.5 * np.diff(start)
     series = np.cos(middle[:, None] + order * math.pi / 2) * half[:, None] ** order / factorial
-    return SignalTable(start, series[:, None, :])
+    return SignalTable(start, np.full(cells, 3.5), series[:, None, :])
 
 
 def build(channels, modes, guards=(), signals=None, monitor=None, decay=None):
@@ -100,7 +100,7 @@ def build(channels, modes, guards=(), signals=None, monitor=None, decay=None):
         approach=np.zeros((0, channels.count)) if monitor is None else np.array([monitor[1]]),
         stretch=np.zeros((count, 0, channels.count)), stiffness=np.zeros((count, 0)),
         power=np.zeros((count, 0, 2, channels.count)), power_terms=np.zeros((count, 0, 2, channels.count), dtype=int),
-        signals=signals or SignalTable(np.array([0.0, 2 * math.pi]), np.zeros((1, 0, LENGTH))),
+        signals=signals or SignalTable(np.array([0.0, 2 * math.pi]), np.full(1, 3.5), np.zeros((1, 0, LENGTH))),
         decay=_decay(channels, decay))
 
 

@@ -12,14 +12,20 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from vibro_ros.solver.economization import economized_powers
 from vibro_ros.solver.polynomial import LENGTH
-from vibro_ros.solver.system import STRIDE, SignalTable
+from vibro_ros.solver.system import CELL_STRIDE, SignalTable
 
 _TURN = 2.0 * math.pi
-# Half a cell no longer than this resolves the cosine itself, however short the crank.
+# Half a cell no longer than this resolves the cosine itself, however short the crank ...
 _LONGEST_HALF = math.pi / 4.0
-# STRIDE to this power is below rounding.
-_CONTRACTIONS = 25
+# ... and to the cosine a singularity is no farther than this, by its growth.
+_LONGEST_REACH = 3.5
+# CELL_STRIDE to this power is below rounding.
+_CONTRACTIONS = 46
+# CELL_STRIDE to this power is far below rounding.
+_TERMS = 2 * LENGTH
+_ECONOMIZED = np.vstack([np.eye(LENGTH), economized_powers(_TERMS - LENGTH)])
 
 
 @dataclass(frozen=True)
@@ -67,8 +73,19 @@ class Slider:
         along = math.remainder(theta - self.angle - 0.5 * math.pi, math.pi)
         return math.hypot(along, math.acosh(self.rod / self.radius))
 
+    def reach(self, start: float, end: float) -> float:
+        """Least distance in the complex plane from the angles between `start` and `end` to a branch point [rad]."""
+        offset = math.remainder(start - self.angle - 0.5 * math.pi, math.pi)
+        ahead = 0.0 if offset == 0.0 else (-offset if offset < 0.0 else math.pi - offset)
+        if start + ahead <= end:
+            return self.distance_to_singularity(start + ahead)
+        return min(self.distance_to_singularity(start), self.distance_to_singularity(end))
+
     def series(self, middle: np.ndarray, half: np.ndarray) -> np.ndarray:
-        """Taylor coefficients of s in (angle - middle) / half; shape (len(middle), LENGTH)."""
+        """Coefficients of s in (angle - middle) / half, economized; shape (len(middle), LENGTH)."""
+        return self._taylor_series(middle, half) @ _ECONOMIZED
+
+    def _taylor_series(self, middle: np.ndarray, half: np.ndarray) -> np.ndarray:
         psi = middle - self.angle
         cosine = _cosine_series(psi, half, 1.0)
         if self.radius == self.rod:
@@ -82,9 +99,9 @@ class Slider:
 
 
 def _cosine_series(at: np.ndarray, half: np.ndarray, factor: float) -> np.ndarray:
-    """Coefficients of cos(at + factor half y) in y; shape (len(at), LENGTH)."""
+    """Taylor coefficients of cos(at + factor half y) in y; shape (len(at), _TERMS)."""
     derivatives = np.stack([np.cos(at), -np.sin(at), -np.cos(at), np.sin(at)], axis=1)
-    order = np.arange(LENGTH)
+    order = np.arange(_TERMS)
     factorial = np.array([math.factorial(n) for n in order], dtype=float)
     return derivatives[:, order % 4] * (factor * half[:, None]) ** order / factorial
 
@@ -93,7 +110,7 @@ def _root_series(value: np.ndarray, square: np.ndarray) -> np.ndarray:
     """Series of sqrt(g) from its constant term and the series of g; shape as `square`."""
     root = np.zeros_like(square)
     root[:, 0] = value
-    for n in range(1, LENGTH):
+    for n in range(1, _TERMS):
         cross = np.einsum("ij,ij->i", root[:, 1:n], root[:, n - 1:0:-1]) if n > 1 else 0.0
         root[:, n] = (square[:, n] - cross) / (2.0 * value)
     return root
@@ -106,7 +123,13 @@ def signal_table(sliders: list[Slider]) -> SignalTable:
     series = np.empty((len(half), len(sliders), LENGTH))
     for k, slider in enumerate(sliders):
         series[:, k] = slider.series(middle, half)
-    return SignalTable(start, series)
+    return SignalTable(start, _reaches(sliders, start), series)
+
+
+def _reaches(sliders: list[Slider], start: np.ndarray) -> np.ndarray:
+    """Distance [rad] from each cell to the nearest singularity of any slider."""
+    return np.array([min([_LONGEST_REACH] + [slider.reach(first, last) for slider in sliders])
+                     for first, last in zip(start[:-1], start[1:], strict=True)])
 
 
 def _cell_starts(sliders: list[Slider]) -> np.ndarray:
@@ -119,9 +142,9 @@ def _cell_starts(sliders: list[Slider]) -> np.ndarray:
 
 
 def _half_cell(sliders: list[Slider], start: float) -> float:
-    """Half the longest cell from `start` [rad] whose series reaches rounding: STRIDE of the way from its middle to the
-    nearest singularity. The distance changes by no more than the middle moves, so the iteration contracts by STRIDE."""
+    """Half the longest cell from `start` [rad] whose series reaches rounding: CELL_STRIDE of the way from its middle to
+    the nearest singularity. The distance changes by no more than the middle moves: a contraction by CELL_STRIDE."""
     half = 0.0
     for _ in range(_CONTRACTIONS):
-        half = min([_LONGEST_HALF] + [STRIDE * s.distance_to_singularity(start + half) for s in sliders])
+        half = min([_LONGEST_HALF] + [CELL_STRIDE * s.distance_to_singularity(start + half) for s in sliders])
     return half

@@ -7,6 +7,7 @@ therefore kept for the next segment of their kind.
 """
 
 from vibro_ros.solver.compilation import kernel, rounding_kernel, sum_kernel
+from vibro_ros.solver.economization import economized_powers
 from vibro_ros.solver.polynomial import (
     INVERSE,
     LENGTH,
@@ -21,6 +22,9 @@ from vibro_ros.solver.polynomial import (
     product,
 )
 from vibro_ros.solver.state import ANCHOR, CELL, ENTRANCE, HALF, MODE, SLOT, VERSION
+
+# So many terms follow those of a motion over a cell until they are lost in rounding: 3.4^32 / 32!.
+_ECONOMIZED = economized_powers(8)
 
 
 @rounding_kernel  # a mass at rest on its slider feels exactly no force
@@ -63,6 +67,34 @@ def _solve(system, state, motion):
 
 
 @kernel
+def _economize(system, state, motion):
+    """Add to the series of a motion over a cell what their next terms come to.
+
+    The cell's forcing is longer than its flow's series resolve; of the terms that these lack, only the first matter.
+    """
+    coordinates, dynamic = system.sizes[0], system.sizes[1]
+    half, rows = state.clock[HALF], system.acceleration[state.index[MODE]]
+    now, following = state.work[3], state.work[4]
+    for c in range(2 * dynamic):
+        now[c] = motion[c, LENGTH - 1]
+    for i in range(dynamic):
+        now[2 * dynamic + i] = state.work[i, LENGTH - 1]  # the last term of the load
+    for k in range(len(_ECONOMIZED)):
+        step = half / (LENGTH + k)
+        for i in range(dynamic):
+            acceleration = now[2 * dynamic + i]
+            for j in range(dynamic):
+                acceleration += rows[i, j] * now[j] + rows[i, coordinates + j] * now[dynamic + j]
+            following[i] = now[dynamic + i] * step
+            following[dynamic + i] = acceleration * step
+            now[2 * dynamic + i] = 0.0
+        for c in range(2 * dynamic):
+            now[c] = following[c]
+            for n in range(LENGTH):
+                motion[c, n] += now[c] * _ECONOMIZED[k, n]
+
+
+@kernel
 def _keep_free_motion(system, state, flow, slot):
     """See to it that the library has the free motion of segments like this one."""
     library = state.library
@@ -77,6 +109,8 @@ def _keep_free_motion(system, state, flow, slot):
         motion[:] = 0.0
         motion[j, 0] = 1.0
         _solve(system, state, motion)
+        if slot == state.index[CELL]:
+            _economize(system, state, motion)
         for c in range(components):
             total = 0.0
             for n in range(LENGTH):
@@ -114,6 +148,7 @@ def _find_forced_motion(system, state, flow, slot, point):
     _fill_loads(system, state)
     _solve(system, state, motion)
     if of_cell:
+        _economize(system, state, motion)
         library.version[flow, slot] = state.index[VERSION]
         fill_powers(-1.0, state.powers)
         for c in range(len(motion)):

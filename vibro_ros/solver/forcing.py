@@ -36,14 +36,10 @@ from vibro_ros.solver.state import (
     VALUE,
     VERSION,
 )
-from vibro_ros.solver.system import STRIDE
+from vibro_ros.solver.system import CELL_RATE, STRIDE
 
 #: A segment without a fast mode, a signal or a ramp to end it ends after this time [s].
 _LONGEST_SEGMENT = 1.0
-# While the speed changes, a signal's series in time reaches rounding at its last term when the phase stays within
-# 1/STRIDE halves of its cell for complex times up to 1/STRIDE halves of the segment; the middle of the segment is off
-# the cell's by one half at most.
-_REACH = 0.5 * (1.0 / STRIDE - 1.0)
 # Logarithm of what may be neglected beside 1.
 _ROUNDING = math.log(1e-18)
 _NEGLIGIBLE = 1e-18
@@ -103,16 +99,17 @@ def _time_to_cross(clock, distance):
 
 
 @kernel
-def _resolved_time(clock, width):
-    """Longest time [s] over which the series of the signals resolves a changing speed."""
+def _resolved_time(clock, reach):
+    """Longest time [s] over which a signal's series in time reaches rounding at its last term: the phase stays within
+    `reach` for complex times up to 1/STRIDE halves of the segment."""
     change = clock[SPEED_CHANGE]
     if clock[LAG] > 0.0:
         # For complex times up to 1/STRIDE half segments the decay grows by e at most, and the phase with it.
         fastest = max(clock[SPEED], clock[SPEED_TARGET])
-        return 2.0 * STRIDE * min(clock[LAG], _REACH * width / (2.0 * math.e * fastest))
+        return 2.0 * STRIDE * min(clock[LAG], reach / (2.0 * math.e * fastest))
     # By the middle, STRIDE of that time away, the speed has risen.
     change_from_middle = abs(change) + 2.0 * STRIDE * max(change, 0.0)
-    return 2.0 * STRIDE * _ramped_time_to_cross(_REACH * width, clock[SPEED], change_from_middle)
+    return 2.0 * STRIDE * _ramped_time_to_cross(reach, clock[SPEED], change_from_middle)
 
 
 @kernel
@@ -142,7 +139,7 @@ def _spans_cell(system, state, width, longest):
     if clock[SPEED] <= 0.0 or clock[SPEED_TIME] > 0.0:
         return False
     duration = width / clock[SPEED]
-    if duration > min(_LONGEST_SEGMENT, system.longest_step[state.index[MODE]], longest):
+    if duration > min(_LONGEST_SEGMENT, CELL_RATE * system.longest_step[state.index[MODE]], longest):
         return False
     left = (width - clock[OFFSET]) / clock[SPEED]
     for k in range(len(state.ramp)):
@@ -193,9 +190,10 @@ def choose_segment(system, state, longest):
         state.index[SLOT] = state.index[CELL]
     else:
         clock[CELL_TIME] = _time_to_cross(clock, width - clock[OFFSET])
-        duration = min(_LONGEST_SEGMENT, system.longest_step[state.index[MODE]], clock[CELL_TIME], longest)
+        duration = min(_LONGEST_SEGMENT, system.longest_step[state.index[MODE]], clock[CELL_TIME], longest,
+                       _resolved_time(clock, system.signals.reach[state.index[CELL]]))
         if clock[SPEED_TIME] > 0.0:
-            duration = min(duration, clock[SPEED_TIME], _resolved_time(clock, width))
+            duration = min(duration, clock[SPEED_TIME])
         for k in range(len(state.ramp)):
             if state.ramp[k, RATE] != 0.0:
                 duration = min(duration, state.ramp[k, TIME])
@@ -205,10 +203,8 @@ def choose_segment(system, state, longest):
 
 
 @kernel
-def _terms(cells):
-    """Terms of a signal's series that matter over a segment which spans this part of its cell: the singularity is
-    1 / STRIDE - 1 halves of the cell away, or farther."""
-    ratio = STRIDE / (1.0 - STRIDE) * cells
+def _terms(ratio):
+    """Terms of a signal's series that matter over a segment, by half its span over the distance to a singularity."""
     if ratio <= 0.0:
         return 1
     return min(LENGTH, int(_ROUNDING / math.log(ratio)) + 2) if ratio < 0.17 else LENGTH
@@ -218,13 +214,14 @@ def _terms(cells):
 def _fill_signals(system, state):
     """Polynomials of the signals over a part of a cell, or at a changing speed."""
     clock, cell, phase = state.clock, state.index[CELL], state.work[1]
-    phase_terms = _fill_phase(clock, system.signals.start[cell + 1] - system.signals.start[cell], phase)
+    width = system.signals.start[cell + 1] - system.signals.start[cell]
+    phase_terms = _fill_phase(clock, width, phase)
     fill_powers(phase[0], state.shift[LENGTH:])
     phase[0] = 0.0
-    reach = 0.0
+    span = 0.0
     for n in range(1, phase_terms):
-        reach += n * abs(phase[n])
-    terms = _terms(reach)
+        span += n * abs(phase[n])
+    terms = _terms(0.5 * width * span / system.signals.reach[cell])
     first, series = 2 * system.sizes[0] + system.sizes[1], state.work[0]
     for k in range(system.sizes[2]):
         recentre(system.signals.series[cell, k], state.shift, terms, state.z[first + k])

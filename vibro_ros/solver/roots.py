@@ -10,6 +10,7 @@ from vibro_ros.solver.polynomial import (
     divide_by_root,
     fill_powers,
     product,
+    value,
     value_and_derivatives,
 )
 
@@ -18,8 +19,6 @@ NO_ROOT = 2.0
 #: Returned when the search does not end, which a finite polynomial cannot cause.
 SEARCH_FAILED = -3.0
 
-_MIDDLE = 8
-_SPACING = 0.125
 _MOST_STEPS = 100_000
 _ULP_OF_ONE = 2.3e-16
 #: A guard that starts at zero to this order (a rest, a release) is zero for good: nothing moves it.
@@ -29,6 +28,17 @@ _DEEPEST_ZERO = 5
 _ECHO = 4.0
 # Guards of a motion that has died away: their squares would be lost below the smallest number.
 _VANISHING = 1e-100
+
+# A guard is first looked at in places so far from each other; the middle one, at 0, has this number.
+_SPACING = 0.125
+_MIDDLE = 8
+# The slope between two places differs from the mean one by 4 bends over the distance at most: with this drop, and not
+# by a hair, it has one sign.
+_FALLS = 5.0
+# Halley's step cubes the distance to the root, times (p''/2p')² - p'''/6p', about 1000 at most where `_search` asks for
+# it: after a step so short the distance is below rounding.
+_LAST_STEP = 3e-7
+_MOST_HALLEY_STEPS = 20
 
 _ORDER = np.arange(LENGTH)
 _SECOND = (_ORDER * (_ORDER - 1)).astype(float)
@@ -84,70 +94,6 @@ def _pairs(p, noise):
     return pairs
 
 
-@sum_kernel
-def _second_derivative_bound(p):
-    """Bound of |p''| on [-1, 1]."""
-    bound = 0.0
-    for n in range(len(p)):
-        bound += _SECOND[n] * abs(p[n])
-    return bound
-
-
-@kernel
-def _fill_values_at_four(p, pairs, first, values):
-    """Values of p at -1 + k / 8 for the four k from 8 + `first` on, and at their mirror images about 0."""
-    x0 = first * _SPACING
-    x1, x2, x3 = x0 + _SPACING, x0 + 2.0 * _SPACING, x0 + 3.0 * _SPACING
-    y0, y1, y2, y3 = x0 * x0, x1 * x1, x2 * x2, x3 * x3
-    even0, even1, even2, even3 = 0.0, 0.0, 0.0, 0.0
-    odd0, odd1, odd2, odd3 = 0.0, 0.0, 0.0, 0.0
-    for n in range(pairs - 1, -1, -1):
-        even, odd = p[2 * n], p[2 * n + 1]
-        even0, even1, even2, even3 = even0 * y0 + even, even1 * y1 + even, even2 * y2 + even, even3 * y3 + even
-        odd0, odd1, odd2, odd3 = odd0 * y0 + odd, odd1 * y1 + odd, odd2 * y2 + odd, odd3 * y3 + odd
-    up, down = _MIDDLE + first, _MIDDLE - first
-    values[up], values[down] = even0 + x0 * odd0, even0 - x0 * odd0
-    values[up + 1], values[down - 1] = even1 + x1 * odd1, even1 - x1 * odd1
-    values[up + 2], values[down - 2] = even2 + x2 * odd2, even2 - x2 * odd2
-    values[up + 3], values[down - 3] = even3 + x3 * odd3, even3 - x3 * odd3
-
-
-@kernel
-def _only_root(p, pairs, left, right, start):
-    """Root of p in [left, right], where it falls all the way, by Halley's method from `start`."""
-    x = start
-    for _ in range(_MOST_STEPS):
-        f, d, dd = value_and_derivatives(p, pairs, x)
-        step = 2.0 * f * d / (2.0 * d * d - f * dd)
-        x = min(max(x - step, left), right)
-        if abs(step) < 3e-7:  # its cube is lost in rounding
-            return x
-    return SEARCH_FAILED
-
-
-@kernel
-def _search(p, pairs, a, f, limit, noise, values):
-    """First root of p, which is f > 0 at a, in (a, limit]."""
-    # Between two places p is nowhere farther than this below the lower of its two values.
-    bend = 0.125 * _SPACING * _SPACING * _second_derivative_bound(p) + noise
-    values[_MIDDLE] = p[0]
-    _fill_values_at_four(p, pairs, 1, values)
-    _fill_values_at_four(p, pairs, 5, values)
-    left, value = a, f
-    for k in range(int((a + 1.0) / _SPACING) + 1, 2 * _MIDDLE + 1):
-        right = (k - _MIDDLE) * _SPACING
-        if min(value, values[k]) <= bend:
-            drop = value - values[k]
-            if values[k] < 0.0 and drop > 5.0 * bend:
-                root = _only_root(p, pairs, left, right, left + (right - left) * value / drop)
-                return root if root <= limit else NO_ROOT
-            return _march(p, pairs, left, limit)
-        if right >= limit:
-            return NO_ROOT
-        left, value = right, values[k]
-    return NO_ROOT
-
-
 @kernel
 def _march(p, pairs, a, limit):
     """First root of p, positive at a, in (a, limit], by steps that a bound on p''' proves to be free of roots.
@@ -178,6 +124,86 @@ def _march(p, pairs, a, limit):
         if reach < 0.0:
             return NO_ROOT
     return SEARCH_FAILED
+
+
+@sum_kernel
+def _second_derivative_bound(p):
+    """Bound of |p''| on [-1, 1]."""
+    bound = 0.0
+    for n in range(len(p)):
+        bound += _SECOND[n] * abs(p[n])
+    return bound
+
+
+@kernel
+def _fill_values_at_four(p, pairs, first, values):
+    """Values of p in the four places from `first` beyond the middle on, and in their mirror images about it.
+
+    One beside the other: each series alone would wait for its last product, and eight do not.
+    """
+    x0 = first * _SPACING
+    x1, x2, x3 = x0 + _SPACING, x0 + 2.0 * _SPACING, x0 + 3.0 * _SPACING
+    y0, y1, y2, y3 = x0 * x0, x1 * x1, x2 * x2, x3 * x3
+    even0, even1, even2, even3 = 0.0, 0.0, 0.0, 0.0
+    odd0, odd1, odd2, odd3 = 0.0, 0.0, 0.0, 0.0
+    for n in range(pairs - 1, -1, -1):
+        even, odd = p[2 * n], p[2 * n + 1]
+        even0, even1, even2, even3 = even0 * y0 + even, even1 * y1 + even, even2 * y2 + even, even3 * y3 + even
+        odd0, odd1, odd2, odd3 = odd0 * y0 + odd, odd1 * y1 + odd, odd2 * y2 + odd, odd3 * y3 + odd
+    up, down = _MIDDLE + first, _MIDDLE - first
+    values[up], values[down] = even0 + x0 * odd0, even0 - x0 * odd0
+    values[up + 1], values[down - 1] = even1 + x1 * odd1, even1 - x1 * odd1
+    values[up + 2], values[down - 2] = even2 + x2 * odd2, even2 - x2 * odd2
+    values[up + 3], values[down - 3] = even3 + x3 * odd3, even3 - x3 * odd3
+
+
+@kernel
+def _look(p, pairs, noise, values):
+    """Fill in p's values in all places; returns how far p may lie beyond both values between two of them."""
+    values[_MIDDLE] = p[0]
+    _fill_values_at_four(p, pairs, 1, values)
+    _fill_values_at_four(p, pairs, 5, values)
+    return 0.125 * _SPACING * _SPACING * _second_derivative_bound(p) + noise
+
+
+@kernel
+def _next_place(x):
+    """Number of the first place beyond x."""
+    return int((x + 1.0) / _SPACING) + 1
+
+
+@kernel
+def _only_root(p, pairs, left, right, start):
+    """Root of p in [left, right], where it falls all the way, by Halley's method from `start`; `NO_ROOT` if that does
+    not settle."""
+    x = start
+    for _ in range(_MOST_HALLEY_STEPS):
+        f, d, dd = value_and_derivatives(p, pairs, x)
+        step = 2.0 * f * d / (2.0 * d * d - f * dd)
+        x = min(max(x - step, left), right)
+        if abs(step) < _LAST_STEP:
+            return x
+    return NO_ROOT
+
+
+@kernel
+def _search(p, pairs, a, f, limit, noise, values):
+    """First root of p, which is f > 0 at a, in (a, limit]."""
+    bend = _look(p, pairs, noise, values)
+    left, before = a, f
+    for k in range(_next_place(a), 2 * _MIDDLE + 1):
+        right = (k - _MIDDLE) * _SPACING
+        if min(before, values[k]) <= bend:
+            drop = before - values[k]
+            if values[k] < 0.0 and drop > _FALLS * bend:
+                root = _only_root(p, pairs, left, right, left + (right - left) * before / drop)
+                if root != NO_ROOT:
+                    return root if root <= limit else NO_ROOT
+            return _march(p, pairs, left, limit)
+        if right >= limit:
+            return NO_ROOT
+        left, before = right, values[k]
+    return NO_ROOT
 
 
 @kernel
@@ -235,22 +261,41 @@ def _sum_of_magnitudes(p):
 
 
 @kernel
+def _highest_turning_point(p, slope, a, b, noise, work):
+    """Largest value of p at a and at its turning points in (a, b), one after the other."""
+    powers, best = work[0], -np.inf
+    x = a
+    while True:
+        fill_powers(x, powers)
+        best = max(best, product(p, powers))
+        x = first_root(slope, x, powers, b, noise, work[1:])
+        if x < a or x >= b:
+            return best
+        for n in range(len(slope)):
+            slope[n] = -slope[n]
+
+
+@kernel
 def maximum(p, a, b, work):
     """Largest value of p on [a, b]: the ends and every turning point between them.
 
     `work`, shape (4, LENGTH), is overwritten.
     """
-    slope, powers = work[0], work[1]
+    slope, values = work[0], work[3]
     differentiate(p, 1.0, slope)
+    best = max(value(p, a), value(p, b))
     noise = 1e-15 * _sum_of_magnitudes(slope)
-    fill_powers(b, powers)
-    best = product(p, powers)
-    x = a
-    while True:
-        fill_powers(x, powers)
-        best = max(best, product(p, powers))
-        x = first_root(slope, x, powers, b, noise, work[2:])
-        if x < a or x >= b:
-            return best
-        for n in range(len(slope)):
-            slope[n] = -slope[n]
+    bend = _look(slope, LENGTH // 2, noise, values)
+    for k in range(_next_place(a), min(_next_place(b), 2 * _MIDDLE) + 1):
+        before, behind = values[k - 1], values[k]
+        if min(before, behind) > bend or max(before, behind) < -bend:
+            continue
+        left, right = (k - 1 - _MIDDLE) * _SPACING, (k - _MIDDLE) * _SPACING
+        drop, x = before - behind, NO_ROOT
+        if before > 0.0 and behind < 0.0 and drop > _FALLS * bend:
+            x = _only_root(slope, LENGTH // 2, left, right, left + _SPACING * before / drop)
+        if x == NO_ROOT:
+            return max(best, _highest_turning_point(p, slope, a, b, noise, work[1:]))
+        if a < x < b:
+            best = max(best, value(p, x))
+    return best

@@ -20,10 +20,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-#: Half a cell as part of the distance from its middle to the signals' nearest singularity: 0.22^LENGTH is rounding.
+#: Half a segment as part of the distance to the signals' nearest singularity: 0.22^LENGTH is rounding.
 STRIDE = 0.22
+#: Half a cell as part of the distance from its middle to it: what economization leaves out, 4.2^-LENGTH, is rounding.
+CELL_STRIDE = 0.45
 #: Half the longest segment in units of the mode's fastest time constant: 1.7^LENGTH / LENGTH! is below rounding.
 RATE_LIMIT = 1.7
+#: A segment that is a whole cell may last so many times longer, because its series are economized.
+CELL_RATE = 2.0
 #: No row, no jump, no monitor, no event, no (more) candidates.
 NOTHING = -1
 #: Owner of a guard whose candidates need not satisfy any guard.
@@ -90,11 +94,14 @@ class SignalTable(NamedTuple):
     ----------
     start : ndarray, shape (cells + 1,)
         Phases at which cells begin, ascending; the last is the period.
+    reach : ndarray, shape (cells,)
+        Distance [rad] in the complex plane from the cell to the nearest singularity.
     series : ndarray, shape (cells, signals, LENGTH)
         Coefficients in 2 (phase - start) / width - 1 of the cell.
     """
 
     start: np.ndarray
+    reach: np.ndarray
     series: np.ndarray
 
 
