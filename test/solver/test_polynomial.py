@@ -5,6 +5,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 from from_python import FromPython
+from numpy.polynomial import Polynomial
 
 from vibro_ros.solver import polynomial
 from vibro_ros.solver.polynomial import LENGTH
@@ -112,15 +113,17 @@ def test_fill_sum():
 
 @pytest.mark.parametrize("x", [-1.0, 0.3])
 def test_integrate_through(x):
-    """The integral has p as its derivative, cut by one term, and the wanted value at x."""
-    powers, weights, target, rate = (np.empty(LENGTH) for _ in range(4))
+    """Exact integral, `wanted` at x, but for the highest Chebyshev polynomial of the term beyond the length."""
+    powers, weights, target = (np.empty(LENGTH) for _ in range(3))
     poly.fill_powers(x, powers)
     poly.fill_integral_powers(powers, weights)
-    for p in DECAYING:
+    places = np.linspace(-1.0, 1.0, 101)
+    for p in (*DECAYING, np.ones(LENGTH)):
         poly.integrate_through(p, 0.02, weights, 0.7, target)
-        assert poly.product(target, powers) == pytest.approx(0.7, abs=2e-16)  # its own rounding, twice
-        poly.differentiate(target, 0.02, rate)
-        np.testing.assert_allclose(rate, [*p[:-1], 0.0], rtol=1e-15)
+        left_out = 0.02 * abs(p[-1]) / LENGTH * 2.0 ** (1 - LENGTH)
+        assert poly.product(target, powers) == pytest.approx(0.7, abs=3e-16 + left_out)  # its own rounding, twice
+        exact = Polynomial(p).integ(lbnd=x) * 0.02 + 0.7
+        assert abs(Polynomial(target)(places) - exact(places)).max() <= 5e-16 + 2.0 * left_out
 
 
 def test_scale_argument():

@@ -25,7 +25,7 @@ _LONGEST_REACH = 3.5
 _CONTRACTIONS = 46
 # CELL_STRIDE to this power is far below rounding.
 _TERMS = 2 * LENGTH
-_ECONOMIZED = np.vstack([np.eye(LENGTH), economized_powers(_TERMS - LENGTH)])
+_ECONOMIZED = np.vstack([np.eye(LENGTH), economized_powers(LENGTH, _TERMS - LENGTH)])
 
 
 @dataclass(frozen=True)

@@ -24,7 +24,7 @@ from vibro_ros.solver.polynomial import (
 from vibro_ros.solver.state import ANCHOR, CELL, ENTRANCE, HALF, MODE, SLOT, VERSION
 
 # So many terms follow those of a motion over a cell until they are lost in rounding: 3.4^32 / 32!.
-_ECONOMIZED = economized_powers(8)
+_ECONOMIZED = economized_powers(LENGTH, 8)
 
 
 @rounding_kernel  # a mass at rest on its slider feels exactly no force

@@ -12,6 +12,7 @@ import math
 import numpy as np
 
 from vibro_ros.solver.compilation import kernel, sum_kernel
+from vibro_ros.solver.economization import economized_powers
 
 #: Coefficients of a polynomial. The flow's series is cut where 1.7^n / n! and 0.22^n (`system.STRIDE`) reach rounding.
 LENGTH = 24
@@ -19,6 +20,7 @@ LENGTH = 24
 INVERSE = np.array([0.0] + [1.0 / n for n in range(1, LENGTH + 1)])
 
 _ORDER = np.arange(LENGTH, dtype=float)
+_BEYOND = economized_powers(LENGTH, 1)[0]
 # Entry [n, k] is k over n.
 _BINOMIAL = np.array([[float(math.comb(k, n)) for k in range(LENGTH)] for n in range(LENGTH)])
 
@@ -189,15 +191,19 @@ def differentiate(p, half, target):
 @kernel
 def fill_integral_powers(powers, target):
     """target[n] = x^(n + 1) / (n + 1), for `integrate_through`, where `fill_powers` filled x."""
-    for n in range(len(powers) - 1):
+    last = len(powers) - 1
+    for n in range(last):
         target[n] = powers[n + 1] * INVERSE[n + 1]
-    target[len(powers) - 1] = 0.0
+    target[last] = powers[last] * powers[1] * INVERSE[LENGTH]
 
 
 @kernel
 def integrate_through(p, half, x, wanted, target):
     """Coefficients of the time integral of p over a segment that lasts 2 `half`, which is `wanted` where
-    `fill_integral_powers` filled `x`."""
+    `fill_integral_powers` filled `x`; its term beyond the length is economized."""
+    beyond = p[len(p) - 1] * (half * INVERSE[LENGTH])
+    target[0] = wanted - half * product(p, x)
     for n in range(len(p) - 1):
         target[n + 1] = p[n] * (half * INVERSE[n + 1])
-    target[0] = wanted - half * product(p, x)
+    for n in range(len(p)):
+        target[n] += beyond * _BEYOND[n]

@@ -35,6 +35,7 @@ _STEP = 1e-5
 _TOLERANCE = 1e-9  # heyoka's: over 10 s of each scene, its errors are below the baseline's
 _RATE = 200.0
 _SPEED = 100.0  # commanded at t = 0 of a scene whose motor stands still
+_LEAST_TIME = 0.1  # s
 _MANY = 200
 _MANY_DURATION = 2.0
 
@@ -44,6 +45,15 @@ def seconds(function: Callable, *arguments: object) -> float:
     began = time.perf_counter()
     function(*arguments)
     return time.perf_counter() - began
+
+
+def mean_seconds(function: Callable) -> float:
+    """Wall time of a call, mean of as many as take `_LEAST_TIME`: runs of milliseconds are measured over as long a time
+    as the baseline's, or the processor's caches, cold after the run before, would be a part of them only."""
+    times = []
+    while sum(times) < _LEAST_TIME:
+        times.append(seconds(function))
+    return statistics.mean(times)
 
 
 def run_exact(scene: Scene, times: np.ndarray) -> tuple[Samples, np.ndarray]:
@@ -78,7 +88,7 @@ def compiled_peer(scene: Scene) -> Callable[[np.ndarray], np.ndarray]:
 
 
 def measure(name: str, duration: float, repeats: int) -> dict[str, str | float]:
-    """Medians over `repeats` rounds of runs: exact, baseline and peer in turn, all compiled before.
+    """Medians over `repeats` rounds: exact, baseline and peer in turn, all compiled before, each for `_LEAST_TIME`.
 
     Returns
     -------
@@ -91,7 +101,7 @@ def measure(name: str, duration: float, repeats: int) -> dict[str, str | float]:
     run_baseline(scene, times[:2])
     _, events = run_exact(scene, times)
     runs = [partial(run_exact, scene, times), partial(run_baseline, scene, times), *_peer_runs(scene, times)]
-    rounds = np.array([[seconds(run) for run in runs] for _ in range(repeats)])
+    rounds = np.array([[mean_seconds(run) for run in runs] for _ in range(repeats)])
     exact, baseline, *_ = np.median(rounds, axis=0)
     ratio, _, *peers = np.median(rounds / rounds[:, 1:2], axis=0)
     return {
@@ -166,7 +176,8 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--duration", type=float, default=10.0, help="robot time [s] (default 10)")
     parser.add_argument("--repeats", type=int, default=7, help="pairs of runs (default 7)")
     options = parser.parse_args(arguments)
-    print(f"{options.duration:g} s of robot time sampled at {_RATE:g} Hz, medians of {options.repeats}; "
+    print(f"{options.duration:g} s of robot time sampled at {_RATE:g} Hz, medians of {options.repeats}, each over "
+          f"{_LEAST_TIME:g} s of runs; "
           f"RK4: dt = {_STEP:g} s, compiled by numba, and heyoka: tolerance {_TOLERANCE:g}, in the same run")
     print(f"{machine()}\n")
     print(heading())
