@@ -315,6 +315,31 @@ def test_the_node_runs_by_the_method_asked_for(start, listener, bench, asked, me
     assert values.get("solver step [s]") == ("5e-05" if method == "moreau" else None)
 
 
+def share_without_load(status: DiagnosticStatus) -> float:
+    return next(float(pair.value) for pair in status.values if pair.key == "share of time with N<0")
+
+
+def test_the_last_diagnostics_of_a_failed_simulation_arrive(start, listener):
+    """Steps of 0.01 s are far too long, and diverge after half a second of robot time."""
+    robot = start("robot", "--ros-args", "-p", "solver.method:=rk4", "-p", "solver.step:=0.01", "-p",
+                  "rate.real_time_factor:=0.1")
+    listener.wait_for_status("simulation", lambda status: status.level == DiagnosticStatus.OK)
+    status, _ = listener.wait_for_status("simulation", lambda status: status.level == DiagnosticStatus.ERROR)
+    assert robot.end() == 1
+    assert "a coordinate is no longer finite" in status.message
+    assert f"robot: {status.message}" in robot.lines
+
+
+def test_the_last_diagnostics_of_a_recording_that_failed_at_its_end_arrive(start, listener, tmp_path):
+    robot = start("robot")
+    listener.wait_for_status("recorder", lambda status: status.level == DiagnosticStatus.OK)
+    shutil.rmtree(bags(tmp_path)[0])
+    robot.send(signal.SIGINT)
+    status, values = listener.wait_for_status("recorder", lambda status: status.level == DiagnosticStatus.ERROR)
+    assert robot.end() == 1
+    assert status.message == values["fault"] and "the folder is gone" in status.message
+
+
 def test_diagnostics_tell_how_it_goes(start, listener, bench):
     robot = start("robot", "--ros-args", "-p", "motor.speed:=100.0")
     speed = bench.node.create_publisher(Float64, "motor_speed", 10)
@@ -326,6 +351,11 @@ def test_diagnostics_tell_how_it_goes(start, listener, bench):
     assert (values["solver method"], values["solver tolerance [m]"]) == ("exact", "1e-09")
     assert abs(float(values["energy residual [J]"])) < 1e-6
     assert int(values["missed deadlines"]) >= 0
+    late = [float(values[f"lateness {name} [us]"]) for name in ("median", "p99", "max")]
+    assert 0.0 < late[0] and late == sorted(late)
+    # rule hop: airborne after a stronger blow, on the ground between them
+    status, _ = listener.wait_for_status("simulation", lambda status: 0.0 < share_without_load(status))
+    assert share_without_load(status) < 1.0
     bench.spin_until(lambda: speed.get_subscription_count() > 0, "robot up")
     speed.publish(Float64(data=-1.0))
     status, values = listener.wait_for_status("simulation", lambda status: "commands refused" in status.message)

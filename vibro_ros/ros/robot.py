@@ -92,7 +92,8 @@ def _operate(node: Node, executor: Executor, settings: Mapping[str, Value], scen
             process.spin_until(executor, lambda: recording.watch() or bool(stop or stepping.error))
         if stepping.error:
             recording.save(stepping.error)
-            diagnostics.publish()
+    if stepping.error or recording.faults:
+        diagnostics.publish_last()
     log.info(f"{recording.summary()}; {device.time:.3f} s simulated, {pacing.dropped:.3f} s dropped in "
              f"{pacing.stalls} stalls, {inputs.refused} commands refused")
     if stepping.error:
