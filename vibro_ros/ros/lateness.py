@@ -1,8 +1,8 @@
 """Measure what recording costs the robot's clock: `python -m vibro_ros.ros.lateness`.
 
-One robot publishes everything at 1 kHz and begins and seals bags in turn, as `~/record` asks; how late its ticks are, it
-says in /diagnostics once a second. So both halves share the process and the machine's other load, and only their
-ratio is told apart from that.
+One robot publishes everything at 1 kHz and begins and seals bags in turn, as `~/record` asks; how late its ticks are,
+it says in /diagnostics once a second. So both halves share the process and the machine's other load, and their ratio is
+the recorder's.
 """
 
 import argparse
