@@ -6,7 +6,7 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 import pytest
@@ -21,10 +21,10 @@ PATIENCE = 60.0  # [s] deadline of what takes a second on an idle machine; kerne
 class Executable:
     """A running executable of the package and what it has said."""
 
-    def __init__(self, name: str, *arguments: str, folder: Path):
+    def __init__(self, name: str, *arguments: str, folder: Path, before: Sequence[str] = ()):
         self.lines: list[str] = []
         self._process = subprocess.Popen(
-            [sys.executable, "-m", f"vibro_ros.ros.{name}", *arguments],
+            [*before, sys.executable, "-m", f"vibro_ros.ros.{name}", *arguments],
             stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, cwd=folder,
         )
         self._reader = threading.Thread(target=self._read)
@@ -99,11 +99,11 @@ class Bench:
 
 @pytest.fixture
 def start(domain_id: int, tmp_path: Path) -> Iterator[Callable[..., Executable]]:
-    """Start an executable in the test's domain and folder; killed at the end if it still runs."""
+    """Start an executable in the test's domain and folder, by a command `before` it; killed at the end if it runs."""
     started: list[Executable] = []
 
-    def start_one(name: str, *arguments: str) -> Executable:
-        started.append(Executable(name, *arguments, folder=tmp_path))
+    def start_one(name: str, *arguments: str, before: Sequence[str] = ()) -> Executable:
+        started.append(Executable(name, *arguments, folder=tmp_path, before=before))
         return started[-1]
 
     assert os.environ["ROS_DOMAIN_ID"] == str(domain_id)

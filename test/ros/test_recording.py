@@ -2,6 +2,7 @@
 
 import contextlib
 import json
+import os
 import random
 import re
 import resource
@@ -9,6 +10,7 @@ import shutil
 import signal
 import subprocess
 import sys
+import threading
 import time
 from pathlib import Path
 
@@ -32,6 +34,7 @@ from vibro_ros.ros.recording import Plan, offer_recovery, open_recording, plan_r
 from vibro_ros.scene_file import DEVICE_PARAMETERS
 
 UNLIMITED = (resource.RLIM_INFINITY, resource.RLIM_INFINITY)
+KILLS = int(os.environ.get("VIBRO_ROS_ROBOT_KILLS", "2"))  # VIBRO_ROS_ROBOT_KILLS=100 for the long version
 LONGEST_LOSS = 0.15  # [s] what the issue allows
 SETTINGS = {parameter.name: parameter.default for parameter in DEVICE_PARAMETERS}
 
@@ -103,18 +106,19 @@ def stop(robot, code: int = 0) -> None:
     assert "Traceback" not in robot.text
 
 
-@pytest.mark.parametrize("rate", [50.0, 1000.0])
-def test_a_killed_robot_loses_the_last_moments_and_the_next_one_tells_how_to_seal(start, listener, tmp_path, rate):
+@pytest.mark.parametrize("attempt", range(KILLS))
+def test_a_killed_robot_loses_the_last_moments_and_the_next_one_tells_how_to_seal(start, listener, tmp_path, attempt):
+    rate = (50.0, 1000.0)[attempt % 2]
     robot = start("robot", "--ros-args", "-p", f"rate.publish:={rate}")
     listener.spin_for_samples(1)
-    end = time.monotonic() + random.uniform(0.1, 1.0)
+    end = time.monotonic() + random.uniform(0.0, 1.0)
     while time.monotonic() < end:
         listener.spin_for_samples(1)
     robot.kill()
     with contextlib.suppress(AssertionError):  # what was still on its way
         listener.bench.spin_until(lambda: False, "the rest", patience=0.3)
     (folder,) = bags(tmp_path)
-    if rate == 50.0:
+    if attempt == 0:
         following = start("robot")
         assert "[WARN]" in following.wait_for(f"{folder.name}: not sealed, its robot was killed; seal it with `recover")
         following.wait_for("ready")
@@ -229,6 +233,113 @@ def test_a_disk_that_stalls_for_two_seconds_costs_no_message_and_no_time(listene
     # a machine too busy to run the robot at all drops time, but that leaves no hole in the stamps
     assert recorded == [recorded[0] + i * 1_000_000 for i in range(len(recorded))]
     assert len(recorded) >= 3500
+
+
+class Disk:
+    """A file system in a file, mounted where only the robot sees it and as long as that runs."""
+
+    def __init__(self, folder: Path):
+        self._image, self.folder = folder / "image", folder / "disk"
+        self.folder.mkdir()
+        with self._image.open("wb") as image:
+            image.truncate(2**26)  # bytes; the least that has a journal, as disks have
+        made = subprocess.run(["mkfs.ext4", "-q", str(self._image)], capture_output=True)
+        if made.returncode or subprocess.run([*self.mounted, "true"], capture_output=True).returncode:
+            pytest.skip("no disk of one's own can be mounted here: that takes root, mkfs.ext4 and a loop device")
+
+    @property
+    def mounted(self) -> list[str]:
+        """What comes before a command that is to see the disk."""
+        script = 'mount -o loop "$0" "$1" && shift && exec "$@"'
+        return ["unshare", "--mount", "sh", "-c", script, str(self._image), str(self.folder)]
+
+    def stall(self, pid: int, seconds: float) -> None:
+        """Let every write wait; in a process of its own, that ends it whatever becomes of the test."""
+        freeze = 'fsfreeze --freeze "$0" && sleep "$1"; fsfreeze --unfreeze "$0"'
+        subprocess.run(["nsenter", "--target", str(pid), "--mount", "sh", "-c", freeze, str(self.folder), str(seconds)],
+                       check=True)
+
+    def seen_by(self, pid: int) -> Path:
+        """The disk's folder while the robot runs."""
+        return Path(f"/proc/{pid}/root{self.folder}")
+
+    def copied(self) -> Path:
+        """All that is on the disk, once the robot has ended."""
+        copy = self.folder.with_name("copy")
+        subprocess.run([*self.mounted, "cp", "-r", str(self.folder), str(copy)], check=True)
+        return copy
+
+
+def test_a_disk_that_stalls_and_then_fills_up_costs_the_robot_nothing(start, listener, record, tmp_path):
+    disk = Disk(tmp_path)
+    robot = start("robot", "--ros-args", "-p", "rate.publish:=1000.0", "-p", f"record.directory:={disk.folder}",
+                  before=disk.mounted)
+    listener.spin_for_samples(500)
+    before = len(listener.stamps)
+    stall = threading.Thread(target=disk.stall, args=(robot.pid, 2.0))
+    stall.start()
+    listener.wait_for_status("recorder", lambda status: any(
+        pair.key == "backlog" and int(pair.value) > 500 for pair in status.values))  # messages that wait for the disk
+    listener.bench.spin_until(lambda: not stall.is_alive(), "the disk's answer")
+    assert len(listener.stamps) - before > 1000  # in 2 s at 1 kHz; half of it on however busy a machine
+    listener.spin_for_samples(500)
+    assert "not recorded" not in robot.text
+    ballast = disk.seen_by(robot.pid) / "ballast"
+    with ballast.open("wb", buffering=0) as file, pytest.raises(OSError, match="No space left"):
+        while file.write(bytes(2**16)):
+            pass
+    assert "No space left on device; the bag is sealed with its " in robot.wait_for("not recorded: ")
+    done, said = record(True)
+    assert not done and "No space left on device" in said
+    ballast.unlink()
+    assert record(True)[0]
+    listener.spin_for_samples(200)
+    stop(robot, code=1)
+    assert robot.text.count("not recorded: ") == 1
+    first, second = bags(disk.copied())
+    for folder, least in ((first, 3000), (second, 200)):
+        recorded = stamps_of(folder)
+        # a machine too busy to run the robot at all drops time, but that leaves no hole in the stamps
+        assert recorded == [recorded[0] + i * 1_000_000 for i in range(len(recorded))]
+        assert len(recorded) >= least
+
+
+@contextlib.contextmanager
+def read_only(*folders: Path):
+    """Nothing can be made in these folders; root is kept out by another way than users are."""
+    def change(mode: int, attribute: str) -> int:
+        if os.geteuid():
+            for folder in folders:
+                folder.chmod(mode)
+            return 0
+        return subprocess.run(["chattr", attribute, *map(str, folders)], capture_output=True).returncode
+
+    if change(0o555, "+i"):
+        pytest.skip("root can write to every folder of this file system: it knows no immutable ones")
+    try:
+        yield
+    finally:
+        change(0o755, "-i")
+
+
+def test_a_folder_turned_read_only_is_told_once_and_recording_resumes(start, listener, record, tmp_path):
+    robot = start("robot", "--ros-args", "-p", "record.max_duration:=0.5")
+    listener.spin_for_samples(20)
+    (first,) = bags(tmp_path)
+    with read_only(tmp_path, first):
+        line = robot.wait_for("not recorded: ")
+        assert re.search("Permission denied|Operation not permitted", line)
+        assert f"the bag is not sealed; `recover {first.name}` seals it" in line
+        listener.spin_for_samples(50)
+        done, said = record(True)
+        assert not done and said.startswith("cannot record to vibro_robot_")
+    assert record(True)[0]
+    listener.spin_for_samples(20)
+    stop(robot, code=1)
+    assert robot.text.count("not recorded: ") == 1
+    assert not recover(first).was_sealed
+    assert len(stamps_of(first)) >= 100  # a file of 0.5 s, at 200 Hz
+    assert len(stamps_of(bags(tmp_path)[-1])) >= 20
 
 
 def test_all_topics_at_1_khz_in_small_files_drop_nothing(start, listener, tmp_path):

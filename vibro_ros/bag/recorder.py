@@ -221,7 +221,7 @@ class Recorder:
             return f"the bag is sealed with its {self.written} messages"
         if self._gone:
             return "the folder is gone"
-        return f"the bag is not sealed; `recover {self.folder}` seals it when there is room"
+        return f"the bag is not sealed; `recover {self.folder}` seals it once it can be written"
 
     def _discard_queue(self) -> None:
         with contextlib.suppress(IndexError):
