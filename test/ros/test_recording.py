@@ -270,6 +270,13 @@ class Disk:
         return copy
 
 
+def fill(ballast: Path) -> None:
+    """Make this file as large as the disk allows."""
+    with ballast.open("ab", buffering=0) as file, pytest.raises(OSError, match="No space left"):
+        while file.write(bytes(4096)):
+            pass
+
+
 def test_a_disk_that_stalls_and_then_fills_up_costs_the_robot_nothing(start, listener, record, tmp_path):
     disk = Disk(tmp_path)
     robot = start("robot", "--ros-args", "-p", "rate.publish:=1000.0", "-p", f"record.directory:={disk.folder}",
@@ -285,10 +292,9 @@ def test_a_disk_that_stalls_and_then_fills_up_costs_the_robot_nothing(start, lis
     listener.spin_for_samples(500)
     assert "not recorded" not in robot.text
     ballast = disk.seen_by(robot.pid) / "ballast"
-    with ballast.open("wb", buffering=0) as file, pytest.raises(OSError, match="No space left"):
-        while file.write(bytes(2**16)):
-            pass
+    fill(ballast)
     assert "No space left on device; the bag is sealed with its " in robot.wait_for("not recorded: ")
+    fill(ballast)  # the room that the bag had kept for its end
     done, said = record(True)
     assert not done and "No space left on device" in said
     ballast.unlink()
