@@ -118,6 +118,11 @@ class Recorder:
         return False
 
     @property
+    def accepting(self) -> bool:
+        """Whether `write` takes messages; no longer from the moment when the disk fails, before `fault` says so."""
+        return self._accepting
+
+    @property
     def written(self) -> int:
         """Messages in the bag that a killed process would not lose; none when the folder was removed."""
         return 0 if self._gone else self._writer.stored
