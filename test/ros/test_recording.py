@@ -111,7 +111,8 @@ def stop(robot, code: int = 0) -> None:
 
 
 @pytest.mark.parametrize("attempt", range(KILLS))
-def test_a_killed_robot_loses_the_last_moments_and_the_next_one_tells_how_to_seal(start, listener, tmp_path, attempt):
+def test_a_killed_robot_loses_the_last_moments_and_the_next_one_tells_how_to_seal(udp_only, start, listener, tmp_path,
+                                                                                  attempt):
     rate = (50.0, 1000.0)[attempt % 2]
     robot = start("robot", "--ros-args", "-p", f"rate.publish:={rate}")
     listener.spin_for_samples(1)
@@ -133,6 +134,8 @@ def test_a_killed_robot_loses_the_last_moments_and_the_next_one_tells_how_to_sea
     assert (heard[-1] - recorded[-1]) * 1e-9 <= LONGEST_LOSS
     bag = read_bag(folder)
     assert json.loads(bag.metadata["parameters"])["rate.publish"] == rate
+    assert (bag.metadata["scene"], bag.metadata["seed"]) == ("device", "none")
+    assert recorded[0] == int(bag.metadata["start"])
     assert "exact" in bag.metadata["solver"] and bag.metadata["version"] and "numpy" in bag.metadata["platform"]
 
 

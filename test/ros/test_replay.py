@@ -209,7 +209,7 @@ def test_the_storage_makes_no_difference(recorded, tmp_path, capsys, storage):
     assert again == capsys.readouterr().out
 
 
-def test_a_killed_robots_bag_is_replayed_as_far_as_it_goes(start, bench, tmp_path, capsys):
+def test_a_killed_robots_bag_is_replayed_as_far_as_it_goes(udp_only, start, bench, tmp_path, capsys):
     """Samples not at whole nanoseconds, three times as fast as the clock, topics renamed, files of half a second."""
     bag = record(start, bench, tmp_path, "rate.publish:=333.0", "rate.real_time_factor:=3.0", "scene:=unilateral",
                  "record.max_duration:=0.5", seconds=1.0, end=signal.SIGKILL,

@@ -62,6 +62,7 @@ class Measurement:
             When the robot ends, or cannot record.
         """
         self._wait(robot, self._client.service_is_ready)
+        print(f"measuring for about {2 * rounds * (NOT_COUNTED + length)} s ...", file=sys.stderr, flush=True)
         found: Seconds = {False: [], True: []}
         for number in range(2 * rounds):
             on = number % 2 == 1
