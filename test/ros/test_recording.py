@@ -228,7 +228,7 @@ def test_a_disk_that_stalls_for_two_seconds_costs_no_message_and_no_time(listene
     robot = subprocess.Popen([sys.executable, "-c", SLOW], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
                              cwd=tmp_path)
     try:
-        listener.spin_for_samples(3500)
+        listener.spin_for_samples(2800)
         robot.send_signal(signal.SIGINT)
         said, _ = robot.communicate(timeout=60)
     finally:
@@ -239,7 +239,7 @@ def test_a_disk_that_stalls_for_two_seconds_costs_no_message_and_no_time(listene
     recorded = stamps_of(folder)
     # a machine too busy to run the robot at all drops time, but that leaves no hole in the stamps
     assert recorded == [recorded[0] + i * 1_000_000 for i in range(len(recorded))]
-    assert len(recorded) >= 3500
+    assert len(recorded) >= 2800
 
 
 class Disk:

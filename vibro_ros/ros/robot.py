@@ -1,6 +1,7 @@
 """The `robot` executable: the virtual device behind its ROS interface."""
 
 import argparse
+import gc
 import json
 import sys
 from array import array
@@ -55,6 +56,7 @@ def _run(words: Sequence[str]) -> int:
         settings, scene = _configure(node)
         node.get_logger().info(f"scene {settings['scene']}; compiling (the first time takes a while) ...")
         compile_kernels(scene["solver.method"])
+        gc.freeze()  # all of this lasts: to go through it again and again would delay ticks, and the process's end
         return _operate(node, executor, settings, scene)
 
 
