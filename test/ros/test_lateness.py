@@ -8,10 +8,10 @@ from vibro_ros.ros.lateness import table
 def test_recording_is_switched_on_and_off_and_both_are_told(start, domain_id, tmp_path):
     measurement = start("lateness", "--rounds", "1", "--length", "1")
     assert measurement.end() == 0, measurement.text
-    assert [line.split("|")[1].strip() for line in measurement.lines[1:6]] == [
-        "lateness of a tick", "---", "median [µs]", "p99 [µs]", "max [µs]"]
-    assert all(float(cell) > 0.0 for line in measurement.lines[3:6] for cell in line.split("|")[2:5])
-    assert "medians over 1 and 1 seconds" in measurement.lines[-1]
+    rows = [line.split("|")[1:5] for line in measurement.lines if line.startswith("|")]  # a busy robot may warn between
+    assert [row[0].strip() for row in rows] == ["lateness of a tick", "---", "median [µs]", "p99 [µs]", "max [µs]"]
+    assert all(float(cell) > 0.0 for row in rows[2:] for cell in row[1:])
+    assert "medians over 1 and 1 seconds" in measurement.text
     assert list(tmp_path.iterdir()) == []  # bags go
 
 

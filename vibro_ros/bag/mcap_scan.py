@@ -139,7 +139,7 @@ class _Scanner:
     def _take(self, opcode: int, offset: int, content: bytes) -> None:
         try:
             if opcode == Opcode.MESSAGE_INDEX:
-                self._seen[parsed(MessageIndex, content).channel_id] = offset
+                self._seen[int.from_bytes(content[:2], "little")] = offset  # its channel; the rest is long, and known
                 self._seen_end = offset + HEAD.size + len(content)
                 return
             self._finish_chunk(last=False)
