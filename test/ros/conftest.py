@@ -14,6 +14,13 @@ import rclpy
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
+from std_srvs.srv import SetBool
+
+from vibro_ros.simulator import compile_kernels
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+from observation import Listener  # noqa: E402 (beside the tests)
 
 PATIENCE = 60.0  # [s] deadline of what takes a second on an idle machine; kernels may have to be compiled first
 
@@ -106,8 +113,14 @@ def udp_only(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("FASTDDS_BUILTIN_TRANSPORTS", "UDPv4")
 
 
+@pytest.fixture(scope="session")
+def compiled() -> None:
+    """Kernels in the cache, so that no test's patience is spent on compiling."""
+    compile_kernels()
+
+
 @pytest.fixture
-def start(domain_id: int, tmp_path: Path) -> Iterator[Callable[..., Executable]]:
+def start(compiled: None, domain_id: int, tmp_path: Path) -> Iterator[Callable[..., Executable]]:
     """Start an executable in the test's domain and folder, by a command `before` it; killed at the end if it runs."""
     started: list[Executable] = []
 
@@ -126,3 +139,21 @@ def bench(domain_id: int) -> Iterator[Bench]:
     bench = Bench(domain_id)
     yield bench
     bench.close()
+
+
+@pytest.fixture
+def record(bench):
+    """Call the robot's service ~/record; whether it was done, and the answer's words."""
+    client = bench.node.create_client(SetBool, "/vibro_robot/record")
+
+    def call(on: bool) -> tuple[bool, str]:
+        bench.spin_until(client.service_is_ready, "~/record")
+        future = client.call_async(SetBool.Request(data=on))
+        bench.spin_until(future.done, "answer of ~/record")
+        return future.result().success, future.result().message
+    return call
+
+
+@pytest.fixture
+def listener(bench):
+    return Listener(bench)

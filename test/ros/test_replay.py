@@ -26,7 +26,6 @@ from vibro_ros.bag.recovery import recover
 from vibro_ros.bag.stream import BagStream
 from vibro_ros.bag.writer import BagWriter, Storage
 from vibro_ros.ros import playback
-from vibro_ros.simulator import compile_kernels
 from vibro_ros.solver.methods import SCHEMES
 from vibro_ros.study import replay
 
@@ -55,7 +54,6 @@ def command_at_random(bench, seconds: float, seed: int, topics: dict[str, str]) 
 def record(start, bench, folder: Path, *parameters: str, seconds: float = SECONDS, end=signal.SIGINT, names=(),
            topics: dict[str, str] = MappingProxyType({}), then=None) -> Path:
     """The bag of a robot that was commanded at random."""
-    compile_kernels()
     words = [word for parameter in (f"record.directory:={folder}", *parameters) for word in ("-p", parameter)]
     robot = start("robot", "--ros-args", *words, *names)
     robot.wait_for("ready")
