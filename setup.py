@@ -31,7 +31,7 @@ setup(
     ],
     zip_safe=True,
     python_requires=">=3.10,<3.14",
-    install_requires=["matplotlib", "numba", "numpy", "pillow", "PyYAML", "rosbags==0.11.9",
+    install_requires=["matplotlib", "mcap", "numba", "numpy", "pillow", "PyYAML", "rosbags==0.11.9",
                       "scipy", "tqdm"],
     extras_require={
         # The peer that bench and tests compare with: 104 MB, and no wheel for Python 3.10.
@@ -51,7 +51,6 @@ setup(
             "catkin-pkg",
             "colcon-common-extensions",
             "hypothesis",
-            "mcap",
             "mpmath",
             "packaging",
             "pytest",

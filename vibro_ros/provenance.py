@@ -10,6 +10,9 @@ import numpy as np
 
 from vibro_ros.model.parameters import Value
 
+NO_SEED = "none"
+"""Seed of a run: nothing in the device is random."""
+
 
 def provenance(parameters: Mapping[str, Value], start: int) -> dict[str, str]:
     """All that fixes the bits of a run besides its commands, as custom data of a bag.
@@ -22,7 +25,8 @@ def provenance(parameters: Mapping[str, Value], start: int) -> dict[str, str]:
         ROS time [ns] of simulated time 0.
     """
     solver = f"{parameters['solver.method']}, tolerance {parameters['solver.tolerance']:g} m"
-    return {"parameters": json.dumps(dict(parameters)), "solver": solver, **software(), "start": str(start)}
+    return {"parameters": json.dumps(dict(parameters)), "solver": solver, **software(), "start": str(start),
+            "seed": NO_SEED}
 
 
 def software() -> dict[str, str]:

@@ -1,18 +1,21 @@
-"""One MCAP file as rosbag2 writes it, and the contract with the internals of rosbags that the package touches."""
+"""One MCAP file as rosbag2 writes it, and the contract with what the package uses of rosbags' and mcap's insides."""
 
 from importlib.metadata import version
+from zlib import crc32
 
+import lz4.frame
 import pytest
 import yaml
 from mcap.exceptions import EndOfFile
 from mcap.reader import make_reader
+from mcap.records import Chunk, Schema
 from mcap.stream_reader import StreamReader
 from rosbags.rosbag2 import Reader
-from rosbags.rosbag2.errors import ReaderError
-from rosbags.rosbag2.storage_mcap import decompress, zstd
+from rosbags.rosbag2.storage_mcap import zstd
 from rosbags.rosbag2.storage_sqlite3 import Sqlite3Writer
 
 from vibro_ros.bag.definitions import Topic, defined, jazzy_types
+from vibro_ros.bag.mcap_records import HEAD, MalformedError, chunk_content, packed, parsed
 from vibro_ros.bag.mcap_segment import CHUNK_SIZE, McapSegment
 
 ODOMETRY = "nav_msgs/msg/Odometry"
@@ -48,17 +51,50 @@ def test_rosbags_is_the_version_whose_internals_were_read():
     assert version("rosbags") == "0.11.9"
 
 
-def test_rosbags_compresses_and_decompresses_chunks():
+def test_rosbags_compresses_chunks():
     packed = zstd.compress(b"data" * 100)
     assert len(packed) < 100
-    assert decompress(packed, "zstd", 400, 0) == b"data" * 100
-    with pytest.raises(ReaderError, match="checksum"):
-        decompress(b"data", "", 4, 1)
+    assert zstd.decompress(packed) == b"data" * 100
 
 
 def test_rosbags_knows_the_tables_of_rosbag2():
     for table in ("schema", "metadata", "topics", "message_definitions", "messages"):
         assert f"CREATE TABLE {table}(" in Sqlite3Writer.SQLITE_SCHEMA
+
+
+def chunk(records: bytes, compression: str = "", data: bytes | None = None, crc: int | None = None) -> Chunk:
+    return Chunk(compression=compression, data=records if data is None else data, message_start_time=0,
+                 message_end_time=0, uncompressed_crc=crc32(records) if crc is None else crc,
+                 uncompressed_size=len(records))
+
+
+@pytest.mark.parametrize("compression, pack", [("", bytes), ("zstd", zstd.compress), ("lz4", lz4.frame.compress)])
+def test_chunks_of_every_compression_are_read(compression, pack):
+    assert chunk_content(chunk(b"data" * 9, compression, pack(b"data" * 9))) == b"data" * 9
+
+
+@pytest.mark.parametrize("damaged", [
+    chunk(b"data", crc=1),
+    chunk(b"data", "zstd", b"data"),
+    chunk(b"data", "lz4", b"data"),
+    chunk(b"data", "bz2", b"packed", crc=0),
+], ids=["checksum", "zstd", "lz4", "unknown"])
+def test_a_damaged_chunk_is_one_kind_of_error(damaged):
+    with pytest.raises(MalformedError, match="a chunk "):
+        chunk_content(damaged)
+
+
+def test_a_record_is_read_whole_or_not_at_all():
+    """The library takes what is left of a text for all of it."""
+    content = packed(Schema(id=1, data=b"float64 data", encoding="ros2msg", name="x/msg/X"))[HEAD.size:]
+    assert parsed(Schema, content).data == b"float64 data"
+    for size in range(len(content)):
+        with pytest.raises(MalformedError):
+            parsed(Schema, content[:size])
+    with pytest.raises(MalformedError):
+        parsed(Schema, content.replace(b"ros2msg", b"ros2\xff\xff\xff"))
+    with pytest.raises(MalformedError):
+        parsed(Chunk, packed(chunk(b"data"))[HEAD.size:].replace((4).to_bytes(8, "little"), b"\xff" * 8))
 
 
 def test_topics_and_metadata_are_on_the_disk_before_any_message(segment, path):

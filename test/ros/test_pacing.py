@@ -88,3 +88,21 @@ def test_a_stop_ends_a_long_wait():
     paced = pacing(clock)
     paced.wait_until(1e6, stopped=lambda: clock.time > 1000.2)
     assert 1000.2 < clock.time <= 1000.2 + 2 * LONGEST_SLEEP
+
+
+def test_the_lateness_of_each_wait_is_kept_until_it_is_taken():
+    clock = Clock(oversleep=0.0004)
+    paced = pacing(clock)
+    for tick in range(1, 6):
+        paced.wait_until(tick * TICK)
+    clock.time += 0.03
+    paced.wait_until(6 * TICK)
+    # 1e-9 s for the rounding of a clock at 1000 s
+    assert paced.take_lateness() == pytest.approx([0.0004] * 5 + [0.03 + 0.0004 - TICK], abs=1e-9)
+    assert paced.take_lateness() == []
+
+
+def test_what_never_waits_is_never_late():
+    paced = pacing(Clock(), factor=0.0)
+    paced.wait_until(1.0)
+    assert paced.take_lateness() == []

@@ -3,7 +3,10 @@
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 
-from vibro_ros.bag import mcap_records as mcap
+from mcap.opcode import Opcode
+from mcap.records import Channel, ChunkIndex, DataEnd, Footer, MetadataIndex, Schema, Statistics, SummaryOffset
+
+from vibro_ros.bag.mcap_records import MAGIC, packed
 
 NEVER = 2**63 - 1
 """Time of the first message [ns] of a file that has none yet."""
@@ -25,21 +28,21 @@ class Contents:
         Number of chunks.
     chunk_indexes : bytearray
         Their index records; packed, because a recording of a day has a million.
-    metadata : list of (int, int, str)
-        Offset, length and name of each metadata record.
+    metadata : list of MetadataIndex
+        Where each metadata record lies.
     indexed : bool
         False when some message lies where an index of chunks would not find it; then none is written, and
         readers go through the file from its beginning.
     """
 
-    schemas: dict[int, mcap.Schema] = field(default_factory=dict)
-    channels: dict[int, mcap.Channel] = field(default_factory=dict)
+    schemas: dict[int, Schema] = field(default_factory=dict)
+    channels: dict[int, Channel] = field(default_factory=dict)
     counts: dict[int, int] = field(default_factory=dict)
     first: int = NEVER
     last: int = 0
     chunks: int = 0
     chunk_indexes: bytearray = field(default_factory=bytearray)
-    metadata: list[tuple[int, int, str]] = field(default_factory=list)
+    metadata: list[MetadataIndex] = field(default_factory=list)
     indexed: bool = True
 
     @property
@@ -47,17 +50,17 @@ class Contents:
         """Number of messages."""
         return sum(self.counts.values())
 
-    def add_channel(self, channel: mcap.Channel) -> None:
+    def add_channel(self, channel: Channel) -> None:
         """Take a channel in; a repetition changes nothing."""
         self.channels[channel.id] = channel
         self.counts.setdefault(channel.id, 0)
 
-    def add_chunk(self, chunk: mcap.Chunk, counts: Iterable[tuple[int, int]]) -> None:
+    def add_chunk(self, chunk: ChunkIndex, counts: Iterable[tuple[int, int]]) -> None:
         """Take a chunk in: its index record, its times, and its number of messages by channel."""
         self.chunks += 1
-        self.chunk_indexes += mcap.chunk_index(chunk)
+        self.chunk_indexes += packed(chunk)
         for channel, count in counts:
-            self.add_messages(channel, count, chunk.first, chunk.last)
+            self.add_messages(channel, count, chunk.message_start_time, chunk.message_end_time)
 
     def add_messages(self, channel: int, count: int, first: int, last: int) -> None:
         """Take messages of one channel in, which lie between two times [ns]."""
@@ -65,21 +68,28 @@ class Contents:
         self.first, self.last = min(self.first, first), max(self.last, last)
 
     def ending(self, at: int) -> bytes:
-        """All that closes a file whose data end at the offset `at`: end of data, summary, footer."""
-        end, position = mcap.data_end(), at + len(mcap.data_end())
-        pieces, offsets, summary = [end], [], position
+        """All that closes a file whose data end at the offset `at`: end of data, summary, footer; without checksums."""
+        end = packed(DataEnd(data_section_crc=0))
+        pieces, offsets, position = [end], [], at + len(end)
+        summary = position
         for opcode, group in self._groups():
             if group:
-                offsets.append(mcap.summary_offset(opcode, position, len(group)))
+                offsets.append(SummaryOffset(group_opcode=opcode, group_start=position, group_length=len(group)))
                 pieces.append(group)
                 position += len(group)
-        return b"".join([*pieces, *offsets, mcap.footer(summary, position)])
+        footer = Footer(summary_start=summary, summary_offset_start=position, summary_crc=0)
+        return b"".join([*pieces, packed(*offsets, footer), MAGIC])
 
-    def _groups(self) -> Iterable[tuple[int, bytes]]:
-        yield mcap.SCHEMA, b"".join(map(mcap.schema, self.schemas.values()))
-        yield mcap.CHANNEL, b"".join(map(mcap.channel, self.channels.values()))
-        yield mcap.CHUNK_INDEX, bytes(self.chunk_indexes) if self.indexed else b""
-        yield mcap.METADATA_INDEX, b"".join(mcap.metadata_index(*one) for one in self.metadata)
-        first = self.first if self.messages else 0  # the standard's value for a file without messages
-        yield mcap.STATISTICS, mcap.statistics(len(self.schemas), len(self.metadata), self.chunks, first, self.last,
-                                               self.counts)
+    def _groups(self) -> Iterable[tuple[Opcode, bytes]]:
+        yield Opcode.SCHEMA, packed(*self.schemas.values())
+        yield Opcode.CHANNEL, packed(*self.channels.values())
+        yield Opcode.CHUNK_INDEX, bytes(self.chunk_indexes) if self.indexed else b""
+        yield Opcode.METADATA_INDEX, packed(*self.metadata)
+        yield Opcode.STATISTICS, packed(self._statistics())
+
+    def _statistics(self) -> Statistics:
+        return Statistics(
+            attachment_count=0, channel_count=len(self.channels), channel_message_counts=self.counts,
+            chunk_count=self.chunks, message_count=self.messages, message_end_time=self.last,
+            message_start_time=self.first if self.messages else 0,  # the standard's value for a file without messages
+            metadata_count=len(self.metadata), schema_count=len(self.schemas))

@@ -2,19 +2,29 @@
 
 import struct
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import BinaryIO
 
-from rosbags.rosbag2.errors import ReaderError
-from rosbags.rosbag2.storage_mcap import decompress
+from mcap.opcode import Opcode
+from mcap.records import Channel, Chunk, ChunkIndex, Header, MessageIndex, Metadata, MetadataIndex, Schema
 
-from vibro_ros.bag import mcap_records as mcap
 from vibro_ros.bag.mcap_contents import Contents
+from vibro_ros.bag.mcap_records import (
+    FOOTER_SIZE,
+    HEAD,
+    MAGIC,
+    MalformedError,
+    chunk_content,
+    is_opcode,
+    packed,
+    parsed,
+    records,
+)
 from vibro_ros.bag.mcap_segment import METADATA_KEY, METADATA_NAME
 
-_MESSAGE_HEAD = struct.Struct("<HIQ")
-"""Channel, sequence number, log time."""
+_MESSAGE_HEAD = struct.Struct("<HIQQ")
+"""Channel, sequence number, log time, publish time; the data follow."""
 
 
 class ForeignFileError(ValueError):
@@ -70,9 +80,9 @@ def is_sealed(path: Path) -> bool:
     """Whether a file ends as a sealed MCAP file does; without a look at what is before."""
     with path.open("rb") as file:
         size = path.stat().st_size
-        file.seek(max(0, size - mcap.FOOTER_SIZE))
+        file.seek(max(0, size - FOOTER_SIZE))
         end = file.read()
-    return len(end) == mcap.FOOTER_SIZE and end[0] == mcap.FOOTER and end.endswith(mcap.MAGIC)
+    return len(end) == FOOTER_SIZE and end[0] == Opcode.FOOTER and end.endswith(MAGIC)
 
 
 class _Scanner:
@@ -81,7 +91,7 @@ class _Scanner:
     def __init__(self, file: BinaryIO, size: int):
         self._file = file
         self._found = Scan(size=size)
-        self._chunk: mcap.Chunk | None = None
+        self._chunk: ChunkIndex | None = None
         self._entries: dict[int, list[tuple[int, int]]] = {}
         self._seen: dict[int, int] = {}
         self._seen_end = 0
@@ -91,12 +101,12 @@ class _Scanner:
         found = self._found
         found.end = self._header()
         for opcode, offset, content in self._records(found.end):
-            if opcode == mcap.DATA_END:
+            if opcode == Opcode.DATA_END:
                 found.sealed = self._reaches_footer(offset)
                 break
             self._take(opcode, offset, content)
-            end = offset + mcap.HEAD.size + len(content)
-            if opcode != mcap.MESSAGE_INDEX and not self._damage:
+            end = offset + HEAD.size + len(content)
+            if opcode != Opcode.MESSAGE_INDEX and not self._damage:
                 found.end = end
         self._finish_chunk(last=not found.sealed)
         return found
@@ -105,51 +115,50 @@ class _Scanner:
         """Offset of the first record after the header."""
         if self._found.size == 0:
             raise ForeignFileError("the file is empty, nothing was recorded")
-        if self._file.read(len(mcap.MAGIC)) != mcap.MAGIC[:self._found.size]:
+        if self._file.read(len(MAGIC)) != MAGIC[:self._found.size]:
             raise ForeignFileError("not an MCAP file")
-        head = next(self._records(len(mcap.MAGIC)), None)
-        if head is None or head[0] != mcap.HEADER:
+        head = next(self._records(len(MAGIC)), None)
+        if head is None or head[0] != Opcode.HEADER:
             raise ForeignFileError("the file ends within its header, nothing was recorded")
-        profile = mcap.Parser(head[2]).text()
+        profile = parsed(Header, head[2]).profile
         if profile != "ros2":
             raise ForeignFileError(f"an MCAP file, but not of ROS 2: its profile is {profile!r}")
-        return len(mcap.MAGIC) + mcap.HEAD.size + len(head[2])
+        return len(MAGIC) + HEAD.size + len(head[2])
 
     def _records(self, at: int) -> Iterator[tuple[int, int, bytes]]:
         """Opcode, offset and content of each whole record from the offset `at` on."""
-        while at + mcap.HEAD.size <= self._found.size:
+        while at + HEAD.size <= self._found.size:
             self._file.seek(at)
-            opcode, length = mcap.HEAD.unpack(self._file.read(mcap.HEAD.size))
-            end = at + mcap.HEAD.size + length
-            if not 0 < opcode <= mcap.LAST_OPCODE or end > self._found.size:
+            opcode, length = HEAD.unpack(self._file.read(HEAD.size))
+            end = at + HEAD.size + length
+            if not is_opcode(opcode) or end > self._found.size:
                 return
             yield opcode, at, self._file.read(length)
             at = end
 
     def _take(self, opcode: int, offset: int, content: bytes) -> None:
         try:
-            if opcode == mcap.MESSAGE_INDEX:
-                self._seen[mcap.Parser(content).u16()] = offset
-                self._seen_end = offset + mcap.HEAD.size + len(content)
+            if opcode == Opcode.MESSAGE_INDEX:
+                self._seen[int.from_bytes(content[:2], "little")] = offset  # its channel; the rest is long, and known
+                self._seen_end = offset + HEAD.size + len(content)
                 return
             self._finish_chunk(last=False)
             self._take_record(opcode, offset, content)
             self._found.damaged += self._damage  # what lies between readable records stays, unindexed
             self._damage = 0
-        except (mcap.MalformedError, ReaderError):
-            self._damage += mcap.HEAD.size + len(content)
+        except MalformedError:
+            self._damage += HEAD.size + len(content)
 
     def _take_record(self, opcode: int, offset: int, content: bytes) -> None:
         contents = self._found.contents
-        if opcode == mcap.CHUNK:
+        if opcode == Opcode.CHUNK:
             self._begin_chunk(offset, content)
-        elif opcode == mcap.METADATA:
-            parser = mcap.Parser(content)
-            name, labels = parser.text(), parser.labels()
-            contents.metadata.append((offset, mcap.HEAD.size + len(content), name))
-            if name == METADATA_NAME:
-                self._found.metadata = labels.get(METADATA_KEY, "")
-        elif opcode == mcap.MESSAGE:
+        elif opcode == Opcode.METADATA:
+            found = parsed(Metadata, content)
+            contents.metadata.append(MetadataIndex(offset, HEAD.size + len(content), found.name))
+            if found.name == METADATA_NAME:
+                self._found.metadata = found.metadata.get(METADATA_KEY, "")
+        elif opcode == Opcode.MESSAGE:
             channel, stamp = _message_head(content, 0, len(content), contents)
             contents.add_messages(channel, 1, stamp, stamp)
             contents.indexed = False
@@ -157,31 +166,28 @@ class _Scanner:
             self._take_definition(opcode, content)
 
     def _take_definition(self, opcode: int, content: bytes) -> None:
-        if opcode == mcap.SCHEMA:
-            schema = mcap.parsed_schema(content)
+        if opcode == Opcode.SCHEMA:
+            schema = parsed(Schema, content)
             self._found.contents.schemas[schema.id] = schema
-        elif opcode == mcap.CHANNEL:
-            self._found.contents.add_channel(mcap.parsed_channel(content))
+        elif opcode == Opcode.CHANNEL:
+            self._found.contents.add_channel(parsed(Channel, content))
 
     def _begin_chunk(self, offset: int, content: bytes) -> None:
-        head = mcap.parsed_chunk(content)
-        try:
-            raw = decompress(head.records, head.compression, head.size, head.crc)
-        except ReaderError:
-            raise
-        except Exception as error:  # each decompressor has errors of its own
-            raise mcap.MalformedError("a chunk cannot be decompressed") from error
+        chunk = parsed(Chunk, content)
+        raw = chunk_content(chunk)
         entries: dict[int, list[tuple[int, int]]] = {}
-        for opcode, at, begin, end in mcap.records(raw):
-            if opcode == mcap.MESSAGE:
+        for opcode, at, begin, end in records(raw):
+            if opcode == Opcode.MESSAGE:
                 channel, stamp = _message_head(raw, begin, end, self._found.contents)
                 entries.setdefault(channel, []).append((stamp, at))
             else:
                 self._take_definition(opcode, raw[begin:end])
         stamps = [stamp for found in entries.values() for stamp, _ in found]
-        length = mcap.HEAD.size + len(content)
-        self._chunk = mcap.Chunk(min(stamps, default=0), max(stamps, default=0), offset, length, {}, 0,
-                                 head.compression, len(head.records), head.size)
+        self._chunk = ChunkIndex(
+            chunk_start_offset=offset, chunk_length=HEAD.size + len(content), compression=chunk.compression,
+            compressed_size=len(chunk.data), uncompressed_size=chunk.uncompressed_size,
+            message_start_time=min(stamps, default=0), message_end_time=max(stamps, default=0),
+            message_index_offsets={}, message_index_length=0)
         self._entries, self._seen = entries, {}
 
     def _finish_chunk(self, last: bool) -> None:
@@ -189,7 +195,7 @@ class _Scanner:
         chunk, self._chunk = self._chunk, None
         if chunk is None:
             return
-        begin = chunk.offset + chunk.length
+        begin = chunk.chunk_start_offset + chunk.chunk_length
         offsets, length = {}, 0
         if self._seen.keys() >= self._entries.keys():
             offsets = {channel: self._seen[channel] for channel in self._entries}
@@ -198,27 +204,27 @@ class _Scanner:
         elif last:
             for channel, found in self._entries.items():
                 offsets[channel] = begin + length
-                self._found.tail += mcap.message_index(channel, found)
+                self._found.tail += packed(MessageIndex(channel, found))
                 length = len(self._found.tail)
         else:
             self._found.contents.indexed = False
-        self._found.contents.add_chunk(chunk._replace(indexes=offsets, index_length=length),
+        self._found.contents.add_chunk(replace(chunk, message_index_offsets=offsets, message_index_length=length),
                                        ((channel, len(found)) for channel, found in self._entries.items()))
 
     def _reaches_footer(self, offset: int) -> bool:
         for opcode, at, content in self._records(offset):
-            if opcode == mcap.FOOTER:
-                end = at + mcap.HEAD.size + len(content)
+            if opcode == Opcode.FOOTER:
+                end = at + HEAD.size + len(content)
                 self._file.seek(end)
-                return self._file.read() == mcap.MAGIC
+                return self._file.read() == MAGIC
         return False
 
 
 def _message_head(content: bytes, begin: int, end: int, contents: Contents) -> tuple[int, int]:
     """Channel and log time [ns] of the message between two offsets."""
-    if end - begin < mcap.MESSAGE_OVERHEAD:
-        raise mcap.MalformedError("a message ends too early")
-    channel, _, stamp = _MESSAGE_HEAD.unpack_from(content, begin)
+    if end - begin < _MESSAGE_HEAD.size:
+        raise MalformedError("a message ends too early")
+    channel, _, stamp, _ = _MESSAGE_HEAD.unpack_from(content, begin)
     if channel not in contents.channels:
-        raise mcap.MalformedError("a message of a topic that was not announced")
+        raise MalformedError("a message of a topic that was not announced")
     return channel, stamp

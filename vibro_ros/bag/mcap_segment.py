@@ -5,15 +5,18 @@ loses what came after the last flush, and leaves at most one torn record at the 
 """
 
 import os
+import struct
 from collections.abc import Sequence
 from pathlib import Path
 from zlib import crc32
 
+from mcap.opcode import Opcode
+from mcap.records import Channel, Chunk, ChunkIndex, Header, MessageIndex, Metadata, MetadataIndex, Schema
 from rosbags.rosbag2.storage_mcap import zstd
 
-from vibro_ros.bag import mcap_records as mcap
 from vibro_ros.bag.definitions import Definition
 from vibro_ros.bag.mcap_contents import Contents
+from vibro_ros.bag.mcap_records import HEAD, MAGIC, packed
 from vibro_ros.bag.metadata import FileInformation, as_text
 
 LIBRARY = "vibro_ros"
@@ -22,6 +25,8 @@ METADATA_KEY = "serialized_metadata"
 CHUNK_SIZE = 2**20  # bytes; the largest chunk, unless one message is larger
 
 _COMPRESSORS = {"none": ("", bytes), "zstd": ("zstd", zstd.compress)}
+_MESSAGE_HEAD = struct.Struct("<BQHIQQ")
+"""Of a message record, packed here because thousands come a second: opcode, length, channel, sequence, two times."""
 
 
 class McapSegment:
@@ -55,7 +60,7 @@ class McapSegment:
         self._good = 0
         self._begin_chunk()
         try:
-            self._append(mcap.header(LIBRARY) + self._announce(definitions))
+            self._append(MAGIC + packed(Header("ros2", LIBRARY)) + self._announce(definitions))
             self._append_metadata(metadata)
             self._fixed_size += len(metadata.encode())
         except OSError:
@@ -65,10 +70,10 @@ class McapSegment:
 
     def write(self, topic: int, stamp: int, data: bytes) -> None:
         """Take a message (OSError when its chunk was due and could not be written)."""
-        length = mcap.MESSAGE_OVERHEAD + len(data)
-        self._pieces += mcap.MESSAGE_HEAD.pack(mcap.MESSAGE, length, topic, 0, stamp, stamp), data
+        size = _MESSAGE_HEAD.size + len(data)
+        self._pieces += _MESSAGE_HEAD.pack(Opcode.MESSAGE, size - HEAD.size, topic, 0, stamp, stamp), data
         self._entries.setdefault(topic, []).append((stamp, self._size))
-        self._size += mcap.MESSAGE_HEAD.size + len(data)
+        self._size += size
         self._first, self._last = min(self._first, stamp), max(self._last, stamp)
         if self._size > CHUNK_SIZE:
             self._write_chunk()
@@ -122,25 +127,24 @@ class McapSegment:
         self._file.close()
 
     def _announce(self, definitions: Sequence[Definition]) -> bytes:
-        schemas: dict[str, mcap.Schema] = {}
+        schemas: dict[str, Schema] = {}
         for number, definition in enumerate(definitions, start=1):
             topic = definition.information
-            schema = schemas.setdefault(topic.type_name, mcap.Schema(len(schemas) + 1, topic.type_name, "ros2msg",
-                                                                     definition.text.encode()))
+            schema = schemas.setdefault(topic.type_name, Schema(
+                id=len(schemas) + 1, data=definition.text.encode(), encoding="ros2msg", name=topic.type_name))
             self._contents.schemas[schema.id] = schema
-            self._contents.add_channel(mcap.Channel(number, schema.id, topic.name, topic.encoding, {
-                "offered_qos_profiles": as_text(topic.qos).strip(), "topic_type_hash": topic.type_hash}))
-        found = self._contents
-        records = [*map(mcap.schema, found.schemas.values()), *map(mcap.channel, found.channels.values())]
+            self._contents.add_channel(Channel(
+                id=number, topic=topic.name, message_encoding=topic.encoding, schema_id=schema.id, metadata={
+                    "offered_qos_profiles": as_text(topic.qos).strip(), "topic_type_hash": topic.type_hash}))
+        records = packed(*self._contents.schemas.values(), *self._contents.channels.values())
         # In the file twice, at its beginning and in the summary; so are the metadata, which grow a little.
-        self._fixed_size = sum(map(len, records)) + 2048
-        return b"".join(records)
+        self._fixed_size = len(records) + 2048
+        return records
 
     def _append_metadata(self, text: str) -> None:
-        record = mcap.metadata(METADATA_NAME, {METADATA_KEY: text})
-        offset = self._good
+        record, offset = packed(Metadata(METADATA_NAME, {METADATA_KEY: text})), self._good
         self._append(record)
-        self._contents.metadata.append((offset, len(record), METADATA_NAME))
+        self._contents.metadata.append(MetadataIndex(offset, len(record), METADATA_NAME))
 
     def _begin_chunk(self) -> None:
         self._pieces: list[bytes] = []
@@ -151,17 +155,20 @@ class McapSegment:
     def _write_chunk(self) -> None:
         raw, entries, first, last = b"".join(self._pieces), self._entries, self._first, self._last
         self._begin_chunk()
-        content = mcap.ChunkContent(first, last, len(raw), crc32(raw), self._compression, self._compress(raw))
-        record = mcap.chunk(content)
+        data = self._compress(raw)
+        record = packed(Chunk(compression=self._compression, data=data, message_start_time=first, message_end_time=last,
+                              uncompressed_crc=crc32(raw), uncompressed_size=len(raw)))
         indexes, offsets, offset = [], {}, self._good + len(record)
         for channel, found in entries.items():
-            indexes.append(mcap.message_index(channel, found))
+            indexes.append(packed(MessageIndex(channel, found)))
             offsets[channel] = offset
             offset += len(indexes[-1])
-        chunk = mcap.Chunk(first, last, self._good, len(record), offsets, offset - self._good - len(record),
-                           self._compression, len(content.records), len(raw))
+        index = ChunkIndex(chunk_start_offset=self._good, chunk_length=len(record), message_start_time=first,
+                           message_end_time=last, message_index_offsets=offsets,
+                           message_index_length=offset - self._good - len(record), compression=self._compression,
+                           compressed_size=len(data), uncompressed_size=len(raw))
         self._append(b"".join([record, *indexes]))
-        self._contents.add_chunk(chunk, ((channel, len(found)) for channel, found in entries.items()))
+        self._contents.add_chunk(index, ((channel, len(found)) for channel, found in entries.items()))
 
     def _append(self, data: bytes) -> None:
         """Write all of `data` after what is stored, or leave the file as it was."""

@@ -1,9 +1,10 @@
 """Record messages to a bag from a thread of its own, so that no caller ever waits for the disk.
 
-`Recorder.write` only puts the message on a bounded queue, which the writer thread looks at every
-`POLL_PERIOD`: waking it for each message would cost the caller ten times as much. The thread takes a few
-messages at a time: many would hold the interpreter lock and delay the robot's clock, and after each single one
-it would wait so long for the lock to come back that it would fall behind a robot that publishes at 1 kHz.
+`Recorder.write` only puts the message on a bounded queue, which the writer thread looks at every `POLL_PERIOD`: waking
+it for each message would cost the caller ten times as much. It is woken by every `WAKING`th one, so that the recorder
+of a fast robot works when a tick has just ended, not when the next one is due. The thread takes a few messages at a
+time: many would hold the interpreter lock and delay the robot's clock, and after each single one it would wait so long
+for the lock to come back that it would fall behind a robot that publishes at 1 kHz.
 What a killed process loses is what came in the last `FLUSH_PERIOD`.
 """
 
@@ -21,6 +22,7 @@ from vibro_ros.bag.writer import BagWriter, Storage
 
 FLUSH_PERIOD = 0.05  # s, that a message stays in memory only; 0.1 is promised, and a busy machine is late
 POLL_PERIOD = 0.005  # s, between two looks at an empty queue
+WAKING = 10  # messages that wait; two ticks of a robot
 BATCH = 25  # messages between two offers of the interpreter lock; about 50 us
 BACKLOG = 20_000  # messages waiting for the disk; about 4 s of a robot that publishes at 1 kHz
 LAST_STAMP = 2**63 - 2  # ns; rosbag2 keeps signed 64-bit stamps, and rosbags reserves the last one
@@ -76,7 +78,8 @@ class Recorder:
         self._due = time.monotonic() + FLUSH_PERIOD
         self._accepting = True
         self._over = self._gone = False
-        self._closing = Event()
+        self._closing = False
+        self._news = Event()
         definitions = defined(topics)
         self._topics = {one.information.name: number for number, one in enumerate(definitions, start=1)}
         self._queue: deque[tuple[int, int, bytes]] = deque(
@@ -107,10 +110,17 @@ class Recorder:
         if (topic is not None and type(stamp_ns) is int and 0 <= stamp_ns <= LAST_STAMP
                 and type(data) is bytes and self._accepting and len(self._queue) < self._backlog):
             self._queue.append((topic, stamp_ns, data))
+            if len(self._queue) == WAKING:
+                self._news.set()
             return True
         with self._refusing:
             self._refused += 1
         return False
+
+    @property
+    def accepting(self) -> bool:
+        """Whether `write` takes messages; no longer from the moment when the disk fails, before `fault` says so."""
+        return self._accepting
 
     @property
     def written(self) -> int:
@@ -151,7 +161,8 @@ class Recorder:
             False when the disk was slower than `patience`: the thread goes on by itself.
         """
         self._accepting = False
-        self._closing.set()
+        self._closing = True
+        self._news.set()
         self._thread.join(patience)
         if self.ended:
             self._discard_queue()
@@ -176,7 +187,9 @@ class Recorder:
         """Write what is queued until told to close, flushing every `FLUSH_PERIOD`."""
         closing = False
         while not closing:
-            closing = self._closing.wait(POLL_PERIOD)  # asked before the queue is emptied for the last time
+            self._news.wait(POLL_PERIOD)
+            self._news.clear()
+            closing = self._closing  # asked before the queue is emptied for the last time
             while self._queue:
                 for _ in range(min(BATCH, len(self._queue))):
                     message = self._queue.popleft()
@@ -213,7 +226,7 @@ class Recorder:
             return f"the bag is sealed with its {self.written} messages"
         if self._gone:
             return "the folder is gone"
-        return f"the bag is not sealed; `recover {self.folder}` seals it when there is room"
+        return f"the bag is not sealed; `recover {self.folder}` seals it once it can be written"
 
     def _discard_queue(self) -> None:
         with contextlib.suppress(IndexError):

@@ -11,9 +11,11 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from vibro_ros.bag import mcap_records as mcap
+from mcap.records import Metadata, MetadataIndex
+
 from vibro_ros.bag import reserve
 from vibro_ros.bag.lock import locked, writers
+from vibro_ros.bag.mcap_records import packed
 from vibro_ros.bag.mcap_scan import ForeignFileError, Scan, is_sealed, scan
 from vibro_ros.bag.mcap_segment import METADATA_KEY, METADATA_NAME
 from vibro_ros.bag.metadata import (
@@ -214,10 +216,10 @@ def _seal_mcap(file: Path) -> _Sealed:
 
 def _mcap_topics(found: Scan) -> list[TopicInformation]:
     schemas = found.contents.schemas
-    return [TopicInformation(channel.topic, schemas[channel.schema].name,
-                             qos_profiles(channel.labels.get("offered_qos_profiles", "")),
-                             channel.labels.get("topic_type_hash", ""), channel.encoding)
-            for channel in found.contents.channels.values() if channel.schema in schemas]
+    return [TopicInformation(channel.topic, schemas[channel.schema_id].name,
+                             qos_profiles(channel.metadata.get("offered_qos_profiles", "")),
+                             channel.metadata.get("topic_type_hash", ""), channel.message_encoding)
+            for channel in found.contents.channels.values() if channel.schema_id in schemas]
 
 
 def _mcap_information(name: str, found: Scan) -> FileInformation:
@@ -231,9 +233,9 @@ def _mcap_information(name: str, found: Scan) -> FileInformation:
 
 def _append_ending(file: Path, found: Scan, metadata: str) -> None:
     """Cut the file after its last whole record and close it; on an error, only cut it."""
-    record = mcap.metadata(METADATA_NAME, {METADATA_KEY: metadata})
+    record = packed(Metadata(METADATA_NAME, {METADATA_KEY: metadata}))
     end = found.end + len(found.tail)
-    found.contents.metadata.append((end, len(record), METADATA_NAME))
+    found.contents.metadata.append(MetadataIndex(end, len(record), METADATA_NAME))
     ending = found.tail + record + found.contents.ending(end + len(record))
     with file.open("r+b", buffering=0) as target:
         target.truncate(found.end)

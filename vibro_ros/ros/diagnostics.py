@@ -3,9 +3,11 @@
 import time
 from collections.abc import Mapping
 
+import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
+from rclpy.duration import Duration
 from rclpy.node import Node
 
 from vibro_ros.ros import qos
@@ -16,6 +18,7 @@ from vibro_ros.ros.stepping import Stepping
 from vibro_ros.simulator import Simulator
 
 PERIOD = 1.0  # s
+LAST_WORD = 0.5  # s; Fast DDS asks for acknowledgements every 3 s only
 TOPIC = "/diagnostics"
 NOT_EVENTS = ("steps", "energy_residual", "energy_exchanged", "solver.method", "solver.step")
 """Keys of `Simulator.statistics` that do not count events."""
@@ -51,12 +54,17 @@ class Diagnostics:
         message.header.stamp = stamp
         self._publisher.publish(message)
 
+    def publish_last(self) -> None:
+        """Publish once more and wait up to `LAST_WORD` until it has arrived: the process is about to end."""
+        self.publish()
+        self._publisher.wait_for_all_acked(Duration(seconds=LAST_WORD))
+
     def _counters(self) -> dict[str, float]:
         """What only grows; numbers that the stepping thread may change meanwhile, each of them whole."""
         statistics = self._device.statistics
         return {"wall": time.monotonic(), "simulated": self._device.time, "ticks": self._stepping.ticks,
-                "busy": self._stepping.busy, "dropped": self._pacing.dropped, "missed": self._pacing.missed,
-                "refused": self._inputs.refused,
+                "busy": self._stepping.busy, "unloaded": self._stepping.unloaded, "dropped": self._pacing.dropped,
+                "missed": self._pacing.missed, "refused": self._inputs.refused,
                 "events": sum(count for kind, count in statistics.items() if kind not in NOT_EVENTS)}
 
     def _simulation(self, change: Mapping[str, float]) -> DiagnosticStatus:
@@ -73,10 +81,12 @@ class Diagnostics:
             "simulated time [s]": f"{device.time:.6f}",
             "real-time factor": f"{change['simulated'] / wall:.4f}",
             "missed deadlines": f"{self._pacing.missed}",
+            **self._lateness(),
             "dropped time [s]": f"{self._pacing.dropped:.6f}",
             "stalls": f"{self._pacing.stalls}",
             "cost of a step [us]": f"{1e6 * change['busy'] / max(change['ticks'], 1):.1f}",
             "events per second": f"{change['events'] / wall:.1f}",
+            "share of time with N<0": f"{min(1.0, change['unloaded'] / max(change['ticks'], 1)):.4f}",
             "rejected commands": f"{self._inputs.refused}",
             "solver method": device.scene["solver.method"],
             "solver tolerance [m]": f"{device.scene['solver.tolerance']:g}",
@@ -87,6 +97,14 @@ class Diagnostics:
         if residual is not None:
             values["energy residual [J]"] = f"{residual:.3e}"
         return self._status("simulation", level, text, values)
+
+    def _lateness(self) -> dict[str, str]:
+        """How late the ticks since the last report began; nothing of a device that never waits."""
+        late = self._pacing.take_lateness()
+        if not late:
+            return {}
+        of_ticks = zip(("median", "p99", "max"), np.quantile(late, (0.5, 0.99, 1.0)), strict=True)
+        return {f"lateness {name} [us]": f"{1e6 * value:.1f}" for name, value in of_ticks}
 
     def _recorder(self) -> DiagnosticStatus:
         recording, recorder = self._recording, self._recording.latest

@@ -1,10 +1,13 @@
 """Simulated time against the wall clock: absolute deadlines, and time dropped after a stall."""
 
 import time
+from collections import deque
 from collections.abc import Callable
 
 LONGEST_SLEEP = 0.05
 """Longest single sleep [s], so that a stop is noticed however far away the deadline is."""
+KEPT = 100_000
+"""Most latenesses that wait for somebody to take them, the last ones: ten seconds at the highest rate."""
 
 
 class Pacing:
@@ -48,10 +51,16 @@ class Pacing:
         self._now = now
         self._sleep = sleep
         self._origin = now()
+        self._lateness: deque[float] = deque(maxlen=KEPT)
 
     def start(self) -> None:
         """Let simulated time 0 be this instant."""
         self._origin = self._now()
+
+    def take_lateness(self) -> list[float]:
+        """How much too late [wall s] each wait since the last call has ended; for one other thread."""
+        taken, self._lateness = self._lateness, deque(maxlen=KEPT)
+        return list(taken)
 
     def wait_until(self, simulated_time: float, stopped: Callable[[], bool] = lambda: False) -> float:
         """Sleep until `simulated_time` [s] is due, or `stopped` says so.
@@ -70,6 +79,7 @@ class Pacing:
             if stopped():
                 return 0.0
             self._sleep(min(ahead, LONGEST_SLEEP))
+        self._lateness.append(-ahead)
         if -ahead <= self._max_catch_up:
             return 0.0
         self._origin -= ahead

@@ -167,8 +167,9 @@ class Recording:
                 self.faults.append(recorder.fault)
                 self._log.error(f"not recorded: {recorder.fault}. The robot goes on; the service ~/record begins "
                                 "another bag")
-        if self._recorder and not self._recorder.fault and self._recorder.dropped > self._dropped:
-            self._dropped = self._recorder.dropped
+        dropped = self._recorder.dropped if self._recorder else 0
+        if dropped > self._dropped and self._recorder.accepting:  # asked last: one that stops refuses everything
+            self._dropped = dropped
             text = self._throttle.admit(f"not recorded: the disk is too slow, {self._dropped} messages dropped")
             if text:
                 self._log.error(text)

@@ -1,6 +1,7 @@
 """The `robot` executable: the virtual device behind its ROS interface."""
 
 import argparse
+import gc
 import json
 import sys
 from array import array
@@ -55,6 +56,7 @@ def _run(words: Sequence[str]) -> int:
         settings, scene = _configure(node)
         node.get_logger().info(f"scene {settings['scene']}; compiling (the first time takes a while) ...")
         compile_kernels(scene["solver.method"])
+        gc.freeze()  # all of this lasts: to go through it again and again would delay ticks, and the process's end
         return _operate(node, executor, settings, scene)
 
 
@@ -92,7 +94,8 @@ def _operate(node: Node, executor: Executor, settings: Mapping[str, Value], scen
             process.spin_until(executor, lambda: recording.watch() or bool(stop or stepping.error))
         if stepping.error:
             recording.save(stepping.error)
-            diagnostics.publish()
+    if stepping.error or recording.faults:
+        diagnostics.publish_last()
     log.info(f"{recording.summary()}; {device.time:.3f} s simulated, {pacing.dropped:.3f} s dropped in "
              f"{pacing.stalls} stalls, {inputs.refused} commands refused")
     if stepping.error:

@@ -12,6 +12,7 @@ from vibro_ros.ros.inputs import Inputs
 from vibro_ros.ros.outputs import Outputs, Record
 from vibro_ros.ros.pacing import Pacing
 from vibro_ros.ros.throttle import Throttle
+from vibro_ros.samples import Samples
 from vibro_ros.simulator import Simulator
 
 Checkpoint = Callable[[int, Callable[[], np.ndarray]], None]
@@ -52,6 +53,8 @@ class Stepping:
         Steps taken.
     busy : float
         Wall time [s] that they took, without publishing.
+    unloaded : int
+        Steps after which the ground carried nothing: N by eq. (6) was not above 0, or the body was in the air.
     """
 
     def __init__(self, device: Simulator, inputs: Inputs, outputs: Outputs, record: Record, pacing: Pacing,
@@ -59,6 +62,7 @@ class Stepping:
         self.error: Exception | None = None
         self.ticks = 0
         self.busy = 0.0
+        self.unloaded = 0
         self._device, self._inputs, self._outputs, self._record = device, inputs, outputs, record
         self._pacing, self._rate, self._zero, self._log = pacing, rate, start, log
         self._checkpoint = checkpoint
@@ -88,7 +92,7 @@ class Stepping:
             self._inputs.apply(self._device, self._stamp_of, self._record)
             self._device.advance_to((self.ticks + 1) / self._rate)
             self.busy += time.perf_counter() - begun
-            self._publish()
+            self.unloaded += self._publish().normal_force <= 0.0
             self.ticks += 1
 
     def _wait_for(self, due: float) -> bool:
@@ -104,10 +108,13 @@ class Stepping:
         if text:
             self._log.warning(text)
 
-    def _publish(self) -> None:
-        self._outputs.publish(self._device.state, self._device.take_events(), self._stamp_of, self._record)
+    def _publish(self) -> Samples:
+        """Publish and record the sample of this instant, and return it."""
+        state = self._device.state
+        self._outputs.publish(state, self._device.take_events(), self._stamp_of, self._record)
         if self._checkpoint:
             self._checkpoint(self._stamp_of(self._device.time), self._device.checkpoint)
+        return state
 
     def _stamp_of(self, time: float) -> int:
         return stamp_at(self._zero, time)

@@ -1,0 +1,57 @@
+"""What the tests of recording and diagnostics see of a robot: its samples, what it says of itself, its bags."""
+
+import signal
+from pathlib import Path
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from nav_msgs.msg import Odometry
+from rclpy.qos import QoSProfile
+from rclpy.serialization import deserialize_message
+from rosbags.rosbag2 import Reader
+
+
+class Listener:
+    """Keeps the stamps [ns] of odom and the latest diagnostics by part."""
+
+    def __init__(self, bench):
+        self.bench = bench
+        self.stamps: list[int] = []
+        self.parts: dict[str, DiagnosticStatus] = {}
+        bench.node.create_subscription(Odometry, "odom", self._hear, QoSProfile(depth=10_000), raw=True)
+        bench.node.create_subscription(DiagnosticArray, "/diagnostics", self._learn, 10)
+
+    def _hear(self, data: bytes) -> None:
+        stamp = deserialize_message(data, Odometry).header.stamp
+        self.stamps.append(stamp.sec * 10**9 + stamp.nanosec)
+
+    def _learn(self, message: DiagnosticArray) -> None:
+        self.parts |= {status.name: status for status in message.status}
+
+    def spin_for_samples(self, count: int) -> None:
+        until = len(self.stamps) + count
+        self.bench.spin_until(lambda: len(self.stamps) >= until, f"{count} samples")
+
+    def wait_for_status(self, part: str, condition) -> tuple[DiagnosticStatus, dict[str, str]]:
+        name = f"vibro_robot: {part}"
+        self.bench.spin_until(lambda: name in self.parts and condition(self.parts[name]), f"status of {part}")
+        return self.parts[name], {pair.key: pair.value for pair in self.parts[name].values}
+
+
+def value_of(status: DiagnosticStatus, key: str) -> float:
+    return next(float(pair.value) for pair in status.values if pair.key == key)
+
+
+def bags(folder: Path) -> list[Path]:
+    return sorted(folder.glob("vibro_robot_*"), key=lambda path: path.stat().st_mtime_ns)
+
+
+def stamps_of(folder: Path, topic: str = "/odom") -> list[int]:
+    with Reader(folder) as reader:
+        chosen = [one for one in reader.connections if one.topic == topic]
+        return [stamp for _, stamp, _ in reader.messages(chosen)]
+
+
+def stop(robot, code: int = 0) -> None:
+    robot.send(signal.SIGINT)
+    assert robot.end() == code, robot.text
+    assert "Traceback" not in robot.text

@@ -1,0 +1,71 @@
+"""What a real robot says on /diagnostics, to its last word."""
+
+import shutil
+import signal
+import time
+
+import pytest
+from diagnostic_msgs.msg import DiagnosticStatus
+from observation import bags, stop, value_of
+from std_msgs.msg import Float64
+
+
+@pytest.mark.parametrize(("asked", "method"), [("moreau", "moreau"), ("auto", "exact")])
+def test_the_node_runs_by_the_method_asked_for(start, listener, bench, asked, method):
+    start("robot", "--ros-args", "-p", "motor.speed:=100.0", "-p", f"solver.method:={asked}",
+          "-p", "solver.step:=5.0e-5")
+    _, values = listener.wait_for_status("simulation", lambda status: status.level == DiagnosticStatus.OK)
+    assert values["solver method"] == method
+    assert values.get("solver step [s]") == ("5e-05" if method == "moreau" else None)
+
+
+def test_the_last_diagnostics_of_a_failed_simulation_arrive(start, listener):
+    """Steps of 0.01 s are far too long, and diverge after half a second of robot time."""
+    robot = start("robot", "--ros-args", "-p", "solver.method:=rk4", "-p", "solver.step:=0.01", "-p",
+                  "rate.real_time_factor:=0.1")
+    listener.wait_for_status("simulation", lambda status: status.level == DiagnosticStatus.OK)
+    status, _ = listener.wait_for_status("simulation", lambda status: status.level == DiagnosticStatus.ERROR)
+    assert robot.end() == 1
+    assert "a coordinate is no longer finite" in status.message
+    assert f"robot: {status.message}" in robot.lines
+
+
+def test_the_last_diagnostics_of_a_recording_that_failed_at_its_end_arrive(start, listener, tmp_path):
+    robot = start("robot")
+    listener.wait_for_status("recorder", lambda status: status.level == DiagnosticStatus.OK)
+    shutil.rmtree(bags(tmp_path)[0])
+    robot.send(signal.SIGINT)
+    status, values = listener.wait_for_status("recorder", lambda status: status.level == DiagnosticStatus.ERROR)
+    assert robot.end() == 1
+    assert status.message == values["fault"] and "the folder is gone" in status.message
+
+
+def test_diagnostics_tell_how_it_goes(start, listener, bench):
+    robot = start("robot", "--ros-args", "-p", "motor.speed:=100.0")
+    speed = bench.node.create_publisher(Float64, "motor_speed", 10)
+    status, values = listener.wait_for_status("simulation", lambda status: status.level == DiagnosticStatus.OK)
+    assert status.hardware_id == "/vibro_robot"
+    assert float(values["real-time factor"]) > 0.2  # on however busy a machine
+    assert 0.1 < float(values["cost of a step [us]"]) < 1e5
+    assert float(values["events per second"]) > 10
+    assert (values["solver method"], values["solver tolerance [m]"]) == ("exact", "1e-09")
+    assert abs(float(values["energy residual [J]"])) < 1e-6
+    assert int(values["missed deadlines"]) >= 0
+    late = [float(values[f"lateness {name} [us]"]) for name in ("median", "p99", "max")]
+    assert 0.0 < late[0] and late == sorted(late)
+    # rule hop: airborne after a stronger blow, on the ground between them
+    status, _ = listener.wait_for_status("simulation", lambda status: value_of(status, "share of time with N<0") > 0.0)
+    assert value_of(status, "share of time with N<0") < 1.0
+    bench.spin_until(lambda: speed.get_subscription_count() > 0, "robot up")
+    speed.publish(Float64(data=-1.0))
+    status, values = listener.wait_for_status("simulation", lambda status: "commands refused" in status.message)
+    assert (status.level, values["rejected commands"]) == (DiagnosticStatus.WARN, "1")
+    status, values = listener.wait_for_status("recorder", lambda status: True)
+    assert (status.level, values["dropped"], values["lost"]) == (DiagnosticStatus.OK, "0", "0")
+    assert int(values["written"]) > 0 and int(values["backlog"]) >= 0 and values["fault"] == ""
+    robot.send(signal.SIGSTOP)
+    time.sleep(0.5)  # the stall itself
+    robot.send(signal.SIGCONT)
+    status, values = listener.wait_for_status("simulation", lambda status: "dropped" in status.message)
+    assert status.level == DiagnosticStatus.WARN and float(values["dropped time [s]"]) > 0.3
+    stop(robot)

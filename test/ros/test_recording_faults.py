@@ -1,0 +1,251 @@
+"""The robot's bags when it is killed, and when its disk is full, gone, slow or read-only."""
+
+import contextlib
+import json
+import os
+import random
+import re
+import resource
+import shutil
+import signal
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import pytest
+from diagnostic_msgs.msg import DiagnosticStatus
+from observation import bags, stamps_of, stop, value_of
+
+from vibro_ros.bag.reader import read_bag
+from vibro_ros.bag.recovery import recover
+
+UNLIMITED = (resource.RLIM_INFINITY, resource.RLIM_INFINITY)
+KILLS = int(os.environ.get("VIBRO_ROS_ROBOT_KILLS", "2"))  # VIBRO_ROS_ROBOT_KILLS=100 for the long version
+LONGEST_LOSS = 0.15  # [s] what the issue allows
+
+
+@pytest.mark.parametrize("attempt", range(KILLS))
+def test_a_killed_robot_loses_the_last_moments_and_the_next_one_tells_how_to_seal(udp_only, start, listener, tmp_path,
+                                                                                  attempt):
+    rate = (50.0, 1000.0)[attempt % 2]
+    robot = start("robot", "--ros-args", "-p", f"rate.publish:={rate}")
+    listener.spin_for_samples(1)
+    end = time.monotonic() + random.uniform(0.0, 1.0)
+    while time.monotonic() < end:
+        listener.spin_for_samples(1)
+    robot.kill()
+    with contextlib.suppress(AssertionError):  # what was still on its way
+        listener.bench.spin_until(lambda: False, "the rest", patience=0.3)
+    (folder,) = bags(tmp_path)
+    if attempt == 0:
+        following = start("robot")
+        assert "[WARN]" in following.wait_for(f"{folder.name}: not sealed, its robot was killed; seal it with `recover")
+        following.wait_for("ready")
+        stop(following)
+    assert not recover(folder).was_sealed
+    recorded, heard = stamps_of(folder), listener.stamps
+    assert recorded == [recorded[0] + i * round(1e9 / rate) for i in range(len(recorded))]
+    assert (heard[-1] - recorded[-1]) * 1e-9 <= LONGEST_LOSS
+    bag = read_bag(folder)
+    assert json.loads(bag.metadata["parameters"])["rate.publish"] == rate
+    assert (bag.metadata["scene"], bag.metadata["seed"]) == ("device", "none")
+    assert recorded[0] == int(bag.metadata["start"])
+    assert "exact" in bag.metadata["solver"] and bag.metadata["version"] and "numpy" in bag.metadata["platform"]
+
+
+def test_a_full_disk_is_told_once_and_recording_resumes_when_there_is_room(start, listener, record, tmp_path):
+    robot = start("robot")
+    listener.spin_for_samples(50)
+    resource.prlimit(robot.pid, resource.RLIMIT_FSIZE, (1, resource.RLIM_INFINITY))  # [bytes] no write succeeds
+    line = robot.wait_for("not recorded: recording to vibro_robot_")
+    assert "[ERROR]" in line and "File too large" in line and "~/record" in line
+    status, values = listener.wait_for_status("recorder", lambda status: status.level == DiagnosticStatus.ERROR)
+    assert "File too large" in status.message and values["fault"] == status.message
+    assert int(values["lost"]) > 0 and int(values["dropped"]) > 0
+    done, said = record(True)
+    assert not done and "cannot record to" in said and "File too large" in said
+    (first,) = bags(tmp_path)  # nothing is left of the attempt
+    resource.prlimit(robot.pid, resource.RLIMIT_FSIZE, UNLIMITED)
+    assert record(True)[0]
+    listener.spin_for_samples(20)
+    stop(robot, code=1)
+    assert len([line for line in robot.lines if "[ERROR]" in line]) == 1
+    assert "0.000 s dropped in 0 stalls" in robot.lines[-2]
+    assert robot.lines[-1].startswith("robot: recording to vibro_robot_")
+    recover(first)
+    second = bags(tmp_path)[1]
+    assert len(stamps_of(first)) >= 10 and len(stamps_of(second)) >= 20
+    assert all(len(set(b - a for a, b in zip(found, found[1:], strict=False))) == 1
+               for found in (stamps_of(first), stamps_of(second)))
+
+
+def test_a_removed_folder_is_told_once_and_the_robot_goes_on(start, listener, record, tmp_path):
+    robot = start("robot")
+    listener.spin_for_samples(20)
+    (folder,) = bags(tmp_path)
+    shutil.rmtree(folder)
+    assert "No such file or directory; the folder is gone" in robot.wait_for("not recorded: ")
+    listener.spin_for_samples(50)
+    done, said = record(False)
+    assert done and said.startswith("not recording: recording to vibro_robot_")
+    assert record(True)[0]
+    listener.spin_for_samples(20)
+    stop(robot, code=1)
+    assert robot.text.count("not recorded: ") == 1
+    (folder,) = bags(tmp_path)
+    assert len(stamps_of(folder)) >= 20
+
+
+SLOW = """
+import sys, time
+from vibro_ros.bag.mcap_segment import McapSegment
+from vibro_ros.ros import robot
+append, stalled = McapSegment._append, []
+def slow(self, data):  # waits for the disk as a write does: without the interpreter lock
+    if not stalled and self.stored > 1000:
+        stalled.append(True)
+        time.sleep(2.0)
+    append(self, data)
+McapSegment._append = slow
+code = robot.main(["--ros-args", "-p", "rate.publish:=1000.0"])
+print("stalled" if stalled else "never stalled")
+sys.exit(code)
+"""
+
+
+def test_a_disk_that_stalls_for_two_seconds_costs_no_message_and_no_time(compiled, listener, tmp_path, domain_id):
+    robot = subprocess.Popen([sys.executable, "-c", SLOW], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
+                             cwd=tmp_path)
+    try:
+        listener.spin_for_samples(2800)
+        robot.send_signal(signal.SIGINT)
+        said, _ = robot.communicate(timeout=60)
+    finally:
+        robot.kill()
+    assert robot.returncode == 0 and said.rstrip().endswith("\nstalled"), said
+    assert " 0 dropped; " in said and "not recorded" not in said
+    (folder,) = bags(tmp_path)
+    recorded = stamps_of(folder)
+    # a machine too busy to run the robot at all drops time, but that leaves no hole in the stamps
+    assert recorded == [recorded[0] + i * 1_000_000 for i in range(len(recorded))]
+    assert len(recorded) >= 2800
+
+
+class Disk:
+    """A file system in a file, mounted where only the robot sees it and as long as that runs."""
+
+    def __init__(self, folder: Path):
+        self._image, self.folder = folder / "image", folder / "disk"
+        self.folder.mkdir()
+        with self._image.open("wb") as image:
+            image.truncate(2**26)  # bytes; the least that has a journal, as disks have
+        made = subprocess.run(["mkfs.ext4", "-q", str(self._image)], capture_output=True)
+        if made.returncode or subprocess.run([*self.mounted, "true"], capture_output=True).returncode:
+            pytest.skip("no disk of one's own can be mounted here: that takes root, mkfs.ext4 and a loop device")
+
+    @property
+    def mounted(self) -> list[str]:
+        """What comes before a command that is to see the disk."""
+        script = 'mount -o loop "$0" "$1" && shift && exec "$@"'
+        return ["unshare", "--mount", "sh", "-c", script, str(self._image), str(self.folder)]
+
+    def stall(self, pid: int, seconds: float) -> None:
+        """Let every write wait; in a process of its own, that ends it whatever becomes of the test."""
+        freeze = 'fsfreeze --freeze "$0" && sleep "$1"; fsfreeze --unfreeze "$0"'
+        subprocess.run(["nsenter", "--target", str(pid), "--mount", "sh", "-c", freeze, str(self.folder), str(seconds)],
+                       check=True)
+
+    def seen_by(self, pid: int) -> Path:
+        """The disk's folder while the robot runs."""
+        return Path(f"/proc/{pid}/root{self.folder}")
+
+    def copied(self) -> Path:
+        """All that is on the disk, once the robot has ended."""
+        copy = self.folder.with_name("copy")
+        subprocess.run([*self.mounted, "cp", "-r", str(self.folder), str(copy)], check=True)
+        return copy
+
+
+def fill(ballast: Path) -> None:
+    """Make this file as large as the disk allows."""
+    with ballast.open("ab", buffering=0) as file, pytest.raises(OSError, match="No space left"):
+        while file.write(bytes(4096)):
+            pass
+
+
+def test_a_disk_that_stalls_and_then_fills_up_costs_the_robot_nothing(start, listener, record, tmp_path):
+    disk = Disk(tmp_path)
+    robot = start("robot", "--ros-args", "-p", "rate.publish:=1000.0", "-p", f"record.directory:={disk.folder}",
+                  before=disk.mounted)
+    listener.spin_for_samples(500)
+    before = len(listener.stamps)
+    stall = threading.Thread(target=disk.stall, args=(robot.pid, 2.0))
+    stall.start()
+    listener.wait_for_status("recorder", lambda status: value_of(status, "backlog") > 500)  # waiting for the disk
+    listener.bench.spin_until(lambda: not stall.is_alive(), "the disk's answer")
+    assert len(listener.stamps) - before > 200  # of 2000; a robot that waits for the disk sends none
+    heard = list(listener.stamps)
+    listener.parts.clear()
+    _, values = listener.wait_for_status("recorder", lambda status: value_of(status, "backlog") < 100)
+    assert (values["dropped"], values["lost"]) == ("0", "0")
+    assert "not recorded" not in robot.text
+    ballast = disk.seen_by(robot.pid) / "ballast"
+    fill(ballast)
+    assert "No space left on device; the bag is sealed with its " in robot.wait_for("not recorded: ")
+    fill(ballast)  # the room that the bag had kept for its end
+    done, said = record(True)
+    assert not done and "No space left on device" in said
+    ballast.unlink()
+    assert record(True)[0]
+    listener.parts.clear()  # what was said of the first bag
+    listener.wait_for_status("recorder", lambda status: status.level == DiagnosticStatus.OK
+                             and value_of(status, "written") > 1000)
+    stop(robot, code=1)
+    assert robot.text.count("not recorded: ") == 1
+    first, second = bags(disk.copied())
+    for folder in (first, second):
+        recorded = stamps_of(folder)
+        # a machine too busy to run the robot at all drops time, but that leaves no hole in the stamps
+        assert recorded == [recorded[0] + i * 1_000_000 for i in range(len(recorded))]
+        assert len(recorded) >= 200
+    assert set(heard) <= set(stamps_of(first))
+
+
+@contextlib.contextmanager
+def read_only(*folders: Path):
+    """Nothing can be made in these folders; root is kept out by another way than users are."""
+    def change(mode: int, attribute: str) -> int:
+        if os.geteuid():
+            for folder in folders:
+                folder.chmod(mode)
+            return 0
+        return subprocess.run(["chattr", attribute, *map(str, folders)], capture_output=True).returncode
+
+    if change(0o555, "+i"):
+        pytest.skip("root can write to every folder of this file system: it knows no immutable ones")
+    try:
+        yield
+    finally:
+        change(0o755, "-i")
+
+
+def test_a_folder_turned_read_only_is_told_once_and_recording_resumes(start, listener, record, tmp_path):
+    robot = start("robot", "--ros-args", "-p", "record.max_duration:=0.5")
+    listener.spin_for_samples(20)
+    (first,) = bags(tmp_path)
+    with read_only(tmp_path, first):
+        line = robot.wait_for("not recorded: ")
+        assert re.search("Permission denied|Operation not permitted", line)
+        assert f"the bag is not sealed; `recover {first.name}` seals it" in line
+        listener.spin_for_samples(50)
+        done, said = record(True)
+        assert not done and said.startswith("cannot record to vibro_robot_")
+    assert record(True)[0]
+    listener.spin_for_samples(20)
+    stop(robot, code=1)
+    assert robot.text.count("not recorded: ") == 1
+    assert not recover(first).was_sealed
+    assert len(stamps_of(first)) >= 100  # a file of 0.5 s, at 200 Hz
+    assert len(stamps_of(bags(tmp_path)[-1])) >= 20
