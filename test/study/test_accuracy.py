@@ -25,7 +25,8 @@ from vibro_ros.study.precision import (
     Row,
     SceneStudy,
 )
-from vibro_ros.study.precision_text import BELOW, MEAN_SPEED, NEEDS, advice, cheapest, finding, markdown
+from vibro_ros.study.precision_advice import MEAN_SPEED, NEEDS, advice, cheapest
+from vibro_ros.study.precision_text import BELOW, finding, markdown, speeds_table
 
 QUICK = Effort(repeats=1, horizon=0.1, starts=2, duration=0.5)
 
@@ -158,6 +159,9 @@ def test_the_finding_names_the_coarsest_step_from_which_all_are_right():
     assert "from dt = 1e-05 s down" in text and "0.001 s: 50.00 ± 1 mm/s, -150%, WRONG SIGN (16 of 16" in text
     assert "WRONG" not in text.partition("0.0001 s")[2]
     assert "at no step tried" in finding(speeds(-0.1, -0.1, -0.2))  # right by accident
+    assert "allows for 6%" in finding(speeds(0.05, -0.2, -0.1045))
+    table = speeds_table(speeds(0.05, -0.2, -0.101))
+    assert "| +50.0 ± 1.0 (!) | -200.0 ± 1.0 | **-101.0 ± 1.0** |" in table
 
 
 def test_what_diverges_has_no_mean_speed(monkeypatch):

@@ -17,10 +17,12 @@ from tqdm import tqdm
 from vibro_ros.scene_file import load_scene, shipped_scenes
 from vibro_ros.simulator import SimulationError
 from vibro_ros.study.chaos import Growth
+from vibro_ros.study.effects import SETTLING
 from vibro_ros.study.methods import Method, UnableError
 from vibro_ros.study.precision import BASELINE_STEP, STUDIED, Effort, Row, SceneStudy
+from vibro_ros.study.precision_advice import recommendations
 from vibro_ros.study.precision_diagram import draw_precision
-from vibro_ros.study.precision_text import findings, markdown, recommendations, reference_in_words, reference_of
+from vibro_ros.study.precision_text import findings, markdown, reference_in_words, reference_of, speeds_table
 
 FAILED, BAD_INPUT, INTERRUPTED = 1, 2, 130
 TABLE, TEXT = "accuracy.csv", "accuracy.md"
@@ -36,7 +38,7 @@ def row_writer(path: Path):
         writer.writerow([field.name for field in fields(Row)])
 
         def write(row: Row) -> None:
-            writer.writerow(astuple(row))
+            writer.writerow(f"{cell:.6g}" if isinstance(cell, float) else cell for cell in astuple(row))
             file.flush()
 
         file.flush()
@@ -99,7 +101,7 @@ class Accuracy:
             parts += ["", "**Interrupted: only a part was measured.**"]
         pictures = self.draw(folder)
         for name, picture in pictures.items():
-            parts += ["", self.section(name, picture.name), "",
+            parts += ["", self.section(name, picture.name), "", "\n\n".join(findings(self.rows[name])), "",
                       recommendations(self.rows[name], self.growths[name].comparable), "", markdown(self.rows[name])]
         text = folder / TEXT
         text.write_text("\n".join(parts) + "\n", encoding="utf-8")
@@ -110,7 +112,8 @@ class Accuracy:
         return (f"Measured on: {machine()}.\n\n"
                 f"Costs are medians of at most {self._effort.repeats} runs, as ratios to fixed-step Runge-Kutta 4 of "
                 f"{BASELINE_STEP:g} s (`baseline`), run in turn with each of them. A ladder ends where a run takes "
-                f"more than {self._effort.patience:g} s. `_blind`: without location of events.")
+                f"more than {self._effort.patience:g} s. `_blind`: without location of events. A mean speed is that of "
+                f"{self._effort.duration:g} s, after {SETTLING:g} s to settle.")
 
     def draw(self, folder: Path) -> dict[str, Path]:
         """Draw every scene that has rows; scene to its diagram."""
@@ -123,11 +126,11 @@ class Accuracy:
         return pictures
 
     def section(self, name: str, picture: str) -> str:
-        """One scene in Markdown: diagram, chaos, reference and findings."""
+        """One scene in Markdown: diagram, chaos, reference and mean speeds."""
         rows = self.rows[name]
         return "\n\n".join([f"## {name}", f"![{name}: error over cost, and mean speed over the step]({picture})",
                             f"{_sentence(self.growths[name])} {self._horizon(name)}",
-                            reference_in_words(reference_of(rows)), *findings(rows)])
+                            reference_in_words(reference_of(rows)), speeds_table(rows)])
 
     def _horizon(self, name: str) -> str:
         horizon, allowed = reference_of(self.rows[name]).horizon, self.growths[name].comparable

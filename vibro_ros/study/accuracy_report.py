@@ -13,14 +13,15 @@ from vibro_ros.scene_file import load_scene, shipped_scenes
 from vibro_ros.solver.methods import SCHEMES
 from vibro_ros.study.accuracy import TABLE, TEXT, Accuracy, row_writer
 from vibro_ros.study.precision import STUDIED, Effort, Row
-from vibro_ros.study.precision_text import NEEDS, advice, cheapest, finding, reference_of
+from vibro_ros.study.precision_advice import NEEDS, Need, advice, cheapest
+from vibro_ros.study.precision_text import finding, reference_of
 from vibro_ros.study.wrong_speed import draw_ways
 
 FOLDER, WAYS = "accuracy", "ways.png"
-EFFORT = Effort(repeats=3, patience=1.0, patience_for_averages=4.0)
+EFFORT = Effort(repeats=3, patience_for_averages=3.0)
 #: The scene whose mean speed is looked at more closely, and steps [s] of rk4 whose ways are drawn.
 CLOSER, STEPS = "paper", (2e-4, 1e-4, 5e-5, 1e-5)
-_CLOSER_EFFORT = replace(EFFORT, starts=64, patience_for_averages=60.0)
+_CLOSER_EFFORT = replace(EFFORT, starts=64, patience_for_averages=45.0)
 _TICK_COST = "vibro_ros.ros.tick_cost"
 
 
@@ -41,7 +42,7 @@ def headlines(rows: Mapping[str, Sequence[Row]]) -> list[str]:
     return [f"{need.words[0].upper()}{need.words[1:]}: {'; '.join(_by_kind(rows, need))}." for need in NEEDS]
 
 
-def _by_kind(rows: Mapping[str, Sequence[Row]], need) -> list[str]:
+def _by_kind(rows: Mapping[str, Sequence[Row]], need: Need) -> list[str]:
     best = {name: cheapest(own, need) for name, own in rows.items()}
     best = {name: found for name, found in best.items() if found}
     kinds = {"`exact`": ("exact",), "heyoka": ("heyoka",), "the cheapest fixed step": tuple(SCHEMES)}

@@ -27,6 +27,7 @@ SHORT, LONG = 0.2, 10.0
 #: Methods that may meet a need for least: compiled ones, as a right-hand side in Python costs a hundred times as much.
 COMPILED = ("exact", *SCHEMES, "heyoka")
 _RATE = 1000.0  # samples per second
+_OF_BASELINE = 1001  # samples that the baseline is run for at most
 _FINEST_EXACT, _FINEST_PEER, _FINEST_LOCATED = 1e-12, 1e-15, 1e-13  # tolerances
 # Starts for the exact mean, times those of the others: it is what they are measured against, and cheap.
 _MORE_STARTS = 4
@@ -45,8 +46,8 @@ class Effort:
     horizon : float or None
         Time over which trajectories are compared [s]; by the Lyapunov time if None.
     patience : float
-        Time [s] of a row's runs after which it is not repeated, and of one run after which its method's ladder goes
-        no further; steps that are expected to take longer are not tried.
+        Time [s] of one run after which its method's ladder goes no further; steps that are expected to take longer are
+        not tried. Nothing is repeated after a quarter of it: a long run's time has less scatter.
     patience_for_averages : float
         The same for all starts of a mean speed.
     starts : int
@@ -185,7 +186,7 @@ class Comparison:
 
     def _measured(self, name: str, method: Method, value: float) -> Row:
         walls, ratios = [], []
-        while len(walls) < self._effort.repeats and sum(walls) < self._effort.patience:
+        while len(walls) < self._effort.repeats and sum(walls) <= self._effort.patience / 4.0:
             try:
                 answer = method(self.scene, self.times, value)
             except UnableError as error:
@@ -199,9 +200,10 @@ class Comparison:
                          wall_time=statistics.median(walls), **_named(off))
 
     def _baseline(self) -> float:
-        """Wall time of the baseline now [s]; NaN where it lacks one of the scene's effects."""
+        """Wall time of the baseline now [s], each of whose steps costs the same; NaN where it lacks an effect."""
+        times = self.times[:_OF_BASELINE]
         try:
-            return by_baseline(self.scene, self.times, BASELINE_STEP).wall_time
+            return by_baseline(self.scene, times, BASELINE_STEP).wall_time * self.horizon / float(times[-1])
         except UnableError:
             return math.nan
 

@@ -1,33 +1,13 @@
-"""A work-precision study in words: findings, recommendations, and the table in Markdown."""
+"""A work-precision study in words: findings, and the tables in Markdown."""
 
 import math
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 
-from vibro_ros.solver.methods import SCHEMES
-from vibro_ros.study.effects import SETTLING
-from vibro_ros.study.precision import AVERAGE, LONG, NEED, REFERENCE, SHORT, TRAJECTORY, Row
+from vibro_ros.study.precision import AVERAGE, REFERENCE, TRAJECTORY, Row
 from vibro_ros.study.precision_diagram import WITHIN
 
 _HEADING = ("method", "setting", "cost, RK4 = 1", "wall time", "runs", "body", "masses", "contacts", "mean speed", "")
 BELOW = "below the reference's"
-
-
-@dataclass(frozen=True)
-class Need:
-    """What somebody may ask for: in words, the `horizon` [s], the `column` of the error and its `limit` in SI units."""
-
-    words: str
-    horizon: float
-    column: str
-    limit: float
-
-
-NEEDS = (Need(f"every position to 1 mm for {SHORT:g} s", SHORT, "mass_error", 1e-3),
-         Need(f"every position to 1 µm for {SHORT:g} s", SHORT, "mass_error", 1e-6),
-         Need(f"every contact to 1 µs for {SHORT:g} s", SHORT, "event_error", 1e-6),
-         Need(f"the body to 1 mm for {LONG:g} s", LONG, "body_error", 1e-3))
-MEAN_SPEED = "the mean speed to 1 %"
 
 
 def reference_of(rows: Sequence[Row]) -> Row:
@@ -36,18 +16,11 @@ def reference_of(rows: Sequence[Row]) -> Row:
 
 
 def markdown(rows: Sequence[Row]) -> str:
-    """Both tables of one scene: trajectories, and mean speeds."""
+    """Table of one scene's trajectories."""
     reference = reference_of(rows)
     lines = [f"Trajectories, compared within {reference.horizon:g} s; errors are the largest within it.", "",
              _line(_HEADING), "|---" * len(_HEADING) + "|"]
     lines += [_line(_trajectory(row, reference)) for row in rows if row.compared == TRAJECTORY]
-    averages = [row for row in rows if row.compared == AVERAGE]
-    if averages:
-        lines += ["", "Averages, beyond the horizon: mean speed of the body, 95 % confidence interval over starts.", "",
-                  "| method | setting | starts | of | mean speed | |\n|---|---|---|---|---|---|"]
-        lines += [_line((row.method, _setting(row), row.repeats, f"{row.horizon:g} s",
-                         f"{1e3 * row.mean_speed:.2f} ± {1e3 * row.mean_speed_spread:.2f} mm/s"
-                         if math.isfinite(row.mean_speed) else "-", row.note)) for row in averages]
     return "\n".join(lines)
 
 
@@ -74,8 +47,8 @@ def finding(rows: Sequence[Row], method: str = "rk4") -> str:
     if exact is None or not own:
         return f"Not enough was measured to judge {method}'s mean speed."
     truth = f"exact: {_speed(exact)}"
-    if abs(exact.mean_speed) <= exact.mean_speed_spread:
-        return f"The mean speed is not known to differ from 0 ({truth}); no 5 % of it can be asked for."
+    if exact.mean_speed_spread >= WITHIN * abs(exact.mean_speed):
+        return f"The mean speed is not known to {WITHIN:.0%} ({truth}): no method can be judged by it."
     good = len(own)
     while good and abs(own[good - 1].mean_speed / exact.mean_speed - 1.0) <= WITHIN:
         good -= 1
@@ -91,81 +64,48 @@ def finding(rows: Sequence[Row], method: str = "rk4") -> str:
         text += " Before that: " + "; ".join(_verdict(row, exact) for row in own[:good]) + "."
     elif not failed:
         text += " No coarser step was tried."
-    widest = max(row.mean_speed_spread for row in (*own[good:], exact)) / abs(exact.mean_speed)
-    if widest > WITHIN:
-        text += f" The intervals, up to {widest:.0%} wide either side, are wider than that: more starts would tell."
+    if good < len(own):
+        off = abs(own[good].mean_speed - exact.mean_speed)
+        off += math.hypot(own[good].mean_speed_spread, exact.mean_speed_spread)
+        if off > WITHIN * abs(exact.mean_speed):
+            text += f" Its interval allows for {off / abs(exact.mean_speed):.0%}."
     return text
 
 
-def recommendations(rows: Sequence[Row], comparable: float) -> str:
-    """What meets each need at the least cost, as a table; see `advice`."""
-    lines = ["| I need | use (cost, RK4 = 1) |", "|---|---|"]
-    return "\n".join([*lines, *(f"| {need} | {use} |" for need, use in advice(rows, comparable).items())])
+def speeds_table(rows: Sequence[Row]) -> str:
+    """Mean speeds by method and step in Markdown; bold within 5 %, marked where they have the wrong sign."""
+    averages = {(row.method, row.value): row for row in rows if row.compared == AVERAGE}
+    exact = next((row for (method, _), row in averages.items() if method == "exact"), None)
+    steps = sorted({value for method, value in averages if method != "exact"}, reverse=True)
+    if exact is None or not steps:
+        return "No mean speeds were measured."
+    methods = dict.fromkeys(method for method, _ in averages if method != "exact")
+    heads = ("mean speed, mm/s", *(f"{step:.0e} s" for step in steps))
+    lines = [_line(heads), "|---" * len(heads) + "|"]
+    lines += [_line((method, *(_cell(averages.get((method, step)), exact) for step in steps))) for method in methods]
+    return "\n".join([*lines, "", f"By `exact`, {exact.repeats} starts of {exact.horizon:g} s: {_speed(exact)}. Bold: "
+                      f"within {WITHIN:.0%}; (!): the wrong way; all with 95 % intervals over starts."])
 
 
-def advice(rows: Sequence[Row], comparable: float) -> dict[str, str]:
-    """Need to what meets it in one scene, from the cheapest on, steps of fixed length by the cheapest of their methods.
-
-    It says why, where nothing does.
-    Chaos lets trajectories be compared within the time `comparable` [s].
-    """
-    return {need.words: _advice(rows, need, comparable) for need in NEEDS} | {MEAN_SPEED: _mean_speed_advice(rows)}
-
-
-def cheapest(rows: Sequence[Row], need: Need) -> dict[str, Row]:
-    """Method to its coarsest row that meets a need, from the cheapest on.
-
-    A setting counts only if all finer ones that were measured meet the need, too: not by luck.
-    """
-    known = [row for row in rows if row.compared == REFERENCE and row.horizon == need.horizon]
-    found = {}
-    if known and not getattr(known[-1], need.column) >= need.limit:  # NaN: nothing to compare
-        for name in dict.fromkeys(row.method for row in rows if row.compared == NEED):
-            able = list(_able(rows, name, need))
-            if able:
-                found[name] = able[-1]
-    return dict(sorted(found.items(), key=lambda item: item[1].wall_time))
+def _cell(row: Row | None, exact: Row) -> str:
+    if row is None:
+        return ""
+    if not math.isfinite(row.mean_speed):
+        return "diverges"
+    text = f"{1e3 * row.mean_speed:+.1f} ± {1e3 * row.mean_speed_spread:.1f}"
+    if abs(row.mean_speed - exact.mean_speed) <= WITHIN * abs(exact.mean_speed):
+        return f"**{text}**"
+    return text + " (!)" * (_known(row) and _known(exact) and row.mean_speed * exact.mean_speed < 0.0)
 
 
-def _able(rows: Sequence[Row], method: str, need: Need) -> Iterator[Row]:
-    own = [row for row in rows if row.compared == NEED and row.method == method and row.horizon == need.horizon]
-    for row in sorted(own, key=lambda row: row.value):
-        if not getattr(row, need.column) < need.limit:
-            return
-        yield row
-
-
-def _advice(rows: Sequence[Row], need: Need, comparable: float) -> str:
-    if need.horizon > comparable:
-        return "not possible: chaos"
-    measured = [row for row in rows if row.compared == NEED and row.horizon == need.horizon]
-    if not measured:
-        return "not measured"
-    if all(math.isnan(getattr(row, need.column)) for row in measured):
-        return "nothing touches"
-    best = cheapest(rows, need)
-    fixed = [name for name in best if name in SCHEMES]
-    shown = [row for name, row in best.items() if name not in fixed[1:]]
-    return "; ".join(f"{_use(row)} ({row.cost:.2g})" for row in shown) or "nothing that was measured"
-
-
-def _mean_speed_advice(rows: Sequence[Row]) -> str:
-    exact = next((row for row in rows if row.compared == AVERAGE and row.method == "exact"), None)
-    if exact is None or not math.isfinite(exact.mean_speed):
-        return "not measured"
-    if abs(exact.mean_speed) <= exact.mean_speed_spread:
-        return "not known to differ from 0"
-    starts = max(1, math.ceil(exact.repeats * (exact.mean_speed_spread / abs(0.01 * exact.mean_speed)) ** 2))
-    return f"exact, {starts} start{'s' * (starts > 1)} of {exact.horizon:g} s after {SETTLING:g} s"
-
-
-def _use(row: Row) -> str:
-    return row.method if row.method == "exact" else f"{row.method}, {_setting(row)}"
+def _known(row: Row) -> bool:
+    """Whether the sign of a mean speed is known."""
+    return abs(row.mean_speed) > row.mean_speed_spread
 
 
 def _verdict(row: Row, exact: Row) -> str:
     off = f"{row.value:g} s: {_speed(row)}, {row.mean_speed / exact.mean_speed - 1.0:+.0%}"
-    if abs(row.mean_speed) <= row.mean_speed_spread:
+    if not _known(row):
         off += ", sign not known"
     elif row.mean_speed * exact.mean_speed < 0.0:
         off += ", WRONG SIGN"
