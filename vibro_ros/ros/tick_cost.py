@@ -3,7 +3,6 @@
 `make accuracy` runs it as a process of its own and puts what it prints into docs/accuracy.md.
 """
 
-import argparse
 import sys
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -119,13 +118,14 @@ def _line(*cells: str) -> str:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Print the tables in Markdown; returns the exit code."""
-    parser = argparse.ArgumentParser(prog="tick_cost", description="Measure what a tick of the robot's node costs.")
+    return process.exit_code("tick_cost", lambda: _measure(sys.argv[1:] if arguments is None else arguments),
+                             interrupted=130)
+
+
+def _measure(words: Sequence[str]) -> int:
+    parser = process.Parser(prog="tick_cost", description="Measure what a tick of the robot's node costs.")
     parser.add_argument("--duration", type=float, default=1.5, help="of each measurement [s] (default %(default)g)")
-    options = parser.parse_args(arguments)
-    return process.exit_code("tick_cost", lambda: _measure(options.duration), interrupted=130)
-
-
-def _measure(duration: float) -> int:
+    duration = parser.parse_args(words).duration
     scene, context = load_scene("device").with_parameters({"motor.speed": _SPEED}), Context()
     rclpy.init(context=context)
     node = Node("tick_cost", context=context)

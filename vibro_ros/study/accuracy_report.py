@@ -11,7 +11,7 @@ from pathlib import Path
 
 from vibro_ros.scene_file import load_scene, shipped_scenes
 from vibro_ros.solver.methods import SCHEMES
-from vibro_ros.study.accuracy import TABLE, TEXT, Accuracy, row_writer
+from vibro_ros.study.accuracy import FAILED, INTERRUPTED, TABLE, TEXT, Accuracy, row_writer
 from vibro_ros.study.precision import STUDIED, Effort, Row
 from vibro_ros.study.precision_advice import NEEDS, Need, advice, cheapest
 from vibro_ros.study.precision_text import finding, reference_of
@@ -121,6 +121,19 @@ def main(arguments: Sequence[str] | None = None) -> int:
                                      "accuracy.md with its diagrams; some minutes.")
     parser.add_argument("docs", type=Path, nargs="?", default=Path("docs"), help="where (default: %(default)s)")
     docs = parser.parse_args(arguments).docs
+    try:
+        _write(docs)
+    except KeyboardInterrupt:
+        print(f"accuracy: interrupted; {docs / TEXT} is as it was", file=sys.stderr)
+        return INTERRUPTED
+    except subprocess.CalledProcessError as error:
+        print(f"accuracy: {_TICK_COST}: {error.stderr.strip()}", file=sys.stderr)
+        return FAILED
+    print(docs / TEXT)
+    return 0
+
+
+def _write(docs: Path) -> None:
     folder = docs / FOLDER
     folder.mkdir(parents=True, exist_ok=True)
     ticks = tick_cost()
@@ -131,8 +144,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
     study.draw(folder)
     draw_ways(load_scene(CLOSER), STEPS).savefig(folder / WAYS)
     (docs / TEXT).write_text(document(study, ticks), encoding="utf-8")
-    print(docs / TEXT)
-    return 0
 
 
 if __name__ == "__main__":
