@@ -21,7 +21,7 @@ FOLDER, WAYS = "accuracy", "ways.png"
 EFFORT = Effort(repeats=3, patience_for_averages=3.0)
 #: The scene whose mean speed is looked at more closely, and steps [s] of rk4 whose ways are drawn.
 CLOSER, STEPS = "paper", (2e-4, 1e-4, 5e-5, 1e-5)
-_CLOSER_EFFORT = replace(EFFORT, starts=64, patience_for_averages=45.0)
+_CLOSER_EFFORT = replace(EFFORT, starts=64, patience_for_averages=6.0, thorough=("rk4",))
 _TICK_COST = "vibro_ros.ros.tick_cost"
 
 

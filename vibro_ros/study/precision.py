@@ -6,6 +6,7 @@ import statistics
 import time as wall_clock
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -29,6 +30,7 @@ COMPILED = ("exact", *SCHEMES, "heyoka")
 _RATE = 1000.0  # samples per second
 _OF_BASELINE = 1001  # samples that the baseline is run for at most
 _FINEST_EXACT, _FINEST_PEER, _FINEST_LOCATED = 1e-12, 1e-15, 1e-13  # tolerances
+_MOST_EVALUATIONS = 3e5  # a second, of a reference without heyoka: the shipped scenes need up to 7e4
 # Starts for the exact mean, times those of the others: it is what they are measured against, and cheap.
 _MORE_STARTS = 4
 # m/s, about that of sound: a body that is faster has no mean speed, its method has diverged.
@@ -50,6 +52,8 @@ class Effort:
         not tried. Nothing is repeated after a quarter of it: a long run's time has less scatter.
     patience_for_averages : float
         The same for all starts of a mean speed.
+    thorough : tuple of str
+        Methods whose mean speeds are measured at every step, however long it takes.
     starts : int
         Starts of a mean speed, at least 2; the spread between them does not shrink with their duration.
     duration : float
@@ -60,6 +64,7 @@ class Effort:
     horizon: float | None = None
     patience: float = 2.0
     patience_for_averages: float = 8.0
+    thorough: tuple[str, ...] = ()
     starts: int = 32
     duration: float = 5.0
 
@@ -156,11 +161,12 @@ class Comparison:
         return Row(self.scene.name, compared, name, setting, value, self.horizon, **{"repeats": 1} | numbers)
 
     def _uncertainty(self) -> Row:
-        peers = {"heyoka": _FINEST_PEER} if importlib.util.find_spec("heyoka") else {}
+        peers = {"heyoka": (METHODS["heyoka"], _FINEST_PEER)} if importlib.util.find_spec("heyoka") else {}
+        patient = partial(METHODS["DOP853"].run, most_evaluations=_MOST_EVALUATIONS)
         reasons = []
-        for name, tolerance in (peers | {"DOP853": _FINEST_LOCATED}).items():
+        for name, (method, tolerance) in (peers | {"DOP853": (patient, _FINEST_LOCATED)}).items():
             try:
-                found = METHODS[name](self.scene, self.times, tolerance)
+                found = method(self.scene, self.times, tolerance)
             except UnableError as error:
                 reasons.append(str(error))
                 continue
@@ -253,8 +259,9 @@ class SceneStudy:
             yield self._average(name, "tolerance", METHODS["exact"].ladder[-1], {}, _MORE_STARTS)
             return
         before, seconds = math.inf, 0.0
+        patience = math.inf if name in self._effort.thorough else self._effort.patience_for_averages
         for step in AVERAGE_STEPS:
-            if _expected("step", before, seconds, step) > self._effort.patience_for_averages:
+            if _expected("step", before, seconds, step) > patience:
                 return
             row = self._average(name, "step", step, {"solver.step": step})
             yield row

@@ -83,8 +83,11 @@ def speeds_table(rows: Sequence[Row]) -> str:
     heads = ("mean speed, mm/s", *(f"{step:.0e} s" for step in steps))
     lines = [_line(heads), "|---" * len(heads) + "|"]
     lines += [_line((method, *(_cell(averages.get((method, step)), exact) for step in steps))) for method in methods]
-    return "\n".join([*lines, "", f"By `exact`, {exact.repeats} starts of {exact.horizon:g} s: {_speed(exact)}. Bold: "
-                      f"within {WITHIN:.0%}; (!): the wrong way; all with 95 % intervals over starts."])
+    judged = f"Bold: within {WITHIN:.0%}; (!): the wrong way."
+    if exact.mean_speed_spread >= WITHIN * abs(exact.mean_speed):
+        judged = f"It is not known to {WITHIN:.0%}: no method can be judged by it."
+    return "\n".join([*lines, "", f"By `exact`, {exact.repeats} starts of {exact.horizon:g} s: {_speed(exact)}, "
+                      f"with a 95 % interval over starts as all of them. {judged}"])
 
 
 def _cell(row: Row | None, exact: Row) -> str:
