@@ -29,7 +29,7 @@ def draw_ways(scene: Scene, steps: Sequence[float]) -> Figure:
     for axes, step in zip(panels[:-1], steps, strict=True):
         _draw(axes, scene.with_parameters({"solver.method": "rk4", "solver.step": step}), f"rk4, step {step:g} s")
     _draw(panels[-1], scene, "exact")
-    panels[0].set_ylabel("position of the body [m]")
+    panels[0].set_ylabel("way of the body since 1 s [m]")
     figure.suptitle(f"{scene.name}: the same {_STARTS} starts", fontsize=11)
     return figure
 
