@@ -13,7 +13,7 @@ from vibro_ros.scene_file import load_scene, shipped_scenes
 from vibro_ros.solver.methods import SCHEMES
 from vibro_ros.study.accuracy import FAILED, INTERRUPTED, TABLE, TEXT, Accuracy, row_writer
 from vibro_ros.study.precision import STUDIED, Effort, Row
-from vibro_ros.study.precision_advice import NEEDS, Need, advice, cheapest
+from vibro_ros.study.precision_advice import NEEDS, Need, advice, cheapest, two_digits
 from vibro_ros.study.precision_text import finding, reference_of
 from vibro_ros.study.wrong_speed import draw_ways
 
@@ -56,7 +56,7 @@ def _by_kind(rows: Mapping[str, Sequence[Row]], need: Need) -> list[str]:
 
 
 def _range(costs: Sequence[float]) -> str:
-    low, high = f"{min(costs):.2g}", f"{max(costs):.2g}"
+    low, high = two_digits(min(costs)), two_digits(max(costs))
     return low if low == high else f"{low} to {high}"
 
 

@@ -67,6 +67,11 @@ def _able(rows: Sequence[Row], method: str, need: Need) -> Iterator[Row]:
         yield row
 
 
+def two_digits(cost: float) -> str:
+    """A cost without an exponent."""
+    return f"{float(f'{cost:.2g}'):g}"
+
+
 def _advice(rows: Sequence[Row], need: Need, comparable: float) -> str:
     if need.horizon > comparable:
         return "not possible: chaos"
@@ -78,7 +83,7 @@ def _advice(rows: Sequence[Row], need: Need, comparable: float) -> str:
     best = cheapest(rows, need)
     fixed = [name for name in best if name in SCHEMES]
     shown = [row for name, row in best.items() if name not in fixed[1:]]
-    return "; ".join(f"{_use(row)} ({row.cost:.2g})" for row in shown) or "nothing that was measured"
+    return "; ".join(f"{_use(row)} ({two_digits(row.cost)})" for row in shown) or "nothing that was measured"
 
 
 def _mean_speed_advice(rows: Sequence[Row]) -> str:
