@@ -170,6 +170,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
             load_scene(scene)
         options.output.mkdir(parents=True, exist_ok=True)
         return _run(scenes, Accuracy(methods, effort), options.output)
+    except KeyboardInterrupt:
+        return _failed(f"interrupted before the diagrams; the rows are in {options.output / TABLE}", INTERRUPTED)
     except ValueError as error:
         return _failed(str(error))
     except OSError as error:
