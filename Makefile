@@ -22,7 +22,7 @@ $(PACKAGES): another-python
 endif
 endif
 
-.PHONY: help setup demo test lint bench docs picture clean another-python
+.PHONY: help setup demo test lint bench accuracy docs picture clean another-python
 
 help:  ## list these commands
 	@sed -n 's/^\([a-z]*\):[^#]*## /  make \1\t/p' $(MAKEFILE_LIST) | expand -t 14
@@ -41,6 +41,9 @@ lint: $(READY)  ## check the style
 
 bench: $(READY) $(PEER)  ## compare the exact solver's cost with fixed-step Runge-Kutta and heyoka
 	@$(BIN)/python -m vibro_ros.study.bench
+
+accuracy: $(READY) $(PEER)  ## measure what accuracy costs in every shipped scene and write docs/accuracy.md; 10 minutes
+	@$(BIN)/python -m vibro_ros.study.accuracy_report
 
 docs: $(READY)  ## measure and write the tables in docs/interface.md and docs/model.md anew; some minutes
 	@$(BIN)/python -m vibro_ros.study.parameter_table

@@ -24,9 +24,16 @@ def provenance(parameters: Mapping[str, Value], start: int) -> dict[str, str]:
     start : int
         ROS time [ns] of simulated time 0.
     """
-    solver = f"{parameters['solver.method']}, tolerance {parameters['solver.tolerance']:g} m"
-    return {"parameters": json.dumps(dict(parameters)), "solver": solver, **software(), "start": str(start),
-            "seed": NO_SEED}
+    return {"parameters": json.dumps(dict(parameters)), "solver": _solver(parameters), **software(),
+            "start": str(start), "seed": NO_SEED}
+
+
+def _solver(parameters: Mapping[str, Value]) -> str:
+    """The method that ran, and what its accuracy is set by."""
+    method = parameters["solver.method"]
+    if method == "exact":
+        return f"exact, tolerance {parameters['solver.tolerance']:g} m"
+    return f"{method}, step {parameters['solver.step']:g} s"
 
 
 def software() -> dict[str, str]:

@@ -9,14 +9,23 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from observation import bags, stop, value_of
 from std_msgs.msg import Float64
 
+from vibro_ros.bag.reader import read_bag
+
 
 @pytest.mark.parametrize(("asked", "method"), [("moreau", "moreau"), ("auto", "exact")])
-def test_the_node_runs_by_the_method_asked_for(start, listener, bench, asked, method):
-    start("robot", "--ros-args", "-p", "motor.speed:=100.0", "-p", f"solver.method:={asked}",
-          "-p", "solver.step:=5.0e-5")
+def test_the_node_runs_by_the_method_asked_for(start, listener, bench, tmp_path, asked, method):
+    robot = start("robot", "--ros-args", "-p", "motor.speed:=100.0", "-p", f"solver.method:={asked}",
+                  "-p", "solver.step:=5.0e-5", "-p", "solver.accuracy:=1.0e-5")
     _, values = listener.wait_for_status("simulation", lambda status: status.level == DiagnosticStatus.OK)
     assert values["solver method"] == method
     assert values.get("solver step [s]") == ("5e-05" if method == "moreau" else None)
+    assert values.get("solver accuracy asked for [m]") == ("1e-05" if asked == "auto" else None)
+    assert values.get("solver choice", "").startswith("exact: no step" if asked == "auto" else "")
+    stop(robot)
+    (folder,) = bags(tmp_path)
+    metadata = read_bag(folder, {}).metadata
+    assert (metadata["scene"], metadata["version"] != "") == ("device", True)
+    assert metadata["solver"] == ("moreau, step 5e-05 s" if method == "moreau" else "exact, tolerance 1e-09 m")
 
 
 def test_the_last_diagnostics_of_a_failed_simulation_arrive(start, listener):

@@ -8,12 +8,25 @@ import numpy as np
 import pytest
 
 import vibro_ros
-from vibro_ros.study import accuracy
-from vibro_ros.study.chaos import growth
+from vibro_ros.study import accuracy, accuracy_report, precision
+from vibro_ros.study.chaos import Average, Growth, growth
 from vibro_ros.study.errors import errors
 from vibro_ros.study.methods import METHODS, Answer, Method, UnableError
-from vibro_ros.study.precision import AVERAGE, REFERENCE, STUDIED, TRAJECTORY, Effort, Row, SceneStudy
-from vibro_ros.study.precision_text import BELOW, finding, markdown, recommendations
+from vibro_ros.study.precision import (
+    AVERAGE,
+    LONG,
+    NEED,
+    REFERENCE,
+    SHORT,
+    STUDIED,
+    TRAJECTORY,
+    Comparison,
+    Effort,
+    Row,
+    SceneStudy,
+)
+from vibro_ros.study.precision_advice import MEAN_SPEED, NEEDS, advice, cheapest
+from vibro_ros.study.precision_text import BELOW, finding, markdown, speeds_table
 
 QUICK = Effort(repeats=1, horizon=0.1, starts=2, duration=0.5)
 
@@ -60,9 +73,20 @@ def test_a_wrong_method_looks_wrong(rows):
 
 def test_the_reference_is_checked_by_another_method(rows):
     """Both are accurate to rounding errors; 1e-9 m is DOP853's share, where heyoka is missing."""
-    (reference,) = of(rows, "heyoka", REFERENCE) or of(rows, "DOP853", REFERENCE)
-    assert 0.0 < reference.mass_error < 1e-9 and 0.0 < reference.event_error < 1e-9
+    references = of(rows, "heyoka", REFERENCE) or of(rows, "DOP853", REFERENCE)
+    assert [reference.horizon for reference in references] == [QUICK.horizon, SHORT, LONG]
+    for reference in references:
+        assert 0.0 < reference.mass_error < 1e-9 and 0.0 < reference.event_error < 1e-9
     assert markdown(rows).count(BELOW) >= 4  # every error of exact, which is the reference
+
+
+def test_without_heyoka_dop853_checks_the_reference(monkeypatch):
+    """Its local errors of 1e-13 add up, over some 1e4 steps at most."""
+    monkeypatch.setattr(precision.importlib.util, "find_spec", lambda name: None)
+    for name in ("damped", "rigid"):
+        checked = Comparison(vibro_ros.load_scene(name), 0.05, QUICK).uncertainty
+        assert (checked.method, checked.note) == ("DOP853", "")
+        assert 0.0 < checked.mass_error < 1e-9
 
 
 def test_costs_are_ratios_to_the_baseline_of_the_same_run(rows):
@@ -74,7 +98,31 @@ def test_costs_are_ratios_to_the_baseline_of_the_same_run(rows):
 def test_what_failed_is_said_not_drawn(rows):
     assert of(rows, "exploding")[0].note == "positions not finite" and math.isnan(of(rows, "exploding")[0].body_error)
     assert of(rows, "unable")[0].note == "cannot do it" and math.isnan(of(rows, "unable")[0].cost)
-    assert "exploding" not in recommendations(rows) and "unable" not in recommendations(rows)
+
+
+def test_advice_is_what_was_measured_within_the_horizon_of_each_need(rows):
+    advised = advice(rows, comparable=15.0)
+    assert list(advised) == [*(need.words for need in NEEDS), MEAN_SPEED]
+    assert all(text.startswith("exact") for text in advised.values())
+    for need in NEEDS:
+        for row in cheapest(rows, need).values():
+            assert row.compared == NEED and row.horizon == need.horizon and getattr(row, need.column) < need.limit
+    assert "rk4" in advised[NEEDS[0].words] and "planted" not in str(advised)
+    assert advice(rows, comparable=1.0)[NEEDS[-1].words] == "not possible: chaos"
+
+
+def measured_within(step, error):
+    return Row("s", NEED, "rk4", "step", step, SHORT, 1, wall_time=1e-6 / step, cost=1e-6 / step, mass_error=error)
+
+
+def test_a_step_that_is_accurate_by_luck_is_not_advised():
+    reference = Row("s", REFERENCE, "heyoka", "tolerance", 1e-15, SHORT, 1, mass_error=1e-12)
+    need = NEEDS[0]  # 1 mm
+    lucky = [reference, *map(measured_within, (1e-3, 1e-4, 1e-5, 1e-6), (1e-4, 1e-2, 1e-4, 1e-5))]
+    assert cheapest(lucky, need)["rk4"].value == 1e-5
+    assert cheapest([*lucky, measured_within(1e-7, 1.0)], need) == {}
+    blurred = Row("s", REFERENCE, "DOP853", "tolerance", 1e-13, SHORT, 1, mass_error=1e-2)
+    assert cheapest([blurred, *lucky[1:]], need) == {}
 
 
 def answer(times, contacts):
@@ -109,8 +157,33 @@ def speeds(*values):
 def test_the_finding_names_the_coarsest_step_from_which_all_are_right():
     text = finding(speeds(0.05, -0.2, -0.101))
     assert "from dt = 1e-05 s down" in text and "0.001 s: 50.00 ± 1 mm/s, -150%, WRONG SIGN (16 of 16" in text
-    assert "right sign" in text.partition("0.0001 s")[2]
+    assert "WRONG" not in text.partition("0.0001 s")[2]
     assert "at no step tried" in finding(speeds(-0.1, -0.1, -0.2))  # right by accident
+    assert "allows for 6%" in finding(speeds(0.05, -0.2, -0.1045))
+    table = speeds_table(speeds(0.05, -0.2, -0.101))
+    assert "| +50.0 ± 1.0 (!) | -200.0 ± 1.0 | **-101.0 ± 1.0** |" in table
+
+
+def test_what_diverges_has_no_mean_speed(monkeypatch):
+    """No robot is faster than sound; 1e6 m/s is a finite number all the same."""
+    monkeypatch.setattr(precision, "speed_over_starts", lambda *_: Average(1e6, 1e5, 2))
+    study = SceneStudy(vibro_ros.load_scene("damped"), QUICK)
+    found = [row for row in study.rows({"rk4": Method(unable, "step", (1e-4,))}) if row.compared == AVERAGE]
+    assert found and all(math.isnan(row.mean_speed) and "diverged" in row.note for row in found)
+
+
+def test_the_report_tells_every_scene_and_links_what_is_there(rows, tmp_path):
+    study = accuracy.Accuracy({}, QUICK)
+    study.rows = {"damped": rows, "paper": [*rows, *speeds(0.05, -0.2, -0.101)]}
+    study.growths = {"damped": Growth(0.0, 0.1, False, 15.0), "paper": Growth(5.0, 0.1, True, 15.0)}
+    text = accuracy_report.document(study, "| the node |")
+    assert "make accuracy" in text.splitlines()[0]
+    assert "`paper` are chaotic" in text or "`paper` is chaotic" in text
+    assert "| `damped` | no chaos | exact" in text and "| `paper` | 0.2 s | exact" in text
+    assert text.count("not possible: chaos") == 1
+    assert "WRONG SIGN" in text.partition("## Which method")[0] and "| the node |" in text
+    for name, picture in study.draw(tmp_path).items():
+        assert picture.stat().st_size > 10_000 and f"accuracy/{name}.png" in text
 
 
 def test_an_interrupted_run_keeps_its_rows(monkeypatch, tmp_path, capsys):

@@ -20,7 +20,8 @@ from vibro_ros.ros.messages import JOINTS
 from vibro_ros.ros.script_file import read_script
 from vibro_ros.samples import Samples
 from vibro_ros.scene_file import DEVICE_PARAMETERS, load_scene, shipped_scenes
-from vibro_ros.study import bench, effects, parameter_table
+from vibro_ros.study import accuracy_report, bench, effects, parameter_table
+from vibro_ros.study.precision_advice import MEAN_SPEED, NEEDS
 
 ROOT = Path(__file__).resolve().parents[2]
 DOCUMENTS = {path.name: path.read_text(encoding="utf-8") for path in (ROOT / "README.md", *ROOT.glob("docs/*.md"))}
@@ -184,3 +185,14 @@ def test_effects_table_has_every_effect_and_counts_what_is_compiled():
     whole = effects.size(scene)
     numbers = f"{whole.states} states, {whole.modes} modes, at most {whole.terms} terms and {whole.guards} guards"
     assert numbers in lines[0]
+
+
+def test_accuracy_is_told_for_every_scene_and_every_need():
+    """Its numbers are measured by `make accuracy`; what it tells of is not."""
+    text = DOCUMENTS["accuracy.md"]
+    assert re.findall(r"^## (\w+)$", text, re.MULTILINE)[-len(shipped_scenes()):] == list(shipped_scenes())
+    heads = ["scene", "Lyapunov time", *(need.words for need in NEEDS), MEAN_SPEED]
+    assert f"| {' | '.join(heads)} |" in text, "run `make accuracy`"
+    assert f"({accuracy_report.FOLDER}/{accuracy_report.WAYS})" in text
+    assert "](docs/accuracy.md)" in DOCUMENTS["README.md"]
+    assert f"](docs/{accuracy_report.FOLDER}/" in DOCUMENTS["README.md"]

@@ -93,6 +93,9 @@ class Diagnostics:
         }
         if "solver.step" in device.statistics:
             values["solver step [s]"] = f"{device.scene['solver.step']:g}"
+        if device.choice:
+            values["solver accuracy asked for [m]"] = f"{device.scene['solver.accuracy']:g}"
+            values["solver choice"] = str(device.choice)
         residual = device.statistics.get("energy_residual")
         if residual is not None:
             values["energy residual [J]"] = f"{residual:.3e}"

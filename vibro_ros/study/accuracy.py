@@ -17,10 +17,12 @@ from tqdm import tqdm
 from vibro_ros.scene_file import load_scene, shipped_scenes
 from vibro_ros.simulator import SimulationError
 from vibro_ros.study.chaos import Growth
+from vibro_ros.study.effects import SETTLING
 from vibro_ros.study.methods import Method, UnableError
 from vibro_ros.study.precision import BASELINE_STEP, STUDIED, Effort, Row, SceneStudy
+from vibro_ros.study.precision_advice import recommendations
 from vibro_ros.study.precision_diagram import draw_precision
-from vibro_ros.study.precision_text import findings, markdown, recommendations, reference_in_words, reference_of
+from vibro_ros.study.precision_text import findings, markdown, reference_in_words, reference_of, speeds_table
 
 FAILED, BAD_INPUT, INTERRUPTED = 1, 2, 130
 TABLE, TEXT = "accuracy.csv", "accuracy.md"
@@ -36,7 +38,7 @@ def row_writer(path: Path):
         writer.writerow([field.name for field in fields(Row)])
 
         def write(row: Row) -> None:
-            writer.writerow(astuple(row))
+            writer.writerow(f"{cell:.6g}" if isinstance(cell, float) else cell for cell in astuple(row))
             file.flush()
 
         file.flush()
@@ -74,14 +76,14 @@ class Accuracy:
         self.rows: dict[str, list[Row]] = {}
         self.growths: dict[str, Growth] = {}
 
-    def measure(self, scene_name: str, write: Callable[[Row], None]) -> None:
+    def measure(self, scene_name: str, write: Callable[[Row], None], effort: Effort | None = None) -> None:
         """Measure a scene, with a progress bar; each row is handed to `write` at once."""
         scene = load_scene(scene_name)
         self._say(f"{scene.name}: chaos and reference ...")
-        study = SceneStudy(scene, self._effort)
+        study = SceneStudy(scene, effort or self._effort)
         self.growths[scene.name] = study.growth
         self._say(f"{scene.name}: {study.growth}")
-        self._say(f"{scene.name}: {reference_in_words(study.uncertainty)}")
+        self._say(f"{scene.name}: {reference_in_words(study.comparison.uncertainty)}")
         kept = self.rows.setdefault(scene.name, [])
         with tqdm(total=study.count(self._methods), desc=scene.name, unit="row", disable=None) as bar:
             for row in study.rows(self._methods):
@@ -94,28 +96,44 @@ class Accuracy:
 
     def write_text_and_diagrams(self, folder: Path, interrupted: bool) -> tuple[Path, ...]:
         """Write what the rows measured so far tell; returns the files."""
-        files = [folder / TEXT]
-        parts = ["# What accuracy costs", "", f"Measured on: {machine()}.", "",
-                 f"Costs are medians of at most {self._effort.repeats} runs, as ratios to fixed-step Runge-Kutta 4 of "
-                 f"{BASELINE_STEP:g} s (`baseline`), run in turn with each of them. A ladder ends after a run of more "
-                 f"than {self._effort.patience:g} s. `_blind`: without location of events."]
+        parts = ["# What accuracy costs", "", self.how_measured()]
         if interrupted:
             parts += ["", "**Interrupted: only a part was measured.**"]
+        pictures = self.draw(folder)
+        for name, picture in pictures.items():
+            parts += ["", self.section(name, picture.name), "", "\n\n".join(findings(self.rows[name])), "",
+                      recommendations(self.rows[name], self.growths[name].comparable), "", markdown(self.rows[name])]
+        text = folder / TEXT
+        text.write_text("\n".join(parts) + "\n", encoding="utf-8")
+        return text, *pictures.values()
+
+    def how_measured(self) -> str:
+        """Machine, repeats and baseline, in Markdown."""
+        return (f"Measured on: {machine()}.\n\n"
+                f"Costs are medians of at most {self._effort.repeats} runs, as ratios to fixed-step Runge-Kutta 4 of "
+                f"{BASELINE_STEP:g} s (`baseline`), run in turn with each of them. A ladder ends where a run takes "
+                f"more than {self._effort.patience:g} s. `_blind`: without location of events. A mean speed is that of "
+                f"{self._effort.duration:g} s, after {SETTLING:g} s to settle.")
+
+    def draw(self, folder: Path) -> dict[str, Path]:
+        """Draw every scene that has rows; scene to its diagram."""
+        pictures = {}
         for name, rows in self.rows.items():
-            if not rows:
-                continue
-            picture = folder / f"{Path(name).stem}.png"
-            draw_precision(rows, f"{self.growths[name]}; median of {self._effort.repeats} runs\n{machine()}").savefig(
-                picture)
-            files.append(picture)
-            parts += ["", f"## {name}", "", f"![{name}]({picture.name})", "", f"{_sentence(self.growths[name])} "
-                      f"{self._horizon(name)}", "", reference_in_words(reference_of(rows)), "",
-                      "\n\n".join(findings(rows)), "", recommendations(rows), "", markdown(rows)]
-        files[0].write_text("\n".join(parts) + "\n", encoding="utf-8")
-        return tuple(files)
+            if rows:
+                pictures[name] = folder / f"{Path(name).stem}.png"
+                caption = f"{self.growths[name]}; medians of at most {self._effort.repeats} runs\n{machine()}"
+                draw_precision(rows, caption).savefig(pictures[name])
+        return pictures
+
+    def section(self, name: str, picture: str) -> str:
+        """One scene in Markdown: diagram, chaos, reference and mean speeds."""
+        rows = self.rows[name]
+        return "\n\n".join([f"## {name}", f"![{name}: error over cost, and mean speed over the step]({picture})",
+                            f"{_sentence(self.growths[name])} {self._horizon(name)}",
+                            reference_in_words(reference_of(rows)), speeds_table(rows)])
 
     def _horizon(self, name: str) -> str:
-        horizon, allowed = reference_of(self.rows[name]).horizon, self.growths[name].horizon
+        horizon, allowed = reference_of(self.rows[name]).horizon, self.growths[name].comparable
         if horizon > allowed:
             return (f"Trajectories are compared within {horizon:g} s as asked for, BEYOND the {allowed:.2g} s that "
                     "chaos allows: the errors show it as much as the methods.")
@@ -152,6 +170,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
             load_scene(scene)
         options.output.mkdir(parents=True, exist_ok=True)
         return _run(scenes, Accuracy(methods, effort), options.output)
+    except KeyboardInterrupt:
+        return _failed(f"interrupted before the diagrams; the rows are in {options.output / TABLE}", INTERRUPTED)
     except ValueError as error:
         return _failed(str(error))
     except OSError as error:
@@ -184,7 +204,7 @@ def _effort(options: argparse.Namespace) -> Effort:
     if not options.patience > 0.0:
         raise ValueError(f"--patience {options.patience:g}: must be positive")
     return replace(Effort(), repeats=options.repeats, horizon=options.horizon, starts=options.starts,
-                   patience=options.patience)
+                   patience=options.patience, patience_for_averages=4.0 * options.patience)
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -206,7 +226,8 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--starts", type=int, default=default.starts, metavar="N",
                         help=f"starts of a mean speed (default: {default.starts})")
     parser.add_argument("--patience", type=float, default=default.patience, metavar="S", help="run time after which a "
-                        f"setting is not repeated nor a finer one tried (default: {default.patience:g})")
+                        "setting is not repeated nor a finer one tried; four times that for a mean speed's starts "
+                        f"(default: {default.patience:g})")
     parser.add_argument("--output", type=Path, default=Path("out/accuracy"), metavar="DIR",
                         help="where to write (default: out/accuracy)")
     return parser

@@ -1,26 +1,31 @@
 """For how long trajectories can be compared, and what can be compared beyond: Lyapunov time, and mean speed.
 
 Of two exact runs that start a 1e-10th apart, the distance grows as exp(t / Lyapunov time) in a chaotic scene. The
-start differs in the motor's speed during the first second alone, hence only in state afterwards; the pairs are begun
-anew from other starts instead of being scaled back.
+start differs in the motor's speed during the first second alone, hence only in state afterwards. A pair is not scaled
+back when it has parted: others are begun from other starts, because the loss-free masses are not ergodic and the
+exponent differs from start to start more than along one of them. Until a pair feels the size of the motion, it grows at
+the same rate from 1e-9 to 1e-13 apart.
 """
 
 import math
+import multiprocessing
+import signal
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from scipy.stats import t as student
 
 from vibro_ros.model.scene import Scene
-from vibro_ros.simulator import Simulator
-from vibro_ros.study.effects import mean_speeds
+from vibro_ros.simulator import compile_kernels
+from vibro_ros.study.effects import STARTING, from_start, mean_speed
 from vibro_ros.study.methods import drive_speed
 
-#: Longest horizon [s] of a comparison of trajectories, and how many Lyapunov times it may have: an error of the first
+#: Longest horizon [s] of a comparison by every method, and how many Lyapunov times it may have: an error of the first
 #: instant has grown e^5 = 150 times by then.
 LONGEST_HORIZON, LYAPUNOV_TIMES = 1.0, 5.0
 _APART = 1e-10  # relative difference of the motor speeds in the first second
-_STARTING = 1.0  # s
+_FORK = multiprocessing.get_context("fork")  # as `parallel`: workers have what their parent has compiled
 _WINDOW, _PER_WINDOW = 0.1, 50  # s; the distance counts by its maximum in a window, longer than a turn of the crank
 _SATURATED = 1e-4  # m, where the distance begins to feel the size of the motion
 _GROWN = 1e3  # times: what a distance grows by linearly, while phases drift apart, is less
@@ -51,9 +56,14 @@ class Growth:
         return 1.0 / self.rate if self.chaotic else math.inf
 
     @property
+    def comparable(self) -> float:
+        """Time [s] within which trajectories can be compared; as far as was watched where there is no chaos."""
+        return min(self.duration, LYAPUNOV_TIMES * self.lyapunov_time)
+
+    @property
     def horizon(self) -> float:
-        """Time [s] within which trajectories can be compared."""
-        return min(LONGEST_HORIZON, LYAPUNOV_TIMES * self.lyapunov_time)
+        """Time [s] within which they are."""
+        return min(LONGEST_HORIZON, self.comparable)
 
     def __str__(self):
         if self.chaotic:
@@ -84,11 +94,23 @@ def cruising_speed(scene: Scene) -> float:
 
 
 def speed_over_starts(scene: Scene, duration: float, starts: int) -> Average:
-    """Mean speed of the body [m/s] by the scene's own method, once it has settled; see `effects.mean_speeds`."""
-    return average(mean_speeds(scene, duration, starts, cruising_speed(scene)))
+    """Mean speed of the body [m/s] by the scene's own method, once it has settled; see `effects.mean_speeds`.
+
+    The starts are shared among all cores.
+
+    Raises
+    ------
+    SimulationError
+        If a run cannot go on.
+    """
+    compile_kernels(scene["solver.method"])  # once for all that are forked
+    of_start = partial(mean_speed, scene, duration, speed=cruising_speed(scene))
+    # Ctrl-C reaches the parent as well, which ends its workers.
+    with _FORK.Pool(initializer=signal.signal, initargs=(signal.SIGINT, signal.SIG_IGN)) as pool:
+        return average(np.array(pool.map(of_start, np.arange(starts) / starts, chunksize=1)))
 
 
-def growth(scene: Scene, duration: float = 15.0, starts: int = 6) -> Growth:
+def growth(scene: Scene, duration: float = 15.0, starts: int = 24) -> Growth:
     """Estimate the largest Lyapunov exponent of the masses' motion from pairs of exact runs."""
     scene = scene.with_parameters({"solver.method": "exact", "solver.audit": False})
     pairs = [_growth_of_pair(scene, duration, k / starts) for k in range(starts)]
@@ -111,12 +133,7 @@ def _growth_of_pair(scene: Scene, duration: float, share: float) -> tuple[float,
 
 def _masses(scene: Scene, duration: float, share: float, change: float) -> np.ndarray:
     """Positions of both masses, shape (2, n), of one start."""
-    speed = cruising_speed(scene)
-    device = Simulator(scene)
-    device.command(motor_speed=0.5 * speed * (1.0 + share) * (1.0 - change))
-    device.advance_to(_STARTING)
-    device.command(motor_speed=speed)
     windows = round(duration / _WINDOW)
-    times = _STARTING + _WINDOW / _PER_WINDOW * np.arange(1, windows * _PER_WINDOW + 1)
-    run = device.sample(times)
+    times = STARTING + _WINDOW / _PER_WINDOW * np.arange(1, windows * _PER_WINDOW + 1)
+    run = from_start(scene, (1.0 + share) * (1.0 - change) - 1.0, cruising_speed(scene), times)
     return np.stack([run.upper_position, run.inclined_position])

@@ -16,6 +16,7 @@ import numpy as np
 from vibro_ros.model.parameters import Value
 from vibro_ros.model.scene import Scene
 from vibro_ros.model.tables import compile_scene
+from vibro_ros.samples import Samples
 from vibro_ros.scene_file import load_scene
 from vibro_ros.simulator import Simulator
 from vibro_ros.solver.system import NOTHING
@@ -27,7 +28,7 @@ END = "<!-- end of effects -->"
 #: Motor speed of the runs [rad/s], the paper's.
 SPEED = 100.0
 #: Time [s] that a start is given before its mean speed counts, and of that, the time at another motor speed.
-SETTLING, _STARTING = 4.0, 1.0
+SETTLING, STARTING = 4.0, 1.0
 _RATE = 200.0
 
 
@@ -142,16 +143,24 @@ def mean_speeds(scene: Scene, duration: float, starts: int, speed: float = SPEED
     another motor speed in the first second, from half of `speed` [rad/s] up; `SETTLING` seconds do not count.
     The array is shared between calls for the same scene, and read-only.
     """
-    means = np.empty(starts)
-    for k in range(starts):
-        device = Simulator(scene)
-        device.command(motor_speed=speed * (1.0 + k / starts) / 2.0)
-        device.advance_to(_STARTING)
-        device.command(motor_speed=speed)
-        begin, end = device.sample(np.array([SETTLING, SETTLING + duration])).body_position
-        means[k] = (end - begin) / duration
+    means = np.array([mean_speed(scene, duration, k / starts, speed) for k in range(starts)])
     means.setflags(write=False)
     return means
+
+
+def mean_speed(scene: Scene, duration: float, share: float, speed: float = SPEED) -> float:
+    """One of `mean_speeds`: that of the start whose first second is `share` of the way from half of `speed` to it."""
+    begin, end = from_start(scene, share, speed, np.array([SETTLING, SETTLING + duration])).body_position
+    return (end - begin) / duration
+
+
+def from_start(scene: Scene, share: float, speed: float, times: np.ndarray) -> Samples:
+    """Samples at `times` [s], after the first second, of one of the starts of `mean_speeds`."""
+    device = Simulator(scene)
+    device.command(motor_speed=speed * (1.0 + share) / 2.0)
+    device.advance_to(STARTING)
+    device.command(motor_speed=speed)
+    return device.sample(times)
 
 
 def cost_ratio(with_it: Scene, without: Scene, duration: float, repeats: int) -> float:

@@ -6,6 +6,7 @@ import statistics
 import time as wall_clock
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -17,17 +18,23 @@ from vibro_ros.study.chaos import Growth, growth, speed_over_starts
 from vibro_ros.study.errors import Errors, errors
 from vibro_ros.study.methods import METHODS, Answer, Method, UnableError, drive_speed
 
-TRAJECTORY, AVERAGE, REFERENCE = "trajectory", "mean speed", "reference"
+TRAJECTORY, NEED, AVERAGE, REFERENCE = "trajectory", "need", "mean speed", "reference"
 #: Step of the baseline [s].
 BASELINE_STEP = 1e-5
 #: Steps [s] at which mean speeds are measured.
-AVERAGE_STEPS = (1e-3, 3e-4, 1e-4, 3e-5, 1e-5, 3e-6, 1e-6)
+AVERAGE_STEPS = (1e-3, 5e-4, 2e-4, 1e-4, 5e-5, 2e-5, 1e-5, 5e-6, 2e-6, 1e-6)
+#: Horizons [s] of what is asked for: a short one, which chaos allows everywhere, and a long one.
+SHORT, LONG = 0.2, 10.0
+#: Methods that may meet a need for least: compiled ones, as a right-hand side in Python costs a hundred times as much.
+COMPILED = ("exact", *SCHEMES, "heyoka")
 _RATE = 1000.0  # samples per second
+_OF_BASELINE = 1001  # samples that the baseline is run for at most
 _FINEST_EXACT, _FINEST_PEER, _FINEST_LOCATED = 1e-12, 1e-15, 1e-13  # tolerances
+_MOST_EVALUATIONS = 3e5  # a second, of a reference without heyoka: the shipped scenes need up to 7e4
 # Starts for the exact mean, times those of the others: it is what they are measured against, and cheap.
 _MORE_STARTS = 4
-# A mean speed is one row of many runs: so many times `Effort.patience` ends its ladder.
-_MORE_PATIENCE = 4.0
+# m/s, about that of sound: a body that is faster has no mean speed, its method has diverged.
+_DIVERGED = 300.0
 
 
 @dataclass(frozen=True)
@@ -41,10 +48,14 @@ class Effort:
     horizon : float or None
         Time over which trajectories are compared [s]; by the Lyapunov time if None.
     patience : float
-        A row's runs [s] after which it is not repeated, and after which its method's ladder goes no further; four
-        times that for a mean speed.
+        Time [s] of one run after which its method's ladder goes no further; steps that are expected to take longer are
+        not tried. Nothing is repeated after a quarter of it: a long run's time has less scatter.
+    patience_for_averages : float
+        The same for all starts of a mean speed.
+    thorough : tuple of str
+        Methods whose mean speeds are measured at every step, however long it takes.
     starts : int
-        Starts of a mean speed, at least 2.
+        Starts of a mean speed, at least 2; the spread between them does not shrink with their duration.
     duration : float
         Time of each start that counts [s].
     """
@@ -52,15 +63,18 @@ class Effort:
     repeats: int = 5
     horizon: float | None = None
     patience: float = 2.0
-    starts: int = 16
-    duration: float = 20.0
+    patience_for_averages: float = 8.0
+    thorough: tuple[str, ...] = ()
+    starts: int = 32
+    duration: float = 5.0
 
 
 @dataclass(frozen=True)
 class Row:
     """A line of the table; NaN where a number does not apply.
 
-    `compared` is `TRAJECTORY` (the errors are distances within `horizon`), `AVERAGE` (`mean_speed` and its 95 %
+    `compared` is `TRAJECTORY` (the errors are distances within `horizon`), `NEED` (the same, within `SHORT` or `LONG`),
+    `AVERAGE` (`mean_speed` and its 95 %
     interval, over `repeats` starts of `horizon` seconds, of which `starts_forwards` have a positive one) or
     `REFERENCE` (the errors are those of the exact method against the independent method named). `cost` is a ratio to
     the baseline's, `wall_time` in seconds; lengths in m, times in s, speeds in m/s.
@@ -115,6 +129,91 @@ STUDIED: dict[str, Method] = {name: _thinned(method) for name, method in METHODS
     "baseline": Method(by_baseline, "step", (BASELINE_STEP,))}
 
 
+class Comparison:
+    """Trajectories of a scene within one horizon.
+
+    Attributes
+    ----------
+    scene : Scene
+        What is simulated.
+    times : ndarray
+        Instants [s] at which trajectories are compared.
+    reference : Answer
+        By the exact method.
+    uncertainty : Row
+        Errors of the reference against the most accurate independent method at hand, named there.
+    """
+
+    def __init__(self, scene: Scene, horizon: float, effort: Effort, kind: str = TRAJECTORY):
+        self.scene, self._effort, self._kind = scene, effort, kind
+        self.times = np.arange(max(1, round(horizon * _RATE)) + 1) / _RATE
+        self.horizon = float(self.times[-1])
+        self.reference = METHODS["exact"](scene, self.times, _FINEST_EXACT)
+        self.uncertainty = self._uncertainty()
+
+    def rows(self, methods: Mapping[str, Method]) -> Iterator[Row]:
+        """The reference's uncertainty, then each method's ladder."""
+        yield self.uncertainty
+        for name, method in methods.items():
+            yield from self._ladder(name, method)
+
+    def _row(self, compared: str, name: str, setting: str, value: float, **numbers) -> Row:
+        return Row(self.scene.name, compared, name, setting, value, self.horizon, **{"repeats": 1} | numbers)
+
+    def _uncertainty(self) -> Row:
+        peers = {"heyoka": (METHODS["heyoka"], _FINEST_PEER)} if importlib.util.find_spec("heyoka") else {}
+        patient = partial(METHODS["DOP853"].run, most_evaluations=_MOST_EVALUATIONS)
+        reasons = []
+        for name, (method, tolerance) in (peers | {"DOP853": (patient, _FINEST_LOCATED)}).items():
+            try:
+                found = method(self.scene, self.times, tolerance)
+            except UnableError as error:
+                reasons.append(str(error))
+                continue
+            return self._row(REFERENCE, name, "tolerance", tolerance, **_named(errors(self.reference, found)))
+        return self._row(REFERENCE, "none", "tolerance", math.nan, note="; ".join(reasons))
+
+    def _ladder(self, name: str, method: Method) -> Iterator[Row]:
+        try:  # what is compiled at first use is not the method's cost
+            method(self.scene, self.times[:2], method.ladder[0])
+        except UnableError:
+            pass
+        before, seconds = math.inf, 0.0
+        for value in method.ladder:
+            if _expected(method.setting, before, seconds, value) > self._effort.patience:
+                return
+            began = wall_clock.perf_counter()
+            row = self._measured(name, method, value)
+            yield row
+            seconds = row.wall_time if math.isfinite(row.wall_time) else wall_clock.perf_counter() - began
+            before = value if math.isfinite(row.wall_time) else math.inf
+            if seconds > self._effort.patience:
+                return
+
+    def _measured(self, name: str, method: Method, value: float) -> Row:
+        walls, ratios = [], []
+        while len(walls) < self._effort.repeats and sum(walls) <= self._effort.patience / 4.0:
+            try:
+                answer = method(self.scene, self.times, value)
+            except UnableError as error:
+                return self._row(self._kind, name, method.setting, value, repeats=0, note=str(error))
+            walls.append(answer.wall_time)
+            ratios.append(answer.wall_time / (answer.wall_time if name == "baseline" else self._baseline()))
+        off = errors(answer, self.reference)
+        if not off.finite:
+            return self._row(self._kind, name, method.setting, value, repeats=len(walls), note="positions not finite")
+        return self._row(self._kind, name, method.setting, value, repeats=len(walls), cost=statistics.median(ratios),
+                         wall_time=statistics.median(walls), **_named(off))
+
+    def _baseline(self) -> float:
+        """Wall time of the baseline now [s], each of whose steps costs the same; NaN where it lacks an effect."""
+        times = self.times[:_OF_BASELINE]
+        try:
+            return by_baseline(self.scene, times, BASELINE_STEP).wall_time * self.horizon / float(times[-1])
+        except UnableError:
+            return math.nan
+
+
 class SceneStudy:
     """The study of one scene; `rows` measures, everything before it is the reference.
 
@@ -124,106 +223,73 @@ class SceneStudy:
         As loaded.
     growth : Growth
         Its chaos.
-    times : ndarray
-        Instants [s] at which trajectories are compared.
-    reference : Answer
-        By the exact method.
-    uncertainty : Row
-        Errors of the reference against the most accurate independent method at hand, named there.
+    comparison : Comparison
+        Within the horizon that chaos allows, or that was asked for.
     """
 
     def __init__(self, scene: Scene, effort: Effort):
-        self.scene, self.effort = scene, effort
+        self.scene, self._effort = scene, effort
         self.growth: Growth = growth(scene)
         horizon = effort.horizon or math.floor(self.growth.horizon * 20.0) / 20.0 or 0.05
-        self.times = np.arange(max(1, round(horizon * _RATE)) + 1) / _RATE
-        self.horizon = float(self.times[-1])
-        self.reference = METHODS["exact"](scene, self.times, _FINEST_EXACT)
-        self.uncertainty = self._uncertainty()
+        self.comparison = Comparison(scene, horizon, effort)
+
+    @property
+    def needs(self) -> tuple[float, ...]:
+        """Horizons [s] of needs that chaos allows."""
+        return tuple(horizon for horizon in (SHORT, LONG) if horizon <= self.growth.comparable)
 
     def count(self, methods: Mapping[str, Method]) -> int:
-        """Number of rows that are tried."""
-        averages = [1 if name == "exact" else len(AVERAGE_STEPS) for name in methods if name in ("exact", *SCHEMES)]
-        return 1 + sum(len(method.ladder) for method in methods.values()) + sum(averages)
+        """Number of rows that are tried at most."""
+        rungs = {name: len(method.ladder) for name, method in methods.items()}
+        averages = [1 if name == "exact" else len(AVERAGE_STEPS) for name in _devices(methods)]
+        needs = len(self.needs) * (1 + sum(rungs[name] for name in COMPILED if name in rungs))
+        return 1 + sum(rungs.values()) + needs + sum(averages)
 
     def rows(self, methods: Mapping[str, Method]) -> Iterator[Row]:
-        """Measure row by row: the reference, trajectories, then mean speeds."""
-        yield self.uncertainty
-        for name, method in methods.items():
-            yield from self._trajectories(name, method)
-        for name in methods:
-            if name == "exact" or name in SCHEMES:
-                yield from self._averages(name)
-
-    def _row(self, compared: str, name: str, setting: str, value: float, **numbers) -> Row:
-        return Row(self.scene.name, compared, name, setting, value, **{"horizon": self.horizon, "repeats": 1} | numbers)
-
-    def _uncertainty(self) -> Row:
-        peers = {"heyoka": _FINEST_PEER} if importlib.util.find_spec("heyoka") else {}
-        reasons = []
-        for name, tolerance in (peers | {"DOP853": _FINEST_LOCATED}).items():
-            try:
-                found = METHODS[name](self.scene, self.times, tolerance)
-            except UnableError as error:
-                reasons.append(str(error))
-                continue
-            return self._row(REFERENCE, name, "tolerance", tolerance, **_named(errors(self.reference, found)))
-        return self._row(REFERENCE, "none", "tolerance", math.nan, note="; ".join(reasons))
-
-    def _trajectories(self, name: str, method: Method) -> Iterator[Row]:
-        try:  # what is compiled at first use is not the method's cost
-            method(self.scene, self.times[:2], method.ladder[0])
-        except UnableError:
-            pass
-        for value in method.ladder:
-            row = self._trajectory(name, method, value)
-            yield row
-            if row.wall_time > self.effort.patience:
-                return
-
-    def _trajectory(self, name: str, method: Method, value: float) -> Row:
-        walls, ratios = [], []
-        while len(walls) < self.effort.repeats and sum(walls) < self.effort.patience:
-            try:
-                answer = method(self.scene, self.times, value)
-            except UnableError as error:
-                return self._row(TRAJECTORY, name, method.setting, value, repeats=0, note=str(error))
-            walls.append(answer.wall_time)
-            ratios.append(answer.wall_time / (answer.wall_time if name == "baseline" else self._baseline()))
-        off = errors(answer, self.reference)
-        if not off.finite:
-            return self._row(TRAJECTORY, name, method.setting, value, repeats=len(walls), note="positions not finite")
-        return self._row(TRAJECTORY, name, method.setting, value, repeats=len(walls), cost=statistics.median(ratios),
-                         wall_time=statistics.median(walls), **_named(off))
-
-    def _baseline(self) -> float:
-        """Wall time of the baseline now [s]; NaN where it lacks one of the scene's effects."""
-        try:
-            return by_baseline(self.scene, self.times, BASELINE_STEP).wall_time
-        except UnableError:
-            return math.nan
+        """Measure row by row: trajectories within the horizon, within those of needs, then mean speeds."""
+        yield from self.comparison.rows(methods)
+        compiled = {name: methods[name] for name in COMPILED if name in methods}
+        for horizon in self.needs if compiled else ():
+            yield from Comparison(self.scene, horizon, self._effort, NEED).rows(compiled)
+        for name in _devices(methods):
+            yield from self._averages(name)
 
     def _averages(self, name: str) -> Iterator[Row]:
-        effort = self.effort
         if name == "exact":
-            settings = {METHODS["exact"].ladder[-1]: {"solver.method": name}}
-        else:
-            settings = {step: {"solver.method": name, "solver.step": step} for step in AVERAGE_STEPS}
-        starts = effort.starts * (_MORE_STARTS if name == "exact" else 1)
-        for value, parameters in settings.items():
-            kind = "tolerance" if name == "exact" else "step"
-            scene = self.scene.with_parameters(parameters | {"solver.audit": False})
-            began = wall_clock.perf_counter()
-            try:
-                found = speed_over_starts(scene, effort.duration, starts)
-            except SimulationError as error:
-                yield self._row(AVERAGE, name, kind, value, horizon=effort.duration, repeats=0, note=str(error))
-                continue
-            wall_time = wall_clock.perf_counter() - began
-            yield self._row(AVERAGE, name, kind, value, horizon=effort.duration, repeats=starts, wall_time=wall_time,
-                            mean_speed=found.mean, mean_speed_spread=found.spread, starts_forwards=found.positive)
-            if wall_time > _MORE_PATIENCE * effort.patience:
+            yield self._average(name, "tolerance", METHODS["exact"].ladder[-1], {}, _MORE_STARTS)
+            return
+        before, seconds = math.inf, 0.0
+        patience = math.inf if name in self._effort.thorough else self._effort.patience_for_averages
+        for step in AVERAGE_STEPS:
+            if _expected("step", before, seconds, step) > patience:
                 return
+            row = self._average(name, "step", step, {"solver.step": step})
+            yield row
+            before, seconds = (step, row.wall_time) if math.isfinite(row.wall_time) else (before, seconds)
+
+    def _average(self, name: str, kind: str, value: float, parameters: dict, more: int = 1) -> Row:
+        duration, starts = self._effort.duration, more * self._effort.starts
+        row = Row(self.scene.name, AVERAGE, name, kind, value, duration, repeats=starts)
+        scene = self.scene.with_parameters(parameters | {"solver.method": name, "solver.audit": False})
+        began = wall_clock.perf_counter()
+        try:
+            found = speed_over_starts(scene, duration, starts)
+        except SimulationError as error:
+            return replace(row, repeats=0, note=str(error))
+        row = replace(row, wall_time=wall_clock.perf_counter() - began)
+        if not abs(found.mean) + found.spread < _DIVERGED:
+            return replace(row, note=f"diverged: faster than {_DIVERGED:g} m/s")
+        return replace(row, mean_speed=found.mean, mean_speed_spread=found.spread, starts_forwards=found.positive)
+
+
+def _devices(methods: Mapping[str, Method]) -> list[str]:
+    """The device's own methods, whose mean speeds are measured."""
+    return [name for name in methods if name == "exact" or name in SCHEMES]
+
+
+def _expected(setting: str, before: float, seconds: float, value: float) -> float:
+    """Time [s] that a setting will take after one that took `seconds`: steps cost by their number."""
+    return seconds * before / value if setting == "step" and math.isfinite(before) else 0.0
 
 
 def _named(off: Errors) -> dict[str, float]:

@@ -9,9 +9,12 @@ from matplotlib.figure import Figure
 
 from vibro_ros.study.precision import AVERAGE, REFERENCE, TRAJECTORY, Row
 
-_COLOURS = {"exact": "#000000", "rk4": "#1f6fb4", "semi_implicit_euler": "#2b8a5b", "moreau": "#d1671b",
-            "DOP853": "#8b3fa0", "Radau": "#c2255c", "LSODA": "#946200", "heyoka": "#0b7285", "baseline": "#868e96"}
-_OTHER, _GRID, _BAND = "#e03131", "#e8e8e8", "#dddddd"
+# Okabe and Ito's colours, which the colour-blind can tell apart, and markers for everybody else who cannot.
+_STYLES = {"exact": ("#000000", "*"), "rk4": ("#0072b2", "o"), "semi_implicit_euler": ("#009e73", "s"),
+           "moreau": ("#d55e00", "^"), "DOP853": ("#cc79a7", "v"), "Radau": ("#e69f00", "<"), "LSODA": ("#56b4e9", ">"),
+           "heyoka": ("#5b2c83", "D"), "baseline": ("#777777", "X")}
+_OTHER = ("#a00000", "P")
+_GRID, _BAND, _NEAR = "#e8e8e8", "#dddddd", "#f6e58d"
 # m or s, longer than the robot and the horizon: a method that is off by more has diverged, and leaves the panel.
 _LARGEST_ERROR = 1.0
 _PANELS = (("body_error", "error of the body's position [m]"), ("mass_error", "error of the masses' positions [m]"),
@@ -37,7 +40,7 @@ def draw_precision(rows: Sequence[Row], caption: str) -> Figure:
     Figure
         Three panels of errors of trajectories, and one of mean speeds with 95 % intervals.
     """
-    figure = Figure(figsize=(14.0, 10.0), dpi=110, layout="constrained", facecolor="white")
+    figure = Figure(figsize=(13.0, 9.3), dpi=100, layout="constrained", facecolor="white")
     FigureCanvasAgg(figure)
     axes = figure.subplots(2, 2)
     for axis, (column, label) in zip(axes.flat, _PANELS, strict=False):
@@ -59,17 +62,21 @@ def _draw_errors(axes: Axes, rows: Sequence[Row], column: str, label: str) -> No
     for name in dict.fromkeys(row.method for row in trajectories):
         points = [(row.cost, max(getattr(row, column), floor)) for row in trajectories
                   if row.method == name and math.isfinite(getattr(row, column))]
-        style = {"marker": "*", "ms": 15} if name == "exact" else {"marker": "o", "ms": 4}
-        axes.loglog(*zip(*points, strict=True) if points else ([], []), color=_colour(name), lw=1.4, label=name,
-                    ls="--" if name.endswith("_blind") else "-", **style)
+        axes.loglog(*zip(*points, strict=True) if points else ([], []), lw=1.4, label=name,
+                    ls="--" if name.endswith("_blind") else "-", **style(name))
     axes.set_ylim(floor / 10.0, _LARGEST_ERROR)
-    axes.axhspan(floor / 10.0, floor, color=_BAND, lw=0)
-    axes.text(0.01, 0.02, "below the reference's own error", transform=axes.transAxes, fontsize=8)
+    if trajectories and all(math.isnan(getattr(row, column)) for row in trajectories):
+        axes.text(0.5, 0.5, "nothing touches", transform=axes.transAxes, ha="center")
+        axes.set(xticks=[], yticks=[])
+        axes.minorticks_off()
+    else:
+        axes.axhspan(floor / 10.0, floor, color=_BAND, lw=0)
+        axes.text(0.99, 0.02, "below the reference's own error", transform=axes.transAxes, fontsize=8, ha="right")
     axes.set_title(f"trajectories, within {trajectories[0].horizon:g} s" if trajectories else "no trajectories",
                    fontsize=10, loc="left")
     axes.set_xlabel("cost, RK4 at 1e-5 s = 1")
     axes.set_ylabel(label)
-    _tidy(axes)
+    tidy(axes)
 
 
 def _draw_speeds(axes: Axes, rows: Sequence[Row]) -> None:
@@ -77,31 +84,43 @@ def _draw_speeds(axes: Axes, rows: Sequence[Row]) -> None:
     averages = [row for row in rows if row.compared == AVERAGE and math.isfinite(row.mean_speed)]
     exact = next((row for row in averages if row.method == "exact"), None)
     if exact:
+        axes.axhline(0.0, color="#777777", lw=0.8, ls=":")
         axes.axhline(exact.mean_speed, color="black", lw=1.2)
         axes.axhspan(exact.mean_speed - exact.mean_speed_spread, exact.mean_speed + exact.mean_speed_spread,
                      color="#999999", alpha=0.5, lw=0)
-        reach = _LARGEST_DIFFERENCE * max(abs(exact.mean_speed), 10.0 * exact.mean_speed_spread) or 1.0
-        axes.set_ylim(exact.mean_speed - reach, exact.mean_speed + reach)
+        axes.set_ylim(*_limits([row.mean_speed for row in averages], exact))
         near = WITHIN * abs(exact.mean_speed)
-        axes.axhspan(exact.mean_speed - near, exact.mean_speed + near, color=_BAND, alpha=0.5, lw=0)
+        axes.axhspan(exact.mean_speed - near, exact.mean_speed + near, color=_NEAR, lw=0, zorder=0)
     for name in dict.fromkeys(row.method for row in averages if row is not exact):
         own = [row for row in averages if row.method == name]
         axes.errorbar([row.value for row in own], [row.mean_speed for row in own],
-                      yerr=[row.mean_speed_spread for row in own], color=_colour(name), marker="o", ms=4, capsize=3)
+                      yerr=[row.mean_speed_spread for row in own], capsize=3, **style(name))
     axes.set_xscale("log")
     if averages:
         axes.set_title(f"averages, beyond the horizon: {averages[-1].repeats} starts of {averages[-1].horizon:g} s\n"
-                       "95 % intervals; black: exact, light band: ± 5 %", fontsize=10, loc="left")
+                       "95 % intervals; black: exact, coloured band: ± 5 %", fontsize=10, loc="left")
     axes.set_xlabel("step [s]")
     axes.set_ylabel("mean speed [m/s]")
-    _tidy(axes)
+    tidy(axes)
 
 
-def _colour(name: str) -> str:
-    return _COLOURS.get(name.removesuffix("_blind"), _OTHER)
+def style(name: str) -> dict[str, object]:
+    """Colour and marker of a method in every diagram."""
+    colour, marker = _STYLES.get(name.removesuffix("_blind"), _OTHER)
+    hollow = {"mfc": "white"} if name.endswith("_blind") else {}
+    return {"color": colour, "marker": marker, "ms": 14 if marker == "*" else 5, **hollow}
 
 
-def _tidy(axes: Axes) -> None:
+def _limits(speeds: Sequence[float], exact: Row) -> tuple[float, float]:
+    """Of the panel of mean speeds: 0, and all that differ from the exact one by at most `_LARGEST_DIFFERENCE`."""
+    reach = _LARGEST_DIFFERENCE * max(abs(exact.mean_speed), 10.0 * exact.mean_speed_spread) or 1.0
+    shown = [0.0, *(speed for speed in speeds if abs(speed - exact.mean_speed) <= reach)]
+    margin = 0.12 * (max(shown) - min(shown)) or 1.0
+    return min(shown) - margin, max(shown) + margin
+
+
+def tidy(axes: Axes) -> None:
+    """Grid and spines of every diagram."""
     axes.grid(color=_GRID, lw=0.8)
     axes.set_axisbelow(True)
     axes.spines[["top", "right"]].set_visible(False)

@@ -1,4 +1,4 @@
-"""A work-precision study in words: findings, recommendations, and the table in Markdown."""
+"""A work-precision study in words: findings, and the tables in Markdown."""
 
 import math
 from collections.abc import Sequence
@@ -8,29 +8,19 @@ from vibro_ros.study.precision_diagram import WITHIN
 
 _HEADING = ("method", "setting", "cost, RK4 = 1", "wall time", "runs", "body", "masses", "contacts", "mean speed", "")
 BELOW = "below the reference's"
-#: Needs that the recommendations answer: in words, column of the error, its limit in SI units.
-_NEEDS = (("the body's position to 1 mm", "body_error", 1e-3), ("every position to 1 µm", "mass_error", 1e-6),
-          ("every position to 1 nm", "mass_error", 1e-9), ("instants of contacts to 1 µs", "event_error", 1e-6))
 
 
 def reference_of(rows: Sequence[Row]) -> Row:
-    """The row of the reference's uncertainty."""
+    """The row of the reference's uncertainty, within the diagram's horizon."""
     return next(row for row in rows if row.compared == REFERENCE)
 
 
 def markdown(rows: Sequence[Row]) -> str:
-    """Both tables of one scene: trajectories, and mean speeds."""
+    """Table of one scene's trajectories."""
     reference = reference_of(rows)
     lines = [f"Trajectories, compared within {reference.horizon:g} s; errors are the largest within it.", "",
              _line(_HEADING), "|---" * len(_HEADING) + "|"]
     lines += [_line(_trajectory(row, reference)) for row in rows if row.compared == TRAJECTORY]
-    averages = [row for row in rows if row.compared == AVERAGE]
-    if averages:
-        lines += ["", "Averages, beyond the horizon: mean speed of the body, 95 % confidence interval over starts.", "",
-                  "| method | setting | starts | of | mean speed | |\n|---|---|---|---|---|---|"]
-        lines += [_line((row.method, _setting(row), row.repeats, f"{row.horizon:g} s",
-                         f"{1e3 * row.mean_speed:.2f} ± {1e3 * row.mean_speed_spread:.2f} mm/s"
-                         if math.isfinite(row.mean_speed) else "-", row.note)) for row in averages]
     return "\n".join(lines)
 
 
@@ -45,8 +35,8 @@ def reference_in_words(row: Row) -> str:
 
 def findings(rows: Sequence[Row]) -> list[str]:
     """`finding` for each method whose mean speeds were measured."""
-    methods = dict.fromkeys(row.method for row in rows if row.compared == AVERAGE and row.method != "exact")
-    return [finding(rows, method) for method in methods]
+    methods = (row.method for row in rows if row.compared == AVERAGE and row.method != "exact")
+    return list(dict.fromkeys(finding(rows, method) for method in dict.fromkeys(methods)))
 
 
 def finding(rows: Sequence[Row], method: str = "rk4") -> str:
@@ -55,65 +45,75 @@ def finding(rows: Sequence[Row], method: str = "rk4") -> str:
     exact = next((row for row in averages if row.method == "exact"), None)
     own = sorted((row for row in averages if row.method == method), key=lambda row: -row.value)
     if exact is None or not own:
-        return f"Finding: not enough was measured to judge {method}'s mean speed."
+        return f"Not enough was measured to judge {method}'s mean speed."
     truth = f"exact: {_speed(exact)}"
-    if abs(exact.mean_speed) <= exact.mean_speed_spread:
-        return f"Finding: the mean speed is not known to differ from 0 ({truth}); no 5 % of it can be asked for."
+    if exact.mean_speed_spread >= WITHIN * abs(exact.mean_speed):
+        return f"The mean speed is not known to {WITHIN:.0%} ({truth}): no method can be judged by it."
     good = len(own)
     while good and abs(own[good - 1].mean_speed / exact.mean_speed - 1.0) <= WITHIN:
         good -= 1
     first = "at no step tried" if good == len(own) else f"from dt = {own[good].value:g} s down"
     first += ", the finest tried," if good == len(own) - 1 else ""
-    text = f"Finding: {method} reports the mean speed within {WITHIN:.0%} {first} ({truth}"
+    text = f"`{method}` reports the mean speed within {WITHIN:.0%} {first} ({truth}"
     text += f"; {method}: {_speed(own[good])})." if good < len(own) else ")."
     failed = [f"{row.value:g} s" for row in rows if row.compared == AVERAGE and row.method == method
               and not math.isfinite(row.mean_speed)]
     if failed:
-        text += f" It cannot go on at all at {', '.join(failed)}."
+        text += f" At {', '.join(failed)} it diverges."
     if good:
         text += " Before that: " + "; ".join(_verdict(row, exact) for row in own[:good]) + "."
     elif not failed:
         text += " No coarser step was tried."
-    widest = max(row.mean_speed_spread for row in (*own[good:], exact)) / abs(exact.mean_speed)
-    if widest > WITHIN:
-        text += f" The intervals, up to {widest:.0%} wide either side, are wider than that: more starts would tell."
+    if good < len(own):
+        off = abs(own[good].mean_speed - exact.mean_speed)
+        off += math.hypot(own[good].mean_speed_spread, exact.mean_speed_spread)
+        if off > WITHIN * abs(exact.mean_speed):
+            text += f" Its interval allows for {off / abs(exact.mean_speed):.0%}."
     return text
 
 
-def recommendations(rows: Sequence[Row]) -> str:
-    """The cheapest row that meets each need, as a table."""
-    reference = reference_of(rows)
-    lines = ["| I need | use | cost, RK4 = 1 |", "|---|---|---|"]
-    trajectories = [row for row in rows if row.compared == TRAJECTORY and math.isfinite(row.cost)]
-    for need, column, limit in _NEEDS:
-        known = getattr(reference, column) < limit
-        able = [row for row in trajectories if known and getattr(row, column) < limit]
-        best = min(able, key=lambda row: row.cost, default=None)
-        lines.append(f"| {need}, after {reference.horizon:g} s | {_use(best)} |")
-    lines.append(f"| mean speed within 1 % | {_mean_speed_advice(rows)} |")
-    return "\n".join(lines)
+def speeds_table(rows: Sequence[Row]) -> str:
+    """Mean speeds by method and step in Markdown; bold within 5 %, marked where they have the wrong sign."""
+    averages = {(row.method, row.value): row for row in rows if row.compared == AVERAGE}
+    exact = next((row for (method, _), row in averages.items() if method == "exact"), None)
+    steps = sorted({value for method, value in averages if method != "exact"}, reverse=True)
+    if exact is None or not steps:
+        return "No mean speeds were measured."
+    methods = dict.fromkeys(method for method, _ in averages if method != "exact")
+    heads = ("mean speed, mm/s", *(f"{step:.0e} s" for step in steps))
+    lines = [_line(heads), "|---" * len(heads) + "|"]
+    lines += [_line((method, *(_cell(averages.get((method, step)), exact) for step in steps))) for method in methods]
+    judged = f"Bold: within {WITHIN:.0%}; (!): the wrong way."
+    if exact.mean_speed_spread >= WITHIN * abs(exact.mean_speed):
+        judged = f"It is not known to {WITHIN:.0%}: no method can be judged by it."
+    return "\n".join([*lines, "", f"By `exact`, {exact.repeats} starts of {exact.horizon:g} s: {_speed(exact)}, "
+                      f"with a 95 % interval over starts as all of them. {judged}"])
 
 
-def _mean_speed_advice(rows: Sequence[Row]) -> str:
-    exact = next((row for row in rows if row.compared == AVERAGE and row.method == "exact"), None)
-    if exact is None or abs(exact.mean_speed) <= exact.mean_speed_spread:
-        return "the mean speed is not known to differ from 0 | -"
-    starts = math.ceil(exact.repeats * (exact.mean_speed_spread / abs(0.01 * exact.mean_speed)) ** 2)
-    return f"exact, {max(2, starts)} starts of {exact.horizon:g} s, once settled | -"
+def _cell(row: Row | None, exact: Row) -> str:
+    if row is None:
+        return ""
+    if not math.isfinite(row.mean_speed):
+        return "diverges"
+    text = f"{1e3 * row.mean_speed:+.1f} ± {1e3 * row.mean_speed_spread:.1f}"
+    if abs(row.mean_speed - exact.mean_speed) <= WITHIN * abs(exact.mean_speed):
+        return f"**{text}**"
+    return text + " (!)" * (_known(row) and _known(exact) and row.mean_speed * exact.mean_speed < 0.0)
 
 
-def _use(row: Row | None) -> str:
-    return "nothing that was measured | -" if row is None else f"{row.method}, {_setting(row)} | {row.cost:.2g}"
+def _known(row: Row) -> bool:
+    """Whether the sign of a mean speed is known."""
+    return abs(row.mean_speed) > row.mean_speed_spread
 
 
 def _verdict(row: Row, exact: Row) -> str:
-    if abs(row.mean_speed) <= row.mean_speed_spread:
-        sign = "sign not known"
-    else:
-        sign = "right sign" if row.mean_speed * exact.mean_speed > 0.0 else "WRONG SIGN"
+    off = f"{row.value:g} s: {_speed(row)}, {row.mean_speed / exact.mean_speed - 1.0:+.0%}"
+    if not _known(row):
+        off += ", sign not known"
+    elif row.mean_speed * exact.mean_speed < 0.0:
+        off += ", WRONG SIGN"
     wrong = row.starts_forwards if exact.mean_speed < 0.0 else row.repeats - row.starts_forwards
-    sign += f" ({wrong} of {row.repeats} starts the wrong way)"
-    return f"{row.value:g} s: {_speed(row)}, {row.mean_speed / exact.mean_speed - 1.0:+.0%}, {sign}"
+    return off + (f" ({wrong} of {row.repeats} starts the wrong way)" if wrong else "")
 
 
 def _speed(row: Row) -> str:

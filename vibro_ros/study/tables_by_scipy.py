@@ -226,14 +226,14 @@ def _step(solver: OdeSolver, work: Work):
     work.steps += 1
     if solver.status == "failed":
         raise UnableError(f"at {solver.t:g} s: {message}")
+    if work.evaluations > work.most_evaluations:
+        raise UnableError(f"more than {work.most_evaluations:g} evaluations, at {solver.t:g} s")
 
 
 def _counted(slope: Callable, work: Work) -> Callable:
     @functools.wraps(slope)
     def counted(t, y):
         work.evaluations += 1
-        if work.evaluations > work.most_evaluations:
-            raise UnableError(f"more than {work.most_evaluations:g} evaluations, at {t:g} s")
         return slope(t, y)
     return counted
 

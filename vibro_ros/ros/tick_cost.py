@@ -1,0 +1,141 @@
+"""What a tick of the node costs by the accuracy asked for, against publishing the same messages without simulating.
+
+`make accuracy` runs it as a process of its own and puts what it prints into docs/accuracy.md.
+"""
+
+import sys
+import time
+from collections.abc import Callable, Mapping, Sequence
+
+import numpy as np
+import rclpy
+from rclpy.context import Context
+from rclpy.node import Node
+
+from vibro_ros.message_fields import stamp_at
+from vibro_ros.model.parameters import Value
+from vibro_ros.model.scene import Scene
+from vibro_ros.ros import process
+from vibro_ros.ros.outputs import Outputs
+from vibro_ros.ros.pacing import Pacing
+from vibro_ros.scene_file import load_scene
+from vibro_ros.simulator import Simulator, compile_kernels
+
+RATES = (1000.0, 200.0)  # Hz
+#: What is asked for: in words, and parameters of the scene.
+ASKED: Mapping[str, Mapping[str, Value]] = {
+    "`solver.method: exact`": {},
+    **{f"`auto`, `solver.accuracy: {accuracy:g}`": {"solver.method": "auto", "solver.accuracy": accuracy}
+       for accuracy in (1e-3, 1e-6, 1e-9)},
+    **{f"`rk4`, `solver.step: {step:g}`": {"solver.method": "rk4", "solver.step": step} for step in (1e-5, 1e-6)},
+}
+_SPEED = 100.0  # rad/s
+_HEADING = ("asked for", "what runs", "a tick", "99 of 100 within", "publishing = 1")
+
+
+class Ticks:
+    """Ticks at one rate, in real time, through the node's own publishers.
+
+    Parameters
+    ----------
+    node : Node
+        Publishes.
+    scene : Scene
+        The robot.
+    rate : float
+        Ticks a second [Hz].
+    duration : float
+        Length of a measurement [s].
+    """
+
+    def __init__(self, node: Node, scene: Scene, rate: float, duration: float):
+        self._outputs, self._scene, self._rate = Outputs(node, scene), scene, rate
+        self._count = max(2, round(rate * duration))
+
+    def published(self) -> np.ndarray:
+        """Costs [s] of publishing alone, shape (ticks,): what a simulation has found before."""
+        device, found = self._device(self._scene), []
+        for tick in range(self._count):
+            device.advance_to((tick + 1) / self._rate)
+            found.append((device.state, device.take_events()))
+        return self._paced(lambda tick: None, lambda tick: self._publish(*found[tick]))[1]
+
+    def simulated(self, parameters: Mapping[str, Value]) -> tuple[np.ndarray, Simulator]:
+        """Costs [s] of simulating, shape (ticks,), publishing left out though it is done; and what was run."""
+        device = self._device(self._scene.with_parameters(parameters))
+
+        def step(tick):
+            device.advance_to((tick + 1) / self._rate)
+
+        return self._paced(step, lambda tick: self._publish(device.state, device.take_events()))[0], device
+
+    def _paced(self, step: Callable[[int], object], publish: Callable[[int], object]) -> tuple[np.ndarray, np.ndarray]:
+        pacing, costs = Pacing(1.0, 0.1), np.empty((2, self._count))
+        for tick in range(self._count):
+            pacing.wait_until((tick + 1) / self._rate)
+            begun = time.perf_counter()
+            step(tick)
+            simulated = time.perf_counter()
+            publish(tick)
+            costs[:, tick] = simulated - begun, time.perf_counter() - simulated
+        return costs
+
+    def _publish(self, state, events) -> None:
+        self._outputs.publish(state, events, lambda time: stamp_at(0, time), lambda topic, stamp, data: None)
+
+    @staticmethod
+    def _device(scene: Scene) -> Simulator:
+        """Ready to run: what is compiled at the first call is not a tick's cost."""
+        compile_kernels(scene["solver.method"])
+        Simulator(scene).advance_to(0.01)
+        return Simulator(scene)
+
+
+def lines(ticks: Ticks, rate: float) -> list[str]:
+    """The table of one rate, in Markdown; publishing is measured anew before each line."""
+    table, bare = [], []
+    for asked, parameters in ASKED.items():
+        bare.append(np.median(ticks.published()))
+        costs, device = ticks.simulated(parameters)
+        table.append(_line(asked, _running(device), *_micro(costs), f"{np.median(costs) / bare[-1]:.2f}"))
+    return [f"At {rate:g} Hz, where publishing a tick's messages costs {1e6 * np.median(bare):.0f} µs:", "",
+            _line(*_HEADING), "|---" * len(_HEADING) + "|", *table]
+
+
+def _running(device: Simulator) -> str:
+    method = device.scene["solver.method"]
+    return method if method == "exact" else f"{method}, {device.scene['solver.step']:.2g} s"
+
+
+def _micro(costs: np.ndarray) -> tuple[str, str]:
+    """Median and 99th percentile."""
+    return f"{1e6 * np.median(costs):.0f} µs", f"{1e6 * np.percentile(costs, 99.0):.0f} µs"
+
+
+def _line(*cells: str) -> str:
+    return f"| {' | '.join(cells)} |"
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Print the tables in Markdown; returns the exit code."""
+    return process.exit_code("tick_cost", lambda: _measure(sys.argv[1:] if arguments is None else arguments),
+                             interrupted=130)
+
+
+def _measure(words: Sequence[str]) -> int:
+    parser = process.Parser(prog="tick_cost", description="Measure what a tick of the robot's node costs.")
+    parser.add_argument("--duration", type=float, default=1.5, help="of each measurement [s] (default %(default)g)")
+    duration = parser.parse_args(words).duration
+    scene, context = load_scene("device").with_parameters({"motor.speed": _SPEED}), Context()
+    rclpy.init(context=context)
+    node = Node("tick_cost", context=context)
+    try:
+        print("\n\n".join("\n".join(lines(Ticks(node, scene, rate, duration), rate)) for rate in RATES))
+    finally:
+        node.destroy_node()
+        rclpy.try_shutdown(context=context)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
