@@ -342,7 +342,8 @@ def simulate(scene: Scene, duration: float | None = None, rate: float | None = N
     SimulationError
         If the run cannot go on.
     """
-    scene = scene.with_parameters(overriding(tolerance, method))
+    if overrides := overriding(tolerance, method):
+        scene = scene.with_parameters(overrides)
     times = sample_times(duration, rate, times)
     began = wall_clock.perf_counter()
     device = Simulator(scene)

@@ -9,13 +9,31 @@ N and F_in are written with the accelerations, which m2 u'' = -F2 and m3 w'' = -
 hold whether a plate is in contact or not, and with the reaction on the masses, too.
 """
 
+import functools
 import math
+from collections.abc import Callable
 
 import numpy as np
 
 from vibro_ros.solver.system import Channels
 
 Form = np.ndarray
+
+
+def kept(method: Callable) -> Callable:
+    """Have an object keep in `_kept` what a method returns for its arguments, and nobody change it: every mode of a
+    scene asks for the same forms."""
+    @functools.wraps(method)
+    def look_up(self, *arguments):
+        key = (method.__name__, *arguments)
+        if key not in self._kept:
+            result = method(self, *arguments)
+            for form in result if isinstance(result, tuple) else (result,):
+                form.setflags(write=False)
+            self._kept[key] = result
+        return self._kept[key]
+
+    return look_up
 
 
 class Forms:
@@ -43,6 +61,7 @@ class Forms:
     """
 
     def __init__(self, scene):
+        self._kept = {}
         self._scene = scene
         self.guides = scene.guides
         self.plates = scene.plates
@@ -53,6 +72,7 @@ class Forms:
         self.channels = Channels(len(self.guides) + self.body_moves + self.body_hops, len(self.guides),
                                  len(self.guides), len(self.plates), int(self.friction_decays))
 
+    @kept
     def _unit(self, channel: int) -> Form:
         form = np.zeros(self.channels.count)
         form[channel] = 1.0
@@ -64,6 +84,7 @@ class Forms:
         return self._unit(self.channels.one)
 
     @property
+    @kept
     def zero(self) -> Form:
         """The constant 0."""
         return np.zeros(self.channels.count)
@@ -96,38 +117,45 @@ class Forms:
         angle = self._scene["guide.angle"] if side == "inclined" else 0.0
         return -math.sin(angle), math.cos(angle)
 
+    @kept
     def stretch(self, side: str) -> tuple[Form, Form]:
         """q - s [m] and its rate [m/s]: stretch of the drive spring."""
         i = self.guides.index(side)
         slider, slider_rate = self.channels.signal(i), self.channels.signal_rate(i)
         return self.position(i) - self._unit(slider), self.velocity(i) - self._unit(slider_rate)
 
+    @kept
     def plate(self, side: str) -> tuple[Form, Form]:
         """E or H [m] and its rate [m/s]."""
         k = self.plates.index(side)
         return self._unit(self.channels.ramp(k)), self._unit(self.channels.ramp_rate(k))
 
+    @kept
     def penetration(self, side: str) -> tuple[Form, Form]:
         """u - E or w - H [m] and its rate [m/s]."""
         i = self.guides.index(side)
         plate, plate_rate = self.plate(side)
         return self.position(i) - plate, self.velocity(i) - plate_rate
 
+    @kept
     def drive_force(self, side: str) -> Form:
         """k (q - s) + c (q' - s') [N]: pull of the drive spring and damper on the slider, k2 c2 or k3 c3."""
         stretch, rate = self.stretch(side)
         return self._scene[f"{side}.spring.stiffness"] * stretch + self._scene[f"{side}.spring.damping"] * rate
 
+    @kept
     def plate_force(self, side: str) -> Form:
         """k (q - E) + c (q' - E') [N]: push of the mass on its plate while in contact, k4 c4 or k1 c1."""
         depth, rate = self.penetration(side)
         return self._scene[f"{side}.plate.stiffness"] * depth + self._scene[f"{side}.plate.damping"] * rate
 
+    @kept
     def guide_force(self, side: str, closed: frozenset[str]) -> Form:
         """F2 or F3 [N], with the compliant plates of `closed` in contact."""
         force = self.drive_force(side)
         return force + self.plate_force(side) if side in closed else force
 
+    @kept
     def weight(self, side: str) -> Form:
         """Pull of the mass's own weight along its guide, inwards [N]; zero unless the scene has it."""
         if not self._scene["effects.mass_weight"]:
@@ -146,6 +174,7 @@ class Forms:
         along_x, upwards = self.direction(side)
         return along_x * vector[0] + upwards * vector[1]
 
+    @kept
     def normal_force(self) -> Form:
         """N = M g + m2 u'' + m3 w'' cos(phi) [N], eq. (6); M g by the rule `weight`. In the air this is -M y''."""
         normal = self._scene.total_mass * self._scene["gravity"] * self.one
@@ -158,10 +187,12 @@ class Forms:
         """N exp(-|x'| / v_s) [N] while the body slips, for Stribeck's law; v_s is `ground.stribeck_speed`."""
         return self._unit(self.channels.decay) if self.friction_decays else self.zero
 
+    @kept
     def inertial_force(self) -> Form:
         """F_in = m3 w'' sin(phi) [N], eq. (7)."""
         return math.sin(self._scene["guide.angle"]) * self._inertia("inclined")
 
+    @kept
     def _inertia(self, side: str) -> Form:
         """m2 u'' or m3 w'' [N]; zero without the mass."""
         if side not in self.guides:

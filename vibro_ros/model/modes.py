@@ -10,7 +10,7 @@ import numpy as np
 
 from vibro_ros.model.automaton import Target
 from vibro_ros.model.contact import contact
-from vibro_ros.model.forms import Form, Forms
+from vibro_ros.model.forms import Form, Forms, kept
 from vibro_ros.model.friction import Friction
 
 #: Linear outputs of a mode, in the order of `Model.output`'s rows.
@@ -59,6 +59,7 @@ class ModeBuilder:
     """
 
     def __init__(self, scene):
+        self._kept = {}
         self._scene = scene
         self.forms = Forms(scene)
         self.contacts = [contact(scene, self.forms, side) for side in self.forms.plates]
@@ -81,6 +82,7 @@ class ModeBuilder:
         along_x, upwards = self.body_acceleration(mode)
         return [*self._mass_accelerations(mode), *[along_x] * self.forms.body_moves, *[upwards] * self.forms.body_hops]
 
+    @kept
     def body_acceleration(self, mode: Mode) -> tuple[Form, Form]:
         """x'' and y'' as forms of the masses' accelerations: M x'' = F_in - F_fr (eq. 1); in the air, where N = 0,
         M y'' = -M g - m2 u'' - m3 w'' cos(phi)."""

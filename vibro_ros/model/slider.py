@@ -21,8 +21,8 @@ _TURN = 2.0 * math.pi
 _LONGEST_HALF = math.pi / 4.0
 # ... and to the cosine a singularity is no farther than this, by its growth.
 _LONGEST_REACH = 3.5
-# CELL_STRIDE to this power is below rounding.
-_CONTRACTIONS = 46
+# CELL_STRIDE to this power is a ten thousandth, by which a cell may be off.
+_CONTRACTIONS = 12
 # CELL_STRIDE to this power is far below rounding.
 _TERMS = 2 * LENGTH
 _ECONOMIZED = np.vstack([np.eye(LENGTH), economized_powers(LENGTH, _TERMS - LENGTH)])

@@ -12,7 +12,14 @@ from vibro_ros.solver.audit import close_audit, open_audit
 from vibro_ros.solver.compilation import entry_kernel, kernel
 from vibro_ros.solver.decay import decays, known_reach, resolve_decay
 from vibro_ros.solver.flow import solve_driven, solve_dynamic, weighted_sum
-from vibro_ros.solver.forcing import advance_forcing, choose_segment, fill_forcing, phase_at, place_of
+from vibro_ros.solver.forcing import (
+    advance_forcing,
+    choose_segment,
+    fill_forcing,
+    phase_at,
+    place_of,
+    ramp_channels,
+)
 from vibro_ros.solver.polynomial import fill_form, fill_powers, product
 from vibro_ros.solver.recording import (
     PHASE_KIND,
@@ -136,11 +143,15 @@ def begin_segment(system, state, point):
 
 
 @kernel
-def _read(state, x, point):
+def _read(system, state, x, point):
     """Values of the first len(point) channels at `x`; where the mode began, the coordinates' very values."""
+    ramps, end = ramp_channels(system)
     fill_powers(x, state.powers)
     for channel in range(len(point)):
-        point[channel] = product(state.z[channel], state.powers)
+        if ramps <= channel < end:
+            point[channel] = state.z[channel, 0] + state.z[channel, 1] * x
+        else:
+            point[channel] = product(state.z[channel], state.powers)
     if x == state.clock[ANCHOR]:
         for channel in range(len(state.origin)):
             point[channel] = state.origin[channel]
@@ -179,7 +190,7 @@ def _pass_event(system, state, point, events, count):
     x, mode, same_flow = state.clock[NEXT], state.index[MODE], False
     fires = state.index[GUARD] != NOTHING
     # At a segment's end the next one needs the positions and velocities, and the audit all.
-    _read(state, x, point if fires or system.power.shape[1] > 0 else point[:2 * system.sizes[0]])
+    _read(system, state, x, point if fires or system.power.shape[1] > 0 else point[:2 * system.sizes[0]])
     if fires:
         candidate = choose_candidate(system, state, point)
         mode = system.candidate[mode, state.index[GUARD], candidate]
@@ -252,7 +263,7 @@ def advance(system, state, times, point, points, modes, phases, events):
             if not is_finite(point):
                 return DIVERGED, k, count
         x = max(place_of(state, times[k]), state.clock[ANCHOR])
-        _read(state, x, points[k])
+        _read(system, state, x, points[k])
         modes[k] = state.index[MODE]
         phase, speed = phase_at(system, state, x)
         phases[k, 0], phases[k, 1], phases[k, 2] = state.index[TURNS], phase, speed
@@ -267,7 +278,7 @@ def interrupt(system, state, time, point):
     rate changes, and `begin_segment` with `point`.
     """
     x = max(place_of(state, time), state.clock[ANCHOR])
-    _read(state, x, point)
+    _read(system, state, x, point)
     update_peaks(system, state, x)
     close_audit(system, state, x, point)
     state.index[STANDSTILLS] = 0  # what a command sets off is no part of the cascade before it

@@ -236,6 +236,13 @@ def _fill_signals(system, state):
 
 
 @kernel
+def ramp_channels(system):
+    """First channel of the ramps and their rates, which are straight lines, and the first one behind."""
+    first = 2 * (system.sizes[0] + system.sizes[2]) + system.sizes[1]
+    return first, first + 2 * system.sizes[3]
+
+
+@kernel
 def fill_forcing(system, state):
     """Polynomials of the signals, the ramps and their rates over the segment."""
     half, z = state.clock[HALF], state.z

@@ -16,7 +16,9 @@ def _holds(system, state, row, point):
     first = 2 * system.sizes[0]
     total = 0.0
     noise = 0.0
-    for channel in range(len(point)):
+    for channel in system.row_terms[row]:
+        if channel == NOTHING:
+            break
         factor = system.row[row, channel]
         total += factor * point[channel]
         if first <= channel < first + system.sizes[1]:
