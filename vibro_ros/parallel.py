@@ -5,8 +5,10 @@ They are forked, so that they start in milliseconds with the kernels that their 
 """
 
 import functools
+import itertools
 import multiprocessing
 import os
+import pickle
 import signal
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
@@ -210,8 +212,11 @@ class _Worker:
     def __init__(self, run: Callable[[Scene], Run], inherited: list[Connection]):
         self.pipe, far = _FORK.Pipe()
         self.given: deque[int] = deque()
-        self._process = _FORK.Process(target=_work, args=(far, [*inherited, self.pipe], run), daemon=True,
-                                      name="simulate_many")
+        # A room is free again before the worker needs it: it is given another scene for every outcome taken.
+        self._all_rooms = [_Room() for _ in range(_GIVEN)]
+        self._rooms = itertools.cycle(self._all_rooms)
+        self._process = _FORK.Process(target=_work, args=(far, self._all_rooms, [*inherited, self.pipe], run),
+                                      daemon=True, name="simulate_many")
         self._process.start()
         far.close()
 
@@ -227,7 +232,7 @@ class _Worker:
         """Number and outcome of the oldest scene it was given."""
         number = self.given.popleft()
         try:
-            return number, self.pipe.recv()
+            return number, next(self._rooms).take(*self.pipe.recv())
         except (EOFError, OSError):
             self._process.join()
             return number, f"its process ended with exit code {self._process.exitcode}"
@@ -241,15 +246,51 @@ class _Worker:
         self._process.join()
         self._process.close()
         self.pipe.close()
+        for room in self._all_rooms:
+            room.close()
 
 
-def _work(pipe: Connection, inherited: list[Connection], run: Callable[[Scene], Run]) -> None:
+def _work(pipe: Connection, rooms: list["_Room"], inherited: list[Connection], run: Callable[[Scene], Run]) -> None:
     """Answer every scene that comes, until nobody is left to ask."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches the parent as well, which ends us
     for other in inherited:  # or we would keep each other alive if the parent were killed
         other.close()
     try:
-        while True:
-            pipe.send(_outcome(run, pipe.recv()))
+        for room in itertools.cycle(rooms):
+            pipe.send(room.put(_outcome(run, pipe.recv())))
     except (EOFError, OSError):
         pass
+
+
+class _Room:
+    """Memory that a worker shares with its parent for the arrays of one outcome: through a pipe they would cost the
+    parent as much as a short run."""
+
+    def __init__(self):
+        self._file = os.memfd_create("simulate_many")
+
+    def put(self, outcome: Run | str) -> tuple[bytes, list[int]]:
+        """Put an outcome's arrays here; returns the rest of it, for `take`, and their sizes."""
+        arrays: list[pickle.PickleBuffer] = []
+        rest = pickle.dumps(outcome, protocol=5, buffer_callback=arrays.append)
+        offset, sizes = 0, []
+        for array in arrays:
+            part = array.raw()
+            sizes.append(part.nbytes)
+            while part.nbytes:
+                written = os.pwrite(self._file, part, offset)
+                part, offset = part[written:], offset + written
+        return rest, sizes
+
+    def take(self, rest: bytes, sizes: list[int]) -> Run | str:
+        """The outcome that was put here."""
+        memory = memoryview(np.empty(sum(sizes), dtype=np.uint8))
+        got = 0
+        while got < memory.nbytes:
+            got += os.preadv(self._file, [memory[got:]], got)
+        ends = list(itertools.accumulate(sizes))
+        return pickle.loads(rest, buffers=[memory[end - size:end] for end, size in zip(ends, sizes, strict=True)])
+
+    def close(self) -> None:
+        """Give the memory back."""
+        os.close(self._file)

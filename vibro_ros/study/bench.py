@@ -36,7 +36,7 @@ _TOLERANCE = 1e-9  # heyoka's: over 10 s of each scene, its errors are below the
 _RATE = 200.0
 _SPEED = 100.0  # commanded at t = 0 of a scene whose motor stands still
 _LEAST_TIME = 0.1  # s
-_MANY = 200
+_MANY = 400
 _MANY_DURATION = 2.0
 
 
