@@ -67,13 +67,16 @@ def test_recentre(x):
 
 @pytest.mark.parametrize("inner", [(1.0,), (0.4,), (0.5, 0.2), (0.0, 0.7), (0.9, -0.3), (0.6, -0.2, 0.05, -0.01, 1e-3)])
 def test_substitute(inner):
-    """p(inner(y)), cut at the length of p: exactly its first coefficients."""
+    """p(inner(y)), cut at the length: exactly its first coefficients."""
     target, series = np.empty(LENGTH), np.zeros(LENGTH)
     series[1:len(inner) + 1] = inner
     for p in DECAYING:
-        poly.substitute(p, series, len(inner) + 1, target)
-        expected = np.polynomial.Polynomial(p)(np.polynomial.Polynomial([0.0, *inner])).coef
-        np.testing.assert_allclose(target, np.resize(expected, LENGTH), rtol=0, atol=1e-15)
+        for terms in (1, 7, LENGTH):
+            poly.substitute(p, terms, series, len(inner) + 1, target)
+            expected = np.zeros(LENGTH)
+            composed = Polynomial(p[:terms])(Polynomial([0.0, *inner])).coef[:LENGTH]
+            expected[:len(composed)] = composed
+            np.testing.assert_allclose(target, expected, rtol=0, atol=1e-15)
 
 
 def test_differentiate_in_time():

@@ -232,7 +232,7 @@ def _fill_signals(system, state):
             scale_argument(state.z[first + k], state.powers, state.z[first + k])
         else:
             copy(state.z[first + k], series)
-            substitute(series, phase, phase_terms, state.z[first + k])
+            substitute(series, terms, phase, phase_terms, state.z[first + k])
 
 
 @kernel

@@ -159,14 +159,18 @@ def recentre(p, powers, terms, target):
 
 
 @kernel
-def substitute(p, inner, terms, target):
-    """Coefficients of target(y) = p(inner(y)), cut at the length of p; `inner` has `terms` terms and inner(0) = 0."""
+def substitute(p, terms, inner, inner_terms, target):
+    """Coefficients of target(y) = p(inner(y)), cut at their length; of p the first `terms` are read.
+
+    `inner` has `inner_terms` terms, and inner(0) = 0.
+    """
+    most = min(LENGTH, (terms - 1) * (inner_terms - 1) + 1)
     for n in range(len(target)):
         target[n] = 0.0
-    for k in range(LENGTH - 1, -1, -1):
-        for n in range(LENGTH - 1, 0, -1):
+    for k in range(terms - 1, -1, -1):
+        for n in range(most - 1, 0, -1):
             total = 0.0
-            for m in range(1, min(n + 1, terms)):
+            for m in range(1, min(n + 1, inner_terms)):
                 total += inner[m] * target[n - m]
             target[n] = total
         target[0] = p[k]
