@@ -161,8 +161,8 @@ def _fill_values_at_four(p, pairs, first, values):
 def _look(p, pairs, noise, values):
     """Fill in p's values in all places; returns how far p may lie beyond both values between two of them."""
     values[_MIDDLE] = p[0]
-    _fill_values_at_four(p, pairs, 1, values)
-    _fill_values_at_four(p, pairs, 5, values)
+    for first in range(1, _MIDDLE, 4):
+        _fill_values_at_four(p, pairs, first, values)
     return 0.125 * _SPACING * _SPACING * _second_derivative_bound(p) + noise
 
 
