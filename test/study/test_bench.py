@@ -80,4 +80,5 @@ def test_readme_has_what_the_bench_prints():
     text = (Path(__file__).resolve().parents[2] / "README.md").read_text(encoding="utf-8")
     table = text.partition("<!-- bench: copied from `make bench` -->\n")[2].partition("<!-- end of bench")[0]
     assert table.startswith(bench.heading() + "\n| `unilateral` |")
-    assert re.search(r"^`simulate_many`, 200 scenes of 2 s: two workers are \d\.\d\d times", table, re.MULTILINE)
+    many = rf"^`simulate_many`, {bench._MANY} scenes of {bench._MANY_DURATION:g} s: two workers are \d\.\d\d times"
+    assert re.search(many, table, re.MULTILINE)
