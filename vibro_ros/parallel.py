@@ -1,7 +1,8 @@
 """Many scenes at once: worker processes, results in the order of the scenes.
 
 Processes, not threads: compiling a scene to its tables is Python, and takes as long as seconds of robot time.
-They are forked, so that they start in milliseconds with the kernels that their parent has compiled.
+They are forked, so that they start in milliseconds with the kernels that their parent has compiled, and hand their
+results over in memory that they share with it.
 """
 
 import functools

@@ -48,8 +48,8 @@ def seconds(function: Callable, *arguments: object) -> float:
 
 
 def mean_seconds(function: Callable) -> float:
-    """Wall time of a call, mean of as many as take `_LEAST_TIME`: runs of milliseconds are measured over as long a time
-    as the baseline's, or the processor's caches, cold after the run before, would be a part of them only."""
+    """Wall time of a call, mean of as many as take `_LEAST_TIME`: a single run of milliseconds would be measured with
+    caches that the run before it left cold, which one of 0.1 s hardly notices."""
     times = []
     while sum(times) < _LEAST_TIME:
         times.append(seconds(function))
@@ -174,7 +174,7 @@ def main(arguments: list[str] | None = None) -> None:
     """Print the table, as README has it."""
     parser = argparse.ArgumentParser(prog="bench", description=__doc__)
     parser.add_argument("--duration", type=float, default=10.0, help="robot time [s] (default 10)")
-    parser.add_argument("--repeats", type=int, default=7, help="pairs of runs (default 7)")
+    parser.add_argument("--repeats", type=int, default=7, help="rounds (default 7)")
     options = parser.parse_args(arguments)
     print(f"{options.duration:g} s of robot time sampled at {_RATE:g} Hz, medians of {options.repeats}, each over "
           f"{_LEAST_TIME:g} s of runs; "
