@@ -7,7 +7,6 @@ import numpy as np
 
 from vibro_ros.solver import event_loop
 from vibro_ros.solver import state as at
-from vibro_ros.solver.polynomial import LENGTH
 from vibro_ros.solver.recording import EVENT_COLUMNS
 from vibro_ros.solver.state import new_state
 from vibro_ros.solver.system import (
@@ -21,6 +20,7 @@ from vibro_ros.solver.system import (
     longest_steps,
     terms,
 )
+from vibro_ros.solver.vector import LENGTH
 
 
 @dataclass(frozen=True)

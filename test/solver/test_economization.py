@@ -5,7 +5,7 @@ import pytest
 from numpy.polynomial import Chebyshev, Polynomial
 
 from vibro_ros.solver.economization import economized_powers
-from vibro_ros.solver.polynomial import LENGTH
+from vibro_ros.solver.vector import LENGTH
 
 
 def test_a_power_loses_its_highest_chebyshev_polynomials_and_nothing_else():

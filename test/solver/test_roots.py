@@ -7,11 +7,10 @@ import numpy as np
 import pytest
 from from_python import FromPython
 
-from vibro_ros.solver import polynomial, roots
-from vibro_ros.solver.polynomial import LENGTH
+from vibro_ros.solver import roots
 from vibro_ros.solver.roots import NO_ROOT
+from vibro_ros.solver.vector import LENGTH
 
-fill_powers = FromPython(polynomial).fill_powers
 first_root, maximum = FromPython(roots).first_root, FromPython(roots).maximum
 
 ROUNDING = 4e-15  # of an instant in [0, 1] where the guard's slope is of its coefficients' order
@@ -23,14 +22,8 @@ def padded(coefficients):
     return polynomial
 
 
-def powers_of(x):
-    powers = np.empty(LENGTH)
-    fill_powers(x, powers)
-    return powers
-
-
 def search(coefficients, start=0.0, noise=0.0, limit=1.0):
-    return first_root(padded(coefficients), start, powers_of(start), limit, noise, np.empty((2, LENGTH)))
+    return first_root(padded(coefficients), start, limit, noise, np.empty((2, LENGTH)))
 
 
 def exact_value(coefficients, x):
@@ -200,7 +193,7 @@ def test_a_root_at_the_very_end():
 def test_maximum():
     """Against the values at the ends and at all roots of the derivative."""
     random = np.random.default_rng(17)
-    work = np.empty((4, LENGTH))
+    work = np.empty((3, LENGTH))
     for _ in range(500):
         polynomial = motion(random) if random.random() < 0.7 else random.normal(size=LENGTH)
         start, end = np.sort(random.uniform(0, 1, 2))
@@ -213,7 +206,7 @@ def test_maximum():
 @pytest.mark.parametrize("polynomial", [[2.0], [0.0], [1.0, 1e-18], [1.0, 0.0, -1.0], [0.0, 0.0, 0.0, 0.0, 1.0]])
 def test_maximum_of_flat_polynomials(polynomial):
     end = np.polynomial.polynomial.polyval(np.linspace(0, 1, 101), polynomial).max()
-    assert maximum(padded(polynomial), 0.0, 1.0, np.empty((4, LENGTH))) == pytest.approx(end, abs=1e-16)
+    assert maximum(padded(polynomial), 0.0, 1.0, np.empty((3, LENGTH))) == pytest.approx(end, abs=1e-16)
 
 
 @pytest.mark.parametrize("magnitude", [1e-90, 1e-150, 1e-164, 1e-300, 1e-320])
@@ -225,7 +218,7 @@ def test_a_motion_that_has_died_away(magnitude):
         root = search(polynomial)
         expected = search(polynomial / magnitude) if magnitude > 1e-100 else NO_ROOT
         assert root == pytest.approx(expected, abs=1e-12)
-        highest = maximum(polynomial, 0.0, 1.0, np.empty((4, LENGTH)))
+        highest = maximum(polynomial, 0.0, 1.0, np.empty((3, LENGTH)))
         assert max(polynomial[0], polynomial.sum()) - magnitude * 1e-12 <= highest <= 10 * magnitude
 
 

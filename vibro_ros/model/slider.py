@@ -13,8 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from vibro_ros.solver.economization import economized_powers
-from vibro_ros.solver.polynomial import LENGTH
 from vibro_ros.solver.system import CELL_STRIDE, SignalTable
+from vibro_ros.solver.vector import LENGTH
 
 _TURN = 2.0 * math.pi
 # Half a cell no longer than this resolves the cosine itself, however short the crank ...

@@ -9,22 +9,23 @@ error, found without knowing the solution.
 """
 
 from vibro_ros.solver.compilation import kernel
-from vibro_ros.solver.polynomial import LENGTH, fill_form, fill_powers, product
+from vibro_ros.solver.polynomial import fill_form, value
 from vibro_ros.solver.state import ENERGY, ENTRANCE, EXCHANGED, HALF, MODE, RESIDUAL
+from vibro_ros.solver.vector import LENGTH, total, vector
 
 
 @kernel
 def _energy(system, state, point):
     mode = state.index[MODE]
-    total = 0.0
+    energy = 0.0
     for e in range(system.stiffness.shape[1]):
         weight = system.stiffness[mode, e]
         if weight != 0.0:
             stretch = 0.0
             for channel in range(len(point)):
                 stretch += system.stretch[mode, e, channel] * point[channel]
-            total += 0.5 * weight * stretch * stretch
-    return total
+            energy += 0.5 * weight * stretch * stretch
+    return energy
 
 
 @kernel
@@ -40,10 +41,10 @@ def _fill_moments(a, b, moments):
 @kernel
 def _integral_of_product(p, q, moments):
     """Integral of p q where the moments were taken."""
-    total = 0.0
+    integral = 0.0
     for i in range(LENGTH):
-        total += p[i] * product(q, moments[i:i + LENGTH])
-    return total
+        integral += p[i] * total(vector(q) * vector(moments[i:i + LENGTH]))
+    return integral
 
 
 @kernel
@@ -51,9 +52,8 @@ def open_audit(system, state, point):
     """Note the energy where a flow begins; `point`, shape (channels,), is overwritten."""
     if system.power.shape[1] == 0:
         return
-    fill_powers(state.clock[ENTRANCE], state.powers)
     for channel in range(len(point)):
-        point[channel] = product(state.z[channel], state.powers)
+        point[channel] = value(state.z[channel], state.clock[ENTRANCE])
     state.audit[ENERGY] = _energy(system, state, point)
 
 

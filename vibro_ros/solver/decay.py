@@ -11,23 +11,20 @@ zeros of w at complex times. Its last terms decide whether the segment is short 
 
 import math
 
-from vibro_ros.solver.compilation import called_kernel, kernel, sum_kernel
+from vibro_ros.solver.compilation import called_kernel, kernel
 from vibro_ros.solver.flow import weighted_sum
 from vibro_ros.solver.forcing import advance_forcing
 from vibro_ros.solver.polynomial import (
     INVERSE,
-    LENGTH,
     fill_form,
-    fill_integral_powers,
-    fill_multiple,
-    fill_powers,
-    fill_two_multiples,
     integrate_through,
-    product,
+    sum_of_magnitudes,
+    value,
 )
 from vibro_ros.solver.roots import NO_ROOT, first_root
 from vibro_ros.solver.state import ANCHOR, HALF, MODE, REACH
 from vibro_ros.solver.transition import EPSILON, NOISE
+from vibro_ros.solver.vector import LENGTH, store, vector
 
 # What the last terms may amount to, in parts of the magnitude of the terms that make up the acceleration.
 _ALLOWED = 0.25 * EPSILON
@@ -44,15 +41,6 @@ _BEFORE = 1.0 - 1e-6
 _SHORTER, _LONGER, _CAUTION = 0.1, 4.0, 0.9
 
 
-@sum_kernel
-def _size(p):
-    """Bound of |p| on [-1, 1]."""
-    total = 0.0
-    for n in range(len(p)):
-        total += abs(p[n])
-    return total
-
-
 @kernel
 def _tail(p):
     total = 0.0
@@ -62,8 +50,8 @@ def _tail(p):
 
 
 @kernel
-def _fill_growth(load, force, exponent, powers, growth, forced):
-    """Series of w with w' = exponent (load w + force) over half a segment, 1 where `powers` were filled.
+def _fill_growth(load, force, exponent, anchor, growth, forced):
+    """Series of w with w' = exponent (load w + force) over half a segment, 1 at `anchor`.
 
     `forced` is overwritten.
     """
@@ -73,11 +61,11 @@ def _fill_growth(load, force, exponent, powers, growth, forced):
         for j in range(n + 1):
             free_rate += load[j] * growth[n - j]
             forced_rate += load[j] * forced[n - j]
-        step = exponent * INVERSE[n + 1]
+        step = exponent * INVERSE[n]
         growth[n + 1] = step * free_rate
         forced[n + 1] = step * forced_rate
-    amount = (1.0 - product(forced, powers)) / product(growth, powers)
-    fill_two_multiples(growth, amount, growth, 1.0, forced)
+    amount = (1.0 - value(forced, anchor)) / value(growth, anchor)
+    store(growth, vector(forced) + amount * vector(growth))
 
 
 @kernel
@@ -117,12 +105,11 @@ def known_reach(system, state):
 def _time_without(state, load, rate, speed, scale):
     """Time [s] from the anchor in which a motion too fast for the decay does without; infinite if to the end."""
     half, anchor, guard = state.clock[HALF], state.clock[ANCHOR], state.work[1]
-    fill_integral_powers(state.powers, state.work[2])
-    integrate_through(load, half, state.work[2], speed, guard)
-    fill_multiple(guard, -rate, guard)
+    integrate_through(load, half, anchor, speed, guard)
+    store(guard, -rate * vector(guard))
     guard[0] -= _OVER
     noise = NOISE * abs(rate) * (abs(speed) + scale * 2.0 * half)
-    root = first_root(guard, anchor, state.powers, 1.0, noise, state.work[2:4])
+    root = first_root(guard, anchor, 1.0, noise, state.work[2:4])
     if root == NO_ROOT:
         return math.inf
     return half * (root - anchor) * _BEFORE if root > anchor else half
@@ -135,13 +122,13 @@ def _fill_term(state, load, factor, strength, rate, start, term):
     All of `work` is overwritten; infinite if e has a pole in the first half.
     """
     growth, other = state.work[2], state.work[3]
-    fill_multiple(term, strength * start, factor)
-    _fill_growth(load, term, -rate * state.clock[HALF], state.powers, growth, other)
+    store(term, (strength * start) * vector(factor))
+    _fill_growth(load, term, -rate * state.clock[HALF], state.clock[ANCHOR], growth, other)
     if growth[0] <= 0.0:
         return math.inf
     _fill_reciprocal(growth, other)
     _fill_product(factor, other, term)
-    fill_multiple(term, start, term)
+    store(term, start * vector(term))
     by_growth = _tail(growth) * max(1.0, other[0])
     return abs(strength) * (_tail(term) + by_growth * (abs(term[0]) + abs(term[1])))
 
@@ -154,7 +141,6 @@ def _resolve(system, state, point):
     row, rate = system.acceleration[mode, coordinate], system.decay.rate[mode]
     speed = point[system.sizes[0] + coordinate]
     load, factor, term = state.work[0], state.work[1], state.z[channel]
-    fill_powers(state.clock[ANCHOR], state.powers)
     term[:] = 0.0
     state.scale[channel] = 0.0
     if not fill_form(row, system.terms[mode, coordinate], state.z, load):  # of which the term is one, still zero
@@ -168,7 +154,7 @@ def _resolve(system, state, point):
         return math.inf
     start = math.exp(min(rate * speed, 0.0))  # a speed beyond zero is rounding
     state.scale[channel] = start * weighted_sum(system.decay.factor[mode], state.scale)
-    change = half * abs(rate) * (_size(load) + abs(row[channel]) * start * _size(factor))
+    change = half * abs(rate) * (sum_of_magnitudes(load) + abs(row[channel]) * start * sum_of_magnitudes(factor))
     if change > _STRONGEST:
         state.clock[REACH] = 2.0 * half * _CAUTION * _STRONGEST / change
         return state.clock[REACH]

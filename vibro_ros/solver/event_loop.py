@@ -20,7 +20,7 @@ from vibro_ros.solver.forcing import (
     place_of,
     ramp_channels,
 )
-from vibro_ros.solver.polynomial import fill_form, fill_powers, product
+from vibro_ros.solver.polynomial import fill_form, value
 from vibro_ros.solver.recording import (
     PHASE_KIND,
     RAMP_KIND,
@@ -66,8 +66,7 @@ _SIMULTANEOUS = 16.0 * EPSILON
 
 @kernel
 def _guard_root(system, state, row):
-    """First root up to NEXT of a guard row, from where the mode began, whose powers are filled; remembered until its
-    polynomial changes."""
+    """First root up to NEXT of a guard row, from where the mode began; remembered until its polynomial changes."""
     if state.root[row] > state.clock[ANCHOR]:
         return state.root[row]
     guard = state.work[1]
@@ -76,7 +75,7 @@ def _guard_root(system, state, row):
     if state.index[STANDSTILLS] > _DOUBTFUL_STANDSTILLS:
         guard[0] += _DOUBT * noise
     limit = state.clock[NEXT]
-    root = first_root(guard, state.clock[ANCHOR], state.powers, limit, noise, state.work[2:4])
+    root = first_root(guard, state.clock[ANCHOR], limit, noise, state.work[2:4])
     state.root[row] = UNKNOWN if root == NO_ROOT and limit < 1.0 else root
     return root
 
@@ -87,7 +86,6 @@ def _find_next_event(system, state):
     mode = state.index[MODE]
     state.clock[NEXT] = 1.0
     state.index[GUARD] = NOTHING
-    fill_powers(state.clock[ANCHOR], state.powers)
     for g in range(system.guard.shape[1]):
         row = system.guard[mode, g]
         if row == NOTHING:
@@ -146,12 +144,11 @@ def begin_segment(system, state, point):
 def _read(system, state, x, point):
     """Values of the first len(point) channels at `x`; where the mode began, the coordinates' very values."""
     ramps, end = ramp_channels(system)
-    fill_powers(x, state.powers)
     for channel in range(len(point)):
         if ramps <= channel < end:
             point[channel] = state.z[channel, 0] + state.z[channel, 1] * x
         else:
-            point[channel] = product(state.z[channel], state.powers)
+            point[channel] = value(state.z[channel], x)
     if x == state.clock[ANCHOR]:
         for channel in range(len(state.origin)):
             point[channel] = state.origin[channel]

@@ -10,18 +10,13 @@ from vibro_ros.solver.compilation import kernel, rounding_kernel, sum_kernel
 from vibro_ros.solver.economization import economized_powers
 from vibro_ros.solver.polynomial import (
     INVERSE,
-    LENGTH,
-    add_two_multiples,
-    copy,
     differentiate,
     fill_form,
-    fill_integral_powers,
-    fill_powers,
-    fill_sum,
     integrate_through,
-    product,
+    value,
 )
-from vibro_ros.solver.state import ANCHOR, CELL, ENTRANCE, HALF, MODE, SLOT, VERSION
+from vibro_ros.solver.state import ANCHOR, CELL, ENTRANCE, HALF, MODE, SLOT, STANDSTILLS, VERSION
+from vibro_ros.solver.vector import LENGTH, powers, store, total, vector, with_first
 
 # So many terms follow those of a motion over a cell until they are lost in rounding: 3.4^32 / 32!.
 _ECONOMIZED = economized_powers(LENGTH, 8)
@@ -32,7 +27,7 @@ def _solve_oscillator(load, stiffness, damping, half, q, v):
     """Series of q and v = q' with q'' = load + stiffness q + damping v, from their constant terms."""
     position, velocity = q[0], v[0]
     for n in range(LENGTH - 1):
-        step = half * INVERSE[n + 1]
+        step = half * INVERSE[n]
         acceleration = load[n] + stiffness * position + damping * velocity
         position = velocity * step
         velocity = acceleration * step
@@ -44,7 +39,7 @@ def _solve_oscillator(load, stiffness, damping, half, q, v):
 def _solve_coupled(loads, row, half, coordinates, dynamic, motion):
     """The same for coordinates that enter each other's equations; `loads` has a row for each, `motion` two."""
     for n in range(LENGTH - 1):
-        step = half * INVERSE[n + 1]
+        step = half * INVERSE[n]
         for i in range(dynamic):
             acceleration = loads[i, n]
             for j in range(dynamic):
@@ -90,8 +85,7 @@ def _economize(system, state, motion):
             now[2 * dynamic + i] = 0.0
         for c in range(2 * dynamic):
             now[c] = following[c]
-            for n in range(LENGTH):
-                motion[c, n] += now[c] * _ECONOMIZED[k, n]
+            store(motion[c], vector(motion[c]) + now[c] * vector(_ECONOMIZED[k]))
 
 
 @kernel
@@ -112,10 +106,7 @@ def _keep_free_motion(system, state, flow, slot):
         if slot == state.index[CELL]:
             _economize(system, state, motion)
         for c in range(components):
-            total = 0.0
-            for n in range(LENGTH):
-                total += motion[c, n]
-            library.free_end[flow, slot, j, c] = total
+            library.free_end[flow, slot, j, c] = total(vector(motion[c]))
 
 
 @kernel
@@ -150,9 +141,8 @@ def _find_forced_motion(system, state, flow, slot, point):
     if of_cell:
         _economize(system, state, motion)
         library.version[flow, slot] = state.index[VERSION]
-        fill_powers(-1.0, state.powers)
         for c in range(len(motion)):
-            library.forced_start[flow, slot, c] = product(motion[c], state.powers)
+            library.forced_start[flow, slot, c] = value(motion[c], -1.0)
 
 
 @kernel
@@ -160,11 +150,9 @@ def _find_defect(system, state, motion, at_start, point):
     """Note what the forced motion lacks of the coordinates of `point` where the flow begins; whether it is anything."""
     entrance = state.clock[ENTRANCE]
     known = entrance == -1.0 and state.index[SLOT] == state.index[CELL]
-    if not known:
-        fill_powers(entrance, state.powers)
     anything = False
     for c in range(len(motion)):
-        found = at_start[c] if known else product(motion[c], state.powers)
+        found = at_start[c] if known else value(motion[c], entrance)
         defect = point[_component(system, c)] - found
         state.defect[0, c] = defect
         anything = anything or defect != 0.0
@@ -185,52 +173,52 @@ def _companions(system, state, c):
 def _carry_to_middle(system, state, free, free_end):
     """The free motion whose value is the defect where the flow begins has this value in the middle."""
     entrance = state.clock[ENTRANCE]
-    if entrance != -1.0:
-        fill_powers(-entrance, state.powers)
     for c in range(len(free)):
-        total = 0.0
+        middle = 0.0
         first, step = _companions(system, state, c)
         for j in range(first, len(free), step):
-            part = free_end[j, c] if entrance == -1.0 else product(free[j, c], state.powers)
-            total += part * state.defect[0, j]
-        state.defect[1, c] = total
+            part = free_end[j, c] if entrance == -1.0 else value(free[j, c], -entrance)
+            middle += part * state.defect[0, j]
+        state.defect[1, c] = middle
 
 
 @kernel
 def _add_free_motion(system, state, free, c, forced, target):
     """target = forced + component c of the free motion."""
     first, step = _companions(system, state, c)
-    other = first + step
-    fill_sum(target, forced, state.defect[1, first], free[first, c], state.defect[1, other], free[other, c])
-    for j in range(first + 2 * step, len(free), 2 * step):
-        other = j + step
-        add_two_multiples(target, state.defect[1, j], free[j, c], state.defect[1, other], free[other, c])
+    motion = state.defect[1, first] * vector(free[first, c])
+    for j in range(first + step, len(free), step):
+        motion = motion + state.defect[1, j] * vector(free[j, c])
+    store(target, vector(forced) + motion)
 
 
 @kernel
 def _pass_through(system, state, point):
     """Set the constant terms anew, by less than a rounding or two: carried to the middle and back, the values would be
     off by the same rounding in every segment of the kind."""
-    fill_powers(state.clock[ENTRANCE], state.powers)
-    state.powers[0] = 0.0
+    powers_above_zero = with_first(powers(state.clock[ENTRANCE]), 0.0)
     for c in range(2 * system.sizes[1]):
         channel = _component(system, c)
-        state.z[channel, 0] = point[channel] - product(state.z[channel], state.powers)
+        state.z[channel, 0] = point[channel] - total(vector(state.z[channel]) * powers_above_zero)
 
 
 @kernel
 def _rescale(state, channel, magnitude):
-    """A segment starts with the rounding error of the one before, however small its own terms are."""
-    state.scale[channel] = max(magnitude, 0.5 * state.scale[channel])
+    """A segment starts with the rounding error of the one before, however small its own terms are.
+
+    All of it where that one ended at its start: what was zero to rounding there, and led here, is zero here.
+    """
+    kept = 0.5 if state.index[STANDSTILLS] == 0 else 1.0
+    state.scale[channel] = max(magnitude, kept * state.scale[channel])
 
 
 @sum_kernel
 def weighted_sum(row, scale):
     """Sum of |row| scale."""
-    total = 0.0
+    result = 0.0
     for channel in range(len(row)):
-        total += abs(row[channel]) * scale[channel]
-    return total
+        result += abs(row[channel]) * scale[channel]
+    return result
 
 
 @kernel
@@ -250,7 +238,7 @@ def solve_dynamic(system, state, point):
         if incomplete:
             _add_free_motion(system, state, free, c, motion[c], z[channel])
         else:
-            copy(motion[c], z[channel])
+            store(z[channel], vector(motion[c]))
         _rescale(state, channel, abs(z[channel, 0]) + abs(z[channel, 1]))
     if incomplete:
         _pass_through(system, state, point)
@@ -263,9 +251,7 @@ def solve_dynamic(system, state, point):
 def solve_driven(system, state, point):
     """Series of the driven coordinates that pass through `point` where the mode begins."""
     coordinates, mode = system.sizes[0], state.index[MODE]
-    z, half, acceleration, anchor = state.z, state.clock[HALF], state.work[0], state.work[1]
-    fill_powers(state.clock[ANCHOR], state.powers)
-    fill_integral_powers(state.powers, anchor)
+    z, half, acceleration, anchor = state.z, state.clock[HALF], state.work[0], state.clock[ANCHOR]
     for i in range(system.sizes[1], coordinates):
         row = system.acceleration[mode, i]
         rate = z[coordinates + i]

@@ -4,14 +4,11 @@ import math
 
 from vibro_ros.solver.compilation import entry_kernel, kernel
 from vibro_ros.solver.polynomial import (
-    LENGTH,
-    copy,
     differentiate,
-    fill_powers,
-    product,
     recentre,
     scale_argument,
     substitute,
+    value,
 )
 from vibro_ros.solver.state import (
     ANCHOR,
@@ -37,6 +34,7 @@ from vibro_ros.solver.state import (
     VERSION,
 )
 from vibro_ros.solver.system import CELL_RATE, STRIDE
+from vibro_ros.solver.vector import LENGTH, store, vector
 
 #: A segment without a fast mode, a signal or a ramp to end it ends after this time [s].
 _LONGEST_SEGMENT = 1.0
@@ -216,22 +214,19 @@ def _fill_signals(system, state):
     clock, cell, phase = state.clock, state.index[CELL], state.work[1]
     width = system.signals.start[cell + 1] - system.signals.start[cell]
     phase_terms = _fill_phase(clock, width, phase)
-    fill_powers(phase[0], state.shift[LENGTH:])
-    phase[0] = 0.0
+    middle, phase[0] = phase[0], 0.0
     span = 0.0
     for n in range(1, phase_terms):
         span += n * abs(phase[n])
     terms = _terms(0.5 * width * span / system.signals.reach[cell])
     first, series = 2 * system.sizes[0] + system.sizes[1], state.work[0]
     for k in range(system.sizes[2]):
-        recentre(system.signals.series[cell, k], state.shift, terms, state.z[first + k])
-    if phase_terms == 2:
-        fill_powers(phase[1], state.powers)
+        recentre(system.signals.series[cell, k], middle, terms, state.z[first + k])
     for k in range(system.sizes[2]):
         if phase_terms == 2:
-            scale_argument(state.z[first + k], state.powers, state.z[first + k])
+            scale_argument(state.z[first + k], phase[1], state.z[first + k])
         else:
-            copy(state.z[first + k], series)
+            store(series, vector(state.z[first + k]))
             substitute(series, terms, phase, phase_terms, state.z[first + k])
 
 
@@ -249,7 +244,7 @@ def fill_forcing(system, state):
     first, signals, ramps = 2 * system.sizes[0] + system.sizes[1], system.sizes[2], system.sizes[3]
     if state.index[SLOT] == state.index[CELL]:
         for k in range(signals):
-            copy(system.signals.series[state.index[CELL], k], z[first + k])
+            store(z[first + k], vector(system.signals.series[state.index[CELL], k]))
     else:
         _fill_signals(system, state)
     for channel in range(first, first + signals):
@@ -271,9 +266,8 @@ def read_signals(system, state, values):
     """Values of the signals now, before the first segment: the very ones that its flow will start with."""
     choose_segment(system, state, math.inf)
     fill_forcing(system, state)
-    fill_powers(-1.0, state.powers)
     for k in range(system.sizes[2]):
-        values[k] = product(state.z[2 * system.sizes[0] + system.sizes[1] + k], state.powers)
+        values[k] = value(state.z[2 * system.sizes[0] + system.sizes[1] + k], -1.0)
 
 
 @kernel

@@ -4,7 +4,7 @@ import math
 
 from vibro_ros.solver.compilation import kernel
 from vibro_ros.solver.forcing import advance_ramps, phase_at
-from vibro_ros.solver.polynomial import LENGTH, value_and_derivatives
+from vibro_ros.solver.polynomial import value_and_derivatives
 from vibro_ros.solver.recording import form_value
 from vibro_ros.solver.state import (
     CELL,
@@ -21,6 +21,7 @@ from vibro_ros.solver.state import (
     TURNS,
     VALUE,
 )
+from vibro_ros.solver.vector import LENGTH
 
 
 @kernel

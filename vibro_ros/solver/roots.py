@@ -2,17 +2,15 @@
 
 import numpy as np
 
-from vibro_ros.solver.compilation import kernel, sum_kernel
+from vibro_ros.solver.compilation import kernel
 from vibro_ros.solver.polynomial import (
-    LENGTH,
-    copy,
     differentiate,
     divide_by_root,
-    fill_powers,
-    product,
+    sum_of_magnitudes,
     value,
     value_and_derivatives,
 )
+from vibro_ros.solver.vector import LENGTH, store, total, vector
 
 #: Returned when a guard stays non-negative to the end of the segment.
 NO_ROOT = 2.0
@@ -29,9 +27,10 @@ _ECHO = 4.0
 # Guards of a motion that has died away: their squares would be lost below the smallest number.
 _VANISHING = 1e-100
 
-# A guard is first looked at in places so far from each other; the middle one, at 0, has this number.
-_SPACING = 0.125
-_MIDDLE = 8
+# A guard is first looked at in these places, by one row of their powers after the other.
+_PLACES = np.linspace(-1.0, 1.0, LENGTH)
+_SPACING = 2.0 / (LENGTH - 1)
+_POWERS_OF_PLACES = _PLACES ** np.arange(LENGTH)[:, None]
 # The slope between two places differs from the mean one by 4 bends over the distance at most: with this drop, and not
 # by a hair, it has one sign.
 _FALLS = 5.0
@@ -67,22 +66,16 @@ def _safe_step(f, d, dd, third, reach):
     return min(reach, (d + root) / (-2.0 * m)) if root > 0.0 else reach  # 0: squares below the smallest number
 
 
-@sum_kernel
+@kernel
 def _lower_bound(p):
     """A value that p stays above on [-1, 1]."""
-    lower = 0.0
-    for n in range(len(p)):
-        lower += _KEPT[n] * p[n] - _LOST[n] * abs(p[n])
-    return lower
+    return total(vector(_KEPT) * vector(p) - vector(_LOST) * abs(vector(p)))
 
 
-@sum_kernel
+@kernel
 def _third_derivative_bound(p):
     """Bound of |p'''| on [-1, 1]."""
-    bound = 0.0
-    for n in range(len(p)):
-        bound += _THIRD[n] * abs(p[n])
-    return bound
+    return total(vector(_THIRD) * abs(vector(p)))
 
 
 @kernel
@@ -126,50 +119,30 @@ def _march(p, pairs, a, limit):
     return SEARCH_FAILED
 
 
-@sum_kernel
+@kernel
 def _second_derivative_bound(p):
     """Bound of |p''| on [-1, 1]."""
-    bound = 0.0
-    for n in range(len(p)):
-        bound += _SECOND[n] * abs(p[n])
-    return bound
+    return total(vector(_SECOND) * abs(vector(p)))
 
 
 @kernel
-def _fill_values_at_four(p, pairs, first, values):
-    """Values of p in the four places from `first` beyond the middle on, and in their mirror images about it.
-
-    One beside the other: each series alone would wait for its last product, and eight do not.
-    """
-    x0 = first * _SPACING
-    x1, x2, x3 = x0 + _SPACING, x0 + 2.0 * _SPACING, x0 + 3.0 * _SPACING
-    y0, y1, y2, y3 = x0 * x0, x1 * x1, x2 * x2, x3 * x3
-    even0, even1, even2, even3 = 0.0, 0.0, 0.0, 0.0
-    odd0, odd1, odd2, odd3 = 0.0, 0.0, 0.0, 0.0
-    for n in range(pairs - 1, -1, -1):
-        even, odd = p[2 * n], p[2 * n + 1]
-        even0, even1, even2, even3 = even0 * y0 + even, even1 * y1 + even, even2 * y2 + even, even3 * y3 + even
-        odd0, odd1, odd2, odd3 = odd0 * y0 + odd, odd1 * y1 + odd, odd2 * y2 + odd, odd3 * y3 + odd
-    up, down = _MIDDLE + first, _MIDDLE - first
-    values[up], values[down] = even0 + x0 * odd0, even0 - x0 * odd0
-    values[up + 1], values[down - 1] = even1 + x1 * odd1, even1 - x1 * odd1
-    values[up + 2], values[down - 2] = even2 + x2 * odd2, even2 - x2 * odd2
-    values[up + 3], values[down - 3] = even3 + x3 * odd3, even3 - x3 * odd3
-
-
-@kernel
-def _look(p, pairs, noise, values):
+def _look(p, noise, values):
     """Fill in p's values in all places; returns how far p may lie beyond both values between two of them."""
-    values[_MIDDLE] = p[0]
-    for first in range(1, _MIDDLE, 4):
-        _fill_values_at_four(p, pairs, first, values)
+    even, odd = p[0] * vector(_POWERS_OF_PLACES[0]), p[1] * vector(_POWERS_OF_PLACES[1])
+    for n in range(2, LENGTH, 2):
+        even = even + p[n] * vector(_POWERS_OF_PLACES[n])
+        odd = odd + p[n + 1] * vector(_POWERS_OF_PLACES[n + 1])
+    store(values, even + odd)
     return 0.125 * _SPACING * _SPACING * _second_derivative_bound(p) + noise
 
 
 @kernel
 def _next_place(x):
-    """Number of the first place beyond x."""
-    return int((x + 1.0) / _SPACING) + 1
+    """Number of the first place beyond x < 1."""
+    k = int((x + 1.0) / _SPACING)
+    while _PLACES[k] <= x:
+        k += 1
+    return k
 
 
 @kernel
@@ -189,10 +162,10 @@ def _only_root(p, pairs, left, right, start):
 @kernel
 def _search(p, pairs, a, f, limit, noise, values):
     """First root of p, which is f > 0 at a, in (a, limit]."""
-    bend = _look(p, pairs, noise, values)
+    bend = _look(p, noise, values)
     left, before = a, f
-    for k in range(_next_place(a), 2 * _MIDDLE + 1):
-        right = (k - _MIDDLE) * _SPACING
+    for k in range(_next_place(a), LENGTH):
+        right = _PLACES[k]
         if min(before, values[k]) <= bend:
             drop = before - values[k]
             if values[k] < 0.0 and drop > _FALLS * bend:
@@ -207,7 +180,7 @@ def _search(p, pairs, a, f, limit, noise, values):
 
 
 @kernel
-def first_root(p, a, powers, limit, noise, work):
+def first_root(p, a, limit, noise, work):
     """First instant in [a, limit] at which the guard p turns negative.
 
     A zero at a itself is divided out, as often as it takes, so that the sign of the first
@@ -220,8 +193,6 @@ def first_root(p, a, powers, limit, noise, work):
         The guard, which a valid mode keeps non-negative.
     a : float
         Where the mode begins, -1 <= a < 1.
-    powers : ndarray, shape (LENGTH,)
-        The powers of `a`.
     limit : float
         Where the search ends, a < limit <= 1.
     noise : float
@@ -238,8 +209,8 @@ def first_root(p, a, powers, limit, noise, work):
     if _lower_bound(p) > noise:
         return NO_ROOT
     guard, values = work[0], work[1]
-    copy(p, guard)
-    f = product(guard, powers)
+    store(guard, vector(p))
+    f = value(guard, a)
     hidden = noise
     for _ in range(_DEEPEST_ZERO):
         if f > hidden:
@@ -247,50 +218,41 @@ def first_root(p, a, powers, limit, noise, work):
         if f < -hidden:
             return a
         divide_by_root(guard, a)
-        f = product(guard, powers)
+        f = value(guard, a)
         hidden = _ECHO * noise
     return NO_ROOT
-
-
-@sum_kernel
-def _sum_of_magnitudes(p):
-    total = 0.0
-    for n in range(len(p)):
-        total += abs(p[n])
-    return total
 
 
 @kernel
 def _highest_turning_point(p, slope, a, b, noise, work):
     """Largest value of p at a and at its turning points in (a, b), one after the other."""
-    powers, best = work[0], -np.inf
+    best = -np.inf
     x = a
     while True:
-        fill_powers(x, powers)
-        best = max(best, product(p, powers))
-        x = first_root(slope, x, powers, b, noise, work[1:])
+        best = max(best, value(p, x))
+        x = first_root(slope, x, b, noise, work)
         if x < a or x >= b:
             return best
-        for n in range(len(slope)):
-            slope[n] = -slope[n]
+        store(slope, -1.0 * vector(slope))
 
 
 @kernel
 def maximum(p, a, b, work):
     """Largest value of p on [a, b]: the ends and every turning point between them.
 
-    `work`, shape (4, LENGTH), is overwritten.
+    `work`, shape (3, LENGTH), is overwritten.
     """
-    slope, values = work[0], work[3]
+    slope, values = work[0], work[1]
     differentiate(p, 1.0, slope)
     best = max(value(p, a), value(p, b))
-    noise = 1e-15 * _sum_of_magnitudes(slope)
-    bend = _look(slope, LENGTH // 2, noise, values)
-    for k in range(_next_place(a), min(_next_place(b), 2 * _MIDDLE) + 1):
-        before, behind = values[k - 1], values[k]
+    noise = 1e-15 * sum_of_magnitudes(slope)
+    bend = _look(slope, noise, values)
+    for k in range(_next_place(a), LENGTH):
+        left, right, before, behind = _PLACES[k - 1], _PLACES[k], values[k - 1], values[k]
+        if left >= b:
+            break
         if min(before, behind) > bend or max(before, behind) < -bend:
             continue
-        left, right = (k - 1 - _MIDDLE) * _SPACING, (k - _MIDDLE) * _SPACING
         drop, x = before - behind, NO_ROOT
         if before > 0.0 and behind < 0.0 and drop > _FALLS * bend:
             x = _only_root(slope, LENGTH // 2, left, right, left + _SPACING * before / drop)

@@ -4,8 +4,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from vibro_ros.solver.polynomial import LENGTH
 from vibro_ros.solver.system import Channels, System
+from vibro_ros.solver.vector import LENGTH
 
 # Entries of `State.clock`.
 START = 0  # instant at which the segment starts [s] ...
@@ -108,10 +108,6 @@ class State(NamedTuple):
         First root of each guard row in the segment, or `UNKNOWN`.
     library : Library
         Series that many segments share.
-    powers : ndarray, shape (LENGTH,)
-        Powers of the instant at which the channels are read.
-    shift : ndarray, shape (2 LENGTH,)
-        Zeros, and then the powers by which signals are recentred.
     defect : ndarray, shape (2, 2 n)
         What the forced motion lacks of the wanted one where a flow begins, and what free motion adds in the middle.
     origin : ndarray, shape (2 coordinates,)
@@ -133,8 +129,6 @@ class State(NamedTuple):
     audit: np.ndarray
     root: np.ndarray
     library: Library
-    powers: np.ndarray
-    shift: np.ndarray
     defect: np.ndarray
     origin: np.ndarray
     moments: np.ndarray
@@ -180,8 +174,6 @@ def new_state(system: System, phase_speed: float, ramp_values: np.ndarray, mode:
         audit=np.zeros(_AUDIT_ENTRIES),
         root=np.full(len(system.row), UNKNOWN),
         library=_empty_library(system, channels),
-        powers=np.zeros(LENGTH),
-        shift=np.zeros(2 * LENGTH),
         defect=np.zeros((2, 2 * channels.dynamic)),
         origin=np.zeros(2 * channels.coordinates),
         moments=np.zeros(2 * LENGTH),

@@ -1,0 +1,63 @@
+"""Vectors in kernels, against numpy."""
+
+import numba
+import numpy as np
+import pytest
+
+from vibro_ros.solver.vector import LENGTH, lowered, powers, raised, store, total, vector, with_first
+
+RANDOM = np.random.default_rng(29)
+P, Q = RANDOM.normal(size=(2, LENGTH))
+
+
+def kept(function, *arguments):
+    """What a kernel stores as its first argument."""
+    target = np.full(LENGTH, np.nan)
+    numba.njit(function)(target, *arguments)
+    return target
+
+
+def test_numbers_go_where_they_came_from():
+    np.testing.assert_array_equal(kept(lambda target, p: store(target, vector(p)), P), P)
+
+
+def test_arrays_may_begin_anywhere():
+    for first in range(9):
+        room = np.zeros(LENGTH + 9)
+        numba.njit(lambda target, p: store(target, vector(p)))(room[first:first + LENGTH], P)
+        np.testing.assert_array_equal(room, [*np.zeros(first), *P, *np.zeros(9 - first)])
+
+
+def test_arithmetic():
+    """Number by number, and by one number: rounded as numpy rounds it."""
+    np.testing.assert_array_equal(kept(lambda target, p, q: store(target, vector(p) + vector(q)), P, Q), P + Q)
+    np.testing.assert_array_equal(kept(lambda target, p, q: store(target, vector(p) - vector(q)), P, Q), P - Q)
+    np.testing.assert_array_equal(kept(lambda target, p, q: store(target, vector(p) * vector(q)), P, Q), P * Q)
+    np.testing.assert_array_equal(kept(lambda target, p: store(target, 0.3 * vector(p)), P), 0.3 * P)
+    np.testing.assert_array_equal(kept(lambda target, p: store(target, abs(vector(p))), P), abs(P))
+
+
+def test_places():
+    np.testing.assert_array_equal(kept(lambda target, p: store(target, raised(vector(p))), P), [0.0, *P[:-1]])
+    np.testing.assert_array_equal(kept(lambda target, p: store(target, lowered(vector(p))), P), [*P[1:], 0.0])
+    np.testing.assert_array_equal(kept(lambda target, p: store(target, with_first(vector(p), 7.0)), P), [7.0, *P[1:]])
+
+
+def test_total():
+    """Of numbers whose sums are exact, and of others to rounding."""
+    found = numba.njit(lambda p: total(vector(p)))
+    assert found(np.arange(LENGTH) * 0.5) == LENGTH * (LENGTH - 1) / 4
+    assert found(P) == pytest.approx(P.sum(), abs=1e-15 * abs(P).sum())
+
+
+@pytest.mark.parametrize("x", [0.0, 1.0, -1.0, 0.5, -0.3, 1.7])
+def test_powers(x):
+    found = kept(lambda target, x: store(target, powers(x)), x)
+    np.testing.assert_allclose(found, x ** np.arange(LENGTH), rtol=2e-15)
+    np.testing.assert_array_equal(found[:3], [1.0, x, x * x])
+
+
+@pytest.mark.parametrize("array", [np.zeros((LENGTH, 2))[:, 0], np.zeros(LENGTH, dtype=int)])
+def test_what_is_no_vector_is_refused(array):
+    with pytest.raises(TypeError, match="contiguous and of doubles"):
+        numba.njit(lambda p: total(vector(p)))(array)
