@@ -31,8 +31,8 @@ setup(
     ],
     zip_safe=True,
     python_requires=">=3.10,<3.14",
-    install_requires=["matplotlib", "mcap", "numba", "numpy", "pillow", "PyYAML", "rosbags==0.11.9",
-                      "scipy", "tqdm"],
+    install_requires=["llvmlite", "matplotlib", "mcap", "numba", "numpy", "pillow", "PyYAML",
+                      "rosbags==0.11.9", "scipy", "tqdm"],
     extras_require={
         # The peer that bench and tests compare with: 104 MB, and no wheel for Python 3.10.
         "bench": ['heyoka==7.13.2 ; python_version >= "3.11"'],

@@ -106,7 +106,10 @@ def _keep_free_motion(system, state, flow, slot):
         if slot == state.index[CELL]:
             _economize(system, state, motion)
         for c in range(components):
-            library.free_end[flow, slot, j, c] = total(vector(motion[c]))
+            end = 0.0
+            for n in range(LENGTH):  # one by one: a decay's even and odd terms, each summed alone, would cancel
+                end += motion[c, n]
+            library.free_end[flow, slot, j, c] = end
 
 
 @kernel

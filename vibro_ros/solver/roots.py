@@ -34,9 +34,9 @@ _POWERS_OF_PLACES = _PLACES ** np.arange(LENGTH)[:, None]
 # The slope between two places differs from the mean one by 4 bends over the distance at most: with this drop, and not
 # by a hair, it has one sign.
 _FALLS = 5.0
-# Halley's step cubes the distance to the root, times (p''/2p')² - p'''/6p', about 1000 at most where `_search` asks for
+# Halley's step cubes the distance to the root, times (p''/2p')² - p'''/6p', about 2000 at most where `_search` asks for
 # it: after a step so short the distance is below rounding.
-_LAST_STEP = 3e-7
+_LAST_STEP = 2e-7
 _MOST_HALLEY_STEPS = 20
 
 _ORDER = np.arange(LENGTH)
