@@ -59,5 +59,5 @@ def test_powers(x):
 
 @pytest.mark.parametrize("array", [np.zeros((LENGTH, 2))[:, 0], np.zeros(LENGTH, dtype=int)])
 def test_what_is_no_vector_is_refused(array):
-    with pytest.raises(TypeError, match="contiguous and of doubles"):
+    with pytest.raises(numba.TypingError, match="contiguous and of doubles"):
         numba.njit(lambda p: total(vector(p)))(array)

@@ -12,6 +12,7 @@ import operator
 
 from llvmlite import ir
 from numba.core import types
+from numba.core.errors import TypingError
 from numba.core.typing.templates import AbstractTemplate, infer_global, signature
 from numba.extending import intrinsic, lower_builtin, models, register_model
 from numba.np.arrayobj import make_array
@@ -74,7 +75,7 @@ def _part_pointers(context, builder, array_type, array):
 
 def _check(array):
     if array.layout != "C" or array.dtype != types.float64:
-        raise TypeError(f"a vector's array is contiguous and of doubles, not {array}")
+        raise TypingError(f"a vector's array is contiguous and of doubles, not {array}")
 
 
 @intrinsic
