@@ -89,6 +89,17 @@ def _economize(system, state, motion):
 
 
 @kernel
+def _compensated_sum(p):
+    """Sum of the coefficients, rounded once (Neumaier): an error would be the same in every segment and add up."""
+    result, lost = 0.0, 0.0
+    for n in range(len(p)):
+        increased = result + p[n]
+        lost += (result - increased) + p[n] if abs(result) >= abs(p[n]) else (p[n] - increased) + result
+        result = increased
+    return result + lost
+
+
+@kernel
 def _keep_free_motion(system, state, flow, slot):
     """See to it that the library has the free motion of segments like this one."""
     library = state.library
@@ -106,10 +117,7 @@ def _keep_free_motion(system, state, flow, slot):
         if slot == state.index[CELL]:
             _economize(system, state, motion)
         for c in range(components):
-            end = 0.0
-            for n in range(LENGTH):  # one by one: a decay's even and odd terms, each summed alone, would cancel
-                end += motion[c, n]
-            library.free_end[flow, slot, j, c] = end
+            library.free_end[flow, slot, j, c] = _compensated_sum(motion[c])
 
 
 @kernel
