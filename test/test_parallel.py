@@ -164,11 +164,17 @@ def test_a_worker_that_is_killed_is_an_error_and_no_hang():
 def test_workers_work_at_the_same_time_and_evenly(monkeypatch):
     """100 scenes that take 10 ms each without computing, so that a busy machine does not matter: 0.25 s with four
     workers, 1 s with one."""
-    monkeypatch.setattr(vibro_ros.parallel, "simulate", lambda scene, **_: time.sleep(0.01) or os.getpid())
+    made = vibro_ros.simulate(next(sweep()), **SHORT)
+
+    def wait(scene, **_):
+        time.sleep(0.01)
+        return dataclasses.replace(made, statistics={"pid": os.getpid()})
+
+    monkeypatch.setattr(vibro_ros.parallel, "simulate", wait)
     runs = vibro_ros.simulate_many(sweep(100), **SHORT, workers=4)
-    pids = [next(runs)]
+    pids = [next(runs).statistics["pid"]]
     began = time.monotonic()
-    pids += runs
+    pids += [run.statistics["pid"] for run in runs]
     assert time.monotonic() - began < 0.6
     assert len(set(pids)) == 4
     assert min(pids.count(pid) for pid in set(pids)) >= 15

@@ -9,17 +9,17 @@ import functools
 import itertools
 import multiprocessing
 import os
-import pickle
 import signal
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
+from dataclasses import fields
 from multiprocessing.connection import Connection, wait
 
 import numpy as np
 
 from vibro_ros.model.parameters import SCENE_PARAMETERS, checked_parameters
 from vibro_ros.model.scene import Scene
-from vibro_ros.samples import Run
+from vibro_ros.samples import EVENT_DTYPE, Run, Samples
 from vibro_ros.simulator import SimulationError, compile_kernels, overriding, sample_times, simulate
 
 # Scenes at a time that a worker has been given: one runs while the other waits, so that it need not wait for us.
@@ -233,7 +233,7 @@ class _Worker:
         """Number and outcome of the oldest scene it was given."""
         number = self.given.popleft()
         try:
-            return number, next(self._rooms).take(*self.pipe.recv())
+            return number, next(self._rooms).take(self.pipe.recv())
         except (EOFError, OSError):
             self._process.join()
             return number, f"its process ended with exit code {self._process.exitcode}"
@@ -270,27 +270,35 @@ class _Room:
     def __init__(self):
         self._file = os.memfd_create("simulate_many")
 
-    def put(self, outcome: Run | str) -> tuple[bytes, list[int]]:
-        """Put an outcome's arrays here; returns the rest of it, for `take`, and their sizes."""
-        arrays: list[pickle.PickleBuffer] = []
-        rest = pickle.dumps(outcome, protocol=5, buffer_callback=arrays.append)
-        offset, sizes = 0, []
-        for array in arrays:
-            part = array.raw()
-            sizes.append(part.nbytes)
+    def put(self, outcome: Run | str) -> str | tuple[int, int, dict]:
+        """Put a run's arrays here; returns what else `take` needs of the outcome."""
+        if isinstance(outcome, str):
+            return outcome
+        samples = [getattr(outcome, field.name) for field in fields(Samples)]
+        offset = 0
+        for array in (*samples, outcome.events):
+            part = memoryview(np.ascontiguousarray(array).view(np.uint8))
             while part.nbytes:
                 written = os.pwrite(self._file, part, offset)
                 part, offset = part[written:], offset + written
-        return rest, sizes
+        return len(outcome.time), len(outcome.events), outcome.statistics
 
-    def take(self, rest: bytes, sizes: list[int]) -> Run | str:
+    def take(self, rest: str | tuple[int, int, dict]) -> Run | str:
         """The outcome that was put here."""
-        memory = memoryview(np.empty(sum(sizes), dtype=np.uint8))
-        got = 0
-        while got < memory.nbytes:
-            got += os.preadv(self._file, [memory[got:]], got)
-        ends = list(itertools.accumulate(sizes))
-        return pickle.loads(rest, buffers=[memory[end - size:end] for end, size in zip(ends, sizes, strict=True)])
+        if isinstance(rest, str):
+            return rest
+        count, event_count, statistics = rest
+        samples = np.empty((len(fields(Samples)), count))
+        events = np.empty(event_count, dtype=EVENT_DTYPE)
+        self._read(samples, 0)
+        self._read(events, samples.nbytes)
+        return Run(*samples, events, statistics)
+
+    def _read(self, array: np.ndarray, offset: int) -> None:
+        part = memoryview(array.view(np.uint8).reshape(-1))
+        while part.nbytes:
+            read = os.preadv(self._file, [part], offset)
+            part, offset = part[read:], offset + read
 
     def close(self) -> None:
         """Give the memory back."""

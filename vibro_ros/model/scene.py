@@ -56,7 +56,7 @@ class Scene:
         return self.parameters[known(name, _BY_NAME).name]
 
     def __reduce__(self):
-        return Scene, (self.name, dict(self.parameters))
+        return _scene_once_checked, (self.name, dict(self.parameters))
 
     def __hash__(self):
         return hash((self.name, tuple(self.parameters.values())))
@@ -192,3 +192,11 @@ class Scene:
     def plates(self) -> tuple[str, ...]:
         """The guides whose masses can meet a plate."""
         return tuple(side for side in self.guides if self[f"effects.{side}_contact"] != "none")
+
+
+def _scene_once_checked(name: str, parameters: dict[str, Value]) -> Scene:
+    """A pickled scene as it was: handed to another process, it is not checked again."""
+    scene = object.__new__(Scene)
+    object.__setattr__(scene, "name", name)
+    object.__setattr__(scene, "parameters", MappingProxyType(_DEFAULTS | parameters))
+    return scene
