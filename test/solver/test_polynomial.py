@@ -55,13 +55,13 @@ def test_divide_by_root(root):
 
 @pytest.mark.parametrize("x", [0.0, 0.2, 0.9])
 def test_recentre(x):
-    target = np.empty(LENGTH)
-    for p in DECAYING:
-        poly.recentre(p, x, LENGTH, target)
-        expected = np.polynomial.Polynomial(p)(np.polynomial.Polynomial([x, 1.0])).coef
-        np.testing.assert_allclose(target, expected, rtol=0, atol=1e-14)
-        poly.recentre(p, x, 5, target)
-        np.testing.assert_allclose(target, [*expected[:5], *np.zeros(LENGTH - 5)], rtol=0, atol=1e-14)
+    expected = np.array([Polynomial(p)(Polynomial([x, 1.0])).coef for p in DECAYING])
+    targets = np.empty_like(DECAYING)
+    poly.recentre(DECAYING, x, LENGTH, targets)
+    np.testing.assert_allclose(targets, expected, rtol=0, atol=1e-14)
+    poly.recentre(DECAYING, x, 5, targets)
+    np.testing.assert_allclose(targets[:, :5], expected[:, :5], rtol=0, atol=1e-14)
+    assert not targets[:, 5:].any()
 
 
 @pytest.mark.parametrize("inner", [(1.0,), (0.4,), (0.5, 0.2), (0.0, 0.7), (0.9, -0.3), (0.6, -0.2, 0.05, -0.01, 1e-3)])

@@ -220,8 +220,7 @@ def _fill_signals(system, state):
         span += n * abs(phase[n])
     terms = _terms(0.5 * width * span / system.signals.reach[cell])
     first, series = 2 * system.sizes[0] + system.sizes[1], state.work[0]
-    for k in range(system.sizes[2]):
-        recentre(system.signals.series[cell, k], middle, terms, state.z[first + k])
+    recentre(system.signals.series[cell], middle, terms, state.z[first:first + system.sizes[2]])
     for k in range(system.sizes[2]):
         if phase_terms == 2:
             scale_argument(state.z[first + k], phase[1], state.z[first + k])

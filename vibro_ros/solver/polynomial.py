@@ -81,12 +81,15 @@ def fill_form(form, channels, z, target):
 
 
 @kernel
-def recentre(p, x, terms, target):
-    """First `terms` coefficients of target(y) = p(x + y); the others become zero."""
-    store(target, 0.0 * powers(0.0))
+def recentre(polynomials, x, terms, targets):
+    """First `terms` coefficients of p(x + y), as polynomials of y, of every p; the others become zero."""
+    for k in range(len(targets)):
+        store(targets[k], 0.0 * powers(0.0))
     higher = powers(x)
     for n in range(terms):
-        target[n] = total(vector(_BINOMIAL[n]) * vector(p) * higher)
+        weights = vector(_BINOMIAL[n]) * higher
+        for k in range(len(targets)):
+            targets[k, n] = total(weights * vector(polynomials[k]))
         higher = raised(higher)
 
 
