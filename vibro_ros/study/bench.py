@@ -48,13 +48,13 @@ def seconds(function: Callable, *arguments: object) -> float:
     return time.perf_counter() - began
 
 
-def mean_seconds(function: Callable) -> float:
-    """Wall time of a call, mean of as many as take `_LEAST_TIME`: a single run of milliseconds would be measured with
-    caches that the run before it left cold, which one of 0.1 s hardly notices."""
+def typical_seconds(function: Callable) -> float:
+    """Wall time of a call, median of as many as take `_LEAST_TIME`: a single run of milliseconds would be measured with
+    caches that the run before it left cold, or with what else the machine did just then."""
     times = []
     while sum(times) < _LEAST_TIME:
         times.append(seconds(function))
-    return statistics.mean(times)
+    return statistics.median(times)
 
 
 def run_exact(scene: Scene, times: np.ndarray) -> tuple[Samples, np.ndarray]:
@@ -102,7 +102,7 @@ def measure(name: str, duration: float, repeats: int) -> dict[str, str | float]:
     run_baseline(scene, times[:2])
     _, events = run_exact(scene, times)
     runs = [partial(run_exact, scene, times), partial(run_baseline, scene, times), *_peer_runs(scene, times)]
-    rounds = np.array([[mean_seconds(run) for run in runs] for _ in range(repeats)])
+    rounds = np.array([[typical_seconds(run) for run in runs] for _ in range(repeats)])
     exact, baseline, *_ = np.median(rounds, axis=0)
     ratio, _, *peers = np.median(rounds / rounds[:, 1:2], axis=0)
     return {
