@@ -4,7 +4,18 @@ import numba
 import numpy as np
 import pytest
 
-from vibro_ros.solver.vector import LENGTH, lowered, powers, raised, store, total, vector, with_first
+from vibro_ros.solver.vector import (
+    LENGTH,
+    first_place,
+    lowered,
+    places_above,
+    powers,
+    raised,
+    store,
+    total,
+    vector,
+    with_first,
+)
 
 RANDOM = np.random.default_rng(29)
 P, Q = RANDOM.normal(size=(2, LENGTH))
@@ -41,6 +52,17 @@ def test_places():
     np.testing.assert_array_equal(kept(lambda target, p: store(target, raised(vector(p))), P), [0.0, *P[:-1]])
     np.testing.assert_array_equal(kept(lambda target, p: store(target, lowered(vector(p))), P), [*P[1:], 0.0])
     np.testing.assert_array_equal(kept(lambda target, p: store(target, with_first(vector(p), 7.0)), P), [7.0, *P[1:]])
+
+
+def test_places_by_size():
+    """As numpy's comparison finds them; a number that is none is not above."""
+    above = numba.njit(lambda p, limit: places_above(vector(p), limit))
+    lowest = numba.njit(lambda bits: first_place(bits))
+    for p in (P, np.where(np.arange(LENGTH) == 3, np.nan, Q), np.zeros(LENGTH)):
+        for limit in (-0.3, 0.0, 5.0):
+            bits = above(p, limit)
+            assert [bits >> n & 1 for n in range(64)] == [*(p > limit), *[False] * (64 - LENGTH)]
+            assert lowest(bits) == next(iter(np.flatnonzero(p > limit)), 64)
 
 
 def test_total():

@@ -10,7 +10,7 @@ from vibro_ros.solver.polynomial import (
     value,
     value_and_derivatives,
 )
-from vibro_ros.solver.vector import LENGTH, store, total, vector
+from vibro_ros.solver.vector import LENGTH, first_place, places_above, store, total, vector
 
 #: Returned when a guard stays non-negative to the end of the segment.
 NO_ROOT = 2.0
@@ -163,20 +163,18 @@ def _only_root(p, pairs, left, right, start):
 def _search(p, pairs, a, f, limit, noise, values):
     """First root of p, which is f > 0 at a, in (a, limit]."""
     bend = _look(p, noise, values)
-    left, before = a, f
-    for k in range(_next_place(a), LENGTH):
-        right = _PLACES[k]
-        if min(before, values[k]) <= bend:
-            drop = before - values[k]
-            if values[k] < 0.0 and drop > _FALLS * bend:
-                root = _only_root(p, pairs, left, right, left + (right - left) * before / drop)
-                if root != NO_ROOT:
-                    return root if root <= limit else NO_ROOT
-            return _march(p, pairs, left, limit)
-        if right >= limit:
-            return NO_ROOT
-        left, before = right, values[k]
-    return NO_ROOT
+    first = _next_place(a)
+    # Up to this place p stays positive.
+    k = first if f <= bend else first_place(~places_above(vector(values), bend) >> first << first)
+    left, before = (a, f) if k == first else (_PLACES[k - 1], values[k - 1])
+    if k >= LENGTH or left >= limit:
+        return NO_ROOT
+    right, drop = _PLACES[k], before - values[k]
+    if values[k] < 0.0 and drop > _FALLS * bend:
+        root = _only_root(p, pairs, left, right, left + (right - left) * before / drop)
+        if root != NO_ROOT:
+            return root if root <= limit else NO_ROOT
+    return _march(p, pairs, left, limit)
 
 
 @kernel
@@ -247,12 +245,16 @@ def maximum(p, a, b, work):
     best = max(value(p, a), value(p, b))
     noise = 1e-15 * sum_of_magnitudes(slope)
     bend = _look(slope, noise, values)
-    for k in range(_next_place(a), LENGTH):
+    rises, falls = places_above(vector(values), bend), places_above(-1.0 * vector(values), bend)
+    first = _next_place(a)
+    # Between two places of either kind the slope keeps its sign.
+    turns = ~(rises & rises << 1 | falls & falls << 1) >> first << first
+    while True:
+        k = first_place(turns)
+        if k >= LENGTH or _PLACES[k - 1] >= b:
+            return best
+        turns &= turns - 1
         left, right, before, behind = _PLACES[k - 1], _PLACES[k], values[k - 1], values[k]
-        if left >= b:
-            break
-        if min(before, behind) > bend or max(before, behind) < -bend:
-            continue
         drop, x = before - behind, NO_ROOT
         if before > 0.0 and behind < 0.0 and drop > _FALLS * bend:
             x = _only_root(slope, LENGTH // 2, left, right, left + _SPACING * before / drop)
@@ -260,4 +262,3 @@ def maximum(p, a, b, work):
             return max(best, _highest_turning_point(p, slope, a, b, noise, work[1:]))
         if a < x < b:
             best = max(best, value(p, x))
-    return best

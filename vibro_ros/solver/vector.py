@@ -25,7 +25,7 @@ _WIDTH = 8
 _NUMBER = ir.DoubleType()
 _PART = ir.VectorType(_NUMBER, _WIDTH)
 _PARTS = ir.ArrayType(_PART, LENGTH // _WIDTH)
-_INDEX = ir.IntType(32)
+_INDEX, _BITS = ir.IntType(32), ir.IntType(64)
 _FIRST = ir.Constant(_INDEX, 0)
 _ZEROS = ir.Constant(_PART, [0.0] * _WIDTH)
 
@@ -142,6 +142,26 @@ def with_first(_, numbers, number):
         first = builder.insert_element(builder.extract_value(arguments[0], 0), arguments[1], _FIRST)
         return builder.insert_value(arguments[0], first, 0)
     return _VECTOR(numbers, types.float64), generate
+
+
+@intrinsic
+def places_above(_, numbers, limit):
+    """Bits of the places whose numbers are greater than `limit`; of the others none."""
+    def generate(context, builder, sign, arguments):
+        limits, result = _repeat(builder, arguments[1]), ir.Constant(_BITS, 0)
+        for k, part in enumerate(_split(builder, arguments[0])):
+            bits = builder.bitcast(builder.fcmp_ordered(">", part, limits), ir.IntType(_WIDTH))
+            result = builder.or_(result, builder.shl(builder.zext(bits, _BITS), ir.Constant(_BITS, k * _WIDTH)))
+        return result
+    return types.int64(numbers, types.float64), generate
+
+
+@intrinsic
+def first_place(_, bits):
+    """The lowest place whose bit is set; LENGTH or more if there is none."""
+    def generate(context, builder, sign, arguments):
+        return builder.cttz(arguments[0], ir.Constant(ir.IntType(1), 0))
+    return types.int64(types.int64), generate
 
 
 @intrinsic
