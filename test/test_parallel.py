@@ -1,6 +1,7 @@
 """Many scenes at once: the same results, in order, no more of them kept than asked for, and no process left."""
 
 import dataclasses
+import errno
 import gc
 import itertools
 import multiprocessing
@@ -146,6 +147,16 @@ def test_an_error_of_the_iterable_comes_after_the_results_before_it(workers):
 def test_a_name_is_no_scene(workers):
     with pytest.raises(TypeError, match="scene 0: 'paper' is not a Scene; vibro_ros.load_scene makes one"):
         next(vibro_ros.simulate_many(["paper"], **SHORT, workers=workers))
+    assert running() == []
+
+
+def test_a_result_without_room_is_an_error_that_says_so(monkeypatch):
+    def refuse(*_):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(os, "pwrite", refuse)  # the workers are forked with it
+    with pytest.raises(vibro_ros.SimulationError, match=r"scene 0 .*51 samples .* No space left on device; ask"):
+        list(vibro_ros.simulate_many(sweep(3), **SHORT, workers=2))
     assert running() == []
 
 

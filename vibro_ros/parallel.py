@@ -271,9 +271,16 @@ class _Room:
         self._file = os.memfd_create("simulate_many")
 
     def put(self, outcome: Run | str) -> str | tuple[int, int, dict]:
-        """Put a run's arrays here; returns what else `take` needs of the outcome."""
+        """Put a run's arrays here; returns what else `take` needs of the outcome, or what prevented it."""
         if isinstance(outcome, str):
             return outcome
+        try:
+            self._write(outcome)
+        except OSError as error:
+            return f"its result of {len(outcome.time)} samples could not be handed over: {error}; ask for fewer"
+        return len(outcome.time), len(outcome.events), outcome.statistics
+
+    def _write(self, outcome: Run) -> None:
         samples = [getattr(outcome, field.name) for field in fields(Samples)]
         offset = 0
         for array in (*samples, outcome.events):
@@ -281,7 +288,6 @@ class _Room:
             while part.nbytes:
                 written = os.pwrite(self._file, part, offset)
                 part, offset = part[written:], offset + written
-        return len(outcome.time), len(outcome.events), outcome.statistics
 
     def take(self, rest: str | tuple[int, int, dict]) -> Run | str:
         """The outcome that was put here."""
