@@ -83,8 +83,7 @@ def fill_form(form, channels, z, target):
 @kernel
 def recentre(polynomials, x, terms, targets):
     """First `terms` coefficients of p(x + y), as polynomials of y, of every p; the others become zero."""
-    for k in range(len(targets)):
-        store(targets[k], 0.0 * powers(0.0))
+    targets[:] = 0.0
     higher = powers(x)
     for n in range(terms):
         weights = vector(_BINOMIAL[n]) * higher
@@ -104,10 +103,10 @@ def substitute(p, terms, inner, inner_terms, target):
         target[n] = 0.0
     for k in range(terms - 1, -1, -1):
         for n in range(most - 1, 0, -1):
-            total = 0.0
+            coefficient = 0.0
             for m in range(1, min(n + 1, inner_terms)):
-                total += inner[m] * target[n - m]
-            target[n] = total
+                coefficient += inner[m] * target[n - m]
+            target[n] = coefficient
         target[0] = p[k]
 
 

@@ -1,8 +1,10 @@
 """Vectors: a polynomial's coefficients as one value, in the processor's vector registers.
 
-The compiler turns a loop over so few numbers into loops for vectors of several widths and for single numbers, and
-then runs the slowest of them. An operation on a vector is one instruction to the compiler, which cuts it into as few
-as the processor needs. In kernels, vectors are added, subtracted and multiplied, number by number, and scaled:
+The compiler turns a loop over so few numbers into several, for vectors of different widths and for single numbers, of
+which the fastest takes more numbers at a time than there are. An operation on a vector is one instruction to the
+compiler, which cuts it into as few as the processor needs.
+
+In kernels, vectors are added, subtracted and multiplied, number by number, and scaled:
 
     store(target, vector(p) + 2.0 * (vector(q) * powers(x)))
 """
