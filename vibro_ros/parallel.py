@@ -2,7 +2,8 @@
 
 Processes, not threads: compiling a scene to its tables is Python, and takes as long as seconds of robot time.
 They are forked, so that they start in milliseconds with the kernels that their parent has compiled, and hand their
-results over in memory that they share with it.
+results over in memory that they share with it. The parent simulates as well, part by part, while it has no result to
+give: what it simulates need not be handed over.
 """
 
 import functools
@@ -11,7 +12,7 @@ import multiprocessing
 import os
 import signal
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Generator, Iterable, Iterator
 from dataclasses import fields
 from multiprocessing.connection import Connection, wait
 
@@ -20,12 +21,22 @@ import numpy as np
 from vibro_ros.model.parameters import SCENE_PARAMETERS, checked_parameters
 from vibro_ros.model.scene import Scene
 from vibro_ros.samples import EVENT_DTYPE, Run, Samples
-from vibro_ros.simulator import SimulationError, compile_kernels, overriding, sample_times, simulate
+from vibro_ros.simulator import (
+    SimulationError,
+    compile_kernels,
+    finished,
+    overriding,
+    sample_times,
+    simulate_in_parts,
+)
 
 # Scenes at a time that a worker has been given: one runs while the other waits, so that it need not wait for us.
 _GIVEN = 2
-# Scenes a worker that may be ahead of the result that is due: a slow scene does not stop the others at once.
+# Scenes a process that may be ahead of the result that is due: a slow scene does not stop the others at once.
 _AHEAD = 4
+
+# Simulates a scene, pausing after each part.
+_InParts = Callable[[Scene], Generator[None, None, Run]]
 
 _FORK = multiprocessing.get_context("fork")
 
@@ -38,19 +49,20 @@ def simulate_many(scenes: Iterable[Scene], duration: float | None = None, rate: 
     Parameters
     ----------
     scenes : iterable of Scene
-        What to simulate. Taken as it is needed, at most four scenes a worker ahead of the result that is due, so
+        What to simulate. Taken as it is needed, at most four scenes a process ahead of the result that is due, so
         that it may be a generator without end.
     duration, rate, times, tolerance, method
         As for `simulate`, the same for every scene.
     workers : int
-        Processes; as many as cores that this process may use unless given. With 1 the calling process does it all.
+        Processes, as many as cores that this process may use unless given. The calling process is one of them: it
+        simulates while it waits for a result, and with 1 it does it all.
 
     Yields
     ------
     Run
         The result of each scene, in the order of `scenes`. Only results that wait for an earlier one are kept:
-        ``list(simulate_many(...))`` keeps all. Workers run while results are asked for; they end with the last
-        result, with an error, or when the iterator is closed or dropped.
+        ``list(simulate_many(...))`` keeps all. The other processes end with the last result, with an error, or when
+        the iterator is closed or dropped.
 
     Raises
     ------
@@ -70,9 +82,8 @@ def simulate_many(scenes: Iterable[Scene], duration: float | None = None, rate: 
     workers = len(os.sched_getaffinity(0)) if workers is None else workers
     if isinstance(workers, bool) or not isinstance(workers, int) or workers < 1:
         raise ValueError(f"workers: {workers!r} is no number of processes; give 1 or more")
-    run = functools.partial(simulate, times=times, tolerance=tolerance, method=method)
-    outcomes = _in_turn(scenes, run) if workers == 1 else _in_parallel(scenes, run, workers)
-    return _results(outcomes)
+    run = functools.partial(simulate_in_parts, times=times, tolerance=tolerance, method=method)
+    return _results(_outcomes(scenes, run, workers))
 
 
 def _results(outcomes: Iterator[tuple[Scene, Run | str]]) -> Iterator[Run]:
@@ -94,10 +105,10 @@ def _distinction(scene: Scene, first: Scene) -> str:
     return ", ".join([scene.name, *(f"{name} = {value!r}" for name, value in different.items())])
 
 
-def _outcome(run: Callable[[Scene], Run], scene: Scene) -> Run | str:
-    """The run, or what prevented it."""
+def _outcome(run: _InParts, scene: Scene) -> Generator[None, None, Run | str]:
+    """The run, in parts, or what prevented it."""
     try:
-        return run(scene)
+        return (yield from run(scene))
     except SimulationError as error:
         return str(error)
     except Exception as error:
@@ -111,14 +122,9 @@ def _checked(scenes: Iterable[Scene]) -> Iterator[Scene]:
         yield scene
 
 
-def _in_turn(scenes: Iterable[Scene], run: Callable[[Scene], Run]) -> Iterator[tuple[Scene, Run | str]]:
-    for scene in _checked(scenes):
-        yield scene, _outcome(run, scene)
-
-
-def _in_parallel(scenes: Iterable[Scene], run: Callable[[Scene], Run],
-                 workers: int) -> Iterator[tuple[Scene, Run | str]]:
-    compile_kernels()  # once for all that are forked
+def _outcomes(scenes: Iterable[Scene], run: _InParts, workers: int) -> Iterator[tuple[Scene, Run | str]]:
+    if workers > 1:
+        compile_kernels()  # once for all that are forked
     team = _Team(_checked(scenes), run, workers)
     try:
         while team.due():
@@ -128,14 +134,15 @@ def _in_parallel(scenes: Iterable[Scene], run: Callable[[Scene], Run],
 
 
 class _Team:
-    """Workers, the scenes that they have been given, and the outcomes that wait to be taken.
+    """Workers and this process, the scenes that they have been given, and the outcomes that wait to be taken.
 
     A scene's number is its place among all scenes; outcomes are taken in its order.
     """
 
-    def __init__(self, scenes: Iterator[Scene], run: Callable[[Scene], Run], size: int):
+    def __init__(self, scenes: Iterator[Scene], run: _InParts, size: int):
         self._source, self._run, self._size = scenes, run, size
         self._workers: list[_Worker] = []
+        self._own: tuple[int, Generator[None, None, Run | str]] | None = None  # what this process simulates
         self._scenes: dict[int, Scene] = {}  # pulled and not yet taken
         self._outcomes: dict[int, Run | str] = {}
         self._pulled = self._taken = 0
@@ -143,12 +150,12 @@ class _Team:
         self._error: Exception | None = None
 
     def due(self) -> bool:
-        """Give the workers what they have room for; whether there is an outcome to take.
+        """Whether there is an outcome to take; work begins, if need be.
 
         An error of the iterable of scenes is raised when all that came before it has been taken.
         """
-        self._give()
-        if self._scenes:
+        self._give(1)
+        if self._scenes or self._begin():
             return True
         if self._error is not None:
             raise self._error
@@ -156,41 +163,76 @@ class _Team:
 
     def take(self) -> tuple[Scene, Run | str]:
         """The next scene and its outcome."""
-        self._collect(0.0 if self._taken in self._outcomes else None)
-        self._give()
+        self._serve()
         while self._taken not in self._outcomes:
-            self._collect(None)
-            self._give()
+            if self._own is None:
+                self._collect(None)
+            else:
+                self._do_a_part()
+            self._serve()
         number, self._taken = self._taken, self._taken + 1
         return self._scenes.pop(number), self._outcomes.pop(number)
 
     def stop(self) -> None:
         """End every worker, whatever it does."""
+        self._own = None
         for worker in self._workers:  # all at once, and then wait
             worker.kill()
         for worker in self._workers:
             worker.forget()
 
-    def _give(self) -> None:
-        while not self._exhausted and len(self._scenes) < _AHEAD * self._size and (worker := self._free_worker()):
-            try:
-                scene = next(self._source)
-            except StopIteration:
-                self._exhausted = True
-            except Exception as error:
-                self._exhausted, self._error = True, error
-            else:
-                self._scenes[self._pulled] = scene
-                worker.give(self._pulled, scene)
-                self._pulled += 1
+    def _serve(self) -> None:
+        """See to it that everyone has something to do: this process as well, unless it has an outcome to give."""
+        self._collect(0.0)
+        self._give(1)
+        if self._own is None and self._taken not in self._outcomes:
+            self._begin()
+        self._give(_GIVEN)
 
-    def _free_worker(self) -> "_Worker | None":
-        """A worker with the least to do: a new one before one that is busy; None when all have enough."""
-        free = min(self._workers, key=lambda worker: len(worker.given), default=None)
-        if (free is None or free.given) and len(self._workers) < self._size:
-            free = _Worker(self._run, [worker.pipe for worker in self._workers])
-            self._workers.append(free)
-        return free if len(free.given) < _GIVEN else None
+    def _pull(self) -> int | None:
+        """Number of one more scene; None when there is none, or enough are ahead."""
+        if self._exhausted or len(self._scenes) >= _AHEAD * self._size:
+            return None
+        try:
+            scene = next(self._source)
+        except StopIteration:
+            self._exhausted = True
+            return None
+        except Exception as error:
+            self._exhausted, self._error = True, error
+            return None
+        number, self._pulled = self._pulled, self._pulled + 1
+        self._scenes[number] = scene
+        return number
+
+    def _begin(self) -> bool:
+        """Begin a scene in this process; whether there is one."""
+        number = self._pull()
+        if number is not None:
+            self._own = number, _outcome(self._run, self._scenes[number])
+        return number is not None
+
+    def _do_a_part(self) -> None:
+        number, parts = self._own
+        try:
+            next(parts)
+        except StopIteration as end:
+            self._outcomes[number], self._own = end.value, None
+
+    def _give(self, enough: int) -> None:
+        """Give scenes until every worker has `enough`: first to a new one, then to those with the least to do."""
+        while True:
+            free = min(self._workers, key=lambda worker: len(worker.given), default=None)
+            new = (free is None or len(free.given) > 0) and len(self._workers) < self._size - 1
+            if not new and (free is None or len(free.given) >= enough):
+                return
+            number = self._pull()
+            if number is None:
+                return
+            if new:
+                free = _Worker(self._run, [worker.pipe for worker in self._workers])
+                self._workers.append(free)
+            free.give(number, self._scenes[number])
 
     def _collect(self, patience: float | None) -> None:
         by_pipe = {worker.pipe: worker for worker in self._workers if worker.given}
@@ -210,7 +252,7 @@ class _Worker:
         Numbers of the scenes it has been given and has not answered, in order.
     """
 
-    def __init__(self, run: Callable[[Scene], Run], inherited: list[Connection]):
+    def __init__(self, run: _InParts, inherited: list[Connection]):
         self.pipe, far = _FORK.Pipe()
         self.given: deque[int] = deque()
         # A room is free again before the worker needs it: it is given another scene for every outcome taken.
@@ -251,14 +293,14 @@ class _Worker:
             room.close()
 
 
-def _work(pipe: Connection, rooms: list["_Room"], inherited: list[Connection], run: Callable[[Scene], Run]) -> None:
+def _work(pipe: Connection, rooms: list["_Room"], inherited: list[Connection], run: _InParts) -> None:
     """Answer every scene that comes, until nobody is left to ask."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches the parent as well, which ends us
     for other in inherited:  # or we would keep each other alive if the parent were killed
         other.close()
     try:
         for room in itertools.cycle(rooms):
-            pipe.send(room.put(_outcome(run, pipe.recv())))
+            pipe.send(room.put(finished(_outcome(run, pipe.recv()))))
     except (EOFError, OSError):
         pass
 

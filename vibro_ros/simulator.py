@@ -3,6 +3,8 @@
 import functools
 import math
 import time as wall_clock
+from collections.abc import Generator
+from typing import TypeVar
 
 import numpy as np
 
@@ -17,7 +19,11 @@ from vibro_ros.solver.forcing import read_signals
 from vibro_ros.solver.methods import SCHEMES, Exact, FixedStep, Method
 from vibro_ros.solver.recording import EVENT_COLUMNS, MONITOR_KIND, PHASE_KIND, RAMP_KIND
 
+T = TypeVar("T")
+
 _EVENTS_AT_ONCE = 4096
+#: Most computing time [s] that a part of `simulate_in_parts` aims at, and robot time [s] of the first.
+_PART, _FIRST_PART = 0.004, 2.0
 #: After so many of its time constants a lagging motor has reached its speed, to rounding.
 _TIME_CONSTANTS = 40.0
 
@@ -204,7 +210,7 @@ class Simulator:
         time = float(time)
         if not (math.isfinite(time) and time >= self.time):
             raise ValueError(f"cannot advance to {time:g} s: the device is at {self.time:g} s and time runs forwards")
-        self._advance(np.array([time]))
+        self._advance(np.array([time]), *self._new_trace(1))
 
     def sample(self, times: np.ndarray) -> Samples:
         """Advance to each of `times` [s] in turn; the device there, every field of shape (n,).
@@ -221,14 +227,22 @@ class Simulator:
 
     def _sample(self, times: np.ndarray) -> dict[str, np.ndarray]:
         """Advance to each of `times` [s], ascending, and return the fields of `Samples` there."""
-        points, modes, phases = self._advance(times)
+        trace = self._new_trace(len(times))
+        self._advance(times, *trace)
+        return self._quantities(times, *trace)
+
+    def _new_trace(self, count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Room for what the event loop samples at `count` instants: points, modes, phases."""
+        return (np.empty((count, self._model.forms.channels.count)), np.empty(count, dtype=np.int64),
+                np.empty((count, 3)))
+
+    def _quantities(self, times: np.ndarray, points: np.ndarray, modes: np.ndarray,
+                    phases: np.ndarray) -> dict[str, np.ndarray]:
         unilateral = self.scene["effects.normal_force"] == "unilateral"
         return sampled_quantities(self._model, unilateral, times, points, modes, phases)
 
-    def _advance(self, times: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        n = len(times)
-        points = np.empty((n, self._model.forms.channels.count))
-        modes, phases = np.empty(n, dtype=np.int64), np.empty((n, 3))
+    def _advance(self, times: np.ndarray, points: np.ndarray, modes: np.ndarray, phases: np.ndarray) -> None:
+        """Advance to each of `times` [s], ascending, and fill the trace."""
         done, status = 0, event_loop.EVENTS_FULL
         while status == event_loop.EVENTS_FULL:
             status, taken, count = self._method.advance(self._state, times[done:], self._point, points[done:],
@@ -237,9 +251,8 @@ class Simulator:
             self._keep(self._room[:count])
         if status != event_loop.REACHED:
             self._fail(status, self._state)
-        if n:
+        if done:
             self.time = float(times[-1])
-        return points, modes, phases
 
     def _keep(self, events: np.ndarray) -> None:
         if len(events) == 0:
@@ -342,16 +355,50 @@ def simulate(scene: Scene, duration: float | None = None, rate: float | None = N
     SimulationError
         If the run cannot go on.
     """
+    return finished(simulate_in_parts(scene, sample_times(duration, rate, times), tolerance, method))
+
+
+def simulate_in_parts(scene: Scene, times: np.ndarray, tolerance: float | None = None,
+                      method: str | None = None) -> Generator[None, None, Run]:
+    """`simulate`, pausing after each part of some milliseconds of computation; the generator returns the run.
+
+    Where it pauses depends on the machine, the run does not: see `Simulator.advance_to`.
+    """
     if overrides := overriding(tolerance, method):
         scene = scene.with_parameters(overrides)
-    times = sample_times(duration, rate, times)
     began = wall_clock.perf_counter()
     device = Simulator(scene)
-    samples = device._sample(times)
-    wall_time = wall_clock.perf_counter() - began
+    trace = device._new_trace(len(times))
+    paused, done, part = 0.0, 0, _FIRST_PART
+    while done < len(times):
+        started = wall_clock.perf_counter()
+        upto = int(np.searchsorted(times, device.time + part, side="right"))
+        if upto == done:
+            device.advance_to(device.time + part)
+        else:
+            device._advance(times[done:upto], *(array[done:upto] for array in trace))
+        done = upto
+        stopped = wall_clock.perf_counter()
+        if stopped - started > _PART:
+            part *= 0.25
+        elif stopped - started < 0.25 * _PART:
+            part *= 4.0
+        yield
+        paused += wall_clock.perf_counter() - stopped
+    samples = device._quantities(times, *trace)
+    wall_time = wall_clock.perf_counter() - began - paused
     events = device.take_events()
     return Run(**samples, events=events[np.argsort(events["time"], kind="stable")],
                statistics={**device.statistics, "wall_time": wall_time})
+
+
+def finished(parts: Generator[None, None, T]) -> T:
+    """What a generator returns, all its parts done."""
+    while True:
+        try:
+            next(parts)
+        except StopIteration as end:
+            return end.value
 
 
 def overriding(tolerance: float | None, method: str | None) -> dict[str, object]:
