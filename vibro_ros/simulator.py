@@ -262,13 +262,18 @@ class Simulator:
 
     def take_events(self) -> np.ndarray:
         """Events completed since the last call, in the order in which they ended; dtype `EVENT_DTYPE`."""
-        if not self._events:
-            return np.empty(0, dtype=EVENT_DTYPE)
-        raw = np.concatenate(self._events)
+        return self._named(self._take_records())
+
+    def _take_records(self) -> np.ndarray:
+        """Events as the event loop records them, shape (n, EVENT_COLUMNS)."""
+        records = np.concatenate([np.empty((0, EVENT_COLUMNS)), *self._events])
         self._events.clear()
-        events = np.empty(len(raw), dtype=EVENT_DTYPE)
-        events["time"], events["speed"], events["peak_force"], events["duration"] = raw[:, [0, 2, 3, 4]].T
-        events["kind"] = self._kinds[raw[:, 1].astype(np.int64)]
+        return records
+
+    def _named(self, records: np.ndarray) -> np.ndarray:
+        events = np.empty(len(records), dtype=EVENT_DTYPE)
+        events["time"], events["speed"], events["peak_force"], events["duration"] = records[:, [0, 2, 3, 4]].T
+        events["kind"] = self._kinds[records[:, 1].astype(np.int64)]
         return events
 
     def _events_by_kind(self) -> dict[str, int]:
@@ -387,8 +392,8 @@ def simulate_in_parts(scene: Scene, times: np.ndarray, tolerance: float | None =
         paused += wall_clock.perf_counter() - stopped
     samples = device._quantities(times, *trace)
     wall_time = wall_clock.perf_counter() - began - paused
-    events = device.take_events()
-    return Run(**samples, events=events[np.argsort(events["time"], kind="stable")],
+    records = device._take_records()
+    return Run(**samples, events=device._named(records[np.argsort(records[:, 0], kind="stable")]),
                statistics={**device.statistics, "wall_time": wall_time})
 
 
