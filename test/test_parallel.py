@@ -1,5 +1,6 @@
 """Many scenes at once: the same results, in order, no more of them kept than asked for, and no process left."""
 
+import contextlib
 import dataclasses
 import errno
 import gc
@@ -65,6 +66,28 @@ def test_arguments_of_simulate(arguments):
     scenes = list(sweep(3))
     for scene, run in zip(scenes, vibro_ros.simulate_many(scenes, **arguments, workers=2), strict=True):
         assert bits(run) == bits(vibro_ros.simulate(scene, **arguments))
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_results_belong_to_the_user(workers):
+    """Who writes to one, or to the times that he has given, changes no other; who keeps an array keeps no others."""
+    times = np.linspace(0.0, 0.05, 51)
+    wanted = bits(vibro_ros.simulate(vibro_ros.load_scene("unilateral"), times=times))
+    scenes = itertools.repeat(vibro_ros.load_scene("unilateral"), 12)
+    for run in vibro_ros.simulate_many(scenes, times=times, workers=workers):
+        assert bits(run) == wanted
+        times *= 2.0
+        for field in dataclasses.fields(vibro_ros.samples.Samples):
+            array = getattr(run, field.name)
+            assert array.base is None, field.name
+            array[:] = np.nan
+        run.events["time"] = np.nan
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_no_times_no_samples(workers):
+    runs = vibro_ros.simulate_many(sweep(5), times=np.empty(0), workers=workers)
+    assert [(len(run.time), len(run.body_position), len(run.events)) for run in runs] == 5 * [(0, 0, 0)]
 
 
 @pytest.mark.parametrize(("arguments", "message"), [
@@ -222,6 +245,14 @@ def test_a_long_run_in_the_calling_process_holds_nobody_up(monkeypatch):
     assert [pid == here for pid in pids] == [False, True, *(7 * [False])]
 
 
+def test_parts_of_a_slow_run_are_short():
+    """Ten million steps a second: workers must not wait longer than a part of it for their next scenes. Counted, not
+    timed: 5 million steps take a second or so, a part should take milliseconds."""
+    scene = vibro_ros.load_scene("unilateral").with_parameters({"solver.method": "rk4", "solver.step": 1e-7})
+    vibro_ros.simulate(scene, duration=0.0, rate=1.0)
+    assert sum(1 for _ in simulate_in_parts(scene, np.array([0.5]))) > 10
+
+
 def test_handing_over_costs_little_beside_computing(monkeypatch):
     """What the calling process does beside simulating is lost for a speed-up of 1.8 by two processes: a tenth would
     be all of it."""
@@ -298,3 +329,23 @@ def test_results_that_are_not_kept_need_no_memory(workers):
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
     assert peak < (4 * workers + 4) * size  # those ahead; the one being taken, as bytes and as arrays
+
+
+def shared_memory():
+    """Bytes that results are handed over in."""
+    held = 0
+    for descriptor in os.listdir("/proc/self/fd"):
+        with contextlib.suppress(OSError):
+            if "simulate_many" in os.readlink(f"/proc/self/fd/{descriptor}"):
+                held += 512 * os.fstat(int(descriptor)).st_blocks
+    return held
+
+
+def test_a_large_result_that_was_taken_leaves_its_memory():
+    """37 MB each, of which the memory that hands them over keeps nothing; that of small ones is used again."""
+    for rate, count, kept in ((1e5, 200_001, 0), (1e3, 2001, 300_000)):
+        runs = vibro_ros.simulate_many(sweep(5, "no_impact"), duration=2.0, rate=rate, workers=2)
+        assert [len(next(runs).time) for _ in range(5)] == 5 * [count]
+        assert running() != []
+        assert kept <= shared_memory() <= 10 * kept
+        runs.close()

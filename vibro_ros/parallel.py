@@ -35,6 +35,11 @@ _GIVEN = 2
 # Scenes a process that may be ahead of the result that is due: a slow scene does not stop the others at once.
 _AHEAD = 4
 
+# Bytes of a handed over result whose memory is kept for the next one: getting new memory costs as much as copying.
+_KEPT_ROOM = 1 << 24
+
+_SAMPLED = [field.name for field in fields(Samples)]
+
 # Simulates a scene, pausing after each part.
 _InParts = Callable[[Scene], Generator[None, None, Run]]
 
@@ -45,6 +50,8 @@ def simulate_many(scenes: Iterable[Scene], duration: float | None = None, rate: 
                   times: np.ndarray | None = None, tolerance: float | None = None, method: str | None = None,
                   workers: int | None = None) -> Iterator[Run]:
     """Simulate many scenes on all cores, each as `simulate` does, to the last bit.
+
+    The method auto is the exception: every process measures for itself which method is cheapest.
 
     Parameters
     ----------
@@ -83,7 +90,7 @@ def simulate_many(scenes: Iterable[Scene], duration: float | None = None, rate: 
     if isinstance(workers, bool) or not isinstance(workers, int) or workers < 1:
         raise ValueError(f"workers: {workers!r} is no number of processes; give 1 or more")
     run = functools.partial(simulate_in_parts, times=times, tolerance=tolerance, method=method)
-    return _results(_outcomes(scenes, run, workers))
+    return _results(_outcomes(_Team(_checked(scenes), run, workers, method)))
 
 
 def _results(outcomes: Iterator[tuple[Scene, Run | str]]) -> Iterator[Run]:
@@ -122,10 +129,7 @@ def _checked(scenes: Iterable[Scene]) -> Iterator[Scene]:
         yield scene
 
 
-def _outcomes(scenes: Iterable[Scene], run: _InParts, workers: int) -> Iterator[tuple[Scene, Run | str]]:
-    if workers > 1:
-        compile_kernels()  # once for all that are forked
-    team = _Team(_checked(scenes), run, workers)
+def _outcomes(team: "_Team") -> Iterator[tuple[Scene, Run | str]]:
     try:
         while team.due():
             yield team.take()
@@ -139,8 +143,8 @@ class _Team:
     A scene's number is its place among all scenes; outcomes are taken in its order.
     """
 
-    def __init__(self, scenes: Iterator[Scene], run: _InParts, size: int):
-        self._source, self._run, self._size = scenes, run, size
+    def __init__(self, scenes: Iterator[Scene], run: _InParts, size: int, method: str | None):
+        self._source, self._run, self._size, self._method = scenes, run, size, method
         self._workers: list[_Worker] = []
         self._own: tuple[int, Generator[None, None, Run | str]] | None = None  # what this process simulates
         self._scenes: dict[int, Scene] = {}  # pulled and not yet taken
@@ -229,6 +233,8 @@ class _Team:
             number = self._pull()
             if number is None:
                 return
+            if not self._workers:  # once for all that are forked
+                compile_kernels(self._method or self._scenes[number]["solver.method"])
             if new:
                 free = _Worker(self._run, [worker.pipe for worker in self._workers])
                 self._workers.append(free)
@@ -273,12 +279,13 @@ class _Worker:
 
     def answer(self) -> tuple[int, Run | str]:
         """Number and outcome of the oldest scene it was given."""
-        number = self.given.popleft()
+        number, room = self.given.popleft(), next(self._rooms)
         try:
-            return number, next(self._rooms).take(self.pipe.recv())
+            rest = self.pipe.recv()
         except (EOFError, OSError):
             self._process.join()
             return number, f"its process ended with exit code {self._process.exitcode}"
+        return number, room.take(rest)
 
     def kill(self) -> None:
         """End it: a kernel would not notice a gentler signal before its run is over."""
@@ -317,16 +324,15 @@ class _Room:
         if isinstance(outcome, str):
             return outcome
         try:
-            self._write(outcome)
+            self._write([*(getattr(outcome, name) for name in _SAMPLED), outcome.events])
         except OSError as error:
             return f"its result of {len(outcome.time)} samples could not be handed over: {error}; ask for fewer"
         return len(outcome.time), len(outcome.events), outcome.statistics
 
-    def _write(self, outcome: Run) -> None:
-        samples = [getattr(outcome, field.name) for field in fields(Samples)]
+    def _write(self, arrays: list[np.ndarray]) -> None:
         offset = 0
-        for array in (*samples, outcome.events):
-            part = memoryview(np.ascontiguousarray(array).view(np.uint8))
+        for array in arrays:
+            part = memoryview(array.view(np.uint8))
             while part.nbytes:
                 written = os.pwrite(self._file, part, offset)
                 part, offset = part[written:], offset + written
@@ -336,17 +342,23 @@ class _Room:
         if isinstance(rest, str):
             return rest
         count, event_count, statistics = rest
-        samples = np.empty((len(fields(Samples)), count))
+        samples = [np.empty(count) for _ in _SAMPLED]
         events = np.empty(event_count, dtype=EVENT_DTYPE)
-        self._read(samples, 0)
-        self._read(events, samples.nbytes)
+        if self._read([*samples, events]) > _KEPT_ROOM:
+            os.ftruncate(self._file, 0)
         return Run(*samples, events, statistics)
 
-    def _read(self, array: np.ndarray, offset: int) -> None:
-        part = memoryview(array.view(np.uint8).reshape(-1))
-        while part.nbytes:
-            read = os.preadv(self._file, [part], offset)
-            part, offset = part[read:], offset + read
+    def _read(self, arrays: list[np.ndarray]) -> int:
+        """Fill `arrays`; returns their size [bytes]."""
+        offset = 0
+        for array in arrays:
+            part = memoryview(array.view(np.uint8))
+            while part.nbytes:
+                read = os.preadv(self._file, [part], offset)
+                if read == 0:
+                    raise EOFError(f"a result ends {part.nbytes} bytes early; please report this")
+                part, offset = part[read:], offset + read
+        return offset
 
     def close(self) -> None:
         """Give the memory back."""

@@ -86,7 +86,8 @@ class Run(Samples):
 
 def sampled_quantities(model: Model, unilateral: bool, times: np.ndarray, points: np.ndarray, modes: np.ndarray,
                        phases: np.ndarray) -> dict[str, np.ndarray]:
-    """Fields of `Samples` from what the event loop sampled.
+    """Fields of `Samples` from what the event loop sampled: arrays of their own, so that one can be kept without the
+    others.
 
     Parameters
     ----------
@@ -97,7 +98,7 @@ def sampled_quantities(model: Model, unilateral: bool, times: np.ndarray, points
     times, points, modes, phases : ndarray
         As `solver.event_loop.advance` fills them.
     """
-    linear = np.empty((len(OUTPUTS), len(times)))
+    linear = tuple(np.empty(len(times)) for _ in OUTPUTS)
     evaluate_forms(model.output, model.output_terms, modes, points, linear)
     quantities = dict(zip(OUTPUTS, linear, strict=True))
     if unilateral:
@@ -107,7 +108,7 @@ def sampled_quantities(model: Model, unilateral: bool, times: np.ndarray, points
     for k, side in enumerate(model.forms.guides):
         power += quantities[f"{side}_drive_force"] * points[:, model.forms.channels.signal_rate(k)]
     quantities |= {
-        "time": times, "crank_angle": 2.0 * np.pi * phases[:, 0] + phases[:, 1], "motor_speed": speed,
+        "time": times.copy(), "crank_angle": 2.0 * np.pi * phases[:, 0] + phases[:, 1], "motor_speed": speed,
         "motor_torque": _torque(model, quantities, phases[:, 1], speed, power), "motor_power": power,
     }
     return quantities

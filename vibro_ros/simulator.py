@@ -22,8 +22,9 @@ from vibro_ros.solver.recording import EVENT_COLUMNS, MONITOR_KIND, PHASE_KIND, 
 T = TypeVar("T")
 
 _EVENTS_AT_ONCE = 4096
-#: Most computing time [s] that a part of `simulate_in_parts` aims at, and robot time [s] of the first.
-_PART, _FIRST_PART = 0.004, 2.0
+#: Computing time [s] that a part of `simulate_in_parts` aims at; robot time [s] of the first; growth from one to the
+#: next at most.
+_PART, _FIRST_PART, _GROWTH = 0.004, 0.001, 100.0
 #: After so many of its time constants a lagging motor has reached its speed, to rounding.
 _TIME_CONSTANTS = 40.0
 
@@ -384,10 +385,7 @@ def simulate_in_parts(scene: Scene, times: np.ndarray, tolerance: float | None =
             device._advance(times[done:upto], *(array[done:upto] for array in trace))
         done = upto
         stopped = wall_clock.perf_counter()
-        if stopped - started > _PART:
-            part *= 0.25
-        elif stopped - started < 0.25 * _PART:
-            part *= 4.0
+        part *= _PART / max(stopped - started, _PART / _GROWTH)
         yield
         paused += wall_clock.perf_counter() - stopped
     samples = device._quantities(times, *trace)
@@ -425,7 +423,7 @@ def sample_times(duration: float | None, rate: float | None, times: np.ndarray |
 
 
 def _checked_times(times: np.ndarray, start: float) -> np.ndarray:
-    times = np.ascontiguousarray(times, dtype=float)
+    times = np.array(times, dtype=float)  # the caller's may change while `simulate_many` runs
     if times.ndim != 1 or not np.isfinite(times).all() or (times < start).any() or (np.diff(times) < 0.0).any():
         raise ValueError("times: give a one-dimensional, ascending array of finite instants, none below "
                          f"{start:.9g} s")

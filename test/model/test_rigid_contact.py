@@ -157,3 +157,12 @@ def test_every_cut_of_time_gives_the_same_bits(pieces):
 def test_what_makes_no_sense_is_refused(changes, reason):
     with pytest.raises(ValueError, match=reason.split(";")[0]):
         RIGID.with_parameters(changes)
+
+
+@pytest.mark.parametrize("changes", [
+    {"effects.inclined_contact": "compliant"}, {"effects.inclined_mass": False}, {"effects.friction": "none"}],
+    ids=lambda changes: next(iter(changes)))
+def test_a_guide_that_points_down_is_taken_where_no_blow_presses_a_rubbing_body_on_the_ground(changes):
+    run = vibro_ros.simulate(RIGID.with_parameters({"guide.angle": 2.0} | changes), duration=1.0, rate=100.0)
+    assert np.count_nonzero(run.events["kind"] == "upper_contact") > 5
+    assert (run.normal_force >= 0.0).all()

@@ -139,20 +139,13 @@ class Scene:
 
     def _check_blows(self):
         """A rigid blow is an infinite force: not every rule of the normal force gives its friction a meaning."""
-        rule, angle = self["effects.normal_force"], self["guide.angle"]
-        if not any(self[f"effects.{side}_contact"] == "restitution" for side in self.guides):
-            return
-        inclined = "inclined" in self.guides and self["effects.inclined_contact"] == "restitution"
-        if rule == "hop" and inclined and angle > math.pi / 2:
-            raise ValueError(f"guide.angle: {angle:g} rad points the inclined guide down, where a blow on its rigid "
-                             "plate presses the body on the ground; give at most 1.5708 rad, or a compliant contact")
-        if self["effects.friction"] == "none":
-            return
-        if rule == "printed":
+        rule, angle, friction = self["effects.normal_force"], self["guide.angle"], self["effects.friction"] != "none"
+        rigid = [side for side in self.guides if self[f"effects.{side}_contact"] == "restitution"]
+        if rigid and friction and rule == "printed":
             raise ValueError("effects.normal_force: 'printed' makes friction drive the body infinitely hard in a blow "
                              "on a rigid plate; choose unilateral or weight, or a compliant contact")
-        if rule == "unilateral" and angle > math.pi / 2:
-            raise ValueError(f"guide.angle: {angle:g} rad points the inclined guide down, where a blow on a rigid "
+        if "inclined" in rigid and angle > math.pi / 2 and (rule == "hop" or (friction and rule == "unilateral")):
+            raise ValueError(f"guide.angle: {angle:g} rad points the inclined guide down, where a blow on its rigid "
                              "plate presses the body on the ground; give at most 1.5708 rad, or a compliant contact")
 
     def _check_rates(self):

@@ -100,15 +100,16 @@ def evaluate_forms(forms, terms, modes, points, values):
         The forms' `system.terms`.
     modes, points : ndarray
         As `event_loop.advance` fills them; shapes (n,) and (n, channels).
-    values : ndarray, shape (f, n)
-        Receives the values.
+    values : tuple of f ndarrays, shape (n,)
+        Receive the values.
     """
-    for k in range(len(modes)):
-        mode = modes[k]
-        for f in range(len(values)):
+    for f in range(len(values)):
+        form, used, result = forms[:, f], terms[:, f], values[f]
+        for k in range(len(modes)):
+            mode = modes[k]
             total = 0.0
-            for channel in terms[mode, f]:
+            for channel in used[mode]:
                 if channel < 0:
                     break
-                total += forms[mode, f, channel] * points[k, channel]
-            values[f, k] = total
+                total += form[mode, channel] * points[k, channel]
+            result[k] = total
