@@ -84,7 +84,7 @@ class Run(Samples):
     statistics: dict
 
 
-def sampled_quantities(model: Model, unilateral: bool, times: np.ndarray, points: np.ndarray, modes: np.ndarray,
+def sampled_quantities(model: Model, times: np.ndarray, points: np.ndarray, modes: np.ndarray,
                        phases: np.ndarray) -> dict[str, np.ndarray]:
     """Fields of `Samples` from what the event loop sampled: arrays of their own, so that one can be kept without the
     others.
@@ -93,15 +93,13 @@ def sampled_quantities(model: Model, unilateral: bool, times: np.ndarray, points
     ----------
     model : Model
         The compiled scene.
-    unilateral : bool
-        Whether the ground cannot pull.
     times, points, modes, phases : ndarray
         As `solver.event_loop.advance` fills them.
     """
     linear = tuple(np.empty(len(times)) for _ in OUTPUTS)
     evaluate_forms(model.output, model.output_terms, modes, points, linear)
     quantities = dict(zip(OUTPUTS, linear, strict=True))
-    if unilateral:
+    if model.forms.unilateral:
         quantities["normal_force"] = np.maximum(quantities["normal_force"], 0.0)
     speed = phases[:, 2].copy()
     power = np.zeros(len(times))

@@ -230,17 +230,12 @@ class Simulator:
         """Advance to each of `times` [s], ascending, and return the fields of `Samples` there."""
         trace = self._new_trace(len(times))
         self._advance(times, *trace)
-        return self._quantities(times, *trace)
+        return sampled_quantities(self._model, times, *trace)
 
     def _new_trace(self, count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Room for what the event loop samples at `count` instants: points, modes, phases."""
         return (np.empty((count, self._model.forms.channels.count)), np.empty(count, dtype=np.int64),
                 np.empty((count, 3)))
-
-    def _quantities(self, times: np.ndarray, points: np.ndarray, modes: np.ndarray,
-                    phases: np.ndarray) -> dict[str, np.ndarray]:
-        unilateral = self.scene["effects.normal_force"] == "unilateral"
-        return sampled_quantities(self._model, unilateral, times, points, modes, phases)
 
     def _advance(self, times: np.ndarray, points: np.ndarray, modes: np.ndarray, phases: np.ndarray) -> None:
         """Advance to each of `times` [s], ascending, and fill the trace."""
@@ -388,7 +383,7 @@ def simulate_in_parts(scene: Scene, times: np.ndarray, tolerance: float | None =
         part *= _PART / max(stopped - started, _PART / _GROWTH)
         yield
         paused += wall_clock.perf_counter() - stopped
-    samples = device._quantities(times, *trace)
+    samples = sampled_quantities(device._model, times, *trace)
     wall_time = wall_clock.perf_counter() - began - paused
     records = device._take_records()
     return Run(**samples, events=device._named(records[np.argsort(records[:, 0], kind="stable")]),

@@ -54,6 +54,8 @@ class Forms:
         Whether x is a coordinate (after the masses): only an inclined mass drives the body.
     body_hops : bool
         Whether y, the body's height, is a coordinate (the last one): by the rule `hop`, a mass can lift the body.
+    unilateral : bool
+        Whether a normal force below zero counts as zero: the rule `unilateral`.
     friction_decays : bool
         Whether the friction coefficient falls with the speed: Stribeck's law, with a part that falls.
     channels : Channels
@@ -67,6 +69,7 @@ class Forms:
         self.plates = scene.plates
         self.body_moves = "inclined" in self.guides and math.sin(scene["guide.angle"]) != 0.0
         self.body_hops = scene["effects.normal_force"] == "hop" and bool(self.guides)
+        self.unilateral = scene["effects.normal_force"] == "unilateral"
         self.friction_decays = self.body_moves and scene["effects.friction"] == "stribeck" and (
             scene["ground.static_friction"] > scene["ground.friction"])
         self.channels = Channels(len(self.guides) + self.body_moves + self.body_hops, len(self.guides),
