@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 
 import vibro_ros
-from vibro_ros.simulator import simulate_in_parts
+from vibro_ros.simulation import simulate_in_parts
 from vibro_ros.solver import event_loop
 from vibro_ros.solver.state import SPEED
 
@@ -213,7 +213,7 @@ def waiting(count, seconds):
     """Parts of a simulation that only waits."""
     for _ in range(count):
         time.sleep(seconds)
-        yield
+        yield None
 
 
 def replace_simulation(monkeypatch, parts):
@@ -222,7 +222,7 @@ def replace_simulation(monkeypatch, parts):
 
     def simulate_in_parts(scene, **_):
         yield from parts()
-        return dataclasses.replace(made, statistics={"pid": os.getpid()})
+        yield dataclasses.replace(made, statistics={"pid": os.getpid()})
 
     monkeypatch.setattr(vibro_ros.parallel, "simulate_in_parts", simulate_in_parts)
 
@@ -260,16 +260,11 @@ def test_handing_over_costs_little_beside_computing(monkeypatch):
 
     def measured(*arguments, **options):
         nonlocal simulating
-        parts = simulate_in_parts(*arguments, **options)
-        while True:
+        before = time.process_time()
+        for part in simulate_in_parts(*arguments, **options):
+            simulating += time.process_time() - before
+            yield part
             before = time.process_time()
-            try:
-                next(parts)
-            except StopIteration as end:
-                return end.value
-            finally:
-                simulating += time.process_time() - before
-            yield
 
     monkeypatch.setattr(vibro_ros.parallel, "simulate_in_parts", measured)
     runs = vibro_ros.simulate_many(sweep(100), duration=5.0, rate=200.0, workers=2)

@@ -8,12 +8,13 @@ if TYPE_CHECKING:
     from vibro_ros.model.scene import Scene
     from vibro_ros.parallel import simulate_many
     from vibro_ros.scene_file import load_scene
-    from vibro_ros.simulator import SimulationError, Simulator, simulate
+    from vibro_ros.simulation import simulate
+    from vibro_ros.simulator import SimulationError, Simulator
 
 __all__ = ["Scene", "SimulationError", "Simulator", "load_scene", "read_bag", "simulate", "simulate_many"]
 
 _HOMES = {"Scene": "model.scene", "SimulationError": "simulator", "Simulator": "simulator", "load_scene": "scene_file",
-          "read_bag": "bag.reader", "simulate": "simulator", "simulate_many": "parallel"}
+          "read_bag": "bag.reader", "simulate": "simulation", "simulate_many": "parallel"}
 
 
 def __getattr__(name: str) -> Any:

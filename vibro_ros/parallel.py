@@ -7,43 +7,21 @@ give: what it simulates need not be handed over.
 """
 
 import functools
-import itertools
-import multiprocessing
 import os
-import signal
-from collections import deque
-from collections.abc import Callable, Generator, Iterable, Iterator
-from dataclasses import fields
-from multiprocessing.connection import Connection, wait
+from collections.abc import Iterable, Iterator
+from multiprocessing.connection import wait
 
 import numpy as np
 
 from vibro_ros.model.parameters import SCENE_PARAMETERS, checked_parameters
 from vibro_ros.model.scene import Scene
-from vibro_ros.samples import EVENT_DTYPE, Run, Samples
-from vibro_ros.simulator import (
-    SimulationError,
-    compile_kernels,
-    finished,
-    overriding,
-    sample_times,
-    simulate_in_parts,
-)
+from vibro_ros.samples import Run
+from vibro_ros.simulation import overriding, sample_times, simulate_in_parts
+from vibro_ros.simulator import SimulationError, compile_kernels
+from vibro_ros.worker import MOST_GIVEN, Simulation, Worker, outcome_in_parts
 
-# Scenes at a time that a worker has been given: one runs while the other waits, so that it need not wait for us.
-_GIVEN = 2
 # Scenes a process that may be ahead of the result that is due: a slow scene does not stop the others at once.
 _AHEAD = 4
-
-# Bytes of a handed over result whose memory is kept for the next one: getting new memory costs as much as copying.
-_KEPT_ROOM = 1 << 24
-
-_SAMPLED = [field.name for field in fields(Samples)]
-
-# Simulates a scene, pausing after each part.
-_InParts = Callable[[Scene], Generator[None, None, Run]]
-
-_FORK = multiprocessing.get_context("fork")
 
 
 def simulate_many(scenes: Iterable[Scene], duration: float | None = None, rate: float | None = None,
@@ -112,16 +90,6 @@ def _distinction(scene: Scene, first: Scene) -> str:
     return ", ".join([scene.name, *(f"{name} = {value!r}" for name, value in different.items())])
 
 
-def _outcome(run: _InParts, scene: Scene) -> Generator[None, None, Run | str]:
-    """The run, in parts, or what prevented it."""
-    try:
-        return (yield from run(scene))
-    except SimulationError as error:
-        return str(error)
-    except Exception as error:
-        return f"{type(error).__name__}: {error}"
-
-
 def _checked(scenes: Iterable[Scene]) -> Iterator[Scene]:
     for index, scene in enumerate(scenes):
         if not isinstance(scene, Scene):
@@ -143,10 +111,10 @@ class _Team:
     A scene's number is its place among all scenes; outcomes are taken in its order.
     """
 
-    def __init__(self, scenes: Iterator[Scene], run: _InParts, size: int, method: str | None):
+    def __init__(self, scenes: Iterator[Scene], run: Simulation, size: int, method: str | None):
         self._source, self._run, self._size, self._method = scenes, run, size, method
-        self._workers: list[_Worker] = []
-        self._own: tuple[int, Generator[None, None, Run | str]] | None = None  # what this process simulates
+        self._workers: list[Worker] = []
+        self._own: tuple[int, Iterator[Run | str | None]] | None = None  # what this process simulates
         self._scenes: dict[int, Scene] = {}  # pulled and not yet taken
         self._outcomes: dict[int, Run | str] = {}
         self._pulled = self._taken = 0
@@ -191,7 +159,7 @@ class _Team:
         self._give(1)
         if self._own is None and self._taken not in self._outcomes:
             self._begin()
-        self._give(_GIVEN)
+        self._give(MOST_GIVEN)
 
     def _pull(self) -> int | None:
         """Number of one more scene; None when there is none, or enough are ahead."""
@@ -213,15 +181,14 @@ class _Team:
         """Begin a scene in this process; whether there is one."""
         number = self._pull()
         if number is not None:
-            self._own = number, _outcome(self._run, self._scenes[number])
+            self._own = number, outcome_in_parts(self._run, self._scenes[number])
         return number is not None
 
     def _do_a_part(self) -> None:
         number, parts = self._own
-        try:
-            next(parts)
-        except StopIteration as end:
-            self._outcomes[number], self._own = end.value, None
+        outcome = next(parts)
+        if outcome is not None:
+            self._outcomes[number], self._own = outcome, None
 
     def _give(self, enough: int) -> None:
         """Give scenes until every worker has `enough`: first to a new one, then to those with the least to do."""
@@ -236,7 +203,7 @@ class _Team:
             if not self._workers:  # once for all that are forked
                 compile_kernels(self._method or self._scenes[number]["solver.method"])
             if new:
-                free = _Worker(self._run, [worker.pipe for worker in self._workers])
+                free = Worker(self._run, [worker.pipe for worker in self._workers])
                 self._workers.append(free)
             free.give(number, self._scenes[number])
 
@@ -245,121 +212,3 @@ class _Team:
         for pipe in wait(list(by_pipe), patience):
             number, outcome = by_pipe[pipe].answer()
             self._outcomes[number] = outcome
-
-
-class _Worker:
-    """A process that simulates scene after scene.
-
-    Attributes
-    ----------
-    pipe : Connection
-        To it and from it.
-    given : deque of int
-        Numbers of the scenes it has been given and has not answered, in order.
-    """
-
-    def __init__(self, run: _InParts, inherited: list[Connection]):
-        self.pipe, far = _FORK.Pipe()
-        self.given: deque[int] = deque()
-        # A room is free again before the worker needs it: it is given another scene for every outcome taken.
-        self._all_rooms = [_Room() for _ in range(_GIVEN)]
-        self._rooms = itertools.cycle(self._all_rooms)
-        self._process = _FORK.Process(target=_work, args=(far, self._all_rooms, [*inherited, self.pipe], run),
-                                      daemon=True, name="simulate_many")
-        self._process.start()
-        far.close()
-
-    def give(self, number: int, scene: Scene) -> None:
-        """Add a scene to its work."""
-        self.given.append(number)
-        try:
-            self.pipe.send(scene)
-        except OSError:  # it has ended: `answer` says so
-            pass
-
-    def answer(self) -> tuple[int, Run | str]:
-        """Number and outcome of the oldest scene it was given."""
-        number, room = self.given.popleft(), next(self._rooms)
-        try:
-            rest = self.pipe.recv()
-        except (EOFError, OSError):
-            self._process.join()
-            return number, f"its process ended with exit code {self._process.exitcode}"
-        return number, room.take(rest)
-
-    def kill(self) -> None:
-        """End it: a kernel would not notice a gentler signal before its run is over."""
-        self._process.kill()
-
-    def forget(self) -> None:
-        """Wait for its end and leave nothing of it behind."""
-        self._process.join()
-        self._process.close()
-        self.pipe.close()
-        for room in self._all_rooms:
-            room.close()
-
-
-def _work(pipe: Connection, rooms: list["_Room"], inherited: list[Connection], run: _InParts) -> None:
-    """Answer every scene that comes, until nobody is left to ask."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches the parent as well, which ends us
-    for other in inherited:  # or we would keep each other alive if the parent were killed
-        other.close()
-    try:
-        for room in itertools.cycle(rooms):
-            pipe.send(room.put(finished(_outcome(run, pipe.recv()))))
-    except (EOFError, OSError):
-        pass
-
-
-class _Room:
-    """Memory that a worker shares with its parent for the arrays of one outcome: through a pipe they would cost the
-    parent as much as a short run."""
-
-    def __init__(self):
-        self._file = os.memfd_create("simulate_many")
-
-    def put(self, outcome: Run | str) -> str | tuple[int, int, dict]:
-        """Put a run's arrays here; returns what else `take` needs of the outcome, or what prevented it."""
-        if isinstance(outcome, str):
-            return outcome
-        try:
-            self._write([*(getattr(outcome, name) for name in _SAMPLED), outcome.events])
-        except OSError as error:
-            return f"its result of {len(outcome.time)} samples could not be handed over: {error}; ask for fewer"
-        return len(outcome.time), len(outcome.events), outcome.statistics
-
-    def _write(self, arrays: list[np.ndarray]) -> None:
-        offset = 0
-        for array in arrays:
-            part = memoryview(array.view(np.uint8))
-            while part.nbytes:
-                written = os.pwrite(self._file, part, offset)
-                part, offset = part[written:], offset + written
-
-    def take(self, rest: str | tuple[int, int, dict]) -> Run | str:
-        """The outcome that was put here."""
-        if isinstance(rest, str):
-            return rest
-        count, event_count, statistics = rest
-        samples = [np.empty(count) for _ in _SAMPLED]
-        events = np.empty(event_count, dtype=EVENT_DTYPE)
-        if self._read([*samples, events]) > _KEPT_ROOM:
-            os.ftruncate(self._file, 0)
-        return Run(*samples, events, statistics)
-
-    def _read(self, arrays: list[np.ndarray]) -> int:
-        """Fill `arrays`; returns their size [bytes]."""
-        offset = 0
-        for array in arrays:
-            part = memoryview(array.view(np.uint8))
-            while part.nbytes:
-                read = os.preadv(self._file, [part], offset)
-                if read == 0:
-                    raise EOFError(f"a result ends {part.nbytes} bytes early; please report this")
-                part, offset = part[read:], offset + read
-        return offset
-
-    def close(self) -> None:
-        """Give the memory back."""
-        os.close(self._file)

@@ -3,8 +3,7 @@
 import functools
 import math
 import time as wall_clock
-from collections.abc import Generator
-from typing import TypeVar
+from collections.abc import Iterator
 
 import numpy as np
 
@@ -12,18 +11,16 @@ from vibro_ros.choice import Choice, choose, chosen
 from vibro_ros.model.laws import contact_laws
 from vibro_ros.model.scene import Scene
 from vibro_ros.model.tables import MODE_EVENTS, compile_scene
-from vibro_ros.samples import EVENT_DTYPE, Run, Samples, sampled_quantities
+from vibro_ros.samples import EVENT_DTYPE, Samples, sampled_quantities
 from vibro_ros.solver import event_loop
 from vibro_ros.solver import state as at
 from vibro_ros.solver.forcing import read_signals
 from vibro_ros.solver.methods import SCHEMES, Exact, FixedStep, Method
 from vibro_ros.solver.recording import EVENT_COLUMNS, MONITOR_KIND, PHASE_KIND, RAMP_KIND
 
-T = TypeVar("T")
-
 _EVENTS_AT_ONCE = 4096
-#: Computing time [s] that a part of `simulate_in_parts` aims at; robot time [s] of the first; growth from one to the
-#: next at most.
+#: Computing time [s] that a part of `Simulator.sample_in_parts` aims at; robot time [s] of the first; growth from one
+#: to the next at most.
 _PART, _FIRST_PART, _GROWTH = 0.004, 0.001, 100.0
 #: After so many of its time constants a lagging motor has reached its speed, to rounding.
 _TIME_CONSTANTS = 40.0
@@ -223,8 +220,33 @@ class Simulator:
         SimulationError
             If the run cannot go on.
         """
-        times = _checked_times(times, self.time)
+        times = checked_times(times, self.time)
         return Samples(**self._sample(times))
+
+    def sample_in_parts(self, times: np.ndarray) -> Iterator[Samples | None]:
+        """As `sample`, pausing after each part of some milliseconds of computation.
+
+        Where it pauses depends on the machine; the trajectory does not, see `advance_to`.
+
+        Yields
+        ------
+        None or Samples
+            None after each part, and at last the samples.
+        """
+        times = checked_times(times, self.time)
+        trace = self._new_trace(len(times))
+        done, part = 0, _FIRST_PART
+        while done < len(times):
+            began = wall_clock.perf_counter()
+            upto = int(np.searchsorted(times, self.time + part, side="right"))
+            if upto == done:
+                self.advance_to(self.time + part)
+            else:
+                self._advance(times[done:upto], *(array[done:upto] for array in trace))
+            done = upto
+            part *= _PART / max(wall_clock.perf_counter() - began, _PART / _GROWTH)
+            yield None
+        yield Samples(**sampled_quantities(self._model, times, *trace))
 
     def _sample(self, times: np.ndarray) -> dict[str, np.ndarray]:
         """Advance to each of `times` [s], ascending, and return the fields of `Samples` there."""
@@ -258,18 +280,13 @@ class Simulator:
 
     def take_events(self) -> np.ndarray:
         """Events completed since the last call, in the order in which they ended; dtype `EVENT_DTYPE`."""
-        return self._named(self._take_records())
-
-    def _take_records(self) -> np.ndarray:
-        """Events as the event loop records them, shape (n, EVENT_COLUMNS)."""
-        records = np.concatenate([np.empty((0, EVENT_COLUMNS)), *self._events])
+        if not self._events:
+            return np.empty(0, dtype=EVENT_DTYPE)
+        raw = np.concatenate(self._events)
         self._events.clear()
-        return records
-
-    def _named(self, records: np.ndarray) -> np.ndarray:
-        events = np.empty(len(records), dtype=EVENT_DTYPE)
-        events["time"], events["speed"], events["peak_force"], events["duration"] = records[:, [0, 2, 3, 4]].T
-        events["kind"] = self._kinds[records[:, 1].astype(np.int64)]
+        events = np.empty(len(raw), dtype=EVENT_DTYPE)
+        events["time"], events["speed"], events["peak_force"], events["duration"] = raw[:, [0, 2, 3, 4]].T
+        events["kind"] = self._kinds[raw[:, 1].astype(np.int64)]
         return events
 
     def _events_by_kind(self) -> dict[str, int]:
@@ -327,98 +344,9 @@ def _measure(scene: Scene, times: np.ndarray) -> tuple[np.ndarray, float]:
                      samples.inclined_position]), seconds
 
 
-def simulate(scene: Scene, duration: float | None = None, rate: float | None = None,
-             times: np.ndarray | None = None, tolerance: float | None = None, method: str | None = None) -> Run:
-    """Simulate `scene` from its start.
-
-    Parameters
-    ----------
-    scene : Scene
-        What to simulate.
-    duration : float
-        Length of the run [s]; with `rate`.
-    rate : float
-        Samples per second, the first at t = 0.
-    times : ndarray, shape (n,)
-        Instants to sample [s], ascending, not negative; instead of `duration` and `rate`.
-    tolerance, method : float [m], str
-        Override the scene's `solver.tolerance` and `solver.method`.
-
-    Returns
-    -------
-    Run
-        The samples, the events up to the last one, and statistics.
-
-    Raises
-    ------
-    ValueError
-        For times that are not finite, negative or not ascending, and an unknown method or tolerance.
-    SimulationError
-        If the run cannot go on.
-    """
-    return finished(simulate_in_parts(scene, sample_times(duration, rate, times), tolerance, method))
-
-
-def simulate_in_parts(scene: Scene, times: np.ndarray, tolerance: float | None = None,
-                      method: str | None = None) -> Generator[None, None, Run]:
-    """`simulate`, pausing after each part of some milliseconds of computation; the generator returns the run.
-
-    Where it pauses depends on the machine, the run does not: see `Simulator.advance_to`.
-    """
-    if overrides := overriding(tolerance, method):
-        scene = scene.with_parameters(overrides)
-    began = wall_clock.perf_counter()
-    device = Simulator(scene)
-    trace = device._new_trace(len(times))
-    paused, done, part = 0.0, 0, _FIRST_PART
-    while done < len(times):
-        started = wall_clock.perf_counter()
-        upto = int(np.searchsorted(times, device.time + part, side="right"))
-        if upto == done:
-            device.advance_to(device.time + part)
-        else:
-            device._advance(times[done:upto], *(array[done:upto] for array in trace))
-        done = upto
-        stopped = wall_clock.perf_counter()
-        part *= _PART / max(stopped - started, _PART / _GROWTH)
-        yield
-        paused += wall_clock.perf_counter() - stopped
-    samples = sampled_quantities(device._model, times, *trace)
-    wall_time = wall_clock.perf_counter() - began - paused
-    records = device._take_records()
-    return Run(**samples, events=device._named(records[np.argsort(records[:, 0], kind="stable")]),
-               statistics={**device.statistics, "wall_time": wall_time})
-
-
-def finished(parts: Generator[None, None, T]) -> T:
-    """What a generator returns, all its parts done."""
-    while True:
-        try:
-            next(parts)
-        except StopIteration as end:
-            return end.value
-
-
-def overriding(tolerance: float | None, method: str | None) -> dict[str, object]:
-    """Parameters of the scene that the arguments of `simulate` override."""
-    overrides = {"solver.tolerance": tolerance, "solver.method": method}
-    return {name: value for name, value in overrides.items() if value is not None}
-
-
-def sample_times(duration: float | None, rate: float | None, times: np.ndarray | None) -> np.ndarray:
-    """Instants to sample [s], shape (n,), from the arguments of `simulate`; a ValueError for any that make no sense."""
-    if times is None:
-        if duration is None or rate is None:
-            raise ValueError("give duration and rate, or times")
-        if not (math.isfinite(duration) and duration >= 0.0 and math.isfinite(rate) and rate > 0.0):
-            raise ValueError(f"duration {duration:g} s and rate {rate:g} Hz: give a duration of at least 0 and a "
-                             "rate above 0")
-        return np.arange(int(math.floor(duration * rate * (1.0 + 1e-12))) + 1) / rate
-    return _checked_times(times, 0.0)
-
-
-def _checked_times(times: np.ndarray, start: float) -> np.ndarray:
-    times = np.array(times, dtype=float)  # the caller's may change while `simulate_many` runs
+def checked_times(times: np.ndarray, start: float) -> np.ndarray:
+    """Copy of the instants `times` [s], shape (n,); a ValueError for any that make no sense or lie before `start`."""
+    times = np.array(times, dtype=float)  # the caller's may change between parts
     if times.ndim != 1 or not np.isfinite(times).all() or (times < start).any() or (np.diff(times) < 0.0).any():
         raise ValueError("times: give a one-dimensional, ascending array of finite instants, none below "
                          f"{start:.9g} s")

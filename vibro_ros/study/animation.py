@@ -15,7 +15,7 @@ from PIL import Image
 
 from vibro_ros.samples import Run, Samples
 from vibro_ros.scene_file import load_scene
-from vibro_ros.simulator import simulate
+from vibro_ros.simulation import simulate
 from vibro_ros.study.mechanism import COLOURS, DARK, EDGE, HUB_HEIGHT, MM, Mechanism
 
 SETTLED = 36  # crank turns, after which the damped robot repeats itself

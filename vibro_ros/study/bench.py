@@ -17,7 +17,8 @@ from vibro_ros.model.scene import Scene
 from vibro_ros.parallel import simulate_many
 from vibro_ros.samples import Samples
 from vibro_ros.scene_file import load_scene
-from vibro_ros.simulator import Simulator, simulate
+from vibro_ros.simulation import simulate
+from vibro_ros.simulator import Simulator
 from vibro_ros.study.baseline import integrate_rk4
 
 SCENES = ("unilateral", "paper", "damped", "frictionless", "no_impact", "rigid", "device")

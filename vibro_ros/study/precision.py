@@ -11,7 +11,8 @@ from functools import partial
 import numpy as np
 
 from vibro_ros.model.scene import Scene
-from vibro_ros.simulator import SimulationError, simulate
+from vibro_ros.simulation import simulate
+from vibro_ros.simulator import SimulationError
 from vibro_ros.solver.methods import SCHEMES
 from vibro_ros.study.baseline import integrate_rk4
 from vibro_ros.study.chaos import Growth, growth, speed_over_starts
