@@ -22,7 +22,7 @@ from vibro_ros.samples import Samples
 from vibro_ros.scene_file import load_scene
 from vibro_ros.simulator import Simulator
 from vibro_ros.solver.system import NOTHING
-from vibro_ros.study.bench import seconds
+from vibro_ros.study.bench import RATE, seconds
 from vibro_ros.study.generated_text import replaced
 
 BEGIN = "<!-- effects: written by `make docs` -->"
@@ -31,7 +31,6 @@ END = "<!-- end of effects -->"
 SPEED = 100.0
 #: Time [s] that a start is given before its mean speed counts, and of that, the time at another motor speed.
 SETTLING, STARTING = 4.0, 1.0
-_RATE = 200.0
 
 
 @dataclass(frozen=True)
@@ -212,7 +211,7 @@ def cost_ratio(effect: Effect, duration: float, repeats: int) -> float:
     Both are sampled in the same pieces, between which the plates turn round if it is they that move.
     """
     with_it, without = effect.scenes()
-    times = np.arange(round(duration * _RATE) + 1) / _RATE
+    times = np.arange(round(duration * RATE) + 1) / RATE
     turns = np.arange(_pace(with_it, effect.travel), duration, _pace(with_it, effect.travel)) if effect.travel else []
     pieces = np.split(times, np.searchsorted(times, turns))
     for scene in (with_it, without):
