@@ -7,6 +7,7 @@ import pytest
 
 from vibro_ros.model.parameters import SCENE_PARAMETERS
 from vibro_ros.scene_file import load_scene
+from vibro_ros.simulator import Simulator
 from vibro_ros.study import effects
 from vibro_ros.study.effects import Effect, mean_speeds, measure, size
 
@@ -28,21 +29,40 @@ def test_sizes_are_those_that_can_be_counted_by_hand():
 
 @pytest.mark.parametrize("effect", EFFECTS.values(), ids=EFFECTS)
 def test_each_effect_changes_its_own_parameters_and_nothing_else(effect):
-    with_it, without = effect.scenes(DEVICE)
+    with_it, without = effect.scenes()
     changed = {name for name in with_it.parameters if with_it[name] != without[name]}
     assert changed == set(effect.without)
 
 
-def test_every_effect_of_the_device_has_a_row():
-    """Every `effects` parameter whose choice in `device` is not its simplest."""
-    named = {name for effect in effects.EFFECTS for name in effect.without}
-    own = {parameter.name for parameter in SCENE_PARAMETERS if parameter.name.startswith("effects.")}
-    assert own <= named
+def test_every_choice_of_every_effect_is_compared_in_a_row():
+    """Of the parameters that choose an effect or a start: who adds a choice is told here to give it a row."""
+    choosing = [parameter for parameter in SCENE_PARAMETERS if parameter.name.startswith("effects.")
+                or parameter.name == "start.state"]
+    compared = {parameter.name: {scene[parameter.name] for effect in effects.EFFECTS for scene in effect.scenes()
+                                 if parameter.name in effect.without} for parameter in choosing}
+    assert compared == {parameter.name: set(parameter.choices or (True, False)) for parameter in choosing}
+    assert any(effect.travel for effect in effects.EFFECTS)
+
+
+def test_plates_that_move_go_to_and_fro_and_change_the_speed():
+    """At 5 mm/s a way of 2 mm takes 0.4 s; all of it but the first way, which begins in the middle, is uniform."""
+    [effect] = [effect for effect in effects.EFFECTS if effect.travel]
+    scene, same = effect.scenes()
+    device = Simulator(scene)
+    device.command(motor_speed=effects.SPEED)
+    gaps = []
+    for turn in range(5):
+        effects.send_plates(device, turn, effect.travel)
+        device.advance_to(0.4 * (turn + 1))
+        gaps.append(device.state.upper_plate_position - scene["crank.upper_rod"])
+    np.testing.assert_allclose(gaps, [1e-3, -1e-3, 1e-3, -1e-3, 1e-3], rtol=0.0, atol=1e-12)
+    row = measure(effect, 2.0, 1, 1)
+    assert same == scene and row.cost > 0.0 and abs(row.speed_with - row.speed_without)[0] > 1e-4
 
 
 def test_mean_speeds_are_the_body_s_way_over_its_time():
     """Without friction nothing moves the centre of gravity, and the body stays; with it, backwards, from any start."""
-    row = measure(DEVICE, EFFECTS["friction"], 2.0, 2, 1)
+    row = measure(EFFECTS["friction"], 2.0, 2, 1)
     assert row.cost > 0.0
     assert np.all(abs(row.speed_without) < 0.01)  # a swing of m3/M 4 cm, at the most, in 2 s
     assert np.all(row.speed_with < -0.05)
@@ -57,7 +77,7 @@ def test_the_documents_mean_speeds_are_still_the_robots():
     steady = {row[0]: float(row[6].split()[0]) for row in rows if row[6].endswith("± 0.0")}
     assert len(steady) > 5
     for name, speed in steady.items():
-        _, without = EFFECTS[name].scenes(DEVICE)
+        _, without = EFFECTS[name].scenes()
         assert mean_speeds(without, 20.0, 1)[0] * 1e3 == pytest.approx(speed, abs=0.5), name
 
 

@@ -16,10 +16,12 @@ from tqdm import tqdm
 
 from vibro_ros.scene_file import load_scene, shipped_scenes
 from vibro_ros.simulator import SimulationError
+from vibro_ros.study.bench import LEAST_TIME
+from vibro_ros.study.bench import RATE as BENCH_RATE
 from vibro_ros.study.chaos import Growth
 from vibro_ros.study.effects import SETTLING
 from vibro_ros.study.methods import Method, UnableError
-from vibro_ros.study.precision import BASELINE_STEP, STUDIED, Effort, Row, SceneStudy
+from vibro_ros.study.precision import BASELINE_STEP, RATE, STUDIED, Effort, Row, SceneStudy
 from vibro_ros.study.precision_advice import recommendations
 from vibro_ros.study.precision_diagram import draw_precision
 from vibro_ros.study.precision_text import findings, markdown, reference_in_words, reference_of, speeds_table
@@ -108,10 +110,12 @@ class Accuracy:
         return text, *pictures.values()
 
     def how_measured(self) -> str:
-        """Machine, repeats and baseline, in Markdown."""
+        """Machine, rounds and baseline, in Markdown."""
         return (f"Measured on: {machine()}.\n\n"
-                f"Costs are medians of at most {self._effort.repeats} runs, as ratios to fixed-step Runge-Kutta 4 of "
-                f"{BASELINE_STEP:g} s (`baseline`), run in turn with each of them. A ladder ends where a run takes "
+                f"Costs are medians of at most {self._effort.repeats} rounds, each the median of the runs that "
+                f"{LEAST_TIME:g} s allow, as ratios to fixed-step Runge-Kutta 4 of {BASELINE_STEP:g} s (`baseline`), "
+                f"run in turn with them. Every run is sampled at {RATE:g} Hz; `make bench` samples at {BENCH_RATE:g} "
+                "Hz, where `exact` costs less: a segment of it holds several samples. A ladder ends where a run takes "
                 f"more than {self._effort.patience:g} s. `_blind`: without location of events. A mean speed is that of "
                 f"{self._effort.duration:g} s, after {SETTLING:g} s to settle.")
 
@@ -121,7 +125,7 @@ class Accuracy:
         for name, rows in self.rows.items():
             if rows:
                 pictures[name] = folder / f"{Path(name).stem}.png"
-                caption = f"{self.growths[name]}; medians of at most {self._effort.repeats} runs\n{machine()}"
+                caption = f"{self.growths[name]}; medians of at most {self._effort.repeats} rounds\n{machine()}"
                 draw_precision(rows, caption).savefig(pictures[name])
         return pictures
 
@@ -222,7 +226,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--horizon", type=float, metavar="S", help="compare trajectories within so many seconds "
                         "(default: 5 Lyapunov times, 1 s at most)")
     parser.add_argument("--repeats", type=int, default=default.repeats, metavar="N",
-                        help=f"runs of which the median cost is taken (default: {default.repeats})")
+                        help=f"rounds of runs of which the median cost is taken (default: {default.repeats})")
     parser.add_argument("--starts", type=int, default=default.starts, metavar="N",
                         help=f"starts of a mean speed (default: {default.starts})")
     parser.add_argument("--patience", type=float, default=default.patience, metavar="S", help="run time after which a "

@@ -32,12 +32,14 @@ COLUMNS = {
     "1 ms of robot time": "{tick:.1f} µs",
     "RK4, 1 s": "{baseline:.1f} ms",
 }
+#: Time [s] that a median is taken over, at least.
+LEAST_TIME = 0.1
+#: Samples per second of robot time.
+RATE = 200.0
 _PACKAGES = ("numpy", "numba", "heyoka")
 _STEP = 1e-5
 _TOLERANCE = 1e-9  # heyoka's: over 10 s of each scene, its errors are below the baseline's
-_RATE = 200.0
 _SPEED = 100.0  # commanded at t = 0 of a scene whose motor stands still
-_LEAST_TIME = 0.1  # s
 _MANY = 400
 _FORK = multiprocessing.get_context("fork")
 
@@ -50,11 +52,17 @@ def seconds(function: Callable, *arguments: object) -> float:
 
 
 def typical_seconds(function: Callable) -> float:
-    """Wall time of a call, median of as many as take `_LEAST_TIME`: a single run of milliseconds would be measured with
-    caches that the run before it left cold, or with what else the machine did just then."""
-    times = []
-    while sum(times) < _LEAST_TIME:
-        times.append(seconds(function))
+    """Wall time of a call; `typical` of many."""
+    return typical(partial(seconds, function))
+
+
+def typical(timed: Callable[[], float]) -> float:
+    """What `timed`, a run that returns its own wall time [s], takes: the median of as many as `LEAST_TIME` allows. A
+    single run of milliseconds would be measured with caches that the run before it left cold, or with what else the
+    machine did just then."""
+    began, times = time.perf_counter(), []
+    while time.perf_counter() - began < LEAST_TIME:
+        times.append(timed())
     return statistics.median(times)
 
 
@@ -90,7 +98,7 @@ def compiled_peer(scene: Scene) -> Callable[[np.ndarray], np.ndarray]:
 
 
 def measure(name: str, duration: float, repeats: int) -> dict[str, str | float]:
-    """Medians over `repeats` rounds: exact, baseline and peer in turn, all compiled before, each for `_LEAST_TIME`.
+    """Medians over `repeats` rounds: exact, baseline and peer in turn, all compiled before, each for `LEAST_TIME`.
 
     Returns
     -------
@@ -99,7 +107,7 @@ def measure(name: str, duration: float, repeats: int) -> dict[str, str | float]:
         seconds per second; `event`, microseconds an event; `tick`, microseconds of a 1 ms `advance_to`; `baseline`,
         milliseconds per simulated second.
     """
-    scene, times = load_scene(name), np.arange(round(duration * _RATE) + 1) / _RATE
+    scene, times = load_scene(name), np.arange(round(duration * RATE) + 1) / RATE
     run_baseline(scene, times[:2])
     _, events = run_exact(scene, times)
     runs = [partial(run_exact, scene, times), partial(run_baseline, scene, times), *_peer_runs(scene, times)]
@@ -145,7 +153,7 @@ def measure_many(count: int, duration: float, repeats: int) -> tuple[float, floa
     scenes = [base.with_parameters({"guide.angle": 0.3 + k / count}) for k in range(count)]
 
     def run(workers: int) -> None:
-        for _ in simulate_many(scenes, duration=duration, rate=_RATE, workers=workers):
+        for _ in simulate_many(scenes, duration=duration, rate=RATE, workers=workers):
             pass
 
     def run_apart() -> None:
@@ -163,7 +171,7 @@ def measure_many(count: int, duration: float, repeats: int) -> tuple[float, floa
 
 def _simulate_all(scenes: Iterable[Scene], duration: float) -> None:
     for scene in scenes:
-        simulate(scene, duration=duration, rate=_RATE)
+        simulate(scene, duration=duration, rate=RATE)
 
 
 def machine() -> str:
@@ -193,8 +201,8 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--duration", type=float, default=10.0, help="robot time [s] (default 10)")
     parser.add_argument("--repeats", type=int, default=7, help="rounds (default 7)")
     options = parser.parse_args(arguments)
-    print(f"{options.duration:g} s of robot time sampled at {_RATE:g} Hz, medians of {options.repeats}, each over "
-          f"{_LEAST_TIME:g} s of runs; "
+    print(f"{options.duration:g} s of robot time sampled at {RATE:g} Hz, medians of {options.repeats}, each over "
+          f"{LEAST_TIME:g} s of runs; "
           f"RK4: dt = {_STEP:g} s, compiled by numba, and heyoka: tolerance {_TOLERANCE:g}, in the same run")
     print(f"{machine()}\n")
     print(heading())

@@ -1,10 +1,12 @@
-"""What each effect adds to the scene `device`, what it costs and what leaving it out changes: a table in docs/model.md.
+"""What each effect adds to a scene, what it costs and what leaving it out changes: tables in docs/model.md.
 
-Each row compares two scenes that differ in one effect alone.
+Each row compares two runs that differ in one effect alone, of the scene `device`, or of `damped` for what `device` may
+not have.
 """
 
 import argparse
 import functools
+import itertools
 import statistics
 import sys
 from collections.abc import Iterable, Mapping
@@ -20,7 +22,7 @@ from vibro_ros.samples import Samples
 from vibro_ros.scene_file import load_scene
 from vibro_ros.simulator import Simulator
 from vibro_ros.solver.system import NOTHING
-from vibro_ros.study.bench import seconds
+from vibro_ros.study.bench import RATE, seconds
 from vibro_ros.study.generated_text import replaced
 
 BEGIN = "<!-- effects: written by `make docs` -->"
@@ -29,7 +31,6 @@ END = "<!-- end of effects -->"
 SPEED = 100.0
 #: Time [s] that a start is given before its mean speed counts, and of that, the time at another motor speed.
 SETTLING, STARTING = 4.0, 1.0
-_RATE = 200.0
 
 
 @dataclass(frozen=True)
@@ -44,15 +45,22 @@ class Effect:
         Parameters that take it away, or put its simpler choice in its place.
     given : Mapping
         Parameters that give it to the scene, if it has it not.
+    scene : str
+        The shipped scene that is looked at.
+    travel : float
+        Way [m] between the gaps that both plates are sent to in turn, all the time, about the scene's own: an effect of
+        commands, which the run without it has not.
     """
 
     name: str
     without: Mapping[str, Value]
     given: Mapping[str, Value] = field(default_factory=dict)
+    scene: str = "device"
+    travel: float = 0.0
 
-    def scenes(self, scene: Scene) -> tuple[Scene, Scene]:
-        """`scene` with the effect and without."""
-        with_it = scene.with_parameters(self.given)
+    def scenes(self) -> tuple[Scene, Scene]:
+        """The scene with the effect and without."""
+        with_it = load_scene(self.scene).with_parameters(self.given)
         return with_it, with_it.with_parameters(self.without)
 
 
@@ -76,7 +84,14 @@ EFFECTS = (
     Effect("weight of the masses", {"effects.mass_weight": False}),
     Effect("`ramp` motor, not `ideal`", {"effects.motor": "ideal"}),
     Effect("`lag` motor, not `ideal`", {"effects.motor": "ideal"}, {"effects.motor": "lag"}),
+    Effect("plates that move, 2 mm to and fro about their places", {}, travel=2e-3),
+    Effect("start in `zero`, not at `rest`", {"start.state": "rest"}, {"start.state": "zero"}),
     Effect("energy audit", {"solver.audit": False}),
+    Effect("Stribeck's friction, from twice the kinetic, not Coulomb's", {"effects.friction": "coulomb"},
+           {"effects.friction": "stribeck", "ground.static_friction": 0.4}, "damped"),
+    Effect("`printed`, not `unilateral`", {"effects.normal_force": "unilateral"},
+           {"effects.normal_force": "printed"}, "damped"),
+    Effect("`unilateral`, not `weight`", {"effects.normal_force": "weight"}, scene="damped"),
 )
 
 
@@ -136,52 +151,89 @@ def size(scene: Scene) -> Size:
 
 
 @functools.lru_cache(maxsize=64)
-def mean_speeds(scene: Scene, duration: float, starts: int, speed: float = SPEED) -> np.ndarray:
+def mean_speeds(scene: Scene, duration: float, starts: int, speed: float = SPEED, travel: float = 0.0) -> np.ndarray:
     """Mean speeds of the body [m/s] over `duration` [s], one for each of several starts.
 
     Loss-free scenes are chaotic, and there only the mean over starts and its spread mean anything. A start is
     another motor speed in the first second, from half of `speed` [rad/s] up; `SETTLING` seconds do not count.
-    The array is shared between calls for the same scene, and read-only.
+    For `travel` [m] see `Effect`. The array is shared between calls for the same scene, and read-only.
     """
-    means = np.array([mean_speed(scene, duration, k / starts, speed) for k in range(starts)])
+    means = np.array([mean_speed(scene, duration, k / starts, speed, travel) for k in range(starts)])
     means.setflags(write=False)
     return means
 
 
-def mean_speed(scene: Scene, duration: float, share: float, speed: float = SPEED) -> float:
+def mean_speed(scene: Scene, duration: float, share: float, speed: float = SPEED, travel: float = 0.0) -> float:
     """One of `mean_speeds`: that of the start whose first second is `share` of the way from half of `speed` to it."""
-    begin, end = from_start(scene, share, speed, np.array([SETTLING, SETTLING + duration])).body_position
-    return (end - begin) / duration
+    device = _started(scene, share, speed)
+    _advance(device, SETTLING, travel)
+    begin = device.state.body_position
+    _advance(device, SETTLING + duration, travel)
+    return (device.state.body_position - begin) / duration
 
 
 def from_start(scene: Scene, share: float, speed: float, times: np.ndarray) -> Samples:
     """Samples at `times` [s], after the first second, of one of the starts of `mean_speeds`."""
+    return _started(scene, share, speed).sample(times)
+
+
+def _started(scene: Scene, share: float, speed: float) -> Simulator:
     device = Simulator(scene)
     device.command(motor_speed=speed * (1.0 + share) / 2.0)
     device.advance_to(STARTING)
     device.command(motor_speed=speed)
-    return device.sample(times)
+    return device
 
 
-def cost_ratio(with_it: Scene, without: Scene, duration: float, repeats: int) -> float:
-    """Median of the ratio of their wall times, run in turn, all compiled before."""
-    times = np.arange(round(duration * _RATE) + 1) / _RATE
+def _advance(device: Simulator, until: float, travel: float) -> None:
+    """Advance to `until` [s]; with a `travel`, the plates turn round wherever they have arrived."""
+    while travel and device.time < until:
+        turn = round(device.time / _pace(device.scene, travel))
+        send_plates(device, turn, travel)
+        device.advance_to(min(until, (turn + 1) * _pace(device.scene, travel)))
+    device.advance_to(until)
+
+
+def send_plates(device: Simulator, turn: int, travel: float) -> None:
+    """Command both gaps half of `travel` [m] above those of the scene, or as much below in every other `turn`."""
+    offset = travel / 2.0 * (-1.0) ** turn
+    device.command(upper_gap=device.scene["upper.gap"] + offset, inclined_gap=device.scene["inclined.gap"] + offset)
+
+
+def _pace(scene: Scene, travel: float) -> float:
+    """Time [s] that a plate takes for `travel`."""
+    return travel / scene["gap_actuator.speed"]
+
+
+def cost_ratio(effect: Effect, duration: float, repeats: int) -> float:
+    """Median of the ratio of wall times with `effect` and without, run in turn, all compiled before.
+
+    Both are sampled in the same pieces, between which the plates turn round if it is they that move.
+    """
+    with_it, without = effect.scenes()
+    times = np.arange(round(duration * RATE) + 1) / RATE
+    turns = np.arange(_pace(with_it, effect.travel), duration, _pace(with_it, effect.travel)) if effect.travel else []
+    pieces = np.split(times, np.searchsorted(times, turns))
     for scene in (with_it, without):
-        _run(scene, times[:2])
-    return statistics.median(seconds(_run, with_it, times) / seconds(_run, without, times) for _ in range(repeats))
+        _run(scene, [times[:2]], 0.0)
+    return statistics.median(seconds(_run, with_it, pieces, effect.travel) / seconds(_run, without, pieces, 0.0)
+                             for _ in range(repeats))
 
 
-def _run(scene: Scene, times: np.ndarray) -> None:
+def _run(scene: Scene, pieces: list[np.ndarray], travel: float) -> None:
     device = Simulator(scene)
     device.command(motor_speed=SPEED)
-    device.sample(times)
+    for turn, times in enumerate(pieces):
+        if travel:
+            send_plates(device, turn, travel)
+        device.sample(times)
 
 
-def measure(scene: Scene, effect: Effect, duration: float, starts: int, repeats: int) -> Row:
-    """Numbers of one effect of `scene`: speeds over `duration` [s] each, cost over half of it."""
-    with_it, without = effect.scenes(scene)
-    return Row(effect, size(with_it), size(without), cost_ratio(with_it, without, duration / 2.0, repeats),
-               mean_speeds(with_it, duration, starts), mean_speeds(without, duration, starts))
+def measure(effect: Effect, duration: float, starts: int, repeats: int) -> Row:
+    """Numbers of one effect: speeds over `duration` [s] each, cost over half of it."""
+    with_it, without = effect.scenes()
+    return Row(effect, size(with_it), size(without), cost_ratio(effect, duration / 2.0, repeats),
+               mean_speeds(with_it, duration, starts, travel=effect.travel), mean_speeds(without, duration, starts))
 
 
 def heading() -> list[str]:
@@ -216,8 +268,14 @@ def in_words(speeds: np.ndarray) -> str:
     return f"{speeds.mean() * 1e3:+.1f} ± {speeds.std() * 1e3:.1f}"
 
 
-def effects_table(scene: Scene, rows: Iterable[Row], duration: float, starts: int) -> str:
-    """Markdown: what is compared, and a line for each row."""
+def effects_tables(rows: Iterable[Row], duration: float, starts: int) -> str:
+    """Markdown: a table for each scene of `rows`."""
+    by_scene = itertools.groupby(rows, lambda row: row.effect.scene)
+    return "\n\n".join(_table(load_scene(name), of_scene, duration, starts) for name, of_scene in by_scene)
+
+
+def _table(scene: Scene, rows: Iterable[Row], duration: float, starts: int) -> str:
+    """What is compared, and a line for each row."""
     whole = size(scene)
     return "\n".join([
         f"The scene `{scene.name}` has {whole.states} states, {whole.modes} modes, at most {whole.terms} terms and "
@@ -227,20 +285,19 @@ def effects_table(scene: Scene, rows: Iterable[Row], duration: float, starts: in
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Measure, and write the table; 2 when the file cannot be read or written, or has no place for it."""
-    parser = argparse.ArgumentParser(prog="effects", description="Write the table of effects into a Markdown file.")
+    """Measure, and write the tables; 2 when the file cannot be read or written, or has no place for it."""
+    parser = argparse.ArgumentParser(prog="effects", description="Write the tables of effects into a Markdown file.")
     parser.add_argument("file", type=Path, nargs="?", default=Path("docs/model.md"), help="default: %(default)s")
     parser.add_argument("--duration", type=float, default=20.0, help="robot time [s] (default %(default)g)")
     parser.add_argument("--starts", type=int, default=8, help="starts for each mean speed (default %(default)d)")
     parser.add_argument("--repeats", type=int, default=25, help="pairs of timed runs (default %(default)d)")
     options = parser.parse_args(arguments)
-    scene = load_scene("device")
     try:
         document = options.file.read_text(encoding="utf-8")
         replaced(document, BEGIN, END, "")
-        rows = [measure(scene, effect, options.duration, options.starts, options.repeats) for effect in EFFECTS]
-        table = effects_table(scene, rows, options.duration, options.starts)
-        options.file.write_text(replaced(document, BEGIN, END, table), encoding="utf-8")
+        rows = [measure(effect, options.duration, options.starts, options.repeats) for effect in EFFECTS]
+        tables = effects_tables(rows, options.duration, options.starts)
+        options.file.write_text(replaced(document, BEGIN, END, tables), encoding="utf-8")
     except (OSError, ValueError) as error:
         print(f"docs: {options.file}: {getattr(error, 'strerror', None) or error}", file=sys.stderr)
         return 2

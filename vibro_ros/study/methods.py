@@ -12,7 +12,7 @@ import math
 import time as wall_clock
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
+from functools import lru_cache, partial
 
 import numpy as np
 
@@ -136,15 +136,22 @@ def by_scipy(name: str, integrate: Callable, scene: Scene, times: np.ndarray, se
     return Answer(times, scipy_tables.finite(samples), _events(found), work.steps, work.evaluations, wall_time)
 
 
+@lru_cache(maxsize=1)
+def _peer(scene: Scene, tolerance: float):
+    """The peer, which takes longer to compile than to run: kept for the next run of the same scene."""
+    from vibro_ros.study.peer import Peer
+
+    return Peer(scene, tolerance)
+
+
 def by_heyoka(scene: Scene, times: np.ndarray, setting: float) -> Answer:
     """The peer; needs the optional extra `bench`. Its tolerance is relative to the state, at least 1e-15."""
     if importlib.util.find_spec("heyoka") is None:
         raise UnableError("heyoka is not installed: the optional extra `bench` has it")
-    from vibro_ros.study.peer import integrate_heyoka
     speed = drive_speed(scene)
     commands = () if speed is None else ((0.0, {"motor_speed": speed}),)
     try:
-        run = integrate_heyoka(scene, times, setting, commands)
+        run = _peer(scene, setting).integrate(times, commands)
     except (RuntimeError, ValueError) as error:
         raise UnableError(f"heyoka: {error}") from error
     return Answer(times, run.samples, _events(zip(run.events["time"], run.events["kind"], strict=True)), run.steps, 0,

@@ -15,6 +15,7 @@ from vibro_ros.simulation import simulate
 from vibro_ros.simulator import SimulationError
 from vibro_ros.solver.methods import SCHEMES
 from vibro_ros.study.baseline import integrate_rk4
+from vibro_ros.study.bench import typical
 from vibro_ros.study.chaos import Growth, growth, speed_over_starts
 from vibro_ros.study.errors import Errors, errors
 from vibro_ros.study.methods import METHODS, Answer, Method, UnableError, drive_speed
@@ -22,13 +23,14 @@ from vibro_ros.study.methods import METHODS, Answer, Method, UnableError, drive_
 TRAJECTORY, NEED, AVERAGE, REFERENCE = "trajectory", "need", "mean speed", "reference"
 #: Step of the baseline [s].
 BASELINE_STEP = 1e-5
+#: Samples per second of robot time.
+RATE = 1000.0
 #: Steps [s] at which mean speeds are measured.
 AVERAGE_STEPS = (1e-3, 5e-4, 2e-4, 1e-4, 5e-5, 2e-5, 1e-5, 5e-6, 2e-6, 1e-6)
 #: Horizons [s] of what is asked for: a short one, which chaos allows everywhere, and a long one.
 SHORT, LONG = 0.2, 10.0
 #: Methods that may meet a need for least: compiled ones, as a right-hand side in Python costs a hundred times as much.
 COMPILED = ("exact", *SCHEMES, "heyoka")
-_RATE = 1000.0  # samples per second
 _OF_BASELINE = 1001  # samples that the baseline is run for at most
 _FINEST_EXACT, _FINEST_PEER, _FINEST_LOCATED = 1e-12, 1e-15, 1e-13  # tolerances
 _MOST_EVALUATIONS = 3e5  # a second, of a reference without heyoka: the shipped scenes need up to 7e4
@@ -45,7 +47,7 @@ class Effort:
     Attributes
     ----------
     repeats : int
-        Runs of each row; costs are medians.
+        Rounds of each row, each of runs for `bench.LEAST_TIME`; costs are medians.
     horizon : float or None
         Time over which trajectories are compared [s]; by the Lyapunov time if None.
     patience : float
@@ -147,7 +149,7 @@ class Comparison:
 
     def __init__(self, scene: Scene, horizon: float, effort: Effort, kind: str = TRAJECTORY):
         self.scene, self._effort, self._kind = scene, effort, kind
-        self.times = np.arange(max(1, round(horizon * _RATE)) + 1) / _RATE
+        self.times = np.arange(max(1, round(horizon * RATE)) + 1) / RATE
         self.horizon = float(self.times[-1])
         self.reference = METHODS["exact"](scene, self.times, _FINEST_EXACT)
         self.uncertainty = self._uncertainty()
@@ -192,15 +194,19 @@ class Comparison:
                 return
 
     def _measured(self, name: str, method: Method, value: float) -> Row:
-        walls, ratios = [], []
+        walls, ratios, last = [], [], []
+
+        def run() -> float:
+            last[:] = [method(self.scene, self.times, value)]
+            return last[0].wall_time
+
         while len(walls) < self._effort.repeats and sum(walls) <= self._effort.patience / 4.0:
             try:
-                answer = method(self.scene, self.times, value)
+                walls.append(typical(run))
             except UnableError as error:
                 return self._row(self._kind, name, method.setting, value, repeats=0, note=str(error))
-            walls.append(answer.wall_time)
-            ratios.append(answer.wall_time / (answer.wall_time if name == "baseline" else self._baseline()))
-        off = errors(answer, self.reference)
+            ratios.append(walls[-1] / (walls[-1] if name == "baseline" else self._baseline()))
+        off = errors(last[0], self.reference)
         if not off.finite:
             return self._row(self._kind, name, method.setting, value, repeats=len(walls), note="positions not finite")
         return self._row(self._kind, name, method.setting, value, repeats=len(walls), cost=statistics.median(ratios),
