@@ -37,8 +37,7 @@ class Friction:
         self._scene = scene
         self._forms = forms
         self._coefficient = scene["ground.friction"]
-        own = "ground.static_friction" if scene["effects.friction"] in ("static", "stribeck") else "ground.friction"
-        self._holding = scene[own]
+        self._holding = scene.resting_friction
         self._rule = scene["effects.normal_force"]
         self._absent = scene["effects.friction"] == "none" or self._holding == 0.0 or not forms.body_moves
 

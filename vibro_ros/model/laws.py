@@ -87,8 +87,7 @@ def _coefficients(scene, forms: Forms) -> dict[str, float]:
     law, kinetic = scene["effects.friction"], scene["ground.friction"]
     if law == "none":
         return {"sliding": 0.0, "rise": 0.0, "fading": 0.0, "holding": 0.0}
-    static = scene["ground.static_friction"] if law in ("static", "stribeck") else kinetic
-    falls = float(forms.friction_decays)
+    static, falls = scene.resting_friction, float(forms.friction_decays)
     return {"sliding": kinetic, "rise": falls * (static - kinetic), "fading": falls / scene["ground.stribeck_speed"],
             "holding": static}
 

@@ -105,9 +105,9 @@ class Scene:
                                  f"jam the mechanism; give a radius of at most {rod:g} m or a longer rod")
 
     def _check_friction(self):
-        kinetic, static = self["ground.friction"], self["ground.static_friction"]
-        if self["effects.friction"] in ("static", "stribeck") and static < kinetic:
-            raise ValueError(f"ground.static_friction: {static:g} is below ground.friction, {kinetic:g}; "
+        kinetic = self["ground.friction"]
+        if self.resting_friction < kinetic:
+            raise ValueError(f"ground.static_friction: {self.resting_friction:g} is below ground.friction, {kinetic:g}; "
                              f"give at least {kinetic:g}")
         self._check_stribeck()
         highest = self._highest_friction()
@@ -175,6 +175,12 @@ class Scene:
     def total_mass(self) -> float:
         """M = m1 + m2 + m3 [kg], of the masses that the scene has."""
         return math.fsum(self[f"mass.{part}"] for part in ("body", *self.guides))
+
+    @property
+    def resting_friction(self) -> float:
+        """Friction coefficient of a body at rest: the laws `static` and `stribeck` have one of its own."""
+        own = self["effects.friction"] in ("static", "stribeck")
+        return self["ground.static_friction" if own else "ground.friction"]
 
     @property
     def guides(self) -> tuple[str, ...]:
