@@ -107,8 +107,8 @@ class Scene:
     def _check_friction(self):
         kinetic = self["ground.friction"]
         if self.resting_friction < kinetic:
-            raise ValueError(f"ground.static_friction: {self.resting_friction:g} is below ground.friction, {kinetic:g}; "
-                             f"give at least {kinetic:g}")
+            raise ValueError(f"ground.static_friction: {self.resting_friction:g} is below ground.friction, "
+                             f"{kinetic:g}; give at least {kinetic:g}")
         self._check_stribeck()
         highest = self._highest_friction()
         if self["effects.friction"] != "none" and kinetic >= highest:
