@@ -22,7 +22,7 @@ def exact_position(slider, theta):
 
 def tabulated(slider, theta):
     """Values of the table's series at the angles `theta`, in [0, 2π)."""
-    table = signal_table([slider])
+    table = signal_table((slider,))
     cell = np.searchsorted(table.start, theta, side="right") - 1
     local = 2 * (theta - table.start[cell]) / np.diff(table.start)[cell] - 1
     return np.array([np.polynomial.polynomial.polyval(x, series)
@@ -32,7 +32,7 @@ def tabulated(slider, theta):
 @pytest.mark.parametrize(("radius", "mean"), [(0.02, 0.0582969), (0.06, 2 / math.pi * 0.06)])
 def test_mean_position(radius, mean):
     """MODEL.md case 1: (2/π) L E(m = (l/L)²), with the mean of the table's own series, cell by cell."""
-    table = signal_table([Slider(radius, 0.06, 0.4)])
+    table = signal_table((Slider(radius, 0.06, 0.4),))
     width = np.diff(table.start)
     even = slice(0, None, 2)  # odd powers cancel over the cell
     integral = (table.series[:, 0, even] / np.arange(1, table.series.shape[-1] + 1)[even]).sum(axis=1) @ width / TURN
@@ -80,7 +80,7 @@ def test_crank_as_long_as_the_rod(angle):
         assert abs(math.cos(kink - angle)) < 1e-15
         jump = slider.slope(kink + 1e-9) - slider.slope(kink - 1e-9)
         assert abs(jump) == pytest.approx(0.12, rel=1e-6)
-    starts = signal_table([slider]).start
+    starts = signal_table((slider,)).start
     assert all(kink == 0.0 or kink in starts for kink in slider.kinks)
 
 
@@ -91,7 +91,7 @@ def test_a_shorter_crank_has_no_kink():
 @pytest.mark.parametrize("part", SHORTER)
 def test_cells_shrink_towards_the_singularity_and_stay_few(part):
     """Their number grows like the logarithm of the distance, and they cover the turn."""
-    start = signal_table([Slider(0.06 * (1 - part), 0.06, angle) for angle in (0.0, 0.87)]).start
+    start = signal_table(tuple(Slider(0.06 * (1 - part), 0.06, angle) for angle in (0.0, 0.87))).start
     assert start[0] == 0.0 and start[-1] == TURN
     assert np.all(np.diff(start) > 0)
     assert len(start) < 60 + 25 * math.log(1 / part)

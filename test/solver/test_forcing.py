@@ -31,7 +31,7 @@ def exact_phase(time, speed, change, ramp_time):
 
 def check(slider, speed, target, change, times):
     """Signal and phase: to the rounding of a position, and of the phase (2e-15 of its way) at the slider's speed."""
-    run = Integration(build(ONE_SIGNAL, [[]], signals=signal_table([slider])), speed=speed)
+    run = Integration(build(ONE_SIGNAL, [[]], signals=signal_table((slider,))), speed=speed)
     ramp_time = 0.0
     if target != speed:
         run.ramp_speed(target, change)
@@ -79,7 +79,7 @@ def test_changing_speed(slider, speed, target, change):
 @pytest.mark.parametrize("slider", SLIDERS[:4])
 def test_signal_rates(slider):
     """ds/dt: to the rounding of the position over the time in which a cell passes."""
-    run = Integration(build(ONE_SIGNAL, [[]], signals=signal_table([slider])), speed=100.0)
+    run = Integration(build(ONE_SIGNAL, [[]], signals=signal_table((slider,))), speed=100.0)
     times = np.linspace(0, 0.1, 100)
     points, _, phases = run.sample(times)
     np.testing.assert_allclose(points[:, 1], slider.slope(phases[:, 1]) * 100.0, rtol=0, atol=1e-13)

@@ -15,6 +15,13 @@ FASTEST_RATE = 1e7
 #: Least tolerance as a part of the rods' length: 4500 times the rounding of a number.
 LEAST_TOLERANCE = 1e-12
 
+# How a machine is started, driven and solved: nothing of its equations, so that what is compiled for one serves a
+# sweep over these as well.
+_OPERATION = frozenset({
+    "effects.motor", "motor.speed", "motor.max_speed", "motor.acceleration", "motor.time_constant", "start.state",
+    "upper.gap", "inclined.gap", "gap_actuator.speed",
+    "solver.method", "solver.step", "solver.tolerance", "solver.accuracy"})
+
 _BY_NAME = {parameter.name: parameter for parameter in SCENE_PARAMETERS}
 _DEFAULTS = {parameter.name: parameter.default for parameter in SCENE_PARAMETERS}
 
@@ -172,6 +179,11 @@ class Scene:
                                  f"give at least {LEAST_TOLERANCE * length:g} m")
 
     @property
+    def machine(self) -> "Scene":
+        """What is compiled: this scene without the parameters of its operation, and without a name."""
+        return _unchecked("", {name: value for name, value in self.parameters.items() if name not in _OPERATION})
+
+    @property
     def total_mass(self) -> float:
         """M = m1 + m2 + m3 [kg], of the masses that the scene has."""
         return math.fsum(self[f"mass.{part}"] for part in ("body", *self.guides))
@@ -195,7 +207,11 @@ class Scene:
 
 def _scene_once_checked(name: str, parameters: dict[str, Value]) -> Scene:
     """A pickled scene as it was: handed to another process, it is not checked again."""
+    return _unchecked(name, _DEFAULTS | parameters)
+
+
+def _unchecked(name: str, parameters: dict[str, Value]) -> Scene:
     scene = object.__new__(Scene)
     object.__setattr__(scene, "name", name)
-    object.__setattr__(scene, "parameters", MappingProxyType(_DEFAULTS | parameters))
+    object.__setattr__(scene, "parameters", MappingProxyType(parameters))
     return scene

@@ -7,6 +7,7 @@ branch points at theta = psi + pi/2 + k pi ± i arcosh(L/l), which reach the rea
 s = l cos + l |cos|, and the slider's speed jumps twice a turn.
 """
 
+import functools
 import math
 from dataclasses import dataclass
 
@@ -116,8 +117,10 @@ def _root_series(value: np.ndarray, square: np.ndarray) -> np.ndarray:
     return root
 
 
-def signal_table(sliders: list[Slider]) -> SignalTable:
-    """Table of the sliders' positions over one turn, in cells that their series resolve to rounding."""
+@functools.lru_cache(maxsize=64)
+def signal_table(sliders: tuple[Slider, ...]) -> SignalTable:
+    """Table of the sliders' positions over one turn, in cells that their series resolve to rounding; nobody may change
+    it."""
     start = _cell_starts(sliders)
     middle, half = 0.5 * (start[:-1] + start[1:]), 0.5 * np.diff(start)
     series = np.empty((len(half), len(sliders), LENGTH))
@@ -126,13 +129,13 @@ def signal_table(sliders: list[Slider]) -> SignalTable:
     return SignalTable(start, _reaches(sliders, start), series)
 
 
-def _reaches(sliders: list[Slider], start: np.ndarray) -> np.ndarray:
+def _reaches(sliders: tuple[Slider, ...], start: np.ndarray) -> np.ndarray:
     """Distance [rad] from each cell to the nearest singularity of any slider."""
     return np.array([min([_LONGEST_REACH] + [slider.reach(first, last) for slider in sliders])
                      for first, last in zip(start[:-1], start[1:], strict=True)])
 
 
-def _cell_starts(sliders: list[Slider]) -> np.ndarray:
+def _cell_starts(sliders: tuple[Slider, ...]) -> np.ndarray:
     kinks = sorted({float(kink) for slider in sliders for kink in slider.kinks if kink > 0.0} | {_TURN})
     starts = [0.0]
     for kink in kinks:
@@ -141,7 +144,7 @@ def _cell_starts(sliders: list[Slider]) -> np.ndarray:
     return np.array(starts)
 
 
-def _half_cell(sliders: list[Slider], start: float) -> float:
+def _half_cell(sliders: tuple[Slider, ...], start: float) -> float:
     """Half the longest cell from `start` [rad] whose series reaches rounding: CELL_STRIDE of the way from its middle to
     the nearest singularity. The distance changes by no more than the middle moves: a contraction by CELL_STRIDE."""
     half = 0.0

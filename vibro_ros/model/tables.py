@@ -58,9 +58,13 @@ class Model:
     initial_mode: int
 
 
-@functools.lru_cache(maxsize=64)
 def compile_scene(scene) -> Model:
     """Compile `scene`, a Scene, to its tables, which nobody may change."""
+    return _compile_machine(scene.machine)
+
+
+@functools.lru_cache(maxsize=64)
+def _compile_machine(scene) -> Model:
     builder = ModeBuilder(scene)
     forms, channels = builder.forms, builder.forms.channels
     sliders = tuple(Slider(scene["crank.radius"], scene[f"crank.{side}_rod"], _tilt(scene, side))
@@ -82,7 +86,7 @@ def compile_scene(scene) -> Model:
         **_monitor_tables(builder),
         unheld=_unheld_table(builder),
         **audit_tables(builder, scene),
-        signals=signal_table(list(sliders)),
+        signals=signal_table(sliders),
         decay=_decay_table(builder),
     )
     output = np.array([builder.outputs(mode) for mode in builder.modes])
