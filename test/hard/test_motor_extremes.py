@@ -100,3 +100,41 @@ def test_the_device_at_rest_settles_under_its_weight_for_good():
     assert abs(device.state.inclined_position - settled.inclined_position) <= 3e-17
     assert device.state.body_position == settled.body_position
     assert len(device.take_events()) == 0
+
+
+@pytest.mark.parametrize(("name", "weight"), [("damped", 0.0), ("device", 9.81)])
+def test_masses_pressed_on_soft_plates_stand_for_an_hour(name, weight):
+    """Where springs, plates and weights balance: k (s - u) = k_p (u - E) + m g cos φ. Plates of 1e4 N/m, on which a
+    second takes 110 segments; the paper's 1e7 N/m take 3300."""
+    scene = vibro_ros.load_scene(name).with_parameters({
+        "motor.speed": 0.0, "upper.plate.stiffness": 1e4, "inclined.plate.stiffness": 1e4, "upper.plate.damping": 20.0,
+        "inclined.plate.damping": 20.0, "solver.audit": False})
+    device = vibro_ros.Simulator(scene)
+    device.advance_to(10.0)  # decays faster than by 10/s, the springs' 2 N s/m on 0.1 kg
+    device.take_events()
+    settled = device.state
+    for time in (600.0, 3610.0):
+        device.advance_to(time)
+        state = device.state
+        assert (state.body_position, state.body_velocity, state.body_height) == (settled.body_position, 0.0, 0.0)
+        for side, mass, angle in (("upper", 0.1, 0.0), ("inclined", 0.08, scene["guide.angle"])):
+            slider, load = float(slider_of(angle)), mass * weight * math.cos(angle)
+            place = (1e3 * slider + 1e4 * 0.06 - load) / 11e3
+            # one rounding of 0.06 m, and what 1e4 N/m makes of some
+            assert abs(getattr(state, f"{side}_position") - getattr(settled, f"{side}_position")) <= 1.4e-17
+            assert getattr(state, f"{side}_position") == pytest.approx(place, abs=3e-17)
+            assert abs(getattr(state, f"{side}_velocity")) < 1e-14  # that rounding, times 370/s
+            for force, expected in (("drive", 1e3 * (slider - place)), ("plate", 1e4 * (place - 0.06))):
+                now, before = (getattr(moment, f"{side}_{force}_force") for moment in (state, settled))
+                assert now == pytest.approx(before, abs=3e-13)
+                assert now == pytest.approx(expected, abs=1e-12)
+                assert expected > 5.0
+        assert state.normal_force == pytest.approx(1.18 * 9.81, abs=1e-12)
+        assert abs(state.friction_force) < 1e-12
+    assert len(device.take_events()) == 0
+    assert device.statistics["steps"] > 300_000
+
+
+def slider_of(angle):
+    """Position [m] of the paper's slider at crank angle 0, on a guide at `angle`."""
+    return slider(-angle, 0.02, 0.06)

@@ -1,5 +1,6 @@
-"""A recording whose every number is known exactly."""
+"""A recording whose every number is known exactly. Makes `peer_agreement` importable beside the tests, too."""
 
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -8,6 +9,8 @@ import pytest
 from rosbags.typesys import Stores, get_typestore
 
 from vibro_ros.bag.recorder import Recorder, Topic
+
+sys.path.insert(0, str(Path(__file__).parent))
 
 START = 1_763_700_000_000_000_000  # ns
 PERIOD = 5_000_000  # ns

@@ -17,16 +17,14 @@ from vibro_ros.model.parameters import SCENE_PARAMETERS
 
 pytest.importorskip("heyoka", reason="heyoka, the extra `bench`, has no wheel for Python 3.10")
 
+import peer_agreement
+from peer_agreement import POSITION, assert_agreement, simulated
+
 from vibro_ros.study.peer import COLUMNS, Peer, integrate_heyoka
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "reference"))
 from random_scenes import draw
 
-TOLERANCE = 1e-18  # of the fastest mass's speed, a step: a body that breaks away is at first 1e-10 times as fast
-POSITION = 1e-11  # m
-SPEED = 1e-7  # m/s: the position's times 1e4/s, a contact's angular frequency
-INSTANT = 1e-11  # s
-BOUNCES_LEFT_OUT = 1e-9  # s: a body that moves with 1e-9 m/s when a mass comes to rest stops within that over (mu g)
 WITHOUT_FRICTION_AND_PLATES = {
     "effects.friction": "none", "effects.upper_contact": "none", "effects.inclined_contact": "none",
 }
@@ -120,38 +118,6 @@ EFFECTS = {
     "moving rigid plates": (UNILATERAL | RIGID, GAPS),
     "crank as long as the rods": (UNILATERAL | DAMPERS | {"crank.radius": 0.06}, ()),
 }
-
-
-def simulated(scene, times, commands):
-    """u, u', w, w', x, x' at `times`, and the events, of the exact solver."""
-    device, waiting, rows, events = vibro_ros.Simulator(scene), list(commands), [], []
-    for time in times:
-        while waiting and waiting[0][0] <= time:
-            instant, change = waiting.pop(0)
-            device.advance_to(instant)
-            device.command(**change)
-        device.advance_to(time)
-        rows.append([getattr(device.state, column) for column in COLUMNS])
-        events.append(device.take_events())
-    events = np.concatenate(events)
-    return np.array(rows), events[np.argsort(events["time"], kind="stable")]
-
-
-def assert_agreement(scene, duration, commands=(), position=POSITION):
-    times = np.linspace(0.0, duration, 41)
-    peer = integrate_heyoka(scene, times, TOLERANCE, commands)
-    samples, events = simulated(scene, times, commands)
-    for column, limit in enumerate((position, 1e4 * position) * 4):
-        error = np.abs(peer.samples[:, column] - samples[:, column])
-        assert error.max() <= limit, f"{COLUMNS[column]} off by {error.max():.1e} at {times[error.argmax()]:g} s"
-    for kind in ("upper_contact", "inclined_contact", "stick", "unloaded", "lift_off", "landing"):
-        ours, theirs = events[events["kind"] == kind], peer.events[peer.events["kind"] == kind]
-        theirs = theirs[np.isfinite(theirs["duration"])]  # the solver reports a contact when it has ended
-        assert len(ours) == len(theirs), kind
-        instant = BOUNCES_LEFT_OUT if kind == "stick" else INSTANT
-        for key, limit in (("time", instant), ("speed", 1e4 * position), ("duration", 2.0 * INSTANT)):
-            np.testing.assert_allclose(ours[key], theirs[key], rtol=0.0, atol=limit, err_msg=f"{kind} {key}")
-    return peer
 
 
 @pytest.mark.parametrize("name", EFFECTS)
@@ -249,8 +215,24 @@ def test_the_peer_notices_an_effect_left_out():
     with pytest.raises(AssertionError, match="off by"):
         times = np.linspace(0.0, 0.2, 41)
         lighter = scene.with_parameters({"effects.reaction": True})
-        error = np.abs(integrate_heyoka(scene, times).samples - simulated(lighter, times, ())[0])[:, ::2]
-        assert error.max() <= 1e7 * POSITION, f"off by {error.max()}"
+        peer, samples = integrate_heyoka(scene, times).samples, simulated(lighter, times, ())[0]
+        error = max(np.abs(peer[:, k] - samples[COLUMNS[k]]).max() for k in range(0, len(COLUMNS), 2))
+        assert error <= 1e7 * POSITION, f"off by {error}"
+
+
+@pytest.mark.parametrize("quantity", [
+    "upper_drive_force", "inclined_drive_force", "upper_plate_force", "inclined_plate_force", "normal_force",
+    "friction_force", "motor_torque", "motor_power", "peak_force"])
+@pytest.mark.parametrize("name", ["hop, reaction and weight", "rigid plates, reaction and weight"])
+def test_a_force_off_by_a_millionth_is_noticed(name, quantity, monkeypatch):
+    def simulated_wrongly(*arguments):
+        samples, events = simulated(*arguments)
+        (events if quantity == "peak_force" else samples)[quantity] *= 1.0 + 1e-6
+        return samples, events
+
+    monkeypatch.setattr(peer_agreement, "simulated", simulated_wrongly)
+    with pytest.raises(AssertionError, match="peak of" if quantity == "peak_force" else quantity):
+        assert_agreement(vibro_ros.load_scene("paper").with_parameters(EFFECTS[name][0]), 0.2)
 
 
 @pytest.mark.parametrize(("name", "value"), [("effects.friction", "viscous"), ("effects.normal_force", "magnet"),

@@ -4,6 +4,6 @@ Written from the model's equations; of this package it uses the `Scene`'s parame
 optional extra `bench`.
 """
 
-from vibro_ros.study.peer.device import COLUMNS, Peer, PeerRun, integrate_heyoka
+from vibro_ros.study.peer.device import COLUMNS, DRIVEN, Peer, PeerRun, integrate_heyoka
 
-__all__ = ["COLUMNS", "Peer", "PeerRun", "integrate_heyoka"]
+__all__ = ["COLUMNS", "DRIVEN", "Peer", "PeerRun", "integrate_heyoka"]

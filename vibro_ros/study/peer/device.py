@@ -15,6 +15,9 @@ from vibro_ros.study.peer.equations import Equations
 #: Columns of `PeerRun.samples`.
 COLUMNS = ("upper_position", "upper_velocity", "inclined_position", "inclined_velocity", "body_position",
            "body_velocity", "body_height", "body_vertical_velocity")
+#: Columns of `PeerRun.driven`.
+DRIVEN = ("crank_angle", "motor_speed", "upper_plate_position", "upper_plate_velocity", "inclined_plate_position",
+          "inclined_plate_velocity")
 _SAME_INSTANT = 1e-13  # s; a time of about 1 s is rounded by 1e-16
 _EVENT_DTYPE = np.dtype([("time", float), ("kind", "U16"), ("speed", float), ("duration", float)])
 
@@ -29,6 +32,9 @@ class PeerRun:
         Instants [s].
     samples : ndarray, shape (n, 8)
         u, u', w, w', x, x', y, y' [m, m/s] (`COLUMNS`); zero for what the scene does not have.
+    driven : ndarray, shape (n, 6)
+        theta [rad], omega [rad/s], and the plates' positions [m] and speeds [m/s] (`DRIVEN`), from the commands alone;
+        zero for what the scene does not have.
     events : structured ndarray
         By time: `time` [s], `kind` (`upper_contact`, `inclined_contact`, `stick`, `slip_forward`, `slip_backward`,
         `unloaded`, `lift_off`, `landing`), and for contacts approach `speed` [m/s] and `duration` [s], infinite if
@@ -41,6 +47,7 @@ class PeerRun:
 
     times: np.ndarray
     samples: np.ndarray
+    driven: np.ndarray
     events: np.ndarray
     steps: int
     wall_time: float
@@ -109,7 +116,7 @@ class Peer:
         times = np.asarray(times, dtype=float)
         began = wall_clock.perf_counter()
         self._start()
-        waiting, parts, steps = list(commands), [], 0
+        waiting, parts, driven, steps = list(commands), [], [], 0
         now, end, done = 0.0, float(times[-1]), 0
         while True:
             while waiting and waiting[0][0] <= now:
@@ -120,6 +127,7 @@ class Peer:
             upto = len(times) if last else int(np.searchsorted(times, stop))
             samples, taken = self._advance(times[done:upto] - now, stop - now)
             parts.append(samples)
+            driven.append(self._driven(times[done:upto] - now))
             steps, done = steps + taken, upto
             if last:
                 break
@@ -127,7 +135,7 @@ class Peer:
             now = stop
         wall_time = wall_clock.perf_counter() - began
         found = np.array(self._automaton.present.events, dtype=_EVENT_DTYPE)
-        return PeerRun(times, np.concatenate(parts), found, steps, wall_time)
+        return PeerRun(times, np.concatenate(parts), np.concatenate(driven), found, steps, wall_time)
 
     # -- start, commands and ramps: time is counted from the last of them ------------------------------
 
@@ -213,14 +221,27 @@ class Peer:
 
     def _turn_motor(self, t: float):
         """Crank angle and speed after `t` seconds."""
-        lag = self.scene["motor.time_constant"]
+        angle, speed = self._motor(t)
+        self._angle, self._speed = float(angle), float(speed)
+
+    def _motor(self, t: float | np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Crank angle [rad] and speed [rad/s] `t` seconds from now, if nothing else is commanded."""
         if self.scene["effects.motor"] == "lag":
-            part = -math.expm1(-t / lag)
-            self._angle += self._target * t + self._change * lag * part
-            self._speed -= self._change * part
-        else:
-            self._angle += self._speed * t + 0.5 * self._change * t * t
-            self._speed += self._change * t
+            lag = self.scene["motor.time_constant"]
+            part = -np.expm1(-t / lag)
+            return self._angle + self._target * t + self._change * lag * part, self._speed - self._change * part
+        return self._angle + self._speed * t + 0.5 * self._change * t * t, self._speed + self._change * t
+
+    def _driven(self, t: np.ndarray) -> np.ndarray:
+        """`PeerRun.driven`, `t` seconds from now."""
+        found = np.zeros((len(t), len(DRIVEN)))
+        found[:, 0], found[:, 1] = self._motor(t)
+        for guide in self._equations.guides:
+            if guide.kind != "none":
+                column = DRIVEN.index(f"{guide.side}_plate_position")
+                speed = self._plate_speeds[guide.side]
+                found[:, column], found[:, column + 1] = self._plates[guide.side] + speed * t, speed
+        return found
 
     def _advance(self, times: np.ndarray, stop: float) -> tuple[np.ndarray, int]:
         """Samples at `times` [s] as counted now, and the number of steps to `stop` [s]."""
