@@ -116,6 +116,8 @@ EFFECTS = {
     "lag motor": (UNILATERAL | {"effects.motor": "lag", "motor.time_constant": 0.03}, SPEED_UP),
     "moving plates": (UNILATERAL, GAPS),
     "moving rigid plates": (UNILATERAL | RIGID, GAPS),
+    "an inclined guide that points down, the upper plate rigid": (
+        UNILATERAL | RIGID | {"effects.inclined_contact": "compliant", "guide.angle": 2.0}, ()),
     "crank as long as the rods": (UNILATERAL | DAMPERS | {"crank.radius": 0.06}, ()),
 }
 
