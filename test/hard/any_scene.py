@@ -5,6 +5,7 @@ three are rich: both masses, both plates, friction, and mostly the reaction; or 
 would hardly ever be drawn. The others are whatever comes.
 """
 
+import functools
 import math
 
 import numpy as np
@@ -52,6 +53,7 @@ def _value(parameter, wild, rich):
     return _number(parameter, wild)
 
 
+@functools.cache
 def _drawn_alone(wild, rich):
     return {name: _value(parameter, wild, rich) for name, parameter in _TABLE.items()
             if name not in _OTHERWISE and not name.startswith("solver.")}
