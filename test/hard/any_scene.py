@@ -1,8 +1,11 @@
 """A hypothesis strategy for scenes: every effect's every choice, and numbers from all of their legal ranges.
 
-Everything is read off the parameter table, so that a new choice is drawn as soon as the table has it.
+Everything is read off the parameter table, so that a new choice is drawn as soon as the table has it. Two scenes in
+three are rich: both masses, both plates, friction, and mostly the reaction; or what happens only when effects meet
+would hardly ever be drawn. The others are whatever comes.
 """
 
+import functools
 import math
 
 import numpy as np
@@ -18,6 +21,9 @@ _TABLE = {parameter.name: parameter for parameter in SCENE_PARAMETERS}
 _DECADES = 3.0
 _OTHERWISE = {"guide.angle", "crank.radius", "upper.gap", "inclined.gap", "motor.speed", "ground.static_friction"}
 _FIXED = {"solver.audit": True}
+# Values of a rich scene, each as likely; of a choice, all but `none`.
+_RICH = {"effects.upper_mass": [True], "effects.inclined_mass": [True], "effects.adhesion": [True, False],
+         "effects.reaction": [True, True, False], "effects.mass_weight": [True, False]}
 
 
 def _log_uniform(low, high):
@@ -37,22 +43,31 @@ def _number(parameter, wild):
     return st.one_of(drawn, drawn, usual)
 
 
-def _value(parameter, wild):
+def _value(parameter, wild, rich):
+    if rich and parameter.name in _RICH:
+        return st.sampled_from(_RICH[parameter.name])
     if isinstance(parameter.default, bool):
         return st.sampled_from([parameter.default, parameter.default, not parameter.default])
-    return st.sampled_from(parameter.choices) if parameter.choices else _number(parameter, wild)
+    if parameter.choices:
+        return st.sampled_from([choice for choice in parameter.choices if choice != "none" or not rich])
+    return _number(parameter, wild)
 
 
-def _drawn_alone(wild):
-    return {name: _value(parameter, wild) for name, parameter in _TABLE.items()
+@functools.cache
+def _drawn_alone(wild, rich):
+    return {name: _value(parameter, wild, rich) for name, parameter in _TABLE.items()
             if name not in _OTHERWISE and not name.startswith("solver.")}
 
 
 @st.composite
 def scenes(draw):
     """A scene that `Scene` accepts; what it refuses must name a parameter and a remedy."""
-    wild = draw(st.sampled_from([False, False, True]))
-    values = _FIXED | {name: draw(value) for name, value in _drawn_alone(wild).items()}
+    wild, rich = draw(st.sampled_from([False, False, True])), draw(st.sampled_from([False, True, True]))
+    values = _FIXED | {name: draw(value) for name, value in _drawn_alone(wild, rich).items()}
+    if rich and values["effects.friction"] == "stribeck":  # which is refused with these, and would be rare
+        values["effects.reaction"] = False
+        values["effects.normal_force"] = draw(st.sampled_from(
+            [rule for rule in _TABLE["effects.normal_force"].choices if rule != "hop"]))
     shorter = min(values["crank.upper_rod"], values["crank.inclined_rod"])
     values["crank.radius"] = shorter * draw(st.one_of(st.just(1.0), st.floats(1e-3, 1.0), st.just(1.0 / 3.0)))
     values["guide.angle"] = draw(st.one_of(st.floats(0.0, math.pi), st.floats(0.2, 1.4),
@@ -61,6 +76,8 @@ def scenes(draw):
         near = st.sampled_from([0.0, 1e-9, 0.1, 0.5, 1.0])
         part = draw(st.floats(-1.0, 1.0)) * draw(near) if draw(st.booleans()) else 0.0
         values[f"{side}.gap"] = part * draw(st.sampled_from([values["crank.radius"], values[f"crank.{side}_rod"]]))
+    if rich:
+        values["ground.friction"] *= draw(st.sampled_from([1.0, 0.1]))  # or most bodies would hardly slip
     values["motor.speed"] = min(values["motor.max_speed"], draw(_number(_TABLE["motor.speed"], wild)))
     values["ground.static_friction"] = min(1e3, values["ground.friction"] * draw(st.sampled_from([1.0, 1.2, 3.0])))
     try:

@@ -8,6 +8,7 @@ import pytest
 
 import vibro_ros
 from vibro_ros.model.forms import Forms
+from vibro_ros.model.modes import Mode
 from vibro_ros.model.symbols import Symbols, multiple
 from vibro_ros.model.tables import compile_scene
 from vibro_ros.scene_file import shipped_scenes
@@ -30,7 +31,9 @@ VARIANTS = {
     "hop upright": {"effects.normal_force": "hop", "effects.reaction": True, "guide.angle": 0.0},
     "hop, one guide": {"effects.normal_force": "hop", "effects.inclined_mass": False},
     "hop, no guide": {"effects.normal_force": "hop", "effects.inclined_mass": False, "effects.upper_mass": False},
-    "no tension": {"effects.adhesion": False, "upper.plate.damping": 50.0}}
+    "hop, rigid, one guide": {"effects.normal_force": "hop", "effects.reaction": True, "effects.mass_weight": True,
+                              "effects.upper_contact": "restitution", "effects.inclined_mass": False},
+    "lag": {"effects.motor": "lag"}, "no tension": {"effects.adhesion": False, "upper.plate.damping": 50.0}}
 SCENES = [vibro_ros.load_scene(name) for name in shipped_scenes()]
 SCENES += [vibro_ros.Scene(name, changes) for name, changes in VARIANTS.items()]
 each_scene = pytest.mark.parametrize("scene", SCENES, ids=lambda scene: scene.name)
@@ -56,6 +59,14 @@ def random_point(forms: Forms) -> np.ndarray:
     return np.append(np.random.default_rng(1).uniform(0.5, 1.5, forms.channels.one), 1.0)
 
 
+def balanced_point(row: np.ndarray, random: np.random.Generator) -> np.ndarray:
+    """Values of the channels by which the terms of a form are about equally large, so that none hides another."""
+    size = np.abs(np.where(row == 0.0, 1.0, row))
+    z = random.choice([-1.0, 1.0], len(row)) * random.uniform(0.5, 1.5, len(row)) * size[-1] / size
+    z[-1] = 1.0
+    return z
+
+
 def symbol_values(forms: Forms, z: np.ndarray) -> dict[str, float]:
     """Value of every symbol at the channels z."""
     at, values = forms.channels, {}
@@ -66,7 +77,49 @@ def symbol_values(forms: Forms, z: np.ndarray) -> dict[str, float]:
     for k, side in enumerate(forms.plates):
         plate = {"upper": "E", "inclined": "H"}[side]
         values |= {plate: z[at.ramp(k)], f"{plate}'": z[at.ramp_rate(k)]}
+    for symbol, i in [("x", forms.body)] * forms.body_moves + [("y", forms.height)] * forms.body_hops:
+        values |= {symbol: z[at.position(i)], f"{symbol}'": z[at.velocity(i)]}
     return {name: float(value) for name, value in values.items()}
+
+
+def force_values(told: dict[str, list[str]], mode: Mode, plates: tuple[str, ...],
+                 values: dict[str, float]) -> dict[str, float]:
+    """`values` with those of the forces that the description defines, in a mode."""
+    values = dict(values)
+    for line in told.get("equations", []):
+        name, _, right = line.partition(" = ")
+        if name in ("F_in", "N") or name.startswith("force on") and holds_in(line, mode.states, plates):
+            values[name] = value_of(right.partition("  ")[0], values)
+    return values
+
+
+def guard_lines(told: dict[str, list[str]], mode: Mode, plates: tuple[str, ...]) -> list[tuple[int, str]]:
+    """What is told of the guards of a mode: the places of their effects among its states, and the text after them."""
+    told = [line for line in told.get("guards", []) if holds_in(line, mode.states, plates)]
+    heads = [(f"{side} contact {state}: ",) for side, state in zip(plates, mode.states, strict=False)]
+    heads.append((f"friction {mode.friction}: ", f"ground {mode.friction}: "))
+    return [(place, line.partition(": ")[2]) for place, head in enumerate(heads) for line in told
+            if line.startswith(head)]
+
+
+def condition_value(condition: str, values: dict[str, float]) -> float:
+    """By how much an inequality holds; negative where it does not."""
+    left, sign, right = re.fullmatch(r"(.+) (<=|>=) (.+)", condition).groups()
+    difference = value_of(right, values) - value_of(left, values)
+    return difference if sign == "<=" else -difference
+
+
+def told_targets(text: str, states: tuple[str, ...], place: int, plates: tuple[str, ...]) -> list[tuple[str, ...]]:
+    """States of the modes that a guard leads to, each once."""
+    targets = []
+    for target in re.split(", with|, where", text)[0].split(" or "):
+        after = list(states)
+        after[place], *others = target.split(" and ")
+        for other in others:
+            side, _, state = other.partition(" contact ")
+            after[plates.index(side) if state else -1] = state or other
+        targets.append(tuple(after))
+    return list(dict.fromkeys(targets))
 
 
 def holds_in(line: str, states: tuple[str, ...], plates: tuple[str, ...]) -> bool:
@@ -91,16 +144,81 @@ def test_number_of_modes(scene):
 
 
 @each_scene
+def test_the_first_mode_is_the_tables(scene):
+    """A friction with one state is not told."""
+    model = compile_scene(scene)
+    _, _, first = sections(scene)["modes"][0].partition("; first ")
+    states = model.modes[model.initial_mode].states
+    alone = len({mode.friction for mode in model.modes}) == 1
+    assert first == ", ".join(states[:-1] if alone else states)
+
+
+@each_scene
 def test_guards_of_every_mode_are_told(scene):
-    """A mode's guards are those of its states: as many rows in the tables as lines in the text."""
-    model, told = compile_scene(scene), sections(scene).get("guards", [])
-    for mode, rows in zip(model.modes, model.system.guard, strict=True):
-        ground = "friction" if any("slip" in line for line in told) else "ground"
-        parts = [f"{side} contact" for side in model.forms.plates] + [ground]
-        lines = [line for line in told for part, state in zip(parts, mode.states, strict=True)
-                 if line.startswith(f"{part} {state}:")]
-        assert len(lines) == np.count_nonzero(rows != NOTHING)
-        assert len(set(lines)) == len(lines)
+    """A mode's guards are those of its states: as many rows in the tables as lines in the text, each with the value of
+    its row at random channels (the text has six digits) and with the candidates of the tables."""
+    model, told, random = compile_scene(scene), sections(scene), np.random.default_rng(2)
+    system, plates = model.system, model.forms.plates
+    for m, mode in enumerate(model.modes):
+        lines = guard_lines(told, mode, plates)
+        assert len(lines) == len(set(lines)) == np.count_nonzero(system.guard[m] != NOTHING)
+        for g, (place, line) in enumerate(lines):
+            condition, targets, *_ = re.split(" {2,}(?:else|while) ", line)
+            row = system.row[system.guard[m, g]]
+            for _ in range(3):
+                z = balanced_point(row, random)
+                value = condition_value(condition, force_values(told, mode, plates, symbol_values(model.forms, z)))
+                assert value == pytest.approx(row @ z, rel=0.0, abs=1e-5 * (np.abs(row) @ np.abs(z)))
+            candidates = [model.modes[c].states for c in system.candidate[m, g] if c != NOTHING]
+            assert told_targets(targets, mode.states, place, plates) == list(dict.fromkeys(candidates))
+
+
+def formula_value(text: str, angle: np.ndarray) -> np.ndarray:
+    """A slider's position as the description writes it, at crank angles."""
+    text = re.sub(r"(cos|sin)(²?) (θ|\([^)]*\))", lambda part: f"{part[1]}({part[3]}){'**2' * bool(part[2])}", text)
+    text = re.sub(r"\|([^|]*)\|", r"abs(\1)", text).replace("²", "**2").replace("√", "sqrt")
+    text = re.sub(r"([\d.]) (?=[a-z(])", r"\1 * ", text)
+    return eval(text, {"__builtins__": {}, "cos": np.cos, "sin": np.sin, "sqrt": np.sqrt, "abs": np.abs, "θ": angle})
+
+
+def following(law: str, start: float, target: float, since: np.ndarray) -> np.ndarray:
+    """What follows a command, at the times `since` it [s], by the law that the description tells."""
+    if law == "at once":
+        return np.where(since >= 0.0, target, start)
+    elapsed = np.maximum(since, 0.0)
+    if lag := re.fullmatch(r"with a time constant of (\S+) s", law):
+        return target + (start - target) * np.exp(-elapsed / float(lag[1]))
+    speed = float(re.fullmatch(r"at (\S+) (?:rad/s²|m/s)", law)[1])
+    return start + np.sign(target - start) * np.minimum(elapsed * speed, abs(target - start))
+
+
+@each_scene
+def test_what_is_known_in_time_is_what_is_sampled(scene):
+    """At random instants, before and after a command; the text has six digits."""
+    told = dict(line.split(" = ") for line in sections(scene)["known"])
+    device, command = vibro_ros.Simulator(scene), 0.05
+    wanted = {"motor_speed": 90.0, "upper_gap": 1e-3, "inclined_gap": -1e-3}
+    times = np.sort(np.random.default_rng(3).uniform(0.0, 0.5, 40))
+    before, after = device._new_trace(np.sum(times < command)), device._new_trace(np.sum(times >= command))
+    device._advance(times[times < command], *before)
+    device.advance_to(command)
+    device.command(**wanted)
+    device._advance(times[times >= command], *after)
+    points, modes, phases = (np.concatenate(parts) for parts in zip(before, after, strict=True))
+    sampled, forms = device._quantities(times, points, modes, phases), device._model.forms
+    assert len(told) == 1 + len(forms.guides) + len(forms.plates)
+    start, law = re.fullmatch(r"(\S+) rad/s +follows a command (.*)", told["θ'"]).groups()
+    speed = following(law, float(start), wanted["motor_speed"], times - command)
+    np.testing.assert_allclose(sampled["motor_speed"], speed, rtol=1e-5, atol=1e-9)
+    for i, side in enumerate(forms.guides):
+        slider = formula_value(told[{"upper": "s_B", "inclined": "s_C"}[side]], sampled["crank_angle"])
+        digits = 1e-5 * (scene["crank.radius"] + scene[f"crank.{side}_rod"])  # of the guide's angle, too
+        np.testing.assert_allclose(points[:, forms.channels.signal(i)], slider, rtol=0.0, atol=digits)
+    for side in forms.plates:
+        line = told[{"upper": "E", "inclined": "H"}[side]]
+        start, law = re.fullmatch(r"(\S+) m +follows a command (.*)", line).groups()
+        place = following(law, float(start), scene[f"crank.{side}_rod"] + wanted[f"{side}_gap"], times - command)
+        np.testing.assert_allclose(sampled[f"{side}_plate_position"], place, rtol=1e-5)
 
 
 @each_scene

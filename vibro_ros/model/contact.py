@@ -6,8 +6,7 @@ A contact gives its states, which of them press on the plate, their guards, and 
 from vibro_ros.model.automaton import Guard, Target, to
 from vibro_ros.model.forms import Form, Forms
 from vibro_ros.model.shock import Blow
-
-_SYMBOL = {"upper": ("u", "E", "k4 (u - E) + c4 (u' - E')"), "inclined": ("w", "H", "k1 (w - H) + c1 (w' - H')")}
+from vibro_ros.model.symbols import MASS, PLATE, Symbols
 
 #: A mass that arrives more slowly [m/s] stays on its plate: the bounces left out last about 1e-11 s. One that arrives
 #: faster strikes a blow even if its restitution is 0, for the blow moves the body, and rests at once after it.
@@ -40,6 +39,7 @@ class CompliantContact:
         self.side = side
         self._forms = forms
         self._may_pull = scene["effects.adhesion"] or scene[f"{side}.plate.damping"] == 0.0
+        self._law = "" if self._may_pull else Symbols(forms).text(forms.plate_force(side))
 
     @property
     def states(self) -> tuple[str, ...]:
@@ -50,15 +50,15 @@ class CompliantContact:
         """Guards of `state`; nothing else matters."""
         depth, _ = self._forms.penetration(self.side)
         force = self._forms.plate_force(self.side)
-        mass, plate, law = _SYMBOL[self.side]
+        mass, plate = MASS[self.side], PLATE[self.side]
         apart, within = f"{mass} <= {plate}", f"{mass} >= {plate}"
         if state == "open":
             return [Guard(-depth, to("closed"), apart)]
         if self._may_pull:
             return [Guard(depth, to("open"), within)]
         if state == "closed":
-            return [Guard(force, to("released"), f"{law} >= 0")]
-        return [Guard(depth, to("open"), within), Guard(-force, to("closed"), f"{law} <= 0")]
+            return [Guard(force, to("released"), f"{self._law} >= 0")]
+        return [Guard(depth, to("open"), within), Guard(-force, to("closed"), f"{self._law} <= 0")]
 
 
 class RigidContact:
@@ -84,7 +84,7 @@ class RigidContact:
     def guards(self, state: str, friction: str, resting: frozenset[str], body: tuple[Form, Form]) -> list[Guard]:
         """Guards of `state`, given the state of the friction, the guides whose masses rest, and the body's acceleration
         along x and upwards."""
-        mass, plate, _ = _SYMBOL[self.side]
+        mass, plate = MASS[self.side], PLATE[self.side]
         if state == "resting":
             return [Guard(self._forms.resting_force(self.side, body), to("open"), f"force on {plate} >= 0")]
         depth, _ = self._forms.penetration(self.side)

@@ -4,9 +4,9 @@ from collections.abc import Iterable, Iterator
 
 import numpy as np
 
-from vibro_ros.model.automaton import Guard
+from vibro_ros.model.automaton import Guard, Target
 from vibro_ros.model.forms import Form
-from vibro_ros.model.modes import OUTPUTS, ModeBuilder
+from vibro_ros.model.modes import OUTPUTS, Mode, ModeBuilder
 from vibro_ros.model.slider import Slider
 from vibro_ros.model.symbols import MASS, PLATE, SLIDER, Symbols, multiple, total
 from vibro_ros.model.tables import MODE_EVENTS, Model, compile_scene
@@ -68,9 +68,12 @@ class _Description:
         """Masses, by the states of their contacts, and the body, with forces [N]."""
         forms = self._model.forms
         for i, side in enumerate(forms.guides):
-            for row, cases in self._cases(i, side).items():
-                while_ = f"    while {' or '.join(cases)}" if any(cases) else ""
-                yield f"{self._scene[f'mass.{side}']:g} {MASS[side]}'' = {row}{while_}"
+            rows = self._scene[f"mass.{side}"] * self._model.system.acceleration[:, i]
+            yield from self._cases(f"{self._scene[f'mass.{side}']:g} {MASS[side]}'' = ", self._texts(rows))
+        for contact in self._builder.contacts:
+            if "resting" in contact.states:
+                rows = self._output(f"{contact.side}_plate_force")
+                yield from self._cases(f"force on {PLATE[contact.side]} = ", self._texts(rows))
         if forms.body_moves:
             yield from self._equations_along_the_ground()
         if forms.body_hops:
@@ -81,19 +84,24 @@ class _Description:
         if self._rubs:
             yield from self._friction_force()
 
-    def _cases(self, i: int, side: str) -> dict[str, list[str]]:
-        """Right-hand side of mass i as text, with the states in which it holds of the effects that it depends on."""
-        rows = {mode.states: self._symbols.text(self._scene[f"mass.{side}"] * of_mode[i])
-                for mode, of_mode in zip(self._model.modes, self._model.system.acceleration, strict=True)}
-        names = [f"{contact.side} contact" for contact in self._builder.contacts] + [self._ground]
-        cases = {}
-        for row in dict.fromkeys(rows.values()):
-            holding = {states for states, text in rows.items() if text == row}
-            matter = [place for place in range(len(names)) if not _holds_for_all(holding, place, rows)]
-            conditions = (" and ".join(f"{names[place]} {states[place]}" for place in matter)
-                          for states in rows if states in holding)
-            cases[row] = list(dict.fromkeys(conditions))
-        return cases
+    def _texts(self, rows: np.ndarray) -> dict[tuple[str, ...], str]:
+        """A form for each mode in words, by the mode's states."""
+        return {mode.states: self._symbols.text(row) for mode, row in zip(self._model.modes, rows, strict=True)}
+
+    def _cases(self, head: str, texts: dict[tuple[str, ...], str]) -> Iterator[str]:
+        """A line for each text, with the states in which it holds of the effects that it depends on."""
+        names = self._names()
+        for text in dict.fromkeys(texts.values()):
+            holding = {states for states, of_mode in texts.items() if of_mode == text}
+            matter = [place for place in range(len(names)) if not _holds_for_all(holding, place, texts)]
+            cases = dict.fromkeys(" and ".join(f"{names[place]} {states[place]}" for place in matter)
+                                  for states in texts if states in holding)
+            while_ = f"    while {' or '.join(cases)}" if any(cases) else ""
+            yield f"{head}{text}{while_}"
+
+    def _names(self) -> list[str]:
+        """Names of what has states, in the order of `Mode.states`."""
+        return [f"{contact.side} contact" for contact in self._builder.contacts] + [self._ground]
 
     def _equations_along_the_ground(self) -> Iterator[str]:
         total, body = self._scene.total_mass, self._model.forms.body
@@ -134,38 +142,46 @@ class _Description:
 
     def _parts(self) -> dict[str, tuple[str, ...]]:
         """States of each effect that has guards."""
-        parts = {f"{contact.side} contact": contact.states for contact in self._builder.contacts}
-        states = self._builder.friction.states
-        return parts | ({self._ground: states} if len(states) > 1 else {})
+        states = [contact.states for contact in self._builder.contacts] + [self._builder.friction.states]
+        parts = dict(zip(self._names(), states, strict=True))
+        return parts if len(states[-1]) > 1 else {name: parts[name] for name in self._names()[:-1]}
 
     def guards(self) -> Iterator[str]:
-        """Condition of each state and the states to try when it turns false."""
+        """Condition of each state and the states to try when it turns false, as far as they depend on other states."""
+        guards = {mode: list(self._builder.guards(mode)) for mode in self._model.modes}
         for place, (name, states) in enumerate(self._parts().items()):
             for state in states:
-                for guard in self._state_guards(place, state):
-                    targets = dict.fromkeys(target.state + " and airborne" * (target.friction == "airborne")
-                                            for target in guard.targets)
-                    yield f"{name} {state}: {guard.text}    else {' or '.join(targets)}{self._jumps(guard)}"
+                own = {mode: [guard for guard, owner, _ in of_mode if owner == place]
+                       for mode, of_mode in guards.items() if mode.states[place] == state}
+                for one in zip(*own.values(), strict=True):  # a guard in all modes with this state
+                    [text] = {guard.text for guard in one}
+                    ends = {mode.states: self._end(mode, place, guard) for mode, guard in zip(own, one, strict=True)}
+                    yield from self._cases(f"{name} {state}: {text}    else ", ends)
+
+    def _end(self, mode: Mode, place: int, guard: Guard) -> str:
+        """The states that a guard leads to, and what changes at once on the way."""
+        targets = dict.fromkeys(self._target(mode, place, target) for target in guard.targets)
+        return f"{' or '.join(targets)}{self._jumps(guard)}"
+
+    def _target(self, mode: Mode, place: int, target: Target) -> str:
+        """The state of the guard's own effect; that of the friction, if a blow changes it; the plates that are left."""
+        words = [target.state] + [target.friction] * (target.friction is not None)
+        words += [f"{name} open" for other, (name, state) in enumerate(zip(self._names(), mode.states, strict=True))
+                  if target.parts and other != place and state == "resting"]
+        return " and ".join(words)
 
     def _jumps(self, guard: Guard) -> str:
         """What changes at once when a guard fires."""
         coordinates, jumping = self._symbols.coordinates, {}
-        for target in guard.targets:
-            for channel, form in target.jumps:
-                if channel >= len(coordinates):
-                    speed = f"{coordinates[channel - len(coordinates)]}'"
-                    jumping[speed] = jumping.get(speed, False) or form.any()
+        for channel, form in sorted(((channel, form) for target in guard.targets for channel, form in target.jumps),
+                                    key=lambda jump: jump[0]):
+            if channel >= len(coordinates):
+                speed = f"{coordinates[channel - len(coordinates)]}'"
+                jumping[speed] = jumping.get(speed, False) or form.any()
         stopped = "".join(f", with {speed} = 0" for speed, jumps in jumping.items() if not jumps)
         jumping = [speed for speed, jumps in jumping.items() if jumps]
         where = f", where {' and '.join(jumping)} jump{'s' if len(jumping) == 1 else ''}"
         return stopped + where * bool(jumping)
-
-    def _state_guards(self, place: int, state: str) -> list[Guard]:
-        builder, forms = self._builder, self._builder.forms
-        if place < len(builder.contacts):
-            return builder.contacts[place].guards(state, builder.friction.states[0], frozenset(),
-                                                  (forms.zero, forms.zero))
-        return builder.friction.guards(state, forms.normal_force(), forms.inertial_force())
 
     def events(self) -> Iterator[str]:
         """What is recorded."""
