@@ -155,3 +155,20 @@ def test_the_normal_force_passes_zero_in_contact(stiffness):
     assert found["unloaded"] - contact["time"] == pytest.approx(unloaded, abs=1e-16)
     assert found["loaded"] - contact["time"] == pytest.approx(loaded, abs=1e-16)
     assert np.abs(run.body_position).max() < 1e-18  # nothing pushes it along the ground
+
+
+def test_a_normal_force_that_is_rounding_decides_nothing():
+    """On a level guide, without gravity and with the upper mass at rest on its plate, N is zero for good: not the
+    6e-17 that the rounding of pi/2 leaves of m3 w'' cos(phi), whose sign comes and goes with every rounding of w''."""
+    scene = vibro_ros.Scene("level", {
+        "guide.angle": math.pi / 2, "gravity": 0.0, "mass.inclined": 19.984064754164955, "motor.speed": 0.0,
+        "inclined.spring.damping": 0.02063814804786417, "ground.friction": 1.2787046034823155, "start.state": "zero",
+        "ground.static_friction": 1.5344455241787787, "effects.upper_contact": "restitution",
+        "effects.normal_force": "unilateral", "effects.reaction": True})
+    run = vibro_ros.simulate(scene, duration=2.0, rate=1000.0)
+    rests = run.events["time"][run.events["kind"] == "upper_contact"].max()
+    assert rests < 1.0
+    late = run.time > rests + 0.01
+    assert not run.normal_force[late].any()
+    assert not run.friction_force[late].any()
+    assert np.ptp(run.inclined_velocity[late]) > 0.01

@@ -19,6 +19,9 @@ from vibro_ros.solver.system import Channels
 
 Form = np.ndarray
 
+#: Parts of a direction that are rounding of its angle, which is at most pi.
+_ANGLE_ROUNDING = 2.0 * math.pi * np.finfo(float).eps
+
 
 def kept(method: Callable) -> Callable:
     """Have an object keep in `_kept` what a method returns for its arguments, and nobody change it: every mode of a
@@ -67,7 +70,7 @@ class Forms:
         self._scene = scene
         self.guides = scene.guides
         self.plates = scene.plates
-        self.body_moves = "inclined" in self.guides and math.sin(scene["guide.angle"]) != 0.0
+        self.body_moves = "inclined" in self.guides and self.direction("inclined")[0] != 0.0
         self.body_hops = scene["effects.normal_force"] == "hop" and bool(self.guides)
         self.unilateral = scene["effects.normal_force"] == "unilateral"
         self.friction_decays = self.body_moves and scene["effects.friction"] == "stribeck" and (
@@ -116,9 +119,13 @@ class Forms:
                 self.velocity(self.height) if self.body_hops else self.zero)
 
     def direction(self, side: str) -> tuple[float, float]:
-        """Direction of a guide, outwards: its parts along x and upwards, e = (-sin(phi), cos(phi)) for the inclined."""
+        """Direction of a guide, outwards: its parts along x and upwards, e = (-sin(phi), cos(phi)) for the inclined.
+
+        An angle of pi/2 is level and one of pi upright: what their rounding leaves of the other part is none.
+        """
         angle = self._scene["guide.angle"] if side == "inclined" else 0.0
-        return -math.sin(angle), math.cos(angle)
+        parts = -math.sin(angle), math.cos(angle)
+        return tuple(0.0 if abs(part) < _ANGLE_ROUNDING else part for part in parts)
 
     @kept
     def stretch(self, side: str) -> tuple[Form, Form]:
@@ -183,8 +190,8 @@ class Forms:
         normal = self._scene.total_mass * self._scene["gravity"] * self.one
         if self._scene["effects.normal_force"] == "weight":
             return normal
-        tilt = math.cos(self._scene["guide.angle"])
-        return normal + self._inertia("upper") + tilt * self._inertia("inclined")
+        _, upwards = self.direction("inclined")
+        return normal + self._inertia("upper") + upwards * self._inertia("inclined")
 
     def decayed_normal_force(self) -> Form:
         """N exp(-|x'| / v_s) [N] while the body slips, for Stribeck's law; v_s is `ground.stribeck_speed`."""
@@ -193,7 +200,8 @@ class Forms:
     @kept
     def inertial_force(self) -> Form:
         """F_in = m3 w'' sin(phi) [N], eq. (7)."""
-        return math.sin(self._scene["guide.angle"]) * self._inertia("inclined")
+        along_x, _ = self.direction("inclined")
+        return -along_x * self._inertia("inclined")
 
     @kept
     def _inertia(self, side: str) -> Form:
