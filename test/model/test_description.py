@@ -11,6 +11,7 @@ from vibro_ros.model.forms import Forms
 from vibro_ros.model.modes import Mode
 from vibro_ros.model.symbols import Symbols, multiple
 from vibro_ros.model.tables import compile_scene
+from vibro_ros.samples import sampled_quantities
 from vibro_ros.scene_file import shipped_scenes
 from vibro_ros.solver.system import NOTHING
 
@@ -205,7 +206,7 @@ def test_what_is_known_in_time_is_what_is_sampled(scene):
     device.command(**wanted)
     device._advance(times[times >= command], *after)
     points, modes, phases = (np.concatenate(parts) for parts in zip(before, after, strict=True))
-    sampled, forms = device._quantities(times, points, modes, phases), device._model.forms
+    sampled, forms = sampled_quantities(device._model, times, points, modes, phases), device._model.forms
     assert len(told) == 1 + len(forms.guides) + len(forms.plates)
     start, law = re.fullmatch(r"(\S+) rad/s +follows a command (.*)", told["θ'"]).groups()
     speed = following(law, float(start), wanted["motor_speed"], times - command)
