@@ -180,7 +180,8 @@ class Scene:
 
     @property
     def machine(self) -> "Scene":
-        """What is compiled: this scene without the parameters of its operation, and without a name."""
+        """What is compiled: this scene without a name and without the parameters of its operation, so that to read one
+        of these where it would be compiled is a KeyError."""
         return _unchecked("", {name: value for name, value in self.parameters.items() if name not in _OPERATION})
 
     @property
