@@ -22,7 +22,7 @@ $(PACKAGES): another-python
 endif
 endif
 
-.PHONY: help setup demo test lint bench accuracy docs picture clean another-python
+.PHONY: help setup demo test lint conflict-markers bench accuracy docs picture clean another-python
 
 help:  ## list these commands
 	@sed -n 's/^\([a-z]*\):[^#]*## /  make \1\t/p' $(MAKEFILE_LIST) | expand -t 14
@@ -36,8 +36,14 @@ demo: $(READY)  ## run robot and controller for about 20 s, record, report into 
 test: $(READY) $(PEER)  ## run every test
 	@$(BIN)/python -m pytest
 
-lint: $(READY)  ## check the style
+lint: $(READY) conflict-markers  ## check the style, and that no merge has left its marks
 	@$(BIN)/ruff check
+
+# 1 of git's exit codes is "found nothing"; without a repository it looks at all files that .gitignore does not name.
+conflict-markers:
+	@git grep --no-index --exclude-standard -nIE '^([<]{7}|[|]{7}|={7}|[>]{7})( |$$)'; found=$$?; test $$found -eq 1 || { \
+		echo "lint: a merge has left its marks in these lines; write what they should say" >&2; \
+		exit 1; }
 
 bench: $(READY) $(PEER)  ## compare the exact solver's cost with fixed-step Runge-Kutta and heyoka
 	@$(BIN)/python -m vibro_ros.study.bench
