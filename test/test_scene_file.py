@@ -2,12 +2,14 @@
 
 import json
 import math
+from pathlib import Path
 
 import pytest
 
 from vibro_ros.model.parameters import SCENE_PARAMETERS
 from vibro_ros.model.scene import Scene
-from vibro_ros.scene_file import DEVICE_PARAMETERS, load_scene, read_parameter_file, shipped_scenes
+from vibro_ros.scene_file import DEVICE_PARAMETERS, MOST_SCENES, load_scene, scene_origin, shipped_scenes
+from vibro_ros.shipped import config_folder
 
 HEAD = "/**:\n  ros__parameters:\n"
 
@@ -25,12 +27,12 @@ def below_head(*lines):
     return HEAD + "".join(f"    {line}\n" for line in lines)
 
 
-def refusal(path, read=load_scene):
+def refusal(path, named=None):
     with pytest.raises(ValueError, match=".") as caught:
-        read(path)
+        load_scene(path)
     message = str(caught.value)
     assert "\n" not in message
-    assert str(path) in message
+    assert str(named or path) in message
     return message
 
 
@@ -61,8 +63,7 @@ def test_device_parameters_are_checked_and_left_aside(scene_file):
     device = {parameter.name: parameter.default for parameter in DEVICE_PARAMETERS}
     lines = [f"{name}: {json.dumps(value)}" for name, value in device.items()]
     path = scene_file(below_head("mass.body: 2.0", *lines))
-    assert load_scene(path).parameters == Scene("x", {"mass.body": 2.0}).parameters
-    assert read_parameter_file(path) == {"mass.body": 2.0, **device, "record.topics": ["all"]}
+    assert load_scene(path).parameters == load_scene("device").with_parameters({"mass.body": 2.0}).parameters
     assert "rate.publish" in refusal(scene_file(below_head("rate.publish: -1.0")))
 
 
@@ -130,8 +131,6 @@ def test_a_missing_file_or_scene_is_refused(tmp_path):
     for path in (tmp_path / "missing.yaml", tmp_path, "nosuch"):
         message = refusal(path)
         assert all(name in message for name in shipped_scenes())
-    refusal(tmp_path / "missing.yaml", read_parameter_file)
-    refusal(tmp_path, read_parameter_file)
 
 
 def test_the_order_of_lines_does_not_matter(scene_file):
@@ -151,3 +150,85 @@ def test_scenes_are_immutable_values():
     with pytest.raises(ValueError, match="mass.body"):
         scene["mass.bodi"]
     assert scene["guide.angle"] == math.radians(50.0)
+
+
+def test_a_scene_of_a_scene_is_that_scene_changed(tmp_path):
+    (tmp_path / "lab").mkdir()
+    (tmp_path / "steep.yaml").write_text(below_head("scene: lab/heavy.yaml", "guide.angle: 1.2"))
+    (tmp_path / "lab" / "heavy.yaml").write_text(below_head("scene: device", "mass.body: 2.0", "guide.angle: 1.0"))
+    steep = load_scene(tmp_path / "steep.yaml")
+    assert steep.name == "steep"
+    assert steep.parameters == load_scene("device").with_parameters({"mass.body": 2.0, "guide.angle": 1.2}).parameters
+    assert load_scene(tmp_path / "lab" / "heavy.yaml")["guide.angle"] == 1.0
+
+
+def test_the_robots_usual_settings_are_the_nodes_default_scene():
+    assert load_scene(config_folder() / "robot.yaml").parameters == load_scene("device").parameters
+
+
+@pytest.mark.parametrize("first", ["a", "b", "self"])
+def test_a_scene_of_itself_is_refused(tmp_path, first):
+    for name, base in (("a", "b.yaml"), ("b", "../here/a.yaml"), ("self", "./self.yaml")):
+        (tmp_path / "here").mkdir(exist_ok=True)
+        (tmp_path / "here" / f"{name}.yaml").write_text(below_head(f"scene: {base}"))
+    message = refusal(tmp_path / "here" / f"{first}.yaml", named=tmp_path / "here")
+    assert ".yaml: as a scene it is a change of itself; let its `scene` be one of" in message
+
+
+def test_a_chain_of_scenes_has_an_end(tmp_path):
+    for number in range(MOST_SCENES + 2):
+        base = f"scene: {number - 1}.yaml" if number else "mass.body: 2.0"
+        (tmp_path / f"{number}.yaml").write_text(below_head(base))
+    assert load_scene(tmp_path / f"{MOST_SCENES - 1}.yaml")["mass.body"] == 2.0
+    with pytest.raises(ValueError, match=f"the end of {MOST_SCENES} changes"):
+        load_scene(tmp_path / f"{MOST_SCENES + 1}.yaml")
+
+
+@pytest.mark.parametrize(("base", "named"), [
+    ("papper", ["mine.yaml: ", "papper: neither a shipped scene nor a file"]), ("5", ["mine.yaml: scene: 5"]),
+    ("other.yaml", ["other.yaml: mass.body: -1 is out of range"])])
+def test_a_bad_scene_of_a_scene_is_refused(scene_file, tmp_path, base, named):
+    (tmp_path / "other.yaml").write_text(below_head("mass.body: -1.0"))
+    path = scene_file(below_head(f"scene: {base}"))
+    with pytest.raises(ValueError, match=".") as told:
+        load_scene(path)
+    assert not [text for text in named if text not in str(told.value)]
+
+
+def test_the_parameters_of_every_node_are_left_aside(scene_file):
+    """As `ros2 param dump` writes them."""
+    path = scene_file("/vibro_robot:\n  ros__parameters:\n    mass:\n      body: 2.0\n    scene: device\n"
+                      "    start_type_description_service: true\n    use_sim_time: false\n"
+                      "    qos_overrides:\n      /clock:\n        subscription:\n          depth: 1\n")
+    assert load_scene(path).parameters == load_scene("device").with_parameters({"mass.body": 2.0}).parameters
+
+
+def test_the_sections_of_other_nodes_are_left_aside(scene_file):
+    path = scene_file("/vibro_controller:\n  ros__parameters: {rate: 20.0}\n"
+                      "/lab:\n  vibro_robot:\n    ros__parameters: {mass.body: 2.0}\n"
+                      "/*/other:\n  ros__parameters: {mass.body: 3.0}\n")
+    assert load_scene(path)["mass.body"] == 2.0
+    with pytest.raises(ValueError, match="none for this node; address them to /vibro_robot or to"):
+        load_scene(path, node="/vibro_robot")
+
+
+def test_a_file_of_several_robots_needs_the_name_of_one(scene_file):
+    path = scene_file("/left/vibro_robot:\n  ros__parameters: {mass.body: 2.0}\n"
+                      "/right/vibro_robot:\n  ros__parameters: {mass.body: 3.0}\n")
+    assert "/left/vibro_robot, /right/vibro_robot; name one of them" in refusal(path)
+    assert load_scene(path, node="/right/vibro_robot")["mass.body"] == 3.0
+
+
+def test_a_file_for_other_nodes_alone_is_refused(scene_file):
+    assert "holds parameters for /vibro_controller, none for" in refusal(
+        scene_file("/vibro_controller:\n  ros__parameters: {rate: 20.0}\n"))
+
+
+def test_a_scenes_origin_means_the_same_from_everywhere(tmp_path, monkeypatch):
+    (tmp_path / "mine.yaml").write_text(below_head("mass.body: 2.0"))
+    assert scene_origin("paper", tmp_path) == "paper"
+    assert scene_origin("mine.yaml", tmp_path) == str(tmp_path / "mine.yaml")
+    monkeypatch.chdir(tmp_path)
+    assert scene_origin("mine.yaml", Path()) == str(tmp_path / "mine.yaml")
+    with pytest.raises(ValueError, match="neither a shipped scene nor a file"):
+        scene_origin("other.yaml", tmp_path)

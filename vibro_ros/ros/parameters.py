@@ -8,9 +8,7 @@ from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor
 from rclpy.node import Node
 
 from vibro_ros.model.parameters import Parameter, Value
-
-OF_RCLPY = ("use_sim_time", "start_type_description_service")
-"""Parameters that rclpy declares for every node."""
+from vibro_ros.parameter_file import own_parameters
 
 
 def take_overrides(node: Node) -> dict[str, object]:
@@ -20,7 +18,7 @@ def take_overrides(node: Node) -> dict[str, object]:
     node must declare parameters from overrides automatically.
     """
     given = {name: parameter.value for name, parameter in node.get_parameters_by_prefix("").items()}
-    overrides = {name: value for name, value in given.items() if name not in OF_RCLPY}
+    overrides = own_parameters(given)
     for name in overrides:
         node.undeclare_parameter(name)
     return overrides

@@ -28,12 +28,11 @@ from vibro_ros.ros.outputs import Outputs
 from vibro_ros.ros.pacing import Pacing
 from vibro_ros.ros.parameters import declare, parameter_lines, take_overrides
 from vibro_ros.ros.recording import Recording, offer_recovery, open_recording, plan_recording
-from vibro_ros.ros.ros_arguments import check_addressed, check_arguments, own_arguments
+from vibro_ros.ros.ros_arguments import check_addressed, check_arguments, folder_of, own_arguments
 from vibro_ros.ros.stepping import Stepping
-from vibro_ros.scene_file import DEVICE_PARAMETERS, load_scene, shipped_scenes
+from vibro_ros.scene_file import DEVICE_PARAMETERS, NODE_NAME, load_scene, scene_origin, shipped_scenes
 from vibro_ros.simulator import Simulator, compile_kernels
 
-NODE_NAME = "vibro_robot"
 CHECKPOINT_DEPTH = 1
 
 
@@ -53,18 +52,20 @@ def _run(words: Sequence[str]) -> int:
     files = check_arguments(words)
     with process.node_running(NODE_NAME, words) as (node, executor):
         check_addressed(files, node.get_fully_qualified_name())
-        settings, scene = _configure(node)
+        settings, scene = _configure(node, words)
         node.get_logger().info(f"scene {settings['scene']}; compiling (the first time takes a while) ...")
         compile_kernels(scene["solver.method"])
         gc.freeze()  # all of this lasts: to go through it again and again would delay ticks, and the process's end
         return _operate(node, executor, settings, scene)
 
 
-def _configure(node: Node) -> tuple[dict[str, Value], Scene]:
-    """The node's settings and scene, from its overrides; every parameter declared on `node`."""
+def _configure(node: Node, words: Sequence[str]) -> tuple[dict[str, Value], Scene]:
+    """The node's settings and scene, from its overrides in the command's `words`; each parameter declared on `node`."""
     overrides = checked_parameters(take_overrides(node), (*DEVICE_PARAMETERS, *SCENE_PARAMETERS))
     settings = {parameter.name: overrides.pop(parameter.name, parameter.default) for parameter in DEVICE_PARAMETERS}
-    scene = load_scene(settings["scene"]).with_parameters(overrides)
+    own_name = node.get_fully_qualified_name()
+    settings["scene"] = scene_origin(settings["scene"], folder_of("scene", words, own_name))
+    scene = load_scene(settings["scene"], own_name).with_parameters(overrides)
     declare(node, DEVICE_PARAMETERS, settings)
     declare(node, SCENE_PARAMETERS, scene.parameters)
     return settings, scene

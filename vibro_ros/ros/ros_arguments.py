@@ -4,15 +4,14 @@ rcl answers a missing or malformed parameter file with an error of several lines
 another node in silence: a misspelt node name leaves every parameter at its default.
 """
 
-import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import yaml
 
-from vibro_ros.strict_yaml import read_yaml
+from vibro_ros import parameter_file
 
-PARAMETERS = "ros__parameters"
+OVERRIDE = ("--param", "-p")
 
 
 def own_arguments(words: Sequence[str]) -> list[str]:
@@ -22,15 +21,18 @@ def own_arguments(words: Sequence[str]) -> list[str]:
 
 def _values(words: Sequence[str], *flags: str) -> tuple[str, ...]:
     """The values that follow any of `flags` in the parts for ROS."""
-    values = []
+    return tuple(value for flag, value in _pairs(words) if flag in flags)
+
+
+def _pairs(words: Sequence[str]) -> Iterator[tuple[str, str]]:
+    """Each option with a parameter or a file of parameters in the parts for ROS, and the value that follows it."""
     for_ros = iter([word for word, for_ros in _marked(words) if for_ros])
     for word in for_ros:
-        if word in flags:
+        if word in (*OVERRIDE, "--params-file"):
             value = next(for_ros, None)
             if value is None:
                 raise ValueError(f"{word}: no value follows it; give one")
-            values.append(value)
-    return tuple(values)
+            yield word, value
 
 
 def _marked(words: Sequence[str]) -> Iterator[tuple[str, bool]]:
@@ -49,14 +51,13 @@ def check_arguments(words: Sequence[str]) -> tuple[Path, ...]:
     ValueError
         For an override that is not name:=value, and for a file that is missing, not YAML or without parameters.
     """
-    for override in _values(words, "--param", "-p"):
+    for override in _values(words, *OVERRIDE):
         name, assigned, value = override.partition(":=")
         if not (name and assigned) or not _is_yaml(value):
             raise ValueError(f"-p {override}: not a parameter; write name:=value, such as motor.speed:=100.0")
     files = tuple(Path(name) for name in _values(words, "--params-file"))
     for path in files:
-        if not any(True for _ in _sections(path)):
-            raise ValueError(f"{path}: holds no parameters; begin it with `/**:` and `{PARAMETERS}:`")
+        parameter_file.sections(path)
     return files
 
 
@@ -69,31 +70,22 @@ def check_addressed(files: Sequence[Path], node: str) -> None:
         Naming the file, the nodes that it does address, and the remedy.
     """
     for path in files:
-        patterns = [pattern for pattern, _ in _sections(path)]
-        if not any(_matches(pattern, node) for pattern in patterns):
-            raise ValueError(f"{path}: holds parameters for {', '.join(patterns)}, none for this node; "
-                             f"address them to {node} or to /**")
+        parameter_file.check_addressed(path, parameter_file.sections(path), node)
 
 
-def _sections(path: Path) -> Iterator[tuple[str, Mapping[str, object]]]:
-    """Node name (or pattern) and parameters of each section of a file."""
-    yield from _nested_sections(read_yaml(path), "")
-
-
-def _nested_sections(tree: object, prefix: str) -> Iterator[tuple[str, Mapping[str, object]]]:
-    if not isinstance(tree, Mapping):
-        return
-    for key, value in tree.items():
-        if key == PARAMETERS and isinstance(value, Mapping) and prefix:
-            yield prefix, value
-        else:
-            yield from _nested_sections(value, f"{prefix}/{str(key).strip('/')}")
-
-
-def _matches(pattern: str, node: str) -> bool:
-    """Whether rcl applies the section `pattern` to `node`: `*` is one name, `/**` any number of them."""
-    expression = re.escape(pattern).replace(r"/\*\*", r"(?:/\w+)*").replace(r"\*", r"\w+")
-    return re.fullmatch(expression, node) is not None
+def folder_of(name: str, words: Sequence[str], node: str) -> Path:
+    """Folder from which a relative path in the parameter `name` starts: of the file that gives it, else the current.
+    """
+    given: list[tuple[str, dict[str, Path]]] = []
+    for flag, value in _pairs(words):
+        if flag == "--params-file":
+            file = Path(value)
+            given += [(pattern, {key: file.parent for key in values}) for pattern, values in
+                      parameter_file.sections(file)]
+        elif flag in OVERRIDE:
+            of_node, _, key = value.partition(":=")[0].rpartition(":")
+            given.append((of_node or "/**", {key: Path()}))
+    return parameter_file.merged(given, node).get(name, Path())
 
 
 def _is_yaml(text: str) -> bool:

@@ -1,0 +1,120 @@
+"""One robot by each road that a parameter file can come: `--params-file`, the parameter `scene`, `load_scene`."""
+
+import pytest
+import rclpy
+import yaml
+from observation import stop
+from rcl_interfaces.srv import GetParameters, ListParameters
+from rclpy.context import Context
+from rclpy.node import Node
+from rclpy.parameter import parameter_value_to_python
+
+from vibro_ros.model.parameters import SCENE_PARAMETERS
+from vibro_ros.parameter_file import merged, own_parameters, sections
+from vibro_ros.ros.ros_arguments import folder_of
+from vibro_ros.scene_file import load_scene
+
+NODE = "/lab/vibro_robot"
+
+
+def section(pattern: str, *lines: str) -> str:
+    return f"{pattern}:\n  ros__parameters:\n" + "".join(f"    {line}\n" for line in lines)
+
+
+def own_parameters_by_rcl(words: list[str], domain_id: int) -> dict[str, object]:
+    context = Context()
+    rclpy.init(context=context, domain_id=domain_id, args=["--ros-args", "-r", "__ns:=/lab", *words])
+    node = Node("vibro_robot", context=context, automatically_declare_parameters_from_overrides=True)
+    given = {name: one.value for name, one in node.get_parameters_by_prefix("").items()}
+    node.destroy_node()
+    rclpy.shutdown(context=context)
+    return own_parameters(given)
+
+
+@pytest.mark.parametrize("text", [
+    section("/**", "a: 1", "b: 1") + section(NODE, "a: 2"),
+    section(NODE, "a: 2") + section("/**", "a: 1", "b: 1"),
+    section("/lab/*", "a: 1") + section("/*/vibro_robot", "a: 2") + section("/**/vibro_robot", "a: 3"),
+    section("/**/vibro_robot", "a: 3") + section("/lab/*", "a: 1") + section("/hall/*", "a: 2"),
+    section("lab/vibro_robot", "a: 2") + section("/**", "a: 1") + section("/lab/vibro_robot", "a: 3"),
+    section("vibro_controller", "rate: 2") + section("/**", "a: {b: 1, c: {d: 2}}", "e.f: 3"),
+    "/lab:\n  vibro_robot:\n    ros__parameters: {a: 1}\n  other:\n    ros__parameters: {a: 2}\n",
+    "lab/:\n  vibro_robot:\n    ros__parameters: {a: 1}\n", "/*:\n  '*':\n    ros__parameters: {a: 1}\n",
+    section("/**", "a: 1e-3", "b: .5", "c: 0x10", "d: 010", "e: true", "f: text", "g: [p, q]", "h: 'yes'", "i: -0.0",
+            "j: 1.0e+3", "k: +2", "l: 1.", "m: ~/x", "n: off"),
+], ids=range(10))
+def test_rcl_reads_the_same_from_a_file(text, tmp_path, domain_id):
+    file = tmp_path / "file.yaml"
+    file.write_text(text)
+    assert merged(sections(file), NODE) == own_parameters_by_rcl(["--params-file", str(file)], domain_id)
+
+
+@pytest.mark.parametrize("order", [
+    "1", "2", "1 2", "2 1", "12", "21", "1 p", "p 1", "2 p", "p 2", "12 p", "21 p", "p 12", "1 2 p", "2 p 2", "1 q",
+    "q 1", "q p", "p q", "3 p", "p 3", "1 r", "none"])
+def test_rcl_takes_the_value_from_the_same_place(order, tmp_path, domain_id, monkeypatch):
+    """Each file is alone in its folder, whose name is the value; `-p` has the value `.`."""
+    monkeypatch.chdir(tmp_path)
+    sections_of = {"1": "/**", "2": NODE, "3": "/hall/*"}
+    overrides = {"p": "scene:=.", "q": "vibro_robot:scene:=.", "r": "gravity:=9.81"}
+    words = []
+    for name in order.split() if order != "none" else []:
+        if name in overrides:
+            words += ["-p", overrides[name]]
+            continue
+        (tmp_path / name).mkdir(exist_ok=True)
+        file = tmp_path / name / "file.yaml"
+        file.write_text("".join(section(sections_of[letter], f"scene: '{name}'") for letter in name))
+        words += ["--params-file", f"{name}/file.yaml"]
+    given = own_parameters_by_rcl(words, domain_id)
+    assert str(folder_of("scene", ["--ros-args", *words], NODE)) == given.get("scene", ".")
+
+
+@pytest.fixture
+def parameters_of(start, bench):
+    """Everything that a robot says of itself, as `ros2 param dump` asks for it."""
+    def ask(kind, name, request):
+        client = bench.node.create_client(kind, f"/vibro_robot/{name}")
+        bench.spin_until(client.service_is_ready, name)
+        future = client.call_async(request)
+        bench.spin_until(future.done, name)
+        bench.node.destroy_client(client)
+        return future.result()
+
+    def run(*words: str) -> dict[str, object]:
+        robot = start("robot", "--ros-args", *words, "-p", "record.enabled:=false")
+        robot.wait_for("ready:")
+        names = sorted(ask(ListParameters, "list_parameters", ListParameters.Request()).result.names)
+        values = ask(GetParameters, "get_parameters", GetParameters.Request(names=names)).values
+        stop(robot)
+        return {name: parameter_value_to_python(value) for name, value in zip(names, values, strict=True)}
+    return run
+
+
+def dumped(parameters: dict[str, object]) -> str:
+    """The text that `ros2 param dump` writes: nested by the dots of the names."""
+    tree: dict = {}
+    for name, value in parameters.items():
+        *groups, last = name.split(".")
+        below = tree
+        for group in groups:
+            below = below.setdefault(group, {})
+        below[last] = list(value) if isinstance(value, (list, tuple)) else value
+    return yaml.dump({"/vibro_robot": {"ros__parameters": tree}}, default_flow_style=False)
+
+
+def test_one_file_is_one_robot_by_every_road(parameters_of, tmp_path):
+    (tmp_path / "lab").mkdir()
+    mine, base, dump = tmp_path / "lab" / "mine.yaml", tmp_path / "lab" / "base.yaml", tmp_path / "dump.yaml"
+    base.write_text(section("/**", "scene: unilateral", "guide.angle: 1.2", "gravity: 1.6"))
+    mine.write_text(section("vibro_controller", "rate: 20.0") + section("/**", "scene: base.yaml", "gravity: 3.7"))
+    scene = {parameter.name for parameter in SCENE_PARAMETERS}
+    whole = parameters_of("--params-file", "lab/mine.yaml")
+    dump.write_text(dumped(whole))
+    roads = {"--params-file": whole, "scene": parameters_of("-p", "scene:=lab/mine.yaml"),
+             "--params-file of a dump": parameters_of("--params-file", "dump.yaml"),
+             "scene of a dump": parameters_of("-p", "scene:=dump.yaml"),
+             "load_scene": load_scene(mine).parameters, "load_scene of a dump": load_scene(dump).parameters}
+    expected = {**load_scene("unilateral").parameters, "guide.angle": 1.2, "gravity": 3.7}
+    for road, parameters in roads.items():
+        assert {name: parameters[name] for name in scene} == expected, road
