@@ -259,7 +259,16 @@ def test_what_auto_has_picked_is_recorded(recorded):
     (["--set", "guide.angel=1.2"], "guide.angel: unknown parameter; did you mean guide.angle?"),
     (["--set", "guide.angle"], "--set guide.angle: not a change; write name=value"),
     (["--set", "guide.angle=steep"], "guide.angle: 'steep' is not a number"),
-    (["--set", "rate.publish=100"], "rate.publish: unknown parameter"),
+    (["--set", "rate.publish=100"], "rate.publish=100: is a parameter of the node, which the recording fixes; change"),
+    (["--set", "scene=paper"], "scene=paper: is a parameter of the node, which the recording fixes; change"),
+    (["--set", "gravity=1.6", "--set", "gravity=2"], "--set gravity=2: gravity is set already, to 1.6; give one"),
+    (["--set", "=2"], "--set =2: not a change; write name=value"),
+    (["--clock"], "--clock: is for playing the bag to ROS; add --publish, or leave --clock out"),
+    (["--rate=2"], "--rate=2: is for playing the bag to ROS; add --publish"),
+    (["--set", "gravity=2", "--wait", "3"], "--wait: is for playing the bag to ROS"),
+    (["--ros-args", "-r", "a:=b"], "--ros-args: is for playing the bag to ROS"),
+    (["--publish", "--set", "gravity=2"], "--set: simulates the run again, and --publish plays what was recorded"),
+    (["another"], "unrecognized arguments: another; `replay --help` shows what there is"),
 ])
 def test_a_bad_change_is_refused(recorded, capsys, words, reason):
     assert replay.main([str(recorded), *words]) == 2
@@ -326,6 +335,8 @@ def test_an_abort_stops_the_motor(recorded, start, bench):
 
 @pytest.mark.parametrize(("words", "reason"), [
     (["--rate", "0"], "argument --rate: 0 is not above 0"),
+    (["--rate", "fast"], "argument --rate: fast is not a number; give one above 0"),
+    (["--all-topics", "--wait", "2"], "--wait 2: --all-topics waits for nobody; leave one of the two out"),
     (["--nonsense"], "unrecognized arguments: --nonsense; `replay --publish --help` shows what there is"),
     (["--ros-args", "-p", "speed"], "-p speed: not a parameter"),
 ])

@@ -25,6 +25,8 @@ from vibro_ros.ros.ros_arguments import check_arguments, own_arguments
 NODE_NAME = "vibro_playback"
 CLOCK_PERIOD = 0.01
 """Longest time [s] between two messages on /clock."""
+PATIENCE = 60.0
+"""How long [s] to wait for a robot, unless the command line says."""
 LAST_WORD = 0.5
 """Longest wait [s] for the acknowledgement of the last message."""
 
@@ -128,6 +130,8 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _run(words: Sequence[str]) -> int:
     options = _parser().parse_args(own_arguments(words))
+    if options.all_topics and options.wait is not None:
+        raise ValueError(f"--wait {options.wait:g}: --all-topics waits for nobody; leave one of the two out")
     check_arguments(words)
     try:
         with BagStream(options.bag) as stream:
@@ -146,7 +150,7 @@ def _play(stream: BagStream, options: argparse.Namespace, words: Sequence[str]) 
     with process.node_running(NODE_NAME, words) as (node, executor), process.StopRequest() as stop:
         playback = Playback(node, executor, topics, names.get("motor_speed", ""), options.clock)
         if not options.all_topics:
-            playback.wait_for_listeners(commands, options.wait, stop)
+            playback.wait_for_listeners(commands, PATIENCE if options.wait is None else options.wait, stop)
         node.get_logger().info(f"playing {', '.join(topics)}")
         try:
             playback.play(stream, options.rate, stop)
@@ -171,7 +175,10 @@ def _reliable(depth: int) -> QoSProfile:
 
 
 def _positive(text: str) -> float:
-    value = float(text)
+    try:
+        value = float(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text} is not a number; give one above 0") from None
     if not (math.isfinite(value) and value > 0.0):
         raise argparse.ArgumentTypeError(f"{text} is not above 0")
     return value
@@ -189,8 +196,8 @@ def _parser() -> process.Parser:
     parser.add_argument("--rate", type=_positive, default=1.0, metavar="FACTOR",
                         help="recorded seconds per second (default: 1)")
     parser.add_argument("--clock", action="store_true", help="publish recorded time on /clock, at least at 100 Hz")
-    parser.add_argument("--wait", type=_positive, default=60.0, metavar="SECONDS",
-                        help="how long to wait until a robot listens to every command (default: 60)")
+    parser.add_argument("--wait", type=_positive, metavar="SECONDS",
+                        help=f"how long to wait until a robot listens to every command (default: {PATIENCE:g})")
     return parser
 
 

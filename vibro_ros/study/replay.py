@@ -8,6 +8,7 @@ from pathlib import Path
 
 from vibro_ros.bag.reader import read_bag
 from vibro_ros.bag.stream import BagError, BagStream
+from vibro_ros.command_line import Parser
 from vibro_ros.strict_yaml import read_scalar
 from vibro_ros.study.comparison import Comparison, compare
 from vibro_ros.study.report import COLUMNS
@@ -18,23 +19,40 @@ IDENTICAL, DIFFERENT, BAD_INPUT = 0, 1, 2
 """Exit codes; a changed run that was written is `IDENTICAL`, one that could not go on is `DIFFERENT`."""
 PLAYBACK = "vibro_ros.ros.playback"
 """Module that plays a bag to ROS: a process of its own, because nothing here needs ROS."""
+OF_PUBLISH = ("--all-topics", "--rate", "--clock", "--wait", "--ros-args")
+"""Options that only `PLAYBACK` has."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the executable; returns its exit code."""
     words = list(sys.argv[1:] if arguments is None else arguments)
-    if "--publish" in words:
-        words.remove("--publish")
-        os.execv(sys.executable, [sys.executable, "-m", PLAYBACK, *words])
-    options = _parser().parse_args(words)
     try:
-        if options.set:
-            return _vary(options.bag, dict(_change(text) for text in options.set))
-        return _compare(options.bag)
+        check_combination(words)
+        if "--publish" in words:
+            words.remove("--publish")
+            os.execv(sys.executable, [sys.executable, "-m", PLAYBACK, *words])
+        options = _parser().parse_args(words)
+        return _vary(options.bag, _changes(options.set)) if options.set else _compare(options.bag)
     except (BagError, ValueError) as error:
         return _failed(str(error), BAD_INPUT)
     except OSError as error:
         return _failed(f"{error.filename or options.bag}: {error.strerror or error}", BAD_INPUT)
+
+
+def check_combination(words: Sequence[str]) -> None:
+    """Refuse options that do nothing together.
+
+    Raises
+    ------
+    ValueError
+        Naming the option and the remedy.
+    """
+    options = {word.partition("=")[0]: word for word in words if word.startswith("--")}
+    if "--publish" in options and "--set" in options:
+        raise ValueError("--set: simulates the run again, and --publish plays what was recorded; give one of the two")
+    alone = [word for option, word in options.items() if option in OF_PUBLISH]
+    if alone and "--publish" not in options:
+        raise ValueError(f"{alone[0]}: is for playing the bag to ROS; add --publish, or leave {alone[0]} out")
 
 
 def _compare(bag: Path) -> int:
@@ -80,12 +98,17 @@ def _shown(changes: Mapping[str, object]) -> str:
     return ", ".join(f"{name}={value}" for name, value in changes.items())
 
 
-def _change(text: str) -> tuple[str, object]:
-    """Name and value of `name=value`."""
-    name, equals, value = text.partition("=")
-    if not equals:
-        raise ValueError(f"--set {text}: not a change; write name=value")
-    return name, read_scalar(value)
+def _changes(texts: Sequence[str]) -> dict[str, object]:
+    """Names and values of several `name=value`."""
+    changes: dict[str, object] = {}
+    for text in texts:
+        name, equals, value = text.partition("=")
+        if not (name and equals):
+            raise ValueError(f"--set {text}: not a change; write name=value, such as guide.angle=1.2")
+        if name in changes:
+            raise ValueError(f"--set {text}: {name} is set already, to {changes[name]}; give one of the two")
+        changes[name] = read_scalar(value)
+    return changes
 
 
 def _failed(reason: str, code: int) -> int:
@@ -93,8 +116,8 @@ def _failed(reason: str, code: int) -> int:
     return code
 
 
-def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
+def _parser() -> Parser:
+    parser = Parser(
         prog="replay", allow_abbrev=False, formatter_class=argparse.RawDescriptionHelpFormatter,
         description="Simulate a recorded run again from its commands and compare every recorded number, to the last\n"
         "bit; or tell what it would have done with other parameters; or play the bag to ROS.",

@@ -11,6 +11,7 @@ from vibro_ros.bag.stream import QOS_DEPTH, BagError, BagStream
 from vibro_ros.bag.writer import BagWriter, Storage
 from vibro_ros.model.scene import Scene
 from vibro_ros.provenance import provenance
+from vibro_ros.scene_file import DEVICE_PARAMETERS
 from vibro_ros.simulator import SimulationError
 from vibro_ros.study.rerun import Rerun, RunFacts, run_facts, ticks
 
@@ -43,6 +44,7 @@ def write_variation(bag: Path, changes: Mapping[str, object]) -> tuple[Path, str
     OSError
         When the new bag cannot be written.
     """
+    _check_of_scene(changes)
     with BagStream(bag) as stream:
         facts = run_facts(stream)
         if stream.start > facts.start:
@@ -56,6 +58,15 @@ def write_variation(bag: Path, changes: Mapping[str, object]) -> tuple[Path, str
         finally:
             writer.flush()
             writer.close({"written": str(writer.stored), "dropped": "0", "lost": "0"})
+
+
+def _check_of_scene(changes: Mapping[str, object]) -> None:
+    """Refuse parameters of the node: when commands took effect is counted in samples of the recorded rate."""
+    of_node = {parameter.name for parameter in DEVICE_PARAMETERS}
+    for name, value in changes.items():
+        if name in of_node:
+            raise ValueError(f"{name}={value}: is a parameter of the node, which the recording fixes; change one of "
+                             f"the scene, such as guide.angle=1.2, or record again with -p {name}:={value}")
 
 
 def _write(writer: BagWriter, messages: Iterator[tuple[int, str, bytes]]) -> str:
