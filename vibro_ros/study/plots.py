@@ -1,63 +1,97 @@
 """The picture of a recording: the whole run, and beside it a moment in which every swing can be seen."""
 
+from collections.abc import Callable, Iterator
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from vibro_ros.bag.reader import Arrays, Bag
-from vibro_ros.study.summary import GAP, impacts_of
+from vibro_ros.study.summary import impacts_of
+from vibro_ros.study.traces import Span, band, bins_for, line, mean_over_turns, outline, share
 
 MOMENT = 0.3  # s, the close-up; about five crank turns at 100 rad/s
-BINS = 120  # of a band over the whole run; in 10 s each holds a whole swing
-POINTS = 2000  # blocks of a line of many samples; more than the picture has pixels across
+FEW = 3000  # impacts that can be told apart as dots over the whole run
+FAR = 10.0  # m, from there on in metres
+STRONG = 8.0  # times what 95 % of the samples stay below: from there on a linear scale would hide these
 MM = 1e3  # mm/m
 
-_BODY, _MOTOR, _POWER, _COMMAND = "#222222", "#2b8a5b", "#8b3fa0", "#222222"
-_GUIDE_COLOURS = {"upper": "#1f6fb4", "inclined": "#d1671b"}
-_PLATE_DASHES = {"upper": (0, (4, 4)), "inclined": (4, (4, 4))}  # plates at one height stay both visible
-_GRID, _FRAME, _TEXT, _HIGHLIGHT = "#e8e8e8", "#b0b0b0", "#404040", "#f3d36b"
+# Okabe and Ito's palette, which the colour-blind tell apart
+_BODY, _MOTOR, _POWER, _FORCE, _HEIGHT = "#000000", "#009e73", "#aa4499", "#7a5c00", "#56788f"
+_GUIDE_COLOURS = {"upper": "#0072b2", "inclined": "#d55e00"}
+_GUIDE_MARKS = {"upper": "v", "inclined": "^"}
+_GRID, _FRAME, _TEXT, _MARKED, _AIR = "#e8e8e8", "#b0b0b0", "#404040", "#ececec", "#dcebf5"
 
-Span = tuple[float, float]
+_NONE = "N \N{LESS-THAN OR EQUAL TO} 0"
+
+Panel = Callable[[Axes, Bag, Span], None]
 
 
 def plot_run(bag: Bag, caption: str = "") -> Figure:
-    """Body displacement, masses, motor speed and power over time.
+    """Body, masses, blows, ground, motor and power over time; what the recording lacks is left out.
 
     Parameters
     ----------
     bag : Bag
-        A recording with odometry, joint states, impacts and motor power.
+        A recording with odometry and joint states.
     caption : str
         One line under the title.
 
     Returns
     -------
     Figure
-        Four rows that share time [s]; left the whole run, right `MOMENT` seconds of it.
+        Rows that share time [s]; left the whole run, right `MOMENT` seconds of it.
     """
-    whole, moment = (0.0, max(bag.duration, 1e-3)), _moment(bag)
-    figure = Figure(figsize=(15.0, 10.5), dpi=120, layout="constrained", facecolor="white")
+    whole, moment, panels = (0.0, max(bag.duration, 1e-3)), _moment(bag), list(_panels(bag))
+    figure = Figure(figsize=(13.0, 1.2 + 1.75 * len(panels)), dpi=120, layout="constrained", facecolor="white")
+    figure.get_layout_engine().set(h_pad=0.12)  # room for the legends
     FigureCanvasAgg(figure)
-    axes = figure.subplots(4, 2, sharex="col", width_ratios=(3, 2))
-    for row, draw in enumerate((_draw_body, _draw_masses, _draw_motor, _draw_power)):
-        for axis, span in zip(axes[row], (whole, moment), strict=True):
+    axes = figure.subplots(len(panels), 2, sharex="col", width_ratios=(3, 2), squeeze=False)
+    for row, draw in zip(axes, panels, strict=True):
+        for axis, span in zip(row, (whole, moment), strict=True):
             draw(axis, bag, span)
             _tidy(axis, span)
-        axes[row, 0].axvspan(*moment, color=_HIGHLIGHT, alpha=0.6, lw=0, zorder=0)
-        _legend_above(axes[row, 0])
+            _legend_above(axis)
+        row[0].axvspan(*moment, color=_MARKED, lw=0, zorder=0)
+        for edge in moment:
+            row[0].axvline(edge, color=_TEXT, lw=0.6, ls=(0, (2, 2)), zorder=3)
     for axis in axes[-1]:
         axis.set_xlabel("time from start of recording [s]", color=_TEXT)
-    _legend_above(axes[1, 1], "impact")
-    axes[0, 1].set_title(f"the {moment[1] - moment[0]:.2g} s marked on the left", fontsize=10, color=_TEXT, loc="left")
+    for axis, title in zip(axes[0], ("the whole recording", f"the {np.ptp(moment):.2g} s marked on the left"),
+                           strict=True):
+        axis.set_title(title, fontsize=10, color=_TEXT, loc="right")
     figure.suptitle("\n".join(filter(None, (bag.path.name, caption))), fontsize=12, color=_TEXT)
     figure.align_ylabels(axes)
     return figure
 
 
+def _panels(bag: Bag) -> Iterator[Panel]:
+    """The panels that the recording has something for, from top to bottom."""
+    yield _draw_body
+    if np.any(bag["odom"]["position"][:, 2]):
+        yield _draw_height
+    for guide in _GUIDE_COLOURS:
+        if f"{guide}_mass.position" in bag["joint_states"]:
+            yield _mass_panel(guide)
+    if len(_impacts(bag)["time"]):
+        yield _draw_blows
+    if "ground_contact" in bag and len(bag["ground_contact"]["time"]):
+        yield _draw_ground
+    yield _draw_motor
+    if "motor_power" in bag and len(bag["motor_power"]["time"]):
+        yield _draw_power
+
+
+def _impacts(bag: Bag) -> Arrays:
+    empty = np.array([])
+    none = {"time": empty, "stamp": empty, "frame": np.array([], dtype=str), "force": empty.reshape(0, 3)}
+    return bag["impacts"] if "impacts" in bag else none
+
+
 def _moment(bag: Bag) -> Span:
     """A window in mid-run: around the median of the impacts while the motor is fast."""
-    joints, impacts = bag["joint_states"], bag["impacts"]["stamp"]
+    joints, impacts = bag["joint_states"], _impacts(bag)["stamp"]
     speed = np.abs(joints["crank.velocity"])
     fast = impacts[np.interp(impacts, joints["time"], speed) >= 0.9 * speed.max()]
     centre = np.median(fast) if len(fast) else joints["time"][np.argmax(speed)]
@@ -68,120 +102,173 @@ def _moment(bag: Bag) -> Span:
 def _draw_body(axes: Axes, bag: Bag, span: Span) -> None:
     body = bag["odom"]
     x = body["position"][:, 0]
-    _line(axes, body["time"], (x - x[0]) * MM, span, color=_BODY)
-    axes.set_ylabel("body displacement [mm]")
+    unit, scale = ("mm", MM) if np.ptp(x) < FAR else ("m", 1.0)
+    line(axes, body["time"], (x - x[0]) * scale, span, color=_BODY)
+    axes.set_ylabel(f"body displacement [{unit}]")
 
 
-def _draw_masses(axes: Axes, bag: Bag, span: Span) -> None:
-    joints = bag["joint_states"]
-    for guide, colour in _guides_with(joints, "mass"):
-        _swings(axes, joints["time"], joints[f"{guide}_mass.position"] * MM, span, colour, f"{guide} mass")
-    for guide, colour in _guides_with(joints, "plate"):
-        _line(axes, joints["time"], joints[f"{guide}_plate.position"] * MM, span,
-              color=colour, ls=_PLATE_DASHES[guide], label=f"{guide} plate")
-        if _is_moment(span):  # over a whole run they would be one smear
-            _mark_impacts(axes, bag, guide, span)
-    axes.margins(y=0.1)
-    axes.set_ylabel("position on guide [mm]")
+def _draw_height(axes: Axes, bag: Bag, span: Span) -> None:
+    body = bag["odom"]
+    _swings(axes, bag, body["time"], body["position"][:, 2] * MM, span, _HEIGHT, "range of the height", "height")
+    _shade_air(axes, bag, span)
+    axes.set_ylabel("body height [mm]")
 
 
-def _guides_with(joints: Arrays, part: str) -> list[tuple[str, str]]:
-    """Guide and colour of each guide whose mass or plate the recording has."""
-    return [item for item in _GUIDE_COLOURS.items() if f"{item[0]}_{part}.position" in joints]
+def _mass_panel(guide: str) -> Panel:
+    """Panel of one mass: its position with the contacts, and the plate."""
+    def draw(axes: Axes, bag: Bag, span: Span) -> None:
+        joints, colour = bag["joint_states"], _GUIDE_COLOURS[guide]
+        contacts, plate = _contacts(bag, guide)
+        time = np.concatenate([joints["time"], contacts])
+        order = np.argsort(time, kind="stable")
+        position = np.concatenate([joints[f"{guide}_mass.position"], plate])[order] * MM
+        _swings(axes, bag, time[order], position, span, colour, f"range of the {guide} mass", f"{guide} mass")
+        if f"{guide}_plate.position" in joints:
+            line(axes, joints["time"], joints[f"{guide}_plate.position"] * MM, span, color=_BODY, lw=1.0,
+                 ls=(0, (4, 2)), label="its plate")
+        if _is_moment(span) and len(contacts):
+            shown = (contacts >= span[0]) & (contacts <= span[1])
+            axes.plot(contacts[shown], plate[shown] * MM, _GUIDE_MARKS[guide], color=colour, ms=7, mec="white", mew=0.7,
+                      label="impact, at the plate", zorder=4)
+        axes.margins(y=0.12)
+        axes.set_ylabel(f"{guide} mass [mm]")
+    return draw
 
 
-def _mark_impacts(axes: Axes, bag: Bag, guide: str, span: Span) -> None:
-    """Triangles on the plate at the instants of contact."""
-    joints, times = bag["joint_states"], bag["impacts"]["stamp"][impacts_of(bag, guide)]
-    times = times[(times >= span[0]) & (times <= span[1])]
-    plate = np.interp(times, joints["time"], joints[f"{guide}_plate.position"]) * MM
-    axes.plot(times, plate, "v", color=_GUIDE_COLOURS[guide], ms=8, mec="white", mew=0.8,
-              label=f"{guide} impact", zorder=4)
+def _contacts(bag: Bag, guide: str) -> tuple[np.ndarray, np.ndarray]:
+    """Instants [s] at which the mass met its plate, and where both were then [m]: between samples, a mass shows less.
+    """
+    joints, impacts = bag["joint_states"], _impacts(bag)
+    if f"{guide}_plate.position" not in joints or not len(impacts["stamp"]):
+        return np.array([]), np.array([])
+    times = impacts["stamp"][impacts_of(bag, guide)]
+    return times, np.interp(times, joints["time"], joints[f"{guide}_plate.position"])
+
+
+def _draw_blows(axes: Axes, bag: Bag, span: Span) -> None:
+    impacts = _impacts(bag)
+    shown = (impacts["stamp"] >= span[0]) & (impacts["stamp"] <= span[1])
+    for guide, colour in _GUIDE_COLOURS.items():
+        own = shown & impacts_of(bag, guide)
+        time, force = impacts["stamp"][own], impacts["force"][own, 2]
+        if not len(time):
+            continue
+        if len(time) > FEW:
+            order = np.argsort(time, kind="stable")
+            outline(axes, time[order], force[order], _edges(bag, span), colour,
+                    f"{guide} impacts, strongest and weakest (dots)")
+        else:
+            axes.plot(time, force, _GUIDE_MARKS[guide], color=colour, ms=7 if _is_moment(span) else 3, mec="white",
+                      mew=0.7 if _is_moment(span) else 0.0, label=f"{guide} impacts", zorder=3)
+    axes.set_ylim(0.0, 1.12 * max(1.0, impacts["force"][:, 2].max()))
+    axes.set_ylabel("peak force [N]")
+
+
+def _draw_ground(axes: Axes, bag: Bag, span: Span) -> None:
+    time, force = bag["ground_contact"]["time"], bag["ground_contact"]["force"][:, 2]
+    _swings(axes, bag, time, force, span, _FORCE, "range of N", "N")
+    _scale_to(axes, force)
+    if _is_short(span):
+        _shade_air(axes, bag, span)
+    else:
+        beside = axes.twinx()
+        middle, part = share(time, force <= 0.0, _edges(bag, span))
+        beside.plot(middle, 100.0 * part, color=_BODY, lw=0.9)
+        beside.set_ylim(0.0, 105.0)
+        beside.set_ylabel(f"{_NONE} [%]", color=_TEXT)
+        beside.tick_params(color=_FRAME, labelcolor=_TEXT)
+        beside.spines[:].set_visible(False)
+        axes.plot([], [], color=_BODY, lw=0.9, label=f"share of the samples with {_NONE}, {_share_of_none(bag)} in all")
+    axes.set_ylabel("ground force N [N]")
+
+
+def _scale_to(axes: Axes, force: np.ndarray) -> None:
+    """Beyond what most samples stay below, a logarithmic scale if some go far beyond."""
+    usual = float(np.percentile(np.abs(force), 95))
+    if usual > 0.0 and np.abs(force).max() > STRONG * usual:
+        axes.set_yscale("symlog", linthresh=usual)
+        powers = 10.0 ** np.arange(np.ceil(np.log10(usual)), 1 + np.ceil(np.log10(np.abs(force).max())))
+        axes.set_yticks([*-powers[::-1], 0.0, *powers])
+        axes.minorticks_off()
+
+
+def _share_of_none(bag: Bag) -> str:
+    return f"{np.mean(bag['ground_contact']['force'][:, 2] <= 0.0):.0%}"
+
+
+def _shade_air(axes: Axes, bag: Bag, span: Span) -> None:
+    """Mark where the ground carries nothing, if that can be seen."""
+    if not _is_short(span) or "ground_contact" not in bag:
+        return
+    time, force = bag["ground_contact"]["time"], bag["ground_contact"]["force"][:, 2]
+    shown = (time >= span[0]) & (time <= span[1])
+    axes.fill_between(time[shown], 0.0, 1.0, where=force[shown] <= 0.0, transform=axes.get_xaxis_transform(),
+                      color=_AIR, lw=0, zorder=0.5, label=f"the ground carries nothing, {_NONE}")
 
 
 def _draw_motor(axes: Axes, bag: Bag, span: Span) -> None:
     joints = bag["joint_states"]
-    _line(axes, joints["time"], joints["crank.velocity"], span, color=_MOTOR, lw=2.0, label="motor")
+    line(axes, joints["time"], joints["crank.velocity"], span, color=_MOTOR, lw=2.0, label="motor")
     if "motor_speed" in bag and len(times := bag["motor_speed"]["time"]):
-        values = bag["motor_speed"]["value"]
-        axes.step([*times, bag.duration], [*values, values[-1]], where="post", color=_COMMAND,
-                  ls=(0, (3, 3)), lw=1.0, label="command")
-    axes.set_ylabel("motor speed [rad/s]")
+        values = np.where(np.isfinite(values := bag["motor_speed"]["value"]), values, np.nan)
+        axes.step([*times, bag.duration], [*values, values[-1]], where="post", color=_BODY, ls=(0, (3, 3)), lw=1.0,
+                  label="command")
+    fastest = max(1.0, np.abs(joints["crank.velocity"]).max())
+    asked = axes.dataLim.y1 if np.isfinite(axes.dataLim.y1) else fastest  # a refused command may be of any size
+    axes.set_ylim(0.0, 1.08 * max(fastest, min(asked, 2.0 * fastest)))
+    axes.set_ylabel("motor [rad/s]")
 
 
 def _draw_power(axes: Axes, bag: Bag, span: Span) -> None:
-    power = bag["motor_power"]
-    _swings(axes, power["time"], power["value"], span, _POWER, "power")
+    power, joints = bag["motor_power"], bag["joint_states"]
+    _swings(axes, bag, power["time"], power["value"], span, _POWER, "range of the power", "power")
+    if not _is_moment(span):
+        mean = mean_over_turns(power["time"], power["value"], joints["time"], joints["crank.position"],
+                               _edges(bag, span))
+        axes.plot(*mean, color=_BODY, lw=1.4, label="mean over whole turns", zorder=2)
     axes.axhline(0.0, color=_FRAME, lw=0.8, zorder=1)
     axes.set_ylabel("motor power [W]")
 
 
-def _line(axes: Axes, time: np.ndarray, values: np.ndarray, span: Span, **style: object) -> None:
-    """The samples of `span`, broken at gaps in the stream."""
-    shown = np.flatnonzero((time >= span[0]) & (time <= span[1]))
-    drawn = [_visible(piece, values) for piece in np.split(shown, _gaps(time[shown]))]
-    broken = [np.concatenate([column for piece in drawn for column in (of[piece], [np.nan])])[:-1]
-              for of in (time, values)]
-    axes.plot(*broken, **{"lw": 1.3} | style)
+def _edges(bag: Bag, span: Span) -> np.ndarray:
+    """Where the bins of a band begin and end [s]."""
+    speed = float(np.abs(bag["joint_states"]["crank.velocity"]).max())
+    return np.linspace(*span, bins_for(span[1] - span[0], speed) + 1)
 
 
-def _visible(samples: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Of the indices `samples`, those that a line can show: of each of `POINTS` blocks its ends and its extremes."""
-    size = len(samples) // POINTS
-    if size < 8:
-        return samples
-    blocks = samples[:len(samples) // size * size].reshape(-1, size)
-    rows = np.arange(len(blocks))
-    extremes = [blocks[rows, pick(values[blocks], axis=1)] for pick in (np.argmin, np.argmax)]
-    return np.unique(np.concatenate([blocks[:, 0], blocks[:, -1], *extremes, samples[blocks.size:]]))
+def _swings(axes: Axes, bag: Bag, time: np.ndarray, values: np.ndarray, span: Span, colour: str, of_band: str,
+            of_line: str) -> None:
+    """A quick oscillation: over a short time its samples, over a long run the band that it fills."""
+    if _is_short(span):
+        line(axes, time, values, span, color=colour, label=of_line, **({"marker": ".", "ms": 4} if _is_moment(span)
+                                                                      else {}))
+    else:
+        band(axes, time, values, _edges(bag, span), colour, of_band)
 
 
-def _swings(axes: Axes, time: np.ndarray, values: np.ndarray, span: Span, colour: str, label: str) -> None:
-    """A quick oscillation: over a moment its samples, over a long run the band it fills and its mean."""
-    if span[1] - span[0] <= 10 * MOMENT:
-        dots = {"marker": ".", "ms": 4} if _is_moment(span) else {}
-        _line(axes, time, values, span, color=colour, label=label, **dots)
-        return
-    middle, mean, low, high = _band(time, values, span)
-    axes.fill_between(middle, low, high, color=colour, alpha=0.22, lw=0)
-    axes.plot(middle, mean, color=colour, lw=1.6, label=f"{label} (mean, range)")
-
-
-def _band(time: np.ndarray, values: np.ndarray, span: Span) -> tuple[np.ndarray, ...]:
-    """Mean time, mean, minimum and maximum of each bin, with NaN at gaps in the stream."""
-    slots = np.minimum((time - span[0]) / (span[1] - span[0]) * BINS, BINS - 1).astype(int)
-    firsts = np.flatnonzero(np.diff(slots, prepend=-1))
-    counts = np.diff(firsts, append=len(time))
-    columns = (np.add.reduceat(time, firsts) / counts, np.add.reduceat(values, firsts) / counts,
-               np.minimum.reduceat(values, firsts), np.maximum.reduceat(values, firsts))
-    full = counts > 0.5 * np.median(counts)  # the few samples at the edge of a gap have no mean worth showing
-    gaps = _gaps(columns[0][full], 1.5)
-    return tuple(np.insert(column[full], gaps, np.nan) for column in columns)
-
-
-def _gaps(time: np.ndarray, periods: float = GAP) -> np.ndarray:
-    """Indices of the samples that follow a pause of more than so many periods."""
-    pauses = np.diff(time)
-    return np.flatnonzero(pauses > periods * np.median(pauses)) + 1 if len(pauses) else np.array([], dtype=int)
+def _is_short(span: Span) -> bool:
+    return span[1] - span[0] <= 10 * MOMENT
 
 
 def _is_moment(span: Span) -> bool:
     return span[1] - span[0] < 1.5 * MOMENT
 
 
-def _legend_above(axes: Axes, only: str = "") -> None:
+def _legend_above(axes: Axes) -> None:
     handles, labels = axes.get_legend_handles_labels()
-    chosen = [(handle, label) for handle, label in zip(handles, labels, strict=True) if only in label]
-    if chosen:
-        axes.legend(*zip(*chosen, strict=True), loc="lower left", bbox_to_anchor=(0.0, 0.97), ncols=len(chosen),
-                    frameon=False, fontsize=9, labelcolor=_TEXT, borderaxespad=0.0, columnspacing=1.4)
+    if handles:
+        legend = axes.legend(handles, labels, loc="lower left", bbox_to_anchor=(0.0, 0.98), ncols=len(handles),
+                    frameon=False, fontsize=8.5, labelcolor=_TEXT, borderaxespad=0.0, columnspacing=1.2,
+                    handletextpad=0.5)
+        legend.set_in_layout(False)
 
 
 def _tidy(axes: Axes, span: Span) -> None:
     axes.set_xlim(*span)
     axes.grid(color=_GRID, lw=0.8)
     axes.set_axisbelow(True)
-    axes.ticklabel_format(useOffset=False)
+    if axes.get_yscale() == "linear":
+        axes.ticklabel_format(useOffset=False)
     axes.spines[["top", "right"]].set_visible(False)
     axes.spines[["left", "bottom"]].set_color(_FRAME)
     axes.tick_params(color=_FRAME, labelcolor=_TEXT)

@@ -10,8 +10,8 @@ from vibro_ros.bag.reader import BagError, read_bag
 from vibro_ros.study.plots import plot_run
 from vibro_ros.study.summary import as_caption, as_text, summarise
 
-COLUMNS = {"odom": ("position",), "joint_states": ("*.position", "crank.velocity"), "ground_contact": (),
-           "impacts": ("stamp", "frame"), "motor_power": ("value",), "motor_speed": ("value",)}
+COLUMNS = {"odom": ("position",), "joint_states": ("*.position", "crank.velocity"), "ground_contact": ("force",),
+           "impacts": ("stamp", "frame", "force"), "motor_power": ("value",), "motor_speed": ("value",)}
 """All that summary and picture need of a recording, which may be long."""
 
 
