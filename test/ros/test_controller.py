@@ -96,7 +96,7 @@ def test_an_operator_who_aborts_stops_the_motor(start, bench, tmp_path, number):
 
 def test_an_abort_while_waiting_sends_nothing(start):
     controller = start("controller", "crawl")
-    controller.wait_for("waiting up to")
+    controller.wait_for("waiting for a robot on")
     controller.send(signal.SIGINT)
     assert controller.end() == 128 + signal.SIGINT
     assert "aborted" not in controller.text
