@@ -137,7 +137,7 @@ def enter(program: str) -> int:
     """
     _take_over(program)
     try:
-        code = _run(MODULES[program])
+        code = _run(MODULES[program]) if _has_folder(program) else BAD_INPUT
     except KeyboardInterrupt:
         code = interrupted_code()
         say(program, "stopped")
@@ -219,11 +219,22 @@ def _remedy(module: str | None) -> str:
     return "install what setup.py names"
 
 
+def _has_folder(program: str) -> bool:
+    """Whether the working folder exists: where it does not, libraries fail as they are imported."""
+    try:
+        os.getcwd()
+    except OSError:
+        folder = os.readlink("/proc/self/cwd").removesuffix(" (deleted)")
+        say(program, f"{folder}: this working folder was deleted; change to another one")
+        return False
+    return True
+
+
 def _flushed(program: str, code: int) -> int:
     try:
         sys.stdout.flush()
     except OSError as error:
-        say(program, f"standard output: {error.strerror}")
+        say(program, f"{error.filename}: {error.strerror}")
         return code or FAILURE
     return code
 

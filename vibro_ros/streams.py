@@ -11,19 +11,28 @@ import sys
 
 NOBODY_READS = {errno.EPIPE, errno.EIO, errno.ECONNRESET}
 """Errors of a pipe without reader, a terminal that was closed, and a connection that broke."""
+NAMES = ("standard input", "standard output", "standard error")
 
 
 class Forgiving(io.FileIO):
-    """A file descriptor to which writing succeeds also when nobody reads any more."""
+    """A file descriptor to which writing succeeds also when nobody reads any more.
 
-    def write(self, data) -> int:
+    Any other error, such as that of a full disk, is raised once; what comes later is dropped.
+    """
+
+    def __init__(self, descriptor: int):
+        super().__init__(descriptor, "w", closefd=False)
+        self._dropping = False
+
+    def write(self, data: bytes) -> int:
         """Write `data`; the number of bytes written, or dropped."""
         try:
-            return super().write(data)
+            return memoryview(data).nbytes if self._dropping else super().write(data)
         except OSError as error:
-            if error.errno not in NOBODY_READS:
-                raise
-            return memoryview(data).nbytes
+            self._dropping = True
+            if error.errno in NOBODY_READS:
+                return memoryview(data).nbytes
+            raise OSError(error.errno, error.strerror, NAMES[self.fileno()]) from None
 
 
 def open_streams() -> None:
@@ -41,7 +50,7 @@ def open_streams() -> None:
 
 
 def _stream(descriptor: int, before: io.TextIOWrapper | None) -> io.TextIOWrapper:
-    file = io.BufferedWriter(Forgiving(descriptor, "w", closefd=False))
+    file = io.BufferedWriter(Forgiving(descriptor))
     encoding = before.encoding if before else "utf-8"
     return io.TextIOWrapper(file, encoding, errors="backslashreplace",
                             line_buffering=descriptor == 2 or os.isatty(descriptor))

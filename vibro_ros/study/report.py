@@ -71,7 +71,8 @@ def _run(words: Sequence[str]) -> int:
     except BagError as error:
         raise ValueError(str(error)) from error
     except OSError as error:
-        raise ValueError(f"{error.filename}: cannot write: {error.strerror}; give a writable --output") from error
+        raise ValueError(f"{error.filename or options.bag}: cannot write: {error.strerror}; give a writable "
+                         "--output") from error
     print(text)
     print("\n".join(map(str, files)))
     return 0
