@@ -20,7 +20,7 @@ from functools import partial
 from importlib import import_module
 from types import FrameType
 
-from vibro_ros.streams import open_streams
+from vibro_ros.streams import Forgiving, open_streams
 
 FAILURE, BAD_INPUT = 1, 2
 MODULES = {
@@ -41,7 +41,7 @@ MOST_INTERRUPTS = 2
 """Signals that raise KeyboardInterrupt; the one after them ends the process at once, whatever has swallowed these."""
 
 _STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-_AGAIN = 0.05  # s, after which a KeyboardInterrupt that was swallowed is raised anew
+_AGAIN = 0.05  # s, after which a KeyboardInterrupt that was swallowed, or came at a bad moment, is raised again
 
 
 class StopRequest:
@@ -104,11 +104,15 @@ class _Process:
         os._exit(self.code_after(number))
 
     def interrupt(self, number: int, frame: FrameType | None) -> None:
-        """Raise KeyboardInterrupt in what runs."""
-        self.signal, self.interrupts = self.signal or number, self.interrupts + 1
+        """Raise KeyboardInterrupt in what runs; a little later if it writes, or it would write the same again."""
         self.stage = ""
+        if number != signal.SIGALRM:
+            self.signal, self.interrupts = self.signal or number, self.interrupts + 1
         if self.interrupts > MOST_INTERRUPTS:
             self.leave(number, frame)
+        if frame is not None and frame.f_code is Forgiving.write.__code__:
+            signal.setitimer(signal.ITIMER_REAL, _AGAIN)
+            return
         raise KeyboardInterrupt
 
     def notice_swallowed(self, unraisable) -> None:
@@ -194,7 +198,8 @@ def _take_over(program: str) -> None:
     _process.program = program
     _process.ignored = {number for number in (signal.SIGHUP,) if signal.getsignal(number) is signal.SIG_IGN}
     _on_stop_signals(_process.leave)
-    os.register_at_fork(after_in_child=_give_signals_back)
+    os.register_at_fork(before=partial(signal.pthread_sigmask, signal.SIG_BLOCK, _STOP_SIGNALS),
+                        after_in_parent=_unblock, after_in_child=_give_signals_back)
     open_streams()
 
 
@@ -202,7 +207,8 @@ def _run(module: str) -> int:
     try:
         main = import_module(module).main
     except ModuleNotFoundError as error:
-        say(_process.program, f"{error.name}: no such Python module here; {_remedy(error.name)}")
+        missing = (error.name or str(error)).partition(".")[0]
+        say(_process.program, f"{missing}: no such Python module here; {_remedy(missing)}")
         return FAILURE
     signal.signal(signal.SIGALRM, _process.interrupt)
     sys.unraisablehook = _process.notice_swallowed
@@ -213,8 +219,8 @@ def _run(module: str) -> int:
         return end.code or 0
 
 
-def _remedy(module: str | None) -> str:
-    if module and (module.startswith(("rclpy", "rcl_")) or module.endswith(("_msgs", "_srvs"))):
+def _remedy(module: str) -> str:
+    if module == "rclpy" or module.endswith(("_msgs", "_srvs")):
         return "source a ROS 2 Jazzy installation, or use the environment that `make setup` makes"
     return "install what setup.py names"
 
@@ -248,6 +254,11 @@ def _works_on() -> bool:
 def _give_signals_back() -> None:
     _on_stop_signals(signal.SIG_DFL)
     signal.signal(signal.SIGINT, signal.default_int_handler)
+    _unblock()
+
+
+def _unblock() -> None:
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, _STOP_SIGNALS)
 
 
 def _on_stop_signals(receive: Callable[[int, FrameType | None], object] | signal.Handlers) -> None:
