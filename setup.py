@@ -61,12 +61,12 @@ setup(
     },
     entry_points={
         "console_scripts": [
-            "accuracy = vibro_ros.study.accuracy:main",
-            "controller = vibro_ros.ros.controller:main",
-            "recover = vibro_ros.study.recover:main",
-            "replay = vibro_ros.study.replay:main",
-            "report = vibro_ros.study.report:main",
-            "robot = vibro_ros.ros.robot:main",
+            "accuracy = vibro_ros.front_door:accuracy",
+            "controller = vibro_ros.front_door:controller",
+            "recover = vibro_ros.front_door:recover",
+            "replay = vibro_ros.front_door:replay",
+            "report = vibro_ros.front_door:report",
+            "robot = vibro_ros.front_door:robot",
         ],
     },
 )

@@ -16,7 +16,9 @@ STRANGERS = {("ros", "study"), ("study", "ros"), ("solver", "model")}  # (import
 OUTSIDE_WORLD = {"datetime", "io", "logging", "os", "pathlib", "shutil", "socket", "subprocess", "sys", "tempfile"}
 OUTSIDE_WORLD |= {"threading", "time", "yaml", "matplotlib", "rosbags"}  # files, clocks, logs: not for the physics
 FILE_AND_SCREEN = {"open", "print", "input"}
-EXEMPT = {("vibro_ros.solver.compilation", "os")}  # numba keeps compiled kernels in files: their folder has a name
+# Compiled kernels are kept in files.
+EXEMPT = {("vibro_ros.solver.compilation", "os"), ("vibro_ros.solver.compilation", "pathlib.Path"),
+          ("vibro_ros.solver.kernel_cache", "pathlib.Path")}
 
 
 def imported(module: str, source: str) -> Iterator[str]:

@@ -1,8 +1,8 @@
 """A vibro-impact robot as a virtual device, with physics to be trusted to the last digit."""
 
 from importlib import import_module
-from typing import TYPE_CHECKING, Any
 
+TYPE_CHECKING = False  # type checkers know the name; to import `typing` would delay what an executable does first
 if TYPE_CHECKING:
     from vibro_ros.bag.reader import read_bag
     from vibro_ros.model.scene import Scene
@@ -17,7 +17,7 @@ _HOMES = {"Scene": "model.scene", "SimulationError": "simulator", "Simulator": "
           "read_bag": "bag.reader", "simulate": "simulation", "simulate_many": "parallel"}
 
 
-def __getattr__(name: str) -> Any:
+def __getattr__(name: str) -> object:
     """Import what is asked for: who reads bags needs no kernels (65 MB), who simulates no bags."""
     if name in _HOMES:
         return getattr(import_module(f"{__name__}.{_HOMES[name]}"), name)

@@ -81,7 +81,7 @@ def test_it_says_when_the_robot_is_gone(start, bench, tmp_path):
     assert controller.lines[-1] == "controller: the robot is gone: nobody listens to /motor_speed any more"
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_an_operator_who_aborts_stops_the_motor(start, bench, tmp_path, number):
     listener = Listener(bench)
     controller = start("controller", write(tmp_path, "entries: [{for: 1000.0, motor_speed: 10.0, upper_gap: 0.001}]\n"))
@@ -96,7 +96,7 @@ def test_an_operator_who_aborts_stops_the_motor(start, bench, tmp_path, number):
 
 def test_an_abort_while_waiting_sends_nothing(start):
     controller = start("controller", "crawl")
-    controller.wait_for("waiting up to")
+    controller.wait_for("waiting for a robot on")
     controller.send(signal.SIGINT)
     assert controller.end() == 128 + signal.SIGINT
     assert "aborted" not in controller.text

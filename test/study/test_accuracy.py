@@ -196,7 +196,7 @@ def test_an_interrupted_run_keeps_its_rows(monkeypatch, tmp_path, capsys):
 
     monkeypatch.setitem(accuracy.STUDIED, "rk4", Method(interrupted, "step", (1e-3, 1e-4)))
     options = ["--scene", "damped", "--methods", "rk4", "exact", "--horizon", "0.05", "--repeats", "1"]
-    assert accuracy.main([*options, "--output", str(tmp_path)]) == accuracy.INTERRUPTED
+    assert accuracy.main([*options, "--output", str(tmp_path)]) == 130
     with (tmp_path / "accuracy.csv").open(encoding="utf-8") as file:
         kept = list(csv.DictReader(file))
     assert list(kept[0]) == [field.name for field in fields(Row)]
@@ -216,7 +216,7 @@ def test_a_scene_that_cannot_be_simulated_does_not_end_the_others(monkeypatch, t
     monkeypatch.setattr(accuracy, "SceneStudy", study)
     monkeypatch.setattr(accuracy, "shipped_scenes", lambda: ("paper", "damped"))
     options = ["--all", "--methods", "exact", "--horizon", "0.05", "--repeats", "1", "--starts", "2"]
-    assert accuracy.main([*options, "--output", str(tmp_path)]) == accuracy.FAILED
+    assert accuracy.main([*options, "--output", str(tmp_path)]) == 1
     assert "paper: exact cannot simulate it: at 0.1 s" in capsys.readouterr().err
     assert "## damped" in (tmp_path / "accuracy.md").read_text(encoding="utf-8")
 
@@ -230,6 +230,6 @@ def test_a_scene_that_cannot_be_simulated_does_not_end_the_others(monkeypatch, t
     (["--scene", "paper", "--starts", "1"], "--starts 1: must be at least 2"),
 ])
 def test_bad_input_is_refused_before_anything_is_written(options, reason, tmp_path, capsys):
-    assert accuracy.main([*options, "--output", str(tmp_path / "new")]) == accuracy.BAD_INPUT
+    assert accuracy.main([*options, "--output", str(tmp_path / "new")]) == 2
     assert reason in capsys.readouterr().err
     assert not (tmp_path / "new").exists()

@@ -1,7 +1,13 @@
 """The `controller` executable: plays a script of commands to the robot, from another process."""
 
+if __name__ == "__main__":  # before all imports: they take a second or two, in which a signal may come
+    import sys
+
+    from vibro_ros.front_door import enter
+
+    sys.exit(enter("controller"))
+
 import argparse
-import signal
 import sys
 import time
 from collections.abc import Sequence
@@ -12,8 +18,11 @@ from rclpy.executors import Executor
 from rclpy.node import Node
 from std_msgs.msg import Float64
 
+from vibro_ros.command_line import Parser
+from vibro_ros.front_door import StopRequest, exit_code
 from vibro_ros.model.parameters import Parameter, checked_parameters
 from vibro_ros.ros import process
+from vibro_ros.ros.listeners import wait_for_listeners
 from vibro_ros.ros.parameters import declare, parameter_lines, take_overrides
 from vibro_ros.ros.qos import COMMANDS
 from vibro_ros.ros.ros_arguments import check_addressed, check_arguments, own_arguments
@@ -23,8 +32,8 @@ from vibro_ros.ros.script_file import find_script, read_script, shipped_scripts
 NODE_NAME = "vibro_controller"
 PARAMETERS = (
     Parameter("script", "", "", "script to play when the command line names none: a shipped name or a path"),
-    Parameter("wait", 60.0, "s", "how long to wait until a robot listens to every command of the script",
-              minimum=0.0, maximum=1e6),
+    Parameter("wait", 0.0, "s", "longest time to wait until a robot listens to every command of the script; "
+              "0 = without end", minimum=0.0, maximum=1e6),
     Parameter("rate", 50.0, "Hz", "commands a second along a ramp", minimum=0.0, maximum=1e4, positive=True),
 )
 LAST_WORD = 0.5
@@ -45,28 +54,17 @@ class Controller:
     """
 
     def __init__(self, node: Node, executor: Executor, script: Script):
-        self._log = node.get_logger()
+        self._node, self._log = node, node.get_logger()
         self._executor = executor
         self._script = script
         self._sent: dict[str, float] = {}
         self._publishers = {name: node.create_publisher(Float64, name, COMMANDS) for name in script.commands}
 
-    def wait_for_robot(self, patience: float, stop: process.StopRequest) -> None:
-        """Return when somebody subscribes to every command, or on `stop`.
+    def wait_for_robot(self, patience: float, stop: StopRequest) -> None:
+        """Return when somebody subscribes to every command, or on `stop`; see `wait_for_listeners`."""
+        wait_for_listeners(self._node, self._executor, list(self._publishers.values()), patience, stop)
 
-        Raises
-        ------
-        RuntimeError
-            When `patience` [s] is over.
-        """
-        deadline = time.monotonic() + patience
-        self._log.info(f"waiting up to {patience:g} s for a robot on {', '.join(self._deaf())}")
-        process.spin_until(self._executor, lambda: stop or not self._deaf() or time.monotonic() > deadline)
-        if self._deaf() and not stop:
-            raise RuntimeError(f"no robot listens to {', '.join(self._deaf())} after {patience:g} s; start one "
-                               "(ros2 run vibro_ros robot), in the same ROS domain and namespace")
-
-    def play(self, rate: float, stop: process.StopRequest) -> None:
+    def play(self, rate: float, stop: StopRequest) -> None:
         """Send every command at its time, `rate` [Hz] times a second along ramps; return at the end or on `stop`.
 
         Raises
@@ -102,7 +100,7 @@ class Controller:
         for name in segment.given:
             self._sent.pop(name, None)
 
-    def _wait_until(self, deadline: float, stop: process.StopRequest) -> None:
+    def _wait_until(self, deadline: float, stop: StopRequest) -> None:
         while not stop and (ahead := deadline - time.monotonic()) > 0.0:
             self._executor.spin_once(timeout_sec=min(ahead, process.POLL))
             if self._deaf():
@@ -128,14 +126,14 @@ def main(argv: Sequence[str] | None = None) -> int:
     int
         0 when done; 1 without a robot; 2 for bad input; 128 + the signal's number when aborted.
     """
-    return process.exit_code("controller", lambda: _run(argv), interrupted=128 + signal.SIGINT)
+    return exit_code("controller", lambda: _run(argv))
 
 
 def _run(argv: Sequence[str] | None) -> int:
     words = sys.argv[1:] if argv is None else argv
     arguments = _parser().parse_args(own_arguments(words))
     files = check_arguments(words)
-    with process.node_running(NODE_NAME, words) as (node, executor):
+    with StopRequest() as stop, process.node_running(NODE_NAME, words) as (node, executor):
         check_addressed(files, node.get_fully_qualified_name())
         settings = {parameter.name: parameter.default for parameter in PARAMETERS}
         settings |= checked_parameters(take_overrides(node), PARAMETERS)
@@ -144,37 +142,33 @@ def _run(argv: Sequence[str] | None) -> int:
         path = find_script(settings["script"])
         script = read_script(path)
         node.get_logger().info(f"script {path}: {script.duration:g} s, {', '.join(script.commands)}")
-        return _play(Controller(node, executor, script), settings, node)
+        return _play(Controller(node, executor, script), settings, node, stop)
 
 
-def _play(controller: Controller, settings: dict, node: Node) -> int:
-    with process.StopRequest() as stop:
-        controller.wait_for_robot(settings["wait"], stop)
-        try:
-            controller.play(settings["rate"], stop)
-        finally:
-            if stop:
-                controller.stop_motor()
-            controller.finish()
+def _play(controller: Controller, settings: dict, node: Node, stop: StopRequest) -> int:
+    controller.wait_for_robot(settings["wait"], stop)
+    stop.hold()  # the motor must be told to stop
+    try:
+        controller.play(settings["rate"], stop)
+    finally:
+        if stop:
+            controller.stop_motor()
+        controller.finish()
     if stop:
         return 128 + stop.signal
     node.get_logger().info("script done")
     return 0
 
 
-def _parser() -> process.Parser:
-    parser = process.Parser(
+def _parser() -> Parser:
+    parser = Parser(
         prog="controller",
         description="Play a script of commands to the robot. Shipped scripts: " + ", ".join(shipped_scripts()),
         epilog="ROS parameters (--ros-args -p name:=value):\n"
         + parameter_lines(PARAMETERS, {parameter.name: parameter.default for parameter in PARAMETERS})
-        + "\n\nExit code 0: played to the end; 1: no robot, or it went away; 2: bad script or parameter; 130, 143:\n"
-        "aborted by SIGINT or SIGTERM, and the motor told to stop.",
+        + "\n\nExit code 0: played to the end; 1: no robot, or it went away; 2: bad script or parameter;\n"
+        "129, 130, 143: aborted by SIGHUP, SIGINT or SIGTERM, and the motor told to stop.",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("script", nargs="?", help="a shipped script's name, or the path of a YAML file")
     return parser
-
-
-if __name__ == "__main__":
-    sys.exit(main())

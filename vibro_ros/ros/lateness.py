@@ -5,6 +5,13 @@ it says in /diagnostics once a second. So both halves share the process and the 
 the recorder's.
 """
 
+if __name__ == "__main__":  # before all imports: they take a second or two, in which a signal may come
+    import sys
+
+    from vibro_ros.front_door import enter
+
+    sys.exit(enter("lateness"))
+
 import argparse
 import os
 import signal
@@ -21,6 +28,8 @@ from rclpy.executors import Executor
 from rclpy.node import Node
 from std_srvs.srv import SetBool
 
+from vibro_ros.command_line import Parser
+from vibro_ros.front_door import exit_code
 from vibro_ros.ros import process, qos
 from vibro_ros.ros.diagnostics import TOPIC
 
@@ -106,7 +115,7 @@ def table(found: Seconds) -> str:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Measure and print; 0 when done, 1 when the robot failed, 2 for a bad argument, 130 when interrupted."""
-    return process.exit_code("lateness", lambda: _run(argv), interrupted=128 + signal.SIGINT)
+    return exit_code("lateness", lambda: _run(argv))
 
 
 def _run(argv: Sequence[str] | None) -> int:
@@ -133,15 +142,11 @@ def _robot(namespace: str, folder: str, rate: float) -> Iterator[subprocess.Pope
         robot.wait()
 
 
-def _parser() -> process.Parser:
-    parser = process.Parser(prog="lateness", description="Measure how late the robot's ticks are with recording and "
+def _parser() -> Parser:
+    parser = Parser(prog="lateness", description="Measure how late the robot's ticks are with recording and "
                             "without, in turn.", formatter_class=argparse.ArgumentDefaultsHelpFormatter)
     parser.add_argument("--rounds", type=int, default=6, help="how often recording is switched on and off")
     parser.add_argument("--length", type=int, default=5, help="seconds counted each time")
     parser.add_argument("--rate", type=float, default=1000.0, help="rate.publish of the robot [Hz]")
     parser.add_argument("--directory", default=".", help="folder for bags, which are deleted at the end")
     return parser
-
-
-if __name__ == "__main__":
-    sys.exit(main())

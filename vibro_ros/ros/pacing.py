@@ -53,9 +53,9 @@ class Pacing:
         self._origin = now()
         self._lateness: deque[float] = deque(maxlen=KEPT)
 
-    def start(self) -> None:
-        """Let simulated time 0 be this instant."""
-        self._origin = self._now()
+    def start(self, instant: float | None = None) -> None:
+        """Let simulated time 0 be an `instant` [s] of the wall clock; now unless given."""
+        self._origin = self._now() if instant is None else instant
 
     def take_lateness(self) -> list[float]:
         """How much too late [wall s] each wait since the last call has ended; for one other thread."""

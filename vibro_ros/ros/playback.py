@@ -2,8 +2,6 @@
 
 import argparse
 import math
-import signal
-import sys
 import time
 from collections.abc import Callable, Mapping, Sequence
 from importlib import import_module
@@ -19,7 +17,10 @@ from std_msgs.msg import Float64
 
 from vibro_ros.bag.robot_topics import COMMANDS, robot_topics
 from vibro_ros.bag.stream import BagError, BagStream, RecordedTopic
+from vibro_ros.command_line import Parser
+from vibro_ros.front_door import StopRequest, exit_code
 from vibro_ros.ros import process
+from vibro_ros.ros.listeners import wait_for_listeners
 from vibro_ros.ros.ros_arguments import check_arguments, own_arguments
 
 NODE_NAME = "vibro_playback"
@@ -50,29 +51,18 @@ class Playback:
 
     def __init__(self, node: Node, executor: Executor, topics: Mapping[str, RecordedTopic], motor: str, clock: bool):
         self.published = 0
-        self._executor, self._motor, self._moved = executor, motor, False
+        self._node, self._executor, self._motor, self._moved = node, executor, motor, False
         self._publishers: dict[str, Publisher] = {
             topic: node.create_publisher(_message_class(one.type_name), topic, _reliable(one.qos_depth))
             for topic, one in topics.items()}
         self._clock = node.create_publisher(Clock, "/clock", _reliable(10)) if clock else None
         self._log = node.get_logger()
 
-    def wait_for_listeners(self, topics: Sequence[str], patience: float, stop: process.StopRequest) -> None:
-        """Return when somebody subscribes to each of `topics`, or on `stop`.
+    def wait_for_robot(self, topics: Sequence[str], patience: float, stop: StopRequest) -> None:
+        """Return when somebody subscribes to each of `topics`, or on `stop`; see `wait_for_listeners`."""
+        wait_for_listeners(self._node, self._executor, [self._publishers[topic] for topic in topics], patience, stop)
 
-        Raises
-        ------
-        RuntimeError
-            When `patience` [s] is over.
-        """
-        deadline = time.monotonic() + patience
-        self._log.info(f"waiting up to {patience:g} s for a robot on {', '.join(topics)}")
-        process.spin_until(self._executor, lambda: stop or not self._deaf(topics) or time.monotonic() > deadline)
-        if (deaf := self._deaf(topics)) and not stop:
-            raise RuntimeError(f"no robot listens to {', '.join(deaf)} after {patience:g} s; start one "
-                               "(ros2 run vibro_ros robot), in the same ROS domain and namespace")
-
-    def play(self, stream: BagStream, rate: float, stop: process.StopRequest) -> None:
+    def play(self, stream: BagStream, rate: float, stop: StopRequest) -> None:
         """Publish every message, `rate` times as fast as it was recorded; return at the end or on `stop`."""
         began = time.monotonic()
         for topic, stamp, data in stream.messages(frozenset(self._publishers)):
@@ -98,7 +88,7 @@ class Playback:
             publisher.wait_for_all_acked(Duration(seconds=max(0.0, deadline - time.monotonic())))
 
     def _wait_until(self, began: float, due: float, stamp_after: Callable[[float], int],
-                    stop: process.StopRequest) -> None:
+                    stop: StopRequest) -> None:
         """Wait until `due` [s] after `began`, with the clock going on."""
         longest = CLOCK_PERIOD if self._clock else process.POLL
         while not stop and (ahead := began + due - time.monotonic()) > 0.0:
@@ -111,21 +101,21 @@ class Playback:
             message.clock.sec, message.clock.nanosec = divmod(stamp, 1_000_000_000)
             self._clock.publish(message)
 
-    def _deaf(self, topics: Sequence[str]) -> list[str]:
-        return [self._publishers[topic].topic_name for topic in topics
-                if self._publishers[topic].get_subscription_count() == 0]
 
-
-def main(argv: Sequence[str] | None = None) -> int:
+def main(words: Sequence[str]) -> int:
     """Play a bag.
+
+    Parameters
+    ----------
+    words : sequence of str
+        The command line.
 
     Returns
     -------
     int
         0 when done; 1 without a robot; 2 for bad input; 128 + the signal's number when aborted.
     """
-    return process.exit_code("replay", lambda: _run(sys.argv[1:] if argv is None else argv),
-                             interrupted=128 + signal.SIGINT)
+    return exit_code("replay", lambda: _run(words))
 
 
 def _run(words: Sequence[str]) -> int:
@@ -147,10 +137,11 @@ def _play(stream: BagStream, options: argparse.Namespace, words: Sequence[str]) 
     topics = stream.topics if options.all_topics else {topic: stream.topics[topic] for topic in commands}
     if not topics:
         raise BagError(f"{stream.folder}: holds no commands; --all-topics plays the rest")
-    with process.node_running(NODE_NAME, words) as (node, executor), process.StopRequest() as stop:
+    with StopRequest() as stop, process.node_running(NODE_NAME, words) as (node, executor):
         playback = Playback(node, executor, topics, names.get("motor_speed", ""), options.clock)
         if not options.all_topics:
-            playback.wait_for_listeners(commands, PATIENCE if options.wait is None else options.wait, stop)
+            playback.wait_for_robot(commands, options.wait or 0.0, stop)
+        stop.hold()  # the motor must be told to stop
         node.get_logger().info(f"playing {', '.join(topics)}")
         try:
             playback.play(stream, options.rate, stop)
@@ -175,31 +166,35 @@ def _reliable(depth: int) -> QoSProfile:
 
 
 def _positive(text: str) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        raise argparse.ArgumentTypeError(f"{text} is not a number; give one above 0") from None
-    if not (math.isfinite(value) and value > 0.0):
+    value = _not_negative(text)
+    if value == 0.0:
         raise argparse.ArgumentTypeError(f"{text} is not above 0")
     return value
 
 
-def _parser() -> process.Parser:
-    parser = process.Parser(
+def _not_negative(text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text} is not a number; give one of at least 0") from None
+    if not (math.isfinite(value) and value >= 0.0):
+        raise argparse.ArgumentTypeError(f"{text} is not a number of at least 0")
+    return value
+
+
+def _parser() -> Parser:
+    parser = Parser(
         prog="replay --publish",
         description="Play a bag's commands to a live robot, at the instants at which the recorded one took them.",
-        epilog="Exit code 0: played to the end; 1: no robot; 2: no bag with commands, or a bad argument; 130, 143: "
-        "aborted by SIGINT or SIGTERM, and the motor told to stop. Topics can be remapped with --ros-args -r.")
+        epilog="Exit code 0: played to the end; 1: no robot; 2: no bag with commands, or a bad argument; 129, 130, "
+        "143: aborted by SIGHUP, SIGINT or SIGTERM, and the motor told to stop. Topics can be remapped with --ros-args "
+        "-r.")
     parser.add_argument("bag", type=Path, metavar="BAG_FOLDER", help="folder of a recording, sealed")
     parser.add_argument("--all-topics", action="store_true",
                         help="play every topic instead of the commands alone, and wait for nobody")
     parser.add_argument("--rate", type=_positive, default=1.0, metavar="FACTOR",
                         help="recorded seconds per second (default: 1)")
     parser.add_argument("--clock", action="store_true", help="publish recorded time on /clock, at least at 100 Hz")
-    parser.add_argument("--wait", type=_positive, metavar="SECONDS",
-                        help=f"how long to wait until a robot listens to every command (default: {PATIENCE:g})")
+    parser.add_argument("--wait", type=_not_negative, metavar="SECONDS", help="longest time to wait "
+                        "until a robot listens to every command (default: 0, which is without end)")
     return parser
-
-
-if __name__ == "__main__":
-    sys.exit(main())

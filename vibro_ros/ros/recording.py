@@ -1,5 +1,6 @@
 """The robot's bags: which topics, when they begin and end, and what is said when one fails."""
 
+import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
@@ -9,11 +10,11 @@ from rclpy.impl.rcutils_logger import RcutilsLogger
 
 from vibro_ros.bag.recorder import BAG_PATTERN, Recorder, Topic, new_bag_folder
 from vibro_ros.bag.recovery import RecoveryError, described, recover, unsealed_bags
+from vibro_ros.bag.robot_topics import ROBOT_TOPICS
 from vibro_ros.bag.snapshot import Snapshot
 from vibro_ros.bag.writer import Storage
 from vibro_ros.model.parameters import Value
 from vibro_ros.ros import qos
-from vibro_ros.ros.inputs import Inputs
 from vibro_ros.ros.outputs import TOPICS, Outputs
 from vibro_ros.ros.throttle import Throttle
 
@@ -221,7 +222,7 @@ class Recording:
         return recorder
 
 
-def plan_recording(settings: Mapping[str, Value], inputs: Inputs, outputs: Outputs,
+def plan_recording(settings: Mapping[str, Value], received: Mapping[str, str], outputs: Outputs,
                    metadata: Mapping[str, str]) -> Plan:
     """How to record, from the device's parameters.
 
@@ -229,8 +230,10 @@ def plan_recording(settings: Mapping[str, Value], inputs: Inputs, outputs: Outpu
     ----------
     settings : mapping
         The parameters `record.*`.
-    inputs, outputs : Inputs, Outputs
-        The robot's topics; recorded under their resolved names.
+    received : mapping of str to str
+        Resolved name of each command's topic.
+    outputs : Outputs
+        The robot's other topics; recorded under their resolved names.
     metadata : mapping of str to str
         What each bag says of itself.
 
@@ -241,8 +244,18 @@ def plan_recording(settings: Mapping[str, Value], inputs: Inputs, outputs: Outpu
     """
     storage = Storage(settings["record.storage"], settings["record.compression"], int(settings["record.max_size"]),
                       settings["record.max_duration"], int(settings["record.max_bytes"]))
-    topics = _chosen(settings["record.topics"], {**_published(outputs), **_received(inputs)})
+    topics = _chosen(settings["record.topics"], {**_published(outputs), **_received(received)})
     return Plan(Path(settings["record.directory"]).expanduser(), topics, storage, metadata, settings["record.snapshot"])
+
+
+def check_directory(directory: Path) -> None:
+    """Make the folder of recordings if need be (ValueError when nothing can be written there)."""
+    try:
+        directory.mkdir(parents=True, exist_ok=True)
+        tempfile.TemporaryFile(dir=directory).close()
+    except OSError as error:
+        raise ValueError(f"record.directory: cannot record to {directory}: {error.strerror}; give a folder that can be "
+                         "written") from error
 
 
 def open_recording(plan: Plan, enabled: bool, log: RcutilsLogger) -> Recording:
@@ -285,9 +298,8 @@ def _published(outputs: Outputs) -> dict[str, Topic]:
             for topic, (kind, profile) in TOPICS.items()}
 
 
-def _received(inputs: Inputs) -> dict[str, Topic]:
-    return {name: Topic(subscription.topic_name, _type_name(subscription.msg_type), qos.COMMANDS.depth)
-            for name, subscription in inputs.subscriptions.items()}
+def _received(names: Mapping[str, str]) -> dict[str, Topic]:
+    return {name: Topic(resolved, ROBOT_TOPICS[name], qos.COMMANDS.depth) for name, resolved in names.items()}
 
 
 def _type_name(kind: type) -> str:

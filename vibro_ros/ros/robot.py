@@ -1,9 +1,17 @@
 """The `robot` executable: the virtual device behind its ROS interface."""
 
+if __name__ == "__main__":  # before all imports: they take a second or two, in which a signal may come
+    import sys
+
+    from vibro_ros.front_door import enter
+
+    sys.exit(enter("robot"))
+
 import argparse
 import gc
 import json
 import sys
+import time
 from array import array
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
@@ -17,9 +25,12 @@ from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import SetBool
 
 from vibro_ros.bag.definitions import Topic
-from vibro_ros.bag.robot_topics import CHECKPOINT, CHECKPOINT_TYPE
+from vibro_ros.bag.robot_topics import CHECKPOINT, CHECKPOINT_TYPE, COMMANDS
+from vibro_ros.command_line import Parser
+from vibro_ros.front_door import StopRequest, exit_code, say
 from vibro_ros.model.parameters import SCENE_PARAMETERS, Value, checked_parameters
 from vibro_ros.model.scene import Scene
+from vibro_ros.preparation import Preparation
 from vibro_ros.provenance import provenance
 from vibro_ros.ros import process
 from vibro_ros.ros.diagnostics import Diagnostics
@@ -27,36 +38,46 @@ from vibro_ros.ros.inputs import Inputs
 from vibro_ros.ros.outputs import Outputs
 from vibro_ros.ros.pacing import Pacing
 from vibro_ros.ros.parameters import declare, parameter_lines, take_overrides
-from vibro_ros.ros.recording import Recording, offer_recovery, open_recording, plan_recording
+from vibro_ros.ros.recording import Plan, Recording, check_directory, offer_recovery, open_recording, plan_recording
 from vibro_ros.ros.ros_arguments import check_addressed, check_arguments, folder_of, own_arguments
 from vibro_ros.ros.stepping import Stepping
 from vibro_ros.scene_file import DEVICE_PARAMETERS, NODE_NAME, load_scene, scene_origin, shipped_scenes
 from vibro_ros.simulator import Simulator, compile_kernels
 
 CHECKPOINT_DEPTH = 1
+LEAD = 0.05
+"""How long [s] before its first step the robot says when that will be: the bag must know it from its beginning."""
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run the robot until SIGINT or SIGTERM.
+    """Run the robot until SIGINT, SIGTERM or SIGHUP.
 
     Returns
     -------
     int
         0 after a signal; 2 for bad input; 1 when the simulation or the recording failed.
     """
-    return process.exit_code("robot", lambda: _run(sys.argv[1:] if argv is None else argv), interrupted=0)
+    return exit_code("robot", lambda: _run(sys.argv[1:] if argv is None else argv))
 
 
 def _run(words: Sequence[str]) -> int:
     _parser().parse_args(own_arguments(words))
     files = check_arguments(words)
-    with process.node_running(NODE_NAME, words) as (node, executor):
+    with StopRequest() as stop, process.node_running(NODE_NAME, words) as (node, executor):
         check_addressed(files, node.get_fully_qualified_name())
         settings, scene = _configure(node, words)
-        node.get_logger().info(f"scene {settings['scene']}; compiling (the first time takes a while) ...")
-        compile_kernels(scene["solver.method"])
+        outputs = Outputs(node, scene)
+        plan = _plan(node, settings, scene, outputs)
+        node.get_logger().info(f"scene {settings['scene']}")
+        preparation = Preparation(partial(_prepare, node, settings, scene, plan), scene["solver.method"],
+                                  node.get_logger().info)
+        process.spin_until(executor, lambda: bool(stop) or preparation.done())
+        if stop:
+            say("robot", "stopped while starting")
+            return 0
+        device = preparation.result()
         gc.freeze()  # all of this lasts: to go through it again and again would delay ticks, and the process's end
-        return _operate(node, executor, settings, scene)
+        return _operate(node, executor, settings, device, outputs, plan, stop)
 
 
 def _configure(node: Node, words: Sequence[str]) -> tuple[dict[str, Value], Scene]:
@@ -71,26 +92,41 @@ def _configure(node: Node, words: Sequence[str]) -> tuple[dict[str, Value], Scen
     return settings, scene
 
 
-def _operate(node: Node, executor: Executor, settings: Mapping[str, Value], scene: Scene) -> int:
-    """Step, publish, record and listen until a signal or a failure."""
-    log, device = node.get_logger(), Simulator(scene)
-    if device.choice:
-        log.info(f"solver.method auto: {device.choice}")
-    outputs, inputs = Outputs(node, scene), Inputs(node)
-    pacing = Pacing(settings["rate.real_time_factor"], settings["rate.max_catch_up"])
-    start = node.get_clock().now().nanoseconds
+def _plan(node: Node, settings: Mapping[str, Value], scene: Scene, outputs: Outputs) -> Plan:
+    """How to record, as far as it is known before the start; whatever is wrong with it is found here."""
     checkpoint = Topic(f"{node.get_fully_qualified_name()}/{CHECKPOINT}", CHECKPOINT_TYPE, CHECKPOINT_DEPTH)
-    topics = {**inputs.topics, **outputs.topics, CHECKPOINT: checkpoint.name}
-    metadata = _metadata(settings, device.scene, start, topics)
-    plan = replace(plan_recording(settings, inputs, outputs, metadata), checkpoint=checkpoint)
-    offer_recovery(plan.directory, settings["record.recover"], log)
-    # Signals become requests before the bag is opened, so that none can come between its opening and its sealing.
-    with process.StopRequest() as stop, open_recording(plan, settings["record.enabled"], log) as recording:
+    received = {name: node.resolve_topic_name(name) for name in COMMANDS}
+    topics = {**received, **outputs.topics, CHECKPOINT: checkpoint.name}
+    plan = plan_recording(settings, received, outputs, _metadata(settings, scene, topics))
+    if settings["record.enabled"]:
+        check_directory(plan.directory)
+    return replace(plan, checkpoint=checkpoint)
+
+
+def _prepare(node: Node, settings: Mapping[str, Value], scene: Scene, plan: Plan) -> Simulator:
+    """The device, ready to be stepped; and whatever else takes long, so that a signal need not wait for it."""
+    compile_kernels(scene["solver.method"])
+    device = Simulator(scene)
+    if device.choice:
+        node.get_logger().info(f"solver.method auto: {device.choice}")
+    offer_recovery(plan.directory, settings["record.recover"], node.get_logger())
+    return device
+
+
+def _operate(node: Node, executor: Executor, settings: Mapping[str, Value], device: Simulator, outputs: Outputs,
+             plan: Plan, stop: StopRequest) -> int:
+    """Step, publish, record and listen until a signal or a failure."""
+    log, pacing = node.get_logger(), Pacing(settings["rate.real_time_factor"], settings["rate.max_catch_up"])
+    stop.hold()  # before the bag is opened, so that no signal can come between its opening and its sealing
+    start, begin = _start(node)
+    plan = replace(plan, metadata={**plan.metadata, **provenance({**settings, **device.scene.parameters}, start)})
+    with open_recording(plan, settings["record.enabled"], log) as recording:
         node.create_service(SetBool, "~/record", lambda request, answer: _switch(recording, request, answer))
-        log.info(f"ready: {settings['rate.publish']:g} Hz, real-time factor {settings['rate.real_time_factor']:g}, "
-                 f"{recording.destination()}")
+        inputs = Inputs(node)  # not before: commands would wait and be applied in a burst
         with Stepping(device, inputs, outputs, recording.record, pacing, settings["rate.publish"], start, log,
-                      partial(_keep_checkpoint, recording)) as stepping:
+                      partial(_keep_checkpoint, recording), begin) as stepping:
+            log.info(f"ready: {settings['rate.publish']:g} Hz, real-time factor "
+                     f"{settings['rate.real_time_factor']:g}, {recording.destination()}")
             diagnostics = Diagnostics(node, device, stepping, pacing, inputs, recording)
             process.spin_until(executor, lambda: recording.watch() or bool(stop or stepping.error))
         if stepping.error:
@@ -106,6 +142,16 @@ def _operate(node: Node, executor: Executor, settings: Mapping[str, Value], scen
     return 0
 
 
+def _start(node: Node) -> tuple[int, float]:
+    """When simulated time 0 will be: ROS time [ns], and the same instant by the monotonic clock [s].
+
+    The bag must hold it from its beginning, and takes some milliseconds to open: so it is said `LEAD` ahead, and what
+    a slow disk takes beyond that is made good like any other stall. Simulated ROS time cannot be told ahead.
+    """
+    lead = 0.0 if node.get_clock().ros_time_is_active else LEAD
+    return node.get_clock().now().nanoseconds + round(lead * 1e9), time.monotonic() + lead
+
+
 def _switch(recording: Recording, request: SetBool.Request, answer: SetBool.Response) -> SetBool.Response:
     """Answer the service `~/record`."""
     answer.success, answer.message = recording.switch(request.data)
@@ -117,18 +163,17 @@ def _keep_checkpoint(recording: Recording, stamp: int, state: Callable[[], np.nd
     recording.checkpoint(stamp, lambda: serialize_message(Float64MultiArray(data=array("d", state()))))
 
 
-def _metadata(settings: Mapping[str, Value], scene: Scene, start: int, topics: Mapping[str, str]) -> dict[str, str]:
-    """What the bag says of itself: `scene`, the `topics` by the robot's own names for them, and all of `provenance`."""
-    parameters = {**settings, **scene.parameters}
-    return {"scene": str(settings["scene"]), "topics": json.dumps(topics), **provenance(parameters, start)}
+def _metadata(settings: Mapping[str, Value], scene: Scene, topics: Mapping[str, str]) -> dict[str, str]:
+    """What the bag says of itself beside its `provenance`: `scene`, and the `topics` by the robot's own names."""
+    return {"scene": str(settings["scene"]), "topics": json.dumps(topics)}
 
 
-def _parser() -> process.Parser:
+def _parser() -> Parser:
     device = {parameter.name: parameter.default for parameter in DEVICE_PARAMETERS}
     scene = load_scene(device["scene"]).parameters
-    return process.Parser(
+    return Parser(
         prog="robot",
-        description="Run the vibro-impact robot as a ROS 2 device, until SIGINT or SIGTERM. "
+        description="Run the vibro-impact robot as a ROS 2 device, until SIGINT, SIGTERM or SIGHUP. "
         "Shipped scenes: " + ", ".join(shipped_scenes()),
         epilog="ROS parameters (--ros-args -p name:=value, or --params-file):\n"
         + parameter_lines(DEVICE_PARAMETERS, device) + "\n"
@@ -136,7 +181,3 @@ def _parser() -> process.Parser:
         + "\n\nExit code 0: ended by a signal; 1: simulation or recording failed; 2: bad parameter.",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-
-
-if __name__ == "__main__":
-    sys.exit(main())

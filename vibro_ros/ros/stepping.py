@@ -44,6 +44,8 @@ class Stepping:
         Where stalls are reported.
     checkpoint : callable, optional
         Told the stamp [ns] of each sample when it is out, before its commands, and how to get the device's whole state.
+    begin : float, optional
+        Instant [s] of `start` by the pacing's clock, for which the thread waits; now unless given.
 
     Attributes
     ----------
@@ -58,14 +60,15 @@ class Stepping:
     """
 
     def __init__(self, device: Simulator, inputs: Inputs, outputs: Outputs, record: Record, pacing: Pacing,
-                 rate: float, start: int, log: RcutilsLogger, checkpoint: Checkpoint | None = None):
+                 rate: float, start: int, log: RcutilsLogger, checkpoint: Checkpoint | None = None,
+                 begin: float | None = None):
         self.error: Exception | None = None
         self.ticks = 0
         self.busy = 0.0
         self.unloaded = 0
         self._device, self._inputs, self._outputs, self._record = device, inputs, outputs, record
         self._pacing, self._rate, self._zero, self._log = pacing, rate, start, log
-        self._checkpoint = checkpoint
+        self._checkpoint, self._begin = checkpoint, begin
         self._throttle = Throttle()
         self._stopped = threading.Event()
         self._thread = threading.Thread(target=self._run, name="stepping")
@@ -85,7 +88,9 @@ class Stepping:
             self.error = error
 
     def _step(self) -> None:
-        self._pacing.start()
+        self._pacing.start(self._begin)
+        if self._begin is not None:
+            self._wait_for(0.0)
         self._publish()
         while self._wait_for((self.ticks + 1) / self._rate):
             begun = time.perf_counter()

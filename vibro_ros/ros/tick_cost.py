@@ -3,6 +3,13 @@
 `make accuracy` runs it as a process of its own and puts what it prints into docs/accuracy.md.
 """
 
+if __name__ == "__main__":  # before all imports: they take a second or two, in which a signal may come
+    import sys
+
+    from vibro_ros.front_door import enter
+
+    sys.exit(enter("tick_cost"))
+
 import sys
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -12,10 +19,11 @@ import rclpy
 from rclpy.context import Context
 from rclpy.node import Node
 
+from vibro_ros.command_line import Parser
+from vibro_ros.front_door import exit_code
 from vibro_ros.message_fields import stamp_at
 from vibro_ros.model.parameters import Value
 from vibro_ros.model.scene import Scene
-from vibro_ros.ros import process
 from vibro_ros.ros.outputs import Outputs
 from vibro_ros.ros.pacing import Pacing
 from vibro_ros.scene_file import load_scene
@@ -118,12 +126,11 @@ def _line(*cells: str) -> str:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Print the tables in Markdown; returns the exit code."""
-    return process.exit_code("tick_cost", lambda: _measure(sys.argv[1:] if arguments is None else arguments),
-                             interrupted=130)
+    return exit_code("tick_cost", lambda: _measure(sys.argv[1:] if arguments is None else arguments))
 
 
 def _measure(words: Sequence[str]) -> int:
-    parser = process.Parser(prog="tick_cost", description="Measure what a tick of the robot's node costs.")
+    parser = Parser(prog="tick_cost", description="Measure what a tick of the robot's node costs.")
     parser.add_argument("--duration", type=float, default=1.5, help="of each measurement [s] (default %(default)g)")
     duration = parser.parse_args(words).duration
     scene, context = load_scene("device").with_parameters({"motor.speed": _SPEED}), Context()
@@ -135,7 +142,3 @@ def _measure(words: Sequence[str]) -> int:
         node.destroy_node()
         rclpy.try_shutdown(context=context)
     return 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())

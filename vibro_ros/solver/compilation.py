@@ -1,14 +1,17 @@
 """How kernels are compiled, and where they are kept.
 
-numba looks for changes in a kernel's own file only; kernels that were inlined into another module's would
-be served stale after an update. The cache folder is therefore named by the sources of the whole package.
+A kernel holds what was inlined into it from other modules: the cache folder is therefore named by the sources of the
+whole package, so that no update is served stale.
 """
 
 import hashlib
 import os
 import pkgutil
+from pathlib import Path
 
 import numba
+
+from vibro_ros.solver.kernel_cache import KernelCache
 
 _OPTIONS = {"error_model": "numpy", "_nrt": False}
 # Most kernels are parts of others: neither called from Python, which would crash, nor kept, they need not become
@@ -16,30 +19,34 @@ _OPTIONS = {"error_model": "numpy", "_nrt": False}
 _PART = {"forceinline": True, "no_cpython_wrapper": True}
 
 
-def _cache_folder() -> str:
+def cache_folder() -> Path | None:
+    """Where compiled kernels are kept: `NUMBA_CACHE_DIR`, else beside their source, else in the user's cache.
+
+    None if nobody knows the user's home: whatever lies in a folder that others can write must not be run.
+    """
     here = os.path.dirname(os.path.abspath(__file__))
     names = sorted(module.name for module in pkgutil.iter_modules([here]))
     sources = b"".join(pkgutil.get_data(__package__, f"{name}.py") for name in names)
     version = hashlib.sha256(sources).hexdigest()[:16]
     if numba.config.CACHE_DIR:
-        return os.path.join(numba.config.CACHE_DIR, f"vibro_ros-{version}")
+        return Path(numba.config.CACHE_DIR, f"vibro_ros-{version}")
     if os.access(here, os.W_OK):
-        return os.path.join(here, "__pycache__", f"kernels-{version}")
+        return Path(here, "__pycache__", f"kernels-{version}")
     caches = os.environ.get("XDG_CACHE_HOME") or os.path.join(os.path.expanduser("~"), ".cache")
-    return os.path.join(caches, "vibro_ros", f"kernels-{version}")
+    return Path(caches, "vibro_ros", f"kernels-{version}") if os.path.isabs(caches) else None
 
 
-_FOLDER = _cache_folder()
+_FOLDER = cache_folder()
 
 
 def _compiled(function, fastmath, **options):
-    """Give `function` to numba, which reads its cache folder from its configuration when it decorates."""
-    others = numba.config.CACHE_DIR
-    numba.config.CACHE_DIR = _FOLDER
-    try:
-        return numba.njit(fastmath=fastmath, **_OPTIONS | options)(function)
-    finally:
-        numba.config.CACHE_DIR = others
+    return numba.njit(fastmath=fastmath, **_OPTIONS | options)(function)
+
+
+def kept(dispatcher):
+    """Keep what numba's `dispatcher` compiles in a `KernelCache`."""
+    dispatcher._cache = KernelCache(dispatcher.py_func, _FOLDER)
+    return dispatcher
 
 
 def kernel(function):
@@ -65,4 +72,4 @@ def called_kernel(function):
 
 def entry_kernel(function):
     """Compile a kernel that Python calls, and keep it with all that is inlined into it."""
-    return _compiled(function, {"contract"}, cache=True)
+    return kept(_compiled(function, {"contract"}))

@@ -1,10 +1,16 @@
 """Executable ``accuracy``: what a digit of accuracy costs with every method, for a scene."""
 
+if __name__ == "__main__":  # before all imports: they take a second or two, in which a signal may come
+    import sys
+
+    from vibro_ros.front_door import enter
+
+    sys.exit(enter("accuracy"))
+
 import argparse
 import csv
 import os
 import platform
-import sys
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import astuple, fields, replace
@@ -14,8 +20,12 @@ from pathlib import Path
 
 from tqdm import tqdm
 
+from vibro_ros.command_line import Parser
+from vibro_ros.front_door import FAILURE, exit_code, interrupted_code, say
+from vibro_ros.preparation import prepare_kernels
 from vibro_ros.scene_file import load_scene, shipped_scenes
 from vibro_ros.simulator import SimulationError
+from vibro_ros.solver.methods import SCHEMES
 from vibro_ros.study.bench import LEAST_TIME
 from vibro_ros.study.bench import RATE as BENCH_RATE
 from vibro_ros.study.chaos import Growth
@@ -26,7 +36,6 @@ from vibro_ros.study.precision_advice import recommendations
 from vibro_ros.study.precision_diagram import draw_precision
 from vibro_ros.study.precision_text import findings, markdown, reference_in_words, reference_of, speeds_table
 
-FAILED, BAD_INPUT, INTERRUPTED = 1, 2, 130
 TABLE, TEXT = "accuracy.csv", "accuracy.md"
 _PACKAGES = ("numpy", "numba", "scipy", "heyoka")
 _LEAST_HORIZON = 1e-3  # s, one sample
@@ -163,9 +172,17 @@ def chosen_methods(names: Sequence[str]) -> dict[str, Method]:
     return {name: method for name, method in STUDIED.items() if not names or name in names}
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
+def main(words: Sequence[str]) -> int:
     """Run the executable; returns its exit code."""
-    options = _parser().parse_args(arguments)
+    options = _parser().parse_args(words)
+    try:
+        return exit_code("accuracy", lambda: _measure(options))
+    except KeyboardInterrupt:
+        say("accuracy", f"interrupted before the diagrams; the rows are in {options.output / TABLE}")
+        return interrupted_code()
+
+
+def _measure(options: argparse.Namespace) -> int:
     try:
         methods = chosen_methods(options.methods)
         effort = _effort(options)
@@ -173,28 +190,27 @@ def main(arguments: Sequence[str] | None = None) -> int:
         for scene in scenes:
             load_scene(scene)
         options.output.mkdir(parents=True, exist_ok=True)
+        prepare_kernels("accuracy", "auto" if any(name in SCHEMES for name in methods) else "exact")
         return _run(scenes, Accuracy(methods, effort), options.output)
-    except KeyboardInterrupt:
-        return _failed(f"interrupted before the diagrams; the rows are in {options.output / TABLE}", INTERRUPTED)
-    except ValueError as error:
-        return _failed(str(error))
     except OSError as error:
-        return _failed(f"{error.filename}: {error.strerror}; give a readable scene and a writable --output")
+        raise ValueError(f"{error.filename}: {error.strerror}; give a readable scene and a writable "
+                         "--output") from error
 
 
 def _run(scenes: Sequence[str], study: Accuracy, folder: Path) -> int:
-    code = 0
+    code, interrupted = 0, False
     with row_writer(folder / TABLE) as write:
         try:
             for scene in scenes:
                 try:
                     study.measure(scene, write)
                 except (SimulationError, UnableError) as error:
-                    code = _failed(f"{scene}: exact cannot simulate it: {error}", FAILED)
+                    say("accuracy", f"{scene}: exact cannot simulate it: {error}")
+                    code = FAILURE
         except KeyboardInterrupt:
-            code = INTERRUPTED
-            print("accuracy: interrupted; what was measured is kept", file=sys.stderr)
-    print("\n".join(map(str, (folder / TABLE, *study.write_text_and_diagrams(folder, code == INTERRUPTED)))))
+            code, interrupted = interrupted_code(), True
+            say("accuracy", "interrupted; what was measured is kept")
+    print("\n".join(map(str, (folder / TABLE, *study.write_text_and_diagrams(folder, interrupted)))))
     return code
 
 
@@ -211,13 +227,13 @@ def _effort(options: argparse.Namespace) -> Effort:
                    patience=options.patience, patience_for_averages=4.0 * options.patience)
 
 
-def _parser() -> argparse.ArgumentParser:
+def _parser() -> Parser:
     default = Effort()
-    parser = argparse.ArgumentParser(
+    parser = Parser(
         prog="accuracy", description="Measure error over cost for every method: a diagram for each scene, a table as "
         "Markdown and CSV. Ctrl-C keeps what is done.",
-        epilog="Exit code 0: all measured; 1: a scene cannot be simulated; 2: bad input, or nowhere to write; 130: "
-        "interrupted, what was measured is written.")
+        epilog="Exit code 0: all measured; 1: a scene cannot be simulated; 2: bad input, or nowhere to write; 129, "
+        "130, 143: interrupted by SIGHUP, SIGINT, SIGTERM, what was measured is written.")
     which = parser.add_mutually_exclusive_group(required=True)
     which.add_argument("--scene", metavar="NAME", help="shipped scene or scene file")
     which.add_argument("--all", action="store_true", help="every shipped scene")
@@ -235,12 +251,3 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--output", type=Path, default=Path("out/accuracy"), metavar="DIR",
                         help="where to write (default: out/accuracy)")
     return parser
-
-
-def _failed(reason: str, code: int = BAD_INPUT) -> int:
-    print(f"accuracy: {reason}", file=sys.stderr)
-    return code
-
-
-if __name__ == "__main__":
-    sys.exit(main())

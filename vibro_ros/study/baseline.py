@@ -11,13 +11,14 @@ import numba
 import numpy as np
 
 from vibro_ros.model.scene import Scene
+from vibro_ros.solver.compilation import kept
 
 _RULES = {"weight": 0, "unilateral": 1, "printed": 2, "hop": 1}  # hop: on the ground, where N cannot pull
 #: Values that it has of the effects that it does not have all values of, and those that it has with rigid plates.
 _KNOWN = {"effects.friction": ("none", "coulomb"), "effects.motor": ("ideal", "ramp"), "effects.upper_mass": (True,),
           "effects.inclined_mass": (True,)}
 _KNOWN_WHERE_RIGID = {"effects.reaction": (False,), "effects.normal_force": ("weight", "unilateral", "printed")}
-_inlined = numba.njit(cache=True, error_model="numpy", inline="always")
+_inlined = numba.njit(error_model="numpy", inline="always")
 
 
 class Guide(NamedTuple):
@@ -175,7 +176,8 @@ def _blow(position, velocity, acceleration, h, guide):
     return guide.plate, 0.0 if resting else -guide.restitution * velocity
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kept
+@numba.njit(error_model="numpy")
 def _integrate(start, upper, inclined, machine, flight, h, per_sample, samples):
     """Fixed steps from t = 0; the body stops where x' changes sign while |F_in| <= mu N.
 

@@ -1,64 +1,71 @@
 """The demonstration: robot and controller as two processes for about 20 s, a bag, a report."""
 
-import argparse
+if __name__ == "__main__":  # before all imports: they take a second or two, in which a signal may come
+    import sys
+
+    from vibro_ros.front_door import enter
+
+    sys.exit(enter("demo"))
+
 import json
 import os
 import random
 import signal
 import socket
-import sys
 import time
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from threading import Event
 
 import numpy as np
 
 from vibro_ros.bag.reader import ROBOT_TOPICS, Bag, BagError, read_bag
+from vibro_ros.command_line import Parser
+from vibro_ros.front_door import StopRequest, exit_code, say
 from vibro_ros.study.child import Child
 from vibro_ros.study.report import write_report
 
-FIRST_START = 600.0
-"""How long [s] the controller waits for the robot, whose kernels may have to be compiled first."""
 MOVED = 0.01
 """Least way [m] from the start that counts as motion; the shipped script makes more than ten times that."""
 ALWAYS_THERE = ("odom", "joint_states", "ground_contact", "impacts", "motor_power", "motor_speed")
 """Topics that hold messages after every script that makes the robot move."""
 
 
-class DemoError(Exception):
+class DemoError(RuntimeError):
     """The demonstration failed; the message says why in one line."""
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
+def main(words: Sequence[str]) -> int:
     """Run the demonstration; 0 when all went well, 1 with a reason when not, 130 when stopped."""
-    options = _parser().parse_args(arguments)
+    return exit_code("demo", lambda: _demonstrate(words))
+
+
+def _demonstrate(words: Sequence[str]) -> int:
+    options = _parser().parse_args(words)
     try:
         folder = _run(options.script, options.output)
+        if folder is None:
+            say("demo", "stopped")
+            return 128 + signal.SIGINT
         text, files = write_report(folder)
-    except KeyboardInterrupt:
-        print("demo: stopped", file=sys.stderr)
-        return 128 + signal.SIGINT
-    except (DemoError, BagError, OSError) as error:
-        print(f"demo: {error}", file=sys.stderr)
-        return 1
+    except BagError as error:
+        raise DemoError(str(error)) from error
     print(f"\n{text}")
     for label, path in zip(("bag", "summary", "numbers", "picture"), (folder, *files), strict=True):
         _say(_shown(path), label)
     return 0
 
 
-def _run(script: str, output: Path) -> Path:
-    """Let the robot crawl; its checked bag."""
+def _run(script: str, output: Path) -> Path | None:
+    """Let the robot crawl; its checked bag, or None when a signal stopped it."""
     output.mkdir(parents=True, exist_ok=True)
     earlier = set(output.iterdir())
     environment = _environment()
     _say(f"look on with ROS_DOMAIN_ID={environment['ROS_DOMAIN_ID']}, for example: ros2 topic echo /odom")
-    with _stop_requested() as stop:
+    with StopRequest() as stop:
+        stop.hold()  # neither process may be left behind
         _play(script, output, environment, stop)
-        if stop.is_set():
-            raise KeyboardInterrupt
+        if stop:
+            return None
     new = [path for path in set(output.iterdir()) - earlier if path.is_dir()]
     if len(new) != 1:
         raise DemoError(f"{output}: {len(new)} new bags in it where the robot should have made one")
@@ -66,18 +73,18 @@ def _run(script: str, output: Path) -> Path:
     return new[0]
 
 
-def _play(script: str, output: Path, environment: Mapping[str, str], stop: Event) -> None:
-    """Run both processes until the script ends or `stop` is set; neither is left behind."""
+def _play(script: str, output: Path, environment: Mapping[str, str], stop: StopRequest) -> None:
+    """Run both processes until the script ends or `stop`; neither is left behind."""
     record_to = f"record.directory:={json.dumps(str(output))}"  # quoted, or a folder named 2026 would be a number
     robot_words = ("vibro_ros.ros.robot", "--ros-args", "-p", record_to)
-    controller_words = ("vibro_ros.ros.controller", script, "--ros-args", "-p", f"wait:={FIRST_START}")
+    controller_words = ("vibro_ros.ros.controller", script)  # waits without end: the robot may have to compile
     with (
         Child(*robot_words, environment=environment) as robot,
         Child(*controller_words, environment=environment) as controller,
     ):
-        while not stop.is_set() and controller.exit_code is None and robot.exit_code is None:
+        while not stop and controller.exit_code is None and robot.exit_code is None:
             time.sleep(0.05)
-        if stop.is_set():
+        if stop:
             return
         if robot.exit_code is not None:
             raise DemoError(f"the robot ended before the script, with exit code {robot.stop()}; it says why above")
@@ -106,18 +113,6 @@ def check_bag(bag: Bag) -> None:
     empty = [name for name in ALWAYS_THERE if not len(bag[name]["time"])]
     if empty:
         raise DemoError(f"{bag.path}: no messages on {', '.join(empty)}")
-
-
-@contextmanager
-def _stop_requested() -> Iterator[Event]:
-    """An event that SIGINT and SIGTERM set, so that neither can come between a start and its clean-up."""
-    stop = Event()
-    earlier = {number: signal.signal(number, lambda *_: stop.set()) for number in (signal.SIGINT, signal.SIGTERM)}
-    try:
-        yield stop
-    finally:
-        for number, handler in earlier.items():
-            signal.signal(number, handler)
 
 
 def _environment() -> dict[str, str]:
@@ -151,14 +146,10 @@ def _shown(path: Path) -> Path:
     return path.relative_to(here) if path.is_relative_to(here) else path
 
 
-def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
+def _parser() -> Parser:
+    parser = Parser(
         prog="demo", description="Run the robot and its controller as two processes, record a bag, write a report.")
     parser.add_argument("--script", default="crawl", help="controller script to play (default: %(default)s, 18 s)")
     parser.add_argument("--output", type=Path, default=Path("out"), metavar="DIR",
                         help="where the bag and the report go (default: %(default)s)")
     return parser
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -1,23 +1,32 @@
 """The `recover` executable: seals bags whose recorder was killed."""
 
-import argparse
-import sys
+if __name__ == "__main__":  # before all imports: they take a second or two, in which a signal may come
+    import sys
+
+    from vibro_ros.front_door import enter
+
+    sys.exit(enter("recover"))
+
 from collections.abc import Sequence
 from datetime import datetime, timezone
 
 from vibro_ros.bag.recovery import RecoveryError, described, recover
+from vibro_ros.command_line import Parser
+from vibro_ros.front_door import BAD_INPUT, exit_code, say
 
-BAD_INPUT = 2
 
-
-def main(arguments: Sequence[str] | None = None) -> int:
+def main(words: Sequence[str]) -> int:
     """Seal each bag; 0 when all are sealed now, 2 with a line on stderr for each that cannot be."""
+    return exit_code("recover", lambda: _run(words))
+
+
+def _run(words: Sequence[str]) -> int:
     code = 0
-    for bag in _parser().parse_args(arguments).bags:
+    for bag in _parser().parse_args(words).bags:
         try:
             print("\n".join(described(recover(bag), _clock)))
         except RecoveryError as error:
-            print(f"recover: {error}", file=sys.stderr)
+            say("recover", str(error))
             code = BAD_INPUT
     return code
 
@@ -31,15 +40,11 @@ def _clock(stamp: int) -> str:
         return f"{stamp} ns"
 
 
-def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
+def _parser() -> Parser:
+    parser = Parser(
         prog="recover",
         description="Seal bags whose recorder was killed or ran out of disk: cut the torn end, write index and "
         "metadata.yaml, in place. A sealed bag is not touched.",
         epilog="Exit code 0: every bag is sealed now; 2: one is no bag, is empty, in use, or cannot be written.")
     parser.add_argument("bags", nargs="+", metavar="BAG_FOLDER", help="folder of a recording")
     return parser
-
-
-if __name__ == "__main__":
-    sys.exit(main())

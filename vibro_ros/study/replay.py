@@ -1,42 +1,51 @@
 """The `replay` executable: a recorded run computed again, compared, changed, or played to ROS."""
 
+if __name__ == "__main__":  # before all imports: they take a second or two, in which a signal may come
+    import sys
+
+    from vibro_ros.front_door import enter
+
+    sys.exit(enter("replay"))
+
 import argparse
-import os
-import sys
 from collections.abc import Mapping, Sequence
+from importlib import import_module
 from pathlib import Path
 
 from vibro_ros.bag.reader import read_bag
 from vibro_ros.bag.stream import BagError, BagStream
 from vibro_ros.command_line import Parser
+from vibro_ros.front_door import exit_code, say
 from vibro_ros.strict_yaml import read_scalar
 from vibro_ros.study.comparison import Comparison, compare
 from vibro_ros.study.report import COLUMNS
 from vibro_ros.study.summary import as_text, summarise
 from vibro_ros.study.variation import write_variation
 
-IDENTICAL, DIFFERENT, BAD_INPUT = 0, 1, 2
+IDENTICAL, DIFFERENT = 0, 1
 """Exit codes; a changed run that was written is `IDENTICAL`, one that could not go on is `DIFFERENT`."""
 PLAYBACK = "vibro_ros.ros.playback"
-"""Module that plays a bag to ROS: a process of its own, because nothing here needs ROS."""
+"""Module that plays a bag to ROS; named only, because nothing else here needs ROS."""
 OF_PUBLISH = ("--all-topics", "--rate", "--clock", "--wait", "--ros-args")
 """Options that only `PLAYBACK` has."""
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
+def main(words: Sequence[str]) -> int:
     """Run the executable; returns its exit code."""
-    words = list(sys.argv[1:] if arguments is None else arguments)
+    return exit_code("replay", lambda: _run(words))
+
+
+def _run(words: Sequence[str]) -> int:
+    check_combination(words)
+    if "--publish" in words:
+        return import_module(PLAYBACK).main([word for word in words if word != "--publish"])
+    options = _parser().parse_args(words)
     try:
-        check_combination(words)
-        if "--publish" in words:
-            words.remove("--publish")
-            os.execv(sys.executable, [sys.executable, "-m", PLAYBACK, *words])
-        options = _parser().parse_args(words)
         return _vary(options.bag, _changes(options.set)) if options.set else _compare(options.bag)
-    except (BagError, ValueError) as error:
-        return _failed(str(error), BAD_INPUT)
+    except BagError as error:
+        raise ValueError(str(error)) from error
     except OSError as error:
-        return _failed(f"{error.filename or options.bag}: {error.strerror or error}", BAD_INPUT)
+        raise ValueError(f"{error.filename or options.bag}: {error.strerror or error}") from error
 
 
 def check_combination(words: Sequence[str]) -> None:
@@ -84,7 +93,9 @@ def _vary(bag: Path, changes: Mapping[str, object]) -> int:
     for title, one in (("recorded", bag), ("replayed with " + _shown(changes), folder)):
         print(f"{title}:\n{_summary(one)}")
     print(folder)
-    return _failed(failure, DIFFERENT) if failure else IDENTICAL
+    if failure:
+        say("replay", failure)
+    return DIFFERENT if failure else IDENTICAL
 
 
 def _summary(bag: Path) -> str:
@@ -111,11 +122,6 @@ def _changes(texts: Sequence[str]) -> dict[str, object]:
     return changes
 
 
-def _failed(reason: str, code: int) -> int:
-    print(f"replay: {reason}", file=sys.stderr)
-    return code
-
-
 def _parser() -> Parser:
     parser = Parser(
         prog="replay", allow_abbrev=False, formatter_class=argparse.RawDescriptionHelpFormatter,
@@ -130,7 +136,3 @@ def _parser() -> Parser:
                         "have done to a new bag beside the recording; repeatable")
     parser.add_argument("--publish", action="store_true", help="play the bag's commands to ROS")
     return parser
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -1,12 +1,19 @@
 """Executable ``report``: sum a recording up in words, numbers and a picture."""
 
-import argparse
+if __name__ == "__main__":  # before all imports: they take a second or two, in which a signal may come
+    import sys
+
+    from vibro_ros.front_door import enter
+
+    sys.exit(enter("report"))
+
 import json
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 
 from vibro_ros.bag.reader import BagError, read_bag
+from vibro_ros.command_line import Parser
+from vibro_ros.front_door import exit_code
 from vibro_ros.study.plots import plot_run
 from vibro_ros.study.summary import as_caption, as_text, summarise
 
@@ -52,28 +59,30 @@ def write_report(bag_folder: Path, output: Path | None = None) -> tuple[str, tup
     return text, files
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
+def main(words: Sequence[str]) -> int:
     """Run the executable; returns its exit code, 2 when the recording cannot be reported on."""
-    parser = argparse.ArgumentParser(prog="report", description="Sum up a recording of the robot: distance, speed, "
-                                     "impacts, power and gaps as text and JSON, and a picture of the motion.")
-    parser.add_argument("bag", type=Path, metavar="BAG_FOLDER", help="folder of the recording")
-    parser.add_argument("--output", type=Path, metavar="DIR", help="where to write (default: BAG_FOLDER_report)")
-    options = parser.parse_args(arguments)
+    return exit_code("report", lambda: _run(words))
+
+
+def _run(words: Sequence[str]) -> int:
+    options = _parser().parse_args(words)
     try:
         text, files = write_report(options.bag, options.output)
     except BagError as error:
-        return _failed(str(error))
+        raise ValueError(str(error)) from error
     except OSError as error:
-        return _failed(f"{error.filename}: cannot write: {error.strerror}; give a writable --output")
+        raise ValueError(f"{error.filename or options.bag}: cannot write: {error.strerror}; give a writable "
+                         "--output") from error
     print(text)
     print("\n".join(map(str, files)))
     return 0
 
 
-def _failed(reason: str) -> int:
-    print(f"report: {reason}", file=sys.stderr)
-    return 2
-
-
-if __name__ == "__main__":
-    sys.exit(main())
+def _parser() -> Parser:
+    parser = Parser(prog="report", description="Sum up a recording of the robot: distance, speed, impacts, power and "
+                    "gaps as text and JSON, and a picture of the motion.",
+                    epilog="Exit code 0: written; 2: no readable recording, or nowhere to write; 129, 130, 143: "
+                    "stopped by SIGHUP, SIGINT, SIGTERM.")
+    parser.add_argument("bag", type=Path, metavar="BAG_FOLDER", help="folder of the recording")
+    parser.add_argument("--output", type=Path, metavar="DIR", help="where to write (default: BAG_FOLDER_report)")
+    return parser

@@ -18,6 +18,7 @@ from vibro_ros.bag.robot_topics import CHECKPOINT_TYPE, ROBOT_TOPICS, robot_topi
 from vibro_ros.bag.stream import BagError, BagStream
 from vibro_ros.model.parameters import SCENE_PARAMETERS, Value, checked_parameters
 from vibro_ros.model.scene import Scene
+from vibro_ros.preparation import prepare_kernels
 from vibro_ros.scene_file import DEVICE_PARAMETERS
 from vibro_ros.simulator import Simulator
 
@@ -114,6 +115,7 @@ class Rerun:
         self.tick = -1
         self.refused = 0
         self._facts = facts
+        prepare_kernels("replay", scene["solver.method"])
         self._device = Simulator(scene)
         self.scene = self._device.scene
         self._joints = fields.joints_of(scene)
