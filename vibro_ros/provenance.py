@@ -29,11 +29,9 @@ def provenance(parameters: Mapping[str, Value], start: int) -> dict[str, str]:
 
 
 def _solver(parameters: Mapping[str, Value]) -> str:
-    """The method that ran, and what its accuracy is set by."""
+    """The method that ran, and its step if it has one."""
     method = parameters["solver.method"]
-    if method == "exact":
-        return f"exact, tolerance {parameters['solver.tolerance']:g} m"
-    return f"{method}, step {parameters['solver.step']:g} s"
+    return method if method == "exact" else f"{method}, step {parameters['solver.step']:g} s"
 
 
 def software() -> dict[str, str]:
