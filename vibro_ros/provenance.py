@@ -1,18 +1,27 @@
 """Where numbers come from: what a recording must say for somebody to compute it again, bit for bit."""
 
+import functools
+import hashlib
 import json
+import pkgutil
 import platform
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from importlib import import_module
 from importlib.metadata import PackageNotFoundError, version
 
 import numba
 import numpy as np
 
-from vibro_ros.model.parameters import Value
+from vibro_ros.model.parameters import SCENE_PARAMETERS, Value
+from vibro_ros.model.scene import Scene
+from vibro_ros.model.tables import compile_scene
+from vibro_ros.solver.arithmetic import multiply_add, processor
 
 NO_SEED = "none"
 """Seed of a run: nothing in the device is random."""
 
+# Packages and modules whose text decides the numbers that a robot publishes.
+_PACKAGES, _MODULES = ("model", "solver"), ("choice", "message_fields", "samples", "simulator")
 
 def provenance(parameters: Mapping[str, Value], start: int) -> dict[str, str]:
     """All that fixes the bits of a run besides its commands, as custom data of a bag.
@@ -24,22 +33,66 @@ def provenance(parameters: Mapping[str, Value], start: int) -> dict[str, str]:
     start : int
         ROS time [ns] of simulated time 0.
     """
-    return {"parameters": json.dumps(dict(parameters)), "solver": _solver(parameters), **software(),
-            "start": str(start), "seed": NO_SEED}
+    return {"parameters": json.dumps(dict(parameters)), "solver": _solver(parameters),
+            **software(), "tables": tables(parameters), "start": str(start), "seed": NO_SEED}
 
 
 def _solver(parameters: Mapping[str, Value]) -> str:
-    """The method that ran, and what its accuracy is set by."""
+    """The method that ran, and its step if it has one."""
     method = parameters["solver.method"]
-    if method == "exact":
-        return f"exact, tolerance {parameters['solver.tolerance']:g} m"
-    return f"{method}, step {parameters['solver.step']:g} s"
+    return method if method == "exact" else f"{method}, step {parameters['solver.step']:g} s"
 
 
+@functools.cache
 def software() -> dict[str, str]:
-    """`version` of this package and `platform` that it runs on: between two of them bits may differ."""
+    """What this computer computes with: where all of it is equal, and `tables`, bits do not differ.
+
+    `version` of this package; `platform`; `sources`, a digest of the modules that decide the bits; `arithmetic`, whether
+    kernels round a product before they add to it; `processor`, for which they are compiled; `c_library`, whose sine,
+    cosine and exponential are used.
+    """
     return {"version": _version(), "platform": f"{platform.machine()}, Python {platform.python_version()}, "
-                                               f"numpy {np.__version__}, numba {numba.__version__}"}
+                                               f"numpy {np.__version__}, numba {numba.__version__}",
+            "sources": _digest(_sources()), "arithmetic": f"multiply and add {multiply_add()}", "processor": processor(),
+            "c_library": " ".join(platform.libc_ver()).strip() or "unknown"}
+
+
+def tables(parameters: Mapping[str, Value]) -> str:
+    """Digest of the tables that the scene in `parameters` compiles to on this computer: sines, cosines, eigenvalues and
+    solutions of linear equations as its libraries round them."""
+    names = {parameter.name for parameter in SCENE_PARAMETERS}
+    system = compile_scene(Scene("", {name: value for name, value in parameters.items() if name in names})).system
+    return _digest(array.tobytes() for array in _arrays(system))
+
+
+def _arrays(table: tuple) -> Iterator[np.ndarray]:
+    for entry in table:
+        if isinstance(entry, tuple):
+            yield from _arrays(entry)
+        else:
+            yield np.ascontiguousarray(entry)
+
+
+def _sources() -> Iterator[bytes]:
+    """Names and texts of the modules that decide the bits; line ends do not."""
+    for package in _PACKAGES:
+        folder = import_module(f"{__package__}.{package}")
+        for name in sorted(module.name for module in pkgutil.iter_modules(folder.__path__)):
+            yield from (name.encode(), _text(folder.__name__, name))
+    for name in _MODULES:
+        yield from (name.encode(), _text(__package__, name))
+
+
+def _text(package: str, name: str) -> bytes:
+    return b"\n".join(pkgutil.get_data(package, f"{name}.py").splitlines())
+
+
+def _digest(parts: Iterator[bytes]) -> str:
+    digest = hashlib.sha256()
+    for part in parts:
+        digest.update(b"%d " % len(part))
+        digest.update(part)
+    return digest.hexdigest()[:16]
 
 
 def _version() -> str:

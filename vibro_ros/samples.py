@@ -99,7 +99,7 @@ def sampled_quantities(model: Model, times: np.ndarray, points: np.ndarray, mode
     linear = tuple(np.empty(len(times)) for _ in OUTPUTS)
     evaluate_forms(model.output, model.output_terms, modes, points, linear)
     quantities = dict(zip(OUTPUTS, linear, strict=True))
-    if model.forms.unilateral:
+    if model.forms.pressed_only:
         quantities["normal_force"] = np.maximum(quantities["normal_force"], 0.0)
     speed = phases[:, 2].copy()
     power = np.zeros(len(times))

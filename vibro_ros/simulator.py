@@ -8,6 +8,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from vibro_ros.choice import Choice, choose, chosen
+from vibro_ros.model.force_limits import cut_to_laws
 from vibro_ros.model.laws import contact_laws
 from vibro_ros.model.scene import Scene
 from vibro_ros.model.tables import MODE_EVENTS, compile_scene
@@ -246,13 +247,20 @@ class Simulator:
             done = upto
             part *= _PART / max(wall_clock.perf_counter() - began, _PART / _GROWTH)
             yield None
-        yield Samples(**sampled_quantities(self._model, times, *trace))
+        yield Samples(**self._quantities(times, *trace))
 
     def _sample(self, times: np.ndarray) -> dict[str, np.ndarray]:
         """Advance to each of `times` [s], ascending, and return the fields of `Samples` there."""
         trace = self._new_trace(len(times))
         self._advance(times, *trace)
-        return sampled_quantities(self._model, times, *trace)
+        return self._quantities(times, *trace)
+
+    def _quantities(self, times: np.ndarray, *trace: np.ndarray) -> dict[str, np.ndarray]:
+        """The fields of `Samples` from a filled trace."""
+        quantities = sampled_quantities(self._model, times, *trace)
+        if self.scene["solver.method"] != "exact":
+            cut_to_laws(self.scene, quantities)
+        return quantities
 
     def _new_trace(self, count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Room for what the event loop samples at `count` instants: points, modes, phases."""

@@ -205,7 +205,7 @@ class _Description:
             words.append(f"{scene['effects.friction']} friction, normal force {scene['effects.normal_force']}")
         words += ["the body leaves the ground"] * forms.body_hops
         words += ["reaction on the masses"] * (scene["effects.reaction"] and (forms.body_moves or forms.body_hops))
-        words += ["weight of the masses"] * (scene["effects.mass_weight"] and bool(forms.guides))
+        words += ["weight of the masses"] * any(forms.weight(side).any() for side in forms.guides)
         words.append(f"{scene['effects.motor']} motor")
         if self._model.system.power.shape[1]:
             words.append("energy audit")

@@ -39,6 +39,16 @@ def kept(method: Callable) -> Callable:
     return look_up
 
 
+def direction(scene, side: str) -> tuple[float, float]:
+    """Direction of a guide, outwards: its parts along x and upwards, e = (-sin(phi), cos(phi)) for the inclined.
+
+    An angle of pi/2 is level and one of pi upright: what their rounding leaves of the other part is none.
+    """
+    angle = scene["guide.angle"] if side == "inclined" else 0.0
+    parts = -math.sin(angle), math.cos(angle)
+    return tuple(0.0 if abs(part) < _ANGLE_ROUNDING else part for part in parts)
+
+
 class Forms:
     """The linear forms of one scene.
 
@@ -57,8 +67,8 @@ class Forms:
         Whether x is a coordinate (after the masses): only an inclined mass drives the body.
     body_hops : bool
         Whether y, the body's height, is a coordinate (the last one): by the rule `hop`, a mass can lift the body.
-    unilateral : bool
-        Whether a normal force below zero counts as zero: the rule `unilateral`.
+    pressed_only : bool
+        Whether a normal force below zero counts as zero: the rules `unilateral` and, for rounding, `hop`.
     friction_decays : bool
         Whether the friction coefficient falls with the speed: Stribeck's law, with a part that falls.
     channels : Channels
@@ -72,8 +82,8 @@ class Forms:
         self.plates = scene.plates
         self.body_moves = "inclined" in self.guides and self.direction("inclined")[0] != 0.0
         self.body_hops = scene["effects.normal_force"] == "hop" and bool(self.guides)
-        self.unilateral = scene["effects.normal_force"] == "unilateral"
-        self.friction_decays = self.body_moves and scene["effects.friction"] == "stribeck" and (
+        self.pressed_only = scene["effects.normal_force"] in ("unilateral", "hop")
+        self.friction_decays = self.body_moves and scene.has_friction and scene["effects.friction"] == "stribeck" and (
             scene["ground.static_friction"] > scene["ground.friction"])
         self.channels = Channels(len(self.guides) + self.body_moves + self.body_hops, len(self.guides),
                                  len(self.guides), len(self.plates), int(self.friction_decays))
@@ -119,13 +129,8 @@ class Forms:
                 self.velocity(self.height) if self.body_hops else self.zero)
 
     def direction(self, side: str) -> tuple[float, float]:
-        """Direction of a guide, outwards: its parts along x and upwards, e = (-sin(phi), cos(phi)) for the inclined.
-
-        An angle of pi/2 is level and one of pi upright: what their rounding leaves of the other part is none.
-        """
-        angle = self._scene["guide.angle"] if side == "inclined" else 0.0
-        parts = -math.sin(angle), math.cos(angle)
-        return tuple(0.0 if abs(part) < _ANGLE_ROUNDING else part for part in parts)
+        """See `direction`."""
+        return direction(self._scene, side)
 
     @kept
     def stretch(self, side: str) -> tuple[Form, Form]:

@@ -39,7 +39,7 @@ class Friction:
         self._coefficient = scene["ground.friction"]
         self._holding = scene.resting_friction
         self._rule = scene["effects.normal_force"]
-        self._absent = scene["effects.friction"] == "none" or self._holding == 0.0 or not forms.body_moves
+        self._absent = not (scene.has_friction and forms.body_moves)
 
     @property
     def initial(self) -> str:

@@ -84,8 +84,8 @@ def _plates(scene, forms: Forms) -> dict[str, np.ndarray]:
 
 def _coefficients(scene, forms: Forms) -> dict[str, float]:
     """mu of the slipping body, as it falls with its speed, and of the body at rest."""
-    law, kinetic = scene["effects.friction"], scene["ground.friction"]
-    if law == "none":
+    kinetic = scene["ground.friction"]
+    if not scene.has_friction:
         return {"sliding": 0.0, "rise": 0.0, "fading": 0.0, "holding": 0.0}
     static, falls = scene.resting_friction, float(forms.friction_decays)
     return {"sliding": kinetic, "rise": falls * (static - kinetic), "fading": falls / scene["ground.stribeck_speed"],

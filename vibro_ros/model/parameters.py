@@ -7,9 +7,13 @@ derived from `SCENE_PARAMETERS`. Defaults are the paper's values.
 import difflib
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 Value = bool | float | str | tuple[str, ...]
+
+#: A scene's number of smaller magnitude, in its unit, counts as zero: products and quotients of what is larger stay far
+#: from 2e-308, where doubles lose their digits. A crank so slow turns by 4e-13 rad in the age of the Universe.
+NEGLIGIBLE = 1e-30
 
 
 @dataclass(frozen=True)
@@ -34,6 +38,8 @@ class Parameter:
         Allowed values of a text; empty when any text will do.
     while_running : bool
         True when the parameter may change while the device runs.
+    negligible : float
+        A number of smaller magnitude counts as zero.
     """
 
     name: str
@@ -45,6 +51,7 @@ class Parameter:
     positive: bool = False
     choices: tuple[str, ...] = ()
     while_running: bool = False
+    negligible: float = 0.0
 
     @property
     def type_name(self) -> str:
@@ -85,9 +92,11 @@ class Parameter:
             number = math.inf if value > 0 else -math.inf
         if not math.isfinite(number):
             raise ValueError(f"{self.name}: {number} is not finite; give a number{self._hint()}")
-        if number < self.minimum or number > self.maximum or (self.positive and number == 0.0):
-            raise ValueError(f"{self.name}: {number:g} is out of range; give a number{self._hint()}")
-        return number
+        counted = 0.0 if abs(number) < self.negligible else number + 0.0  # no -0.0
+        if counted < self.minimum or counted > self.maximum or (self.positive and counted == 0.0):
+            zero = f" counts as 0, as all below {self.negligible:g}, which" if counted != number else ""
+            raise ValueError(f"{self.name}: {number:g}{zero} is out of range; give a number{self._hint()}")
+        return counted
 
     def _hint(self) -> str:
         unit = f" {self.unit}" if self.unit else ""
@@ -127,7 +136,7 @@ def _guide(side: str, spring: str, plate: str, plate_at: str) -> tuple[Parameter
     )
 
 
-SCENE_PARAMETERS: tuple[Parameter, ...] = (
+_TABLE: tuple[Parameter, ...] = (
     _mass("mass.body", 1.0, "the body, m1"),
     _mass("mass.upper", 0.1, "the upper impact mass, m2"),
     _mass("mass.inclined", 0.08, "the inclined impact mass, m3"),
@@ -176,8 +185,8 @@ SCENE_PARAMETERS: tuple[Parameter, ...] = (
               "acceleration; lag: with a time constant",
               choices=("ideal", "ramp", "lag")),
     Parameter("solver.audit", False, "", "balance the masses' energy on every segment; costs time, changes nothing"),
-    Parameter("solver.tolerance", 1e-9, "m", "error of a position over a short horizon that may not be exceeded; "
-              "`exact` stays below all that may be asked for, at the same cost", minimum=1e-12, maximum=1e-3),
+    Parameter("solver.tolerance", 1e-9, "m", "error of a position over 0.2 s that may not be exceeded; refused where "
+              "rods and plates do not let rounding keep it; changes nothing else", minimum=1e-12, maximum=1e-3),
     Parameter("solver.method", "exact", "", "exact: event by event, to rounding; auto: the cheapest that keeps "
               "solver.accuracy; the others: steps of fixed length, blind to events within a step",
               choices=("exact", "auto", "rk4", "semi_implicit_euler", "moreau")),
@@ -185,6 +194,9 @@ SCENE_PARAMETERS: tuple[Parameter, ...] = (
     Parameter("solver.accuracy", 1e-6, "m", "error of a position over 0.2 s that the method auto may leave",
               minimum=1e-12, maximum=0.01),
 )
+
+#: Every parameter of a scene.
+SCENE_PARAMETERS: tuple[Parameter, ...] = tuple(replace(parameter, negligible=NEGLIGIBLE) for parameter in _TABLE)
 
 
 def checked_parameters(changes: Mapping[str, object], table: Iterable[Parameter]) -> dict[str, Value]:

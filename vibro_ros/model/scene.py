@@ -7,13 +7,15 @@ from types import MappingProxyType
 
 from vibro_ros.model.description import describe
 from vibro_ros.model.parameters import SCENE_PARAMETERS, Value, checked_parameters, known
+from vibro_ros.model.promise import LEAST_SHARE, attainable_accuracy, rounded_up
+from vibro_ros.model.rates import fastest_rate, least_inertia
 
 #: Fastest rate [1/s] of a mass on its springs and dampers that is simulated: a step lasts two of its time constants,
 #: so 5e6 steps, some ten seconds, a simulated second. 1 g on 1e9 N/m has a rate of 1e6 1/s.
 FASTEST_RATE = 1e7
 
-#: Least tolerance as a part of the rods' length: 4500 times the rounding of a number.
-LEAST_TOLERANCE = 1e-12
+#: Part of a mass's inertia that a yielding body must leave to it, for rounding to leave ten digits of that.
+LEAST_INERTIA = 1e-6
 
 # How a machine is started, driven and solved: nothing of its equations, so that what is compiled for one serves a
 # sweep over these as well.
@@ -54,6 +56,7 @@ class Scene:
         self._check_friction()
         self._check_blows()
         self._check_rates()
+        self._check_reaction()
         self._check_tolerance()
         self.checked_motor_speed(self["motor.speed"])
         for side in ("upper", "inclined"):
@@ -118,7 +121,7 @@ class Scene:
                              f"{kinetic:g}; give at least {kinetic:g}")
         self._check_stribeck()
         highest = self._highest_friction()
-        if self["effects.friction"] != "none" and kinetic >= highest:
+        if self.has_friction and kinetic >= highest:
             raise ValueError(f"ground.friction: at {kinetic:g} the reaction on the masses has no unique solution while "
                              f"the body slips (Painlevé's paradox); give less than {highest:g}, or set "
                              "effects.reaction to false")
@@ -146,7 +149,7 @@ class Scene:
 
     def _check_blows(self):
         """A rigid blow is an infinite force: not every rule of the normal force gives its friction a meaning."""
-        rule, angle, friction = self["effects.normal_force"], self["guide.angle"], self["effects.friction"] != "none"
+        rule, angle, friction = self["effects.normal_force"], self["guide.angle"], self.has_friction
         rigid = [side for side in self.guides if self[f"effects.{side}_contact"] == "restitution"]
         if rigid and friction and rule == "printed":
             raise ValueError("effects.normal_force: 'printed' makes friction drive the body infinitely hard in a blow "
@@ -170,13 +173,42 @@ class Scene:
                                  f"{FASTEST_RATE:g} 1/s, which takes too long to simulate; give a mass of at least "
                                  f"{lightest:g} kg, or less stiffness and damping")
 
+    def _check_reaction(self):
+        """The same for masses that the reaction of a body lightens, which takes digits of their inertia, too."""
+        if not (self["effects.reaction"] and self.guides):
+            return
+        share, rate = least_inertia(self), fastest_rate(self)
+        if share < LEAST_INERTIA:
+            found = (f"leaves the masses {share:.2g} of their inertia, less than the {LEAST_INERTIA:g} that rounding "
+                     "allows")
+        elif rate > FASTEST_RATE:
+            found = (f"lets the masses move at {rate:.3g} 1/s, faster than {FASTEST_RATE:g} 1/s, which takes too long "
+                     "to simulate")
+        else:
+            return
+        raise ValueError(f"mass.body: {self['mass.body']:g} kg with effects.reaction {found}; give "
+                         f"{self._heavier_body()}less ground.friction, stiffness and damping, or set effects.reaction "
+                         "to false")
+
+    def _heavier_body(self) -> str:
+        """The least body, to a factor of two, that yields little enough, as a part of a sentence; empty if none does."""
+        mass = self["mass.body"]
+        while (mass := 2.0 * mass) <= _BY_NAME["mass.body"].maximum:
+            heavier = _unchecked("", {**self.parameters, "mass.body": mass})
+            if least_inertia(heavier) >= LEAST_INERTIA and fastest_rate(heavier) <= FASTEST_RATE:
+                return f"at least {mass:.2g} kg, "
+        return ""
+
     def _check_tolerance(self):
-        """A position is not known better than to some thousand roundings of the mechanism's length."""
-        length = max(self[f"crank.{side}_rod"] for side in self.guides) if self.guides else 0.0
-        for name in ("solver.tolerance", "solver.accuracy"):
-            if self[name] < LEAST_TOLERANCE * length:
-                raise ValueError(f"{name}: {self[name]:g} m is below what rounding allows with rods of {length:g} m; "
-                                 f"give at least {LEAST_TOLERANCE * length:g} m")
+        """A promise that rounding does not let `exact` keep is refused; the default asks for none beyond what holds."""
+        holds = attainable_accuracy(self)
+        if self["solver.tolerance"] < holds and self["solver.tolerance"] != _DEFAULTS["solver.tolerance"]:
+            raise ValueError(f"solver.tolerance: {self['solver.tolerance']:g} m is below what rounding allows with "
+                             f"these rods and plates; give at least {rounded_up(holds):g} m, or softer plates")
+        length = max((self[f"crank.{side}_rod"] for side in self.guides), default=0.0)
+        if self["solver.accuracy"] < LEAST_SHARE * length:
+            raise ValueError(f"solver.accuracy: {self['solver.accuracy']:g} m is below what rounding allows with rods "
+                             f"of {length:g} m; give at least {LEAST_SHARE * length:g} m")
 
     @property
     def machine(self) -> "Scene":
@@ -196,14 +228,25 @@ class Scene:
         return self["ground.static_friction" if own else "ground.friction"]
 
     @property
+    def has_friction(self) -> bool:
+        """Whether the ground can rub: not without a coefficient, nor where the rule `weight` has nothing to weigh."""
+        weightless = self["effects.normal_force"] == "weight" and self["gravity"] == 0.0
+        return self["effects.friction"] != "none" and self.resting_friction > 0.0 and not weightless
+
+    @property
     def guides(self) -> tuple[str, ...]:
         """The guides whose masses the scene has: `upper`, `inclined`."""
         return tuple(side for side in ("upper", "inclined") if self[f"effects.{side}_mass"])
 
     @property
     def plates(self) -> tuple[str, ...]:
-        """The guides whose masses can meet a plate."""
-        return tuple(side for side in self.guides if self[f"effects.{side}_contact"] != "none")
+        """The guides whose masses can meet a plate; a compliant one without stiffness and damping is none."""
+        return tuple(side for side in self.guides if self._has_plate(side))
+
+    def _has_plate(self, side: str) -> bool:
+        kind = self[f"effects.{side}_contact"]
+        return kind == "restitution" or (
+            kind == "compliant" and any(self[f"{side}.plate.{part}"] for part in ("stiffness", "damping")))
 
 
 def _scene_once_checked(name: str, parameters: dict[str, Value]) -> Scene:

@@ -16,6 +16,9 @@ PHASE_KIND = 300
 #: Columns of an event: time [s], kind, approach, peak, duration [s].
 EVENT_COLUMNS = 5
 
+# A motion that has died away to less is told as zero: below 2e-308 doubles lose their digits.
+_LEAST_VALUE = 1e-290
+
 
 @sum_kernel
 def form_value(row, point):
@@ -112,4 +115,4 @@ def evaluate_forms(forms, terms, modes, points, values):
                 if channel < 0:
                     break
                 total += form[mode, channel] * points[k, channel]
-            result[k] = total
+            result[k] = total if abs(total) >= _LEAST_VALUE else 0.0

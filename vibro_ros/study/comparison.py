@@ -9,7 +9,7 @@ from vibro_ros.bag.cdr import deserialised, first_difference
 from vibro_ros.bag.robot_topics import CHECKPOINT, COMMANDS, ROBOT_TOPICS
 from vibro_ros.bag.stream import BagError, BagStream
 from vibro_ros.message_fields import joints_of
-from vibro_ros.provenance import software
+from vibro_ros.provenance import software, tables
 from vibro_ros.simulator import SimulationError
 from vibro_ros.study.rerun import Rerun, RunFacts, run_facts, ticks
 
@@ -223,9 +223,11 @@ class _Comparing:
 def notes(stream: BagStream, facts: RunFacts) -> list[str]:
     """What in the bag may make a replay differ from it, for people."""
     found, told = [], stream.metadata
-    for key, here in software().items():
-        if told.get(key) != here:
-            found.append(f"recorded with {key} {told.get(key, 'unknown')}, replayed with {here}: bits may differ")
+    here = {**software(), "tables": tables(facts.scene.parameters)}
+    found += [f"recorded with {key.replace('_', ' ')} {told[key]}, replayed with {here[key]}: bits may differ"
+              for key in here if told.get(key, here[key]) != here[key]]
+    if unsaid := [key.replace("_", " ") for key in here if key not in told]:
+        found.append(f"the bag does not say its {', '.join(unsaid)}: where they differ, bits may")
     if stream.start > facts.start and facts.topics.get(CHECKPOINT) not in stream.topics:
         found.append(f"the bag begins {(stream.start - facts.start) * 1e-9:.3f} s after the robot started: commands "
                      "before are unknown")
