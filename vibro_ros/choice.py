@@ -8,6 +8,7 @@ Nothing is timed: errors are those of the very runs that are promised, on a grid
 counted (`work`). Every process picks the same.
 """
 
+import contextlib
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -90,7 +91,7 @@ class Choice:
 def choose(scene: Scene, measure: Measure) -> Choice:
     """Pick for `scene`; the same in every process."""
     trial = Trial(scene, measure)
-    tried = [candidate for name in SCHEMES for candidate in trial.down_to_accurate(name)]
+    tried = [candidate for name in SCHEMES for candidate in _allowed(trial.down_to_accurate(name))]
     kept = [candidate for candidate in tried if candidate.error <= trial.limit]
     exact = Candidate("exact", math.inf, 0.0, trial.exact_cost)
     picked = min([exact, *kept], key=lambda candidate: candidate.cost)
@@ -173,6 +174,12 @@ class Trial:
         works = [counted_work(scene, run.steps, run.events, command is not None)
                  for run, command in zip(runs, self._commands, strict=True)]
         return sum(works) / len(works) / HORIZON
+
+
+def _allowed(candidates: Iterator[Candidate]) -> Iterator[Candidate]:
+    """`candidates` up to the first whose method the scene refuses."""
+    with contextlib.suppress(ValueError):
+        yield from candidates
 
 
 def _ladder() -> list[float]:
