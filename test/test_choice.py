@@ -126,6 +126,13 @@ def test_a_grid_is_finer_than_every_step_that_may_be_picked():
     assert choice._ladder()[0] == 1e-2
 
 
+@pytest.mark.parametrize("name", shipped_scenes())
+def test_auto_is_exact_in_every_shipped_scene_that_runs(name):
+    """docs/model.md says so."""
+    scene = vibro_ros.load_scene(name).with_parameters({"motor.speed": 100.0, "solver.accuracy": 1e-2})
+    assert choose_method(scene).method == "exact"
+
+
 @pytest.mark.parametrize("name", ["device", "unilateral"])
 def test_auto_stays_exact_where_no_step_is_cheaper(name):
     scene = vibro_ros.load_scene(name).with_parameters({"solver.method": "auto", "motor.speed": 100.0,

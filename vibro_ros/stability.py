@@ -1,4 +1,4 @@
-"""Whether steps of fixed length stay bounded in every mode of a scene, also in modes that a short run does not enter."""
+"""Whether steps of fixed length stay bounded in every mode of a scene, also where a short run never comes."""
 
 import numpy as np
 

@@ -9,7 +9,7 @@ import pytest
 
 import vibro_ros
 from vibro_ros.study import accuracy, accuracy_report, precision
-from vibro_ros.study.chaos import Average, Growth, growth
+from vibro_ros.study.chaos import Growth, growth
 from vibro_ros.study.errors import errors
 from vibro_ros.study.methods import METHODS, Answer, Method, UnableError
 from vibro_ros.study.precision import (
@@ -26,7 +26,9 @@ from vibro_ros.study.precision import (
     SceneStudy,
 )
 from vibro_ros.study.precision_advice import MEAN_SPEED, NEEDS, advice, cheapest
+from vibro_ros.study.precision_price import baseline_in_words, price_of_a_digit, price_over_scenes, prices_in_words
 from vibro_ros.study.precision_text import BELOW, finding, markdown, speeds_table
+from vibro_ros.study.starts import Average, average, speeds_of_starts
 
 QUICK = Effort(repeats=1, horizon=0.1, starts=2, duration=0.5)
 
@@ -112,16 +114,16 @@ def test_advice_is_what_was_measured_within_the_horizon_of_each_need(rows):
 
 
 def measured_within(step, error):
-    return Row("s", NEED, "rk4", "step", step, SHORT, 1, wall_time=1e-6 / step, cost=1e-6 / step, mass_error=error)
+    return Row("s", NEED, "rk4", "step", step, SHORT, 1, wall_time=1e-6 / step, cost=1e-6 / step, body_error=error, height_error=0.0, mass_error=0.0)
 
 
 def test_a_step_that_is_accurate_by_luck_is_not_advised():
-    reference = Row("s", REFERENCE, "heyoka", "tolerance", 1e-15, SHORT, 1, mass_error=1e-12)
+    reference = Row("s", REFERENCE, "heyoka", "tolerance", 1e-15, SHORT, 1, body_error=1e-12, height_error=0.0, mass_error=0.0)
     need = NEEDS[0]  # 1 mm
     lucky = [reference, *map(measured_within, (1e-3, 1e-4, 1e-5, 1e-6), (1e-4, 1e-2, 1e-4, 1e-5))]
     assert cheapest(lucky, need)["rk4"].value == 1e-5
     assert cheapest([*lucky, measured_within(1e-7, 1.0)], need) == {}
-    blurred = Row("s", REFERENCE, "DOP853", "tolerance", 1e-13, SHORT, 1, mass_error=1e-2)
+    blurred = Row("s", REFERENCE, "DOP853", "tolerance", 1e-13, SHORT, 1, body_error=1e-2, height_error=0.0, mass_error=0.0)
     assert cheapest([blurred, *lucky[1:]], need) == {}
 
 

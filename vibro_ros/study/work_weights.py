@@ -15,13 +15,16 @@ import numpy as np
 from scipy.optimize import nnls
 
 from vibro_ros.choice import HORIZON, promised_commands
+from vibro_ros.in_force import KNOWN_SPEED
 from vibro_ros.model.scene import Scene
 from vibro_ros.model.tables import compile_scene
 from vibro_ros.scene_file import load_scene, shipped_scenes
-from vibro_ros.simulator import Simulator, compile_kernels
+from vibro_ros.simulator import Simulator, choose_method, compile_kernels
 from vibro_ros.work import EXACT_WEIGHTS, STEP_WEIGHTS, counted_work, counts_of_exact
 
 STEP = 2e-5  # s
+#: An accuracy that no step of fixed length keeps [m].
+UNKEPT = 1e-10
 _ROUNDS = 7
 #: Scenes beside the shipped ones, for effects that these lack: scene and parameters.
 VARIED = (("device", {"solver.audit": False}), ("device", {"effects.reaction": False}),
@@ -109,6 +112,18 @@ def ratio_table(runs: Mapping[str, Mapping[str, list[Timed]]]) -> str:
     return "\n".join(lines)
 
 
+def known_scenes() -> str:
+    """The lines of `in_force.KNOWN`: for an accuracy that no step keeps, what is tried is all that costs less."""
+    lines = []
+    for name in shipped_scenes():
+        changes = {"motor.speed": KNOWN_SPEED, "solver.method": "auto", "solver.accuracy": UNKEPT}
+        found = choose_method(load_scene(name).with_parameters(changes))
+        method, step, error, cost = found.cheaper
+        lines.append(f'    "{name}": Known({found.exact_cost:.4g}, Candidate("{method}", {step:.4g}, {error:.2g}, '
+                     f"{cost:.4g})),")
+    return "\n".join(lines)
+
+
 def main() -> int:
     """Measure and print; returns the exit code."""
     shipped = {name: {method: timed_by(load_scene(name), method) for method in ("exact", *STEP_WEIGHTS)}
@@ -123,7 +138,7 @@ def main() -> int:
     off = [run.counted / run.seconds for run in exact]
     print(f"exact, counted over measured: {np.median(off):.2f}, from {min(off):.2f} to {max(off):.2f}\n")
     print(f"Cost of {HORIZON:g} s from the start, rk4 with a step of {STEP:g} s = 1; after a command, if the motor "
-          f"stands still:\n\n{ratio_table(shipped)}")
+          f"stands still:\n\n{ratio_table(shipped)}\n\nWhat in_force.KNOWN has by the weights in use:\n{known_scenes()}")
     return 0
 
 
