@@ -19,7 +19,8 @@ from vibro_ros.study.tables_by_scipy import SOLVERS
 
 #: Kind of method, in words, to the methods whose slope is fitted in common.
 KINDS: Mapping[str, tuple[str, ...]] = {
-    "heyoka": ("heyoka",), **{f"`{scheme}`": (scheme,) for scheme in SCHEMES}, "scipy's solvers with events": tuple(SOLVERS)}
+    "heyoka": ("heyoka",), **{f"`{scheme}`": (scheme,) for scheme in SCHEMES},
+    "scipy's solvers with events": tuple(SOLVERS)}
 # Of a fit: errors above this are not small beside the robot's motion [m], and errors that are not so many times the
 # reference's own have ended at rounding.
 _LARGEST_ERROR, _ABOVE_REFERENCE = 1e-2, 10.0

@@ -138,7 +138,8 @@ def main() -> int:
     off = [run.counted / run.seconds for run in exact]
     print(f"exact, counted over measured: {np.median(off):.2f}, from {min(off):.2f} to {max(off):.2f}\n")
     print(f"Cost of {HORIZON:g} s from the start, rk4 with a step of {STEP:g} s = 1; after a command, if the motor "
-          f"stands still:\n\n{ratio_table(shipped)}\n\nWhat in_force.KNOWN has by the weights in use:\n{known_scenes()}")
+          f"stands still:\n\n{ratio_table(shipped)}\n")
+    print(f"What in_force.KNOWN has, by the weights in use:\n{known_scenes()}")
     return 0
 
 
