@@ -35,7 +35,7 @@ def rows_of(file: Path) -> list[Row]:
 def advised(text: str) -> Iterator[Advised]:
     """Every use that the table under "Which method for what" names."""
     table = text.partition("## Which method for what")[2].partition("\n## ")[0]
-    lines = [[cell.strip() for cell in line.strip("|").split("|")] for line in table.splitlines() if line.startswith("|")]
+    lines = [[cell.strip() for cell in line.strip("|").split("|")] for line in table.splitlines() if line[:1] == "|"]
     heads = lines[0]
     for cells in lines[2:]:
         for need in NEEDS:
@@ -44,12 +44,12 @@ def advised(text: str) -> Iterator[Advised]:
 
 
 def complaints(text: str, rows: Sequence[Row]) -> list[str]:
-    """Uses that their own rows deny: too inaccurate there or at a finer setting, not the coarsest, or of another cost."""
+    """Uses that their rows deny: too inaccurate there or at a finer setting, not the coarsest, or of another cost."""
     found = []
     for use in advised(text):
-        own = sorted((row for row in rows if row.scene == use.scene and row.compared == NEED and row.method == use.method
-                      and row.horizon == use.need.horizon), key=lambda row: row.value)
-        here = [row for row in own if math.isnan(use.value) or math.isclose(row.value, use.value, rel_tol=0.02)]
+        own = sorted((row for row in rows if (row.scene, row.compared, row.method, row.horizon) == (
+            use.scene, NEED, use.method, use.need.horizon)), key=lambda row: row.value)
+        here = [row for row in own if not abs(row.value / use.value - 1.0) > 0.02]  # exact has no value
         finer = [row for row in own if here and row.value <= here[0].value]
         coarser = [row for row in own if here and row.value > here[0].value]
         if not here or any(not error_of(row, use.need) < use.need.limit for row in finer):

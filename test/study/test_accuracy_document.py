@@ -41,7 +41,8 @@ def test_wrong_advice_is_seen():
     coarse = next(row for row in rows if row.horizon == SHORT and row.mass_error < 1e-3 < row.body_error)
     wrong = f"semi_implicit_euler {coarse.value:.2g} s ({coarse.cost:.2g})"
     head, mark, tail = TEXT.partition("\n| `paper` |")
-    assert any("missed" in text for text in complaints(head + mark + tail.replace("exact (", f"{wrong}; exact (", 1), ROWS))
+    misled = head + mark + tail.replace("exact (", f"{wrong}; exact (", 1)
+    assert any("missed" in text for text in complaints(misled, ROWS))
     assert any("costs" in text for text in complaints(TEXT.replace(cell, "exact (7.5)", 1), ROWS))
     finest = "heyoka 1e-13 (" + TEXT.partition("heyoka 1e-05 (")[2].partition(")")[0] + ")"
     line = next(line for line in TEXT.splitlines() if line.startswith("| `damped` | no chaos"))
@@ -100,5 +101,7 @@ def test_readme_says_what_the_rows_say():
                                                   "\n".join(prices_in_words(BY_SCENE)))]
     assert len(factors) == 3
     assert int(low) <= min(factors) + 0.5 and max(factors) - 0.5 <= int(high)
+    baseline = re.search(r"off by .*? within 0.2 s", baseline_in_words(BY_SCENE))[0]
+    assert f"RK4 itself is {baseline}" in README.replace("\n", " ")
     assert "WRONG SIGN" in finding(BY_SCENE["paper"])
     assert set(COMPILED) >= {use.method for use in advised(TEXT)}
