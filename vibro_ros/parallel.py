@@ -29,8 +29,6 @@ def simulate_many(scenes: Iterable[Scene], duration: float | None = None, rate: 
                   workers: int | None = None) -> Iterator[Run]:
     """Simulate many scenes on all cores, each as `simulate` does, to the last bit.
 
-    The method auto is the exception: every process measures for itself which method is cheapest.
-
     Parameters
     ----------
     scenes : iterable of Scene

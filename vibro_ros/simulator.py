@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from vibro_ros.choice import Choice, choose, chosen
+from vibro_ros.choice import Choice, Measured, choose, chosen
 from vibro_ros.model.force_limits import cut_to_laws
 from vibro_ros.model.laws import contact_laws
 from vibro_ros.model.scene import Scene
@@ -338,23 +338,22 @@ def compile_kernels(method: str = "exact") -> None:
 
 @functools.lru_cache(maxsize=64)
 def choose_method(scene: Scene) -> Choice:
-    """What `solver.method` auto picks for `scene`; measured once in a process."""
+    """What `solver.method` auto picks for `scene`; the same in every process."""
     compile_kernels("auto")
     return choose(scene, _measure)
 
 
-def _measure(scene: Scene, times: np.ndarray) -> tuple[np.ndarray, float]:
-    """For `choice.choose`: the cost is that of the time after the last sample, when what is kept for later is there."""
+def _measure(scene: Scene, speed: float | None, times: np.ndarray) -> Measured:
+    """For `choice.choose`."""
     device = Simulator(scene)
     try:
+        if speed is not None:
+            device.command(motor_speed=speed)
         samples = device.sample(times)
-        began = wall_clock.thread_time()  # not that of whatever else the machine does
-        device.advance_to(2.0 * times[-1])
-        seconds = wall_clock.thread_time() - began
     except SimulationError:
-        return np.full((1, len(times)), math.nan), math.inf
-    return np.array([samples.body_position, samples.body_height, samples.upper_position,
-                     samples.inclined_position]), seconds
+        return Measured(np.full((4, len(times)), math.nan), 0, 0)
+    return Measured(np.array([samples.body_position, samples.body_height, samples.upper_position,
+                              samples.inclined_position]), device.statistics["steps"], len(device.take_events()))
 
 
 def checked_times(times: np.ndarray, start: float) -> np.ndarray:

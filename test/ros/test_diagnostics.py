@@ -21,6 +21,9 @@ def test_the_node_runs_by_the_method_asked_for(start, listener, bench, tmp_path,
     assert values.get("solver step [s]") == ("5e-05" if method == "moreau" else None)
     assert values.get("solver accuracy asked for [m]") == ("1e-05" if asked == "auto" else None)
     assert values.get("solver choice", "").startswith("exact: no step" if asked == "auto" else "")
+    assert values["accuracy in force"].startswith("rounding" if method == "exact" else "not known")
+    # moreau's step of 5e-5 s costs more than exact; of what auto has tried, the next cheaper is told
+    assert values["next cheaper choice"].startswith("exact: 0." if method == "moreau" else "moreau, step 0.00316 s")
     stop(robot)
     (folder,) = bags(tmp_path)
     metadata = read_bag(folder, {}).metadata
@@ -56,6 +59,9 @@ def test_diagnostics_tell_how_it_goes(start, listener, bench):
     assert status.hardware_id == "/vibro_robot"
     assert float(values["real-time factor"]) > 0.2  # on however busy a machine
     assert 0.1 < float(values["cost of a step [us]"]) < 1e5
+    assert 0.0 < float(values["share of time spent simulating"]) <= 1.0
+    assert values["accuracy in force"].startswith("rounding, below the solver.tolerance of 1e-09 m")
+    assert values["next cheaper choice"].startswith("moreau, step 0.00316 s: 0.079 of the work, but off by 0.015 m")
     assert float(values["events per second"]) > 10
     assert (values["solver method"], values["solver tolerance [m]"]) == ("exact", "1e-09")
     assert abs(float(values["energy residual [J]"])) < 1e-6

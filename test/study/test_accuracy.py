@@ -9,7 +9,8 @@ import pytest
 
 import vibro_ros
 from vibro_ros.study import accuracy, accuracy_report, precision
-from vibro_ros.study.chaos import Average, Growth, growth
+from vibro_ros.study.chaos import Growth, growth
+from vibro_ros.study.coverage import covered
 from vibro_ros.study.errors import errors
 from vibro_ros.study.methods import METHODS, Answer, Method, UnableError
 from vibro_ros.study.precision import (
@@ -26,7 +27,9 @@ from vibro_ros.study.precision import (
     SceneStudy,
 )
 from vibro_ros.study.precision_advice import MEAN_SPEED, NEEDS, advice, cheapest
+from vibro_ros.study.precision_price import baseline_in_words, price_of_a_digit, price_over_scenes, prices_in_words
 from vibro_ros.study.precision_text import BELOW, finding, markdown, speeds_table
+from vibro_ros.study.starts import Average, average, speeds_of_starts, started
 
 QUICK = Effort(repeats=1, horizon=0.1, starts=2, duration=0.5)
 
@@ -111,18 +114,100 @@ def test_advice_is_what_was_measured_within_the_horizon_of_each_need(rows):
     assert advice(rows, comparable=1.0)[NEEDS[-1].words] == "not possible: chaos"
 
 
-def measured_within(step, error):
-    return Row("s", NEED, "rk4", "step", step, SHORT, 1, wall_time=1e-6 / step, cost=1e-6 / step, mass_error=error)
+def within(compared, method, setting, value, body, height=0.0, masses=0.0, cost=1.0):
+    return Row("s", compared, method, setting, value, SHORT, 1, wall_time=cost, cost=cost, body_error=body,
+               height_error=height, mass_error=masses)
+
+
+def measured_within(step, error, height=0.0, masses=0.0):
+    return within(NEED, "rk4", "step", step, error, height, masses, cost=1e-6 / step)
 
 
 def test_a_step_that_is_accurate_by_luck_is_not_advised():
-    reference = Row("s", REFERENCE, "heyoka", "tolerance", 1e-15, SHORT, 1, mass_error=1e-12)
+    reference = within(REFERENCE, "heyoka", "tolerance", 1e-15, 1e-12)
     need = NEEDS[0]  # 1 mm
     lucky = [reference, *map(measured_within, (1e-3, 1e-4, 1e-5, 1e-6), (1e-4, 1e-2, 1e-4, 1e-5))]
     assert cheapest(lucky, need)["rk4"].value == 1e-5
     assert cheapest([*lucky, measured_within(1e-7, 1.0)], need) == {}
-    blurred = Row("s", REFERENCE, "DOP853", "tolerance", 1e-13, SHORT, 1, mass_error=1e-2)
+    blurred = within(REFERENCE, "DOP853", "tolerance", 1e-13, 1e-2)
     assert cheapest([blurred, *lucky[1:]], need) == {}
+
+
+@pytest.mark.parametrize("place", range(3))
+def test_every_position_is_that_of_body_height_and_masses(place):
+    reference = within(REFERENCE, "heyoka", "tolerance", 1e-15, 1e-12)
+    far = [2e-3 if k == place else 1e-5 for k in range(3)]
+    rows = [reference, measured_within(1e-4, *far), measured_within(1e-5, 1e-5, 1e-5, 1e-5)]
+    assert rows[1].position_error == 2e-3
+    assert cheapest(rows, NEEDS[0])["rk4"].value == 1e-5
+    assert rows[1].place_error == (1e-5 if place == 2 else 2e-3)
+    assert not Row("s", NEED, "rk4", "step", 1e-4, SHORT, 1, body_error=0.0, mass_error=0.0).position_error < 1.0
+
+
+def test_errors_are_looked_for_off_every_grid():
+    """At no whole part of the horizon but its ends; one in each part; the largest gap is below two of them."""
+    instants = precision.off_every_grid(0.2, 1000)
+    assert (instants[0], instants[-1], len(instants)) == (0.0, 0.2, 1001)
+    assert 0.0 < np.diff(instants).min() and np.diff(instants).max() < 2.0 * 0.2 / 1000
+    parts = np.mod(instants[1:-1] * 1e5, 1.0)  # in steps of 1e-5 s
+    assert np.histogram(parts, 10, (0.0, 1.0))[0].min() > 80
+    flat = Comparison(vibro_ros.load_scene("damped"), 0.02, QUICK)
+    assert len(flat.instants) > 100 * len(flat.times) and len(flat.reference.samples) == len(flat.instants)
+
+
+def test_a_standing_scene_is_studied_running():
+    """Its masses meet their plates from the start: nothing of it is the rest before a command."""
+    study = SceneStudy(vibro_ros.load_scene("device"), QUICK)
+    assert study.scene["motor.speed"] == precision.RUNNING_SPEED
+    assert len(study.comparison.reference.events) > 5
+    slow = vibro_ros.load_scene("device").with_parameters({"motor.max_speed": 20.0})
+    assert precision.running(slow)["motor.speed"] == 20.0
+    assert precision.running(vibro_ros.load_scene("paper")) == vibro_ros.load_scene("paper")
+
+
+def ladder(method, slope, constant, compared=NEED, noise=(0.0,)):
+    """Rows whose cost rises by 10**slope for each digit."""
+    return [within(compared, method, "step", error, error, cost=constant * error**-slope * 10.0**off)
+            for error, off in zip((1e-3, 1e-4, 1e-5, 1e-6), 4 * noise, strict=False)]
+
+
+def test_the_price_of_a_digit_is_the_slope():
+    reference = within(REFERENCE, "heyoka", "tolerance", 1e-15, 1e-12)
+    both = [reference, *ladder("rk4", 0.5, 1e-3), *ladder("DOP853", 0.1, 3.0), *ladder("LSODA", 0.1, 50.0)]
+    price = price_of_a_digit(both, ("rk4",))
+    assert (price.factor, price.spread) == (pytest.approx(10**0.5), pytest.approx(0.0, abs=1e-6))
+    assert price_of_a_digit(both, ("DOP853", "LSODA")).factor == pytest.approx(10**0.1)  # a slope, two lines
+    assert price_of_a_digit(both, ("heyoka",)) is None
+    useless = [within(NEED, "rk4", "step", 1.0, 0.5, cost=1e-9), within(NEED, "rk4", "step", 1e-9, 1e-12, cost=1e9)]
+    assert price_of_a_digit([*both, *useless], ("rk4",)) == price  # neither lost from the start nor at rounding
+    noisy = price_of_a_digit([reference, *ladder("rk4", 0.5, 1e-3, noise=(0.1, -0.1))], ("rk4",))
+    assert abs(noisy.slope - 0.5) < noisy.spread < 1.0
+    several = price_over_scenes({"a": both, "b": [reference, *ladder("rk4", 0.7, 1e-3)]}, ("rk4",))
+    assert several.slope == pytest.approx(0.6)
+    assert several.spread == pytest.approx(12.706 * 0.1, rel=1e-4)  # Student's, of two
+    assert several.scenes == 2 and "from 2 scenes" in str(several)
+
+
+def test_the_report_begins_with_the_price_of_a_digit(rows):
+    told = prices_in_words({"damped": rows})
+    assert told[0].startswith("One more digit of every position by `exact` costs nothing: it is accurate to rounding")
+    assert any(text.startswith("One more digit of every position by `rk4` costs ") for text in told)
+    off = next(row for row in rows if row.method == "baseline" and row.compared == NEED).position_error
+    assert 1e-6 < off < 1e-2
+    assert f"which is itself off by {off:.1e} m within 0.2 s" in baseline_in_words({"damped": rows})
+    study = accuracy.Accuracy({}, QUICK)
+    study.rows, study.growths = {"damped": rows}, {"damped": Growth(0.0, 0.1, False, 15.0)}
+    head = accuracy_report.document(study, "").partition("Measured on")[0]
+    assert [line for line in head.splitlines() if line.startswith("- ")] == [f"- {text}" for text in told]
+
+
+def test_the_head_of_a_users_report_has_the_findings(rows, tmp_path):
+    study = accuracy.Accuracy({}, QUICK)
+    study.rows, study.growths = {"damped": rows}, {"damped": Growth(0.0, 0.1, False, 15.0)}
+    text = study.write_text_and_diagrams(tmp_path, False)[0].read_text(encoding="utf-8")
+    head = text.partition("Measured on")[0]
+    assert [line[2:] for line in head.splitlines() if line.startswith("- ")] == study.findings("damped")
+    assert "- Every position to 1 mm for 0.2 s: exact (" in head and "itself off by" in text
 
 
 def answer(times, contacts):
@@ -224,6 +309,8 @@ def test_a_scene_that_cannot_be_simulated_does_not_end_the_others(monkeypatch, t
 @pytest.mark.parametrize(("options", "reason"), [
     (["--scene", "nowhere"], "nowhere: neither a shipped scene nor a file"),
     (["--scene", "paper", "--methods", "magic"], "magic: no such method; methods are exact, rk4"),
+    (["--scene", "paper", "--methods", ""], "'': no such method; methods are exact, rk4"),
+    (["--scene", "paper", "--methods"], "--methods: none named; methods are exact, rk4"),
     (["--scene", "paper", "--horizon", "-1"], "--horizon -1: must be from 0.001"),
     (["--scene", "paper", "--horizon", "nan"], "--horizon nan: must be from 0.001"),
     (["--scene", "paper", "--repeats", "0"], "--repeats 0: must be at least 1"),
@@ -233,3 +320,47 @@ def test_bad_input_is_refused_before_anything_is_written(options, reason, tmp_pa
     assert accuracy.main([*options, "--output", str(tmp_path / "new")]) == 2
     assert reason in capsys.readouterr().err
     assert not (tmp_path / "new").exists()
+
+
+@pytest.mark.parametrize("options", [["--methods", "heyoka"], ["--methods", "exact", "heyoka"]])
+def test_heyoka_that_is_asked_for_and_missing_is_refused(options, monkeypatch, tmp_path, capsys):
+    monkeypatch.setattr(accuracy.importlib.util, "find_spec", lambda name: None)
+    assert accuracy.main(["--scene", "paper", *options, "--output", str(tmp_path / "new")]) == accuracy.BAD_INPUT
+    said = capsys.readouterr().err
+    assert said.count("\n") == 1 and "heyoka: not installed; `pip install heyoka` with Python 3.11 or later" in said
+    assert not (tmp_path / "new").exists()
+    assert "heyoka" in accuracy.chosen_methods(None)  # who asks for all gets a row that says so
+
+
+def test_what_failed_does_not_say_that_nothing_touches():
+    failed = [Row("s", NEED, "heyoka", "tolerance", 1e-9, SHORT, 0, note="not installed")]
+    assert set(advice(failed, 15.0).values()) == {"nothing that was measured", "not measured"}
+
+
+def test_starts_are_independent_and_repeatable():
+    scene = vibro_ros.load_scene("damped")
+    first, again, others = (speeds_of_starts(scene, 0.2, 6, batch) for batch in (0, 0, 1))
+    assert np.array_equal(first, again) and not np.intersect1d(first, others).size
+    assert len(np.unique(first)) == 6
+    device = started(scene, np.random.default_rng(3))
+    device.advance_to(3.0)
+    assert device.state.motor_speed == scene["motor.speed"]
+    assert device.state.upper_plate_position == pytest.approx(scene["crank.upper_rod"] + scene["upper.gap"], abs=1e-12)
+
+
+def test_intervals_hold_as_often_as_they_say():
+    """95 % of 400, within 4 standard deviations; and an interval that is too narrow is seen."""
+    draw = np.random.default_rng(5).normal(-0.1, 0.03, (400, 16))
+    found = covered(draw.ravel(), 16)
+    assert found.batches == 400 and abs(found.holding - 380) < 4.0 * (400 * 0.95 * 0.05) ** 0.5
+    assert found.overlapping > 390
+    drifting = draw + np.linspace(-0.1, 0.1, 400)[:, None]
+    assert covered(drifting.ravel(), 16).holding < 100
+
+
+def test_intervals_of_a_chaotic_scene_hold():
+    """Eight batches of exact's 16 starts: by chance one or two miss, hardly ever three."""
+    values = speeds_of_starts(vibro_ros.load_scene("paper"), 2.0, 8 * 16, batch=7)
+    found = covered(values, 16)
+    assert found.holding >= 6 and found.overlapping >= 7
+    assert average(values).spread < 0.01

@@ -36,6 +36,22 @@ def test_the_numbers_come_with_versions_and_cores(capsys, monkeypatch):
                         r"\w+, \d+ cores", capsys.readouterr().out.splitlines()[1])
 
 
+def test_the_baselines_own_error_is_told():
+    """The least and the largest of the scenes; against the positions of exact, with the motor running."""
+    off = {name: bench.baseline_error(load_scene(name)) for name in bench.SCENES}
+    assert 1e-9 < min(off.values()) < max(off.values()) < 1e-3
+    least, worst = min(off, key=off.get), max(off, key=off.get)
+    assert f"off by {off[least]:.1e} m ({least}) to {off[worst]:.1e} m ({worst}) within" in bench.about_the_baseline()
+
+
+def test_exact_costs_more_where_it_is_sampled_more_often():
+    """Why the diagrams' costs differ from this table's: five times as many samples, at least a fifth more time."""
+    scene = load_scene("no_impact")
+    costs = [bench.typical_seconds(lambda rate=rate: bench.run_exact(scene, np.arange(round(2 * rate)) / rate))
+             for rate in (200.0, 1000.0)]
+    assert costs[1] > 1.2 * costs[0]
+
+
 def test_without_heyoka_its_cell_is_a_dash_and_the_others_are_there(monkeypatch, capsys):
     for module in [name for name in sys.modules if name.startswith("vibro_ros.study.peer")]:
         monkeypatch.delitem(sys.modules, module)

@@ -191,7 +191,7 @@ _TABLE: tuple[Parameter, ...] = (
               "solver.accuracy; the others: steps of fixed length, blind to events within a step",
               choices=("exact", "auto", "rk4", "semi_implicit_euler", "moreau")),
     Parameter("solver.step", 1e-5, "s", "step of a method of fixed step", minimum=1e-8, maximum=0.01),
-    Parameter("solver.accuracy", 1e-6, "m", "error of a position over 0.2 s that the method auto may leave",
+    Parameter("solver.accuracy", 1e-6, "m", "error of a position that the method auto may leave in the first 0.2 s",
               minimum=1e-12, maximum=0.01),
 )
 

@@ -10,6 +10,7 @@ from rclpy.clock_type import ClockType
 from rclpy.duration import Duration
 from rclpy.node import Node
 
+from vibro_ros.in_force import accuracy_in_force, next_cheaper_choice
 from vibro_ros.ros import qos
 from vibro_ros.ros.inputs import Inputs
 from vibro_ros.ros.pacing import Pacing
@@ -41,6 +42,8 @@ class Diagnostics:
         self._pacing, self._inputs, self._recording = pacing, inputs, recording
         self._publisher = node.create_publisher(DiagnosticArray, TOPIC, qos.DIAGNOSTICS)
         self._before = self._counters()
+        self._accuracy = {"accuracy in force": accuracy_in_force(device.scene, device.choice),
+                          "next cheaper choice": next_cheaper_choice(device.scene, device.choice)}
         # a clock that runs whatever drives the stamps
         node.create_timer(PERIOD, self.publish, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
@@ -85,11 +88,13 @@ class Diagnostics:
             "dropped time [s]": f"{self._pacing.dropped:.6f}",
             "stalls": f"{self._pacing.stalls}",
             "cost of a step [us]": f"{1e6 * change['busy'] / max(change['ticks'], 1):.1f}",
+            "share of time spent simulating": f"{change['busy'] / wall:.4f}",
             "events per second": f"{change['events'] / wall:.1f}",
             "share of time with N<0": f"{min(1.0, change['unloaded'] / max(change['ticks'], 1)):.4f}",
             "rejected commands": f"{self._inputs.refused}",
             "solver method": device.scene["solver.method"],
             "solver tolerance [m]": f"{device.scene['solver.tolerance']:g}",
+            **self._accuracy,
         }
         if "solver.step" in device.statistics:
             values["solver step [s]"] = f"{device.scene['solver.step']:g}"

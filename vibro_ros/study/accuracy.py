@@ -9,6 +9,7 @@ if __name__ == "__main__":  # before all imports: they take a second or two, in 
 
 import argparse
 import csv
+import importlib.util
 import os
 import platform
 from collections.abc import Callable, Mapping, Sequence
@@ -31,9 +32,10 @@ from vibro_ros.study.bench import RATE as BENCH_RATE
 from vibro_ros.study.chaos import Growth
 from vibro_ros.study.effects import SETTLING
 from vibro_ros.study.methods import Method, UnableError
-from vibro_ros.study.precision import BASELINE_STEP, RATE, STUDIED, Effort, Row, SceneStudy
-from vibro_ros.study.precision_advice import recommendations
+from vibro_ros.study.precision import INSTANTS, RATE, RUNNING_SPEED, STUDIED, Effort, Row, SceneStudy
+from vibro_ros.study.precision_advice import advice
 from vibro_ros.study.precision_diagram import draw_precision
+from vibro_ros.study.precision_price import baseline_in_words, prices_in_words
 from vibro_ros.study.precision_text import findings, markdown, reference_in_words, reference_of, speeds_table
 
 TABLE, TEXT = "accuracy.csv", "accuracy.md"
@@ -102,18 +104,28 @@ class Accuracy:
                 write(row)
                 bar.set_postfix_str(f"{row.method} {row.value:g}")
                 bar.update()
-        for text in findings(kept):
+        for text in self.findings(scene.name):
             self._say(f"{scene.name}: {text}")
+
+    def findings(self, name: str) -> list[str]:
+        """What the rows of a scene tell, one sentence each."""
+        rows = self.rows[name]
+        advised = advice(rows, self.growths[name].comparable).items()
+        return [*prices_in_words({name: rows}), *(f"{need[0].upper()}{need[1:]}: {use}." for need, use in advised),
+                *findings(rows)]
 
     def write_text_and_diagrams(self, folder: Path, interrupted: bool) -> tuple[Path, ...]:
         """Write what the rows measured so far tell; returns the files."""
-        parts = ["# What accuracy costs", "", self.how_measured()]
+        pictures = self.draw(folder)
+        parts = ["# What accuracy costs"]
         if interrupted:
             parts += ["", "**Interrupted: only a part was measured.**"]
-        pictures = self.draw(folder)
+        for name in pictures:
+            parts += ["", f"Findings in the scene `{name}`, in brackets costs, RK4 = 1:", "",
+                      *(f"- {text}" for text in self.findings(name))]
+        parts += ["", self.how_measured()]
         for name, picture in pictures.items():
-            parts += ["", self.section(name, picture.name), "", "\n\n".join(findings(self.rows[name])), "",
-                      recommendations(self.rows[name], self.growths[name].comparable), "", markdown(self.rows[name])]
+            parts += ["", self.section(name, picture.name), "", markdown(self.rows[name])]
         text = folder / TEXT
         text.write_text("\n".join(parts) + "\n", encoding="utf-8")
         return text, *pictures.values()
@@ -121,12 +133,18 @@ class Accuracy:
     def how_measured(self) -> str:
         """Machine, rounds and baseline, in Markdown."""
         return (f"Measured on: {machine()}.\n\n"
-                f"Costs are medians of at most {self._effort.repeats} rounds, each the median of the runs that "
-                f"{LEAST_TIME:g} s allow, as ratios to fixed-step Runge-Kutta 4 of {BASELINE_STEP:g} s (`baseline`), "
-                f"run in turn with them. Every run is sampled at {RATE:g} Hz; `make bench` samples at {BENCH_RATE:g} "
-                "Hz, where `exact` costs less: a segment of it holds several samples. A ladder ends where a run takes "
-                f"more than {self._effort.patience:g} s. `_blind`: without location of events. A mean speed is that of "
-                f"{self._effort.duration:g} s, after {SETTLING:g} s to settle.")
+                f"{baseline_in_words(self.rows)} Costs are medians of at most {self._effort.repeats} rounds, each the "
+                f"median of the runs that {LEAST_TIME:g} s allow, as ratios to the baseline, run in turn with them. "
+                f"Every run whose cost is measured is sampled at {RATE:g} Hz; `make bench` samples at {BENCH_RATE:g} "
+                "Hz, where `exact` costs less because it reads fewer samples off each segment. A ladder ends where a "
+                f"run takes more than {self._effort.patience:g} s. `_blind`: without location of events.\n\n"
+                f"Errors are looked for in other runs, at {INSTANTS} instants of each horizon that lie off the grids "
+                "of samples and steps; `every position` is the body along the ground, its height and both masses. A "
+                f"scene whose motor stands still at first is studied running, at {RUNNING_SPEED:g} rad/s from the "
+                f"start. A mean speed is that of {self._effort.duration:g} s, after {SETTLING:g} s to settle; its "
+                "starts are independent: in the first second motor speed and gaps are drawn at random. "
+                "`.venv/bin/python -m vibro_ros.study.coverage` repeats intervals from other starts and counts how "
+                "many hold.")
 
     def draw(self, folder: Path) -> dict[str, Path]:
         """Draw every scene that has rows; scene to its diagram."""
@@ -158,18 +176,23 @@ def _sentence(growth: Growth) -> str:
     return f"{text[0].upper()}{text[1:]}."
 
 
-def chosen_methods(names: Sequence[str]) -> dict[str, Method]:
-    """The methods named, in the table's order; all if none is.
+def chosen_methods(names: Sequence[str] | None) -> dict[str, Method]:
+    """The methods named, in the table's order; all for None.
 
     Raises
     ------
     ValueError
-        For a name that the table does not have.
+        For no name, a name that the table does not have, and a method that is not installed.
     """
-    for name in names:
+    if names is not None and not names:
+        raise ValueError(f"--methods: none named; methods are {', '.join(STUDIED)}")
+    for name in names or ():
         if name not in STUDIED:
-            raise ValueError(f"{name}: no such method; methods are {', '.join(STUDIED)}")
-    return {name: method for name, method in STUDIED.items() if not names or name in names}
+            raise ValueError(f"{name or repr(name)}: no such method; methods are {', '.join(STUDIED)}")
+        if name == "heyoka" and importlib.util.find_spec("heyoka") is None:
+            raise ValueError("heyoka: not installed; `pip install heyoka` with Python 3.11 or later, or name other "
+                             "methods")
+    return {name: method for name, method in STUDIED.items() if names is None or name in names}
 
 
 def main(words: Sequence[str]) -> int:
@@ -237,7 +260,7 @@ def _parser() -> Parser:
     which = parser.add_mutually_exclusive_group(required=True)
     which.add_argument("--scene", metavar="NAME", help="shipped scene or scene file")
     which.add_argument("--all", action="store_true", help="every shipped scene")
-    parser.add_argument("--methods", nargs="+", default=(), metavar="METHOD", help=f"of {', '.join(STUDIED)} "
+    parser.add_argument("--methods", nargs="*", metavar="METHOD", help=f"of {', '.join(STUDIED)} "
                         "(default: all)")
     parser.add_argument("--horizon", type=float, metavar="S", help="compare trajectories within so many seconds "
                         "(default: 5 Lyapunov times, 1 s at most)")

@@ -1,4 +1,4 @@
-"""For how long trajectories can be compared, and what can be compared beyond: Lyapunov time, and mean speed.
+"""For how long trajectories can be compared: the Lyapunov time.
 
 Of two exact runs that start a 1e-10th apart, the distance grows as exp(t / Lyapunov time) in a chaotic scene. The
 start differs in the motor's speed during the first second alone, hence only in state afterwards. A pair is not scaled
@@ -8,24 +8,19 @@ the same rate from 1e-9 to 1e-13 apart.
 """
 
 import math
-import multiprocessing
-import signal
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
-from scipy.stats import t as student
 
 from vibro_ros.model.scene import Scene
-from vibro_ros.simulator import compile_kernels
-from vibro_ros.study.effects import STARTING, from_start, mean_speed
+from vibro_ros.study.effects import STARTING, from_start
 from vibro_ros.study.methods import drive_speed
+from vibro_ros.study.starts import average
 
 #: Longest horizon [s] of a comparison by every method, and how many Lyapunov times it may have: an error of the first
 #: instant has grown e^5 = 150 times by then.
 LONGEST_HORIZON, LYAPUNOV_TIMES = 1.0, 5.0
 _APART = 1e-10  # relative difference of the motor speeds in the first second
-_FORK = multiprocessing.get_context("fork")  # as `parallel`: workers have what their parent has compiled
 _WINDOW, _PER_WINDOW = 0.1, 50  # s; the distance counts by its maximum in a window, longer than a turn of the crank
 _SATURATED = 1e-4  # m, where the distance begins to feel the size of the motion
 _GROWN = 1e3  # times: what a distance grows by linearly, while phases drift apart, is less
@@ -72,42 +67,9 @@ class Growth:
         return f"no chaos seen: motions that start close stay close for {self.duration:g} s"
 
 
-@dataclass(frozen=True)
-class Average:
-    """A mean over starts, half the width of its 95 % confidence interval, and how many of the starts are positive."""
-
-    mean: float
-    spread: float
-    positive: int
-
-
-def average(values: np.ndarray) -> Average:
-    """Mean of independent values, and its interval by Student's distribution."""
-    error = float(np.std(values, ddof=1)) / math.sqrt(len(values))
-    return Average(float(np.mean(values)), float(student.ppf(0.975, len(values) - 1)) * error,
-                   int(np.sum(values > 0.0)))
-
-
 def cruising_speed(scene: Scene) -> float:
     """Motor speed [rad/s] at which a scene is studied."""
     return drive_speed(scene) or scene["motor.speed"]
-
-
-def speed_over_starts(scene: Scene, duration: float, starts: int) -> Average:
-    """Mean speed of the body [m/s] by the scene's own method, once it has settled; see `effects.mean_speeds`.
-
-    The starts are shared among all cores.
-
-    Raises
-    ------
-    SimulationError
-        If a run cannot go on.
-    """
-    compile_kernels(scene["solver.method"])  # once for all that are forked
-    of_start = partial(mean_speed, scene, duration, speed=cruising_speed(scene))
-    # Ctrl-C reaches the parent as well, which ends its workers.
-    with _FORK.Pool(initializer=signal.signal, initargs=(signal.SIGINT, signal.SIG_IGN)) as pool:
-        return average(np.array(pool.map(of_start, np.arange(starts) / starts, chunksize=1)))
 
 
 def growth(scene: Scene, duration: float = 15.0, starts: int = 24) -> Growth:

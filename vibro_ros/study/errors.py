@@ -7,7 +7,7 @@ import numpy as np
 
 from vibro_ros.study.methods import COLUMNS, Answer
 
-_BODY = COLUMNS.index("body_position")
+_BODY, _HEIGHT = COLUMNS.index("body_position"), COLUMNS.index("body_height")
 _MASSES = [COLUMNS.index("upper_position"), COLUMNS.index("inclined_position")]
 # Contacts that a scene begins with may count as events or not [s].
 _BEGINNING = 1e-3
@@ -20,7 +20,9 @@ class Errors:
     Attributes
     ----------
     body : float
-        Largest error of the body's position [m].
+        Largest error of the body's position along the ground [m].
+    height : float
+        Largest error of its height above it [m].
     masses : float
         Largest error of a mass's position along its guide [m].
     events : float
@@ -32,14 +34,25 @@ class Errors:
     """
 
     body: float
+    height: float
     masses: float
     events: float
     speed: float
 
     @property
+    def place(self) -> float:
+        """Largest error of the body, along the ground or above it [m]."""
+        return float(np.maximum(self.body, self.height))
+
+    @property
+    def positions(self) -> float:
+        """Largest error of any position [m]: of the body, its height or a mass; NaN if one is no number."""
+        return float(np.maximum(self.place, self.masses))
+
+    @property
     def finite(self) -> bool:
         """Whether the positions are numbers at all."""
-        return math.isfinite(self.body) and math.isfinite(self.masses)
+        return math.isfinite(self.positions)
 
     def __iter__(self):
         return iter(astuple(self))
@@ -49,8 +62,9 @@ def errors(answer: Answer, reference: Answer) -> Errors:
     """Errors of `answer` at the instants that it shares with `reference`."""
     off = np.abs(answer.samples - reference.samples)
     ends = answer.samples[[0, -1], _BODY] - reference.samples[[0, -1], _BODY]
-    return Errors(float(off[:, _BODY].max()), float(off[:, _MASSES].max()), _event_error(answer, reference),
-                  float(abs(ends[1] - ends[0]) / (reference.times[-1] - reference.times[0])))
+    duration = reference.times[-1] - reference.times[0]
+    return Errors(float(off[:, _BODY].max()), float(off[:, _HEIGHT].max()), float(off[:, _MASSES].max()),
+                  _event_error(answer, reference), float(abs(ends[1] - ends[0]) / duration))
 
 
 def _event_error(answer: Answer, reference: Answer) -> float:

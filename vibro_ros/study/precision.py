@@ -16,21 +16,28 @@ from vibro_ros.simulator import SimulationError
 from vibro_ros.solver.methods import SCHEMES
 from vibro_ros.study.baseline import integrate_rk4
 from vibro_ros.study.bench import typical
-from vibro_ros.study.chaos import Growth, growth, speed_over_starts
+from vibro_ros.study.chaos import Growth, growth
 from vibro_ros.study.errors import Errors, errors
 from vibro_ros.study.methods import METHODS, Answer, Method, UnableError, drive_speed
+from vibro_ros.study.starts import speed_over_starts
 
 TRAJECTORY, NEED, AVERAGE, REFERENCE = "trajectory", "need", "mean speed", "reference"
 #: Step of the baseline [s].
 BASELINE_STEP = 1e-5
-#: Samples per second of robot time.
+#: Samples per second of robot time in the runs whose cost is measured.
 RATE = 1000.0
+#: Instants at which errors are looked for, in each horizon; they lie off all grids of samples and steps.
+INSTANTS = 50_000
+#: Motor speed [rad/s] of a study of a scene whose motor stands still, if it may turn so fast.
+RUNNING_SPEED = 100.0
 #: Steps [s] at which mean speeds are measured.
 AVERAGE_STEPS = (1e-3, 5e-4, 2e-4, 1e-4, 5e-5, 2e-5, 1e-5, 5e-6, 2e-6, 1e-6)
 #: Horizons [s] of what is asked for: a short one, which chaos allows everywhere, and a long one.
 SHORT, LONG = 0.2, 10.0
 #: Methods that may meet a need for least: compiled ones, as a right-hand side in Python costs a hundred times as much.
 COMPILED = ("exact", *SCHEMES, "heyoka")
+# The golden ratio's part beyond one: multiples of it lie in all parts of an interval alike.
+_GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
 _OF_BASELINE = 1001  # samples that the baseline is run for at most
 _FINEST_EXACT, _FINEST_PEER, _FINEST_LOCATED = 1e-12, 1e-15, 1e-13  # tolerances
 _MOST_EVALUATIONS = 3e5  # a second, of a reference without heyoka: the shipped scenes need up to 7e4
@@ -93,6 +100,7 @@ class Row:
     wall_time: float = math.nan
     cost: float = math.nan
     body_error: float = math.nan
+    height_error: float = math.nan
     mass_error: float = math.nan
     event_error: float = math.nan
     speed_error: float = math.nan
@@ -103,8 +111,18 @@ class Row:
 
     @property
     def errors(self) -> Errors:
-        """The four errors together."""
-        return Errors(self.body_error, self.mass_error, self.event_error, self.speed_error)
+        """All errors together."""
+        return Errors(self.body_error, self.height_error, self.mass_error, self.event_error, self.speed_error)
+
+    @property
+    def place_error(self) -> float:
+        """That of the body, along the ground or above it [m]."""
+        return self.errors.place
+
+    @property
+    def position_error(self) -> float:
+        """That of every position, of body, height and masses [m]."""
+        return self.errors.positions
 
 
 def by_baseline(scene: Scene, times: np.ndarray, step: float) -> Answer:
@@ -132,6 +150,23 @@ STUDIED: dict[str, Method] = {name: _thinned(method) for name, method in METHODS
     "baseline": Method(by_baseline, "step", (BASELINE_STEP,))}
 
 
+def running(scene: Scene) -> Scene:
+    """`scene`, its motor turning from the start at `RUNNING_SPEED` if it stands still there."""
+    if scene["motor.speed"] > 0.0:
+        return scene
+    return scene.with_parameters({"motor.speed": min(RUNNING_SPEED, scene["motor.max_speed"])})
+
+
+def off_every_grid(horizon: float, count: int) -> np.ndarray:
+    """Instants [s], shape (count + 1,), from 0 to `horizon`, ascending: one in each part of it, nowhere the same part.
+
+    On a grid an error between its instants would go unseen, and one between a method's steps as well.
+    """
+    k = np.arange(count)
+    instants = (k + np.mod(_GOLDEN * k, 1.0)) * (horizon / count)
+    return np.append(instants, horizon)
+
+
 class Comparison:
     """Trajectories of a scene within one horizon.
 
@@ -140,9 +175,11 @@ class Comparison:
     scene : Scene
         What is simulated.
     times : ndarray
-        Instants [s] at which trajectories are compared.
+        Instants [s] at which runs are sampled whose cost is measured.
+    instants : ndarray
+        Instants [s] at which trajectories are compared, in runs of their own; see `off_every_grid`.
     reference : Answer
-        By the exact method.
+        By the exact method, at `instants`.
     uncertainty : Row
         Errors of the reference against the most accurate independent method at hand, named there.
     """
@@ -151,11 +188,13 @@ class Comparison:
         self.scene, self._effort, self._kind = scene, effort, kind
         self.times = np.arange(max(1, round(horizon * RATE)) + 1) / RATE
         self.horizon = float(self.times[-1])
-        self.reference = METHODS["exact"](scene, self.times, _FINEST_EXACT)
+        self.instants = off_every_grid(self.horizon, INSTANTS)
+        self.reference = METHODS["exact"](scene, self.instants, _FINEST_EXACT)
         self.uncertainty = self._uncertainty()
 
     def rows(self, methods: Mapping[str, Method]) -> Iterator[Row]:
         """The reference's uncertainty, then each method's ladder."""
+        self._baseline()  # what is compiled at first use is not its cost
         yield self.uncertainty
         for name, method in methods.items():
             yield from self._ladder(name, method)
@@ -169,7 +208,7 @@ class Comparison:
         reasons = []
         for name, (method, tolerance) in (peers | {"DOP853": (patient, _FINEST_LOCATED)}).items():
             try:
-                found = method(self.scene, self.times, tolerance)
+                found = method(self.scene, self.instants, tolerance)
             except UnableError as error:
                 reasons.append(str(error))
                 continue
@@ -194,23 +233,24 @@ class Comparison:
                 return
 
     def _measured(self, name: str, method: Method, value: float) -> Row:
-        walls, ratios, last = [], [], []
-
-        def run() -> float:
-            last[:] = [method(self.scene, self.times, value)]
-            return last[0].wall_time
-
-        while len(walls) < self._effort.repeats and sum(walls) <= self._effort.patience / 4.0:
-            try:
-                walls.append(typical(run))
-            except UnableError as error:
-                return self._row(self._kind, name, method.setting, value, repeats=0, note=str(error))
-            ratios.append(walls[-1] / (walls[-1] if name == "baseline" else self._baseline()))
-        off = errors(last[0], self.reference)
+        walls, ratios = [], []
+        try:
+            while len(walls) < self._effort.repeats and sum(walls) <= self._effort.patience / 4.0:
+                walls.append(typical(lambda: method(self.scene, self.times, value).wall_time))
+                ratios.append(walls[-1] / (walls[-1] if name == "baseline" else self._baseline()))
+            off = self._errors(name, method, value)
+        except UnableError as error:
+            return self._row(self._kind, name, method.setting, value, repeats=0, note=str(error))
         if not off.finite:
             return self._row(self._kind, name, method.setting, value, repeats=len(walls), note="positions not finite")
         return self._row(self._kind, name, method.setting, value, repeats=len(walls), cost=statistics.median(ratios),
                          wall_time=statistics.median(walls), **_named(off))
+
+    def _errors(self, name: str, method: Method, value: float) -> Errors:
+        if name != "baseline":
+            return errors(method(self.scene, self.instants, value), self.reference)
+        ends = np.arange(round(self.horizon / (2.0 * value)) + 1) * (2.0 * value)  # it knows nothing between its steps
+        return errors(method(self.scene, ends, value), METHODS["exact"](self.scene, ends, _FINEST_EXACT))
 
     def _baseline(self) -> float:
         """Wall time of the baseline now [s], each of whose steps costs the same; NaN where it lacks an effect."""
@@ -227,7 +267,7 @@ class SceneStudy:
     Attributes
     ----------
     scene : Scene
-        As loaded.
+        As loaded, but running.
     growth : Growth
         Its chaos.
     comparison : Comparison
@@ -235,7 +275,8 @@ class SceneStudy:
     """
 
     def __init__(self, scene: Scene, effort: Effort):
-        self.scene, self._effort = scene, effort
+        self.scene = scene = running(scene)
+        self._effort = effort
         self.growth: Growth = growth(scene)
         horizon = effort.horizon or math.floor(self.growth.horizon * 20.0) / 20.0 or 0.05
         self.comparison = Comparison(scene, horizon, effort)
@@ -249,17 +290,25 @@ class SceneStudy:
         """Number of rows that are tried at most."""
         rungs = {name: len(method.ladder) for name, method in methods.items()}
         averages = [1 if name == "exact" else len(AVERAGE_STEPS) for name in _devices(methods)]
-        needs = len(self.needs) * (1 + sum(rungs[name] for name in COMPILED if name in rungs))
+        needs = sum(1 + sum(len(method.ladder) for method in self._asked(horizon, methods).values())
+                    for horizon in self.needs)
         return 1 + sum(rungs.values()) + needs + sum(averages)
 
     def rows(self, methods: Mapping[str, Method]) -> Iterator[Row]:
         """Measure row by row: trajectories within the horizon, within those of needs, then mean speeds."""
         yield from self.comparison.rows(methods)
-        compiled = {name: methods[name] for name in COMPILED if name in methods}
-        for horizon in self.needs if compiled else ():
-            yield from Comparison(self.scene, horizon, self._effort, NEED).rows(compiled)
+        for horizon in self.needs:
+            asked = self._asked(horizon, methods)
+            if asked:
+                yield from Comparison(self.scene, horizon, self._effort, NEED).rows(asked)
         for name in _devices(methods):
             yield from self._averages(name)
+
+    @staticmethod
+    def _asked(horizon: float, methods: Mapping[str, Method]) -> dict[str, Method]:
+        """The methods that are compared within the horizon of a need, and the baseline, whose error is told."""
+        asked = {name: methods[name] for name in COMPILED if name in methods}
+        return asked | ({"baseline": STUDIED["baseline"]} if asked and horizon == SHORT else {})
 
     def _averages(self, name: str) -> Iterator[Row]:
         if name == "exact":
@@ -300,4 +349,5 @@ def _expected(setting: str, before: float, seconds: float, value: float) -> floa
 
 
 def _named(off: Errors) -> dict[str, float]:
-    return {"body_error": off.body, "mass_error": off.masses, "event_error": off.events, "speed_error": off.speed}
+    return {"body_error": off.body, "height_error": off.height, "mass_error": off.masses, "event_error": off.events,
+            "speed_error": off.speed}

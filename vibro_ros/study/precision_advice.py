@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 from vibro_ros.solver.methods import SCHEMES
 from vibro_ros.study.effects import SETTLING
-from vibro_ros.study.precision import AVERAGE, LONG, NEED, REFERENCE, SHORT, Row
+from vibro_ros.study.precision import AVERAGE, COMPILED, LONG, NEED, REFERENCE, SHORT, Row
+from vibro_ros.study.precision_price import two_digits
 
 # Starts, as many as somebody may want to simulate.
 _MOST_STARTS = 10_000
@@ -14,7 +15,7 @@ _MOST_STARTS = 10_000
 
 @dataclass(frozen=True)
 class Need:
-    """What somebody may ask for: in words, the `horizon` [s], the `column` of the error and its `limit` in SI units."""
+    """A need: in words, the `horizon` [s], the `column` of a row that is the error, and its `limit` in SI units."""
 
     words: str
     horizon: float
@@ -22,17 +23,11 @@ class Need:
     limit: float
 
 
-NEEDS = (Need(f"every position to 1 mm for {SHORT:g} s", SHORT, "mass_error", 1e-3),
-         Need(f"every position to 1 µm for {SHORT:g} s", SHORT, "mass_error", 1e-6),
+NEEDS = (Need(f"every position to 1 mm for {SHORT:g} s", SHORT, "position_error", 1e-3),
+         Need(f"every position to 1 µm for {SHORT:g} s", SHORT, "position_error", 1e-6),
          Need(f"every contact to 1 µs for {SHORT:g} s", SHORT, "event_error", 1e-6),
-         Need(f"the body to 1 mm for {LONG:g} s", LONG, "body_error", 1e-3))
+         Need(f"the body to 1 mm for {LONG:g} s", LONG, "place_error", 1e-3))
 MEAN_SPEED = "the mean speed to 1 %"
-
-
-def recommendations(rows: Sequence[Row], comparable: float) -> str:
-    """What meets each need at the least cost, as a table; see `advice`."""
-    lines = ["| I need | use (cost, RK4 = 1) |", "|---|---|"]
-    return "\n".join([*lines, *(f"| {need} | {use} |" for need, use in advice(rows, comparable).items())])
 
 
 def advice(rows: Sequence[Row], comparable: float) -> dict[str, str]:
@@ -52,7 +47,7 @@ def cheapest(rows: Sequence[Row], need: Need) -> dict[str, Row]:
     known = [row for row in rows if row.compared == REFERENCE and row.horizon == need.horizon]
     found = {}
     if known and not getattr(known[-1], need.column) >= need.limit:  # NaN: nothing to compare
-        for name in dict.fromkeys(row.method for row in rows if row.compared == NEED):
+        for name in COMPILED:
             able = list(_able(rows, name, need))
             if able:
                 found[name] = able[-1]
@@ -67,18 +62,14 @@ def _able(rows: Sequence[Row], method: str, need: Need) -> Iterator[Row]:
         yield row
 
 
-def two_digits(cost: float) -> str:
-    """A cost without an exponent."""
-    return f"{float(f'{cost:.2g}'):g}"
-
-
 def _advice(rows: Sequence[Row], need: Need, comparable: float) -> str:
     if need.horizon > comparable:
         return "not possible: chaos"
     measured = [row for row in rows if row.compared == NEED and row.horizon == need.horizon]
     if not measured:
         return "not measured"
-    if all(math.isnan(getattr(row, need.column)) for row in measured):
+    done = [row for row in measured if row.method in COMPILED and math.isfinite(row.position_error)]
+    if done and all(math.isnan(getattr(row, need.column)) for row in done):
         return "nothing touches"
     best = cheapest(rows, need)
     fixed = [name for name in best if name in SCHEMES]

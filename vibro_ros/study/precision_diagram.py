@@ -7,7 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from vibro_ros.study.precision import AVERAGE, REFERENCE, TRAJECTORY, Row
+from vibro_ros.study.precision import AVERAGE, RATE, REFERENCE, TRAJECTORY, Row
 
 # Okabe and Ito's colours, which the colour-blind can tell apart, and markers for everybody else who cannot.
 _STYLES = {"exact": ("#000000", "*"), "rk4": ("#0072b2", "o"), "semi_implicit_euler": ("#009e73", "s"),
@@ -74,7 +74,7 @@ def _draw_errors(axes: Axes, rows: Sequence[Row], column: str, label: str) -> No
         axes.text(0.99, 0.02, "below the reference's own error", transform=axes.transAxes, fontsize=8, ha="right")
     axes.set_title(f"trajectories, within {trajectories[0].horizon:g} s" if trajectories else "no trajectories",
                    fontsize=10, loc="left")
-    axes.set_xlabel("cost, RK4 at 1e-5 s = 1")
+    axes.set_xlabel(f"cost, RK4 at 1e-5 s = 1, sampled at {RATE:g} Hz")
     axes.set_ylabel(label)
     tidy(axes)
 

@@ -6,7 +6,8 @@ from collections.abc import Sequence
 from vibro_ros.study.precision import AVERAGE, REFERENCE, TRAJECTORY, Row
 from vibro_ros.study.precision_diagram import WITHIN
 
-_HEADING = ("method", "setting", "cost, RK4 = 1", "wall time", "runs", "body", "masses", "contacts", "mean speed", "")
+_HEADING = ("method", "setting", "cost, RK4 = 1", "wall time", "runs", "body", "height", "masses", "contacts",
+            "mean speed", "")
 BELOW = "below the reference's"
 
 
@@ -29,7 +30,7 @@ def reference_in_words(row: Row) -> str:
     if math.isnan(row.body_error):
         return f"Reference: exact; no independent method could check it ({row.note})."
     return (f"Reference: exact; it agrees with {row.method} at tolerance {row.value:g} within {row.horizon:g} s to "
-            f"{_metres(row.body_error)} (body), {_metres(row.mass_error)} (masses), {_number(row.event_error, 's')} "
+            f"{_metres(row.place_error)} (body), {_metres(row.mass_error)} (masses), {_number(row.event_error, 's')} "
             f"(contacts), {_number(row.speed_error, 'm/s')} (mean speed): the reference's uncertainty.")
 
 
@@ -86,8 +87,8 @@ def speeds_table(rows: Sequence[Row]) -> str:
     judged = f"Bold: within {WITHIN:.0%}; (!): the wrong way."
     if exact.mean_speed_spread >= WITHIN * abs(exact.mean_speed):
         judged = f"It is not known to {WITHIN:.0%}: no method can be judged by it."
-    return "\n".join([*lines, "", f"By `exact`, {exact.repeats} starts of {exact.horizon:g} s: {_speed(exact)}, "
-                      f"with a 95 % interval over starts as all of them. {judged}"])
+    return "\n".join([*lines, "", f"By `exact`, {exact.repeats} starts of {exact.horizon:g} s: {_speed(exact)}. "
+                      f"Every interval is Student's, of 95 %, over independent starts. {judged}"])
 
 
 def _cell(row: Row | None, exact: Row) -> str:
@@ -122,7 +123,7 @@ def _speed(row: Row) -> str:
 
 def _trajectory(row: Row, reference: Row) -> tuple:
     errors = [_error(value, least, unit) for value, least, unit in
-              zip(row.errors, reference.errors, ("m", "m", "s", "m/s"), strict=True)]
+              zip(row.errors, reference.errors, ("m", "m", "m", "s", "m/s"), strict=True)]
     return (row.method, _setting(row), _number(row.cost), _number(row.wall_time, "s"), row.repeats, *errors, row.note)
 
 

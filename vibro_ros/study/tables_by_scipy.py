@@ -164,10 +164,10 @@ class _Located:
             _step(solver, work)
             dense = solver.dense_output()
             ended, guard = self._first_event(dense, solver.t_old, solver.t, mode)
-            while done < len(self._times) and (self._times[done] < ended or (
-                    guard == NOTHING and self._times[done] <= ended)):
-                self.states[done] = dense(self._times[done])
-                done += 1
+            upto = int(np.searchsorted(self._times, ended, side="right" if guard == NOTHING else "left"))
+            if upto > done:
+                self.states[done:upto] = dense(self._times[done:upto]).T
+                done = upto
             if guard != NOTHING:
                 return ended, dense(ended), guard, done
         return solver.t, solver.y, NOTHING, done
@@ -215,9 +215,10 @@ def blind(name: str, tables: Tables, times: np.ndarray, tolerance: float, work: 
     while solver.status == "running":
         _step(solver, work)
         dense = solver.dense_output()
-        while done < len(times) and times[done] <= solver.t:
-            states[done] = dense(times[done])
-            done += 1
+        upto = int(np.searchsorted(times, solver.t, side="right"))
+        if upto > done:
+            states[done:upto] = dense(times[done:upto]).T
+            done = upto
     return states, []
 
 
