@@ -1,0 +1,61 @@
+"""Open files that another hand may have put there: regular files only, so that no open waits and no read is endless."""
+
+import errno
+import os
+import stat
+from pathlib import Path
+from typing import BinaryIO
+
+_KINDS = {stat.S_IFIFO: "a named pipe", stat.S_IFCHR: "a device", stat.S_IFBLK: "a device", stat.S_IFDIR: "a folder",
+          stat.S_IFSOCK: "a socket", stat.S_IFLNK: "a symbolic link"}
+
+
+def kind_of(mode: int) -> str:
+    """What a file's `st_mode` says that it is; empty for a regular file."""
+    return _KINDS.get(stat.S_IFMT(mode), "")
+
+
+def opened(path: Path, flags: int = os.O_RDONLY, follow: bool = True) -> int:
+    """Descriptor of the regular file at `path`, to be closed by the caller.
+
+    Parameters
+    ----------
+    path : Path
+        Of the file.
+    flags : int
+        As `os.open` takes them.
+    follow : bool
+        Whether `path` itself may be a symbolic link; the folders above it may be in any case.
+
+    Raises
+    ------
+    OSError
+        When it cannot be opened, or is something else than a regular file.
+    """
+    _check(path, os.stat(path, follow_symlinks=follow).st_mode)  # first, because opening some devices acts on them
+    descriptor = os.open(path, flags | os.O_NONBLOCK | os.O_CLOEXEC | os.O_NOCTTY | (0 if follow else os.O_NOFOLLOW))
+    try:
+        _check(path, os.fstat(descriptor).st_mode)
+    except OSError:
+        os.close(descriptor)
+        raise
+    return descriptor
+
+
+def open_to_read(path: Path, follow: bool = True) -> BinaryIO:
+    """The regular file at `path`, for reading (OSError as `opened`)."""
+    return os.fdopen(opened(path, follow=follow), "rb")
+
+
+def content(path: Path, limit: int, follow: bool = True) -> bytes:
+    """All of a regular file of at most `limit` bytes (OSError as `opened`, and when it is larger)."""
+    with open_to_read(path, follow) as file:
+        data = file.read(limit + 1)
+    if len(data) > limit:
+        raise OSError(errno.EFBIG, f"is larger than {limit} bytes", str(path))
+    return data
+
+
+def _check(path: Path, mode: int) -> None:
+    if kind := kind_of(mode):
+        raise OSError(errno.EINVAL, f"is {kind}, not a regular file", str(path))
