@@ -9,7 +9,7 @@ from vibro_ros.strict_yaml import LIMITS, Limits, parsed, read_scalar, read_yaml
 
 LONGEST = 10.0  # s, of the slowest document
 LAUGHS = "a: &a [x, x, x, x, x, x, x, x, x]\n" + "".join(
-    f"{after}: &{after} [{', '.join(['*' + before] * 9)}]\n" for before, after in zip("abcdefg", "bcdefgh", strict=True))
+    f"{two}: &{two} [{', '.join(['*' + one] * 9)}]\n" for one, two in zip("abcdefg", "bcdefgh", strict=True))
 HOSTILE = {
     "nested lists": ("[" * 100_000, "nested more than 32 deep"),
     "nested mappings": ("{a: " * 100_000, "nested more than 32 deep"),

@@ -2,6 +2,7 @@
 
 import errno
 import os
+import secrets
 import stat
 from pathlib import Path
 from typing import BinaryIO
@@ -54,6 +55,36 @@ def content(path: Path, limit: int, follow: bool = True) -> bytes:
     if len(data) > limit:
         raise OSError(errno.EFBIG, f"is larger than {limit} bytes", str(path))
     return data
+
+
+def write_new(path: Path, data: bytes) -> None:
+    """Make a file at `path`, where nothing may be, not even a link; whole on the disk, or not at all (OSError)."""
+    descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC, 0o644)
+    try:
+        with os.fdopen(descriptor, "wb", buffering=0) as file:
+            write_all(file.fileno(), data)
+            os.fsync(file.fileno())
+    except BaseException:
+        path.unlink(missing_ok=True)
+        raise
+
+
+def write_all(descriptor: int, data: bytes) -> None:
+    """Write all of `data` where the descriptor stands (OSError)."""
+    rest = memoryview(data)
+    while rest:
+        rest = rest[os.write(descriptor, rest):]
+
+
+def replace_file(path: Path, data: bytes) -> None:
+    """Put a file in the place of whatever is at `path`, whole or not at all; a link there is replaced (OSError)."""
+    fresh = path.with_name(f".{path.name}.{secrets.token_hex(8)}")  # a name that nobody can lay a link under
+    write_new(fresh, data)
+    try:
+        fresh.replace(path)
+    except BaseException:
+        fresh.unlink(missing_ok=True)
+        raise
 
 
 def _check(path: Path, mode: int) -> None:

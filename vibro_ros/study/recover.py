@@ -13,9 +13,10 @@ BAD_INPUT = 2
 def main(arguments: Sequence[str] | None = None) -> int:
     """Seal each bag; 0 when all are sealed now, 2 with a line on stderr for each that cannot be."""
     code = 0
-    for bag in _parser().parse_args(arguments).bags:
+    options = _parser().parse_args(arguments)
+    for bag in options.bags:
         try:
-            print("\n".join(described(recover(bag), _clock)))
+            print("\n".join(described(recover(bag, keep_torn=not options.discard_torn), _clock)))
         except RecoveryError as error:
             print(f"recover: {error}", file=sys.stderr)
             code = BAD_INPUT
@@ -34,10 +35,12 @@ def _clock(stamp: int) -> str:
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="recover",
-        description="Seal bags whose recorder was killed or ran out of disk: cut the torn end, write index and "
-        "metadata.yaml, in place. A sealed bag is not touched.",
+        description="Seal bags whose recorder was killed or ran out of disk, or that were damaged since: cut the torn "
+        "end and keep it beside as FILE.torn, write index and metadata.yaml, in place, and read the bag back. A sealed "
+        "bag is not touched. What of a bag cannot be read is named.",
         epilog="Exit code 0: every bag is sealed now; 2: one is no bag, is empty, in use, or cannot be written.")
     parser.add_argument("bags", nargs="+", metavar="BAG_FOLDER", help="folder of a recording")
+    parser.add_argument("--discard-torn", action="store_true", help="do not keep what is cut, where there is no room")
     return parser
 
 

@@ -6,12 +6,13 @@ import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from vibro_ros.bag.reader import read_bag
+from vibro_ros.bag.reader import load_bag
 from vibro_ros.bag.stream import BagError, BagStream
+from vibro_ros.one_line import one_line
 from vibro_ros.strict_yaml import read_scalar
 from vibro_ros.study.comparison import Comparison, compare
 from vibro_ros.study.report import COLUMNS
-from vibro_ros.study.summary import as_text, summarise
+from vibro_ros.study.summary import as_text, not_read, summarise
 from vibro_ros.study.variation import write_variation
 
 IDENTICAL, DIFFERENT, BAD_INPUT = 0, 1, 2
@@ -35,14 +36,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return _failed(str(error), BAD_INPUT)
     except OSError as error:
         return _failed(f"{error.filename or options.bag}: {error.strerror or error}", BAD_INPUT)
+    except MemoryError:
+        return _failed(f"{options.bag}: not enough memory to read it", BAD_INPUT)
 
 
 def _compare(bag: Path) -> int:
     with BagStream(bag) as stream:
         found = compare(stream)
+        flaws = stream.flaws
     if not found.compared and not found.difference:
         raise BagError(f"{bag}: holds no state to compare with; give a bag with odom or joint_states")
-    print("\n".join(described(found)))
+    print("\n".join([*map(one_line, described(found)), *not_read(flaws)]))
     return DIFFERENT if found.difference else IDENTICAL
 
 
@@ -65,13 +69,13 @@ def _vary(bag: Path, changes: Mapping[str, object]) -> int:
     folder, failure = write_variation(bag, changes)
     for title, one in (("recorded", bag), ("replayed with " + _shown(changes), folder)):
         print(f"{title}:\n{_summary(one)}")
-    print(folder)
+    print(one_line(folder))
     return _failed(failure, DIFFERENT) if failure else IDENTICAL
 
 
 def _summary(bag: Path) -> str:
     try:
-        return as_text(summarise(read_bag(bag, COLUMNS)))
+        return as_text(summarise(load_bag(bag, COLUMNS)))
     except BagError as error:
         return f"no summary: {error}\n"
 
@@ -89,7 +93,7 @@ def _change(text: str) -> tuple[str, object]:
 
 
 def _failed(reason: str, code: int) -> int:
-    print(f"replay: {reason}", file=sys.stderr)
+    print(f"replay: {one_line(reason)}", file=sys.stderr)
     return code
 
 

@@ -6,7 +6,8 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from vibro_ros.bag.reader import BagError, read_bag
+from vibro_ros.bag.reader import BagError, load_bag
+from vibro_ros.one_line import one_line
 from vibro_ros.study.plots import plot_run
 from vibro_ros.study.summary import as_caption, as_text, summarise
 
@@ -41,7 +42,7 @@ def write_report(bag_folder: Path, output: Path | None = None) -> tuple[str, tup
     output = Path(output).resolve() if output else folder.with_name(f"{folder.name}_report")
     if output.is_relative_to(folder):
         raise BagError(f"{output}: lies inside the recording, which is never written to; give another --output")
-    bag = read_bag(folder, COLUMNS)
+    bag = load_bag(folder, COLUMNS)
     summary = summarise(bag)
     text, figure = as_text(summary), plot_run(bag, as_caption(summary))
     output.mkdir(parents=True, exist_ok=True)
@@ -64,14 +65,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except BagError as error:
         return _failed(str(error))
     except OSError as error:
-        return _failed(f"{error.filename}: cannot write: {error.strerror}; give a writable --output")
+        where = error.filename or options.output or f"{options.bag}_report"
+        return _failed(f"{where}: cannot write: {error.strerror or error}; give a writable --output")
+    except MemoryError:
+        return _failed(f"{options.bag}: not enough memory to read it; read some columns of it with vibro_ros.read_bag")
     print(text)
-    print("\n".join(map(str, files)))
+    print("\n".join(map(one_line, files)))
     return 0
 
 
 def _failed(reason: str) -> int:
-    print(f"report: {reason}", file=sys.stderr)
+    print(f"report: {one_line(reason)}", file=sys.stderr)
     return 2
 
 
