@@ -97,7 +97,7 @@ def test_every_scene_parameter_can_be_given_its_default(scene_file):
     ("mass.body: .nan", ["mass.body", "nan", "finite"]),
     ("mass.body: -.inf", ["mass.body", "-inf", "finite"]),
     ("mass.body: 1" + "0" * 400, ["mass.body", "finite"]),
-    ("mass.body: 1" + "0" * 5000, ["digits"]),
+    ("mass.body: 1" + "0" * 5000, ["cannot be read as int"]),
     ("mass.body: 0.0", ["mass.body", "0", "above 0"]),
     ("mass.body: -1.0", ["mass.body", "-1", "above 0"]),
     ("guide.angle: 3.2", ["guide.angle", "3.2", "3.14159"]),
@@ -116,7 +116,7 @@ def test_a_wrong_line_is_refused(scene_file, line, named):
 
 
 @pytest.mark.parametrize(("content", "named"), [
-    ("", "parameter file"), ("5", "parameter file"), ("- 1", "parameter file"), ("&a [*a]", "parameter file"),
+    ("", "parameter file"), ("5", "parameter file"), ("- 1", "parameter file"), ("&a [*a]", "itself"),
     ("/**:\n  mass.body: 1.0\n", "ros__parameters"), ("/**:\n  ros__parameters:\n", "ros__parameters"),
     ("mass.body: 1.0\n", "ros__parameters"), ("/**:\n  ros__parameters: {}\n  other: 1\n", "ros__parameters"),
     ("/**:\n\tros__parameters: {}", "line 2"), ("a: 1\n---\nb: 2", "YAML"), ("a: [1, 2", "YAML"),

@@ -20,6 +20,7 @@ from functools import partial
 from importlib import import_module
 from types import FrameType
 
+from vibro_ros.one_line import one_line
 from vibro_ros.streams import Forgiving, open_streams
 
 FAILURE, BAD_INPUT = 1, 2
@@ -190,7 +191,7 @@ def interrupted_code() -> int:
 
 def say(program: str, text: str) -> None:
     """Write one line on stderr."""
-    print(f"{program}: {' '.join(text.split())}", file=sys.stderr, flush=True)
+    print(f"{program}: {one_line(' '.join(text.split()))}", file=sys.stderr, flush=True)
 
 
 def _take_over(program: str) -> None:

@@ -47,14 +47,14 @@ def _solver(parameters: Mapping[str, Value]) -> str:
 def software() -> dict[str, str]:
     """What this computer computes with: where all of it is equal, and `tables`, bits do not differ.
 
-    `version` of this package; `platform`; `sources`, a digest of the modules that decide the bits; `arithmetic`, whether
-    kernels round a product before they add to it; `processor`, for which they are compiled; `c_library`, whose sine,
-    cosine and exponential are used.
+    `version` of this package; `platform`; `sources`, a digest of the modules that decide the bits; `arithmetic`,
+    whether kernels round a product before they add to it; `processor`, for which they are compiled; `c_library`, whose
+    sine, cosine and exponential are used.
     """
     return {"version": _version(), "platform": f"{platform.machine()}, Python {platform.python_version()}, "
                                                f"numpy {np.__version__}, numba {numba.__version__}",
-            "sources": _digest(_sources()), "arithmetic": f"multiply and add {multiply_add()}", "processor": processor(),
-            "c_library": " ".join(platform.libc_ver()).strip() or "unknown"}
+            "sources": _digest(_sources()), "arithmetic": f"multiply and add {multiply_add()}",
+            "processor": processor(), "c_library": " ".join(platform.libc_ver()).strip() or "unknown"}
 
 
 def tables(parameters: Mapping[str, Value]) -> str:

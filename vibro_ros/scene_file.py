@@ -1,5 +1,6 @@
 """Scenes and device parameters from ordinary ROS parameter files."""
 
+import os
 from pathlib import Path
 
 from vibro_ros.model.parameters import SCENE_PARAMETERS, Parameter, checked_parameters
@@ -119,6 +120,6 @@ def _scene_path(name: str, folder: Path) -> Path:
     if name in shipped_scenes():
         return config_folder() / "scenes" / f"{name}.yaml"
     path = folder / name
-    if path.is_file():
+    if os.path.isfile(path):  # which is false, not an error, for a name that no file can have
         return path
     raise ValueError(f"{name}: neither a shipped scene nor a file; shipped scenes are {', '.join(shipped_scenes())}")

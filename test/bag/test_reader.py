@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import vibro_ros
-from vibro_ros.bag.reader import BagError, MissingTopicError, read_bag
+from vibro_ros.bag.reader import BagError, BagWarning, MissingTopicError, read_bag
 from vibro_ros.bag.recorder import Recorder, Topic
 
 TYPES = {"odom": "nav_msgs/msg/Odometry", "joint_states": "sensor_msgs/msg/JointState",
@@ -134,12 +134,11 @@ def cut(folder):
 
 @pytest.mark.parametrize(("how", "reason"), [
     (lambda folder: (folder / "metadata.yaml").unlink(), "not sealed"),
-    (lambda folder: next(folder.glob("*.mcap")).unlink(), "damaged bag: Some database files are missing"),
-    (cut, "damaged bag"),
-    (lambda folder: next(folder.glob("*.mcap")).write_bytes(b""), "damaged bag"),
-    (lambda folder: (folder / "metadata.yaml").write_text("{"), "damaged bag: Could not load YAML"),
-    (lambda folder: (folder / "metadata.yaml").write_text("a: 1"), "damaged bag: A metadata key is missing"),
-], ids=["unsealed", "no file", "cut", "empty file", "not YAML", "other YAML"])
+    (lambda folder: next(folder.glob("*.mcap")).unlink(),
+     "damaged bag: nothing in it can be read: run_0.mcap: metadata.yaml names this file, and it is not in the folder"),
+    (cut, "damaged bag: nothing in it can be read: run_0.mcap: it is not sealed"),
+    (lambda folder: next(folder.glob("*.mcap")).write_bytes(b""), "run_0.mcap: the file is empty"),
+], ids=["unsealed", "no file", "cut", "empty file"])
 def test_spoilt_bag_is_an_error_of_one_line(tmp_path, published, start_ns, how, reason):
     folder = damaged(tmp_path / "run", published, start_ns, how)
     with pytest.raises(BagError) as raised:
@@ -149,11 +148,39 @@ def test_spoilt_bag_is_an_error_of_one_line(tmp_path, published, start_ns, how, 
     assert "\n" not in str(raised.value)
 
 
-def test_unreadable_message_is_named(tmp_path, start_ns):
+HOSTILE = {"no byte": b"", "a byte": b"\0", "no data": b"\0\1\0\0", "ones": b"\xff" * 12, "five bytes": b"\0\1\0\0\0",
+           "XCDR2": b"\0\7\0\0" + bytes(8), "too long": b"\0\1\0\0" + bytes(16)}
+
+
+@pytest.mark.parametrize("data", HOSTILE.values(), ids=HOSTILE)
+@pytest.mark.parametrize("topic", ["/odom", "/joint_states", "/impacts", "/motor_power"])
+def test_a_message_that_is_none_is_named_and_the_rest_is_read(tmp_path, published, start_ns, topic, data):
     with Recorder(tmp_path / "run", topics(), {}) as recorder:
-        recorder.write("/odom", start_ns, b"\x00\x01\x00\x00short")
-    with pytest.raises(BagError, match=f"unreadable message on /odom at {start_ns} ns"):
-        read_bag(tmp_path / "run")
+        for i in range(6):
+            recorder.write(topic, start_ns + i, data if i in (2, 4) else published[topic](i))
+    with pytest.warns(BagWarning, match=rf"^.*run: not all of it is read: {topic}: 2 unreadable messages, the first is "
+                      rf"number 2 at {start_ns + 2} ns: {len(data)} bytes are no [^\n]*$") as told:
+        bag = read_bag(tmp_path / "run")
+    assert len(told) == 1 and len(bag.flaws) == 1
+    np.testing.assert_allclose(bag[topic]["time"], [0.0, 1e-9, 3e-9, 5e-9])
+    assert {len(column) for column in bag[topic].values()} == {4}
+    assert bag.topics[topic].messages == 6
+
+
+@pytest.mark.parametrize("text", ["{", "a: 1", "", "rosbag2_bagfile_information: {version: 99}", "[" * 10_000])
+def test_damaged_metadata_are_named_and_the_files_are_read(tmp_path, published, start_ns, text):
+    folder = damaged(tmp_path / "run", published, start_ns, lambda folder: (folder / "metadata.yaml").write_text(text))
+    with pytest.warns(BagWarning, match="run: not all of it is read: metadata.yaml"):
+        bag = read_bag(folder)
+    assert len(bag["odom"]["time"]) == N
+
+
+def test_messages_out_of_order_are_put_in_order(tmp_path, published, start_ns):
+    order = [3, 1, 2, 0, 5, 4]
+    with Recorder(tmp_path / "run", topics(), {}) as recorder:
+        for i in order:
+            recorder.write("/motor_power", start_ns + i, published["/motor_power"](i))
+    np.testing.assert_array_equal(read_bag(tmp_path / "run")["motor_power"]["value"], np.arange(6) * 0.25)
 
 
 def test_what_is_no_bag_is_an_error_that_says_so(tmp_path):

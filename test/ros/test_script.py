@@ -122,7 +122,7 @@ BAD = {
                        "entry 2.2: for: 'x' is not a number"),
     "too long": ("repeat: 1000\nentries: [{repeat: 1000, entries: [{for: 1.0}]}]\n",
                  "unfolds to more than 100000 entries"),
-    "a block in itself": ("&a\nentries: [*a]\n", "more than 10 blocks inside each other"),
+    "a block in itself": ("&a\nentries: [*a]\n", "line 2: not read: 'a' contains itself"),
     "nothing commanded": ("entries: [{for: 1.0}]\n",
                           "no entry gives a command; give motor_speed, upper_gap, inclined_gap"),
 }

@@ -9,6 +9,8 @@ from rosbags.interfaces import Nodetype
 
 from vibro_ros.bag.definitions import jazzy_types
 
+_ENCAPSULATION = 4  # bytes before the first field
+
 
 def blank(type_name: str) -> Any:
     """A message with zeros, empty texts and empty lists, as every ROS library makes it."""
@@ -27,11 +29,24 @@ def serialised(message: Any, type_name: str) -> bytes:
 
 
 def deserialised(data: bytes, type_name: str) -> Any:
-    """The message in `data` (ValueError when it cannot be read)."""
+    """The message in `data`, whoever sent it.
+
+    The robot takes a command by this, and every reader of its bag: what one refuses, all refuse.
+
+    Raises
+    ------
+    ValueError
+        When `data` is no plain CDR (two bytes, 0 and the byte order 0 or 1, then two of options), ends within a field,
+        or goes on behind the last one by more than the three bytes that some libraries pad with.
+    """
+    if len(data) < _ENCAPSULATION or data[0] != 0 or data[1] not in (0, 1):
+        raise ValueError(f"{len(data)} bytes are no {type_name}: they do not begin as plain CDR")
     try:
         return jazzy_types().deserialize_cdr(data, type_name)
+    except MemoryError:
+        raise
     except Exception as error:  # rosbags raises whatever its generated code meets
-        raise ValueError(f"not a {type_name}: {error}") from error
+        raise ValueError(f"{len(data)} bytes are no {type_name}") from error
 
 
 def first_difference(one: bytes, other: bytes, type_name: str) -> tuple[str, object, object] | None:

@@ -3,7 +3,7 @@
 import contextlib
 import fcntl
 import os
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 
@@ -38,20 +38,21 @@ def locked(folder: Path) -> Iterator[None]:
         os.close(descriptor)
 
 
-def writers(folder: Path) -> list[int]:
-    """Ids of the processes that have a file of `folder` open for writing, as far as this user may see them.
+def writers(folders: Iterable[Path]) -> dict[Path, list[int]]:
+    """Of those folders in which files are open for writing, the ids of the processes, as far as this user may see them.
 
     Finds recorders that do not lock, such as ``ros2 bag record``.
     """
-    found = set()
-    target = str(folder.resolve()) + os.sep
+    by_name = {str(folder.resolve()): folder for folder in folders}
+    found: dict[Path, set[int]] = {}
     for process in Path("/proc").glob("[0-9]*"):
         with contextlib.suppress(OSError):
             for link in (process / "fd").iterdir():
                 with contextlib.suppress(OSError):
-                    if os.readlink(link).startswith(target) and _is_for_writing(process / "fdinfo" / link.name):
-                        found.add(int(process.name))
-    return sorted(found)
+                    folder = by_name.get(os.path.dirname(os.readlink(link)))
+                    if folder and _is_for_writing(process / "fdinfo" / link.name):
+                        found.setdefault(folder, set()).add(int(process.name))
+    return {folder: sorted(processes) for folder, processes in found.items()}
 
 
 def _is_for_writing(information: Path) -> bool:

@@ -1,12 +1,12 @@
 """What an MCAP file holds, and the summary, index and footer that say so at its end."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 
 from mcap.opcode import Opcode
 from mcap.records import Channel, ChunkIndex, DataEnd, Footer, MetadataIndex, Schema, Statistics, SummaryOffset
 
-from vibro_ros.bag.mcap_records import MAGIC, packed
+from vibro_ros.bag.mcap_records import MAGIC, MalformedError, packed, parsed, records
 
 NEVER = 2**63 - 1
 """Time of the first message [ns] of a file that has none yet."""
@@ -50,9 +50,15 @@ class Contents:
         """Number of messages."""
         return sum(self.counts.values())
 
+    def add_schema(self, schema: Schema) -> None:
+        """Take a schema in; a repetition changes nothing (MalformedError when it differs)."""
+        if self.schemas.setdefault(schema.id, schema) != schema:
+            raise MalformedError(f"schema {schema.id} is announced twice, and differs")
+
     def add_channel(self, channel: Channel) -> None:
-        """Take a channel in; a repetition changes nothing."""
-        self.channels[channel.id] = channel
+        """Take a channel in; a repetition changes nothing (MalformedError when it differs)."""
+        if self.channels.setdefault(channel.id, channel) != channel:
+            raise MalformedError(f"channel {channel.id} is announced twice, and differs")
         self.counts.setdefault(channel.id, 0)
 
     def add_chunk(self, chunk: ChunkIndex, counts: Iterable[tuple[int, int]]) -> None:
@@ -66,6 +72,12 @@ class Contents:
         """Take messages of one channel in, which lie between two times [ns]."""
         self.counts[channel] += count
         self.first, self.last = min(self.first, first), max(self.last, last)
+
+    def indexes(self) -> Iterator[ChunkIndex]:
+        """The chunks' index records."""
+        packed_indexes = bytes(self.chunk_indexes)
+        for _, _, begin, end in records(packed_indexes):
+            yield parsed(ChunkIndex, packed_indexes[begin:end])
 
     def ending(self, at: int) -> bytes:
         """All that closes a file whose data end at the offset `at`: end of data, summary, footer; without checksums."""

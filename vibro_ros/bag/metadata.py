@@ -6,8 +6,20 @@ from pathlib import Path
 
 import yaml
 
+from vibro_ros.regular_file import content, replace_file
+from vibro_ros.strict_yaml import Limits, parsed, read_yaml
+
 BAG_VERSION = 9
 FILE_NAME = "metadata.yaml"
+LIMITS = Limits(size=8 * 2**20, values=500_000)
+"""Of metadata.yaml, which names each file of a bag: 40 thousand of them."""
+LABEL_LIMITS = Limits(size=50_000, values=2000, depth=8)
+"""Of the QoS profiles with which a topic is labelled; a publisher's takes about 20 values."""
+
+_MOST_DEPTH = 2**31 - 1
+
+LAST_STAMP = 2**63 - 2
+"""Greatest recorded stamp [ns]: rosbag2 keeps signed 64-bit stamps, and rosbags reserves the last one."""
 
 _FOREVER = {"sec": 9223372036, "nsec": 854775807}  # how ROS writes "no deadline"
 
@@ -101,47 +113,63 @@ def as_text(information: Mapping[str, object]) -> str:
     return yaml.dump(information, Dumper=_Dumper, sort_keys=False, allow_unicode=True)
 
 
-def write_metadata(folder: Path, information: dict) -> None:
-    """Write metadata.yaml into a bag folder, whole or not at all (OSError)."""
-    file = folder / FILE_NAME
-    fresh = file.with_suffix(".yaml.tmp")
+def write_metadata(file: Path, information: dict) -> None:
+    """Write a metadata.yaml, whole or not at all (OSError)."""
+    replace_file(file, _metadata(information))
+
+
+def is_beginning(file: Path, information: dict) -> bool:
+    """Whether a metadata.yaml tells no more than the beginning of what `write_metadata` would write, or nothing."""
     try:
-        fresh.write_text(as_text({"rosbag2_bagfile_information": information}), encoding="utf-8")
-        fresh.replace(file)
+        return _metadata(information).startswith(content(file, LIMITS.size, follow=False))
     except OSError:
-        fresh.unlink(missing_ok=True)
-        raise
+        return False
 
 
-def read_metadata(folder: Path) -> dict | None:
-    """What metadata.yaml of a bag folder tells; None when it is missing or cannot be understood."""
-    try:
-        content = yaml.load((folder / FILE_NAME).read_text(encoding="utf-8"), Loader=_Loader)
-        information = content["rosbag2_bagfile_information"]
-        return information if isinstance(information, dict) else None
-    except (OSError, ValueError, TypeError, KeyError, yaml.YAMLError):
-        return None
+def _metadata(information: dict) -> bytes:
+    return as_text({"rosbag2_bagfile_information": information}).encode()
+
+
+def read_metadata(folder: Path) -> dict:
+    """What metadata.yaml of a bag folder tells (ValueError when it cannot be read, or is of a version beyond this)."""
+    document = read_yaml(folder / FILE_NAME, LIMITS, follow=False)
+    information = document.get("rosbag2_bagfile_information") if isinstance(document, dict) else None
+    if not isinstance(information, dict):
+        raise ValueError(f"{FILE_NAME}: has no rosbag2_bagfile_information")
+    version = information.get("version")
+    if not isinstance(version, int) or not 0 < version <= BAG_VERSION:
+        raise ValueError(f"{FILE_NAME}: is of version {version}, and {BAG_VERSION} is the last one known here")
+    return information
 
 
 def custom_data(text: str) -> dict[str, str]:
     """The custom data of metadata as text, as files keep it inside; empty when there are none."""
     try:
-        found = yaml.load(text, Loader=_Loader)["custom_data"]
-    except (ValueError, TypeError, KeyError, yaml.YAMLError):
+        found = parsed(text, LIMITS)
+    except ValueError:
         return {}
+    return custom_of(found) if isinstance(found, dict) else {}
+
+
+def custom_of(information: Mapping[str, object]) -> dict[str, str]:
+    """The custom data of a bag's information, texts by texts; empty when there are none."""
+    found = information.get("custom_data")
     return {str(key): str(value) for key, value in found.items()} if isinstance(found, dict) else {}
 
 
 def qos_profiles(text: str) -> list[dict]:
     """The QoS profiles of a channel's label; none when they cannot be understood."""
     try:
-        found = yaml.load(text, Loader=_Loader)
-    except yaml.YAMLError:
+        found = parsed(text, LABEL_LIMITS) if len(text) <= LABEL_LIMITS.size else None
+    except ValueError:
         return []
-    return found if isinstance(found, list) else []
+    return [one for one in found if isinstance(one, dict)] if isinstance(found, list) else []
 
 
-_Loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+def depth_of(profiles: Sequence[Mapping], otherwise: int) -> int:
+    """History depth of the first of QoS profiles; `otherwise` where they tell none that can be."""
+    depth = profiles[0].get("depth") if profiles else None
+    return depth if type(depth) is int and 0 <= depth <= _MOST_DEPTH else otherwise
 
 
 class _Dumper(getattr(yaml, "CSafeDumper", yaml.SafeDumper)):

@@ -1,5 +1,7 @@
 """Read a recording into numpy arrays, topic by topic."""
 
+import warnings
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,9 +12,14 @@ from vibro_ros.bag.robot_topics import ROBOT_TOPICS
 from vibro_ros.bag.series import Series, readable_types
 from vibro_ros.bag.stream import BagError, BagStream, RecordedTopic
 
-__all__ = ["ROBOT_TOPICS", "Arrays", "Bag", "BagError", "MissingTopicError", "RecordedTopic", "read_bag"]
+__all__ = ["ROBOT_TOPICS", "Arrays", "Bag", "BagError", "BagWarning", "MissingTopicError", "RecordedTopic", "load_bag",
+           "read_bag"]
 
 Arrays = dict[str, np.ndarray]
+
+
+class BagWarning(UserWarning):
+    """Part of a recording is not read."""
 
 
 class MissingTopicError(BagError, KeyError):
@@ -42,6 +49,8 @@ class Bag(Mapping[str, Arrays]):
         Every topic, those of other types included, by full name.
     arrays : dict of str to dict of str to ndarray
         What `read_bag` lists, by full name.
+    flaws : tuple of str
+        What of the recording is not read, one line each; empty when all of it is.
     """
 
     path: Path
@@ -50,6 +59,7 @@ class Bag(Mapping[str, Arrays]):
     metadata: dict[str, str]
     topics: dict[str, RecordedTopic]
     arrays: dict[str, Arrays]
+    flaws: tuple[str, ...] = ()
 
     def __getitem__(self, name: str) -> Arrays:
         return self.arrays[self.full_name(name)]
@@ -119,28 +129,45 @@ def read_bag(path: str | Path, columns: Mapping[str, Sequence[str]] | None = Non
                                           ``<joint>.effort`` [N or N m], shape (n,)
         ================================  ==========================================================
 
-        Topics of other types are counted, not read.
+        Topics of other types are counted, not read. What cannot be read - a damaged part of a file, a message
+        that is not of its topic's type, as a hostile peer may publish it - is left out of the arrays and named in
+        `Bag.flaws`; the rest is read.
 
     Raises
     ------
     BagError
-        When the folder is missing, no bag, not sealed or damaged; the message names path, reason
-        and remedy.
+        When the folder is missing, no bag, or not sealed, or when nothing in it can be read; the message names path,
+        reason and remedy.
+
+    Warns
+    -----
+    BagWarning
+        Once, when something is left out: with the first of the flaws and their number.
     """
+    bag = load_bag(path, columns)
+    if bag.flaws:
+        more = f" (and {len(bag.flaws) - 1} more, see the bag's flaws)" if len(bag.flaws) > 1 else ""
+        warnings.warn(f"{bag.path}: not all of it is read: {bag.flaws[0]}{more}", BagWarning, stacklevel=2)
+    return bag
+
+
+def load_bag(path: str | Path, columns: Mapping[str, Sequence[str]] | None = None) -> Bag:
+    """`read_bag` without its warning, for those who name the flaws themselves."""
     with BagStream(path) as stream:
-        try:
-            series = _series(stream, columns)
-        except ValueError as error:
-            raise stream.damage(error) from error
-        arrays = {topic: one.arrays() for topic, one in series.items()}
+        arrays = {topic: one.arrays() for topic, one in _series(stream, columns).items()}
         return Bag(stream.folder, stream.start, (stream.end - stream.start) * 1e-9, stream.metadata, stream.topics,
-                   arrays)
+                   arrays, tuple(stream.flaws))
 
 
 def _series(stream: BagStream, columns: Mapping[str, Sequence[str]] | None) -> dict[str, Series]:
-    series = {topic: Series(topic, one.type_name, stream.start, ("*",) if columns is None else columns[_last(topic)])
+    series = {topic: Series(one.type_name, stream.start, ("*",) if columns is None else columns[_last(topic)])
               for topic, one in stream.topics.items()
               if one.type_name in readable_types() and (columns is None or _last(topic) in columns)}
+    seen: Counter[str] = Counter()
     for topic, stamp, data in stream.messages(frozenset(series)):
-        series[topic].append(stamp, data)
+        try:
+            series[topic].append(stamp, data)
+        except ValueError as error:
+            stream.unreadable.add(topic, seen[topic], stamp, error)
+        seen[topic] += 1
     return series

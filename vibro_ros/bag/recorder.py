@@ -18,6 +18,7 @@ from pathlib import Path
 from threading import Event, Lock, Thread
 
 from vibro_ros.bag.definitions import Definition, Topic, defined
+from vibro_ros.bag.metadata import LAST_STAMP
 from vibro_ros.bag.writer import BagWriter, Storage
 
 FLUSH_PERIOD = 0.05  # s, that a message stays in memory only; 0.1 is promised, and a busy machine is late
@@ -25,7 +26,6 @@ POLL_PERIOD = 0.005  # s, between two looks at an empty queue
 WAKING = 10  # messages that wait; two ticks of a robot
 BATCH = 25  # messages between two offers of the interpreter lock; about 50 us
 BACKLOG = 20_000  # messages waiting for the disk; about 4 s of a robot that publishes at 1 kHz
-LAST_STAMP = 2**63 - 2  # ns; rosbag2 keeps signed 64-bit stamps, and rosbags reserves the last one
 
 BAG_PATTERN = "vibro_robot_*"
 """Of the names that `new_bag_folder` gives."""

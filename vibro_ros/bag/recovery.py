@@ -1,41 +1,42 @@
 """Seal a bag whose recorder was killed: cut what is torn, write index and metadata.
 
-A readable bag is never changed. An MCAP file is only cut after its last whole record and written to from there on; when
-that fails (the disk is full), it is cut again, and can be recovered later. metadata.yaml appears whole, at last.
+A readable bag is never changed. Everything is read before anything is written: an MCAP file is only cut behind its last
+readable record, what is cut is kept beside it, and what was written is read back. metadata.yaml appears whole, at last.
+When a step fails (the disk is full), its file is as it was, and recovery can be repeated. No link is followed.
 """
 
 import os
-import re
-import sqlite3
 from collections.abc import Callable, Iterable, Mapping
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 
-from mcap.records import Metadata, MetadataIndex
-
 from vibro_ros.bag import reserve
 from vibro_ros.bag.lock import locked, writers
-from vibro_ros.bag.mcap_records import packed
-from vibro_ros.bag.mcap_scan import ForeignFileError, Scan, is_sealed, scan
-from vibro_ros.bag.mcap_segment import METADATA_KEY, METADATA_NAME
-from vibro_ros.bag.metadata import (
-    FILE_NAME,
-    FileInformation,
-    TopicInformation,
-    as_text,
-    bag_information,
-    custom_data,
-    qos_profiles,
-    read_metadata,
-    write_metadata,
+from vibro_ros.bag.mcap_part import McapPart
+from vibro_ros.bag.mcap_scan import ForeignFileError
+from vibro_ros.bag.metadata import FILE_NAME, TopicInformation, as_text, bag_information, is_beginning, write_metadata
+from vibro_ros.bag.metadata_check import tells
+from vibro_ros.bag.part import Part, PartContents
+from vibro_ros.bag.parts import (
+    COMPRESSED,
+    STORAGES,
+    bag_files,
+    opened_part,
+    suffix_of,
+    told,
 )
-from vibro_ros.bag.sqlite_scan import scan_sqlite
-
-_STORAGES = {".mcap": "mcap", ".db3": "sqlite3"}
+from vibro_ros.bag.sealing import seal_mcap, set_aside, settle_sqlite
+from vibro_ros.bag.sqlite_part import JOURNALS, DatabaseError, is_hot
+from vibro_ros.bag.stream import BagError, BagStream
+from vibro_ros.one_line import one_line
 
 
 class RecoveryError(Exception):
     """A bag cannot be recovered; the message is one line for the user."""
+
+    def __init__(self, message: str):
+        super().__init__(one_line(message))
 
 
 @dataclass(frozen=True)
@@ -49,11 +50,15 @@ class Recovery:
     messages : int
         Number of messages in the bag now.
     cut : int
-        Bytes that were torn or damaged, and are lost.
+        Bytes that were torn or damaged, and are not read.
     last : int
         Time of the last message [ns]; 0 without messages.
     was_sealed : bool
         True when there was nothing to do, and nothing was done.
+    kept : tuple of Path
+        Where the bytes are that were cut.
+    flaws : tuple of str
+        What of the bag still cannot be read, one line each.
     """
 
     folder: Path
@@ -61,46 +66,49 @@ class Recovery:
     cut: int
     last: int
     was_sealed: bool = False
+    kept: tuple[Path, ...] = ()
+    flaws: tuple[str, ...] = ()
 
 
-def recover(path: str | Path) -> Recovery:
+def recover(path: str | Path, keep_torn: bool = True) -> Recovery:
     """Seal the bag in the folder `path`, or that of the file `path`.
+
+    Parameters
+    ----------
+    path : str or Path
+        The bag folder, or one of its files.
+    keep_torn : bool
+        Whether what is cut is kept beside, as ``<file>.torn``, ``<file>.torn.2``, …
 
     Raises
     ------
     RecoveryError
-        When it is no bag, holds nothing, is being recorded, or cannot be written.
+        When it is no bag, holds nothing that can be read, is being recorded, or cannot be written.
     """
-    folder = _folder_of(Path(path))
     try:
-        if is_bag_sealed(folder):
-            return _nothing_to_do(folder)
+        folder = _folder_of(Path(path))
         with locked(folder):
             _check_unused(folder)
-            return _sealed(folder)
+            return _Recovering(folder, keep_torn).result()
     except BlockingIOError:
-        raise RecoveryError(f"{folder}: the bag is in use, its recorder still runs; end the recorder") from None
-    except ForeignFileError as error:
-        raise RecoveryError(f"{error}; give the folder of a recording") from error
+        raise RecoveryError(f"{path}: the bag is in use, its recorder still runs; end the recorder") from None
     except OSError as error:
-        raise RecoveryError(f"{folder}: cannot be sealed: {error.strerror or error}; nothing was lost, "
+        raise RecoveryError(f"{path}: cannot be sealed: {error.strerror or error}; nothing was lost, "
                             "make room or give write permission and try again") from error
+    except MemoryError:
+        raise RecoveryError(f"{path}: cannot be sealed: not enough memory; nothing was lost") from None
 
 
 def is_bag_sealed(folder: Path) -> bool:
-    """Whether metadata.yaml is there, and every file that it names, sealed."""
-    information = read_metadata(folder)
-    if information is None:
-        return False
-    names = information.get("relative_file_paths")
-    if not isinstance(names, list) or not names:
-        return False
-    files = [folder / str(name) for name in names]
-    return all(file.is_file() and (file.suffix != ".mcap" or is_sealed(file)) for file in files)
+    """Whether metadata.yaml tells what the bag's files hold, and each of them has its ending (OSError)."""
+    with ExitStack() as stack:
+        return _Looked(folder, stack).is_sealed()
 
 
 def unsealed_bags(directory: Path, pattern: str = "*") -> list[Path]:
     """Bag folders in `directory` that are not sealed, hold something, and are not being recorded.
+
+    Folders that this user may not look into belong to somebody else, and links lead elsewhere: neither is listed.
 
     Parameters
     ----------
@@ -109,11 +117,30 @@ def unsealed_bags(directory: Path, pattern: str = "*") -> list[Path]:
     pattern : str
         Of the folders' names.
     """
-    if not directory.is_dir():
+    try:
+        folders = sorted(folder for folder in directory.glob(pattern) if _is_unsealed(folder))
+    except OSError:
         return []
-    return [folder for folder in sorted(directory.glob(pattern))
-            if folder.is_dir() and not (folder / FILE_NAME).exists()
-            and any(file.stat().st_size for file in _bag_files(folder)) and not _is_in_use(folder)]
+    in_use = writers(folders) if folders else {}
+    return [folder for folder in folders if folder not in in_use and not _is_locked(folder)]
+
+
+def _is_unsealed(folder: Path) -> bool:
+    try:
+        if folder.is_symlink() or not folder.is_dir() or os.path.lexists(folder / FILE_NAME):
+            return False
+        files, _ = bag_files(folder)
+        return any(file.stat().st_size for file in files)
+    except OSError:
+        return False
+
+
+def _is_locked(folder: Path) -> bool:
+    try:
+        with locked(folder):
+            return False
+    except OSError:
+        return True
 
 
 def _folder_of(path: Path) -> Path:
@@ -121,156 +148,162 @@ def _folder_of(path: Path) -> Path:
         raise RecoveryError(f"{path}: no such folder; give the folder of a recording")
     if path.is_dir():
         return path
-    if path.suffix not in _STORAGES:
+    if suffix_of(path.name) not in STORAGES:
         raise RecoveryError(f"{path}: a file, not a bag; give the folder of a recording")
     return path.absolute().parent
 
 
-def _is_in_use(folder: Path) -> bool:
-    try:
-        with locked(folder):
-            return bool(writers(folder))
-    except OSError:
-        return True
-
-
 def _check_unused(folder: Path) -> None:
-    found = [str(process) for process in writers(folder)]
-    if found:
-        raise RecoveryError(f"{folder}: the bag is in use, process {', '.join(found)} writes to it; end the recorder")
+    if found := writers([folder]):
+        processes = ", ".join(map(str, found[folder]))
+        raise RecoveryError(f"{folder}: the bag is in use, process {processes} writes to it; end the recorder")
 
 
-def _bag_files(folder: Path) -> list[Path]:
-    """The bag's files in the order of their numbers."""
-    files = [file for file in folder.iterdir() if file.suffix in _STORAGES and file.is_file()]
-    return sorted(files, key=lambda file: (_number(file), file.name))
+class _Looked:
+    """A bag folder that was looked through: its files, open, and what is wrong with them.
 
+    Parameters
+    ----------
+    folder : Path
+        The bag folder.
+    stack : ExitStack
+        Closes the files.
+    """
 
-def _number(file: Path) -> int:
-    found = re.search(r"_(\d+)$", file.stem)
-    return int(found[1]) if found else 0
+    def __init__(self, folder: Path, stack: ExitStack):
+        self.folder = folder
+        self.told = told(folder)
+        self.files, self.flaws = bag_files(folder)
+        self.files = [file for file in self.files if file.stat().st_size]  # a recorder may just have made the last one
+        self.parts: dict[Path, Part] = {}
+        self.hot: list[Path] = []  # databases with an unfinished transaction
+        self.reasons: list[str] = []  # why files cannot be read
+        for file in self.files:
+            self._open(file, stack)
 
+    def is_sealed(self) -> bool:
+        """Whether readers find all of it that can be read."""
+        return (bool(self.parts) and not self.hot and not self.told.flaws
+                and all(part.is_sealed for part in self.parts.values())
+                and tells(self.told.information, self.contents()))
 
-def _nothing_to_do(folder: Path) -> Recovery:
-    information = read_metadata(folder)
-    try:
-        messages = int(information["message_count"])
-        last = information["starting_time"]["nanoseconds_since_epoch"] + information["duration"]["nanoseconds"]
-    except (KeyError, TypeError, ValueError):
-        messages = last = 0
-    return Recovery(folder, messages, 0, last if messages else 0, was_sealed=True)
+    def contents(self) -> list[PartContents]:
+        """What the files hold, in the order of time."""
+        found = [part.contents for part in self.parts.values()]
+        return sorted(found, key=lambda one: one.information.first if one.information.messages else 0)
 
-
-def _sealed(folder: Path) -> Recovery:
-    """Seal every file that is not, then the folder."""
-    files = _bag_files(folder)
-    if not files:
-        raise RecoveryError(f"{folder}: not a bag, it holds no .mcap and no .db3 file; give the folder of a recording")
-    filled = [file for file in files if file.stat().st_size]  # a killed recorder may have just made the last one
-    if not filled:
-        raise RecoveryError(f"{folder}: {files[0].name} is empty (0 bytes), nothing was recorded; delete the folder")
-    kinds = {_STORAGES[file.suffix] for file in filled}
-    if len(kinds) > 1:
-        raise RecoveryError(f"{folder}: holds both .mcap and .db3 files; give the folder of one recording")
-    reserve.remove(folder)
-    (kind,) = kinds
-    seen = [_SEALERS[kind](file) for file in filled]
-    return _finish(folder, kind, seen)
-
-
-@dataclass(frozen=True)
-class _Sealed:
-    """A file that is sealed now."""
-
-    information: FileInformation
-    topics: list[TopicInformation]
-    custom: Mapping[str, str]
-    cut: int
-
-
-def _finish(folder: Path, kind: str, seen: list[_Sealed]) -> Recovery:
-    topics = {topic.name: topic for one in seen for topic in one.topics}
-    cut = sum(one.cut for one in seen)
-    custom = {key: value for one in seen for key, value in one.custom.items()}
-    files = [one.information for one in seen]
-    messages = sum(file.messages for file in files)
-    custom |= {"written": str(messages), "recovered": "true", "cut_bytes": str(cut)}
-    write_metadata(folder, bag_information(kind, files, topics.values(), custom))
-    return Recovery(folder, messages, cut, max(file.last for file in files))
-
-
-def _seal_mcap(file: Path) -> _Sealed:
-    try:
-        found = scan(file)
-    except ForeignFileError as error:
-        raise ForeignFileError(f"{file}: {error}") from error
-    topics = _mcap_topics(found)
-    custom = custom_data(found.metadata)
-    information = _mcap_information(file.name, found)
-    cut = found.damaged
-    if not found.sealed:
-        cut += found.size - found.end
-        _append_ending(file, found, as_text(bag_information("mcap", [information], topics, custom)))
-    return _Sealed(information, topics, custom, cut)
-
-
-def _mcap_topics(found: Scan) -> list[TopicInformation]:
-    schemas = found.contents.schemas
-    return [TopicInformation(channel.topic, schemas[channel.schema_id].name,
-                             qos_profiles(channel.metadata.get("offered_qos_profiles", "")),
-                             channel.metadata.get("topic_type_hash", ""), channel.message_encoding)
-            for channel in found.contents.channels.values() if channel.schema_id in schemas]
-
-
-def _mcap_information(name: str, found: Scan) -> FileInformation:
-    contents = found.contents
-    counts: dict[str, int] = {}
-    for channel, count in contents.counts.items():
-        topic = contents.channels[channel].topic
-        counts[topic] = counts.get(topic, 0) + count
-    return FileInformation(name, contents.first if contents.messages else 0, contents.last, counts)
-
-
-def _append_ending(file: Path, found: Scan, metadata: str) -> None:
-    """Cut the file after its last whole record and close it; on an error, only cut it."""
-    record = packed(Metadata(METADATA_NAME, {METADATA_KEY: metadata}))
-    end = found.end + len(found.tail)
-    found.contents.metadata.append(MetadataIndex(end, len(record), METADATA_NAME))
-    ending = found.tail + record + found.contents.ending(end + len(record))
-    with file.open("r+b", buffering=0) as target:
-        target.truncate(found.end)
-        target.seek(found.end)
+    def _open(self, file: Path, stack: ExitStack) -> None:
+        if any(is_hot(file, ending) for ending in JOURNALS):
+            self.hot.append(file)
+            return
         try:
-            _write(target.write, ending)
-            os.fsync(target.fileno())
-        except OSError:
-            target.truncate(found.end)
-            raise
+            self.parts[file] = opened_part(file, stack)
+        except (ForeignFileError, DatabaseError) as error:
+            self.reasons.append(f"{file.name}: {error}")
 
 
-def _write(write: Callable[[memoryview], int], data: bytes) -> None:
-    rest = memoryview(data)
-    while rest:
-        rest = rest[write(rest):]
+class _Recovering:
+    """Goes through the steps of a recovery."""
+
+    def __init__(self, folder: Path, keep: bool):
+        self._folder, self._keep = folder, keep
+        self._cut = 0
+        self._kept: list[Path] = []
+
+    def result(self) -> Recovery:
+        with ExitStack() as stack:
+            looked = _Looked(self._folder, stack)
+            if looked.is_sealed():
+                return self._read_back(was_sealed=True)
+            self._check(looked)
+            reserve.remove(self._folder)
+            for file in looked.hot:
+                self._settle(file, looked, stack)
+            if not looked.parts:
+                raise RecoveryError(f"{self._folder}: {looked.reasons[0]}; give the folder of a recording")
+            self._seal(looked)
+        return self._read_back()
+
+    def _check(self, looked: "_Looked") -> None:
+        files, _ = bag_files(self._folder)
+        if not files:
+            reason = f"{looked.flaws[0]}" if looked.flaws else "not a bag, it holds no .mcap and no .db3 file"
+            raise RecoveryError(f"{self._folder}: {reason}; give the folder of a recording")
+        if not looked.files:
+            raise RecoveryError(f"{self._folder}: {files[0].name} is empty (0 bytes), nothing was recorded; "
+                                "delete the folder")
+        if len({STORAGES[suffix_of(file.name)] for file in looked.files}) > 1:
+            raise RecoveryError(f"{self._folder}: holds both .mcap and .db3 files; give the folder of one recording")
+        if not looked.parts and not looked.hot:
+            raise RecoveryError(f"{self._folder / looked.reasons[0]}; give the folder of a recording")
+
+    def _settle(self, file: Path, looked: "_Looked", stack: ExitStack) -> None:
+        try:
+            cut, kept = settle_sqlite(file, self._keep)
+            self._cut += cut
+            self._kept += kept
+            looked.parts[file] = opened_part(file, stack)
+        except DatabaseError as error:
+            looked.reasons.append(f"{file.name}: {error}")
+
+    def _seal(self, looked: "_Looked") -> None:
+        contents = looked.contents()
+        custom = looked.told.custom or {key: value for one in contents for key, value in one.custom.items()}
+        for file, part in looked.parts.items():
+            self._cut += part.damaged
+            if isinstance(part, McapPart) and not part.is_sealed:
+                self._seal_file(file, part, custom)
+        storage = STORAGES[suffix_of(next(iter(looked.parts)).name)]
+        messages = sum(one.information.messages for one in contents)
+        custom = {**custom, "written": str(messages), "recovered": "true", "cut_bytes": str(self._cut)}
+        files = [one.information for one in contents]
+        self._write(bag_information(storage, files, _topics(contents), custom) | _compression(looked))
+
+    def _seal_file(self, file: Path, part: McapPart, custom: Mapping[str, str]) -> None:
+        if file.name.endswith(COMPRESSED):
+            raise RecoveryError(f"{file}: is torn and compressed; unfold it with `zstd -d`, and try again")
+        own = part.contents
+        text = as_text(bag_information("mcap", [own.information], own.topics, own.custom or custom))
+        kept = seal_mcap(file, part.scan, text, self._keep)
+        self._cut += 0 if part.scan.ended else part.scan.size - part.scan.end
+        self._kept += [kept] if kept else []
+
+    def _write(self, information: dict) -> None:
+        file = self._folder / FILE_NAME
+        if os.path.lexists(file) and not is_beginning(file, information):
+            self._kept += set_aside(file, self._keep)
+        write_metadata(file, information)
+
+    def _read_back(self, was_sealed: bool = False) -> Recovery:
+        """What a reader finds now."""
+        try:
+            with BagStream(self._folder) as stream:
+                messages = sum(topic.messages for topic in stream.topics.values())
+                return Recovery(self._folder, messages, self._cut, stream.end, was_sealed, tuple(self._kept),
+                                tuple(stream.flaws))
+        except BagError as error:
+            raise RecoveryError(f"{error}; it cannot be sealed") from error
 
 
-def _seal_sqlite(file: Path) -> _Sealed:
-    size = file.stat().st_size
-    try:
-        information, topics, custom = scan_sqlite(file)
-    except sqlite3.Error as error:
-        raise ForeignFileError(f"{file}: not a readable database of rosbag2: {error}") from error
-    return _Sealed(information, topics, custom, max(0, size - file.stat().st_size))
+def _topics(contents: list[PartContents]) -> list[TopicInformation]:
+    """Each topic of the files once."""
+    return list({topic.name: topic for one in reversed(contents) for topic in one.topics}.values())
 
 
-_SEALERS: dict[str, Callable[[Path], _Sealed]] = {"mcap": _seal_mcap, "sqlite3": _seal_sqlite}
+def _compression(looked: _Looked) -> dict[str, str]:
+    """What metadata.yaml says of the compression of whole files, or of single messages."""
+    if any(file.name.endswith(COMPRESSED) for file in looked.parts):
+        return {"compression_format": "zstd", "compression_mode": "FILE"}
+    return {"compression_format": "zstd", "compression_mode": "MESSAGE"} if looked.told.compressed_messages else {}
 
 
 def described(recovery: Recovery, stamp: Callable[[int], str]) -> Iterable[str]:
     """What was done, for people; `stamp` writes a time [ns]."""
     if recovery.was_sealed:
-        yield f"{recovery.folder}: sealed already, {recovery.messages} messages; nothing to do"
-        return
-    lost = f"{recovery.cut} torn bytes cut" if recovery.cut else "no bytes lost"
-    last = f", the last of {stamp(recovery.last)}" if recovery.messages else ""
-    yield f"{recovery.folder}: sealed, {recovery.messages} messages{last}; {lost}"
+        yield one_line(f"{recovery.folder}: sealed already, {recovery.messages} messages; nothing to do")
+    else:
+        lost = f"{recovery.cut} torn bytes cut" if recovery.cut else "no bytes lost"
+        kept = f", kept in {', '.join(path.name for path in recovery.kept)}" if recovery.kept else ""
+        last = f", the last of {stamp(recovery.last)}" if recovery.messages else ""
+        yield one_line(f"{recovery.folder}: sealed, {recovery.messages} messages{last}; {lost}{kept}")
+    yield from (f"not read: {flaw}" for flaw in recovery.flaws)

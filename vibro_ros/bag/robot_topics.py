@@ -36,7 +36,7 @@ def robot_topics(stream: BagStream) -> dict[str, str]:
     try:
         told = json.loads(stream.metadata.get("topics", "{}"))
         found = {name: str(told[name]) for name in _TYPES if name in told}
-    except (ValueError, TypeError) as error:
+    except (ValueError, TypeError, RecursionError) as error:
         raise BagError(f"{stream.folder}: its custom data `topics` cannot be read: {error}") from error
     for name, topic in found.items():
         recorded = stream.topics.get(topic)

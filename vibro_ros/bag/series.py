@@ -8,7 +8,10 @@ from itertools import accumulate, chain
 
 import numpy as np
 
-from vibro_ros.bag.definitions import jazzy_types
+from vibro_ros.bag.cdr import deserialised
+
+LONGEST_FRAME = 1000
+"""Characters of a frame's name; the array of all names takes as much for each message as the longest one."""
 
 
 def readable_types() -> frozenset[str]:
@@ -31,19 +34,20 @@ class Series:
 
     Parameters
     ----------
-    topic, type_name : str
-        Full name and ROS type, one of `readable_types`.
+    type_name : str
+        ROS type, one of `readable_types`.
     start_ns : int
         Zero of the arrays' times, ROS time [ns].
     columns : sequence of str
         Patterns of the columns' names, as `fnmatch` reads them; without any, only times are kept, unread.
     """
 
-    def __init__(self, topic: str, type_name: str, start_ns: int, columns: Sequence[str] = ("*",)) -> None:
-        self._topic, self._type, self._patterns = topic, type_name, columns
+    def __init__(self, type_name: str, start_ns: int, columns: Sequence[str] = ("*",)) -> None:
+        self._type, self._patterns = type_name, columns
         self._layout = _LAYOUTS[self._type]
         self._start_ns = start_ns
         self._times, self._stamps, self._rows = array("d"), array("d"), array("d")
+        self._ascending = True
         self._frames: dict[str, int] = {}
         self._frame = array("L")
         self._stamped = self._layout.stamped and self._wants("stamp")
@@ -51,13 +55,28 @@ class Series:
         self._choose(None)
 
     def append(self, time_ns: int, data: bytes) -> None:
-        """Add one serialised message recorded at `time_ns` (ValueError when it cannot be read)."""
+        """Add one serialised message recorded at `time_ns`.
+
+        Raises
+        ------
+        ValueError
+            When it cannot be read, or does not fit to the columns; nothing is added then.
+        """
         if self._patterns:
-            self._read(time_ns, data)
-        self._times.append((time_ns - self._start_ns) * 1e-9)
+            self._read(data)
+        time = (time_ns - self._start_ns) * 1e-9
+        self._ascending &= not self._times or time >= self._times[-1]
+        self._times.append(time)
 
     def arrays(self) -> dict[str, np.ndarray]:
         """The columns by name, as `vibro_ros.read_bag` lists them; nothing can be appended any more."""
+        arrays = self._arrays()
+        if self._ascending:
+            return arrays
+        order = np.argsort(arrays["time"], kind="stable")
+        return {name: column[order] for name, column in arrays.items()}
+
+    def _arrays(self) -> dict[str, np.ndarray]:
         arrays = {"time": _as_array(self._times)}
         if self._stamped:
             arrays["stamp"] = _as_array(self._stamps)
@@ -70,16 +89,17 @@ class Series:
             arrays[name] = rows[:, end - 1] if width == 1 else rows[:, end - width:end]
         return arrays
 
-    def _read(self, time_ns: int, data: bytes) -> None:
-        try:
-            message = jazzy_types().deserialize_cdr(data, self._type)
-        except Exception as error:  # rosbags raises whatever its generated code meets
-            raise ValueError(f"unreadable message on {self._topic} at {time_ns} ns") from error
+    def _read(self, data: bytes) -> None:
+        message = deserialised(data, self._type)
+        if self._framed and len(message.header.frame_id) > LONGEST_FRAME:
+            raise ValueError(f"its frame has more than {LONGEST_FRAME} characters")
+        widths, numbers = self._layout.widths(message), self._layout.numbers(message)
+        if len(numbers) != sum(widths.values()):
+            raise ValueError("it names a joint twice")
         if not self._times:
             self._choose(message)
-        elif self._layout.widths(message) != self._widths:
-            raise ValueError(f"{self._topic} changes its joints at {time_ns} ns")
-        numbers = self._layout.numbers(message)
+        elif widths != self._widths:
+            raise ValueError("its joints are others than those of the first message")
         self._rows.extend(numbers if len(self._chosen) == len(numbers) else [numbers[i] for i in self._chosen])
         if self._stamped:
             stamp = message.header.stamp

@@ -9,7 +9,7 @@ from pathlib import Path
 from vibro_ros.bag.definitions import Definition
 from vibro_ros.bag.lock import lock
 from vibro_ros.bag.mcap_segment import McapSegment
-from vibro_ros.bag.metadata import FileInformation, as_text, bag_information, write_metadata
+from vibro_ros.bag.metadata import FILE_NAME, FileInformation, as_text, bag_information, write_metadata
 from vibro_ros.bag.reserve import Reserve
 from vibro_ros.bag.sqlite_segment import SqliteSegment
 
@@ -137,7 +137,7 @@ class BagWriter:
         try:
             if self._segment:
                 self._finish_segment()
-            write_metadata(self.folder, self._information([file for file, _ in self._finished]))
+            write_metadata(self.folder / FILE_NAME, self._information([file for file, _ in self._finished]))
         finally:
             self.abandon()
 

@@ -191,7 +191,7 @@ class Scene:
                          "to false")
 
     def _heavier_body(self) -> str:
-        """The least body, to a factor of two, that yields little enough, as a part of a sentence; empty if none does."""
+        """The least body, to a factor of two, that yields little enough, as a part of a sentence; empty without one."""
         mass = self["mass.body"]
         while (mass := 2.0 * mass) <= _BY_NAME["mass.body"].maximum:
             heavier = _unchecked("", {**self.parameters, "mass.body": mass})

@@ -65,7 +65,7 @@ class Comparison:
     compared : Counter
         Messages that are equal to the last bit, by topic.
     commands : int
-        Commands that the device was given.
+        Commands that the device was given; the others cannot be read, and the robot refused them.
     missing : int
         Messages that the recorder dropped, between others that are there.
     difference : Difference or None
@@ -109,7 +109,7 @@ class _Comparing:
         self._found = Comparison(facts, notes=notes(stream, facts))
         self._seen: Counter = Counter()
         self._recorded = {name for name, topic in facts.topics.items() if topic in stream.topics}
-        self._may_lack = stream.metadata.get("dropped") != "0"
+        self._may_lack = stream.metadata.get("dropped") != "0" or bool(stream.flaws)
         self._failure = ""  # of the simulation
         self._begun = False
         self._late = stream.start > facts.start and CHECKPOINT in self._recorded
@@ -128,7 +128,7 @@ class _Comparing:
         """Compare what was recorded with one stamp, and give its commands to the device."""
         tick = self._facts.tick(stamp)
         if self._late and tick is not None:
-            self._restore(tick, group)
+            self._restore(tick, stamp, group)
             return None
         if tick is None or tick <= self._rerun.tick or not self._is_likely(tick, stamp, group):
             return self._difference(group[0][0], stamp, "recorded stamp", stamp,
@@ -142,7 +142,7 @@ class _Comparing:
         self._found.missing += len(self._lacking)
         self._lacking.clear()
         difference = self._match(stamp, group, replayed)
-        self._command(group)
+        self._command(stamp, group)
         return difference
 
     def _is_likely(self, tick: int, stamp: int, group: list[tuple[str, bytes]]) -> bool:
@@ -155,8 +155,9 @@ class _Comparing:
             return False
         return any(one.sec * 1_000_000_000 + one.nanosec == stamp for one in headers)
 
-    def _restore(self, tick: int, group: list[tuple[str, bytes]]) -> None:
+    def _restore(self, tick: int, stamp: int, group: list[tuple[str, bytes]]) -> None:
         """Begin at a bag's first checkpoint, of which the sample is already out, and its commands are not."""
+        commanded: list[tuple[str, bytes]] = []
         for i, (name, data) in enumerate(group):
             if name == CHECKPOINT:
                 try:
@@ -164,10 +165,11 @@ class _Comparing:
                 except ValueError as error:
                     raise BagError(f"{self._stream.folder}: {error}") from error
                 self._late, self._begun = False, True
-                self._command(group[i + 1:])
+                commanded = group[i + 1:]
                 break
-        for name, _ in group:
-            self._seen[name] += name not in COMMANDS
+        self._seen.update(name for i, (name, _) in enumerate(group)
+                          if name not in COMMANDS or i < len(group) - len(commanded))
+        self._command(stamp, commanded)
 
     def _advance(self, tick: int) -> list[tuple[str, bytes]]:
         """Go to a sample; what it publishes."""
@@ -205,12 +207,15 @@ class _Comparing:
         if begun:
             self._lacking += [(name, self._rerun.tick) for name in names if name in self._recorded]
 
-    def _command(self, group: list[tuple[str, bytes]]) -> None:
+    def _command(self, stamp: int, group: list[tuple[str, bytes]]) -> None:
         try:
             for name, data in group:
                 if name in COMMANDS:
-                    self._found.commands += 1
-                    self._rerun.command(name, data)
+                    unreadable = self._rerun.command(name, data)
+                    if unreadable:
+                        self._stream.unreadable.add(self._facts.topics[name], self._seen[name], stamp, unreadable)
+                    self._found.commands += not unreadable
+                    self._seen[name] += 1
         except SimulationError as error:
             self._failure = str(error)
 
@@ -235,6 +240,8 @@ def notes(stream: BagStream, facts: RunFacts) -> list[str]:
               if facts.topics.get(name) not in stream.topics]
     if told.get("dropped", "0") != "0":
         found.append(f"{told['dropped']} messages dropped; a command may be among them")
+    if stream.flaws:
+        found.append("part of the bag cannot be read; a command may be in it")
     return found
 
 

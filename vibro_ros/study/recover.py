@@ -22,9 +22,10 @@ def main(words: Sequence[str]) -> int:
 
 def _run(words: Sequence[str]) -> int:
     code = 0
-    for bag in _parser().parse_args(words).bags:
+    options = _parser().parse_args(words)
+    for bag in options.bags:
         try:
-            print("\n".join(described(recover(bag), _clock)))
+            print("\n".join(described(recover(bag, keep_torn=not options.discard_torn), _clock)))
         except RecoveryError as error:
             say("recover", str(error))
             code = BAD_INPUT
@@ -43,8 +44,10 @@ def _clock(stamp: int) -> str:
 def _parser() -> Parser:
     parser = Parser(
         prog="recover",
-        description="Seal bags whose recorder was killed or ran out of disk: cut the torn end, write index and "
-        "metadata.yaml, in place. A sealed bag is not touched.",
+        description="Seal bags whose recorder was killed or ran out of disk, or that were damaged since: cut the torn "
+        "end and keep it beside as FILE.torn, write index and metadata.yaml, in place, and read the bag back. A sealed "
+        "bag is not touched. What of a bag cannot be read is named.",
         epilog="Exit code 0: every bag is sealed now; 2: one is no bag, is empty, in use, or cannot be written.")
     parser.add_argument("bags", nargs="+", metavar="BAG_FOLDER", help="folder of a recording")
+    parser.add_argument("--discard-torn", action="store_true", help="do not keep what is cut, where there is no room")
     return parser

@@ -12,14 +12,15 @@ from collections.abc import Mapping, Sequence
 from importlib import import_module
 from pathlib import Path
 
-from vibro_ros.bag.reader import read_bag
+from vibro_ros.bag.reader import load_bag
 from vibro_ros.bag.stream import BagError, BagStream
 from vibro_ros.command_line import Parser
 from vibro_ros.front_door import exit_code, say
+from vibro_ros.one_line import one_line
 from vibro_ros.strict_yaml import read_scalar
 from vibro_ros.study.comparison import Comparison, compare
 from vibro_ros.study.report import COLUMNS
-from vibro_ros.study.summary import as_text, summarise
+from vibro_ros.study.summary import as_text, not_read, summarise
 from vibro_ros.study.variation import write_variation
 
 IDENTICAL, DIFFERENT = 0, 1
@@ -46,6 +47,8 @@ def _run(words: Sequence[str]) -> int:
         raise ValueError(str(error)) from error
     except OSError as error:
         raise ValueError(f"{error.filename or options.bag}: {error.strerror or error}") from error
+    except MemoryError:
+        raise ValueError(f"{options.bag}: not enough memory to read it") from None
 
 
 def check_combination(words: Sequence[str]) -> None:
@@ -67,9 +70,10 @@ def check_combination(words: Sequence[str]) -> None:
 def _compare(bag: Path) -> int:
     with BagStream(bag) as stream:
         found = compare(stream)
+        flaws = stream.flaws
     if not found.compared and not found.difference:
         raise BagError(f"{bag}: holds no state to compare with; give a bag with odom or joint_states")
-    print("\n".join(described(found)))
+    print("\n".join([*map(one_line, described(found)), *not_read(flaws)]))
     return DIFFERENT if found.difference else IDENTICAL
 
 
@@ -92,7 +96,7 @@ def _vary(bag: Path, changes: Mapping[str, object]) -> int:
     folder, failure = write_variation(bag, changes)
     for title, one in (("recorded", bag), ("replayed with " + _shown(changes), folder)):
         print(f"{title}:\n{_summary(one)}")
-    print(folder)
+    print(one_line(folder))
     if failure:
         say("replay", failure)
     return DIFFERENT if failure else IDENTICAL
@@ -100,7 +104,7 @@ def _vary(bag: Path, changes: Mapping[str, object]) -> int:
 
 def _summary(bag: Path) -> str:
     try:
-        return as_text(summarise(read_bag(bag, COLUMNS)))
+        return as_text(summarise(load_bag(bag, COLUMNS)))
     except BagError as error:
         return f"no summary: {error}\n"
 

@@ -11,9 +11,10 @@ import json
 from collections.abc import Sequence
 from pathlib import Path
 
-from vibro_ros.bag.reader import BagError, read_bag
+from vibro_ros.bag.reader import BagError, load_bag
 from vibro_ros.command_line import Parser
 from vibro_ros.front_door import exit_code
+from vibro_ros.one_line import one_line
 from vibro_ros.study.plots import plot_run
 from vibro_ros.study.summary import as_caption, as_text, summarise
 
@@ -48,7 +49,7 @@ def write_report(bag_folder: Path, output: Path | None = None) -> tuple[str, tup
     output = Path(output).resolve() if output else folder.with_name(f"{folder.name}_report")
     if output.is_relative_to(folder):
         raise BagError(f"{output}: lies inside the recording, which is never written to; give another --output")
-    bag = read_bag(folder, COLUMNS)
+    bag = load_bag(folder, COLUMNS)
     summary = summarise(bag)
     text, figure = as_text(summary), plot_run(bag, as_caption(summary))
     output.mkdir(parents=True, exist_ok=True)
@@ -71,10 +72,13 @@ def _run(words: Sequence[str]) -> int:
     except BagError as error:
         raise ValueError(str(error)) from error
     except OSError as error:
-        raise ValueError(f"{error.filename or options.bag}: cannot write: {error.strerror}; give a writable "
-                         "--output") from error
+        where = error.filename or options.output or f"{options.bag}_report"
+        raise ValueError(f"{where}: cannot write: {error.strerror or error}; give a writable --output") from error
+    except MemoryError:
+        raise ValueError(f"{options.bag}: not enough memory to read it; read some columns of it with "
+                         "vibro_ros.read_bag") from None
     print(text)
-    print("\n".join(map(str, files)))
+    print("\n".join(map(one_line, files)))
     return 0
 
 

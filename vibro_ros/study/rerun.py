@@ -14,10 +14,12 @@ import numpy as np
 
 from vibro_ros import message_fields as fields
 from vibro_ros.bag.cdr import blank, deserialised, serialised
+from vibro_ros.bag.metadata import LAST_STAMP
 from vibro_ros.bag.robot_topics import CHECKPOINT_TYPE, ROBOT_TOPICS, robot_topics
 from vibro_ros.bag.stream import BagError, BagStream
 from vibro_ros.model.parameters import SCENE_PARAMETERS, Value, checked_parameters
 from vibro_ros.model.scene import Scene
+from vibro_ros.one_line import one_line
 from vibro_ros.preparation import prepare_kernels
 from vibro_ros.scene_file import DEVICE_PARAMETERS
 from vibro_ros.simulator import Simulator
@@ -84,8 +86,11 @@ def run_facts(stream: BagStream) -> RunFacts:
                                       DEVICE_PARAMETERS)
         scene = Scene(known["scene"], {name: value for name, value in parameters.items() if name in of_scene})
         defaults = {one.name: one.default for one in DEVICE_PARAMETERS}
-        return RunFacts(defaults | settings, scene, int(known["start"]), robot_topics(stream))
-    except (ValueError, AttributeError) as error:
+        start = int(known["start"])
+        if not 0 <= start <= LAST_STAMP:
+            raise ValueError(f"start is {one_line(known['start'])} ns, which is no ROS time")
+        return RunFacts(defaults | settings, scene, start, robot_topics(stream))
+    except (ValueError, AttributeError, TypeError, RecursionError) as error:  # the custom data may be anything
         version = known.get("version", "unknown")
         raise BagError(f"{stream.folder}: cannot be simulated by this version: {error} (recorded by version "
                        f"{version})") from error
@@ -141,13 +146,24 @@ class Rerun:
             raise ValueError(f"the checkpoint is of {self._device.time:.9g} s, not of {self._facts.time(tick):.9g} s")
         self.tick = tick
 
-    def command(self, name: str, data: bytes) -> None:
-        """Give the device a recorded command; a refused one changes nothing (SimulationError as above)."""
-        value = deserialised(data, ROBOT_TOPICS[name]).data
+    def command(self, name: str, data: bytes) -> str:
+        """Give the device a recorded command; a refused one changes nothing (SimulationError as above).
+
+        Returns
+        -------
+        str
+            Why the message cannot be read, which the robot refused for the same reason; else empty.
+        """
+        try:
+            value = deserialised(data, ROBOT_TOPICS[name]).data
+        except ValueError as error:
+            self.refused += 1
+            return str(error)
         try:
             self._device.command(**{name: value})
         except ValueError:
             self.refused += 1
+        return ""
 
     def _messages(self) -> Iterator[tuple[str, bytes]]:
         state, events, stamp = self._device.state, self._device.take_events(), self._facts.stamp(self.tick)

@@ -1,14 +1,18 @@
 """The numbers of a recording: how far, how fast, how many impacts, how much power, what is missing."""
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
 from vibro_ros.bag.reader import Arrays, Bag, BagError
+from vibro_ros.one_line import one_line
 
 GAP = 2.5  # publish periods; a longer pause between two samples is a gap in the stream
 SAMPLED_TOPICS = ("odom", "joint_states", "ground_contact", "motor_power")  # published at `rate.publish`
 GUIDES = ("upper", "inclined")
+MOST_FLAWS = 20
+"""Sentences on what cannot be read that people are shown."""
 JOINT_COLUMNS = ("crank.position", "crank.velocity")  # of every robot; masses and plates may be absent from a scene
 
 
@@ -28,7 +32,8 @@ def summarise(bag: Bag) -> dict[str, object]:
         [m/s] their displacement over their time; ``crank_turns``; ``impacts`` and
         ``impacts_per_turn`` of each guide; ``mean_power`` [W] over time; ``recorder``, what the
         recorder said about itself; ``topics``: type and ``messages`` of each, and for sampled
-        topics ``period`` [s] (median), ``largest_gap`` [s] and ``gaps`` (pauses above `GAP` periods).
+        topics ``period`` [s] (median), ``largest_gap`` [s] and ``gaps`` (pauses above `GAP` periods);
+        ``not_read``, sentences on what of the recording cannot be read.
 
     Raises
     ------
@@ -54,6 +59,7 @@ def summarise(bag: Bag) -> dict[str, object]:
         "mean_power": _time_mean(power["time"], power["value"]),
         "recorder": bag.metadata,
         "topics": {topic: _topic_summary(bag, topic) for topic in bag.topics},
+        "not_read": list(bag.flaws),
     }
 
 
@@ -67,7 +73,7 @@ def as_text(summary: dict[str, object]) -> str:
     impacts, per_turn = summary["impacts"], summary["impacts_per_turn"]
     lines = [
         ("bag", summary["bag"]),
-        *((key, value) for key, value in summary["recorder"].items() if len(value) < 80),
+        *((one_line(key), one_line(value)) for key, value in summary["recorder"].items() if len(value) < 80),
         ("duration", f"{summary['duration']:.3f} s"),
         ("displacement", f"{summary['displacement']:+.4f} m (path {summary['path_length']:.4f} m)"),
         ("mean speed", _number(summary["mean_speed"], "+.2f", "mm/s", 1e3)),
@@ -77,7 +83,14 @@ def as_text(summary: dict[str, object]) -> str:
         ("mean power", _number(summary["mean_power"], ".3f", "W")),
     ]
     width = max(len(label) for label, _ in lines) + 2
-    return "\n".join([*(f"{label:<{width}}{value}" for label, value in lines), "", *_table(summary["topics"])]) + "\n"
+    return "\n".join([*(f"{label:<{width}}{value}" for label, value in lines), "", *_table(summary["topics"]),
+                      *not_read(summary["not_read"])]) + "\n"
+
+
+def not_read(flaws: Sequence[str]) -> list[str]:
+    """The first `MOST_FLAWS` sentences on what cannot be read, as lines for people, and how many more there are."""
+    more = [f"not read: {len(flaws) - MOST_FLAWS} more"] if len(flaws) > MOST_FLAWS else []
+    return [*(f"not read: {one_line(flaw)}" for flaw in flaws[:MOST_FLAWS]), *more]
 
 
 def as_caption(summary: dict[str, object]) -> str:
@@ -91,6 +104,7 @@ def as_caption(summary: dict[str, object]) -> str:
 
 
 def _table(topics: dict[str, dict[str, object]]) -> list[str]:
+    topics = {one_line(name): one for name, one in topics.items()}
     width = max(len("topic"), *map(len, topics)) + 2
     return [f"{'topic':<{width}}{'messages':>9}{'period':>11}{'largest gap':>14}{'gaps':>6}",
             *(f"{name:<{width}}{one['messages']:>9}{_number(one.get('period'), '.2f', 'ms', 1e3):>11}"

@@ -1,0 +1,92 @@
+"""Open files that another hand may have put there: regular files only, so that no open waits and no read is endless."""
+
+import errno
+import os
+import secrets
+import stat
+from pathlib import Path
+from typing import BinaryIO
+
+_KINDS = {stat.S_IFIFO: "a named pipe", stat.S_IFCHR: "a device", stat.S_IFBLK: "a device", stat.S_IFDIR: "a folder",
+          stat.S_IFSOCK: "a socket", stat.S_IFLNK: "a symbolic link"}
+
+
+def kind_of(mode: int) -> str:
+    """What a file's `st_mode` says that it is; empty for a regular file."""
+    return _KINDS.get(stat.S_IFMT(mode), "")
+
+
+def opened(path: Path, flags: int = os.O_RDONLY, follow: bool = True) -> int:
+    """Descriptor of the regular file at `path`, to be closed by the caller.
+
+    Parameters
+    ----------
+    path : Path
+        Of the file.
+    flags : int
+        As `os.open` takes them.
+    follow : bool
+        Whether `path` itself may be a symbolic link; the folders above it may be in any case.
+
+    Raises
+    ------
+    OSError
+        When it cannot be opened, or is something else than a regular file.
+    """
+    _check(path, os.stat(path, follow_symlinks=follow).st_mode)  # first, because opening some devices acts on them
+    descriptor = os.open(path, flags | os.O_NONBLOCK | os.O_CLOEXEC | os.O_NOCTTY | (0 if follow else os.O_NOFOLLOW))
+    try:
+        _check(path, os.fstat(descriptor).st_mode)
+    except OSError:
+        os.close(descriptor)
+        raise
+    return descriptor
+
+
+def open_to_read(path: Path, follow: bool = True) -> BinaryIO:
+    """The regular file at `path`, for reading (OSError as `opened`)."""
+    return os.fdopen(opened(path, follow=follow), "rb")
+
+
+def content(path: Path, limit: int, follow: bool = True) -> bytes:
+    """All of a regular file of at most `limit` bytes (OSError as `opened`, and when it is larger)."""
+    with open_to_read(path, follow) as file:
+        data = file.read(limit + 1)
+    if len(data) > limit:
+        raise OSError(errno.EFBIG, f"is larger than {limit} bytes", str(path))
+    return data
+
+
+def write_new(path: Path, data: bytes) -> None:
+    """Make a file at `path`, where nothing may be, not even a link; whole on the disk, or not at all (OSError)."""
+    descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC, 0o644)
+    try:
+        with os.fdopen(descriptor, "wb", buffering=0) as file:
+            write_all(file.fileno(), data)
+            os.fsync(file.fileno())
+    except BaseException:
+        path.unlink(missing_ok=True)
+        raise
+
+
+def write_all(descriptor: int, data: bytes) -> None:
+    """Write all of `data` where the descriptor stands (OSError)."""
+    rest = memoryview(data)
+    while rest:
+        rest = rest[os.write(descriptor, rest):]
+
+
+def replace_file(path: Path, data: bytes) -> None:
+    """Put a file in the place of whatever is at `path`, whole or not at all; a link there is replaced (OSError)."""
+    fresh = path.with_name(f".{path.name}.{secrets.token_hex(8)}")  # a name that nobody can lay a link under
+    write_new(fresh, data)
+    try:
+        fresh.replace(path)
+    except BaseException:
+        fresh.unlink(missing_ok=True)
+        raise
+
+
+def _check(path: Path, mode: int) -> None:
+    if kind := kind_of(mode):
+        raise OSError(errno.EINVAL, f"is {kind}, not a regular file", str(path))
