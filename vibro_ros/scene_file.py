@@ -11,6 +11,7 @@ from vibro_ros.strict_yaml import read_yaml
 #: Parameters of the device around the physics; scenes do not contain them.
 DEVICE_PARAMETERS: tuple[Parameter, ...] = (
     Parameter("scene", "device", "", "a shipped scene's name, or a path to a parameter file"),
+    Parameter("frame_prefix", "", "", "put before the name of every frame as it is, such as r1/ for one of two robots"),
     Parameter("rate.publish", 200.0, "Hz", "rate at which the states are published", minimum=0.1, maximum=1e4),
     Parameter("rate.real_time_factor", 1.0, "", "simulated seconds per second; 0 = as fast as it can",
               minimum=0.0, maximum=1e3),

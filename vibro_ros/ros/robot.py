@@ -24,11 +24,13 @@ from vibro_ros.provenance import provenance
 from vibro_ros.ros import process
 from vibro_ros.ros.diagnostics import Diagnostics
 from vibro_ros.ros.inputs import Inputs
+from vibro_ros.ros.node import SteadyNode
 from vibro_ros.ros.outputs import Outputs
 from vibro_ros.ros.pacing import Pacing
 from vibro_ros.ros.parameters import declare, parameter_lines, take_overrides
 from vibro_ros.ros.recording import Recording, offer_recovery, open_recording, plan_recording
 from vibro_ros.ros.ros_arguments import check_addressed, check_arguments, own_arguments
+from vibro_ros.ros.ros_time import ros_time
 from vibro_ros.ros.stepping import Stepping
 from vibro_ros.scene_file import DEVICE_PARAMETERS, load_scene, shipped_scenes
 from vibro_ros.simulator import Simulator, compile_kernels
@@ -70,14 +72,14 @@ def _configure(node: Node) -> tuple[dict[str, Value], Scene]:
     return settings, scene
 
 
-def _operate(node: Node, executor: Executor, settings: Mapping[str, Value], scene: Scene) -> int:
+def _operate(node: SteadyNode, executor: Executor, settings: Mapping[str, Value], scene: Scene) -> int:
     """Step, publish, record and listen until a signal or a failure."""
     log, device = node.get_logger(), Simulator(scene)
     if device.choice:
         log.info(f"solver.method auto: {device.choice}")
-    outputs, inputs = Outputs(node, scene), Inputs(node)
+    outputs, inputs = Outputs(node, scene, settings["frame_prefix"]), Inputs(node)
     pacing = Pacing(settings["rate.real_time_factor"], settings["rate.max_catch_up"])
-    start = node.get_clock().now().nanoseconds
+    start = ros_time(node, executor, stopped=lambda: False)  # a signal raises here
     checkpoint = Topic(f"{node.get_fully_qualified_name()}/{CHECKPOINT}", CHECKPOINT_TYPE, CHECKPOINT_DEPTH)
     topics = {**inputs.topics, **outputs.topics, CHECKPOINT: checkpoint.name}
     metadata = _metadata(settings, device.scene, start, topics)
@@ -97,7 +99,7 @@ def _operate(node: Node, executor: Executor, settings: Mapping[str, Value], scen
     if stepping.error or recording.faults:
         diagnostics.publish_last()
     log.info(f"{recording.summary()}; {device.time:.3f} s simulated, {pacing.dropped:.3f} s dropped in "
-             f"{pacing.stalls} stalls, {inputs.refused} commands refused")
+             f"{pacing.stalls} stalls, {inputs.refused} commands refused, {inputs.dropped} dropped")
     if stepping.error:
         raise stepping.error
     if recording.faults:
