@@ -5,6 +5,7 @@ second on `/clock`. Here such a request is answered with words, because a caller
 such a message is refused.
 """
 
+import re
 from collections.abc import Callable
 from functools import partial
 from typing import Any
