@@ -131,6 +131,6 @@ class Diagnostics:
         return self._status("recorder", level, text, values)
 
     def _status(self, part: str, level: bytes, text: str, values: Mapping[str, str]) -> DiagnosticStatus:
-        return DiagnosticStatus(level=level, name=f"{self._node.get_name()}: {part}", message=text,
-                                hardware_id=self._node.get_fully_qualified_name(),
+        robot = self._node.get_fully_qualified_name()
+        return DiagnosticStatus(level=level, name=f"{robot.lstrip('/')}: {part}", message=text, hardware_id=robot,
                                 values=[KeyValue(key=key, value=value) for key, value in values.items()])

@@ -12,6 +12,7 @@ from vibro_ros.ros import qos
 from vibro_ros.ros.commands import COMMAND_UNITS
 from vibro_ros.ros.node import SteadyNode
 from vibro_ros.ros.outputs import Record
+from vibro_ros.ros.strangers import Strangers
 from vibro_ros.ros.throttle import Throttle
 from vibro_ros.ros.waiting import MOST_WAITING, Waiting
 from vibro_ros.simulator import Simulator
@@ -35,6 +36,8 @@ class Inputs:
     ----------
     refused : int
         Commands that the device refused, or that were no number.
+    topics : dict of str to str
+        Resolved name of each command's topic.
     """
 
     def __init__(self, node: SteadyNode):
@@ -48,11 +51,8 @@ class Inputs:
             name: node.create_subscription(Float64, name, partial(self._receive, name), qos.COMMANDS, raw=True)
             for name in COMMAND_UNITS
         }
-
-    @property
-    def topics(self) -> dict[str, str]:
-        """Resolved name of each command's topic."""
-        return {name: subscription.topic_name for name, subscription in self.subscriptions.items()}
+        self.topics = {name: subscription.topic_name for name, subscription in self.subscriptions.items()}
+        self._strangers = Strangers(node, {topic: ROBOT_TOPICS[name] for name, topic in self.topics.items()})
 
     @property
     def dropped(self) -> int:
@@ -62,7 +62,7 @@ class Inputs:
     def apply(self, device: Simulator, stamp_of: Callable[[float], int], record: Record) -> None:
         """Give the device, at its current time, every command that has arrived; record each, the refused ones too."""
         for name, data in self._waiting.take():
-            record(self.subscriptions[name].topic_name, stamp_of(device.time), data)
+            record(self.topics[name], stamp_of(device.time), data)
             try:
                 device.command(**{name: self._value(name, data)})
             except ValueError as error:
@@ -72,7 +72,7 @@ class Inputs:
 
     def _receive(self, name: str, data: bytes) -> None:
         if len(data) > LONGEST:
-            self._refusals.refuse(self.subscriptions[name].topic_name, f"a message of {len(data)} bytes; it is not "
+            self._refusals.refuse(self.topics[name], f"a message of {len(data)} bytes; it is not "
                                   f"recorded, as it is no {ROBOT_TOPICS[name]}")
         else:
             self._waiting.add(name, data)
@@ -82,7 +82,7 @@ class Inputs:
         try:
             return deserialised(data, ROBOT_TOPICS[name]).data
         except ValueError:
-            raise ValueError(f"{self.subscriptions[name].topic_name}: a message of {len(data)} bytes is no "
+            raise ValueError(f"{self.topics[name]}: a message of {len(data)} bytes is no "
                              f"{ROBOT_TOPICS[name]}; publish that type") from None
 
     def _refuse(self, name: str, error: ValueError) -> None:

@@ -17,7 +17,7 @@ from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import SetBool
 
 from vibro_ros.bag.definitions import Topic
-from vibro_ros.bag.robot_topics import CHECKPOINT, CHECKPOINT_TYPE
+from vibro_ros.bag.robot_topics import CHECKPOINT, CHECKPOINT_TYPE, COMMANDS
 from vibro_ros.model.parameters import SCENE_PARAMETERS, Value, checked_parameters
 from vibro_ros.model.scene import Scene
 from vibro_ros.provenance import provenance
@@ -25,12 +25,13 @@ from vibro_ros.ros import process
 from vibro_ros.ros.diagnostics import Diagnostics
 from vibro_ros.ros.inputs import Inputs
 from vibro_ros.ros.node import SteadyNode
-from vibro_ros.ros.outputs import Outputs
+from vibro_ros.ros.outputs import TOPICS, Outputs
 from vibro_ros.ros.pacing import Pacing
 from vibro_ros.ros.parameters import declare, parameter_lines, take_overrides
 from vibro_ros.ros.recording import Recording, offer_recovery, open_recording, plan_recording
+from vibro_ros.ros.remapping import check_names
 from vibro_ros.ros.ros_arguments import check_addressed, check_arguments, own_arguments
-from vibro_ros.ros.ros_time import ros_time
+from vibro_ros.ros.ros_time import wait_for_time
 from vibro_ros.ros.stepping import Stepping
 from vibro_ros.scene_file import DEVICE_PARAMETERS, load_scene, shipped_scenes
 from vibro_ros.simulator import Simulator, compile_kernels
@@ -55,6 +56,7 @@ def _run(words: Sequence[str]) -> int:
     files = check_arguments(words)
     with process.node_running(NODE_NAME, words) as (node, executor):
         check_addressed(files, node.get_fully_qualified_name())
+        check_names(node, (*COMMANDS, *TOPICS))
         settings, scene = _configure(node)
         node.get_logger().info(f"scene {settings['scene']}; compiling (the first time takes a while) ...")
         compile_kernels(scene["solver.method"])
@@ -79,11 +81,13 @@ def _operate(node: SteadyNode, executor: Executor, settings: Mapping[str, Value]
         log.info(f"solver.method auto: {device.choice}")
     outputs, inputs = Outputs(node, scene, settings["frame_prefix"]), Inputs(node)
     pacing = Pacing(settings["rate.real_time_factor"], settings["rate.max_catch_up"])
-    start = ros_time(node, executor, stopped=lambda: False)  # a signal raises here
+    wait_for_time(node, executor, stopped=lambda: False)  # a signal raises here
+    start = node.get_clock().now().nanoseconds
     checkpoint = Topic(f"{node.get_fully_qualified_name()}/{CHECKPOINT}", CHECKPOINT_TYPE, CHECKPOINT_DEPTH)
     topics = {**inputs.topics, **outputs.topics, CHECKPOINT: checkpoint.name}
     metadata = _metadata(settings, device.scene, start, topics)
-    plan = replace(plan_recording(settings, inputs, outputs, metadata), checkpoint=checkpoint)
+    plan = replace(plan_recording(settings, inputs, outputs, metadata), checkpoint=checkpoint,
+                   namespace=node.get_namespace())
     offer_recovery(plan.directory, settings["record.recover"], log)
     # Signals become requests before the bag is opened, so that none can come between its opening and its sealing.
     with process.StopRequest() as stop, open_recording(plan, settings["record.enabled"], log) as recording:

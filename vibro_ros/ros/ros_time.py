@@ -1,4 +1,4 @@
-"""ROS time: the computer's clock, or with `use_sim_time` what a peer says on /clock."""
+"""Waiting for ROS time to begin, where `use_sim_time` leaves it to a peer."""
 
 import time
 from collections.abc import Callable
@@ -11,29 +11,18 @@ from vibro_ros.ros.process import spin_until
 CLOCK = "/clock"
 REMINDER = 2.0
 """Time [s] between two lines that say what is waited for."""
-FRESH = 0.1
-"""Longest wait [s] for one more message on /clock; ten of the slowest that simulators publish."""
 
 
-def ros_time(node: Node, executor: Executor, stopped: Callable[[], bool]) -> int:
-    """ROS time now [ns].
+def wait_for_time(node: Node, executor: Executor, stopped: Callable[[], bool]) -> None:
+    """Return once `node` has ROS time, or when `stopped`; say what is waited for.
 
-    With `use_sim_time` it is that of the latest message on /clock. Until a first one gives a time above 0, which means
-    "not set" in ROS, this waits and says so; a signal that raises ends the wait, and so does `stopped`.
+    Without `use_sim_time` that is at once. With it time begins when a message on /clock says one above 0, which
+    stands for "not set" in ROS. A signal that raises ends the wait, too.
     """
-    clock = node.get_clock()
-    if clock.ros_time_is_active:
-        _wait_for_clock(node, executor, stopped)
-        heard, deadline = clock.now(), time.monotonic() + FRESH  # what came meanwhile waits to be taken
-        spin_until(executor, lambda: stopped() or clock.now() != heard or time.monotonic() > deadline)
-    return clock.now().nanoseconds
-
-
-def _wait_for_clock(node: Node, executor: Executor, stopped: Callable[[], bool]) -> None:
     clock, began = node.get_clock(), time.monotonic()
 
     def over() -> bool:
-        return stopped() or clock.now().nanoseconds > 0
+        return stopped() or not clock.ros_time_is_active or clock.now().nanoseconds > 0
 
     while not over():
         waited = time.monotonic() - began
@@ -43,7 +32,6 @@ def _wait_for_clock(node: Node, executor: Executor, stopped: Callable[[], bool])
 
 def _awaited(node: Node, waited: float) -> str:
     topic = node.resolve_topic_name(CLOCK)
-    publishers = node.count_publishers(topic)
-    lack = "its time is 0 so far" if publishers else "nobody publishes it"
+    lack = "its time is 0 so far" if node.count_publishers(topic) else "nobody publishes it"
     return (f"use_sim_time: waiting for the first time on {topic} ({waited:.0f} s; {lack}); start a simulator that "
             "publishes it, or start this node without use_sim_time")
