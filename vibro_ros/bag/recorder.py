@@ -253,7 +253,8 @@ def new_bag_folder(directory: Path, now: datetime, namespace: str = "/") -> Path
     Returns
     -------
     Path
-        ``vibro_robot_YYYY_MM_DD-HH_MM_SS`` in `directory`, ``vibro_robot_r1_YYYY…`` in the namespace ``/r1``, with ``_2``, ``_3``, … where taken. The
+        ``vibro_robot_YYYY_MM_DD-HH_MM_SS`` in `directory`, in the namespace ``/r1`` ``vibro_robot_r1_YYYY…``,
+        with ``_2``, ``_3``, … where taken. The
         folder is not made: `Recorder` does that, and refuses one made meanwhile.
     """
     own = namespace.rstrip("/").replace("/", "_")[:LONGEST_NAMESPACE]
