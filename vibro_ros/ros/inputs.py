@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from functools import partial
 
+from rclpy.node import Node
 from rclpy.subscription import Subscription
 from std_msgs.msg import Float64
 
@@ -10,8 +11,8 @@ from vibro_ros.bag.cdr import deserialised
 from vibro_ros.bag.robot_topics import ROBOT_TOPICS
 from vibro_ros.ros import qos
 from vibro_ros.ros.commands import COMMAND_UNITS
-from vibro_ros.ros.node import SteadyNode
 from vibro_ros.ros.outputs import Record
+from vibro_ros.ros.refusals import Refusals
 from vibro_ros.ros.strangers import Strangers
 from vibro_ros.ros.throttle import Throttle
 from vibro_ros.ros.waiting import MOST_WAITING, Waiting
@@ -29,20 +30,18 @@ class Inputs:
 
     Parameters
     ----------
-    node : SteadyNode
+    node : Node
         Listens under the node's names; logs refusals.
 
     Attributes
     ----------
-    refused : int
-        Commands that the device refused, or that were no number.
     topics : dict of str to str
         Resolved name of each command's topic.
     """
 
-    def __init__(self, node: SteadyNode):
-        self.refused = 0
-        self._log, self._refusals = node.get_logger(), node.refusals
+    def __init__(self, node: Node):
+        self._log, self._too_long = node.get_logger(), Refusals(node.get_logger)
+        self._refused = 0
         self._waiting = Waiting(COMMAND_UNITS)
         self._throttles = {name: Throttle() for name in COMMAND_UNITS}
         self._drops = Throttle()
@@ -53,6 +52,11 @@ class Inputs:
         }
         self.topics = {name: subscription.topic_name for name, subscription in self.subscriptions.items()}
         self._strangers = Strangers(node, {topic: ROBOT_TOPICS[name] for name, topic in self.topics.items()})
+
+    @property
+    def refused(self) -> int:
+        """Commands that the device refused, or that were no number."""
+        return self._refused + self._too_long.count
 
     @property
     def dropped(self) -> int:
@@ -72,8 +76,8 @@ class Inputs:
 
     def _receive(self, name: str, data: bytes) -> None:
         if len(data) > LONGEST:
-            self._refusals.refuse(self.topics[name], f"a message of {len(data)} bytes; it is not "
-                                  f"recorded, as it is no {ROBOT_TOPICS[name]}")
+            self._too_long.refuse(self.topics[name], f"a message of {len(data)} bytes is no {ROBOT_TOPICS[name]}, and "
+                                  "too long to be recorded")
         else:
             self._waiting.add(name, data)
 
@@ -86,7 +90,7 @@ class Inputs:
                              f"{ROBOT_TOPICS[name]}; publish that type") from None
 
     def _refuse(self, name: str, error: ValueError) -> None:
-        self.refused += 1
+        self._refused += 1
         text = self._throttles[name].admit(f"command refused: {error}")
         if text:
             self._log.warning(text)

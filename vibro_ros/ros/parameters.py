@@ -66,7 +66,7 @@ def set_refusal(node: Node, asked: ParameterMessage) -> str:
     if asked.value.type not in _TYPES:
         return f"{shown}: type {asked.value.type} does not exist; rcl_interfaces/msg/ParameterType lists the types"
     if node.describe_parameter(asked.name).read_only:
-        return f"{shown}: cannot change while the node runs; start it with -p {shown}:=VALUE"
+        return f"{shown}: read-only while the node runs; start it with -p {shown}:=VALUE"
     return ""
 
 

@@ -13,7 +13,7 @@ TAKEN = ("/diagnostics", "/clock", "/rosout", "/parameter_events")
 
 _TOKEN = r"[A-Za-z_][A-Za-z0-9_]*"
 _NAME = rf"(?:~/|/)?{_TOKEN}(?:/{_TOKEN})*"
-_RULE = re.compile(rf"(?:{_TOKEN}:)?(?P<old>__ns|__node|__name|(?:rostopic://|rosservice://)?{_NAME}):=(?P<new>.*)")
+_RULE = re.compile(rf"(?:{_TOKEN}:)?(?P<old>__ns|__node|__name|(?:rostopic://|rosservice://)?{_NAME}):=(?P<new>(?s:.*))")
 _NEW = {"__ns": rf"/|(?:/{_TOKEN})+", "__node": _TOKEN, "__name": _TOKEN}
 _PARTS = "letters, digits and _, not beginning with a digit"
 _REMEDIES = {
