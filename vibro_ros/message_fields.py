@@ -2,7 +2,7 @@
 
 Units are SI and signs REP-103's: the robot's `base_link` has x forward and z up, and moves in the frame `odom`.
 The functions fill a blank message of the right type: rclpy's in the node, rosbags' where a recording is computed
-again, so that both say the same by construction. A `stamp` is ROS time [ns].
+again, so that both say the same by construction. A `stamp` is ROS time [ns], a `prefix` begins every frame's name.
 
 Every number is cast with `float`: rclpy serialises an int or a numpy scalar in a float field to garbage, silently.
 """
@@ -46,10 +46,10 @@ def joints_of(scene: Scene) -> list[str]:
     return [joint for joint in JOINTS if joint in ("crank", *parts)]
 
 
-def fill_odometry(message: Any, state: Samples, stamp: int) -> None:
+def fill_odometry(message: Any, state: Samples, stamp: int, prefix: str = "") -> None:
     """Position [m] and velocity [m/s] of the body."""
-    _fill_header(message.header, stamp, ODOM)
-    message.child_frame_id = BASE
+    _fill_header(message.header, stamp, prefix + ODOM)
+    message.child_frame_id = prefix + BASE
     pose, twist = message.pose.pose, message.twist.twist
     pose.position.x = float(state.body_position)
     pose.position.z = float(state.body_height)
@@ -58,28 +58,28 @@ def fill_odometry(message: Any, state: Samples, stamp: int) -> None:
     twist.linear.z = float(state.body_vertical_velocity)
 
 
-def fill_joint_states(message: Any, state: Samples, joints: Sequence[str], stamp: int) -> None:
+def fill_joint_states(message: Any, state: Samples, joints: Sequence[str], stamp: int, prefix: str = "") -> None:
     """Position, velocity and effort of `joints`, names of `JOINTS`."""
-    _fill_header(message.header, stamp, BASE)
+    _fill_header(message.header, stamp, prefix + BASE)
     message.name = list(joints)
     message.position, message.velocity, message.effort = (
         [float(getattr(state, JOINTS[joint][which])) for joint in joints] for which in range(3))
 
 
-def fill_ground_contact(message: Any, state: Samples, stamp: int) -> None:
+def fill_ground_contact(message: Any, state: Samples, stamp: int, prefix: str = "") -> None:
     """Force of the ground on the body [N]: friction along x (negative: slows forward motion), normal along z."""
-    _fill_header(message.header, stamp, BASE)
+    _fill_header(message.header, stamp, prefix + BASE)
     message.wrench.force.x = -float(state.friction_force)
     message.wrench.force.z = float(state.normal_force)
 
 
-def fill_impact(message: Any, event: np.void, stamp: int) -> None:
+def fill_impact(message: Any, event: np.void, stamp: int, prefix: str = "") -> None:
     """Peak force [N] of one contact, the force of the mass on the plate.
 
     The frame is the plate's; its z axis points along the guide, outwards from the crank (for the upper plate: up), so
     the peak force is positive. `stamp` is the first instant of contact.
     """
-    _fill_header(message.header, stamp, PLATES[str(event["kind"])])
+    _fill_header(message.header, stamp, prefix + PLATES[str(event["kind"])])
     message.wrench.force.z = float(event["peak_force"])
 
 

@@ -12,7 +12,12 @@ from typing import TypeVar
 from vibro_ros.strict_yaml import read_yaml
 
 SECTION = "ros__parameters"
-OF_RCLPY = ("use_sim_time", "start_type_description_service", "qos_overrides")
+FIXED_OF_RCLPY = {
+    "use_sim_time": "take the time of stamps from /clock instead of the computer's clock",
+    "start_type_description_service": "offer the service ~/get_type_description",
+}
+"""Parameters, true or false, that rclpy declares for every node, and what they mean."""
+OF_RCLPY = (*FIXED_OF_RCLPY, "qos_overrides")
 """Parameters, or beginnings of their names, that rclpy itself declares; `ros2 param dump` writes them, too."""
 
 V = TypeVar("V")

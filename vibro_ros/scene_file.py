@@ -15,6 +15,7 @@ MOST_SCENES = 16  # in a chain, each a change of the next
 DEVICE_PARAMETERS: tuple[Parameter, ...] = (
     Parameter("scene", "device", "", "a shipped scene's name, or the path of a parameter file, whose own `scene` it "
               "changes"),
+    Parameter("frame_prefix", "", "", "put before the name of every frame as it is, such as r1/ for one of two robots"),
     Parameter("rate.publish", 200.0, "Hz", "rate at which the states are published", minimum=0.1, maximum=1e4),
     Parameter("rate.real_time_factor", 1.0, "", "simulated seconds per second; 0 = as fast as it can",
               minimum=0.0, maximum=1e3),

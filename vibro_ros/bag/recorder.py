@@ -30,6 +30,9 @@ BACKLOG = 20_000  # messages waiting for the disk; about 4 s of a robot that pub
 BAG_PATTERN = "vibro_robot_*"
 """Of the names that `new_bag_folder` gives."""
 
+LONGEST_NAMESPACE = 150
+"""Characters of a namespace in a folder's name; file systems allow 255 for the whole."""
+
 _PLAIN = Storage()
 
 
@@ -235,7 +238,7 @@ class Recorder:
                 self._taken += 1
 
 
-def new_bag_folder(directory: Path, now: datetime) -> Path:
+def new_bag_folder(directory: Path, now: datetime, namespace: str = "/") -> Path:
     """Name of a bag folder that does not exist yet, as rosbag2 names them.
 
     Parameters
@@ -244,14 +247,18 @@ def new_bag_folder(directory: Path, now: datetime) -> Path:
         Where recordings go; ``~`` is the home folder.
     now : datetime
         Start of the recording, local time.
+    namespace : str
+        The robot's, of which the name has at most the first `LONGEST_NAMESPACE` characters.
 
     Returns
     -------
     Path
-        ``vibro_robot_YYYY_MM_DD-HH_MM_SS`` in `directory`, with ``_2``, ``_3``, … where taken. The
+        ``vibro_robot_YYYY_MM_DD-HH_MM_SS`` in `directory`, in the namespace ``/r1`` ``vibro_robot_r1_YYYY…``,
+        with ``_2``, ``_3``, … where taken. The
         folder is not made: `Recorder` does that, and refuses one made meanwhile.
     """
-    name = now.strftime("vibro_robot_%Y_%m_%d-%H_%M_%S")
+    own = namespace.rstrip("/").replace("/", "_")[:LONGEST_NAMESPACE]
+    name = now.strftime(f"vibro_robot{own}_%Y_%m_%d-%H_%M_%S")
     folder = Path(directory).expanduser() / name
     suffixes = count(2)
     while folder.exists() or folder.is_symlink():

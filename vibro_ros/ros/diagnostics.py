@@ -8,11 +8,11 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.duration import Duration
-from rclpy.node import Node
 
 from vibro_ros.in_force import accuracy_in_force, next_cheaper_choice
 from vibro_ros.ros import qos
 from vibro_ros.ros.inputs import Inputs
+from vibro_ros.ros.node import SteadyNode
 from vibro_ros.ros.pacing import Pacing
 from vibro_ros.ros.recording import Recording
 from vibro_ros.ros.stepping import Stepping
@@ -24,19 +24,23 @@ TOPIC = "/diagnostics"
 NOT_EVENTS = ("steps", "energy_residual", "energy_exchanged", "solver.method", "solver.step")
 """Keys of `Simulator.statistics` that do not count events."""
 
+REFUSED = {"refused": "commands refused", "displaced": "commands dropped", "requests": "requests refused",
+           "failures": "callbacks failed"}
+"""What is said of counters that have grown within a period."""
+
 
 class Diagnostics:
     """Publishes the state of simulation and recorder; runs in the executor's thread.
 
     Parameters
     ----------
-    node : Node
+    node : SteadyNode
         Publishes, and gives the name.
     device, stepping, pacing, inputs, recording
         What is reported.
     """
 
-    def __init__(self, node: Node, device: Simulator, stepping: Stepping, pacing: Pacing, inputs: Inputs,
+    def __init__(self, node: SteadyNode, device: Simulator, stepping: Stepping, pacing: Pacing, inputs: Inputs,
                  recording: Recording):
         self._node, self._device, self._stepping = node, device, stepping
         self._pacing, self._inputs, self._recording = pacing, inputs, recording
@@ -68,6 +72,8 @@ class Diagnostics:
         return {"wall": time.monotonic(), "simulated": self._device.time, "ticks": self._stepping.ticks,
                 "busy": self._stepping.busy, "unloaded": self._stepping.unloaded, "dropped": self._pacing.dropped,
                 "missed": self._pacing.missed, "refused": self._inputs.refused,
+                "displaced": self._inputs.dropped, "requests": self._node.refusals.count,
+                "failures": self._node.refusals.failures,
                 "events": sum(count for kind, count in statistics.items() if kind not in NOT_EVENTS)}
 
     def _simulation(self, change: Mapping[str, float]) -> DiagnosticStatus:
@@ -75,8 +81,7 @@ class Diagnostics:
         complaints = []
         if change["dropped"] > 0.0:
             complaints.append(f"{change['dropped']:.3f} s of simulated time dropped")
-        if change["refused"]:
-            complaints.append(f"{change['refused']:.0f} commands refused")
+        complaints += [f"{change[name]:.0f} {what}" for name, what in REFUSED.items() if change[name]]
         level, text = (DiagnosticStatus.WARN, ", ".join(complaints)) if complaints else (DiagnosticStatus.OK, "running")
         if self._stepping.error:
             level, text = DiagnosticStatus.ERROR, str(self._stepping.error)
@@ -92,6 +97,9 @@ class Diagnostics:
             "events per second": f"{change['events'] / wall:.1f}",
             "share of time with N<0": f"{min(1.0, change['unloaded'] / max(change['ticks'], 1)):.4f}",
             "rejected commands": f"{self._inputs.refused}",
+            "dropped commands": f"{self._inputs.dropped}",
+            "refused requests": f"{self._node.refusals.count}",
+            "failed callbacks": f"{self._node.refusals.failures}",
             "solver method": device.scene["solver.method"],
             "solver tolerance [m]": f"{device.scene['solver.tolerance']:g}",
             **self._accuracy,
@@ -128,6 +136,6 @@ class Diagnostics:
         return self._status("recorder", level, text, values)
 
     def _status(self, part: str, level: bytes, text: str, values: Mapping[str, str]) -> DiagnosticStatus:
-        return DiagnosticStatus(level=level, name=f"{self._node.get_name()}: {part}", message=text,
-                                hardware_id=self._node.get_fully_qualified_name(),
+        robot = self._node.get_fully_qualified_name()
+        return DiagnosticStatus(level=level, name=f"{robot.lstrip('/')}: {part}", message=text, hardware_id=robot,
                                 values=[KeyValue(key=key, value=value) for key, value in values.items()])

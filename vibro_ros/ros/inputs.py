@@ -1,25 +1,31 @@
 """What the robot listens to: commands, kept in order until the device takes them."""
 
-from collections import deque
 from collections.abc import Callable
 from functools import partial
 
 from rclpy.node import Node
-from rclpy.serialization import deserialize_message
 from rclpy.subscription import Subscription
 from std_msgs.msg import Float64
 
+from vibro_ros.bag.cdr import deserialised
+from vibro_ros.bag.robot_topics import ROBOT_TOPICS
 from vibro_ros.ros import qos
 from vibro_ros.ros.commands import COMMAND_UNITS
 from vibro_ros.ros.outputs import Record
+from vibro_ros.ros.refusals import Refusals
+from vibro_ros.ros.strangers import Strangers
 from vibro_ros.ros.throttle import Throttle
+from vibro_ros.ros.waiting import MOST_WAITING, Waiting
 from vibro_ros.simulator import Simulator
+
+LONGEST = 1024
+"""Bytes of the longest message that is kept and recorded; a command has 12, and what waits is counted in messages."""
 
 
 class Inputs:
     """The robot's command subscriptions.
 
-    The executor's thread appends what arrives; the stepping thread hands it to the device, one after the
+    The executor's thread keeps what arrives; the stepping thread hands it to the device, one after the
     other in the order of arrival.
 
     Parameters
@@ -29,40 +35,69 @@ class Inputs:
 
     Attributes
     ----------
-    refused : int
-        Commands that the device refused.
+    topics : dict of str to str
+        Resolved name of each command's topic.
     """
 
     def __init__(self, node: Node):
-        self.refused = 0
-        self._log = node.get_logger()
-        self._waiting: deque[tuple[str, bytes]] = deque()
+        self._log, self._too_long = node.get_logger(), Refusals(node.get_logger)
+        self._refused = 0
+        self._waiting = Waiting(COMMAND_UNITS)
         self._throttles = {name: Throttle() for name in COMMAND_UNITS}
+        self._drops = Throttle()
+        self._told = 0
         self.subscriptions: dict[str, Subscription] = {
             name: node.create_subscription(Float64, name, partial(self._receive, name), qos.COMMANDS, raw=True)
             for name in COMMAND_UNITS
         }
+        self.topics = {name: subscription.topic_name for name, subscription in self.subscriptions.items()}
+        self._strangers = Strangers(node, {topic: ROBOT_TOPICS[name] for name, topic in self.topics.items()})
 
     @property
-    def topics(self) -> dict[str, str]:
-        """Resolved name of each command's topic."""
-        return {name: subscription.topic_name for name, subscription in self.subscriptions.items()}
+    def refused(self) -> int:
+        """Commands that the device refused, or that were no number."""
+        return self._refused + self._too_long.count
+
+    @property
+    def dropped(self) -> int:
+        """Commands that newer ones displaced before the device took them, see `Waiting`; they are not recorded."""
+        return self._waiting.dropped
 
     def apply(self, device: Simulator, stamp_of: Callable[[float], int], record: Record) -> None:
         """Give the device, at its current time, every command that has arrived; record each, the refused ones too."""
-        while self._waiting:
-            name, data = self._waiting.popleft()
-            record(self.subscriptions[name].topic_name, stamp_of(device.time), data)
+        for name, data in self._waiting.take():
+            record(self.topics[name], stamp_of(device.time), data)
             try:
-                device.command(**{name: deserialize_message(data, Float64).data})
+                device.command(**{name: self._value(name, data)})
             except ValueError as error:
                 self._refuse(name, error)
+        if self.dropped > self._told:
+            self._say_dropped()
 
     def _receive(self, name: str, data: bytes) -> None:
-        self._waiting.append((name, data))
+        if len(data) > LONGEST:
+            self._too_long.refuse(self.topics[name], f"a message of {len(data)} bytes is no {ROBOT_TOPICS[name]}, and "
+                                  "too long to be recorded")
+        else:
+            self._waiting.add(name, data)
+
+    def _value(self, name: str, data: bytes) -> float:
+        """The number in a message, as whoever reads the bag will read it (ValueError when it cannot be read)."""
+        try:
+            return deserialised(data, ROBOT_TOPICS[name]).data
+        except ValueError:
+            raise ValueError(f"{self.topics[name]}: a message of {len(data)} bytes is no "
+                             f"{ROBOT_TOPICS[name]}; publish that type") from None
 
     def _refuse(self, name: str, error: ValueError) -> None:
-        self.refused += 1
+        self._refused += 1
         text = self._throttles[name].admit(f"command refused: {error}")
+        if text:
+            self._log.warning(text)
+
+    def _say_dropped(self) -> None:
+        self._told = self.dropped
+        text = self._drops.admit(f"{self._told} commands dropped: more than {MOST_WAITING} of a topic came within a "
+                                 "tick, of which the last ones count")
         if text:
             self._log.warning(text)

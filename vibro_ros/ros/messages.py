@@ -1,4 +1,7 @@
-"""ROS messages of the device's state and events: pure functions; `vibro_ros.message_fields` says what is in them."""
+"""ROS messages of the device's state and events: pure functions; `vibro_ros.message_fields` says what is in them.
+
+Here and there, `stamp` is ROS time [ns] and `prefix` begins every frame's name.
+"""
 
 from collections.abc import Sequence
 
@@ -15,31 +18,31 @@ from vibro_ros.samples import Samples
 __all__ = ["JOINTS", "PLATES", "ground_contact", "impact", "joint_states", "motor_power", "odometry"]
 
 
-def odometry(state: Samples, stamp: int) -> Odometry:
-    """Position [m] and velocity [m/s] of the body; `stamp` is ROS time [ns], here and below."""
+def odometry(state: Samples, stamp: int, prefix: str = "") -> Odometry:
+    """Position [m] and velocity [m/s] of the body."""
     message = Odometry()
-    fields.fill_odometry(message, state, stamp)
+    fields.fill_odometry(message, state, stamp, prefix)
     return message
 
 
-def joint_states(state: Samples, joints: Sequence[str], stamp: int) -> JointState:
+def joint_states(state: Samples, joints: Sequence[str], stamp: int, prefix: str = "") -> JointState:
     """Position, velocity and effort of `joints`, names of `JOINTS`."""
     message = JointState()
-    fields.fill_joint_states(message, state, joints, stamp)
+    fields.fill_joint_states(message, state, joints, stamp, prefix)
     return message
 
 
-def ground_contact(state: Samples, stamp: int) -> WrenchStamped:
+def ground_contact(state: Samples, stamp: int, prefix: str = "") -> WrenchStamped:
     """Force of the ground on the body [N]."""
     message = WrenchStamped()
-    fields.fill_ground_contact(message, state, stamp)
+    fields.fill_ground_contact(message, state, stamp, prefix)
     return message
 
 
-def impact(event: np.void, stamp: int) -> WrenchStamped:
+def impact(event: np.void, stamp: int, prefix: str = "") -> WrenchStamped:
     """Peak force [N] of one contact; `stamp` is its first instant."""
     message = WrenchStamped()
-    fields.fill_impact(message, event, stamp)
+    fields.fill_impact(message, event, stamp, prefix)
     return message
 
 

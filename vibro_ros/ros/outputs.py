@@ -37,13 +37,15 @@ class Outputs:
         Publishes under the node's names.
     scene : Scene
         Says which masses there are.
+    prefix : str
+        Begins the name of every frame in the messages.
     """
 
-    def __init__(self, node: Node, scene: Scene):
+    def __init__(self, node: Node, scene: Scene, prefix: str = ""):
         self.publishers: dict[str, Publisher] = {
             topic: node.create_publisher(kind, topic, profile) for topic, (kind, profile) in TOPICS.items()
         }
-        self._joints = joints_of(scene)
+        self._joints, self._prefix = joints_of(scene), prefix
 
     @property
     def topics(self) -> dict[str, str]:
@@ -67,13 +69,13 @@ class Outputs:
         record : callable
             The bag.
         """
-        stamp = stamp_of(state.time)
+        stamp, prefix = stamp_of(state.time), self._prefix
         for topic, message in (
-            ("odom", messages.odometry(state, stamp)),
-            ("joint_states", messages.joint_states(state, self._joints, stamp)),
-            ("ground_contact", messages.ground_contact(state, stamp)),
+            ("odom", messages.odometry(state, stamp, prefix)),
+            ("joint_states", messages.joint_states(state, self._joints, stamp, prefix)),
+            ("ground_contact", messages.ground_contact(state, stamp, prefix)),
             ("motor_power", messages.motor_power(state)),
-            *(("impacts", messages.impact(event, stamp_of(float(event["time"]))))
+            *(("impacts", messages.impact(event, stamp_of(float(event["time"])), prefix))
               for event in events if event["kind"] in messages.PLATES),
         ):
             data = serialize_message(message)

@@ -5,10 +5,15 @@ import sys
 from collections.abc import Iterable, Mapping
 
 from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor
+from rcl_interfaces.msg import Parameter as ParameterMessage
 from rclpy.node import Node
+from rclpy.parameter import Parameter as ParameterOfRclpy
 
 from vibro_ros.model.parameters import Parameter, Value
 from vibro_ros.parameter_file import own_parameters
+from vibro_ros.ros.refusals import peer_text
+
+_TYPES = frozenset(one.value for one in ParameterOfRclpy.Type)
 
 
 def take_overrides(node: Node) -> dict[str, object]:
@@ -46,6 +51,18 @@ def constraints(parameter: Parameter) -> str:
     if parameter.choices:
         return f"one of {', '.join(parameter.choices)}"
     return "above 0" if parameter.positive else ""
+
+
+def set_refusal(node: Node, asked: ParameterMessage) -> str:
+    """Why a parameter cannot be set as a peer has `asked`; empty when it can."""
+    shown = peer_text(asked.name)
+    if not node.has_parameter(asked.name):
+        return f"{shown}: unknown parameter; `ros2 param list` shows what there is"
+    if asked.value.type not in _TYPES:
+        return f"{shown}: type {asked.value.type} does not exist; rcl_interfaces/msg/ParameterType lists the types"
+    if node.describe_parameter(asked.name).read_only:
+        return f"{shown}: read-only while the node runs; start it with -p {shown}:=VALUE"
+    return ""
 
 
 def parameter_lines(table: Iterable[Parameter], values: Mapping[str, Value]) -> str:

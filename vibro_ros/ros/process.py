@@ -10,20 +10,23 @@ from contextlib import contextmanager
 
 import rclpy
 from rclpy.exceptions import InvalidNamespaceException, InvalidNodeNameException
-from rclpy.executors import Executor, SingleThreadedExecutor
+from rclpy.executors import Executor
 from rclpy.logging import LoggingSeverity, set_logger_level
-from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
+
+from vibro_ros.ros.executor import SteadyExecutor
+from vibro_ros.ros.node import SteadyNode
 
 POLL = 0.05
 """Longest wait [s] of the executor before the loop looks whether it should end."""
 
 
 @contextmanager
-def node_running(name: str, words: Sequence[str]) -> Iterator[tuple[Node, Executor]]:
+def node_running(name: str, words: Sequence[str]) -> Iterator[tuple[SteadyNode, Executor]]:
     """A node and its executor, from `rclpy.init` to the clean end.
 
-    The node takes every parameter override that it is given, so that misspelt ones can be found.
+    The node takes every parameter override that it is given, so that misspelt ones can be found. Neither of the two
+    ends by what peers send.
 
     Raises
     ------
@@ -33,13 +36,13 @@ def node_running(name: str, words: Sequence[str]) -> Iterator[tuple[Node, Execut
     set_logger_level("rcl", LoggingSeverity.FATAL)  # else rcl says first, in other words, what the error says
     try:
         rclpy.init(args=list(words), signal_handler_options=SignalHandlerOptions.NO)
-        node = Node(name, automatically_declare_parameters_from_overrides=True)
+        node = SteadyNode(name)
     except (RuntimeError, InvalidNodeNameException, InvalidNamespaceException) as error:
         rclpy.try_shutdown()
         raise ValueError(f"ROS refuses the arguments: {_first_sentence(error)}") from error
     finally:
         set_logger_level("rcl", LoggingSeverity.UNSET)
-    executor = SingleThreadedExecutor()
+    executor = SteadyExecutor(node.refusals)
     executor.add_node(node)
     try:
         yield node, executor

@@ -45,6 +45,8 @@ class Plan:
         Time [s] that is kept in memory until it is asked for; 0 records everything.
     checkpoint : Topic or None
         Where a bag that may lack the run's beginning has the device's whole state now and then.
+    namespace : str
+        The robot's, for the folders' names.
     """
 
     directory: Path
@@ -53,6 +55,7 @@ class Plan:
     metadata: Mapping[str, str]
     snapshot: float = 0.0
     checkpoint: Topic | None = None
+    namespace: str = "/"
 
 
 class Recording:
@@ -213,7 +216,7 @@ class Recording:
 
     def _new_bag(self, earlier: Sequence = (), more: Mapping[str, str] = {},  # noqa: B006 (never changed)
                  whole: bool = False) -> Recorder:
-        folder = new_bag_folder(self._plan.directory, datetime.now())
+        folder = new_bag_folder(self._plan.directory, datetime.now(), self._plan.namespace)
         checkpoint = [] if whole or self._plan.checkpoint is None else [self._plan.checkpoint]
         recorder = Recorder(folder, (*self._plan.topics, *checkpoint), {**self._plan.metadata, **more},
                             storage=self._plan.storage, earlier=earlier)

@@ -35,11 +35,14 @@ from vibro_ros.provenance import provenance
 from vibro_ros.ros import process
 from vibro_ros.ros.diagnostics import Diagnostics
 from vibro_ros.ros.inputs import Inputs
-from vibro_ros.ros.outputs import Outputs
+from vibro_ros.ros.node import SteadyNode
+from vibro_ros.ros.outputs import TOPICS, Outputs
 from vibro_ros.ros.pacing import Pacing
 from vibro_ros.ros.parameters import declare, parameter_lines, take_overrides
 from vibro_ros.ros.recording import Plan, Recording, check_directory, offer_recovery, open_recording, plan_recording
+from vibro_ros.ros.remapping import check_names
 from vibro_ros.ros.ros_arguments import check_addressed, check_arguments, folder_of, own_arguments
+from vibro_ros.ros.ros_time import wait_for_time
 from vibro_ros.ros.stepping import Stepping
 from vibro_ros.scene_file import DEVICE_PARAMETERS, NODE_NAME, load_scene, scene_origin, shipped_scenes
 from vibro_ros.simulator import Simulator, compile_kernels
@@ -65,13 +68,15 @@ def _run(words: Sequence[str]) -> int:
     files = check_arguments(words)
     with StopRequest() as stop, process.node_running(NODE_NAME, words) as (node, executor):
         check_addressed(files, node.get_fully_qualified_name())
+        check_names(node, (*COMMANDS, *TOPICS))
         settings, scene = _configure(node, words)
-        outputs = Outputs(node, scene)
+        outputs = Outputs(node, scene, settings["frame_prefix"])
         plan = _plan(node, settings, scene, outputs)
         node.get_logger().info(f"scene {settings['scene']}")
         preparation = Preparation(partial(_prepare, node, settings, scene, plan), scene["solver.method"],
                                   node.get_logger().info)
         process.spin_until(executor, lambda: bool(stop) or preparation.done())
+        wait_for_time(node, executor, lambda: bool(stop))
         if stop:
             say("robot", "stopped while starting")
             return 0
@@ -92,7 +97,7 @@ def _configure(node: Node, words: Sequence[str]) -> tuple[dict[str, Value], Scen
     return settings, scene
 
 
-def _plan(node: Node, settings: Mapping[str, Value], scene: Scene, outputs: Outputs) -> Plan:
+def _plan(node: SteadyNode, settings: Mapping[str, Value], scene: Scene, outputs: Outputs) -> Plan:
     """How to record, as far as it is known before the start; whatever is wrong with it is found here."""
     checkpoint = Topic(f"{node.get_fully_qualified_name()}/{CHECKPOINT}", CHECKPOINT_TYPE, CHECKPOINT_DEPTH)
     received = {name: node.resolve_topic_name(name) for name in COMMANDS}
@@ -100,10 +105,10 @@ def _plan(node: Node, settings: Mapping[str, Value], scene: Scene, outputs: Outp
     plan = plan_recording(settings, received, outputs, _metadata(settings, scene, topics))
     if settings["record.enabled"]:
         check_directory(plan.directory)
-    return replace(plan, checkpoint=checkpoint)
+    return replace(plan, checkpoint=checkpoint, namespace=node.get_namespace())
 
 
-def _prepare(node: Node, settings: Mapping[str, Value], scene: Scene, plan: Plan) -> Simulator:
+def _prepare(node: SteadyNode, settings: Mapping[str, Value], scene: Scene, plan: Plan) -> Simulator:
     """The device, ready to be stepped; and whatever else takes long, so that a signal need not wait for it."""
     compile_kernels(scene["solver.method"])
     device = Simulator(scene)
@@ -113,7 +118,7 @@ def _prepare(node: Node, settings: Mapping[str, Value], scene: Scene, plan: Plan
     return device
 
 
-def _operate(node: Node, executor: Executor, settings: Mapping[str, Value], device: Simulator, outputs: Outputs,
+def _operate(node: SteadyNode, executor: Executor, settings: Mapping[str, Value], device: Simulator, outputs: Outputs,
              plan: Plan, stop: StopRequest) -> int:
     """Step, publish, record and listen until a signal or a failure."""
     log, pacing = node.get_logger(), Pacing(settings["rate.real_time_factor"], settings["rate.max_catch_up"])
@@ -134,7 +139,7 @@ def _operate(node: Node, executor: Executor, settings: Mapping[str, Value], devi
     if stepping.error or recording.faults:
         diagnostics.publish_last()
     log.info(f"{recording.summary()}; {device.time:.3f} s simulated, {pacing.dropped:.3f} s dropped in "
-             f"{pacing.stalls} stalls, {inputs.refused} commands refused")
+             f"{pacing.stalls} stalls, {inputs.refused} commands refused, {inputs.dropped} dropped")
     if stepping.error:
         raise stepping.error
     if recording.faults:

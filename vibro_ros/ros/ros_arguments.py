@@ -10,6 +10,7 @@ from pathlib import Path
 import yaml
 
 from vibro_ros import parameter_file
+from vibro_ros.ros.remapping import check_remapping
 
 OVERRIDE = ("--param", "-p")
 
@@ -44,17 +45,20 @@ def _marked(words: Sequence[str]) -> Iterator[tuple[str, bool]]:
 
 
 def check_arguments(words: Sequence[str]) -> tuple[Path, ...]:
-    """The parameter files among `words`, after checking them and every `-p name:=value`.
+    """The parameter files among `words`, after checking them, every `-p name:=value` and every `-r old:=new`.
 
     Raises
     ------
     ValueError
-        For an override that is not name:=value, and for a file that is missing, not YAML or without parameters.
+        For an override that is not name:=value, a rule that `check_remapping` refuses, and a file that is missing, not
+        YAML or without parameters.
     """
     for override in _values(words, *OVERRIDE):
         name, assigned, value = override.partition(":=")
         if not (name and assigned) or not _is_yaml(value):
             raise ValueError(f"-p {override}: not a parameter; write name:=value, such as motor.speed:=100.0")
+    for rule in _values(words, "--remap", "-r"):
+        check_remapping(rule)
     files = tuple(Path(name) for name in _values(words, "--params-file"))
     for path in files:
         parameter_file.sections(path)

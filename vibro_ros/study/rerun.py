@@ -119,7 +119,7 @@ class Rerun:
     def __init__(self, facts: RunFacts, scene: Scene):
         self.tick = -1
         self.refused = 0
-        self._facts = facts
+        self._facts, self._prefix = facts, facts.settings["frame_prefix"]
         prepare_kernels("replay", scene["solver.method"])
         self._device = Simulator(scene)
         self.scene = self._device.scene
@@ -167,16 +167,16 @@ class Rerun:
 
     def _messages(self) -> Iterator[tuple[str, bytes]]:
         state, events, stamp = self._device.state, self._device.take_events(), self._facts.stamp(self.tick)
-        fields.fill_odometry(self._blank["odom"], state, stamp)
-        fields.fill_joint_states(self._blank["joint_states"], state, self._joints, stamp)
-        fields.fill_ground_contact(self._blank["ground_contact"], state, stamp)
+        fields.fill_odometry(self._blank["odom"], state, stamp, self._prefix)
+        fields.fill_joint_states(self._blank["joint_states"], state, self._joints, stamp, self._prefix)
+        fields.fill_ground_contact(self._blank["ground_contact"], state, stamp, self._prefix)
         fields.fill_motor_power(self._blank["motor_power"], state)
         for name in SAMPLED:
             yield name, self._bytes(name)
         for event in events:
             if event["kind"] in fields.PLATES:
                 began = fields.stamp_at(self._facts.start, float(event["time"]))
-                fields.fill_impact(self._blank["impacts"], event, began)
+                fields.fill_impact(self._blank["impacts"], event, began, self._prefix)
                 yield "impacts", self._bytes("impacts")
 
     def _bytes(self, name: str) -> bytes:

@@ -65,7 +65,7 @@ def summarise(bag: Bag) -> dict[str, object]:
 
 def impacts_of(bag: Bag, guide: str) -> np.ndarray:
     """Which of the recorded impacts are of `guide`, by their frame: bool, shape (n,)."""
-    return np.char.startswith(bag["impacts"]["frame"], guide)
+    return np.char.endswith(bag["impacts"]["frame"], f"{guide}_plate")  # before it, the robot's frame_prefix
 
 
 def as_text(summary: dict[str, object]) -> str:

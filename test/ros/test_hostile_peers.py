@@ -1,0 +1,217 @@
+"""A live robot and peers that send what no robot expects: it lives, answers, counts, and its bag holds what came."""
+
+import array
+import math
+import random
+import struct
+from pathlib import Path
+
+import pytest
+from observation import bags, stop, value_of
+from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
+from rcl_interfaces.srv import (
+    DescribeParameters,
+    GetParameters,
+    GetParameterTypes,
+    ListParameters,
+    SetParameters,
+    SetParametersAtomically,
+)
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rosbags.rosbag2 import Reader
+from std_msgs.msg import Float32, Float64
+from type_description_interfaces.srv import GetTypeDescription
+
+import vibro_ros
+from vibro_ros.bag.cdr import deserialised
+
+COMMANDS = ("motor_speed", "upper_gap", "inclined_gap")
+LITTLE, BIG = b"\0\1\0\0", b"\0\0\0\0"
+GOOD = {
+    "little endian": LITTLE + struct.pack("<d", 50.0),
+    "big endian": BIG + struct.pack(">d", 51.0),
+    "options": b"\0\1\0\3" + struct.pack("<d", 52.0),
+}
+MALFORMED = {
+    "one byte": b"\0",
+    "header only": LITTLE,
+    "unknown header": b"\xff" * 12,
+    "four data bytes": LITTLE + bytes(4),
+    "eight bytes without header": struct.pack("<d", 50.0),
+    "parameter list": b"\0\3\0\0" + struct.pack("<d", 50.0),
+    "XCDR2": b"\0\7\0\0" + struct.pack("<d", 50.0),
+}
+VALUES = (0.0, -0.0, 5e-324, 2.2250738585072014e-308, 1e-300, 500.0, 500.0000000001, -1e-300, 1e300,
+          1.7976931348623157e308, math.inf, -math.inf, math.nan, 0.06, -0.06, 0.0600001)
+
+
+class Attacker:
+    """Publishes any bytes on the robot's command topics."""
+
+    def __init__(self, bench):
+        self.bench = bench
+        self._publishers = {name: bench.node.create_publisher(Float64, name, 10) for name in COMMANDS}
+
+    def wait_for_robot(self) -> None:
+        self.bench.spin_until(lambda: all(one.get_subscription_count() for one in self._publishers.values()), "robot")
+
+    def publish(self, name: str, data: bytes) -> None:
+        self._publishers[name].publish(data)
+
+
+@pytest.fixture
+def attacker(bench):
+    return Attacker(bench)
+
+
+def padded(data: bytes) -> bytes:
+    """`data` as it arrives: DDS fills it with zeros to a whole number of 4 bytes."""
+    return data + bytes(-len(data) % 4)
+
+
+def recorded(folder: Path) -> list[tuple[str, bytes]]:
+    """What the bag holds of the commands' topics, in order."""
+    with Reader(folder) as reader:
+        chosen = [one for one in reader.connections if one.topic.lstrip("/") in COMMANDS]
+        return [(one.topic.lstrip("/"), bytes(data)) for one, _, data in reader.messages(chosen)]
+
+
+def test_messages_that_are_no_command_are_refused_counted_said_and_recorded(start, attacker, listener, tmp_path):
+    robot = start("robot", "--ros-args", "-p", "effects.motor:=ideal")
+    attacker.wait_for_robot()
+    for count, data in enumerate(MALFORMED.values(), start=1):
+        attacker.publish("motor_speed", data)
+        _, values = listener.wait_for_status(
+            "simulation", lambda status, count=count: value_of(status, "rejected commands") == count)
+    for data in GOOD.values():
+        attacker.publish("motor_speed", data)
+    listener.spin_for_samples(50)
+    assert values["refused requests"] == values["failed callbacks"] == values["dropped commands"] == "0"
+    assert robot.wait_for("command refused: /motor_speed: a message of 4 bytes is no std_msgs/msg/Float64")
+    stop(robot)
+    assert f"{len(MALFORMED)} commands refused" in robot.lines[-1]
+    sent = [("motor_speed", padded(data)) for data in (*MALFORMED.values(), *GOOD.values())]
+    assert recorded(bags(tmp_path)[0]) == sent
+
+
+def any_command(chance: random.Random) -> bytes:
+    """Bytes of any kind and length that a publisher of Float64 can send, and doubles of every kind.
+
+    An empty message does not arrive, nor does anything that the same publisher sends after it.
+    """
+    kind = chance.random()
+    if kind < 0.3:
+        return chance.randbytes(chance.randrange(1, 13))
+    if kind < 0.6:
+        return LITTLE + chance.randbytes(8)
+    if kind < 0.7:
+        return BIG + chance.randbytes(8)
+    if kind < 0.8:
+        return LITTLE + struct.pack("<d", chance.choice(VALUES))
+    return LITTLE + struct.pack("<d", chance.choice((chance.uniform(-10.0, 510.0), chance.uniform(-0.07, 0.07))))
+
+
+def test_thousands_of_commands_at_random_and_the_counters_add_up(start, attacker, listener, bench, tmp_path):
+    """What is refused is what an offline device refuses of the recorded messages; what was dropped is not recorded."""
+    chance = random.Random(12)
+    robot = start("robot", "--ros-args", "-p", "rate.publish:=100.0", "-p", "motor.acceleration:=1000000.0")
+    attacker.wait_for_robot()
+    for _ in range(600):
+        for _ in range(5):
+            attacker.publish(chance.choice(COMMANDS), any_command(chance))
+        listener.spin_for_samples(1)
+    attacker.publish("motor_speed", LITTLE + struct.pack("<d", 33.0))
+    robot_state = {}
+    bench.node.create_subscription(Float64, "motor_power", lambda message: robot_state.update(power=message.data), 10)
+    listener.spin_for_samples(30)
+    stop(robot)
+    assert "please report" not in robot.text
+    messages = recorded(bags(tmp_path)[0])
+    assert len(messages) > 1000  # DDS keeps the last ten of each topic
+    assert messages[-1] == ("motor_speed", LITTLE + struct.pack("<d", 33.0))
+    device, refused = vibro_ros.Simulator(vibro_ros.load_scene("device")), 0
+    for name, data in messages:
+        try:
+            device.command(**{name: deserialised(data, "std_msgs/msg/Float64").data})
+        except ValueError:
+            refused += 1
+    assert f"{refused} commands refused, 0 dropped" in robot.lines[-1]
+    assert math.isfinite(robot_state["power"])
+
+
+@pytest.fixture
+def ask(bench):
+    """Call one of the robot's services; an answer must come."""
+    def call(kind: type, name: str, **fields):
+        client = bench.node.create_client(kind, f"/vibro_robot/{name}")
+        bench.spin_until(client.service_is_ready, name)
+        future = client.call_async(kind.Request(**fields))
+        bench.spin_until(future.done, f"answer of {name}")
+        bench.node.destroy_client(client)
+        return future.result()
+    return call
+
+
+def wanted(name: str, kind: int, **value) -> Parameter:
+    return Parameter(name=name, value=ParameterValue(type=kind, **value))
+
+
+FIXED = "read-only while the node runs"
+HOSTILE_PARAMETERS = {
+    "type that does not exist": (wanted("mass.body", 250), "mass.body: type 250 does not exist"),
+    "type that lies": (wanted("mass.body", ParameterType.PARAMETER_DOUBLE, string_value="x"), FIXED),
+    "another type": (wanted("mass.body", ParameterType.PARAMETER_STRING, string_value="x"), FIXED),
+    "deleted": (wanted("mass.body", ParameterType.PARAMETER_NOT_SET), FIXED),
+    "simulated time": (wanted("use_sim_time", ParameterType.PARAMETER_BOOL, bool_value=True),
+                       f"use_sim_time: {FIXED}; start it with -p use_sim_time:=VALUE"),
+    "simulated time deleted": (wanted("use_sim_time", ParameterType.PARAMETER_NOT_SET), FIXED),
+    "rclpy's own": (wanted("start_type_description_service", ParameterType.PARAMETER_BOOL), FIXED),
+    "no name": (wanted("", ParameterType.PARAMETER_DOUBLE), "'': unknown parameter"),
+    "unknown": (wanted("mass.boddy", ParameterType.PARAMETER_DOUBLE), "mass.boddy: unknown parameter"),
+    "control characters": (wanted("a\x1b[31m\nb", 250), r"'a\x1b[31m b': unknown parameter"),
+    "long name": (wanted("a" * 100_000, 250), "a name of 100000 characters; give at most 1000"),
+    "long text": (wanted("scene", ParameterType.PARAMETER_STRING, string_value="y" * 1_000_000), FIXED),
+    "long list": (wanted("record.topics", ParameterType.PARAMETER_DOUBLE_ARRAY,
+                         double_array_value=array.array("d", [1.0]) * 100_000), FIXED),
+}
+
+
+def test_every_parameter_request_is_answered_and_changes_nothing(start, ask, listener):
+    robot = start("robot", "--ros-args", "-p", "record.enabled:=false")
+    robot.wait_for("ready")
+    before = ask(GetParameters, "get_parameters", names=["mass.body", "use_sim_time", "scene"]).values
+    for parameter, reason in HOSTILE_PARAMETERS.values():
+        answers = [*ask(SetParameters, "set_parameters", parameters=[parameter]).results,
+                   ask(SetParametersAtomically, "set_parameters_atomically", parameters=[parameter]).result]
+        for answer in answers:
+            assert not answer.successful
+            assert reason in answer.reason and "\n" not in answer.reason
+    several = [one for one, _ in HOSTILE_PARAMETERS.values() if len(one.name) < 1000]
+    answers = ask(SetParameters, "set_parameters", parameters=several).results
+    assert [answer.successful for answer in answers] == [False] * len(several)
+    answers = ask(SetParameters, "set_parameters", parameters=several * 100).results
+    assert {answer.reason for answer in answers} == {f"{len(several) * 100} names in one request; give at most 1000"}
+    for names in (["mass.boddy"], [""], ["a" * 100_000], ["mass.body"] * 10_000, []):
+        assert not ask(GetParameters, "get_parameters", names=names).values
+        assert not ask(DescribeParameters, "describe_parameters", names=names).descriptors
+        assert not ask(GetParameterTypes, "get_parameter_types", names=names).types
+        assert not ask(ListParameters, "list_parameters", prefixes=names, depth=2**64 - 1).result.names or not names
+    for answer in (ask(GetTypeDescription, "get_type_description", type_name="x" * 10_000, type_hash="RIHS01_zz"),
+                   ask(GetTypeDescription, "get_type_description", type_name="x", type_hash=f"RIHS01_{'0' * 64}")):
+        assert not answer.successful and answer.failure_reason
+    assert ask(GetParameters, "get_parameters", names=["mass.body", "use_sim_time", "scene"]).values == before
+    listener.wait_for_status("simulation", lambda status: value_of(status, "refused requests") > 30)
+    stop(robot)
+    assert "please report" not in robot.text
+    assert all(line.startswith("[") for line in robot.lines)
+
+
+def test_peers_that_cannot_be_heard_are_said(start, bench):
+    robot = start("robot", "--ros-args", "-p", "record.enabled:=false")
+    robot.wait_for("ready")
+    bench.node.create_publisher(Float32, "motor_speed", 10)
+    assert "[WARN]" in robot.wait_for("/motor_speed: /bench publishes std_msgs/msg/Float32, which cannot arrive; "
+                                      "publish std_msgs/msg/Float64")
+    bench.node.create_publisher(Float64, "upper_gap", QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT))
+    assert "Last incompatible policy: RELIABILITY" in robot.wait_for("'upper_gap', offering incompatible QoS")
+    stop(robot)

@@ -1,0 +1,55 @@
+"""Commands that have arrived and wait for the next tick."""
+
+from collections import deque
+from collections.abc import Iterable
+from itertools import chain, count
+from threading import Lock
+
+MOST_WAITING = 100
+"""Commands of one topic that wait. A command costs the device 30 to 70 us, so that those of the three topics together
+delay a tick by 20 ms at most, a fifth of what `rate.max_catch_up` makes good unless told otherwise."""
+
+
+class Waiting:
+    """A bounded line for each topic, in one order of arrival; one thread adds, another takes.
+
+    Where a line is full the new command displaces its oldest. All that wait take effect at the same instant, one after
+    the other, and of one topic the last one stands: so it is the last that must not be lost, neither to older ones nor
+    to a flood on another topic.
+
+    Parameters
+    ----------
+    names : iterable of str
+        The lines.
+    most : int
+        Length of a line.
+
+    Attributes
+    ----------
+    dropped : int
+        Messages that were displaced.
+    """
+
+    def __init__(self, names: Iterable[str], most: int = MOST_WAITING):
+        self.dropped = 0
+        self._most = most
+        self._arrivals = count()
+        self._lock = Lock()
+        self._lines: dict[str, deque[tuple[int, str, bytes]]] = {name: deque() for name in names}
+
+    def add(self, name: str, data: bytes) -> None:
+        """Put a message at the end of its line."""
+        line = self._lines[name]
+        with self._lock:
+            if len(line) == self._most:
+                line.popleft()
+                self.dropped += 1
+            line.append((next(self._arrivals), name, data))
+
+    def take(self) -> list[tuple[str, bytes]]:
+        """Every message that waits, with its line's name, in the order of arrival."""
+        with self._lock:
+            taken = sorted(chain.from_iterable(self._lines.values()))
+            for line in self._lines.values():
+                line.clear()
+        return [(name, data) for _, name, data in taken]
