@@ -12,7 +12,8 @@ the positions by no more than
 """
 
 import math
-import sys
+
+import numpy as np
 
 #: Least error as a part of the rods' length: 4500 times the rounding of a number.
 LEAST_SHARE = 1e-12
@@ -24,7 +25,7 @@ def attainable_accuracy(scene) -> float:
     length = max((scene[f"crank.{side}_rod"] for side in scene.guides), default=0.0)
     rates = [math.sqrt(scene[f"{side}.plate.stiffness"] / scene[f"mass.{side}"])
              for side in scene.plates if scene[f"effects.{side}_contact"] == "compliant"]
-    return length * max(LEAST_SHARE, sys.float_info.epsilon * (max(rates, default=0.0) * _TIME)**_POWER)
+    return length * max(LEAST_SHARE, float(np.finfo(float).eps) * (max(rates, default=0.0) * _TIME)**_POWER)
 
 
 def rounded_up(number: float) -> float:
