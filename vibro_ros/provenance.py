@@ -58,8 +58,8 @@ def software() -> dict[str, str]:
 
 
 def tables(parameters: Mapping[str, Value]) -> str:
-    """Digest of the tables that the scene in `parameters` compiles to on this computer: sines, cosines, eigenvalues and
-    solutions of linear equations as its libraries round them."""
+    """Digest of the tables that the scene in `parameters` compiles to here: sines, cosines, eigenvalues and
+    solutions of linear equations as this computer's libraries round them."""
     names = {parameter.name for parameter in SCENE_PARAMETERS}
     system = compile_scene(Scene("", {name: value for name, value in parameters.items() if name in names})).system
     return _digest(array.tobytes() for array in _arrays(system))

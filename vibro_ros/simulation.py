@@ -8,7 +8,10 @@ import numpy as np
 
 from vibro_ros.model.scene import Scene
 from vibro_ros.samples import Run
-from vibro_ros.simulator import Simulator, checked_times
+from vibro_ros.simulator import LATEST, Simulator, checked_times
+
+#: Most samples of one run: their fields take 20 GB.
+MOST_SAMPLES = 1e8
 
 
 def simulate(scene: Scene, duration: float | None = None, rate: float | None = None,
@@ -76,5 +79,8 @@ def sample_times(duration: float | None, rate: float | None, times: np.ndarray |
         if not (math.isfinite(duration) and duration >= 0.0 and math.isfinite(rate) and rate > 0.0):
             raise ValueError(f"duration {duration:g} s and rate {rate:g} Hz: give a duration of at least 0 and a "
                              "rate above 0")
+        if duration > LATEST or duration * rate > MOST_SAMPLES:
+            raise ValueError(f"duration {duration:g} s and rate {rate:g} Hz: give a duration of at most {LATEST:g} s "
+                             f"and at most {MOST_SAMPLES:g} samples")
         return np.arange(int(math.floor(duration * rate * (1.0 + 1e-12))) + 1) / rate
     return checked_times(times, 0.0)

@@ -20,6 +20,8 @@ from vibro_ros.solver.methods import SCHEMES, Exact, FixedStep, Method
 from vibro_ros.solver.recording import EVENT_COLUMNS, MONITOR_KIND, PHASE_KIND, RAMP_KIND
 
 _EVENTS_AT_ONCE = 4096
+#: Latest instant [s] that can be asked for, 31 years: there, doubles tell instants apart that are 1e-7 s apart.
+LATEST = 1e9
 #: Computing time [s] that a part of `Simulator.sample_in_parts` aims at; robot time [s] of the first; growth from one
 #: to the next at most.
 _PART, _FIRST_PART, _GROWTH = 0.004, 0.001, 100.0
@@ -202,13 +204,15 @@ class Simulator:
         Raises
         ------
         ValueError
-            If `time` is not finite or lies before `self.time`.
+            If `time` is not finite, lies before `self.time`, or beyond `LATEST`.
         SimulationError
             If the run cannot go on.
         """
         time = float(time)
         if not (math.isfinite(time) and time >= self.time):
             raise ValueError(f"cannot advance to {time:g} s: the device is at {self.time:g} s and time runs forwards")
+        if time > LATEST:
+            raise ValueError(f"cannot advance to {time:g} s: give at most {LATEST:g} s, beyond which clocks are coarse")
         self._advance(np.array([time]), *self._new_trace(1))
 
     def sample(self, times: np.ndarray) -> Samples:
@@ -217,7 +221,7 @@ class Simulator:
         Raises
         ------
         ValueError
-            If `times` is not one-dimensional, finite, ascending and at `self.time` or later.
+            If `times` is not one-dimensional, ascending and from `self.time` to `LATEST`.
         SimulationError
             If the run cannot go on.
         """
@@ -362,4 +366,6 @@ def checked_times(times: np.ndarray, start: float) -> np.ndarray:
     if times.ndim != 1 or not np.isfinite(times).all() or (times < start).any() or (np.diff(times) < 0.0).any():
         raise ValueError("times: give a one-dimensional, ascending array of finite instants, none below "
                          f"{start:.9g} s")
+    if (times > LATEST).any():
+        raise ValueError(f"times: {times[-1]:g} s is too late; give instants up to {LATEST:g} s")
     return times

@@ -68,10 +68,22 @@ def test_an_overdamped_plate_that_may_pull_never_lets_go(ratio):
     assert state.upper_position >= state.upper_plate_position - 4e-16
 
 
-def test_a_plate_without_stiffness_and_damping_is_no_plate():
-    state, contacts = hit({"upper.plate.stiffness": 0.0})
+@pytest.mark.parametrize("nothing", [0.0, 5e-324, 9.9e-31])
+def test_a_plate_without_stiffness_and_damping_is_no_plate(nothing):
+    """The same bits, events, modes and guards as of a scene without the contact."""
+    state, contacts = hit({"upper.plate.stiffness": nothing})
     assert state.upper_position == vibro_ros.Simulator(FREE).state.upper_position and state.upper_velocity == 0.0
-    assert (contacts["peak_force"] == 0.0).all()
+    assert len(contacts) == 0
+    paper = vibro_ros.load_scene("paper")
+    soft = paper.with_parameters({"inclined.plate.stiffness": nothing, "inclined.plate.damping": nothing})
+    bare = paper.with_parameters({"effects.inclined_contact": "none"})
+    one, other = (vibro_ros.simulate(scene, duration=0.3, rate=1000.0) for scene in (soft, bare))
+    for name in vars(one):
+        if name not in ("events", "statistics"):
+            np.testing.assert_array_equal(getattr(one, name), getattr(other, name), err_msg=name)
+    np.testing.assert_array_equal(one.events, other.events)
+    assert soft.describe() == bare.describe()
+    assert "inclined" in paper.with_parameters({"inclined.plate.stiffness": 0.0, "inclined.plate.damping": 1.0}).plates
 
 
 @pytest.mark.parametrize("stiffness", [1e3, 1e7, 1e9])

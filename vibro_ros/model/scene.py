@@ -182,8 +182,8 @@ class Scene:
             found = (f"leaves the masses {share:.2g} of their inertia, less than the {LEAST_INERTIA:g} that rounding "
                      "allows")
         elif rate > FASTEST_RATE:
-            found = (f"lets the masses move at {rate:.3g} 1/s, faster than {FASTEST_RATE:g} 1/s, which takes too long "
-                     "to simulate")
+            found = (f"lets the masses move at {rate:.3g} 1/s, faster than {FASTEST_RATE:g} 1/s, which takes too "
+                     "long to simulate")
         else:
             return
         raise ValueError(f"mass.body: {self['mass.body']:g} kg with effects.reaction {found}; give "
@@ -191,7 +191,7 @@ class Scene:
                          "to false")
 
     def _heavier_body(self) -> str:
-        """The least body, to a factor of two, that yields little enough, as a part of a sentence; empty without one."""
+        """The least body, to a factor of two, that yields little enough, as part of a sentence; empty if none does."""
         mass = self["mass.body"]
         while (mass := 2.0 * mass) <= _BY_NAME["mass.body"].maximum:
             heavier = _unchecked("", {**self.parameters, "mass.body": mass})

@@ -1,0 +1,65 @@
+"""`solver.tolerance` may promise what rounding leaves: the shift of positions by one unit in the last place."""
+
+import numpy as np
+import pytest
+
+import vibro_ros
+from vibro_ros.model.promise import attainable_accuracy, rounded_up
+from vibro_ros.scene_file import shipped_scenes
+
+TIMES = np.linspace(0.0, 0.2, 1001)
+ROUNDED = ("mass.upper", "mass.inclined", "mass.body", "crank.radius", "crank.upper_rod", "upper.spring.stiffness",
+           "guide.angle")
+
+
+def positions(scene):
+    run = vibro_ros.simulate(scene, times=TIMES)
+    return np.array([run.body_position, run.body_height, run.upper_position, run.inclined_position])
+
+
+def shift(scene):
+    """Largest change of a position [m] by one unit in the last place of a parameter, either way."""
+    reference = positions(scene)
+    neighbours = ({name: float(np.nextafter(scene[name], towards))} for name in ROUNDED for towards in (0.0, np.inf))
+    return max(np.abs(positions(scene.with_parameters(changes)) - reference).max() for changes in neighbours)
+
+
+@pytest.mark.parametrize("stiffness", [1e5, 1e6, 1e7, 1e8, 1e9, 1e10, 1e11])
+@pytest.mark.parametrize("name", shipped_scenes())
+def test_a_rounding_of_a_parameter_shifts_positions_by_less_than_is_promised(name, stiffness):
+    scene = vibro_ros.load_scene(name).with_parameters({
+        "motor.speed": 100.0, **{f"{side}.plate.stiffness": stiffness for side in ("upper", "inclined")}})
+    assert shift(scene) <= attainable_accuracy(scene)
+
+
+def test_long_rods_are_rounded_more():
+    scene = vibro_ros.load_scene("paper").with_parameters({"crank.upper_rod": 20.0, "crank.inclined_rod": 20.0})
+    assert 2e-11 < shift(scene) <= attainable_accuracy(scene)
+
+
+@pytest.mark.parametrize(("changes", "least"), [
+    ({"inclined.plate.stiffness": 1e9}, "2.8e-10"), ({"inclined.plate.stiffness": 1e10}, "4.9e-09"),
+    ({"mass.inclined": 1e-3}, "2.1e-10"), ({"crank.upper_rod": 20.0}, "2.9e-10")])
+def test_a_promise_that_stiff_plates_do_not_let_keep_is_refused(changes, least):
+    scene = vibro_ros.load_scene("paper").with_parameters(changes)
+    with pytest.raises(ValueError, match="solver.tolerance: 1e-12 m is below what rounding allows with these rods and "
+                                         f"plates; give at least {least} m, or softer plates"):
+        scene.with_parameters({"solver.tolerance": 1e-12})
+    assert scene.with_parameters({"solver.tolerance": float(least)})
+    without = {"effects.upper_contact": "none", "effects.inclined_contact": "none", "crank.upper_rod": 0.06}
+    assert scene.with_parameters({"solver.tolerance": 1e-12, **without})
+
+
+@pytest.mark.parametrize("name", shipped_scenes())
+def test_shipped_scenes_keep_all_that_may_be_asked_for(name):
+    assert vibro_ros.load_scene(name).with_parameters({"solver.tolerance": 1e-12})
+
+
+def test_the_default_asks_for_nothing_beyond_what_holds():
+    scene = vibro_ros.load_scene("paper").with_parameters({"upper.plate.stiffness": 1e12})
+    assert attainable_accuracy(scene) > scene["solver.tolerance"]
+
+
+@pytest.mark.parametrize(("number", "expected"), [(1.01e-9, 1.1e-9), (2e-11, 2e-11), (9.91e-7, 1e-6), (6e-14, 6e-14)])
+def test_a_limit_is_rounded_up(number, expected):
+    assert rounded_up(number) == pytest.approx(expected, rel=1e-14) and rounded_up(number) >= number * (1.0 - 1e-9)
