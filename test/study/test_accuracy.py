@@ -2,6 +2,8 @@
 
 import csv
 import math
+import subprocess
+import sys
 from dataclasses import fields
 
 import numpy as np
@@ -325,7 +327,7 @@ def test_bad_input_is_refused_before_anything_is_written(options, reason, tmp_pa
 @pytest.mark.parametrize("options", [["--methods", "heyoka"], ["--methods", "exact", "heyoka"]])
 def test_heyoka_that_is_asked_for_and_missing_is_refused(options, monkeypatch, tmp_path, capsys):
     monkeypatch.setattr(accuracy.importlib.util, "find_spec", lambda name: None)
-    assert accuracy.main(["--scene", "paper", *options, "--output", str(tmp_path / "new")]) == accuracy.BAD_INPUT
+    assert accuracy.main(["--scene", "paper", *options, "--output", str(tmp_path / "new")]) == 2
     said = capsys.readouterr().err
     assert said.count("\n") == 1 and "heyoka: not installed; `pip install heyoka` with Python 3.11 or later" in said
     assert not (tmp_path / "new").exists()
@@ -364,3 +366,13 @@ def test_intervals_of_a_chaotic_scene_hold():
     found = covered(values, 16)
     assert found.holding >= 6 and found.overlapping >= 7
     assert average(values).spread < 0.01
+
+
+def test_the_executable_ends_its_workers_without_a_word(tmp_path):
+    """They are forked from a process that has the front door's signal handlers."""
+    options = ["--scene", "damped", "--methods", "exact", "--horizon", "0.05", "--repeats", "1", "--starts", "2"]
+    done = subprocess.run([sys.executable, "-m", "vibro_ros.study.accuracy", *options, "--output", str(tmp_path)],
+                          capture_output=True, text=True, timeout=250)
+    assert done.returncode == 0, done.stderr
+    assert "Traceback" not in done.stderr and "KeyboardInterrupt" not in done.stderr
+    assert "Findings in the scene `damped`" in (tmp_path / "accuracy.md").read_text(encoding="utf-8")

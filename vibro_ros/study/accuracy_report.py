@@ -9,9 +9,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
+from vibro_ros.front_door import FAILURE
 from vibro_ros.scene_file import load_scene, shipped_scenes
 from vibro_ros.solver.methods import SCHEMES
-from vibro_ros.study.accuracy import FAILED, INTERRUPTED, TABLE, TEXT, Accuracy, row_writer
+from vibro_ros.study.accuracy import TABLE, TEXT, Accuracy, row_writer
 from vibro_ros.study.precision import STUDIED, Effort, Row
 from vibro_ros.study.precision_advice import NEEDS, Need, advice, cheapest
 from vibro_ros.study.precision_price import baseline_in_words, cost_range, prices_in_words
@@ -19,6 +20,7 @@ from vibro_ros.study.precision_text import finding, reference_of
 from vibro_ros.study.wrong_speed import draw_ways
 
 FOLDER, WAYS = "accuracy", "ways.png"
+INTERRUPTED = 130  # by Ctrl-C
 EFFORT = Effort(repeats=3, patience_for_averages=3.0)
 #: The scene whose mean speed is looked at more closely, and steps [s] of rk4 whose ways are drawn.
 CLOSER, STEPS = "paper", (2e-4, 1e-4, 5e-5, 1e-5)
@@ -127,7 +129,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return INTERRUPTED
     except subprocess.CalledProcessError as error:
         print(f"accuracy: {_TICK_COST}: {error.stderr.strip()}", file=sys.stderr)
-        return FAILED
+        return FAILURE
     print(docs / TEXT)
     return 0
 

@@ -55,9 +55,18 @@ def speeds_of_starts(scene: Scene, duration: float, starts: int, batch: int = 0)
     """Mean speed of the body [m/s] of each start, shape (starts,), shared among all cores; another `batch`, others."""
     compile_kernels(scene["solver.method"])  # once for all that are forked
     of_start = partial(speed_of_start, scene, duration, batch)
-    # Ctrl-C reaches the parent as well, which ends its workers.
-    with _FORK.Pool(initializer=signal.signal, initargs=(signal.SIGINT, signal.SIG_IGN)) as pool:
+    with _FORK.Pool(initializer=_leave_signals_to_parent) as pool:
         return np.array(pool.map(of_start, range(starts), chunksize=1))
+
+
+def _leave_signals_to_parent() -> None:
+    """In a worker: Ctrl-C and a closed terminal reach the parent as well, and the parent ends its workers by SIGTERM.
+
+    They would inherit the front door's handlers, and print a traceback whenever the pool is closed.
+    """
+    for number in (signal.SIGINT, signal.SIGHUP):
+        signal.signal(number, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
 
 
 def speed_of_start(scene: Scene, duration: float, batch: int, number: int) -> float:

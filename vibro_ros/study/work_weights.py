@@ -6,9 +6,10 @@ prints the weights that fit this machine best, and for each shipped scene the co
 ratios to the steps of rk4: counted by the weights of `work`, and measured.
 """
 
+import argparse
 import sys
 import time
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -124,8 +125,10 @@ def known_scenes() -> str:
     return "\n".join(lines)
 
 
-def main() -> int:
+def main(arguments: Sequence[str] | None = None) -> int:
     """Measure and print; returns the exit code."""
+    description = "Measure the weights of counted work, and print counted beside measured costs; a minute."
+    argparse.ArgumentParser(prog="work_weights", description=description).parse_args(arguments)
     shipped = {name: {method: timed_by(load_scene(name), method) for method in ("exact", *STEP_WEIGHTS)}
                for name in shipped_scenes()}
     exact = [run for of_scene in shipped.values() for run in of_scene["exact"]]
