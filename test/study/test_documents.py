@@ -67,10 +67,14 @@ def test_yaml_is_a_script_or_a_scene(text, output, tmp_path):
 def test_errors_are_the_ones_shown(line, tmp_path, domain_id):
     """The words of the command stand for each shown error."""
     (tmp_path / "bad.yaml").write_text("entries:\n  - for: 1.0\n    motor_speed: -5\n")
+    (tmp_path / "itself.yaml").write_text("/**:\n  ros__parameters:\n    scene: itself.yaml\n")
+    (tmp_path / "other.yaml").write_text("vibro_robt:\n  ros__parameters:\n    gravity: 9.81\n")
     words = {"guide.angel": "ros.robot --ros-args -p guide.angel:=1.0", "bad.yaml": "ros.controller bad.yaml",
              "mass.body": "ros.robot --ros-args -p mass.body:=0.0", "/tmp/nobag": "study.report /tmp/nobag",
              "/tmp/none": "study.recover /tmp/none", "/tmp/norun": "study.replay /tmp/norun",
-             "papper": "ros.robot --ros-args -p scene:=papper"}[line.split(": ")[1]].split()
+             "papper": "ros.robot --ros-args -p scene:=papper", "--clock": "study.replay bag --clock",
+             "itself.yaml": "study.accuracy --scene itself.yaml",
+             "other.yaml": "ros.robot --ros-args --params-file other.yaml"}[line.split(": ")[1]].split()
     done = subprocess.run([sys.executable, "-m", f"vibro_ros.{words[0]}", *words[1:]], cwd=tmp_path,
                           capture_output=True, text=True, timeout=60)
     assert (done.returncode, done.stderr) == (2, f"{line}\n")
