@@ -8,6 +8,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import interface_document as document
 import pytest
 import yaml
 
@@ -23,6 +24,7 @@ from vibro_ros.scene_file import DEVICE_PARAMETERS, load_scene, shipped_scenes
 from vibro_ros.study import accuracy_report, bench, effects, parameter_table
 from vibro_ros.study.precision_advice import MEAN_SPEED, NEEDS
 
+OTHER_STATISTICS = ("steps", "solver.method", "solver.step", "energy_residual", "energy_exchanged")
 ROOT = Path(__file__).resolve().parents[2]
 DOCUMENTS = {path.name: path.read_text(encoding="utf-8") for path in (ROOT / "README.md", *ROOT.glob("docs/*.md"))}
 FENCE = re.compile(r"^```(\w+)\n(.*?)^```\n(?:```text\n(.*?)^```\n)?", re.MULTILINE | re.DOTALL)
@@ -65,10 +67,14 @@ def test_yaml_is_a_script_or_a_scene(text, output, tmp_path):
 def test_errors_are_the_ones_shown(line, tmp_path, domain_id):
     """The words of the command stand for each shown error."""
     (tmp_path / "bad.yaml").write_text("entries:\n  - for: 1.0\n    motor_speed: -5\n")
+    (tmp_path / "itself.yaml").write_text("/**:\n  ros__parameters:\n    scene: itself.yaml\n")
+    (tmp_path / "other.yaml").write_text("vibro_robt:\n  ros__parameters:\n    gravity: 9.81\n")
     words = {"guide.angel": "ros.robot --ros-args -p guide.angel:=1.0", "bad.yaml": "ros.controller bad.yaml",
              "mass.body": "ros.robot --ros-args -p mass.body:=0.0", "/tmp/nobag": "study.report /tmp/nobag",
              "/tmp/none": "study.recover /tmp/none", "/tmp/norun": "study.replay /tmp/norun",
-             "papper": "ros.robot --ros-args -p scene:=papper"}[line.split(": ")[1]].split()
+             "papper": "ros.robot --ros-args -p scene:=papper", "--clock": "study.replay bag --clock",
+             "itself.yaml": "study.accuracy --scene itself.yaml",
+             "other.yaml": "ros.robot --ros-args --params-file other.yaml"}[line.split(": ")[1]].split()
     done = subprocess.run([sys.executable, "-m", f"vibro_ros.{words[0]}", *words[1:]], cwd=tmp_path,
                           capture_output=True, text=True, timeout=60)
     assert (done.returncode, done.stderr) == (2, f"{line}\n")
@@ -133,15 +139,58 @@ def test_topics_are_the_robots():
     assert told == real
 
 
-def test_joints_fields_and_kinds_are_complete():
-    text = DOCUMENTS["interface.md"]
-    for name in (*JOINTS, *(field.name for field in dataclasses.fields(Samples))):
-        assert f"`{name}`" in text, name
-    run = vibro_ros.Simulator(load_scene("device"))
-    run.command(motor_speed=100.0, upper_gap=1e-4)
-    run.advance_to(2.0)
-    for kind in set(run.take_events()["kind"]):
-        assert f"`{kind}`" in text, kind
+def test_joints_and_fields_of_a_run_are_complete():
+    assert document.first_column("joint", "position", "velocity", "effort") == list(JOINTS)
+    fields = [name for row in document.table("field", "unit", "meaning") for name in document.names(row[0])]
+    assert sorted(fields) == sorted(field.name for field in dataclasses.fields(Samples))
+
+
+def test_kinds_of_events_are_those_that_a_device_can_have():
+    kinds = {str(kind) for scene in shipped_scenes() for kind in vibro_ros.Simulator(load_scene(scene))._kind_names()}
+    assert sorted(document.first_column("kind", "when")) == sorted(kinds - {""})
+    passage = document.TEXT.partition("`Run.statistics` and `Simulator.statistics`")[2].partition("\n\n")[0]
+    told = {name for name in document.names(passage) if "." not in name or name.startswith("solver.")}
+    assert told - {"exact", "solver.audit"} == {*OTHER_STATISTICS, "wall_time"}
+
+
+def test_the_public_names_are_all_told():
+    told = {name.partition("(")[0] for row in document.table("name", "does") for name in document.names(row[0])}
+    assert {name for name in told if "." not in name and "[" not in name} == set(vibro_ros.__all__)
+    for name in told - set(vibro_ros.__all__):
+        owner, attribute = load_scene("paper"), name.partition(".")[2].partition("[")[0]
+        assert "[" in name or hasattr(owner, attribute), name
+    [row] = [row for row in document.table("name", "does") if row[0] == "`Simulator(scene)`"]
+    device = vibro_ros.Simulator(load_scene("paper"))
+    for name in document.names(row[1]):
+        assert hasattr(device, name.partition("(")[0]), name
+
+
+def test_keys_of_a_script_are_those_that_are_read(tmp_path):
+    keys = document.first_column("key of an entry", "meaning")
+    assert sorted(keys) == sorted(["for", "at", *COMMAND_UNITS, "note", "entries", "repeat"])
+    file = tmp_path / "script.yaml"
+    file.write_text("repeat: 2\nentries:\n  - {note: a, at: 0.0, for: 1.0, motor_speed: 5.0, upper_gap: 0.0, "
+                    "inclined_gap: {from: 0.0, to: 0.001}}\n  - {note: b, at: 1.0, repeat: 2, entries: [{for: 1.0}]}\n")
+    assert read_script(file).duration == 6.0
+
+
+def codes(text):
+    """Exit codes of a list such as `0 done; 1 not done; 130, 143 stopped`, with or without colons."""
+    starts = [re.match(r"[\d, ]*", part.strip())[0] for part in text.split(";")]
+    return {int(code) for start in starts for code in start.replace(",", " ").split()}
+
+
+def test_executables_and_their_exit_codes_are_those_of_their_help():
+    scripts = re.findall(r'"(\w+) = (vibro_ros[\w.]+):main', (ROOT / "setup.py").read_text())
+    rows = {name: cells for *cells, name in ((row[2], document.names(row[0])[0]) for row in document.table(
+        "executable", "does", "exit codes"))}
+    assert {name.split()[0] for name in rows} == {name for name, _ in scripts}
+    modules = dict(scripts) | {"replay --publish": "vibro_ros.ros.playback"}
+    for name, [told] in rows.items():
+        module = modules["replay --publish" if "--publish" in name else name.split()[0]]
+        done = subprocess.run([sys.executable, "-m", module, "--help"], capture_output=True, text=True, timeout=120)
+        said = " ".join(done.stdout.partition("Exit code")[2].split())
+        assert done.returncode == 0 and codes(said) == codes(told), (name, said, told)
 
 
 def test_shipped_scenes_are_described():

@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from vibro_ros.front_door import FAILURE
+from vibro_ros.front_door import FAILURE, interrupted_code
 from vibro_ros.scene_file import load_scene, shipped_scenes
 from vibro_ros.solver.methods import SCHEMES
 from vibro_ros.study.accuracy import TABLE, TEXT, Accuracy, row_writer
@@ -126,7 +126,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         _write(docs)
     except KeyboardInterrupt:
         print(f"accuracy: interrupted; {docs / TEXT} is as it was", file=sys.stderr)
-        return INTERRUPTED
+        return interrupted_code()
     except subprocess.CalledProcessError as error:
         print(f"accuracy: {_TICK_COST}: {error.stderr.strip()}", file=sys.stderr)
         return FAILURE

@@ -16,11 +16,14 @@ from PIL import Image
 from vibro_ros.samples import Run, Samples
 from vibro_ros.scene_file import load_scene
 from vibro_ros.simulation import simulate
-from vibro_ros.study.mechanism import COLOURS, DARK, EDGE, HUB_HEIGHT, MM, Mechanism
+from vibro_ros.study.mechanism import COLOURS, DARK, EDGE, HUB_HEIGHT, MM, Mechanism, legend
 
-SETTLED = 36  # crank turns, after which the damped robot repeats itself
+SPEED = 100.0  # rad/s, of the motor of a scene in which it waits for a command
+SETTLED = 36  # crank turns, after which `device` repeats itself every four turns, and `damped` every turn
 MOST_TURNS = 20
-FRAMES_PER_TURN = 44
+FRAMES_PER_TURN = 40
+SIZE = (8.4, 5.3)  # inches of 100 pixels
+STAGE = 0.56  # of the width
 SAMPLES_PER_FRAME = 20  # of the traces
 FRAME_TIME = 0.05  # s; a GIF's clock counts hundredths
 GLOW = 0.004  # s, in which an impact's light fades to 1/e; contacts last 0.3 ms, too short to be seen
@@ -40,13 +43,12 @@ class Animation:
     Raises
     ------
     ValueError
-        For a scene without masses, plates or motion, and for too few or too many turns.
+        For a scene without masses or plates, and for too few or too many turns.
     """
 
     def __init__(self, name: str, turns: int):
         scene = load_scene(name)
-        if scene["motor.speed"] == 0.0:
-            raise ValueError(f"{name}: its motor stands still; show a scene with motor.speed above 0")
+        scene = scene if scene["motor.speed"] else scene.with_parameters({"motor.speed": SPEED})
         for side in COLOURS:
             if not scene[f"effects.{side}_mass"] or scene[f"effects.{side}_contact"] == "none":
                 raise ValueError(f"{name}: has no {side} mass or plate; show a scene with both masses and plates")
@@ -57,22 +59,24 @@ class Animation:
         self._start = SETTLED * turn
         times = np.linspace(0.0, turns * turn, SAMPLES_PER_FRAME * self.frames + 1)
         self._fine = simulate(scene, times=self._start + times)
-        self._figure = Figure(figsize=(8.4, 4.4), dpi=100, facecolor="white")
+        self._figure = Figure(figsize=SIZE, dpi=100, facecolor="white")
         self._canvas = FigureCanvasAgg(self._figure)
         slowdown = self.frames * FRAME_TIME / (turns * turn)
-        self._draw_traces(self._figure, name, slowdown)
-        stage = self._figure.add_axes((0.0, 0.0, 0.53, 1.0))
+        self._draw_traces(self._figure, f"scene {name} at {scene['motor.speed']:g} rad/s", slowdown)
+        stage = self._figure.add_axes((0.0, 0.0, STAGE, 1.0))
         self._draw_ground(stage)
         self._mechanism = Mechanism(stage, scene)
+        stage.legend(handles=legend(scene), loc="upper left", bbox_to_anchor=(0.01, 0.995), fontsize=8, frameon=False,
+                     labelcolor=DARK, handlelength=1.6, labelspacing=0.35)
         self._force = {side: stage.text(0, 0, "", color=COLOURS[side], fontsize=11, weight="bold", ha="center",
                                         zorder=9) for side in scene.guides}
         self._ground_state = stage.text(0, -HUB_HEIGHT - 11, "", ha="left", fontsize=9, color=DARK)
 
     def _draw_ground(self, stage: Axes) -> None:
         x = self._fine.body_position * MM
-        left, right = x.min() - 142, x.max() + 72
+        left, right = x.min() - 136, x.max() + 74
         stage.set(xlim=(left, right), aspect="equal", anchor="S")
-        stage.set_ylim(-HUB_HEIGHT - 22, -HUB_HEIGHT - 22 + (right - left) * 4.4 / (8.4 * 0.53))
+        stage.set_ylim(-HUB_HEIGHT - 22, -HUB_HEIGHT - 22 + (right - left) * SIZE[1] / (SIZE[0] * STAGE))
         stage.axis("off")
         stage.plot([left, right], [-HUB_HEIGHT] * 2, color=DARK, lw=1.4, zorder=3)
         for mark in range(math.ceil(left / 10) * 10, int(right) + 1, 10):
@@ -80,10 +84,16 @@ class Animation:
         stage.text(right - 4, -HUB_HEIGHT - 16, "marks every 10 mm", ha="right", fontsize=8, color=EDGE)
         stage.plot([x[0], x[0]], [-HUB_HEIGHT, -HUB_HEIGHT + 20], color=EDGE, lw=1, ls=(0, (3, 3)), zorder=8)
 
-    def _draw_traces(self, figure: Figure, name: str, slowdown: float) -> None:
+    def _draw_traces(self, figure: Figure, title: str, slowdown: float) -> None:
         run, time = self._fine, self._milliseconds(self._fine.time)
-        body, masses = figure.add_axes((0.61, 0.58, 0.37, 0.32)), figure.add_axes((0.61, 0.12, 0.37, 0.34))
+        hops = bool(np.any(run.body_height))
+        places = [(0.72, 0.19), (0.43, 0.19), (0.1, 0.23)] if hops else [(0.58, 0.32), (0.12, 0.34)]
+        panels = [figure.add_axes((STAGE + 0.06, bottom, 0.92 - STAGE, height)) for bottom, height in places]
+        body, masses = panels[0], panels[-1]
         traces = [(body, (run.body_position - run.body_position[0]) * MM, DARK)]
+        if hops:
+            traces.append((panels[1], run.body_height * MM, DARK))
+            panels[1].set_title("height of the body above the ground [mm]", fontsize=9, loc="left", color=DARK)
         for side, colour in COLOURS.items():
             traces.append((masses, getattr(run, f"{side}_position") * MM, colour))
             masses.axhline(getattr(run, f"{side}_plate_position")[0] * MM, color=DARK, lw=1, ls=(0, (4, 3)))
@@ -97,14 +107,15 @@ class Animation:
             masses.plot(self._milliseconds(struck), np.full(len(struck), run.upper_plate_position[0] * MM + 3.5), "v",
                         color=COLOURS[side], ms=6, mec="white", mew=0.6, clip_on=False)
         body.set_title("body displacement [mm]", fontsize=9, loc="left", color=DARK)
-        masses.set_title("masses on their guides [mm], impacts", fontsize=9, loc="left", color=DARK, pad=8)
+        masses.set_title("masses [mm], \N{BLACK DOWN-POINTING TRIANGLE} impacts, - - plates", fontsize=9, loc="left",
+                         color=DARK, pad=8)
         masses.set_xlabel("time [ms]", fontsize=9, color=DARK)
-        for axes in (body, masses):
+        for axes in panels:
             axes.set_xlim(0, time[-1])
             axes.tick_params(labelsize=8, color=EDGE, labelcolor=DARK)
             axes.spines[["top", "right"]].set_visible(False)
             axes.spines[["left", "bottom"]].set_color(EDGE)
-        figure.text(0.985, 0.965, f"scene {name} · slowed {slowdown:.0f} times", fontsize=8, color=EDGE, ha="right")
+        figure.text(0.985, 0.965, f"{title}, slowed {slowdown:.0f} times", fontsize=8, color=EDGE, ha="right")
 
     def _milliseconds(self, time):
         return (time - self._start) * 1e3
@@ -131,7 +142,7 @@ class Animation:
 
     def _label_place(self, state: Samples, side: str) -> tuple[float, float]:
         body = state.body_position * MM
-        return (body + 40, 112) if side == "upper" else (body - 124, 102)
+        return (body + 36, 112) if side == "upper" else (body - 122, 95)
 
 
 def _sample(run: Run, index: int) -> Samples:
@@ -145,6 +156,8 @@ def _last_impact(run: Run, side: str, time: float) -> tuple[float, float]:
 
 
 def _ground_state(state: Samples) -> str:
+    if state.body_height > 0.0:
+        return "body in the air"
     if state.normal_force <= 0.0:
         return "ground unloaded"
     return "body sticks" if state.body_velocity == 0.0 else "body slides"
@@ -172,8 +185,9 @@ def write_gif(name: str, turns: int, path: Path) -> int:
 def main(arguments: list[str] | None = None) -> int:
     """Write the picture; 2 when the scene cannot be shown or the file not be written."""
     parser = argparse.ArgumentParser(prog="picture", description="Draw the robot in slow motion as an animated GIF.")
-    parser.add_argument("--scene", default="damped", help="scene to show (default: %(default)s)")
-    parser.add_argument("--turns", type=int, default=3, help="crank turns to show (default: %(default)s)")
+    parser.add_argument("--scene", default="device",
+                        help=f"scene to show; a motor that stands turns with {SPEED:g} rad/s (default: %(default)s)")
+    parser.add_argument("--turns", type=int, default=4, help="crank turns to show (default: %(default)s)")
     parser.add_argument("--output", type=Path, default=Path("docs/robot.gif"), help="file (default: %(default)s)")
     options = parser.parse_args(arguments)
     try:

@@ -7,8 +7,10 @@ Positions of the masses are counted from where their drive springs are unstretch
 import math
 
 import numpy as np
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
-from matplotlib.patches import Circle, FancyBboxPatch, Polygon, Rectangle
+from matplotlib.lines import Line2D
+from matplotlib.patches import Circle, FancyBboxPatch, Patch, Polygon, Rectangle
 from matplotlib.transforms import Affine2D, Transform
 
 from vibro_ros.model.scene import Scene
@@ -20,9 +22,10 @@ FREE_LENGTH = 40.0  # of a drive spring
 MASS_HEIGHT = 16.0
 HUB_HEIGHT = 44.0  # of the crank's centre above the ground
 RAIL = 14.0  # distance of a guide's rail from its axis
+ARC = 74.0  # radius of the arc that shows the guides' angle, between the guides
 HEADROOM = 14.0  # from a plate to the end of its guide, with the plate's spring in it
 
-COLOURS = {"upper": "#1f6fb4", "inclined": "#d1671b"}
+COLOURS = {"upper": "#0072b2", "inclined": "#d55e00"}  # as in report.png
 BODY, EDGE, METAL, DARK, FLASH = "#e7ebf0", "#8a95a3", "#b4bcc6", "#3a424c", "#ffc93c"
 
 
@@ -47,6 +50,19 @@ class Mechanism:
         self._crank, = axes.plot([], [], color=DARK, lw=4, solid_capstyle="round", transform=moving, zorder=6)
         self._pin, = axes.plot([], [], "o", color=DARK, ms=7, mfc="white", mew=2, transform=moving, zorder=7)
         axes.plot([0], [0], "o", color=DARK, ms=5, transform=moving, zorder=7)
+        if scene.guides:
+            self._draw_angle(axes, scene["guide.angle"], moving)
+
+    def _draw_angle(self, axes: Axes, angle: float, moving: Transform) -> None:
+        """φ, from the vertical to the inclined guide's axis."""
+        turns = np.linspace(0.0, angle, 30)
+        axes.plot(-ARC * np.sin(turns), ARC * np.cos(turns), color=DARK, lw=1.0, transform=moving, zorder=8)
+        along = np.linspace(8.0, ARC + 4.0, 3)
+        for end in (0.0, angle):
+            axes.plot(-along * math.sin(end), along * math.cos(end), color=DARK, lw=0.7, ls=(0, (6, 2, 1, 2)),
+                      transform=moving, zorder=8)
+        axes.text(-(ARC + 7) * math.sin(angle / 2), (ARC + 7) * math.cos(angle / 2), "φ", fontsize=11, ha="center",
+                  va="center", color=DARK, transform=moving, zorder=8)
 
     def _draw_body(self, axes: Axes, scene: Scene, moving: Transform) -> None:
         """Sled and column; the guides bring their own housings."""
@@ -107,6 +123,23 @@ class _Guide:
         for patch in self._glow:
             patch.set_center((0, plate))
             patch.set_alpha(0.3 * glow)
+
+
+def legend(scene: Scene) -> list[Artist]:
+    """What the parts are, as handles of a legend."""
+    masses = [Patch(fc=COLOURS[side], ec="white", label=f"{side} mass") for side in scene.guides]
+    return [
+        Patch(fc=BODY, ec=EDGE, label="body with its guides"),
+        Line2D([], [], color=DARK, lw=4, label="crank"),
+        Line2D([], [], color=METAL, lw=4, label="connecting rod, slider"),
+        Line2D([], [], color=DARK, lw=1.2, marker=(2, 0, 45), ms=5, label="spring"),
+        *masses,
+        Patch(fc=DARK, ec=DARK, label="plate on its spring"),
+        Line2D([], [], color="none", marker="o", ms=9, mfc=FLASH, mec="none",
+               label="flash: contact, with its\npeak force"),
+        Line2D([], [], color="none", marker="$φ$", ms=8, mfc=DARK, mec=DARK, mew=0.2,
+               label=f"angle of the inclined\nguide, {math.degrees(scene['guide.angle']):.0f}°"),
+    ]
 
 
 def _coil(start: float, end: float, turns: int, width: float) -> tuple[np.ndarray, np.ndarray]:
