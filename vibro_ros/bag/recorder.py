@@ -231,12 +231,12 @@ class Recorder:
         self.fault = f"recording to {self.folder} stopped: {reason}; {self._remains()}"
 
     def _remains(self) -> str:
-        if self._writer.missing and not self.sealed:
-            return "nothing of it is left"
         if self.sealed:
             return f"the bag is sealed with its {self.written} messages"
         if self._gone:
             return "the folder is gone"
+        if self._writer.missing:
+            return "nothing of it is left"
         return f"the bag is not sealed; `recover {self.folder}` seals it once it can be written"
 
     def _discard_queue(self) -> None:
