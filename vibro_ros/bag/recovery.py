@@ -29,6 +29,7 @@ from vibro_ros.bag.parts import (
 from vibro_ros.bag.sealing import seal_mcap, set_aside, settle_sqlite
 from vibro_ros.bag.sqlite_part import JOURNALS, DatabaseError, is_hot
 from vibro_ros.bag.stream import BagError, BagStream
+from vibro_ros.bag.unreadable import not_read
 from vibro_ros.one_line import one_line
 
 
@@ -306,4 +307,4 @@ def described(recovery: Recovery, stamp: Callable[[int], str]) -> Iterable[str]:
         kept = f", kept in {', '.join(path.name for path in recovery.kept)}" if recovery.kept else ""
         last = f", the last of {stamp(recovery.last)}" if recovery.messages else ""
         yield one_line(f"{recovery.folder}: sealed, {recovery.messages} messages{last}; {lost}{kept}")
-    yield from (f"not read: {flaw}" for flaw in recovery.flaws)
+    yield from not_read(recovery.flaws)
