@@ -10,9 +10,10 @@ from pathlib import Path
 from rclpy.impl.rcutils_logger import RcutilsLogger
 
 from vibro_ros.bag.recorder import BAG_PATTERN, Recorder, Topic, bag_folders
-from vibro_ros.bag.recovery import RecoveryError, described, recover, unsealed_bags
+from vibro_ros.bag.recovery import RecoveryError, described, recover
 from vibro_ros.bag.robot_topics import ROBOT_TOPICS
 from vibro_ros.bag.snapshot import Snapshot
+from vibro_ros.bag.unsealed import unsealed_bags
 from vibro_ros.bag.writer import Storage
 from vibro_ros.model.parameters import Value
 from vibro_ros.one_line import one_line
