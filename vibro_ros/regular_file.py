@@ -2,6 +2,7 @@
 
 import errno
 import os
+import re
 import secrets
 import stat
 from pathlib import Path
@@ -76,9 +77,19 @@ def write_all(descriptor: int, data: bytes) -> None:
         rest = rest[os.write(descriptor, rest):]
 
 
+def temporary_name(path: Path) -> Path:
+    """A name beside `path` that nobody can guess, and so nobody can lay a link under."""
+    return path.with_name(f".{path.name}.{secrets.token_hex(8)}")
+
+
+def is_temporary(name: str) -> bool:
+    """Whether `temporary_name` may have given this name."""
+    return re.fullmatch(r"\..+\.[0-9a-f]{16}", name) is not None
+
+
 def replace_file(path: Path, data: bytes) -> None:
     """Put a file in the place of whatever is at `path`, whole or not at all; a link there is replaced (OSError)."""
-    fresh = path.with_name(f".{path.name}.{secrets.token_hex(8)}")  # a name that nobody can lay a link under
+    fresh = temporary_name(path)
     write_new(fresh, data)
     try:
         fresh.replace(path)

@@ -1,5 +1,9 @@
-"""Messages as a publisher serialises them, and readers that share no code with the recorder."""
+"""Messages as a publisher serialises them, and readers that share no code with the recorder.
 
+Makes the modules beside the tests importable, too.
+"""
+
+import sys
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -13,6 +17,8 @@ from nav_msgs.msg import Odometry
 from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64
+
+sys.path.insert(0, str(Path(__file__).parent))
 
 START = 1_763_700_000_000_000_000  # ns, an instant in 2025
 DEADLINE = 30.0  # s, before a test gives up waiting

@@ -3,6 +3,7 @@
 import contextlib
 import json
 import os
+import re
 import resource
 import shutil
 import subprocess
@@ -10,7 +11,9 @@ import sys
 import threading
 import time
 from datetime import datetime
+from itertools import islice
 from pathlib import Path
+from threading import Barrier, Thread
 
 import pytest
 from mcap.reader import make_reader
@@ -18,7 +21,8 @@ from rosbags.interfaces import QosReliability
 from rosbags.rosbag2 import Reader
 
 import vibro_ros.bag.recorder as recorder_module
-from vibro_ros.bag.recorder import FLUSH_PERIOD, LAST_STAMP, Recorder, Topic, new_bag_folder
+from vibro_ros.bag.recorder import FLUSH_PERIOD, LAST_STAMP, Recorder, Topic, bag_folders
+from vibro_ros.bag.stream import BagStream
 from vibro_ros.bag.writer import BagWriter, Storage
 
 TOPICS = (
@@ -333,10 +337,70 @@ def test_bad_topics_are_refused_before_anything_is_made(folder, topics, reason):
 
 def test_two_recordings_in_one_second_get_two_folders(tmp_path):
     now = datetime(2026, 11, 21, 10, 20, 30)
-    names = []
-    for _ in range(3):
-        folder = new_bag_folder(tmp_path / "bags", now)
-        Recorder(folder, POWER, METADATA).close()
-        names.append(folder.name)
     first = "vibro_robot_2026_11_21-10_20_30"
+    names = [folder.name for folder in islice(bag_folders(tmp_path, now), 3)]
     assert names == [first, f"{first}_2", f"{first}_3"]
+
+
+def take(directory: Path, found: list[Path], together: Barrier) -> None:
+    together.wait()
+    for folder in bag_folders(directory, datetime(2026, 11, 21)):
+        with contextlib.suppress(FileExistsError):
+            Recorder(folder, POWER, METADATA).close()
+            found.append(folder)
+            return
+
+
+def test_recorders_that_begin_at_the_same_instant_get_a_folder_each(tmp_path):
+    found: list[Path] = []
+    together = Barrier(8)
+    threads = [Thread(target=take, args=(tmp_path, found, together)) for _ in range(8)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert len(set(found)) == 8 == len(list(tmp_path.iterdir()))
+
+
+def record_parts(folder: Path, published, wait_for, spoil, storage: Storage) -> Recorder:
+    """Record half of 400 messages, spoil the folder, and record the rest."""
+    recorder = Recorder(folder, POWER, METADATA, storage=storage)
+    for i in range(400):
+        if i == 200:
+            wait_for(lambda: recorder.written == 200)
+            spoil(folder)
+        recorder.write("/motor_power", i * 1_000_000, published["/motor_power"](i))
+    recorder.close()
+    return recorder
+
+
+def swap(path: Path) -> None:
+    copy = path.with_suffix(".copy")
+    shutil.copyfile(path, copy)
+    copy.replace(path)
+
+
+@pytest.mark.parametrize("kind", ["mcap", "sqlite3"])
+@pytest.mark.parametrize("spoil", [Path.unlink, swap], ids=["removed", "replaced"])
+def test_the_file_that_is_written_is_missed_when_it_is_gone(folder, published, wait_for, kind, spoil):
+    ending = {"mcap": "mcap", "sqlite3": "db3"}[kind]
+    recorder = record_parts(folder, published, wait_for, lambda folder: spoil(next(folder.glob(f"*.{ending}"))),
+                            Storage(kind))
+    assert recorder.fault.endswith("nothing of it is left")
+    assert recorder.written == 0 and recorder.lost + recorder.dropped == 400
+    (sentence,) = recorder.missing
+    assert re.search(rf"_0.{ending}: removed or replaced by another program, [2-4]\d\d messages are lost$", sentence)
+
+
+@pytest.mark.parametrize("kind", ["mcap", "sqlite3"])
+@pytest.mark.parametrize("spoil", [Path.unlink, swap], ids=["removed", "replaced"])
+def test_a_finished_file_that_is_gone_costs_its_messages_alone(folder, published, wait_for, kind, spoil):
+    storage = Storage(kind, max_duration=0.1)
+    ending = {"mcap": "mcap", "sqlite3": "db3"}[kind]
+    recorder = record_parts(folder, published, wait_for, lambda folder: spoil(folder / f"{folder.name}_0.{ending}"),
+                            storage)
+    assert recorder.fault is None and recorder.sealed
+    assert (recorder.written, recorder.lost, len(recorder.missing)) == (300, 100, 1)
+    with BagStream(folder) as stream:
+        assert [stamp for _, stamp, _ in stream.messages()] == [i * 1_000_000 for i in range(100, 400)]
+        assert stream.metadata["written"] == "300" and stream.metadata["lost"] == "100"

@@ -1,6 +1,7 @@
 """`recover`: what a killed recorder leaves is sealed, with all that was flushed; nothing else is ever touched."""
 
 import contextlib
+import errno
 import os
 import random
 import resource
@@ -19,7 +20,8 @@ from rosbags.typesys import Stores, get_typestore
 from vibro_ros.bag import reserve
 from vibro_ros.bag.definitions import Topic, defined
 from vibro_ros.bag.recorder import Recorder
-from vibro_ros.bag.recovery import RecoveryError, is_bag_sealed, recover, unsealed_bags
+from vibro_ros.bag.recovery import RecoveryError, is_bag_sealed, recover
+from vibro_ros.bag.unsealed import unsealed_bags
 from vibro_ros.bag.writer import BagWriter, Storage
 from vibro_ros.study import recover as executable
 
@@ -108,6 +110,11 @@ def wait_until(done) -> None:
         time.sleep(0.002)
 
 
+def torn(folder: Path) -> dict[str, bytes]:
+    """What was cut and kept."""
+    return {path.name: path.read_bytes() for path in sorted(folder.glob("*.torn*"))}
+
+
 def content(folder: Path) -> dict[str, bytes]:
     return {path.name: path.read_bytes() for path in folder.iterdir()}
 
@@ -175,8 +182,140 @@ def test_rubbish_at_the_end_is_cut(unsealed, tail):
     (path,) = folder.glob("*.mcap")
     with path.open("ab") as file:
         file.write(tail)
-    assert recover(folder).cut == len(tail)
+    done = recover(folder)
+    assert done.cut == len(tail)
     assert by_rosbags(folder) == by_mcap(folder) == sent
+    assert torn(folder) == {"run_0.mcap.torn": tail} and done.kept == (folder / "run_0.mcap.torn",)
+
+
+def test_what_is_cut_is_kept_under_a_free_name_or_not_at_all(unsealed, capsys):
+    folder, sent = unsealed()
+    (path,) = folder.glob("*.mcap")
+    for i, name in enumerate(("run_0.mcap.torn", "run_0.mcap.torn.2", "run_0.mcap.torn.3")):
+        size = path.stat().st_size
+        (folder / "metadata.yaml").unlink(missing_ok=True)
+        path.write_bytes(path.read_bytes()[:size - 50] if i else path.read_bytes() + b"tail")
+        assert executable.main([str(folder)]) == 0
+        assert f"torn bytes cut, kept in {name}\n" in capsys.readouterr().out
+        assert list(torn(folder))[-1] == name
+    with path.open("ab") as file:
+        file.write(b"tail")
+    before = torn(folder)
+    assert executable.main(["--discard-torn", str(folder)]) == 0
+    assert "torn bytes cut\n" in capsys.readouterr().out
+    assert torn(folder) == before and by_rosbags(folder) == sent
+
+
+@pytest.mark.parametrize("error", [MemoryError(), OSError(errno.EIO, "Input/output error"),
+                                   OSError(errno.EMFILE, "Too many open files"), KeyboardInterrupt()])
+@pytest.mark.parametrize("where", ["mcap_scan.chunk_content", "torn.copy_bytes", "sealing.write_all", "sealing.scan"])
+def test_what_goes_wrong_meanwhile_is_no_damage(unsealed, monkeypatch, error, where):
+    """Nothing is cut because memory, the disk or the user's patience came to an end."""
+    folder, sent = unsealed()
+    (path,) = folder.glob("*.mcap")
+    with path.open("ab") as file:
+        file.write(b"torn")
+    before = content(folder)
+
+    def fail(*_):
+        raise error
+    with monkeypatch.context() as patch:
+        patch.setattr(f"vibro_ros.bag.{where}", fail)
+        with pytest.raises(KeyboardInterrupt if isinstance(error, KeyboardInterrupt) else RecoveryError):
+            recover(folder)
+    assert {**content(folder), reserve.NAME: b""} == {**before, reserve.NAME: b""}
+    recover(folder)
+    assert by_rosbags(folder) == sent
+
+
+@pytest.mark.parametrize("name", ["run_0.mcap.torn", "metadata.yaml.tmp", "metadata.yaml", "run_1.mcap", ".reserve"])
+def test_no_link_is_followed(unsealed, tmp_path, name):
+    folder, sent = unsealed()
+    (path,) = folder.glob("*.mcap")
+    with path.open("ab") as file:
+        file.write(b"torn")
+    (tmp_path / "precious").write_bytes(b"precious")
+    (folder / name).unlink(missing_ok=True)
+    (folder / name).symlink_to(tmp_path / "precious")
+    recover(folder)
+    assert (tmp_path / "precious").read_bytes() == b"precious"
+    assert by_rosbags(folder) == sent
+
+
+def test_a_file_with_another_name_elsewhere_is_replaced_not_changed(unsealed, tmp_path):
+    folder, sent = unsealed()
+    (path,) = folder.glob("*.mcap")
+    os.link(path, tmp_path / "same")
+    before = path.read_bytes()
+    recover(folder)
+    assert (tmp_path / "same").read_bytes() == before
+    assert by_rosbags(folder) == sent
+
+
+def edit(folder: Path, old: str, new: str) -> None:
+    text = (folder / "metadata.yaml").read_text()
+    assert old in text
+    (folder / "metadata.yaml").write_text(text.replace(old, new))
+
+
+def flip(folder: Path) -> None:
+    (path,) = folder.glob("*.mcap")
+    data = bytearray(path.read_bytes())
+    data[data.index((30).to_bytes(2, "little") * 6)] ^= 1
+    path.write_bytes(data)
+
+
+@pytest.mark.parametrize("spoil, messages", [
+    (lambda folder: edit(folder, "- run_0.mcap", "- ../../etc/passwd"), 40),
+    (lambda folder: edit(folder, "- run_0.mcap", "- /etc/run_0.mcap"), 40),
+    (lambda folder: edit(folder, "- run_0.mcap", "- run_0.mcap\n  - run_0.mcap"), 40),
+    (lambda folder: edit(folder, "version: 9", "version: 99"), 40),
+    (lambda folder: edit(folder, "message_count: 40", "message_count: 41"), 40),
+    (lambda folder: edit(folder, "depth: 10", "depth: 11"), 40),
+    (flip, 20),
+], ids=["another name", "absolute name", "twice", "version", "count", "label", "flipped bit"])
+def test_sealed_is_said_of_what_every_reader_reads(tmp_path, published, spoil, messages):
+    folder = tmp_path / "run"
+    with Recorder(folder, POWER, {}) as recorder:
+        for i in range(40):
+            recorder.write("/motor_power", i, i.to_bytes(2, "little") * 6)
+            wait_until(lambda i=i: i != 19 or recorder.written == 20)
+    spoil(folder)
+    done = recover(folder)
+    assert not done.was_sealed
+    assert len(by_rosbags(folder)) == done.messages == messages
+    assert recover(folder).was_sealed
+
+
+def test_a_bag_of_which_nothing_can_be_read_is_left_as_it_is(tmp_path, published):
+    folder = tmp_path / "run"
+    with Recorder(folder, POWER, {}) as recorder:
+        recorder.write("/motor_power", 1, (30).to_bytes(2, "little") * 6)
+    flip(folder)
+    before = content(folder)
+    with pytest.raises(RecoveryError, match="nothing in it can be read: run_0.mcap: .* another checksum than it says"):
+        recover(folder)
+    assert content(folder) == before
+
+
+def test_folders_that_are_not_ones_own_are_passed_over(unsealed, tmp_path, monkeypatch):
+    folder, _ = unsealed()
+    for name in ("of another", "new\nline", os.fsdecode(b"\xff\xfe"), "empty"):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "x_0.mcap").write_bytes(b"" if name == "empty" else b"data")
+    (tmp_path / "loop").symlink_to("loop")
+    (tmp_path / "gone").symlink_to("nowhere")
+    (tmp_path / "elsewhere").symlink_to(folder)
+    scandir = os.scandir
+
+    def refuse(path):
+        if Path(path).name == "of another":
+            raise PermissionError(errno.EACCES, "Permission denied")
+        return scandir(path)
+    monkeypatch.setattr(os, "scandir", refuse)
+    found = {path.name for path in unsealed_bags(tmp_path)}
+    assert found == {"run", "new\nline", os.fsdecode(b"\xff\xfe")}
+    assert unsealed_bags(tmp_path / "of another") == []
 
 
 def test_a_damaged_chunk_in_the_middle_costs_no_other(unsealed):

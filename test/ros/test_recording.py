@@ -1,6 +1,7 @@
 """The robot's bags over a run: on request, in part, in small files, of the last seconds."""
 
 import re
+import time
 
 import pytest
 from diagnostic_msgs.msg import DiagnosticStatus
@@ -67,16 +68,17 @@ def test_only_the_topics_asked_for_are_recorded(start, listener, tmp_path):
 
 @pytest.mark.parametrize("wrong, reason", [
     ({"record.topics": ("odmo",)}, "record.topics: 'odmo' is not a topic of the robot; choose from odom, joint_states"),
+    ({"record.topics": ()}, "record.topics: [] names no topic; give [all], some of odom, joint_states"),
     ({"record.max_size": 5.0}, "record.max_size: 5 is too small; give 0 for no limit, or at least 100000 bytes"),
     ({"record.storage": "sqlite3", "record.compression": "zstd"}, "record.compression: zstd goes with record.storage"),
-], ids=["topic", "size", "compression"])
+], ids=["topic", "no topic", "size", "compression"])
 def test_recordings_that_cannot_be_are_refused(bench, wrong, reason):
     with pytest.raises(ValueError, match=re.escape(reason)):
-        plan_recording(SETTINGS | wrong, Inputs(bench.node), Outputs(bench.node, vibro_ros.Scene()), {})
+        plan_recording(SETTINGS | wrong, Inputs(bench.node).topics, Outputs(bench.node, vibro_ros.Scene()), {})
 
 
 def test_bags_left_unsealed_are_sealed_if_the_robot_is_told_to(bench, tmp_path):
-    topics = plan_recording(SETTINGS, Inputs(bench.node), Outputs(bench.node, vibro_ros.Scene()), {}).topics
+    topics = plan_recording(SETTINGS, Inputs(bench.node).topics, Outputs(bench.node, vibro_ros.Scene()), {}).topics
     folder = tmp_path / "vibro_robot_1"
     writer = BagWriter(folder, defined(topics), {}, Storage())
     writer.write(1, 1, bytes(100))
@@ -106,8 +108,34 @@ def test_a_snapshot_holds_the_last_seconds_when_it_is_asked_for(start, listener,
     assert f" {sum(topic.messages for topic in read_bag(folder).topics.values())} messages" in said
 
 
+def test_a_snapshot_asked_for_again_and_again_writes_nothing_twice(bench, tmp_path):
+    topics = plan_recording(SETTINGS, Inputs(bench.node).topics, Outputs(bench.node, vibro_ros.Scene()), {}).topics
+    plan = Plan(tmp_path, topics, Storage(), {"scene": "device"}, snapshot=1.0)
+    answers = []
+    with open_recording(plan, True, bench.node.get_logger()) as recording:
+        for i in range(350):
+            recording.record("/motor_power", i * 10_000_000, bytes(12))
+            answers.append(recording.switch(True))
+    assert [i for i, (done, _) in enumerate(answers) if done] == [0, 100, 200, 300]
+    assert answers[150][1] == ("the last snapshot ended less than the 1 s ago that one holds; ask again in 0.5 s of "
+                               "robot time: nothing between the two is lost")
+    recorded = [stamp for folder in bags(tmp_path) for stamp in stamps_of(folder, "/motor_power")]
+    assert sorted(set(recorded)) == [i * 10_000_000 for i in range(301)]
+
+
+def test_a_caller_begins_one_bag_a_second_at_most(bench, tmp_path):
+    topics = plan_recording(SETTINGS, Inputs(bench.node).topics, Outputs(bench.node, vibro_ros.Scene()), {}).topics
+    with open_recording(Plan(tmp_path, topics, Storage(), {}), False, bench.node.get_logger()) as recording:
+        began = time.monotonic()
+        while time.monotonic() < began + 1.5:
+            recording.switch(True)
+            recording.switch(False)
+        took = time.monotonic() - began
+    assert 5 <= len(bags(tmp_path)) <= 5 + took
+
+
 def test_a_snapshot_is_written_when_the_simulation_fails(bench, tmp_path):
-    topics = plan_recording(SETTINGS, Inputs(bench.node), Outputs(bench.node, vibro_ros.Scene()), {}).topics
+    topics = plan_recording(SETTINGS, Inputs(bench.node).topics, Outputs(bench.node, vibro_ros.Scene()), {}).topics
     plan = Plan(tmp_path, topics, Storage(), {"scene": "device"}, snapshot=1.0)
     with open_recording(plan, True, bench.node.get_logger()) as recording:
         for i in range(300):

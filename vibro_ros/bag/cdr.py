@@ -49,6 +49,12 @@ def deserialised(data: bytes, type_name: str) -> Any:
         raise ValueError(f"{len(data)} bytes are no {type_name}") from error
 
 
+def check(data: bytes, type_name: str) -> None:
+    """Return when `data` is a message of this type, or the type is unknown (ValueError when it is none)."""
+    if type_name in jazzy_types().fielddefs:
+        deserialised(data, type_name)
+
+
 def first_difference(one: bytes, other: bytes, type_name: str) -> tuple[str, object, object] | None:
     """Where two serialised messages differ first: field, its value in one and in the other; None when nowhere.
 

@@ -5,7 +5,6 @@ compared with its checksum, and the summary with what was found. What cannot be 
 or, where the records' own lengths are lost, to the next chunk.
 """
 
-import re
 from array import array
 from dataclasses import dataclass, field, replace
 from itertools import chain
@@ -26,6 +25,7 @@ from vibro_ros.bag.mcap_records import (
     parsed,
     records,
 )
+from vibro_ros.bag.mcap_search import next_chunk
 from vibro_ros.bag.mcap_segment import METADATA_KEY, METADATA_NAME
 from vibro_ros.bag.mcap_summary import announced, is_footer_reached, is_summary_true
 from vibro_ros.bag.metadata import LAST_STAMP
@@ -39,9 +39,7 @@ _OF_DATA = frozenset({Opcode.SCHEMA, Opcode.CHANNEL, Opcode.MESSAGE, Opcode.CHUN
                       Opcode.ATTACHMENT, Opcode.METADATA, Opcode.DATA_END})
 _NEVER_IN_SUMMARY = frozenset({Opcode.MESSAGE, Opcode.CHUNK, Opcode.MESSAGE_INDEX})
 _DATA_END_LENGTH = 4
-_CHUNK = re.compile(rb"\x06.{36}(?:\x00{4}|\x03\x00{3}lz4|\x04\x00{3}zstd)", re.DOTALL)
-"""A chunk's head to its compression; its two lengths are compared then."""
-_BLOCK = 2**20  # bytes that are searched for a chunk at a time
+_LONGEST_HEADER = 2**20  # bytes
 
 
 class ForeignFileError(ValueError):
@@ -143,7 +141,7 @@ class _Scanner:
             raise ForeignFileError("the file ends within its header, nothing was recorded")
         opcode, length = HEAD.unpack(self._read(len(MAGIC), HEAD.size))
         end = len(MAGIC) + HEAD.size + length
-        if opcode != Opcode.HEADER or end > self._found.size or length > _BLOCK:
+        if opcode != Opcode.HEADER or end > self._found.size or length > _LONGEST_HEADER:
             raise ForeignFileError("the file ends within its header, nothing was recorded")
         try:
             profile = parsed(Header, self._read(end - length, length)).profile
@@ -183,26 +181,12 @@ class _Scanner:
 
     def _beyond(self, at: int, head: tuple[int, int] | None) -> int:
         """Where to go on behind an unreadable record at an offset; 0 when nothing follows."""
-        chunk = self._next_chunk(at + 1)
+        chunk = next_chunk(self._file, at + 1, self._found.size)
         following = at + HEAD.size + head[1] if head else 0
         next_head = self._head(following) if following else None
         if next_head and head[0] == Opcode.DATA_END and next_head[0] not in _NEVER_IN_SUMMARY:
             return chunk  # a summary that is torn begins with topics, as data do
         return following if next_head and not 0 < chunk < following else chunk
-
-    def _next_chunk(self, at: int) -> int:
-        """Offset of the next chunk whose lengths agree, from an offset on; 0 when there is none."""
-        overlap = 64  # bytes, more than the head of a chunk
-        while at < self._found.size:
-            block = self._read(at, min(_BLOCK + overlap, self._found.size - at))
-            for match in _CHUNK.finditer(block):
-                _, length = HEAD.unpack_from(block, match.start())
-                size = int.from_bytes(block[match.end():match.end() + 8], "little")
-                content = match.end() + 8 - match.start() - HEAD.size + size
-                if content == length and at + match.start() + HEAD.size + length <= self._found.size:
-                    return at + match.start()
-            at += _BLOCK
-        return 0
 
     def _take(self, opcode: int, offset: int, length: int) -> str:
         """Take a record in; why not, or nothing."""

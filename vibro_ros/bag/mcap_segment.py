@@ -15,6 +15,7 @@ from mcap.records import Channel, Chunk, ChunkIndex, Header, MessageIndex, Metad
 from rosbags.rosbag2.storage_mcap import zstd
 
 from vibro_ros.bag.definitions import Definition
+from vibro_ros.bag.identity import check_in_place, identity_of
 from vibro_ros.bag.mcap_contents import Contents
 from vibro_ros.bag.mcap_records import HEAD, MAGIC, packed
 from vibro_ros.bag.metadata import FileInformation, as_text
@@ -57,6 +58,7 @@ class McapSegment:
         self._topics = [definition.information.name for definition in definitions]
         self._compression, self._compress = _COMPRESSORS[compression]
         self._file = path.open("xb", buffering=0)
+        self.identity = identity_of(os.fstat(self._file.fileno()))
         self._good = 0
         self._begin_chunk()
         try:
@@ -84,11 +86,11 @@ class McapSegment:
         Raises
         ------
         OSError
-            When the disk is full, or the file is no longer where it was made.
+            When the disk is full, or another file, or none, is where this one was made.
         """
         if self._pieces:
             self._write_chunk()
-        self.path.stat()  # writing to a removed file succeeds: notice it here
+        check_in_place(self.path, self.identity)
 
     @property
     def stored(self) -> int:
@@ -117,7 +119,7 @@ class McapSegment:
 
         Messages that were not flushed are lost.
         """
-        self.path.stat()
+        check_in_place(self.path, self.identity)
         self._append_metadata(metadata)
         self._append(self._contents.ending(self._good))
         self._file.close()

@@ -11,7 +11,7 @@ What a killed process loses is what came in the last `FLUSH_PERIOD`.
 import contextlib
 import time
 from collections import deque
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from datetime import datetime
 from itertools import count
 from pathlib import Path
@@ -28,7 +28,7 @@ BATCH = 25  # messages between two offers of the interpreter lock; about 50 us
 BACKLOG = 20_000  # messages waiting for the disk; about 4 s of a robot that publishes at 1 kHz
 
 BAG_PATTERN = "vibro_robot_*"
-"""Of the names that `new_bag_folder` gives."""
+"""Of the names that `bag_folders` gives."""
 
 LONGEST_NAMESPACE = 150
 """Characters of a namespace in a folder's name; file systems allow 255 for the whole."""
@@ -131,6 +131,12 @@ class Recorder:
         return 0 if self._gone else self._writer.stored
 
     @property
+    def missing(self) -> tuple[str, ...]:
+        """Sentences on the bag's files that somebody else removed or replaced, with the messages that were in them."""
+        return tuple(f"{self.folder / file.name}: removed or replaced by another program, {file.messages} messages are "
+                     "lost" for file in list(self._writer.missing))
+
+    @property
     def dropped(self) -> int:
         """Messages that `write` refused."""
         return self._refused
@@ -229,6 +235,8 @@ class Recorder:
             return f"the bag is sealed with its {self.written} messages"
         if self._gone:
             return "the folder is gone"
+        if self._writer.missing:
+            return "nothing of it is left"
         return f"the bag is not sealed; `recover {self.folder}` seals it once it can be written"
 
     def _discard_queue(self) -> None:
@@ -238,8 +246,8 @@ class Recorder:
                 self._taken += 1
 
 
-def new_bag_folder(directory: Path, now: datetime, namespace: str = "/") -> Path:
-    """Name of a bag folder that does not exist yet, as rosbag2 names them.
+def bag_folders(directory: Path, now: datetime, namespace: str = "/") -> Iterator[Path]:
+    """Names of bag folders, as rosbag2 names them, each to be tried when the one before exists.
 
     Parameters
     ----------
@@ -252,18 +260,15 @@ def new_bag_folder(directory: Path, now: datetime, namespace: str = "/") -> Path
 
     Returns
     -------
-    Path
-        ``vibro_robot_YYYY_MM_DD-HH_MM_SS`` in `directory`, in the namespace ``/r1`` ``vibro_robot_r1_YYYY…``,
-        with ``_2``, ``_3``, … where taken. The
-        folder is not made: `Recorder` does that, and refuses one made meanwhile.
+    Iterator of Path
+        ``vibro_robot_YYYY_MM_DD-HH_MM_SS`` in `directory`, in the namespace ``/r1`` ``vibro_robot_r1_YYYY…``, then with
+        ``_2``, ``_3``, … Whether a name is free, only the attempt to make the folder tells: another robot may make it
+        at the same instant. `Recorder` makes it, and raises FileExistsError.
     """
     own = namespace.rstrip("/").replace("/", "_")[:LONGEST_NAMESPACE]
-    name = now.strftime(f"vibro_robot{own}_%Y_%m_%d-%H_%M_%S")
-    folder = Path(directory).expanduser() / name
-    suffixes = count(2)
-    while folder.exists() or folder.is_symlink():
-        folder = folder.with_name(f"{name}_{next(suffixes)}")
-    return folder
+    folder = Path(directory).expanduser() / now.strftime(f"vibro_robot{own}_%Y_%m_%d-%H_%M_%S")
+    yield folder
+    yield from (folder.with_name(f"{folder.name}_{number}") for number in count(2))
 
 
 def _opened(folder: Path, definitions: Sequence[Definition], metadata: Mapping[str, str],

@@ -26,9 +26,10 @@ from vibro_ros.bag.parts import (
     suffix_of,
     told,
 )
-from vibro_ros.bag.sealing import seal_mcap, set_aside, settle_sqlite
+from vibro_ros.bag.sealing import remove_leftovers, seal_mcap, set_aside, settle_sqlite
 from vibro_ros.bag.sqlite_part import JOURNALS, DatabaseError, is_hot
 from vibro_ros.bag.stream import BagError, BagStream
+from vibro_ros.bag.unreadable import not_read
 from vibro_ros.one_line import one_line
 
 
@@ -105,44 +106,6 @@ def is_bag_sealed(folder: Path) -> bool:
         return _Looked(folder, stack).is_sealed()
 
 
-def unsealed_bags(directory: Path, pattern: str = "*") -> list[Path]:
-    """Bag folders in `directory` that are not sealed, hold something, and are not being recorded.
-
-    Folders that this user may not look into belong to somebody else, and links lead elsewhere: neither is listed.
-
-    Parameters
-    ----------
-    directory : Path
-        Where recordings go; it may be missing.
-    pattern : str
-        Of the folders' names.
-    """
-    try:
-        folders = sorted(folder for folder in directory.glob(pattern) if _is_unsealed(folder))
-    except OSError:
-        return []
-    in_use = writers(folders) if folders else {}
-    return [folder for folder in folders if folder not in in_use and not _is_locked(folder)]
-
-
-def _is_unsealed(folder: Path) -> bool:
-    try:
-        if folder.is_symlink() or not folder.is_dir() or os.path.lexists(folder / FILE_NAME):
-            return False
-        files, _ = bag_files(folder)
-        return any(file.stat().st_size for file in files)
-    except OSError:
-        return False
-
-
-def _is_locked(folder: Path) -> bool:
-    try:
-        with locked(folder):
-            return False
-    except OSError:
-        return True
-
-
 def _folder_of(path: Path) -> Path:
     if not path.exists():
         raise RecoveryError(f"{path}: no such folder; give the folder of a recording")
@@ -217,14 +180,16 @@ class _Recovering:
                 return self._read_back(was_sealed=True)
             self._check(looked)
             reserve.remove(self._folder)
+            remove_leftovers(self._folder)
             for file in looked.hot:
                 self._settle(file, looked, stack)
             if not looked.parts:
                 raise RecoveryError(f"{self._folder}: {looked.reasons[0]}; give the folder of a recording")
+            self._check_readable(looked)
             self._seal(looked)
         return self._read_back()
 
-    def _check(self, looked: "_Looked") -> None:
+    def _check(self, looked: _Looked) -> None:
         files, _ = bag_files(self._folder)
         if not files:
             reason = f"{looked.flaws[0]}" if looked.flaws else "not a bag, it holds no .mcap and no .db3 file"
@@ -237,7 +202,15 @@ class _Recovering:
         if not looked.parts and not looked.hot:
             raise RecoveryError(f"{self._folder / looked.reasons[0]}; give the folder of a recording")
 
-    def _settle(self, file: Path, looked: "_Looked", stack: ExitStack) -> None:
+    def _check_readable(self, looked: _Looked) -> None:
+        """Refuse a bag of which nothing is left to be read, as it is."""
+        contents = looked.contents()
+        damaged = [part.contents.flaws[0] for part in looked.parts.values()
+                   if part.damaged or (part.is_sealed and part.contents.flaws)]
+        if damaged and not any(one.information.messages for one in contents):
+            raise RecoveryError(f"{self._folder}: nothing in it can be read: {damaged[0]}")
+
+    def _settle(self, file: Path, looked: _Looked, stack: ExitStack) -> None:
         try:
             cut, kept = settle_sqlite(file, self._keep)
             self._cut += cut
@@ -246,7 +219,7 @@ class _Recovering:
         except DatabaseError as error:
             looked.reasons.append(f"{file.name}: {error}")
 
-    def _seal(self, looked: "_Looked") -> None:
+    def _seal(self, looked: _Looked) -> None:
         contents = looked.contents()
         custom = looked.told.custom or {key: value for one in contents for key, value in one.custom.items()}
         for file, part in looked.parts.items():
@@ -306,4 +279,4 @@ def described(recovery: Recovery, stamp: Callable[[int], str]) -> Iterable[str]:
         kept = f", kept in {', '.join(path.name for path in recovery.kept)}" if recovery.kept else ""
         last = f", the last of {stamp(recovery.last)}" if recovery.messages else ""
         yield one_line(f"{recovery.folder}: sealed, {recovery.messages} messages{last}; {lost}{kept}")
-    yield from (f"not read: {flaw}" for flaw in recovery.flaws)
+    yield from not_read(recovery.flaws)

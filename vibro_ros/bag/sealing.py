@@ -6,7 +6,6 @@ A file that has another name somewhere (a hard link) is copied first, because wh
 import contextlib
 import filecmp
 import os
-import secrets
 import sqlite3
 import struct
 from collections.abc import Iterator
@@ -19,7 +18,7 @@ from vibro_ros.bag.mcap_scan import Scan, scan
 from vibro_ros.bag.mcap_segment import METADATA_KEY, METADATA_NAME
 from vibro_ros.bag.sqlite_part import JOURNALS, DatabaseError, SqlitePart, is_hot
 from vibro_ros.bag.torn import copy_bytes, keep_tail, put_back, torn_name
-from vibro_ros.regular_file import opened, write_all
+from vibro_ros.regular_file import is_temporary, opened, temporary_name, write_all
 
 _SUPER_JOURNAL = bytes.fromhex("d9d505f920a163d7")
 """At the end of a journal that names another file, which SQLite would look into and delete."""
@@ -112,6 +111,24 @@ def set_aside(path: Path, keep: bool) -> list[Path]:
     return [kept]
 
 
+def remove_leftovers(folder: Path) -> None:
+    """Remove the copies that a killed recovery has left in a bag folder; their originals are there."""
+    for path in folder.iterdir():
+        if is_temporary(path.name):
+            with contextlib.suppress(OSError):
+                _remove_copy(path)
+
+
+def _remove_copy(path: Path) -> None:
+    """Remove a file or link, or a folder of files."""
+    if path.is_symlink() or not path.is_dir():
+        path.unlink()
+        return
+    for inside in path.iterdir():
+        inside.unlink()
+    path.rmdir()
+
+
 @contextlib.contextmanager
 def _to_write(path: Path) -> Iterator[tuple[int, int]]:
     """The file to write to, and its size [bytes]; one with several names is replaced by its copy when all went well."""
@@ -121,7 +138,7 @@ def _to_write(path: Path) -> Iterator[tuple[int, int]]:
         if status.st_nlink == 1:
             yield descriptor, status.st_size
             return
-        fresh = path.with_name(f".{path.name}.{secrets.token_hex(8)}")
+        fresh = temporary_name(path)
         copy = os.open(fresh, os.O_RDWR | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC, status.st_mode & 0o777)
         try:
             copy_bytes(descriptor, copy, 0, status.st_size)
@@ -163,16 +180,14 @@ def _check(descriptor: int, found: Scan) -> None:
 @contextlib.contextmanager
 def _copies(path: Path, journals: list[Path]) -> Iterator[Path]:
     """A copy of a database with its journals, in a folder of its own beside it."""
-    folder = path.with_name(f".{path.name}.{secrets.token_hex(8)}")
+    folder = temporary_name(path)
     folder.mkdir(mode=0o700)
     try:
         for source in (path, *journals):
             _copy(source, folder / source.name)
         yield folder / path.name
     finally:
-        for left in folder.iterdir():
-            left.unlink()
-        folder.rmdir()
+        _remove_copy(folder)
 
 
 def _copy(source: Path, target: Path) -> None:

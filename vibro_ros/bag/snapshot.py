@@ -28,6 +28,12 @@ class Snapshot:
             while self._kept[0][1] < stamp - self._span:
                 self._kept.popleft()
 
+    @property
+    def latest(self) -> int:
+        """Stamp [ns] of the last message; 0 before the first."""
+        with self._lock:
+            return self._kept[-1][1] if self._kept else 0
+
     def messages(self) -> list[Message]:
         """What is kept now, oldest first."""
         with self._lock:

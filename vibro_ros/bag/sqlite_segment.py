@@ -7,6 +7,7 @@ from pathlib import Path
 from rosbags.rosbag2.storage_sqlite3 import Sqlite3Writer
 
 from vibro_ros.bag.definitions import Definition
+from vibro_ros.bag.identity import check_in_place, identity_of
 from vibro_ros.bag.metadata import BAG_VERSION, FileInformation, as_text
 
 _LONGEST_WAIT = 1.0  # s, for another process that reads the file
@@ -30,6 +31,7 @@ class SqliteSegment:
         self._pending: dict[int, int] = {}
         self._pending_first, self._pending_last = self._first, self._last
         path.touch(exist_ok=False)
+        self.identity = identity_of(path.stat())
         self._database = sqlite3.connect(path, timeout=_LONGEST_WAIT, check_same_thread=False)  # one thread at a time
         try:
             self._database.executescript(f"BEGIN; {Sqlite3Writer.SQLITE_SCHEMA} COMMIT;")
@@ -50,7 +52,7 @@ class SqliteSegment:
     def flush(self) -> None:
         """Commit (OSError when the disk is full, or the file is no longer where it was made)."""
         self._commit()
-        self.path.stat()
+        check_in_place(self.path, self.identity)
         for topic, count in self._pending.items():
             self._counts[topic] += count
         self._pending.clear()
@@ -81,7 +83,7 @@ class SqliteSegment:
 
     def seal(self, metadata: str) -> None:
         """Write the metadata and close; messages that were not flushed are lost."""
-        self.path.stat()
+        check_in_place(self.path, self.identity)
         try:
             self._database.rollback()
             self._put_metadata(metadata)

@@ -1,6 +1,18 @@
-"""Messages of a bag that are not what their topic says."""
+"""What of a bag cannot be read, in sentences; above all messages that are not what their topic says."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+
+from vibro_ros.one_line import one_line
+
+MOST_FLAWS = 20
+"""Sentences on what cannot be read that people are shown."""
+
+
+def not_read(flaws: Sequence[str]) -> list[str]:
+    """The first `MOST_FLAWS` sentences on what cannot be read, as lines for people, and how many more there are."""
+    more = [f"not read: {len(flaws) - MOST_FLAWS} more"] if len(flaws) > MOST_FLAWS else []
+    return [*(f"not read: {one_line(flaw)}" for flaw in flaws[:MOST_FLAWS]), *more]
 
 
 @dataclass

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from vibro_ros.bag.definitions import Definition
+from vibro_ros.bag.identity import Identity, is_in_place
 from vibro_ros.bag.lock import lock
 from vibro_ros.bag.mcap_segment import McapSegment
 from vibro_ros.bag.metadata import FILE_NAME, FileInformation, as_text, bag_information, write_metadata
@@ -69,6 +70,15 @@ class Storage:
         return self.max_size or self.max_bytes // _PARTS
 
 
+@dataclass(frozen=True)
+class _Finished:
+    """A sealed file of the bag."""
+
+    information: FileInformation
+    size: int
+    identity: Identity
+
+
 class BagWriter:
     """Writes a bag folder; holds its lock, so that nobody takes it for abandoned.
 
@@ -83,6 +93,12 @@ class BagWriter:
     storage : Storage
         How the bag lies on the disk.
 
+    Attributes
+    ----------
+    missing : list of FileInformation
+        Files that somebody else removed or replaced while the bag was written, as far as that was noticed: at every
+        flush for the file that is written, when a file is finished for all.
+
     Raises
     ------
     FileExistsError
@@ -94,7 +110,8 @@ class BagWriter:
     def __init__(self, folder: Path, definitions: Sequence[Definition], custom: Mapping[str, str], storage: Storage):
         self.folder = folder
         self._definitions, self._custom, self._storage = definitions, dict(custom), storage
-        self._finished: deque[tuple[FileInformation, int]] = deque()
+        self.missing: list[FileInformation] = []
+        self._finished: deque[_Finished] = deque()
         self._number = 0
         self._discarded_files = self._discarded_messages = 0
         self._segment: McapSegment | SqliteSegment | None = None
@@ -111,9 +128,9 @@ class BagWriter:
 
     @property
     def stored(self) -> int:
-        """Messages that the operating system has, those of deleted files too."""
-        finished = sum(file.messages for file, _ in self._finished) + self._discarded_messages
-        return finished + (self._segment.stored if self._segment else 0)
+        """Messages that the operating system has, those of files too that were deleted to make room."""
+        finished = sum(one.information.messages for one in list(self._finished))  # other threads ask, too
+        return finished + self._discarded_messages + (self._segment.stored if self._segment else 0)
 
     def write(self, topic: int, stamp: int, data: bytes) -> None:
         """Take a message (OSError when the disk fails); a new file begins only where time goes on."""
@@ -135,9 +152,14 @@ class BagWriter:
         self._custom |= custom
         self._reserve.release()
         try:
+            if self._segment and not is_in_place(self._segment.path, self._segment.identity):
+                self._lose_segment()
             if self._segment:
                 self._finish_segment()
-            write_metadata(self.folder / FILE_NAME, self._information([file for file, _ in self._finished]))
+            self._look_for_missing()
+            if self.missing and not self._finished:
+                raise OSError(0, "no file of the bag is left")
+            write_metadata(self.folder / FILE_NAME, self._information([one.information for one in self._finished]))
         finally:
             self.abandon()
 
@@ -162,22 +184,36 @@ class BagWriter:
     def _split(self) -> None:
         self._segment.flush()
         self._finish_segment()
+        self._look_for_missing()
         self._make_room()
         self._segment = self._next_segment()
         self._begin_segment()
 
     def _finish_segment(self) -> None:
         """Seal the file that is written."""
-        file = self._segment.information
-        self._segment.seal(as_text(self._information([file])))
-        self._finished.append((file, self._segment.path.stat().st_size))
+        segment = self._segment
+        file = segment.information
+        segment.seal(as_text(self._information([file])))
+        self._finished.append(_Finished(file, segment.path.stat().st_size, segment.identity))
         self._segment = None
+
+    def _lose_segment(self) -> None:
+        """Give up the file that is written: it is no longer in the folder."""
+        self.missing.append(self._segment.information)
+        self._segment.abandon()
+        self._segment = None
+
+    def _look_for_missing(self) -> None:
+        """Find the finished files that are no longer in the folder."""
+        for one in [one for one in self._finished if not is_in_place(self.folder / one.information.name, one.identity)]:
+            self._finished.remove(one)
+            self.missing.append(one.information)
 
     def _make_room(self) -> None:
         """Delete the oldest files until another one fits."""
         room = self._storage.max_bytes - self._storage.segment_size - self._reserve.size
-        while self._storage.max_bytes and self._finished and sum(size for _, size in self._finished) > room:
-            file, _ = self._finished.popleft()
+        while self._storage.max_bytes and self._finished and sum(one.size for one in self._finished) > room:
+            file = self._finished.popleft().information
             (self.folder / file.name).unlink()
             self._discarded_files += 1
             self._discarded_messages += file.messages

@@ -3,6 +3,7 @@
 import argparse
 import math
 import time
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from importlib import import_module
 from pathlib import Path
@@ -15,8 +16,10 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rosgraph_msgs.msg import Clock
 from std_msgs.msg import Float64
 
+from vibro_ros.bag.cdr import check
 from vibro_ros.bag.robot_topics import COMMANDS, robot_topics
 from vibro_ros.bag.stream import BagError, BagStream, RecordedTopic
+from vibro_ros.bag.unreadable import not_read
 from vibro_ros.command_line import Parser
 from vibro_ros.front_door import StopRequest, exit_code
 from vibro_ros.ros import process
@@ -63,7 +66,11 @@ class Playback:
         wait_for_listeners(self._node, self._executor, [self._publishers[topic] for topic in topics], patience, stop)
 
     def play(self, stream: BagStream, rate: float, stop: StopRequest) -> None:
-        """Publish every message, `rate` times as fast as it was recorded; return at the end or on `stop`."""
+        """Publish every message that is one of its topic's type, `rate` times as fast as it was recorded.
+
+        Returns at the end or on `stop`.
+        """
+        seen: Counter[str] = Counter()
         began = time.monotonic()
         for topic, stamp, data in stream.messages(frozenset(self._publishers)):
             due = (stamp - stream.start) * 1e-9 / rate
@@ -71,9 +78,15 @@ class Playback:
             if stop:
                 return
             self._publish_clock(stamp)
-            self._publishers[topic].publish(bytes(data))
-            self._moved |= topic == self._motor
-            self.published += 1
+            try:
+                check(data, stream.topics[topic].type_name)
+            except ValueError as error:  # what ended one robot may end another
+                stream.unreadable.add(topic, seen[topic], stamp, error)
+            else:
+                self._publishers[topic].publish(bytes(data))
+                self._moved |= topic == self._motor
+                self.published += 1
+            seen[topic] += 1
 
     def stop_motor(self) -> None:
         """Command motor speed 0 if the bag drives the motor: what an operator means who aborts."""
@@ -149,15 +162,17 @@ def _play(stream: BagStream, options: argparse.Namespace, words: Sequence[str]) 
             if stop:
                 playback.stop_motor()
             playback.finish()
+        for line in not_read(stream.flaws):
+            node.get_logger().warning(line)
         node.get_logger().info(f"{'stopped' if stop else 'done'}: {playback.published} messages")
     return 128 + stop.signal if stop else 0
 
 
 def _message_class(type_name: str) -> type:
-    package, _, name = type_name.split("/")
+    package, _, name = type_name.partition("/msg/")
     try:
         return getattr(import_module(f"{package}.msg"), name)
-    except (ImportError, AttributeError):
+    except (ImportError, AttributeError, ValueError):  # ValueError: a name that is none
         raise ValueError(f"{type_name}: no such message here; install the ROS package {package}") from None
 
 

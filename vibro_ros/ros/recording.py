@@ -2,18 +2,21 @@
 
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
 
 from rclpy.impl.rcutils_logger import RcutilsLogger
 
-from vibro_ros.bag.recorder import BAG_PATTERN, Recorder, Topic, new_bag_folder
-from vibro_ros.bag.recovery import RecoveryError, described, recover, unsealed_bags
+from vibro_ros.bag.recorder import BAG_PATTERN, Recorder, Topic, bag_folders
+from vibro_ros.bag.recovery import RecoveryError, described, recover
 from vibro_ros.bag.robot_topics import ROBOT_TOPICS
 from vibro_ros.bag.snapshot import Snapshot
+from vibro_ros.bag.unsealed import unsealed_bags
 from vibro_ros.bag.writer import Storage
 from vibro_ros.model.parameters import Value
+from vibro_ros.one_line import one_line
 from vibro_ros.ros import qos
 from vibro_ros.ros.outputs import TOPICS, Outputs
 from vibro_ros.ros.throttle import Throttle
@@ -23,6 +26,12 @@ SEALING = 5.0
 
 CHECKPOINT_PERIOD = 500_000_000
 """Robot time [ns] between two checkpoints, about 6 kB each."""
+
+MOST_BAGS = 5
+"""Bags that `~/record` begins one right after the other; from then on it begins at most one a second."""
+
+MOST_UNSEALED = 10
+"""Unsealed bags that are named at the start; how many more there are is said."""
 
 _ALL = "all"
 
@@ -90,6 +99,9 @@ class Recording:
         self._watched: list[Recorder] = []
         self._dropped = 0
         self._throttle = Throttle(burst=1)
+        self._begun = Throttle(burst=MOST_BAGS)
+        self._told_missing = 0
+        self._saved = -1  # stamp [ns] of the last message of the last snapshot
 
     def __enter__(self) -> "Recording":
         return self
@@ -149,7 +161,7 @@ class Recording:
         """
         try:
             if self._plan.snapshot:
-                return self._write_snapshot({}) if on else (False, "record.snapshot keeps the last seconds always")
+                return self._snapshot_asked() if on else (False, "record.snapshot keeps the last seconds always")
             return self._start() if on else self._stop()
         except (OSError, ValueError) as error:
             return False, str(error)
@@ -165,6 +177,7 @@ class Recording:
 
     def watch(self) -> None:
         """Say what has gone wrong since the last call."""
+        self._tell_missing()
         for recorder in [recorder for recorder in self._watched if recorder.ended]:
             self._watched.remove(recorder)
             if recorder.fault:
@@ -191,6 +204,8 @@ class Recording:
     def _start(self) -> tuple[bool, str]:
         if self._recorder and not self._recorder.ended:
             return True, f"already recording to {self._recorder.folder}"
+        if not self._begun.admit("a bag"):
+            return False, f"more than {MOST_BAGS} bags were asked for at once; one a second can be begun, ask again"
         self._recorder = self._new_bag()
         self._log.info(self.destination())
         return True, self.destination()
@@ -206,23 +221,50 @@ class Recording:
         self._log.info(done)
         return recorder.fault is None, done
 
+    def _snapshot_asked(self) -> tuple[bool, str]:
+        """Write a snapshot unless it would be for the most part what the one before holds.
+
+        So callers make the robot write no more than a recording from its start would.
+        """
+        if self._snapshot is None:
+            return self._write_snapshot({})
+        ahead = self._saved + self._plan.snapshot * 1e9 - self._snapshot.latest
+        if self._saved >= 0 and ahead > 0:
+            return False, (f"the last snapshot ended less than the {self._plan.snapshot:g} s ago that one holds; ask "
+                           f"again in {ahead * 1e-9:.3g} s of robot time: nothing between the two is lost")
+        return self._write_snapshot({})
+
     def _write_snapshot(self, reason: Mapping[str, str]) -> tuple[bool, str]:
         if self._snapshot is None:
             return False, "record.enabled is false: nothing was kept"
         messages = self._snapshot.messages()
         recorder = self._new_bag(messages, reason)
         recorder.close(patience=0.0)
+        self._saved = messages[-1][1] if messages else self._saved
         return True, f"writing the last {self._plan.snapshot:g} s, {len(messages)} messages, to {recorder.folder}"
 
     def _new_bag(self, earlier: Sequence = (), more: Mapping[str, str] = {},  # noqa: B006 (never changed)
                  whole: bool = False) -> Recorder:
-        folder = new_bag_folder(self._plan.directory, datetime.now(), self._plan.namespace)
         checkpoint = [] if whole or self._plan.checkpoint is None else [self._plan.checkpoint]
-        recorder = Recorder(folder, (*self._plan.topics, *checkpoint), {**self._plan.metadata, **more},
-                            storage=self._plan.storage, earlier=earlier)
-        self._latest, self._dropped = recorder, 0
+        for folder in bag_folders(self._plan.directory, datetime.now(), self._plan.namespace):
+            with suppress(FileExistsError):  # another bag of this second, or another robot's
+                recorder = Recorder(folder, (*self._plan.topics, *checkpoint), {**self._plan.metadata, **more},
+                                    storage=self._plan.storage, earlier=earlier)
+                break
+        self._latest, self._dropped, self._told_missing = recorder, 0, 0
         self._watched.append(recorder)
         return recorder
+
+    def _tell_missing(self) -> None:
+        """Say which files of the bag are gone; the recording goes on with the others."""
+        recorder = self._latest
+        if recorder is None or recorder.fault or not (recorder.accepting or recorder.ended):
+            return  # what stopped it is said, and is more
+        missing = recorder.missing[self._told_missing:]
+        self._told_missing += len(missing)
+        for sentence in missing:
+            self.faults.append(one_line(sentence))
+            self._log.error(f"not recorded: {self.faults[-1]}")
 
 
 def plan_recording(settings: Mapping[str, Value], received: Mapping[str, str], outputs: Outputs,
@@ -274,18 +316,26 @@ def open_recording(plan: Plan, enabled: bool, log: RcutilsLogger) -> Recording:
 
 def offer_recovery(directory: Path, do_it: bool, log: RcutilsLogger) -> None:
     """Say which bags in `directory` a killed robot has left unsealed, and seal them if told to `do_it`."""
-    for folder in unsealed_bags(directory, BAG_PATTERN):
-        if not do_it:
-            log.warning(f"{folder}: not sealed, its robot was killed; seal it with `recover {folder}`")
-            continue
+    unsealed = unsealed_bags(directory, BAG_PATTERN)
+    if not do_it:
+        for folder in unsealed[:MOST_UNSEALED]:
+            name = one_line(folder)
+            log.warning(f"{name}: not sealed, its robot was killed; seal it with `recover {name}`")
+        if len(unsealed) > MOST_UNSEALED:
+            log.warning(f"{directory}: {len(unsealed) - MOST_UNSEALED} more bags are not sealed")
+        return
+    for folder in unsealed:
         try:
-            log.warning(" ".join(described(recover(folder), str)))
+            log.warning("; ".join(described(recover(folder), str)))
         except RecoveryError as error:
             log.error(str(error))
 
 
 def _chosen(names: Sequence[str], topics: Mapping[str, Topic]) -> tuple[Topic, ...]:
     """The topics that are named, by the robot's own names for them or by resolved ones."""
+    if not names:
+        raise ValueError(f"record.topics: [] names no topic; give [{_ALL}], some of {', '.join(topics)}, or "
+                         "record.enabled false to record nothing")
     if _ALL in names:
         return tuple(topics.values())
     by_name = {**{topic.name: topic for topic in topics.values()}, **topics}

@@ -14,13 +14,14 @@ from pathlib import Path
 
 from vibro_ros.bag.reader import load_bag
 from vibro_ros.bag.stream import BagError, BagStream
+from vibro_ros.bag.unreadable import not_read
 from vibro_ros.command_line import Parser
 from vibro_ros.front_door import exit_code, say
 from vibro_ros.one_line import one_line
 from vibro_ros.strict_yaml import read_scalar
 from vibro_ros.study.comparison import Comparison, compare
 from vibro_ros.study.report import COLUMNS
-from vibro_ros.study.summary import as_text, not_read, summarise
+from vibro_ros.study.summary import as_text, summarise
 from vibro_ros.study.variation import write_variation
 
 IDENTICAL, DIFFERENT = 0, 1

@@ -19,8 +19,9 @@ from vibro_ros.study.plots import plot_run
 from vibro_ros.study.summary import as_caption, as_text, summarise
 
 COLUMNS = {"odom": ("position",), "joint_states": ("*.position", "crank.velocity"), "ground_contact": ("force",),
-           "impacts": ("stamp", "frame", "force"), "motor_power": ("value",), "motor_speed": ("value",)}
-"""All that summary and picture need of a recording, which may be long."""
+           "impacts": ("stamp", "frame", "force"), "motor_power": ("value",), "motor_speed": ("value",),
+           "upper_gap": ("value",), "inclined_gap": ("value",)}
+"""All that summary and picture need of a recording, which may be long, and each command, which may be unreadable."""
 
 
 def write_report(bag_folder: Path, output: Path | None = None) -> tuple[str, tuple[Path, ...]]:

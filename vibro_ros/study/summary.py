@@ -1,18 +1,16 @@
 """The numbers of a recording: how far, how fast, how many impacts, how much power, what is missing."""
 
 import math
-from collections.abc import Sequence
 
 import numpy as np
 
 from vibro_ros.bag.reader import Arrays, Bag, BagError
+from vibro_ros.bag.unreadable import not_read
 from vibro_ros.one_line import one_line
 
 GAP = 2.5  # publish periods; a longer pause between two samples is a gap in the stream
 SAMPLED_TOPICS = ("odom", "joint_states", "ground_contact", "motor_power")  # published at `rate.publish`
 GUIDES = ("upper", "inclined")
-MOST_FLAWS = 20
-"""Sentences on what cannot be read that people are shown."""
 JOINT_COLUMNS = ("crank.position", "crank.velocity")  # of every robot; masses and plates may be absent from a scene
 
 
@@ -85,12 +83,6 @@ def as_text(summary: dict[str, object]) -> str:
     width = max(len(label) for label, _ in lines) + 2
     return "\n".join([*(f"{label:<{width}}{value}" for label, value in lines), "", *_table(summary["topics"]),
                       *not_read(summary["not_read"])]) + "\n"
-
-
-def not_read(flaws: Sequence[str]) -> list[str]:
-    """The first `MOST_FLAWS` sentences on what cannot be read, as lines for people, and how many more there are."""
-    more = [f"not read: {len(flaws) - MOST_FLAWS} more"] if len(flaws) > MOST_FLAWS else []
-    return [*(f"not read: {one_line(flaw)}" for flaw in flaws[:MOST_FLAWS]), *more]
 
 
 def as_caption(summary: dict[str, object]) -> str:

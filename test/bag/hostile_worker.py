@@ -1,0 +1,67 @@
+"""Reads the bag folders named on stdin by every reader, within limits, and says what came of each as a line of JSON."""
+
+import contextlib
+import io
+import json
+import resource
+import shutil
+import signal
+import sys
+import time
+import traceback
+import warnings
+from pathlib import Path
+
+from vibro_ros.bag.reader import BagError, load_bag
+from vibro_ros.bag.stream import BagStream
+from vibro_ros.study import recover, replay, report
+
+MEMORY = 6 * 2**30  # bytes of address space; libraries take 3 of them
+DEADLINE = 60  # s, for one reader of one bag on a busy machine
+
+
+def said(main, *arguments: str) -> dict:
+    """What an executable does: its exit code, its lines and its time [s]."""
+    out, err = io.StringIO(), io.StringIO()
+    began = time.monotonic()
+    signal.alarm(DEADLINE)
+    try:
+        with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err), warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            code = main(arguments)
+    except BaseException:
+        code = traceback.format_exc()
+    finally:
+        signal.alarm(0)
+    return {"code": code, "out": out.getvalue(), "err": err.getvalue(), "time": time.monotonic() - began}
+
+
+def read(arguments) -> int:
+    """`read_bag` as an executable; what it says is the number of messages, and of flaws."""
+    try:
+        bag = load_bag(arguments[0])
+    except BagError as error:
+        print(error, file=sys.stderr)
+        return 2
+    with BagStream(arguments[0]) as stream:
+        print(json.dumps([sum(1 for _ in stream.messages()), list(bag.flaws)]))
+    return 0
+
+
+def main() -> None:
+    resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
+    signal.signal(signal.SIGALRM, lambda *_: (_ for _ in ()).throw(TimeoutError("too long")))
+    for line in sys.stdin:
+        folder = Path(line.rstrip("\n"))
+        output = folder.parent / "report"
+        found = {"report": said(report.main, str(folder), "--output", str(output)),
+                 "replay": said(replay.main, str(folder)), "read": said(read, str(folder))}
+        shutil.rmtree(output, ignore_errors=True)
+        print(json.dumps(found), flush=True)
+        sys.stdin.readline()  # the bag is looked at meanwhile
+        found = {"recover": said(recover.main, str(folder)), "again": said(recover.main, str(folder)),
+                 "read": said(read, str(folder)), "replay": said(replay.main, str(folder))}
+        print(json.dumps(found), flush=True)
+
+
+main()

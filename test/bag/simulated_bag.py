@@ -1,0 +1,51 @@
+"""A small bag as the robot records it, made without ROS: `replay` finds it identical."""
+
+import json
+from pathlib import Path
+
+from vibro_ros.bag.cdr import blank, serialised
+from vibro_ros.bag.definitions import Topic, defined
+from vibro_ros.bag.robot_topics import COMMANDS, ROBOT_TOPICS
+from vibro_ros.bag.writer import BagWriter, Storage
+from vibro_ros.provenance import provenance
+from vibro_ros.scene_file import DEVICE_PARAMETERS, load_scene
+from vibro_ros.study.rerun import Rerun, RunFacts
+
+START = 1_763_700_000_000_000_000  # ns
+TICKS = 120
+FLUSHES = 10  # ticks between two; a chunk each
+
+
+def simulated_bag(folder: Path, storage: Storage, hostile: bytes = b"") -> int:
+    """Record 120 samples with some commands, `hostile` among them if given, into `folder`; the number of messages."""
+    scene = load_scene("device")
+    settings = {one.name: one.default for one in DEVICE_PARAMETERS} | {"rate.publish": 50.0}
+    topics = {name: f"/{name}" for name in ROBOT_TOPICS}
+    facts = RunFacts(settings, scene, START, topics)
+    custom = {"scene": "device", "topics": json.dumps(topics), **provenance({**settings, **scene.parameters}, START)}
+    writer = BagWriter(folder, defined([Topic(topics[name], kind, 10) for name, kind in ROBOT_TOPICS.items()]), custom,
+                       storage)
+    numbers = {name: number for number, name in enumerate(ROBOT_TOPICS, start=1)}
+    rerun = Rerun(facts, scene)
+    for tick in range(TICKS):
+        stamp = facts.stamp(tick)
+        for name, data in rerun.step():
+            writer.write(numbers[name], stamp, data)
+        for name, data in _commands(tick, hostile):
+            writer.write(numbers[name], stamp, data)
+            rerun.command(name, data)
+        if tick % FLUSHES == 0:
+            writer.flush()
+    writer.flush()
+    written = writer.stored
+    writer.close({"written": str(written), "dropped": "0", "lost": "0"})
+    return written
+
+
+def _commands(tick: int, hostile: bytes) -> list[tuple[str, bytes]]:
+    if tick % 20 != 10:
+        return []
+    message = blank("std_msgs/msg/Float64")
+    message.data = 60.0 + tick
+    good = ("motor_speed", serialised(message, "std_msgs/msg/Float64"))
+    return [good, *((name, hostile) for name in COMMANDS if hostile)]
