@@ -29,6 +29,7 @@ MODULES = {
     "controller": "vibro_ros.ros.controller",
     "demo": "vibro_ros.study.demo",
     "lateness": "vibro_ros.ros.lateness",
+    "playback": "vibro_ros.ros.playback",
     "recover": "vibro_ros.study.recover",
     "replay": "vibro_ros.study.replay",
     "report": "vibro_ros.study.report",

@@ -1,5 +1,12 @@
 """`replay --publish`: plays the commands of a bag, or all of it, on the live graph."""
 
+if __name__ == "__main__":  # before all imports: they take a second or two, in which a signal may come
+    import sys
+
+    from vibro_ros.front_door import enter
+
+    sys.exit(enter("playback"))
+
 import argparse
 import math
 import time

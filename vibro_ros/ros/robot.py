@@ -24,7 +24,7 @@ from rclpy.serialization import serialize_message
 from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import SetBool
 
-from vibro_ros.bag.definitions import Topic
+from vibro_ros.bag.definitions import Topic, jazzy_types
 from vibro_ros.bag.robot_topics import CHECKPOINT, CHECKPOINT_TYPE, COMMANDS
 from vibro_ros.command_line import Parser
 from vibro_ros.front_door import StopRequest, exit_code, say
@@ -115,6 +115,7 @@ def _prepare(node: SteadyNode, settings: Mapping[str, Value], scene: Scene, plan
     if device.choice:
         node.get_logger().info(f"solver.method auto: {device.choice}")
     offer_recovery(plan.directory, settings["record.recover"], node.get_logger())
+    jazzy_types()
     return device
 
 
