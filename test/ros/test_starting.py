@@ -89,7 +89,8 @@ def test_a_warm_start_says_nothing_of_compiling_and_stamps_are_those_of_the_wall
     robot.send(signal.SIGINT)
     assert robot.end() == 0
     assert "compil" not in robot.text
-    assert -1e-3 < min(late) < LATE  # [s] 1e-3 for the rounding of clocks
+    dropped = float(robot.lines[-1].split(" simulated, ")[1].split(" s dropped")[0])  # by a machine that is too busy
+    assert -1e-3 < min(late) < LATE + dropped  # [s] 1e-3 for the rounding of clocks
 
 
 class Terminal:
@@ -208,3 +209,21 @@ def test_who_waits_is_told_of_a_robot_that_is_there_and_does_not_listen(bench, d
             listeners.wait_for_listeners(bench.node, bench._executor, [publisher], 0.1, stop)
     finally:
         robot.destroy_node()
+
+
+@pytest.mark.parametrize("variable, value, reason", [
+    ("HOME", None, "HOME is not set"),
+    ("HOME", "/proc/none", "/proc/none/.ros/log: No such file or directory"),
+    ("ROS_LOG_DIR", "/dev/null/logs", "/dev/null/logs: Not a directory"),
+])
+def test_without_a_place_for_its_log_the_robot_runs_all_the_same(start, monkeypatch, variable, value, reason):
+    monkeypatch.delenv("ROS_LOG_DIR", raising=False)
+    monkeypatch.delenv("ROS_HOME", raising=False)
+    monkeypatch.setenv(variable, value) if value else monkeypatch.delenv(variable)
+    robot = start("robot", "--ros-args", "-p", "record.enabled:=false")
+    robot.wait_for("ready: ")
+    robot.send(signal.SIGINT)
+    assert robot.end() == 0, robot.text
+    line = robot.wait_for("ROS writes no log file")
+    assert line.endswith(f"ROS writes no log file: {reason}; set ROS_LOG_DIR to a folder that can be written")
+    assert [line for line in robot.lines if "[INFO]" not in line] == [line]

@@ -48,8 +48,6 @@ from vibro_ros.scene_file import DEVICE_PARAMETERS, NODE_NAME, load_scene, scene
 from vibro_ros.simulator import Simulator, compile_kernels
 
 CHECKPOINT_DEPTH = 1
-LEAD = 0.05
-"""How long [s] before its first step the robot says when that will be: the bag must know it from its beginning."""
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -123,12 +121,13 @@ def _operate(node: SteadyNode, executor: Executor, settings: Mapping[str, Value]
              plan: Plan, stop: StopRequest) -> int:
     """Step, publish, record and listen until a signal or a failure."""
     log, pacing = node.get_logger(), Pacing(settings["rate.real_time_factor"], settings["rate.max_catch_up"])
+    parameters, opened = {**settings, **device.scene.parameters}, node.get_clock().now().nanoseconds
+    plan = replace(plan, metadata={**plan.metadata, **provenance(parameters, opened)})
     stop.hold()  # before the bag is opened, so that no signal can come between its opening and its sealing
-    start, begin = _start(node)
-    plan = replace(plan, metadata={**plan.metadata, **provenance({**settings, **device.scene.parameters}, start)})
     with open_recording(plan, settings["record.enabled"], log) as recording:
         node.create_service(SetBool, "~/record", lambda request, answer: _switch(recording, request, answer))
         inputs = Inputs(node)  # not before: commands would wait and be applied in a burst
+        start, begin = _start(node, recording)
         with Stepping(device, inputs, outputs, recording.record, pacing, settings["rate.publish"], start, log,
                       partial(_keep_checkpoint, recording), begin) as stepping:
             log.info(f"ready: {settings['rate.publish']:g} Hz, real-time factor "
@@ -148,14 +147,14 @@ def _operate(node: SteadyNode, executor: Executor, settings: Mapping[str, Value]
     return 0
 
 
-def _start(node: Node) -> tuple[int, float]:
-    """When simulated time 0 will be: ROS time [ns], and the same instant by the monotonic clock [s].
+def _start(node: Node, recording: Recording) -> tuple[int, float]:
+    """The instant of simulated time 0, which is now: ROS time [ns], and the monotonic clock [s].
 
-    The bag must hold it from its beginning, and takes some milliseconds to open: so it is said `LEAD` ahead, and what
-    a slow disk takes beyond that is made good like any other stall. Simulated ROS time cannot be told ahead.
+    It is read last, when all that takes time is done; the bag is open by then and hears of it now.
     """
-    lead = 0.0 if node.get_clock().ros_time_is_active else LEAD
-    return node.get_clock().now().nanoseconds + round(lead * 1e9), time.monotonic() + lead
+    start, begin = node.get_clock().now().nanoseconds, time.monotonic()
+    recording.describe({"start": str(start)})
+    return start, begin
 
 
 def _switch(recording: Recording, request: SetBool.Request, answer: SetBool.Response) -> SetBool.Response:
