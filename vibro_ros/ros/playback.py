@@ -25,10 +25,11 @@ from std_msgs.msg import Float64
 from vibro_ros.bag.robot_topics import COMMANDS, robot_topics
 from vibro_ros.bag.stream import BagError, BagStream, RecordedTopic
 from vibro_ros.command_line import Parser
-from vibro_ros.front_door import StopRequest, exit_code
+from vibro_ros.front_door import exit_code
 from vibro_ros.ros import process
 from vibro_ros.ros.listeners import wait_for_listeners
 from vibro_ros.ros.ros_arguments import check_arguments, own_arguments
+from vibro_ros.stop_signals import StopRequest
 
 NODE_NAME = "vibro_playback"
 CLOCK_PERIOD = 0.01

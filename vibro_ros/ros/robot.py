@@ -27,7 +27,7 @@ from std_srvs.srv import SetBool
 from vibro_ros.bag.definitions import Topic, jazzy_types
 from vibro_ros.bag.robot_topics import CHECKPOINT, CHECKPOINT_TYPE, COMMANDS
 from vibro_ros.command_line import Parser
-from vibro_ros.front_door import StopRequest, exit_code, say
+from vibro_ros.front_door import exit_code, say
 from vibro_ros.model.parameters import SCENE_PARAMETERS, Value, checked_parameters
 from vibro_ros.model.scene import Scene
 from vibro_ros.preparation import Preparation
@@ -46,6 +46,7 @@ from vibro_ros.ros.ros_time import wait_for_time
 from vibro_ros.ros.stepping import Stepping
 from vibro_ros.scene_file import DEVICE_PARAMETERS, NODE_NAME, load_scene, scene_origin, shipped_scenes
 from vibro_ros.simulator import Simulator, compile_kernels
+from vibro_ros.stop_signals import StopRequest
 
 CHECKPOINT_DEPTH = 1
 
