@@ -9,9 +9,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
+from vibro_ros.front_door import FAILURE
 from vibro_ros.scene_file import load_scene, shipped_scenes
 from vibro_ros.solver.methods import SCHEMES
-from vibro_ros.study.accuracy import FAILED, INTERRUPTED, TABLE, TEXT, Accuracy, row_writer
+from vibro_ros.stop_signals import interrupted_code
+from vibro_ros.study.accuracy import TABLE, TEXT, Accuracy, row_writer
 from vibro_ros.study.precision import STUDIED, Effort, Row
 from vibro_ros.study.precision_advice import NEEDS, Need, advice, cheapest
 from vibro_ros.study.precision_price import baseline_in_words, cost_range, prices_in_words
@@ -124,10 +126,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         _write(docs)
     except KeyboardInterrupt:
         print(f"accuracy: interrupted; {docs / TEXT} is as it was", file=sys.stderr)
-        return INTERRUPTED
+        return interrupted_code()
     except subprocess.CalledProcessError as error:
         print(f"accuracy: {_TICK_COST}: {error.stderr.strip()}", file=sys.stderr)
-        return FAILED
+        return FAILURE
     print(docs / TEXT)
     return 0
 
