@@ -211,8 +211,8 @@ class Recorder:
             self._flush_when_due()
 
     def _write_known(self) -> None:
-        known, self._known = self._known, {}
-        if known:
+        if self._known:
+            known, self._known = self._known, {}
             self._writer.describe(known)
 
     def _flush_when_due(self) -> None:
