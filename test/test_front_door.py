@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from vibro_ros import front_door
+from vibro_ros import front_door, stop_signals
 
 PATIENCE = 60.0  # [s] deadline of what takes a second on an idle machine
 PROMPT = 10.0  # [s] deadline of what takes a few milliseconds on an idle machine
@@ -95,7 +95,7 @@ def test_a_signal_at_any_instant_of_the_imports(start):
 DOOR = """
 import signal, sys, threading, time
 from types import ModuleType
-from vibro_ros import front_door
+from vibro_ros import front_door, stop_signals
 def main(words):
     {main}
 sys.modules["planted"] = planted = ModuleType("planted")
@@ -124,14 +124,14 @@ def test_an_interrupt_that_a_finaliser_swallows_is_raised_again(start):
 def test_who_swallows_every_interrupt_is_ended(start):
     process = planted(start, READY, "while True:", "    try:", "        time.sleep(600)",
                       "    except KeyboardInterrupt:", "        print('no', flush=True)")
-    for _ in range(front_door.MOST_INTERRUPTS):
+    for _ in range(stop_signals.MOST_INTERRUPTS):
         process.send_signal(signal.SIGTERM)
         assert process.stdout.readline() == "no\n"
     process.send_signal(signal.SIGTERM)
     assert said_after(process, PROMPT) == (143, "", "planted: stopped\n")
 
 
-REQUEST = ("with front_door.StopRequest() as stop:", "    {before}", f"    {READY}", "    while {condition}:",
+REQUEST = ("with stop_signals.StopRequest() as stop:", "    {before}", f"    {READY}", "    while {condition}:",
            "        time.sleep(0.01)", "    print('asked', flush=True)", "    time.sleep({rest})", "return 7")
 
 

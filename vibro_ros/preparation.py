@@ -46,8 +46,9 @@ class Preparation(Generic[Result]):
     def done(self) -> bool:
         """Whether the work is done; asked again and again, it says how far it is."""
         over = not self._thread.is_alive()
-        if progress.under_way and not over and time.monotonic() >= self._due:
-            self._report()
+        under_way = list(progress.under_way)
+        if under_way and not over and time.monotonic() >= self._due:
+            self._report(under_way[0])
         return over
 
     def wait(self) -> Result:
@@ -61,8 +62,8 @@ class Preparation(Generic[Result]):
         if self._error is not None:
             raise self._error
         if progress.unwritable and len(progress.done) > self._compiled:
-            self._tell(f"the compiled kernels cannot be kept in {progress.unwritable}; every start compiles them anew. "
-                       "Set NUMBA_CACHE_DIR to a folder with room")
+            self._tell(f"the compiled kernels cannot be kept: {progress.unwritable}; every start compiles them anew. "
+                       "Set NUMBA_CACHE_DIR to a folder that can be written and has room")
         return self._result
 
     def _run(self) -> None:
@@ -71,12 +72,12 @@ class Preparation(Generic[Result]):
         except BaseException as error:  # the main thread raises it
             self._error = error
 
-    def _report(self) -> None:
+    def _report(self, kernel: str) -> None:
         if not self._due:
             self._tell("compiling: the first start after an update takes a minute or two; Ctrl-C stops it")
         else:
             ready = len(progress.done) + len(progress.loaded)
-            self._tell(f"compiling {progress.under_way[0]}: {ready} of {self._count} kernels are ready after "
+            self._tell(f"compiling {kernel}: {ready} of {self._count} kernels are ready after "
                        f"{time.monotonic() - self._begun:.0f} s")
         self._due = time.monotonic() + REPORTS
 

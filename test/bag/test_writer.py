@@ -9,9 +9,13 @@ from mcap.reader import make_reader
 from rosbags.rosbag2 import Reader
 
 from vibro_ros.bag.definitions import Topic, defined, jazzy_types
+from vibro_ros.bag.recorder import Recorder
+from vibro_ros.bag.recovery import recover
+from vibro_ros.bag.stream import BagStream
 from vibro_ros.bag.writer import BagWriter, Storage
 
 TOPICS = defined([Topic("/odom", "nav_msgs/msg/Odometry", 10), Topic("/motor_power", "std_msgs/msg/Float64", 10)])
+POWER = [Topic("/motor_power", "std_msgs/msg/Float64", 10)]
 PERIOD = 5_000_000  # ns
 SPLITS = {
     "size": Storage(max_size=100_000),
@@ -152,3 +156,28 @@ def test_messages_out_of_order_do_not_make_files_overlap(tmp_path, published, st
 def test_limits_that_make_no_sense_are_refused(wrong, reason):
     with pytest.raises(ValueError, match=reason):
         Storage(**wrong)
+
+
+@pytest.mark.parametrize("kind", ["mcap", "sqlite3"])
+def test_what_becomes_known_later_is_known_of_a_killed_and_of_a_sealed_bag(tmp_path, kind):
+    for name, killed in (("killed", True), ("sealed", False)):
+        writer = BagWriter(tmp_path / name, defined(POWER), {"scene": "device", "start": "1"}, Storage(kind))
+        writer.describe({"start": "5"})
+        writer.write(1, 7, bytes(12))
+        writer.flush()
+        if killed:
+            writer.abandon()
+            recover(tmp_path / name)
+        else:
+            writer.close({"lost": "0"})
+        metadata = BagStream(tmp_path / name).metadata
+        assert (metadata["scene"], metadata["start"]) == ("device", "5")
+
+
+def test_a_recorder_describes_before_the_messages_that_follow(tmp_path):
+    with Recorder(tmp_path / "run", POWER, {"start": "1"}) as recorder:
+        recorder.describe({"start": "5"})
+        assert recorder.write("/motor_power", 7, bytes(12))
+    data = next((tmp_path / "run").glob("*.mcap")).read_bytes()
+    assert BagStream(tmp_path / "run").metadata["start"] == "5"
+    assert data.index(b"start: '5'") < data.index((7).to_bytes(8, "little") * 2)  # its two stamps

@@ -10,12 +10,13 @@ from observation import bags, stamps_of, stop
 import vibro_ros
 from vibro_ros.bag.definitions import defined
 from vibro_ros.bag.reader import read_bag
+from vibro_ros.bag.robot_topics import COMMANDS
 from vibro_ros.bag.writer import BagWriter, Storage
-from vibro_ros.ros.inputs import Inputs
 from vibro_ros.ros.outputs import Outputs
 from vibro_ros.ros.recording import Plan, offer_recovery, open_recording, plan_recording
 from vibro_ros.scene_file import DEVICE_PARAMETERS
 
+RECEIVED = {name: f"/{name}" for name in COMMANDS}
 SETTINGS = {parameter.name: parameter.default for parameter in DEVICE_PARAMETERS}
 
 
@@ -74,11 +75,11 @@ def test_only_the_topics_asked_for_are_recorded(start, listener, tmp_path):
 ], ids=["topic", "no topic", "size", "compression"])
 def test_recordings_that_cannot_be_are_refused(bench, wrong, reason):
     with pytest.raises(ValueError, match=re.escape(reason)):
-        plan_recording(SETTINGS | wrong, Inputs(bench.node).topics, Outputs(bench.node, vibro_ros.Scene()), {})
+        plan_recording(SETTINGS | wrong, RECEIVED, Outputs(bench.node, vibro_ros.Scene()), {})
 
 
 def test_bags_left_unsealed_are_sealed_if_the_robot_is_told_to(bench, tmp_path):
-    topics = plan_recording(SETTINGS, Inputs(bench.node).topics, Outputs(bench.node, vibro_ros.Scene()), {}).topics
+    topics = plan_recording(SETTINGS, RECEIVED, Outputs(bench.node, vibro_ros.Scene()), {}).topics
     folder = tmp_path / "vibro_robot_1"
     writer = BagWriter(folder, defined(topics), {}, Storage())
     writer.write(1, 1, bytes(100))
@@ -109,7 +110,7 @@ def test_a_snapshot_holds_the_last_seconds_when_it_is_asked_for(start, listener,
 
 
 def test_a_snapshot_asked_for_again_and_again_writes_nothing_twice(bench, tmp_path):
-    topics = plan_recording(SETTINGS, Inputs(bench.node).topics, Outputs(bench.node, vibro_ros.Scene()), {}).topics
+    topics = plan_recording(SETTINGS, RECEIVED, Outputs(bench.node, vibro_ros.Scene()), {}).topics
     plan = Plan(tmp_path, topics, Storage(), {"scene": "device"}, snapshot=1.0)
     answers = []
     with open_recording(plan, True, bench.node.get_logger()) as recording:
@@ -124,7 +125,7 @@ def test_a_snapshot_asked_for_again_and_again_writes_nothing_twice(bench, tmp_pa
 
 
 def test_a_caller_begins_one_bag_a_second_at_most(bench, tmp_path):
-    topics = plan_recording(SETTINGS, Inputs(bench.node).topics, Outputs(bench.node, vibro_ros.Scene()), {}).topics
+    topics = plan_recording(SETTINGS, RECEIVED, Outputs(bench.node, vibro_ros.Scene()), {}).topics
     with open_recording(Plan(tmp_path, topics, Storage(), {}), False, bench.node.get_logger()) as recording:
         began = time.monotonic()
         while time.monotonic() < began + 1.5:
@@ -135,7 +136,7 @@ def test_a_caller_begins_one_bag_a_second_at_most(bench, tmp_path):
 
 
 def test_a_snapshot_is_written_when_the_simulation_fails(bench, tmp_path):
-    topics = plan_recording(SETTINGS, Inputs(bench.node).topics, Outputs(bench.node, vibro_ros.Scene()), {}).topics
+    topics = plan_recording(SETTINGS, RECEIVED, Outputs(bench.node, vibro_ros.Scene()), {}).topics
     plan = Plan(tmp_path, topics, Storage(), {"scene": "device"}, snapshot=1.0)
     with open_recording(plan, True, bench.node.get_logger()) as recording:
         for i in range(300):

@@ -114,6 +114,10 @@ class McapSegment:
         counts = {self._topics[channel - 1]: count for channel, count in found.counts.items()}
         return FileInformation(self.path.name, found.first if found.messages else 0, found.last, counts)
 
+    def describe(self, metadata: str) -> None:
+        """Say this of the bag from now on (OSError when the disk fails)."""
+        self._append_metadata(metadata)
+
     def seal(self, metadata: str) -> None:
         """Write metadata, index and footer after what is stored, and close; a failed write leaves nothing behind.
 

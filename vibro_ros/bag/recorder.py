@@ -82,6 +82,7 @@ class Recorder:
         self._accepting = True
         self._over = self._gone = False
         self._closing = False
+        self._known: Mapping[str, str] = {}
         self._news = Event()
         definitions = defined(topics)
         self._topics = {one.information.name: number for number, one in enumerate(definitions, start=1)}
@@ -119,6 +120,11 @@ class Recorder:
         with self._refusing:
             self._refused += 1
         return False
+
+    def describe(self, custom: Mapping[str, str]) -> None:
+        """Add to the bag's custom data what is known now, before the messages that are written from now on."""
+        self._known = custom
+        self._news.set()
 
     @property
     def accepting(self) -> bool:
@@ -199,7 +205,9 @@ class Recorder:
             self._news.wait(POLL_PERIOD)
             self._news.clear()
             closing = self._closing  # asked before the queue is emptied for the last time
+            self._write_known()
             while self._queue:
+                self._write_known()
                 for _ in range(min(BATCH, len(self._queue))):
                     message = self._queue.popleft()
                     self._taken += 1
@@ -207,6 +215,11 @@ class Recorder:
                 time.sleep(0)  # offer the interpreter lock
                 self._flush_when_due()
             self._flush_when_due()
+
+    def _write_known(self) -> None:
+        if self._known:
+            known, self._known = self._known, {}
+            self._writer.describe(known)
 
     def _flush_when_due(self) -> None:
         if time.monotonic() >= self._due:

@@ -81,6 +81,13 @@ class SqliteSegment:
         counts = {self._topics[topic - 1]: count for topic, count in self._counts.items()}
         return FileInformation(self.path.name, self._first if self.stored else 0, self._last, counts)
 
+    def describe(self, metadata: str) -> None:
+        """Say this of the bag from now on (OSError when the database fails)."""
+        try:
+            self._put_metadata(metadata)
+        except sqlite3.Error as error:
+            raise _as_os_error(error) from error
+
     def seal(self, metadata: str) -> None:
         """Write the metadata and close; messages that were not flushed are lost."""
         check_in_place(self.path, self.identity)

@@ -144,6 +144,11 @@ class BagWriter:
         self._segment.flush()
         self._reserve.hold(self._segment.ending_size)
 
+    def describe(self, custom: Mapping[str, str]) -> None:
+        """Add to the bag's custom data, also for a reader of a bag that was killed (OSError when the disk fails)."""
+        self._custom |= custom
+        self._segment.describe(as_text(self._information([self._segment.information])))
+
     def close(self, custom: Mapping[str, str]) -> None:
         """Seal what is stored, with `custom` added to the bag's custom data (OSError when the disk fails)."""
         if self._discarded_files:

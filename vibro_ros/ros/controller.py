@@ -19,7 +19,7 @@ from rclpy.node import Node
 from std_msgs.msg import Float64
 
 from vibro_ros.command_line import Parser
-from vibro_ros.front_door import StopRequest, exit_code
+from vibro_ros.front_door import exit_code
 from vibro_ros.model.parameters import Parameter, checked_parameters
 from vibro_ros.ros import process
 from vibro_ros.ros.listeners import wait_for_listeners
@@ -28,6 +28,7 @@ from vibro_ros.ros.qos import COMMANDS
 from vibro_ros.ros.ros_arguments import check_addressed, check_arguments, own_arguments
 from vibro_ros.ros.script import Script, Segment
 from vibro_ros.ros.script_file import find_script, read_script, shipped_scripts
+from vibro_ros.stop_signals import StopRequest
 
 NODE_NAME = "vibro_controller"
 PARAMETERS = (

@@ -7,8 +7,8 @@ from rclpy.executors import Executor
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 
-from vibro_ros.front_door import StopRequest
 from vibro_ros.ros import process
+from vibro_ros.stop_signals import StopRequest
 
 ROBOT = "vibro_robot"
 """Name of the robot's node, unless it is remapped."""

@@ -1,5 +1,12 @@
 """`replay --publish`: plays the commands of a bag, or all of it, on the live graph."""
 
+if __name__ == "__main__":  # before all imports: they take a second or two, in which a signal may come
+    import sys
+
+    from vibro_ros.front_door import enter
+
+    sys.exit(enter("playback"))
+
 import argparse
 import math
 import time
@@ -21,10 +28,11 @@ from vibro_ros.bag.robot_topics import COMMANDS, robot_topics
 from vibro_ros.bag.stream import BagError, BagStream, RecordedTopic
 from vibro_ros.bag.unreadable import not_read
 from vibro_ros.command_line import Parser
-from vibro_ros.front_door import StopRequest, exit_code
+from vibro_ros.front_door import exit_code
 from vibro_ros.ros import process
 from vibro_ros.ros.listeners import wait_for_listeners
 from vibro_ros.ros.ros_arguments import check_arguments, own_arguments
+from vibro_ros.stop_signals import StopRequest
 
 NODE_NAME = "vibro_playback"
 CLOCK_PERIOD = 0.01

@@ -5,6 +5,8 @@ the threads that still publish, and a wait without end may then never return. A 
 so that it can say a last word (seal the bag, stop the motor) while ROS is still up.
 """
 
+import os
+import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 
@@ -34,14 +36,18 @@ def node_running(name: str, words: Sequence[str]) -> Iterator[tuple[SteadyNode, 
         For ROS arguments, a node name or a namespace that ROS refuses.
     """
     set_logger_level("rcl", LoggingSeverity.FATAL)  # else rcl says first, in other words, what the error says
+    fault = _log_folder_fault()
+    no_file = ("--ros-args", "--disable-external-lib-logs", "--") if fault else ()
     try:
-        rclpy.init(args=list(words), signal_handler_options=SignalHandlerOptions.NO)
+        rclpy.init(args=[*no_file, *words], signal_handler_options=SignalHandlerOptions.NO)
         node = SteadyNode(name)
     except (RuntimeError, InvalidNodeNameException, InvalidNamespaceException) as error:
         rclpy.try_shutdown()
         raise ValueError(f"ROS refuses the arguments: {_first_sentence(error)}") from error
     finally:
         set_logger_level("rcl", LoggingSeverity.UNSET)
+    if fault:
+        node.get_logger().warning(f"ROS writes no log file: {fault}; set ROS_LOG_DIR to a folder that can be written")
     executor = SteadyExecutor(node.refusals)
     executor.add_node(node)
     try:
@@ -50,6 +56,22 @@ def node_running(name: str, words: Sequence[str]) -> Iterator[tuple[SteadyNode, 
         executor.shutdown()
         node.destroy_node()
         rclpy.try_shutdown()
+
+
+def _log_folder_fault() -> str:
+    """Why ROS cannot write its log file, without which it refuses every node; empty when it can."""
+    home = os.environ.get("HOME")
+    root = os.environ.get("ROS_HOME") or (home and os.path.join(home, ".ros"))
+    folder = os.environ.get("ROS_LOG_DIR") or (root and os.path.join(root, "log"))
+    if not folder:
+        return "HOME is not set"
+    try:
+        folder = os.path.expanduser(folder)
+        os.makedirs(folder, exist_ok=True)
+        tempfile.TemporaryFile(dir=folder).close()
+    except OSError as error:
+        return f"{folder}: {error.strerror}"
+    return ""
 
 
 def spin_until(executor: Executor, done: Callable[[], bool], poll: float = POLL) -> None:

@@ -3,7 +3,7 @@
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import datetime
 from pathlib import Path
 
@@ -129,6 +129,12 @@ class Recording:
         else:
             self._recorder = self._new_bag(whole=not self._plan.storage.max_bytes)
             self._whole = None if self._plan.storage.max_bytes else self._recorder
+
+    def describe(self, custom: Mapping[str, str]) -> None:
+        """Add to what each bag says of itself, before the messages that come from now on."""
+        self._plan = replace(self._plan, metadata={**self._plan.metadata, **custom})
+        if self._recorder is not None:
+            self._recorder.describe(custom)
 
     def record(self, topic: str, stamp: int, data: bytes) -> None:
         """Queue one message for the bag: resolved topic name, ROS time [ns], serialised message. Never blocks."""

@@ -24,10 +24,10 @@ from rclpy.serialization import serialize_message
 from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import SetBool
 
-from vibro_ros.bag.definitions import Topic
+from vibro_ros.bag.definitions import Topic, jazzy_types
 from vibro_ros.bag.robot_topics import CHECKPOINT, CHECKPOINT_TYPE, COMMANDS
 from vibro_ros.command_line import Parser
-from vibro_ros.front_door import StopRequest, exit_code, say
+from vibro_ros.front_door import exit_code, say
 from vibro_ros.model.parameters import SCENE_PARAMETERS, Value, checked_parameters
 from vibro_ros.model.scene import Scene
 from vibro_ros.preparation import Preparation
@@ -46,10 +46,9 @@ from vibro_ros.ros.ros_time import wait_for_time
 from vibro_ros.ros.stepping import Stepping
 from vibro_ros.scene_file import DEVICE_PARAMETERS, NODE_NAME, load_scene, scene_origin, shipped_scenes
 from vibro_ros.simulator import Simulator, compile_kernels
+from vibro_ros.stop_signals import StopRequest
 
 CHECKPOINT_DEPTH = 1
-LEAD = 0.05
-"""How long [s] before its first step the robot says when that will be: the bag must know it from its beginning."""
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -76,11 +75,11 @@ def _run(words: Sequence[str]) -> int:
         preparation = Preparation(partial(_prepare, node, settings, scene, plan), scene["solver.method"],
                                   node.get_logger().info)
         process.spin_until(executor, lambda: bool(stop) or preparation.done())
+        device = None if stop else preparation.result()
         wait_for_time(node, executor, lambda: bool(stop))
         if stop:
             say("robot", "stopped while starting")
             return 0
-        device = preparation.result()
         gc.freeze()  # all of this lasts: to go through it again and again would delay ticks, and the process's end
         return _operate(node, executor, settings, device, outputs, plan, stop)
 
@@ -115,6 +114,7 @@ def _prepare(node: SteadyNode, settings: Mapping[str, Value], scene: Scene, plan
     if device.choice:
         node.get_logger().info(f"solver.method auto: {device.choice}")
     offer_recovery(plan.directory, settings["record.recover"], node.get_logger())
+    jazzy_types()
     return device
 
 
@@ -122,12 +122,13 @@ def _operate(node: SteadyNode, executor: Executor, settings: Mapping[str, Value]
              plan: Plan, stop: StopRequest) -> int:
     """Step, publish, record and listen until a signal or a failure."""
     log, pacing = node.get_logger(), Pacing(settings["rate.real_time_factor"], settings["rate.max_catch_up"])
+    parameters, opened = {**settings, **device.scene.parameters}, node.get_clock().now().nanoseconds
+    plan = replace(plan, metadata={**plan.metadata, **provenance(parameters, opened)})
     stop.hold()  # before the bag is opened, so that no signal can come between its opening and its sealing
-    start, begin = _start(node)
-    plan = replace(plan, metadata={**plan.metadata, **provenance({**settings, **device.scene.parameters}, start)})
     with open_recording(plan, settings["record.enabled"], log) as recording:
         node.create_service(SetBool, "~/record", lambda request, answer: _switch(recording, request, answer))
         inputs = Inputs(node)  # not before: commands would wait and be applied in a burst
+        start, begin = _start(node, recording)
         with Stepping(device, inputs, outputs, recording.record, pacing, settings["rate.publish"], start, log,
                       partial(_keep_checkpoint, recording), begin) as stepping:
             log.info(f"ready: {settings['rate.publish']:g} Hz, real-time factor "
@@ -147,14 +148,14 @@ def _operate(node: SteadyNode, executor: Executor, settings: Mapping[str, Value]
     return 0
 
 
-def _start(node: Node) -> tuple[int, float]:
-    """When simulated time 0 will be: ROS time [ns], and the same instant by the monotonic clock [s].
+def _start(node: Node, recording: Recording) -> tuple[int, float]:
+    """The instant of simulated time 0, which is now: ROS time [ns], and the monotonic clock [s].
 
-    The bag must hold it from its beginning, and takes some milliseconds to open: so it is said `LEAD` ahead, and what
-    a slow disk takes beyond that is made good like any other stall. Simulated ROS time cannot be told ahead.
+    It is read last, when all that takes time is done; the bag is open by then and hears of it now.
     """
-    lead = 0.0 if node.get_clock().ros_time_is_active else LEAD
-    return node.get_clock().now().nanoseconds + round(lead * 1e9), time.monotonic() + lead
+    start, begin = node.get_clock().now().nanoseconds, time.monotonic()
+    recording.describe({"start": str(start)})
+    return start, begin
 
 
 def _switch(recording: Recording, request: SetBool.Request, answer: SetBool.Response) -> SetBool.Response:

@@ -45,7 +45,7 @@ class Stepping:
     checkpoint : callable, optional
         Told the stamp [ns] of each sample when it is out, before its commands, and how to get the device's whole state.
     begin : float, optional
-        Instant [s] of `start` by the pacing's clock, for which the thread waits; now unless given.
+        Instant [s] of `start` by the pacing's clock; now unless given.
 
     Attributes
     ----------
@@ -89,8 +89,6 @@ class Stepping:
 
     def _step(self) -> None:
         self._pacing.start(self._begin)
-        if self._begin is not None:
-            self._wait_for(0.0)
         self._publish()
         while self._wait_for((self.ticks + 1) / self._rate):
             begun = time.perf_counter()

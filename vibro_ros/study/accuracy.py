@@ -22,11 +22,12 @@ from pathlib import Path
 from tqdm import tqdm
 
 from vibro_ros.command_line import Parser
-from vibro_ros.front_door import FAILURE, exit_code, interrupted_code, say
+from vibro_ros.front_door import FAILURE, exit_code, say
 from vibro_ros.preparation import prepare_kernels
 from vibro_ros.scene_file import load_scene, shipped_scenes
 from vibro_ros.simulator import SimulationError
 from vibro_ros.solver.methods import SCHEMES
+from vibro_ros.stop_signals import interrupted_code
 from vibro_ros.study.bench import LEAST_TIME
 from vibro_ros.study.bench import RATE as BENCH_RATE
 from vibro_ros.study.chaos import Growth

@@ -9,9 +9,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from vibro_ros.front_door import FAILURE, interrupted_code
+from vibro_ros.front_door import FAILURE
 from vibro_ros.scene_file import load_scene, shipped_scenes
 from vibro_ros.solver.methods import SCHEMES
+from vibro_ros.stop_signals import interrupted_code
 from vibro_ros.study.accuracy import TABLE, TEXT, Accuracy, row_writer
 from vibro_ros.study.precision import STUDIED, Effort, Row
 from vibro_ros.study.precision_advice import NEEDS, Need, advice, cheapest

@@ -20,7 +20,8 @@ import numpy as np
 
 from vibro_ros.bag.reader import ROBOT_TOPICS, Bag, BagError, read_bag
 from vibro_ros.command_line import Parser
-from vibro_ros.front_door import StopRequest, exit_code, say
+from vibro_ros.front_door import exit_code, say
+from vibro_ros.stop_signals import StopRequest
 from vibro_ros.study.child import Child
 from vibro_ros.study.report import write_report
 

@@ -1,0 +1,229 @@
+"""How robot and controller start and stop: compiling, closed terminals, pipes without reader, the first stamp."""
+
+import fcntl
+import os
+import pty
+import signal
+import subprocess
+import sys
+import termios
+import time
+from collections.abc import Iterator
+from contextlib import closing
+from functools import partial
+from pathlib import Path
+
+import pytest
+from nav_msgs.msg import Odometry
+from rclpy.node import Node
+from std_msgs.msg import Float64
+
+from vibro_ros.bag.reader import read_bag
+from vibro_ros.ros import listeners
+from vibro_ros.stop_signals import StopRequest
+
+PROMPT = 10.0  # [s] deadline of what takes 0.1 s on an idle machine
+LATE = 0.03  # [s] of the promptest of the first messages; opening a bag alone took 0.07 s when stamps lagged by it
+
+
+@pytest.fixture
+def cold(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
+    """An empty kernel cache."""
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "kernels"))
+    return tmp_path / "kernels"
+
+
+@pytest.mark.parametrize("number, delay", [(signal.SIGINT, 0.0), (signal.SIGTERM, 1.0), (signal.SIGHUP, 2.5)])
+def test_a_robot_that_compiles_says_so_and_ends_at_once(start, cold, tmp_path, number, delay):
+    robot = start("robot")
+    line = robot.wait_for("compiling")
+    assert line.endswith("compiling: the first start after an update takes a minute or two; Ctrl-C stops it")
+    time.sleep(delay)  # another instant of the compilation
+    robot.send(number)
+    assert robot.end(PROMPT) == 0, robot.text
+    assert robot.lines[-1] == "robot: stopped while starting"
+    assert "Traceback" not in robot.text and "gnored" not in robot.text
+    assert list(tmp_path.glob("vibro_robot_*")) == []
+    assert [file.suffix for file in cold.glob("*/*") if file.suffix != ".kernel"] == []  # no part of a file
+
+
+def test_a_robot_that_compiles_is_there_but_does_not_listen_and_the_controller_waits(start, cold, bench):
+    robot = start("robot")
+    robot.wait_for("compiling")
+    publisher = bench.node.create_publisher(Float64, "motor_speed", 10)
+    bench.spin_until(lambda: bench.node.count_publishers("odom") == 1, "the robot in the graph")
+    controller = start("controller", "crawl")
+    controller.wait_for("waiting for a robot on /motor_speed, /upper_gap, /inclined_gap")
+    assert publisher.get_subscription_count() == 0
+    assert not controller.ended
+    robot.send(signal.SIGINT)
+    assert robot.end(PROMPT) == 0
+    controller.send(signal.SIGTERM)
+    assert controller.end(PROMPT) == 143
+    assert "aborted" not in controller.text  # nothing was sent
+
+
+BAD = {
+    "folder": (["-p", "record.directory:=/proc/none"], "robot: record.directory: cannot record to /proc/none: "),
+    "topic": (["-p", "record.topics:=[odometry]"], "robot: record.topics: 'odometry' is not a topic of the robot"),
+    "size": (["-p", "record.max_size:=1.0"], "robot: record.max_size: 1 is too small"),
+    "storage": (["-p", "record.storage:=sqlite3", "-p", "record.compression:=zstd"], "robot: record.compression: zstd"),
+    "scene": (["-p", "scene:=moon"], "robot: moon: neither a shipped scene nor a file"),
+}
+
+
+@pytest.mark.parametrize("words, reason", BAD.values(), ids=BAD)
+def test_what_is_wrong_is_said_before_anything_is_compiled(start, cold, words, reason):
+    robot = start("robot", "--ros-args", *words)
+    assert robot.end() == 2, robot.text
+    (line,) = robot.lines
+    assert line.startswith(reason)
+
+
+def test_a_warm_start_says_nothing_of_compiling_and_stamps_are_those_of_the_wall_clock(start, bench):
+    late: list[float] = []
+    bench.node.create_subscription(Odometry, "odom", lambda message: late.append(
+        time.time() - message.header.stamp.sec - 1e-9 * message.header.stamp.nanosec), 100)
+    robot = start("robot")
+    bench.spin_until(lambda: len(late) >= 20, "odom")
+    robot.send(signal.SIGINT)
+    assert robot.end() == 0
+    assert "compil" not in robot.text
+    dropped = float(robot.lines[-1].split(" simulated, ")[1].split(" s dropped")[0])  # by a machine that is too busy
+    assert -1e-3 < min(late) < LATE + dropped  # [s] 1e-3 for the rounding of clocks
+
+
+class Terminal:
+    """A terminal of which an executable is the session's leader, as a shell's window has it."""
+
+    def __init__(self, name: str, *words: str, folder: Path):
+        self._master, slave = pty.openpty()
+        self._said = b""
+        self.process = subprocess.Popen([sys.executable, "-m", f"vibro_ros.ros.{name}", *words], cwd=folder,
+                                        stdin=slave, stdout=slave, stderr=slave, start_new_session=True,
+                                        preexec_fn=partial(_take_terminal, slave))
+        os.close(slave)
+
+    def wait_for(self, words: str) -> None:
+        while words.encode() not in self._said:
+            self._said += os.read(self._master, 4096)  # OSError when it ends before
+
+    def close(self) -> None:
+        if self._master >= 0:
+            os.close(self._master)
+            self._master = -1
+
+
+def _take_terminal(slave: int) -> None:
+    fcntl.ioctl(slave, termios.TIOCSCTTY, 0)
+
+
+@pytest.fixture
+def terminal(compiled, domain_id, tmp_path) -> Iterator:
+    opened: list[Terminal] = []
+
+    def open_one(name: str, *words: str) -> Terminal:
+        opened.append(Terminal(name, *words, folder=tmp_path))
+        return opened[-1]
+
+    yield open_one
+    for one in opened:
+        one.close()
+        one.process.kill()
+        one.process.wait()
+
+
+def test_closing_the_robots_terminal_seals_the_bag(terminal, tmp_path):
+    robot = terminal("robot")
+    robot.wait_for("ready: ")
+    robot.close()
+    assert robot.process.wait(PROMPT) == 0
+    (folder,) = tmp_path.glob("vibro_robot_*")
+    assert len(read_bag(folder)["odom"]["time"])
+
+
+def test_closing_the_controllers_terminal_stops_the_motor(terminal, listener, tmp_path):
+    (tmp_path / "script.yaml").write_text("entries: [{for: 1000.0, motor_speed: 10.0}]\n")
+    heard = []
+    listener.bench.node.create_subscription(Float64, "motor_speed", lambda message: heard.append(message.data), 10)
+    controller = terminal("controller", "script.yaml")
+    listener.bench.spin_until(lambda: heard, "first command")
+    controller.close()
+    listener.bench.spin_until(lambda: controller.process.poll() is not None, "controller done")
+    assert controller.process.returncode == 128 + signal.SIGHUP
+    listener.bench.spin_until(lambda: len(heard) == 2, "the stop")
+    assert heard == [10.0, 0.0]
+
+
+def test_under_nohup_the_robot_outlives_its_terminal(start, bench, tmp_path):
+    robot = start("robot", before=("env", "--ignore-signal=HUP"))
+    robot.wait_for("ready: ")
+    robot.send(signal.SIGHUP)
+    heard = []
+    bench.node.create_subscription(Odometry, "odom", heard.append, 100)
+    bench.spin_until(lambda: len(heard) > 50, "odom after the signal")
+    robot.send(signal.SIGINT)
+    assert robot.end() == 0, robot.text
+
+
+def test_a_reader_that_goes_does_not_end_the_robot(compiled, domain_id, tmp_path, bench):
+    robot = subprocess.Popen([sys.executable, "-m", "vibro_ros.ros.robot"], cwd=tmp_path, stdout=subprocess.PIPE,
+                             stderr=subprocess.STDOUT, text=True)
+    try:
+        with closing(robot.stdout):
+            assert "]: scene " in robot.stdout.readline()
+        heard = []
+        bench.node.create_subscription(Odometry, "odom", heard.append, 100)
+        publisher = bench.node.create_publisher(Float64, "motor_speed", 10)
+        bench.spin_until(lambda: heard and publisher.get_subscription_count(), "robot up")
+        publisher.publish(Float64(data=-1.0))  # refused, which it says to nobody
+        before = len(heard)
+        bench.spin_until(lambda: len(heard) > before + 50, "odom after that")
+        robot.send_signal(signal.SIGTERM)
+        assert robot.wait(PROMPT) == 0
+    finally:
+        robot.kill()
+        robot.wait()
+    (folder,) = tmp_path.glob("vibro_robot_*")
+    assert read_bag(folder)["motor_speed"]["value"].tolist() == [-1.0]
+
+
+def test_who_waits_for_a_robot_is_told_again_and_again_what_for(bench, monkeypatch, capfd):
+    monkeypatch.setattr(listeners, "REPORTS", 0.05)
+    publisher = bench.node.create_publisher(Float64, "motor_speed", 10)
+    with StopRequest() as stop, pytest.raises(RuntimeError) as error:
+        listeners.wait_for_listeners(bench.node, bench._executor, [publisher], 0.5, stop)
+    assert str(error.value) == ("no robot listens to /motor_speed after 0.5 s; start one (ros2 run vibro_ros robot), "
+                                "in the same ROS domain and namespace")
+    said = capfd.readouterr().err
+    assert "waiting up to 0.5 s for a robot on /motor_speed" in said
+    assert said.count("s: nobody listens to /motor_speed; start one (ros2 run vibro_ros robot)") > 2
+
+
+def test_who_waits_is_told_of_a_robot_that_is_there_and_does_not_listen(bench, domain_id, capfd):
+    robot = Node(listeners.ROBOT, context=bench.node.context)
+    try:
+        publisher = bench.node.create_publisher(Float64, "motor_speed", 10)
+        bench.spin_until(lambda: listeners.ROBOT in bench.node.get_node_names(), "robot in the graph")
+        with StopRequest() as stop, pytest.raises(RuntimeError, match="; /vibro_robot is there and does not: it comp"):
+            listeners.wait_for_listeners(bench.node, bench._executor, [publisher], 0.1, stop)
+    finally:
+        robot.destroy_node()
+
+
+@pytest.mark.parametrize("variable, value, reason", [
+    ("HOME", None, "HOME is not set"),
+    ("HOME", "/proc/none", "/proc/none/.ros/log: No such file or directory"),
+    ("ROS_LOG_DIR", "/dev/null/logs", "/dev/null/logs: Not a directory"),
+])
+def test_without_a_place_for_its_log_the_robot_runs_all_the_same(start, monkeypatch, variable, value, reason):
+    monkeypatch.delenv("ROS_LOG_DIR", raising=False)
+    monkeypatch.delenv("ROS_HOME", raising=False)
+    monkeypatch.setenv(variable, value) if value else monkeypatch.delenv(variable)
+    robot = start("robot", "--ros-args", "-p", "record.enabled:=false")
+    robot.wait_for("ready: ")
+    robot.send(signal.SIGINT)
+    assert robot.end() == 0, robot.text
+    line = robot.wait_for("ROS writes no log file")
+    assert line.endswith(f"ROS writes no log file: {reason}; set ROS_LOG_DIR to a folder that can be written")
+    assert [line for line in robot.lines if "[INFO]" not in line] == [line]
