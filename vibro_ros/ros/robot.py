@@ -76,11 +76,11 @@ def _run(words: Sequence[str]) -> int:
         preparation = Preparation(partial(_prepare, node, settings, scene, plan), scene["solver.method"],
                                   node.get_logger().info)
         process.spin_until(executor, lambda: bool(stop) or preparation.done())
+        device = None if stop else preparation.result()
         wait_for_time(node, executor, lambda: bool(stop))
         if stop:
             say("robot", "stopped while starting")
             return 0
-        device = preparation.result()
         gc.freeze()  # all of this lasts: to go through it again and again would delay ticks, and the process's end
         return _operate(node, executor, settings, device, outputs, plan, stop)
 
