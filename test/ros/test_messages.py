@@ -63,3 +63,13 @@ def test_an_impact_pushes_its_plate_outwards(side):
 
 def test_power_is_a_plain_number():
     assert through_dds(messages.motor_power(STATE)).data == STATE.motor_power
+
+
+def test_a_prefix_begins_the_name_of_every_frame_as_it_is():
+    (event,) = np.array([(0.25, "upper_contact", 0.7, 812.5, 3e-4)], dtype=EVENT_DTYPE)
+    odometry = through_dds(messages.odometry(STATE, STAMP, "r1/"))
+    assert (odometry.header.frame_id, odometry.child_frame_id) == ("r1/odom", "r1/base_link")
+    assert through_dds(messages.joint_states(STATE, ["crank"], STAMP, "r1/")).header.frame_id == "r1/base_link"
+    assert list(messages.joint_states(STATE, ["crank"], STAMP, "r1/").name) == ["crank"]
+    assert through_dds(messages.ground_contact(STATE, STAMP, "r1_")).header.frame_id == "r1_base_link"
+    assert through_dds(messages.impact(event, STAMP, "r1/")).header.frame_id == "r1/upper_plate"

@@ -41,7 +41,7 @@ def test_what_this_packages_own_code_raises_is_an_error_to_report():
     ((kind, text),) = log.lines
     assert kind == "error"
     assert text.startswith("/lab/motor_speed: failed in vibro_ros.ros.refusals, line ")
-    assert "TypeError: 'NoneType' object is not subscriptable; please report it" in text
+    assert "AttributeError: 'NoneType' object has no attribute 'split'; please report it" in text
 
 
 def test_a_flood_is_counted_and_said_seldom():

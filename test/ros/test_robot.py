@@ -218,7 +218,10 @@ BAD_PARAMETERS = {
     "list": (["-p", "mass.body:=[1.0]"], "mass.body: [1.0] is not a number"),
     "no assignment": (["-p", "mass.body=1.0"], "-p mass.body=1.0: not a parameter; write name:=value"),
     "folder": (["-p", "record.directory:=/proc/none"], "record.directory: cannot record to /proc/none"),
-    "ROS argument": (["-r", "odom:=9x"], "ROS refuses the arguments: Couldn't parse remap rule: '-r odom:=9x'"),
+    "remapping": (["-r", "odom:=9x"], "-r odom:=9x: '9x' cannot stand for odom; give a topic's or service's name"),
+    "namespace": (["-r", "__ns:=r1"], "-r __ns:=r1: 'r1' cannot stand for __ns; give a namespace: / before each part"),
+    "one name of two topics": (["-r", "odom:=joint_states"], "odom and joint_states have one name, /joint_states"),
+    "ROS argument": (["--log-level", "loud"], "ROS refuses the arguments: Couldn't parse log level"),
     "missing file": (["--params-file", "none.yaml"], "none.yaml: No such file or directory"),
 }
 

@@ -13,6 +13,7 @@ from vibro_ros import parameter_file
 from vibro_ros.ros.remapping import check_remapping
 
 OVERRIDE = ("--param", "-p")
+REMAPPING = ("--remap", "-r")
 
 
 def own_arguments(words: Sequence[str]) -> list[str]:
@@ -26,10 +27,10 @@ def _values(words: Sequence[str], *flags: str) -> tuple[str, ...]:
 
 
 def _pairs(words: Sequence[str]) -> Iterator[tuple[str, str]]:
-    """Each option with a parameter or a file of parameters in the parts for ROS, and the value that follows it."""
+    """Each option in the parts for ROS whose value is checked here, and the value that follows it."""
     for_ros = iter([word for word, for_ros in _marked(words) if for_ros])
     for word in for_ros:
-        if word in (*OVERRIDE, "--params-file"):
+        if word in (*OVERRIDE, *REMAPPING, "--params-file"):
             value = next(for_ros, None)
             if value is None:
                 raise ValueError(f"{word}: no value follows it; give one")
@@ -57,7 +58,7 @@ def check_arguments(words: Sequence[str]) -> tuple[Path, ...]:
         name, assigned, value = override.partition(":=")
         if not (name and assigned) or not _is_yaml(value):
             raise ValueError(f"-p {override}: not a parameter; write name:=value, such as motor.speed:=100.0")
-    for rule in _values(words, "--remap", "-r"):
+    for rule in _values(words, *REMAPPING):
         check_remapping(rule)
     files = tuple(Path(name) for name in _values(words, "--params-file"))
     for path in files:

@@ -39,7 +39,9 @@ def _shown(value: Value) -> str:
         return f"`{str(value).lower()}`"
     if isinstance(value, tuple):
         return f"`[{', '.join(value)}]`"
-    return f"`{value}`" if isinstance(value, str) else _number(value)
+    if isinstance(value, str):
+        return f"`{value}`" if value else "empty"
+    return _number(value)
 
 
 def _number(value: float) -> str:

@@ -1,0 +1,83 @@
+"""Two robots in one graph: namespaces and frame prefixes keep them apart, live and in their bags."""
+
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import WrenchStamped
+from nav_msgs.msg import Odometry
+from rclpy.qos import QoSProfile
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64
+
+from vibro_ros.bag.reader import read_bag
+
+SPEEDS = {"r1": 90.0, "lab/r2": 60.0}
+PREFIX = {"r1": "r1/", "lab/r2": "zweiter·"}
+
+
+def frames_of(message) -> set[str]:
+    return {message.header.frame_id, getattr(message, "child_frame_id", message.header.frame_id)}
+
+
+def run(module: str, *words: str) -> subprocess.CompletedProcess:
+    return subprocess.run([sys.executable, "-m", f"vibro_ros.study.{module}", *words], env={**os.environ}, text=True,
+                          stdout=subprocess.PIPE, stderr=subprocess.STDOUT, check=False)
+
+
+@pytest.fixture
+def two(start):
+    """Both robots, recording into the same folder."""
+    robots = {name: start("robot", "--ros-args", "-r", f"__ns:=/{name}", "-p", f"frame_prefix:={PREFIX[name]}",
+                          "-p", "effects.motor:=ideal") for name in SPEEDS}
+    for robot in robots.values():
+        robot.wait_for("ready")
+    return robots
+
+
+def test_each_hears_its_own_commands_and_is_known_by_its_own_names(two, bench, tmp_path):
+    frames: dict[str, set[str]] = {name: set() for name in SPEEDS}
+    names: set[str] = set()
+    power: dict[str, float] = {}
+    bench.node.create_subscription(DiagnosticArray, "/diagnostics",
+                                   lambda message: names.update(one.name for one in message.status), 10)
+    for name, speed in SPEEDS.items():
+        for kind, topic in ((Odometry, "odom"), (JointState, "joint_states"), (WrenchStamped, "ground_contact"),
+                            (WrenchStamped, "impacts")):
+            bench.node.create_subscription(
+                kind, f"/{name}/{topic}", lambda message, name=name: frames[name].update(frames_of(message)),
+                QoSProfile(depth=1000))
+        bench.node.create_subscription(JointState, f"/{name}/joint_states",
+                                       lambda message, name=name: power.update({name: message.velocity[0]}), 10)
+        publisher = bench.node.create_publisher(Float64, f"/{name}/motor_speed", 10)
+        bench.spin_until(publisher.get_subscription_count, name)
+        publisher.publish(Float64(data=speed))
+    expected = {name: {PREFIX[name] + frame for frame in ("odom", "base_link", "upper_plate", "inclined_plate")}
+                for name in SPEEDS}
+    bench.spin_until(lambda: power == SPEEDS and frames == expected, "speeds and frames")
+    bench.spin_until(lambda: len(names) == 4, "diagnostics")
+    assert names == {f"{name}/vibro_robot: {part}" for name in SPEEDS for part in ("simulation", "recorder")}
+    for robot in two.values():
+        robot.send(signal.SIGINT)
+        assert robot.end() == 0, robot.text
+    for name in SPEEDS:
+        (bag,) = tmp_path.glob(f"vibro_robot_{name.replace('/', '_')}_2*")
+        check_bag(bag, name)
+    assert len(list(tmp_path.iterdir())) == 2 + 2  # reports are beside
+
+
+def check_bag(bag: Path, name: str) -> None:
+    """It holds its own robot alone; replay computes it again bit for bit, and report finds its impacts."""
+    recording = read_bag(bag)
+    assert {topic.rpartition("/")[0] for topic in recording.topics} == {f"/{name}"}
+    assert set(recording["impacts"]["frame"]) <= {PREFIX[name] + f"{side}_plate" for side in ("upper", "inclined")}
+    replayed = run("replay", str(bag))
+    assert replayed.returncode == 0, replayed.stdout
+    reported = run("report", str(bag))
+    assert reported.returncode == 0, reported.stdout
+    summary = (bag.with_name(f"{bag.name}_report") / "summary.txt").read_text()
+    assert f"{len(recording['impacts']['frame'])}" in summary
