@@ -18,6 +18,7 @@ from vibro_ros.simulator import choose_method
 from vibro_ros.stability import is_stable
 from vibro_ros.study import work_weights
 from vibro_ros.study.methods import METHODS, UnableError
+from vibro_ros.work import EXACT_WEIGHTS
 
 TIMES = np.linspace(0.0, 0.2, 101)
 # The motor turns 80 times a second and the masses hardly follow it: `exact` resolves every turn for nothing.
@@ -238,3 +239,13 @@ def test_counted_work_is_near_measured_time():
         assert 0.25 < run.counted / run.seconds < 4.0
     assert "| `damped` |" in work_weights.ratio_table(
         {"damped": {name: work_weights.timed_by(scene, name) for name in ("exact", *work_weights.STEP_WEIGHTS)}})
+
+
+def test_the_weights_that_are_fitted_are_those_that_made_the_times():
+    scenes = [vibro_ros.load_scene("device").with_parameters(changes) for changes in (
+        {}, {"solver.audit": False}, {"effects.motor": "lag"}, {"effects.motor": "lag", "solver.audit": False})]
+    scenes.append(vibro_ros.load_scene("paper").with_parameters({"effects.friction": "stribeck"}))
+    made = [work_weights.Timed(scene, command, 100 * k + 50, 30 * k**2 + 7, 1.0)
+            for k, scene in enumerate(scenes) for command in (None, 500.0)]
+    runs = [dataclasses.replace(run, seconds=run.counted) for run in made]
+    assert work_weights.exact_weights(runs) == pytest.approx(dict(EXACT_WEIGHTS), rel=1e-6)
