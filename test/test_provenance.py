@@ -22,7 +22,7 @@ def noted(changes=None, without=()):
     told = {**provenance.provenance(DEVICE.parameters, 0), **(changes or {})}
     told = {key: value for key, value in told.items() if key not in without}
     topics = {name: f"/{name}" for name in ("motor_speed", "upper_gap", "inclined_gap", "checkpoint")}
-    stream = SimpleNamespace(metadata=told, start=0, topics=set(topics.values()))
+    stream = SimpleNamespace(metadata=told, start=0, topics=set(topics.values()), flaws=())
     return notes(stream, SimpleNamespace(scene=DEVICE, start=0, topics=topics))
 
 
