@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import shutil
 import stat
 import subprocess
@@ -19,7 +20,9 @@ STORAGES = {"mcap": Storage(), "zstd": Storage(compression="zstd"), "sqlite3": S
 CASES = [("mcap", name, make) for name, make in (OF_MCAP | OF_METADATA).items()]
 CASES += [("zstd", name, make) for name, make in list(OF_MCAP.items())[:30]]
 CASES += [("sqlite3", name, make) for name, make in OF_SQLITE.items()]
-SLOWEST = 10.0  # s of one reader for one bag
+WHOLE = "VIBRO_ROS_HOSTILE" in os.environ  # for every case; else the fourth part of those that chance has made
+CASES = [case for case in CASES if WHOLE or not (seed := re.search(r" (\d+)$", case[1])) or int(seed[1]) % 4 == 0]
+SLOWEST = 10.0  # s of processor time of one reader for one bag
 
 
 @pytest.fixture(scope="module")

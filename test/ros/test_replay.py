@@ -147,7 +147,7 @@ def test_a_spoilt_stamp_is_named_at_once(recorded, tmp_path, capsys):
 
 @pytest.mark.parametrize("storage", [PLAIN, Storage("sqlite3")], ids=["mcap", "sqlite3"])
 def test_one_flipped_bit_in_the_file_is_caught(recorded, tmp_path, capsys, storage):
-    """MCAP's checksums find it before the comparison does."""
+    """MCAP's checksums find it before the comparison does: the chunk is named, and the rest compared."""
     folder = rewritten(recorded, tmp_path / "flipped", storage=storage)
     with BagStream(folder) as stream:
         data = [bytes(data) for _, _, data in stream.messages(frozenset({"/odom"}))][321]
@@ -159,7 +159,8 @@ def test_one_flipped_bit_in_the_file_is_caught(recorded, tmp_path, capsys, stora
     code = replay.main([str(folder)])
     captured = capsys.readouterr()
     if storage is PLAIN:
-        assert code == 2 and "damaged bag: " in captured.err
+        assert code in (0, 1)  # 1 where the chunk had commands
+        assert "\nnot read: flipped_0.mcap: " in captured.out and "another checksum than it says" in captured.out
     else:
         assert code == 1 and "/odom message 321 at 1.605 s" in captured.out and "pose.pose.position." in captured.out
 

@@ -11,8 +11,8 @@ from vibro_ros.strict_yaml import Limits, parsed, read_yaml
 
 BAG_VERSION = 9
 FILE_NAME = "metadata.yaml"
-LIMITS = Limits(size=8 * 2**20, values=500_000)
-"""Of metadata.yaml, which names each file of a bag: 40 thousand of them."""
+LIMITS = Limits(size=8 * 2**20, values=250_000)
+"""Of metadata.yaml, which names each file of a bag: 20 thousand of them."""
 LABEL_LIMITS = Limits(size=50_000, values=2000, depth=8)
 """Of the QoS profiles with which a topic is labelled; a publisher's takes about 20 values."""
 
