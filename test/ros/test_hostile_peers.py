@@ -3,6 +3,7 @@
 import array
 import math
 import random
+import signal
 import struct
 from pathlib import Path
 
@@ -141,9 +142,9 @@ def test_thousands_of_commands_at_random_and_the_counters_add_up(start, attacker
 
 @pytest.fixture
 def ask(bench):
-    """Call one of the robot's services; an answer must come."""
-    def call(kind: type, name: str, **fields):
-        client = bench.node.create_client(kind, f"/vibro_robot/{name}")
+    """Call one of a node's services; an answer must come."""
+    def call(kind: type, name: str, node: str = "vibro_robot", **fields):
+        client = bench.node.create_client(kind, f"/{node}/{name}")
         bench.spin_until(client.service_is_ready, name)
         future = client.call_async(kind.Request(**fields))
         bench.spin_until(future.done, f"answer of {name}")
@@ -168,7 +169,7 @@ HOSTILE_PARAMETERS = {
     "rclpy's own": (wanted("start_type_description_service", ParameterType.PARAMETER_BOOL), FIXED),
     "no name": (wanted("", ParameterType.PARAMETER_DOUBLE), "'': unknown parameter"),
     "unknown": (wanted("mass.boddy", ParameterType.PARAMETER_DOUBLE), "mass.boddy: unknown parameter"),
-    "control characters": (wanted("a\x1b[31m\nb", 250), r"'a\x1b[31m b': unknown parameter"),
+    "control characters": (wanted("a\x1b[31m\nb", 250), r"a\x1b[31m b: unknown parameter"),
     "long name": (wanted("a" * 100_000, 250), "a name of 100000 characters; give at most 1000"),
     "long text": (wanted("scene", ParameterType.PARAMETER_STRING, string_value="y" * 1_000_000), FIXED),
     "long list": (wanted("record.topics", ParameterType.PARAMETER_DOUBLE_ARRAY,
@@ -204,6 +205,20 @@ def test_every_parameter_request_is_answered_and_changes_nothing(start, ask, lis
     stop(robot)
     assert "please report" not in robot.text
     assert all(line.startswith("[") for line in robot.lines)
+
+
+def test_a_controller_answers_as_well_and_goes_on(start, bench, ask):
+    controller = start("controller", "crawl")
+    controller.wait_for("waiting for a robot")
+    (answer,) = ask(SetParameters, "set_parameters", "vibro_controller", parameters=[wanted("rate", 250)]).results
+    assert (answer.successful, "rate: type 250 does not exist" in answer.reason) == (False, True)
+    heard = []
+    bench.node.create_subscription(Float64, "motor_speed", heard.append, 10)
+    for name in COMMANDS[1:]:
+        bench.node.create_subscription(Float64, name, heard.append, 10)
+    bench.spin_until(lambda: heard, "command")
+    controller.send(signal.SIGINT)
+    assert controller.end() == 130, controller.text
 
 
 def test_peers_that_cannot_be_heard_are_said(start, bench):

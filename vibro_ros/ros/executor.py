@@ -43,5 +43,6 @@ def _release(entity: Any) -> None:
 
 
 def _name_of(entity: Any) -> str:
-    """The topic or service of an entity; else what it is."""
-    return getattr(entity, "topic_name", None) or getattr(entity, "service_name", None) or type(entity).__name__
+    """The topic or service of an entity; else what it is, such as Timer."""
+    kind = type(entity).__name__ if entity else "task"
+    return getattr(entity, "topic_name", None) or getattr(entity, "service_name", None) or kind
