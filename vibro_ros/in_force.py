@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 from vibro_ros.choice import HORIZON, Candidate, Choice
+from vibro_ros.model.promise import attainable_accuracy
 from vibro_ros.model.scene import Scene
 from vibro_ros.scene_file import load_scene
 from vibro_ros.work import counted_work
@@ -40,7 +41,7 @@ _UNKNOWN = "not known for this scene: solver.method auto finds it at the start, 
 def accuracy_in_force(scene: Scene, choice: Choice | None) -> str:
     """What `scene` is simulated to, in words; `choice` is what `auto` has picked, if it was asked."""
     if scene["solver.method"] == "exact":
-        return f"rounding, below the solver.tolerance of {scene['solver.tolerance']:g} m for {HORIZON:g} s"
+        return f"rounding: {attainable_accuracy(scene):.2g} m for {HORIZON:g} s"
     if choice:
         return f"{choice.error:.2g} m for the first {HORIZON:g} s, of {scene['solver.accuracy']:g} m asked for"
     return "not known: a step of fixed length promises nothing, and the executable accuracy measures its error"

@@ -3,6 +3,7 @@
 import functools
 import math
 import time as wall_clock
+import warnings
 from collections.abc import Iterator
 
 import numpy as np
@@ -10,6 +11,7 @@ import numpy as np
 from vibro_ros.choice import Choice, Measured, choose, chosen
 from vibro_ros.model.force_limits import cut_to_laws
 from vibro_ros.model.laws import contact_laws
+from vibro_ros.model.promise import broken_promise
 from vibro_ros.model.scene import Scene
 from vibro_ros.model.tables import MODE_EVENTS, compile_scene
 from vibro_ros.samples import EVENT_DTYPE, Samples, sampled_quantities
@@ -33,6 +35,10 @@ _CAUSES = {
     event_loop.DIVERGED: "a coordinate is no longer finite",
     event_loop.ROOT_LOST: "the search for a guard's root did not end",
 }
+
+
+class ToleranceWarning(UserWarning):
+    """The default `solver.tolerance` promises more than rounding lets be kept; an explicit one is refused."""
 
 
 class SimulationError(RuntimeError):
@@ -60,6 +66,8 @@ class Simulator:
     """
 
     def __init__(self, scene: Scene):
+        if fault := broken_promise(scene):
+            warnings.warn(fault, ToleranceWarning, stacklevel=2)
         self.choice: Choice | None = choose_method(scene) if scene["solver.method"] == "auto" else None
         self.scene = chosen(scene, self.choice) if self.choice else scene
         self.time = 0.0

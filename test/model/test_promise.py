@@ -6,6 +6,7 @@ import pytest
 import vibro_ros
 from vibro_ros.model.promise import attainable_accuracy, rounded_up
 from vibro_ros.scene_file import shipped_scenes
+from vibro_ros.simulator import ToleranceWarning
 
 TIMES = np.linspace(0.0, 0.2, 1001)
 ROUNDED = ("mass.upper", "mass.inclined", "mass.body", "crank.radius", "crank.upper_rod", "upper.spring.stiffness",
@@ -55,9 +56,18 @@ def test_shipped_scenes_keep_all_that_may_be_asked_for(name):
     assert vibro_ros.load_scene(name).with_parameters({"solver.tolerance": 1e-12})
 
 
-def test_the_default_asks_for_nothing_beyond_what_holds():
-    scene = vibro_ros.load_scene("paper").with_parameters({"upper.plate.stiffness": 1e12})
+def test_the_default_is_warned_of_where_rounding_does_not_let_it_be_kept():
+    scene = vibro_ros.load_scene("paper").with_parameters({"upper.plate.stiffness": 1e10})
     assert attainable_accuracy(scene) > scene["solver.tolerance"]
+    with pytest.warns(ToleranceWarning, match="solver.tolerance: 1e-09 m is below what rounding allows with these rods "
+                                              "and plates; give at least 3.7e-09 m, or softer plates"):
+        vibro_ros.Simulator(scene)
+
+
+@pytest.mark.parametrize("name", shipped_scenes())
+def test_no_shipped_scene_is_warned_of(name, recwarn):
+    vibro_ros.Simulator(vibro_ros.load_scene(name))
+    assert not recwarn.list
 
 
 @pytest.mark.parametrize(("number", "expected"), [(1.01e-9, 1.1e-9), (2e-11, 2e-11), (9.91e-7, 1e-6), (6e-14, 6e-14)])

@@ -185,8 +185,8 @@ _TABLE: tuple[Parameter, ...] = (
               "acceleration; lag: with a time constant",
               choices=("ideal", "ramp", "lag")),
     Parameter("solver.audit", False, "", "balance the masses' energy on every segment; costs time, changes nothing"),
-    Parameter("solver.tolerance", 1e-9, "m", "error of a position over 0.2 s that may not be exceeded; any but the "
-              "default is refused where rods and plates do not let rounding keep it; changes no bit",
+    Parameter("solver.tolerance", 1e-9, "m", "error of a position over 0.2 s that may not be exceeded; refused where "
+              "rods and plates do not let rounding keep it, or, if it is the default, warned of; changes no bit",
               minimum=1e-12, maximum=1e-3),
     Parameter("solver.method", "exact", "", "exact: event by event, to rounding; auto: the cheapest that keeps "
               "solver.accuracy; the others: steps of fixed length, blind to events within a step",

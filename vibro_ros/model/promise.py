@@ -3,7 +3,7 @@
 A plate's place is rounded to eps L, L the longer rod. In a contact that lasts pi/w, w² = k/m, the force k eps L changes
 a mass's speed by some w eps L, and stiffer plates are struck more often, too: at the start, where a mass bounces on the
 plate that its spring presses it on, the number of blows grows with w, and the error with a power of w between two and
-three. Over 0.2 s of the shipped scenes, with plates of 1e5 to 1e12 N/m, one unit in the last place of a parameter moves
+three. Over 0.2 s of the shipped scenes, with plates of 1e5 to 1e11 N/m, one unit in the last place of a parameter moves
 the positions by no more than
 
     eps L (w T)^2.5,    T = 7.5 ms
@@ -26,6 +26,15 @@ def attainable_accuracy(scene) -> float:
     rates = [math.sqrt(scene[f"{side}.plate.stiffness"] / scene[f"mass.{side}"])
              for side in scene.plates if scene[f"effects.{side}_contact"] == "compliant"]
     return length * max(LEAST_SHARE, float(np.finfo(float).eps) * (max(rates, default=0.0) * _TIME)**_POWER)
+
+
+def broken_promise(scene) -> str:
+    """Why rounding breaks the `solver.tolerance` of `scene`, a Scene, by the method exact, in one line; empty if not."""
+    holds = attainable_accuracy(scene)
+    if scene["solver.tolerance"] >= holds:
+        return ""
+    return (f"solver.tolerance: {scene['solver.tolerance']:g} m is below what rounding allows with these rods and "
+            f"plates; give at least {rounded_up(holds):g} m, or softer plates")
 
 
 def rounded_up(number: float) -> float:

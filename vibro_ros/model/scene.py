@@ -7,7 +7,7 @@ from types import MappingProxyType
 
 from vibro_ros.model.description import describe
 from vibro_ros.model.parameters import SCENE_PARAMETERS, Value, checked_parameters, known
-from vibro_ros.model.promise import LEAST_SHARE, attainable_accuracy, rounded_up
+from vibro_ros.model.promise import LEAST_SHARE, broken_promise
 from vibro_ros.model.rates import fastest_rate, least_inertia
 
 #: Fastest rate [1/s] of a mass on its springs and dampers that is simulated: a step lasts two of its time constants,
@@ -200,11 +200,9 @@ class Scene:
         return ""
 
     def _check_tolerance(self):
-        """A promise that rounding does not let `exact` keep is refused; the default asks for none beyond what holds."""
-        holds = attainable_accuracy(self)
-        if self["solver.tolerance"] < holds and self["solver.tolerance"] != _DEFAULTS["solver.tolerance"]:
-            raise ValueError(f"solver.tolerance: {self['solver.tolerance']:g} m is below what rounding allows with "
-                             f"these rods and plates; give at least {rounded_up(holds):g} m, or softer plates")
+        """A promise that rounding does not let `exact` keep is refused; of the default `Simulator` warns."""
+        if self["solver.tolerance"] != _DEFAULTS["solver.tolerance"] and (fault := broken_promise(self)):
+            raise ValueError(fault)
         length = max((self[f"crank.{side}_rod"] for side in self.guides), default=0.0)
         if self["solver.accuracy"] < LEAST_SHARE * length:
             raise ValueError(f"solver.accuracy: {self['solver.accuracy']:g} m is below what rounding allows with rods "

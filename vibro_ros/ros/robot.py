@@ -12,6 +12,7 @@ import gc
 import json
 import sys
 import time
+import warnings
 from array import array
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
@@ -29,6 +30,7 @@ from vibro_ros.bag.robot_topics import CHECKPOINT, CHECKPOINT_TYPE, COMMANDS
 from vibro_ros.command_line import Parser
 from vibro_ros.front_door import exit_code, say
 from vibro_ros.model.parameters import SCENE_PARAMETERS, Value, checked_parameters
+from vibro_ros.model.promise import broken_promise
 from vibro_ros.model.scene import Scene
 from vibro_ros.preparation import Preparation
 from vibro_ros.provenance import provenance
@@ -45,7 +47,7 @@ from vibro_ros.ros.ros_arguments import check_addressed, check_arguments, folder
 from vibro_ros.ros.ros_time import wait_for_time
 from vibro_ros.ros.stepping import Stepping
 from vibro_ros.scene_file import DEVICE_PARAMETERS, NODE_NAME, load_scene, scene_origin, shipped_scenes
-from vibro_ros.simulator import Simulator, compile_kernels
+from vibro_ros.simulator import Simulator, ToleranceWarning, compile_kernels
 from vibro_ros.stop_signals import StopRequest
 
 CHECKPOINT_DEPTH = 1
@@ -109,11 +111,15 @@ def _plan(node: SteadyNode, settings: Mapping[str, Value], scene: Scene, outputs
 
 def _prepare(node: SteadyNode, settings: Mapping[str, Value], scene: Scene, plan: Plan) -> Simulator:
     """The device, ready to be stepped; and whatever else takes long, so that a signal need not wait for it."""
+    log = node.get_logger()
     compile_kernels(scene["solver.method"])
+    if fault := broken_promise(scene):
+        warnings.simplefilter("ignore", ToleranceWarning)  # said here, in the log's form
+        log.warning(fault)
     device = Simulator(scene)
     if device.choice:
-        node.get_logger().info(f"solver.method auto: {device.choice}")
-    offer_recovery(plan.directory, settings["record.recover"], node.get_logger())
+        log.info(f"solver.method auto: {device.choice}")
+    offer_recovery(plan.directory, settings["record.recover"], log)
     jazzy_types()
     return device
 
