@@ -29,7 +29,7 @@ def attainable_accuracy(scene) -> float:
 
 
 def broken_promise(scene) -> str:
-    """Why rounding breaks the `solver.tolerance` of `scene`, a Scene, by the method exact, in one line; empty if not."""
+    """Why rounding breaks the `solver.tolerance` of `scene`, a Scene, by the method exact, or nothing."""
     holds = attainable_accuracy(scene)
     if scene["solver.tolerance"] >= holds:
         return ""
