@@ -44,8 +44,11 @@ def plot_run(bag: Bag, caption: str = "") -> Figure:
         Rows that share time [s]; left the whole run, right `MOMENT` seconds of it.
     """
     whole, moment, panels = (0.0, max(bag.duration, 1e-3)), _moment(bag), list(_panels(bag))
-    figure = Figure(figsize=(13.0, 1.2 + 1.75 * len(panels)), dpi=120, layout="constrained", facecolor="white")
-    figure.get_layout_engine().set(h_pad=0.12)  # room for the legends
+    height = 1.7 + 1.75 * len(panels)
+    figure = Figure(figsize=(13.0, height), dpi=120, facecolor="white")
+    # Margins [in] instead of a layout engine, which would draw everything twice more to find them.
+    figure.subplots_adjust(left=0.07, right=0.985, bottom=0.55 / height, top=1.0 - 1.15 / height, wspace=0.16,
+                           hspace=0.42)
     FigureCanvasAgg(figure)
     axes = figure.subplots(len(panels), 2, sharex="col", width_ratios=(3, 2), squeeze=False)
     for row, draw in zip(axes, panels, strict=True):
@@ -61,7 +64,7 @@ def plot_run(bag: Bag, caption: str = "") -> Figure:
     for axis, title in zip(axes[0], ("the whole recording", f"the {np.ptp(moment):.2g} s marked on the left"),
                            strict=True):
         axis.set_title(title, fontsize=10, color=_TEXT, loc="right")
-    figure.suptitle("\n".join(filter(None, (bag.path.name, caption))), fontsize=12, color=_TEXT)
+    figure.suptitle("\n".join(filter(None, (bag.path.name, caption))), fontsize=12, color=_TEXT, y=1.0 - 0.2 / height)
     figure.align_ylabels(axes)
     return figure
 
