@@ -189,19 +189,26 @@ def _reliable(depth: int) -> QoSProfile:
 
 
 def _positive(text: str) -> float:
-    value = _not_negative(text)
-    if value == 0.0:
+    value = _number(text, "above 0")
+    if value <= 0.0:
         raise argparse.ArgumentTypeError(f"{text} is not above 0")
     return value
 
 
 def _not_negative(text: str) -> float:
+    value = _number(text, "of at least 0")
+    if value < 0.0:
+        raise argparse.ArgumentTypeError(f"{text} is below 0; give a number of at least 0")
+    return value
+
+
+def _number(text: str, wanted: str) -> float:
     try:
         value = float(text)
     except ValueError:
-        raise argparse.ArgumentTypeError(f"{text} is not a number; give one of at least 0") from None
-    if not (math.isfinite(value) and value >= 0.0):
-        raise argparse.ArgumentTypeError(f"{text} is not a number of at least 0")
+        value = math.nan
+    if not math.isfinite(value):
+        raise argparse.ArgumentTypeError(f"{text} is not a number; give one {wanted}")
     return value
 
 
