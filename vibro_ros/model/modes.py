@@ -101,12 +101,15 @@ class ModeBuilder:
         for i, side in enumerate(forms.guides):
             mass, along = scene[f"mass.{side}"], forms.along(side, body)
             loads[i] -= forms.weight(side)
-            if side in mode.resting:
-                loads[i] = 0.0
-            elif scene["effects.reaction"]:
+            if scene["effects.reaction"]:
                 inertia[i] += mass * along[accelerations]
                 loads[i] -= mass * along[forms.channels.one] * forms.one
-        return list(np.linalg.solve(inertia, loads)) if len(loads) else []
+        # Only the others are solved for: an elimination that pivots would leave rounding in a resting mass's row.
+        moving = [i for i, side in enumerate(forms.guides) if side not in mode.resting]
+        solved = np.zeros_like(loads)
+        if moving:
+            solved[moving] = np.linalg.solve(inertia[np.ix_(moving, moving)], loads[moving])
+        return list(solved)
 
     def normal_force(self, mode: Mode) -> Form:
         """N in `mode` [N]."""
