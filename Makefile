@@ -33,8 +33,9 @@ setup: $(READY)  ## make .venv with every pinned package; quick when nothing has
 demo: $(READY)  ## run robot and controller for about 20 s, record, report into out/
 	@$(BIN)/python -m vibro_ros.study.demo
 
-test: $(READY) $(PEER)  ## run every test
-	@$(BIN)/python -m pytest
+test: $(READY) $(PEER)  ## run every test, two at a time; those that need a quiet machine one after the other
+	@$(BIN)/python -m pytest --numprocesses 2 -m "not quiet"
+	@$(BIN)/python -m pytest -m quiet
 
 lint: $(READY) conflict-markers  ## check the style, and that no merge has left its marks
 	@$(BIN)/ruff check

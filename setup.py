@@ -54,6 +54,7 @@ setup(
             "mpmath",
             "packaging",
             "pytest",
+            "pytest-xdist",
             "python-flint",
             "ruff",
             "setuptools<80",  # later ones break colcon's `develop` and `install_scripts`

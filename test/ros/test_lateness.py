@@ -2,7 +2,11 @@
 
 import signal
 
+import pytest
+
 from vibro_ros.ros.lateness import table
+
+pytestmark = pytest.mark.quiet
 
 
 def test_recording_is_switched_on_and_off_and_both_are_told(start, domain_id, tmp_path):

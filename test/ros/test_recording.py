@@ -45,6 +45,7 @@ def test_recording_is_sealed_and_begun_on_request(start, listener, record, tmp_p
     assert gap >= 20 * 5_000_000  # [ns] the samples between
 
 
+@pytest.mark.quiet
 def test_all_topics_at_1_khz_in_small_files_drop_nothing(start, listener, tmp_path):
     robot = start("robot", "--ros-args", "-p", "rate.publish:=1000.0", "-p", "record.max_duration:=0.5",
                   "-p", "record.compression:=zstd", "-p", "motor.speed:=100.0")

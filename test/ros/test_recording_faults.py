@@ -21,6 +21,8 @@ from observation import bags, stamps_of, stop, value_of
 from vibro_ros.bag.reader import read_bag
 from vibro_ros.bag.recovery import recover
 
+pytestmark = pytest.mark.quiet
+
 UNLIMITED = (resource.RLIM_INFINITY, resource.RLIM_INFINITY)
 KILLS = int(os.environ.get("VIBRO_ROS_ROBOT_KILLS", "2"))  # VIBRO_ROS_ROBOT_KILLS=100 for the long version
 LONGEST_LOSS = 0.15  # [s] what the issue allows

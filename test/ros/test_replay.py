@@ -284,6 +284,7 @@ def test_a_bag_that_says_nothing_of_its_scene_is_refused(recorded, tmp_path, cap
     assert "says nothing of scene" in capsys.readouterr().err
 
 
+@pytest.mark.quiet
 def test_commands_are_played_to_a_live_robot(recorded, start, tmp_path):
     """At three times the speed, by the installed name's own code: what arrives is what was sent, in order."""
     robot = start("robot", "--ros-args", "-p", "record.directory:=live")

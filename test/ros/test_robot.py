@@ -20,6 +20,7 @@ from std_msgs.msg import Float64
 
 import vibro_ros
 from vibro_ros.bag.reader import read_bag
+from vibro_ros.bag.stream import BagStream
 
 PERIOD = 5_000_000  # [ns] of the default 200 Hz
 HEARD = ("odom", "joint_states", "ground_contact", "impacts", "motor_power")
@@ -134,9 +135,10 @@ def compare_with_simulation(folder: Path, start_ns: int, recorded: dict[str, lis
     """Every recorded number against an offline run of the recorded commands, exactly."""
     bag = read_bag(folder)
     device = vibro_ros.Simulator(vibro_ros.load_scene("device"))
-    commands = [((stamp - start_ns) / 1e9, name, deserialize_message(data, Float64).data)
-                for name in COMMANDS for stamp, data in recorded[f"/{name}"]]
-    commands.sort(key=lambda command: command[0])  # stable: commands of one instant stay in their order
+    names = {f"/{name}": name for name in COMMANDS}
+    with BagStream(folder) as stream:  # commands of one instant in the order in which the robot took them
+        commands = [((stamp - start_ns) / 1e9, names[topic], deserialize_message(data, Float64).data)
+                    for topic, stamp, data in stream.messages(frozenset(names))]
     states = []
     for stamp, _ in recorded["/odom"]:
         time = (stamp - start_ns) / 1e9

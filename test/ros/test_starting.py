@@ -80,6 +80,7 @@ def test_what_is_wrong_is_said_before_anything_is_compiled(start, cold, words, r
     assert line.startswith(reason)
 
 
+@pytest.mark.quiet
 def test_a_warm_start_says_nothing_of_compiling_and_stamps_are_those_of_the_wall_clock(start, bench):
     late: list[float] = []
     bench.node.create_subscription(Odometry, "odom", lambda message: late.append(

@@ -2,7 +2,11 @@
 
 import re
 
+import pytest
+
 from vibro_ros.ros.tick_cost import ASKED, RATES
+
+pytestmark = pytest.mark.quiet
 
 
 def test_a_tick_is_measured_for_every_accuracy_and_rate(start):

@@ -177,9 +177,10 @@ def test_a_mass_at_rest_parts_from_a_body_that_lands_or_is_struck_or_is_driven_a
 
 
 def test_the_damped_device_agrees_for_longer_than_chaos_would_let_it():
-    """2 s; the motion contracts, so that the limits of 0.2 s hold."""
+    """2 s; the motion contracts, so that the limits of 0.2 s hold. The plate arrives between two samples: at one, the
+    rounding of the instant would decide whether it still moves."""
     scene = vibro_ros.load_scene("device").with_parameters({"motor.speed": 100.0, "solver.audit": False})
-    peer = assert_agreement(scene, 2.0, ((0.5, {"motor_speed": 120.0, "upper_gap": 0.0005}),))
+    peer = assert_agreement(scene, 2.0, ((0.5, {"motor_speed": 120.0, "upper_gap": 0.00052}),))
     assert np.count_nonzero(peer.events["kind"] == "upper_contact") > 20
 
 
