@@ -31,7 +31,7 @@ setup(
     ],
     zip_safe=True,
     python_requires=">=3.10,<3.14",
-    install_requires=["llvmlite", "matplotlib", "mcap", "numba", "numpy", "pillow", "PyYAML",
+    install_requires=["llvmlite", "lz4", "matplotlib", "mcap", "numba", "numpy", "pillow", "PyYAML",
                       "rosbags==0.11.9", "scipy", "tqdm"],
     extras_require={
         # The peer that bench and tests compare with: 104 MB, and no wheel for Python 3.10.

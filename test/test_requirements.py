@@ -15,7 +15,7 @@ from packaging.version import Version
 ROOT = Path(__file__).resolve().parents[1]
 ROSDEP_KEYS = {"PIL": "python3-pil", "mcap": "python3-mcap-pip", "rosbags": "python3-rosbags-pip",
                "yaml": "python3-yaml",  # not python3-<import>
-               "llvmlite": "python3-numba"}  # no key of its own: numba's package brings it
+               "llvmlite": "python3-numba", "lz4": "python3-rosbags-pip"}  # these two are brought by others
 ROSDEP_KEYS |= {name: f"python3-{name}" for name in ("matplotlib", "numba", "numpy", "scipy", "tqdm")}
 LOCKS = ("requirements.txt", "requirements-bench.txt")
 NO_ROSDEP_KEY = {"heyoka"}  # of the extra `bench`; only study.peer imports it
