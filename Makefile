@@ -49,7 +49,7 @@ conflict-markers:
 bench: $(READY) $(PEER)  ## compare the exact solver's cost with fixed-step Runge-Kutta and heyoka
 	@$(BIN)/python -m vibro_ros.study.bench
 
-accuracy: $(READY) $(PEER)  ## measure what accuracy costs in every shipped scene and write docs/accuracy.md; 10 minutes
+accuracy: $(READY) $(PEER)  ## measure what accuracy costs in every shipped scene and write docs/accuracy.md; a quarter of an hour
 	@$(BIN)/python -m vibro_ros.study.accuracy_report
 
 docs: $(READY)  ## measure and write the tables in docs/interface.md and docs/model.md anew; some minutes
