@@ -52,7 +52,8 @@ def row_writer(path: Path):
         writer.writerow([field.name for field in fields(Row)])
 
         def write(row: Row) -> None:
-            writer.writerow(f"{cell:.6g}" if isinstance(cell, float) else cell for cell in astuple(row))
+            # more digits than any text shows: who makes the text from the rows again gets the same one
+            writer.writerow(f"{cell:.10g}" if isinstance(cell, float) else cell for cell in astuple(row))
             file.flush()
 
         file.flush()
