@@ -25,7 +25,7 @@ endif
 .PHONY: help setup demo test lint conflict-markers bench accuracy docs picture clean another-python
 
 help:  ## list these commands
-	@sed -n 's/^\([a-z]*\):[^#]*## /  make \1\t/p' $(MAKEFILE_LIST) | expand -t 14
+	@sed -n 's/^\([a-z]*\):[^#]*## /  make \1\t/p' $(MAKEFILE_LIST) | expand -t 18
 
 setup: $(READY)  ## make .venv with every pinned package; quick when nothing has changed
 	@echo "setup: $(VENV) is ready, with Python $$(cat $(PACKAGES))"
