@@ -24,9 +24,11 @@ os.environ["ROS_PYTHON_CHECK_FIELDS"] = "1"
 os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
 os.environ.setdefault("MPLBACKEND", "Agg")
 os.environ.update([SESSION.split("=")])
-# What the tests start must hear SIGHUP, even where `nohup` has started pytest; an ignored signal stays so in children.
+# Tests and what they start must hear signals that `nohup` or a script's `&` has told pytest to ignore.
 if signal.getsignal(signal.SIGHUP) is signal.SIG_IGN:
-    signal.signal(signal.SIGHUP, lambda number, frame: None)
+    signal.signal(signal.SIGHUP, lambda number, frame: None)  # a program that is started then has the default again
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 os.environ["PYTHONPATH"] = os.pathsep.join(filter(None, [str(ROOT), os.environ.get("PYTHONPATH")]))
 
 _next_domain = itertools.count(os.getpid())

@@ -92,7 +92,6 @@ def test_joints_and_frames_are_those_of_a_running_robot(start, bench):
     assert frames == set(document.first_column("frame", "is"))
 
 
-@pytest.mark.timeout(900)  # kernels of two methods may have to be compiled first
 def test_keys_of_diagnostics_and_of_custom_data_are_those_of_running_robots(start, listener, tmp_path):
     """Each robot has some of the keys: all together have all, and none has another."""
     compile_kernels("auto")
