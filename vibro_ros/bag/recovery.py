@@ -94,10 +94,10 @@ def recover(path: str | Path, keep_torn: bool = True) -> Recovery:
     except BlockingIOError:
         raise RecoveryError(f"{path}: the bag is in use, its recorder still runs; end the recorder") from None
     except OSError as error:
-        raise RecoveryError(f"{path}: cannot be sealed: {error.strerror or error}; nothing was lost, "
+        raise RecoveryError(f"{path}: cannot be sealed: {error.strerror or error}; nothing readable was lost, "
                             "make room or give write permission and try again") from error
     except MemoryError:
-        raise RecoveryError(f"{path}: cannot be sealed: not enough memory; nothing was lost") from None
+        raise RecoveryError(f"{path}: cannot be sealed: not enough memory; nothing readable was lost") from None
 
 
 def is_bag_sealed(folder: Path) -> bool:

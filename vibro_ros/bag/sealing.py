@@ -56,7 +56,7 @@ def seal_mcap(path: Path, found: Scan, metadata: str, keep: bool) -> Path | None
     Raises
     ------
     OSError
-        When it cannot be done; the file is as it was.
+        When it cannot be done; the file is as it was, without what was to be cut if that is not kept.
     """
     with _to_write(path) as (descriptor, size):
         if size != found.size:

@@ -8,10 +8,9 @@ from rclpy.node import Node
 from rclpy.publisher import Publisher
 
 from vibro_ros.ros import process
+from vibro_ros.scene_file import NODE_NAME
 from vibro_ros.stop_signals import StopRequest
 
-ROBOT = "vibro_robot"
-"""Name of the robot's node, unless it is remapped."""
 REPORTS = 10.0
 """Time [s] between two lines that say what is waited for."""
 
@@ -58,7 +57,7 @@ def wait_for_listeners(node: Node, executor: Executor, publishers: Sequence[Publ
 def _remedy(node: Node) -> str:
     """What a user can do; a robot that is there and does not listen is starting, or is another's."""
     robots = sorted(f"{space.rstrip('/')}/{name}" for name, space in node.get_node_names_and_namespaces()
-                    if name == ROBOT)
+                    if name == NODE_NAME)  # unless it is remapped
     if robots:
         return (f"{', '.join(robots)} is there and does not: it compiles at its first start, or has another namespace "
                 "or other topics")
