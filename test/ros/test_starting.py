@@ -20,6 +20,7 @@ from std_msgs.msg import Float64
 
 from vibro_ros.bag.reader import read_bag
 from vibro_ros.ros import listeners
+from vibro_ros.scene_file import NODE_NAME
 from vibro_ros.stop_signals import StopRequest
 
 PROMPT = 10.0  # [s] deadline of what takes 0.1 s on an idle machine
@@ -202,10 +203,10 @@ def test_who_waits_for_a_robot_is_told_again_and_again_what_for(bench, monkeypat
 
 
 def test_who_waits_is_told_of_a_robot_that_is_there_and_does_not_listen(bench, domain_id, capfd):
-    robot = Node(listeners.ROBOT, context=bench.node.context)
+    robot = Node(NODE_NAME, context=bench.node.context)
     try:
         publisher = bench.node.create_publisher(Float64, "motor_speed", 10)
-        bench.spin_until(lambda: listeners.ROBOT in bench.node.get_node_names(), "robot in the graph")
+        bench.spin_until(lambda: NODE_NAME in bench.node.get_node_names(), "robot in the graph")
         with StopRequest() as stop, pytest.raises(RuntimeError, match="; /vibro_robot is there and does not: it comp"):
             listeners.wait_for_listeners(bench.node, bench._executor, [publisher], 0.1, stop)
     finally:
