@@ -47,8 +47,8 @@ def _parser() -> Parser:
         description="Seal bags whose recorder was killed or ran out of disk, or that were damaged since: cut the torn "
         "end and keep it beside as FILE.torn, write index and metadata.yaml, in place, and read the bag back. A sealed "
         "bag is not touched. What of a bag cannot be read is named.",
-        epilog="Exit code 0: every bag is sealed now; 2: one is no bag, is empty, in use, or cannot be written; 129, 130, "
-        "143: stopped by SIGHUP, SIGINT, SIGTERM.")
+        epilog="Exit code 0: every bag is sealed now; 2: one is no bag, is empty, in use, or cannot be written; "
+        "129, 130, 143: stopped by SIGHUP, SIGINT, SIGTERM.")
     parser.add_argument("bags", nargs="+", metavar="BAG_FOLDER", help="folder of a recording")
     parser.add_argument("--discard-torn", action="store_true", help="do not keep what is cut, where there is no room")
     return parser
