@@ -22,7 +22,7 @@ $(PACKAGES): another-python
 endif
 endif
 
-.PHONY: help setup demo test lint conflict-markers bench accuracy docs picture clean another-python
+.PHONY: help setup demo test check lint conflict-markers bench accuracy docs picture clean another-python
 
 help:  ## list these commands
 	@sed -n 's/^\([a-z]*\):[^#]*## /  make \1\t/p' $(MAKEFILE_LIST) | expand -t 18
@@ -31,14 +31,20 @@ setup: $(READY)  ## make .venv with every pinned package; quick when nothing has
 	@echo "setup: $(VENV) is ready, with Python $$(cat $(PACKAGES))"
 
 demo: $(READY)  ## run robot and controller for about 20 s, record, report into out/
-	@$(BIN)/python -m vibro_ros.study.demo
+	@$(BIN)/python -m vibro_ros.project.demo
 
 test: $(READY) $(PEER)  ## run every test, two at a time; those that need a quiet machine one after the other
 	@$(BIN)/python -m pytest --numprocesses 2 -m "not quiet"
 	@$(BIN)/python -m pytest -m quiet
 
-lint: $(READY) conflict-markers  ## check the style, and that no merge has left its marks
+check: lint  ## the fast loop: the style, and the tests of model and solver; a minute or two
+	@$(BIN)/python -m pytest --numprocesses 2 --quiet test/model test/solver
+
+lint: $(READY) conflict-markers  ## check style, spelling and types, and that names and links in documents lead somewhere
 	@$(BIN)/ruff check
+	@$(BIN)/codespell *.md Makefile setup.py config docs test vibro_ros
+	@$(BIN)/python -m vibro_ros.project.lint
+	@$(BIN)/mypy --no-error-summary
 
 # 1 of git's exit codes is "found nothing"; without a repository it looks at all files that .gitignore does not name.
 conflict-markers:
@@ -47,20 +53,21 @@ conflict-markers:
 		exit 1; }
 
 bench: $(READY) $(PEER)  ## compare the exact solver's cost with fixed-step Runge-Kutta and heyoka
-	@$(BIN)/python -m vibro_ros.study.bench
+	@$(BIN)/python -m vibro_ros.project.bench
 
 accuracy: $(READY) $(PEER)  ## measure what accuracy costs in every shipped scene and write docs/accuracy.md; a quarter of an hour
-	@$(BIN)/python -m vibro_ros.study.accuracy_report
+	@$(BIN)/python -m vibro_ros.project.accuracy_report
 
-docs: $(READY)  ## measure and write the tables in docs/interface.md and docs/model.md anew; some minutes
-	@$(BIN)/python -m vibro_ros.study.parameter_table
-	@$(BIN)/python -m vibro_ros.study.effects
+docs: $(READY)  ## measure and write the tables in docs/guide/parameters.md and docs/robot.md; some minutes
+	@$(BIN)/python -m vibro_ros.project.parameter_table
+	@$(BIN)/python -m vibro_ros.project.effects
 
-picture: $(READY)  ## simulate and draw docs/robot.gif, the robot in slow motion
-	@$(BIN)/python -m vibro_ros.study.animation
+picture: $(READY)  ## simulate and draw docs/robot.svg, the parts by name, and docs/robot.gif, the robot in slow motion
+	@$(BIN)/python -m vibro_ros.project.drawing
+	@$(BIN)/python -m vibro_ros.project.animation
 
 clean:  ## remove .venv and all that is built; out/ stays
-	@rm -rf $(VENV) build install log *.egg-info .pytest_cache .ruff_cache .hypothesis
+	@rm -rf $(VENV) build install log *.egg-info .pytest_cache .ruff_cache .hypothesis .mypy_cache
 	@find . -name __pycache__ -type d -prune -exec rm -rf {} +
 	@echo "clean: done"
 
@@ -78,7 +85,7 @@ $(PACKAGES): requirements.txt
 	@$(BIN)/python -m pip check >/dev/null || { $(BIN)/python -m pip check; exit 1; }
 	@$(BIN)/python -c 'import platform; print(platform.python_version())' > $@
 
-$(READY): $(PACKAGES) setup.py setup.cfg package.xml
+$(READY): $(PACKAGES) setup.py setup.cfg package.xml vibro_ros/process/executables.py
 	@echo "setup: installing vibro_ros from this folder"
 	@$(PIP) install --use-pep517 --no-build-isolation --no-deps --editable .
 	@touch $@

@@ -1,6 +1,7 @@
 """Install vibro_ros with pip, or with colcon in a ROS 2 workspace."""
 
 from pathlib import Path
+from runpy import run_path
 from xml.etree import ElementTree
 
 from setuptools import find_packages, setup
@@ -8,6 +9,7 @@ from setuptools import find_packages, setup
 PACKAGE = ElementTree.parse("package.xml").getroot()  # name, version and the like are written there only
 NAME = PACKAGE.findtext("name")
 SHARE = f"share/{NAME}"
+EXECUTABLES = run_path(f"{NAME}/process/executables.py")["EXECUTABLES"]  # not imported: what they need may be missing
 
 
 def config_files() -> list[tuple[str, list[str]]]:
@@ -49,9 +51,11 @@ setup(
         ],
         "test": [
             "catkin-pkg",
+            "codespell",
             "colcon-common-extensions",
             "hypothesis",
             "mpmath",
+            "mypy",
             "packaging",
             "pytest",
             "pytest-xdist",
@@ -62,12 +66,7 @@ setup(
     },
     entry_points={
         "console_scripts": [
-            "accuracy = vibro_ros.front_door:accuracy",
-            "controller = vibro_ros.front_door:controller",
-            "recover = vibro_ros.front_door:recover",
-            "replay = vibro_ros.front_door:replay",
-            "report = vibro_ros.front_door:report",
-            "robot = vibro_ros.front_door:robot",
+            f"{name} = {NAME}.process.front_door:{name}" for name, one in EXECUTABLES.items() if one.installed
         ],
     },
 )

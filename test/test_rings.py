@@ -1,6 +1,7 @@
-"""The rings hold: model, solver <- simulator, bag <- ros, study; no arrow outwards, no cycle, rclpy in `ros` alone."""
+"""Arrows between rooms are those that docs/architecture.md draws: inwards, no cycle, rclpy in `ros` alone."""
 
 import ast
+import re
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -11,14 +12,30 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = "vibro_ros"
-RINGS = {"model": 0, "solver": 0, "": 1, "bag": 1, "ros": 2, "study": 2}  # folder: ring; "": modules beside the folders
-STRANGERS = {("ros", "study"), ("study", "ros"), ("solver", "model")}  # (importer, imported) that the rings would allow
+PURE = ("solver", "model")  # physics: no file, no clock, no screen
 OUTSIDE_WORLD = {"datetime", "io", "logging", "os", "pathlib", "shutil", "socket", "subprocess", "sys", "tempfile"}
 OUTSIDE_WORLD |= {"threading", "time", "yaml", "matplotlib", "rosbags"}  # files, clocks, logs: not for the physics
 FILE_AND_SCREEN = {"open", "print", "input"}
 # Compiled kernels are kept in files.
 EXEMPT = {("vibro_ros.solver.compilation", "os"), ("vibro_ros.solver.compilation", "pathlib.Path"),
           ("vibro_ros.solver.kernel_cache", "pathlib.Path")}
+
+
+def drawn_arrows(document: str) -> dict[str, set[str]]:
+    """Return the rooms that each room imports by the picture in a document; "" is the package's own `__init__`."""
+    picture = re.search(r"^```text\n( imports →.*?)^```", document, re.MULTILINE | re.DOTALL)[1]
+    head, *lines = picture.splitlines()
+    column = {number.end() - 1: int(number[0]) for number in re.finditer(r"\d+", head)}
+    rows = {int(line.split()[0]): line for line in lines}
+    room = {number: line.split()[1].replace(PACKAGE, "") for number, line in rows.items()}
+    marks = {number: [column[mark.start()] for mark in re.finditer("●", line)] for number, line in rows.items()}
+    assert list(room) == list(column.values()) == list(range(1, len(room) + 1))
+    assert all(mark < number for number, row in marks.items() for mark in row), "an arrow points outwards"
+    return {room[number]: {room[mark] for mark in row} for number, row in marks.items()}
+
+
+ARCHITECTURE = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
+MAY_IMPORT = drawn_arrows(ARCHITECTURE)
 
 
 def imported(module: str, source: str) -> Iterator[str]:
@@ -33,15 +50,20 @@ def imported(module: str, source: str) -> Iterator[str]:
 
 
 def part_of(name: str) -> str | None:
-    """Return the folder that an imported name belongs to: "" for `vibro_ros.simulator`, None for `numpy`."""
+    """Return the room that an imported name belongs to: "" for `vibro_ros.simulate`, None for `numpy`."""
     words = name.split(".")
     if words[0] != PACKAGE:
         return None
-    return words[1] if len(words) > 1 and words[1] in RINGS else ""
+    return words[1] if len(words) > 1 and words[1] in MAY_IMPORT else ""
+
+
+def room_of(module: str) -> str:
+    """Return the room of a module by its dotted name; "" for the package's own `__init__`."""
+    return ".".join(module.split(".")[1:-1][:1])
 
 
 def violations(module: str, source: str) -> list[str]:
-    """Return a sentence for each arrow in `source` that points out of its ring.
+    """Return a sentence for each arrow in `source` that points where its room may not import from.
 
     Parameters
     ----------
@@ -50,12 +72,12 @@ def violations(module: str, source: str) -> list[str]:
     source : str
         Python text.
     """
-    part = ".".join(module.split(".")[1:-1][:1])
-    if part not in RINGS:
-        return [f"{module}: say in RINGS which ring {part!r} belongs to"]
+    part = room_of(module)
+    if part not in MAY_IMPORT:
+        return [f"{module}: draw in docs/architecture.md what the room {part!r} imports"]
     found = [f"{module} imports {name}" for name in imported(module, source)
              if not _may_import(part, name) and (module, name) not in EXEMPT]
-    if RINGS[part] == 0:
+    if part in PURE:
         calls = [node.func.id for node in ast.walk(ast.parse(source)) if _is_call(node)]
         found += [f"{module} calls {name}()" for name in calls if name in FILE_AND_SCREEN]
     return found
@@ -65,10 +87,10 @@ def _may_import(part: str, name: str) -> bool:
     """Say whether a folder of the package may import a dotted name."""
     other = part_of(name)
     if other is not None:
-        return RINGS[other] <= RINGS[part] and (part, other) not in STRANGERS
+        return other == part or other in MAY_IMPORT[part]
     top = name.split(".")[0]
     needs_ros = top in {"rclpy", "ament_index_python"} or top.endswith(("_msgs", "_interfaces", "_srvs"))
-    return (part == "ros" or not needs_ros) and (RINGS[part] > 0 or top not in OUTSIDE_WORLD)
+    return (part == "ros" or not needs_ros) and (part not in PURE or top not in OUTSIDE_WORLD)
 
 
 def _is_call(node: ast.AST) -> bool:
@@ -104,6 +126,22 @@ def test_every_module_keeps_to_its_ring(sources):
     assert [line for module, source in sources.items() for line in violations(module, source)] == []
 
 
+def test_every_arrow_that_is_drawn_is_used(sources):
+    used = {room: set() for room in MAY_IMPORT}
+    for module, source in sources.items():
+        used[room_of(module)] |= {part_of(name) for name in imported(module, source)} - {None, room_of(module)}
+    assert used == MAY_IMPORT
+
+
+def test_rooms_are_told_in_the_words_of_the_rooms():
+    section = ARCHITECTURE.partition("## Rooms")[2].partition("\n## ")[0]
+    rows = re.findall(r"^\| `(\w+)` \| (.*) \|$", section, re.MULTILINE)
+    docstrings = {file.parent.name: ast.get_docstring(ast.parse(file.read_text())).splitlines()[0]
+                  for file in (ROOT / PACKAGE).glob("*/__init__.py")}
+    assert dict(rows) == docstrings
+    assert [room for room, _ in rows] == [room for room in MAY_IMPORT if room]
+
+
 def test_no_cycle_among_modules(sources):
     assert cycle(sources) == []
 
@@ -116,17 +154,17 @@ def test_no_cycle_among_modules(sources):
         ("vibro_ros.model.scene", "from pathlib import Path"),
         ("vibro_ros.model.scene", "text = open('scene.yaml').read()"),
         ("vibro_ros.solver.loop", "from time import monotonic"),
-        ("vibro_ros.solver.loop", "from vibro_ros.simulator import Simulator"),
+        ("vibro_ros.solver.loop", "from vibro_ros.simulation.simulator import Simulator"),
         ("vibro_ros.solver.loop", "from vibro_ros.model.scene import Scene"),
-        ("vibro_ros.solver.loop", "from ..simulator import Simulator"),
-        ("vibro_ros.solver.__init__", "from ..scene_file import load_scene"),
+        ("vibro_ros.solver.loop", "from ..simulation.simulator import Simulator"),
+        ("vibro_ros.solver.__init__", "from ..configuration.scene_file import load_scene"),
         ("vibro_ros.model.scene", "from vibro_ros import load_scene"),
-        ("vibro_ros.simulator", "from vibro_ros.ros import robot"),
+        ("vibro_ros.simulation.simulator", "from vibro_ros.ros import robot"),
         ("vibro_ros.bag.recorder", "from rclpy.node import Node"),
         ("vibro_ros.bag.reader", "from std_msgs.msg import Float64"),
-        ("vibro_ros.study.report", "import rclpy.serialization"),
-        ("vibro_ros.study.report", "from vibro_ros.ros.robot import main"),
-        ("vibro_ros.ros.robot", "from vibro_ros.study import report"),
+        ("vibro_ros.recordings.report", "import rclpy.serialization"),
+        ("vibro_ros.recordings.report", "from vibro_ros.ros.robot import main"),
+        ("vibro_ros.ros.robot", "from vibro_ros.recordings import report"),
         ("vibro_ros.__init__", "from vibro_ros.ros.robot import main"),
         ("vibro_ros.utils.text", "import math"),
     ],
@@ -139,22 +177,31 @@ def test_a_broken_ring_is_seen(module, source):
     ("module", "source"),
     [
         ("vibro_ros.model.scene", "import numpy\nfrom vibro_ros.solver.flow import Flow\nfrom . import parameters"),
-        ("vibro_ros.ros.robot", "import rclpy, time\nfrom vibro_ros import Scene\nfrom vibro_ros.bag import reader"),
-        ("vibro_ros.study.report", "from pathlib import Path\nimport vibro_ros\nprint(vibro_ros)"),
+        ("vibro_ros.ros.robot", "import rclpy, time\nfrom vibro_ros.model.scene import Scene"),
+        ("vibro_ros.recordings.report", "from pathlib import Path\nfrom vibro_ros.bag import reader\nprint(reader)"),
     ],
 )
 def test_an_arrow_inwards_is_allowed(module, source):
     assert violations(module, source) == []
 
 
+@pytest.mark.parametrize("row", [" 2 process", "13 project"])
+def test_an_arrow_outwards_in_the_picture_is_seen(row):
+    line = next(line for line in ARCHITECTURE.splitlines() if line.startswith(row))
+    last = next(line for line in ARCHITECTURE.splitlines() if line.startswith(" imports →")).rindex("3")
+    spoilt = f"{line[:last]:{last}s}●"
+    with pytest.raises(AssertionError, match="outwards"):
+        drawn_arrows(ARCHITECTURE.replace(line, spoilt))
+
+
 def test_a_cycle_is_seen():
     sources = {
-        "vibro_ros.__init__": "from vibro_ros.simulator import Simulator",
-        "vibro_ros.simulator": "from vibro_ros.model import scene",
+        "vibro_ros.__init__": "from vibro_ros.simulation.simulator import Simulator",
+        "vibro_ros.simulation.simulator": "from vibro_ros.model import scene",
         "vibro_ros.model.__init__": "",
-        "vibro_ros.model.scene": "from ..simulator import Simulator",
+        "vibro_ros.model.scene": "from ..simulation.simulator import Simulator",
     }
-    assert set(cycle(sources)) == {"vibro_ros.simulator", "vibro_ros.model.scene"}
+    assert set(cycle(sources)) == {"vibro_ros.simulation.simulator", "vibro_ros.model.scene"}
 
 
 def test_importing_the_package_leaves_rclpy_alone():

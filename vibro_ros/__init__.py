@@ -5,24 +5,30 @@ from importlib import import_module
 TYPE_CHECKING = False  # type checkers know the name; to import `typing` would delay what an executable does first
 if TYPE_CHECKING:
     from vibro_ros.bag.reader import read_bag
+    from vibro_ros.configuration.scene_file import load_scene
     from vibro_ros.model.scene import Scene
-    from vibro_ros.parallel import simulate_many
-    from vibro_ros.scene_file import load_scene
-    from vibro_ros.simulation import simulate
-    from vibro_ros.simulator import SimulationError, Simulator
+    from vibro_ros.simulation.many_runs import simulate_many
+    from vibro_ros.simulation.motion import SimulationError
+    from vibro_ros.simulation.one_run import simulate
+    from vibro_ros.simulation.simulator import Simulator
 
 __all__ = ["Scene", "SimulationError", "Simulator", "load_scene", "read_bag", "simulate", "simulate_many"]
 
-_HOMES = {"Scene": "model.scene", "SimulationError": "simulator", "Simulator": "simulator", "load_scene": "scene_file",
-          "read_bag": "bag.reader", "simulate": "simulation", "simulate_many": "parallel"}
+_HOMES = {
+    "Scene": "model.scene",
+    "SimulationError": "simulation.motion",
+    "Simulator": "simulation.simulator",
+    "load_scene": "configuration.scene_file",
+    "read_bag": "bag.reader",
+    "simulate": "simulation.one_run",
+    "simulate_many": "simulation.many_runs",
+}
 
 
 def __getattr__(name: str) -> object:
     """Import what is asked for: who reads bags needs no kernels (65 MB), who simulates no bags."""
     if name in _HOMES:
         return getattr(import_module(f"{__name__}.{_HOMES[name]}"), name)
-    if name in _HOMES.values():
-        return import_module(f"{__name__}.{name}")
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 

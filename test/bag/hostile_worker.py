@@ -17,7 +17,7 @@ from pathlib import Path
 
 from vibro_ros.bag.reader import BagError, load_bag
 from vibro_ros.bag.stream import BagStream
-from vibro_ros.study import recover, replay, report
+from vibro_ros.recordings import recover, replay, report
 
 MEMORY = 6 * 2**30  # bytes of address space; libraries take 3 of them
 DEADLINE = 120  # s, for one reader of one bag on a busy machine

@@ -5,11 +5,11 @@ from pathlib import Path
 
 from vibro_ros.bag.cdr import blank, serialised
 from vibro_ros.bag.definitions import Topic, defined
-from vibro_ros.bag.robot_topics import COMMANDS, ROBOT_TOPICS
 from vibro_ros.bag.writer import BagWriter, Storage
-from vibro_ros.provenance import provenance
-from vibro_ros.scene_file import DEVICE_PARAMETERS, load_scene
-from vibro_ros.study.rerun import Rerun, RunFacts
+from vibro_ros.configuration.scene_file import DEVICE_PARAMETERS, load_scene
+from vibro_ros.messages.topics import COMMAND_UNITS, ROBOT_TOPICS
+from vibro_ros.recordings.rerun import Rerun, RunFacts
+from vibro_ros.simulation.provenance import provenance
 
 START = 1_763_700_000_000_000_000  # ns
 TICKS = 120
@@ -48,4 +48,4 @@ def _commands(tick: int, hostile: bytes) -> list[tuple[str, bytes]]:
     message = blank("std_msgs/msg/Float64")
     message.data = 60.0 + tick
     good = ("motor_speed", serialised(message, "std_msgs/msg/Float64"))
-    return [good, *((name, hostile) for name in COMMANDS if hostile)]
+    return [good, *((name, hostile) for name in COMMAND_UNITS if hostile)]

@@ -115,7 +115,7 @@ def test_recoveries_killed_at_random_lose_nothing(tmp_path, attempt):
     written = killed_bag(folder, ("mcap", "sqlite3")[attempt % 2])
     chance = random.Random(attempt)
     for _ in range(3):
-        child = subprocess.Popen([sys.executable, "-m", "vibro_ros.study.recover", str(folder)],
+        child = subprocess.Popen([sys.executable, "-m", "vibro_ros.recordings.recover", str(folder)],
                                  stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
                                  env=os.environ | {"PYTHONPATH": ROOT})
         time.sleep(chance.uniform(0.2, 1.5))  # amid its imports, or its work: the machine decides

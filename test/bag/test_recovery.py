@@ -23,7 +23,7 @@ from vibro_ros.bag.recorder import Recorder
 from vibro_ros.bag.recovery import RecoveryError, is_bag_sealed, recover
 from vibro_ros.bag.unsealed import unsealed_bags
 from vibro_ros.bag.writer import BagWriter, Storage
-from vibro_ros.study import recover as executable
+from vibro_ros.recordings import recover as executable
 
 ROOT = str(Path(__file__).parents[2])
 KILLS = int(os.environ.get("VIBRO_ROS_KILLS", "8"))  # VIBRO_ROS_KILLS=100 for the long version
@@ -208,7 +208,8 @@ def test_what_is_cut_is_kept_under_a_free_name_or_not_at_all(unsealed, capsys):
 
 @pytest.mark.parametrize("error", [MemoryError(), OSError(errno.EIO, "Input/output error"),
                                    OSError(errno.EMFILE, "Too many open files"), KeyboardInterrupt()])
-@pytest.mark.parametrize("where", ["mcap_scan.chunk_content", "torn.copy_bytes", "sealing.write_all", "sealing.scan"])
+@pytest.mark.parametrize(
+    "where", ["mcap_gathering.chunk_content", "torn.copy_bytes", "sealing.write_all", "sealing.scan"])
 def test_what_goes_wrong_meanwhile_is_no_damage(unsealed, monkeypatch, error, where):
     """Nothing is cut because memory, the disk or the user's patience came to an end."""
     folder, sent = unsealed()

@@ -68,6 +68,10 @@ def scenes(draw):
         values["effects.reaction"] = False
         values["effects.normal_force"] = draw(st.sampled_from(
             [rule for rule in _TABLE["effects.normal_force"].choices if rule != "hop"]))
+    if rich and values["effects.normal_force"] == "printed":  # which is refused with rigid plates
+        for side in SIDES:
+            if values[f"effects.{side}_contact"] == "restitution":
+                values[f"effects.{side}_contact"] = "compliant"
     shorter = min(values["crank.upper_rod"], values["crank.inclined_rod"])
     values["crank.radius"] = shorter * draw(st.one_of(st.just(1.0), st.floats(1e-3, 1.0), st.just(1.0 / 3.0)))
     values["guide.angle"] = draw(st.one_of(st.floats(0.0, math.pi), st.floats(0.2, 1.4),

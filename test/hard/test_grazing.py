@@ -58,7 +58,7 @@ def test_a_nanometre_inside_a_rigid_plate_chatters_and_leaves_once_a_turn(side):
 @pytest.mark.parametrize("kind", ["compliant", "restitution"])
 @pytest.mark.parametrize("side", ["upper", "inclined"])
 def test_approach_speeds_follow_the_square_root_law(side, kind):
-    """√(2 a d), a the deceleration at the top, over four decades; next term √d relative to the stroke: 1e-3 at most."""
+    """A11. √(2 a d), a the deceleration at the top, over four decades; next term √d of the stroke: 1e-3 at most."""
     for depth in (1e-11, 1e-9, 1e-7):
         events, pull = touched(side, kind, depth)
         first = events[np.diff(events["time"], prepend=0.0) > 0.5 * TURN]

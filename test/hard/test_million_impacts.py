@@ -56,7 +56,7 @@ def bounce(device, impacts):
 @pytest.mark.parametrize("reaction", [False, True])
 @pytest.mark.parametrize("plates", PLATES)
 def test_a_million_impacts_keep_the_energy(plates, reaction):
-    """1e-9 of it, 1e-15 an impact: what doubles make of one is 2e-16, and it may be the same each time."""
+    """A31. 1e-9 of it, 1e-15 an impact: what doubles make of one is 2e-16, and it may be the same each time."""
     device = bouncing(plates, {"effects.reaction": reaction})
     energies, events = bounce(device, 1_000_000)
     counts = [np.count_nonzero(events["kind"] == f"{side}_contact") for side in SIDES]

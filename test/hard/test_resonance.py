@@ -13,7 +13,7 @@ PAPER = vibro_ros.load_scene("paper").with_parameters(
 @pytest.mark.parametrize("harmonic", [1, 2, 4])
 @pytest.mark.parametrize("detuning", [0.0, *(sign * 10.0**-digits for digits in (12, 9, 6, 3) for sign in (1, -1))])
 def test_near_resonance_nothing_divides_by_zero(detuning, harmonic):
-    """√(k2/m2) = n ω (1 + detuning) over 64 turns, at the crank's own frequency and at two of the rod's."""
+    """A4. √(k2/m2) = n ω (1 + detuning) over 64 turns, at the crank's own frequency and at two of the rod's."""
     frequency = 100.0 * harmonic * (1.0 + detuning)
     scene = PAPER.with_parameters({"upper.spring.stiffness": 0.1 * frequency**2})
     times = np.linspace(0.0, 4.0, 401)

@@ -16,7 +16,7 @@ def contacts(run, side):
 
 
 def test_a_mass_dropped_on_a_rigid_plate_bounces_to_rest_in_finite_time():
-    """Case 6: 1 m above a plate on a guide that points down, e = 0.8: rest after sqrt(2h/g) (1+e)/(1-e) = 4.0637 s."""
+    """A12. 1 m above a plate on a guide that points down, e = 0.8: rest after sqrt(2h/g) (1+e)/(1-e) = 4.0637 s."""
     scene = RIGID.with_parameters({
         "guide.angle": math.pi, "effects.mass_weight": True, "effects.friction": "none", "effects.upper_mass": False,
         "inclined.spring.stiffness": 0.0, "motor.speed": 0.0, "crank.radius": 0.02, "crank.inclined_rod": 1.0,

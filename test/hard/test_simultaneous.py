@@ -48,7 +48,7 @@ def both_meet(kind, rule, reaction):
     *itertools.product(["compliant"], ["weight", "unilateral", "printed", "hop"], [False, True]),
     *itertools.product(["restitution"], ["weight", "unilateral"], [False, True]), ("restitution", "hop", False)])
 def test_two_impacts_in_the_same_instant_in_either_order(kind, rule, reaction):
-    """Case 14: the upper plate is met in the same instant as the inclined one, or 1e-15 to 1e-13 s before or after."""
+    """A19. The upper plate is met in the same instant as the inclined one, or 1e-15 to 1e-13 s before or after."""
     met, scene = both_meet(kind, rule, reaction)
     assert met.upper_velocity > 5.0 and met.inclined_velocity > 5.0
     times = np.linspace(0.0, MEETING + 0.04, 200)
@@ -74,7 +74,7 @@ def thrown(speeds, order):
 
 
 def test_two_blows_that_throw_the_body_up_change_the_speeds_in_their_order():
-    """The first takes the body, and so the other mass's plate, along: the order matters; each gives what it must."""
+    """A19. The order matters because the first takes the body, and so the other mass's plate, along."""
     met, scene = both_meet("restitution", "hop", True)
     orders = [thrown(speeds_of(met), order) for order in (("upper", "inclined"), ("inclined", "upper"))]
     assert np.abs(orders[0] - orders[1]).max() > 0.1

@@ -32,7 +32,7 @@ def hit(changes, end=0.05, way=0.0):
 
 @pytest.mark.parametrize("stiffness", [1e3, 1e5, 1e7, 1e9, 1e12])
 def test_plates_of_any_stiffness(stiffness):
-    """Case 4: π √(m/k) of contact, peak v √(km), exit speed -v; the places, 0.08 m, are rounded to 1.4e-17 m."""
+    """A8. π √(m/k) of contact, peak v √(km), exit speed -v; the places, 0.08 m, are rounded to 1.4e-17 m."""
     state, contacts = hit({"upper.plate.stiffness": stiffness}, way=SPEED * np.pi * np.sqrt(MASS / stiffness))
     (contact,) = contacts
     assert contact["time"] == pytest.approx(0.001, abs=1e-16)

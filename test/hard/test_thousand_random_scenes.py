@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 import vibro_ros
 from vibro_ros.model.parameters import SCENE_PARAMETERS
 from vibro_ros.model.tables import MODE_EVENTS
-from vibro_ros.samples import Samples
+from vibro_ros.simulation.samples import Samples
 
 ROUNDING = 2.3e-16
 SAMPLES = 60
@@ -39,7 +39,8 @@ def run(scene, commands, end, cuts):
     return device, rows, device.take_events()
 
 
-def test_whatever_the_scene():
+def test_invariants_in_1000_random_scenes():
+    """A33. Each check says what must be true of every scene; `check_coverage` says how often each thing happened."""
     seen = Counter()
 
     @settings(max_examples=1000, derandomize=True, database=None, deadline=None, phases=[Phase.generate],
@@ -140,9 +141,9 @@ def check_height(scene, device, rows):
     if scene["effects.normal_force"] != "hop":
         assert not height.any() and not rows["body_vertical_velocity"].any()
         return
-    steps = np.minimum(device._model.system.longest_step, 1.0)
+    steps = np.minimum(device._motion.model.system.longest_segment, 1.0)
     moved = [force_rounding(scene, rows, mode.closed).max() / scene["mass.body"] * 0.5 * step**2
-             for mode, step in zip(device._model.modes, steps, strict=True) if mode.friction == "airborne"]
+             for mode, step in zip(device._motion.model.modes, steps, strict=True) if mode.friction == "airborne"]
     assert height.min() >= -max(moved, default=0.0)
     assert not rows["normal_force"][height > 0.0].any() and not rows["friction_force"][height > 0.0].any()
 
@@ -208,7 +209,7 @@ def series_rounding(scene, device):
     """Rounding of the work in a segment [J], however soon an event ends it: its series are rounded to their size over
     the whole of it, here the way that the weight takes a body within it from rest."""
     weight = scene.total_mass * scene["gravity"]
-    half = 0.5 * min(1.0, device._model.system.longest_step.max())
+    half = 0.5 * min(1.0, device._motion.model.system.longest_segment.max())
     return ROUNDING * weight * 0.5 * weight / scene["mass.body"] * half**2
 
 

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import vibro_ros
+from vibro_ros.configuration.scene_file import shipped_scenes
 from vibro_ros.model.parameters import NEGLIGIBLE, SCENE_PARAMETERS
-from vibro_ros.scene_file import shipped_scenes
 
 NUMBERS = [one for one in SCENE_PARAMETERS if isinstance(one.default, float) and not one.name.startswith("solver.")]
 TINY = [5e-324, 1e-321, 3.3e-318, 1e-310, 2.3e-308, 1e-306, 4e-200, 9.9e-31]

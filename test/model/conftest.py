@@ -1,4 +1,4 @@
-"""Makes `exact_motion` importable beside the tests."""
+"""Makes the modules beside the tests importable."""
 
 import sys
 from pathlib import Path

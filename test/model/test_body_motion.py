@@ -1,4 +1,4 @@
-"""The body on the ground: MODEL.md cases 11, 12, twin masses, sticking and friction, through the public interface."""
+"""The body on the ground: known answers A14, A15, A19, A29, sticking and friction, by the public interface."""
 
 import numpy as np
 import pytest
@@ -36,7 +36,7 @@ def greatest_inward_force(duration):
 
 @pytest.mark.parametrize(("excess", "slips"), [(1e-7, False), (-1e-7, True)])
 def test_a_block_slips_only_beyond_the_friction_limit(excess, slips):
-    """Case 11: with μ a ten-millionth above max|F_in|/(M g) the body never moves; below, it starts just at the end."""
+    """A14. With μ a ten-millionth above max|F_in|/(M g) the body never moves; below, it starts just at the end."""
     limit = greatest_inward_force(0.2) / (TOTAL_MASS * GRAVITY)
     scene = paper(NO_CONTACT | {"effects.normal_force": "weight", "ground.friction": limit * (1 + excess)})
     run = vibro_ros.simulate(scene, duration=0.2, rate=1000.0)
@@ -46,7 +46,7 @@ def test_a_block_slips_only_beyond_the_friction_limit(excess, slips):
 
 @pytest.mark.parametrize("turns", [2.1, 2.5])  # backwards, forwards
 def test_a_block_slides_to_rest_under_friction_alone(turns):
-    """Case 11: once the motor stands and the stiff, critically damped drive is still, v = v0 - μ g t sign(v0).
+    """A15. Once the motor stands and the stiff, critically damped drive is still, v = v0 - μ g t sign(v0).
 
     It stops after |v0|/(μ g) in v0²/(2μ g) and stays there at exactly 0. Before it is measured the drive
     has decayed by e⁻⁷⁰ (3500/s for 0.02 s). What it still pulls is 1e6 N/m times the position's rounding,
@@ -80,7 +80,7 @@ def test_a_block_slides_to_rest_under_friction_alone(turns):
 
 
 def test_momentum_through_every_impact():
-    """Case 12: without friction M x' - m3 w' sin φ is constant, to 1e-12 kg m/s; impacts reach thousands of newtons."""
+    """A29. Without friction M x' - m3 w' sin φ is constant, to 1e-12 kg m/s; impacts reach thousands of newtons."""
     run = vibro_ros.simulate(paper({"effects.friction": "none"}), duration=2.0, rate=5000.0)
     assert np.count_nonzero(run.events["kind"] == "inclined_contact") > 30
     momentum = TOTAL_MASS * run.body_velocity - 0.08 * run.inclined_velocity * SINE
@@ -88,7 +88,7 @@ def test_momentum_through_every_impact():
 
 
 def test_centre_of_mass_stays_without_friction():
-    """Case 12 integrated: M x - m3 w sin φ is constant from a start at rest."""
+    """A29. Integrated: M x - m3 w sin φ is constant from a start at rest."""
     run = vibro_ros.simulate(paper({"effects.friction": "none"}), duration=2.0, rate=1000.0)
     moment = TOTAL_MASS * run.body_position - 0.08 * run.inclined_position * SINE
     assert np.abs(moment - moment[0]).max() <= 1e-12
@@ -98,7 +98,7 @@ TWINS = {"mass.inclined": 0.1, "guide.angle": 0.0, "effects.normal_force": "unil
 
 
 def test_twin_masses_move_as_one():
-    """Case 14: φ = 0 and equal masses; both touch in the same instants, and nothing pushes the body.
+    """A19. φ = 0 and equal masses; both touch in the same instants, and nothing pushes the body.
 
     To the rounding of a position, 1e-17 m at first, and what chaos (5/s) and 15 impacts make of it.
     """
@@ -159,7 +159,7 @@ def test_normal_force_follows_its_rule():
 
 
 def test_friction_drives_a_body_whose_printed_normal_force_is_negative():
-    """MODEL.md: as printed N may be negative; then it never sticks, and friction pushes along the motion."""
+    """As printed N may be negative; then the body never sticks, and friction pushes along the motion."""
     run = vibro_ros.simulate(paper({}), duration=1.0, rate=20000.0)
     lifted = run.normal_force < 0.0
     assert np.count_nonzero(lifted) > 50

@@ -1,4 +1,4 @@
-"""One mass against its plate: MODEL.md cases 3, 4, 5 and 8, through the public interface.
+"""One mass against its plate: known answers A7 to A11, through the public interface.
 
 A free mass is hit by a moving plate (no drive spring, motor stopped), so that no other force acts.
 """
@@ -27,7 +27,7 @@ def contacts(events, kind="upper_contact"):
 
 
 def test_free_vibration_against_a_plate_at_the_rest_position():
-    """Case 3: angular frequency 2ω1ω2/(ω1+ω2) = 198.0199 rad/s; half a period is spent on the plate with ω2."""
+    """A7. Angular frequency 2ω1ω2/(ω1+ω2) = 198.0199 rad/s; half a period is spent on the plate with ω2."""
     scene = vibro_ros.load_scene("paper").with_parameters(STOPPED | {"start.state": "zero", "upper.gap": 0.02})
     touched = contacts(vibro_ros.simulate(scene, duration=1.0, rate=10.0).events)
     free, both = np.sqrt(1e3 / MASS), np.sqrt((1e3 + STIFFNESS) / MASS)
@@ -43,7 +43,7 @@ def test_free_vibration_against_a_plate_at_the_rest_position():
 
 
 def test_contact_without_another_force():
-    """Case 4: lasts π/ω_c, depth v0/ω_c, so peak v0 √(km), exit speed -v0 relative to the plate."""
+    """A8. Lasts π/ω_c, depth v0/ω_c, so peak v0 √(km), exit speed -v0 relative to the plate."""
     state, (contact,) = hit_by_plate({})
     rate = np.sqrt(STIFFNESS / MASS)
     assert contact["time"] == pytest.approx(0.01, abs=1e-15)
@@ -55,7 +55,7 @@ def test_contact_without_another_force():
 
 
 def test_contact_under_a_constant_push():
-    """Case 4: lasts (2/ω_c)(π - atan(m ω_c v0/F)); exact here, with k + k2 for k and F = k2(s-E)."""
+    """A9. Lasts (2/ω_c)(π - atan(m ω_c v0/F)); exact here, with k + k2 for k and F = k2(s-E)."""
     scene = vibro_ros.load_scene("paper").with_parameters(STOPPED | {"start.state": "zero"})
     touched = contacts(vibro_ros.simulate(scene, duration=0.3, rate=10.0).events)
     rate, push = np.sqrt((1e3 + STIFFNESS) / MASS), 1e3 * 0.02
@@ -69,7 +69,7 @@ def test_contact_under_a_constant_push():
 
 
 def restitution(damping_ratio, adhesion):
-    """Case 5's formulas."""
+    """The formulas of A10: exit speed over approach, and phase of the contact's vibration at the release."""
     root = np.sqrt(1 - damping_ratio**2)
     angle = np.pi if adhesion else np.pi - np.arctan(2 * damping_ratio * root / (1 - 2 * damping_ratio**2))
     return np.exp(-damping_ratio / root * angle), angle / root
@@ -79,7 +79,7 @@ def restitution(damping_ratio, adhesion):
     (0.05, True, 0.8545), (0.2, True, 0.5266), (0.5, True, 0.1630),
     (0.05, False, 0.8588), (0.2, False, 0.5717), (0.5, False, 0.2984)])
 def test_damped_contact(damping_ratio, adhesion, printed):
-    """Case 5: exit speed, and the instant of release (no penetration, or no force)."""
+    """A10. Exit speed, and the instant of release (no penetration, or no force)."""
     damping = 2 * damping_ratio * np.sqrt(STIFFNESS * MASS)
     state, (contact,) = hit_by_plate({"upper.plate.damping": damping, "effects.adhesion": adhesion})
     expected, phase = restitution(damping_ratio, adhesion)
@@ -116,7 +116,7 @@ def grazing_contacts(depth):
 
 
 def test_a_plate_a_nanometre_inside_the_motion_is_touched_once_a_turn():
-    """Case 8. The steady motion is a Fourier sum good to 1e-16 m, the simulated one to about 1e-15 m."""
+    """A11. The steady motion is a Fourier sum good to 1e-16 m, the simulated one to about 1e-15 m."""
     touched, steady = grazing_contacts(1e-9)
     turns = np.floor((touched["time"] + TURN / 2) / TURN)
     np.testing.assert_array_equal(turns, [3, 4, 5, 6, 7])
@@ -129,13 +129,13 @@ def test_a_plate_a_nanometre_inside_the_motion_is_touched_once_a_turn():
 
 
 def test_a_plate_a_nanometre_outside_the_motion_is_never_touched():
-    """Case 8, the event that must not happen."""
+    """A11. The event that must not happen."""
     touched, _ = grazing_contacts(-1e-9)
     assert len(touched) == 0
 
 
 def test_grazing_speed_follows_the_square_root_law():
-    """Case 8: four times the depth, twice the speed; relative error of order of the contact's phase, 1e-3."""
+    """A11. Four times the depth, twice the speed; relative error of order of the contact's phase, 1e-3."""
     (near, _), (far, _) = grazing_contacts(1e-10), grazing_contacts(4e-10)
     assert len(near) == len(far) == 5
     np.testing.assert_allclose(far["speed"] / near["speed"], 2.0, rtol=1e-3)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import vibro_ros
-from vibro_ros.scene_file import shipped_scenes
+from vibro_ros.configuration.scene_file import shipped_scenes
 
 COMMANDS = ((0.1, {"motor_speed": 120.0}), (0.2, {"upper_gap": 0.0005, "inclined_gap": -0.0002}),
             (0.25, {"motor_speed": 80.0, "upper_gap": -0.0003}), (0.4, {"motor_speed": 0.0}))
@@ -32,6 +32,7 @@ def trajectory(scene, piece):
 
 @pytest.mark.parametrize("scene", shipped_scenes())
 def test_every_cut_of_time_gives_the_same_bits(scene):
+    """A35. Only commands begin a new segment, so samples do not disturb the motion."""
     whole, events = trajectory(scene, np.inf)
     assert np.all(np.isfinite(whole))
     for piece in (1e-3, 0.37e-3, 1e-2, 17e-6 * np.pi):
@@ -56,7 +57,7 @@ def test_samples_are_states(scene):
 
 
 @pytest.mark.parametrize("scene", shipped_scenes())
-def test_no_number_is_lost(scene):
+def test_every_sample_is_a_finite_number(scene):
     scene = vibro_ros.load_scene(scene)
     run = vibro_ros.simulate(scene, duration=1.0, rate=5000.0)
     for field in dataclasses.fields(vibro_ros.Simulator(scene).state):

@@ -1,18 +1,27 @@
 """`Scene.describe` says what the compiled tables hold: no more, no less."""
 
-import math
 import re
 
 import numpy as np
 import pytest
+from description_reader import (
+    balanced_point,
+    condition_value,
+    force_values,
+    guard_lines,
+    holds_in,
+    random_point,
+    sections,
+    symbol_values,
+    told_targets,
+    value_of,
+)
 
 import vibro_ros
-from vibro_ros.model.forms import Forms
-from vibro_ros.model.modes import Mode
-from vibro_ros.model.symbols import Symbols, multiple
+from vibro_ros.configuration.scene_file import shipped_scenes
 from vibro_ros.model.tables import compile_scene
-from vibro_ros.samples import sampled_quantities
-from vibro_ros.scene_file import shipped_scenes
+from vibro_ros.simulation.motion import Motion
+from vibro_ros.simulation.samples import Trace, sampled_quantities
 from vibro_ros.solver.system import NOTHING
 
 VARIANTS = {
@@ -40,97 +49,6 @@ SCENES += [vibro_ros.Scene(name, changes) for name, changes in VARIANTS.items()]
 each_scene = pytest.mark.parametrize("scene", SCENES, ids=lambda scene: scene.name)
 
 
-def sections(scene) -> dict[str, list[str]]:
-    """Lines of each section of the description, by the first word of its title."""
-    blocks = [block.splitlines() for block in scene.describe().strip().split("\n\n")]
-    return {block[0].split()[0].rstrip(":"): [line.strip() for line in block[1:]] for block in blocks}
-
-
-def value_of(text: str, values: dict[str, float]) -> float:
-    """The value of a sum as the description writes it."""
-    text = re.sub(r"(\d) (?=[a-zA-Z(])", r"\1 * ", re.sub(r"- (?=[a-z(])", "- 1 * ", text))
-    names = sorted(values, key=len, reverse=True)
-    for name in names:
-        text = re.sub(rf"(?<![\w']){re.escape(name)}(?![\w'])", f"({values[name]!r})", text)
-    return eval(text, {"__builtins__": {}})
-
-
-def random_point(forms: Forms) -> np.ndarray:
-    """Some values of the channels."""
-    return np.append(np.random.default_rng(1).uniform(0.5, 1.5, forms.channels.one), 1.0)
-
-
-def balanced_point(row: np.ndarray, random: np.random.Generator) -> np.ndarray:
-    """Values of the channels by which the terms of a form are about equally large, so that none hides another."""
-    size = np.abs(np.where(row == 0.0, 1.0, row))
-    z = random.choice([-1.0, 1.0], len(row)) * random.uniform(0.5, 1.5, len(row)) * size[-1] / size
-    z[-1] = 1.0
-    return z
-
-
-def symbol_values(forms: Forms, z: np.ndarray) -> dict[str, float]:
-    """Value of every symbol at the channels z."""
-    at, values = forms.channels, {}
-    for i, symbol in enumerate([{"upper": "u", "inclined": "w"}[side] for side in forms.guides]):
-        slider = {"u": "s_B", "w": "s_C"}[symbol]
-        values |= {slider: z[at.signal(i)], f"{slider}'": z[at.signal_rate(i)], f"{symbol}''": z[at.acceleration(i)],
-                   symbol: z[at.position(i)], f"{symbol}'": z[at.velocity(i)]}
-    for k, side in enumerate(forms.plates):
-        plate = {"upper": "E", "inclined": "H"}[side]
-        values |= {plate: z[at.ramp(k)], f"{plate}'": z[at.ramp_rate(k)]}
-    for symbol, i in [("x", forms.body)] * forms.body_moves + [("y", forms.height)] * forms.body_hops:
-        values |= {symbol: z[at.position(i)], f"{symbol}'": z[at.velocity(i)]}
-    return {name: float(value) for name, value in values.items()}
-
-
-def force_values(told: dict[str, list[str]], mode: Mode, plates: tuple[str, ...],
-                 values: dict[str, float]) -> dict[str, float]:
-    """`values` with those of the forces that the description defines, in a mode."""
-    values = dict(values)
-    for line in told.get("equations", []):
-        name, _, right = line.partition(" = ")
-        if name in ("F_in", "N") or name.startswith("force on") and holds_in(line, mode.states, plates):
-            values[name] = value_of(right.partition("  ")[0], values)
-    return values
-
-
-def guard_lines(told: dict[str, list[str]], mode: Mode, plates: tuple[str, ...]) -> list[tuple[int, str]]:
-    """What is told of the guards of a mode: the places of their effects among its states, and the text after them."""
-    told = [line for line in told.get("guards", []) if holds_in(line, mode.states, plates)]
-    heads = [(f"{side} contact {state}: ",) for side, state in zip(plates, mode.states, strict=False)]
-    heads.append((f"friction {mode.friction}: ", f"ground {mode.friction}: "))
-    return [(place, line.partition(": ")[2]) for place, head in enumerate(heads) for line in told
-            if line.startswith(head)]
-
-
-def condition_value(condition: str, values: dict[str, float]) -> float:
-    """By how much an inequality holds; negative where it does not."""
-    left, sign, right = re.fullmatch(r"(.+) (<=|>=) (.+)", condition).groups()
-    difference = value_of(right, values) - value_of(left, values)
-    return difference if sign == "<=" else -difference
-
-
-def told_targets(text: str, states: tuple[str, ...], place: int, plates: tuple[str, ...]) -> list[tuple[str, ...]]:
-    """States of the modes that a guard leads to, each once."""
-    targets = []
-    for target in re.split(", with|, where", text)[0].split(" or "):
-        after = list(states)
-        after[place], *others = target.split(" and ")
-        for other in others:
-            side, _, state = other.partition(" contact ")
-            after[plates.index(side) if state else -1] = state or other
-        targets.append(tuple(after))
-    return list(dict.fromkeys(targets))
-
-
-def holds_in(line: str, states: tuple[str, ...], plates: tuple[str, ...]) -> bool:
-    """Whether the cases after "while" of an equation, if there are any, hold for the states of a mode."""
-    _, _, cases = line.partition("while ")
-    now = {f"{side} contact {state}" for side, state in zip((*plates, ""), states, strict=True)}
-    now |= {f"friction {states[-1]}", f"ground {states[-1]}"}
-    return not cases or any(set(case.split(" and ")) <= now for case in cases.split(" or "))
-
-
 @each_scene
 def test_every_coordinate_and_no_other_is_a_state(scene):
     lines = sections(scene)["states"]
@@ -145,7 +63,7 @@ def test_number_of_modes(scene):
 
 
 @each_scene
-def test_the_first_mode_is_the_tables(scene):
+def test_the_described_first_mode_is_the_compiled_one(scene):
     """A friction with one state is not told."""
     model = compile_scene(scene)
     _, _, first = sections(scene)["modes"][0].partition("; first ")
@@ -155,7 +73,7 @@ def test_the_first_mode_is_the_tables(scene):
 
 
 @each_scene
-def test_guards_of_every_mode_are_told(scene):
+def test_guards_of_every_mode_are_described(scene):
     """A mode's guards are those of its states: as many rows in the tables as lines in the text, each with the value of
     its row at random channels (the text has six digits) and with the candidates of the tables."""
     model, told, random = compile_scene(scene), sections(scene), np.random.default_rng(2)
@@ -194,19 +112,19 @@ def following(law: str, start: float, target: float, since: np.ndarray) -> np.nd
 
 
 @each_scene
-def test_what_is_known_in_time_is_what_is_sampled(scene):
+def test_described_sliders_and_plates_have_the_sampled_values(scene):
     """At random instants, before and after a command; the text has six digits."""
     told = dict(line.split(" = ") for line in sections(scene)["known"])
-    device, command = vibro_ros.Simulator(scene), 0.05
+    motion, command = Motion(scene), 0.05
     wanted = {"motor_speed": 90.0, "upper_gap": 1e-3, "inclined_gap": -1e-3}
     times = np.sort(np.random.default_rng(3).uniform(0.0, 0.5, 40))
-    before, after = device._new_trace(np.sum(times < command)), device._new_trace(np.sum(times >= command))
-    device._advance(times[times < command], *before)
-    device.advance_to(command)
-    device.command(**wanted)
-    device._advance(times[times >= command], *after)
-    points, modes, phases = (np.concatenate(parts) for parts in zip(before, after, strict=True))
-    sampled, forms = sampled_quantities(device._model, times, points, modes, phases), device._model.forms
+    before, after = motion.new_trace(np.sum(times < command)), motion.new_trace(np.sum(times >= command))
+    motion.advance(times[times < command], before)
+    motion.sampled(np.array([command]))
+    motion.command(wanted["motor_speed"], {"upper": wanted["upper_gap"], "inclined": wanted["inclined_gap"]})
+    motion.advance(times[times >= command], after)
+    trace, forms = Trace(*(np.concatenate(parts) for parts in zip(before, after, strict=True))), motion.model.forms
+    sampled = sampled_quantities(motion.model, times, trace)
     assert len(told) == 1 + len(forms.guides) + len(forms.plates)
     start, law = re.fullmatch(r"(\S+) rad/s +follows a command (.*)", told["θ'"]).groups()
     speed = following(law, float(start), wanted["motor_speed"], times - command)
@@ -214,7 +132,7 @@ def test_what_is_known_in_time_is_what_is_sampled(scene):
     for i, side in enumerate(forms.guides):
         slider = formula_value(told[{"upper": "s_B", "inclined": "s_C"}[side]], sampled["crank_angle"])
         digits = 1e-5 * (scene["crank.radius"] + scene[f"crank.{side}_rod"])  # of the guide's angle, too
-        np.testing.assert_allclose(points[:, forms.channels.signal(i)], slider, rtol=0.0, atol=digits)
+        np.testing.assert_allclose(trace.points[:, forms.channels.signal(i)], slider, rtol=0.0, atol=digits)
     for side in forms.plates:
         line = told[{"upper": "E", "inclined": "H"}[side]]
         start, law = re.fullmatch(r"(\S+) m +follows a command (.*)", line).groups()
@@ -278,7 +196,7 @@ def test_equation_of_the_height_has_the_tables_values(scene):
 
 
 @each_scene
-def test_nothing_of_an_effect_that_is_off(scene):
+def test_an_effect_that_is_off_is_not_described(scene):
     forms, text = compile_scene(scene).forms, scene.describe().partition("\n")[2]  # without its name
     absent = {"upper": ("u''", "s_B", "upper mass"), "inclined": ("w''", "s_C", "inclined mass")}
     words = [word for side in absent if side not in forms.guides for word in absent[side]]
@@ -308,20 +226,3 @@ def test_no_coefficient_is_zero():
     for scene in SCENES:
         for line in sections(scene).get("equations", []):
             assert not re.search(r"[-+=] 0 [uwxNF(]|e-1[5-9]", line), line
-
-
-def test_forms_are_written_as_the_paper_does():
-    forms = Forms(vibro_ros.Scene("damped", {"upper.spring.damping": 2.0, "upper.plate.damping": 0.5}))
-    write = Symbols(forms).text
-    assert write(-forms.guide_force("upper", frozenset({"upper"}))) == (
-        "-1000 (u - s_B) - 2 (u' - s_B') - 1e+07 (u - E) - 0.5 (u' - E')")
-    assert write(forms.position(0) - 2.5 * forms.one) == "u - 2.5"
-    assert write(forms.zero) == "0"
-
-
-def test_a_multiple_is_told_from_another_form():
-    one, other = np.array([1.0, -3.0, 0.0]), np.array([1.0, -3.0, 1e-6])
-    assert multiple(-0.2 * one, one) == pytest.approx(-0.2, rel=1e-15)
-    assert multiple(other, one) is None
-    assert multiple(0.0 * one, one) == 0.0
-    assert math.isclose(multiple(one, one), 1.0)

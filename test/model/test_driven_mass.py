@@ -1,4 +1,4 @@
-"""One mass on its drive spring, no contact: MODEL.md cases 1, 2 and 15, through the public interface.
+"""One mass on its drive spring, no contact: known answers A1 to A3, A5 and A23, through the public interface.
 
 Tolerances: the positions are about 0.1 m, so one rounding is 1e-17 m; resonance piles up some thousand.
 """
@@ -19,7 +19,7 @@ def run(changes, times=TIMES):
 
 
 def test_mean_slider_position():
-    """Case 1: (2/π) L E(m = (l/L)²); the slider is read off the drive spring's force."""
+    """A1. (2/π) L E(m = (l/L)²); the slider is read off the drive spring's force."""
     times = np.arange(64) * (2 * np.pi / 100.0 / 64)  # a periodic mean by 64 points converges to rounding
     motion = run({}, times)
     sliders = motion.upper_position + motion.upper_drive_force / 1e3
@@ -43,7 +43,7 @@ def long_rod_drift(times, radius, rod, motor_speed, frequency):
 
 
 def test_resonant_drive_grows_without_bound():
-    """Case 2: u = l cos ωt + (lω/2) t sin ωt about the mean, from rest on the slider; √(k2/m2) = ω.
+    """A2. u = l cos ωt + (lω/2) t sin ωt about the mean, from rest on the slider; √(k2/m2) = ω.
 
     A rod of 10 m makes the drive harmonic but for known 1e-5 m and unknown l⁴/8L³ = 2e-11 m.
     """
@@ -54,7 +54,7 @@ def test_resonant_drive_grows_without_bound():
 
 
 def test_drive_off_resonance_beats():
-    """Case 2: l cos Ωt + C (cos ωt - cos Ωt), C = lΩ²/(Ω²-ω²), from rest on the slider."""
+    """A3. l cos Ωt + C (cos ωt - cos Ωt), C = lΩ²/(Ω²-ω²), from rest on the slider."""
     stiffness = 1.44e3  # Ω = 120 rad/s
     motion = run({"crank.upper_rod": 10.0, "upper.spring.stiffness": stiffness})
     c = 0.02 * 120.0**2 / (120.0**2 - 100.0**2)
@@ -72,7 +72,7 @@ def test_the_papers_crank_drives_as_duhamels_integral_says(mass):
 
 
 def test_crank_as_long_as_the_rod_has_a_kink_twice_a_turn():
-    """Case 15: s = l cos θ + l |cos θ|, against Duhamel's integral cut at the kinks."""
+    """A5. s = l cos θ + l |cos θ|, against Duhamel's integral cut at the kinks."""
     motion = run({"crank.radius": 0.06, "guide.angle": 0.9})
     upper = duhamel(TIMES, 100.0, 100.0, 0.12, 0.06, 0.06)
     inclined = duhamel(TIMES, 100.0, np.sqrt(1e3 / 0.08), slider(-0.9, 0.06, 0.06), 0.06, 0.06, 0.9)
@@ -81,7 +81,7 @@ def test_crank_as_long_as_the_rod_has_a_kink_twice_a_turn():
 
 
 def test_crank_as_long_as_the_rod_is_the_limit_of_shorter_ones():
-    """Case 15: with l = L(1-ε) the motion comes nearer in proportion to ε ln(1/ε), so 100 times less ε: > 40 times."""
+    """A23. With l = L(1-ε) the motion comes nearer in proportion to ε ln(1/ε), so 100 times less ε: > 40 times."""
     limit = run({"crank.radius": 0.06})
     gaps = []
     for epsilon in (1e-4, 1e-6, 1e-8):
@@ -94,7 +94,7 @@ def test_crank_as_long_as_the_rod_is_the_limit_of_shorter_ones():
 
 @pytest.mark.parametrize("epsilon", [1e-12, 1e-15])
 def test_crank_a_rounding_shorter_than_the_rod_neither_breaks_nor_differs(epsilon):
-    """Case 15, contacts included, over 0.1 s: ε ln(1/ε) times the contact's amplification of about 1e3."""
+    """A23. Contacts included, over 0.1 s: ε ln(1/ε) times the contact's amplification of about 1e3."""
     scene = vibro_ros.load_scene("unilateral")
     limit = vibro_ros.simulate(scene.with_parameters({"crank.radius": 0.06}), duration=0.1, rate=100.0)
     near = vibro_ros.simulate(scene.with_parameters({"crank.radius": 0.06 * (1 - epsilon)}), duration=0.1, rate=100.0)

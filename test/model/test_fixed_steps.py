@@ -37,7 +37,7 @@ def order(made, method, steps):
     ("moreau", 1.0, [4e-5, 2e-5, 1e-5])])
 @pytest.mark.parametrize("changes", [{}, {"effects.reaction": True, "effects.mass_weight": True}])
 def test_order_without_events(method, expected, steps, changes):
-    """The next power adds a share of a few per cent at these steps."""
+    """A28. The next power adds a share of a few per cent at these steps."""
     found = order(scene("unilateral", SMOOTH | changes), method, steps)
     np.testing.assert_allclose(found, expected, rtol=0, atol=0.1)
 
@@ -45,8 +45,8 @@ def test_order_without_events(method, expected, steps, changes):
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("name", ["rigid", "device"])
 def test_order_one_when_events_are_crossed_blindly(method, name):
-    """Where in its step an event falls scatters the errors by a factor of a few, and so the slope through 24 steps over
-    two decades by 0.2; fourth order is far off."""
+    """A28. Where in its step an event falls scatters the errors by a factor of a few, and so the slope through 24 steps
+    over two decades by 0.2; fourth order is far off."""
     found = order(scene(name), method, np.geomspace(1e-4, 1e-6, 24))
     assert 0.7 < np.mean(found[:2]) < 1.3, found
 
@@ -195,7 +195,7 @@ STRIBECK = {"effects.friction": "stribeck", "ground.static_friction": 0.5, "grou
     ("paper", {"effects.reaction": True}), ("device", {"effects.inclined_mass": False}),
     ("damped", {"effects.adhesion": True})])
 def test_every_effect_converges_to_the_exact_motion(method, name, changes):
-    """Over a factor of ten in the step, first order gains ten, give or take the scatter of the events' places."""
+    """A28. Over a factor of ten in the step, first order gains ten, give or take the scatter of the events' places."""
     coarse, fine = (errors(scene(name, changes), method, step) for step in (1e-5, 1e-6))
     assert fine.max() < 1e-3  # m; an implicit contact of 1e7 N/m is off most
     assert fine.max() < 0.5 * coarse.max()

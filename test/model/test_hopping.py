@@ -5,9 +5,9 @@ import pytest
 from hopping_body import HoppingBody
 
 import vibro_ros
+from vibro_ros.configuration.scene_file import shipped_scenes
 from vibro_ros.model.forms import Forms
 from vibro_ros.model.landing import Landing
-from vibro_ros.scene_file import shipped_scenes
 
 BODY, UPPER, INCLINED = 1.0, 0.1, 0.08
 TOTAL, GRAVITY = BODY + UPPER + INCLINED, 9.81
@@ -50,7 +50,7 @@ def around(instants, machine):
     HEAVY | STRUCK | {"effects.inclined_contact": "compliant"}],
     ids=["no reaction", "heavy", "rough", "ice", "rigid", "heavy rigid", "rigid and compliant"])
 def test_the_full_equations_integrated_by_scipy_give_the_same_motion(changes):
-    """DOP853 at rtol 1e-12 in steps of 0.2 ms: positions to 1e-12 m, speeds to 1e-9 m/s (its error in a dashpot's
+    """A38. DOP853 at rtol 1e-12 in steps of 0.2 ms: positions to 1e-12 m, speeds to 1e-9 m/s (its error in a dashpot's
     force), every lift-off and landing to 1e-11 s."""
     machine = vibro_ros.Scene("soft", SOFT | changes)
     times = np.linspace(0.0, 0.2, 401)
@@ -72,8 +72,8 @@ def test_the_full_equations_integrated_by_scipy_give_the_same_motion(changes):
 
 @pytest.mark.parametrize("changes", [{}, REACTION, HEAVY], ids=["no reaction", "reaction", "heavy"])
 def test_the_centre_of_gravity_flies_on_a_parabola(changes):
-    """Rows x and y of MODEL.md without ground: M y + m2 u + m3 w cos φ = a + b t - M g t²/2 through every impact in
-    the air, and M x' - m3 w' sin φ is kept; to the rounding of 0.05 kg m and 0.5 kg m/s."""
+    """A32. Rows x and y without the ground: M y + m2 u + m3 w cos φ = a + b t - M g t²/2 through every impact in
+    the air, and M x' - m3 w' sin φ is constant; to the rounding of 0.05 kg m and 0.5 kg m/s."""
     machine = scene("damped", changes)
     angle = machine["guide.angle"]
     run = vibro_ros.simulate(machine, duration=1.0, rate=10000.0)
@@ -97,8 +97,8 @@ def test_the_centre_of_gravity_flies_on_a_parabola(changes):
 
 @pytest.mark.parametrize("changes", [{}, REACTION, HEAVY], ids=["no reaction", "reaction", "heavy"])
 def test_a_landing_takes_the_energy_of_the_fall(changes):
-    """On ice: y'²/2 times the inertia that the ground feels, M, or 1/(A⁻¹)_yy of MODEL.md's mass matrix. The 2 ns
-    between the samples leave 1e-6 of it to everything else."""
+    """A22. y'²/2 times the inertia that the ground feels, M, or 1/(B⁻¹)_yy with the mass matrix B of docs/robot.md.
+    The 2 ns between the samples leave 1e-6 of it to everything else."""
     machine = scene("damped", {"effects.friction": "none"}, changes)
     angle = machine["guide.angle"]
     ex, ey = -np.sin(angle), np.cos(angle)
@@ -139,7 +139,7 @@ def test_a_shock_slips_sticks_or_turns_back_as_coulomb_asks_at_every_instant(ang
     forms, total = Forms(made), made.total_mass
     ex, ey = -np.sin(angle), np.cos(angle)
     along, across, up = total - 0.5 * ex**2, -0.5 * ex * ey, total - 0.1 - 0.5 * ey**2
-    targets = Landing(made, forms, friction, friction).with_friction()
+    targets = Landing(made, forms, friction, friction).targets_with_friction()
     for x in np.random.default_rng(3).uniform(-0.6, 0.6, 12):
         z = np.zeros(forms.channels.count)
         z[forms.channels.velocity(forms.body)], z[forms.channels.velocity(forms.height)] = x, -0.7
@@ -218,7 +218,7 @@ def test_the_ground_never_pulls_and_is_never_entered(name, effects):
 
 @pytest.mark.parametrize("changes", [{}, REACTION, HEAVY, HEAVY | STATIC], ids=["none", "reaction", "heavy", "static"])
 def test_hop_and_unilateral_agree_while_the_ground_is_pressed(changes):
-    """Where N > 0 all the time they are the same equations: 1e-13 m and m/s."""
+    """A27. Where N > 0 all the time they are the same equations: 1e-13 m and m/s."""
     calm = NO_CONTACT | {"motor.speed": 40.0, "ground.friction": 0.05} | changes
     runs = [vibro_ros.simulate(scene("damped", calm, {"effects.normal_force": rule}), duration=2.0, rate=1000.0)
             for rule in ("hop", "unilateral")]

@@ -21,11 +21,11 @@ def approach(time, start, target, lag):
 @pytest.mark.parametrize(("start", "target"), [(0.0, 100.0), (100.0, 0.0), (30.0, 500.0), (100.0, 99.0), (500.0, 0.5)])
 @pytest.mark.parametrize("lag", [1e-4, 0.07, 2.0])
 def test_speed_and_angle_follow_the_exponential(start, target, lag):
-    """To 1e-12 of the angle: roundings of some hundred segments."""
+    """A6. To 1e-12 of the angle: roundings of some hundred segments."""
     scene = vibro_ros.load_scene("no_impact").with_parameters({**LAG, "motor.speed": start, "motor.time_constant": lag})
     device = vibro_ros.Simulator(scene)
     device.command(motor_speed=target)
-    samples = device._sample(np.linspace(0.0, 3.0, 301))
+    samples = device._motion.sampled(np.linspace(0.0, 3.0, 301))
     speed, angle = approach(samples["time"], start, target, lag)
     np.testing.assert_allclose(samples["motor_speed"], speed, rtol=5e-14, atol=1e-12)  # a rounding a segment
     np.testing.assert_allclose(samples["crank_angle"], angle, rtol=1e-12, atol=1e-12)
@@ -36,7 +36,7 @@ def test_the_masses_feel_the_sliders_of_that_angle():
     scene = vibro_ros.load_scene("damped").with_parameters({**LAG, **FREE, "motor.speed": 20.0})
     device = vibro_ros.Simulator(scene)
     device.command(motor_speed=160.0)
-    samples = device._sample(np.linspace(0.0, 0.5, 101))
+    samples = device._motion.sampled(np.linspace(0.0, 0.5, 101))
 
     def slider(angle, tilt):
         sine, cosine = math.sin(angle - tilt), math.cos(angle - tilt)
@@ -66,7 +66,7 @@ def test_energy_is_accounted_for_while_the_speed_changes():
     assert abs(device.statistics["energy_residual"]) < 1e-12 * device.statistics["energy_exchanged"]
 
 
-def test_the_end_is_told_and_the_speed_is_then_the_command():
+def test_the_end_of_the_lag_is_an_event_and_leaves_the_commanded_speed():
     device = vibro_ros.Simulator(vibro_ros.load_scene("damped").with_parameters(LAG))
     device.command(motor_speed=37.0)
     device.advance_to(10.0)

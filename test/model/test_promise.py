@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 import vibro_ros
-from vibro_ros.model.promise import attainable_accuracy, rounded_up
-from vibro_ros.scene_file import shipped_scenes
-from vibro_ros.simulator import ToleranceWarning
+from vibro_ros.configuration.scene_file import shipped_scenes
+from vibro_ros.model.promise import rounded_up
+from vibro_ros.simulation.simulator import ToleranceWarning
 
 TIMES = np.linspace(0.0, 0.2, 1001)
 ROUNDED = ("mass.upper", "mass.inclined", "mass.body", "crank.radius", "crank.upper_rod", "upper.spring.stiffness",
@@ -30,12 +30,12 @@ def shift(scene):
 def test_a_rounding_of_a_parameter_shifts_positions_by_less_than_is_promised(name, stiffness):
     scene = vibro_ros.load_scene(name).with_parameters({
         "motor.speed": 100.0, **{f"{side}.plate.stiffness": stiffness for side in ("upper", "inclined")}})
-    assert shift(scene) <= attainable_accuracy(scene)
+    assert shift(scene) <= scene.attainable_accuracy
 
 
 def test_long_rods_are_rounded_more():
     scene = vibro_ros.load_scene("paper").with_parameters({"crank.upper_rod": 20.0, "crank.inclined_rod": 20.0})
-    assert 2e-11 < shift(scene) <= attainable_accuracy(scene)
+    assert 2e-11 < shift(scene) <= scene.attainable_accuracy
 
 
 @pytest.mark.parametrize(("changes", "least"), [
@@ -58,7 +58,7 @@ def test_shipped_scenes_keep_all_that_may_be_asked_for(name):
 
 def test_the_default_is_warned_of_where_rounding_does_not_let_it_be_kept():
     scene = vibro_ros.load_scene("paper").with_parameters({"upper.plate.stiffness": 1e10})
-    assert attainable_accuracy(scene) > scene["solver.tolerance"]
+    assert scene.attainable_accuracy > scene["solver.tolerance"]
     with pytest.warns(ToleranceWarning, match="solver.tolerance: 1e-09 m is below what rounding allows with these rods "
                                               "and plates; give at least 3.7e-09 m, or softer plates"):
         vibro_ros.Simulator(scene)

@@ -27,6 +27,7 @@ def scenes(name, method, rule):
 @pytest.mark.parametrize("method", ["exact", "rk4", "semi_implicit_euler", "moreau"])
 @pytest.mark.parametrize("name", ["paper", "damped", "device", "rigid"])
 def test_published_forces_obey_their_laws(name, method, rule):
+    """A34. Also between the events that a step of fixed length has not seen."""
     for scene in scenes(name, method, rule):
         run, weight = vibro_ros.simulate(scene, times=TIMES), scene.total_mass * scene["gravity"]
         rounding = 1e-8 if method == "exact" else 0.0  # of forces of 1e4 N that cancel, in mu N and the plates'
@@ -43,7 +44,7 @@ def test_published_forces_obey_their_laws(name, method, rule):
             assert pulls or getattr(run, f"{side}_plate_force").min() >= -rounding
 
 
-def test_the_case_that_was_seen():
-    """`moreau` told of -653 N in the air."""
+def test_moreau_publishes_no_negative_normal_force():
+    """`moreau` once published -653 N in the air."""
     scene = vibro_ros.load_scene("device").with_parameters({"solver.method": "moreau", "motor.speed": 100.0})
     assert vibro_ros.simulate(scene, duration=0.5, rate=10_000.0).normal_force.min() == 0.0

@@ -1,4 +1,4 @@
-"""The body's acceleration on the masses, and their weight: MODEL.md cases 12 and 13, limits and equivalents."""
+"""The body's acceleration on the masses, and their weight: known answers A25, A29 to A31, limits and equivalents."""
 
 import dataclasses
 
@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import vibro_ros
-from vibro_ros.scene_file import shipped_scenes
+from vibro_ros.configuration.scene_file import shipped_scenes
 
 ANGLE = 0.8726646259971648
 SINE, COSINE = np.sin(ANGLE), np.cos(ANGLE)
@@ -36,12 +36,12 @@ def drive(device, until=1.2):
     device.advance_to(until)
 
 
-# -- case 13 ------------------------------------------------------------------------------------
+# -- energy --------------------------------------------------------------------------------------
 
 @pytest.mark.parametrize("effects", [REACTION, HEAVY, HEAVY | STATIC], ids=["reaction", "heavy", "static"])
 @pytest.mark.parametrize("name", shipped_scenes())
 def test_energy_balances_segment_by_segment(name, effects):
-    """Case 13: motor, friction, dampers, contacts and moving plates, to 1e-12 of the energy exchanged."""
+    """A30. motor, friction, dampers, contacts and moving plates, to 1e-12 of the energy exchanged."""
     device = vibro_ros.Simulator(scene(name, effects, {"solver.audit": True}))
     drive(device)
     assert device.statistics["energy_exchanged"] > 1.0
@@ -49,7 +49,7 @@ def test_energy_balances_segment_by_segment(name, effects):
 
 
 def energy(run, heavy):
-    """Mechanical energy [J] of the undamped machine, from its samples and the mass matrix of MODEL.md."""
+    """Mechanical energy [J] of the undamped machine, from its samples and the mass matrix of docs/robot.md."""
     kinetic = (TOTAL * run.body_velocity**2 + UPPER * run.upper_velocity**2 + INCLINED * run.inclined_velocity**2
                - 2 * INCLINED * SINE * run.body_velocity * run.inclined_velocity)
     springs = (run.upper_drive_force**2 + run.inclined_drive_force**2) / 1e3
@@ -60,7 +60,7 @@ def energy(run, heavy):
 
 @pytest.mark.parametrize("heavy", [False, True])
 def test_a_machine_left_alone_keeps_its_energy(heavy):
-    """Case 13 without motor, friction and dampers: constant through every impact, to the rounding of its 4 J."""
+    """A31. Without motor, friction and dampers: constant through every impact, to the rounding of its 4 J."""
     changes = {"motor.speed": 0.0, "start.state": "zero", "upper.gap": 0.01, "effects.mass_weight": heavy}
     run = vibro_ros.simulate(scene("frictionless", REACTION, changes), duration=2.0, rate=2000.0)
     assert np.count_nonzero(np.char.endswith(run.events["kind"], "contact")) > 30
@@ -81,7 +81,7 @@ def quadrature(events, until):
 @pytest.mark.parametrize("effects", [REACTION, HEAVY, HEAVY | STATIC], ids=["reaction", "heavy", "static"])
 @pytest.mark.parametrize("force", ["unilateral", "weight", "printed"])
 def test_motor_work_goes_to_energy_and_friction(force, effects):
-    """Case 13 from the outputs alone: 20 points a piece integrate P - F_fr x' of 10 W to 1e-11 J."""
+    """A30. From the outputs alone: 20 points a piece integrate P - F_fr x' of 10 W to 1e-11 J."""
     until = 0.2
     machine = scene("unilateral", effects, {"effects.normal_force": force})
     events = vibro_ros.simulate(machine, times=[0.0, until]).events
@@ -94,11 +94,11 @@ def test_motor_work_goes_to_energy_and_friction(force, effects):
     assert motor - friction == pytest.approx(ends[1] - ends[0], abs=1e-9)
 
 
-# -- case 12 ------------------------------------------------------------------------------------
+# -- momentum ------------------------------------------------------------------------------------
 
 @pytest.mark.parametrize("heavy", [False, True])
 def test_momentum_through_every_impact_with_reaction(heavy):
-    """Case 12: M x' - m3 w' sin φ stays 0, to 1e-12 kg m/s; weight acts on the masses across x alone."""
+    """A29. M x' - m3 w' sin φ stays 0, to 1e-12 kg m/s; weight acts on the masses across x alone."""
     run = vibro_ros.simulate(scene("frictionless", REACTION, {"effects.mass_weight": heavy}), duration=2.0, rate=5000.0)
     assert np.count_nonzero(run.events["kind"] == "inclined_contact") > 30
     assert abs(TOTAL * run.body_velocity - INCLINED * SINE * run.inclined_velocity).max() <= 1e-12
@@ -130,7 +130,7 @@ def test_a_body_that_sticks_does_not_react(name):
 
 @pytest.mark.parametrize("friction", [0.0, 2.0])
 def test_reaction_on_and_off_agree_as_the_body_grows_heavy(friction):
-    """Differences in w and in x M/m3 fall in proportion to m3/M; `friction` [N] stays, so that the body slips."""
+    """A25. Differences in w and in x M/m3 fall in proportion to m3/M; `friction` [N] stays, so that the body slips."""
     shares, masses, bodies = [], [], []
     for body in (1e2, 1e3, 1e4, 1e5):
         total = body + UPPER + INCLINED

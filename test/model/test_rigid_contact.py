@@ -29,7 +29,7 @@ def test_no_mass_enters_a_rigid_plate(changes):
 
 @pytest.mark.parametrize("changes", [{}, REACTION], ids=["alone", "with reaction"])
 def test_momentum_is_constant_through_every_blow(changes):
-    """MODEL.md case 12, for blows without duration: M x' - m3 w' sin(phi) to 1e-12 without friction."""
+    """A29. For blows without duration: M x' - m3 w' sin(phi) to 1e-12 without friction."""
     scene = RIGID.with_parameters({"effects.friction": "none", **changes})
     run = vibro_ros.simulate(scene, duration=2.0, rate=1000.0)
     momentum = scene.total_mass * run.body_velocity - scene["mass.inclined"] * run.inclined_velocity * math.sin(
@@ -64,7 +64,7 @@ def test_a_blow_returns_the_approach_speed_times_e():
 
 
 def test_rigid_without_loss_is_the_limit_of_stiff_plates():
-    """A contact lasts pi sqrt(m/k) and the mass goes on by its depth v sqrt(m/k): first order in 1/sqrt(k)."""
+    """A24. A contact lasts pi sqrt(m/k) and the mass goes on by its depth v sqrt(m/k): first order in 1/sqrt(k)."""
     base = {"upper.gap": 0.01, "inclined.gap": 0.01, "upper.plate.restitution": 1.0, "inclined.plate.restitution": 1.0}
     times = np.linspace(0.0, 0.12, 61)
     rigid = vibro_ros.simulate(RIGID.with_parameters(base), times=times)
@@ -154,7 +154,7 @@ def test_every_cut_of_time_gives_the_same_bits(pieces):
     ({"effects.normal_force": "printed"}, "effects.normal_force: 'printed' makes friction drive the body infinitely"),
     ({"guide.angle": 2.0}, "guide.angle: 2 rad points the inclined guide down"),
     ({"upper.plate.restitution": 1.5}, "upper.plate.restitution: 1.5 is out of range; give a number from 0 to 1")])
-def test_what_makes_no_sense_is_refused(changes, reason):
+def test_rigid_plates_that_contradict_other_parameters_are_refused(changes, reason):
     with pytest.raises(ValueError, match=reason.split(";")[0]):
         RIGID.with_parameters(changes)
 

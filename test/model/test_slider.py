@@ -31,7 +31,7 @@ def tabulated(slider, theta):
 
 @pytest.mark.parametrize(("radius", "mean"), [(0.02, 0.0582969), (0.06, 2 / math.pi * 0.06)])
 def test_mean_position(radius, mean):
-    """MODEL.md case 1: (2/π) L E(m = (l/L)²), with the mean of the table's own series, cell by cell."""
+    """A1. (2/π) L E(m = (l/L)²), with the mean of the table's own series, cell by cell."""
     table = signal_table((Slider(radius, 0.06, 0.4),))
     width = np.diff(table.start)
     even = slice(0, None, 2)  # odd powers cancel over the cell
@@ -44,7 +44,7 @@ def test_mean_position(radius, mean):
     *(Slider(0.06 * (1 - part), 0.06, 0.7) for part in SHORTER), Slider(0.06, 0.06, 0.7), Slider(0.02, 0.06, 0.0),
     Slider(0.02, 0.06, math.pi), Slider(1e-6, 0.06, 0.3), Slider(math.nextafter(0.06, 0.0), 0.06, 0.7)])
 def test_position_and_series(slider):
-    """Everywhere in the turn, the kink's neighbourhood included: to 2 roundings, 1e-16 m.
+    """A36. Everywhere in the turn, the kink's neighbourhood included: to 2 roundings, 1e-16 m.
 
     Near a kink a rounding of the angle itself moves the slider by up to 2 l times 4e-16.
     """

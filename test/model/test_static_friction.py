@@ -40,7 +40,7 @@ def test_a_body_at_rest_slips_only_beyond_the_static_limit(excess, slips, reacti
         assert abs(motion.friction_force).max() > 4 * KINETIC * TOTAL * GRAVITY
 
 
-def test_the_kinetic_coefficient_alone_does_not_hold_it():
+def test_the_kinetic_coefficient_alone_does_not_hold_a_body_at_rest():
     assert run(LIMIT * 2, friction="coulomb").body_position.any()
 
 
@@ -70,7 +70,7 @@ def test_a_body_that_comes_to_rest_is_held_by_the_static_coefficient(share, held
     assert ends["kind"][0] == ("stick" if held else "slip_backward")
 
 
-def test_it_lets_go_again_where_the_pull_exceeds_the_static_limit():
+def test_a_held_body_slips_where_the_pull_exceeds_the_static_limit():
     """The first slip after the first stick begins where k3 s sin φ |cos Ωt| = μs M g."""
     turn = next(event["time"] for event in run(KINETIC).events if event["kind"] == "slip_backward")
     coefficient = abs(PULL * np.cos(FREQUENCY * turn)) / (TOTAL * GRAVITY) * 1.01

@@ -30,7 +30,7 @@ def friction_events(motion):
 
 @pytest.mark.parametrize(("rule", "duration"), [("unilateral", 1.0), ("weight", 0.3), ("printed", 0.3)])
 def test_an_independent_solution_agrees(rule, duration):
-    """Stick, slip, reversals and contacts of a scene that contracts.
+    """A37. Stick, slip, reversals and contacts of a scene that contracts.
 
     DOP853 at a relative tolerance of 1e-12 a step: its own error, by a run at 1e-13, is below a tenth of what is
     allowed here; the forces have it times 1e7 N/m.
@@ -112,21 +112,21 @@ def distances(limit, speeds, duration=0.5):
 
 
 def test_a_slow_decay_tends_to_coulombs_law_with_the_static_coefficient():
-    """At first order in 1/v_s: mu(v) = mu_s - (mu_s - mu) v / v_s; the second is v/v_s, some 1e-2 and 1e-3, of it."""
+    """A26. At first order in 1/v_s: mu(v) = mu_s - (mu_s - mu) v / v_s; the second is v/v_s, 1e-2 and 1e-3, of it."""
     near, nearer = distances(scene(**{"effects.friction": "coulomb", "ground.friction": STATIC}), [30.0, 300.0])
     assert near < 1e-3
     assert near / nearer == pytest.approx(10.0, rel=0.1)
 
 
 def test_a_fast_decay_tends_to_the_static_law():
-    """mu_s at rest and mu beyond: a body that leaves v_s behind at once is moved by about v_s times the time."""
+    """A26. mu_s at rest and mu beyond: a body that leaves v_s behind at once is moved by about v_s times the time."""
     far, near, nearest = distances(scene(**{"effects.friction": "static"}), [1e-2, 1e-4, 1e-6])
     assert nearest < 0.05 * near < 0.05 * 0.05 * far
 
 
 @pytest.mark.parametrize("rule", RULES)
 @pytest.mark.parametrize("speed", [1e-6, 1e3])
-def test_the_extremes_of_the_speed_are_simulated(rule, speed):
+def test_the_extremes_of_the_stribeck_speed_are_simulated(rule, speed):
     """However fast the decay: each stop and each start takes some twenty steps through it, measured up to 10 times as
     many in all as by the static law."""
     steps = {friction: vibro_ros.simulate(
@@ -158,7 +158,7 @@ def test_the_description_tells_the_law():
     ({"ground.static_friction": 0.19}, ("ground.static_friction: 0.19 ", "0.2")),
     ({"ground.stribeck_speed": 0.0}, ("ground.stribeck_speed: 0 ", "1e-06", "1000 m/s")),
     ({"ground.stribeck_speed": 1e4}, ("ground.stribeck_speed: 10000 ", "1e-06", "1000 m/s"))])
-def test_what_has_no_exact_solution_is_refused(changes, named):
+def test_stribeck_friction_without_exact_solution_is_refused(changes, named):
     with pytest.raises(ValueError, match=".") as caught:
         scene("unilateral", **changes)
     assert all(word in str(caught.value) for word in named) and "\n" not in str(caught.value)

@@ -1,7 +1,7 @@
 """The rule `hop` with rigid plates: a blow throws the body up, and what follows.
 
-A blow is known from the mass matrix of MODEL.md for q = (x, y, u, w) alone: an impulse J between mass i and its plate
-changes the speeds by -J A⁻¹ e_i, and restitution asks for -J (A⁻¹)_ii = -(1 + e) times the approach.
+A blow is known from the mass matrix B of docs/robot.md for q = (x, y, u, w) alone: an impulse J between mass i and its
+plate changes the speeds by -J B⁻¹ e_i, and restitution asks for -J (B⁻¹)_ii = -(1 + e) times the approach.
 """
 
 import math
@@ -24,7 +24,7 @@ each_coupling = pytest.mark.parametrize("changes", [{}, REACTION, HEAVY, RESTING
 
 
 def mass_matrix(scene):
-    """A of A q'' = loads, as MODEL.md prints it; without the reaction rows u and w have no x'' and y''."""
+    """B of B q'' = loads, the mass matrix of docs/robot.md; without the reaction rows u and w have no x'' and y''."""
     m2, m3, angle = scene["mass.upper"], scene["mass.inclined"], scene["guide.angle"]
     total, ex, ey = scene.total_mass, -math.sin(angle), math.cos(angle)
     matrix = np.array([[total, 0, 0, m3 * ex], [0, total, m2, m3 * ey], [0, m2, m2, 0], [m3 * ex, m3 * ey, 0, m3]])
@@ -50,7 +50,7 @@ def blows(scene, duration, least=0.05):
 
 @each_coupling
 def test_a_blow_changes_every_speed_as_the_mass_matrix_asks(changes):
-    """In 2 ns forces of some 100 N change a mass of 80 g by 3e-6 m/s, which is all the difference there is."""
+    """A20. In 2 ns forces of some 100 N change a mass of 80 g by 3e-6 m/s, which is all the difference there is."""
     scene = RIGID.with_parameters(changes)
     inverse = np.linalg.inv(mass_matrix(scene))
     hits, sides, (before, after) = blows(scene, 2.0)
@@ -74,7 +74,7 @@ def test_a_blow_keeps_the_momentum_of_the_whole(changes):
 
 @pytest.mark.parametrize("restitution", [0.0, 0.5, 1.0])
 def test_a_blow_takes_the_energy_of_its_approach(restitution):
-    """(1 - e²) a²/2 times the inertia that the blow feels, 1/(A⁻¹)_ii; nothing with e = 1."""
+    """(1 - e²) a²/2 times the inertia that the blow feels, 1/(B⁻¹)_ii; nothing with e = 1."""
     scene = RIGID.with_parameters(HEAVY | {f"{side}.plate.restitution": restitution for side in COORDINATES})
     matrix = mass_matrix(scene)
     felt = 1.0 / np.diag(np.linalg.inv(matrix))
@@ -116,8 +116,8 @@ def test_a_blow_on_a_standing_body_is_a_lift_off_and_the_fall_ends_in_a_landing_
 
 
 def test_a_body_that_one_blow_throws_up_falls_back_like_a_stone():
-    """A plate that comes down at 1 m/s on a mass that no spring holds: y' = m2 (1 + e)/M from then on, and no force but
-    the weights, so y = y' t - g t²/2, and the landing after 2 y'/g is at the speed y'; to rounding."""
+    """A21. A plate that comes down at 1 m/s on a mass that no spring holds: y' = m2 (1 + e)/M from then on, and no
+    force but the weights, so y = y' t - g t²/2, and the landing after 2 y'/g is at the speed y'; to rounding."""
     scene = vibro_ros.Scene("stone", HEAVY | {
         "effects.normal_force": "hop", "effects.upper_contact": "restitution", "effects.inclined_mass": False,
         "upper.plate.restitution": 0.6, "upper.spring.stiffness": 0.0, "upper.gap": 0.01, "gravity": 2.0,
@@ -166,7 +166,7 @@ def test_the_ground_never_pulls_and_nothing_enters_a_plate(changes):
 # -- the limit of stiff plates --------------------------------------------------------------------
 
 def restitution_without_tension(ratio):
-    """MODEL.md case 5, for damping ratios below 1/sqrt(2)."""
+    """The formula of A10, for damping ratios below 1/sqrt(2)."""
     root = math.sqrt(1.0 - ratio**2)
     return math.exp(-ratio / root * (math.pi - math.atan(2 * ratio * root / (1.0 - 2.0 * ratio**2))))
 
@@ -175,9 +175,9 @@ def restitution_without_tension(ratio):
 @pytest.mark.parametrize(("rule", "changes"), [("unilateral", {}), ("hop", {}), ("hop", HEAVY)],
                          ids=["unilateral", "hop", "hop, heavy"])
 def test_rigid_plates_are_the_limit_of_stiff_ones(rule, changes, restitution):
-    """A contact lasts some sqrt(m/k), lifts the body some M g/(k v) after it began, and is as deep as v sqrt(m/k): the
+    """A24. A contact lasts some sqrt(m/k), lifts the body some M g/(k v) after it began, and is v sqrt(m/k) deep: the
     error is of first order in 1/sqrt(k). The damper is the one that gives that restitution to a contact that feels the
-    inertia 1/(A⁻¹)_ii."""
+    inertia 1/(B⁻¹)_ii."""
     scene = RIGID.with_parameters(changes | {"effects.normal_force": rule, "upper.gap": 0.01, "inclined.gap": 0.01})
     felt = 1.0 / np.diag(np.linalg.inv(mass_matrix(scene)))
     ratio = 0.0 if restitution == 1.0 else brentq(lambda r: restitution_without_tension(r) - restitution, 0.0, 0.7)

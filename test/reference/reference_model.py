@@ -1,6 +1,6 @@
 """The paper's model, integrated by Taylor series in 60-digit arithmetic: a reference for tests.
 
-Written from MODEL.md and the paper alone; it shares no code with vibro_ros. Every step expands the
+Written from the equations of docs/robot.md and the paper alone, without code of vibro_ros. Every step expands the
 crank, both masses, the forces and the body in powers of time. Which mode holds after an instant
 (contact, normal force, stick or slip) is decided afresh at every step by the sign of the first
 power that does not vanish, so an exact graze, as in the start at rest on a plate, needs no rule.
@@ -19,7 +19,7 @@ class ReferenceModel:
     Parameters
     ----------
     values : mapping of str to float, bool or str
-        The scene's parameters under the names of DESIGN.md.
+        The scene's parameters by their names.
     commands : list of (str, dict)
         Times [s, decimal text] and the commanded motor_speed [rad/s], upper_gap, inclined_gap [m].
     order : int
@@ -302,7 +302,7 @@ class ReferenceModel:
     # -- what a run reports ---------------------------------------------------------------------
 
     def sample(self):
-        """Present values under the field names of DESIGN.md."""
+        """Present values, by the names of the fields of `Samples`."""
         upper, inclined = self.guides
         power = arb(0)
         for guide in self.guides:

@@ -10,7 +10,7 @@ pytest.importorskip("flint", reason="python-flint makes the reference")
 
 @pytest.mark.parametrize("seed", range(12))
 def test_a_random_scene_agrees_with_the_reference(seed):
-    """Over 0.1 s; 1e-9 m as for the stored loss-free scenes, which stiff plates and chatter approach here."""
+    """A39. Over 0.1 s; 1e-9 m as for the stored loss-free scenes, which stiff plates and chatter approach here."""
     table = reference(seed, duration=0.1)
     states, events = replay(table)
     for key in POSITIONS:

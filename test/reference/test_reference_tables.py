@@ -34,6 +34,7 @@ def simulated():
 
 @pytest.mark.parametrize("name", TABLES)
 def test_positions_agree_with_the_reference(name, simulated):
+    """A39. Every hundredth of a second."""
     states, _ = simulated(name)
     for key in POSITIONS:
         error = np.abs([getattr(state, key) for state in states] - column(TABLES[name], key))
@@ -42,7 +43,7 @@ def test_positions_agree_with_the_reference(name, simulated):
 
 @pytest.mark.parametrize("name", TABLES)
 def test_velocities_and_outputs_agree_with_the_reference(name, simulated):
-    """Speeds may be off by the position's tolerance times 1e4/s, the contact's angular frequency."""
+    """A39. Speeds may be off by the position's tolerance times 1e4/s, the contact's angular frequency."""
     states, _ = simulated(name)
     speed = 1e4 * tolerance(name)
     limits = {"body_velocity": speed, "upper_velocity": speed, "inclined_velocity": speed, "motor_speed": 1e-12,
@@ -55,7 +56,7 @@ def test_velocities_and_outputs_agree_with_the_reference(name, simulated):
 
 @pytest.mark.parametrize("name", TABLES)
 def test_ground_forces_agree_with_the_reference(name, simulated):
-    """Away from a contact, whose stiffness of 1e7 N/m would turn 1e-9 m into 1e-2 N."""
+    """A39. Away from a contact, whose stiffness of 1e7 N/m would turn 1e-9 m into 1e-2 N."""
     states, _ = simulated(name)
     drive = 1e3 + 2e4  # N/m: springs, and dampers of 2 N·s/m times 1e4/s
     for key in ("normal_force", "friction_force"):
@@ -67,6 +68,7 @@ def test_ground_forces_agree_with_the_reference(name, simulated):
 
 @pytest.mark.parametrize("name", TABLES)
 def test_every_contact_of_the_reference_occurs_and_no_other(name, simulated):
+    """A39. One contact of ours for one of theirs, in their order, with all of its numbers."""
     _, events = simulated(name)
     for kind in CONTACTS:
         ours = np.sort(events[events["kind"] == kind], order="time")
@@ -81,6 +83,7 @@ def test_every_contact_of_the_reference_occurs_and_no_other(name, simulated):
 
 @pytest.mark.parametrize("name", TABLES)
 def test_the_body_sticks_when_the_reference_does(name, simulated):
+    """A39. As many sticks, at the same instants."""
     assert_same_instants(name, "stick", simulated)
 
 
@@ -88,6 +91,7 @@ def test_the_body_sticks_when_the_reference_does(name, simulated):
                                   if table["parameters"]["effects.normal_force"] == "unilateral"])
 @pytest.mark.parametrize("kind", ["unloaded", "loaded"])
 def test_the_ground_is_unloaded_when_the_reference_says(name, kind, simulated):
+    """A39. As many changes, at the same instants."""
     assert_same_instants(name, kind, simulated)
 
 
@@ -120,7 +124,7 @@ def test_the_documented_command_makes_the_stored_table(tmp_path):
 
 
 def test_the_reference_conserves_momentum_through_every_impact():
-    """MODEL.md case 12, on the table itself: M x' - m3 w' sin φ stays 0, here to the doubles' rounding."""
+    """A29. On the table itself: M x' - m3 w' sin φ stays 0, here to the doubles' rounding."""
     table = TABLES["frictionless"]
     total = sum(table["parameters"][f"mass.{part}"] for part in ("body", "upper", "inclined"))
     share = table["parameters"]["mass.inclined"] * np.sin(table["parameters"]["guide.angle"])
@@ -130,7 +134,7 @@ def test_the_reference_conserves_momentum_through_every_impact():
 
 @pytest.mark.parametrize("name", ["reaction", "reaction_printed_heavy", "static_reaction_damped"])
 def test_the_reference_obeys_every_row_of_the_mass_matrix(name):
-    """MODEL.md's matrix for y = 0, at instants of all modes; 64 digits times forces of up to 1e4 N."""
+    """The mass matrix of docs/robot.md for y = 0, at instants of all modes; 64 digits times forces of up to 1e4 N."""
     pytest.importorskip("flint", reason="python-flint makes the tables")
     from flint import arb
     from generate import PAPER, SCENES

@@ -16,7 +16,7 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from std_srvs.srv import SetBool
 
-from vibro_ros.simulator import compile_kernels
+from vibro_ros.simulation.kernels import compile_kernels
 
 sys.path.insert(0, str(Path(__file__).parent))
 

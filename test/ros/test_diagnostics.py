@@ -63,7 +63,7 @@ def test_diagnostics_tell_how_it_goes(start, listener, bench):
     assert values["accuracy in force"].startswith("rounding: 8.6e-13 m for 0.2 s")
     assert values["next cheaper choice"].startswith("moreau, step 0.00316 s: 0.079 of the work, but off by 0.015 m")
     assert float(values["events per second"]) > 10
-    assert (values["solver method"], values["solver tolerance [m]"]) == ("exact", "1e-09")
+    assert values["solver method"] == "exact"
     assert abs(float(values["energy residual [J]"])) < 1e-6
     assert int(values["missed deadlines"]) >= 0
     late = [float(values[f"lateness {name} [us]"]) for name in ("median", "p99", "max")]

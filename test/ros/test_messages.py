@@ -7,7 +7,7 @@ import pytest
 from rclpy.serialization import deserialize_message, serialize_message
 
 from vibro_ros.ros import messages
-from vibro_ros.samples import EVENT_DTYPE, Samples
+from vibro_ros.simulation.samples import EVENT_DTYPE, Samples
 
 STAMP = 1_763_700_000_123_456_789  # [ns]
 # numpy scalars, as the simulator may give them: rclpy would serialise them to garbage where they are not cast

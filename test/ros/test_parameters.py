@@ -5,9 +5,9 @@ from rcl_interfaces.msg import Parameter as ParameterMessage
 from rcl_interfaces.msg import ParameterType, ParameterValue
 from rcl_interfaces.srv import DescribeParameters, GetParameters, ListParameters, SetParameters
 
+from vibro_ros.configuration.scene_file import DEVICE_PARAMETERS, load_scene
 from vibro_ros.model.parameters import SCENE_PARAMETERS
 from vibro_ros.ros.parameters import descriptor
-from vibro_ros.scene_file import DEVICE_PARAMETERS, load_scene
 
 KINDS = {
     bool: (ParameterType.PARAMETER_BOOL, "bool_value"),

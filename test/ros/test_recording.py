@@ -10,13 +10,15 @@ from observation import bags, stamps_of, stop
 import vibro_ros
 from vibro_ros.bag.definitions import defined
 from vibro_ros.bag.reader import read_bag
-from vibro_ros.bag.robot_topics import COMMANDS
 from vibro_ros.bag.writer import BagWriter, Storage
+from vibro_ros.configuration.scene_file import DEVICE_PARAMETERS
+from vibro_ros.messages.topics import COMMAND_UNITS
 from vibro_ros.ros.outputs import Outputs
-from vibro_ros.ros.recording import Plan, offer_recovery, open_recording, plan_recording
-from vibro_ros.scene_file import DEVICE_PARAMETERS
+from vibro_ros.ros.recording import open_recording
+from vibro_ros.ros.recording_plan import Plan, plan_recording
+from vibro_ros.ros.unsealed import offer_recovery
 
-RECEIVED = {name: f"/{name}" for name in COMMANDS}
+RECEIVED = {name: f"/{name}" for name in COMMAND_UNITS}
 SETTINGS = {parameter.name: parameter.default for parameter in DEVICE_PARAMETERS}
 
 

@@ -91,7 +91,7 @@ def raw_messages_by_mcap(folder: Path) -> dict[str, list[tuple[int, bytes]]]:
 @pytest.fixture(scope="module")
 def _compiled():
     """Kernels in the cache, so that no test's patience is spent on compiling."""
-    vibro_ros.simulator.compile_kernels()
+    vibro_ros.simulation.kernels.compile_kernels()
 
 
 pytestmark = pytest.mark.usefixtures("_compiled")

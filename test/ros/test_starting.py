@@ -19,9 +19,9 @@ from rclpy.node import Node
 from std_msgs.msg import Float64
 
 from vibro_ros.bag.reader import read_bag
+from vibro_ros.configuration.scene_file import NODE_NAME
+from vibro_ros.process.stop_signals import StopRequest
 from vibro_ros.ros import listeners
-from vibro_ros.scene_file import NODE_NAME
-from vibro_ros.stop_signals import StopRequest
 
 PROMPT = 10.0  # [s] deadline of what takes 0.1 s on an idle machine
 LATE = 0.03  # [s] of the promptest of the first messages; opening a bag alone took 0.07 s when stamps lagged by it

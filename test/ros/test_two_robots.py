@@ -25,8 +25,8 @@ def frames_of(message) -> set[str]:
 
 
 def run(module: str, *words: str) -> subprocess.CompletedProcess:
-    return subprocess.run([sys.executable, "-m", f"vibro_ros.study.{module}", *words], env={**os.environ}, text=True,
-                          stdout=subprocess.PIPE, stderr=subprocess.STDOUT, check=False)
+    return subprocess.run([sys.executable, "-m", f"vibro_ros.recordings.{module}", *words], env={**os.environ},
+                          text=True, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, check=False)
 
 
 @pytest.fixture

@@ -6,8 +6,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from vibro_ros.solver import event_loop
-from vibro_ros.solver import state as at
-from vibro_ros.solver.recording import EVENT_COLUMNS
+from vibro_ros.solver.channels import size_of
+from vibro_ros.solver.events import EVENT_COLUMNS
 from vibro_ros.solver.state import new_state
 from vibro_ros.solver.system import (
     NOTHING,
@@ -17,7 +17,7 @@ from vibro_ros.solver.system import (
     acceleration_terms,
     couplings,
     flow_numbers,
-    longest_steps,
+    longest_segments,
     terms,
 )
 from vibro_ros.solver.vector import LENGTH
@@ -58,23 +58,23 @@ def build(channels, modes, guards=(), signals=None, monitor=None, decay=None):
     acceleration = np.array(modes, dtype=float).reshape(count, channels.coordinates, channels.count)
     guards = guards or [()] * count
     most = max(1, *map(len, guards))
-    row, landing = [], []
-    number, owner, strike = (np.full((count, most), NOTHING) for _ in range(3))
+    row, matrices = [], []
+    number, effect, blow = (np.full((count, most), NOTHING) for _ in range(3))
     candidate, jump = (np.full((count, most, 3), NOTHING) for _ in range(2))
     entry = np.full((count, most, 3, 1), NOTHING)
     for m, of_mode in enumerate(guards):
         for g, guard in enumerate(of_mode):
-            number[m, g], owner[m, g] = len(row), 0
+            number[m, g], effect[m, g] = len(row), 0
             row.append(guard.form)
-            strike[m, g] = 0 if guard.strike else NOTHING
+            blow[m, g] = 0 if guard.strike else NOTHING
             candidate[m, g, :len(guard.targets)] = guard.targets
             for c in range(len(guard.targets)):
                 jumps = guard.first_jump if c == 0 and guard.first_jump is not None else guard.jump
                 if jumps:
-                    jump[m, g, c] = len(landing)
-                    landing.append(np.eye(2 * channels.coordinates, channels.count))
+                    jump[m, g, c] = len(matrices)
+                    matrices.append(np.eye(2 * channels.coordinates, channels.count))
                     for channel, form in jumps.items():
-                        landing[-1][channel] = form
+                        matrices[-1][channel] = form
             if guard.entry is not None:
                 entry[m, g, 0, 0] = len(row)
                 row.append(guard.entry)
@@ -87,14 +87,14 @@ def build(channels, modes, guards=(), signals=None, monitor=None, decay=None):
     watched = 0 if monitor is None else 1
     watch = np.zeros((count, 0, channels.count)) if monitor is None else np.tile(monitor[0], (count, 1, 1))
     return System(
-        sizes=np.array(channels), acceleration=acceleration, terms=acceleration_terms(acceleration, channels),
-        flow=flow_numbers(acceleration, channels.dynamic), longest_step=longest_steps(acceleration, channels),
+        size=size_of(channels), acceleration=acceleration, terms=acceleration_terms(acceleration, channels),
+        flow=flow_numbers(acceleration, channels.dynamic), longest_segment=longest_segments(acceleration, channels),
         row=row, row_terms=terms(row), driven=row[:, driven].any(axis=1),
-        coupled=couplings(acceleration, channels), guard=number, owner=owner, candidate=candidate, entry=entry,
-        jump=jump,
-        landing=np.array(landing).reshape(len(landing), 2 * channels.coordinates, channels.count), strike=strike,
-        unheld=np.tile(np.arange(count)[:, None], (1, channels.ramps)), event=event,
-        noted=np.zeros((count, channels.count)),
+        coupled=couplings(acceleration, channels), guard=number, guard_effect=effect, candidate=candidate, entry=entry,
+        jump=jump, blow_monitor=blow,
+        jump_matrix=np.array(matrices).reshape(len(matrices), 2 * channels.coordinates, channels.count),
+        mode_after_ramp_change=np.tile(np.arange(count)[:, None], (1, channels.ramps)), event_kind=event,
+        event_quantity=np.zeros((count, channels.count)),
         monitor=watch, monitor_terms=terms(watch),
         monitored=np.array([[m in monitor[2]] * watched if monitor else [] for m in range(count)], dtype=bool),
         approach=np.zeros((0, channels.count)) if monitor is None else np.array([monitor[1]]),
@@ -134,19 +134,24 @@ class Integration:
         self.events = []
         assert event_loop.begin_segment(system, self.state, self.point)
 
+    @property
+    def segments(self):
+        """Number of segments so far."""
+        return self.state.now["automaton"]["segments"][0]
+
     def ramp_speed(self, target, change):
         """Let the speed change to `target` at `change` [rad/s²], from the present segment's start on."""
-        clock = self.state.clock
-        clock[at.SPEED_TARGET] = target
-        clock[at.SPEED_CHANGE] = math.copysign(change, target - clock[at.SPEED])
-        clock[at.SPEED_TIME] = abs(target - clock[at.SPEED]) / change
+        drive = self.state.now["drive"][0]
+        drive["target"] = target
+        drive["acceleration"] = math.copysign(change, target - drive["speed"])
+        drive["time_left"] = abs(target - drive["speed"]) / change
         assert event_loop.begin_segment(self.system, self.state, self.point)
 
     def move_ramp(self, k, target, rate):
         """Let ramp k move to `target` at `rate`."""
         ramp = self.state.ramp[k]
-        ramp[at.TARGET], ramp[at.RATE] = target, math.copysign(rate, target - ramp[at.VALUE])
-        ramp[at.TIME] = abs(target - ramp[at.VALUE]) / rate
+        ramp["target"], ramp["rate"] = target, math.copysign(rate, target - ramp["value"])
+        ramp["time_left"] = abs(target - ramp["value"]) / rate
         assert event_loop.begin_segment(self.system, self.state, self.point)
 
     def sample(self, times, room=64):

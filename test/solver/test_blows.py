@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from small_system import Guard, Integration, build, cosine_table
 
-from vibro_ros.solver.recording import MONITOR_KIND
-from vibro_ros.solver.system import Channels
+from vibro_ros.solver.channels import Channels
+from vibro_ros.solver.events import MONITOR_KIND
 
 FLYING, RESTING = 0, 1
 
@@ -34,7 +34,7 @@ def bouncing_ball(restitution, gravity, rest_speed=1e-9):
 
 
 def test_a_bouncing_ball_rests_after_infinitely_many_impacts():
-    """MODEL.md case 6: from 1 m with e = 0.8 it rests after sqrt(2h/g)(1+e)/(1-e) = 4.0637 s, at finite cost.
+    """A12. From 1 m with e = 0.8 it rests after sqrt(2h/g)(1+e)/(1-e) = 4.0637 s, at finite cost.
 
     The bounces left out would last 2 v/g/(1-e) = 1e-9 s together, v = 1e-9 m/s being the slowest rebound.
     """
@@ -65,7 +65,7 @@ def test_a_ball_that_loses_nothing_never_rests():
 
 
 def test_the_period_one_impact_oscillator():
-    """MODEL.md case 7: q'' + Ω² q = a Ω² cos(phase), rigid stop at q = d, restitution e: one blow a period at v.
+    """A13. q'' + Ω² q = a Ω² cos(phase), rigid stop at q = d, restitution e: one blow a period at v.
 
     The orbit attracts, so that after many periods only rounding is left; v = 3.572472 m/s.
     """

@@ -7,8 +7,8 @@ import pytest
 from small_system import Guard, Integration, build, cosine_table
 
 from vibro_ros.solver import event_loop
-from vibro_ros.solver.recording import MONITOR_KIND
-from vibro_ros.solver.system import Channels
+from vibro_ros.solver.channels import Channels
+from vibro_ros.solver.events import MONITOR_KIND
 
 FORWARD, BACKWARD, STICK = 0, 1, 2
 RATE = 100.0  # Ω of the spring [rad/s]
@@ -33,7 +33,7 @@ def friction_oscillator(friction, drive=0.0):
 
 
 def test_coulombs_free_oscillator():
-    """MODEL.md case 9: each half period takes 2 f/Ω² off the amplitude; it rests within f/Ω², for good.
+    """A16. Each half period takes 2 f/Ω² off the amplitude; it rests within f/Ω², for good.
 
     From 1 with f/Ω² = 0.03 the turning points are 1, -0.94, 0.88 ... and the last, 0.02, is inside the dead zone.
     """
@@ -69,7 +69,7 @@ def den_hartog(beta, share):
 
 
 def test_den_hartogs_oscillator():
-    """MODEL.md case 10: β = 0.8, f = 0.2: the steady turning points are at 2.7114152 P/k, and it never sticks."""
+    """A17. β = 0.8, f = 0.2: the steady turning points are at 2.7114152 P/k, and it never sticks."""
     run = Integration(friction_oscillator(0.2 * RATE**2, drive=RATE**2), [2.5], [0.0], mode=STICK, speed=0.8 * RATE)
     expected = den_hartog(0.8, 0.2)
     assert expected == pytest.approx(2.7114152, abs=1e-7)
@@ -84,7 +84,7 @@ def test_den_hartogs_oscillator():
 
 
 def test_the_turning_points_of_den_hartogs_oscillator():
-    """Sampled exactly where the velocity changes its sign, after the transient has died: to rounding."""
+    """A17. Sampled exactly where the velocity changes its sign, after the transient has died: to rounding."""
     system = friction_oscillator(0.2 * RATE**2, drive=RATE**2)
     scout = Integration(system, [2.5], [0.0], mode=STICK, speed=0.8 * RATE)
     period = 2 * math.pi / (0.8 * RATE)
@@ -109,7 +109,7 @@ def sliding_block(friction):
 @pytest.mark.parametrize("speed", [1e-9, 0.3, 200.0])
 @pytest.mark.parametrize("mode", [FORWARD, BACKWARD])
 def test_a_sliding_block_stops(speed, mode):
-    """MODEL.md case 11: after v0/(μ g), in v0²/(2 μ g); from then on its speed is exactly zero.
+    """A15. After v0/(μ g), in v0²/(2 μ g); from then on its speed is exactly zero.
 
     Instants are resolved to a rounding of half the segment, which lasts 1 s here, and positions to one of the way that
     the block would go in it.
@@ -139,7 +139,7 @@ def bouncing_mass():
 
 
 def test_a_monitor_reports_each_contact_once():
-    """A drop of 0.5 hits at speed 1 after 1; peak and duration of a spring under a constant push (MODEL.md case 4)."""
+    """A9. A drop of 0.5 hits at speed 1 after 1; peak and duration of a spring under a constant push."""
     run = Integration(bouncing_mass(), [0.5], [0.0])
     run.sample([4.5])
     contacts = [event for event in run.events if event[1] == MONITOR_KIND]

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from small_system import Integration, build, cosine_table
 
-from vibro_ros.solver.state import SEGMENTS
-from vibro_ros.solver.system import RATE_LIMIT, Channels, longest_steps
+from vibro_ros.solver.channels import Channels
+from vibro_ros.solver.system import RATE_LIMIT, longest_segments
 
 DRIVEN_OSCILLATOR = Channels(1, 1, 1, 0)
 
@@ -112,10 +112,10 @@ def test_energy_of_a_free_oscillator_over_a_million_radians(stiffness):
     points, _, _ = run.sample([1e4])
     assert run.status == 0
     energy = points[0, 0] ** 2 + points[0, 1] ** 2 / stiffness
-    assert energy == pytest.approx(1.0, abs=5 * 2.2e-16 * run.state.index[SEGMENTS])
+    assert energy == pytest.approx(1.0, abs=5 * 2.2e-16 * run.segments)
 
 
-def test_longest_steps():
+def test_longest_segments():
     """2 RATE_LIMIT over the fastest eigenvalue: k, overdamped, none."""
     channels = Channels(1, 1, 0, 0)
     rows = np.zeros((4, 1, channels.count))
@@ -124,4 +124,4 @@ def test_longest_steps():
     rows[2, 0, 1] = -50.0
     slow = 5e3 + math.sqrt(25e6 - 1e4)
     expected = [RATE_LIMIT / 50, 2 * RATE_LIMIT / slow, RATE_LIMIT / 25, math.inf]
-    np.testing.assert_allclose(longest_steps(rows, channels), expected)
+    np.testing.assert_allclose(longest_segments(rows, channels), expected)

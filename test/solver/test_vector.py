@@ -6,9 +6,9 @@ import pytest
 
 from vibro_ros.solver.vector import (
     LENGTH,
-    first_place,
+    first_index,
+    indices_above,
     lowered,
-    places_above,
     powers,
     raised,
     store,
@@ -21,7 +21,7 @@ RANDOM = np.random.default_rng(29)
 P, Q = RANDOM.normal(size=(2, LENGTH))
 
 
-def kept(function, *arguments):
+def stored(function, *arguments):
     """What a kernel stores as its first argument."""
     target = np.full(LENGTH, np.nan)
     numba.njit(function)(target, *arguments)
@@ -29,7 +29,7 @@ def kept(function, *arguments):
 
 
 def test_numbers_go_where_they_came_from():
-    np.testing.assert_array_equal(kept(lambda target, p: store(target, vector(p)), P), P)
+    np.testing.assert_array_equal(stored(lambda target, p: store(target, vector(p)), P), P)
 
 
 def test_arrays_may_begin_anywhere():
@@ -41,23 +41,23 @@ def test_arrays_may_begin_anywhere():
 
 def test_arithmetic():
     """Number by number, and by one number: rounded as numpy rounds it."""
-    np.testing.assert_array_equal(kept(lambda target, p, q: store(target, vector(p) + vector(q)), P, Q), P + Q)
-    np.testing.assert_array_equal(kept(lambda target, p, q: store(target, vector(p) - vector(q)), P, Q), P - Q)
-    np.testing.assert_array_equal(kept(lambda target, p, q: store(target, vector(p) * vector(q)), P, Q), P * Q)
-    np.testing.assert_array_equal(kept(lambda target, p: store(target, 0.3 * vector(p)), P), 0.3 * P)
-    np.testing.assert_array_equal(kept(lambda target, p: store(target, abs(vector(p))), P), abs(P))
+    np.testing.assert_array_equal(stored(lambda target, p, q: store(target, vector(p) + vector(q)), P, Q), P + Q)
+    np.testing.assert_array_equal(stored(lambda target, p, q: store(target, vector(p) - vector(q)), P, Q), P - Q)
+    np.testing.assert_array_equal(stored(lambda target, p, q: store(target, vector(p) * vector(q)), P, Q), P * Q)
+    np.testing.assert_array_equal(stored(lambda target, p: store(target, 0.3 * vector(p)), P), 0.3 * P)
+    np.testing.assert_array_equal(stored(lambda target, p: store(target, abs(vector(p))), P), abs(P))
 
 
 def test_places():
-    np.testing.assert_array_equal(kept(lambda target, p: store(target, raised(vector(p))), P), [0.0, *P[:-1]])
-    np.testing.assert_array_equal(kept(lambda target, p: store(target, lowered(vector(p))), P), [*P[1:], 0.0])
-    np.testing.assert_array_equal(kept(lambda target, p: store(target, with_first(vector(p), 7.0)), P), [7.0, *P[1:]])
+    np.testing.assert_array_equal(stored(lambda target, p: store(target, raised(vector(p))), P), [0.0, *P[:-1]])
+    np.testing.assert_array_equal(stored(lambda target, p: store(target, lowered(vector(p))), P), [*P[1:], 0.0])
+    np.testing.assert_array_equal(stored(lambda target, p: store(target, with_first(vector(p), 7.0)), P), [7.0, *P[1:]])
 
 
 def test_places_by_size():
     """As numpy's comparison finds them; a number that is none is not above."""
-    above = numba.njit(lambda p, limit: places_above(vector(p), limit))
-    lowest = numba.njit(lambda bits: first_place(bits))
+    above = numba.njit(lambda p, limit: indices_above(vector(p), limit))
+    lowest = numba.njit(lambda bits: first_index(bits))
     for p in (P, np.where(np.arange(LENGTH) == 3, np.nan, Q), np.zeros(LENGTH)):
         for limit in (-0.3, 0.0, 5.0):
             bits = above(p, limit)
@@ -74,7 +74,7 @@ def test_total():
 
 @pytest.mark.parametrize("x", [0.0, 1.0, -1.0, 0.5, -0.3, 1.7])
 def test_powers(x):
-    found = kept(lambda target, x: store(target, powers(x)), x)
+    found = stored(lambda target, x: store(target, powers(x)), x)
     np.testing.assert_allclose(found, x ** np.arange(LENGTH), rtol=2e-15)
     np.testing.assert_array_equal(found[:3], [1.0, x, x * x])
 

@@ -9,6 +9,7 @@ from typing import BinaryIO
 from mcap.opcode import Opcode
 from mcap.records import Channel, Chunk
 
+from vibro_ros.bag.mcap_gathering import Scan, message_head
 from vibro_ros.bag.mcap_records import (
     HEAD,
     LARGEST_RECORD,
@@ -18,10 +19,10 @@ from vibro_ros.bag.mcap_records import (
     parsed,
     records,
 )
-from vibro_ros.bag.mcap_scan import Scan, message_head, scan
+from vibro_ros.bag.mcap_scan import scan
 from vibro_ros.bag.metadata import FileInformation, TopicInformation, custom_data, qos_profiles
 from vibro_ros.bag.part import CDR, Message, PartContents
-from vibro_ros.regular_file import open_to_read
+from vibro_ros.process.regular_file import open_to_read
 
 
 class McapPart:

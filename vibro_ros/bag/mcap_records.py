@@ -112,7 +112,7 @@ def is_opcode(number: int) -> bool:
 class _Whole(BytesIO):
     """Bytes of which a part is never less than was asked for."""
 
-    def read(self, size: int = -1) -> bytes:
+    def read(self, size: int = -1) -> bytes:  # type: ignore[override]  # mcap never asks with None
         piece = super().read(size)
         if len(piece) < size:
             raise MalformedError("a record ends too early")

@@ -60,6 +60,8 @@ class McapSegment:
         self._file = path.open("xb", buffering=0)
         self.identity = identity_of(os.fstat(self._file.fileno()))
         self._good = 0
+        self._first: int
+        self._last: int
         self._begin_chunk()
         try:
             self._append(MAGIC + packed(Header("ros2", LIBRARY)) + self._announce(definitions))

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import yaml
 
-from vibro_ros.regular_file import content, replace_file
-from vibro_ros.strict_yaml import Limits, parsed, read_yaml
+from vibro_ros.configuration.strict_yaml import Limits, parsed, read_yaml
+from vibro_ros.process.regular_file import content, replace_file
 
 BAG_VERSION = 9
 FILE_NAME = "metadata.yaml"
@@ -108,7 +108,7 @@ def bag_information(storage: str, files: Sequence[FileInformation], topics: Iter
     }
 
 
-def as_text(information: Mapping[str, object]) -> str:
+def as_text(information: object) -> str:
     """YAML of anything made of dicts, lists, texts and numbers."""
     return yaml.dump(information, Dumper=_Dumper, sort_keys=False, allow_unicode=True)
 
@@ -172,7 +172,7 @@ def depth_of(profiles: Sequence[Mapping], otherwise: int) -> int:
     return depth if type(depth) is int and 0 <= depth <= _MOST_DEPTH else otherwise
 
 
-class _Dumper(getattr(yaml, "CSafeDumper", yaml.SafeDumper)):
+class _Dumper(getattr(yaml, "CSafeDumper", yaml.SafeDumper)):  # type: ignore[misc]
     def ignore_aliases(self, data: object) -> bool:
         """Write equal parts out: yaml-cpp reads anchors, but people do not."""
         return True

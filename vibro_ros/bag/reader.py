@@ -8,11 +8,11 @@ from pathlib import Path
 
 import numpy as np
 
-from vibro_ros.bag.robot_topics import ROBOT_TOPICS
 from vibro_ros.bag.series import Series, readable_types
 from vibro_ros.bag.stream import BagError, BagStream, RecordedTopic
+from vibro_ros.messages.topics import ROBOT_TOPICS
 
-__all__ = ["ROBOT_TOPICS", "Arrays", "Bag", "BagError", "BagWarning", "MissingTopicError", "RecordedTopic", "load_bag",
+__all__ = ["Arrays", "Bag", "BagError", "BagWarning", "MissingTopicError", "RecordedTopic", "load_bag",
            "read_bag"]
 
 Arrays = dict[str, np.ndarray]
@@ -143,6 +143,13 @@ def read_bag(path: str | Path, columns: Mapping[str, Sequence[str]] | None = Non
     -----
     BagWarning
         Once, when something is left out: with the first of the flaws and their number.
+
+    Examples
+    --------
+    >>> bag = vibro_ros.read_bag("vibro_robot_2026_11_21-10_29_21")
+    >>> time, x = bag["odom"]["time"], bag["odom"]["position"][:, 0]
+    >>> f"{(x[-1] - x[0]) / (time[-1] - time[0]):.3f} m/s"
+    '-0.250 m/s'
     """
     bag = load_bag(path, columns)
     if bag.flaws:

@@ -1,26 +1,9 @@
-"""The robot's topics in a bag: their types, and the names that remapping and namespaces gave them."""
+"""The robot's topics in a bag, under the names that remapping and namespaces gave them."""
 
 import json
 
 from vibro_ros.bag.stream import BagError, BagStream
-
-ROBOT_TOPICS = {
-    "odom": "nav_msgs/msg/Odometry",
-    "joint_states": "sensor_msgs/msg/JointState",
-    "ground_contact": "geometry_msgs/msg/WrenchStamped",
-    "impacts": "geometry_msgs/msg/WrenchStamped",
-    "motor_power": "std_msgs/msg/Float64",
-    "motor_speed": "std_msgs/msg/Float64",
-    "upper_gap": "std_msgs/msg/Float64",
-    "inclined_gap": "std_msgs/msg/Float64",
-}  # a topic that ends like one of these and has another type is somebody else's
-
-COMMANDS = ("motor_speed", "upper_gap", "inclined_gap")
-"""Those that the robot listens to."""
-
-CHECKPOINT = "checkpoint"
-CHECKPOINT_TYPE = "std_msgs/msg/Float64MultiArray"
-"""Only in bags that may lack a run's beginning: `Simulator.checkpoint` after a sample and before its commands."""
+from vibro_ros.messages.topics import CHECKPOINT, CHECKPOINT_TYPE, ROBOT_TOPICS
 
 _TYPES = {**ROBOT_TOPICS, CHECKPOINT: CHECKPOINT_TYPE}
 

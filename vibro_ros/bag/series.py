@@ -5,6 +5,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from itertools import accumulate, chain
+from typing import Any
 
 import numpy as np
 
@@ -23,8 +24,8 @@ def readable_types() -> frozenset[str]:
 class _Layout:
     """Columns of a message type: their widths, and a message's numbers in that order."""
 
-    widths: Callable[[object], dict[str, int]]
-    numbers: Callable[[object], tuple[float, ...]]
+    widths: Callable[[Any], dict[str, int]]
+    numbers: Callable[[Any], tuple[float, ...]]
     stamped: bool = True
     framed: bool = False
 
@@ -107,7 +108,7 @@ class Series:
         if self._framed:
             self._frame.append(self._frames.setdefault(message.header.frame_id, len(self._frames)))
 
-    def _choose(self, message: object | None) -> None:
+    def _choose(self, message: Any) -> None:
         """Fix the columns from the first message; without one, from the type."""
         self._widths = self._layout.widths(message)
         self._kept = {name: width for name, width in self._widths.items() if self._wants(name)}
@@ -123,21 +124,21 @@ def _as_array(numbers: array) -> np.ndarray:
     return np.frombuffer(numbers, dtype=numbers.typecode) if numbers else np.empty(0, dtype=numbers.typecode)
 
 
-def _xyz(vector: object) -> tuple[float, float, float]:
+def _xyz(vector: Any) -> tuple[float, float, float]:
     return vector.x, vector.y, vector.z
 
 
-def _odometry(message: object) -> tuple[float, ...]:
+def _odometry(message: Any) -> tuple[float, ...]:
     pose, twist = message.pose.pose, message.twist.twist
     turn = pose.orientation
     return *_xyz(pose.position), turn.x, turn.y, turn.z, turn.w, *_xyz(twist.linear), *_xyz(twist.angular)
 
 
-def _wrench(message: object) -> tuple[float, ...]:
+def _wrench(message: Any) -> tuple[float, ...]:
     return *_xyz(message.wrench.force), *_xyz(message.wrench.torque)
 
 
-def _joints(message: object) -> tuple[float, ...]:
+def _joints(message: Any) -> tuple[float, ...]:
     joints = len(message.name)
     return tuple(chain(*(getattr(message, quantity)[:joints].tolist() for quantity in _JOINT_QUANTITIES)))
 
@@ -145,7 +146,7 @@ def _joints(message: object) -> tuple[float, ...]:
 _JOINT_QUANTITIES = ("position", "velocity", "effort")
 
 
-def _joint_widths(message: object | None) -> dict[str, int]:
+def _joint_widths(message: Any) -> dict[str, int]:
     if message is None:
         return {}
     return {f"{name}.{quantity}": 1 for quantity in _JOINT_QUANTITIES

@@ -5,6 +5,7 @@ from collections import deque
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from vibro_ros.bag.definitions import Definition
 from vibro_ros.bag.identity import Identity, is_in_place
@@ -18,7 +19,7 @@ SMALLEST_SEGMENT = 100_000  # bytes; topics, index and metadata of a file take a
 SHORTEST_SEGMENT = 0.1  # s, that between two flushes
 FEWEST_SEGMENTS = 2  # of a bag that is limited: the one that is written, and one before it
 
-_SEGMENTS = {"mcap": McapSegment, "sqlite3": SqliteSegment}
+_SEGMENTS: dict[str, type[McapSegment] | type[SqliteSegment]] = {"mcap": McapSegment, "sqlite3": SqliteSegment}
 _PARTS = 10  # in how many segments a bag is cut when only its whole size is limited
 
 
@@ -114,7 +115,9 @@ class BagWriter:
         self._finished: deque[_Finished] = deque()
         self._number = 0
         self._discarded_files = self._discarded_messages = 0
-        self._segment: McapSegment | SqliteSegment | None = None
+        self._segment: Any = None  # a McapSegment or SqliteSegment while one is written
+        self._first: int
+        self._last: int
         folder.mkdir(parents=True)
         self._lock = lock(folder)
         try:

@@ -1,41 +1,36 @@
 """Contacts of a mass with its plate: compliant, eq. (4), or rigid with restitution.
 
-A contact gives its states, which of them press on the plate, their guards, and the contact force.
+A contact gives its states, the state in which the mass presses on the plate, and the guards of each state.
 """
 
-from vibro_ros.model.automaton import Guard, Target, to
+from vibro_ros.model.automaton import Guard, Target, without_jump
 from vibro_ros.model.forms import Form, Forms
+from vibro_ros.model.scene import Scene
 from vibro_ros.model.shock import Blow
 from vibro_ros.model.symbols import MASS, PLATE, Symbols
 
-#: A mass that arrives more slowly [m/s] stays on its plate: the bounces left out last about 1e-11 s. One that arrives
-#: faster strikes a blow even if its restitution is 0, for the blow moves the body, and rests at once after it.
+#: A mass that arrives more slowly [m/s] stays on its plate: the bounces that are left out last about 1e-11 s. A mass
+#: that arrives faster strikes a blow even if its restitution is 0, because the blow moves the body, and rests then.
 REST_SPEED = 1e-9
-#: With a restitution above `ALMOST_LOSSLESS`, neither does one go on bouncing whose spring would end its bounce sooner
-#: than `SHORTEST_BOUNCE` [s]: it would rise by F/m T²/8, for 100 g and 20 N 3e-13 m. Bounces that only a damper of the
-#: drive makes shorter would become too many ever to be done.
+#: With a restitution above `ALMOST_LOSSLESS`, a mass also stays whose spring would end the next bounce sooner than
+#: `SHORTEST_BOUNCE` [s]: the mass would rise by F/m T²/8, for 100 g and 20 N 3e-13 m. Without this rule, bounces that
+#: only a damper of the drive makes shorter would become too many ever to be simulated.
 ALMOST_LOSSLESS = 0.999
 SHORTEST_BOUNCE = 1e-7
 
 
-def contact(scene, forms: Forms, side: str):
-    """The contact that `scene` asks for on the guide `side`."""
-    kind = RigidContact if scene[f"effects.{side}_contact"] == "restitution" else CompliantContact
-    return kind(scene, forms, side)
-
-
 class CompliantContact:
-    """A spring and a damper, one-sided.
+    """A spring and a damper that act on one side.
 
-    With adhesion, as printed, the plate acts while the penetration is positive, and its damper may pull.
-    Without, it lets go when its force vanishes: in state `released` the mass is still where
-    the plate would be, and the plate follows it back without force.
+    With adhesion, as printed, the plate acts while the penetration is positive, and the plate's damper may pull.
+    Without adhesion the plate lets go when its force vanishes. In the state `released` the mass is still where the
+    plate would be, and the plate follows the mass back without force.
     """
 
     initial = "open"
     pressing = "closed"
 
-    def __init__(self, scene, forms: Forms, side: str):
+    def __init__(self, scene: Scene, forms: Forms, side: str):
         self.side = side
         self._forms = forms
         self._may_pull = scene["effects.adhesion"] or scene[f"{side}.plate.damping"] == 0.0
@@ -47,59 +42,73 @@ class CompliantContact:
         return ("open", "closed") if self._may_pull else ("open", "closed", "released")
 
     def guards(self, state: str, friction: str, resting: frozenset[str], body: tuple[Form, Form]) -> list[Guard]:
-        """Guards of `state`; nothing else matters."""
+        """Guards of `state`, which depend on nothing else."""
         depth, _ = self._forms.penetration(self.side)
         force = self._forms.plate_force(self.side)
         mass, plate = MASS[self.side], PLATE[self.side]
         apart, within = f"{mass} <= {plate}", f"{mass} >= {plate}"
         if state == "open":
-            return [Guard(-depth, to("closed"), apart)]
+            return [Guard(-depth, without_jump("closed"), apart)]
         if self._may_pull:
-            return [Guard(depth, to("open"), within)]
+            return [Guard(depth, without_jump("open"), within)]
         if state == "closed":
-            return [Guard(force, to("released"), f"{self._law} >= 0")]
-        return [Guard(depth, to("open"), within), Guard(-force, to("closed"), f"{self._law} <= 0")]
+            return [Guard(force, without_jump("released"), f"{self._law} >= 0")]
+        return [Guard(depth, without_jump("open"), within),
+                Guard(-force, without_jump("closed"), f"{self._law} <= 0")]
 
 
 class RigidContact:
     """A rigid plate: Newton's restitution, q' - E' becomes -e (q' - E'), and rest on the plate.
 
-    A blow (`shock.Blow`) moves the body, too, and by the rule `hop` throws it up. A mass whose bounces have died out
-    (`REST_SPEED`) rests, and its last blow leaves the body on the ground: the mass moves with the plate until the force
-    between them vanishes, or a shock of the body parts them.
+    A blow (`shock.Blow`) also moves the body, and throws the body up by the rule `hop`. A mass rests when its bounces
+    have died out (`REST_SPEED`): the mass moves with the plate until the force between them vanishes, or until a shock
+    of the body parts them. The last blow, after which the mass rests, leaves the body on the ground.
     """
 
     initial = "open"
     pressing = "resting"
     states = ("open", "resting")
 
-    def __init__(self, scene, forms: Forms, side: str):
+    def __init__(self, scene: Scene, forms: Forms, side: str):
         self.side = side
         self._forms = forms
         self._mass = scene[f"mass.{side}"]
         self._restitution = scene[f"{side}.plate.restitution"]
         self._blow = Blow(scene, forms, side)
-        self._parts = scene["effects.reaction"]
+        self._masses_feel_body = scene["effects.reaction"]
 
     def guards(self, state: str, friction: str, resting: frozenset[str], body: tuple[Form, Form]) -> list[Guard]:
-        """Guards of `state`, given the state of the friction, the guides whose masses rest, and the body's acceleration
-        along x and upwards."""
+        """Guards of `state`.
+
+        Parameters
+        ----------
+        state : str
+            One of `states`.
+        friction : str
+            State of the friction.
+        resting : frozenset of str
+            Guides whose masses rest on rigid plates.
+        body : tuple of ndarray, each shape (channels,)
+            Acceleration of the body along x and upwards [m/s²].
+        """
         mass, plate = MASS[self.side], PLATE[self.side]
         if state == "resting":
-            return [Guard(self._forms.resting_force(self.side, body), to("open"), f"force on {plate} >= 0")]
+            force = self._forms.resting_force(self.side, body)
+            return [Guard(force, without_jump("open"), f"force on {plate} >= 0")]
         depth, _ = self._forms.penetration(self.side)
-        targets = *self._rest(friction, resting), *self._rebounds(friction)
-        return [Guard(-depth, targets, f"{mass} <= {plate}", strike=True)]
+        targets = *self._rests(friction, resting), *self._rebounds(friction)
+        return [Guard(-depth, targets, f"{mass} <= {plate}", is_blow=True)]
 
-    def _rest(self, friction: str, resting: frozenset[str]) -> list[Target]:
+    def _rests(self, friction: str, resting: frozenset[str]) -> list[Target]:
+        """Targets of a mass that is too slow to bounce."""
         if friction == "airborne":
-            body = self._blow.throw(0.0, resting)
+            body = self._blow.thrown_body_jumps(0.0, resting)
         else:
-            body = () if friction == "stick" else self._blow.slide(0.0)
-        return [Target("resting", self._blow.own(0.0) + body, entries=(slow,)) for slow in self._too_slow()]
+            body = () if friction == "stick" else self._blow.sliding_body_jumps(0.0)
+        return [Target("resting", self._blow.mass_jumps(0.0) + body, entries=(slow,)) for slow in self._too_slow()]
 
     def _too_slow(self) -> list[Form]:
-        """Approaches that no bounce follows: where one of these is not negative."""
+        """Forms [m/s]; the mass does not bounce if one of them is not negative."""
         forms = self._forms
         _, approach = forms.penetration(self.side)
         slow = [REST_SPEED * forms.one - approach]
@@ -109,13 +118,20 @@ class RigidContact:
         return slow
 
     def _rebounds(self, friction: str) -> list[Target]:
-        own = self._blow.own(self._restitution)
+        """Targets of a mass that bounces, by what the blow does to the body."""
+        mass = self._blow.mass_jumps(self._restitution)
         if self._forms.body_hops:
-            jumps = own + self._blow.throw(self._restitution)
-            return [Target("open", jumps, friction="airborne", parts=self._parts)]
-        body = self._blow.slide(self._restitution)
+            jumps = mass + self._blow.thrown_body_jumps(self._restitution)
+            return [Target("open", jumps, friction="airborne", frees_resting_masses=self._masses_feel_body)]
+        body = self._blow.sliding_body_jumps(self._restitution)
         if not body or friction in ("grounded", "unloaded"):
-            return [Target("open", own + body)]
+            return [Target("open", mass + body)]
         ((_, speed),) = body
-        return [Target("open", own + body, entries=(speed,), friction="slip_forward"),
-                Target("open", own + body, entries=(-speed,), friction="slip_backward")]
+        return [Target("open", mass + body, entries=(speed,), friction="slip_forward"),
+                Target("open", mass + body, entries=(-speed,), friction="slip_backward")]
+
+
+def make_contact(scene: Scene, forms: Forms, side: str) -> CompliantContact | RigidContact:
+    """The contact that `scene` asks for on the guide `side`."""
+    kind = RigidContact if scene[f"effects.{side}_contact"] == "restitution" else CompliantContact
+    return kind(scene, forms, side)

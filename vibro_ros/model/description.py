@@ -1,4 +1,4 @@
-"""A scene in words: what its compiled tables really simulate."""
+"""A scene as text: the equations, guards and events that its compiled tables really simulate."""
 
 from collections.abc import Iterable, Iterator
 
@@ -7,17 +7,18 @@ import numpy as np
 from vibro_ros.model.automaton import Guard, Target
 from vibro_ros.model.forms import Form
 from vibro_ros.model.modes import OUTPUTS, Mode, ModeBuilder
+from vibro_ros.model.scene import Scene
 from vibro_ros.model.slider import Slider
-from vibro_ros.model.symbols import MASS, PLATE, SLIDER, Symbols, multiple, total
+from vibro_ros.model.symbols import MASS, PLATE, SLIDER, Symbols, ratio, total
 from vibro_ros.model.tables import MODE_EVENTS, Model, compile_scene
 from vibro_ros.solver.system import NOTHING
 
 
-def describe(scene) -> str:
-    """States, forcing, equations, modes, guards and events of `scene`, a Scene, in the paper's symbols with values.
+def describe(scene: Scene) -> str:
+    """States, forcing, equations, modes, guards and events of `scene` in the paper's symbols with values.
 
-    Equations come from the compiled tables and guards from what the tables were compiled from, so that the text
-    shows what is integrated; an effect that is off leaves nothing in it.
+    The equations are read from the compiled tables, and the guards from the forms that were compiled, so that the text
+    shows what is integrated. An effect that is off leaves nothing in the text.
     """
     description = _Description(scene)
     sections = {
@@ -33,17 +34,17 @@ def describe(scene) -> str:
 class _Description:
     """The sections of one scene's description, each as lines."""
 
-    def __init__(self, scene):
+    def __init__(self, scene: Scene):
         self._scene = scene
         self._model: Model = compile_scene(scene)
         self._builder = ModeBuilder(scene)
         self._symbols = Symbols(self._model.forms)
-        self._rubs = "slip_forward" in self._builder.friction.states
-        # What the friction's states tell apart: without friction, whether the body is on the ground.
-        self._ground = "friction" if self._rubs else "ground"
+        self._has_friction = "slip_forward" in self._builder.friction.states
+        # Without friction the states of `Friction` only say whether the body is on the ground.
+        self._friction_name = "friction" if self._has_friction else "ground"
 
     def states(self) -> Iterator[str]:
-        """One line a coordinate; the body's place when it is none."""
+        """One line for each coordinate, and one for a body that does not move."""
         meaning = {"u": "upper mass on its guide", "w": "inclined mass on its guide",
                    "x": f"body {'along' if self._model.forms.body_hops else 'on'} the ground",
                    "y": "body above the ground"}
@@ -53,7 +54,7 @@ class _Description:
             yield "x = 0    no force acts on the body along the ground"
 
     def forcing(self) -> Iterator[str]:
-        """The crank, the sliders and the plates."""
+        """Lines for the crank, the sliders and the plates."""
         scene, forms = self._scene, self._model.forms
         follows = {"ideal": "at once", "ramp": f"at {scene['motor.acceleration']:g} rad/s²",
                    "lag": f"with a time constant of {scene['motor.time_constant']:g} s"}[scene["effects.motor"]]
@@ -61,11 +62,11 @@ class _Description:
         for side, slider in zip(forms.guides, self._model.sliders, strict=True):
             yield f"{SLIDER[side]} = {_slider_text(slider)}"
         for side in forms.plates:
-            place = scene[f"crank.{side}_rod"] + scene[f"{side}.gap"]
-            yield f"{PLATE[side]} = {place:g} m    follows a command at {scene['gap_actuator.speed']:g} m/s"
+            position = scene[f"crank.{side}_rod"] + scene[f"{side}.gap"]
+            yield f"{PLATE[side]} = {position:g} m    follows a command at {scene['gap_actuator.speed']:g} m/s"
 
     def equations(self) -> Iterator[str]:
-        """Masses, by the states of their contacts, and the body, with forces [N]."""
+        """Lines for masses, by the states of their contacts, and for the body, with forces [N]."""
         forms = self._model.forms
         for i, side in enumerate(forms.guides):
             rows = self._scene[f"mass.{side}"] * self._model.system.acceleration[:, i]
@@ -79,113 +80,118 @@ class _Description:
         if forms.body_hops:
             upwards = self._scene.total_mass * self._lifted_acceleration()
             yield f"{self._scene.total_mass:g} y'' = {self._symbols.text(upwards)}    while airborne, else 0"
-        if self._rubs or forms.body_hops:
+        if self._has_friction or forms.body_hops:
             yield self._normal_force()
-        if self._rubs:
+        if self._has_friction:
             yield from self._friction_force()
 
     def _texts(self, rows: np.ndarray) -> dict[tuple[str, ...], str]:
-        """A form for each mode in words, by the mode's states."""
+        """Text of the form of each mode, by the mode's states; `rows` has the shape (modes, channels)."""
         return {mode.states: self._symbols.text(row) for mode, row in zip(self._model.modes, rows, strict=True)}
 
     def _cases(self, head: str, texts: dict[tuple[str, ...], str]) -> Iterator[str]:
-        """A line for each text, with the states in which it holds of the effects that it depends on."""
-        names = self._names()
+        """A line for each different text, with the states in which the text holds of the effects that matter."""
+        names = self._effect_names()
         for text in dict.fromkeys(texts.values()):
             holding = {states for states, of_mode in texts.items() if of_mode == text}
-            matter = [place for place in range(len(names)) if not _holds_for_all(holding, place, texts)]
-            cases = dict.fromkeys(" and ".join(f"{names[place]} {states[place]}" for place in matter)
+            matter = [effect for effect in range(len(names)) if not _holds_for_all(holding, effect, texts)]
+            cases = dict.fromkeys(" and ".join(f"{names[effect]} {states[effect]}" for effect in matter)
                                   for states in texts if states in holding)
-            while_ = f"    while {' or '.join(cases)}" if any(cases) else ""
-            yield f"{head}{text}{while_}"
+            condition = f"    while {' or '.join(cases)}" if any(cases) else ""
+            yield f"{head}{text}{condition}"
 
-    def _names(self) -> list[str]:
-        """Names of what has states, in the order of `Mode.states`."""
-        return [f"{contact.side} contact" for contact in self._builder.contacts] + [self._ground]
+    def _effect_names(self) -> list[str]:
+        """Names of the effects, in the order of `Mode.states`."""
+        return [f"{contact.side} contact" for contact in self._builder.contacts] + [self._friction_name]
 
     def _equations_along_the_ground(self) -> Iterator[str]:
+        """Lines for x'' and F_in."""
         total, body = self._scene.total_mass, self._model.forms.body
         inertial = total * self._model.system.acceleration[0, body] + self._output("friction_force")[0]
-        yield f"{total:g} x'' = F_in{' - F_fr' if self._rubs else ''}"
+        yield f"{total:g} x'' = F_in{' - F_fr' if self._has_friction else ''}"
         yield f"F_in = {self._symbols.text(inertial)}    eq. (7)"
 
     def _output(self, name: str) -> np.ndarray:
-        """Rows of an output, mode by mode; the friction's state runs fastest."""
+        """Forms of an output, shape (modes, channels); from mode to mode the state of the friction changes first."""
         return self._model.output[:, OUTPUTS.index(name)]
 
     def _lifted_acceleration(self) -> Form:
+        """Form of y'' [m/s²] of a body in the air."""
         airborne = self._builder.friction.states.index("airborne")
         return self._model.system.acceleration[airborne, self._model.forms.height]
 
     def _normal_force(self) -> str:
+        """Line for N."""
         normal, states = self._output("normal_force")[0], self._builder.friction.states
         source = "eq. (6)" if normal[:self._model.forms.channels.one].any() else "weight"
         reported = "; reported as 0 where it is negative" * ("unloaded" in states)
         return f"N = {self._symbols.text(normal)}    {source}{reported}{'; 0 while airborne' * ('airborne' in states)}"
 
     def _friction_force(self) -> Iterator[str]:
+        """Lines for F_fr, one for each state of the friction."""
         normal, friction = self._output("normal_force")[0], self._output("friction_force")
         decayed = self._model.forms.decayed_normal_force()
         law = f"N exp(-|x'|/{self._scene['ground.stribeck_speed']:g})"
         for m, state in enumerate(self._builder.friction.states):
             falling = float(decayed @ friction[m])
-            factor = multiple(friction[m] - falling * decayed, normal)
+            factor = ratio(friction[m] - falling * decayed, normal)
             sliding = [(part, symbol) for part, symbol in ((factor, "N"), (falling, law)) if part]
             yield f"F_fr = {'F_in' if factor is None else total(sliding)}    while {state}"
 
     def modes(self) -> Iterator[str]:
-        """Their number, and where it comes from."""
-        parts = self._parts()
-        counts = " × ".join(f"{len(states)} ({name})" for name, states in parts.items())
-        initial = ", ".join(self._model.modes[self._model.initial_mode].states[:len(parts)])
-        yield f"{len(self._model.modes)}{' = ' if parts else ''}{counts}{'; first ' if parts else ''}{initial}"
+        """A line for the number of modes, a product of numbers of states, and for the first mode."""
+        effects = self._guarded_effects()
+        counts = " × ".join(f"{len(states)} ({name})" for name, states in effects.items())
+        initial = ", ".join(self._model.modes[self._model.initial_mode].states[:len(effects)])
+        yield f"{len(self._model.modes)}{' = ' if effects else ''}{counts}{'; first ' if effects else ''}{initial}"
 
-    def _parts(self) -> dict[str, tuple[str, ...]]:
-        """States of each effect that has guards."""
+    def _guarded_effects(self) -> dict[str, tuple[str, ...]]:
+        """States of each effect that has more than one state, by the effect's name."""
         states = [contact.states for contact in self._builder.contacts] + [self._builder.friction.states]
-        parts = dict(zip(self._names(), states, strict=True))
-        return parts if len(states[-1]) > 1 else {name: parts[name] for name in self._names()[:-1]}
+        effects = dict(zip(self._effect_names(), states, strict=True))
+        return effects if len(states[-1]) > 1 else {name: effects[name] for name in self._effect_names()[:-1]}
 
     def guards(self) -> Iterator[str]:
-        """Condition of each state and the states to try when it turns false, as far as they depend on other states."""
+        """Lines for the conditions of each state, with the states to try when a condition fails."""
         guards = {mode: list(self._builder.guards(mode)) for mode in self._model.modes}
-        for place, (name, states) in enumerate(self._parts().items()):
+        for effect, (name, states) in enumerate(self._guarded_effects().items()):
             for state in states:
-                own = {mode: [guard for guard, owner, _ in of_mode if owner == place]
-                       for mode, of_mode in guards.items() if mode.states[place] == state}
-                for one in zip(*own.values(), strict=True):  # a guard in all modes with this state
+                own = {mode: [guard for guard, of_effect, _ in of_mode if of_effect == effect]
+                       for mode, of_mode in guards.items() if mode.states[effect] == state}
+                for one in zip(*own.values(), strict=True):  # the same guard in all modes with this state
                     [text] = {guard.text for guard in one}
-                    ends = {mode.states: self._end(mode, place, guard) for mode, guard in zip(own, one, strict=True)}
+                    ends = {mode.states: self._end(mode, effect, guard) for mode, guard in zip(own, one, strict=True)}
                     yield from self._cases(f"{name} {state}: {text}    else ", ends)
 
-    def _end(self, mode: Mode, place: int, guard: Guard) -> str:
-        """The states that a guard leads to, and what changes at once on the way."""
-        targets = dict.fromkeys(self._target(mode, place, target) for target in guard.targets)
+    def _end(self, mode: Mode, effect: int, guard: Guard) -> str:
+        """The states to which a guard leads, and the speeds that jump on the way."""
+        targets = dict.fromkeys(self._target(mode, effect, target) for target in guard.targets)
         return f"{' or '.join(targets)}{self._jumps(guard)}"
 
-    def _target(self, mode: Mode, place: int, target: Target) -> str:
-        """The state of the guard's own effect; that of the friction, if a blow changes it; the plates that are left."""
-        words = [target.state] + [target.friction] * (target.friction is not None)
-        words += [f"{name} open" for other, (name, state) in enumerate(zip(self._names(), mode.states, strict=True))
-                  if target.parts and other != place and state == "resting"]
+    def _target(self, mode: Mode, effect: int, target: Target) -> str:
+        """The target state of the guard's effect, and of the friction and the plates that a shock changes."""
+        words = [target.state] if target.friction is None else [target.state, target.friction]
+        if target.frees_resting_masses:
+            others = enumerate(zip(self._effect_names(), mode.states, strict=True))
+            words += [f"{name} open" for other, (name, state) in others if other != effect and state == "resting"]
         return " and ".join(words)
 
     def _jumps(self, guard: Guard) -> str:
-        """What changes at once when a guard fires."""
-        coordinates, jumping = self._symbols.coordinates, {}
+        """The speeds that stop or jump when a guard fires."""
+        coordinates, speeds = self._symbols.coordinates, dict[str, bool]()
         for channel, form in sorted(((channel, form) for target in guard.targets for channel, form in target.jumps),
                                     key=lambda jump: jump[0]):
             if channel >= len(coordinates):
                 speed = f"{coordinates[channel - len(coordinates)]}'"
-                jumping[speed] = jumping.get(speed, False) or form.any()
-        stopped = "".join(f", with {speed} = 0" for speed, jumps in jumping.items() if not jumps)
-        jumping = [speed for speed, jumps in jumping.items() if jumps]
+                speeds[speed] = speeds.get(speed, False) or bool(form.any())
+        stopped = "".join(f", with {speed} = 0" for speed, jumps in speeds.items() if not jumps)
+        jumping = [speed for speed, jumps in speeds.items() if jumps]
         where = f", where {' and '.join(jumping)} jump{'s' if len(jumping) == 1 else ''}"
         return stopped + where * bool(jumping)
 
     def events(self) -> Iterator[str]:
-        """What is recorded."""
-        kinds = sorted(set(self._model.system.event.ravel()) - {NOTHING})
+        """A line with the kinds of events that are recorded."""
+        kinds = sorted(set(self._model.system.event_kind.ravel()) - {NOTHING})
         words = [f"{side}_contact" for side in self._model.forms.plates] + [MODE_EVENTS[kind] for kind in kinds]
         if self._scene["effects.motor"] != "ideal":
             words.append("motor_ramp_end")
@@ -194,14 +200,14 @@ class _Description:
         yield ", ".join(words) or "none"
 
     def effects(self) -> Iterator[str]:
-        """What the scene asks for and the tables hold."""
+        """A line with the effects that the scene asks for and the tables hold."""
         scene, forms = self._scene, self._model.forms
         words = [f"{side} mass" for side in forms.guides]
         for contact in self._builder.contacts:
             rigid = f"rigid, restitution {scene[f'{contact.side}.plate.restitution']:g}"
             kind = rigid if "resting" in contact.states else "compliant"
             words.append(f"{contact.side} contact, {kind}" + ", without tension" * ("released" in contact.states))
-        if self._rubs:
+        if self._has_friction:
             words.append(f"{scene['effects.friction']} friction, normal force {scene['effects.normal_force']}")
         words += ["the body leaves the ground"] * forms.body_hops
         words += ["reaction on the masses"] * (scene["effects.reaction"] and (forms.body_moves or forms.body_hops))
@@ -212,13 +218,14 @@ class _Description:
         yield "; ".join(words)
 
 
-def _holds_for_all(holding: set[tuple[str, ...]], place: int, every: Iterable[tuple[str, ...]]) -> bool:
-    """Whether a set of states holds whatever the state at `place` is."""
-    choices = {states[place] for states in every}
-    return all(states[:place] + (choice,) + states[place + 1:] in holding for states in holding for choice in choices)
+def _holds_for_all(holding: set[tuple[str, ...]], effect: int, every: Iterable[tuple[str, ...]]) -> bool:
+    """Whether the states of `holding`, out of `every`, do not depend on the state of one effect."""
+    choices = {states[effect] for states in every}
+    return all(states[:effect] + (choice,) + states[effect + 1:] in holding for states in holding for choice in choices)
 
 
 def _slider_text(slider: Slider) -> str:
+    """The slider's position as a function of θ."""
     angle = f"(θ - {slider.angle:g})" if slider.angle else "θ"
     if slider.radius == slider.rod:
         return f"{slider.radius:g} (cos {angle} + |cos {angle}|)"
@@ -226,7 +233,7 @@ def _slider_text(slider: Slider) -> str:
 
 
 def _columns(lines: list[str]) -> Iterator[str]:
-    """The lines, indented, with what follows a gap of four spaces set in a column."""
+    """The lines, indented; the text after a gap of four spaces stands in a column."""
     width = max(len(line.partition("    ")[0]) for line in lines)
     for line in lines:
         head, _, remark = line.partition("    ")

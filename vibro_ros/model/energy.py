@@ -1,12 +1,13 @@
-"""What the energy audit balances: the energy of the masses, and the power they receive.
+"""What the energy audit balances: the energy of the masses, and the power that the masses receive.
 
-The masses' equations close on themselves in the paper's model, so their energy does, too:
+In the paper's model the masses' equations depend on nothing else, so that the energy of each guide balances alone:
 
     d/dt (m q'²/2 + k (q - s)²/2 + contact) = -drive s' - c (q' - s')² - plate E' - c (q' - E')²
 
-for each guide, with the drive's and the plate's forces on slider and plate. With the reaction on the masses
-they exchange energy with the body, and the audit takes its kinetic energy and the work of friction and, where it
-hops, of gravity in. What a landing or a blow takes at once falls between two segments and is no part of the balance.
+where `drive` and `plate` are the forces of the drive on the slider and of the mass on the plate. With the reaction the
+masses exchange energy with the body, so that the audit includes the body's kinetic energy and the work of friction and,
+for a body that hops, of gravity. The energy that a landing or a blow takes at once is lost between two segments and is
+no part of the balance.
 """
 
 from collections.abc import Iterator
@@ -15,14 +16,15 @@ import numpy as np
 
 from vibro_ros.model.forms import Form, Forms
 from vibro_ros.model.modes import Mode, ModeBuilder
+from vibro_ros.model.scene import Scene
 from vibro_ros.solver.system import terms
 
 
-def audit_tables(builder: ModeBuilder, scene) -> dict[str, np.ndarray]:
-    """`stretch`, `stiffness` and `power` of `solver.system.System`; empty unless the scene asks for the audit."""
+def audit_tables(builder: ModeBuilder, scene: Scene) -> dict[str, np.ndarray]:
+    """The fields of `solver.system.System` for the audit; empty unless the scene asks for the audit."""
     forms, modes = builder.forms, builder.modes
-    stored = [[] for _ in modes]
-    power = [[] for _ in modes]
+    stored: list[list] = [[] for _ in modes]
+    power: list[list] = [[] for _ in modes]
     if scene["solver.audit"]:
         for m, mode in enumerate(modes):
             for side in forms.guides:
@@ -44,11 +46,11 @@ def audit_tables(builder: ModeBuilder, scene) -> dict[str, np.ndarray]:
     return {"stretch": stretch, "stiffness": stiffness, "power": pairs, "power_terms": terms(pairs)}
 
 
-def _stored_energy(forms: Forms, scene, side: str, closed: frozenset[str]) -> Iterator[tuple[float, Form]]:
-    """Weights and forms of the energy in one guide."""
+def _stored_energy(forms: Forms, scene: Scene, side: str, closed: frozenset[str]) -> Iterator[tuple[float, Form]]:
+    """Weights w and forms e of the energy stored in one guide, sum of w e² / 2."""
     mass, velocity = scene[f"mass.{side}"], forms.velocity(forms.guides.index(side))
     if scene["effects.reaction"] and (forms.body_moves or forms.body_hops):
-        for part, rate in zip(forms.direction(side), forms.body_velocity(), strict=True):
+        for part, rate in zip(scene.direction(side), forms.body_velocity(), strict=True):
             yield mass, part * velocity + rate
     else:
         yield mass, velocity
@@ -57,8 +59,8 @@ def _stored_energy(forms: Forms, scene, side: str, closed: frozenset[str]) -> It
         yield scene[f"{side}.plate.stiffness"], forms.penetration(side)[0]
 
 
-def _body_power(builder: ModeBuilder, scene, mode: Mode) -> Iterator[tuple[Form, Form]]:
-    """Pairs of forms of the power of friction and, where the body leaves the ground, of the weight of all."""
+def _body_power(builder: ModeBuilder, scene: Scene, mode: Mode) -> Iterator[tuple[Form, Form]]:
+    """Forces [N] and speeds [m/s] whose products are the power of friction and, in the air, of the total weight."""
     along_x, upwards = builder.forms.body_velocity()
     if along_x.any():
         yield -builder.friction_force(mode), along_x
@@ -66,8 +68,8 @@ def _body_power(builder: ModeBuilder, scene, mode: Mode) -> Iterator[tuple[Form,
         yield -scene.total_mass * scene["gravity"] * builder.forms.one, upwards
 
 
-def _received_power(forms: Forms, scene, side: str, closed: frozenset[str]) -> Iterator[tuple[Form, Form]]:
-    """Pairs of forms of the power that one guide receives from its slider, its dampers and its moving plate."""
+def _received_power(forms: Forms, scene: Scene, side: str, closed: frozenset[str]) -> Iterator[tuple[Form, Form]]:
+    """Forces [N] and speeds [m/s] whose products are the power of slider, dampers and plate on one guide."""
     _, rate = forms.stretch(side)
     yield -forms.drive_force(side), forms.velocity(forms.guides.index(side)) - rate
     if scene["effects.mass_weight"]:

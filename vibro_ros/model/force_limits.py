@@ -1,19 +1,21 @@
-"""Forces within the laws of a scene: what steps of fixed length publish of the events that they have not seen.
+"""Limits of the forces that methods of fixed step publish, by the laws of a scene.
 
-Within a step, and at the end of one that an event has cut, the forces of the step's mode may be none that the laws
-allow: a plate that cannot pull would pull, and ground that the body has left would push.
+A step that does not see an event goes on in the old mode, whose forces may break the laws: a plate that cannot pull
+would pull, and ground that the body has left would push.
 """
 
 from collections.abc import MutableMapping
 
 import numpy as np
 
-#: Height [m] up to which a step leaves a body that stands on the ground, by rounding.
+from vibro_ros.model.scene import Scene
+
+#: Height [m] that rounding may give to a body that stands on the ground.
 _STANDING = 1e-15
 
 
-def cut_to_laws(scene, quantities: MutableMapping[str, np.ndarray]) -> None:
-    """Cut the forces of `quantities`, fields of `samples.Samples`, to what the laws of `scene`, a Scene, allow."""
+def cut_to_laws(scene: Scene, quantities: MutableMapping[str, np.ndarray]) -> None:
+    """Cut the forces among `quantities`, fields of `Samples` by name, to what the laws of `scene` allow."""
     rule = scene["effects.normal_force"]
     if rule in ("unilateral", "hop"):
         normal = np.maximum(quantities["normal_force"], 0.0)

@@ -1,18 +1,21 @@
 """Every parameter of a scene, once: name, default, unit, range, meaning.
 
-YAML loading, ROS declarations, validation messages and the documentation's table are all
-derived from `SCENE_PARAMETERS`. Defaults are the paper's values.
+YAML loading, ROS declarations, validation messages and the table in the documents are all made from `SCENE_PARAMETERS`.
+Defaults are the paper's values.
 """
 
 import difflib
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
-Value = bool | float | str | tuple[str, ...]
+#: A parameter's value, of the type of its default: bool, float, str or tuple of str. Who names a parameter knows which.
+Value = Any
 
-#: A scene's number of smaller magnitude, in its unit, counts as zero: products and quotients of what is larger stay far
-#: from 2e-308, where doubles lose their digits. A crank so slow turns by 4e-13 rad in the age of the Universe.
+#: A number of a scene that is smaller in magnitude, in its unit, counts as zero, because products and quotients of
+#: larger numbers stay far from 2e-308, where doubles lose their digits. A crank so slow turns by 4e-13 rad in the age
+#: of the Universe.
 NEGLIGIBLE = 1e-30
 
 
@@ -25,13 +28,13 @@ class Parameter:
     name : str
         Dotted name, the same in YAML, in ROS and in Python.
     default : bool, float, str or tuple of str
-        Its type is the parameter's type.
+        Default value, whose type is the parameter's type.
     unit : str
         SI unit, empty for pure numbers and choices.
     description : str
         One line for users.
     minimum, maximum : float
-        Inclusive limits of a number.
+        Inclusive limits of a number, in its unit.
     positive : bool
         True when zero is excluded although `minimum` is 0.
     choices : tuple of str
@@ -39,7 +42,7 @@ class Parameter:
     while_running : bool
         True when the parameter may change while the device runs.
     negligible : float
-        A number of smaller magnitude counts as zero.
+        A number of smaller magnitude, in its unit, counts as zero.
     """
 
     name: str
@@ -78,12 +81,13 @@ class Parameter:
         return value
 
     def _checked_texts(self, value: object) -> tuple[str, ...]:
-        """A list, of which the empty one is the default."""
+        """`value` as a tuple of texts; the default in place of an empty list."""
         if not isinstance(value, (list, tuple)) or not all(isinstance(text, str) for text in value):
             raise ValueError(f"{self.name}: {value!r} is not {self.type_name}; write [one, another]")
         return tuple(value) or self.default
 
-    def _checked_number(self, value: object) -> float:
+    def _checked_number(self, value: Any) -> float:
+        """`value` as a number within the limits, or as 0 if its magnitude is negligible."""
         if isinstance(value, (bool, str)) or not hasattr(value, "__float__"):
             raise ValueError(f"{self.name}: {value!r} is not a number; give a number{self._hint()}")
         try:
@@ -99,6 +103,7 @@ class Parameter:
         return counted
 
     def _hint(self) -> str:
+        """What may be given, as the end of a sentence."""
         unit = f" {self.unit}" if self.unit else ""
         if self.choices:
             return f", one of {', '.join(self.choices)}"
@@ -199,9 +204,12 @@ _TABLE: tuple[Parameter, ...] = (
 #: Every parameter of a scene.
 SCENE_PARAMETERS: tuple[Parameter, ...] = tuple(replace(parameter, negligible=NEGLIGIBLE) for parameter in _TABLE)
 
+BY_NAME: Mapping[str, Parameter] = {parameter.name: parameter for parameter in SCENE_PARAMETERS}
+"""Each parameter of a scene by its name."""
+
 
 def checked_parameters(changes: Mapping[str, object], table: Iterable[Parameter]) -> dict[str, Value]:
-    """Values of `changes` as the types of `table`.
+    """Values of `changes`, a mapping from names to values, checked by the parameters of `table`.
 
     Raises
     ------
@@ -209,10 +217,10 @@ def checked_parameters(changes: Mapping[str, object], table: Iterable[Parameter]
         For a name that the table lacks (the message suggests the nearest one), or a bad value.
     """
     by_name = {parameter.name: parameter for parameter in table}
-    return {name: known(name, by_name).checked(value) for name, value in changes.items()}
+    return {name: parameter_named(name, by_name).checked(value) for name, value in changes.items()}
 
 
-def known(name: str, by_name: Mapping[str, Parameter]) -> Parameter:
+def parameter_named(name: str, by_name: Mapping[str, Parameter]) -> Parameter:
     """The parameter called `name`, or a ValueError that suggests the nearest name."""
     if name in by_name:
         return by_name[name]

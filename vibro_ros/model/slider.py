@@ -10,6 +10,7 @@ s = l cos + l |cos|, and the slider's speed jumps twice a turn.
 import functools
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -18,13 +19,13 @@ from vibro_ros.solver.system import CELL_STRIDE, SignalTable
 from vibro_ros.solver.vector import LENGTH
 
 _TURN = 2.0 * math.pi
-# Half a cell no longer than this resolves the cosine itself, however short the crank ...
+# The series of the cosine itself reaches rounding over half a cell [rad] that is no longer, however short the crank is.
 _LONGEST_HALF = math.pi / 4.0
-# ... and to the cosine a singularity is no farther than this, by its growth.
-_LONGEST_REACH = 3.5
-# CELL_STRIDE to this power is a ten thousandth, by which a cell may be off.
+# The cosine has no singularity, but grows as if one were at this distance [rad].
+_FARTHEST_SINGULARITY = 3.5
+# After so many contractions by CELL_STRIDE a cell's length is off by a ten thousandth of itself.
 _CONTRACTIONS = 12
-# CELL_STRIDE to this power is far below rounding.
+# Terms of a Taylor series before economization: CELL_STRIDE to this power is far below rounding.
 _TERMS = 2 * LENGTH
 _ECONOMIZED = np.vstack([np.eye(LENGTH), economized_powers(LENGTH, _TERMS - LENGTH)])
 
@@ -47,13 +48,13 @@ class Slider:
     rod: float
     angle: float
 
-    def position(self, theta):
+    def position(self, theta: float | np.ndarray) -> float | np.ndarray:
         """s [m] at crank angle theta [rad]; scalar or array."""
         psi = theta - self.angle
         return self.radius * np.cos(psi) + self._root(psi)
 
-    def slope(self, theta):
-        """ds/dtheta [m/rad]; at the kink of l = L, the value on its right."""
+    def slope(self, theta: float | np.ndarray) -> float | np.ndarray:
+        """ds/dtheta [m/rad]; at a kink, which there is for l = L, the value behind the kink."""
         psi = theta - self.angle
         sine, cosine = np.sin(psi), np.cos(psi)
         if self.radius == self.rod:
@@ -74,7 +75,7 @@ class Slider:
         along = math.remainder(theta - self.angle - 0.5 * math.pi, math.pi)
         return math.hypot(along, math.acosh(self.rod / self.radius))
 
-    def reach(self, start: float, end: float) -> float:
+    def least_distance_to_singularity(self, start: float, end: float) -> float:
         """Least distance in the complex plane from the angles between `start` and `end` to a branch point [rad]."""
         offset = math.remainder(start - self.angle - 0.5 * math.pi, math.pi)
         ahead = 0.0 if offset == 0.0 else (-offset if offset < 0.0 else math.pi - offset)
@@ -83,10 +84,11 @@ class Slider:
         return min(self.distance_to_singularity(start), self.distance_to_singularity(end))
 
     def series(self, middle: np.ndarray, half: np.ndarray) -> np.ndarray:
-        """Coefficients of s in (angle - middle) / half, economized; shape (len(middle), LENGTH)."""
+        """Economized coefficients of s as a series in (angle - middle) / half, shape (len(middle), LENGTH)."""
         return self._taylor_series(middle, half) @ _ECONOMIZED
 
     def _taylor_series(self, middle: np.ndarray, half: np.ndarray) -> np.ndarray:
+        """Taylor coefficients of s in (angle - middle) / half, shape (len(middle), _TERMS)."""
         psi = middle - self.angle
         cosine = _cosine_series(psi, half, 1.0)
         if self.radius == self.rod:
@@ -94,8 +96,8 @@ class Slider:
         square = 0.5 * self.radius**2 * _cosine_series(2.0 * psi, half, 2.0)
         return self.radius * cosine + _root_series(self._root(psi), square)
 
-    def _root(self, psi):
-        # Factored: L² - l² sin² psi would cancel where l nears L.
+    def _root(self, psi: Any) -> Any:
+        """sqrt(L² - l² sin² psi), factored because the difference would cancel where l is close to L."""
         return np.sqrt((self.rod - self.radius) * (self.rod + self.radius) + (self.radius * np.cos(psi)) ** 2)
 
 
@@ -119,23 +121,24 @@ def _root_series(value: np.ndarray, square: np.ndarray) -> np.ndarray:
 
 @functools.lru_cache(maxsize=64)
 def signal_table(sliders: tuple[Slider, ...]) -> SignalTable:
-    """Table of the sliders' positions over one turn, in cells that their series resolve to rounding; nobody may change
-    it."""
+    """Table of the sliders' positions over one turn, in cells whose series reach rounding; read only."""
     start = _cell_starts(sliders)
     middle, half = 0.5 * (start[:-1] + start[1:]), 0.5 * np.diff(start)
     series = np.empty((len(half), len(sliders), LENGTH))
     for k, slider in enumerate(sliders):
         series[:, k] = slider.series(middle, half)
-    return SignalTable(start, _reaches(sliders, start), series)
+    return SignalTable(start, _distances_to_singularity(sliders, start), series)
 
 
-def _reaches(sliders: tuple[Slider, ...], start: np.ndarray) -> np.ndarray:
-    """Distance [rad] from each cell to the nearest singularity of any slider."""
-    return np.array([min([_LONGEST_REACH] + [slider.reach(first, last) for slider in sliders])
+def _distances_to_singularity(sliders: tuple[Slider, ...], start: np.ndarray) -> np.ndarray:
+    """Distance [rad] from each cell to the nearest singularity of any slider, shape (cells,)."""
+    return np.array([min([_FARTHEST_SINGULARITY, *(slider.least_distance_to_singularity(first, last)
+                                                   for slider in sliders)])
                      for first, last in zip(start[:-1], start[1:], strict=True)])
 
 
 def _cell_starts(sliders: tuple[Slider, ...]) -> np.ndarray:
+    """Crank angles [rad] at which cells begin, and 2 pi; shape (cells + 1,). A cell ends at each kink."""
     kinks = sorted({float(kink) for slider in sliders for kink in slider.kinks if kink > 0.0} | {_TURN})
     starts = [0.0]
     for kink in kinks:
@@ -145,8 +148,11 @@ def _cell_starts(sliders: tuple[Slider, ...]) -> np.ndarray:
 
 
 def _half_cell(sliders: tuple[Slider, ...], start: float) -> float:
-    """Half the longest cell from `start` [rad] whose series reaches rounding: CELL_STRIDE of the way from its middle to
-    the nearest singularity. The distance changes by no more than the middle moves: a contraction by CELL_STRIDE."""
+    """Half the longest cell from `start` [rad] whose series reaches rounding.
+
+    Half a cell is CELL_STRIDE times the distance from the cell's middle to the nearest singularity. That distance
+    changes by no more than the middle moves, so that the iteration contracts by CELL_STRIDE.
+    """
     half = 0.0
     for _ in range(_CONTRACTIONS):
         half = min([_LONGEST_HALF] + [CELL_STRIDE * s.distance_to_singularity(start + half) for s in sliders])

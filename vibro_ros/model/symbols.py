@@ -1,4 +1,4 @@
-"""Linear forms in the paper's symbols, for people.
+"""Linear forms as text in the paper's symbols.
 
 u = zeta_2 and w = xi_3 (masses), x and y (body), s_B and s_C (sliders), E and H (plates); a prime is a rate.
 """
@@ -11,7 +11,7 @@ MASS = {"upper": "u", "inclined": "w"}
 SLIDER = {"upper": "s_B", "inclined": "s_C"}
 PLATE = {"upper": "E", "inclined": "H"}
 
-#: Part of a coefficient that rounding may leave where terms cancel.
+#: A coefficient smaller than this part of the terms that cancel in it is rounding.
 _ROUNDING = 1e-12
 
 
@@ -21,7 +21,7 @@ class Symbols:
     Parameters
     ----------
     forms : Forms
-        Their channels.
+        The forms of the scene.
     """
 
     def __init__(self, forms: Forms):
@@ -40,7 +40,7 @@ class Symbols:
         return total(self._terms(form))
 
     def _terms(self, form: Form) -> Iterator[tuple[float, str]]:
-        """Coefficients and symbols: first differences to sliders and plates, then what is left, the constant last."""
+        """Coefficients and symbols: first differences to sliders and plates, then other channels, the constant last."""
         left = dict(enumerate(map(float, form)))
         largest = {channel: abs(factor) for channel, factor in left.items()}
         for own, other, text in self._differences():
@@ -55,7 +55,7 @@ class Symbols:
                 yield factor, names[channel]
 
     def _differences(self) -> Iterator[tuple[int, int, str]]:
-        """Channel of a mass, channel of its slider or plate, and their difference in words; rates likewise."""
+        """Channel of a mass, channel of its slider or plate, and the text of their difference; also of the rates."""
         at = self._channels
         for i, side in enumerate(self._guides):
             mass, slider = MASS[side], SLIDER[side]
@@ -67,6 +67,7 @@ class Symbols:
             yield at.velocity(i), at.ramp_rate(k), f"({mass}' - {plate}')"
 
     def _names(self) -> dict[int, str]:
+        """Symbols of the channels that may stand alone in a text."""
         at = self._channels
         names = {at.one: ""}
         for i, symbol in enumerate(self._coordinates):
@@ -76,11 +77,11 @@ class Symbols:
         return names
 
 
-def multiple(form: Form, of: Form) -> float | None:
-    """The factor c with form = c `of`, exactly or to rounding; None when there is none."""
-    size = float(of @ of)
-    factor = float(form @ of) / size if size else 0.0
-    return factor if abs(form - factor * of).max() <= _ROUNDING * abs(form).max() else None
+def ratio(form: Form, other: Form) -> float | None:
+    """The factor c with form = c `other`, exactly or to rounding; None if there is no such factor."""
+    size = float(other @ other)
+    factor = float(form @ other) / size if size else 0.0
+    return factor if abs(form - factor * other).max() <= _ROUNDING * abs(form).max() else None
 
 
 def product(factor: float, symbol: str) -> str:

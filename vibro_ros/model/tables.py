@@ -1,4 +1,4 @@
-"""A scene compiled to the tables that the event loop runs."""
+"""A scene compiled to the tables that the event loop reads (`solver.system.System`)."""
 
 import functools
 import itertools
@@ -9,23 +9,26 @@ import numpy as np
 from vibro_ros.model.energy import audit_tables
 from vibro_ros.model.forms import Form, Forms
 from vibro_ros.model.modes import Mode, ModeBuilder
+from vibro_ros.model.scene import Scene
 from vibro_ros.model.slider import Slider, signal_table
+from vibro_ros.solver.channels import Channels, size_of
 from vibro_ros.solver.system import (
     NOTHING,
     UNCHECKED,
-    Channels,
     Decay,
     System,
     acceleration_terms,
     couplings,
     flow_numbers,
-    longest_steps,
+    longest_segments,
     terms,
 )
 
 #: Kinds of events that a change of mode records, by their number.
 MODE_EVENTS = ("stick", "slip_forward", "slip_backward", "unloaded", "loaded", "lift_off", "landing")
+# Events by the state of the friction that begins, and by the state that ends, where they are not the new state's name.
 _ENTERING, _LEAVING = {"airborne": "lift_off"}, {"unloaded": "loaded", "airborne": "landing"}
+
 
 @dataclass(frozen=True)
 class Model:
@@ -34,19 +37,19 @@ class Model:
     Attributes
     ----------
     forms : Forms
-        Its linear forms.
+        The linear forms of the scene.
     sliders : tuple of Slider
         Sliders of the simulated masses.
     modes : tuple of Mode
-        What the system's modes stand for.
+        The modes of the scene, by their numbers in the system.
     system : System
         The tables of the event loop.
     output : ndarray, shape (modes, len(OUTPUTS), channels)
-        Rows of the outputs.
+        Forms of the outputs.
     output_terms : ndarray of int, shape (modes, len(OUTPUTS), channels)
-        Their channels; see `solver.system.terms`.
+        Channels that the forms of the outputs read; see `solver.system.terms`.
     initial_mode : int
-        Mode to start in.
+        Number of the mode in which a run starts.
     """
 
     forms: Forms
@@ -58,33 +61,33 @@ class Model:
     initial_mode: int
 
 
-def compile_scene(scene) -> Model:
-    """Compile `scene`, a Scene, to its tables, which nobody may change."""
+def compile_scene(scene: Scene) -> Model:
+    """Compile `scene` to its tables, which are shared by all who ask for them and may not be changed."""
     return _compile_machine(scene.machine)
 
 
 @functools.lru_cache(maxsize=64)
-def _compile_machine(scene) -> Model:
+def _compile_machine(scene: Scene) -> Model:
     builder = ModeBuilder(scene)
     forms, channels = builder.forms, builder.forms.channels
-    sliders = tuple(Slider(scene["crank.radius"], scene[f"crank.{side}_rod"], _tilt(scene, side))
+    sliders = tuple(Slider(scene["crank.radius"], scene[f"crank.{side}_rod"], scene.guide_angle(side))
                     for side in forms.guides)
     acceleration = np.array([builder.equations(mode) for mode in builder.modes])
     acceleration = acceleration.reshape(len(builder.modes), channels.coordinates, channels.count) + 0.0  # no -0.0
-    # With the reaction the body's energy is audited, too: a segment must then end where the body's equation changes.
+    # With the reaction the body's energy is audited as well, so that a segment ends where the body's equation changes.
     own = channels.coordinates if scene["effects.reaction"] else channels.dynamic
     system = System(
-        sizes=np.array(channels),
+        size=size_of(channels),
         acceleration=acceleration,
         terms=acceleration_terms(acceleration, channels),
         flow=flow_numbers(acceleration, own),
         coupled=couplings(acceleration, channels),
-        longest_step=longest_steps(acceleration, channels),
+        longest_segment=longest_segments(acceleration, channels),
         **_guard_tables(builder),
-        event=_event_table(builder),
-        noted=_noted_table(builder),
+        event_kind=_event_kinds(builder),
+        event_quantity=_event_quantities(builder),
         **_monitor_tables(builder),
-        unheld=_unheld_table(builder),
+        mode_after_ramp_change=_modes_after_ramp_changes(builder),
         **audit_tables(builder, scene),
         signals=signal_table(sliders),
         decay=_decay_table(builder),
@@ -94,49 +97,47 @@ def _compile_machine(scene) -> Model:
 
 
 def _decay_table(builder: ModeBuilder) -> Decay:
-    """The normal force of a slipping body, which Stribeck's law lets decay."""
+    """The decaying term of Stribeck's law: the normal force of a slipping body times exp(-abs(x') / v_s)."""
     forms, modes = builder.forms, builder.modes if builder.forms.friction_decays else ()
     rate = np.array([builder.friction.decay_rate(mode.friction) for mode in modes])
     factor = np.array([builder.normal_force(mode) for mode in modes]).reshape(len(modes), forms.channels.count)
     return Decay(factor, terms(factor), rate)
 
 
-def _tilt(scene, side: str) -> float:
-    return scene["guide.angle"] if side == "inclined" else 0.0
-
-
 def _guard_tables(builder: ModeBuilder) -> dict[str, np.ndarray]:
-    """Guards, what they lead to, and how velocities jump on the way; equal forms share a row."""
+    """Fields of `System` for guards, their candidates and the jumps on the way; equal forms share a row."""
     guards = [list(builder.guards(mode)) for mode in builder.modes]
     channels = builder.forms.channels
-    targets = [target for of_mode in guards for condition, _, _ in of_mode for target in condition.targets]
-    most = max((len(condition.targets) for of_mode in guards for condition, _, _ in of_mode), default=1)
-    entries = max((len(target.entries) for target in targets), default=0)
+    targets = [target for of_mode in guards for guard, _, _ in of_mode for target in guard.targets]
+    most_targets = max((len(guard.targets) for of_mode in guards for guard, _, _ in of_mode), default=1)
+    most_entries = max((len(target.entries) for target in targets), default=0)
     shape = (len(guards), max(1, max(map(len, guards))))
-    rows, jumps = {}, {}
-    guard, owner, strike = (np.full(shape, NOTHING) for _ in range(3))
-    candidate, jump = (np.full((*shape, most), NOTHING) for _ in range(2))
-    entry = np.full((*shape, most, entries), NOTHING)
+    number_by_form, number_by_matrix = dict[tuple, int](), dict[bytes, int]()
+    guard_row, guard_effect, blow_monitor = (np.full(shape, NOTHING) for _ in range(3))
+    candidate, jump = (np.full((*shape, most_targets), NOTHING) for _ in range(2))
+    entry = np.full((*shape, most_targets, most_entries), NOTHING)
     for m, of_mode in enumerate(guards):
-        for g, (condition, place, numbers) in enumerate(of_mode):
-            guard[m, g] = rows.setdefault(tuple(condition.form), len(rows))
-            owner[m, g] = UNCHECKED if condition.committed else place
-            strike[m, g] = place if condition.strike else NOTHING
-            for c, (target, number) in enumerate(zip(condition.targets, numbers, strict=True)):
-                candidate[m, g, c] = number
+        for g, (guard, effect, modes) in enumerate(of_mode):
+            guard_row[m, g] = number_by_form.setdefault(tuple(guard.form), len(number_by_form))
+            guard_effect[m, g] = UNCHECKED if guard.entries_decide else effect
+            blow_monitor[m, g] = effect if guard.is_blow else NOTHING
+            for c, (target, mode) in enumerate(zip(guard.targets, modes, strict=True)):
+                candidate[m, g, c] = mode
                 for e, form in enumerate(target.entries):
-                    entry[m, g, c, e] = rows.setdefault(tuple(form), len(rows))
+                    entry[m, g, c, e] = number_by_form.setdefault(tuple(form), len(number_by_form))
                 if target.jumps:
-                    jump[m, g, c] = jumps.setdefault(_jump(target.jumps, channels).tobytes(), len(jumps))
-    row = np.array(list(rows)).reshape(len(rows), channels.count)
-    matrices = np.array([np.frombuffer(matrix) for matrix in jumps])
+                    matrix = _jump_matrix(target.jumps, channels).tobytes()
+                    jump[m, g, c] = number_by_matrix.setdefault(matrix, len(number_by_matrix))
+    row = np.array(list(number_by_form)).reshape(len(number_by_form), channels.count)
+    matrices = np.array([np.frombuffer(matrix) for matrix in number_by_matrix])
     return {"row": row, "row_terms": terms(row), "driven": _reads_driven(row, builder.forms),
-            "guard": guard, "owner": owner, "candidate": candidate, "entry": entry, "jump": jump, "strike": strike,
-            "landing": matrices.reshape(len(jumps), 2 * channels.coordinates, channels.count)}
+            "guard": guard_row, "guard_effect": guard_effect, "candidate": candidate, "entry": entry, "jump": jump,
+            "blow_monitor": blow_monitor,
+            "jump_matrix": matrices.reshape(len(matrices), 2 * channels.coordinates, channels.count)}
 
 
-def _jump(jumps: tuple[tuple[int, Form], ...], channels: Channels) -> np.ndarray:
-    """Rows that give positions and velocities after a jump from the channels before it."""
+def _jump_matrix(jumps: tuple[tuple[int, Form], ...], channels: Channels) -> np.ndarray:
+    """Matrix of positions and velocities after a jump, shape (2 coordinates, channels), times the channels before."""
     rows = np.eye(2 * channels.coordinates, channels.count)
     for channel, form in jumps:
         rows[channel] = form
@@ -144,12 +145,13 @@ def _jump(jumps: tuple[tuple[int, Form], ...], channels: Channels) -> np.ndarray
 
 
 def _reads_driven(row: np.ndarray, forms: Forms) -> np.ndarray:
+    """Whether each row reads a coordinate of the body, shape (rows,)."""
     at, driven = forms.channels, range(forms.channels.dynamic, forms.channels.coordinates)
-    return row[:, [channel(i) for channel in (at.position, at.velocity) for i in driven]].any(axis=1)
+    return np.any(row[:, [channel(i) for channel in (at.position, at.velocity) for i in driven]], axis=1)
 
 
-def _event_table(builder: ModeBuilder) -> np.ndarray:
-    """Kind of event by (mode before, mode after), from their friction states."""
+def _event_kinds(builder: ModeBuilder) -> np.ndarray:
+    """Kinds of events, shape (modes before, modes after), by the states of the friction before and after."""
     table = np.full((len(builder.modes), len(builder.modes)), NOTHING)
     for before, after in itertools.permutations(range(len(builder.modes)), 2):
         old, new = builder.modes[before].friction, builder.modes[after].friction
@@ -159,14 +161,14 @@ def _event_table(builder: ModeBuilder) -> np.ndarray:
     return table
 
 
-def _noted_table(builder: ModeBuilder) -> np.ndarray:
-    """What is noted with each kind of event: the speed of the fall that a landing ends."""
+def _event_quantities(builder: ModeBuilder) -> np.ndarray:
+    """Forms recorded with each kind of event, shape (kinds, channels): the speed of the fall that a landing ends."""
     _, upwards = builder.forms.body_velocity()
     return np.array([-upwards if kind == "landing" else builder.forms.zero for kind in MODE_EVENTS]) + 0.0  # no -0.0
 
 
-def _unheld_table(builder: ModeBuilder) -> np.ndarray:
-    """Mode to continue in when a plate's speed changes, by (mode, plate): a mass that rests on it may part from it."""
+def _modes_after_ramp_changes(builder: ModeBuilder) -> np.ndarray:
+    """Modes that follow when a plate's speed changes, shape (modes, plates), because a mass may part from the plate."""
     states = [mode.states for mode in builder.modes]
     table = np.empty((len(states), len(builder.forms.plates)), dtype=np.int64)
     for m, old in enumerate(states):
@@ -178,7 +180,7 @@ def _unheld_table(builder: ModeBuilder) -> np.ndarray:
 
 
 def _monitor_tables(builder: ModeBuilder) -> dict[str, np.ndarray]:
-    """One monitor a plate: its force while in contact, and the approach speed."""
+    """Fields of `System` for one monitor a plate: the force in contact, and the approach speed."""
     forms, modes = builder.forms, builder.modes
     shape = (len(modes), len(forms.plates))
     monitor = np.zeros((*shape, forms.channels.count))

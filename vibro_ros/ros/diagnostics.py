@@ -9,14 +9,14 @@ from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.duration import Duration
 
-from vibro_ros.in_force import accuracy_in_force, next_cheaper_choice
 from vibro_ros.ros import qos
 from vibro_ros.ros.inputs import Inputs
 from vibro_ros.ros.node import SteadyNode
 from vibro_ros.ros.pacing import Pacing
 from vibro_ros.ros.recording import Recording
 from vibro_ros.ros.stepping import Stepping
-from vibro_ros.simulator import Simulator
+from vibro_ros.simulation.accuracy_in_force import accuracy_in_force, next_cheaper_choice
+from vibro_ros.simulation.simulator import Simulator
 
 PERIOD = 1.0  # s
 LAST_WORD = 0.5  # s; Fast DDS asks for acknowledgements every 3 s only
@@ -101,7 +101,6 @@ class Diagnostics:
             "refused requests": f"{self._node.refusals.count}",
             "failed callbacks": f"{self._node.refusals.failures}",
             "solver method": device.scene["solver.method"],
-            "solver tolerance [m]": f"{device.scene['solver.tolerance']:g}",
             **self._accuracy,
         }
         if "solver.step" in device.statistics:

@@ -8,15 +8,14 @@ from rclpy.subscription import Subscription
 from std_msgs.msg import Float64
 
 from vibro_ros.bag.cdr import deserialised
-from vibro_ros.bag.robot_topics import ROBOT_TOPICS
+from vibro_ros.messages.topics import COMMAND_UNITS, ROBOT_TOPICS
 from vibro_ros.ros import qos
-from vibro_ros.ros.commands import COMMAND_UNITS
 from vibro_ros.ros.outputs import Record
 from vibro_ros.ros.refusals import Refusals
 from vibro_ros.ros.strangers import Strangers
 from vibro_ros.ros.throttle import Throttle
 from vibro_ros.ros.waiting import MOST_WAITING, Waiting
-from vibro_ros.simulator import Simulator
+from vibro_ros.simulation.simulator import Simulator
 
 LONGEST = 1024
 """Bytes of the longest message that is kept and recorded; a command has 12, and what waits is counted in messages."""

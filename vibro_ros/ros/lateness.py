@@ -8,7 +8,7 @@ the recorder's.
 if __name__ == "__main__":  # before all imports: they take a second or two, in which a signal may come
     import sys
 
-    from vibro_ros.front_door import enter
+    from vibro_ros.process.front_door import enter
 
     sys.exit(enter("lateness"))
 
@@ -28,8 +28,9 @@ from rclpy.executors import Executor
 from rclpy.node import Node
 from std_srvs.srv import SetBool
 
-from vibro_ros.command_line import Parser
-from vibro_ros.front_door import exit_code
+from vibro_ros.process.command_line import Parser
+from vibro_ros.process.executables import EXECUTABLES
+from vibro_ros.process.front_door import exit_code
 from vibro_ros.ros import process, qos
 from vibro_ros.ros.diagnostics import TOPIC
 
@@ -143,8 +144,8 @@ def _robot(namespace: str, folder: str, rate: float) -> Iterator[subprocess.Pope
 
 
 def _parser() -> Parser:
-    parser = Parser(prog="lateness", description="Measure how late the robot's ticks are with recording and "
-                            "without, in turn.", formatter_class=argparse.ArgumentDefaultsHelpFormatter)
+    parser = Parser(prog="lateness", description=EXECUTABLES["lateness"].does,
+                    formatter_class=argparse.ArgumentDefaultsHelpFormatter)
     parser.add_argument("--rounds", type=int, default=6, help="how often recording is switched on and off")
     parser.add_argument("--length", type=int, default=5, help="seconds counted each time")
     parser.add_argument("--rate", type=float, default=1000.0, help="rate.publish of the robot [Hz]")

@@ -7,9 +7,9 @@ from rclpy.executors import Executor
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 
+from vibro_ros.configuration.scene_file import NODE_NAME
+from vibro_ros.process.stop_signals import StopRequest
 from vibro_ros.ros import process
-from vibro_ros.scene_file import NODE_NAME
-from vibro_ros.stop_signals import StopRequest
 
 REPORTS = 10.0
 """Time [s] between two lines that say what is waited for."""
@@ -38,7 +38,7 @@ def wait_for_listeners(node: Node, executor: Executor, publishers: Sequence[Publ
     """
     begun, log = time.monotonic(), node.get_logger()
     limit = f"up to {patience:g} s " if patience else ""
-    log.info(f"waiting {limit}for a robot on {', '.join(deaf(publishers))}")
+    log.info(f"waiting {limit}for a robot on {', '.join(publisher.topic_name for publisher in publishers)}")
     due = REPORTS
 
     def over() -> bool:

@@ -1,9 +1,10 @@
-"""ROS messages of the device's state and events: pure functions; `vibro_ros.message_fields` says what is in them.
+"""ROS messages of the device's state and events: pure functions; `vibro_ros.messages.fields` says what is in them.
 
 Here and there, `stamp` is ROS time [ns] and `prefix` begins every frame's name.
 """
 
 from collections.abc import Sequence
+from importlib import import_module
 
 import numpy as np
 from geometry_msgs.msg import WrenchStamped
@@ -11,11 +12,27 @@ from nav_msgs.msg import Odometry
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64
 
-from vibro_ros import message_fields as fields
-from vibro_ros.message_fields import JOINTS, PLATES
-from vibro_ros.samples import Samples
+from vibro_ros.messages import fields
+from vibro_ros.messages.fields import JOINTS, PLATES
+from vibro_ros.simulation.samples import Samples
 
-__all__ = ["JOINTS", "PLATES", "ground_contact", "impact", "joint_states", "motor_power", "odometry"]
+__all__ = ["JOINTS", "PLATES", "ground_contact", "impact", "joint_states", "message_class", "motor_power",
+           "odometry"]
+
+
+def message_class(type_name: str) -> type:
+    """The class of a type such as ``nav_msgs/msg/Odometry``.
+
+    Raises
+    ------
+    ValueError
+        If no package here has it; the message names the package to install.
+    """
+    package, _, name = type_name.partition("/msg/")
+    try:
+        return getattr(import_module(f"{package}.msg"), name)
+    except (ImportError, AttributeError, ValueError):  # ValueError: a name that is none
+        raise ValueError(f"{type_name}: no such message here; install the ROS package {package}") from None
 
 
 def odometry(state: Samples, stamp: int, prefix: str = "") -> Odometry:

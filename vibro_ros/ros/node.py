@@ -21,7 +21,7 @@ from rosgraph_msgs.msg import Clock
 from std_srvs.srv import SetBool
 from type_description_interfaces.srv import GetTypeDescription
 
-from vibro_ros.parameter_file import FIXED_OF_RCLPY
+from vibro_ros.configuration.parameter_file import FIXED_OF_RCLPY
 from vibro_ros.ros.parameters import set_refusal
 from vibro_ros.ros.refusals import Refusals, peer_text
 

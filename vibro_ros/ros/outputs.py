@@ -3,29 +3,27 @@
 from collections.abc import Callable
 
 import numpy as np
-from geometry_msgs.msg import WrenchStamped
-from nav_msgs.msg import Odometry
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.serialization import serialize_message
-from sensor_msgs.msg import JointState
-from std_msgs.msg import Float64
 
-from vibro_ros.message_fields import joints_of
+from vibro_ros.messages.fields import joints_of
+from vibro_ros.messages.topics import ROBOT_TOPICS
 from vibro_ros.model.scene import Scene
 from vibro_ros.ros import messages, qos
-from vibro_ros.samples import Samples
+from vibro_ros.simulation.samples import Samples
 
 Record = Callable[[str, int, bytes], None]
 """Takes a topic's resolved name, a stamp [ns] and the serialised message."""
 
-TOPICS = {
-    "odom": (Odometry, qos.SAMPLES),
-    "joint_states": (JointState, qos.SAMPLES),
-    "ground_contact": (WrenchStamped, qos.SAMPLES),
-    "impacts": (WrenchStamped, qos.IMPACTS),
-    "motor_power": (Float64, qos.SAMPLES),
+PUBLISHED = {
+    "odom": qos.SAMPLES,
+    "joint_states": qos.SAMPLES,
+    "ground_contact": qos.SAMPLES,
+    "impacts": qos.IMPACTS,
+    "motor_power": qos.SAMPLES,
 }
+"""Quality of service of each topic; `ROBOT_TOPICS` has the types."""
 
 
 class Outputs:
@@ -43,7 +41,8 @@ class Outputs:
 
     def __init__(self, node: Node, scene: Scene, prefix: str = ""):
         self.publishers: dict[str, Publisher] = {
-            topic: node.create_publisher(kind, topic, profile) for topic, (kind, profile) in TOPICS.items()
+            topic: node.create_publisher(messages.message_class(ROBOT_TOPICS[topic]), topic, profile)
+            for topic, profile in PUBLISHED.items()
         }
         self._joints, self._prefix = joints_of(scene), prefix
 

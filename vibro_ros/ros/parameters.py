@@ -9,8 +9,8 @@ from rcl_interfaces.msg import Parameter as ParameterMessage
 from rclpy.node import Node
 from rclpy.parameter import Parameter as ParameterOfRclpy
 
+from vibro_ros.configuration.parameter_file import own_parameters
 from vibro_ros.model.parameters import Parameter, Value
-from vibro_ros.parameter_file import own_parameters
 from vibro_ros.ros.refusals import peer_text
 
 _TYPES = frozenset(one.value for one in ParameterOfRclpy.Type)

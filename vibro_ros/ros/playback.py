@@ -3,118 +3,86 @@
 if __name__ == "__main__":  # before all imports: they take a second or two, in which a signal may come
     import sys
 
-    from vibro_ros.front_door import enter
+    from vibro_ros.process.front_door import enter
 
     sys.exit(enter("playback"))
 
 import argparse
 import math
-import time
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from importlib import import_module
+from functools import partial
 from pathlib import Path
 
-from rclpy.duration import Duration
-from rclpy.executors import Executor
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rosgraph_msgs.msg import Clock
-from std_msgs.msg import Float64
 
 from vibro_ros.bag.cdr import check
-from vibro_ros.bag.robot_topics import COMMANDS, robot_topics
+from vibro_ros.bag.robot_topics import robot_topics
 from vibro_ros.bag.stream import BagError, BagStream, RecordedTopic
 from vibro_ros.bag.unreadable import not_read
-from vibro_ros.command_line import Parser
-from vibro_ros.front_door import exit_code
+from vibro_ros.messages.topics import COMMAND_UNITS
+from vibro_ros.process.command_line import Parser
+from vibro_ros.process.executables import EXECUTABLES
+from vibro_ros.process.front_door import exit_code
+from vibro_ros.process.stop_signals import StopRequest
 from vibro_ros.ros import process
-from vibro_ros.ros.listeners import wait_for_listeners
+from vibro_ros.ros.messages import message_class
+from vibro_ros.ros.player import Moments, Player
 from vibro_ros.ros.ros_arguments import check_arguments, own_arguments
-from vibro_ros.stop_signals import StopRequest
 
 NODE_NAME = "vibro_playback"
 CLOCK_PERIOD = 0.01
 """Longest time [s] between two messages on /clock."""
-PATIENCE = 60.0
-"""How long [s] to wait for a robot, unless the command line says."""
-LAST_WORD = 0.5
-"""Longest wait [s] for the acknowledgement of the last message."""
 
 
-class Playback:
-    """Publishes recorded messages, byte for byte, at the instants of their recorded stamps.
+class RecordedMessages:
+    """Recorded messages, published byte for byte, and recorded time on /clock.
 
     Parameters
     ----------
-    node : Node
-        Publishes under the recorded names (which can be remapped).
-    executor : Executor
-        Spun while waiting.
-    topics : mapping of str to RecordedTopic
-        What to publish.
-    motor : str
-        Full name of the motor's command, or nothing.
-    clock : bool
-        Whether to publish recorded time on /clock.
+    stream : BagStream
+        The recording.
+    topics : sequence of str
+        What to publish of it.
+    rate : float
+        Recorded seconds per second.
+    clock : Publisher or None
+        Of /clock.
+
+    Attributes
+    ----------
+    published : int
+        Messages so far.
     """
 
-    def __init__(self, node: Node, executor: Executor, topics: Mapping[str, RecordedTopic], motor: str, clock: bool):
+    def __init__(self, stream: BagStream, topics: Sequence[str], rate: float, clock: Publisher | None):
         self.published = 0
-        self._node, self._executor, self._motor, self._moved = node, executor, motor, False
-        self._publishers: dict[str, Publisher] = {
-            topic: node.create_publisher(_message_class(one.type_name), topic, _reliable(one.qos_depth))
-            for topic, one in topics.items()}
-        self._clock = node.create_publisher(Clock, "/clock", _reliable(10)) if clock else None
-        self._log = node.get_logger()
+        self._stream, self._topics, self._rate, self._clock = stream, topics, rate, clock
+        self._seen: Counter[str] = Counter()
 
-    def wait_for_robot(self, topics: Sequence[str], patience: float, stop: StopRequest) -> None:
-        """Return when somebody subscribes to each of `topics`, or on `stop`; see `wait_for_listeners`."""
-        wait_for_listeners(self._node, self._executor, [self._publishers[topic] for topic in topics], patience, stop)
+    def moments(self, send: Callable[[str, bytes], None]) -> Moments:
+        """Yield when each message is due, and what publishes it by `send`."""
+        for topic, stamp, data in self._stream.messages(frozenset(self._topics)):
+            yield (stamp - self._stream.start) * 1e-9 / self._rate, partial(self._publish, send, topic, stamp, data)
 
-    def play(self, stream: BagStream, rate: float, stop: StopRequest) -> None:
-        """Publish every message that is one of its topic's type, `rate` times as fast as it was recorded.
+    def publish_clock_after(self, elapsed: float) -> None:
+        """Publish recorded time, `elapsed` [s] after the start, if a clock is played."""
+        self._publish_clock(self._stream.start + round(elapsed * self._rate * 1e9))
 
-        Returns at the end or on `stop`.
-        """
-        seen: Counter[str] = Counter()
-        began = time.monotonic()
-        for topic, stamp, data in stream.messages(frozenset(self._publishers)):
-            due = (stamp - stream.start) * 1e-9 / rate
-            self._wait_until(began, due, lambda elapsed: stream.start + round(elapsed * rate * 1e9), stop)
-            if stop:
-                return
-            self._publish_clock(stamp)
-            try:
-                check(data, stream.topics[topic].type_name)
-            except ValueError as error:  # what ended one robot may end another
-                stream.unreadable.add(topic, seen[topic], stamp, error)
-            else:
-                self._publishers[topic].publish(bytes(data))
-                self._moved |= topic == self._motor
-                self.published += 1
-            seen[topic] += 1
-
-    def stop_motor(self) -> None:
-        """Command motor speed 0 if the bag drives the motor: what an operator means who aborts."""
-        if self._moved:
-            self._publishers[self._motor].publish(Float64(data=0.0))
-            self._log.info(f"aborted: {self._motor} 0 rad/s")
-
-    def finish(self) -> None:
-        """Give the last messages `LAST_WORD` to arrive: a publisher that goes takes undelivered ones with it."""
-        deadline = time.monotonic() + LAST_WORD
-        for publisher in self._publishers.values():
-            publisher.wait_for_all_acked(Duration(seconds=max(0.0, deadline - time.monotonic())))
-
-    def _wait_until(self, began: float, due: float, stamp_after: Callable[[float], int],
-                    stop: StopRequest) -> None:
-        """Wait until `due` [s] after `began`, with the clock going on."""
-        longest = CLOCK_PERIOD if self._clock else process.POLL
-        while not stop and (ahead := began + due - time.monotonic()) > 0.0:
-            self._publish_clock(stamp_after(time.monotonic() - began))
-            self._executor.spin_once(timeout_sec=min(ahead, longest))
+    def _publish(self, send: Callable[[str, bytes], None], topic: str, stamp: int, data: bytes) -> None:
+        """Publish one message if it is of its topic's type: what ended one robot may end another."""
+        self._publish_clock(stamp)
+        try:
+            check(data, self._stream.topics[topic].type_name)
+        except ValueError as error:
+            self._stream.unreadable.add(topic, self._seen[topic], stamp, error)
+        else:
+            send(topic, bytes(data))
+            self.published += 1
+        self._seen[topic] += 1
 
     def _publish_clock(self, stamp: int) -> None:
         if self._clock:
@@ -153,35 +121,28 @@ def _run(words: Sequence[str]) -> int:
 
 def _play(stream: BagStream, options: argparse.Namespace, words: Sequence[str]) -> int:
     names = robot_topics(stream)
-    commands = [names[name] for name in COMMANDS if name in names
+    commands = [names[name] for name in COMMAND_UNITS if name in names
                 and names[name] in stream.topics and stream.topics[names[name]].messages]
     topics = stream.topics if options.all_topics else {topic: stream.topics[topic] for topic in commands}
     if not topics:
         raise BagError(f"{stream.folder}: holds no commands; --all-topics plays the rest")
     with StopRequest() as stop, process.node_running(NODE_NAME, words) as (node, executor):
-        playback = Playback(node, executor, topics, names.get("motor_speed", ""), options.clock)
-        if not options.all_topics:
-            playback.wait_for_robot(commands, options.wait or 0.0, stop)
-        stop.hold()  # the motor must be told to stop
+        clock = node.create_publisher(Clock, "/clock", _reliable(10)) if options.clock else None
+        messages = RecordedMessages(stream, tuple(topics), options.rate, clock)
+        player = Player(node, executor, _publishers(node, topics), () if options.all_topics else commands,
+                        names.get("motor_speed", ""), messages.publish_clock_after,
+                        CLOCK_PERIOD if clock else process.POLL)
         node.get_logger().info(f"playing {', '.join(topics)}")
-        try:
-            playback.play(stream, options.rate, stop)
-        finally:
-            if stop:
-                playback.stop_motor()
-            playback.finish()
+        code = player.run(messages.moments(player.send), options.wait or 0.0, stop)
         for line in not_read(stream.flaws):
             node.get_logger().warning(line)
-        node.get_logger().info(f"{'stopped' if stop else 'done'}: {playback.published} messages")
-    return 128 + stop.signal if stop else 0
+        node.get_logger().info(f"{'stopped' if code else 'done'}: {messages.published} messages")
+    return code
 
 
-def _message_class(type_name: str) -> type:
-    package, _, name = type_name.partition("/msg/")
-    try:
-        return getattr(import_module(f"{package}.msg"), name)
-    except (ImportError, AttributeError, ValueError):  # ValueError: a name that is none
-        raise ValueError(f"{type_name}: no such message here; install the ROS package {package}") from None
+def _publishers(node: Node, topics: Mapping[str, RecordedTopic]) -> dict[str, Publisher]:
+    return {topic: node.create_publisher(message_class(one.type_name), topic, _reliable(one.qos_depth))
+            for topic, one in topics.items()}
 
 
 def _reliable(depth: int) -> QoSProfile:
@@ -215,10 +176,10 @@ def _number(text: str, wanted: str) -> float:
 def _parser() -> Parser:
     parser = Parser(
         prog="replay --publish",
-        description="Play a bag's commands to a live robot, at the instants at which the recorded one took them.",
-        epilog="Exit code 0: played to the end; 1: no robot; 2: no bag with commands, or a bad argument; 129, 130, "
-        "143: aborted by SIGHUP, SIGINT or SIGTERM, and the motor told to stop. Topics can be remapped with --ros-args "
-        "-r.")
+        description=EXECUTABLES["playback"].does,
+        epilog="Exit code 0: played to the end; 1: no robot, or it went away; 2: no bag with commands, or a bad "
+        "argument; 129, 130, 143: aborted by SIGHUP, SIGINT or SIGTERM, and the motor told to stop. Topics can be "
+        "remapped with --ros-args -r.")
     parser.add_argument("bag", type=Path, metavar="BAG_FOLDER", help="folder of a recording, sealed")
     parser.add_argument("--all-topics", action="store_true",
                         help="play every topic instead of the commands alone, and wait for nobody")

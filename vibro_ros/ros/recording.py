@@ -1,24 +1,16 @@
 """The robot's bags: which topics, when they begin and end, and what is said when one fails."""
 
-import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from datetime import datetime
-from pathlib import Path
 
 from rclpy.impl.rcutils_logger import RcutilsLogger
 
-from vibro_ros.bag.recorder import BAG_PATTERN, Recorder, Topic, bag_folders
-from vibro_ros.bag.recovery import RecoveryError, described, recover
-from vibro_ros.bag.robot_topics import ROBOT_TOPICS
+from vibro_ros.bag.recorder import Recorder, bag_folders
 from vibro_ros.bag.snapshot import Snapshot
-from vibro_ros.bag.unsealed import unsealed_bags
-from vibro_ros.bag.writer import Storage
-from vibro_ros.model.parameters import Value
-from vibro_ros.one_line import one_line
-from vibro_ros.ros import qos
-from vibro_ros.ros.outputs import TOPICS, Outputs
+from vibro_ros.process.one_line import one_line
+from vibro_ros.ros.recording_plan import Plan
 from vibro_ros.ros.throttle import Throttle
 
 SEALING = 5.0
@@ -29,42 +21,6 @@ CHECKPOINT_PERIOD = 500_000_000
 
 MOST_BAGS = 5
 """Bags that `~/record` begins one right after the other; from then on it begins at most one a second."""
-
-MOST_UNSEALED = 10
-"""Unsealed bags that are named at the start; how many more there are is said."""
-
-_ALL = "all"
-
-
-@dataclass(frozen=True)
-class Plan:
-    """How the robot records.
-
-    Attributes
-    ----------
-    directory : Path
-        Where bags are made.
-    topics : tuple of Topic
-        What is recorded, under resolved names.
-    storage : Storage
-        How bags lie on the disk.
-    metadata : mapping of str to str
-        What each bag says of itself.
-    snapshot : float
-        Time [s] that is kept in memory until it is asked for; 0 records everything.
-    checkpoint : Topic or None
-        Where a bag that may lack the run's beginning has the device's whole state now and then.
-    namespace : str
-        The robot's, for the folders' names.
-    """
-
-    directory: Path
-    topics: tuple[Topic, ...]
-    storage: Storage
-    metadata: Mapping[str, str]
-    snapshot: float = 0.0
-    checkpoint: Topic | None = None
-    namespace: str = "/"
 
 
 class Recording:
@@ -191,7 +147,8 @@ class Recording:
                 self._log.error(f"not recorded: {recorder.fault}. The robot goes on; the service ~/record begins "
                                 "another bag")
         dropped = self._recorder.dropped if self._recorder else 0
-        if dropped > self._dropped and self._recorder.accepting:  # asked last: one that stops refuses everything
+        # Asked last: one that stops refuses everything.
+        if self._recorder and dropped > self._dropped and self._recorder.accepting:
             self._dropped = dropped
             text = self._throttle.admit(f"not recorded: the disk is too slow, {self._dropped} messages dropped")
             if text:
@@ -273,42 +230,6 @@ class Recording:
             self._log.error(f"not recorded: {self.faults[-1]}")
 
 
-def plan_recording(settings: Mapping[str, Value], received: Mapping[str, str], outputs: Outputs,
-                   metadata: Mapping[str, str]) -> Plan:
-    """How to record, from the device's parameters.
-
-    Parameters
-    ----------
-    settings : mapping
-        The parameters `record.*`.
-    received : mapping of str to str
-        Resolved name of each command's topic.
-    outputs : Outputs
-        The robot's other topics; recorded under their resolved names.
-    metadata : mapping of str to str
-        What each bag says of itself.
-
-    Raises
-    ------
-    ValueError
-        For a topic that the robot does not have, and for limits that make no sense.
-    """
-    storage = Storage(settings["record.storage"], settings["record.compression"], int(settings["record.max_size"]),
-                      settings["record.max_duration"], int(settings["record.max_bytes"]))
-    topics = _chosen(settings["record.topics"], {**_published(outputs), **_received(received)})
-    return Plan(Path(settings["record.directory"]).expanduser(), topics, storage, metadata, settings["record.snapshot"])
-
-
-def check_directory(directory: Path) -> None:
-    """Make the folder of recordings if need be (ValueError when nothing can be written there)."""
-    try:
-        directory.mkdir(parents=True, exist_ok=True)
-        tempfile.TemporaryFile(dir=directory).close()
-    except OSError as error:
-        raise ValueError(f"record.directory: cannot record to {directory}: {error.strerror}; give a folder that can be "
-                         "written") from error
-
-
 def open_recording(plan: Plan, enabled: bool, log: RcutilsLogger) -> Recording:
     """A recording, begun if `enabled` (ValueError when the folder cannot be written)."""
     recording = Recording(plan, log)
@@ -318,51 +239,6 @@ def open_recording(plan: Plan, enabled: bool, log: RcutilsLogger) -> Recording:
     except OSError as error:
         raise ValueError(f"record.directory: {error}") from error
     return recording
-
-
-def offer_recovery(directory: Path, do_it: bool, log: RcutilsLogger) -> None:
-    """Say which bags in `directory` a killed robot has left unsealed, and seal them if told to `do_it`."""
-    unsealed = unsealed_bags(directory, BAG_PATTERN)
-    if not do_it:
-        for folder in unsealed[:MOST_UNSEALED]:
-            name = one_line(folder)
-            log.warning(f"{name}: not sealed, its robot was killed; seal it with `recover {name}`")
-        if len(unsealed) > MOST_UNSEALED:
-            log.warning(f"{directory}: {len(unsealed) - MOST_UNSEALED} more bags are not sealed")
-        return
-    for folder in unsealed:
-        try:
-            log.warning("; ".join(described(recover(folder), str)))
-        except RecoveryError as error:
-            log.error(str(error))
-
-
-def _chosen(names: Sequence[str], topics: Mapping[str, Topic]) -> tuple[Topic, ...]:
-    """The topics that are named, by the robot's own names for them or by resolved ones."""
-    if not names:
-        raise ValueError(f"record.topics: [] names no topic; give [{_ALL}], some of {', '.join(topics)}, or "
-                         "record.enabled false to record nothing")
-    if _ALL in names:
-        return tuple(topics.values())
-    by_name = {**{topic.name: topic for topic in topics.values()}, **topics}
-    for name in names:
-        if name not in by_name:
-            raise ValueError(f"record.topics: {name!r} is not a topic of the robot; choose from {', '.join(topics)}, "
-                             f"or {_ALL}")
-    return tuple(dict.fromkeys(by_name[name] for name in names))
-
-
-def _published(outputs: Outputs) -> dict[str, Topic]:
-    return {topic: Topic(outputs.publishers[topic].topic_name, _type_name(kind), profile.depth)
-            for topic, (kind, profile) in TOPICS.items()}
-
-
-def _received(names: Mapping[str, str]) -> dict[str, Topic]:
-    return {name: Topic(resolved, ROBOT_TOPICS[name], qos.COMMANDS.depth) for name, resolved in names.items()}
-
-
-def _type_name(kind: type) -> str:
-    return f"{kind.__module__.split('.')[0]}/msg/{kind.__name__}"
 
 
 def _contents(recorder: Recorder) -> str:

@@ -5,7 +5,7 @@ from types import TracebackType
 
 from rclpy.impl.rcutils_logger import RcutilsLogger
 
-from vibro_ros.one_line import one_line
+from vibro_ros.process.one_line import one_line
 from vibro_ros.ros.throttle import Throttle
 
 LONGEST_SHOWN = 60
@@ -64,10 +64,10 @@ def peer_text(text: str) -> str:
     return one_line(" ".join(text.split()), LONGEST_SHOWN) or "''"
 
 
-def _own_place(traceback: TracebackType) -> str:
+def _own_place(traceback: TracebackType | None) -> str:
     """Module and line of the innermost frame of this package below the one that catches; nothing without one."""
     place = ""
-    while traceback := traceback.tb_next:
+    while traceback and (traceback := traceback.tb_next):
         module = traceback.tb_frame.f_globals.get("__name__", "")
         if module.partition(".")[0] == __package__.partition(".")[0]:
             place = f"{module}, line {traceback.tb_lineno},"

@@ -3,7 +3,7 @@
 if __name__ == "__main__":  # before all imports: they take a second or two, in which a signal may come
     import sys
 
-    from vibro_ros.front_door import enter
+    from vibro_ros.process.front_door import enter
 
     sys.exit(enter("robot"))
 
@@ -26,29 +26,32 @@ from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import SetBool
 
 from vibro_ros.bag.definitions import Topic, jazzy_types
-from vibro_ros.bag.robot_topics import CHECKPOINT, CHECKPOINT_TYPE, COMMANDS
-from vibro_ros.command_line import Parser
-from vibro_ros.front_door import exit_code, say
+from vibro_ros.configuration.scene_file import DEVICE_PARAMETERS, NODE_NAME, load_scene, scene_origin, shipped_scenes
+from vibro_ros.messages.topics import CHECKPOINT, CHECKPOINT_TYPE, COMMAND_UNITS
 from vibro_ros.model.parameters import SCENE_PARAMETERS, Value, checked_parameters
-from vibro_ros.model.promise import broken_promise
 from vibro_ros.model.scene import Scene
-from vibro_ros.preparation import Preparation
-from vibro_ros.provenance import provenance
+from vibro_ros.process.command_line import Parser
+from vibro_ros.process.executables import EXECUTABLES
+from vibro_ros.process.front_door import exit_code, say
+from vibro_ros.process.stop_signals import StopRequest
 from vibro_ros.ros import process
 from vibro_ros.ros.diagnostics import Diagnostics
 from vibro_ros.ros.inputs import Inputs
 from vibro_ros.ros.node import SteadyNode
-from vibro_ros.ros.outputs import TOPICS, Outputs
+from vibro_ros.ros.outputs import PUBLISHED, Outputs
 from vibro_ros.ros.pacing import Pacing
 from vibro_ros.ros.parameters import declare, parameter_lines, take_overrides
-from vibro_ros.ros.recording import Plan, Recording, check_directory, offer_recovery, open_recording, plan_recording
+from vibro_ros.ros.recording import Recording, open_recording
+from vibro_ros.ros.recording_plan import Plan, check_directory, plan_recording
 from vibro_ros.ros.remapping import check_names
 from vibro_ros.ros.ros_arguments import check_addressed, check_arguments, folder_of, own_arguments
 from vibro_ros.ros.ros_time import wait_for_time
 from vibro_ros.ros.stepping import Stepping
-from vibro_ros.scene_file import DEVICE_PARAMETERS, NODE_NAME, load_scene, scene_origin, shipped_scenes
-from vibro_ros.simulator import Simulator, ToleranceWarning, compile_kernels
-from vibro_ros.stop_signals import StopRequest
+from vibro_ros.ros.unsealed import offer_recovery
+from vibro_ros.simulation.kernels import compile_kernels
+from vibro_ros.simulation.preparation import Preparation
+from vibro_ros.simulation.provenance import provenance
+from vibro_ros.simulation.simulator import Simulator, ToleranceWarning
 
 CHECKPOINT_DEPTH = 1
 
@@ -69,7 +72,7 @@ def _run(words: Sequence[str]) -> int:
     files = check_arguments(words)
     with StopRequest() as stop, process.node_running(NODE_NAME, words) as (node, executor):
         check_addressed(files, node.get_fully_qualified_name())
-        check_names(node, (*COMMANDS, *TOPICS))
+        check_names(node, (*COMMAND_UNITS, *PUBLISHED))
         settings, scene = _configure(node, words)
         outputs = Outputs(node, scene, settings["frame_prefix"])
         plan = _plan(node, settings, scene, outputs)
@@ -79,7 +82,7 @@ def _run(words: Sequence[str]) -> int:
         process.spin_until(executor, lambda: bool(stop) or preparation.done())
         device = None if stop else preparation.result()
         wait_for_time(node, executor, lambda: bool(stop))
-        if stop:
+        if stop or device is None:
             say("robot", "stopped while starting")
             return 0
         gc.freeze()  # all of this lasts: to go through it again and again would delay ticks, and the process's end
@@ -101,7 +104,7 @@ def _configure(node: Node, words: Sequence[str]) -> tuple[dict[str, Value], Scen
 def _plan(node: SteadyNode, settings: Mapping[str, Value], scene: Scene, outputs: Outputs) -> Plan:
     """How to record, as far as it is known before the start; whatever is wrong with it is found here."""
     checkpoint = Topic(f"{node.get_fully_qualified_name()}/{CHECKPOINT}", CHECKPOINT_TYPE, CHECKPOINT_DEPTH)
-    received = {name: node.resolve_topic_name(name) for name in COMMANDS}
+    received = {name: node.resolve_topic_name(name) for name in COMMAND_UNITS}
     topics = {**received, **outputs.topics, CHECKPOINT: checkpoint.name}
     plan = plan_recording(settings, received, outputs, _metadata(settings, scene, topics))
     if settings["record.enabled"]:
@@ -113,7 +116,7 @@ def _prepare(node: SteadyNode, settings: Mapping[str, Value], scene: Scene, plan
     """The device, ready to be stepped; and whatever else takes long, so that a signal need not wait for it."""
     log = node.get_logger()
     compile_kernels(scene["solver.method"])
-    if fault := broken_promise(scene):
+    if fault := scene.broken_promise:
         warnings.simplefilter("ignore", ToleranceWarning)  # said here, in the log's form
         log.warning(fault)
     device = Simulator(scene)
@@ -140,7 +143,12 @@ def _operate(node: SteadyNode, executor: Executor, settings: Mapping[str, Value]
             log.info(f"ready: {settings['rate.publish']:g} Hz, real-time factor "
                      f"{settings['rate.real_time_factor']:g}, {recording.destination()}")
             diagnostics = Diagnostics(node, device, stepping, pacing, inputs, recording)
-            process.spin_until(executor, lambda: recording.watch() or bool(stop or stepping.error))
+
+            def over() -> bool:
+                recording.watch()
+                return bool(stop or stepping.error)
+
+            process.spin_until(executor, over)
         if stepping.error:
             recording.save(stepping.error)
     if stepping.error or recording.faults:
@@ -185,8 +193,7 @@ def _parser() -> Parser:
     scene = load_scene(device["scene"]).parameters
     return Parser(
         prog="robot",
-        description="Run the vibro-impact robot as a ROS 2 device, until SIGINT, SIGTERM or SIGHUP. "
-        "Shipped scenes: " + ", ".join(shipped_scenes()),
+        description=f"{EXECUTABLES['robot'].does} Shipped scenes: " + ", ".join(shipped_scenes()),
         epilog="ROS parameters (--ros-args -p name:=value, or --params-file):\n"
         + parameter_lines(DEVICE_PARAMETERS, device) + "\n"
         + parameter_lines(SCENE_PARAMETERS, scene)

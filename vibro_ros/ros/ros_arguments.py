@@ -9,7 +9,7 @@ from pathlib import Path
 
 import yaml
 
-from vibro_ros import parameter_file
+from vibro_ros.configuration import parameter_file
 from vibro_ros.ros.remapping import check_remapping
 
 OVERRIDE = ("--param", "-p")

@@ -27,7 +27,8 @@ def wait_for_time(node: Node, executor: Executor, stopped: Callable[[], bool]) -
     while not over():
         waited = time.monotonic() - began
         node.get_logger().info(_awaited(node, waited))
-        spin_until(executor, lambda until=began + waited + REMINDER: over() or time.monotonic() > until)
+        due = began + waited + REMINDER
+        spin_until(executor, lambda: over() or time.monotonic() > due)  # noqa: B023 (called within this turn)
 
 
 def _awaited(node: Node, waited: float) -> str:

@@ -5,7 +5,7 @@ from bisect import bisect_right
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 
-from vibro_ros.ros.commands import COMMAND_UNITS
+from vibro_ros.messages.topics import COMMAND_UNITS
 
 
 @dataclass(frozen=True)

@@ -11,10 +11,10 @@ import sys
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
-from vibro_ros.ros.commands import COMMAND_UNITS
+from vibro_ros.configuration.shipped import config_folder
+from vibro_ros.configuration.strict_yaml import read_yaml
+from vibro_ros.messages.topics import COMMAND_UNITS
 from vibro_ros.ros.script import Course, Script, Segment
-from vibro_ros.shipped import config_folder
-from vibro_ros.strict_yaml import read_yaml
 
 LONGEST_SCRIPT = 100_000
 """Most segments that a script may unfold to; nested repeats multiply."""

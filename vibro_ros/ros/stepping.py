@@ -7,13 +7,13 @@ from collections.abc import Callable
 import numpy as np
 from rclpy.impl.rcutils_logger import RcutilsLogger
 
-from vibro_ros.message_fields import stamp_at
+from vibro_ros.messages.fields import stamp_at
 from vibro_ros.ros.inputs import Inputs
 from vibro_ros.ros.outputs import Outputs, Record
 from vibro_ros.ros.pacing import Pacing
 from vibro_ros.ros.throttle import Throttle
-from vibro_ros.samples import Samples
-from vibro_ros.simulator import Simulator
+from vibro_ros.simulation.samples import Samples
+from vibro_ros.simulation.simulator import Simulator
 
 Checkpoint = Callable[[int, Callable[[], np.ndarray]], None]
 

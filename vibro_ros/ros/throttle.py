@@ -1,4 +1,8 @@
-"""Warnings that tell without flooding the log."""
+"""Warnings that tell without flooding the log.
+
+rclpy's own throttle (`throttle_duration_sec`) counts nothing: who reads the log would not learn how many warnings it
+left out. It also knows a warning by its line of code, where each topic and each peer here has a limit of its own.
+"""
 
 import time
 from collections.abc import Callable

@@ -6,7 +6,7 @@
 if __name__ == "__main__":  # before all imports: they take a second or two, in which a signal may come
     import sys
 
-    from vibro_ros.front_door import enter
+    from vibro_ros.process.front_door import enter
 
     sys.exit(enter("tick_cost"))
 
@@ -19,15 +19,17 @@ import rclpy
 from rclpy.context import Context
 from rclpy.node import Node
 
-from vibro_ros.command_line import Parser
-from vibro_ros.front_door import exit_code
-from vibro_ros.message_fields import stamp_at
+from vibro_ros.configuration.scene_file import load_scene
+from vibro_ros.messages.fields import stamp_at
 from vibro_ros.model.parameters import Value
 from vibro_ros.model.scene import Scene
+from vibro_ros.process.command_line import Parser
+from vibro_ros.process.executables import EXECUTABLES
+from vibro_ros.process.front_door import exit_code
 from vibro_ros.ros.outputs import Outputs
 from vibro_ros.ros.pacing import Pacing
-from vibro_ros.scene_file import load_scene
-from vibro_ros.simulator import Simulator, compile_kernels
+from vibro_ros.simulation.kernels import compile_kernels
+from vibro_ros.simulation.simulator import Simulator
 
 RATES = (1000.0, 200.0)  # Hz
 #: What is asked for: in words, and parameters of the scene.
@@ -77,7 +79,7 @@ class Ticks:
 
         return self._paced(step, lambda tick: self._publish(device.state, device.take_events()))[0], device
 
-    def _paced(self, step: Callable[[int], object], publish: Callable[[int], object]) -> tuple[np.ndarray, np.ndarray]:
+    def _paced(self, step: Callable[[int], object], publish: Callable[[int], object]) -> np.ndarray:
         pacing, costs = Pacing(1.0, 0.1), np.empty((2, self._count))
         for tick in range(self._count):
             pacing.wait_until((tick + 1) / self._rate)
@@ -130,7 +132,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _measure(words: Sequence[str]) -> int:
-    parser = Parser(prog="tick_cost", description="Measure what a tick of the robot's node costs.")
+    parser = Parser(prog="tick_cost", description=EXECUTABLES["tick_cost"].does)
     parser.add_argument("--duration", type=float, default=1.5, help="of each measurement [s] (default %(default)g)")
     duration = parser.parse_args(words).duration
     scene, context = load_scene("device").with_parameters({"motor.speed": _SPEED}), Context()

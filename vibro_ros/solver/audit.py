@@ -10,13 +10,12 @@ error, found without knowing the solution.
 
 from vibro_ros.solver.compilation import kernel
 from vibro_ros.solver.polynomial import fill_form, value
-from vibro_ros.solver.state import ENERGY, ENTRANCE, EXCHANGED, HALF, MODE, RESIDUAL
 from vibro_ros.solver.vector import LENGTH, total, vector
 
 
 @kernel
 def _energy(system, state, point):
-    mode = state.index[MODE]
+    mode = state.now[0].automaton.mode
     energy = 0.0
     for e in range(system.stiffness.shape[1]):
         weight = system.stiffness[mode, e]
@@ -49,27 +48,27 @@ def _integral_of_product(p, q, moments):
 
 @kernel
 def open_audit(system, state, point):
-    """Note the energy where a flow begins; `point`, shape (channels,), is overwritten."""
+    """Store the energy at the flow's start; `point`, shape (channels,), is overwritten."""
     if system.power.shape[1] == 0:
         return
     for channel in range(len(point)):
-        point[channel] = value(state.z[channel], state.clock[ENTRANCE])
-    state.audit[ENERGY] = _energy(system, state, point)
+        point[channel] = value(state.z[channel], state.now[0].segment.flow_start)
+    state.now[0].audit.energy = _energy(system, state, point)
 
 
 @kernel
 def close_audit(system, state, x, point):
-    """Balance the flow up to `x`, where the channels have the values of `point`."""
+    """Balance the flow up to the local time `x`, where the channels have the values of `point`."""
     if system.power.shape[1] == 0:
         return
-    mode = state.index[MODE]
+    mode, room, audit = state.now[0].automaton.mode, state.scratch.room[0], state.now[0].audit
+    force, rate, moments = room.force[:], room.rate[:], room.moments[:]
     work = 0.0
-    _fill_moments(state.clock[ENTRANCE], x, state.moments)
+    _fill_moments(state.now[0].segment.flow_start, x, moments)
     for k in range(system.power.shape[1]):
-        force, rate = state.work[0], state.work[1]
         form, terms = system.power[mode, k], system.power_terms[mode, k]
         if fill_form(form[0], terms[0], state.z, force) and fill_form(form[1], terms[1], state.z, rate):
-            work += _integral_of_product(force, rate, state.moments)
-    work *= state.clock[HALF]
-    state.audit[RESIDUAL] += _energy(system, state, point) - state.audit[ENERGY] - work
-    state.audit[EXCHANGED] += abs(work)
+            work += _integral_of_product(force, rate, moments)
+    work *= state.now[0].segment.half
+    audit.residual += _energy(system, state, point) - audit.energy - work
+    audit.exchanged += abs(work)

@@ -1,4 +1,4 @@
-"""How kernels are compiled, and where they are kept.
+"""How kernels are compiled, and where the compiled kernels are stored.
 
 A kernel holds what was inlined into it from other modules: the cache folder is therefore named by the sources of the
 whole package, so that no update is served stale.
@@ -14,13 +14,13 @@ import numba
 from vibro_ros.solver.kernel_cache import KernelCache
 
 _OPTIONS = {"error_model": "numpy", "_nrt": False}
-# Most kernels are parts of others: neither called from Python, which would crash, nor kept, they need not become
-# machine code themselves.
+# Most kernels are parts of other kernels. They need not become machine code themselves, because they are neither stored
+# nor called from Python, which would crash.
 _PART = {"forceinline": True, "no_cpython_wrapper": True}
 
 
 def cache_folder() -> Path | None:
-    """Where compiled kernels are kept: `NUMBA_CACHE_DIR`, else beside their source, else in the user's cache.
+    """Where compiled kernels are stored: `NUMBA_CACHE_DIR`, else beside their source, else in the user's cache.
 
     None if nobody knows the user's home: whatever lies in a folder that others can write must not be run.
     """
@@ -43,15 +43,15 @@ def _compiled(function, fastmath, **options):
     return numba.njit(fastmath=fastmath, **_OPTIONS | options)(function)
 
 
-def kept(dispatcher):
-    """Keep what numba's `dispatcher` compiles in a `KernelCache`."""
+def cached(dispatcher):
+    """Store what numba's `dispatcher` compiles in a `KernelCache`."""
     dispatcher._cache = KernelCache(dispatcher.py_func, _FOLDER)
     return dispatcher
 
 
 def kernel(function):
-    """Compile a kernel that is part of others: inlined, without reference counts (it cannot allocate), fused
-    multiply-add allowed, reordering not."""
+    """Compile a kernel that is part of others: inlined, without reference counts, so that it cannot allocate; multiply
+    and add may be fused, but not reordered."""
     return _compiled(function, {"contract"}, **_PART)
 
 
@@ -66,10 +66,10 @@ def sum_kernel(function):
 
 
 def called_kernel(function):
-    """Compile a kernel that is called, not inlined: what few systems need must not be compiled at every call."""
+    """Compile a kernel that is called, not inlined: one that few systems need is not compiled into every caller."""
     return _compiled(function, {"contract"}, no_cpython_wrapper=True)
 
 
 def entry_kernel(function):
-    """Compile a kernel that Python calls, and keep it with all that is inlined into it."""
-    return kept(_compiled(function, {"contract"}))
+    """Compile a kernel that Python calls, and store the kernel with all that is inlined into it."""
+    return cached(_compiled(function, {"contract"}))

@@ -1,8 +1,8 @@
 """Lanczos' economization: powers beyond a polynomial's length, replaced by what they come to on [-1, 1].
 
-x^n is a sum of Chebyshev polynomials of degree n and less. Without those too long for a polynomial of so many
-coefficients it is off by their factors, of which the largest is 2^(1 - n): a series is cut where a half as long as its
-radius of convergence would do, without the economization a quarter.
+x^n is a sum of Chebyshev polynomials of degree n and less. If the polynomials that are too long are left out, the sum
+is off by their factors, of which the largest is 2^(1 - n). So a series of LENGTH terms reaches rounding over about half
+of its radius of convergence; without the economization, over a quarter.
 """
 
 import math

@@ -1,21 +1,19 @@
 """The flow of a mode: its exact solution over a segment, as power series about the segment's middle.
 
-With polynomial forcing a linear equation determines the series of its solution term by term; the segments are short
-enough for the series to end at rounding (`System.longest_step`). Any forced motion serves as long as the free motion
-is added that makes it begin where it should: free motion, and forced motion over a whole cell at a steady speed, are
-therefore kept for the next segment of their kind.
+With polynomial forcing a linear equation determines the series of its solution term by term. The segments are short
+enough for the series to end at rounding (`System.longest_segment`).
+
+The motion is a *forced* motion, under the segment's loads, plus the *free* motion, without loads, that makes the sum
+pass through the point at which the flow starts. Any forced motion serves. The free motions from a unit of each
+component, and the forced motion over a whole cell at a steady speed, are therefore stored in the `Library` for the next
+segment of their kind. The *components* of a motion are its positions and then its velocities.
 """
 
-from vibro_ros.solver.compilation import kernel, rounding_kernel, sum_kernel
+from vibro_ros.solver.channels import first_acceleration
+from vibro_ros.solver.compilation import kernel, rounding_kernel
 from vibro_ros.solver.economization import economized_powers
-from vibro_ros.solver.polynomial import (
-    INVERSE,
-    differentiate,
-    fill_form,
-    integrate_through,
-    value,
-)
-from vibro_ros.solver.state import ANCHOR, CELL, ENTRANCE, HALF, MODE, SLOT, STANDSTILLS, VERSION
+from vibro_ros.solver.linear_forms import form_magnitude
+from vibro_ros.solver.polynomial import INVERSE, differentiate, fill_form, integrate_through, value
 from vibro_ros.solver.vector import LENGTH, powers, store, total, vector, with_first
 
 # So many terms follow those of a motion over a cell until they are lost in rounding: 3.4^32 / 32!.
@@ -37,7 +35,7 @@ def _solve_oscillator(load, stiffness, damping, half, q, v):
 
 @kernel
 def _solve_coupled(loads, row, half, coordinates, dynamic, motion):
-    """The same for coordinates that enter each other's equations; `loads` has a row for each, `motion` two."""
+    """Series of coordinates that enter each other's equations; `loads` has a row for each, `motion` two."""
     for n in range(LENGTH - 1):
         step = half * INVERSE[n]
         for i in range(dynamic):
@@ -51,29 +49,31 @@ def _solve_coupled(loads, row, half, coordinates, dynamic, motion):
 
 @kernel
 def _solve(system, state, motion):
-    """Series of the components of the motion from their constant terms, under the loads in `work`."""
-    coordinates, dynamic = system.sizes[0], system.sizes[1]
-    half, rows = state.clock[HALF], system.acceleration[state.index[MODE]]
-    if system.coupled[state.index[MODE]]:
-        _solve_coupled(state.work, rows, half, coordinates, dynamic, motion)
+    """Series of the components of a motion from their constant terms, under the loads in the scratch."""
+    coordinates, dynamic = system.size[0].coordinates, system.size[0].dynamic
+    mode, half, load = state.now[0].automaton.mode, state.now[0].segment.half, state.scratch.room[0].load[:]
+    rows = system.acceleration[mode]
+    if system.coupled[mode]:
+        _solve_coupled(load, rows, half, coordinates, dynamic, motion)
         return
     for i in range(dynamic):
-        _solve_oscillator(state.work[i], rows[i, i], rows[i, coordinates + i], half, motion[i], motion[dynamic + i])
+        _solve_oscillator(load[i], rows[i, i], rows[i, coordinates + i], half, motion[i], motion[dynamic + i])
 
 
 @kernel
 def _economize(system, state, motion):
-    """Add to the series of a motion over a cell what their next terms come to.
+    """Add to the series of a motion over a cell what the terms beyond their length come to.
 
-    The cell's forcing is longer than its flow's series resolve; of the terms that these lack, only the first matter.
+    The cell's forcing lasts longer than the flow's series resolve; only the first of the terms beyond them matter.
     """
-    coordinates, dynamic = system.sizes[0], system.sizes[1]
-    half, rows = state.clock[HALF], system.acceleration[state.index[MODE]]
-    now, following = state.work[3], state.work[4]
+    coordinates, dynamic = system.size[0].coordinates, system.size[0].dynamic
+    half, rows = state.now[0].segment.half, system.acceleration[state.now[0].automaton.mode]
+    room = state.scratch.room[0]
+    now, following, load = room.term[:], room.next_term[:], room.load[:]
     for c in range(2 * dynamic):
         now[c] = motion[c, LENGTH - 1]
     for i in range(dynamic):
-        now[2 * dynamic + i] = state.work[i, LENGTH - 1]  # the last term of the load
+        now[2 * dynamic + i] = load[i, LENGTH - 1]
     for k in range(len(_ECONOMIZED)):
         step = half / (LENGTH + k)
         for i in range(dynamic):
@@ -100,21 +100,21 @@ def _compensated_sum(p):
 
 
 @kernel
-def _keep_free_motion(system, state, flow, slot):
-    """See to it that the library has the free motion of segments like this one."""
+def _provide_free_motion(system, state, flow, slot):
+    """Solve the free motions over segments like this one, if the library does not have them."""
     library = state.library
-    if library.half[flow, slot] == state.clock[HALF]:
+    if library.half[flow, slot] == state.now[0].segment.half:
         return
-    library.half[flow, slot] = state.clock[HALF]
+    library.half[flow, slot] = state.now[0].segment.half
     library.version[flow, slot] = 0
-    components = 2 * system.sizes[1]
-    state.work[:] = 0.0
+    components = 2 * system.size[0].dynamic
+    state.scratch.room[0].load[:] = 0.0
     for j in range(components):
         motion = library.free[flow, slot, j]
         motion[:] = 0.0
         motion[j, 0] = 1.0
         _solve(system, state, motion)
-        if slot == state.index[CELL]:
+        if slot == state.now[0].drive.cell:
             _economize(system, state, motion)
         for c in range(components):
             library.free_end[flow, slot, j, c] = _compensated_sum(motion[c])
@@ -122,26 +122,26 @@ def _keep_free_motion(system, state, flow, slot):
 
 @kernel
 def _fill_loads(system, state):
-    """Loads of the dynamic coordinates, as series in `work`."""
-    for i in range(system.sizes[1]):
-        mode = state.index[MODE]
-        if not fill_form(system.acceleration[mode, i], system.terms[mode, i], state.z, state.work[i]):
-            state.work[i, :] = 0.0
+    """Fill the scratch with the loads of the dynamic coordinates."""
+    mode, load = state.now[0].automaton.mode, state.scratch.room[0].load[:]
+    for i in range(system.size[0].dynamic):
+        if not fill_form(system.acceleration[mode, i], system.terms[mode, i], state.z, load[i]):
+            load[i, :] = 0.0
 
 
 @kernel
 def _component(system, c):
     """Channel of component c."""
-    coordinates, dynamic = system.sizes[0], system.sizes[1]
+    coordinates, dynamic = system.size[0].coordinates, system.size[0].dynamic
     return c if c < dynamic else coordinates + c - dynamic
 
 
 @kernel
-def _find_forced_motion(system, state, flow, slot, point):
-    """See to it that the library has forced motion over this segment."""
+def _provide_forced_motion(system, state, flow, slot, point):
+    """Solve a forced motion over this segment, if the library does not have the cell's."""
     library = state.library
-    of_cell = slot == state.index[CELL]
-    if of_cell and library.version[flow, slot] == state.index[VERSION]:
+    of_cell = slot == state.now[0].drive.cell
+    if of_cell and library.version[flow, slot] == state.now[0].drive.version:
         return
     motion = library.forced[flow, slot]
     for c in range(len(motion)):
@@ -151,127 +151,133 @@ def _find_forced_motion(system, state, flow, slot, point):
     _solve(system, state, motion)
     if of_cell:
         _economize(system, state, motion)
-        library.version[flow, slot] = state.index[VERSION]
+        library.version[flow, slot] = state.now[0].drive.version
         for c in range(len(motion)):
             library.forced_start[flow, slot, c] = value(motion[c], -1.0)
 
 
 @kernel
-def _find_defect(system, state, motion, at_start, point):
-    """Note what the forced motion lacks of the coordinates of `point` where the flow begins; whether it is anything."""
-    entrance = state.clock[ENTRANCE]
-    known = entrance == -1.0 and state.index[SLOT] == state.index[CELL]
-    anything = False
-    for c in range(len(motion)):
-        found = at_start[c] if known else value(motion[c], entrance)
-        defect = point[_component(system, c)] - found
-        state.defect[0, c] = defect
-        anything = anything or defect != 0.0
-    return anything
+def _needs_free_motion(system, state, forced, forced_start, point):
+    """Store the difference between `point` and the forced motion at the flow's start; return whether it is not
+    zero."""
+    start, difference = state.now[0].segment.flow_start, state.scratch.room[0].free_at_start[:]
+    known = start == -1.0 and state.now[0].segment.slot == state.now[0].drive.cell
+    needed = False
+    for c in range(len(forced)):
+        at_start = forced_start[c] if known else value(forced[c], start)
+        difference[c] = point[_component(system, c)] - at_start
+        needed = needed or difference[c] != 0.0
+    return needed
 
 
 @kernel
-def _companions(system, state, c):
-    """First and step of the components that component c has to do with: all if they are coupled, else its
-    coordinate's position and velocity."""
-    dynamic = system.sizes[1]
-    if system.coupled[state.index[MODE]]:
+def _coupled_components(system, state, c):
+    """First and step of the components that component c depends on: all, or its coordinate's position and velocity
+    if the coordinates are not coupled."""
+    dynamic = system.size[0].dynamic
+    if system.coupled[state.now[0].automaton.mode]:
         return 0, 1
     return (c if c < dynamic else c - dynamic), dynamic
 
 
 @kernel
 def _carry_to_middle(system, state, free, free_end):
-    """The free motion whose value is the defect where the flow begins has this value in the middle."""
-    entrance = state.clock[ENTRANCE]
+    """Store the free motion's value in the segment's middle, from its value at the flow's start.
+
+    The free motion does not depend on time: what a unit becomes between the flow's start and the middle is what a unit
+    in the middle becomes in as long a time after it.
+    """
+    start, room = state.now[0].segment.flow_start, state.scratch.room[0]
+    at_start, at_middle = room.free_at_start[:], room.free_at_middle[:]
     for c in range(len(free)):
         middle = 0.0
-        first, step = _companions(system, state, c)
+        first, step = _coupled_components(system, state, c)
         for j in range(first, len(free), step):
-            part = free_end[j, c] if entrance == -1.0 else value(free[j, c], -entrance)
-            middle += part * state.defect[0, j]
-        state.defect[1, c] = middle
+            part = free_end[j, c] if start == -1.0 else value(free[j, c], -start)
+            middle += part * at_start[j]
+        at_middle[c] = middle
 
 
 @kernel
 def _add_free_motion(system, state, free, c, forced, target):
     """target = forced + component c of the free motion."""
-    first, step = _companions(system, state, c)
-    motion = state.defect[1, first] * vector(free[first, c])
+    first, step = _coupled_components(system, state, c)
+    middle = state.scratch.room[0].free_at_middle[:]
+    motion = middle[first] * vector(free[first, c])
     for j in range(first + step, len(free), step):
-        motion = motion + state.defect[1, j] * vector(free[j, c])
+        motion = motion + middle[j] * vector(free[j, c])
     store(target, vector(forced) + motion)
 
 
 @kernel
 def _pass_through(system, state, point):
-    """Set the constant terms anew, by less than a rounding or two: carried to the middle and back, the values would be
-    off by the same rounding in every segment of the kind."""
-    powers_above_zero = with_first(powers(state.clock[ENTRANCE]), 0.0)
-    for c in range(2 * system.sizes[1]):
+    """Adjust the constant terms, by a rounding or two, so that the series pass through `point` at the flow's start.
+
+    Carried to the middle and back, the values would be off by the same rounding in every segment of the kind.
+    """
+    powers_above_zero = with_first(powers(state.now[0].segment.flow_start), 0.0)
+    for c in range(2 * system.size[0].dynamic):
         channel = _component(system, c)
         state.z[channel, 0] = point[channel] - total(vector(state.z[channel]) * powers_above_zero)
 
 
 @kernel
 def _rescale(state, channel, magnitude):
-    """A segment starts with the rounding error of the one before, however small its own terms are.
+    """Set a channel's scale, not below what the segment before it leaves, however small the channel's own terms are.
 
-    All of it where that one ended at its start: what was zero to rounding there, and led here, is zero here.
+    It leaves all of its scale if it ended at its start: what was zero to rounding there, and led here, is zero here.
     """
-    kept = 0.5 if state.index[STANDSTILLS] == 0 else 1.0
-    state.scale[channel] = max(magnitude, kept * state.scale[channel])
+    share = 0.5 if state.now[0].automaton.standstills == 0 else 1.0
+    state.scale[channel] = max(magnitude, share * state.scale[channel])
 
 
-@sum_kernel
-def weighted_sum(row, scale):
-    """Sum of |row| scale."""
-    result = 0.0
-    for channel in range(len(row)):
-        result += abs(row[channel]) * scale[channel]
-    return result
+@kernel
+def _fill_accelerations(system, state):
+    """Series and scales of the dynamic coordinates' accelerations, from their velocities."""
+    coordinates, first = system.size[0].coordinates, first_acceleration(system.size[0])
+    for i in range(system.size[0].dynamic):
+        differentiate(state.z[coordinates + i], state.now[0].segment.half, state.z[first + i])
+        state.scale[first + i] = form_magnitude(system.acceleration[state.now[0].automaton.mode, i], state.scale)
 
 
 @kernel
 def solve_dynamic(system, state, point):
-    """Series of the dynamic coordinates that pass through `point` where the flow begins."""
-    coordinates, dynamic = system.sizes[0], system.sizes[1]
-    z, mode, slot, library = state.z, state.index[MODE], state.index[SLOT], state.library
-    flow = system.flow[mode]
-    _keep_free_motion(system, state, flow, slot)
-    motion, free = library.forced[flow, slot], library.free[flow, slot]
-    _find_forced_motion(system, state, flow, slot, point)
-    incomplete = _find_defect(system, state, motion, library.forced_start[flow, slot], point)
-    if incomplete:
+    """Series of the dynamic coordinates that pass through `point` at the flow's start."""
+    z, slot, library = state.z, state.now[0].segment.slot, state.library
+    flow = system.flow[state.now[0].automaton.mode]
+    _provide_free_motion(system, state, flow, slot)
+    forced, free = library.forced[flow, slot], library.free[flow, slot]
+    _provide_forced_motion(system, state, flow, slot, point)
+    needs_free = _needs_free_motion(system, state, forced, library.forced_start[flow, slot], point)
+    if needs_free:
         _carry_to_middle(system, state, free, library.free_end[flow, slot])
-    for c in range(2 * dynamic):
+    for c in range(2 * system.size[0].dynamic):
         channel = _component(system, c)
-        if incomplete:
-            _add_free_motion(system, state, free, c, motion[c], z[channel])
+        if needs_free:
+            _add_free_motion(system, state, free, c, forced[c], z[channel])
         else:
-            store(z[channel], vector(motion[c]))
+            store(z[channel], vector(forced[c]))
         _rescale(state, channel, abs(z[channel, 0]) + abs(z[channel, 1]))
-    if incomplete:
+    if needs_free:
         _pass_through(system, state, point)
-    for i in range(dynamic):
-        differentiate(z[coordinates + i], state.clock[HALF], z[2 * coordinates + i])
-        state.scale[2 * coordinates + i] = weighted_sum(system.acceleration[mode, i], state.scale)
+    _fill_accelerations(system, state)
 
 
 @kernel
 def solve_driven(system, state, point):
-    """Series of the driven coordinates that pass through `point` where the mode begins."""
-    coordinates, mode = system.sizes[0], state.index[MODE]
-    z, half, acceleration, anchor = state.z, state.clock[HALF], state.work[0], state.clock[ANCHOR]
-    for i in range(system.sizes[1], coordinates):
+    """Series of the driven coordinates that pass through `point` at the mode's start."""
+    coordinates, mode = system.size[0].coordinates, state.now[0].automaton.mode
+    z, half, start = state.z, state.now[0].segment.half, state.now[0].segment.mode_start
+    acceleration = state.scratch.room[0].acceleration[:]
+    for i in range(system.size[0].dynamic, coordinates):
         row = system.acceleration[mode, i]
         rate = z[coordinates + i]
         if fill_form(row, system.terms[mode, i], z, acceleration):
-            integrate_through(acceleration, half, anchor, point[coordinates + i], rate)
+            integrate_through(acceleration, half, start, point[coordinates + i], rate)
         else:
             rate[:] = 0.0
             rate[0] = point[coordinates + i]
-        integrate_through(rate, half, anchor, point[i], z[i])
+        integrate_through(rate, half, start, point[i], z[i])
         duration = 2.0 * half
-        state.scale[coordinates + i] = abs(point[coordinates + i]) + weighted_sum(row, state.scale) * duration
+        state.scale[coordinates + i] = abs(point[coordinates + i]) + form_magnitude(row, state.scale) * duration
         state.scale[i] = abs(point[i]) + state.scale[coordinates + i] * duration

@@ -15,6 +15,7 @@ from pathlib import Path
 
 import numba
 from numba.core import compiler, serialize
+from numba.core.runtime import rtsys
 
 _CHECKSUM = hashlib.sha256().digest_size  # bytes, at the beginning of a file
 
@@ -27,9 +28,9 @@ class Progress:
     under_way : list of str
         Kernels that are being compiled, each as a part of the one before.
     done, loaded : list of str
-        Kernels that have been compiled, and that were in the cache.
+        Kernels that have been compiled, and kernels that were in the cache.
     unwritable : str
-        Why the last that was compiled could not be kept: folder and reason; empty when it could.
+        Why the last compiled kernel could not be stored: folder and reason; empty when it could.
     """
 
     def __init__(self):
@@ -40,7 +41,7 @@ class Progress:
 
 
 progress = Progress()
-"""Of this process."""
+"""The progress of this process."""
 
 
 class KernelCache:
@@ -60,9 +61,11 @@ class KernelCache:
 
     def load_overload(self, signature: object, target: object) -> object | None:
         """The compiled kernel for a signature; None when it must be compiled."""
-        target.refresh()  # as numba does, before anything is rebuilt for it
         found = _read(self._file(signature, target.codegen())) if self._folder else None
         if found is not None:
+            # All that machine code needs of a target; `refresh`, which numba calls here, gets ready to compile and
+            # takes three times as long as everything else, scipy's import included.
+            rtsys.initialize(target)
             progress.loaded.append(self._function.__name__)
             return compiler.CompileResult._rebuild(target, *found)
         progress.under_way.append(self._function.__name__)

@@ -48,13 +48,14 @@ class Laws(NamedTuple):
     slipping : int
         The coordinate with friction, or `NOTHING`.
     sliding, rise, fading : float
-        mu of the coordinate that slips with the speed v is sliding + rise exp(-fading |v|) ...
+        The friction coefficient of a coordinate that slips with speed v is sliding + rise exp(-fading |v|), fading in
+        [s/m] ...
     holding : float
-        ... and while it is at rest.
+        ... and the coefficient while it is at rest.
     slip_response : ndarray, shape (n,)
         Change of the velocities by a unit of its impulse.
     weight : float
-        Normal force without acceleration.
+        Normal force without acceleration [N].
     swing : ndarray, shape (n,)
         What a change of the velocities adds to the normal impulse.
     support : int

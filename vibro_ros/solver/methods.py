@@ -1,4 +1,34 @@
-"""The contract of a method: what steps a `State` through time."""
+"""The methods of `solver.method`, and their common contract, `Stepper`.
+
+How to add a method
+-------------------
+A method of fixed step:
+
+1. `one_step.py`: give the scheme a number, and write a kernel that fills `Step.end`, positions, velocities and forcing,
+   from `Step.start`. `take_step` calls it. A kernel cannot allocate: what it needs on the way is a field of `Step` with
+   a purpose of its own, which `new_step` makes.
+2. The kernel reads the system's tables alone: `right_hand_side.accelerate` gives accelerations in a mode,
+   `fill_forcing_at` sliders and plates at an instant. It never reads the guards; `fixed_step.py` changes the mode at
+   the step's end, by the candidates and jumps that the method exact has.
+3. A scheme that finds the mode itself, as `moreau.py` does, writes the mode into `Step.found`; `fixed_step._pass_step`
+   must then know it beside `MOREAU`. Laws between velocities and impulses are `Laws`, which `model/moreau_laws.py`
+   makes of a scene.
+4. `fixed_step._interpolate` reads samples between the ends of a step: say there whether the scheme has earned cubic
+   interpolation.
+5. Steps are a grid from the last command on, whatever is sampled, so that every cut of time gives the same bits. A
+   scheme with a memory of earlier steps starts the memory anew in `fixed_step.begin`.
+6. `SCHEMES` gives the scheme its name, and the choices of `solver.method` in `model/parameters.py` the same name.
+7. For `solver.method` auto: a weight in `STEP_WEIGHTS` (`simulation/counted_work.py`), which
+   `project/work_weights.py` measures, and the growth of a step in `simulation/stability.py`, or the reason why any step
+   is stable.
+8. For the accuracy study: a ladder of steps in `METHODS` (`accuracy/methods.py`), and a colour in `_STYLES`
+   (`accuracy/diagram.py`).
+9. Tests: order of convergence, cut time, checkpoints and every effect in `test_fixed_steps.py`, published forces in
+   `test_published_forces.py`. Documents: the table of docs/solver.md, and `make docs`.
+
+A method that is none of fixed step is a class with the functions of `Stepper`, and `Motion._new_stepper`
+(`simulation/motion.py`) makes it. Rules 5 to 9 hold for it, too.
+"""
 
 from typing import Protocol
 
@@ -6,16 +36,16 @@ import numpy as np
 
 from vibro_ros.solver import event_loop, fixed_step
 from vibro_ros.solver.laws import Laws
-from vibro_ros.solver.one_step import MOREAU, RK4, SEMI_IMPLICIT_EULER, new_track
-from vibro_ros.solver.state import State
+from vibro_ros.solver.one_step import MOREAU, RK4, SEMI_IMPLICIT_EULER, new_step
+from vibro_ros.solver.state import State, numbers_of
 from vibro_ros.solver.system import System
 
 #: Methods of fixed step, by name.
 SCHEMES = {"rk4": RK4, "semi_implicit_euler": SEMI_IMPLICIT_EULER, "moreau": MOREAU}
 
 
-class Method(Protocol):
-    """Steps a state; arguments and results are those of `event_loop`'s functions."""
+class Stepper(Protocol):
+    """Steps a state through time; arguments and results are those of `event_loop`'s functions."""
 
     def begin(self, state: State, point: np.ndarray) -> bool:
         """Begin with the positions and velocities of `point`, at the state's instant; False if it cannot."""
@@ -29,7 +59,7 @@ class Method(Protocol):
 
     @property
     def memory(self) -> list[np.ndarray]:
-        """The arrays that the future depends on beside the state."""
+        """Arrays of numbers, as views, that the future depends on beside the state."""
 
 
 class Exact:
@@ -39,20 +69,20 @@ class Exact:
         self._system = system
 
     def begin(self, state, point):
-        """See `Method`."""
+        """See `Stepper`."""
         return event_loop.begin_segment(self._system, state, point)
 
     def advance(self, state, times, point, points, modes, phases, events):
-        """See `Method`."""
+        """See `Stepper`."""
         return event_loop.advance(self._system, state, times, point, points, modes, phases, events)
 
     def interrupt(self, state, time, point):
-        """See `Method`."""
+        """See `Stepper`."""
         event_loop.interrupt(self._system, state, time, point)
 
     @property
     def memory(self):
-        """See `Method`."""
+        """See `Stepper`."""
         return []
 
 
@@ -61,22 +91,22 @@ class FixedStep:
 
     def __init__(self, system: System, scheme: int, step: float, laws: Laws | None = None):
         self._system = system
-        self._track = new_track(system, scheme, step, laws)
+        self._step = new_step(system, scheme, step, laws)
 
     def begin(self, state, point):
-        """See `Method`."""
-        fixed_step.begin(self._system, state, self._track, point)
+        """See `Stepper`."""
+        fixed_step.begin(self._system, state, self._step, point)
         return True
 
     def advance(self, state, times, point, points, modes, phases, events):
-        """See `Method`."""
-        return fixed_step.advance(self._system, state, self._track, times, points, modes, phases, events)
+        """See `Stepper`."""
+        return fixed_step.advance(self._system, state, self._step, times, points, modes, phases, events)
 
     def interrupt(self, state, time, point):
-        """See `Method`."""
-        fixed_step.interrupt(self._system, state, self._track, time, point)
+        """See `Stepper`."""
+        fixed_step.interrupt(self._system, state, self._step, time, point)
 
     @property
     def memory(self):
-        """See `Method`."""
-        return [values for values in self._track if isinstance(values, np.ndarray)]
+        """See `Stepper`."""
+        return numbers_of(values for values in self._step if isinstance(values, np.ndarray))

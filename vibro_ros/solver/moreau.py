@@ -1,19 +1,20 @@
 """Time stepping of non-smooth mechanics: the step of J. J. Moreau (1988) and M. Jean (1999), with theta = 1.
 
-No event is looked for. Springs and dampers are implicit, q+ = q + h v+, and the impulses of all contacts and of
-friction during the step are found with the velocities v+ at its end, so that each law holds there, by projecting one
-after the other until none changes (Gauss and Seidel). Friction is projected last: a body that sticks has the
-velocity zero, exactly. First order. See V. Acary and B. Brogliato, Numerical Methods for Nonsmooth Dynamical Systems
+The scheme looks for no event. Springs and dampers are implicit, q+ = q + h v+. The impulses of all contacts and of
+friction during the step are found together with the velocities v+ at the step's end, so that each law holds there: the
+laws are projected one after the other until no impulse changes (Gauss and Seidel). Friction is projected last, so that
+a body that sticks has the velocity zero, exactly.
+The scheme is of first order. See V. Acary and B. Brogliato, Numerical Methods for Nonsmooth Dynamical Systems
 (2008), ch. 10.
 """
 
 import math
 
 from vibro_ros.solver.compilation import kernel
-from vibro_ros.solver.instant import fill_forcing_at
+from vibro_ros.solver.events import MONITOR_KIND, record, switch_monitors
 from vibro_ros.solver.laws import BACKWARD, FORWARD, STICK, WITHOUT_LOAD
-from vibro_ros.solver.recording import MONITOR_KIND, form_value, record, switch_monitors
-from vibro_ros.solver.state import HALF, MODE, START
+from vibro_ros.solver.linear_forms import form_value
+from vibro_ros.solver.right_hand_side import fill_forcing_at
 from vibro_ros.solver.system import NOTHING
 
 _MOST_SWEEPS = 200
@@ -31,10 +32,11 @@ def _rate(laws, contact, coordinates, v):
 
 
 @kernel
-def _wanted_rate(laws, contact, gap, before, free, h):
-    """Least rate of a rigid contact's gap where it closes: that of the rebound or, without one, what closes it just.
+def _least_rate(laws, contact, gap, before, free, h):
+    """Least rate of a rigid contact's gap where the gap closes: the rebound's or, without a rebound, the rate that just
+    closes the gap.
 
-    What arrives no faster than a step accelerates it does not rebound: no step could follow it.
+    A mass that arrives no faster than a step accelerates it does not rebound, because no step could follow.
     """
     if -before > abs(free - before) and laws.restitution[contact] > 0.0:
         return -laws.restitution[contact] * before
@@ -42,10 +44,10 @@ def _wanted_rate(laws, contact, gap, before, free, h):
 
 
 @kernel
-def _rigid_impulse(laws, contact, gap, wanted, free, h):
+def _rigid_impulse(laws, contact, gap, least_rate, free, h):
     if gap + h * free > 0.0:
         return 0.0
-    return max(0.0, (wanted - free) / laws.compliance[contact])
+    return max(0.0, (least_rate - free) / laws.compliance[contact])
 
 
 @kernel
@@ -58,28 +60,28 @@ def _compliant_impulse(laws, contact, gap, free, h):
 
 
 @kernel
-def _project_contact(laws, track, contact, coordinates, h):
+def _project_contact(laws, step, contact, coordinates, h):
     """Set a contact's impulse so that its law holds; returns by how much it has changed."""
-    v, old = track.end, track.impulse[contact]
-    free = _rate(laws, contact, coordinates, v) + track.drift[contact] - laws.compliance[contact] * old
-    gap = track.gap[contact]
+    v, old = step.end, step.impulse[contact]
+    free = _rate(laws, contact, coordinates, v) + step.drift[contact] - laws.compliance[contact] * old
+    gap = step.gap[contact]
     if laws.rigid[contact]:
-        new = _rigid_impulse(laws, contact, gap, track.wanted[contact], free, h)
+        new = _rigid_impulse(laws, contact, gap, step.least_rate[contact], free, h)
     else:
         new = _compliant_impulse(laws, contact, gap, free, h)
-    track.impulse[contact] = new
+    step.impulse[contact] = new
     for i in range(coordinates):
         v[coordinates + i] += laws.response[contact, i] * (new - old)
     return abs(new - old)
 
 
 @kernel
-def _normal_impulse(laws, track, coordinates, h):
+def _normal_impulse(laws, step, coordinates, h):
     if laws.support != NOTHING:
-        return track.impulse[laws.support]
+        return step.impulse[laws.support]
     total = laws.weight * h
     for i in range(coordinates):
-        total += laws.swing[i] * (track.end[coordinates + i] - track.start[coordinates + i])
+        total += laws.swing[i] * (step.end[coordinates + i] - step.start[coordinates + i])
     return total
 
 
@@ -103,16 +105,16 @@ def _friction(laws, before, free, normal):
 
 
 @kernel
-def _project_friction(laws, track, coordinates, h):
+def _project_friction(laws, step, coordinates, h):
     """Set the friction impulse so that its law holds; returns by how much it has changed."""
-    v, slipping = track.end, coordinates + laws.slipping
-    last = len(track.impulse) - 1
-    old = track.impulse[last]
+    v, slipping = step.end, coordinates + laws.slipping
+    last = len(step.impulse) - 1
+    old = step.impulse[last]
     free = v[slipping] - laws.slip_response[laws.slipping] * old
-    normal = _normal_impulse(laws, track, coordinates, h)
-    new, outcome = _friction(laws, track.start[slipping], free, normal)
-    track.impulse[last] = new
-    track.found[0] = outcome
+    normal = _normal_impulse(laws, step, coordinates, h)
+    new, outcome = _friction(laws, step.start[slipping], free, normal)
+    step.impulse[last] = new
+    step.found[0].outcome = outcome
     for i in range(coordinates):
         v[coordinates + i] += laws.slip_response[i] * (new - old)
     if outcome == STICK:
@@ -121,87 +123,87 @@ def _project_friction(laws, track, coordinates, h):
 
 
 @kernel
-def _begin_step(system, state, track, coordinates, h):
-    """Velocities without any impulse, and the gaps; nothing pushes yet."""
-    laws, start, end = track.laws, track.start, track.end
+def _begin_step(system, state, step, coordinates, h):
+    """Fill the step's end with the velocities that no impulse changes, and the gaps, their rates and zero impulses."""
+    laws, start, end = step.laws, step.start, step.end
     fill_forcing_at(system, state, h, end)
     for i in range(coordinates):
         force = form_value(laws.load[i], end)
-        track.stage[i] = h * force
+        step.stage[i] = h * force
         for j in range(coordinates):
-            track.stage[i] += laws.inertia[i, j] * start[coordinates + j] - h * laws.stiffness[i, j] * start[j]
+            step.stage[i] += laws.inertia[i, j] * start[coordinates + j] - h * laws.stiffness[i, j] * start[j]
     for i in range(coordinates):
         total = 0.0
         for j in range(coordinates):
-            total += laws.inverse[i, j] * track.stage[j]
+            total += laws.inverse[i, j] * step.stage[j]
         end[coordinates + i] = total
     for channel in range(2 * coordinates):
-        track.stage[channel] = start[channel]
+        step.stage[channel] = start[channel]
     for channel in range(2 * coordinates, len(end)):
-        track.stage[channel] = end[channel]
+        step.stage[channel] = end[channel]
     for contact in range(len(laws.gap)):
-        track.gap[contact] = form_value(laws.gap[contact], start)
-        track.drift[contact] = (form_value(laws.gap[contact], track.stage) - track.gap[contact]) / h
-        track.approach[contact] = _rate(laws, contact, coordinates, start) + track.drift[contact]
-        free = _rate(laws, contact, coordinates, end) + track.drift[contact]
-        track.wanted[contact] = _wanted_rate(laws, contact, track.gap[contact], track.approach[contact], free, h)
-    for law in range(len(track.impulse)):
-        track.impulse[law] = 0.0
+        step.gap[contact] = form_value(laws.gap[contact], start)
+        step.drift[contact] = (form_value(laws.gap[contact], step.stage) - step.gap[contact]) / h
+        step.approach[contact] = _rate(laws, contact, coordinates, start) + step.drift[contact]
+        free = _rate(laws, contact, coordinates, end) + step.drift[contact]
+        step.least_rate[contact] = _least_rate(laws, contact, step.gap[contact], step.approach[contact], free, h)
+    for law in range(len(step.impulse)):
+        step.impulse[law] = 0.0
 
 
 @kernel
-def step_velocities(system, state, track):
-    """Fill `Track.end` and find the mode that it is in."""
-    laws, coordinates, h = track.laws, system.sizes[0], 2.0 * state.clock[HALF]
-    _begin_step(system, state, track, coordinates, h)
-    track.found[0] = STICK
+def step_velocities(system, state, step):
+    """Fill `Step.end` and find the mode that it is in."""
+    laws, coordinates, h = step.laws, system.size[0].coordinates, 2.0 * state.now[0].segment.half
+    _begin_step(system, state, step, coordinates, h)
+    step.found[0].outcome = STICK
     for _ in range(_MOST_SWEEPS):
         change = 0.0
         for contact in range(len(laws.gap)):
-            change = max(change, _project_contact(laws, track, contact, coordinates, h))
+            change = max(change, _project_contact(laws, step, contact, coordinates, h))
         if laws.slipping != NOTHING:
-            change = max(change, _project_friction(laws, track, coordinates, h))
+            change = max(change, _project_friction(laws, step, coordinates, h))
         largest = 0.0
-        for law in range(len(track.impulse)):
-            largest = max(largest, abs(track.impulse[law]))
+        for law in range(len(step.impulse)):
+            largest = max(largest, abs(step.impulse[law]))
         if change <= _CONVERGED * largest:
             break
     for i in range(coordinates):
-        track.end[i] = track.start[i] + h * track.end[coordinates + i]
-    track.found[1] = _found_mode(laws, track, coordinates, h)
+        step.end[i] = step.start[i] + h * step.end[coordinates + i]
+    step.found[0].mode = _found_mode(laws, step, coordinates, h)
 
 
 @kernel
-def _rebounds(laws, track, contact):
+def _rebounds(laws, step, contact):
     """Whether a rigid contact has thrown back what struck it."""
-    return laws.rigid[contact] and track.impulse[contact] > 0.0 and track.wanted[contact] > 0.0
+    return laws.rigid[contact] and step.impulse[contact] > 0.0 and step.least_rate[contact] > 0.0
 
 
 @kernel
-def _found_mode(laws, track, coordinates, h):
+def _found_mode(laws, step, coordinates, h):
     number = 0
     for contact in range(len(laws.gap)):
         if contact != laws.support:
-            pressing = track.impulse[contact] != 0.0 and not _rebounds(laws, track, contact)
+            pressing = step.impulse[contact] != 0.0 and not _rebounds(laws, step, contact)
             number = 2 * number + (1 if pressing else 0)
-    outcome = track.found[0]
+    outcome = step.found[0].outcome
     if laws.slipping == NOTHING or laws.support != NOTHING:
-        if _normal_impulse(laws, track, coordinates, h) <= 0.0:
+        if _normal_impulse(laws, step, coordinates, h) <= 0.0:
             outcome = WITHOUT_LOAD
     return laws.mode[4 * number + outcome]
 
 
 @kernel
-def enter_found_mode(system, state, track, events, count):
-    """Record what the step has done, at its end, and enter the mode that it ended in; returns the number of events."""
-    laws, time = track.laws, state.clock[START]
-    previous, mode = state.index[MODE], track.found[1]
+def enter_found_mode(system, state, step, events, count):
+    """Record at the step's end what the step has found, and enter its mode; returns the number of events."""
+    laws, time = step.laws, state.now[0].segment.start
+    previous, mode = state.now[0].automaton.mode, step.found[0].mode
     for contact in range(len(laws.gap)):
-        if contact != laws.support and _rebounds(laws, track, contact):
-            count = record(events, count, time, MONITOR_KIND + contact, -track.approach[contact], math.inf, 0.0)
-    kind = system.event[previous, mode]
+        if contact != laws.support and _rebounds(laws, step, contact):
+            count = record(events, count, time, MONITOR_KIND + contact, -step.approach[contact], math.inf, 0.0)
+    kind = system.event_kind[previous, mode]
     if kind != NOTHING:
-        count = record(events, count, time, kind, form_value(system.noted[kind], track.start), 0.0, 0.0)
-    count = switch_monitors(system, state, mode, time, track.start, events, count)
-    state.index[MODE] = mode
+        count = record(events, count, time, kind, form_value(system.event_quantity[kind], step.start), 0.0, 0.0)
+    count = switch_monitors(system, state, mode, time, step.start, events, count)
+    state.now[0].automaton.mode = mode
     return count

@@ -124,8 +124,8 @@ def differentiate(p, half, target):
 
 @kernel
 def integrate_through(p, half, x, wanted, target):
-    """Coefficients of the time integral of p over a segment that lasts 2 `half`, which is `wanted` at x; its term
-    beyond the length is economized."""
+    """Coefficients of the time integral of p over a segment that lasts 2 `half`; the integral is `wanted` at x, and its
+    term beyond the length is economized."""
     terms = half * (vector(p) * vector(INVERSE))  # of the powers from x on
     constant = wanted - total(terms * (x * powers(x)))
     beyond = p[LENGTH - 1] * (half * INVERSE[LENGTH - 1])

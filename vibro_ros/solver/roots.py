@@ -1,4 +1,4 @@
-"""The first root of a guard, certified: no crossing is stepped over, and a graze is told from a hit."""
+"""The first root of a guard, proved to be the first: no crossing is stepped over, and a graze is told from a hit."""
 
 import numpy as np
 
@@ -10,7 +10,7 @@ from vibro_ros.solver.polynomial import (
     value,
     value_and_derivatives,
 )
-from vibro_ros.solver.vector import LENGTH, first_place, places_above, store, total, vector
+from vibro_ros.solver.vector import LENGTH, first_index, indices_above, store, total, vector
 
 #: Returned when a guard stays non-negative to the end of the segment.
 NO_ROOT = 2.0
@@ -19,20 +19,21 @@ SEARCH_FAILED = -3.0
 
 _MOST_STEPS = 100_000
 _ULP_OF_ONE = 2.3e-16
-#: A guard that starts at zero to this order (a rest, a release) is zero for good: nothing moves it.
+#: A guard that starts at zero to this order, at a rest or a release, is zero for good, because nothing moves it.
 _DEEPEST_ZERO = 5
-# What a zero hides, up to the noise, stands up to four times as large in the next coefficients: a flow's series
-# falls no faster than 2^n / n!. Were it read there, a mass at rest on its plate would be pushed off by nothing.
+# A zero is known up to the noise, and the noise stands up to four times as large in the next coefficients, because a
+# flow's series falls no faster than 2^n / n!. If it were read there, a mass at rest on its plate would be pushed off by
+# nothing.
 _ECHO = 4.0
 # Guards of a motion that has died away: their squares would be lost below the smallest number.
 _VANISHING = 1e-100
 
-# A guard is first looked at in these places, by one row of their powers after the other.
-_PLACES = np.linspace(-1.0, 1.0, LENGTH)
+# A guard is evaluated at these nodes first, by one row of their powers after the other.
+_NODES = np.linspace(-1.0, 1.0, LENGTH)
 _SPACING = 2.0 / (LENGTH - 1)
-_POWERS_OF_PLACES = _PLACES ** np.arange(LENGTH)[:, None]
-# The slope between two places differs from the mean one by 4 bends over the distance at most: with this drop, and not
-# by a hair, it has one sign.
+_POWERS_OF_NODES = _NODES ** np.arange(LENGTH)[:, None]
+# The slope between two nodes differs from the mean slope by at most 4 bends over their distance, so with this drop, and
+# not by a hair, the slope has one sign.
 _FALLS = 5.0
 # Halley's step cubes the distance to the root, times (p''/2p')² - p'''/6p', about 2000 at most where `_search` asks for
 # it: after a step so short the distance is below rounding.
@@ -43,8 +44,8 @@ _ORDER = np.arange(LENGTH)
 _SECOND = (_ORDER * (_ORDER - 1)).astype(float)
 _THIRD = (_ORDER * (_ORDER - 1) * (_ORDER - 2)).astype(float)
 # On [-1, 1] an odd term is at least -|p|, an even one at least min(p, 0) = (p - |p|) / 2, and the constant is p.
-_KEPT = np.where(_ORDER == 0, 1.0, np.where(_ORDER % 2 == 0, 0.5, 0.0))
-_LOST = np.where(_ORDER == 0, 0.0, np.where(_ORDER % 2 == 0, 0.5, 1.0))
+_SHARE_OF_VALUE = np.where(_ORDER == 0, 1.0, np.where(_ORDER % 2 == 0, 0.5, 0.0))
+_SHARE_OF_MAGNITUDE = np.where(_ORDER == 0, 0.0, np.where(_ORDER % 2 == 0, 0.5, 1.0))
 
 
 @kernel
@@ -68,8 +69,8 @@ def _safe_step(f, d, dd, third, reach):
 
 @kernel
 def _lower_bound(p):
-    """A value that p stays above on [-1, 1]."""
-    return total(vector(_KEPT) * vector(p) - vector(_LOST) * abs(vector(p)))
+    """A value below p everywhere on [-1, 1]."""
+    return total(vector(_SHARE_OF_VALUE) * vector(p) - vector(_SHARE_OF_MAGNITUDE) * abs(vector(p)))
 
 
 @kernel
@@ -126,29 +127,29 @@ def _second_derivative_bound(p):
 
 
 @kernel
-def _look(p, noise, values):
-    """Fill in p's values in all places; returns how far p may lie beyond both values between two of them."""
-    even, odd = p[0] * vector(_POWERS_OF_PLACES[0]), p[1] * vector(_POWERS_OF_PLACES[1])
+def _evaluate_at_nodes(p, noise, values):
+    """Fill `values` with p at all nodes; return how far p may lie beyond both its values between two neighbours."""
+    even, odd = p[0] * vector(_POWERS_OF_NODES[0]), p[1] * vector(_POWERS_OF_NODES[1])
     for n in range(2, LENGTH, 2):
-        even = even + p[n] * vector(_POWERS_OF_PLACES[n])
-        odd = odd + p[n + 1] * vector(_POWERS_OF_PLACES[n + 1])
+        even = even + p[n] * vector(_POWERS_OF_NODES[n])
+        odd = odd + p[n + 1] * vector(_POWERS_OF_NODES[n + 1])
     store(values, even + odd)
     return 0.125 * _SPACING * _SPACING * _second_derivative_bound(p) + noise
 
 
 @kernel
-def _next_place(x):
-    """Number of the first place beyond x < 1."""
+def _next_node(x):
+    """Index of the first node beyond x < 1."""
     k = int((x + 1.0) / _SPACING)
-    while _PLACES[k] <= x:
+    while _NODES[k] <= x:
         k += 1
     return k
 
 
 @kernel
 def _only_root(p, pairs, left, right, start):
-    """Root of p in [left, right], where it falls all the way, by Halley's method from `start`; `NO_ROOT` if that does
-    not settle."""
+    """Root of p in [left, right], where p falls all the way, by Halley's method from `start`; `NO_ROOT` if the steps
+    do not settle."""
     x = start
     for _ in range(_MOST_HALLEY_STEPS):
         f, d, dd = value_and_derivatives(p, pairs, x)
@@ -162,14 +163,14 @@ def _only_root(p, pairs, left, right, start):
 @kernel
 def _search(p, pairs, a, f, limit, noise, values):
     """First root of p, which is f > 0 at a, in (a, limit]."""
-    bend = _look(p, noise, values)
-    first = _next_place(a)
-    # Up to this place p stays positive.
-    k = first if f <= bend else first_place(~places_above(vector(values), bend) >> first << first)
-    left, before = (a, f) if k == first else (_PLACES[k - 1], values[k - 1])
+    bend = _evaluate_at_nodes(p, noise, values)
+    first = _next_node(a)
+    # Up to node k p stays positive.
+    k = first if f <= bend else first_index(~indices_above(vector(values), bend) >> first << first)
+    left, before = (a, f) if k == first else (_NODES[k - 1], values[k - 1])
     if k >= LENGTH or left >= limit:
         return NO_ROOT
-    right, drop = _PLACES[k], before - values[k]
+    right, drop = _NODES[k], before - values[k]
     if values[k] < 0.0 and drop > _FALLS * bend:
         root = _only_root(p, pairs, left, right, left + (right - left) * before / drop)
         if root != NO_ROOT:
@@ -179,29 +180,29 @@ def _search(p, pairs, a, f, limit, noise, values):
 
 @kernel
 def first_root(p, a, limit, noise, work):
-    """First instant in [a, limit] at which the guard p turns negative.
+    """First local time in [a, limit] at which the guard p turns negative.
 
-    A zero at a itself is divided out, as often as it takes, so that the sign of the first
-    coefficient that differs from zero decides: a guard that has just been left, or that starts
-    at rest on its boundary, neither fires for ever nor hides its next root.
+    A zero at `a` itself is divided out, as often as it takes, so that the sign of the first coefficient that differs
+    from zero decides. A guard whose mode has just been left, or that starts at rest on its boundary, therefore neither
+    fires for ever nor hides its next root.
 
     Parameters
     ----------
     p : ndarray, shape (LENGTH,)
         The guard, which a valid mode keeps non-negative.
     a : float
-        Where the mode begins, -1 <= a < 1.
+        Local time (dimensionless) at which the mode starts, -1 <= a < 1.
     limit : float
-        Where the search ends, a < limit <= 1.
+        Local time (dimensionless) at which the search ends, a < limit <= 1.
     noise : float
-        Rounding error of the guard: what lies within it counts as zero.
+        Rounding error of the guard, in the guard's unit; smaller values count as zero.
     work : ndarray, shape (2, LENGTH)
         Overwritten.
 
     Returns
     -------
     float
-        The instant; `a` when the guard is negative from the start; `NO_ROOT`; or `SEARCH_FAILED`.
+        The local time (dimensionless); `a` when the guard is negative from the start; `NO_ROOT`; or `SEARCH_FAILED`.
     """
     noise = max(noise, _VANISHING)
     if _lower_bound(p) > noise:
@@ -244,17 +245,17 @@ def maximum(p, a, b, work):
     differentiate(p, 1.0, slope)
     best = max(value(p, a), value(p, b))
     noise = 1e-15 * sum_of_magnitudes(slope)
-    bend = _look(slope, noise, values)
-    rises, falls = places_above(vector(values), bend), places_above(-1.0 * vector(values), bend)
-    first = _next_place(a)
-    # Between two places of either kind the slope keeps its sign.
+    bend = _evaluate_at_nodes(slope, noise, values)
+    rises, falls = indices_above(vector(values), bend), indices_above(-1.0 * vector(values), bend)
+    first = _next_node(a)
+    # Between two nodes of the same kind, `rises` or `falls`, the slope keeps its sign.
     turns = ~(rises & rises << 1 | falls & falls << 1) >> first << first
     while True:
-        k = first_place(turns)
-        if k >= LENGTH or _PLACES[k - 1] >= b:
+        k = first_index(turns)
+        if k >= LENGTH or _NODES[k - 1] >= b:
             return best
         turns &= turns - 1
-        left, right, before, behind = _PLACES[k - 1], _PLACES[k], values[k - 1], values[k]
+        left, right, before, behind = _NODES[k - 1], _NODES[k], values[k - 1], values[k]
         drop, x = before - behind, NO_ROOT
         if before > 0.0 and behind < 0.0 and drop > _FALLS * bend:
             x = _only_root(slope, LENGTH // 2, left, right, left + _SPACING * before / drop)

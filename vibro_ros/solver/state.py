@@ -1,59 +1,137 @@
-"""Where an integration stands: the current segment, its mode, and what its forcing does next."""
+"""Where an integration stands: its segment, its mode, and what its forcing does next.
 
+Times within a segment are *local times* x: -1 at the segment's start, 1 at its end.
+
+A cell, a segment, a flow and a mode each have a start of their own. At a steady speed the segment is the whole cell,
+although its flow may start later, because the series of a whole cell serve again:
+
+    cell      |==============================================================|   part of the phase's turn
+    segment   |==============================================================|   x = -1 ... 1: one polynomial a channel
+    flow           |=========================================================    equations of the dynamic coordinates
+    mode                      |===========================                       all equations, and the guards
+              ^    ^          ^                          ^
+              |    |          mode_start                 next_event: the first guard turns negative
+              |    flow_start
+              start [s]; drive.offset [rad] after the cell's start, here 0
+
+Elsewhere the segment starts with its flow: `flow_start` is -1, and `offset` tells where in the cell the segment starts.
+"""
+
+from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
 
-from vibro_ros.solver.system import Channels, System
+from vibro_ros.solver.channels import channels_of
+from vibro_ros.solver.system import System
 from vibro_ros.solver.vector import LENGTH
 
-# Entries of `State.clock`.
-START = 0  # instant at which the segment starts [s] ...
-START_RESIDUE = 1  # ... and what rounding took from it: an hour of segments must not move the clock
-HALF = 2  # half the segment's duration [s]
-ENTRANCE = 3  # where in the segment (-1 to 1) its flow ...
-ANCHOR = 4  # ... and its mode began
-NEXT = 5  # where in the segment the next event is; 1 at its end
-OFFSET = 6  # phase from the start of the cell to the segment's [rad]
-SPEED = 7  # rate of the phase [rad/s] ...
-SPEED_CHANGE = 8  # ... its rate of change [rad/s²] ...
-SPEED_TARGET = 9  # ... what it changes to ...
-SPEED_TIME = 10  # ... and in how long [s]
-LAG = 11  # time constant [s] with which the speed approaches its target instead, or 0
-CELL_TIME = 12  # time from the segment's start to the end of the cell [s]
-REACH = 13  # duration [s] of a segment that the series of a decaying term may resolve
-_CLOCK_ENTRIES = 14
+#: Dynamic coordinates that a system has at most.
+MOST_DYNAMIC = 8
 
-# Entries of `State.index`.
-MODE = 0
-CELL = 1
-TURNS = 2
-GUARD = 3  # that fires at NEXT, or NOTHING at the segment's end
-SEGMENTS = 4
-STANDSTILLS = 5  # events in a row without any progress of time
-SLOT = 6  # of `Library` for a segment of this kind
-VERSION = 7  # of the forcing: what is driven by the same version over the same cell moves alike
-_INDEX_ENTRIES = 8
+#: The present segment.
+SEGMENT = np.dtype([
+    ("start", np.float64),  # instant [s] of the local time -1 ...
+    ("residue", np.float64),  # ... and what rounding took from the sum: an hour of segments must not move the clock
+    ("half", np.float64),  # half the duration [s]
+    ("flow_start", np.float64),  # local time at which the flow started
+    ("mode_start", np.float64),  # local time at which the mode started
+    ("next_event", np.float64),  # local time of the next event: of the first root of a guard, else 1
+    ("cell_left", np.float64),  # time [s] from the segment's start to the cell's end
+    ("decay_duration", np.float64),  # duration [s] of a segment that the series of a decaying term may resolve
+    ("slot", np.int64),  # of `Library`, for segments of this kind
+], align=True)
 
-#: Root of a guard that has not been searched in this segment; smaller than any instant of it.
-UNKNOWN = -2.0
+#: The phase of the signals, and how its speed changes.
+DRIVE = np.dtype([
+    ("cell", np.int64),  # of `SignalTable`
+    ("turns", np.int64),  # periods that are over
+    ("offset", np.float64),  # phase [rad] from the cell's start to the segment's start
+    ("speed", np.float64),  # rate of the phase [rad/s] at the segment's start ...
+    ("acceleration", np.float64),  # ... its constant rate of change [rad/s²], if it is on a ramp ...
+    ("lag", np.float64),  # ... or the time constant [s] with which it approaches its target instead, or 0 ...
+    ("target", np.float64),  # ... its target [rad/s] ...
+    ("time_left", np.float64),  # ... and the time [s] until it is there, or 0
+    ("version", np.int64),  # of the forcing: what is driven by the same version over the same cell moves alike
+], align=True)
 
-# Entries of `State.audit` [J].
-ENERGY = 0  # at the segment's start
-RESIDUAL = 1  # what the audit cannot account for
-EXCHANGED = 2  # sum of the amounts of work
-_AUDIT_ENTRIES = 3
+#: The present mode.
+AUTOMATON = np.dtype([
+    ("mode", np.int64),  # the present mode
+    ("guard", np.int64),  # the mode's guard that turns negative at `next_event`, or `NOTHING`
+    ("standstills", np.int64),  # events in a row without any progress of time
+    ("segments", np.int64),  # that have been solved, since the state is new
+], align=True)
 
-# Columns of `State.ramp`.
-VALUE = 0
-RATE = 1
-TARGET = 2
-TIME = 3
+#: The energy audit [J].
+AUDIT = np.dtype([
+    ("energy", np.float64),  # at the flow's start
+    ("residual", np.float64),  # change of energy that no work accounts for, so far
+    ("exchanged", np.float64),  # sum of the amounts of work, so far
+], align=True)
 
-# Columns of `State.monitor`.
-SINCE = 0
-APPROACH = 1
-PEAK = 2
+#: What `State.now` holds. A kernel reads a field as `state.now[0].segment.half`, Python as
+#: `state.now["segment"]["half"][0]`: an array of one record, because numba takes 4 µs a call to accept a record, and a
+#: single array, because numba takes 0.4 µs a call for each.
+NOW = np.dtype([("segment", SEGMENT), ("drive", DRIVE), ("automaton", AUTOMATON), ("audit", AUDIT)], align=True)
+
+#: What `State.ramp` holds of each ramp.
+RAMP = np.dtype([
+    ("value", np.float64),  # at the segment's start
+    ("rate", np.float64),  # per second; 0 at rest
+    ("target", np.float64),
+    ("time_left", np.float64),  # time [s] until it is at its target
+], align=True)
+
+#: What `State.monitor` holds of each monitor that is on.
+MONITOR = np.dtype([
+    ("since", np.float64),  # instant [s] at which the monitor was switched on
+    ("approach", np.float64),  # what `System.approach` was then
+    ("peak", np.float64),  # largest value since then
+], align=True)
+
+#: What `Scratch.room` holds: arrays with one purpose each. A kernel takes one as `room.guard[:]`, because numba would
+#: compile every kernel that gets the array once more for the type of a record's field.
+ROOM = np.dtype([
+    ("load", np.float64, (MOST_DYNAMIC, LENGTH)),  # of each dynamic coordinate
+    ("term", np.float64, (3 * MOST_DYNAMIC,)),  # of `flow`: last terms of positions, velocities and loads ...
+    ("next_term", np.float64, (2 * MOST_DYNAMIC,)),  # ... and the terms that follow, of positions and velocities
+    ("free_at_start", np.float64, (2 * MOST_DYNAMIC,)),  # components of the free motion at the flow's start ...
+    ("free_at_middle", np.float64, (2 * MOST_DYNAMIC,)),  # ... and in the segment's middle
+    ("signal", np.float64, (LENGTH,)),  # of the phase, before the phase is put into it
+    ("phase", np.float64, (LENGTH,)),  # of the time
+    ("acceleration", np.float64, (LENGTH,)),  # of a driven coordinate
+    ("guard", np.float64, (LENGTH,)),  # whose root is searched
+    ("search", np.float64, (2, LENGTH)),  # of `roots.first_root`
+    ("peak", np.float64, (LENGTH,)),  # quantity whose peak is searched
+    ("peak_search", np.float64, (3, LENGTH)),  # of `roots.maximum`
+    ("force", np.float64, (LENGTH,)),  # of a power ...
+    ("rate", np.float64, (LENGTH,)),  # ... whose other factor this is
+    ("moments", np.float64, (2 * LENGTH,)),  # integrals of the powers of x
+    ("decay_load", np.float64, (LENGTH,)),  # of `decay`: L ...
+    ("decay_factor", np.float64, (LENGTH,)),  # ... f ...
+    ("growth", np.float64, (LENGTH,)),  # ... w ...
+    ("forced_growth", np.float64, (LENGTH,)),  # ... its forced part ...
+    ("reciprocal", np.float64, (LENGTH,)),  # ... and 1 / w
+], align=True)
+
+
+class Scratch(NamedTuple):
+    """Room for what a kernel computes on the way; nothing in it outlasts the call that fills it.
+
+    Attributes
+    ----------
+    room : ndarray of ROOM, shape (1,)
+        Arrays of the same size in every system.
+    magnitude : ndarray, shape (channels,)
+        Magnitude of the terms that make up each channel at a point.
+    after : ndarray, shape (channels,)
+        All channels after an event.
+    """
+
+    room: np.ndarray
+    magnitude: np.ndarray
+    after: np.ndarray
 
 
 class Library(NamedTuple):
@@ -68,13 +146,13 @@ class Library(NamedTuple):
     free : ndarray, shape (flows, slots, 2 n, 2 n, LENGTH)
         Motion without load, from a unit of each component in the middle.
     free_end : ndarray, shape (flows, slots, 2 n, 2 n)
-        Its values at the segment's end.
+        Values of `free` at the segment's end.
     version : ndarray of int, shape (flows, slots)
         Version of the forcing that the forced motion belongs to; 0 while there is none.
     forced : ndarray, shape (flows, slots, 2 n, LENGTH)
         Motion under the cell's load, from rest at zero in the middle.
     forced_start : ndarray, shape (flows, slots, 2 n)
-        Its values at the segment's start.
+        Values of `forced` at the segment's start.
     """
 
     half: np.ndarray
@@ -86,64 +164,65 @@ class Library(NamedTuple):
 
 
 class State(NamedTuple):
-    """The mutable state of an integration.
+    """The mutable state of an integration; fields of records are explained where their types are defined.
 
     Attributes
     ----------
     z : ndarray, shape (channels, LENGTH)
-        Polynomials of every channel over the current segment.
+        Polynomials of every channel over the present segment.
     scale : ndarray, shape (channels,)
-        Magnitude of the terms that make up each channel, which sets its rounding error.
-    clock : ndarray
-        Times and phase rates, indexed by this module's constants.
-    index : ndarray of int
-        Mode, cell, turns, next guard and counts.
-    ramp : ndarray, shape (ramps, 4)
-        Value, rate, target and time left of each ramp.
-    monitor : ndarray, shape (k, 3)
-        Start, approach and peak of each monitor that is on.
-    audit : ndarray
-        The energy audit, indexed by this module's constants.
+        Magnitude of the terms that make up each channel, which sets the channel's rounding error.
+    now : ndarray of NOW, shape (1,)
+        The present segment, drive and mode, and the energy audit.
+    ramp : ndarray of RAMP, shape (ramps,)
+        The ramps at the segment's start.
+    mode_point : ndarray, shape (2 coordinates,)
+        Positions and velocities at the mode's start.
     root : ndarray, shape (rows,)
         First root of each guard row in the segment, or `UNKNOWN`.
+    monitor : ndarray of MONITOR, shape (k,)
+        The monitors.
     library : Library
         Series that many segments share.
-    defect : ndarray, shape (2, 2 n)
-        What the forced motion lacks of the wanted one where a flow begins, and what free motion adds in the middle.
-    origin : ndarray, shape (2 coordinates,)
-        Positions and velocities where the mode began.
-    moments : ndarray, shape (2 LENGTH,)
-        Integrals of the powers, for the audit.
-    work : ndarray, shape (5, LENGTH)
-        Room for temporary polynomials; while a candidate is checked, row 3 holds the scales of its accelerations.
-    trial : ndarray, shape (channels,)
-        Room for the point that a change of mode would lead to.
+    scratch : Scratch
+        Room for what a kernel computes on the way.
     """
 
     z: np.ndarray
     scale: np.ndarray
-    clock: np.ndarray
-    index: np.ndarray
+    now: np.ndarray
     ramp: np.ndarray
-    monitor: np.ndarray
-    audit: np.ndarray
+    mode_point: np.ndarray
     root: np.ndarray
+    monitor: np.ndarray
     library: Library
-    defect: np.ndarray
-    origin: np.ndarray
-    moments: np.ndarray
-    work: np.ndarray
-    trial: np.ndarray
+    scratch: Scratch
+
+
+#: Root of a guard that has not been searched in this segment; smaller than any local time.
+UNKNOWN = -2.0
+
+
+def numbers_of(arrays: Iterable[np.ndarray]) -> list[np.ndarray]:
+    """The arrays, and of an array of records a view of each field, down to numbers."""
+    parts: list[np.ndarray] = []
+    for array in arrays:
+        parts += numbers_of(array[field] for field in array.dtype.names) if array.dtype.names else [array]
+    return parts
 
 
 def lasting(state: State) -> list[np.ndarray]:
-    """The arrays that the future depends on: not the library, whose series come out the same again."""
-    return [values for name, values in zip(state._fields, state, strict=True) if name != "library"]
+    """Arrays of numbers, as views, that the future of `state` depends on.
+
+    The library is none of them, because its series come out the same again; nor is the scratch.
+    """
+    return numbers_of(values for name, values in zip(state._fields, state, strict=True)
+                      if name not in ("library", "scratch"))
 
 
-def _empty_library(system: System, channels: Channels) -> Library:
+def _empty_library(system: System) -> Library:
     slots = (int(system.flow.max(initial=0)) + 1, len(system.signals.start))
-    components = 2 * channels.dynamic
+    components = 2 * int(system.size["dynamic"][0])
     return Library(half=np.zeros(slots), free=np.zeros((*slots, components, components, LENGTH)),
                    free_end=np.zeros((*slots, components, components)), version=np.zeros(slots, dtype=np.int64),
                    forced=np.zeros((*slots, components, LENGTH)), forced_start=np.zeros((*slots, components)))
@@ -162,27 +241,30 @@ def new_state(system: System, phase_speed: float, ramp_values: np.ndarray, mode:
         Where the ramps stand.
     mode : int
         A mode whose guards hold, at least just after the start.
+
+    Raises
+    ------
+    ValueError
+        For a system of more than `MOST_DYNAMIC` dynamic coordinates.
     """
-    channels = Channels(*(int(size) for size in system.sizes))
+    channels = channels_of(system.size)
+    if channels.dynamic > MOST_DYNAMIC:
+        raise ValueError(f"the system has {channels.dynamic} dynamic coordinates; give at most {MOST_DYNAMIC}")
     state = State(
         z=np.zeros((channels.count, LENGTH)),
         scale=np.zeros(channels.count),
-        clock=np.zeros(_CLOCK_ENTRIES),
-        index=np.zeros(_INDEX_ENTRIES, dtype=np.int64),
-        ramp=np.zeros((channels.ramps, 4)),
-        monitor=np.zeros((system.monitor.shape[1], 3)),
-        audit=np.zeros(_AUDIT_ENTRIES),
+        now=np.zeros(1, NOW),
+        ramp=np.zeros(channels.ramps, RAMP),
+        mode_point=np.zeros(2 * channels.coordinates),
         root=np.full(len(system.row), UNKNOWN),
-        library=_empty_library(system, channels),
-        defect=np.zeros((2, 2 * channels.dynamic)),
-        origin=np.zeros(2 * channels.coordinates),
-        moments=np.zeros(2 * LENGTH),
-        work=np.zeros((5, LENGTH)),
-        trial=np.zeros(channels.count),
+        monitor=np.zeros(system.monitor.shape[1], MONITOR),
+        library=_empty_library(system),
+        scratch=Scratch(np.zeros(1, ROOM), np.zeros(channels.count), np.zeros(channels.count)),
     )
-    state.ramp[:, VALUE] = state.ramp[:, TARGET] = ramp_values
-    state.clock[[SPEED, SPEED_TARGET]] = phase_speed
-    state.clock[REACH] = np.inf
-    state.index[MODE] = mode
-    state.index[VERSION] = 1
+    state.ramp["value"] = state.ramp["target"] = ramp_values
+    drive = state.now["drive"]
+    drive["speed"] = drive["target"] = phase_speed
+    drive["version"] = 1
+    state.now["segment"]["decay_duration"] = np.inf
+    state.now["automaton"]["mode"] = mode
     return state

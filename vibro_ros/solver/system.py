@@ -4,21 +4,23 @@ Coordinates q obey, in mode m, q'' = A_m z with the *channels*
 
     z = [q, q', a, f, f', r, r', d, 1]
 
-where a = q'' of the dynamic coordinates, f are periodic signals of a phase whose speed is constant or
-changes linearly, r are ramps, which move to their targets at limited speed, and d, where there is one, is
-a term that decays exponentially with a driven coordinate's velocity (`Decay`). The first `dynamic`
-coordinates may enter their own right-hand sides, with the forcing; the others are driven by all of these,
-and nothing depends on them but guards and outputs, so that a mode which changes their equations alone
-leaves the flow of the dynamic ones as it is.
+where a = q'' of the dynamic coordinates; f are periodic signals of a phase, whose speed is constant, changes linearly
+or approaches a target exponentially; r are ramps, which move to their targets at constant rates; and d, where there is
+one, is a term that decays exponentially with a driven coordinate's velocity (`Decay`).
 
-Every guard is a linear combination g = G z that its mode keeps non-negative. When it turns
-negative the event loop stops there, lets positions and velocities jump if the guard says so, and enters the
-first candidate mode that is valid.
+The first `dynamic` coordinates may enter their own right-hand sides, with the forcing. The other coordinates are
+*driven* by all of these. Only guards and outputs depend on the driven coordinates, so a mode that changes their
+equations alone leaves the *flow*, the motion of the dynamic coordinates, as it is.
+
+Every guard is a linear form g = G z that its mode keeps non-negative. Where the guard turns negative the event loop
+stops, lets positions and velocities jump if the guard says so, and enters the first candidate mode that is valid.
 """
 
 from typing import NamedTuple
 
 import numpy as np
+
+from vibro_ros.solver.channels import Channels
 
 #: Half a segment as part of the distance to the signals' nearest singularity: 0.22^LENGTH is rounding.
 STRIDE = 0.22
@@ -30,61 +32,8 @@ RATE_LIMIT = 1.7
 CELL_RATE = 2.0
 #: No row, no jump, no monitor, no event, no (more) candidates.
 NOTHING = -1
-#: Owner of a guard whose candidates need not satisfy any guard.
+#: `System.guard_effect` of a guard whose candidates need not satisfy any guard.
 UNCHECKED = -2
-
-
-class Channels(NamedTuple):
-    """Where each channel stands in z."""
-
-    coordinates: int
-    dynamic: int
-    signals: int
-    ramps: int
-    decays: int = 0  # or 1
-
-    @property
-    def count(self) -> int:
-        """Length of z."""
-        return 2 * (self.coordinates + self.signals + self.ramps) + self.dynamic + self.decays + 1
-
-    def position(self, i: int) -> int:
-        """Channel of coordinate i."""
-        return i
-
-    def velocity(self, i: int) -> int:
-        """Channel of coordinate i's time derivative."""
-        return self.coordinates + i
-
-    def acceleration(self, i: int) -> int:
-        """Channel of dynamic coordinate i's second time derivative."""
-        return 2 * self.coordinates + i
-
-    def signal(self, k: int) -> int:
-        """Channel of signal k."""
-        return 2 * self.coordinates + self.dynamic + k
-
-    def signal_rate(self, k: int) -> int:
-        """Channel of signal k's time derivative."""
-        return self.signal(self.signals) + k
-
-    def ramp(self, k: int) -> int:
-        """Channel of ramp k."""
-        return self.signal(2 * self.signals) + k
-
-    def ramp_rate(self, k: int) -> int:
-        """Channel of ramp k's time derivative."""
-        return self.ramp(self.ramps) + k
-
-    @property
-    def decay(self) -> int:
-        """Channel of the decaying term."""
-        return self.count - 2
-
-    @property
-    def one(self) -> int:
-        """Channel of the constant 1."""
-        return self.count - 1
 
 
 class SignalTable(NamedTuple):
@@ -130,53 +79,53 @@ class System(NamedTuple):
 
     Attributes
     ----------
-    sizes : ndarray of int, shape (5,)
-        Coordinates, dynamic coordinates, signals, ramps, decaying terms.
+    size : ndarray of SIZE, shape (1,)
+        Numbers of coordinates, dynamic coordinates, signals, ramps and decaying terms.
     acceleration : ndarray, shape (m, coordinates, channels)
         Rows of A.
     flow : ndarray of int, shape (m,)
         Equal for modes whose dynamic coordinates obey the same equations.
     coupled : ndarray of bool, shape (m,)
         Whether dynamic coordinates enter each other's equations.
-    longest_step : ndarray, shape (m,)
+    longest_segment : ndarray, shape (m,)
         Longest segment [s] that the series of the mode's flow resolves to rounding.
     terms : ndarray of int, shape (m, coordinates, channels)
-        Channels that the rows of A read, padded with `NOTHING`; for dynamic coordinates, those of the forcing.
+        Channels that the rows of A read, padded with `NOTHING`; for dynamic coordinates, the forcing's alone.
     row : ndarray, shape (rows, channels)
         Distinct rows of G.
     row_terms : ndarray of int, shape (rows, channels)
-        Channels that they read, padded with `NOTHING`.
+        Channels that the rows of G read, padded with `NOTHING`.
     driven : ndarray of bool, shape (rows,)
         Whether the row reads a coordinate that is not dynamic.
     guard : ndarray of int, shape (m, g)
         Row of each guard of each mode, padded with `NOTHING`.
-    owner : ndarray of int, shape (m, g)
-        Effect that the guard belongs to, padded with `NOTHING`: a candidate must satisfy the guards of the effect
-        that changes; the others' are not its business. `UNCHECKED`: entries alone decide.
+    guard_effect : ndarray of int, shape (m, g)
+        Effect that the guard belongs to, padded with `NOTHING`. A candidate must satisfy the guards that it has of the
+        same effect, because only this effect changes. `UNCHECKED`: the candidates' `entry` rows alone decide.
     candidate : ndarray of int, shape (m, g, c)
-        Modes to try, padded with `NOTHING`; the last one given is entered when the others' guards fail.
+        Modes to try when the guard fires, padded with `NOTHING`; the last is entered when no other is valid.
     entry : ndarray of int, shape (m, g, c, n)
         Rows that must not be negative, before the jump, for the candidate to be entered, padded with `NOTHING`.
     jump : ndarray of int, shape (m, g, c)
-        Entry of `landing` by which the coordinates jump on the way to the candidate, or `NOTHING`.
-    landing : ndarray, shape (jumps, 2 coordinates, channels)
+        Number of the `jump_matrix` by which the coordinates jump on the way to the candidate, or `NOTHING`.
+    jump_matrix : ndarray, shape (jumps, 2 coordinates, channels)
         Rows of the positions and velocities after a jump.
-    strike : ndarray of int, shape (m, g)
+    blow_monitor : ndarray of int, shape (m, g)
         Monitor for which the guard records a blow without duration, or `NOTHING`.
-    unheld : ndarray of int, shape (m, k)
+    mode_after_ramp_change : ndarray of int, shape (m, k)
         Mode that follows when the rate of ramp k changes.
-    event : ndarray of int, shape (m, m)
+    event_kind : ndarray of int, shape (m, m)
         Kind of the event recorded when the mode changes from the first to the second, or `NOTHING`.
-    noted : ndarray, shape (kinds, channels)
-        Row of the quantity noted with an event of that kind, before the jump.
+    event_quantity : ndarray, shape (kinds, channels)
+        Row of the quantity recorded with an event of that kind, before the jump.
     monitor : ndarray, shape (m, k, channels)
-        Rows of the quantities whose peaks are kept while their monitor is on, such as contact forces.
+        Rows of the quantities whose peaks are recorded while their monitor is on, such as contact forces.
     monitor_terms : ndarray of int, shape (m, k, channels)
-        Channels that they read, padded with `NOTHING`.
+        Channels that the rows of `monitor` read, padded with `NOTHING`.
     monitored : ndarray of bool, shape (m, k)
         Whether monitor k is on in the mode.
     approach : ndarray, shape (k, channels)
-        Row of the quantity noted when the monitor is switched on, such as the approach speed.
+        Row of the quantity recorded when the monitor is switched on, such as the approach speed.
     stretch : ndarray, shape (m, e, channels)
         Forms e of the stored energy, sum of w (e z)² / 2 ...
     stiffness : ndarray, shape (m, e)
@@ -184,32 +133,32 @@ class System(NamedTuple):
     power : ndarray, shape (m, p, 2, channels)
         Pairs of forms a and b of the power that the dynamic coordinates receive, sum of (a z)(b z); p = 0 for no audit.
     power_terms : ndarray of int, shape (m, p, 2, channels)
-        Channels that they read, padded with `NOTHING`.
+        Channels that the forms of `power` read, padded with `NOTHING`.
     signals : SignalTable
         The periodic signals.
     decay : Decay
         The decaying term.
     """
 
-    sizes: np.ndarray
+    size: np.ndarray
     acceleration: np.ndarray
     flow: np.ndarray
     coupled: np.ndarray
-    longest_step: np.ndarray
+    longest_segment: np.ndarray
     terms: np.ndarray
     row: np.ndarray
     row_terms: np.ndarray
     driven: np.ndarray
     guard: np.ndarray
-    owner: np.ndarray
+    guard_effect: np.ndarray
     candidate: np.ndarray
     entry: np.ndarray
     jump: np.ndarray
-    landing: np.ndarray
-    strike: np.ndarray
-    unheld: np.ndarray
-    event: np.ndarray
-    noted: np.ndarray
+    jump_matrix: np.ndarray
+    blow_monitor: np.ndarray
+    mode_after_ramp_change: np.ndarray
+    event_kind: np.ndarray
+    event_quantity: np.ndarray
     monitor: np.ndarray
     monitor_terms: np.ndarray
     monitored: np.ndarray
@@ -236,7 +185,7 @@ def acceleration_terms(acceleration: np.ndarray, channels: Channels) -> np.ndarr
     return terms(forcing)
 
 
-def longest_steps(acceleration: np.ndarray, channels: Channels) -> np.ndarray:
+def longest_segments(acceleration: np.ndarray, channels: Channels) -> np.ndarray:
     """Longest segment of each mode [s], from the fastest eigenvalue of its dynamic coordinates.
 
     Parameters

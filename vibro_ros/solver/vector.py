@@ -119,7 +119,7 @@ def total(_, numbers):
 
 @intrinsic
 def raised(_, numbers):
-    """Every number one place up; the first becomes zero, and the last is lost."""
+    """Every number moved to the next index; the first becomes zero, and the last is lost."""
     def generate(context, builder, sign, arguments):
         parts = [_ZEROS, *_split(builder, arguments[0])]
         return _join(builder, [_pick(builder, low, range(_WIDTH - 1, 2 * _WIDTH - 1), high)
@@ -129,7 +129,7 @@ def raised(_, numbers):
 
 @intrinsic
 def lowered(_, numbers):
-    """Every number one place down; the last becomes zero, and the first is lost."""
+    """Every number moved to the index before; the last becomes zero, and the first is lost."""
     def generate(context, builder, sign, arguments):
         parts = [*_split(builder, arguments[0]), _ZEROS]
         return _join(builder, [_pick(builder, low, range(1, _WIDTH + 1), high)
@@ -147,8 +147,8 @@ def with_first(_, numbers, number):
 
 
 @intrinsic
-def places_above(_, numbers, limit):
-    """Bits of the places whose numbers are greater than `limit`; of the others none."""
+def indices_above(_, numbers, limit):
+    """An integer whose bit n is set where number n is greater than `limit`."""
     def generate(context, builder, sign, arguments):
         limits, result = _repeat(builder, arguments[1]), ir.Constant(_BITS, 0)
         for k, part in enumerate(_split(builder, arguments[0])):
@@ -159,8 +159,8 @@ def places_above(_, numbers, limit):
 
 
 @intrinsic
-def first_place(_, bits):
-    """The lowest place whose bit is set; LENGTH or more if there is none."""
+def first_index(_, bits):
+    """Index of the lowest bit that is set; LENGTH or more if none is."""
     def generate(context, builder, sign, arguments):
         return builder.cttz(arguments[0], ir.Constant(ir.IntType(1), 0))
     return types.int64(types.int64), generate

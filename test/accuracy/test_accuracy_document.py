@@ -1,0 +1,108 @@
+"""Each sentence of docs/accuracy.md and of README.md about accuracy is what docs/accuracy/accuracy.csv says."""
+
+import re
+from collections import defaultdict
+from pathlib import Path
+
+import numpy as np
+import pytest
+from document_advice import advised, complaints, error_of, left_out, rows_of
+
+import vibro_ros
+from vibro_ros.accuracy.advice import NEEDS
+from vibro_ros.accuracy.errors import errors
+from vibro_ros.accuracy.methods import METHODS
+from vibro_ros.accuracy.precision import COMPILED, SHORT, running
+from vibro_ros.accuracy.price import baseline_in_words, prices_in_words
+from vibro_ros.accuracy.row import NEED, Row
+from vibro_ros.accuracy.words import finding
+from vibro_ros.configuration.scene_file import shipped_scenes
+from vibro_ros.project import accuracy_report
+
+ROOT = Path(__file__).resolve().parents[2]
+TEXT = (ROOT / "docs" / "accuracy.md").read_text(encoding="utf-8")
+ROWS = rows_of(ROOT / "docs" / "accuracy" / "accuracy.csv")
+BY_SCENE: dict[str, list[Row]] = defaultdict(list)
+for _row in ROWS:
+    BY_SCENE[_row.scene].append(_row)
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+
+
+def test_every_advice_holds_against_its_own_rows():
+    assert len(list(advised(TEXT))) > 30
+    assert complaints(TEXT, ROWS) == []
+    assert left_out(TEXT, ROWS) == []
+
+
+def test_wrong_advice_is_seen():
+    """The advice that judged by the masses alone; a coarser setting; another cost; a need that was forgotten."""
+    use = next(use for use in advised(TEXT) if use.method == "exact" and use.need is NEEDS[0])
+    cell = f"exact ({use.cost:g})"
+    rows = [row for row in BY_SCENE["paper"] if row.method == "semi_implicit_euler" and row.compared == NEED]
+    coarse = next(row for row in rows if row.horizon == SHORT and row.mass_error < 1e-3 < row.body_error)
+    wrong = f"semi_implicit_euler {coarse.value:.2g} s ({coarse.cost:.2g})"
+    head, mark, tail = TEXT.partition("\n| `paper` |")
+    misled = head + mark + tail.replace("exact (", f"{wrong}; exact (", 1)
+    assert any("missed" in text for text in complaints(misled, ROWS))
+    assert any("costs" in text for text in complaints(TEXT.replace(cell, "exact (7.5)", 1), ROWS))
+    finest = "heyoka 1e-13 (" + TEXT.partition("heyoka 1e-05 (")[2].partition(")")[0] + ")"
+    line = next(line for line in TEXT.splitlines() if line.startswith("| `damped` | no chaos"))
+    finer = line.replace(re.search(r"heyoka 1e-05 \([\d.]+\)", line)[0], finest, 1)
+    assert any("coarser" in text for text in complaints(TEXT.replace(line, finer), ROWS))
+    emptied = re.sub(r"[\w -]+ \([\d.]+\)(; )?", "", line)
+    assert left_out(TEXT.replace(line, emptied), ROWS)
+
+
+SOME = [use for use in advised(TEXT) if use.need in NEEDS[:2] and use.method in ("exact", "heyoka") or (
+    use.need is NEEDS[0] and use.value >= 1e-6)]
+
+
+@pytest.mark.parametrize("use", SOME, ids=lambda use: f"{use.scene}-{use.method}-{use.need.limit:g}")
+def test_advice_holds_at_other_instants_too(use):
+    """Every microsecond, between the instants that the rows were measured at; against exact."""
+    scene = running(vibro_ros.load_scene(use.scene))
+    times = np.linspace(0.0, SHORT, 200_001)
+    if use.method == "heyoka":
+        pytest.importorskip("heyoka")
+        times = times[::8]
+    value = next(row.value for row in BY_SCENE[use.scene] if row.method == use.method and row.compared == NEED and (
+        use.method == "exact" or row.value == pytest.approx(use.value, rel=0.02)))
+    found, exact = METHODS[use.method](scene, times, value), METHODS["exact"](scene, times, 1e-12)
+    assert errors(found, exact).positions < use.need.limit
+
+
+def test_the_page_begins_with_what_a_digit_costs():
+    head = TEXT.partition("Measured on")[0]
+    assert [line[2:] for line in head.splitlines() if line.startswith("- ")] == prices_in_words(BY_SCENE)
+    assert "`exact` costs nothing" in head and "scipy's solvers with events" in head
+
+
+def test_the_baselines_own_error_stands_beside_it():
+    told = baseline_in_words(BY_SCENE)
+    assert "itself off by" in told and TEXT.count(told) == 2  # where costs are explained, and above the findings
+
+
+def test_findings_are_those_of_the_rows():
+    for text in accuracy_report.headlines(BY_SCENE):
+        assert f"\n- {text}\n" in TEXT
+    assert finding(BY_SCENE[accuracy_report.CLOSER]) in TEXT
+    assert accuracy_report.known_to(BY_SCENE) in TEXT
+
+
+def test_the_device_is_measured_running():
+    assert {row.scene for row in ROWS} == set(shipped_scenes())
+    exact = [row for row in BY_SCENE["device"] if row.method == "exact" and row.compared == NEED]
+    assert exact and all(error_of(row, NEEDS[2]) == 0.0 for row in exact)  # it has contacts
+
+
+def test_readme_says_what_the_rows_say():
+    """Fixed steps pay what README says for a digit, and lead the wrong way in the scene that it shows."""
+    [[low, high]] = re.findall(r"fixed steps pay (\d+) to (\d+) times as much for each digit", README)
+    factors = [float(text) for text in re.findall(r"by `(?:rk4|semi_implicit_euler|moreau)` costs ([\d.]+) times",
+                                                  "\n".join(prices_in_words(BY_SCENE)))]
+    assert len(factors) == 3
+    assert int(low) <= min(factors) + 0.5 and max(factors) - 0.5 <= int(high)
+    baseline = re.search(r"off by .*? within 0.2 s", baseline_in_words(BY_SCENE))[0]
+    assert f"RK4 itself is {baseline}" in README.replace("\n", " ")
+    assert "WRONG SIGN" in finding(BY_SCENE["paper"])
+    assert set(COMPILED) >= {use.method for use in advised(TEXT)}

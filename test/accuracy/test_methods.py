@@ -1,0 +1,95 @@
+"""The table of methods: each against heyoka or exact, and a wrong one must look wrong."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import vibro_ros
+from vibro_ros.accuracy.methods import COLUMNS, METHODS, Answer, ComparedMethod, UnableError
+
+TIMES = np.linspace(0.0, 0.1, 101)
+RAMP = {"motor.acceleration": 2000.0}  # rad/s²: so that the device scene reaches 100 rad/s within the horizon
+
+
+def scene(name):
+    return vibro_ros.load_scene(name).with_parameters(RAMP)
+
+
+def error(found: Answer, name: str) -> float:
+    """Largest error of a position [m]."""
+    return float(np.abs(found.samples - METHODS["exact"](scene(name), TIMES, 1e-9).samples)[:, ::2].max())
+
+
+@pytest.mark.parametrize("name", ["damped", "device", "rigid", "no_impact"])
+@pytest.mark.parametrize("method", ["DOP853", "LSODA", "Radau"])
+def test_scipy_with_located_events_agrees_with_exact(name, method):
+    """Local errors of 1e-9 add up, over some 1e3 steps at most."""
+    if method == "Radau" and name != "damped":
+        pytest.skip("slow: seconds a scene; the others show the same code")
+    found = METHODS[method](scene(name), TIMES, 1e-9)
+    exact = METHODS["exact"](scene(name), TIMES, 1e-9)
+    assert error(found, name) < 1e-7
+    assert found.steps > 10 and found.evaluations > found.steps
+    contacts = [events[(events["kind"] == "upper_contact") & (events["time"] > 1e-3)]["time"]
+                for events in (found.events, exact.events)]
+    np.testing.assert_allclose(contacts[0], contacts[1], rtol=0, atol=1e-7)
+
+
+def test_without_event_location_the_same_solver_works_harder():
+    """Its step control has to find every contact and every stop; where they fall decides how well it does."""
+    blind, located = (METHODS[name](scene("damped"), TIMES, 1e-6) for name in ("DOP853_blind", "DOP853"))
+    assert blind.evaluations > 3 * located.evaluations
+    assert error(located, "damped") < 1e-5  # m
+    assert error(blind, "damped") < 1e-3
+    assert len(blind.events) == 0 < len(located.events)
+
+
+@pytest.mark.parametrize("name", ["rigid", "device"])
+def test_what_a_method_cannot_do_it_says(name):
+    with pytest.raises(UnableError, match="no rigid plates and no landing"):
+        METHODS["LSODA_blind"](scene(name), TIMES, 1e-6)
+    with pytest.raises(UnableError, match="rk4 may need a solver.step below 0.01 s"):
+        METHODS["rk4"](scene("damped"), np.linspace(0.0, 20.0, 11), 1e-2)
+
+
+def test_heyoka_agrees_with_exact():
+    pytest.importorskip("heyoka", reason="heyoka, the extra `bench`, has no wheel for Python 3.10")
+    for name in ("device", "paper"):
+        assert error(METHODS["heyoka"](scene(name), TIMES, 1e-15), name) < 1e-12  # m; test_peer has the reason
+
+
+@pytest.mark.parametrize(("method", "coarse", "fine"), [("rk4", 1e-4, 1e-6), ("semi_implicit_euler", 1e-4, 1e-6),
+                                                        ("moreau", 1e-4, 1e-6)])
+def test_a_hundredth_of_the_step_is_well_worth_it(method, coarse, fine):
+    """First order gains a factor of 100; half of its decades at least, whatever the scatter."""
+    assert error(METHODS[method](scene("rigid"), TIMES, fine), "rigid") < 0.1 * error(
+        METHODS[method](scene("rigid"), TIMES, coarse), "rigid")
+
+
+def test_a_wrong_method_looks_wrong():
+    """A planted one, which leaves a tenth of the damping out, stops improving; the right one does not."""
+    def wrong(scene, times, step):
+        damping = {f"{side}.spring.damping": 0.9 * scene[f"{side}.spring.damping"] for side in ("upper", "inclined")}
+        return METHODS["rk4"](scene.with_parameters(damping), times, step)
+
+    table = METHODS | {"planted": ComparedMethod(wrong, "step", (1e-4, 1e-6))}
+    found = {name: [error(table[name](scene("damped"), TIMES, step), "damped") for step in (1e-5, 1e-6)]
+             for name in ("rk4", "planted")}
+    assert found["planted"][1] > 0.5 * found["planted"][0]
+    assert found["rk4"][1] < 0.5 * found["rk4"][0]
+    assert found["planted"][1] > 10.0 * found["rk4"][1]
+
+
+def test_ladders_run_from_coarse_to_fine():
+    for name, method in METHODS.items():
+        assert method.setting in ("step", "tolerance") and method.ladder
+        assert list(method.ladder) == sorted(method.ladder, reverse=True), name
+    assert replace(METHODS["rk4"], ladder=(1e-3,)).ladder == (1e-3,)
+
+
+def test_columns_are_fields_of_a_run():
+    run = vibro_ros.simulate(scene("paper"), times=TIMES)
+    found = METHODS["exact"](scene("paper"), TIMES, 1e-9)
+    for k, column in enumerate(COLUMNS):
+        np.testing.assert_array_equal(found.samples[:, k], getattr(run, column))

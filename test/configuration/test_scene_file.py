@@ -1,0 +1,239 @@
+"""Scene files: what is read, and that whatever cannot be read is refused in one line."""
+
+import json
+import math
+from pathlib import Path
+
+import pytest
+
+from vibro_ros.configuration.scene_file import DEVICE_PARAMETERS, MOST_SCENES, load_scene, scene_origin, shipped_scenes
+from vibro_ros.configuration.shipped import config_folder
+from vibro_ros.model.parameters import SCENE_PARAMETERS
+from vibro_ros.model.scene import Scene
+
+HEAD = "/**:\n  ros__parameters:\n"
+
+
+@pytest.fixture
+def scene_file(tmp_path):
+    def write(content):
+        path = tmp_path / "mine.yaml"
+        path.write_bytes(content if isinstance(content, bytes) else content.encode())
+        return path
+    return write
+
+
+def below_head(*lines):
+    return HEAD + "".join(f"    {line}\n" for line in lines)
+
+
+def refusal(path, named=None):
+    with pytest.raises(ValueError, match=".") as caught:
+        load_scene(path)
+    message = str(caught.value)
+    assert "\n" not in message
+    assert str(named or path) in message
+    return message
+
+
+def test_a_scene_by_its_path(scene_file):
+    scene = load_scene(scene_file(below_head("mass.body: 2.5", "guide: {angle: 1.0}", "effects.adhesion: false",
+                                             "effects.motor: ramp")))
+    assert scene.name == "mine"
+    assert (scene["mass.body"], scene["guide.angle"], scene["effects.adhesion"]) == (2.5, 1.0, False)
+    assert scene["effects.motor"] == "ramp"
+    assert scene["mass.upper"] == Scene()["mass.upper"]
+
+
+@pytest.mark.parametrize("name", shipped_scenes())
+def test_a_scene_by_its_name(name):
+    scene = load_scene(name)
+    assert scene.name == name
+    assert set(scene.parameters) == {parameter.name for parameter in SCENE_PARAMETERS}
+
+
+@pytest.mark.parametrize(("text", "value"), [
+    ("2", 2.0), ("2.5", 2.5), ("1e3", 1e3), ("1.0e3", 1e3), ("1.e3", 1e3), (".5e1", 5.0), ("+2.5E-1", 0.25),
+    ("1E+2", 100.0)])
+def test_numbers_as_people_write_them(scene_file, text, value):
+    assert load_scene(scene_file(below_head(f"mass.body: {text}")))["mass.body"] == value
+
+
+def test_device_parameters_are_checked_and_left_aside(scene_file):
+    device = {parameter.name: parameter.default for parameter in DEVICE_PARAMETERS}
+    lines = [f"{name}: {json.dumps(value)}" for name, value in device.items()]
+    path = scene_file(below_head("mass.body: 2.0", *lines))
+    assert load_scene(path).parameters == load_scene("device").with_parameters({"mass.body": 2.0}).parameters
+    assert "rate.publish" in refusal(scene_file(below_head("rate.publish: -1.0")))
+
+
+@pytest.mark.parametrize("value", ["odom", "[1, 2]", "{a: b}", "true"])
+def test_a_list_of_texts_that_is_none_is_refused(scene_file, value):
+    said = refusal(scene_file(below_head(f"record.topics: {value}")))
+    assert "record.topics" in said
+    assert value == "{a: b}" or "is not a list of texts; write [one, another]" in said
+
+
+def test_every_scene_parameter_can_be_given_its_default(scene_file):
+    defaults = {p.name: str(p.default).lower() if isinstance(p.default, bool) else p.default for p in SCENE_PARAMETERS}
+    path = scene_file(below_head(*(f"{name}: {value}" for name, value in defaults.items())))
+    assert load_scene(path).parameters == Scene().parameters
+
+
+@pytest.mark.parametrize(("line", "named"), [
+    ("guide.angel: 1.0", ["guide.angel", "did you mean guide.angle?"]),
+    ("motor.sped: 1.0", ["did you mean motor.speed?"]),
+    ("rate.publsh: 1.0", ["did you mean rate.publish?"]),
+    ("xyzzy: 1.0", ["xyzzy", "--help"]),
+    ("1: 2", ["1", "unknown"]),
+    ('"a\\nb": 1.0', ["unknown"]),
+    ("mass: 1.0", ["mass", "unknown"]),
+    ("mass.body: heavy", ["mass.body", "heavy", "number", "kg"]),
+    ("mass.body: '1.0'", ["mass.body", "'1.0'", "number"]),
+    ("mass.body: true", ["mass.body", "True", "number"]),
+    ("mass.body: [1.0]", ["mass.body", "[1.0]", "number"]),
+    ("mass.body:", ["mass.body", "no value"]),
+    ("mass.body: 2020-01-01", ["mass.body", "number"]),
+    ("mass.body: .nan", ["mass.body", "nan", "finite"]),
+    ("mass.body: -.inf", ["mass.body", "-inf", "finite"]),
+    ("mass.body: 1" + "0" * 400, ["mass.body", "number"]),
+    ("mass.body: 1" + "0" * 5000, ["mass.body", "number"]),
+    ("mass.body: inf", ["mass.body", "inf", "finite"]),
+    ("mass.body: 1_0", ["mass.body", "1_0", "number"]),
+    ("mass.body: {}", ["mass.body", "no value"]),
+    ("mass.body: &a 1.0\n    mass.upper: *a", ["line 4", "alias", "write the value out"]),
+    ("record.topics: []", ["a list"]),
+    ("mass.body: 0.0", ["mass.body", "0", "above 0"]),
+    ("mass.body: -1.0", ["mass.body", "-1", "above 0"]),
+    ("guide.angle: 3.2", ["guide.angle", "3.2", "3.14159"]),
+    ("crank.radius: 0.07", ["crank.radius", "0.07", "0.06", "longer rod"]),
+    ("motor.speed: 600.0", ["motor.speed", "600", "500", "motor.max_speed"]),
+    ("upper.gap: 0.1", ["upper.gap", "0.1", "0.06"]),
+    ("effects.adhesion: 1", ["effects.adhesion", "1", "true or false"]),
+    ("effects.motor: rampp", ["effects.motor", "rampp", "ideal, ramp"]),
+    ('effects.motor: "a\\nb"', ["effects.motor", "ideal, ramp"]),
+    ("mass.body: 1.0\n    mass.body: 2.0", ["mass.body", "twice"]),
+    ("mass.body: 1.0\n    mass: {body: 2.0}", ["mass.body", "twice"]),
+    ("mass.body: !!python/object:os.system x", ["mass.body", "'x'", "number"])], ids=lambda value: str(value)[:40])
+def test_a_wrong_line_is_refused(scene_file, line, named):
+    message = refusal(scene_file(below_head(line)))
+    assert not [text for text in named if text not in message]
+
+
+@pytest.mark.parametrize(("content", "named"), [
+    ("", "parameter file"), ("5", "parameter file"), ("- 1", "parameter file"), ("&a [*a]", "itself"),
+    ("/**:\n  mass.body: 1.0\n", "ros__parameters"), ("/**:\n  ros__parameters:\n", "ros__parameters"),
+    ("mass.body: 1.0\n", "ros__parameters"), ("/**:\n  ros__parameters: {}\n  other: 1\n", "ros__parameters"),
+    ("/**:\n\tros__parameters: {}", "line 2"), ("a: 1\n---\nb: 2", "YAML"), ("a: [1, 2", "YAML"),
+    ("{a: 1, a: 2}", "twice"),
+    (b"\xff\xfe\x00", "YAML"), ("a: \x00", "YAML"), (HEAD + "    ? [a]\n    : 1.0\n", "no name"),
+    ("/**: &x\n  ros__parameters: *x\n", "itself"), ("a: " + "{a: " * 3000 + "1" + "}" * 3000, "nested")])
+def test_a_file_of_another_structure_is_refused(scene_file, content, named):
+    assert named in refusal(scene_file(content))
+
+
+def test_a_missing_file_or_scene_is_refused(tmp_path):
+    for path in (tmp_path / "missing.yaml", tmp_path, "nosuch"):
+        message = refusal(path)
+        assert all(name in message for name in shipped_scenes())
+
+
+def test_the_order_of_lines_does_not_matter(scene_file):
+    """A radius that only the longer rods of a later line allow."""
+    lines = ["crank.radius: 0.08", "crank.upper_rod: 0.1", "crank.inclined_rod: 0.1", "upper.gap: 0.09"]
+    scenes = [load_scene(scene_file(below_head(*order))) for order in (lines, lines[::-1])]
+    assert scenes[0] == scenes[1]
+
+
+def test_scenes_are_immutable_values():
+    scene = Scene("x", {"mass.body": 2.0})
+    with pytest.raises(TypeError):
+        scene.parameters["mass.body"] = 3.0
+    other = scene.with_parameters({"mass.body": 3.0})
+    assert (scene["mass.body"], other["mass.body"]) == (2.0, 3.0)
+    assert scene == Scene("x", {"mass.body": 2.0}) and hash(scene) == hash(Scene("x", {"mass.body": 2.0}))
+    with pytest.raises(ValueError, match="mass.body"):
+        scene["mass.bodi"]
+    assert scene["guide.angle"] == math.radians(50.0)
+
+
+def test_a_scene_of_a_scene_is_that_scene_changed(tmp_path):
+    (tmp_path / "lab").mkdir()
+    (tmp_path / "steep.yaml").write_text(below_head("scene: lab/heavy.yaml", "guide.angle: 1.2"))
+    (tmp_path / "lab" / "heavy.yaml").write_text(below_head("scene: device", "mass.body: 2.0", "guide.angle: 1.0"))
+    steep = load_scene(tmp_path / "steep.yaml")
+    assert steep.name == "steep"
+    assert steep.parameters == load_scene("device").with_parameters({"mass.body": 2.0, "guide.angle": 1.2}).parameters
+    assert load_scene(tmp_path / "lab" / "heavy.yaml")["guide.angle"] == 1.0
+
+
+def test_the_robots_usual_settings_are_the_nodes_default_scene():
+    assert load_scene(config_folder() / "robot.yaml").parameters == load_scene("device").parameters
+
+
+@pytest.mark.parametrize("first", ["a", "b", "self"])
+def test_a_scene_of_itself_is_refused(tmp_path, first):
+    for name, base in (("a", "b.yaml"), ("b", "../here/a.yaml"), ("self", "./self.yaml")):
+        (tmp_path / "here").mkdir(exist_ok=True)
+        (tmp_path / "here" / f"{name}.yaml").write_text(below_head(f"scene: {base}"))
+    message = refusal(tmp_path / "here" / f"{first}.yaml", named=tmp_path / "here")
+    assert ".yaml: as a scene it is a change of itself; let its `scene` be one of" in message
+
+
+def test_a_chain_of_scenes_has_an_end(tmp_path):
+    for number in range(MOST_SCENES + 2):
+        base = f"scene: {number - 1}.yaml" if number else "mass.body: 2.0"
+        (tmp_path / f"{number}.yaml").write_text(below_head(base))
+    assert load_scene(tmp_path / f"{MOST_SCENES - 1}.yaml")["mass.body"] == 2.0
+    with pytest.raises(ValueError, match=f"the end of {MOST_SCENES} changes"):
+        load_scene(tmp_path / f"{MOST_SCENES + 1}.yaml")
+
+
+@pytest.mark.parametrize(("base", "named"), [
+    ("papper", ["mine.yaml: ", "papper: neither a shipped scene nor a file"]), ("5", ["mine.yaml: scene: 5"]),
+    ("other.yaml", ["other.yaml: mass.body: -1 is out of range"])])
+def test_a_bad_scene_of_a_scene_is_refused(scene_file, tmp_path, base, named):
+    (tmp_path / "other.yaml").write_text(below_head("mass.body: -1.0"))
+    path = scene_file(below_head(f"scene: {base}"))
+    with pytest.raises(ValueError, match=".") as told:
+        load_scene(path)
+    assert not [text for text in named if text not in str(told.value)]
+
+
+def test_the_parameters_of_every_node_are_left_aside(scene_file):
+    """As `ros2 param dump` writes them."""
+    path = scene_file("/vibro_robot:\n  ros__parameters:\n    mass:\n      body: 2.0\n    scene: device\n"
+                      "    start_type_description_service: true\n    use_sim_time: false\n"
+                      "    qos_overrides:\n      /clock:\n        subscription:\n          depth: 1\n")
+    assert load_scene(path).parameters == load_scene("device").with_parameters({"mass.body": 2.0}).parameters
+
+
+def test_the_sections_of_other_nodes_are_left_aside(scene_file):
+    path = scene_file("/vibro_controller:\n  ros__parameters: {rate: 20.0}\n"
+                      "/lab:\n  vibro_robot:\n    ros__parameters: {mass.body: 2.0}\n"
+                      "/*/other:\n  ros__parameters: {mass.body: 3.0}\n")
+    assert load_scene(path)["mass.body"] == 2.0
+    with pytest.raises(ValueError, match="none for this node; address them to /vibro_robot or to"):
+        load_scene(path, node="/vibro_robot")
+
+
+def test_a_file_of_several_robots_needs_the_name_of_one(scene_file):
+    path = scene_file("/left/vibro_robot:\n  ros__parameters: {mass.body: 2.0}\n"
+                      "/right/vibro_robot:\n  ros__parameters: {mass.body: 3.0}\n")
+    assert "/left/vibro_robot, /right/vibro_robot; name one of them" in refusal(path)
+    assert load_scene(path, node="/right/vibro_robot")["mass.body"] == 3.0
+
+
+def test_a_file_for_other_nodes_alone_is_refused(scene_file):
+    assert "holds parameters for /vibro_controller, none for" in refusal(
+        scene_file("/vibro_controller:\n  ros__parameters: {rate: 20.0}\n"))
+
+
+def test_a_scenes_origin_means_the_same_from_everywhere(tmp_path, monkeypatch):
+    (tmp_path / "mine.yaml").write_text(below_head("mass.body: 2.0"))
+    assert scene_origin("paper", tmp_path) == "paper"
+    assert scene_origin("mine.yaml", tmp_path) == str(tmp_path / "mine.yaml")
+    monkeypatch.chdir(tmp_path)
+    assert scene_origin("mine.yaml", Path()) == str(tmp_path / "mine.yaml")
+    with pytest.raises(ValueError, match="neither a shipped scene nor a file"):
+        scene_origin("other.yaml", tmp_path)

@@ -1,0 +1,88 @@
+"""A YAML file from elsewhere neither hangs nor kills: it is read, or refused in one line that names it."""
+
+import os
+import time
+
+import pytest
+
+from vibro_ros.configuration.strict_yaml import LIMITS, Limits, parsed, read_scalar, read_yaml
+
+LONGEST = 10.0  # s, of the slowest document
+LAUGHS = "a: &a [x, x, x, x, x, x, x, x, x]\n" + "".join(
+    f"{two}: &{two} [{', '.join(['*' + one] * 9)}]\n" for one, two in zip("abcdefg", "bcdefgh", strict=True))
+HOSTILE = {
+    "nested lists": ("[" * 100_000, "nested more than 32 deep"),
+    "nested mappings": ("{a: " * 100_000, "nested more than 32 deep"),
+    "nested keys": ("? " * 100_000, "nested more than 32 deep"),
+    "nested dashes": ("- " * 100_000, "nested more than 32 deep"),
+    "a billion laughs": (LAUGHS, "more than 100000 keys and values"),
+    "a list in itself": ("&a [*a]", "'a' contains itself"),
+    "a mapping in itself": ("a: &x {b: *x}", "'x' contains itself"),
+    "merge": ("a: &a {x: 1}\nb: {<<: *a}", "line 2: not YAML: a merge key"),
+    "no such date": ("a: 2001-99-99", "'2001-99-99' cannot be read as timestamp"),
+    "no timestamp": ("!!timestamp x", "'x' cannot be read as timestamp"),
+    "no bool": ("!!bool maybe", "'maybe' cannot be read as bool"),
+    "no int": ("!!int junk", "'junk' cannot be read as int"),
+    "empty int": ('!!int ""', "'' cannot be read as int"),
+    "no float": ("!!float x", "'x' cannot be read as float"),
+    "no binary": ("!!binary é", "base64"),
+    "a long int": ("9" * 5000, "cannot be read as int"),
+    "a long hex": ("0x" + "f" * 5000, "more than 4096 bits"),
+    "sexagesimal": ("1:" * 20_000 + "1", "more than 4096 bits"),
+    "a mapping that is none": ("!!map x", "expected a mapping node"),
+    "a set that is none": ("!!set [a]", "expected a mapping node"),
+    "unhashable": ("? [a]\n: b", "a key that is a list or a mapping"),
+    "many keys": ("".join(f"{i}: 1\n" for i in range(60_000)), "more than 100000 keys and values"),
+    "twice": ("a: 1\nb: 2\na: 3", "'a' is given twice"),
+    "two documents": ("--- a\n--- b", "another document"),
+    "NUL": ("a: \0", "control characters"),
+    "object": ('!!python/object/apply:os.system ["true"]', "could not determine a constructor"),
+    "large": ("#" * (LIMITS.size + 1), "larger than 1048576 bytes"),
+}
+
+
+@pytest.mark.parametrize("text, reason", HOSTILE.values(), ids=HOSTILE)
+def test_what_would_hang_or_kill_is_one_line(tmp_path, text, reason):
+    path = tmp_path / "file.yaml"
+    path.write_text(text, encoding="utf-8")
+    began = time.monotonic()
+    with pytest.raises(ValueError, match="^[^\n]*$") as raised:
+        read_yaml(path)
+    assert time.monotonic() - began < LONGEST
+    assert str(raised.value).startswith(f"{path}") and reason in str(raised.value)
+
+
+@pytest.mark.parametrize("data", ["a: 1".encode("utf-16"), b"a: \xff", b"\x89MCAP0\r\n"])
+def test_what_is_no_utf8_is_one_line(tmp_path, data):
+    (tmp_path / "file.yaml").write_bytes(data)
+    with pytest.raises(ValueError, match=r"file.yaml: not YAML: byte \d is not UTF-8$"):
+        read_yaml(tmp_path / "file.yaml")
+
+
+def test_forty_thousand_keys_are_read(tmp_path):
+    (tmp_path / "file.yaml").write_text("".join(f"key{i}: {i}\n" for i in range(40_000)))
+    began = time.monotonic()
+    assert read_yaml(tmp_path / "file.yaml") == {f"key{i}": i for i in range(40_000)}
+    assert time.monotonic() - began < LONGEST  # comparing every key with every other took minutes
+
+
+def test_aliases_within_the_limit_are_read():
+    assert parsed("a: &x [1, 2]\nb: *x\nc: [*x, *x]") == {"a": [1, 2], "b": [1, 2], "c": [[1, 2], [1, 2]]}
+    with pytest.raises(ValueError, match="more than 10 keys and values"):
+        parsed("a: &x [1, 2]\nb: *x\nc: [*x, *x]", Limits(values=10))
+
+
+def test_what_is_no_regular_file_is_never_opened(tmp_path):
+    os.mkfifo(tmp_path / "pipe")
+    (tmp_path / "zero").symlink_to("/dev/zero")
+    (tmp_path / "loop").symlink_to(tmp_path / "loop")
+    for name, reason in (("pipe", "is a named pipe"), ("zero", "is a device"), (".", "is a folder"),
+                         ("loop", "Too many levels of symbolic links"), ("none", "No such file")):
+        with pytest.raises(ValueError, match=reason):
+            read_yaml(tmp_path / name)
+
+
+def test_a_hostile_scalar_is_a_text():
+    for text in ("[" * 10_000, "!!bool maybe", "&a [*a]", "{", "\0", "2001-99-99"):
+        assert read_scalar(text) == text
+    assert (read_scalar("1e-3"), read_scalar("true"), read_scalar("x")) == (1e-3, True, "x")

@@ -1,0 +1,142 @@
+"""All forces of the device, from the equations of docs/robot.md and a state: no code of the solver or of the peer.
+
+The unknowns are x'', y'', u'', w'', N, F_fr and what a mass presses with on a rigid plate that it rests on, P2 and P3,
+in the four rows of the mass matrix and one law each for ground, friction and plates, a linear system for each instant.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+SIDES = ("upper", "inclined")
+X, Y, U, W, NORMAL, FRICTION, PRESS = range(7)
+
+
+@dataclass(frozen=True)
+class Motion:
+    """A scene's state at n instants: arrays of shape (n,) by the names of `Samples`."""
+
+    scene: object
+    at: dict
+
+    def __len__(self):
+        return len(self.at["crank_angle"])
+
+    def has(self, side):
+        return self.scene[f"effects.{side}_mass"]
+
+    def tilt(self, side):
+        return self.scene["guide.angle"] if side == "inclined" else 0.0
+
+    def slider(self, side):
+        """s, by eqs. (2) and (3), and ds/dθ [m, m/rad]."""
+        angle, radius = self.at["crank_angle"] - self.tilt(side), self.scene["crank.radius"]
+        rod = self.scene[f"crank.{side}_rod"]
+        sine, cosine = np.sin(angle), np.cos(angle)
+        if radius == rod:
+            return radius * (cosine + np.abs(cosine)), -radius * sine * (1.0 + np.sign(cosine))
+        root = np.sqrt(rod**2 - (radius * sine) ** 2)
+        return radius * cosine + root, -radius * sine * (1.0 + radius * cosine / root)
+
+    def drive(self, side):
+        """Force of spring and damper on the mass, outwards."""
+        if not self.has(side):
+            return np.zeros(len(self))
+        place, slope = self.slider(side)
+        stretch = self.at[f"{side}_position"] - place
+        rate = self.at[f"{side}_velocity"] - slope * self.at["motor_speed"]
+        return -self.scene[f"{side}.spring.stiffness"] * stretch - self.scene[f"{side}.spring.damping"] * rate
+
+    def depth(self, side):
+        """u - E and its rate."""
+        return tuple(self.at[f"{side}_{name}"] - self.at[f"{side}_plate_{name}"] for name in ("position", "velocity"))
+
+    def push(self, side):
+        """Compliant plate's force, compression positive."""
+        if not self.has(side) or self.scene[f"effects.{side}_contact"] != "compliant":
+            return np.zeros(len(self))
+        depth, rate = self.depth(side)
+        force = self.scene[f"{side}.plate.stiffness"] * depth + self.scene[f"{side}.plate.damping"] * rate
+        return np.where((depth >= 0.0) & ((force >= 0.0) | self.scene["effects.adhesion"]), force, 0.0)
+
+    def moves_with_plate(self, side):
+        """Whether the mass rests on a rigid plate: it moves as that, bit for bit (and is pressed on it)."""
+        if not self.has(side) or self.scene[f"effects.{side}_contact"] != "restitution":
+            return np.zeros(len(self), dtype=bool)
+        depth, rate = self.depth(side)
+        return (rate == 0.0) & (np.abs(depth) < 1e-15)
+
+    def forces(self):
+        """Every force [N], the motor's power [W] and torque [N m], by their names in `Samples`."""
+        found, torque = {}, np.zeros(len(self))
+        solution = self._ground()
+        for i, side in enumerate(SIDES):
+            found[f"{side}_drive_force"] = self.drive(side)
+            found[f"{side}_plate_force"] = self.push(side) + solution[:, PRESS + i]
+            torque += self.drive(side) * self.slider(side)[1]
+        normal = solution[:, NORMAL]
+        found["normal_force"] = np.maximum(normal, 0.0) if self._rule == "unilateral" else normal
+        found["friction_force"] = solution[:, FRICTION]
+        return found | {"motor_torque": torque, "motor_power": torque * self.at["motor_speed"]}
+
+    @property
+    def _rule(self):
+        return self.scene["effects.normal_force"]
+
+    def _ground(self):
+        """The unknowns: first with a body at rest that sticks, then slipping where it would not, then unloaded."""
+        scene, law = self.scene, self.scene["effects.friction"]
+        kinetic = scene["ground.friction"]
+        static = scene["ground.static_friction"] if law in ("static", "stribeck") else kinetic
+        moves = self.has("inclined") and np.sin(self.tilt("inclined")) != 0.0
+        air = (self._rule == "hop") & ((self.at["body_height"] != 0.0) | (self.at["body_vertical_velocity"] != 0.0))
+        if law == "none" or not moves or static == 0.0:
+            return self._solve(air, np.zeros(len(self), dtype=bool), np.zeros(len(self)))
+        speed = self.at["body_velocity"]
+        falling = (static - kinetic) * np.exp(-np.abs(speed) / scene["ground.stribeck_speed"]) * (law == "stribeck")
+        slide, sticks = np.where(air, 0.0, np.sign(speed) * (kinetic + falling)), (speed == 0.0) & ~air
+        solution = self._solve(air, sticks, slide)
+        breaks = sticks & (np.abs(solution[:, FRICTION]) > static * solution[:, NORMAL] * (1 + 1e-12) + 1e-12)
+        at_first = static if law == "stribeck" else kinetic
+        slide = np.where(breaks, np.sign(solution[:, FRICTION]) * at_first, slide)
+        solution = self._solve(air, sticks & ~breaks, slide)
+        if self._rule == "unilateral":
+            loose = solution[:, NORMAL] < 0.0
+            solution = self._solve(air, sticks & ~breaks & ~loose, np.where(loose, 0.0, slide))
+        return solution
+
+    def _solve(self, air, sticks, slide):
+        """With F_fr = `slide` N where the body does not stick; masses that a plate would have to hold leave it."""
+        resting = [self.moves_with_plate(side) for side in SIDES]
+        solution = self._solve_resting(air, sticks, slide, resting)
+        pulled = [rests & (solution[:, PRESS + i] < 0.0) for i, rests in enumerate(resting)]
+        if not np.any(pulled):
+            return solution
+        return self._solve_resting(air, sticks, slide, np.array(resting) & ~np.array(pulled))
+
+    def _solve_resting(self, air, sticks, slide, resting):
+        scene = self.scene
+        acts, weighs = float(scene["effects.reaction"]), float(scene["effects.mass_weight"])
+        masses = [scene[f"mass.{side}"] * self.has(side) for side in SIDES]
+        total, gravity = scene["mass.body"] + sum(masses), scene["gravity"]
+        rows, known = np.zeros((len(self), 8, 8)), np.zeros((len(self), 8))
+        rows[:, X, X] = rows[:, Y, Y] = total
+        rows[:, X, FRICTION], rows[:, Y, NORMAL] = 1.0, -1.0
+        known[:, Y] = -total * gravity
+        for i, side in enumerate(SIDES):
+            mass, force, rests = masses[i], PRESS + i, resting[i]
+            across, up = -np.sin(self.tilt(side)), np.cos(self.tilt(side))
+            if self._rule == "weight":
+                rows[:, X, U + i] = mass * across
+            else:
+                rows[:, X, U + i], rows[:, Y, U + i] = mass * across, mass * up
+            rows[:, U + i, U + i] = mass if mass else 1.0
+            rows[:, U + i, X], rows[:, U + i, Y] = acts * mass * across, acts * mass * up
+            rows[:, U + i, force] = 1.0
+            known[:, U + i] = self.drive(side) - self.push(side) - weighs * mass * gravity * up
+            rows[:, force, U + i], rows[:, force, force] = rests, ~rests
+        rows[:, NORMAL, NORMAL], rows[:, NORMAL, Y] = air, ~air
+        rows[:, FRICTION, X] = sticks
+        rows[:, FRICTION, FRICTION] = ~sticks
+        rows[:, FRICTION, NORMAL] = np.where(sticks, 0.0, -slide)
+        return np.linalg.solve(rows, known[..., None])[..., 0]

@@ -1,0 +1,291 @@
+"""Every executable is entered and left in one way, whatever signals, streams and folders it meets."""
+
+import ast
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator, Sequence
+from importlib.metadata import entry_points
+from pathlib import Path
+
+import pytest
+
+from vibro_ros.process import front_door, stop_signals
+from vibro_ros.process.executables import EXECUTABLES
+
+ROOT = Path(__file__).resolve().parents[2]
+PATIENCE = 60.0  # [s] deadline of what takes a second on an idle machine
+PROMPT = 10.0  # [s] deadline of what takes a few milliseconds on an idle machine
+
+Start = Callable[..., subprocess.Popen]
+
+
+@pytest.fixture
+def start(tmp_path: Path) -> Iterator[Start]:
+    """Start an executable in a folder of the test's; killed at the end if it runs."""
+    started: list[subprocess.Popen] = []
+
+    def start_one(*words: str, **options: object) -> subprocess.Popen:
+        pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True, "cwd": tmp_path}
+        started.append(subprocess.Popen([sys.executable, *words], **pipes | options))
+        return started[-1]
+
+    yield start_one
+    for process in started:
+        process.kill()
+        process.wait()
+
+
+def module(name: str) -> tuple[str, str]:
+    return "-m", EXECUTABLES[name].module
+
+
+def wait_until(done: Callable[[], bool], what: str) -> None:
+    deadline = time.monotonic() + PATIENCE
+    while not done():
+        assert time.monotonic() < deadline, f"{what}: not within {PATIENCE} s"
+        time.sleep(0.002)
+
+
+def takes_signals(process: subprocess.Popen) -> bool:
+    """Whether the process has its own answer to SIGHUP, which Python itself has not."""
+    status = Path(f"/proc/{process.pid}/status").read_text()
+    caught = next(line for line in status.splitlines() if line.startswith("SigCgt"))
+    return bool(int(caught.split()[1], 16) >> (signal.SIGHUP - 1) & 1)
+
+
+def said_after(process: subprocess.Popen, patience: float = PATIENCE) -> tuple[int, str, str]:
+    """Exit code, stdout and stderr."""
+    out, err = process.communicate(timeout=patience)
+    return process.returncode, out, err
+
+
+def test_every_console_script_enters_by_it():
+    scripts = [script for script in entry_points(group="console_scripts")
+               if script.value.startswith("vibro_ros.")]
+    assert {script.name for script in scripts} == {name for name, one in EXECUTABLES.items() if one.installed}
+    for script in scripts:
+        assert script.value == f"vibro_ros.process.front_door:{script.name}"
+        entrance = script.load()
+        assert (entrance.func, entrance.args) == (front_door.enter, (script.name,))
+
+
+def test_every_module_that_can_be_run_is_in_the_list():
+    guard = '\nif __name__ == "__main__":'
+    runnable = {file for file in (ROOT / "vibro_ros").rglob("*.py") if guard in file.read_text()}
+    listed = {ROOT / f"{one.module.replace('.', '/')}.py" for one in EXECUTABLES.values()}
+    assert runnable == listed
+
+
+@pytest.mark.parametrize("name", EXECUTABLES)
+def test_every_executable_begins_with_the_front_door(name):
+    """Before anything else is imported, so that Ctrl-C is heard; and no parser of arguments has errors of its own."""
+    source = (ROOT / f"{EXECUTABLES[name].module.replace('.', '/')}.py").read_text(encoding="utf-8")
+    tree = ast.parse(source)
+    first = next(node for node in tree.body[1:])
+    assert isinstance(first, ast.If) and f'enter("{name}")' in ast.unparse(first).replace("'", '"')
+    assert "argparse.ArgumentParser" not in source
+
+
+@pytest.mark.parametrize("name", EXECUTABLES)
+def test_its_help_begins_with_what_the_list_says(start, name):
+    does = EXECUTABLES[name].does
+    assert does.endswith(".") and len(does) < 100  # one line of a terminal
+    code, said, err = said_after(start(*module(name), "--help"))
+    assert (code, err) == (0, "")
+    assert does in " ".join(said.split())
+
+
+@pytest.mark.parametrize("name, number, code", [
+    ("report", signal.SIGINT, 130), ("report", signal.SIGTERM, 143), ("replay", signal.SIGHUP, 129),
+    ("robot", signal.SIGINT, 0), ("robot", signal.SIGHUP, 0), ("controller", signal.SIGTERM, 143),
+    ("accuracy", signal.SIGINT, 130), ("recover", signal.SIGINT, 130), ("demo", signal.SIGINT, 130),
+])
+def test_a_signal_during_imports_ends_it_with_one_line(start, name, number, code):
+    process = start(*module(name), "--help")
+    wait_until(lambda: takes_signals(process), "signals taken")
+    process.send_signal(number)
+    assert said_after(process, PROMPT) == (code, "", f"{name}: stopped while starting\n")
+
+
+def test_a_signal_at_any_instant_of_the_imports(start):
+    for delay in (0.0, 0.1, 0.2, 0.3, 0.4, 0.6, 0.8):
+        process = start(*module("accuracy"), "--scene", "nonsense")
+        wait_until(lambda process=process: takes_signals(process), "signals taken")
+        time.sleep(delay)  # the instant is what is tested
+        process.send_signal(signal.SIGINT)
+        code, _, said = said_after(process, PROMPT)
+        assert (code, said.count("\n")) in [(130, 1), (2, 1)], said  # 2: it had seen that there is no such scene
+        assert "Traceback" not in said
+
+
+DOOR = """
+import signal, sys, threading, time
+from types import ModuleType
+from vibro_ros.process import front_door, stop_signals
+from vibro_ros.process.executables import Executable
+def main(words):
+    {main}
+sys.modules["planted"] = planted = ModuleType("planted")
+planted.main = main
+front_door.EXECUTABLES["planted"] = Executable("planted", False, "")
+code = front_door.enter("planted")
+sys.exit(code)
+"""
+READY = "print('ready', flush=True)"
+
+
+def planted(start: Start, *lines: str, **options: object) -> subprocess.Popen:
+    """An executable whose `main` is these lines, once it is ready."""
+    process = start("-c", DOOR.format(main="\n    ".join([*lines, "return 0"])), **options)
+    assert process.stdout.readline() == "ready\n"
+    return process
+
+
+def test_an_interrupt_that_a_finaliser_swallows_is_raised_again(start):
+    process = planted(start, "class Slow:", "    def __del__(self):", f"        {READY}", "        time.sleep(60)",
+                      "Slow()", "time.sleep(600)")
+    process.send_signal(signal.SIGINT)
+    assert said_after(process, PROMPT) == (130, "", "planted: stopped\n")
+
+
+def test_who_swallows_every_interrupt_is_ended(start):
+    process = planted(start, READY, "while True:", "    try:", "        time.sleep(600)",
+                      "    except KeyboardInterrupt:", "        print('no', flush=True)")
+    for _ in range(stop_signals.MOST_INTERRUPTS):
+        process.send_signal(signal.SIGTERM)
+        assert process.stdout.readline() == "no\n"
+    process.send_signal(signal.SIGTERM)
+    assert said_after(process, PROMPT) == (143, "", "planted: stopped\n")
+
+
+REQUEST = ("with stop_signals.StopRequest() as stop:", "    {before}", f"    {READY}", "    while {condition}:",
+           "        time.sleep(0.01)", "    print('asked', flush=True)", "    time.sleep({rest})", "return 7")
+
+
+def requested(start: Start, before: str = "pass", condition: str = "not stop", rest: float = 0.0) -> subprocess.Popen:
+    return planted(start, *(line.format(before=before, condition=condition, rest=rest) for line in REQUEST))
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_a_request_is_polled(start, number):
+    process = requested(start)
+    process.send_signal(number)
+    assert said_after(process, PROMPT) == (7, "asked\n", "")
+
+
+def test_a_second_signal_ends_a_start_that_does_not_poll(start):
+    process = requested(start, condition="True")
+    process.send_signal(signal.SIGINT)
+    process.send_signal(signal.SIGTERM)
+    code, _, _ = said_after(process, PROMPT)
+    assert code in (130, 143)  # two signals that wait have no order
+
+
+def test_what_is_held_open_is_closed_whatever_comes(start):
+    process = requested(start, before="stop.hold()", rest=0.5)
+    process.send_signal(signal.SIGINT)
+    assert process.stdout.readline() == "asked\n"
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        process.send_signal(number)
+    assert said_after(process, PROMPT) == (7, "", "")
+
+
+def test_nohup_is_heeded_and_an_ignored_ctrl_c_is_not(start):
+    def as_nohup_in_a_script():
+        signal.signal(signal.SIGHUP, signal.SIG_IGN)
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+    process = planted(start, READY, "time.sleep(600)", preexec_fn=as_nohup_in_a_script)
+    process.send_signal(signal.SIGHUP)
+    time.sleep(0.2)  # it must not end, however long one waits
+    assert process.poll() is None
+    process.send_signal(signal.SIGINT)
+    assert said_after(process, PROMPT) == (130, "", "planted: stopped\n")
+
+
+def test_a_thread_that_works_on_does_not_delay_the_end(start):
+    process = planted(start, "threading.Thread(target=time.sleep, args=(600,), daemon=True).start()", READY,
+                      "sys.stdin.read()", "print('last word', end='')", "return 5", stdin=subprocess.PIPE)
+    assert said_after(process, PROMPT) == (5, "last word", "")
+
+
+def test_a_forked_process_ends_by_a_signal_as_any_other(start):
+    process = planted(start, "import os", "child = os.fork()", "if child == 0:", "    time.sleep(600)",
+                      "os.kill(child, signal.SIGTERM)", READY, "sys.stdin.read()", "print(os.waitpid(child, 0)[1])",
+                      stdin=subprocess.PIPE)
+    assert said_after(process, PROMPT) == (0, f"{signal.SIGTERM:d}\n", "")
+
+
+ERRORS = {
+    "bad input": ("raise ValueError('a: b\\n  c')", 2, "planted: a: b c\n"),
+    "failure": ("raise RuntimeError('no')", 1, "planted: no\n"),
+    "file": ("open('none')", 1, "planted: none: No such file or directory\n"),
+    "memory": ("bytearray(2**60)", 1, "planted: not enough memory; free some, or give less at a time\n"),
+}
+
+
+@pytest.mark.parametrize("line, code, said", ERRORS.values(), ids=ERRORS)
+def test_a_foreseen_error_is_one_line(start, line, code, said):
+    process = planted(start, READY, "def body():", f"    {line!s}".replace("\n", "\\n"),
+                      "return front_door.exit_code('planted', body)")
+    assert said_after(process) == (code, "", said)
+
+
+def test_a_terminal_without_greek_gets_the_help_all_the_same(start):
+    process = start(*module("robot"), "--help", env={**os.environ, "LC_ALL": "C", "PYTHONIOENCODING": "ascii"})
+    code, out, err = said_after(process)
+    assert (code, err) == (0, "")
+    assert "angle of the inclined guide from the vertical, \\u03c6" in out
+
+
+def run_shell(command: str, folder: Path) -> subprocess.CompletedProcess:
+    return subprocess.run(["bash", "-c", f"set -o pipefail; {command}"], cwd=folder, capture_output=True, text=True,
+                          timeout=PATIENCE)
+
+
+HELP = f"{sys.executable} -m vibro_ros.recordings.recover --help"
+STREAMS = {
+    "closed pipe": (f"{HELP} | head -0", 0, ""),
+    "closed stdout": (f"{HELP} >&-", 0, ""),
+    "all closed": (f"{HELP} <&- >&- 2>&-", 0, ""),
+    "full disk": (f"{HELP} > /dev/full", 1, "recover: standard output: No space left on device\n"),
+    "closed stderr": (f"{sys.executable} -m vibro_ros.recordings.recover none 2>&-", 2, ""),
+    "closed pipe for errors": (f"{sys.executable} -m vibro_ros.recordings.recover none none 2>&1 | head -0", 2, ""),
+    "deleted folder": (f"mkdir gone; cd gone; rmdir ../gone; {HELP}", 2,
+                       "recover: {folder}/gone: this working folder was deleted; change to another one\n"),
+}
+
+
+@pytest.mark.parametrize("command, code, said", STREAMS.values(), ids=STREAMS)
+def test_streams_and_folders_that_are_not_there(tmp_path, command, code, said):
+    done = run_shell(command, tmp_path)
+    assert (done.returncode, done.stderr) == (code, said.format(folder=tmp_path))
+
+
+def test_a_file_never_gets_the_number_of_a_closed_stream(tmp_path):
+    program = DOOR.format(main="file = open('number', 'w'); file.write(str(file.fileno()))")
+    (tmp_path / "program.py").write_text(program)
+    done = run_shell(f"{sys.executable} program.py <&- >&- 2>&-", tmp_path)
+    assert done.returncode == 0
+    assert int((tmp_path / "number").read_text()) > 2
+
+
+def test_without_ros_it_says_what_to_do(start):
+    program = ("import sys; sys.modules['rclpy'] = None; from vibro_ros.process import front_door; "
+               "sys.exit(front_door.enter('robot'))")
+    code, out, err = said_after(start("-c", program))
+    assert (code, out) == (1, "")
+    assert err == ("robot: rclpy: no such Python module here; source a ROS 2 Jazzy installation, or use the "
+                   "environment that `make setup` makes\n")
+
+
+def test_an_unknown_option_is_one_line(start):
+    words: Sequence[tuple[str, int]] = [(name, 2) for name in ("report", "recover")]
+    for name, expected in words:
+        code, out, err = said_after(start(*module(name), "--nonsense"))
+        assert (code, out) == (expected, "")
+        assert err.startswith(f"{name}: ") and err.endswith(f"`{name} --help` shows what there is\n")
+        assert err.count("\n") == 1

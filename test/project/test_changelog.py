@@ -1,0 +1,21 @@
+"""The changelog tells of the package's version, and of each version whether bits changed."""
+
+import re
+from importlib.metadata import version
+from pathlib import Path
+from xml.etree import ElementTree
+
+ROOT = Path(__file__).resolve().parents[2]
+ENTRIES = re.findall(r"^## (\S+)\n(.*?)(?=^## |\Z)", (ROOT / "CHANGELOG.md").read_text(), re.MULTILINE | re.DOTALL)
+PACKAGE = ElementTree.parse(ROOT / "package.xml").getroot()
+
+
+def test_the_top_entry_is_the_packages_version():
+    assert ENTRIES[0][0] == PACKAGE.findtext("version") == version("vibro_ros")
+
+
+def test_versions_fall_and_each_tells_of_its_bits():
+    numbers = [tuple(map(int, name.split("."))) for name, _ in ENTRIES]
+    assert len(numbers) > 1 and numbers == sorted(set(numbers), reverse=True)
+    for name, text in ENTRIES:
+        assert re.search(r"^\*\*Bits:\*\* \w", text, re.MULTILINE), name

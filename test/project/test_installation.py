@@ -1,0 +1,133 @@
+"""Both ways to install, from a copy of the source: a colcon workspace, and a wheel put below a prefix."""
+
+import os
+import shutil
+import subprocess
+import sys
+from dataclasses import dataclass
+from importlib.metadata import EntryPoint, distributions
+from pathlib import Path
+
+import pytest
+from ament_index_python import get_package_prefix
+from ament_index_python.packages import get_package_share_directory
+
+from vibro_ros.process.executables import EXECUTABLES
+
+ROOT = Path(__file__).resolve().parents[2]
+SOURCES = ("LICENSE", "config", "package.xml", "resource", "setup.cfg", "setup.py", "vibro_ros")
+CONFIG = sorted(file.relative_to(ROOT) for file in (ROOT / "config").rglob("*") if file.is_file())
+DEADLINE = 300.0  # [s] for one build; it takes a few seconds on an idle machine
+
+
+@dataclass(frozen=True)
+class Installation:
+    """One installed copy: its prefix, where its executables are, and the shell line that makes it known."""
+
+    prefix: Path
+    executables: Path
+    activation: str
+
+    @property
+    def entry_points(self) -> list[EntryPoint]:
+        """The console scripts that the installed metadata declares."""
+        folders = {str(file.parent) for file in self.prefix.glob("**/*-packages/vibro_ros")}
+        named = [found for found in distributions(path=list(folders)) if found.name.replace("-", "_") == "vibro_ros"]
+        return list(named[0].entry_points.select(group="console_scripts"))
+
+    def run(self, command: str, folder: Path) -> str:
+        """Run a shell command as a user of this installation, and return what it prints."""
+        return run(["bash", "-c", f"{self.activation} && {command}"], folder)
+
+
+def run(command: list[str], folder: Path) -> str:
+    """Run a command that knows nothing of the checkout, and return what it prints; fail with all of it."""
+    hidden = {"PYTHONPATH", "PYTHONDONTWRITEBYTECODE", "AMENT_PREFIX_PATH", "COLCON_PREFIX_PATH"}
+    environment = {name: value for name, value in os.environ.items() if name not in hidden}
+    done = subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, timeout=DEADLINE)
+    assert done.returncode == 0, f"{command} ended with {done.returncode}:\n{done.stdout}\n{done.stderr}"
+    return done.stdout
+
+
+@pytest.fixture(scope="module")
+def source(tmp_path_factory) -> Path:
+    """Copy what is installed, so that no build folder appears in the checkout."""
+    copy = tmp_path_factory.mktemp("workspace") / "src" / "vibro_ros"
+    copy.mkdir(parents=True)
+    for name in SOURCES:
+        if (ROOT / name).is_dir():
+            shutil.copytree(ROOT / name, copy / name, ignore=shutil.ignore_patterns("__pycache__"))
+        else:
+            shutil.copy(ROOT / name, copy / name)
+    return copy
+
+
+@pytest.fixture(scope="module")
+def colcon(source) -> Installation:
+    """Build the package in a colcon workspace."""
+    workspace = source.parents[1]
+    run([colcon_program(), "build", "--executor", "sequential"], workspace)
+    prefix = workspace / "install" / "vibro_ros"
+    return Installation(prefix, prefix / "lib" / "vibro_ros", f"source {workspace}/install/local_setup.bash")
+
+
+@pytest.fixture(scope="module")
+def wheel(source, tmp_path_factory) -> Installation:
+    """Build a wheel and install it below a prefix of its own."""
+    folder = tmp_path_factory.mktemp("wheel")
+    pip = [sys.executable, "-m", "pip", "--disable-pip-version-check"]
+    offline = ["--no-deps", "--no-index"]
+    run([*pip, "wheel", *offline, "--no-build-isolation", "--use-pep517", "--wheel-dir", ".", str(source)], folder)
+    (built,) = folder.glob("*.whl")
+    run([*pip, "install", *offline, "--ignore-installed", "--prefix", str(folder / "prefix"), str(built)], folder)
+    (executables,) = (folder / "prefix").glob("**/bin")  # Debian's pip puts `local/` before it
+    (packages,) = (folder / "prefix").glob("**/*-packages")
+    return Installation(executables.parent, executables, f"export PYTHONPATH={packages}")
+
+
+def colcon_program() -> str:
+    """Return the path of colcon, this interpreter's own where there is one."""
+    path = os.pathsep.join([str(Path(sys.executable).parent), os.environ.get("PATH", "")])
+    program = shutil.which("colcon", path=path)
+    assert program, "colcon is missing; install colcon-common-extensions"
+    return program
+
+
+@pytest.fixture(params=["colcon", "wheel"])
+def installation(request) -> Installation:
+    """Give each of the two installations in turn."""
+    return request.getfixturevalue(request.param)
+
+
+def test_colcon_knows_a_ros_package(source):
+    assert "(ros.ament_python)" in run([colcon_program(), "list"], source.parents[1])
+
+
+def test_every_executable_is_installed(installation):
+    assert {entry.name for entry in installation.entry_points} == {
+        name for name, one in EXECUTABLES.items() if one.installed}
+    for entry in installation.entry_points:
+        assert os.access(installation.executables / entry.name, os.X_OK), entry.name
+
+
+def test_configuration_is_installed_and_found(installation, tmp_path):
+    share = installation.prefix / "share" / "vibro_ros"
+    assert CONFIG
+    for file in CONFIG:
+        assert (share / file).read_bytes() == (ROOT / file).read_bytes()
+    program = "from vibro_ros.configuration import shipped; print(shipped.config_folder())"
+    found = installation.run(f'"{sys.executable}" -c "{program}"', tmp_path)
+    assert Path(found.strip()) == share / "config"
+
+
+def test_ament_index_knows_the_package(installation, monkeypatch):
+    monkeypatch.setenv("AMENT_PREFIX_PATH", str(installation.prefix))
+    assert get_package_prefix("vibro_ros") == str(installation.prefix)
+    assert Path(get_package_share_directory("vibro_ros"), "package.xml").read_bytes() == (
+        ROOT / "package.xml"
+    ).read_bytes()
+
+
+def test_every_executable_explains_itself(installation, tmp_path):
+    for entry in installation.entry_points:
+        assert "usage" in installation.run(f"{installation.executables / entry.name} --help", tmp_path).lower()

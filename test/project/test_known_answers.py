@@ -1,0 +1,56 @@
+"""docs/known_answers.md and the tests say the same: each number has its tests, and each test cites its numbers."""
+
+import ast
+import re
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+PAGE = (ROOT / "docs" / "known_answers.md").read_text(encoding="utf-8")
+ROWS = re.findall(r"^\| (A\d+) \|(.*)\|$", PAGE, re.MULTILINE)
+NUMBER = re.compile(r"\bA\d+\b")
+
+
+def docstrings(path: Path) -> dict[str, str]:
+    """Docstrings of a file's tests, by the names of the tests."""
+    return {node.name: ast.get_docstring(node) or "" for node in ast.parse(path.read_text(encoding="utf-8")).body
+            if isinstance(node, ast.FunctionDef) and node.name.startswith("test_")}
+
+
+def cited() -> dict[tuple[str, str], set[str]]:
+    """Numbers in the docstring of each test of the repository, by file and test."""
+    found = {(path.name, test): set(NUMBER.findall(text)) for path in (ROOT / "test").rglob("test_*.py")
+             for test, text in docstrings(path).items()}
+    return {test: numbers for test, numbers in found.items() if numbers}
+
+
+def told() -> dict[tuple[str, str], set[str]]:
+    """Numbers of each test on the page, by file and test."""
+    found: dict[tuple[str, str], set[str]] = {}
+    for number, row in ROWS:
+        for test in re.findall(r"`(test_\w+\.py)::(test_\w+)`", row):
+            found.setdefault(test, set()).add(number)
+    return found
+
+
+def test_numbers_run_from_one_without_a_gap():
+    assert [number for number, _ in ROWS] == [f"A{k + 1}" for k in range(len(ROWS))] and len(ROWS) > 30
+
+
+@pytest.mark.parametrize(("number", "row"), ROWS, ids=[number for number, _ in ROWS])
+def test_every_known_answer_says_what_agrees_how_well_and_by_which_test(number, row):
+    case, answer, tolerance, tests = (cell.strip() for cell in row.split(" | "))
+    assert case and answer and tolerance
+    assert re.fullmatch(r"`test_\w+\.py::test_\w+`(, `test_\w+\.py::test_\w+`)*", tests)
+
+
+def test_the_tests_on_the_page_are_those_that_cite_its_numbers():
+    assert told() == cited()
+
+
+def test_every_number_cited_in_the_code_is_on_the_page():
+    files = [path for folder in ("test", "vibro_ros") for path in (ROOT / folder).rglob("*.py")
+             if path != Path(__file__)]
+    numbers = {number for path in files for number in NUMBER.findall(path.read_text(encoding="utf-8"))}
+    assert numbers and numbers <= {number for number, _ in ROWS}

@@ -1,0 +1,84 @@
+"""The locks pin everything that setup.py asks for, all the way down; package.xml names what is imported."""
+
+import ast
+import re
+import subprocess
+import sys
+from importlib.metadata import Distribution, requires
+from pathlib import Path
+
+import pytest
+from catkin_pkg.package import parse_package
+from packaging.requirements import Requirement
+from packaging.version import Version
+
+ROOT = Path(__file__).resolve().parents[2]
+ROSDEP_KEYS = {"PIL": "python3-pil", "mcap": "python3-mcap-pip", "rosbags": "python3-rosbags-pip",
+               "yaml": "python3-yaml",  # not python3-<import>
+               "llvmlite": "python3-numba", "lz4": "python3-rosbags-pip"}  # these two are brought by others
+ROSDEP_KEYS |= {name: f"python3-{name}" for name in ("matplotlib", "numba", "numpy", "scipy", "tqdm")}
+LOCKS = ("requirements.txt", "requirements-bench.txt")
+NO_ROSDEP_KEY = {"heyoka"}  # of the extra `bench`; only the room peer imports it
+
+
+def canonical(name: str) -> str:
+    """Return a distribution's name as indexes compare it."""
+    return re.sub(r"[-_.]+", "-", name).lower()
+
+
+@pytest.fixture(scope="module")
+def pins() -> dict[str, Version]:
+    """Return the pinned version of each package that this interpreter needs."""
+    text = "\n".join((ROOT / lock).read_text() for lock in LOCKS)
+    lines = [line.partition("#")[0].strip() for line in text.splitlines()]
+    wanted = [Requirement(line) for line in lines if line]
+    applying = [pin for pin in wanted if pin.marker is None or pin.marker.evaluate()]
+    return {canonical(pin.name): Version(str(pin.specifier).removeprefix("==")) for pin in applying}
+
+
+@pytest.fixture(scope="module")
+def asked(tmp_path_factory) -> list[Requirement]:
+    """Return what setup.py asks for with this interpreter, extras included."""
+    folder = tmp_path_factory.mktemp("metadata")
+    command = [sys.executable, "setup.py", "--quiet", "egg_info", "--egg-base", str(folder)]
+    subprocess.run(command, cwd=ROOT, check=True, timeout=60)
+    found = Distribution.at(folder / "vibro_ros.egg-info")
+    extras = found.metadata.get_all("Provides-Extra")
+    return [wanted for wanted in map(Requirement, found.requires)
+            if wanted.marker is None or any(wanted.marker.evaluate({"extra": extra}) for extra in extras)]
+
+
+def applies(requirement: Requirement) -> bool:
+    """Say whether a requirement of an installed package holds for this interpreter, without extras."""
+    return requirement.marker is None or requirement.marker.evaluate({"extra": ""})
+
+
+def test_pins_are_complete(pins, asked):
+    waiting, seen = list(asked), set()
+    while waiting:
+        wanted = waiting.pop()
+        name = canonical(wanted.name)
+        assert name in pins, f"{wanted} is not pinned"
+        assert wanted.specifier.contains(pins[name]), f"{name}=={pins[name]} is pinned, {wanted} is needed"
+        if name not in seen:
+            seen.add(name)
+            waiting += filter(applies, map(Requirement, requires(name) or []))
+
+
+def test_package_xml_is_valid_and_names_what_is_imported():
+    warnings = []
+    package = parse_package(ROOT / "package.xml", warnings=warnings)
+    package.validate(warnings=warnings)
+    assert warnings == []
+    assert package.package_format == 3
+    declared = {dependency.name for dependency in package.exec_depends}
+    assert {ROSDEP_KEYS.get(name, name) for name in foreign_imports() - NO_ROSDEP_KEY} - declared == set()
+
+
+def foreign_imports() -> set[str]:
+    """Return the top-level names of all packages, neither ours nor Python's own, that our modules import."""
+    trees = [ast.parse(file.read_text()) for file in (ROOT / "vibro_ros").rglob("*.py")]
+    nodes = [node for tree in trees for node in ast.walk(tree)]
+    names = {name.name for node in nodes if isinstance(node, ast.Import) for name in node.names}
+    names |= {node.module for node in nodes if isinstance(node, ast.ImportFrom) and not node.level}
+    return {name.split(".")[0] for name in names} - sys.stdlib_module_names - {"vibro_ros"}

@@ -1,0 +1,239 @@
+"""The picture shows the recording's own numbers."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from matplotlib.colors import to_rgb
+
+from vibro_ros.bag.reader import read_bag
+from vibro_ros.recordings import plots, traces
+from vibro_ros.recordings.plots import MOMENT, plot_run
+
+ROWS = ["body displacement [mm]", "upper mass [mm]", "inclined mass [mm]", "peak force [N]", "ground force N [N]",
+        "motor [rad/s]", "motor power [W]"]
+
+
+@pytest.fixture
+def bag(record_run):
+    return read_bag(record_run(gap=(1.0, 1.2)))
+
+
+def panels(figure):
+    """Axes of the whole run and of the moment, by the label of the row."""
+    own = [axes for axes in figure.axes if not axes.get_ylabel().endswith("[%]")]
+    assert [one.get_ylabel() for one in own[::2]] == [one.get_ylabel() for one in own[1::2]]
+    return {left.get_ylabel(): (left, right) for left, right in zip(own[::2], own[1::2], strict=True)}
+
+
+@pytest.fixture
+def shown(bag):
+    return panels(plot_run(bag))
+
+
+def lines(axes):
+    return {line.get_label(): line for line in axes.get_lines()}
+
+
+def changed(bag, topic, **arrays):
+    """The same recording with other numbers in one topic."""
+    name = bag.full_name(topic)
+    return dataclasses.replace(bag, arrays={**bag.arrays, name: {**bag.arrays[name], **arrays}})
+
+
+def test_every_axis_has_its_unit_and_both_columns_share_time(shown):
+    assert list(shown) == ROWS
+    for column in (0, 1):
+        assert shown[ROWS[-1]][column].get_xlabel() == "time from start of recording [s]"
+        assert len({axes[column].get_xlim() for axes in shown.values()}) == 1
+    left, right = shown[ROWS[0]]
+    assert left.get_xlim() == (0.0, pytest.approx(4.0))
+    assert np.ptp(right.get_xlim()) == pytest.approx(MOMENT)
+
+
+def test_no_label_covers_a_label_or_a_number(bag):
+    """A second axis on the right of the left column has its own, as in a recording with N at or below 0."""
+    load = np.tile([0.0, 0.0, 11.6], (len(bag["ground_contact"]["time"]), 1))
+    load[::2, 2] = -5.0
+    figure = plot_run(changed(bag, "ground_contact", force=load))
+    assert any(axes.get_ylabel().endswith("[%]") for axes in figure.axes)
+    figure.draw_without_rendering()
+    labels = [axes.yaxis.label.get_window_extent() for axes in figure.axes]
+    numbers = [one.get_window_extent() for axes in figure.axes for one in axes.get_yticklabels()]
+    assert [one for k, one in enumerate(labels) if one.count_overlaps([*labels[:k], *numbers])] == []
+
+
+def test_body_moves_in_millimetres_from_its_first_sample(shown, bag):
+    time, drawn = shown[ROWS[0]][0].get_lines()[0].get_data()
+    kept = np.isfinite(time)
+    np.testing.assert_array_equal(time[kept], bag["odom"]["time"])
+    np.testing.assert_allclose(drawn[kept], -250.0 * time[kept], rtol=0, atol=1e-9)
+
+
+def test_a_long_way_is_shown_in_metres(bag):
+    far = changed(bag, "odom", position=1000.0 * bag["odom"]["position"])
+    left, _ = panels(plot_run(far))["body displacement [m]"]
+    assert np.nanmin(left.get_lines()[0].get_ydata()) == pytest.approx(-1000.0)
+
+
+def test_curves_break_at_the_gap_and_only_there(shown):
+    time = shown[ROWS[0]][0].get_lines()[0].get_xdata()
+    [broken] = np.flatnonzero(np.isnan(time))
+    assert (time[broken - 1], time[broken + 1]) == (pytest.approx(1.0), pytest.approx(1.2))
+    mean, power = lines(shown["motor power [W]"][0])["mean over whole turns"].get_data()
+    lost = np.isnan(power)
+    assert 0.9 < mean[lost].min() and mean[lost].max() < 1.3
+
+
+def test_the_band_of_a_mass_reaches_from_its_lowest_sample_to_its_impacts_at_the_plate(shown):
+    """Samples reach 60 mm at t = 0, 0.1, ... s only; the inclined mass stays below 60 mm, its impacts are at 61 mm."""
+    for label, top in (("upper mass [mm]", 60.0), ("inclined mass [mm]", 61.0)):
+        heights = np.concatenate([path.vertices for path in shown[label][0].collections[0].get_paths()])[:, 1]
+        assert (heights.min(), heights.max()) == (pytest.approx(20.0, abs=0.1), pytest.approx(top, abs=1e-9))
+
+
+def test_a_mass_is_at_its_plate_at_the_instant_of_every_impact(shown, bag):
+    begin, end = shown[ROWS[0]][1].get_xlim()
+    for guide, plate in (("upper", 60.0), ("inclined", 61.0)):
+        drawn = lines(shown[f"{guide} mass [mm]"][1])
+        marks, heights = drawn["impact, at the plate"].get_data()
+        stamps = bag["impacts"]["stamp"][bag["impacts"]["frame"] == f"{guide}_plate"]
+        np.testing.assert_array_equal(marks, stamps[(stamps >= begin) & (stamps <= end)])
+        assert len(marks) > 0
+        np.testing.assert_allclose(heights, plate, rtol=1e-12)
+        time, position = drawn[f"{guide} mass"].get_data()
+        np.testing.assert_allclose(position[np.isin(time, marks)], plate, rtol=1e-12)
+        assert np.isin(marks, time).all()
+
+
+def test_mean_power_is_exact(shown):
+    time, mean = lines(shown["motor power [W]"][0])["mean over whole turns"].get_data()
+    kept = np.isfinite(mean)
+    assert kept.sum() > 10
+    np.testing.assert_allclose(mean[kept], 2.0 + time[kept], rtol=1e-12)
+
+
+def test_a_mean_over_turns_does_not_swing_with_the_crank():
+    time = np.linspace(0.0, 10.0, 5001)
+    angle = 2.0 * np.pi * 3.7 * time
+    middle, mean = traces.mean_over_turns(time, 1.0 + np.cos(angle), time, angle, np.linspace(0.0, 10.0, 61))
+    inside = (middle > 0.5) & (middle < 9.5)
+    np.testing.assert_allclose(mean[inside], 1.0, atol=1e-4)
+
+
+def test_every_blow_has_its_peak_force(shown, bag):
+    drawn = lines(shown["peak force [N]"][0])
+    for guide, count in (("upper", 60), ("inclined", 30)):
+        time, force = drawn[f"{guide} impacts"].get_data()
+        assert len(time) == count
+        np.testing.assert_array_equal(force, 1000.0)
+
+
+def test_many_blows_are_drawn_as_their_range(bag, monkeypatch):
+    monkeypatch.setattr(plots, "FEW", 40)
+    force = np.zeros((90, 3))
+    force[:, 2] = np.arange(90.0)
+    drawn = lines(panels(plot_run(changed(bag, "impacts", force=force)))["peak force [N]"][0])
+    strongest = drawn["upper impacts, strongest and weakest (dots)"].get_ydata()
+    upper = force[bag["impacts"]["frame"] == "upper_plate", 2]
+    assert np.nanmax(strongest) == upper.max()
+    assert len(drawn["inclined impacts"].get_xdata()) == 30
+
+
+def test_the_share_of_samples_that_the_ground_does_not_carry(bag):
+    force = bag["ground_contact"]["force"].copy()
+    force[bag["ground_contact"]["time"] >= 2.0, 2] = 0.0
+    figure = plot_run(changed(bag, "ground_contact", force=force))
+    [percent] = [axes for axes in figure.axes if axes.get_ylabel().endswith("[%]")]
+    time, share = percent.get_lines()[0].get_data()
+    kept = np.isfinite(share)
+    assert set(share[kept & (time < 1.9)]) == {0.0} and set(share[kept & (time > 2.1)]) == {100.0}
+    left, right = panels(figure)["ground force N [N]"]
+    part = np.mean(force[:, 2] <= 0.0)
+    assert f"share of the samples with {plots._NONE}, {part:.0%} in all" in lines(left)
+
+
+def test_a_force_far_beyond_the_others_hides_none_of_them(bag):
+    force = bag["ground_contact"]["force"].copy()
+    force[100, 2] = -1e4
+    left, _ = panels(plot_run(changed(bag, "ground_contact", force=force)))["ground force N [N]"]
+    assert left.get_yscale() == "symlog"
+    low, high = left.transData.transform([[0.0, 0.0], [0.0, 11.6]])[:, 1]
+    assert high - low > 10.0  # pixels
+
+
+def test_a_hop_of_one_sample_is_seen_in_the_longest_recording(bag):
+    """One sample in a thousand, between others on the ground."""
+    position = bag["odom"]["position"].copy()
+    position[345, 2] = 0.004
+    left, right = panels(plot_run(changed(bag, "odom", position=position)))["body height [mm]"]
+    heights = np.concatenate([path.vertices for path in left.collections[0].get_paths()])[:, 1]
+    assert (heights.min(), heights.max()) == (0.0, pytest.approx(4.0))
+
+
+def test_command_is_a_step_line_to_the_end(shown):
+    time, speed = lines(shown["motor [rad/s]"][0])["command"].get_data()
+    assert (time[0], time[-1]) == (0.0, pytest.approx(4.0))
+    np.testing.assert_allclose(speed, 20 * np.pi)
+
+
+@pytest.mark.parametrize("value", [1e308, -1e308, np.inf, np.nan])
+def test_a_refused_command_does_not_flatten_the_motor(bag, value):
+    figure = plot_run(changed(bag, "motor_speed", value=np.array([value])))
+    figure.canvas.draw()
+    low, high = panels(figure)["motor [rad/s]"][0].get_ylim()
+    assert low == 0.0 and 20 * np.pi < high < 3 * 20 * np.pi
+
+
+@pytest.mark.parametrize(("options", "rows"), [
+    ({"without": ("motor_speed",)}, ROWS), ({"count": 1}, ROWS),
+    ({"without": ("motor_power",)}, ROWS[:-1]), ({"without": ("ground_contact",)}, [*ROWS[:4], *ROWS[5:]]),
+    ({"without": ("impacts",)}, [*ROWS[:3], *ROWS[4:]]),
+    ({"joints": ["crank", "inclined_mass", "inclined_plate"]}, [ROWS[0], *ROWS[2:]]),
+    ({"joints": ["crank"]}, [ROWS[0], *ROWS[3:]])], ids=str)
+def test_what_a_recording_lacks_is_left_out(record_run, options, rows):
+    figure = plot_run(read_bag(record_run(**options)))
+    figure.canvas.draw()
+    assert list(panels(figure)) == rows
+
+
+def test_a_mass_without_its_plate_is_drawn(record_run):
+    bag = read_bag(record_run(joints=["crank", "inclined_mass", "inclined_plate", "upper_mass"]))
+    shown = panels(plot_run(bag))
+    assert "its plate" in lines(shown["inclined mass [mm]"][0])
+    assert "its plate" not in lines(shown["upper mass [mm]"][0])
+
+
+def test_dense_recording_is_drawn_with_a_bounded_number_of_points(record_run):
+    shown = panels(plot_run(read_bag(record_run(count=4001))))
+    for left, _ in shown.values():
+        for line in left.get_lines():
+            assert len(line.get_xdata()) < 5 * traces.POINTS
+
+
+def test_bands_are_opaque_so_that_no_two_colours_mix(shown):
+    for left, _ in shown.values():
+        assert all(one.get_facecolor()[0, 3] == 1.0 for one in left.collections)
+
+
+def test_the_colours_differ_in_brightness_for_those_who_see_no_hue():
+    """The pairs that share a panel, by relative luminance (WCAG 2)."""
+    def luminance(colour):
+        linear = [part / 12.92 if part <= 0.04045 else ((part + 0.055) / 1.055) ** 2.4 for part in to_rgb(colour)]
+        return np.dot(linear, (0.2126, 0.7152, 0.0722))
+    upper, inclined = (luminance(plots._GUIDE_COLOURS[guide]) for guide in ("upper", "inclined"))
+    assert (max(upper, inclined) + 0.05) / (min(upper, inclined) + 0.05) > 1.2
+    assert len(set(plots._GUIDE_MARKS.values())) == 2
+
+
+def test_a_long_line_keeps_its_ends_and_extremes():
+    values = np.random.default_rng(0).normal(size=100_003)
+    samples = np.arange(3, len(values))
+    seen = traces.visible(samples, values)
+    assert len(seen) < 5 * traces.POINTS
+    assert (np.diff(seen) > 0).all()
+    assert (seen[0], seen[-1]) == (3, len(values) - 1)
+    size = len(samples) // traces.POINTS
+    for first in range(3, 3 + size * traces.POINTS, size):
+        block, kept = values[first:first + size], values[seen[(seen >= first) & (seen < first + size)]]
+        assert (kept.min(), kept.max()) == (block.min(), block.max())

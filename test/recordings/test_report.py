@@ -1,0 +1,182 @@
+"""The executable: files beside the recording, one-line errors, exit codes."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from matplotlib.image import imread
+from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
+from rosbags.typesys import Stores, get_typestore
+
+import vibro_ros.recordings.report as report
+from vibro_ros.bag.definitions import Topic, defined
+from vibro_ros.bag.reader import read_bag
+from vibro_ros.bag.recovery import recover
+from vibro_ros.bag.stream import BagStream
+from vibro_ros.bag.writer import BagWriter, Storage
+from vibro_ros.recordings.summary import as_text, summarise
+
+PLAIN = Storage()
+
+
+def contents(folder):
+    return {path.name: path.read_bytes() for path in folder.iterdir()}
+
+
+def test_report_is_written_beside_the_recording_which_stays_untouched(record_run, capsys):
+    folder = record_run()
+    before = contents(folder)
+    assert report.main([str(folder)]) == 0
+    assert contents(folder) == before
+    output = folder.with_name("run_report")
+    assert sorted(path.name for path in output.iterdir()) == ["report.png", "summary.json", "summary.txt"]
+    summary = summarise(read_bag(folder))
+    assert json.loads((output / "summary.json").read_text(encoding="utf-8")) == summary
+    assert (output / "summary.txt").read_text(encoding="utf-8") == as_text(summary)
+    printed = capsys.readouterr().out
+    assert as_text(summary) in printed
+    assert str(output / "report.png") in printed
+
+
+def test_picture_is_a_png_with_something_on_it(record_run):
+    _, (_, _, picture) = report.write_report(record_run())
+    pixels = imread(picture)
+    assert min(pixels.shape[:2]) >= 1000
+    assert 0.02 < (pixels[..., :3].min(axis=2) < 0.9).mean() < 0.5
+
+
+def test_output_can_be_chosen_and_a_report_can_be_repeated(record_run, tmp_path):
+    folder = record_run()
+    for _ in range(2):
+        assert report.main([str(folder), "--output", str(tmp_path / "deep" / "er")]) == 0
+    assert len(list((tmp_path / "deep" / "er").iterdir())) == 3
+    assert not folder.with_name("run_report").exists()
+
+
+def test_relative_folder_gets_its_report_beside_it(record_run, monkeypatch):
+    folder = record_run()
+    monkeypatch.chdir(folder)
+    assert report.main(["."]) == 0
+    assert folder.with_name("run_report").is_dir()
+
+
+def one_error_line(capsys):
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    [line] = captured.err.splitlines()
+    assert line.startswith("report: ")
+    return line
+
+
+@pytest.mark.parametrize("inside", [".", "pictures"])
+def test_output_inside_the_recording_is_refused(record_run, capsys, inside):
+    folder = record_run()
+    before = contents(folder)
+    assert report.main([str(folder), "--output", str(folder / inside)]) == 2
+    assert "lies inside the recording" in one_error_line(capsys)
+    assert contents(folder) == before
+
+
+def test_missing_folder_ends_with_2_and_leaves_nothing(tmp_path, capsys):
+    assert report.main([str(tmp_path / "nowhere")]) == 2
+    assert "nowhere: no such folder; give the folder of a recording" in one_error_line(capsys)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_unsealed_recording_ends_with_2(record_run, capsys):
+    folder = record_run()
+    (folder / "metadata.yaml").unlink()
+    assert report.main([str(folder)]) == 2
+    assert "the bag is not sealed" in one_error_line(capsys)
+
+
+def test_missing_topic_ends_with_2(record_run, capsys):
+    assert report.main([str(record_run(without=("impacts",)))]) == 2
+    assert "topic impacts is missing" in one_error_line(capsys)
+
+
+def test_output_that_cannot_be_made_ends_with_2(record_run, tmp_path, capsys):
+    (tmp_path / "file").write_text("")
+    assert report.main([str(record_run()), "--output", str(tmp_path / "file")]) == 2
+    assert "file: cannot write: File exists; give a writable --output" in one_error_line(capsys)
+
+
+def split(folder, target):
+    """The same bag in files of a second, compressed."""
+    copy(folder, target, Storage("mcap", "zstd", max_duration=1.0))
+    assert len(list(target.glob("*.mcap"))) > 3
+
+
+def recovered(folder, target):
+    """The same bag, killed before its end was sealed."""
+    copy(folder, target, PLAIN)
+    (target / "metadata.yaml").unlink()
+    [file] = target.glob("*.mcap")
+    file.write_bytes(file.read_bytes()[:-100])
+    recover(target)
+
+
+def foreign(folder, target, plugin=StoragePlugin.SQLITE3, mode=None):
+    """The same messages as another program records them: no custom data, an earlier version, a topic of its own."""
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    unopened = Writer(target, version=8, storage_plugin=plugin)
+    if mode:
+        unopened.set_compression(mode, CompressionFormat.ZSTD)
+    with BagStream(folder) as stream, unopened as writer:
+        connections = {topic: writer.add_connection(topic, one.type_name, typestore=store)
+                       for topic, one in stream.topics.items()}
+        extra = writer.add_connection("/rosout_text", "std_msgs/msg/String", typestore=store)
+        text = store.serialize_cdr(store.types["std_msgs/msg/String"](data="hello"), "std_msgs/msg/String")
+        writer.write(extra, stream.start, text)
+        for topic, stamp, data in stream.messages():
+            writer.write(connections[topic], stamp, bytes(data))
+
+
+def copy(folder, target, storage):
+    with BagStream(folder) as stream:
+        topics = [Topic(name, one.type_name, one.qos_depth) for name, one in stream.topics.items()]
+        writer = BagWriter(target, defined(topics), stream.metadata, storage)
+        for topic, stamp, data in stream.messages():
+            writer.write(1 + list(stream.topics).index(topic), stamp, bytes(data))
+        writer.flush()
+        writer.close({})
+
+
+@pytest.mark.parametrize("make", [
+    split, recovered, foreign,
+    lambda folder, target: copy(folder, target, Storage("sqlite3", max_size=200_000)),
+    lambda folder, target: foreign(folder, target, StoragePlugin.MCAP, CompressionMode.STORAGE),
+    lambda folder, target: foreign(folder, target, mode=CompressionMode.MESSAGE),
+    lambda folder, target: foreign(folder, target, mode=CompressionMode.FILE),
+], ids=["split", "recovered", "foreign", "sqlite3-split", "foreign-chunks", "foreign-messages", "foreign-file"])
+def test_every_kind_of_bag_gives_the_same_numbers(record_run, tmp_path, make):
+    folder = record_run()
+    make(folder, tmp_path / "other")
+    report.write_report(tmp_path / "other")
+    one, other = (summarise(read_bag(path)) for path in (folder, tmp_path / "other"))
+    for summary in (one, other):
+        del summary["bag"], summary["recorder"]
+        summary["topics"].pop("/rosout_text", None)
+    assert other == one
+
+
+def run(*arguments):
+    root = str(Path(report.__file__).parents[2])
+    return subprocess.run([sys.executable, "-m", "vibro_ros.recordings.report", *arguments], capture_output=True,
+                          text=True, env=os.environ | {"PYTHONPATH": root}, timeout=120)
+
+
+def test_help_and_bad_usage():
+    helped = run("--help")
+    assert helped.returncode == 0
+    assert "BAG_FOLDER" in helped.stdout and "--output" in helped.stdout
+    assert run().returncode == 2
+
+
+def test_process_ends_with_2_and_no_traceback(tmp_path):
+    ended = run(str(tmp_path))
+    assert ended.returncode == 2
+    assert ended.stderr == f"report: {tmp_path}: not a bag, it holds no metadata.yaml; give the folder of a recording\n"

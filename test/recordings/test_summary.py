@@ -1,0 +1,96 @@
+"""The summary's numbers against a recording of which every number is known."""
+
+import pytest
+
+from vibro_ros.bag.reader import BagError, read_bag
+from vibro_ros.recordings.summary import as_caption, as_text, summarise
+
+# numbers below are sums and differences of a few hundred doubles: 1e-9 is far above their rounding
+exactly = pytest.approx
+
+
+@pytest.fixture
+def summary(record_run):
+    return summarise(read_bag(record_run(gap=(1.0, 1.2))))
+
+
+def test_way_and_speed_of_a_steady_body(summary):
+    assert summary["duration"] == exactly(4.0, rel=1e-12)
+    assert summary["displacement"] == exactly(-1.0, rel=1e-9)
+    assert summary["path_length"] == exactly(1.0, rel=1e-9)
+    assert summary["mean_speed"] == exactly(-0.25, rel=1e-9)
+
+
+def test_impacts_per_turn_of_each_guide(summary):
+    assert summary["crank_turns"] == exactly(40.0, rel=1e-9)
+    assert summary["impacts"] == {"upper": 60, "inclined": 30}
+    assert summary["impacts_per_turn"] == {"upper": exactly(1.5, rel=1e-9), "inclined": exactly(0.75, rel=1e-9)}
+
+
+def test_mean_power_is_over_time_not_over_samples(summary):
+    # 2 W + 1 W/s · t over 4 s; the mean over samples, some of them missing early, is above 4 W
+    assert summary["mean_power"] == exactly(4.0, rel=1e-9)
+
+
+@pytest.mark.parametrize("topic", ["/odom", "/joint_states", "/ground_contact", "/motor_power"])
+def test_the_one_gap_is_found_in_every_sampled_topic(summary, topic):
+    found = summary["topics"][topic]
+    assert found["messages"] == 801 - 39
+    assert found["period"] == exactly(0.005, rel=1e-9)
+    assert found["largest_gap"] == exactly(0.2, rel=1e-9)
+    assert found["gaps"] == 1
+
+
+def test_events_and_commands_have_no_period(summary):
+    assert summary["topics"]["/impacts"] == {"type": "geometry_msgs/msg/WrenchStamped", "messages": 90}
+    assert summary["topics"]["/motor_speed"] == {"type": "std_msgs/msg/Float64", "messages": 1}
+
+
+@pytest.mark.parametrize(("missing", "gaps"), [(1, 0), (2, 1)])
+def test_pause_of_two_periods_is_no_gap_and_of_three_is_one(record_run, missing, gaps):
+    odom = summarise(read_bag(record_run(gap=(1.0, 1.0025 + 0.005 * missing))))["topics"]["/odom"]
+    assert (odom["messages"], odom["gaps"]) == (801 - missing, gaps)
+
+
+def test_namespaced_robot_is_summed_up_alike(record_run):
+    plain = summarise(read_bag(record_run("plain")))
+    named = summarise(read_bag(record_run("named", namespace="/robot1")))
+    assert named["topics"]["/robot1/odom"] == plain["topics"]["/odom"]
+    for key in ("duration", "displacement", "mean_speed", "impacts_per_turn", "mean_power"):
+        assert named[key] == plain[key]
+
+
+def test_what_cannot_be_told_from_one_sample_is_left_open(record_run):
+    summary = summarise(read_bag(record_run(count=1)))
+    assert (summary["mean_speed"], summary["mean_power"]) == (None, None)
+    assert summary["impacts_per_turn"] == {"upper": None, "inclined": None}
+    assert "mean speed        -\n" in as_text(summary)
+
+
+def test_text_and_caption_carry_the_numbers_with_units(summary):
+    text = as_text(summary)
+    for line in ("scene             device", "duration          4.000 s", "displacement      -1.0000 m (path 1.0000 m)",
+                 "mean speed        -250.00 mm/s", "crank             40.0 turns",
+                 "upper impacts     60 (1.50 per crank turn)", "inclined impacts  30 (0.75 per crank turn)",
+                 "mean power        4.000 W"):
+        assert f"{line}\n" in text
+    assert ["/odom", "762", "5.00", "ms", "200.00", "ms", "1"] in [line.split() for line in text.splitlines()]
+    assert as_caption(summary) == ("4.0 s  ·  \N{MINUS SIGN}1.000 m  ·  mean speed \N{MINUS SIGN}250.0 mm/s  ·  "
+                                   "impacts per crank turn 1.50 + 0.75 (upper + inclined)  ·  mean power 4.00 W")
+
+
+@pytest.mark.parametrize("topic", ["odom", "joint_states", "impacts", "motor_power"])
+def test_missing_topic_is_named(record_run, topic):
+    with pytest.raises(BagError, match=f"topic {topic} is missing"):
+        summarise(read_bag(record_run(without=(topic,))))
+
+
+def test_recording_without_messages_is_refused(record_run):
+    with pytest.raises(BagError, match="/odom holds no message; record a robot that runs"):
+        summarise(read_bag(record_run(count=0)))
+
+
+def test_missing_joint_is_named(record_run):
+    joints = ["upper_mass", "upper_plate", "inclined_mass", "inclined_plate"]
+    with pytest.raises(BagError, match="/joint_states lacks crank.position, crank.velocity; report on"):
+        summarise(read_bag(record_run(joints=joints)))

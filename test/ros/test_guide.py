@@ -1,0 +1,132 @@
+"""docs/guide against robots that run: what one has and the other has not is a mistake in one of them."""
+
+import guide
+import pytest
+from geometry_msgs.msg import WrenchStamped
+from nav_msgs.msg import Odometry
+from observation import bags, stop
+from rcl_interfaces.srv import ListParameters
+from rclpy.qos import ReliabilityPolicy
+from sensor_msgs.msg import JointState
+
+from vibro_ros.bag.reader import read_bag
+from vibro_ros.configuration.parameter_file import own_parameters
+from vibro_ros.simulation.kernels import compile_kernels
+
+NODE = "vibro_robot"
+OF_RCLPY = {"parameter_events", "rosout"}
+SERVICES_OF_RCLPY = {"describe_parameters", "get_parameter_types", "get_parameters", "get_type_description",
+                     "list_parameters", "set_parameters", "set_parameters_atomically"}
+KINDS_OF_ROBOT = [
+    (), ("solver.method:=moreau", "solver.step:=5.0e-5"), ("solver.method:=auto",), ("rate.real_time_factor:=0.0",)]
+
+
+def parameters(words) -> list[str]:
+    return [word for text in ("motor.speed:=100.0", *words) for word in ("-p", text)]
+
+
+def documented_topics() -> dict[str, tuple[str, str]]:
+    """Direction and type of each topic."""
+    rows = guide.table("topic", "direction", "type", "depth", "content")
+    return {guide.names(name)[0]: (direction, kind) for name, direction, kind, _, _ in rows}
+
+
+def names_by_node(found) -> dict[str, str]:
+    told = {name.removeprefix(f"/{NODE}/").lstrip("/"): kind for name, [kind] in found}
+    return {name: kind for name, kind in told.items() if name not in OF_RCLPY | SERVICES_OF_RCLPY}
+
+
+def test_topics_services_and_parameters_are_those_of_a_running_robot(start, bench):
+    robot = start("robot", "--ros-args", "-p", "record.enabled:=false")
+    robot.wait_for("ready:")
+    topics = documented_topics()
+    told = {way: {name: kind for name, (direction, kind) in topics.items() if direction == way}
+            for way in ("in", "out")}
+    assert "`/diagnostics` (diagnostic_msgs/msg/DiagnosticArray, reliable, depth 10)" in guide.PAGES["node.md"]
+    told["out"]["diagnostics"] = "diagnostic_msgs/msg/DiagnosticArray"
+    rows = guide.table("service", "type", "does")
+    services = {guide.names(name)[0].removeprefix("~/"): kind for name, kind, _ in rows}
+
+    def seen() -> tuple[dict[str, str], ...]:
+        return tuple(names_by_node(ask(NODE, "/")) for ask in (
+            bench.node.get_publisher_names_and_types_by_node, bench.node.get_subscriber_names_and_types_by_node,
+            bench.node.get_service_names_and_types_by_node))
+
+    def known() -> bool:
+        try:
+            return seen() == (told["out"], told["in"], services)
+        except RuntimeError:  # NodeNameNonExistentError: not discovered yet
+            return False
+
+    try:
+        bench.spin_until(known, "the documented topics and services", patience=20.0)
+    except AssertionError:
+        assert seen() == (told["out"], told["in"], services)
+    for name in [*told["out"], *told["in"]]:
+        own = [*bench.node.get_publishers_info_by_topic(f"/{name}"),
+               *bench.node.get_subscriptions_info_by_topic(f"/{name}")]
+        reliable = [one.qos_profile.reliability for one in own if one.node_name == NODE]
+        assert reliable == [ReliabilityPolicy.RELIABLE], name
+    client = bench.node.create_client(ListParameters, f"/{NODE}/list_parameters")
+    bench.spin_until(client.service_is_ready, "list_parameters")
+    future = client.call_async(ListParameters.Request())
+    bench.spin_until(future.done, "names of the parameters")
+    given = own_parameters(dict.fromkeys(future.result().result.names))
+    rows = guide.first_column("name", "default", "unit", "allowed", "meaning")
+    rows += guide.first_column("name", "default", "`device`", "unit", "allowed", "meaning")
+    assert set(given) == set(rows)
+    stop(robot)
+
+
+def test_joints_and_frames_are_those_of_a_running_robot(start, bench):
+    kept = {"odom": None, "joint_states": None, "ground_contact": None, "impacts": set()}
+    for name, kind in (("odom", Odometry), ("joint_states", JointState), ("ground_contact", WrenchStamped)):
+        bench.node.create_subscription(kind, name, lambda message, name=name: kept.update({name: message}), 10)
+    bench.node.create_subscription(WrenchStamped, "impacts", lambda one: kept["impacts"].add(one.header.frame_id), 1000)
+    robot = start("robot", "--ros-args", "-p", "record.enabled:=false", *parameters(()))
+    bench.spin_until(lambda: all(kept.values()) and len(kept["impacts"]) == 2, "a message of each topic")
+    stop(robot)
+    assert kept["joint_states"].name == guide.first_column("joint", "position", "velocity", "effort")
+    frames = {kept["odom"].header.frame_id, kept["odom"].child_frame_id, kept["joint_states"].header.frame_id,
+              kept["ground_contact"].header.frame_id, *kept["impacts"]}
+    assert frames == set(guide.first_column("frame", "is"))
+
+
+def test_keys_of_diagnostics_and_of_custom_data_are_those_of_running_robots(start, listener, tmp_path):
+    """Each robot has some of the keys: all together have all, and none has another."""
+    compile_kernels("auto")
+    seen: dict[str, set[str]] = {"simulation": set(), "recorder": set()}
+    for number, words in enumerate(KINDS_OF_ROBOT, start=1):
+        listener.parts.clear()
+        robot = start("robot", "--ros-args", *parameters(words))
+        robot.wait_for("ready:")
+        for status, keys in seen.items():
+            _, values = listener.wait_for_status(status, lambda one: bool(one.values))
+            if words == ("rate.real_time_factor:=0.0",):
+                assert not [key for key in values if key.startswith("lateness")]
+            keys |= set(values)
+        stop(robot)
+        assert len(bags(tmp_path)) == number
+        assert set(read_bag(bags(tmp_path)[-1], {}).metadata) == guide.custom_data()
+    assert seen == guide.diagnostics()
+
+
+def test_the_statuses_are_named_as_they_are(start, listener):
+    robot = start("robot", "--ros-args", "-p", "record.enabled:=false")
+    listener.wait_for_status("simulation", lambda one: True)
+    listener.wait_for_status("recorder", lambda one: not one.values)  # no keys before the first bag
+    assert set(guide.diagnostics()) == {name.partition(": ")[2] for name in listener.parts}
+    for name in listener.parts:
+        assert f"`{name}`" in guide.PAGES["node.md"]
+    stop(robot)
+
+
+@pytest.mark.parametrize(("without", "left_out"), [
+    ("effects.upper_mass:=false", {"upper_mass", "upper_plate"}), ("effects.upper_contact:=none", {"upper_plate"})])
+def test_joints_that_a_scene_lacks_are_left_out(start, bench, without, left_out):
+    heard: list[list[str]] = []
+    bench.node.create_subscription(JointState, "joint_states", lambda message: heard.append(message.name), 10)
+    robot = start("robot", "--ros-args", "-p", "record.enabled:=false", "-p", without)
+    bench.spin_until(lambda: heard, "joint states")
+    stop(robot)
+    assert set(guide.first_column("joint", "position", "velocity", "effort")) - set(heard[0]) == left_out

@@ -1,0 +1,101 @@
+"""docs/tutorial.md as a student goes through it: every file, every command, and what the page shows below it."""
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from observation import stop
+
+from vibro_ros.process.executables import EXECUTABLES
+
+TEXT = (Path(__file__).resolve().parents[2] / "docs" / "tutorial.md").read_text(encoding="utf-8")
+FILES = {name: content for name, content in re.findall(
+    r"[Ss]ave\s+this as `([\w.]+)`[^`]*```\w+\n(.*?)^```$", TEXT, re.MULTILINE | re.DOTALL)}
+SESSIONS = dict(re.findall(r"^```shell-session\n\$ (.*?)\n(.*?)^```$", TEXT, re.MULTILINE | re.DOTALL))
+FOLDER = r"vibro_robot_\d{4}(?:_\d\d){2}-\d\d_\d\d_\d\d"
+NUMBER = r"[-+]?\d+(?:\.\d+)?"
+
+
+def check(shown: str, said: str, live: bool) -> None:
+    """What was said is what is shown, where `…` stands for anything; the numbers of a live run are its own."""
+    pattern = re.sub(FOLDER, "FOLDER", shown.strip())
+    pattern = re.escape(pattern).replace("FOLDER", FOLDER).replace("…", ".*?").replace("\\\n", "\n")
+    if live:
+        pattern = re.sub(r"(?<![\\\w{])(?:\\[-+])?\d+(?:\\\.\d+)?", lambda _: NUMBER, pattern)
+    assert re.fullmatch(pattern, said.strip(), re.DOTALL), f"shown:\n{shown}\nsaid:\n{said}"
+
+
+def numbers_after(word: str, said: str) -> list[float]:
+    return [float(number) for number in re.findall(rf"{re.escape(word)}\s*({NUMBER})", said)]
+
+
+@pytest.fixture
+def run(tmp_path):
+    """What one of the page's commands says."""
+    def run_one(command: str) -> str:
+        program, *arguments = command.replace('"', "").split()
+        name = Path(program).name
+        words = arguments if name == "python" else ["-m", EXECUTABLES[name].module, *arguments]
+        done = subprocess.run([sys.executable, *words], cwd=tmp_path, capture_output=True, text=True, timeout=120)
+        assert done.returncode == 0 and "Traceback" not in done.stderr, done.stdout + done.stderr
+        return done.stdout + done.stderr
+    return run_one
+
+
+def test_the_page_is_what_a_student_sees(start, run, tmp_path):
+    sessions = dict(SESSIONS)
+    assert sessions.pop("make demo") == ""  # which test_demo.py runs
+    commands = list(sessions)
+    robot_command, controller_command, look, replay, vary, sweep, standstill = commands
+    robot = start("robot", *robot_command.split()[1:])
+    ready = robot.lines.index(robot.wait_for("ready:"))
+    check(sessions[robot_command], "\n".join(robot.lines[:ready + 1]), live=False)
+    (tmp_path / "speeds.yaml").write_text(FILES["speeds.yaml"])
+    check(sessions[controller_command], run(controller_command), live=False)
+    stop(robot)
+    [sealed] = re.findall(r"ends:\n\n```text\n(.*?)```", TEXT, re.DOTALL)
+    check(sealed, robot.lines[-1], live=True)
+
+    [bag] = (tmp_path / "out").iterdir()
+    assert {*FILES} == {"speeds.yaml", "look.py", "sweep.py", "standstill.py"}
+    for name, content in FILES.items():
+        (tmp_path / name).write_text(re.sub(FOLDER, bag.name, content))
+    said = run(look)
+    check(sessions[look], said, live=True)
+    speeds, powers = numbers_after("rad/s:", said), numbers_after("second,", said)
+    assert speeds[0] < speeds[1] < 0.0 < powers[0] < powers[1]  # the faster motor makes it slower for more power
+    assert (tmp_path / "position.png").stat().st_size > 0
+    check(sessions[replay], run(re.sub(FOLDER, bag.name, replay)), live=True)
+    said = run(re.sub(FOLDER, bag.name, vary))
+    check(sessions[vary], said, live=True)
+    recorded, varied = numbers_after("displacement", said)
+    assert recorded < -0.3 and abs(varied) < 0.01  # m: on ice it ends where it began, but for what still swings
+
+
+@pytest.mark.parametrize("name", ["sweep.py", "standstill.py"])
+def test_simulations_of_the_page_print_what_is_shown(run, tmp_path, name):
+    (tmp_path / name).write_text(FILES[name])
+    check(SESSIONS[f".venv/bin/python {name}"], run(f"python {name}"), live=False)
+
+
+def test_the_best_speed_is_the_one_named():
+    shown = SESSIONS[".venv/bin/python sweep.py"]
+    by_speed = {int(line.split()[0]): float(line.split()[2]) for line in shown.splitlines()}
+    best = min(by_speed, key=by_speed.get)
+    assert f"Of these speeds {best} rad/s is the best" in TEXT
+    assert by_speed[best] < float(SESSIONS[".venv/bin/python standstill.py"].split()[0]) < 0.0
+
+
+@pytest.mark.parametrize(("shown", "said", "live", "alike"), [
+    ("a 1.5 b", "a 1.5 b", False, True), ("a 1.5 b", "a 1.6 b", False, False), ("a +1.5 b", "a -16 b", True, True),
+    ("a 1.5 b", "a 1.6 c", True, False), ("[…] x\n…\nz 2", "[12.5] x\ny\ny\nz 2", False, True),
+    ("out/vibro_robot_2026_11_22-11_17_18: 3", "out/vibro_robot_2027_01_02-03_04_05: 3", False, True),
+    ("[…] x", "y", False, False)])
+def test_what_differs_from_the_page_is_seen(shown, said, live, alike):
+    if alike:
+        check(shown, said, live)
+    else:
+        with pytest.raises(AssertionError, match="shown"):
+            check(shown, said, live)

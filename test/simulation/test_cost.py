@@ -1,0 +1,116 @@
+"""What a run costs, in segments and bytes rather than in seconds: linear in simulated time and in its events."""
+
+import tracemalloc
+
+import numpy as np
+import pytest
+
+import vibro_ros
+from vibro_ros.configuration.scene_file import shipped_scenes
+from vibro_ros.model.tables import compile_scene
+
+EVENTLESS = {"effects.upper_contact": "none", "effects.inclined_contact": "none", "effects.friction": "none"}
+
+
+def driven(name):
+    made = vibro_ros.Simulator(vibro_ros.load_scene(name))
+    made.command(motor_speed=100.0)
+    return made
+
+
+@pytest.mark.parametrize("name", shipped_scenes())
+def test_segments_and_events_grow_linearly_with_time(name):
+    """From 22 s to 102 s there are four times as many as from 2 s to 22 s, when the start is over.
+
+    Within 5 %: the loss-free scenes are chaotic, and their number of events a second wanders by some percent.
+    """
+    made, steps, events = driven(name), [], []
+    for time in (2.0, 22.0, 102.0):
+        made.advance_to(time)
+        steps.append(made.statistics["steps"])
+        events.append(len(made.take_events()))
+    np.testing.assert_allclose(steps[2] - steps[1], 4 * (steps[1] - steps[0]), rtol=0.05)
+    np.testing.assert_allclose(events[2], 4 * events[1], rtol=0.05)
+
+
+@pytest.mark.parametrize("name", shipped_scenes())
+def test_an_event_costs_a_few_segments(name):
+    """A turn is as many segments as the sliders' table has cells. All others are owed to events: a contact, which is
+    one, has two changes of mode and a few short segments between them."""
+    made = driven(name)
+    made.advance_to(2.0)
+    start = made.statistics["steps"], made.state.crank_angle, len(made.take_events())
+    made.advance_to(22.0)
+    cells = len(compile_scene(made.scene).system.signals.series)
+    turns = (made.state.crank_angle - start[1]) / (2.0 * np.pi)
+    assert made.statistics["steps"] - start[0] <= cells * (turns + 1.0) + 4 * len(made.take_events())
+
+
+@pytest.mark.parametrize("changes", [
+    {"motor.speed": 50.0}, {"upper.gap": 0.001}, {"inclined.gap": -0.001}, {"gap_actuator.speed": 0.001},
+    {"effects.motor": "lag"}, {"motor.acceleration": 10.0}, {"start.state": "zero"}, {"solver.method": "rk4"}],
+    ids=lambda changes: next(iter(changes)))
+def test_a_sweep_over_the_operation_compiles_once(changes):
+    """Speeds, gaps, start and method are nothing of the equations."""
+    scene = vibro_ros.load_scene("device")
+    assert compile_scene(scene.with_parameters(changes)) is compile_scene(scene)
+
+
+@pytest.mark.parametrize("changes", [{"mass.upper": 0.12}, {"guide.angle": 0.7}, {"ground.friction": 0.1}],
+                         ids=lambda changes: next(iter(changes)))
+def test_another_machine_is_compiled_anew(changes):
+    scene = vibro_ros.load_scene("device")
+    assert compile_scene(scene.with_parameters(changes)) is not compile_scene(scene)
+
+
+def peak_memory(function):
+    """Most bytes that a call has at a time."""
+    tracemalloc.start()
+    try:
+        function()
+        return tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+
+
+def test_time_alone_takes_no_memory():
+    """A run of 1000 s, sampled once and without events, takes what one of 10 s takes.
+
+    In one part: a busy machine makes more parts, and Python keeps some objects of each for the next ones.
+    """
+    scene = vibro_ros.load_scene("unilateral").with_parameters(EVENTLESS)
+    vibro_ros.simulate(scene, times=np.array([1.0]))
+    short, long = (peak_memory(lambda time=time: vibro_ros.Simulator(scene).sample(np.array([time])))
+                   for time in (10.0, 1000.0))
+    assert vibro_ros.simulate(scene, times=np.array([1000.0])).statistics["steps"] > 60_000
+    assert long < short + 4096  # bytes: nothing that is proportional to 990 s, 64 000 segments or 16 000 turns
+
+
+def test_events_and_samples_take_their_own_size():
+    """An event is 104 bytes in a `Run`, a sample 22 numbers; making them takes a few times that at most."""
+    scene = vibro_ros.load_scene("damped")
+    short, long = (vibro_ros.simulate(scene, times=np.array([time])) for time in (10.0, 100.0))
+    few, many = (peak_memory(lambda time=time: vibro_ros.simulate(scene, times=np.array([time])))
+                 for time in (10.0, 100.0))
+    assert many - few < 4 * (long.events.nbytes - short.events.nbytes)
+    quiet = scene.with_parameters(EVENTLESS)
+    few, many = (peak_memory(lambda rate=rate: vibro_ros.simulate(quiet, duration=1.0, rate=rate))
+                 for rate in (1e3, 1e5))
+    assert many - few < 4 * 22 * 8 * 99_000
+
+
+def test_a_simulator_keeps_events_until_they_are_taken_and_not_after():
+    made = driven("damped")
+    made.advance_to(1.0)
+    made.take_events()
+    tracemalloc.start()
+    try:
+        made.advance_to(101.0)
+        kept = tracemalloc.get_traced_memory()[0]
+        count = len(made.take_events())
+        left = tracemalloc.get_traced_memory()[0]
+    finally:
+        tracemalloc.stop()
+    assert count > 20_000
+    assert 5 * 8 * count <= kept < 6 * 8 * count  # five numbers each
+    assert left < 20_000  # bytes

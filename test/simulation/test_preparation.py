@@ -1,0 +1,77 @@
+"""What takes long before a run: how far it is, how it fails, how it is left alone."""
+
+import signal
+import threading
+import time
+
+import pytest
+
+from vibro_ros.simulation import preparation
+from vibro_ros.simulation.preparation import Preparation
+from vibro_ros.solver.kernel_cache import Progress
+
+PATIENCE = 60.0  # [s]
+
+
+@pytest.fixture
+def progress(monkeypatch) -> Progress:
+    """Progress that the test makes, told without a pause."""
+    planted = Progress()
+    monkeypatch.setattr(preparation, "progress", planted)
+    monkeypatch.setattr(preparation, "REPORTS", 0.0)
+    return planted
+
+
+def test_work_that_compiles_nothing_says_nothing(progress):
+    said: list[str] = []
+    progress.loaded.append("advance")
+    assert Preparation(lambda: 7, "exact", said.append).wait() == 7
+    assert said == []
+
+
+def test_how_far_it_is(progress):
+    said: list[str] = []
+    go_on = threading.Event()
+    progress.loaded.append("read_signals")
+    progress.under_way.append("advance")
+    work = Preparation(lambda: go_on.wait(PATIENCE), "exact", said.append)
+    assert not work.done()
+    assert said.pop() == "compiling: the first start after an update takes a minute or two; Ctrl-C stops it"
+    progress.done.append("begin_segment")
+    assert not work.done()
+    assert said.pop() == "compiling advance: 2 of 6 kernels are ready after 0 s"
+    go_on.set()
+    assert work.wait() is True
+
+
+def test_kernels_that_cannot_be_kept_are_told_with_a_remedy(progress):
+    said: list[str] = []
+
+    def compile_one():
+        progress.done.append("advance")
+        progress.unwritable = "/full: No space left on device"
+
+    Preparation(compile_one, "exact", said.append).wait()
+    assert said == ["the compiled kernels cannot be kept: /full: No space left on device; every start compiles them "
+                    "anew. Set NUMBA_CACHE_DIR to a folder that can be written and has room"]
+    Preparation(lambda: None, "exact", said.append).wait()  # which compiles nothing
+    assert len(said) == 1
+
+
+def test_its_error_is_raised_where_it_is_waited_for(progress):
+    def fail():
+        raise ValueError("no such scene")
+
+    with pytest.raises(ValueError, match="no such scene"):
+        Preparation(fail, "exact", print).wait()
+
+
+def test_an_interrupt_leaves_it_alone(progress):
+    released = threading.Event()
+    work = Preparation(lambda: released.wait(PATIENCE), "exact", print)
+    threading.Timer(0.1, signal.raise_signal, [signal.SIGINT]).start()
+    begun = time.monotonic()
+    with pytest.raises(KeyboardInterrupt):
+        work.wait()
+    assert time.monotonic() - begun < PATIENCE / 2
+    released.set()

@@ -1,0 +1,81 @@
+"""What decides the bits of a run is told, and a replay names what of it differs."""
+
+import os
+import pkgutil
+import platform
+import subprocess
+import sys
+from types import SimpleNamespace
+
+import pytest
+
+import vibro_ros
+from vibro_ros.recordings.comparison import notes
+from vibro_ros.simulation import provenance
+
+DEVICE = vibro_ros.load_scene("device")
+ENTRIES = {"version", "platform", "sources", "arithmetic", "processor", "c_library"}
+
+
+def differences(changes=None, without=()):
+    """Notes of a bag that was recorded here, but for `changes` of what it says and what it says nothing of."""
+    told = {**provenance.provenance(DEVICE.parameters, 0), **(changes or {})}
+    told = {key: value for key, value in told.items() if key not in without}
+    topics = {name: f"/{name}" for name in ("motor_speed", "upper_gap", "inclined_gap", "checkpoint")}
+    stream = SimpleNamespace(metadata=told, start=0, topics=set(topics.values()), flaws=())
+    return notes(stream, SimpleNamespace(scene=DEVICE, start=0, topics=topics))
+
+
+def test_every_entry_is_told_and_nothing_differs_from_itself():
+    told = provenance.provenance(DEVICE.parameters, 0)
+    assert ENTRIES | {"tables"} <= set(told) and all(told.values())
+    assert differences() == []
+
+
+@pytest.mark.parametrize("key", sorted(ENTRIES | {"tables"}))
+def test_a_replay_names_what_differs(key):
+    (note,) = differences({key: "another"})
+    assert note.startswith(f"recorded with {key.replace('_', ' ')} another, replayed with ")
+
+
+def test_an_older_bag_says_nothing_of_what_differs():
+    (note,) = differences(without={"sources", "arithmetic", "processor", "c_library", "tables"})
+    assert note == ("the bag does not say its sources, arithmetic, processor, c library, tables: where they differ, "
+                    "bits may")
+
+
+def test_sources_differ_by_their_text_but_not_by_their_line_ends(monkeypatch):
+    read, here = pkgutil.get_data, provenance.software()["sources"]
+
+    def told(change):
+        monkeypatch.setattr(pkgutil, "get_data", lambda package, name: change(read(package, name), name))
+        provenance.software.cache_clear()
+        return provenance.software()["sources"]
+
+    assert told(lambda text, name: text.replace(b"\n", b"\r\n")) == here
+    assert told(lambda text, name: text + b"#" * (name == "flow.py")) != here
+    monkeypatch.undo()
+    provenance.software.cache_clear()
+    assert provenance.software()["sources"] == here
+
+
+def test_sources_are_of_every_module_that_a_simulator_needs():
+    code = "import sys, vibro_ros.simulation.simulator; print(*sys.modules)"
+    needed = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split()
+    room = "vibro_ros.simulation."
+    modules = {name.removeprefix(room) for name in needed if name.startswith(room)}
+    assert modules == {name for room, name in provenance._MODULES if room == "simulation"}
+
+
+def test_tables_differ_with_the_scene_and_not_with_its_commands():
+    tables = provenance.tables(DEVICE.parameters)
+    assert provenance.tables(DEVICE.with_parameters({"motor.speed": 50.0}).parameters) == tables
+    assert provenance.tables(DEVICE.with_parameters({"guide.angle": 1.0}).parameters) != tables
+
+
+@pytest.mark.skipif(platform.machine() != "x86_64", reason="only the oldest x86-64 lacks fused multiply-add")
+def test_a_processor_without_fused_multiply_add_is_told(tmp_path):
+    words = "from vibro_ros.solver.arithmetic import *; print(multiply_add(), processor())"
+    found = subprocess.run([sys.executable, "-c", words], capture_output=True, text=True, check=True, env={
+        **os.environ, "NUMBA_CPU_NAME": "x86-64", "NUMBA_CPU_FEATURES": "", "NUMBA_CACHE_DIR": str(tmp_path)})
+    assert found.stdout.split() == ["apart", "x86-64"]

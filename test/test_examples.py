@@ -1,0 +1,45 @@
+"""Each name of the public Python interface carries an example, and the example is true."""
+
+import doctest
+import inspect
+from collections.abc import Iterator
+
+import pytest
+from known_recording import record_run  # noqa: F401 (a fixture)
+
+import vibro_ros
+
+
+def public() -> Iterator[tuple[str, object]]:
+    """Every name that users call, with what has its docstring: functions, classes, and the methods of these."""
+    for name in vibro_ros.__all__:
+        found = getattr(vibro_ros, name)
+        yield name, found
+        yield from ((f"{name}.{key}", value) for key, value in vars(found).items()
+                    if not key.startswith("_") and key in USED.get(name, [key])
+                    and (inspect.isfunction(value) or isinstance(value, property)))
+
+
+#: Methods for users, of a class that has others for the physics.
+USED = {"Scene": ["with_parameters", "describe"]}
+PUBLIC = dict(public())
+
+
+def examples(name: str) -> list[doctest.Example]:
+    return doctest.DocTestParser().get_examples(inspect.getdoc(PUBLIC[name]) or "")
+
+
+def test_the_interface_is_looked_at():
+    assert {"Scene.with_parameters", "Scene.describe", "Simulator.command", "Simulator.state"} <= set(PUBLIC)
+
+
+@pytest.mark.parametrize("name", PUBLIC)
+def test_every_name_has_an_example_that_is_true(name, record_run, tmp_path, monkeypatch):  # noqa: F811
+    if name == "read_bag":
+        record_run().rename(tmp_path / "vibro_robot_2026_11_21-10_29_21")
+    monkeypatch.chdir(tmp_path)
+    assert examples(name)
+    test = doctest.DocTest(examples(name), {"vibro_ros": vibro_ros}, name, None, None, None)
+    said: list[str] = []
+    doctest.DocTestRunner(optionflags=doctest.ELLIPSIS).run(test, out=said.append)
+    assert not said, "".join(said)

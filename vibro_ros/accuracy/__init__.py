@@ -1,0 +1,1 @@
+"""What accuracy costs: methods, references, errors, averages and the words and diagrams about them."""

@@ -1,0 +1,280 @@
+"""Measured rows of a work–precision study: what each method and setting costs, and how far off it is."""
+
+import importlib.util
+import math
+import statistics
+import time as wall_clock
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+
+from vibro_ros.accuracy.chaos import Growth, growth
+from vibro_ros.accuracy.errors import Errors, errors
+from vibro_ros.accuracy.methods import METHODS, ComparedMethod, UnableError
+from vibro_ros.accuracy.row import AVERAGE, NEED, REFERENCE, TRAJECTORY, Row
+from vibro_ros.accuracy.starts import speed_over_starts
+from vibro_ros.accuracy.studied import BASELINE_STEP, STUDIED, by_baseline
+from vibro_ros.accuracy.timing import typical
+from vibro_ros.model.scene import Scene
+from vibro_ros.simulation.motion import SimulationError
+from vibro_ros.solver.methods import SCHEMES
+
+#: Samples per second of robot time in the runs whose cost is measured.
+RATE = 1000.0
+#: Instants at which errors are looked for, in each horizon; they lie off all grids of samples and steps.
+INSTANTS = 50_000
+#: Motor speed [rad/s] of a study of a scene whose motor stands still, if it may turn so fast.
+RUNNING_SPEED = 100.0
+#: Steps [s] at which mean speeds are measured.
+AVERAGE_STEPS = (1e-3, 5e-4, 2e-4, 1e-4, 5e-5, 2e-5, 1e-5, 5e-6, 2e-6, 1e-6)
+#: Horizons [s] of what is asked for: a short one, which chaos allows everywhere, and a long one.
+SHORT, LONG = 0.2, 10.0
+#: Methods that may meet a need for least: compiled ones, as a right-hand side in Python costs a hundred times as much.
+COMPILED = ("exact", *SCHEMES, "heyoka")
+# The golden ratio's part beyond one: multiples of it lie in all parts of an interval alike.
+_GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
+_OF_BASELINE = 1001  # samples that the baseline is run for at most
+_FINEST_EXACT, _FINEST_PEER, _FINEST_LOCATED = 1e-12, 1e-15, 1e-13  # tolerances
+_MOST_EVALUATIONS = 3e5  # a second, of a reference without heyoka: the shipped scenes need up to 7e4
+# Starts for the exact mean, times those of the others: it is what they are measured against, and cheap.
+_MORE_STARTS = 4
+# m/s, about that of sound: a body that is faster has no mean speed, its method has diverged.
+_DIVERGED = 300.0
+
+
+@dataclass(frozen=True)
+class Effort:
+    """How much is measured.
+
+    Attributes
+    ----------
+    repeats : int
+        Rounds of each row, each of runs for `timing.LEAST_TIME`; costs are medians.
+    horizon : float or None
+        Time over which trajectories are compared [s]; by the Lyapunov time if None.
+    patience : float
+        Time [s] of one run after which its method's ladder goes no further; steps that are expected to take longer are
+        not tried. Nothing is repeated after a quarter of it: a long run's time has less scatter.
+    patience_for_averages : float
+        The same time [s] for all starts of a mean speed.
+    thorough : tuple of str
+        Methods whose mean speeds are measured at every step, however long it takes.
+    starts : int
+        Starts of a mean speed, at least 2; the spread between them does not shrink with their duration.
+    duration : float
+        Time of each start that counts [s].
+    """
+
+    repeats: int = 5
+    horizon: float | None = None
+    patience: float = 2.0
+    patience_for_averages: float = 8.0
+    thorough: tuple[str, ...] = ()
+    starts: int = 32
+    duration: float = 5.0
+
+
+def running(scene: Scene) -> Scene:
+    """`scene`, its motor turning from the start at `RUNNING_SPEED` if it stands still there."""
+    if scene["motor.speed"] > 0.0:
+        return scene
+    return scene.with_parameters({"motor.speed": min(RUNNING_SPEED, scene["motor.max_speed"])})
+
+
+def off_every_grid(horizon: float, count: int) -> np.ndarray:
+    """Instants [s], shape (count + 1,), from 0 to `horizon`, ascending: one in each part of it, nowhere the same part.
+
+    On a grid an error between its instants would go unseen, and one between a method's steps as well.
+    """
+    k = np.arange(count)
+    instants = (k + np.mod(_GOLDEN * k, 1.0)) * (horizon / count)
+    return np.append(instants, horizon)
+
+
+class Comparison:
+    """Trajectories of a scene within one horizon.
+
+    Attributes
+    ----------
+    scene : Scene
+        What is simulated.
+    times : ndarray, shape (n,)
+        Instants [s] at which runs are sampled whose cost is measured.
+    instants : ndarray, shape (m,)
+        Instants [s] at which trajectories are compared, in runs of their own; see `off_every_grid`.
+    reference : Answer
+        By the exact method, at `instants`.
+    uncertainty : Row
+        Errors of the reference against the most accurate independent method at hand, named there.
+    """
+
+    def __init__(self, scene: Scene, horizon: float, effort: Effort, kind: str = TRAJECTORY):
+        self.scene, self._effort, self._kind = scene, effort, kind
+        self.times = np.arange(max(1, round(horizon * RATE)) + 1) / RATE
+        self.horizon = float(self.times[-1])
+        self.instants = off_every_grid(self.horizon, INSTANTS)
+        self.reference = METHODS["exact"](scene, self.instants, _FINEST_EXACT)
+        self.uncertainty = self._uncertainty()
+
+    def rows(self, methods: Mapping[str, ComparedMethod]) -> Iterator[Row]:
+        """The reference's uncertainty, then each method's ladder."""
+        self._baseline()  # what is compiled at first use is not its cost
+        yield self.uncertainty
+        for name, method in methods.items():
+            yield from self._ladder(name, method)
+
+    def _row(self, compared: str, name: str, setting: str, value: float, **numbers) -> Row:
+        return Row(self.scene.name, compared, name, setting, value, self.horizon, **{"repeats": 1} | numbers)
+
+    def _uncertainty(self) -> Row:
+        peers = {"heyoka": (METHODS["heyoka"], _FINEST_PEER)} if importlib.util.find_spec("heyoka") else {}
+        patient = partial(METHODS["DOP853"].run, most_evaluations=_MOST_EVALUATIONS)
+        reasons = []
+        for name, (method, tolerance) in (peers | {"DOP853": (patient, _FINEST_LOCATED)}).items():
+            try:
+                found = method(self.scene, self.instants, tolerance)
+            except UnableError as error:
+                reasons.append(str(error))
+                continue
+            return self._row(REFERENCE, name, "tolerance", tolerance, **_named(errors(self.reference, found)))
+        return self._row(REFERENCE, "none", "tolerance", math.nan, note="; ".join(reasons))
+
+    def _ladder(self, name: str, method: ComparedMethod) -> Iterator[Row]:
+        try:  # what is compiled at first use is not the method's cost
+            method(self.scene, self.times[:2], method.ladder[0])
+        except UnableError:
+            pass
+        before, seconds = math.inf, 0.0
+        for value in method.ladder:
+            if _expected(method.setting, before, seconds, value) > self._effort.patience:
+                return
+            began = wall_clock.perf_counter()
+            row = self._measured(name, method, value)
+            yield row
+            seconds = row.wall_time if math.isfinite(row.wall_time) else wall_clock.perf_counter() - began
+            before = value if math.isfinite(row.wall_time) else math.inf
+            if seconds > self._effort.patience:
+                return
+
+    def _measured(self, name: str, method: ComparedMethod, value: float) -> Row:
+        walls: list[float] = []
+        ratios: list[float] = []
+        try:
+            while len(walls) < self._effort.repeats and sum(walls) <= self._effort.patience / 4.0:
+                walls.append(typical(lambda: method(self.scene, self.times, value).wall_time))
+                ratios.append(walls[-1] / (walls[-1] if name == "baseline" else self._baseline()))
+            off = self._errors(name, method, value)
+        except UnableError as error:
+            return self._row(self._kind, name, method.setting, value, repeats=0, note=str(error))
+        if not off.finite:
+            return self._row(self._kind, name, method.setting, value, repeats=len(walls), note="positions not finite")
+        return self._row(self._kind, name, method.setting, value, repeats=len(walls), cost=statistics.median(ratios),
+                         wall_time=statistics.median(walls), **_named(off))
+
+    def _errors(self, name: str, method: ComparedMethod, value: float) -> Errors:
+        if name != "baseline":
+            return errors(method(self.scene, self.instants, value), self.reference)
+        ends = np.arange(round(self.horizon / (2.0 * value)) + 1) * (2.0 * value)  # it knows nothing between its steps
+        return errors(method(self.scene, ends, value), METHODS["exact"](self.scene, ends, _FINEST_EXACT))
+
+    def _baseline(self) -> float:
+        """Wall time of the baseline now [s], each of whose steps costs the same; NaN where it lacks an effect."""
+        times = self.times[:_OF_BASELINE]
+        try:
+            return by_baseline(self.scene, times, BASELINE_STEP).wall_time * self.horizon / float(times[-1])
+        except UnableError:
+            return math.nan
+
+
+class SceneStudy:
+    """The study of one scene; `rows` measures, everything before it is the reference.
+
+    Attributes
+    ----------
+    scene : Scene
+        As loaded, but running.
+    growth : Growth
+        Its chaos.
+    comparison : Comparison
+        Within the horizon that chaos allows, or that was asked for.
+    """
+
+    def __init__(self, scene: Scene, effort: Effort):
+        self.scene = scene = running(scene)
+        self._effort = effort
+        self.growth: Growth = growth(scene)
+        horizon = effort.horizon or math.floor(self.growth.horizon * 20.0) / 20.0 or 0.05
+        self.comparison = Comparison(scene, horizon, effort)
+
+    @property
+    def needs(self) -> tuple[float, ...]:
+        """Horizons [s] of needs that chaos allows."""
+        return tuple(horizon for horizon in (SHORT, LONG) if horizon <= self.growth.comparable)
+
+    def count(self, methods: Mapping[str, ComparedMethod]) -> int:
+        """Number of rows that are tried at most."""
+        rungs = {name: len(method.ladder) for name, method in methods.items()}
+        averages = [1 if name == "exact" else len(AVERAGE_STEPS) for name in _devices(methods)]
+        needs = sum(1 + sum(len(method.ladder) for method in self._asked(horizon, methods).values())
+                    for horizon in self.needs)
+        return 1 + sum(rungs.values()) + needs + sum(averages)
+
+    def rows(self, methods: Mapping[str, ComparedMethod]) -> Iterator[Row]:
+        """Measure row by row: trajectories within the horizon, within those of needs, then mean speeds."""
+        yield from self.comparison.rows(methods)
+        for horizon in self.needs:
+            asked = self._asked(horizon, methods)
+            if asked:
+                yield from Comparison(self.scene, horizon, self._effort, NEED).rows(asked)
+        for name in _devices(methods):
+            yield from self._averages(name)
+
+    @staticmethod
+    def _asked(horizon: float, methods: Mapping[str, ComparedMethod]) -> dict[str, ComparedMethod]:
+        """The methods that are compared within the horizon of a need, and the baseline, whose error is told."""
+        asked = {name: methods[name] for name in COMPILED if name in methods}
+        return asked | ({"baseline": STUDIED["baseline"]} if asked and horizon == SHORT else {})
+
+    def _averages(self, name: str) -> Iterator[Row]:
+        if name == "exact":
+            yield self._average(name, "tolerance", METHODS["exact"].ladder[-1], {}, _MORE_STARTS)
+            return
+        before, seconds = math.inf, 0.0
+        patience = math.inf if name in self._effort.thorough else self._effort.patience_for_averages
+        for step in AVERAGE_STEPS:
+            if _expected("step", before, seconds, step) > patience:
+                return
+            row = self._average(name, "step", step, {"solver.step": step})
+            yield row
+            before, seconds = (step, row.wall_time) if math.isfinite(row.wall_time) else (before, seconds)
+
+    def _average(self, name: str, kind: str, value: float, parameters: dict, more: int = 1) -> Row:
+        duration, starts = self._effort.duration, more * self._effort.starts
+        row = Row(self.scene.name, AVERAGE, name, kind, value, duration, repeats=starts)
+        scene = self.scene.with_parameters(parameters | {"solver.method": name, "solver.audit": False})
+        began = wall_clock.perf_counter()
+        try:
+            found = speed_over_starts(scene, duration, starts)
+        except SimulationError as error:
+            return replace(row, repeats=0, note=str(error))
+        row = replace(row, wall_time=wall_clock.perf_counter() - began)
+        if not abs(found.mean) + found.spread < _DIVERGED:
+            return replace(row, note=f"diverged: faster than {_DIVERGED:g} m/s")
+        return replace(row, mean_speed=found.mean, mean_speed_spread=found.spread, starts_forwards=found.positive)
+
+
+def _devices(methods: Mapping[str, ComparedMethod]) -> list[str]:
+    """The device's own methods, whose mean speeds are measured."""
+    return [name for name in methods if name == "exact" or name in SCHEMES]
+
+
+def _expected(setting: str, before: float, seconds: float, value: float) -> float:
+    """Time [s] that a setting will take after one that took `seconds`: steps cost by their number."""
+    return seconds * before / value if setting == "step" and math.isfinite(before) else 0.0
+
+
+def _named(off: Errors) -> dict[str, float]:
+    return {"body_error": off.body, "height_error": off.height, "mass_error": off.masses, "event_error": off.events,
+            "speed_error": off.speed}

@@ -1,0 +1,98 @@
+"""Starts that are independent of each other, and mean speeds over them with their intervals.
+
+A loss-free scene is not ergodic: what its body does for ever depends on how it began, and starts along one line, such
+as equidistant speeds, may miss part of it. A start is therefore drawn: three stretches within the first second, each of
+random length and with a random motor speed and random gaps, all from a generator of its own number.
+"""
+
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+from scipy.stats import sem
+from scipy.stats import t as student
+
+from vibro_ros.model.scene import Scene
+from vibro_ros.simulation.kernels import compile_kernels
+from vibro_ros.simulation.processes import core_count, in_processes
+from vibro_ros.simulation.samples import Samples
+from vibro_ros.simulation.simulator import Simulator
+
+#: Time [s] that a start is given before its mean speed counts, and of that, the time at other motor speeds.
+SETTLING, STARTING = 4.0, 1.0
+# Stretches of a start; the first instant at which one may end [s]; least speed in parts of the scene's; largest change
+# of a gap in parts of the crank's radius.
+_STRETCHES, _FIRST_END, _SLOWEST, _GAPS = 3, 0.1, 0.5, 0.1
+
+
+@dataclass(frozen=True)
+class Average:
+    """A mean over starts, half the width of its 95 % confidence interval, and how many of the starts are positive."""
+
+    mean: float
+    spread: float
+    positive: int
+
+
+def average(values: np.ndarray) -> Average:
+    """Mean of independent values, and its interval by Student's distribution."""
+    spread = student.ppf(0.975, len(values) - 1) * sem(values)  # ttest_1samp warns where all values are equal
+    return Average(float(np.mean(values)), float(spread), int(np.sum(values > 0.0)))
+
+
+def speed_over_starts(scene: Scene, duration: float, starts: int, batch: int = 0) -> Average:
+    """Mean speed of the body [m/s] by the scene's own method over `duration` [s], once it has settled.
+
+    Raises
+    ------
+    SimulationError
+        If a run cannot go on.
+    """
+    return average(speeds_of_starts(scene, duration, starts, batch))
+
+
+def speeds_of_starts(scene: Scene, duration: float, starts: int, batch: int = 0) -> np.ndarray:
+    """Mean speed of the body [m/s] of each start, shape (starts,), shared among all cores; another `batch`, others."""
+    compile_kernels(scene["solver.method"])  # once for all that are forked
+    jobs = in_processes(partial(speed_of_start, scene, duration, batch), range(starts), core_count())
+    return np.array([job.outcome() for job in jobs])
+
+
+def speed_of_start(scene: Scene, duration: float, batch: int, number: int) -> float:
+    """Mean speed of the body [m/s] of one start over `duration` [s]; `SETTLING` seconds do not count."""
+    device = started(scene, np.random.default_rng((batch, number)))
+    device.advance_to(SETTLING)
+    begin = device.state.body_position
+    device.advance_to(SETTLING + duration)
+    return (device.state.body_position - begin) / duration
+
+
+def started(scene: Scene, draw: np.random.Generator) -> Simulator:
+    """A device after its start, at the motor speed of `scene`, its plates on their way back to the scene's gaps."""
+    device, speed, reach = Simulator(scene), scene["motor.speed"], _GAPS * scene["crank.radius"]
+    gaps = {f"{side}_gap": scene[f"{side}.gap"] for side in scene.guides}
+    for end in (*np.sort(draw.uniform(_FIRST_END, STARTING, _STRETCHES - 1)), STARTING):
+        aside = {name: _within_rod(scene, name, gap + draw.uniform(-reach, reach)) for name, gap in gaps.items()}
+        device.command(motor_speed=speed * draw.uniform(_SLOWEST, 1.0), **aside)
+        device.advance_to(end)
+    device.command(motor_speed=speed, **gaps)
+    return device
+
+
+def started_at_share(scene: Scene, share: float, speed: float) -> Simulator:
+    """A device at the motor speed `speed` [rad/s] after a first second at (1 + `share`) / 2 of that speed."""
+    device = Simulator(scene)
+    device.command(motor_speed=speed * (1.0 + share) / 2.0)
+    device.advance_to(STARTING)
+    device.command(motor_speed=speed)
+    return device
+
+
+def from_start(scene: Scene, share: float, speed: float, times: np.ndarray) -> Samples:
+    """Samples at `times` [s], none before `STARTING`, of the device of `started_at_share`."""
+    return started_at_share(scene, share, speed).sample(times)
+
+
+def _within_rod(scene: Scene, name: str, gap: float) -> float:
+    rod = scene[f"crank.{name.removesuffix('_gap')}_rod"]
+    return min(max(gap, -rod), rod)

@@ -1,0 +1,125 @@
+"""ROS parameter files: their sections, and which of these rcl applies to a node.
+
+A section is a mapping below the key `ros__parameters`; the keys above it, joined, are the node's name or a pattern of
+names. `*` stands for one name and `**` for any number of them.
+"""
+
+import re
+from collections.abc import Iterable, Iterator, Mapping
+from pathlib import Path
+from typing import TypeVar
+
+from vibro_ros.configuration.rcl_yaml import SECTION, rcl_document
+from vibro_ros.configuration.strict_yaml import read_yaml
+
+FIXED_OF_RCLPY = {
+    "use_sim_time": "take the time of stamps from /clock instead of the computer's clock",
+    "start_type_description_service": "offer the service ~/get_type_description",
+}
+"""Parameters, true or false, that rclpy declares for every node, and what they mean."""
+OF_RCLPY = (*FIXED_OF_RCLPY, "qos_overrides")
+"""Parameters, or beginnings of their names, that rclpy itself declares; `ros2 param dump` writes them, too."""
+
+_NODE = re.compile(r"/?{0}(?:/{0})*".format(r"(?:\*\*?|[A-Za-z_][A-Za-z0-9_]*)"))
+
+V = TypeVar("V")
+Sections = list[tuple[str, dict[str, object]]]
+"""Node name or pattern as written, and parameters by dotted name, of each section of a file, in its order."""
+
+
+def sections(path: Path) -> Sections:
+    """The sections of the file at `path`.
+
+    Raises
+    ------
+    ValueError
+        If the file is missing, is not YAML, or is no parameter file; one line that names the file and the remedy.
+    """
+    tree = read_yaml(path, document=rcl_document)
+    try:
+        found = list(_sections(tree, ""))
+    except RecursionError:
+        raise ValueError(f"{path}: a mapping contains itself; write it out") from None
+    except ValueError as error:
+        raise ValueError(f"{path}: {' '.join(str(error).split())}") from None
+    if not found:
+        raise ValueError(f"{path}: {_NONE}")
+    return found
+
+
+def check_addressed(path: Path, found: Sections, node: str) -> None:
+    """Refuse a file of whose sections none is for `node`, a fully qualified name.
+
+    Raises
+    ------
+    ValueError
+        Naming the file, the nodes that it does address, and the remedy.
+    """
+    patterns = [absolute(pattern) for pattern, _ in found]
+    if not any(applies(pattern, node) for pattern in patterns):
+        raise ValueError(f"{path}: holds parameters for {', '.join(patterns)}, none for this node; "
+                         f"address them to {node} or to /**")
+
+
+def absolute(pattern: str) -> str:
+    """A section's pattern from the root, where ROS lets it begin."""
+    return f"/{pattern.lstrip('/')}"
+
+
+def applies(pattern: str, node: str) -> bool:
+    """Whether rcl applies the section `pattern` to `node`, a fully qualified name."""
+    expression = re.escape(absolute(pattern)).replace(r"/\*\*", r"(?:/\w+)*").replace(r"\*", r"\w+")
+    return re.fullmatch(expression, node) is not None
+
+
+def merged(given: Iterable[tuple[str, Mapping[str, V]]], node: str) -> dict[str, V]:
+    """What `node` is given by the sections of one file or of several, as rcl merges them.
+
+    Of sections with equal patterns the later value holds. Of different patterns that apply to the node, the value
+    holds whose pattern appeared last for the first time: neither the more special nor the later one.
+    """
+    by_pattern: dict[str, dict[str, V]] = {}
+    for pattern, values in given:
+        by_pattern.setdefault(pattern, {}).update(values)
+    return {name: value for pattern, values in by_pattern.items() if applies(pattern, node)
+            for name, value in values.items()}
+
+
+def own_parameters(values: Mapping[str, V]) -> dict[str, V]:
+    """`values` without those of rclpy."""
+    return {name: value for name, value in values.items() if name.partition(".")[0] not in OF_RCLPY}
+
+
+_NONE = f"holds no parameters; a parameter file begins with `/**:` and below it `{SECTION}:`"
+
+
+def _sections(tree: object, above: str) -> Iterator[tuple[str, dict[str, object]]]:
+    if not isinstance(tree, Mapping) or (SECTION in tree and len(tree) > 1):
+        raise ValueError(f"{above}: {_NONE}, alone" if above else _NONE)
+    for key, value in tree.items():
+        if key != SECTION:
+            yield from _sections(value, f"{above}{'/' * (above != '' and not above.endswith('/'))}{key}")
+        elif above and isinstance(value, Mapping):
+            if not _NODE.fullmatch(above):
+                raise ValueError(f"{above!r}: is no node's name; write names of letters, digits and _, * or **, and / "
+                                 "between them")
+            yield above, _flat(value)
+        else:
+            raise ValueError(f"{above}: {_NONE}" if above else _NONE)
+
+
+def _flat(tree: Mapping) -> dict[str, object]:
+    flat: dict[str, object] = {}
+    for name, value in _leaves(tree, ""):
+        if name in flat:
+            raise ValueError(f"{name}: is given twice, dotted and nested; keep one")
+        flat[name] = value
+    return flat
+
+
+def _leaves(tree: Mapping, prefix: str) -> Iterator[tuple[str, object]]:
+    for key, value in tree.items():
+        if isinstance(value, Mapping):
+            yield from _leaves(value, f"{prefix}{key}.")
+        else:
+            yield f"{prefix}{key}", value

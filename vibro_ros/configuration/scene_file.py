@@ -1,0 +1,131 @@
+"""Scenes and device parameters from ordinary ROS parameter files."""
+
+import os
+from pathlib import Path
+
+from vibro_ros.configuration.parameter_file import Sections, absolute, check_addressed, merged, own_parameters, sections
+from vibro_ros.configuration.shipped import config_folder
+from vibro_ros.model.parameters import SCENE_PARAMETERS, Parameter, checked_parameters
+from vibro_ros.model.scene import Scene
+
+NODE_NAME = "vibro_robot"
+MOST_SCENES = 16  # in a chain, each a change of the next
+
+#: Parameters of the device around the physics; scenes do not contain them.
+DEVICE_PARAMETERS: tuple[Parameter, ...] = (
+    Parameter("scene", "device", "", "a shipped scene's name, or the path of a parameter file, whose own `scene` it "
+              "changes"),
+    Parameter("frame_prefix", "", "", "put before the name of every frame as it is, such as r1/ for one of two robots"),
+    Parameter("rate.publish", 200.0, "Hz", "rate at which the states are published", minimum=0.1, maximum=1e4),
+    Parameter("rate.real_time_factor", 1.0, "", "simulated seconds per second; 0 = as fast as it can",
+              minimum=0.0, maximum=1e3),
+    Parameter("rate.max_catch_up", 0.1, "s", "longest stall that is caught up; time beyond it is dropped",
+              minimum=0.0, maximum=1e3),
+    Parameter("record.enabled", True, "", "record a bag from the start"),
+    Parameter("record.directory", ".", "", "where the time-stamped folder of the bag is made"),
+    Parameter("record.topics", ("all",), "", "topics to record, such as [odom, motor_speed]; [all] records every one"),
+    Parameter("record.storage", "mcap", "", "file format of the bag", choices=("mcap", "sqlite3")),
+    Parameter("record.compression", "none", "", "compression of an MCAP bag's chunks", choices=("none", "zstd")),
+    Parameter("record.max_size", 0.0, "B", "a file of the bag is followed by another before it exceeds this; 0 = never",
+              minimum=0.0, maximum=1e18),
+    Parameter("record.max_duration", 0.0, "s", "the same by robot time; 0 = never", minimum=0.0, maximum=1e9),
+    Parameter("record.max_bytes", 0.0, "B", "the bag's oldest file is deleted before the bag exceeds this; 0 = never",
+              minimum=0.0, maximum=1e18),
+    Parameter("record.snapshot", 0.0, "s", "keep only so much in memory, and write it when the simulation fails or "
+              "`~/record` asks; 0 = record everything at once", minimum=0.0, maximum=3600.0),
+    Parameter("record.recover", False, "", "seal bags that a killed robot left in record.directory; false: say how"),
+)
+
+
+def shipped_scenes() -> tuple[str, ...]:
+    """Names of the scenes that come with the package."""
+    return tuple(sorted(path.stem for path in (config_folder() / "scenes").glob("*.yaml")))
+
+
+def load_scene(name_or_path: str | Path, node: str | None = None) -> Scene:
+    """A shipped scene by its name, or the scene of a ROS parameter file.
+
+    Of the file, those parameters count that ROS would give the robot's node. Its parameter `scene` names the scene that
+    they change, so that the file gives the same robot here as to the node with `--params-file`; a relative path in it
+    starts from the file's folder. Without `scene` they change the paper's values (and with `--params-file` those of
+    the node's default scene). Parameters of the device (`DEVICE_PARAMETERS`) are checked and left aside, those of
+    every ROS node (`use_sim_time`) left aside.
+
+    Parameters
+    ----------
+    name_or_path : str or Path
+        A shipped scene's name, or a file: one written by hand, or by ``ros2 param dump``.
+    node : str, optional
+        Fully qualified name of the node whose parameters are read. By default the node `vibro_robot`, in whichever
+        one namespace the file has it.
+
+    Raises
+    ------
+    ValueError
+        If there is no such scene or file, the file is not a valid parameter file, or its `scene` leads to itself;
+        the message names the file, the value, the limit and the remedy.
+
+    Examples
+    --------
+    >>> vibro_ros.load_scene("rigid")["effects.upper_contact"]
+    'restitution'
+    """
+    return _load(_scene_path(str(name_or_path), Path()), node, ())
+
+
+def scene_origin(name: str, folder: Path) -> str:
+    """What the parameter `scene` means: the name of a shipped scene, or an absolute path.
+
+    Parameters
+    ----------
+    name : str
+        A shipped scene's name, or a path.
+    folder : Path
+        Where a relative path starts from.
+
+    Raises
+    ------
+    ValueError
+        If there is no such scene or file.
+    """
+    return name if name in shipped_scenes() else str(_scene_path(name, folder).absolute())
+
+
+def _load(path: Path, node: str | None, above: tuple[Path, ...]) -> Scene:
+    """The scene of a file, which the last of the files `above` names, each of them named by the one before."""
+    if path.resolve() in above or len(above) >= MOST_SCENES:
+        what = "is a change of itself" if path.resolve() in above else f"is the end of {MOST_SCENES} changes"
+        raise ValueError(f"{path}: as a scene it {what}; let its `scene` be one of {', '.join(shipped_scenes())}")
+    given = sections(path)
+    own = node or _robot_in(path, given)
+    check_addressed(path, given, own)
+    try:
+        checked = checked_parameters(own_parameters(merged(given, own)), (*SCENE_PARAMETERS, *DEVICE_PARAMETERS))
+        base = _scene_path(checked["scene"], path.parent) if "scene" in checked else None
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from None
+    start = _load(base, node, (*above, path.resolve())).parameters if base else {}
+    device = {parameter.name for parameter in DEVICE_PARAMETERS}
+    try:
+        return Scene(path.stem, {**start, **{name: value for name, value in checked.items() if name not in device}})
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from None
+
+
+def _robot_in(path: Path, given: Sections) -> str:
+    """The node `NODE_NAME` of a file, in the one namespace that its sections name, or in none."""
+    named = {absolute(pattern) for pattern, _ in given if "*" not in pattern}
+    robots = sorted(node for node in named if node.rpartition("/")[2] == NODE_NAME)
+    if len(robots) > 1:
+        raise ValueError(f"{path}: holds parameters for {', '.join(robots)}; name one of them: "
+                         f"load_scene(..., node={robots[0]!r})")
+    return robots[0] if robots else f"/{NODE_NAME}"
+
+
+def _scene_path(name: str, folder: Path) -> Path:
+    if name in shipped_scenes():
+        return config_folder() / "scenes" / f"{name}.yaml"
+    path = folder / name
+    if os.path.isfile(path):  # which is false, not an error, for a name that no file can have
+        return path
+    raise ValueError(f"{name}: neither a shipped scene nor a file; shipped scenes are {', '.join(shipped_scenes())}")

@@ -1,0 +1,194 @@
+"""YAML read as its authors mean it, and within limits: no key twice, 1e-3 is a number, no file hangs or kills.
+
+A document is looked through, event by event, before anything is made of it: how deep it is nested and how many values
+it unfolds to. An alias counts with all that it stands for, so that a few lines cannot become a billion values.
+"""
+
+import re
+from collections.abc import Callable, Hashable
+from dataclasses import dataclass
+from pathlib import Path
+
+import yaml
+
+from vibro_ros.process.regular_file import content
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What a document may be at most.
+
+    Attributes
+    ----------
+    size : int
+        Bytes of the file.
+    values : int
+        Keys and values, each alias counted with all that it stands for.
+    depth : int
+        Lists and mappings inside each other.
+    """
+
+    size: int = 2**20
+    values: int = 100_000
+    depth: int = 32
+
+
+LIMITS = Limits()
+"""Of a file that a user writes."""
+
+INTEGER_BITS = 4096
+"""Longest integer: Python refuses to print one of some thousand digits, even into a message that refuses it."""
+
+_MERGE = "tag:yaml.org,2002:merge"
+
+
+class _LimitError(yaml.MarkedYAMLError):
+    """A document is deeper or longer than its `Limits`."""
+
+    kind = "not read"
+
+
+class _Loader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):  # type: ignore[misc]
+    """PyYAML's safe loader without its surprises.
+
+    The last of equal keys wins there, 1e-3 and 1.0e7 are texts, and values that do not suit their tags raise whatever
+    the conversion meets.
+    """
+
+    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Hashable, object]:
+        seen = set()
+        for key_node, _ in node.value if isinstance(node, yaml.MappingNode) else ():
+            if key_node.tag == _MERGE:
+                raise yaml.MarkedYAMLError(problem="a merge key (<<); write the values out",
+                                           problem_mark=key_node.start_mark)
+            key = self.construct_object(key_node, deep=True)
+            if not isinstance(key, Hashable):
+                raise yaml.MarkedYAMLError(problem="a key that is a list or a mapping; give a text",
+                                           problem_mark=key_node.start_mark)
+            if key in seen:
+                raise yaml.MarkedYAMLError(problem=f"{key!r} is given twice", problem_mark=node.start_mark)
+            seen.add(key)
+        return super().construct_mapping(node, deep)
+
+    def construct_object(self, node: yaml.Node, deep: bool = False) -> object:
+        try:
+            value = super().construct_object(node, deep)
+        except (ValueError, KeyError, IndexError, AttributeError, OverflowError) as error:  # of PyYAML's converters
+            raise yaml.MarkedYAMLError(problem=f"{_shown(node)} cannot be read as {node.tag.rpartition(':')[2]}",
+                                       problem_mark=node.start_mark) from error
+        if isinstance(value, int) and value.bit_length() > INTEGER_BITS:
+            raise yaml.MarkedYAMLError(problem=f"{_shown(node)} is an integer of more than {INTEGER_BITS} bits",
+                                       problem_mark=node.start_mark)
+        return value
+
+
+_Loader.add_implicit_resolver(
+    "tag:yaml.org,2002:float", re.compile(r"^[-+]?([0-9][0-9_]*\.?|[0-9_]*\.[0-9][0-9_]*)[eE][-+]?[0-9]+$"),
+    list("-+.0123456789")
+)
+
+
+def _strict_document(text: str) -> object:
+    return yaml.load(text, _Loader)
+
+
+def parsed(text: str, limits: Limits = LIMITS, document: Callable[[str], object] = _strict_document) -> object:
+    """The document that `text` is; None when it is empty.
+
+    Parameters
+    ----------
+    text : str
+        YAML.
+    limits : Limits
+        What is not read.
+    document : callable
+        Makes the document of a text within the limits; raises yaml.YAMLError.
+
+    Raises
+    ------
+    ValueError
+        With the line, for one that is not YAML or exceeds the limits.
+    """
+    try:
+        _check(text, limits)
+        return document(text)
+    except yaml.MarkedYAMLError as error:
+        line = f"line {error.problem_mark.line + 1}: " if error.problem_mark else ""
+        raise ValueError(f"{line}{getattr(error, 'kind', 'not YAML')}: {error.problem or error.context}") from error
+    except (yaml.YAMLError, UnicodeError) as error:  # a character that YAML forbids, half a surrogate pair
+        raise ValueError(f"not YAML: {' '.join(str(error).split())}") from error
+
+
+def read_scalar(text: str) -> object:
+    """The value that `text` is in YAML: a number, true or false, else the text itself."""
+    try:
+        value = parsed(text)
+    except ValueError:
+        return text
+    return value if isinstance(value, (bool, int, float, str)) else text
+
+
+def read_yaml(path: Path, limits: Limits = LIMITS, follow: bool = True,
+              document: Callable[[str], object] = _strict_document) -> object:
+    """The document in the file at `path`; None when it is empty.
+
+    Parameters
+    ----------
+    path : Path
+        Of a regular file.
+    limits : Limits
+        What is not read.
+    follow : bool
+        Whether `path` may be a symbolic link.
+    document : callable
+        As for `parsed`.
+
+    Raises
+    ------
+    ValueError
+        Naming the file, for one that cannot be read, is not YAML, or exceeds the limits.
+    """
+    try:
+        return parsed(content(path, limits.size, follow).decode(), limits, document)
+    except OSError as error:
+        raise ValueError(f"{path}: {error.strerror}; give the path of a YAML file") from error
+    except UnicodeDecodeError as error:
+        raise ValueError(f"{path}: not YAML: byte {error.start} is not UTF-8") from error
+    except ValueError as error:
+        line, colon, reason = str(error).partition(": ")
+        where = f"{path}, {line}: {reason}" if colon and line.startswith("line ") else f"{path}: {error}"
+        raise ValueError(where) from error
+
+
+def _check(text: str, limits: Limits) -> None:
+    """Look through the events of `text` (YAMLError for one that exceeds a limit)."""
+    sizes: dict[str, int] = {}  # of what an anchor names
+    within: list[str | None] = []  # anchors of the lists and mappings that are open
+    counts = [0]  # values of each that is open
+    for event in yaml.parse(text, _Loader):
+        size, anchor = 0, None
+        if isinstance(event, (yaml.SequenceStartEvent, yaml.MappingStartEvent)):
+            within.append(event.anchor)
+            counts.append(1)
+        elif isinstance(event, (yaml.SequenceEndEvent, yaml.MappingEndEvent)):
+            size, anchor = counts.pop(), within.pop()
+        elif isinstance(event, yaml.ScalarEvent):
+            size, anchor = 1, event.anchor
+        elif isinstance(event, yaml.AliasEvent):
+            if event.anchor in within:
+                raise _LimitError(problem=f"{event.anchor!r} contains itself; write it out",
+                                  problem_mark=event.start_mark)
+            size = sizes.get(event.anchor, 1)
+        if anchor is not None:
+            sizes[anchor] = size
+        counts[-1] += size
+        if len(within) > limits.depth:
+            raise _LimitError(problem=f"lists and mappings nested more than {limits.depth} deep",
+                              problem_mark=event.start_mark)
+        if counts[-1] > limits.values:
+            raise _LimitError(problem=f"more than {limits.values} keys and values", problem_mark=event.start_mark)
+
+
+def _shown(node: yaml.Node) -> str:
+    text = node.value if isinstance(node, yaml.ScalarNode) else f"a {node.id}"
+    return repr(text if len(text) <= 40 else f"{text[:40]}…")

@@ -1,0 +1,93 @@
+"""What the robot's messages say of the device's state and events, for the classes of any ROS library.
+
+Units are SI and signs REP-103's: the robot's `base_link` has x forward and z up, and moves in the frame `odom`.
+The functions fill a blank message of the right type: rclpy's in the node, rosbags' where a recording is computed
+again, so that both say the same by construction. A `stamp` is ROS time [ns], a `prefix` begins every frame's name.
+
+Every number is cast with `float`: rclpy serialises an int or a numpy scalar in a float field to garbage, silently.
+"""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from vibro_ros.model.scene import Scene
+from vibro_ros.simulation.samples import Samples
+
+ODOM = "odom"
+BASE = "base_link"
+PLATES = {"upper_contact": "upper_plate", "inclined_contact": "inclined_plate"}
+"""Frame of the plate that an event of this kind strikes."""
+
+JOINTS = {
+    "crank": ("crank_angle", "motor_speed", "motor_torque"),
+    "upper_mass": ("upper_position", "upper_velocity", "upper_drive_force"),
+    "inclined_mass": ("inclined_position", "inclined_velocity", "inclined_drive_force"),
+    "upper_plate": ("upper_plate_position", "upper_plate_velocity", "upper_plate_force"),
+    "inclined_plate": ("inclined_plate_position", "inclined_plate_velocity", "inclined_plate_force"),
+}
+"""Position, velocity and effort of each joint, as fields of the state.
+
+The crank's are an angle [rad], never wrapped, its speed [rad/s] and the motor's torque [N m]. The others are
+positions along their guide [m], outwards positive from the crank's centre, speeds [m/s] and forces [N]: on a mass that
+of its drive (outwards positive), on a plate that of the contact (compression positive).
+"""
+
+
+def stamp_at(start: int, time: float) -> int:
+    """ROS time [ns] of the simulated `time` [s], where `start` is that of simulated time 0."""
+    return start + round(time * 1e9)
+
+
+def joints_of(scene: Scene) -> list[str]:
+    """The joints that a robot of this scene has, names of `JOINTS`."""
+    parts = [f"{side}_mass" for side in scene.guides] + [f"{side}_plate" for side in scene.plates]
+    return [joint for joint in JOINTS if joint in ("crank", *parts)]
+
+
+def fill_odometry(message: Any, state: Samples, stamp: int, prefix: str = "") -> None:
+    """Position [m] and velocity [m/s] of the body."""
+    _fill_header(message.header, stamp, prefix + ODOM)
+    message.child_frame_id = prefix + BASE
+    pose, twist = message.pose.pose, message.twist.twist
+    pose.position.x = float(state.body_position)
+    pose.position.z = float(state.body_height)
+    pose.orientation.w = 1.0
+    twist.linear.x = float(state.body_velocity)
+    twist.linear.z = float(state.body_vertical_velocity)
+
+
+def fill_joint_states(message: Any, state: Samples, joints: Sequence[str], stamp: int, prefix: str = "") -> None:
+    """Position, velocity and effort of `joints`, names of `JOINTS`."""
+    _fill_header(message.header, stamp, prefix + BASE)
+    message.name = list(joints)
+    message.position, message.velocity, message.effort = (
+        [float(getattr(state, JOINTS[joint][which])) for joint in joints] for which in range(3))
+
+
+def fill_ground_contact(message: Any, state: Samples, stamp: int, prefix: str = "") -> None:
+    """Force of the ground on the body [N]: friction along x (negative: slows forward motion), normal along z."""
+    _fill_header(message.header, stamp, prefix + BASE)
+    message.wrench.force.x = -float(state.friction_force)
+    message.wrench.force.z = float(state.normal_force)
+
+
+def fill_impact(message: Any, event: np.void, stamp: int, prefix: str = "") -> None:
+    """Peak force [N] of one contact, the force of the mass on the plate.
+
+    The frame is the plate's; its z axis points along the guide, outwards from the crank (for the upper plate: up), so
+    the peak force is positive. `stamp` is the first instant of contact.
+    """
+    _fill_header(message.header, stamp, prefix + PLATES[str(event["kind"])])
+    message.wrench.force.z = float(event["peak_force"])
+
+
+def fill_motor_power(message: Any, state: Samples) -> None:
+    """Power [W] that the motor gives; positive drives the robot."""
+    message.data = float(state.motor_power)
+
+
+def _fill_header(header: Any, stamp: int, frame: str) -> None:
+    header.stamp.sec, header.stamp.nanosec = divmod(stamp, 1_000_000_000)
+    header.frame_id = frame

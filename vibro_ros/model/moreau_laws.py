@@ -1,0 +1,119 @@
+"""A scene's contacts and friction as laws for Moreau's time stepping (`solver.laws`).
+
+The rows are those of the model, multiplied by their masses, with r = 1 with the reaction on the masses and else 0:
+
+    u: m2 (u'' + r y'') = -k2 (u - s_B) - c2 (u' - s_B') - m2 g - P        x: M x'' + m3 e_x w'' = -F_fr
+    w: m3 (w'' + r (e_x x'' + e_y y'')) = ... - P                          y: M y'' + m2 u'' + m3 e_y w'' = N - M g
+
+The row y is there for the rule `hop` alone; by the other rules its N is the normal force of the friction.
+"""
+
+from typing import Any
+
+import numpy as np
+
+from vibro_ros.model.forms import Forms
+from vibro_ros.model.modes import Mode
+from vibro_ros.model.scene import Scene
+from vibro_ros.solver.laws import BACKWARD, FORWARD, STICK, WITHOUT_LOAD, Laws
+from vibro_ros.solver.system import NOTHING
+
+# States of the friction by the outcome of its law: the first of these states that a scene has.
+_STATES = {STICK: ("stick", "grounded"), FORWARD: ("slip_forward", "grounded"),
+           BACKWARD: ("slip_backward", "grounded"), WITHOUT_LOAD: ("unloaded", "airborne", "rest", "stick", "grounded")}
+
+
+def contact_laws(scene: Scene, forms: Forms, modes: tuple[Mode, ...], step: float) -> Laws:
+    """Laws of `scene` for steps of `step` [s]; `forms` and `modes` are those of the compiled scene."""
+    at, n = forms.channels, forms.channels.coordinates
+    inertia, force = _inertia(scene, forms), _forces(scene, forms)
+    stiffness, damping = -force[:, :n], -force[:, n:2 * n]
+    load = force.copy()
+    load[:, :2 * n] = 0.0
+    inverse = np.linalg.inv(inertia + step * damping + step**2 * stiffness)
+    gap = np.array([-forms.penetration(side)[0] for side in forms.plates]
+                   + [forms.position(forms.height)] * forms.body_hops).reshape(-1, at.count)
+    response = gap[:, :n] @ inverse.T  # a contact pushes where it widens its gap
+    friction = _coefficients(scene, forms)
+    slips = friction["holding"] > 0.0 and forms.body_moves
+    return Laws(
+        inertia=inertia, stiffness=stiffness, load=load, inverse=inverse, gap=gap, **_plates(scene, forms),
+        response=response, compliance=np.einsum("ij,ij->i", gap[:, :n], response),
+        slipping=forms.body if slips else NOTHING, **friction,
+        slip_response=inverse[:, forms.body].copy() if slips else np.zeros(n),
+        weight=scene.total_mass * scene["gravity"], swing=_swing(scene, forms),
+        support=len(forms.plates) if forms.body_hops else NOTHING,
+        negative=scene["effects.normal_force"] == "printed", mode=_mode_numbers(forms, modes))
+
+
+def _inertia(scene: Scene, forms: Forms) -> np.ndarray:
+    """Mass matrix of the rows [kg], shape (coordinates, coordinates)."""
+    n = forms.channels.coordinates
+    inertia, felt = np.zeros((n, n)), float(scene["effects.reaction"])
+    rows = [forms.body] * forms.body_moves + [forms.height] * forms.body_hops
+    parts = [0] * forms.body_moves + [1] * forms.body_hops
+    for row in rows:
+        inertia[row, row] = scene.total_mass
+    for i, side in enumerate(forms.guides):
+        mass = scene[f"mass.{side}"]
+        inertia[i, i] = mass
+        for row, part in zip(rows, parts, strict=True):
+            inertia[row, i] = mass * scene.direction(side)[part]
+            inertia[i, row] = felt * inertia[row, i]
+    return inertia
+
+
+def _forces(scene: Scene, forms: Forms) -> np.ndarray:
+    """Forms of all forces but those of contacts and friction [N], shape (coordinates, channels)."""
+    force = np.zeros((forms.channels.coordinates, forms.channels.count))
+    for i, side in enumerate(forms.guides):
+        force[i] = -forms.drive_force(side) - forms.weight(side)
+    if forms.body_hops:
+        force[forms.height] = -scene.total_mass * scene["gravity"] * forms.one
+    return force
+
+
+def _plates(scene: Scene, forms: Forms) -> dict[str, Any]:
+    """Laws of the plates and, by the rule `hop`, of the ground, where landings are inelastic: shape (contacts,)."""
+    ground = [0.0] * forms.body_hops
+    rigid = [scene[f"effects.{side}_contact"] == "restitution" for side in forms.plates]
+    return {
+        "spring": np.array([scene[f"{side}.plate.stiffness"] for side in forms.plates] + ground),
+        "damper": np.array([scene[f"{side}.plate.damping"] for side in forms.plates] + ground),
+        "restitution": np.array([scene[f"{side}.plate.restitution"] for side in forms.plates] + ground),
+        "rigid": np.array(rigid + [True] * forms.body_hops, dtype=bool),
+        "pulls": np.array([scene["effects.adhesion"]] * len(forms.plates) + [False] * forms.body_hops, dtype=bool),
+    }
+
+
+def _coefficients(scene: Scene, forms: Forms) -> dict[str, Any]:
+    """Friction coefficients of the slipping body, which may fall with its speed, and of the body at rest."""
+    kinetic = scene["ground.friction"]
+    if not scene.has_friction:
+        return {"sliding": 0.0, "rise": 0.0, "fading": 0.0, "holding": 0.0}
+    static, falls = scene.resting_friction, float(forms.friction_decays)
+    return {"sliding": kinetic, "rise": falls * (static - kinetic), "fading": falls / scene["ground.stribeck_speed"],
+            "holding": static}
+
+
+def _swing(scene: Scene, forms: Forms) -> np.ndarray:
+    """Factors [kg] of the accelerations in N - M g, eq. (6), shape (coordinates,)."""
+    swing = np.zeros(forms.channels.coordinates)
+    if scene["effects.normal_force"] != "weight":
+        for i, side in enumerate(forms.guides):
+            swing[i] = scene[f"mass.{side}"] * scene.direction(side)[1]
+    return swing
+
+
+def _mode_numbers(forms: Forms, modes: tuple[Mode, ...]) -> np.ndarray:
+    """Numbers of the modes by the outcomes of the laws: which contacts press, as bits, then that of the friction."""
+    by_state = {(mode.pressing, mode.friction): m for m, mode in reversed(list(enumerate(modes)))}
+    frictions = {mode.friction for mode in modes}
+    numbers = []
+    for code in range(2 ** len(forms.plates)):
+        bits = [code >> (len(forms.plates) - 1 - k) & 1 for k in range(len(forms.plates))]
+        pressing = frozenset(side for side, bit in zip(forms.plates, bits, strict=True) if bit)
+        for outcome in sorted(_STATES):
+            friction = next(name for name in _STATES[outcome] if name in frictions)
+            numbers.append(by_state[pressing, friction])
+    return np.array(numbers)

@@ -1,0 +1,131 @@
+"""What a scene's parameters must not be together, each with the value, the limit and the remedy."""
+
+import math
+
+from vibro_ros.model.parameter_values import ParameterValues
+from vibro_ros.model.parameters import BY_NAME
+from vibro_ros.model.promise import LEAST_SHARE
+from vibro_ros.model.rates import FASTEST_RATE, LEAST_INERTIA, fastest_rate, least_inertia
+
+
+def check_together(values: ParameterValues) -> None:
+    """Refuse values that contradict each other or that no method can simulate.
+
+    Raises
+    ------
+    ValueError
+        One sentence that names the parameter, its value, the limit and the remedy.
+    """
+    for check in (_check_mechanism, _check_friction, _check_blows, _check_rates, _check_reaction, _check_tolerance):
+        check(values)
+
+
+def _check_mechanism(values: ParameterValues) -> None:
+    radius = values["crank.radius"]
+    for side in ("upper", "inclined"):
+        rod = values[f"crank.{side}_rod"]
+        if radius > rod:
+            raise ValueError(f"crank.radius: {radius:g} m is longer than crank.{side}_rod, {rod:g} m, and would "
+                             f"jam the mechanism; give a radius of at most {rod:g} m or a longer rod")
+
+
+def _check_friction(values: ParameterValues) -> None:
+    kinetic = values["ground.friction"]
+    if values.resting_friction < kinetic:
+        raise ValueError(f"ground.static_friction: {values.resting_friction:g} is below ground.friction, "
+                         f"{kinetic:g}; give at least {kinetic:g}")
+    _check_stribeck(values)
+    highest = _highest_friction(values)
+    if values.has_friction and kinetic >= highest:
+        raise ValueError(f"ground.friction: at {kinetic:g} the reaction on the masses has no unique solution while "
+                         f"the body slips (Painlevé's paradox); give less than {highest:g}, or set "
+                         "effects.reaction to false")
+
+
+def _check_stribeck(values: ParameterValues) -> None:
+    """Refuse `stribeck` where a coefficient that changes with the speed makes masses or a landing nonlinear."""
+    if values["effects.friction"] != "stribeck":
+        return
+    if values["effects.reaction"]:
+        raise ValueError("effects.friction: 'stribeck' has no exact solution with effects.reaction true, by which "
+                         "the friction moves the masses; choose static, or set effects.reaction to false")
+    if values["effects.normal_force"] == "hop":
+        raise ValueError("effects.friction: 'stribeck' has no exact law for a landing, in which the coefficient "
+                         "would change during the shock; choose static, or unilateral for effects.normal_force")
+
+
+def _highest_friction(values: ParameterValues) -> float:
+    """Friction coefficient at which the inertia of slipping body and inclined mass is singular, or inf."""
+    sine, cosine = math.sin(values["guide.angle"]), math.cos(values["guide.angle"])
+    coupled = values["effects.reaction"] and values["effects.normal_force"] != "weight"
+    mass = values["mass.inclined"]
+    coupling = mass * sine * abs(cosine)
+    if not coupled or "inclined" not in values.guides or coupling == 0.0:
+        return math.inf
+    return (values.total_mass - mass * sine**2) / coupling
+
+
+def _check_blows(values: ParameterValues) -> None:
+    """Refuse rigid plates where a rule of the normal force gives the friction of a blow no meaning."""
+    rule, angle, friction = values["effects.normal_force"], values["guide.angle"], values.has_friction
+    rigid = [side for side in values.guides if values[f"effects.{side}_contact"] == "restitution"]
+    if rigid and friction and rule == "printed":
+        raise ValueError("effects.normal_force: 'printed' makes friction drive the body infinitely hard in a blow "
+                         "on a rigid plate; choose unilateral or weight, or a compliant contact")
+    if "inclined" in rigid and angle > math.pi / 2 and (rule == "hop" or (friction and rule == "unilateral")):
+        raise ValueError(f"guide.angle: {angle:g} rad points the inclined guide down, where a blow on its rigid "
+                         "plate presses the body on the ground; give at most 1.5708 rad, or a compliant contact")
+
+
+def _check_rates(values: ParameterValues) -> None:
+    """Refuse a mass that is so light for its springs and dampers that a simulation would take too long."""
+    for side in values.guides:
+        parts = ("spring", "plate") if values[f"effects.{side}_contact"] == "compliant" else ("spring",)
+        stiffness = {f"{side}.{part}.stiffness": values[f"{side}.{part}.stiffness"] for part in parts}
+        damping = {f"{side}.{part}.damping": values[f"{side}.{part}.damping"] for part in parts}
+        # Bounds of the mass from w = sqrt(k / m), and from w < c / m where the damping prevails.
+        by_spring, by_damper = sum(stiffness.values()) / FASTEST_RATE**2, sum(damping.values()) / FASTEST_RATE
+        lightest, mass = max(by_spring, by_damper), values[f"mass.{side}"]
+        if mass < lightest:
+            name, value = max((stiffness if by_spring >= by_damper else damping).items(), key=lambda item: item[1])
+            raise ValueError(f"{name}: {value:g} {BY_NAME[name].unit} moves mass.{side}, {mass:g} kg, faster than "
+                             f"{FASTEST_RATE:g} 1/s, which takes too long to simulate; give a mass of at least "
+                             f"{lightest:g} kg, or less stiffness and damping")
+
+
+def _check_reaction(values: ParameterValues) -> None:
+    """Refuse a body that yields so much that the masses become too fast or lose digits of their inertia."""
+    if not (values["effects.reaction"] and values.guides):
+        return
+    share, rate = least_inertia(values.yielding_masses()), fastest_rate(values.yielding_masses())
+    if share < LEAST_INERTIA:
+        found = (f"leaves the masses {share:.2g} of their inertia, less than the {LEAST_INERTIA:g} that rounding "
+                 "allows")
+    elif rate > FASTEST_RATE:
+        found = (f"lets the masses move at {rate:.3g} 1/s, faster than {FASTEST_RATE:g} 1/s, which takes too "
+                 "long to simulate")
+    else:
+        return
+    raise ValueError(f"mass.body: {values['mass.body']:g} kg with effects.reaction {found}; give "
+                     f"{_heavier_body(values)}less ground.friction, stiffness and damping, or set effects.reaction "
+                     "to false")
+
+
+def _heavier_body(values: ParameterValues) -> str:
+    """The least mass of the body, to a factor of two, that passes, as part of a sentence; empty if none does."""
+    mass = values["mass.body"]
+    while (mass := 2.0 * mass) <= BY_NAME["mass.body"].maximum:
+        heavier = ParameterValues("", {**values.parameters, "mass.body": mass}).yielding_masses()
+        if least_inertia(heavier) >= LEAST_INERTIA and fastest_rate(heavier) <= FASTEST_RATE:
+            return f"at least {mass:.2g} kg, "
+    return ""
+
+
+def _check_tolerance(values: ParameterValues) -> None:
+    """Refuse a promise that rounding does not let `exact` keep; `Simulator` warns of the default promise."""
+    if values["solver.tolerance"] != BY_NAME["solver.tolerance"].default and (fault := values.broken_promise):
+        raise ValueError(fault)
+    least = LEAST_SHARE * values.longest_rod
+    if values["solver.accuracy"] < least:
+        raise ValueError(f"solver.accuracy: {values['solver.accuracy']:g} m is below what rounding allows with rods "
+                         f"of {values.longest_rod:g} m; give at least {least:g} m")

@@ -1,0 +1,268 @@
+"""The states of the peer's body: stick, slip, a ground that does not pull, flight and landing."""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from vibro_ros.peer.equations import Equations
+from vibro_ros.peer.guide import BODY_PARAMETERS, Guide
+from vibro_ros.peer.run_state import RunState
+from vibro_ros.peer.series import Series, leading_sign
+
+_HEIGHT_NUDGE = 1e-23  # m
+_SPEED_NUDGE = 1e-18  # m/s; outweighs the rounding error, 1e-12 N, of the force with which a stick ends
+_FORCE_NUDGE = 1e-12  # N
+#: Masses at rest stay on their plates when the body lands no faster [m/s] (docs/robot.md).
+_SLOW_LANDING = 1e-9
+_WITHOUT_LOAD = {"unilateral": "unloaded", "hop": "airborne"}
+
+
+class Body:
+    """The body: `free` (without friction), `stick`, `slip_forward`, `slip_backward`, `unloaded` or `airborne`.
+
+    Parameters
+    ----------
+    equations : Equations
+        The equations of the scene.
+    run : RunState
+        The state of the run, which is changed in place.
+    series : Series
+        The series of the guards.
+
+    Attributes
+    ----------
+    friction : str
+        State of the body; empty before a start.
+    resting : frozenset of str
+        Guides whose masses rest on rigid plates.
+    feel_shock : callable
+        What is called when a landing or a blow has changed the masses' speeds, with the time [s] and the guides whose
+        masses no longer rest.
+    """
+
+    def __init__(self, equations: Equations, run: RunState, series: Series):
+        self._equations, self._run, self._series = equations, run, series
+        self._state, self._speed, self._height = run.state, equations.body + 1, equations.height
+        self._static_friction, self._initial = equations.static_friction, "stick" if equations.has_friction else "free"
+        self._without_load = _WITHOUT_LOAD.get(equations.rule, "") if equations.has_friction or equations.hops else ""
+        self._modes = {(state, resting): np.array(equations.body_parameters(state, resting))
+                       for resting in map(frozenset, ((), ("upper",), ("inclined",), ("upper", "inclined")))
+                       for state in ("free", "stick", "slip_forward", "slip_backward", "unloaded", "airborne")}
+        self._body_parameters = run.parameters[:len(BODY_PARAMETERS)]
+        self.feel_shock: Callable[[float, frozenset[str]], None] = lambda time, parted: None
+        self.reset()
+
+    def reset(self) -> None:
+        """Return to what holds before a start: no state, no mass at rest."""
+        self.friction, self.resting = "", frozenset[str]()
+
+    def actions(self) -> dict[str, Callable[[float, int], None]]:
+        """The action of each guard of the body: a function of time [s] and the sign of the guard's derivative."""
+        return {"body forward": lambda t, d: self._leave_stick(t, 1.0) if self.friction == "stick" else self._stop(t),
+                "body backward": lambda t, d: self._leave_stick(t, -1.0), "normal": self._cross_normal_force,
+                "decay": lambda t, d: None}  # a step must end at this zero, and nothing else changes
+
+    def feel_blow(self, time: float, guide: Guide, change: float) -> None:
+        """Change the body's speeds after a blow that has changed the speed of a mass by `change` [m/s].
+
+        By the rule `hop` nothing holds the body, which is thrown up. By the other rules M x' - m3 w' sin(phi) does not
+        change, because a finite friction force does nothing in a blow.
+        """
+        if self._equations.hops:
+            self._throw(time, guide, change, frozenset())
+        elif self._equations.body_moves and guide.side == "inclined":
+            self._state[self._speed] += self._equations.blow_share * change
+            if self.friction == "stick":
+                self._slip(time, self._state[self._speed])
+
+    def feel_last_blow(self, time: float, guide: Guide, change: float) -> None:
+        """Change the body's speeds after the blow with which a mass comes to rest on its plate.
+
+        Such a blow is too slow to lift the body off the ground, and to part another mass from its plate.
+        """
+        if self.friction == "airborne":
+            self._throw(time, guide, change, self.resting)
+        elif self._equations.body_moves and guide.side == "inclined" and self.friction != "stick":
+            self._state[self._speed] += self._equations.blow_share * change
+
+    def feel_rest(self, side: str, rests: bool) -> None:
+        """Store whether the mass of a guide rests on its rigid plate."""
+        self.resting = self.resting | {side} if rests else self.resting - {side}
+        if self.friction == "airborne":
+            self._body_parameters[:] = self._modes["airborne", self.resting]
+
+    def _throw(self, time: float, guide: Guide, change: float, staying: frozenset[str]) -> None:
+        """Throw the body up; the masses of the guides `staying` stay at rest on their plates, the others are free."""
+        equations, state = self._equations, self._state
+        along_x, upwards = equations.thrown_body_jumps(guide, change, staying)
+        lifts = self.friction != "airborne"
+        if lifts:
+            self.friction = self.friction or self._initial
+            self._unload(time)
+        if equations.body_moves:
+            state[self._speed] += along_x
+        state[self._height + 1] += upwards
+        self._move_free_masses(along_x, upwards, staying | {guide.side})
+        parted = self.resting - staying if equations.scene["effects.reaction"] else frozenset()
+        self.feel_shock(time, parted - {guide.side})
+        fall = -self._run.upward_acceleration(time)
+        if lifts and self.friction == "airborne" and fall > 0.0:
+            self._run.announce_flight(2.0 * float(state[self._height + 1]) / fall)
+
+    def _move_free_masses(self, along_x: float, upwards: float, not_free: frozenset[str]) -> None:
+        """Change the speeds of the free masses for jumps of x' and y' [m/s]."""
+        for i, change in enumerate(self._equations.free_mass_jumps(along_x, upwards, not_free)):
+            self._state[2 * i + 1] += change
+
+    def settle(self, time: float) -> None:
+        """Decide the state from the motion, also where a guard is exactly zero."""
+        if self.friction == "airborne" or not (self._equations.body_moves or self._equations.hops):
+            return
+        before, known = self.friction or self._initial, len(self._run.events)
+        self._run.set_parameter("normal_offset", 0.0)
+        if self._equations.has_friction:
+            self._settle_friction(time)
+        else:
+            self._enter(time, "free")
+        if self._without_load and leading_sign(*self._series.ground_force_series(time)[::2]) < 0:
+            self._unload(time)
+        del self._run.events[known:]  # of states that were only tried
+        if before != self.friction:
+            self._run.add_event(time, _kind(before, self.friction))
+
+    def _settle_friction(self, time: float) -> None:
+        """Decide between stick and slip, at rest by the series of N and F_in."""
+        if abs(self._state[self._speed]) > _SPEED_NUDGE:
+            direction = self._state[self._speed]
+        else:
+            self._forces_in(time, "stick")
+            normal, inertial, noise = self._series.ground_force_series(time)
+            noise = (1.0 + self._static_friction) * noise
+            bounds = self._static_friction * normal - inertial, self._static_friction * normal + inertial
+            if all(leading_sign(bound, noise) >= 0 for bound in bounds):
+                self._state[self._speed] = 0.0
+                self._enter(time, "stick")
+                return
+            direction = leading_sign(inertial, noise) or 1
+        self._slip(time, direction)
+
+    def reconsider(self, time: float) -> None:
+        """Decide the state by the values of N and F_in, because a force may have jumped."""
+        equations = self._equations
+        if self.friction == "airborne" or not (equations.body_moves or equations.hops):
+            return
+        self._run.set_parameter("normal_offset", 0.0)
+        if equations.has_friction:
+            if self.friction == "stick":
+                self._stop(time)
+            else:
+                self._slip_or_unload(time, self._state[self._speed])
+        elif equations.hops and self._forces_in(time, "free")[0] < 0.0:
+            self._unload(time)
+        else:
+            self._enter(time, "free")
+
+    def _forces_in(self, time: float, friction: str) -> list[float]:
+        """N and F_in [N] if the body were in the state `friction`; leaves the parameters of that state."""
+        self._body_parameters[:] = self._modes[friction, self.resting]
+        return self._run.ground_forces(time)
+
+    def _slip_or_unload(self, time: float, direction: float) -> None:
+        """Slip in the direction of the sign of `direction`, or unload if N of the slipping body is negative."""
+        if self._without_load and self._forces_in(time, _slipping(direction))[0] < 0.0:
+            self._unload(time)
+        else:
+            self._slip(time, direction)
+
+    # -- guards ----------------------------------------------------------------------------------------
+
+    def _leave_stick(self, time: float, direction: float) -> None:
+        """End the stick, because F_in has reached its bound in the direction of the sign of `direction`."""
+        if self._without_load and self._run.ground_forces(time)[0] < 1e3 * _FORCE_NUDGE:  # N and F_in both vanish
+            self._cross_normal_force(time, leading_sign(*self._series.ground_force_series(time)[::2]) or 1)
+        else:
+            self._slip_or_unload(time, direction)
+            self._run.set_parameter("normal_offset", 0.0)
+
+    def _stop(self, time: float) -> None:
+        """Stop the body; then it sticks, or slips in the direction of F_in."""
+        self._state[self._speed] = 0.0
+        normal, inertial = self._forces_in(time, "stick")
+        if abs(inertial) <= self._static_friction * normal:
+            self._enter(time, "stick")
+        else:
+            self._slip_or_unload(time, inertial)
+
+    def _cross_normal_force(self, time: float, direction: int) -> None:
+        """Change the state, because N has passed zero, or y in flight."""
+        if self.friction == "airborne":
+            self._land(time)
+            return
+        if direction < 0:
+            self._unload(time)
+        elif not self._equations.has_friction:
+            self._enter(time, "free")
+        else:
+            self._settle_friction(time)
+        if self.friction != "airborne":
+            self._run.set_parameter("normal_offset", direction * _FORCE_NUDGE - self._run.ground_forces(time)[0])
+
+    # -- changes of state ------------------------------------------------------------------------------
+
+    def _enter(self, time: float, friction: str) -> None:
+        """Set the parameters of a state, and add an event if the state is another one."""
+        self._body_parameters[:] = self._modes[friction, self.resting]
+        if self.friction != friction:
+            if self.friction:
+                fall = -float(self._state[self._height + 1]) if self.friction == "airborne" else 0.0
+                self._run.add_event(time, _kind(self.friction, friction), fall)
+            self.friction = friction
+
+    def _slip(self, time: float, direction: float) -> None:
+        """Slip in the direction of the sign of `direction`."""
+        forward = direction > 0.0
+        if (self._state[self._speed] > 0.0) != forward or self._state[self._speed] == 0.0:
+            self._state[self._speed] = _SPEED_NUDGE if forward else -_SPEED_NUDGE
+        self._enter(time, _slipping(direction))
+
+    def _unload(self, time: float) -> None:
+        """Enter the state without load: in flight by the rule `hop`, else on ground that does not pull."""
+        if self._equations.hops:
+            self._state[self._height], self._state[self._height + 1] = _HEIGHT_NUDGE, 0.0
+            self._run.set_parameter("normal_offset", 0.0)
+        self._enter(time, self._without_load)
+
+    def _land(self, time: float) -> None:
+        """Land by an inelastic shock, whose changes of the masses' speeds may open a plate or lift the body again.
+
+        With the reaction, masses at rest on rigid plates go on falling, unless the landing is slow.
+        """
+        equations, state = self._equations, self._state
+        before = float(state[self._speed]) if equations.body_moves else 0.0
+        fall = float(state[self._height + 1])
+        parts = equations.scene["effects.reaction"] and -fall > _SLOW_LANDING
+        staying = frozenset() if parts else self.resting
+        after, sticks = equations.speed_after_landing(before, fall, staying)
+        state[self._height] = 0.0
+        if equations.body_moves:
+            state[self._speed] = after
+        self._move_free_masses(after - before, -fall, staying)
+        if not equations.has_friction:
+            self._enter(time, "free")
+        elif sticks:
+            self._enter(time, "stick")
+        else:
+            self._slip(time, after)
+        state[self._height + 1] = 0.0
+        self.feel_shock(time, self.resting - staying)
+        self.reconsider(time)
+
+
+def _slipping(direction: float) -> str:
+    """The state of a body that slips in the direction of the sign of `direction`."""
+    return "slip_forward" if direction > 0.0 else "slip_backward"
+
+
+def _kind(before: str, after: str) -> str:
+    """Kind of the event that is recorded for a change of state."""
+    return "landing" if before == "airborne" else "lift_off" if after == "airborne" else after

@@ -1,0 +1,288 @@
+"""The peer: a scene that heyoka integrates by Taylor's method with terminal events."""
+
+import math
+import time as wall_clock
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+
+import heyoka as hy
+import numpy as np
+
+from vibro_ros.model.scene import Scene
+from vibro_ros.peer.automaton import Automaton
+from vibro_ros.peer.equations import Equations
+
+#: Columns of `PeerRun.samples`.
+COLUMNS = ("upper_position", "upper_velocity", "inclined_position", "inclined_velocity", "body_position",
+           "body_velocity", "body_height", "body_vertical_velocity")
+#: Columns of `PeerRun.driven`.
+DRIVEN = ("crank_angle", "motor_speed", "upper_plate_position", "upper_plate_velocity", "inclined_plate_position",
+          "inclined_plate_velocity")
+_SAME_INSTANT = 1e-13  # s; a time of about 1 s is rounded by 1e-16
+_EVENT_DTYPE = np.dtype([("time", float), ("kind", "U16"), ("speed", float), ("duration", float)])
+
+
+@dataclass(frozen=True)
+class PeerRun:
+    """What heyoka has found in a run.
+
+    Attributes
+    ----------
+    times : ndarray, shape (n,)
+        Instants [s].
+    samples : ndarray, shape (n, 8)
+        u, u', w, w', x, x', y, y' [m, m/s] (`COLUMNS`); zero for what the scene does not have.
+    driven : ndarray, shape (n, 6)
+        theta [rad], omega [rad/s], and the plates' positions [m] and speeds [m/s] (`DRIVEN`), which follow from the
+        commands alone; zero for what the scene does not have.
+    events : structured ndarray, shape (events,)
+        By time: `time` [s], `kind` (`upper_contact`, `inclined_contact`, `stick`, `slip_forward`, `slip_backward`,
+        `unloaded`, `lift_off`, `landing`), and for contacts approach `speed` [m/s] and `duration` [s], infinite if
+        they last at the end.
+    steps : int
+        Taylor steps.
+    wall_time : float
+        Seconds that the integration took, compilation excluded.
+    """
+
+    times: np.ndarray
+    samples: np.ndarray
+    driven: np.ndarray
+    events: np.ndarray
+    steps: int
+    wall_time: float
+
+
+class Peer:
+    """A scene, compiled once by heyoka, to be run any number of times.
+
+    Parameters
+    ----------
+    scene : Scene
+        The scene to simulate.
+    tolerance : float
+        heyoka's tolerance of a step, relative to the largest coordinate or speed. 1e-15 is that of a double. The start
+        of a body under Stribeck's friction needs 1e-18, because speeds of some 1e-10 m/s decide the start.
+
+    Raises
+    ------
+    ValueError
+        For an effect that the peer does not know (`known.KNOWN`).
+    """
+
+    def __init__(self, scene: Scene, tolerance: float = 1e-15):
+        self.scene = scene
+        equations = self._equations = Equations(scene)
+        guards = equations.guards()
+        self._actions: dict[str, object] = {}
+        events = [self._event(name, guard) for name, guard in guards.items()]
+        self._integrator = hy.taylor_adaptive(sys=equations.system, state=[0.0] * len(equations.system), tol=tolerance,
+                                              t_events=events)
+        self._state, self._parameters = self._integrator.state, self._integrator.pars
+        self._automaton = Automaton(equations, self._state, self._parameters)
+        self._actions.update(self._automaton.actions())
+
+    def _event(self, name: str, guard: hy.expression) -> object:
+        """heyoka's event for one guard."""
+        actions = self._actions
+
+        def act(integrator, direction):
+            actions[name](integrator.time, direction)
+            return self._automaton.run.short_flight == 0.0  # else heyoka stops, and goes on in short steps
+
+        # The default cooldown serves a kink, which is next crossed half a turn later, and the end of a decay.
+        if name.endswith("kink") or name == "decay":
+            return hy.t_event(guard, callback=act)
+        return hy.t_event(guard, callback=act, cooldown=0.0)
+
+    def run(self, duration: float, rate: float) -> PeerRun:
+        """Run from the start for `duration` [s], sampled `rate` times a second."""
+        return self.integrate(np.arange(round(duration * rate) + 1) / rate)
+
+    def integrate(self, times: np.ndarray, commands: Iterable[tuple[float, Mapping[str, float]]] = ()) -> PeerRun:
+        """Run from the start.
+
+        Parameters
+        ----------
+        times : ndarray, shape (n,)
+            Instants to sample [s], ascending, none negative.
+        commands : iterable of (float, mapping)
+            Instants [s], ascending, and what is commanded then: `motor_speed` [rad/s], `upper_gap`, `inclined_gap` [m].
+
+        Raises
+        ------
+        RuntimeError
+            If heyoka fails or an event was missed.
+        """
+        times = np.asarray(times, dtype=float)
+        began = wall_clock.perf_counter()
+        self._start()
+        waiting, parts, driven, steps = list(commands), [], [], 0
+        now, end, done = 0.0, float(times[-1]), 0
+        while True:
+            while waiting and waiting[0][0] <= now:
+                self._command(**waiting.pop(0)[1])
+            self._automaton.settle(0.0)
+            stop = min([end, *(command[0] for command in waiting[:1]),
+                        *(now + left for left in self._times_to_ramp_ends())])
+            last = stop == end
+            upto = len(times) if last else int(np.searchsorted(times, stop))
+            samples, taken = self._advance(times[done:upto] - now, stop - now)
+            parts.append(samples)
+            driven.append(self._driven(times[done:upto] - now))
+            steps, done = steps + taken, upto
+            if last:
+                break
+            self._move_time_origin(stop - now)
+            now = stop
+        wall_time = wall_clock.perf_counter() - began
+        found = np.array(self._automaton.run.events, dtype=_EVENT_DTYPE)
+        return PeerRun(times, np.concatenate(parts), np.concatenate(driven), found, steps, wall_time)
+
+    # -- start, commands and ramps; time is counted from the last of these -----------------------------
+
+    def _start(self) -> None:
+        scene, automaton = self.scene, self._automaton
+        automaton.reset()
+        self._integrator.time = 0.0
+        if self._integrator.with_events:
+            self._integrator.reset_cooldowns()
+        self._parameters[:] = 0.0
+        self._state[:] = 0.0
+        self._angle, self._speed, self._target = 0.0, scene["motor.speed"], scene["motor.speed"]
+        self._set_motor()
+        self._plates, self._goals, self._plate_speeds = dict[str, float](), dict[str, float](), dict[str, float]()
+        for i, guide in enumerate(self._equations.guides):
+            side = guide.side
+            plate = guide.rod + scene[f"{side}.gap"] if guide.kind != "none" else 0.0
+            crank = math.cos(guide.angle)
+            slider = scene["crank.radius"] * crank + math.sqrt(guide.rod**2 - (scene["crank.radius"] * math.sin(
+                guide.angle))**2)
+            automaton.run.set_parameter(f"{side}.free", 1.0)
+            automaton.run.set_parameter(f"{side}.sign", math.copysign(1.0, crank))
+            self._plates[side] = self._goals[side] = plate
+            self._set_plate(side, 0.0)
+            rest = min(slider - plate, 0.0) if guide.kind != "none" else slider
+            self._state[2 * i] = rest if scene["start.state"] == "rest" else -plate
+
+    def _set_motor(self) -> None:
+        change = {"ideal": 0.0, "lag": self._speed - self._target,
+                  "ramp": math.copysign(self.scene["motor.acceleration"], self._target - self._speed)}
+        self._change = change[self.scene["effects.motor"]] if self._target != self._speed else 0.0
+        steady = self._target if self.scene["effects.motor"] == "lag" else self._speed
+        for name, value in (("angle", self._angle), ("speed", steady), ("change", self._change)):
+            self._automaton.run.set_parameter(name, value)
+
+    def _set_plate(self, side: str, speed: float) -> None:
+        """Let a plate move on at `speed` [m/s], without a change of the mass's own speed."""
+        index = 2 * [guide.side for guide in self._equations.guides].index(side)
+        self._state[index + 1] += self._plate_speeds.get(side, 0.0) - speed
+        self._plate_speeds[side] = speed
+        self._automaton.run.set_parameter(f"{side}.plate", self._plates[side])
+        self._automaton.run.set_parameter(f"{side}.plate_speed", speed)
+
+    def _command(self, motor_speed: float | None = None, upper_gap: float | None = None,
+                 inclined_gap: float | None = None):
+        if motor_speed is not None:
+            self._target = motor_speed
+            if self.scene["effects.motor"] == "ideal":
+                self._speed = motor_speed
+            self._set_motor()
+        for side, gap in (("upper", upper_gap), ("inclined", inclined_gap)):
+            guide = next((guide for guide in self._equations.guides if guide.side == side), None)
+            if gap is not None and guide is not None and guide.kind != "none":
+                self._goals[side] = guide.rod + gap
+                way = np.sign(self._goals[side] - self._plates[side])
+                self._set_plate(side, float(way) * self.scene["gap_actuator.speed"])
+
+    def _times_to_ramp_ends(self) -> list[float]:
+        """Times [s] from now to the end of the motion of each moving plate, and of the motor's ramp if there is one."""
+        left = [abs((self._goals[side] - self._plates[side]) / speed)
+                for side, speed in self._plate_speeds.items() if speed]
+        if self.scene["effects.motor"] == "ramp" and self._change:
+            left.append((self._target - self._speed) / self._change)
+        return left
+
+    def _move_time_origin(self, later: float) -> None:
+        """Move the instant from which time is counted by `later` [s]; end the ramps that are over."""
+        over = [left <= later + _SAME_INSTANT for left in self._times_to_ramp_ends()]
+        moving = [side for side, speed in self._plate_speeds.items() if speed]
+        self._turn_motor(later)
+        for side, speed in self._plate_speeds.items():
+            self._plates[side] += speed * later
+        for side, reached in zip(moving, over, strict=False):
+            if reached:
+                self._plates[side] = self._goals[side]
+        if over[len(moving):] == [True]:
+            self._speed = self._target
+        self._set_motor()
+        for side, speed in self._plate_speeds.items():
+            self._set_plate(side, 0.0 if self._plates[side] == self._goals[side] else speed)
+        self._automaton.run.time_origin += later
+        self._integrator.time = 0.0
+
+    def _turn_motor(self, t: float) -> None:
+        """Set crank angle and motor speed to those after `t` [s]."""
+        angle, speed = self._motor(t)
+        self._angle, self._speed = float(angle), float(speed)
+
+    def _motor(self, t: float | np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Crank angle [rad] and speed [rad/s] after `t` [s] without another command."""
+        if self.scene["effects.motor"] == "lag":
+            lag = self.scene["motor.time_constant"]
+            part = -np.expm1(-t / lag)
+            return self._angle + self._target * t + self._change * lag * part, self._speed - self._change * part
+        return self._angle + self._speed * t + 0.5 * self._change * t * t, self._speed + self._change * t
+
+    def _driven(self, t: np.ndarray) -> np.ndarray:
+        """Rows of `PeerRun.driven` after each time of `t` [s]."""
+        found = np.zeros((len(t), len(DRIVEN)))
+        found[:, 0], found[:, 1] = self._motor(t)
+        for guide in self._equations.guides:
+            if guide.kind != "none":
+                column = DRIVEN.index(f"{guide.side}_plate_position")
+                speed = self._plate_speeds[guide.side]
+                found[:, column], found[:, column + 1] = self._plates[guide.side] + speed * t, speed
+        return found
+
+    def _advance(self, times: np.ndarray, stop: float) -> tuple[np.ndarray, int]:
+        """Samples at `times` [s], which are counted as now, and the number of steps to `stop` [s]."""
+        points, steps = self._propagate(times, stop)
+        samples = np.zeros((len(times), len(COLUMNS)))
+        for i, guide in enumerate(self._equations.guides):
+            column = COLUMNS.index(f"{guide.side}_position")
+            speed = self._plate_speeds[guide.side]
+            samples[:, column] = points[:, 2 * i] + (self._plates[guide.side] + speed * times)
+            samples[:, column + 1] = points[:, 2 * i + 1] + speed
+        equations = self._equations
+        for column, index, there in ((4, equations.body, equations.body_moves), (6, equations.height, equations.hops)):
+            if there:
+                samples[:, column:column + 2] = points[:, index:index + 2]
+        return samples, steps
+
+    def _propagate(self, times: np.ndarray, stop: float) -> tuple[np.ndarray, int]:
+        """States at `times` [s] and the number of steps to `stop` [s], which are short during short bounces."""
+        integrator, run = self._integrator, self._automaton.run
+        parts, found, steps = [], 0, 0
+        while True:
+            now, flight = integrator.time, run.short_flight
+            integrator.time = now  # heyoka's time has a second double, by which the grid's first instant may lie behind
+            end = min(stop, now + 1.5 * flight) if flight else stop
+            within = times[found:np.searchsorted(times, end, side="right")]
+            before = [now] if not len(within) or within[0] > now else []
+            after = [end] if end > (within[-1] if len(within) else now) else []
+            run.short_flight = 0.0
+            outcome, _, _, taken, *_, points = integrator.propagate_grid(
+                np.concatenate([before, within, after]), max_delta_t=1.5 * flight if flight else math.inf)
+            parts.append(points[len(before):len(before) + len(within)])
+            steps, found = steps + taken, found + len(parts[-1])
+            if outcome == hy.taylor_outcome.time_limit:
+                if end == stop:
+                    return np.concatenate(parts), steps
+            elif not run.short_flight:
+                raise RuntimeError(f"heyoka stopped with {outcome} at {run.time_origin + integrator.time:g} s")
+
+
+def integrate_heyoka(scene: Scene, times: np.ndarray, tolerance: float = 1e-15, commands=()) -> PeerRun:
+    """Integrate a scene by heyoka: `Peer` and `Peer.integrate` in one call."""
+    return Peer(scene, tolerance).integrate(times, commands)

@@ -1,0 +1,272 @@
+"""The equations of docs/robot.md as heyoka expressions, with run-time parameters where a mode switches a term.
+
+Positions are counted from the plates, d = u - E and d = w - H. Near its zero a double resolves d without limit, so that
+a guard can be put on either side of zero by less than any rounding error. Time is counted from the last command.
+"""
+
+import math
+from collections.abc import Collection, Mapping
+
+import heyoka as hy
+
+from vibro_ros.model.scene import Scene
+from vibro_ros.peer.guide import Guide, RunTimeParameters
+from vibro_ros.peer.known import refuse_unknown
+
+#: Speed, in multiples of v_s, above which exp(-abs(x')/v_s) is less than 4e-18 and shows in no Taylor coefficient. A
+#: step must end at this speed, because heyoka would otherwise step over the stop of the body that follows.
+_FADED = 40.0
+
+
+class Equations:
+    """Right-hand sides, ground forces and guards of one scene.
+
+    Parameters
+    ----------
+    scene : Scene
+        The scene, of which only parameters are read.
+
+    Attributes
+    ----------
+    parameters : RunTimeParameters
+        Run-time parameters: `<side>.spring`, `<side>.damper` (of a plate that acts, else 0), `<side>.free` (0 while the
+        mass rests on a rigid plate, else 1), `<side>.plate`, `<side>.plate_speed`, `<side>.sign` (of the root with a
+        kink), `<side>.watch` (1 while the plate's force is watched, else 0), `<side>.offset` (added to that force),
+        `slide` (mu times direction), `direction` (1 or -1 of a body that slips, else 0), `mobility` (x'' per force; 0
+        for a body that sticks), `stick`, `slip` and `air` (1 in that state, else 0), `normal_offset` (added to N as a
+        guard), `angle`, `speed` and `change` (of the motor).
+    guides : list of Guide
+        The guides that have a mass.
+    system : list of (expression, expression)
+        Variables and their rates, for `heyoka.taylor_adaptive`: d, d' of each guide, then x, x' if the body can move,
+        then y, y' if the body can leave the ground.
+    body, height : int
+        Indices of x and y in the state, if they are there.
+    normal, inertial : expression
+        N and F_in [N], of a body on the ground.
+    rise : expression
+        y'' [m/s²] of a body in the air.
+    forces : dict of str to expression
+        Force along each guide [N] in the body's frame, which presses the mass on a rigid plate.
+    static_friction : float
+        Friction coefficient of a body that sticks.
+    blow_share : float
+        The ratio m3 sin(phi) / M: the part of a jump of w' by which a rigid blow changes x'.
+
+    Raises
+    ------
+    ValueError
+        For an effect, or a value of one, that is not among `known.KNOWN`.
+    """
+
+    def __init__(self, scene: Scene):
+        refuse_unknown(scene)
+        self.scene, self.parameters = scene, RunTimeParameters()
+        self._motor()
+        tilt = {"upper": 0.0, "inclined": scene["guide.angle"]}
+        sides = [side for side in tilt if scene[f"effects.{side}_mass"]]
+        self.total = math.fsum([scene["mass.body"], *(scene[f"mass.{side}"] for side in sides)])
+        self.sine, self.cosine = math.sin(tilt["inclined"]), math.cos(tilt["inclined"])
+        self.body_moves = "inclined" in sides and self.sine != 0.0
+        law = scene["effects.friction"]
+        self.static_friction = scene["ground.static_friction" if law in ("static", "stribeck") else "ground.friction"]
+        self.has_friction = self.body_moves and law != "none" and self.static_friction > 0.0
+        self.rule = scene["effects.normal_force"]
+        self.hops = self.rule == "hop" and bool(sides)
+        self.blow_share = scene["mass.inclined"] * self.sine / self.total if self.body_moves else 0.0
+        self.guides = [self._guide(side, tilt[side]) for side in sides]
+        self.body = 2 * len(self.guides)
+        self.height = self.body + 2 * self.body_moves
+        self._body()
+
+    def _motor(self) -> None:
+        """Crank angle and motor speed as functions of time."""
+        at, t, lag = self.parameters, hy.time, self.scene["motor.time_constant"]
+        extra = {"ideal": (0.0, 0.0), "ramp": (0.5 * at["change"] * t * t, at["change"] * t)}
+        if self.scene["effects.motor"] == "lag":
+            decay = hy.exp(-t / lag)
+            extra["lag"] = (at["change"] * lag * (1.0 - decay), at["change"] * decay)
+        angle, speed = extra[self.scene["effects.motor"]]
+        self.theta, self.omega = at["angle"] + at["speed"] * t + angle, at["speed"] + speed
+
+    def _guide(self, side: str, angle: float) -> Guide:
+        """Constants and expressions of one guide."""
+        scene, at = self.scene, self.parameters
+        depth, rate = hy.make_vars(f"{side}_d", f"{side}_v")
+        kind, rod, mass = scene[f"effects.{side}_contact"], scene[f"crank.{side}_rod"], scene[f"mass.{side}"]
+        slider, slope, crank = self._slider(side, rod, angle)
+        plate = at[f"{side}.plate"] + at[f"{side}.plate_speed"] * hy.time
+        load = -scene[f"{side}.spring.stiffness"] * (depth + (plate - slider))
+        if scene[f"{side}.spring.damping"] > 0.0:
+            load -= scene[f"{side}.spring.damping"] * (rate + at[f"{side}.plate_speed"] - slope * self.omega)
+        if scene["effects.mass_weight"]:
+            load -= mass * scene["gravity"] * math.cos(angle)
+        spring, damper = scene[f"{side}.plate.stiffness"], scene[f"{side}.plate.damping"]
+        if kind == "compliant":
+            load -= at[f"{side}.spring"] * depth
+            if damper > 0.0:
+                load -= at[f"{side}.damper"] * rate
+        return Guide(side, angle, mass, kind, rod, spring, damper, scene[f"{side}.plate.restitution"],
+                     kind == "compliant" and damper > 0.0 and not scene["effects.adhesion"],
+                     scene["crank.radius"] == rod, depth, rate, load, spring * depth + damper * rate, crank)
+
+    def _slider(self, side: str, rod: float, angle: float):
+        """Slider position, its slope by the crank angle, and cos of the crank angle from the guide; eqs. (2), (3)."""
+        radius = self.scene["crank.radius"]
+        sine, cosine = hy.sin(self.theta - angle), hy.cos(self.theta - angle)
+        if radius == rod:  # the root is rod |cos|, and a guard switches the sign of the cosine
+            both = radius + self.parameters[f"{side}.sign"] * rod
+            return both * cosine, -both * sine, cosine
+        root = hy.sqrt(rod * rod - radius * radius * sine * sine)
+        return radius * cosine + root, -radius * sine * (1.0 + radius * cosine / root), cosine
+
+    def _body(self) -> None:
+        """Equations of the rows x, y, u, w of the mass matrix; on the ground y = 0, and row y gives N."""
+        self.normal, self.inertial = hy.expression(self.total * self.scene["gravity"]), hy.expression(0.0)
+        inward, ground, at = hy.expression(0.0), self.normal, self.parameters
+        share = {"upper": 0.0, "inclined": self.sine if self.body_moves else 0.0}
+        upwards = {"upper": 1.0, "inclined": self.cosine}
+        for guide in self.guides:
+            load = self._unless_resting(guide, guide.load)
+            inward += share[guide.side] * load
+            ground += upwards[guide.side] * load
+        if self.rule == "weight":
+            ground = self.normal
+        x, self.velocity = hy.make_vars("x", "x_v")
+        along_x = at["mobility"] * (inward - (self._friction() * ground if self.has_friction or self.hops else 0.0))
+        along, across, up = self.body_inertia({guide.side: self._unless_resting(guide, 1.0) for guide in self.guides})
+        self.rise = (across * inward + along * ground) / (across**2 - along * up)
+        self.system, self.forces = [], {}
+        for guide in self.guides:
+            force = guide.load
+            if self.scene["effects.reaction"] and share[guide.side]:
+                force = force + guide.mass * self.sine * along_x
+            if self.scene["effects.reaction"] and self.hops:
+                force = force - guide.mass * upwards[guide.side] * at["air"] * self.rise
+            inertia = self._unless_resting(guide, force)
+            self.forces[guide.side] = force
+            self.system += [(guide.depth, guide.rate), (guide.rate, inertia / guide.mass)]
+            self.inertial += share[guide.side] * inertia
+            if self.rule != "weight":
+                self.normal += upwards[guide.side] * inertia
+        if self.body_moves:
+            self.system += [(x, self.velocity), (self.velocity, along_x)]
+        if self.hops:
+            self.altitude, climb = hy.make_vars("y", "y_v")
+            self.system += [(self.altitude, climb), (climb, at["air"] * self.rise)]
+
+    def _friction(self) -> hy.expression:
+        """F_fr as a multiple of N while the body slips: mu, and by Stribeck's law a part that decays with abs(x')."""
+        at, scene = self.parameters, self.scene
+        if scene["effects.friction"] != "stribeck":
+            return at["slide"]
+        extra = self.static_friction - scene["ground.friction"]
+        return at["slide"] + extra * at["direction"] * hy.exp(
+            -at["direction"] * self.velocity / scene["ground.stribeck_speed"])
+
+    def _unless_resting(self, guide: Guide, force: hy.expression | float) -> hy.expression | float:
+        """`force`, or 0 while the mass rests on a rigid plate and moves with the plate."""
+        return self.parameters[f"{guide.side}.free"] * force if guide.kind == "restitution" else force
+
+    def body_inertia(self, free: Mapping[str, hy.expression | float]) -> tuple:
+        """M_xx, M_xy, M_yy [kg] of the body, from whose mass matrix the masses that feel the body move are eliminated.
+
+        A mass whose `free` is 0 instead of 1 rests on a rigid plate and is a part of the body.
+        """
+        along, across, up = self.total, 0.0, self.total
+        if self.scene["effects.reaction"]:
+            for guide in self.guides:
+                mass = free.get(guide.side, 1.0) * guide.mass
+                if guide.side == "upper":
+                    up -= mass
+                else:
+                    along -= mass * self.sine**2
+                    across += mass * self.sine * self.cosine
+                    up -= mass * self.cosine**2
+        return along, across, up
+
+    def body_parameters(self, state: str, resting: Collection[str]) -> tuple[float, ...]:
+        """Values of `guide.BODY_PARAMETERS` in a state of `body.Body`, with the masses of `resting` on rigid plates.
+
+        In the air two parameters have another meaning, because x'' is as if the normal force that row y gives for
+        y'' = 0 acted with the friction coefficient -M_xy / M_yy.
+        """
+        along, across, up = self.body_inertia(dict.fromkeys(resting, 0.0))
+        if state == "stick":
+            return 0.0, 0.0, 0.0, 1.0, 0.0, 0.0
+        if state == "airborne":
+            return -across / up, 0.0, up / (along * up - across**2), 0.0, 0.0, 1.0
+        direction = {"slip_forward": 1.0, "slip_backward": -1.0}.get(state, 0.0)
+        slide = self.scene["ground.friction"] * direction
+        lift = 0.0 if self.rule == "weight" else slide * across
+        return slide, direction, 1.0 / (along + lift), 0.0, abs(direction), 0.0
+
+    def thrown_body_jumps(self, guide: Guide, change: float, resting: Collection[str]) -> tuple[float, float]:
+        """Jumps of x' and y' [m/s] of a body that nothing holds when a blow changes d' of one mass by `change` [m/s].
+
+        The body gains the momentum m e `change` that the mass loses along its guide. The mass itself and the masses of
+        the guides `resting` count as parts of the body.
+        """
+        along, across, up = self.body_inertia(dict.fromkeys((guide.side, *resting), 0.0))
+        lost = -guide.mass * change
+        inward, upward = -lost * math.sin(guide.angle), lost * math.cos(guide.angle)
+        area = along * up - across**2
+        return (up * inward - across * upward) / area, (along * upward - across * inward) / area
+
+    def speed_after_landing(self, speed: float, fall: float, resting: Collection[str]) -> tuple[float, bool]:
+        """x' [m/s] after a landing at x' = `speed`, y' = `fall`, and whether the body sticks.
+
+        While the body slips forwards (1) or backwards (-1), P_x = -direction mu P_y, where P_x and P_y follow from the
+        changes of x' and y' by `body_inertia`. If the body stops, the rest of the fall meets a body at rest.
+        """
+        along, across, up = self.body_inertia(dict.fromkeys(resting, 0.0))
+        mu = self.scene["ground.friction"] if self.has_friction else 0.0
+
+        def per_fall(direction: float) -> float:
+            return (across + direction * mu * up) / (along + direction * mu * across)
+
+        after = speed
+        if speed != 0.0:
+            after = speed + per_fall(math.copysign(1.0, speed)) * fall
+            if not self.has_friction or after * speed > 0.0:
+                return after, False
+            fall *= after / (after - speed)
+        if self.has_friction and abs(across) <= self.static_friction * up:
+            return 0.0, True
+        return per_fall(-math.copysign(1.0, across)) * fall, False
+
+    def free_mass_jumps(self, along_x: float, upwards: float, not_free: Collection[str]) -> list[float]:
+        """Jumps of each d' [m/s] when x' and y' jump by `along_x` and `upwards` [m/s]; 0 for the guides `not_free`."""
+        felt = [self.scene["effects.reaction"] and guide.side not in not_free for guide in self.guides]
+        jumps = [-upwards if guide.side == "upper" else self.sine * along_x - self.cosine * upwards
+                 for guide in self.guides]
+        return [jump if feels else 0.0 for jump, feels in zip(jumps, felt, strict=True)]
+
+    def guards(self) -> dict[str, hy.expression]:
+        """Expressions whose zeros end a mode, by name; a guard that a mode does not have is switched to a constant."""
+        at, found = self.parameters, {}
+        for guide in self.guides:
+            side = guide.side
+            if guide.kind == "compliant":
+                found[f"{side} depth"] = guide.depth
+            if guide.watches_force:
+                watch = at[f"{side}.watch"]
+                found[f"{side} force"] = watch * (guide.push + at[f"{side}.offset"]) + (1.0 - watch)
+            if guide.kind == "restitution":
+                free = at[f"{side}.free"]
+                found[f"{side} plate"] = free * guide.depth - (1.0 - free) * self.forces[side]
+            if guide.has_kink:
+                found[f"{side} kink"] = guide.crank
+        if self.has_friction:
+            stick, slip, bound = at["stick"], at["slip"], self.static_friction * self.normal
+            found["body forward"] = (stick * (bound - self.inertial) + slip * self.velocity
+                                     + (1.0 - stick - slip))
+            if self.scene["effects.friction"] == "stribeck":
+                faded = at["direction"] * self.velocity - _FADED * self.scene["ground.stribeck_speed"]
+                found["decay"] = slip * faded + (1.0 - slip)
+            found["body backward"] = stick * (bound + self.inertial) + (1.0 - stick)
+        if self.hops:
+            found["normal"] = at["air"] * self.altitude + (1.0 - at["air"]) * (self.normal + at["normal_offset"])
+        elif self.has_friction and self.rule == "unilateral":
+            found["normal"] = self.normal + at["normal_offset"]
+        return found

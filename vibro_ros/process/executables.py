@@ -1,0 +1,80 @@
+"""The one list of executables: setup.py installs them by it, the front door starts them, documents and tests name them.
+
+setup.py runs this file before anything is installed, so the file imports nothing but the standard library.
+"""
+
+from collections import namedtuple
+
+Executable = namedtuple("Executable", ["module", "installed", "does"])
+Executable.__doc__ = """One executable.
+
+Attributes
+----------
+module : str
+    Module whose `main` takes the words of the command line and returns the exit code.
+installed : bool
+    Whether `ros2 run vibro_ros NAME` and `.venv/bin/NAME` start it; `python -m MODULE` starts every one.
+does : str
+    What it does, in one sentence: the first of its `--help`.
+"""
+
+EXECUTABLES = {
+    "robot": Executable(
+        "vibro_ros.ros.robot", True,
+        "Run the vibro-impact robot as a ROS 2 device, until SIGINT, SIGTERM or SIGHUP."),
+    "controller": Executable(
+        "vibro_ros.ros.controller", True,
+        "Play a script of commands to the robot."),
+    "report": Executable(
+        "vibro_ros.recordings.report", True,
+        "Sum up a recording of the robot as text and JSON, and draw its motion."),
+    "replay": Executable(
+        "vibro_ros.recordings.replay", True,
+        "Simulate a recorded run again and compare it to the last bit, or vary it, or play it to ROS."),
+    "recover": Executable(
+        "vibro_ros.recordings.recover", True,
+        "Seal bags whose recorder was killed or ran out of disk, or that were damaged since."),
+    "accuracy": Executable(
+        "vibro_ros.accuracy.accuracy", True,
+        "Measure error over cost for every method, as a table and a diagram for each scene."),
+    "playback": Executable(
+        "vibro_ros.ros.playback", False,
+        "Play a bag's commands to a live robot, at the instants at which the recorded one took them."),
+    "lateness": Executable(
+        "vibro_ros.ros.lateness", False,
+        "Measure how late the robot's ticks are with recording and without, in turn."),
+    "tick_cost": Executable(
+        "vibro_ros.ros.tick_cost", False,
+        "Measure what a tick of the robot's node costs."),
+    "coverage": Executable(
+        "vibro_ros.accuracy.coverage", False,
+        "Count how often intervals of mean speeds hold."),
+    "demo": Executable(
+        "vibro_ros.project.demo", False,
+        "Run the robot and its controller as two processes, record a bag, write a report."),
+    "bench": Executable(
+        "vibro_ros.project.bench", False,
+        "Compare the exact solver's cost with fixed-step Runge-Kutta 4 and heyoka."),
+    "lint": Executable(
+        "vibro_ros.project.lint", False,
+        "Find slips in documents and docstrings: names and links that lead nowhere, missing units."),
+    "accuracy_report": Executable(
+        "vibro_ros.project.accuracy_report", False,
+        "Measure every shipped scene and write accuracy.md with its diagrams; a quarter of an hour."),
+    "effects": Executable(
+        "vibro_ros.project.effects", False,
+        "Write the tables of effects into a Markdown file."),
+    "parameter_table": Executable(
+        "vibro_ros.project.parameter_table", False,
+        "Write the parameters' table into a Markdown file."),
+    "drawing": Executable(
+        "vibro_ros.project.drawing", False,
+        "Draw the robot with the names of its parts as SVG."),
+    "animation": Executable(
+        "vibro_ros.project.animation", False,
+        "Draw the robot in slow motion as an animated GIF."),
+    "work_weights": Executable(
+        "vibro_ros.project.work_weights", False,
+        "Measure the weights of counted work, and print counted beside measured costs; a minute."),
+}
+"""Every executable by its name; those that are installed first."""

@@ -1,0 +1,137 @@
+"""How every executable is entered and left: signals, streams, errors and exit codes.
+
+`enter` runs before anything that takes long to import, so that Ctrl-C at any instant ends the process with one line and
+the documented exit code. Three stages:
+
+- while the executable is imported, a stop signal ends the process at once: nothing is open yet;
+- while its `main` runs, it raises KeyboardInterrupt, until `main` enters a `StopRequest`: then it is a request;
+- when `main` is over, it changes nothing any more.
+"""
+
+import os
+import sys
+from collections.abc import Callable
+from functools import partial
+from importlib import import_module
+
+from vibro_ros.process.executables import EXECUTABLES
+from vibro_ros.process.one_line import one_line
+from vibro_ros.process.stop_signals import change_nothing, end_at_once, interrupt_what_runs, interrupted_code
+from vibro_ros.process.streams import open_streams
+
+FAILURE, BAD_INPUT = 1, 2
+
+
+def enter(program: str) -> int:
+    """Run an executable as the whole of this process.
+
+    Parameters
+    ----------
+    program : str
+        A name of `EXECUTABLES`.
+
+    Returns
+    -------
+    int
+        The exit code: what `main` returned; 0 or 128 + the signal's number if a signal stopped it before.
+    """
+    end_at_once(program)
+    open_streams()
+    try:
+        code = _run(program) if _has_folder(program) else BAD_INPUT
+    except KeyboardInterrupt:
+        code = interrupted_code()
+        say(program, "stopped")
+    finally:
+        change_nothing()
+    code = _flushed(program, code)
+    if _works_on():
+        os._exit(code)
+    return code
+
+
+def exit_code(program: str, body: Callable[[], int]) -> int:
+    """The exit code of `body()`; a foreseen error is one line on stderr, never a traceback.
+
+    Parameters
+    ----------
+    program : str
+        Begins the line.
+    body : callable
+        Returns the exit code.
+
+    Returns
+    -------
+    int
+        What `body` returned; 2 for bad input (ValueError), 1 for a failure (RuntimeError, OSError, MemoryError).
+    """
+    try:
+        return body()
+    except ValueError as error:
+        say(program, str(error))
+        return BAD_INPUT
+    except MemoryError:
+        say(program, "not enough memory; free some, or give less at a time")
+    except OSError as error:
+        say(program, f"{error.filename}: {error.strerror}" if error.filename else str(error))
+    except RuntimeError as error:
+        say(program, str(error))
+    return FAILURE
+
+
+def say(program: str, text: str) -> None:
+    """Write one line on stderr."""
+    print(f"{program}: {one_line(' '.join(text.split()))}", file=sys.stderr, flush=True)
+
+
+def _run(program: str) -> int:
+    try:
+        main = import_module(EXECUTABLES[program].module).main
+    except ModuleNotFoundError as error:
+        missing = (error.name or str(error)).partition(".")[0]
+        say(program, f"{missing}: no such Python module here; {_remedy(missing)}")
+        return FAILURE
+    interrupt_what_runs()
+    try:
+        return main(sys.argv[1:])
+    except SystemExit as end:  # of argparse, after --help
+        return end.code if isinstance(end.code, int) else 0
+
+
+def _remedy(module: str) -> str:
+    if module == "rclpy" or module.endswith(("_msgs", "_srvs")):
+        return "source a ROS 2 Jazzy installation, or use the environment that `make setup` makes"
+    return "install what setup.py names"
+
+
+def _has_folder(program: str) -> bool:
+    """Whether the working folder exists: where it does not, libraries fail as they are imported."""
+    try:
+        os.getcwd()
+    except OSError:
+        folder = os.readlink("/proc/self/cwd").removesuffix(" (deleted)")
+        say(program, f"{folder}: this working folder was deleted; change to another one")
+        return False
+    return True
+
+
+def _flushed(program: str, code: int) -> int:
+    try:
+        sys.stdout.flush()
+    except OSError as error:
+        say(program, f"{error.filename}: {error.strerror}")
+        return code or FAILURE
+    return code
+
+
+def _works_on() -> bool:
+    """Whether a thread still works that was left alone, such as a compilation: it would crash the interpreter's end."""
+    threading = sys.modules.get("threading")
+    return threading is not None and any(thread.daemon for thread in threading.enumerate())
+
+
+def __getattr__(name: str) -> Callable[[], int]:
+    """What the console script of an installed executable calls, such as `robot`."""
+    if name in EXECUTABLES:
+        return partial(enter, name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

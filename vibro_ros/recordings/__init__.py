@@ -1,0 +1,1 @@
+"""What is done with a recording: report, replay, recover, compare, vary."""

@@ -1,0 +1,265 @@
+"""A recording against the same run computed again, message by message and bit by bit."""
+
+import math
+import struct
+from collections import Counter
+from dataclasses import dataclass, field
+from typing import Any
+
+from vibro_ros.bag.cdr import deserialised, first_difference
+from vibro_ros.bag.stream import BagError, BagStream
+from vibro_ros.messages.fields import joints_of
+from vibro_ros.messages.topics import CHECKPOINT, COMMAND_UNITS, ROBOT_TOPICS
+from vibro_ros.recordings.rerun import Rerun, RunFacts, run_facts, ticks
+from vibro_ros.simulation.motion import SimulationError
+from vibro_ros.simulation.provenance import software, tables
+
+ABSENT = "no message"
+STAMPED = ("odom", "joint_states", "ground_contact")  # topics whose headers have the recorded stamp
+LONGEST_PAUSE = 10.0  # s of robot time without a message, after which a stamp is doubted
+
+
+@dataclass(frozen=True)
+class Difference:
+    """Where recording and simulation part.
+
+    Attributes
+    ----------
+    topic : str
+        Resolved name.
+    index : int
+        Number of the message on its topic in the bag, from 0.
+    stamp : int
+        Its recorded stamp [ns].
+    time : float
+        Simulated time [s].
+    field : str
+        Of the message, such as ``pose.pose.position.x``.
+    recorded, replayed : float, int or str
+        Its values.
+    """
+
+    topic: str
+    index: int
+    stamp: int
+    time: float
+    field: str
+    recorded: Any
+    replayed: Any
+
+    def __str__(self) -> str:
+        text = (f"{self.topic} message {self.index} at {self.time:.9g} s (stamp {self.stamp}): {self.field}: recorded "
+                f"{self.recorded!r}, replayed {self.replayed!r}")
+        if isinstance(self.recorded, str) or isinstance(self.replayed, str):
+            return text
+        return f"{text}, difference {self.replayed - self.recorded!r}{_in_ulps(self.recorded, self.replayed)}"
+
+
+@dataclass
+class Comparison:
+    """What came of it.
+
+    Attributes
+    ----------
+    facts : RunFacts
+        Of the recording.
+    compared : Counter
+        Messages that are equal to the last bit, by topic.
+    commands : int
+        Commands that the device was given; the others cannot be read, and the robot refused them.
+    missing : int
+        Messages that the recorder dropped, between others that are there.
+    difference : Difference or None
+        The first; the comparison ends there.
+    notes : list of str
+        Why a difference may be no fault of the simulation.
+    last : float
+        Simulated time [s] of the last recorded sample that was compared.
+    """
+
+    facts: RunFacts
+    compared: Counter = field(default_factory=Counter)
+    commands: int = 0
+    missing: int = 0
+    difference: Difference | None = None
+    notes: list[str] = field(default_factory=list)
+    last: float = 0.0
+
+
+def compare(stream: BagStream) -> Comparison:
+    """Compute the recorded run again and compare it with every message of the bag.
+
+    Messages that are not there are not compared: a bag may begin late, break off, or lack topics. Where the recorder
+    says that it dropped none, one that lacks between others is a difference.
+
+    Raises
+    ------
+    BagError
+        When the bag is damaged, or does not say what was simulated.
+    """
+    facts = run_facts(stream)
+    return _Comparing(stream, facts).result()
+
+
+class _Comparing:
+    """Goes through the bag and the simulation side by side."""
+
+    def __init__(self, stream: BagStream, facts: RunFacts):
+        self._stream, self._facts = stream, facts
+        self._rerun = Rerun(facts, facts.scene)
+        self._found = Comparison(facts, notes=notes(stream, facts))
+        self._seen: Counter = Counter()
+        self._recorded = {name for name, topic in facts.topics.items() if topic in stream.topics}
+        self._may_lack = stream.metadata.get("dropped") != "0" or bool(stream.flaws)
+        self._failure = ""  # of the simulation
+        self._begun = False
+        self._late = stream.start > facts.start and CHECKPOINT in self._recorded
+        self._lacking: list[tuple[str, int]] = []  # messages that follow others and are not there: topic, sample
+
+    def result(self) -> Comparison:
+        """Compare until the bag ends or differs."""
+        for stamp, group in ticks(self._stream, self._facts):
+            self._found.difference = self._sample(stamp, group)
+            if self._found.difference:
+                break
+            self._found.last = self._facts.time(self._rerun.tick)
+        return self._found
+
+    def _sample(self, stamp: int, group: list[tuple[str, bytes]]) -> Difference | None:
+        """Compare what was recorded with one stamp, and give its commands to the device."""
+        tick = self._facts.tick(stamp)
+        if self._late and tick is not None:
+            self._restore(tick, stamp, group)
+            return None
+        if tick is None or tick <= self._rerun.tick or not self._is_likely(tick, stamp, group):
+            return self._difference(group[0][0], stamp, "recorded stamp", stamp,
+                                    self._facts.stamp(self._rerun.tick + 1))
+        replayed = self._advance(tick)
+        if self._failure:
+            return self._difference(group[0][0], stamp, "message", "a message", self._failure)
+        if self._lacking and not self._may_lack:
+            name, lacking = self._lacking[0]
+            return self._difference(name, self._facts.stamp(lacking), "message", ABSENT, "a message")
+        self._found.missing += len(self._lacking)
+        self._lacking.clear()
+        difference = self._match(stamp, group, replayed)
+        self._command(stamp, group)
+        return difference
+
+    def _is_likely(self, tick: int, stamp: int, group: list[tuple[str, bytes]]) -> bool:
+        """Whether a header bears a stamp out that lies far ahead: a spoilt one would cost years of simulation."""
+        if tick - self._rerun.tick < LONGEST_PAUSE * self._facts.rate or not self._recorded.intersection(STAMPED):
+            return True
+        try:
+            headers = [deserialised(data, ROBOT_TOPICS[name]).header.stamp for name, data in group if name in STAMPED]
+        except ValueError:
+            return False
+        return any(one.sec * 1_000_000_000 + one.nanosec == stamp for one in headers)
+
+    def _restore(self, tick: int, stamp: int, group: list[tuple[str, bytes]]) -> None:
+        """Begin at a bag's first checkpoint, of which the sample is already out, and its commands are not."""
+        commanded: list[tuple[str, bytes]] = []
+        for i, (name, data) in enumerate(group):
+            if name == CHECKPOINT:
+                try:
+                    self._rerun.restore(tick, data)
+                except ValueError as error:
+                    raise BagError(f"{self._stream.folder}: {error}") from error
+                self._late, self._begun = False, True
+                commanded = group[i + 1:]
+                break
+        self._seen.update(name for i, (name, _) in enumerate(group)
+                          if name not in COMMAND_UNITS or i < len(group) - len(commanded))
+        self._command(stamp, commanded)
+
+    def _advance(self, tick: int) -> list[tuple[str, bytes]]:
+        """Go to a sample; what it publishes."""
+        try:
+            while not self._failure and self._rerun.tick < tick - 1:
+                self._lack([name for name, _ in self._rerun.step()], begun=self._begun)
+            return self._rerun.step() if not self._failure else []
+        except SimulationError as error:
+            self._failure = str(error)
+            return []
+
+    def _match(self, stamp: int, group: list[tuple[str, bytes]],
+               replayed: list[tuple[str, bytes]]) -> Difference | None:
+        begun, self._begun = self._begun, True
+        expected: dict[str, list[bytes]] = {}
+        for name, data in replayed:
+            expected.setdefault(name, []).append(data)
+        for name, data in group:
+            if name in COMMAND_UNITS or name == CHECKPOINT:
+                continue
+            waiting = expected.get(name, [])
+            found = [first_difference(data, other, ROBOT_TOPICS[name]) for other in waiting]
+            if None not in found:
+                where, recorded, is_now = (found and found[0]) or ("message", "a message", ABSENT)
+                return self._difference(name, stamp, where, recorded, is_now)
+            skipped = found.index(None)
+            self._lack([name] * skipped, begun)
+            del waiting[:skipped + 1]
+            self._seen[name] += 1
+            self._found.compared[self._facts.topics[name]] += 1
+        # A bag may begin and end amid a sample, so this counts only once more follows.
+        self._lack([name for name, waiting in expected.items() for _ in waiting], begun)
+        return None
+
+    def _lack(self, names: list[str], begun: bool) -> None:
+        if begun:
+            self._lacking += [(name, self._rerun.tick) for name in names if name in self._recorded]
+
+    def _command(self, stamp: int, group: list[tuple[str, bytes]]) -> None:
+        try:
+            for name, data in group:
+                if name in COMMAND_UNITS:
+                    unreadable = self._rerun.command(name, data)
+                    if unreadable:
+                        self._stream.unreadable.add(self._facts.topics[name], self._seen[name], stamp, unreadable)
+                    self._found.commands += not unreadable
+                    self._seen[name] += 1
+        except SimulationError as error:
+            self._failure = str(error)
+
+    def _difference(self, name: str, stamp: int, where: str, recorded: object, replayed: object) -> Difference:
+        time = (stamp - self._facts.start) * 1e-9
+        return Difference(self._facts.topics[name], self._seen[name], stamp, time, _named(name, where, self._facts),
+                          recorded, replayed)
+
+
+def notes(stream: BagStream, facts: RunFacts) -> list[str]:
+    """What in the bag may make a replay differ from it, for people."""
+    found, told = [], stream.metadata
+    here = {**software(), "tables": tables(facts.scene.parameters)}
+    found += [f"recorded with {key.replace('_', ' ')} {told[key]}, replayed with {here[key]}: bits may differ"
+              for key in here if told.get(key, here[key]) != here[key]]
+    if unsaid := [key.replace("_", " ") for key in here if key not in told]:
+        found.append(f"the bag does not say its {', '.join(unsaid)}: where they differ, bits may")
+    if stream.start > facts.start and facts.topics.get(CHECKPOINT) not in stream.topics:
+        found.append(f"the bag begins {(stream.start - facts.start) * 1e-9:.3f} s after the robot started: commands "
+                     "before are unknown")
+    found += [f"commands on {facts.topics.get(name, name)} were not recorded" for name in COMMAND_UNITS
+              if facts.topics.get(name) not in stream.topics]
+    if told.get("dropped", "0") != "0":
+        found.append(f"{told['dropped']} messages dropped; a command may be among them")
+    if stream.flaws:
+        found.append("part of the bag cannot be read; a command may be in it")
+    return found
+
+
+def _named(name: str, where: str, facts: RunFacts) -> str:
+    """A field with the joint that it is of."""
+    index = where.rpartition("[")[2].rstrip("]")
+    joints = joints_of(facts.scene)
+    if name == "joint_states" and index.isdigit() and int(index) < len(joints):
+        return f"{where} ({joints[int(index)]})"
+    return where
+
+
+def _in_ulps(one: object, other: object) -> str:
+    """Steps from one floating-point number to the next between two of them; not across zero."""
+    if not (isinstance(one, float) and isinstance(other, float) and math.isfinite(one) and math.isfinite(other)
+            and math.copysign(1.0, one) == math.copysign(1.0, other)):
+        return ""
+    first, second = struct.unpack("<2q", struct.pack("<2d", one, other))  # consecutive floats are consecutive integers
+    return f" ({abs(first - second)} ulp)"

@@ -1,0 +1,278 @@
+"""The picture of a recording: the whole run, and beside it a moment in which every swing can be seen."""
+
+from collections.abc import Callable, Iterator
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from vibro_ros.bag.reader import Arrays, Bag
+from vibro_ros.recordings.summary import impacts_of
+from vibro_ros.recordings.traces import Span, band, bins_for, line, mean_over_turns, outline, share
+
+MOMENT = 0.3  # s, the close-up; about five crank turns at 100 rad/s
+FEW = 3000  # impacts that can be told apart as dots over the whole run
+FAR = 10.0  # m, from there on in metres
+STRONG = 8.0  # times what 95 % of the samples stay below: from there on a linear scale would hide these
+MM = 1e3  # mm/m
+
+# Okabe and Ito's palette, which the colour-blind tell apart
+_BODY, _MOTOR, _POWER, _FORCE, _HEIGHT = "#000000", "#009e73", "#aa4499", "#7a5c00", "#56788f"
+_GUIDE_COLOURS = {"upper": "#0072b2", "inclined": "#d55e00"}
+_GUIDE_MARKS = {"upper": "v", "inclined": "^"}
+_GRID, _FRAME, _TEXT, _MARKED, _AIR = "#e8e8e8", "#b0b0b0", "#404040", "#ececec", "#dcebf5"
+
+_NONE = "N \N{LESS-THAN OR EQUAL TO} 0"
+
+Panel = Callable[[Axes, Bag, Span], None]
+
+
+def plot_run(bag: Bag, caption: str = "") -> Figure:
+    """Body, masses, blows, ground, motor and power over time; what the recording lacks is left out.
+
+    Parameters
+    ----------
+    bag : Bag
+        A recording with odometry and joint states.
+    caption : str
+        One line under the title.
+
+    Returns
+    -------
+    Figure
+        Rows that share time [s]; left the whole run, right `MOMENT` seconds of it.
+    """
+    whole, moment, panels = (0.0, max(bag.duration, 1e-3)), _moment(bag), list(_panels(bag))
+    height = 1.7 + 1.75 * len(panels)
+    figure = Figure(figsize=(13.0, height), dpi=120, facecolor="white")
+    # Margins [in] instead of a layout engine, which would draw everything twice more to find them.
+    figure.subplots_adjust(left=0.07, right=0.985, bottom=0.55 / height, top=1.0 - 1.15 / height, wspace=0.24,
+                           hspace=0.42)
+    FigureCanvasAgg(figure)
+    axes = figure.subplots(len(panels), 2, sharex="col", width_ratios=(3, 2), squeeze=False)
+    for row, draw in zip(axes, panels, strict=True):
+        for axis, span in zip(row, (whole, moment), strict=True):
+            draw(axis, bag, span)
+            _tidy(axis, span)
+            _legend_above(axis)
+        row[0].axvspan(*moment, color=_MARKED, lw=0, zorder=0)
+        for edge in moment:
+            row[0].axvline(edge, color=_TEXT, lw=0.6, ls=(0, (2, 2)), zorder=3)
+    for axis in axes[-1]:
+        axis.set_xlabel("time from start of recording [s]", color=_TEXT)
+    for axis, title in zip(axes[0], ("the whole recording", f"the {np.ptp(moment):.2g} s marked on the left"),
+                           strict=True):
+        axis.set_title(title, fontsize=10, color=_TEXT, loc="right")
+    figure.suptitle("\n".join(filter(None, (bag.path.name, caption))), fontsize=12, color=_TEXT, y=1.0 - 0.2 / height)
+    figure.align_ylabels(axes)
+    return figure
+
+
+def _panels(bag: Bag) -> Iterator[Panel]:
+    """The panels that the recording has something for, from top to bottom."""
+    yield _draw_body
+    if np.any(bag["odom"]["position"][:, 2]):
+        yield _draw_height
+    for guide in _GUIDE_COLOURS:
+        if f"{guide}_mass.position" in bag["joint_states"]:
+            yield _mass_panel(guide)
+    if len(_impacts(bag)["time"]):
+        yield _draw_blows
+    if "ground_contact" in bag and len(bag["ground_contact"]["time"]):
+        yield _draw_ground
+    yield _draw_motor
+    if "motor_power" in bag and len(bag["motor_power"]["time"]):
+        yield _draw_power
+
+
+def _impacts(bag: Bag) -> Arrays:
+    empty = np.array([])
+    none = {"time": empty, "stamp": empty, "frame": np.array([], dtype=str), "force": empty.reshape(0, 3)}
+    return bag["impacts"] if "impacts" in bag else none
+
+
+def _moment(bag: Bag) -> Span:
+    """A window in mid-run: around the median of the impacts while the motor is fast."""
+    joints, impacts = bag["joint_states"], _impacts(bag)["stamp"]
+    speed = np.abs(joints["crank.velocity"])
+    fast = impacts[np.interp(impacts, joints["time"], speed) >= 0.9 * speed.max()]
+    centre = np.median(fast) if len(fast) else joints["time"][np.argmax(speed)]
+    begin = float(np.clip(centre - MOMENT / 2, 0.0, max(bag.duration - MOMENT, 0.0)))
+    return begin, begin + min(MOMENT, max(bag.duration, 1e-3))
+
+
+def _draw_body(axes: Axes, bag: Bag, span: Span) -> None:
+    body = bag["odom"]
+    x = body["position"][:, 0]
+    unit, scale = ("mm", MM) if np.ptp(x) < FAR else ("m", 1.0)
+    line(axes, body["time"], (x - x[0]) * scale, span, color=_BODY)
+    axes.set_ylabel(f"body displacement [{unit}]")
+
+
+def _draw_height(axes: Axes, bag: Bag, span: Span) -> None:
+    body = bag["odom"]
+    _swings(axes, bag, body["time"], body["position"][:, 2] * MM, span, _HEIGHT, "range of the height", "height")
+    _shade_air(axes, bag, span)
+    axes.set_ylabel("body height [mm]")
+
+
+def _mass_panel(guide: str) -> Panel:
+    """Panel of one mass: its position with the contacts, and the plate."""
+    def draw(axes: Axes, bag: Bag, span: Span) -> None:
+        joints, colour = bag["joint_states"], _GUIDE_COLOURS[guide]
+        contacts, plate = _contacts(bag, guide)
+        time = np.concatenate([joints["time"], contacts])
+        order = np.argsort(time, kind="stable")
+        position = np.concatenate([joints[f"{guide}_mass.position"], plate])[order] * MM
+        _swings(axes, bag, time[order], position, span, colour, f"range of the {guide} mass", f"{guide} mass")
+        if f"{guide}_plate.position" in joints:
+            line(axes, joints["time"], joints[f"{guide}_plate.position"] * MM, span, color=_BODY, lw=1.0,
+                 ls=(0, (4, 2)), label="its plate")
+        if _is_moment(span) and len(contacts):
+            shown = (contacts >= span[0]) & (contacts <= span[1])
+            axes.plot(contacts[shown], plate[shown] * MM, _GUIDE_MARKS[guide], color=colour, ms=7, mec="white", mew=0.7,
+                      label="impact, at the plate", zorder=4)
+        axes.margins(y=0.12)
+        axes.set_ylabel(f"{guide} mass [mm]")
+    return draw
+
+
+def _contacts(bag: Bag, guide: str) -> tuple[np.ndarray, np.ndarray]:
+    """Instants [s] at which the mass met its plate, and where both were then [m]: between samples, a mass shows less.
+    """
+    joints, impacts = bag["joint_states"], _impacts(bag)
+    if f"{guide}_plate.position" not in joints or not len(impacts["stamp"]):
+        return np.array([]), np.array([])
+    times = impacts["stamp"][impacts_of(bag, guide)]
+    return times, np.interp(times, joints["time"], joints[f"{guide}_plate.position"])
+
+
+def _draw_blows(axes: Axes, bag: Bag, span: Span) -> None:
+    impacts = _impacts(bag)
+    shown = (impacts["stamp"] >= span[0]) & (impacts["stamp"] <= span[1])
+    for guide, colour in _GUIDE_COLOURS.items():
+        own = shown & impacts_of(bag, guide)
+        time, force = impacts["stamp"][own], impacts["force"][own, 2]
+        if not len(time):
+            continue
+        if len(time) > FEW:
+            order = np.argsort(time, kind="stable")
+            outline(axes, time[order], force[order], _edges(bag, span), colour,
+                    f"{guide} impacts, strongest and weakest (dots)")
+        else:
+            axes.plot(time, force, _GUIDE_MARKS[guide], color=colour, ms=7 if _is_moment(span) else 3, mec="white",
+                      mew=0.7 if _is_moment(span) else 0.0, label=f"{guide} impacts", zorder=3)
+    axes.set_ylim(0.0, 1.12 * max(1.0, impacts["force"][:, 2].max()))
+    axes.set_ylabel("peak force [N]")
+
+
+def _draw_ground(axes: Axes, bag: Bag, span: Span) -> None:
+    time, force = bag["ground_contact"]["time"], bag["ground_contact"]["force"][:, 2]
+    _swings(axes, bag, time, force, span, _FORCE, "range of N", "N")
+    _scale_to(axes, force)
+    if _is_short(span):
+        _shade_air(axes, bag, span)
+    else:
+        beside = axes.twinx()
+        middle, part = share(time, force <= 0.0, _edges(bag, span))
+        beside.plot(middle, 100.0 * part, color=_BODY, lw=0.9)
+        beside.set_ylim(0.0, 105.0)
+        beside.set_ylabel(f"{_NONE} [%]", color=_TEXT)
+        beside.tick_params(color=_FRAME, labelcolor=_TEXT)
+        beside.spines[:].set_visible(False)
+        axes.plot([], [], color=_BODY, lw=0.9, label=f"share of the samples with {_NONE}, {_share_of_none(bag)} in all")
+    axes.set_ylabel("ground force N [N]")
+
+
+def _scale_to(axes: Axes, force: np.ndarray) -> None:
+    """Beyond what most samples stay below, a logarithmic scale if some go far beyond."""
+    usual = float(np.percentile(np.abs(force), 95))
+    if usual > 0.0 and np.abs(force).max() > STRONG * usual:
+        axes.set_yscale("symlog", linthresh=usual)
+        powers = 10.0 ** np.arange(np.ceil(np.log10(usual)), 1 + np.ceil(np.log10(np.abs(force).max())))
+        axes.set_yticks([*-powers[::-1], 0.0, *powers])
+        axes.minorticks_off()
+
+
+def _share_of_none(bag: Bag) -> str:
+    return f"{np.mean(bag['ground_contact']['force'][:, 2] <= 0.0):.0%}"
+
+
+def _shade_air(axes: Axes, bag: Bag, span: Span) -> None:
+    """Mark where the ground carries nothing, if that can be seen."""
+    if not _is_short(span) or "ground_contact" not in bag:
+        return
+    time, force = bag["ground_contact"]["time"], bag["ground_contact"]["force"][:, 2]
+    shown = (time >= span[0]) & (time <= span[1])
+    axes.fill_between(time[shown], 0.0, 1.0, where=force[shown] <= 0.0, transform=axes.get_xaxis_transform(),
+                      color=_AIR, lw=0, zorder=0.5, label=f"the ground carries nothing, {_NONE}")
+
+
+def _draw_motor(axes: Axes, bag: Bag, span: Span) -> None:
+    joints = bag["joint_states"]
+    line(axes, joints["time"], joints["crank.velocity"], span, color=_MOTOR, lw=2.0, label="motor")
+    if "motor_speed" in bag and len(times := bag["motor_speed"]["time"]):
+        values = np.where(np.isfinite(values := bag["motor_speed"]["value"]), values, np.nan)
+        axes.step([*times, bag.duration], [*values, values[-1]], where="post", color=_BODY, ls=(0, (3, 3)), lw=1.0,
+                  label="command")
+    fastest = max(1.0, np.abs(joints["crank.velocity"]).max())
+    asked = axes.dataLim.y1 if np.isfinite(axes.dataLim.y1) else fastest  # a refused command may be of any size
+    axes.set_ylim(0.0, 1.08 * max(fastest, min(asked, 2.0 * fastest)))
+    axes.set_ylabel("motor [rad/s]")
+
+
+def _draw_power(axes: Axes, bag: Bag, span: Span) -> None:
+    power, joints = bag["motor_power"], bag["joint_states"]
+    _swings(axes, bag, power["time"], power["value"], span, _POWER, "range of the power", "power")
+    if not _is_moment(span):
+        mean = mean_over_turns(power["time"], power["value"], joints["time"], joints["crank.position"],
+                               _edges(bag, span))
+        axes.plot(*mean, color=_BODY, lw=1.4, label="mean over whole turns", zorder=2)
+    axes.axhline(0.0, color=_FRAME, lw=0.8, zorder=1)
+    axes.set_ylabel("motor power [W]")
+
+
+def _edges(bag: Bag, span: Span) -> np.ndarray:
+    """Where the bins of a band begin and end [s]."""
+    speed = float(np.abs(bag["joint_states"]["crank.velocity"]).max())
+    return np.linspace(*span, bins_for(span[1] - span[0], speed) + 1)
+
+
+def _swings(axes: Axes, bag: Bag, time: np.ndarray, values: np.ndarray, span: Span, colour: str, of_band: str,
+            of_line: str) -> None:
+    """A quick oscillation: over a short time its samples, over a long run the band that it fills."""
+    if _is_short(span):
+        line(axes, time, values, span, color=colour, label=of_line, **({"marker": ".", "ms": 4} if _is_moment(span)
+                                                                      else {}))
+    else:
+        band(axes, time, values, _edges(bag, span), colour, of_band)
+
+
+def _is_short(span: Span) -> bool:
+    return span[1] - span[0] <= 10 * MOMENT
+
+
+def _is_moment(span: Span) -> bool:
+    return span[1] - span[0] < 1.5 * MOMENT
+
+
+def _legend_above(axes: Axes) -> None:
+    handles, labels = axes.get_legend_handles_labels()
+    if handles:
+        legend = axes.legend(handles, labels, loc="lower left", bbox_to_anchor=(0.0, 0.98), ncols=len(handles),
+                    frameon=False, fontsize=8.5, labelcolor=_TEXT, borderaxespad=0.0, columnspacing=1.2,
+                    handletextpad=0.5)
+        legend.set_in_layout(False)
+
+
+def _tidy(axes: Axes, span: Span) -> None:
+    axes.set_xlim(*span)
+    axes.grid(color=_GRID, lw=0.8)
+    axes.set_axisbelow(True)
+    if axes.get_yscale() == "linear":
+        axes.ticklabel_format(useOffset=False)
+    axes.spines[["top", "right"]].set_visible(False)
+    axes.spines[["left", "bottom"]].set_color(_FRAME)
+    axes.tick_params(color=_FRAME, labelcolor=_TEXT)
+    axes.yaxis.label.set_color(_TEXT)

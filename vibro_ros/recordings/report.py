@@ -1,0 +1,94 @@
+"""Executable ``report``: sum a recording up in words, numbers and a picture."""
+
+if __name__ == "__main__":  # before all imports: they take a second or two, in which a signal may come
+    import sys
+
+    from vibro_ros.process.front_door import enter
+
+    sys.exit(enter("report"))
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+
+from vibro_ros.bag.reader import BagError, load_bag
+from vibro_ros.process.command_line import Parser
+from vibro_ros.process.executables import EXECUTABLES
+from vibro_ros.process.front_door import exit_code
+from vibro_ros.process.one_line import one_line
+from vibro_ros.recordings.plots import plot_run
+from vibro_ros.recordings.summary import as_caption, as_text, summarise
+
+COLUMNS = {"odom": ("position",), "joint_states": ("*.position", "crank.velocity"), "ground_contact": ("force",),
+           "impacts": ("stamp", "frame", "force"), "motor_power": ("value",), "motor_speed": ("value",),
+           "upper_gap": ("value",), "inclined_gap": ("value",)}
+"""All that summary and picture need of a recording, which may be long, and each command, which may be unreadable."""
+
+
+def write_report(bag_folder: Path, output: Path | None = None) -> tuple[str, tuple[Path, ...]]:
+    """Write summary.txt, summary.json and report.png about a recording.
+
+    Parameters
+    ----------
+    bag_folder : Path
+        The recording; nothing is ever written into it.
+    output : Path, optional
+        Where to write, made when missing; ``<bag folder>_report`` beside the recording by default.
+
+    Returns
+    -------
+    str, tuple of Path
+        The summary for people, and the files written.
+
+    Raises
+    ------
+    BagError
+        When the recording cannot be read or `output` lies inside it.
+    OSError
+        When `output` cannot be written.
+    """
+    folder = Path(bag_folder).resolve()
+    output = Path(output).resolve() if output else folder.with_name(f"{folder.name}_report")
+    if output.is_relative_to(folder):
+        raise BagError(f"{output}: lies inside the recording, which is never written to; give another --output")
+    bag = load_bag(folder, COLUMNS)
+    summary = summarise(bag)
+    text, figure = as_text(summary), plot_run(bag, as_caption(summary))
+    output.mkdir(parents=True, exist_ok=True)
+    files = tuple(output / name for name in ("summary.txt", "summary.json", "report.png"))
+    files[0].write_text(text, encoding="utf-8")
+    files[1].write_text(json.dumps(summary, indent=2, ensure_ascii=False) + "\n", encoding="utf-8")
+    figure.savefig(files[2])
+    return text, files
+
+
+def main(words: Sequence[str]) -> int:
+    """Run the executable; returns its exit code, 2 when the recording cannot be reported on."""
+    return exit_code("report", lambda: _run(words))
+
+
+def _run(words: Sequence[str]) -> int:
+    options = _parser().parse_args(words)
+    try:
+        text, files = write_report(options.bag, options.output)
+    except BagError as error:
+        raise ValueError(str(error)) from error
+    except OSError as error:
+        where = error.filename or options.output or f"{options.bag}_report"
+        raise ValueError(f"{where}: cannot write: {error.strerror or error}; give a writable --output") from error
+    except MemoryError:
+        raise ValueError(f"{options.bag}: not enough memory to read it; read some columns of it with "
+                         "vibro_ros.read_bag") from None
+    print(text)
+    print("\n".join(map(one_line, files)))
+    return 0
+
+
+def _parser() -> Parser:
+    parser = Parser(prog="report", description=f"{EXECUTABLES['report'].does} Distance, speed, impacts, power and gaps "
+                    "in the stream are summed up.",
+                    epilog="Exit code 0: written; 2: no readable recording, or nowhere to write; 129, 130, 143: "
+                    "stopped by SIGHUP, SIGINT, SIGTERM.")
+    parser.add_argument("bag", type=Path, metavar="BAG_FOLDER", help="folder of the recording")
+    parser.add_argument("--output", type=Path, metavar="DIR", help="where to write (default: BAG_FOLDER_report)")
+    return parser

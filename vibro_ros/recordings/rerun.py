@@ -1,0 +1,201 @@
+"""A recorded run computed again, sample by sample, as the robot computed it.
+
+What the robot does between two samples is fixed: it publishes sample k, taken at k / `rate.publish`, gives the device
+the commands that have arrived, in their order, and advances to sample k + 1. A recorded stamp is the run's start plus
+the time of the sample, also for a command: so the bag tells k exactly, whatever the wall clock did (stalls, another
+real-time factor).
+"""
+
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from vibro_ros.bag.cdr import blank, deserialised, serialised
+from vibro_ros.bag.metadata import LAST_STAMP
+from vibro_ros.bag.robot_topics import robot_topics
+from vibro_ros.bag.stream import BagError, BagStream
+from vibro_ros.configuration.scene_file import DEVICE_PARAMETERS
+from vibro_ros.messages import fields
+from vibro_ros.messages.topics import CHECKPOINT_TYPE, ROBOT_TOPICS
+from vibro_ros.model.parameters import SCENE_PARAMETERS, Value, checked_parameters
+from vibro_ros.model.scene import Scene
+from vibro_ros.process.one_line import one_line
+from vibro_ros.simulation.preparation import prepare_kernels
+from vibro_ros.simulation.simulator import Simulator
+
+SAMPLED = ("odom", "joint_states", "ground_contact", "motor_power")
+
+
+@dataclass(frozen=True)
+class RunFacts:
+    """What a bag says of the run that it recorded.
+
+    Attributes
+    ----------
+    settings : dict
+        The device's parameters.
+    scene : Scene
+        What was simulated.
+    start : int
+        ROS time [ns] of simulated time 0.
+    topics : dict of str to str
+        Resolved names by the robot's own names.
+    """
+
+    settings: dict[str, Value]
+    scene: Scene
+    start: int
+    topics: dict[str, str]
+
+    @property
+    def rate(self) -> float:
+        """Samples per simulated second [Hz]."""
+        return self.settings["rate.publish"]
+
+    def time(self, tick: int) -> float:
+        """Simulated time [s] of a sample."""
+        return tick / self.rate
+
+    def stamp(self, tick: int) -> int:
+        """Recorded stamp [ns] of a sample."""
+        return fields.stamp_at(self.start, self.time(tick))
+
+    def tick(self, stamp: int) -> int | None:
+        """Number of the sample with a recorded stamp [ns]; None when no sample has it."""
+        tick = round((stamp - self.start) * 1e-9 * self.rate)
+        return tick if tick >= 0 and self.stamp(tick) == stamp else None
+
+
+def run_facts(stream: BagStream) -> RunFacts:
+    """What the bag says of its run.
+
+    Raises
+    ------
+    BagError
+        When the robot's own recorder did not write it, or a robot with other parameters than this version's.
+    """
+    known = stream.metadata
+    if missing := [key for key in ("scene", "parameters", "start") if key not in known]:
+        raise BagError(f"{stream.folder}: says nothing of {', '.join(missing)}; give a bag that the robot recorded "
+                       "itself")
+    try:
+        parameters = json.loads(known["parameters"])
+        of_scene = {one.name for one in SCENE_PARAMETERS}
+        settings = checked_parameters({name: value for name, value in parameters.items() if name not in of_scene},
+                                      DEVICE_PARAMETERS)
+        scene = Scene(known["scene"], {name: value for name, value in parameters.items() if name in of_scene})
+        defaults = {one.name: one.default for one in DEVICE_PARAMETERS}
+        start = int(known["start"])
+        if not 0 <= start <= LAST_STAMP:
+            raise ValueError(f"start is {one_line(known['start'])} ns, which is no ROS time")
+        return RunFacts(defaults | settings, scene, start, robot_topics(stream))
+    except (ValueError, AttributeError, TypeError, RecursionError) as error:  # the custom data may be anything
+        version = known.get("version", "unknown")
+        raise BagError(f"{stream.folder}: cannot be simulated by this version: {error} (recorded by version "
+                       f"{version})") from error
+
+
+class Rerun:
+    """The device, stepped and commanded as the robot does it.
+
+    Parameters
+    ----------
+    facts : RunFacts
+        Rate and stamps.
+    scene : Scene
+        What to simulate.
+
+    Attributes
+    ----------
+    tick : int
+        Number of the last sample taken; -1 before the first.
+    refused : int
+        Commands that the device refused.
+    scene : Scene
+        What is simulated, with the method that `solver.method` auto has picked.
+    """
+
+    def __init__(self, facts: RunFacts, scene: Scene):
+        self.tick = -1
+        self.refused = 0
+        self._facts, self._prefix = facts, facts.settings["frame_prefix"]
+        prepare_kernels("replay", scene["solver.method"])
+        self._device = Simulator(scene)
+        self.scene = self._device.scene
+        self._joints = fields.joints_of(scene)
+        self._blank = {name: blank(kind) for name, kind in ROBOT_TOPICS.items()}
+
+    def step(self) -> list[tuple[str, bytes]]:
+        """Go to the next sample; what the robot publishes there: its own name of each topic, and the message.
+
+        Raises
+        ------
+        SimulationError
+            When the run cannot go on.
+        """
+        self.tick += 1
+        if self.tick:
+            self._device.advance_to(self._facts.time(self.tick))
+        return list(self._messages())
+
+    def restore(self, tick: int, data: bytes) -> None:
+        """Stand at the sample `tick` as a recorded checkpoint says, its messages already out (ValueError when bad)."""
+        self._device.restore(np.array(deserialised(data, CHECKPOINT_TYPE).data))
+        if self._device.time != self._facts.time(tick):
+            raise ValueError(f"the checkpoint is of {self._device.time:.9g} s, not of {self._facts.time(tick):.9g} s")
+        self.tick = tick
+
+    def command(self, name: str, data: bytes) -> str:
+        """Give the device a recorded command; a refused one changes nothing (SimulationError as above).
+
+        Returns
+        -------
+        str
+            Why the message cannot be read, which the robot refused for the same reason; else empty.
+        """
+        try:
+            value = deserialised(data, ROBOT_TOPICS[name]).data
+        except ValueError as error:
+            self.refused += 1
+            return str(error)
+        try:
+            self._device.command(**{name: value})
+        except ValueError:
+            self.refused += 1
+        return ""
+
+    def _messages(self) -> Iterator[tuple[str, bytes]]:
+        state, events, stamp = self._device.state, self._device.take_events(), self._facts.stamp(self.tick)
+        fields.fill_odometry(self._blank["odom"], state, stamp, self._prefix)
+        fields.fill_joint_states(self._blank["joint_states"], state, self._joints, stamp, self._prefix)
+        fields.fill_ground_contact(self._blank["ground_contact"], state, stamp, self._prefix)
+        fields.fill_motor_power(self._blank["motor_power"], state)
+        for name in SAMPLED:
+            yield name, self._bytes(name)
+        for event in events:
+            if event["kind"] in fields.PLATES:
+                began = fields.stamp_at(self._facts.start, float(event["time"]))
+                fields.fill_impact(self._blank["impacts"], event, began, self._prefix)
+                yield "impacts", self._bytes("impacts")
+
+    def _bytes(self, name: str) -> bytes:
+        return serialised(self._blank[name], ROBOT_TOPICS[name])
+
+
+def ticks(stream: BagStream, facts: RunFacts) -> Iterator[tuple[int, list[tuple[str, bytes]]]]:
+    """Recorded stamp [ns], and what was recorded with it: the robot's own name of each topic, and the message."""
+    names = {topic: name for name, topic in facts.topics.items()}
+    group: list[tuple[str, bytes]] = []
+    before: int | None = None
+    for topic, stamp, data in stream.messages(frozenset(names)):
+        if before is not None and stamp != before:
+            yield before, group
+            group = []
+        before = stamp
+        group.append((names[topic], data))
+    if before is not None:
+        yield before, group
+
+

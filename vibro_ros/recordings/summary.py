@@ -1,0 +1,138 @@
+"""The numbers of a recording: how far, how fast, how many impacts, how much power, what is missing."""
+
+import math
+from typing import Any
+
+import numpy as np
+
+from vibro_ros.bag.reader import Arrays, Bag, BagError
+from vibro_ros.bag.unreadable import not_read
+from vibro_ros.process.one_line import one_line
+
+GAP = 2.5  # publish periods; a longer pause between two samples is a gap in the stream
+SAMPLED_TOPICS = ("odom", "joint_states", "ground_contact", "motor_power")  # published at `rate.publish`
+GUIDES = ("upper", "inclined")
+JOINT_COLUMNS = ("crank.position", "crank.velocity")  # of every robot; masses and plates may be absent from a scene
+
+
+def summarise(bag: Bag) -> dict[str, Any]:
+    """Summary of a recording, ready for JSON; a number that cannot be told is None.
+
+    Parameters
+    ----------
+    bag : Bag
+        A recording of the robot.
+
+    Returns
+    -------
+    dict
+        ``duration`` [s] from the first message to the last; ``displacement`` [m] of the body from
+        its first sample to its last, ``path_length`` [m] of the way between them, ``mean_speed``
+        [m/s] their displacement over their time; ``crank_turns``; ``impacts`` and
+        ``impacts_per_turn`` of each guide; ``mean_power`` [W] over time; ``recorder``, what the
+        recorder said about itself; ``topics``: type and ``messages`` of each, and for sampled
+        topics ``period`` [s] (median), ``largest_gap`` [s] and ``gaps`` (pauses above `GAP` periods);
+        ``not_read``, sentences on what of the recording cannot be read.
+
+    Raises
+    ------
+    BagError
+        When a topic or a joint of the robot is missing, or odometry, joint states or motor power is empty.
+    """
+    body, joints, power = (_samples(bag, name) for name in ("odom", "joint_states", "motor_power"))
+    if lacking := [name for name in JOINT_COLUMNS if name not in joints]:
+        raise BagError(f"{bag.path}: {bag.full_name('joint_states')} lacks {', '.join(lacking)}; "
+                       "report on a recording of this package's robot")
+    x = body["position"][:, 0]
+    turns = float(np.ptp(joints["crank.position"][[0, -1]])) / math.tau
+    impacts = {guide: int(np.count_nonzero(impacts_of(bag, guide))) for guide in GUIDES}
+    return {
+        "bag": str(bag.path),
+        "duration": bag.duration,
+        "displacement": float(x[-1] - x[0]),
+        "path_length": float(np.abs(np.diff(x)).sum()),
+        "mean_speed": _ratio(float(x[-1] - x[0]), float(np.ptp(body["time"]))),
+        "crank_turns": turns,
+        "impacts": impacts,
+        "impacts_per_turn": {guide: _ratio(number, turns) for guide, number in impacts.items()},
+        "mean_power": _time_mean(power["time"], power["value"]),
+        "recorder": bag.metadata,
+        "topics": {topic: _topic_summary(bag, topic) for topic in bag.topics},
+        "not_read": list(bag.flaws),
+    }
+
+
+def impacts_of(bag: Bag, guide: str) -> np.ndarray:
+    """Which of the recorded impacts are of `guide`, by their frame: bool, shape (n,)."""
+    return np.char.endswith(bag["impacts"]["frame"], f"{guide}_plate")  # before it, the robot's frame_prefix
+
+
+def as_text(summary: dict[str, Any]) -> str:
+    """The summary as lines for people, with units."""
+    impacts, per_turn = summary["impacts"], summary["impacts_per_turn"]
+    lines = [
+        ("bag", summary["bag"]),
+        *((one_line(key), one_line(value)) for key, value in summary["recorder"].items() if len(value) < 80),
+        ("duration", f"{summary['duration']:.3f} s"),
+        ("displacement", f"{summary['displacement']:+.4f} m (path {summary['path_length']:.4f} m)"),
+        ("mean speed", _number(summary["mean_speed"], "+.2f", "mm/s", 1e3)),
+        ("crank", f"{summary['crank_turns']:.1f} turns"),
+        *((f"{guide} impacts", f"{impacts[guide]} ({_number(per_turn[guide], '.2f', 'per crank turn')})")
+          for guide in GUIDES),
+        ("mean power", _number(summary["mean_power"], ".3f", "W")),
+    ]
+    width = max(len(label) for label, _ in lines) + 2
+    return "\n".join([*(f"{label:<{width}}{value}" for label, value in lines), "", *_table(summary["topics"]),
+                      *not_read(summary["not_read"])]) + "\n"
+
+
+def as_caption(summary: dict[str, Any]) -> str:
+    """The summary in one line for a picture."""
+    per_turn = summary["impacts_per_turn"]
+    return "  ·  ".join((
+        f"{summary['duration']:.1f} s", f"{summary['displacement']:+.3f} m",
+        f"mean speed {_number(summary['mean_speed'], '+.1f', 'mm/s', 1e3)}",
+        f"impacts per crank turn {' + '.join(_number(per_turn[guide], '.2f') for guide in GUIDES)} (upper + inclined)",
+        f"mean power {_number(summary['mean_power'], '.2f', 'W')}")).replace("-", "\N{MINUS SIGN}")
+
+
+def _table(topics: dict[str, dict[str, Any]]) -> list[str]:
+    topics = {one_line(name): one for name, one in topics.items()}
+    width = max(len("topic"), *map(len, topics)) + 2
+    return [f"{'topic':<{width}}{'messages':>9}{'period':>11}{'largest gap':>14}{'gaps':>6}",
+            *(f"{name:<{width}}{one['messages']:>9}{_number(one.get('period'), '.2f', 'ms', 1e3):>11}"
+              f"{_number(one.get('largest_gap'), '.2f', 'ms', 1e3):>14}{_number(one.get('gaps'), 'd'):>6}"
+              for name, one in topics.items())]
+
+
+def _topic_summary(bag: Bag, topic: str) -> dict[str, Any]:
+    recorded = bag.topics[topic]
+    summary = {"type": recorded.type_name, "messages": recorded.messages}
+    if topic.rpartition("/")[2] not in SAMPLED_TOPICS or topic not in bag:
+        return summary
+    pauses = np.diff(bag[topic]["time"])
+    if not len(pauses):
+        return summary | {"period": None, "largest_gap": None, "gaps": 0}
+    period = float(np.median(pauses))
+    return summary | {"period": period, "largest_gap": float(pauses.max()),
+                      "gaps": int(np.count_nonzero(pauses > GAP * period))}
+
+
+def _samples(bag: Bag, name: str) -> Arrays:
+    arrays = bag[name]
+    if not len(arrays["time"]):
+        raise BagError(f"{bag.path}: {bag.full_name(name)} holds no message; record a robot that runs")
+    return arrays
+
+
+def _time_mean(time: np.ndarray, values: np.ndarray) -> float | None:
+    """Mean over time by the trapezoidal rule (numpy's own changes its name between releases)."""
+    return _ratio(float(np.diff(time) @ (values[1:] + values[:-1])) / 2, float(np.ptp(time)))
+
+
+def _ratio(numerator: float, denominator: float) -> float | None:
+    return numerator / denominator if denominator else None
+
+
+def _number(value: float | None, form: str, unit: str = "", scale: float = 1) -> str:
+    return "-" if value is None else f"{value * scale:{form}} {unit}".rstrip()

@@ -1,0 +1,234 @@
+"""A scene in motion: the state of its solver, advanced in time and changed by commands.
+
+Arguments are not checked here, and `solver.method` is a method, not auto: `Simulator` sees to both.
+"""
+
+import math
+import time as wall_clock
+from collections.abc import Mapping
+
+import numpy as np
+
+from vibro_ros.model.force_limits import cut_to_laws
+from vibro_ros.model.moreau_laws import contact_laws
+from vibro_ros.model.scene import Scene
+from vibro_ros.model.tables import Model, compile_scene
+from vibro_ros.simulation.event_log import EventLog
+from vibro_ros.simulation.samples import Trace, sampled_quantities
+from vibro_ros.solver import event_loop
+from vibro_ros.solver.events import EVENT_COLUMNS
+from vibro_ros.solver.forcing import read_signals
+from vibro_ros.solver.methods import SCHEMES, Exact, FixedStep, Stepper
+from vibro_ros.solver.state import State, lasting, new_state
+from vibro_ros.solver.transition import leave_for_ramp
+
+_EVENTS_AT_ONCE = 4096
+#: After so many of its time constants a lagging motor has reached its speed, to rounding.
+_TIME_CONSTANTS = 40.0
+
+# Computing time [s] that a part of `Motion.advance` aims at; robot time [s] of the first, longer than a tick; the most
+# by which a part grows over the one before it.
+_PART, _FIRST_PART, _GROWTH = 0.02, 0.1, 1000.0
+
+_CAUSES = {
+    event_loop.STUCK: "events follow each other without any progress of time",
+    event_loop.DIVERGED: "a coordinate is no longer finite",
+    event_loop.ROOT_LOST: "the search for a guard's root did not end",
+}
+
+
+class SimulationError(RuntimeError):
+    """A run that cannot go on; the message gives time, mode and cause.
+
+    Examples
+    --------
+    >>> scene = vibro_ros.load_scene("damped").with_parameters({"solver.method": "rk4", "solver.step": 0.005})
+    >>> try:
+    ...     run = vibro_ros.simulate(scene, duration=1.0, rate=10.0)
+    ... except vibro_ros.SimulationError as error:
+    ...     print(error)
+    at 0.385 s in mode closed, closed, slip_backward: a coordinate is no longer finite; rk4 may need a solver.step ...
+    """
+
+
+class Motion:
+    """The motion of a scene from its start.
+
+    Parameters
+    ----------
+    scene : Scene
+        What moves; its `solver.method` is not auto.
+
+    Attributes
+    ----------
+    scene : Scene
+        The same.
+    model : Model
+        The scene, compiled.
+    time : float
+        Simulated time [s], from 0.
+    state : State
+        The solver's.
+    point : ndarray, shape (channels,)
+        Every channel at the end of the last advance or at the last command.
+    events : EventLog
+        What has happened.
+    """
+
+    def __init__(self, scene: Scene):
+        self.scene, self.time = scene, 0.0
+        self.model: Model = compile_scene(scene)
+        self._stepper = self._new_stepper()
+        self.point = np.zeros(self.model.forms.channels.count)
+        self.state = self._start()
+        self.events = EventLog(self.model.forms.plates)
+        self._room = np.empty((_EVENTS_AT_ONCE, EVENT_COLUMNS))
+
+    def _new_stepper(self) -> Stepper:
+        model, name, step = self.model, self.scene["solver.method"], self.scene["solver.step"]
+        if name == "exact":
+            return Exact(model.system)
+        laws = contact_laws(self.scene, model.forms, model.modes, step) if name == "moreau" else None
+        return FixedStep(model.system, SCHEMES[name], step, laws)
+
+    def _start(self) -> State:
+        model, scene = self.model, self.scene
+        system, forms = model.system, model.forms
+        plates = {side: scene[f"crank.{side}_rod"] + scene[f"{side}.gap"] for side in forms.plates}
+        state = new_state(system, scene["motor.speed"], np.array([plates[side] for side in forms.plates]),
+                          model.initial_mode)
+        position = np.zeros(forms.channels.coordinates)
+        if scene["start.state"] == "rest":
+            # The very bits that the flow uses: a mass at rest on its slider must feel no force at all.
+            read_signals(system, state, position)
+            for i, side in enumerate(forms.guides):
+                position[i] = min(position[i], plates.get(side, math.inf))
+        self.point[:len(position)] = position
+        self._begin_segment(state)
+        return state
+
+    def command(self, speed: float | None, gaps: Mapping[str, float]) -> None:
+        """Ask for a motor speed [rad/s] and, by side, for gaps [m], from now on; gaps without a plate change nothing.
+
+        Raises
+        ------
+        SimulationError
+            If the motion cannot go on.
+        """
+        self._stepper.interrupt(self.state, self.time, self.point)
+        if speed is not None:
+            self._command_speed(speed)
+        for side, gap in gaps.items():
+            if side in self.model.forms.plates:
+                self._command_plate(side, self.scene[f"crank.{side}_rod"] + gap)
+        self._begin_segment(self.state)
+
+    def _command_speed(self, target: float) -> None:
+        drive = self.state.now["drive"][0]
+        drive["target"] = target
+        drive["acceleration"] = drive["time_left"] = drive["lag"] = 0.0
+        difference = target - drive["speed"]
+        if self.scene["effects.motor"] == "ideal":
+            drive["speed"] = target
+        elif difference != 0.0 and self.scene["effects.motor"] == "lag":
+            drive["lag"] = self.scene["motor.time_constant"]
+            drive["time_left"] = _TIME_CONSTANTS * drive["lag"]
+        elif difference != 0.0:
+            drive["acceleration"] = math.copysign(self.scene["motor.acceleration"], difference)
+            drive["time_left"] = abs(difference) / self.scene["motor.acceleration"]
+
+    def _command_plate(self, side: str, target: float) -> None:
+        plate = self.model.forms.plates.index(side)
+        ramp = self.state.ramp[plate]
+        speed, difference = self.scene["gap_actuator.speed"], target - ramp["value"]
+        rate = math.copysign(speed, difference) if difference != 0.0 else 0.0
+        if rate != ramp["rate"]:  # else a mass that rests on the plate rests on
+            ended = leave_for_ramp(self.model.system, self.state, plate, self.point, self._room, 0)
+            self.events.add(self._room[:ended])
+        ramp["target"], ramp["rate"], ramp["time_left"] = target, rate, abs(difference) / speed
+
+    def lasting(self) -> list[np.ndarray]:
+        """Return the arrays, to be read or overwritten, that the future depends on besides time, scene and commands."""
+        return [self.point, *lasting(self.state), *self._stepper.memory]
+
+    def lasting_overwritten(self) -> None:
+        """Begin to go on from what was written into the arrays of `lasting`."""
+        self.state.library.half[...] = 0.0  # no series there belongs to this state
+
+    def _begin_segment(self, state: State) -> None:
+        if not self._stepper.begin(state, self.point):
+            self._fail(event_loop.ROOT_LOST, state)
+
+    def _fail(self, status: int, state: State) -> None:
+        mode, step = self.model.modes[state.now["automaton"]["mode"][0]], self.scene["solver.step"]
+        remedy = "please report the scene" if self.scene["solver.method"] == "exact" else (
+            f"{self.scene['solver.method']} may need a solver.step below {step:g} s, or use solver.method exact")
+        time = state.now["segment"]["start"][0]
+        raise SimulationError(f"at {time:.9g} s in mode {', '.join(mode.states)}: {_CAUSES[status]}; {remedy}")
+
+    def sampled(self, times: np.ndarray) -> dict[str, np.ndarray]:
+        """Advance to each of `times` [s], ascending, and return the fields of `Samples` there."""
+        trace = self.new_trace(len(times))
+        self.advance(times, trace)
+        return self.quantities(times, trace)
+
+    @property
+    def steps(self) -> int:
+        """Segments of the event loop, or steps of fixed length, so far."""
+        return int(self.state.now["automaton"]["segments"][0])
+
+    @property
+    def energy(self) -> dict[str, float]:
+        """The audit of the masses' energy [J] by the method exact: see `Simulator.statistics`."""
+        audit = self.state.now["audit"][0]
+        return {"energy_residual": float(audit["residual"]), "energy_exchanged": float(audit["exchanged"])}
+
+    def new_trace(self, count: int) -> Trace:
+        """Return room for what `advance` samples at `count` instants."""
+        return Trace(np.empty((count, self.model.forms.channels.count)), np.empty(count, dtype=np.int64),
+                     np.empty((count, 3)))
+
+    def advance(self, times: np.ndarray, trace: Trace) -> None:
+        """Advance to each of `times` [s], ascending, and fill the trace.
+
+        A long way is gone in parts of some milliseconds of computation, between which Python hears Ctrl-C. Where the
+        parts end depends on the machine; the motion does not.
+
+        Raises
+        ------
+        SimulationError
+            If the motion cannot go on.
+        """
+        done, part = 0, _FIRST_PART
+        while done < len(times):
+            until = self.time + max(part, 4.0 * math.ulp(self.time))
+            if times[-1] <= until:
+                self._advance(times[done:], trace.part(done, len(times)))
+                return
+            upto, began = int(np.searchsorted(times, until, side="right")), wall_clock.perf_counter()
+            if upto == done:
+                self._advance(np.array([until]), self.new_trace(1))
+            else:
+                self._advance(times[done:upto], trace.part(done, upto))
+            part *= _PART / max(wall_clock.perf_counter() - began, _PART / _GROWTH)
+            done = upto
+
+    def _advance(self, times: np.ndarray, trace: Trace) -> None:
+        """Advance as `advance` does, without letting Python hear a signal meanwhile."""
+        end, status = float(times[-1]), event_loop.EVENTS_FULL
+        while status == event_loop.EVENTS_FULL:
+            status, taken, count = self._stepper.advance(self.state, times, self.point, *trace, self._room)
+            if count:
+                self.events.add(self._room[:count])
+            if status == event_loop.EVENTS_FULL:
+                times, trace = times[taken:], trace.part(taken, len(times))
+        if status != event_loop.REACHED:
+            self._fail(status, self.state)
+        self.time = end
+
+    def quantities(self, times: np.ndarray, trace: Trace) -> dict[str, np.ndarray]:
+        """Return the fields of `Samples` at `times` [s] from the trace that `advance` has filled."""
+        quantities = sampled_quantities(self.model, times, trace)
+        if self.scene["solver.method"] != "exact":
+            cut_to_laws(self.scene, quantities)
+        return quantities

@@ -1,0 +1,104 @@
+"""Where numbers come from: what a recording must say for somebody to compute it again, bit for bit."""
+
+import functools
+import hashlib
+import json
+import pkgutil
+import platform
+from collections.abc import Iterator, Mapping
+from importlib import import_module
+from importlib.metadata import PackageNotFoundError, version
+
+import numba
+import numpy as np
+
+from vibro_ros.model.parameters import SCENE_PARAMETERS, Value
+from vibro_ros.model.scene import Scene
+from vibro_ros.model.tables import compile_scene
+from vibro_ros.solver.arithmetic import multiply_add, processor
+
+NO_SEED = "none"
+"""Seed of a run: nothing in the device is random."""
+
+# Rooms and modules whose text decides the numbers that a robot publishes.
+_PACKAGE = "vibro_ros"
+_ROOMS = ("model", "solver")
+_MODULES = (("messages", "fields"), *(("simulation", name) for name in (
+    "auto", "counted_work", "event_log", "kernels", "motion", "sample_times", "samples", "simulator", "stability")))
+
+
+def provenance(parameters: Mapping[str, Value], start: int) -> dict[str, str]:
+    """All that fixes the bits of a run besides its commands, as custom data of a bag.
+
+    Parameters
+    ----------
+    parameters : mapping
+        Every parameter of the device and its scene.
+    start : int
+        ROS time [ns] of simulated time 0.
+    """
+    return {"parameters": json.dumps(dict(parameters)), "solver": _solver(parameters),
+            **software(), "tables": tables(parameters), "start": str(start), "seed": NO_SEED}
+
+
+def _solver(parameters: Mapping[str, Value]) -> str:
+    """The method that ran, and its step if it has one."""
+    method = parameters["solver.method"]
+    return method if method == "exact" else f"{method}, step {parameters['solver.step']:g} s"
+
+
+@functools.cache
+def software() -> dict[str, str]:
+    """What this computer computes with: where all of it is equal, and `tables`, bits do not differ.
+
+    `version` of this package; `platform`; `sources`, a digest of the modules that decide the bits; `arithmetic`,
+    whether kernels round a product before they add to it; `processor`, for which they are compiled; `c_library`, whose
+    sine, cosine and exponential are used.
+    """
+    return {"version": _version(), "platform": f"{platform.machine()}, Python {platform.python_version()}, "
+                                               f"numpy {np.__version__}, numba {numba.__version__}",
+            "sources": _digest(_sources()), "arithmetic": f"multiply and add {multiply_add()}",
+            "processor": processor(), "c_library": " ".join(platform.libc_ver()).strip() or "unknown"}
+
+
+def tables(parameters: Mapping[str, Value]) -> str:
+    """Digest of the tables that the scene in `parameters` compiles to here: sines, cosines, eigenvalues and
+    solutions of linear equations as this computer's libraries round them."""
+    names = {parameter.name for parameter in SCENE_PARAMETERS}
+    system = compile_scene(Scene("", {name: value for name, value in parameters.items() if name in names})).system
+    return _digest(array.tobytes() for array in _arrays(system))
+
+
+def _arrays(table: tuple) -> Iterator[np.ndarray]:
+    for entry in table:
+        if isinstance(entry, tuple):
+            yield from _arrays(entry)
+        else:
+            yield np.ascontiguousarray(entry)
+
+
+def _sources() -> Iterator[bytes]:
+    """Names and texts of the modules that decide the bits; line ends do not."""
+    of_rooms = [(room, name) for room in _ROOMS for name in sorted(
+        module.name for module in pkgutil.iter_modules(import_module(f"{_PACKAGE}.{room}").__path__))]
+    for room, name in (*of_rooms, *_MODULES):
+        yield from (name.encode(), _text(f"{_PACKAGE}.{room}", name))
+
+
+def _text(package: str, name: str) -> bytes:
+    return b"\n".join((pkgutil.get_data(package, f"{name}.py") or b"").splitlines())
+
+
+def _digest(parts: Iterator[bytes]) -> str:
+    digest = hashlib.sha256()
+    for part in parts:
+        digest.update(b"%d " % len(part))
+        digest.update(part)
+    return digest.hexdigest()[:16]
+
+
+def _version() -> str:
+    try:
+        return version("vibro_ros")
+    except PackageNotFoundError:  # run from a source folder that was never installed
+        return "unknown"

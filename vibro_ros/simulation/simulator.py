@@ -1,0 +1,225 @@
+"""The stateful device: commands in, samples and events out."""
+
+import math
+import warnings
+
+import numpy as np
+
+from vibro_ros.model.scene import Scene
+from vibro_ros.simulation.auto import Choice, choose_method, chosen
+from vibro_ros.simulation.motion import Motion
+from vibro_ros.simulation.sample_times import LATEST, checked_times
+from vibro_ros.simulation.samples import Samples
+
+
+class ToleranceWarning(UserWarning):
+    """The default `solver.tolerance` promises more than rounding lets be kept; an explicit one is refused."""
+
+
+class Simulator:
+    """The device, stepped in simulated time.
+
+    What it holds does not grow with time, except for events: they are kept until `take_events` hands them over.
+
+    Parameters
+    ----------
+    scene : Scene
+        What to simulate.
+
+    Attributes
+    ----------
+    scene : Scene
+        What is simulated; with `solver.method` auto, by the method and step that were picked.
+    choice : Choice or None
+        What auto has picked, and why.
+
+    Examples
+    --------
+    >>> device = vibro_ros.Simulator(vibro_ros.load_scene("device"))
+    >>> device.command(motor_speed=100.0)
+    >>> device.advance_to(0.5)
+    >>> f"{device.state.body_position:.6f} m after {device.time} s"
+    '-0.005570 m after 0.5 s'
+    """
+
+    def __init__(self, scene: Scene):
+        if fault := scene.broken_promise:
+            warnings.warn(fault, ToleranceWarning, stacklevel=2)
+        self.choice: Choice | None = choose_method(scene) if scene["solver.method"] == "auto" else None
+        self.scene = chosen(scene, self.choice) if self.choice else scene
+        self._motion = Motion(self.scene)
+
+    @property
+    def time(self) -> float:
+        """Simulated time [s], from 0.
+
+        Examples
+        --------
+        >>> vibro_ros.Simulator(vibro_ros.load_scene("paper")).time
+        0.0
+        """
+        return self._motion.time
+
+    @property
+    def state(self) -> Samples:
+        """The device now: every field of `Samples` as one number.
+
+        Examples
+        --------
+        >>> vibro_ros.Simulator(vibro_ros.load_scene("paper")).state.motor_speed
+        100.0
+        """
+        arrays = self._motion.sampled(np.array([self.time]))
+        return Samples(**{name: float(values[0]) for name, values in arrays.items()})
+
+    def command(self, motor_speed: float | None = None, upper_gap: float | None = None,
+                inclined_gap: float | None = None) -> None:
+        """Ask for a motor speed [rad/s] and for gaps [m], from now on.
+
+        The speed follows at once or on a ramp, as the scene's motor does; the plates move at
+        `gap_actuator.speed`.
+
+        Raises
+        ------
+        ValueError
+            For a value that is not finite or beyond its limit; nothing is changed then.
+
+        Examples
+        --------
+        >>> device = vibro_ros.Simulator(vibro_ros.load_scene("damped"))
+        >>> device.command(motor_speed=120.0, upper_gap=0.0005)
+        >>> device.state.motor_speed
+        120.0
+        >>> device.command(upper_gap=0.07)
+        Traceback (most recent call last):
+        ValueError: upper.gap: 0.07 is out of range; give a number from -0.06 to 0.06 m (the limit is the rod's length)
+        """
+        speed = None if motor_speed is None else self.scene.checked_motor_speed(motor_speed)
+        gaps = {side: self.scene.checked_gap(side, gap)
+                for side, gap in (("upper", upper_gap), ("inclined", inclined_gap)) if gap is not None}
+        self._motion.command(speed, gaps)
+
+    def checkpoint(self) -> np.ndarray:
+        """All that the device's future depends on besides its scene and commands, for `restore`; shape (n,).
+
+        Events that were not taken, and the counts of `statistics`, are not in it.
+
+        Examples
+        --------
+        >>> device = vibro_ros.Simulator(vibro_ros.load_scene("damped"))
+        >>> device.advance_to(0.2)
+        >>> checkpoint, other = device.checkpoint(), vibro_ros.Simulator(vibro_ros.load_scene("damped"))
+        >>> other.restore(checkpoint)
+        >>> other.state == device.state
+        True
+        """
+        return np.concatenate([[self.time], *(part.ravel() for part in self._motion.lasting())])
+
+    def restore(self, checkpoint: np.ndarray) -> None:
+        """Go on from a `checkpoint` of a device of the same scene, bit for bit as that one; also back in time.
+
+        Raises
+        ------
+        ValueError
+            For a checkpoint of another scene, as far as its size tells; nothing is changed then.
+
+        Examples
+        --------
+        >>> device = vibro_ros.Simulator(vibro_ros.load_scene("damped"))
+        >>> start = device.checkpoint()
+        >>> device.advance_to(0.2)
+        >>> device.restore(start)
+        >>> device.time
+        0.0
+        """
+        parts = self._motion.lasting()
+        size = 1 + sum(part.size for part in parts)
+        if np.shape(checkpoint) != (size,):
+            raise ValueError(f"the checkpoint has shape {np.shape(checkpoint)}, this device's have ({size},); give one "
+                             "of the same scene and version")
+        self._motion.time, end = float(checkpoint[0]), 1
+        for part in parts:
+            part[...] = checkpoint[end:end + part.size].reshape(part.shape)
+            end += part.size
+        self._motion.lasting_overwritten()
+        self._motion.events.drop_untaken()
+
+    def advance_to(self, time: float) -> None:
+        """Advance to the absolute instant `time` [s]; the trajectory does not depend on how time is cut up.
+
+        Raises
+        ------
+        ValueError
+            If `time` is not finite, lies before `self.time`, or beyond `LATEST`.
+        SimulationError
+            If the run cannot go on.
+
+        Examples
+        --------
+        >>> device = vibro_ros.Simulator(vibro_ros.load_scene("paper"))
+        >>> device.advance_to(0.25)
+        >>> device.time, round(device.state.crank_angle, 6)
+        (0.25, 25.0)
+        """
+        time = float(time)
+        if not (math.isfinite(time) and time >= self.time):
+            raise ValueError(f"cannot advance to {time:g} s: the device is at {self.time:g} s and time runs forwards")
+        if time > LATEST:
+            raise ValueError(f"cannot advance to {time:g} s: give at most {LATEST:g} s, beyond which clocks are coarse")
+        self._motion.advance(np.array([time]), self._motion.new_trace(1))
+
+    def sample(self, times: np.ndarray) -> Samples:
+        """Advance to each of `times` [s] in turn; the device there, every field of shape (n,).
+
+        Raises
+        ------
+        ValueError
+            If `times` is not one-dimensional, ascending and from `self.time` to `LATEST`.
+        SimulationError
+            If the run cannot go on.
+
+        Examples
+        --------
+        >>> device = vibro_ros.Simulator(vibro_ros.load_scene("paper"))
+        >>> device.sample([0.0, 0.01, 0.02]).crank_angle
+        array([0., 1., 2.])
+        """
+        return Samples(**self._motion.sampled(checked_times(times, self.time)))
+
+    def take_events(self) -> np.ndarray:
+        """Events completed since the last call, in the order in which they ended; dtype `EVENT_DTYPE`.
+
+        Examples
+        --------
+        >>> device = vibro_ros.Simulator(vibro_ros.load_scene("damped"))
+        >>> device.advance_to(0.1)
+        >>> for event in device.take_events()[:3]:
+        ...     print(f"{event['time']:.6f} s {event['kind']}")
+        0.000000 s slip_forward
+        0.000162 s slip_backward
+        0.000191 s unloaded
+        """
+        return self._motion.events.take()
+
+    @property
+    def statistics(self) -> dict:
+        """Events by kind; `steps`, the segments of the event loop; `solver.method`, and `solver.step` if it has one;
+        and, with `solver.audit` and the method exact, the energy of the masses.
+
+        `energy_residual` [J] is the part of the change of energy that the work of sliders, dampers and plates does not
+        account for, `energy_exchanged` [J] the sum of these amounts of work.
+
+        Examples
+        --------
+        >>> device = vibro_ros.Simulator(vibro_ros.load_scene("damped"))
+        >>> device.advance_to(0.1)
+        >>> device.statistics["upper_contact"], device.statistics["steps"]
+        (2, 84)
+        """
+        method = {"solver.method": self.scene["solver.method"]}
+        if method["solver.method"] != "exact":
+            method["solver.step"] = self.scene["solver.step"]
+        counts = {**self._motion.events.counts(), "steps": self._motion.steps, **method}
+        if not self.scene["solver.audit"] or self.scene["solver.method"] != "exact":
+            return counts
+        return {**counts, **self._motion.energy}

@@ -1,0 +1,103 @@
+"""The right-hand side at one instant, by values and not by series: what a step of fixed length evaluates.
+
+In the methods of fixed step a *segment* is a step. A step may be longer than a cell of the signals and than a change of
+the phase's speed.
+"""
+
+import math
+
+from vibro_ros.solver.channels import first_acceleration, first_ramp, first_signal
+from vibro_ros.solver.compilation import kernel
+from vibro_ros.solver.drive import advance_speed
+from vibro_ros.solver.forcing import advance_ramps, phase_at
+from vibro_ros.solver.linear_forms import form_value
+from vibro_ros.solver.polynomial import value_and_derivatives
+from vibro_ros.solver.vector import LENGTH
+
+
+@kernel
+def phase_after(system, state, elapsed):
+    """Phase past the start of the turn [rad] and its rate [rad/s], `elapsed` [s] after the step's start."""
+    drive, half = state.now[0].drive, state.now[0].segment.half
+    change = drive.time_left
+    if 0.0 < change < elapsed:
+        phase, _ = phase_at(system, state, change / half - 1.0)
+        return phase + drive.target * (elapsed - change), drive.target
+    return phase_at(system, state, elapsed / half - 1.0)
+
+
+@kernel
+def _fill_signals(system, state, elapsed, z):
+    start = system.signals.start
+    cells, signals, first = len(start) - 1, system.size[0].signals, first_signal(system.size[0])
+    phase, speed = phase_after(system, state, elapsed)
+    cell = state.now[0].drive.cell
+    while phase >= start[cell + 1]:
+        cell += 1
+        if cell == cells:
+            cell = 0
+            phase -= start[cells]
+    scale = 2.0 / (start[cell + 1] - start[cell])
+    y = (phase - start[cell]) * scale - 1.0
+    for k in range(signals):
+        value, slope, _ = value_and_derivatives(system.signals.series[cell, k], LENGTH // 2, y)
+        z[first + k] = value
+        z[first + signals + k] = slope * scale * speed
+
+
+@kernel
+def fill_forcing_at(system, state, elapsed, z):
+    """Set the channels of signals, ramps and the constant to their values `elapsed` [s] after the step's start."""
+    _fill_signals(system, state, elapsed, z)
+    first, ramps = first_ramp(system.size[0]), system.size[0].ramps
+    for k in range(ramps):
+        ramp = state.ramp[k]
+        moving = ramp.rate != 0.0 and elapsed < ramp.time_left
+        rate = ramp.rate if moving else 0.0
+        z[first + k] = ramp.value + rate * elapsed if moving or ramp.rate == 0.0 else ramp.target
+        z[first + ramps + k] = rate
+    z[len(z) - 1] = 1.0
+
+
+@kernel
+def accelerate(system, mode, z, accelerations):
+    """Accelerations of all coordinates in `mode`, from the other channels of z.
+
+    z receives the accelerations of the dynamic coordinates and the decaying term.
+    """
+    coordinates, dynamic = system.size[0].coordinates, system.size[0].dynamic
+    for i in range(dynamic):
+        accelerations[i] = z[first_acceleration(system.size[0]) + i] = form_value(system.acceleration[mode, i], z)
+    if system.size[0].decays > 0:
+        decay = len(z) - 2
+        z[decay] = 0.0
+        if system.decay.rate[mode] != 0.0:
+            # A step may end beyond the speed 0, where the mode ends.
+            fallen = min(0.0, system.decay.rate[mode] * z[coordinates + dynamic])
+            z[decay] = form_value(system.decay.factor[mode], z) * math.exp(fallen)
+    for i in range(dynamic, coordinates):
+        accelerations[i] = form_value(system.acceleration[mode, i], z)
+
+
+@kernel
+def _advance_phase(system, state, elapsed):
+    """Move the phase by `elapsed` [s], over as many cells as it takes; return whether its speed has reached its
+    target."""
+    drive, start = state.now[0].drive, system.signals.start
+    phase, speed = phase_after(system, state, elapsed)
+    while phase >= start[drive.cell + 1]:
+        drive.cell += 1
+        if drive.cell == len(start) - 1:
+            drive.cell = 0
+            drive.turns += 1
+            phase -= start[len(start) - 1]
+    drive.offset = phase - start[drive.cell]
+    return advance_speed(drive, elapsed, speed)
+
+
+@kernel
+def advance_values(system, state, elapsed):
+    """Move phase and ramps by `elapsed` [s], but not the clock; return what has been reached, as
+    `forcing.advance_forcing` does."""
+    reached = 1 << len(state.ramp) if _advance_phase(system, state, elapsed) else 0
+    return reached | advance_ramps(state, elapsed)

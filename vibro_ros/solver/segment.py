@@ -1,0 +1,104 @@
+"""Segments: the part of time that one polynomial a channel describes, and the clock that the segments move.
+
+A segment is a whole cell of the signals where the flow's series reaches so far, so that the series of the cell serve
+again; the flow then starts on the way. Elsewhere the segment starts with the flow and ends with the cell, with a ramp,
+or where a series no longer reaches rounding.
+"""
+
+from vibro_ros.solver.compilation import kernel
+from vibro_ros.solver.drive import enter_next_cell, resolved_time, time_to_advance
+from vibro_ros.solver.system import CELL_RATE
+
+#: A segment without a fast mode, a signal or a ramp to end it ends after this time [s].
+_LONGEST_SEGMENT = 1.0
+
+
+@kernel
+def local_time(state, time):
+    """Local time of the instant `time` [s]: -1 at the segment's start, 1 at its end."""
+    segment = state.now[0].segment
+    return ((time - segment.start) - segment.residue) / segment.half - 1.0
+
+
+@kernel
+def instant(state, x):
+    """Instant [s] of the local time `x`."""
+    segment = state.now[0].segment
+    return segment.start + (segment.residue + segment.half * (x + 1.0))
+
+
+@kernel
+def advance_clock(state, elapsed):
+    """Move the segment's start by `elapsed` [s] and store what rounding takes from the sum."""
+    segment = state.now[0].segment
+    increment = elapsed + segment.residue
+    total = segment.start + increment
+    segment.residue = increment - (total - segment.start)
+    segment.start = total
+
+
+@kernel
+def _spans_cell(system, state, width, longest):
+    """Whether a segment may be the whole cell: at a steady speed, and if the flow's series reaches so far."""
+    drive = state.now[0].drive
+    if drive.speed <= 0.0 or drive.time_left > 0.0:
+        return False
+    duration = width / drive.speed
+    if duration > min(_LONGEST_SEGMENT, CELL_RATE * system.longest_segment[state.now[0].automaton.mode], longest):
+        return False
+    left = (width - drive.offset) / drive.speed
+    for k in range(len(state.ramp)):
+        if state.ramp[k].rate != 0.0 and state.ramp[k].time_left <= left:
+            return False
+    return True
+
+
+@kernel
+def _return_to_cell(state):
+    """Move the segment's start back to the start of the cell, and the mode's start to where the segment's was."""
+    segment, drive = state.now[0].segment, state.now[0].drive
+    now, residue, back = segment.start, segment.residue, drive.offset / drive.speed
+    drive.offset = 0.0
+    advance_clock(state, -back)
+    segment.mode_start = ((now - segment.start) + (residue - segment.residue)) / segment.half - 1.0
+    for k in range(len(state.ramp)):
+        if state.ramp[k].rate != 0.0:
+            state.ramp[k].value -= state.ramp[k].rate * back
+            state.ramp[k].time_left += back
+
+
+@kernel
+def _part_of_cell(system, state, longest):
+    """Duration [s] of a segment that is not a whole cell."""
+    segment, drive = state.now[0].segment, state.now[0].drive
+    duration = min(_LONGEST_SEGMENT, system.longest_segment[state.now[0].automaton.mode], segment.cell_left, longest,
+                   resolved_time(drive, system.signals.reach[drive.cell]))
+    if drive.time_left > 0.0:
+        duration = min(duration, drive.time_left)
+    for k in range(len(state.ramp)):
+        if state.ramp[k].rate != 0.0:
+            duration = min(duration, state.ramp[k].time_left)
+    return duration
+
+
+@kernel
+def choose_segment(system, state, longest):
+    """Set the segment's extent, at most `longest` [s], and the local time at which flow and mode start."""
+    segment, drive, start = state.now[0].segment, state.now[0].drive, system.signals.start
+    width = start[drive.cell + 1] - start[drive.cell]
+    if drive.offset >= width:
+        enter_next_cell(system, drive)
+        width = start[drive.cell + 1] - start[drive.cell]
+    segment.mode_start = -1.0
+    if _spans_cell(system, state, width, longest):
+        segment.cell_left = duration = width / drive.speed
+        segment.half = 0.5 * duration
+        if drive.offset > 0.0:
+            _return_to_cell(state)
+        segment.slot = drive.cell
+    else:
+        segment.cell_left = time_to_advance(drive, width - drive.offset)
+        duration = _part_of_cell(system, state, longest)
+        segment.slot = len(start) - 1
+    segment.flow_start = segment.mode_start
+    segment.half = 0.5 * duration

@@ -1,1 +1,0 @@
-"""Offline tools: benchmarks, reports, plots, the demo."""
