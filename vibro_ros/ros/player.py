@@ -36,7 +36,8 @@ class Player:
     motor : str
         That of the motor's command; empty if there is none.
     meanwhile : callable
-        Called with the time [s] since the start while nothing is due, each `period` [s] at least.
+        Called with the time [s] since the start while nothing is due, each `period` [s] at least; before each instant
+        only with times before it.
     """
 
     def __init__(self, node: Node, executor: Executor, publishers: Mapping[str, Publisher], needed: Sequence[str],
@@ -85,9 +86,10 @@ class Player:
             act()
 
     def _wait_until(self, began: float, instant: float, stop: StopRequest) -> None:
-        while not stop and (ahead := began + instant - time.monotonic()) > 0.0:
-            self._meanwhile(time.monotonic() - began)
-            self._executor.spin_once(timeout_sec=min(ahead, self._period))
+        """Return at `instant` or on `stop`; `meanwhile` is told of no time beyond it, so that time never goes back."""
+        while not stop and (elapsed := time.monotonic() - began) < instant:
+            self._meanwhile(elapsed)
+            self._executor.spin_once(timeout_sec=min(instant - elapsed, self._period))
             if gone := deaf(self._needed):
                 raise RuntimeError(f"the robot is gone: nobody listens to {', '.join(gone)} any more")
 
