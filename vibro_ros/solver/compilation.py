@@ -12,11 +12,12 @@ from pathlib import Path
 import numba
 
 from vibro_ros.solver.kernel_cache import KernelCache
+from vibro_ros.solver.part_compiler import PartCompiler
 
-_OPTIONS = {"error_model": "numpy", "_nrt": False}
-# Most kernels are parts of other kernels. They need not become machine code themselves, because they are neither stored
-# nor called from Python, which would crash.
-_PART = {"forceinline": True, "no_cpython_wrapper": True}
+_OPTIONS = {"error_model": "numpy", "_nrt": False, "no_cfunc_wrapper": True}
+# Most kernels are parts of other kernels: they are neither stored nor called from Python.
+_PART = {"no_cpython_wrapper": True, "pipeline_class": PartCompiler}
+_INLINED = {"forceinline": True, **_PART}
 
 
 def cache_folder() -> Path | None:
@@ -52,22 +53,22 @@ def cached(dispatcher):
 def kernel(function):
     """Compile a kernel that is part of others: inlined, without reference counts, so that it cannot allocate; multiply
     and add may be fused, but not reordered."""
-    return _compiled(function, {"contract"}, **_PART)
+    return _compiled(function, {"contract"}, **_INLINED)
 
 
 def rounding_kernel(function):
     """Compile a kernel that rounds every product, so that equal products cancel to exactly zero."""
-    return _compiled(function, False, **_PART)
+    return _compiled(function, False, **_INLINED)
 
 
 def sum_kernel(function):
     """Compile a plain sum, in which the order of the terms does not matter and several are added at once."""
-    return _compiled(function, {"contract", "reassoc", "nsz"}, **_PART)
+    return _compiled(function, {"contract", "reassoc", "nsz"}, **_INLINED)
 
 
 def called_kernel(function):
     """Compile a kernel that is called, not inlined: one that few systems need is not compiled into every caller."""
-    return _compiled(function, {"contract"}, no_cpython_wrapper=True)
+    return _compiled(function, {"contract"}, **_PART)
 
 
 def entry_kernel(function):

@@ -1,5 +1,7 @@
 """What follows an event: the end of a segment, or another mode, after the jump on the way to it."""
 
+import numpy as np
+
 from vibro_ros.solver.channels import first_acceleration
 from vibro_ros.solver.compilation import entry_kernel, kernel
 from vibro_ros.solver.decay import decays
@@ -88,7 +90,7 @@ def _is_valid(system, state, candidate, point, after):
 def choose_candidate(system, state, point, after):
     """Number of the firing guard's first valid candidate, else of its last; fills `after`, as `jump` does."""
     candidates = system.candidate[state.now[0].automaton.mode, state.now[0].automaton.guard]
-    last = 0
+    last = np.int64(0)  # a literal would be one more signature to compile
     while last + 1 < len(candidates) and candidates[last + 1] != NOTHING:
         if _is_valid(system, state, last, point, after):
             return last
