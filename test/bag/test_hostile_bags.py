@@ -11,7 +11,9 @@ from hashlib import sha256
 from pathlib import Path
 
 import pytest
-from hostile_bags import OF_MCAP, OF_METADATA, OF_SQLITE
+from hostile_mcap import OF_MCAP
+from hostile_metadata import OF_METADATA
+from hostile_sqlite import OF_SQLITE
 from simulated_bag import simulated_bag
 
 from vibro_ros.bag.writer import Storage
