@@ -25,6 +25,11 @@ DEADLINE = 30.0  # s, before a test gives up waiting
 
 
 @pytest.fixture
+def folder(tmp_path) -> Path:
+    return tmp_path / "run"
+
+
+@pytest.fixture
 def start_ns() -> int:
     return START
 
