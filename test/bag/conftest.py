@@ -1,4 +1,4 @@
-"""Messages as a publisher serialises them, and readers that share no code with the recorder.
+"""Messages as a publisher serialises them, bags made of them, and readers that share no code with the recorder.
 
 Makes the modules beside the tests importable, too.
 """
@@ -18,7 +18,12 @@ from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64
 
+from vibro_ros.bag.definitions import defined
+from vibro_ros.bag.writer import BagWriter, Storage
+
 sys.path.insert(0, str(Path(__file__).parent))
+
+from recorded_bag import POWER  # noqa: E402 (beside the tests)
 
 START = 1_763_700_000_000_000_000  # ns, an instant in 2025
 DEADLINE = 30.0  # s, before a test gives up waiting
@@ -90,3 +95,19 @@ def _recorded(path: Path) -> Iterator[tuple[str, int, bytes]]:
 def recorded() -> Callable[[Path], list[tuple[str, int, bytes]]]:
     """Reads (topic, stamp, data) of an MCAP file from its beginning, whole or cut short, with `mcap`."""
     return lambda path: list(_recorded(path))
+
+
+@pytest.fixture
+def unsealed(tmp_path, published, start_ns):
+    """Make what a recorder leaves that was killed with 60 messages on the disk: the folder, and the messages."""
+    def make(storage: Storage = Storage(), samples: int = 60, name: str = "run") -> tuple[Path, list]:  # noqa: B008
+        folder = tmp_path / name
+        sent = [("/motor_power", start_ns + i * 5_000_000, published["/motor_power"](i)) for i in range(samples)]
+        writer = BagWriter(folder, defined(POWER), {"scene": "device"}, storage)
+        for i, (_, stamp, data) in enumerate(sent):
+            writer.write(1, stamp, data)
+            if i in (samples // 2, samples - 1):
+                writer.flush()  # a chunk of its own
+        writer.abandon()
+        return folder, sent
+    return make

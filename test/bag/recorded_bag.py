@@ -1,8 +1,12 @@
-"""What the recorder's tests record, and where."""
+"""What tests record, and what a bag's folder holds by readers that share no code with the package."""
 
 from pathlib import Path
 
+from mcap.reader import make_reader
+from rosbags.rosbag2 import Reader
+
 from vibro_ros.bag.recorder import Topic
+from vibro_ros.bag.writer import Storage
 
 TOPICS = (
     Topic("/odom", "nav_msgs/msg/Odometry", 10),
@@ -12,7 +16,37 @@ TOPICS = (
 )
 POWER = TOPICS[3:]
 METADATA = {"scene": "device", "parameters": "guide.angle: 0.87", "version": "0.1", "start": "2026-11-21T10:00:00"}
+STORAGES = {"mcap": Storage(), "zstd": Storage(compression="zstd"), "split": Storage(max_size=100_000),
+            "sqlite3": Storage("sqlite3"), "sqlite3 split": Storage("sqlite3", max_size=200_000)}
 
 
 def mcap_file(folder: Path) -> Path:
     return folder / f"{folder.name}_0.mcap"
+
+
+def by_rosbags(folder: Path) -> list[tuple[str, int, bytes]]:
+    with Reader(folder) as reader:
+        found = [(one.topic, stamp, bytes(data)) for one, stamp, data in reader.messages()]
+        assert len(found) == reader.message_count == sum(one.msgcount for one in reader.connections)
+    return found
+
+
+def by_mcap(folder: Path) -> list[tuple[str, int, bytes]]:
+    found = []
+    for path in sorted(folder.glob("*.mcap"), key=lambda path: int(path.stem.rpartition("_")[2])):
+        with path.open("rb") as file:
+            reader = make_reader(file, validate_crcs=True)
+            messages = [(channel.topic, message.log_time, message.data) for _, channel, message in
+                        reader.iter_messages()]
+            assert len(messages) == reader.get_summary().statistics.message_count
+        found += messages
+    return found
+
+
+def torn(folder: Path) -> dict[str, bytes]:
+    """What was cut and kept."""
+    return {path.name: path.read_bytes() for path in sorted(folder.glob("*.torn*"))}
+
+
+def content(folder: Path) -> dict[str, bytes]:
+    return {path.name: path.read_bytes() for path in folder.iterdir()}
