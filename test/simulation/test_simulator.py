@@ -1,4 +1,4 @@
-"""The stateful device: commands, events and their instants, and the hard cases of its parameters."""
+"""The stateful device: events and their instants, samples, long runs, and checkpoints."""
 
 import dataclasses
 import math
@@ -7,122 +7,10 @@ import tracemalloc
 
 import numpy as np
 import pytest
+from commanded_device import RAMP, device, of_kind, state_bits
 
 import vibro_ros
-from vibro_ros.model.slider import Slider
 from vibro_ros.solver.methods import SCHEMES
-
-SWINGING = {"effects.upper_contact": "none", "effects.inclined_contact": "none"}
-RAMP = {"effects.motor": "ramp", "motor.speed": 0.0}
-
-
-def device(changes=None, scene="unilateral"):
-    return vibro_ros.Simulator(vibro_ros.load_scene(scene).with_parameters(changes or {}))
-
-
-def state_bits(made):
-    return np.array(dataclasses.astuple(made.state)).tobytes()
-
-
-def of_kind(events, *kinds):
-    return events[np.isin(events["kind"], kinds)]
-
-
-@pytest.mark.parametrize("command", [
-    {"motor_speed": 501.0, "upper_gap": 0.001}, {"motor_speed": 50.0, "upper_gap": 0.001, "inclined_gap": math.nan},
-    {"upper_gap": -0.07, "motor_speed": 50.0}, {"inclined_gap": 0.001, "motor_speed": -0.0001}])
-def test_several_commands_act_all_or_none(command):
-    made, untouched = device(RAMP), device(RAMP)
-    for each in (made, untouched):
-        each.advance_to(0.013)
-    with pytest.raises(ValueError, match="give|ask"):
-        made.command(**command)
-    for time in (0.013, 0.1):
-        for each in (made, untouched):
-            each.advance_to(time)
-        assert state_bits(made) == state_bits(untouched)
-
-
-def test_an_empty_command_changes_nothing_but_rounding():
-    made, untouched = device(scene="damped"), device(scene="damped")
-    made.advance_to(0.013)
-    made.command()
-    for each in (made, untouched):
-        each.advance_to(0.1)
-    np.testing.assert_allclose(made.state.upper_position, untouched.state.upper_position, rtol=0, atol=1e-13)
-    np.testing.assert_allclose(made.state.body_position, untouched.state.body_position, rtol=0, atol=1e-13)
-
-
-@pytest.mark.parametrize("acceleration", [200.0, 1.0, 1e5])
-def test_the_ramp_motor_keeps_to_its_acceleration(acceleration):
-    """ω = a t and θ = a t²/2 up to the target, which is met exactly, at v/a; the event says when."""
-    made = device(RAMP | SWINGING | {"motor.acceleration": acceleration})
-    end = 30.0 / acceleration
-    made.command(motor_speed=30.0)
-    for share in (0.0, 0.1, 0.5, 0.999):
-        made.advance_to(share * end)
-        assert made.state.motor_speed == pytest.approx(acceleration * share * end, rel=1e-13)
-        assert made.state.crank_angle == pytest.approx(acceleration * (share * end) ** 2 / 2, rel=1e-14)
-        assert len(of_kind(made.take_events(), "motor_ramp_end")) == 0
-    made.advance_to(end + 1.0)
-    assert made.state.motor_speed == 30.0
-    assert made.state.crank_angle == pytest.approx(30.0 * (end / 2 + 1.0), rel=1e-14)
-    (event,) = of_kind(made.take_events(), "motor_ramp_end")
-    assert event["time"] == pytest.approx(end, rel=1e-14)
-
-
-def test_a_command_during_a_ramp_starts_from_the_speed_reached():
-    """Up for 0.1 s to 20 rad/s, then down to 5 in 0.075 s: one end of a ramp, that of the second."""
-    made = device(RAMP | SWINGING)
-    made.command(motor_speed=100.0)
-    made.advance_to(0.1)
-    made.command(motor_speed=5.0)
-    assert made.state.motor_speed == pytest.approx(20.0, abs=1e-13)
-    made.advance_to(0.15)
-    assert made.state.motor_speed == pytest.approx(10.0, abs=1e-13)
-    made.advance_to(0.3)
-    assert made.state.motor_speed == 5.0
-    assert made.state.crank_angle == pytest.approx(1.0 + 0.075 * 12.5 + 0.125 * 5.0, rel=1e-14)
-    (event,) = of_kind(made.take_events(), "motor_ramp_end")
-    assert event["time"] == pytest.approx(0.175, rel=1e-14)
-
-
-def test_asking_for_the_present_speed_or_gap_is_no_ramp():
-    made = device(RAMP | SWINGING)
-    made.command(motor_speed=0.0, upper_gap=0.0)
-    made.advance_to(0.1)
-    assert len(of_kind(made.take_events(), "motor_ramp_end", "gap_reached")) == 0
-
-
-def test_the_motor_stops_and_starts_at_many_phases():
-    """It stands still exactly, at the angle that the ramp implies, and starts again from there."""
-    made = device(RAMP | {"motor.acceleration": 2000.0}, scene="damped")
-    angle = 0.0
-    for speed in np.linspace(3.0, 60.0, 12):
-        made.command(motor_speed=speed)
-        made.advance_to(made.time + speed / 2000.0 + 0.01)
-        assert made.state.motor_speed == speed
-        made.command(motor_speed=0.0)
-        made.advance_to(made.time + speed / 2000.0 + 0.01)
-        angle += speed**2 / 2000.0 + 0.01 * speed
-        assert made.state.motor_speed == 0.0
-        assert made.state.crank_angle == pytest.approx(angle, rel=1e-13)
-        assert made.state.motor_power == 0.0
-
-
-def test_the_gap_moves_at_its_speed():
-    made = device({"gap_actuator.speed": 0.005} | RAMP)
-    made.command(upper_gap=0.001, inclined_gap=-0.0005)
-    for time in (0.0, 0.05, 0.0999):
-        made.advance_to(time)
-        assert made.state.upper_plate_position == pytest.approx(0.06 + 0.005 * time, abs=1e-15)
-        assert made.state.inclined_plate_position == pytest.approx(0.06 - 0.005 * time, abs=1e-15)
-        assert (made.state.upper_plate_velocity, made.state.inclined_plate_velocity) == (0.005, -0.005)
-    made.advance_to(0.3)
-    assert (made.state.upper_plate_position, made.state.inclined_plate_position) == (0.06 + 0.001, 0.06 - 0.0005)
-    assert made.state.upper_plate_velocity == 0.0
-    reached = of_kind(made.take_events(), "gap_reached")
-    np.testing.assert_allclose(reached["time"], [0.1, 0.2], rtol=1e-12)
 
 
 def falling(gap):
@@ -198,18 +86,6 @@ def test_a_plate_called_away_lets_go_at_once():
         assert made.state.upper_plate_force == 0.0
 
 
-@pytest.mark.parametrize("scene", ["paper", "unilateral", "damped"])
-def test_a_flood_of_commands_at_one_instant(scene):
-    """The last of 1000 counts; each jump of the speed jolts the dampers, and none is taken for a lack of progress."""
-    made = device({"upper.spring.damping": 50.0, "inclined.spring.damping": 50.0}, scene)
-    made.advance_to(0.0155)
-    for index in range(1000):
-        made.command(motor_speed=500.0 * (index % 2), upper_gap=0.001 * (index % 3))
-    made.command(motor_speed=90.0, upper_gap=0.0)
-    made.advance_to(0.1)
-    assert made.state.motor_speed == 90.0
-
-
 def test_steps_of_a_picosecond():
     made, whole = device(), device()
     made.advance_to(0.01)
@@ -217,90 +93,6 @@ def test_steps_of_a_picosecond():
         made.advance_to(made.time + 1e-12)
     whole.advance_to(made.time)
     assert state_bits(made) == state_bits(whole)
-
-
-LIGHT = {"mass.body": 1e-3, "mass.upper": 1e-3, "mass.inclined": 1e-3}
-
-
-@pytest.mark.parametrize("changes", [
-    {"guide.angle": 0.0}, {"guide.angle": math.pi / 2}, {"guide.angle": math.pi}, {"gravity": 0.0},
-    {"gravity": 0.0, "guide.angle": math.pi / 2}, {"ground.friction": 0.0},
-    {"ground.friction": 1e3, "effects.reaction": False}, LIGHT,
-    {"upper.spring.stiffness": 0.0, "inclined.spring.stiffness": 0.0},
-    {"upper.plate.stiffness": 0.0, "inclined.plate.stiffness": 0.0},
-    {"upper.plate.stiffness": 0.0, "inclined.plate.stiffness": 0.0, "effects.adhesion": False,
-     "upper.plate.damping": 10.0, "inclined.plate.damping": 10.0},
-    {"upper.plate.stiffness": 1e9, "inclined.plate.stiffness": 1e3},
-    {"upper.plate.damping": 1e4, "inclined.plate.damping": 1e4},
-    {"upper.spring.damping": 1e3, "inclined.spring.damping": 1e3},
-    {"upper.gap": 0.06, "inclined.gap": -0.06}, {"upper.gap": -0.06, "inclined.gap": 0.06},
-    {"motor.speed": 0.01}, {"motor.speed": 500.0}, {"motor.speed": 0.0}, {"crank.radius": 1e-12},
-    {"crank.radius": 0.06, "motor.speed": 0.0}, {"crank.radius": 0.06, "guide.angle": math.pi / 2},
-    {"effects.upper_mass": False}, {"effects.inclined_mass": False},
-    {"effects.upper_mass": False, "effects.inclined_mass": False}, {"mass.body": 1e-3}, {"mass.body": 1e6}],
-    ids=lambda changes: ",".join(f"{name}={value:g}" for name, value in changes.items())[:60])
-@pytest.mark.parametrize("scene", ["paper", "unilateral", "damped", "device"])
-def test_extremes(scene, changes):
-    """No exception, nothing infinite, no mass beyond an open plate, friction within its bound, energy accounted for."""
-    made = device(changes | {"solver.audit": True}, scene)
-    made.advance_to(0.05)
-    made.command(motor_speed=80.0, upper_gap=0.0003, inclined_gap=-0.0003)
-    samples = made._motion.sampled(np.linspace(0.05, 0.4, 1500))
-    assert all(np.isfinite(values).all() for values in samples.values())
-    for side in ("upper", "inclined"):
-        if made.scene[f"effects.{side}_mass"] and made.scene["effects.adhesion"]:
-            depth = samples[f"{side}_position"] - samples[f"{side}_plate_position"]
-            stiff = made.scene[f"{side}.plate.stiffness"] > 0.0
-            assert not np.any((samples[f"{side}_plate_force"] == 0.0) & (depth > 1e-12) & stiff)
-    limit = made.scene["ground.friction"] * np.abs(samples["normal_force"])
-    assert np.all(np.abs(samples["friction_force"]) <= limit + 1e-8 * max(1.0, made.scene["ground.friction"]))
-    exchanged = made.statistics["energy_exchanged"]
-    assert abs(made.statistics["energy_residual"]) <= 1e-11 * exchanged + 1e-13
-
-
-@pytest.mark.parametrize("damping", [0.0, 2.0, 300.0])
-@pytest.mark.parametrize("adhesion", [True, False])
-@pytest.mark.parametrize("load", [0.0, 1e-18, -1e-18, 1e-16, 1e-15, 1e-13, -1e-13])
-def test_a_mass_that_rests_on_its_plate_without_load(load, damping, adhesion):
-    """Preloads whose penetration is lost in rounding: contact and no contact must not take turns for ever."""
-    rest = float(Slider(0.02, 0.06, 0.9).position(0.0))
-    made = device(RAMP | {
-        "guide.angle": 0.9, "effects.adhesion": adhesion, "upper.gap": 0.02 + load, "inclined.gap": rest - 0.06 + load,
-        "upper.plate.stiffness": 1e9, "inclined.plate.stiffness": 1e7, "upper.spring.damping": damping,
-        "inclined.spring.damping": damping, "upper.plate.damping": damping, "inclined.plate.damping": damping})
-    made.advance_to(0.1)
-    made.command(motor_speed=60.0)
-    made.advance_to(0.2)
-    made.command(motor_speed=0.0)
-    made.advance_to(0.6)
-    assert made.state.motor_speed == 0.0
-
-
-# Scenes found by a search with random parameters; each ended with events that took turns at one instant.
-@pytest.mark.parametrize(("changes", "speed"), [
-    ({"crank.radius": 1.0215784556433672e-08, "guide.angle": math.pi, "inclined.gap": -0.02, "motor.speed": 5.68,
-      "effects.normal_force": "printed", "mass.upper": 0.0809123920584814, "upper.gap": -1e-12, "mass.body": 0.0338,
-      "upper.plate.stiffness": 1e9, "upper.spring.damping": 2.0, "upper.spring.stiffness": 20.87844653605529}, None),
-    ({"effects.adhesion": False, "guide.angle": 0.9, "inclined.gap": 0.010350759266887128, "motor.speed": 0.0,
-      "inclined.plate.stiffness": 1e3, "inclined.spring.damping": 78.6217151368093, "effects.motor": "ramp",
-      "inclined.spring.stiffness": 81708.80232874175, "upper.gap": 0.019999999999841755,
-      "upper.plate.damping": 100.0, "upper.plate.stiffness": 1657589.3619618749, "upper.spring.damping": 2.0,
-      "upper.spring.stiffness": 1353.8469751853938}, 50.0)])
-def test_modes_that_contradict_each_other_within_rounding(changes, speed):
-    made = device(changes)
-    made.advance_to(0.3)
-    made.command(motor_speed=speed)
-    made.advance_to(0.6)
-    assert made.time == 0.6
-
-
-def test_an_hour_of_standing_still_is_cheap():
-    """The masses hang freely: one segment a tenth of their period, and the state stays what it was."""
-    made = device(SWINGING | {"motor.speed": 0.0})
-    before = made.state.upper_position
-    made.advance_to(3600.0)
-    assert made.state.upper_position == pytest.approx(before, abs=1e-15)
-    assert made.statistics["steps"] < 3600 * 112 / 2 * 1.1
 
 
 def test_a_long_run_needs_no_more_memory():
