@@ -9,10 +9,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from geometry_msgs.msg import WrenchStamped
 from mcap.reader import make_reader
-from nav_msgs.msg import Odometry
-from rclpy.qos import QoSProfile
+from operated_robot import COMMANDS, HEARD, PERIOD, Operator, stop
 from rclpy.serialization import deserialize_message
 from rosbags.rosbag2 import Reader
 from sensor_msgs.msg import JointState
@@ -21,54 +19,6 @@ from std_msgs.msg import Float64
 import vibro_ros
 from vibro_ros.bag.reader import read_bag
 from vibro_ros.bag.stream import BagStream
-
-PERIOD = 5_000_000  # [ns] of the default 200 Hz
-HEARD = ("odom", "joint_states", "ground_contact", "impacts", "motor_power")
-COMMANDS = ("motor_speed", "upper_gap", "inclined_gap")
-
-
-class Operator:
-    """Commands the robot and keeps every serialised message that it publishes."""
-
-    def __init__(self, bench, topics=HEARD, names: dict[str, str] | None = None):
-        self.bench = bench
-        self.heard: dict[str, list[bytes]] = {topic: [] for topic in topics}
-        names = names or {}
-        kinds = {"odom": Odometry, "joint_states": JointState, "motor_power": Float64}
-        for topic in topics:
-            bench.node.create_subscription(kinds.get(topic, WrenchStamped), names.get(topic, topic),
-                                           self.heard[topic].append, QoSProfile(depth=10_000), raw=True)
-        self._publishers = {name: bench.node.create_publisher(Float64, names.get(name, name), 10) for name in COMMANDS}
-
-    def wait_for_robot(self) -> None:
-        self.bench.spin_until(lambda: all(publisher.get_subscription_count() for publisher in self._publishers.values())
-                              and all(self.heard[topic] for topic in self.heard if topic != "impacts"), "robot up")
-
-    def command(self, **values: float) -> None:
-        for name, value in values.items():
-            self._publishers[name].publish(Float64(data=value))
-
-    def odom(self) -> Odometry:
-        return deserialize_message(self.heard["odom"][-1], Odometry)
-
-    def joint(self, name: str) -> tuple[float, float, float]:
-        """Position, velocity and effort, as heard last."""
-        message = deserialize_message(self.heard["joint_states"][-1], JointState)
-        index = list(message.name).index(name)
-        return message.position[index], message.velocity[index], message.effort[index]
-
-    def spin_for_samples(self, count: int) -> None:
-        until = len(self.heard["odom"]) + count
-        self.bench.spin_until(lambda: len(self.heard["odom"]) >= until, f"{count} more samples")
-
-
-def stop(robot, number: signal.Signals = signal.SIGINT) -> Path:
-    """End the robot as a user does; its bag."""
-    robot.send(number)
-    assert robot.end() == 0, robot.text
-    line = robot.wait_for("]: bag ")
-    assert " 0 dropped;" in line
-    return Path(line.split("]: bag ")[1].split(": ")[0])
 
 
 def raw_messages(folder: Path) -> dict[str, list[tuple[int, bytes]]]:
@@ -86,15 +36,6 @@ def raw_messages_by_mcap(folder: Path) -> dict[str, list[tuple[int, bytes]]]:
         for _, channel, message in make_reader(file).iter_messages():
             messages.setdefault(channel.topic, []).append((message.log_time, message.data))
     return messages
-
-
-@pytest.fixture(scope="module")
-def _compiled():
-    """Kernels in the cache, so that no test's patience is spent on compiling."""
-    vibro_ros.simulation.kernels.compile_kernels()
-
-
-pytestmark = pytest.mark.usefixtures("_compiled")
 
 
 def test_it_moves_as_the_simulation_says_and_the_bag_holds_every_message(start, bench, tmp_path):
@@ -203,62 +144,6 @@ def test_an_impatient_user_changes_nothing(start, tmp_path):
     assert robot.end() == 0, robot.text
     (folder,) = tmp_path.glob("vibro_robot_*")
     assert "odom" in read_bag(folder)
-
-
-BAD_PARAMETERS = {
-    "out of range": (["-p", "mass.body:=-1.0"], "mass.body: -1 is out of range; give a number above 0"),
-    "wrong type": (["-p", "mass.body:=heavy"], "mass.body: 'heavy' is not a number; give a number above 0"),
-    "not a number": (["-p", "gravity:=.nan"], "gravity: nan is not finite; give a number from 0"),
-    "infinite": (["-p", "motor.speed:=.inf"], "motor.speed: inf is not finite"),
-    "negative speed": (["-p", "motor.speed:=-1.0"], "motor.speed: -1 is out of range; give a number from 0"),
-    "too fast": (["-p", "motor.speed:=600.0"], "motor.speed: 600 is out of range; give a number from 0 to 500 rad/s"),
-    "gap beyond the mechanism": (["-p", "upper.gap:=1.0"],
-                                 "upper.gap: 1 is out of range; give a number from -0.06 to 0.06 m"),
-    "unknown effect": (["-p", "effects.motor:=rocket"], "'rocket' is unknown; choose one of ideal, ramp"),
-    "misspelt": (["-p", "mass.boddy:=1.0"], "mass.boddy: unknown parameter; did you mean mass.body?"),
-    "no such scene": (["-p", "scene:=moon"], "moon: neither a shipped scene nor a file; shipped scenes are"),
-    "list": (["-p", "mass.body:=[1.0]"], "mass.body: [1.0] is not a number"),
-    "no assignment": (["-p", "mass.body=1.0"], "-p mass.body=1.0: not a parameter; write name:=value"),
-    "folder": (["-p", "record.directory:=/proc/none"], "record.directory: cannot record to /proc/none"),
-    "remapping": (["-r", "odom:=9x"], "-r odom:=9x: '9x' cannot stand for odom; give a topic's or service's name"),
-    "namespace": (["-r", "__ns:=r1"], "-r __ns:=r1: 'r1' cannot stand for __ns; give a namespace: / before each part"),
-    "one name of two topics": (["-r", "odom:=joint_states"], "odom and joint_states have one name, /joint_states"),
-    "ROS argument": (["--log-level", "loud"], "ROS refuses the arguments: Couldn't parse log level"),
-    "missing file": (["--params-file", "none.yaml"], "none.yaml: No such file or directory"),
-}
-
-
-@pytest.mark.parametrize("words, reason", BAD_PARAMETERS.values(), ids=BAD_PARAMETERS)
-def test_bad_parameters_are_one_line_and_exit_code_2(start, words, reason):
-    assert_refused(start("robot", "--ros-args", *words), reason)
-
-
-BAD_FILES = {
-    "malformed": ("/**:\n  ros__parameters:\n    mass: [1,\n", "params.yaml, line 4: not YAML"),
-    "other node": ("vibro_robt:\n  ros__parameters:\n    gravity: 9.81\n",
-                   "holds parameters for /vibro_robt, none for this node; address them to /vibro_robot or to /**"),
-    "misspelt": ("/**:\n  ros__parameters:\n    gravitty: 9.81\n", "gravitty: unknown parameter; did you mean gravity"),
-    "wrong type": ("/**:\n  ros__parameters:\n    gravity: yes\n", "gravity: True is not a number"),
-    "twice": ("/**:\n  ros__parameters:\n    gravity: 1.0\n    gravity: 2.0\n", "'gravity' is given twice"),
-    "empty": ("", "holds no parameters"),
-}
-
-
-@pytest.mark.parametrize("text, reason", BAD_FILES.values(), ids=BAD_FILES)
-def test_bad_parameter_files_are_one_line_and_exit_code_2(start, tmp_path, text, reason):
-    (tmp_path / "params.yaml").write_text(text)
-    assert_refused(start("robot", "--ros-args", "--params-file", "params.yaml"), reason)
-
-
-def test_an_unknown_argument_is_refused(start):
-    assert_refused(start("robot", "--sceen", "paper"), "unrecognized arguments: --sceen paper; `robot --help`")
-
-
-def assert_refused(robot, reason: str) -> None:
-    assert robot.end() == 2, robot.text
-    (line,) = [line for line in robot.lines if "]: scene " not in line]  # the folder is tried after the scene is known
-    assert line.startswith("robot: ")
-    assert reason in line
 
 
 def test_bad_commands_are_refused_and_the_robot_goes_on(start, bench):
