@@ -1,6 +1,7 @@
 """Real processes and a real rclpy node for the tests of this folder, each with an end of its own."""
 
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -21,6 +22,7 @@ from vibro_ros.simulation.kernels import compile_kernels
 sys.path.insert(0, str(Path(__file__).parent))
 
 from observation import Listener  # noqa: E402 (beside the tests)
+from random_run import FASTER, record_run  # noqa: E402
 
 PATIENCE = 60.0  # [s] deadline of what takes a second on an idle machine; kernels may have to be compiled first
 
@@ -157,3 +159,18 @@ def record(bench):
 @pytest.fixture
 def listener(bench):
     return Listener(bench)
+
+
+@pytest.fixture(scope="session")
+def shelf(tmp_path_factory) -> Path:
+    return tmp_path_factory.mktemp("recorded")
+
+
+@pytest.fixture
+def recorded(request, shelf, tmp_path) -> Path:
+    """A copy of one recording, which the first test that asks makes."""
+    if not list(shelf.glob("vibro_robot_*")):
+        record_run(request.getfixturevalue("start"), request.getfixturevalue("bench"), shelf,
+                   f"rate.real_time_factor:={FASTER}")
+    (bag,) = shelf.glob("vibro_robot_*")
+    return Path(shutil.copytree(bag, tmp_path / bag.name))

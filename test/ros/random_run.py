@@ -1,0 +1,63 @@
+"""A real robot commanded over DDS at random instants and recorded, and its bag changed by another hand."""
+
+import random
+import signal
+import time
+from pathlib import Path
+from types import MappingProxyType
+
+from std_msgs.msg import Float64
+
+from vibro_ros.bag.definitions import Topic, defined
+from vibro_ros.bag.stream import BagStream
+from vibro_ros.bag.writer import BagWriter, Storage
+
+SECONDS = 2.0
+FASTER = 2.5  # than the clock, so that a recording of 5 s takes 2 s
+PLAIN = Storage()
+RANGES = {"motor_speed": (-20.0, 200.0), "upper_gap": (-1e-3, 2e-3), "inclined_gap": (-1e-3, 2e-3)}
+
+
+def command_at_random(bench, seconds: float, seed: int, topics: dict[str, str]) -> None:
+    """Send commands at random instants, some of them within one sample, some refused."""
+    chance = random.Random(seed)
+    publishers = {name: bench.node.create_publisher(Float64, topics.get(name, name), 10) for name in RANGES}
+    bench.spin_until(lambda: all(one.get_subscription_count() for one in publishers.values()), "robot listens")
+    end = time.monotonic() + seconds
+    while time.monotonic() < end:
+        for _ in range(chance.choice((1, 1, 3))):
+            name = chance.choice(list(RANGES))
+            publishers[name].publish(Float64(data=chance.uniform(*RANGES[name])))
+        due = time.monotonic() + chance.expovariate(50.0)
+        bench.spin_until(lambda due=due: time.monotonic() >= due, "the next command", patience=10.0)
+
+
+def record_run(start, bench, folder: Path, *parameters: str, seconds: float = SECONDS, end=signal.SIGINT, names=(),
+               topics: dict[str, str] = MappingProxyType({}), then=None) -> Path:
+    """The bag of a robot that was commanded at random."""
+    words = [word for parameter in (f"record.directory:={folder}", *parameters) for word in ("-p", parameter)]
+    robot = start("robot", "--ros-args", *words, *names)
+    robot.wait_for("ready")
+    command_at_random(bench, seconds, len(parameters), topics)
+    if then:
+        then(bench)
+        command_at_random(bench, seconds, 1 + len(parameters), topics)
+    robot.send(end)
+    assert robot.end() == (0 if end == signal.SIGINT else -end), robot.text
+    (bag,) = folder.glob("vibro_robot_*")
+    return bag
+
+
+def rewritten(bag: Path, folder: Path, change=lambda messages: messages, storage: Storage = PLAIN,
+              **metadata: str | None) -> Path:
+    """The same bag with its list of (topic, stamp, data) changed, stored in another way, or with other custom data."""
+    with BagStream(bag) as stream:
+        topics = [Topic(name, one.type_name, one.qos_depth) for name, one in stream.topics.items()]
+        custom = {key: text for key, text in (stream.metadata | metadata).items() if text is not None}
+        writer = BagWriter(folder, defined(topics), custom, storage)
+        numbers = {topic.name: number for number, topic in enumerate(topics, start=1)}
+        for topic, stamp, data in change(list(stream.messages())):
+            writer.write(numbers[topic], stamp, bytes(data))
+        writer.flush()
+        writer.close({})
+    return folder
