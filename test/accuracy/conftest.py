@@ -1,6 +1,30 @@
-"""Makes `document_advice` importable beside the tests."""
+"""Rows of a study that takes seconds; makes the modules beside the tests importable, too."""
 
 import sys
 from pathlib import Path
 
+import pytest
+
+import vibro_ros
+from vibro_ros.accuracy.methods import METHODS, ComparedMethod
+from vibro_ros.accuracy.precision import SceneStudy
+from vibro_ros.accuracy.row import Row
+from vibro_ros.accuracy.studied import STUDIED
+
 sys.path.insert(0, str(Path(__file__).parent))
+
+from quick_study import QUICK, exploding, unable, with_less_damping  # noqa: E402 (beside the tests)
+
+
+@pytest.fixture(scope="session")
+def rows() -> list[Row]:
+    """Rows of the scene damped, by right, wrong, exploding and unable methods."""
+    steps = (1e-4, 1e-5, 1e-6)
+    table = {"exact": METHODS["exact"], "rk4": ComparedMethod(METHODS["rk4"].run, "step", steps),
+             "planted": ComparedMethod(with_less_damping, "step", steps),
+             "exploding": ComparedMethod(exploding, "step", (1e-4,)),
+             "unable": ComparedMethod(unable, "step", (1e-4,)), "baseline": STUDIED["baseline"]}
+    study = SceneStudy(vibro_ros.load_scene("damped"), QUICK)
+    measured = list(study.rows(table))
+    assert len(measured) <= study.count(table)
+    return measured

@@ -5,7 +5,8 @@ import pytest
 from scipy.stats import ttest_1samp
 
 import vibro_ros
-from vibro_ros.accuracy.starts import average, speed_of_start, speeds_of_starts
+from vibro_ros.accuracy.coverage import covered
+from vibro_ros.accuracy.starts import average, speed_of_start, speeds_of_starts, started
 
 
 @pytest.mark.parametrize("count", [2, 3, 32])
@@ -24,3 +25,32 @@ def test_equal_values_have_no_interval_and_no_warning():
 def test_starts_are_those_of_one_process():
     scene = vibro_ros.load_scene("damped")
     assert list(speeds_of_starts(scene, 0.5, 3, batch=2)) == [speed_of_start(scene, 0.5, 2, k) for k in range(3)]
+
+
+def test_starts_are_independent_and_repeatable():
+    scene = vibro_ros.load_scene("damped")
+    first, again, others = (speeds_of_starts(scene, 0.2, 6, batch) for batch in (0, 0, 1))
+    assert np.array_equal(first, again) and not np.intersect1d(first, others).size
+    assert len(np.unique(first)) == 6
+    device = started(scene, np.random.default_rng(3))
+    device.advance_to(3.0)
+    assert device.state.motor_speed == scene["motor.speed"]
+    assert device.state.upper_plate_position == pytest.approx(scene["crank.upper_rod"] + scene["upper.gap"], abs=1e-12)
+
+
+def test_intervals_hold_as_often_as_they_say():
+    """95 % of 400, within 4 standard deviations; and an interval that is too narrow is seen."""
+    draw = np.random.default_rng(5).normal(-0.1, 0.03, (400, 16))
+    found = covered(draw.ravel(), 16)
+    assert found.batches == 400 and abs(found.holding - 380) < 4.0 * (400 * 0.95 * 0.05) ** 0.5
+    assert found.overlapping > 390
+    drifting = draw + np.linspace(-0.1, 0.1, 400)[:, None]
+    assert covered(drifting.ravel(), 16).holding < 100
+
+
+def test_intervals_of_a_chaotic_scene_hold():
+    """Eight batches of exact's 16 starts: by chance one or two miss, hardly ever three."""
+    values = speeds_of_starts(vibro_ros.load_scene("paper"), 2.0, 8 * 16, batch=7)
+    found = covered(values, 16)
+    assert found.holding >= 6 and found.overlapping >= 7
+    assert average(values).spread < 0.01
