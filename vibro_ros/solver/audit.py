@@ -40,10 +40,10 @@ def _fill_moments(a, b, moments):
 @kernel
 def _integral_of_product(p, q, moments):
     """Integral of p q where the moments were taken."""
-    integral = 0.0
-    for i in range(LENGTH):
-        integral += p[i] * total(vector(q) * vector(moments[i:i + LENGTH]))
-    return integral
+    weights = p[0] * vector(moments[:LENGTH])
+    for i in range(1, LENGTH):
+        weights = weights + p[i] * vector(moments[i:i + LENGTH])
+    return total(weights * vector(q))
 
 
 @kernel

@@ -13,10 +13,11 @@ from vibro_ros.solver.channels import first_ramp
 from vibro_ros.solver.compilation import entry_kernel, kernel
 from vibro_ros.solver.decay import decays, known_duration, resolve_decay
 from vibro_ros.solver.events import record_mode_change, update_peaks
-from vibro_ros.solver.flow import solve_driven, solve_dynamic
+from vibro_ros.solver.flow import hold_dynamic, solve_driven, solve_dynamic
 from vibro_ros.solver.forcing import advance_forcing, fill_forcing, phase_at
 from vibro_ros.solver.guards import find_next_event
 from vibro_ros.solver.polynomial import value
+from vibro_ros.solver.rest import is_at_rest, lengthen_segment
 from vibro_ros.solver.segment import choose_segment, local_time
 from vibro_ros.solver.state import UNKNOWN
 from vibro_ros.solver.system import NOTHING
@@ -36,11 +37,15 @@ _MOST_STANDSTILLS = 200
 @kernel
 def _solve_up_to_driven(system, state, point):
     """Set up a segment that is short enough for a decaying term, if the mode has one."""
-    longest = known_duration(system, state)
+    longest, held = known_duration(system, state), state.scratch.after
     while True:
         choose_segment(system, state, longest)
         fill_forcing(system, state)
-        solve_dynamic(system, state, point)
+        if is_at_rest(system, state, point, held):
+            lengthen_segment(state, longest)
+            hold_dynamic(system, state, held)
+        else:
+            solve_dynamic(system, state, point)
         if not decays(system, state.now[0].automaton.mode):
             return
         longest = resolve_decay(system, state, point)

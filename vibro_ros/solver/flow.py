@@ -264,6 +264,19 @@ def solve_dynamic(system, state, point):
 
 
 @kernel
+def hold_dynamic(system, state, held):
+    """Series of the dynamic coordinates that stay at the positions in `held`."""
+    coordinates = system.size[0].coordinates
+    for i in range(system.size[0].dynamic):
+        state.z[i] = 0.0
+        state.z[i, 0] = held[i]
+        state.z[coordinates + i] = 0.0
+        _rescale(state, i, abs(held[i]))
+        _rescale(state, coordinates + i, 0.0)
+    _fill_accelerations(system, state)
+
+
+@kernel
 def solve_driven(system, state, point):
     """Series of the driven coordinates that pass through `point` at the mode's start."""
     coordinates, mode = system.size[0].coordinates, state.now[0].automaton.mode

@@ -9,8 +9,8 @@ from vibro_ros.solver.compilation import kernel
 from vibro_ros.solver.drive import enter_next_cell, resolved_time, time_to_advance
 from vibro_ros.solver.system import CELL_RATE
 
-#: A segment without a fast mode, a signal or a ramp to end it ends after this time [s].
-_LONGEST_SEGMENT = 1.0
+#: A segment without a fast motion, a signal or a ramp to end it ends after this time [s].
+LONGEST_SEGMENT = 1.0
 
 
 @kernel
@@ -44,7 +44,7 @@ def _spans_cell(system, state, width, longest):
     if drive.speed <= 0.0 or drive.time_left > 0.0:
         return False
     duration = width / drive.speed
-    if duration > min(_LONGEST_SEGMENT, CELL_RATE * system.longest_segment[state.now[0].automaton.mode], longest):
+    if duration > min(LONGEST_SEGMENT, CELL_RATE * system.longest_segment[state.now[0].automaton.mode], longest):
         return False
     left = (width - drive.offset) / drive.speed
     for k in range(len(state.ramp)):
@@ -71,7 +71,7 @@ def _return_to_cell(state):
 def _part_of_cell(system, state, longest):
     """Duration [s] of a segment that is not a whole cell."""
     segment, drive = state.now[0].segment, state.now[0].drive
-    duration = min(_LONGEST_SEGMENT, system.longest_segment[state.now[0].automaton.mode], segment.cell_left, longest,
+    duration = min(LONGEST_SEGMENT, system.longest_segment[state.now[0].automaton.mode], segment.cell_left, longest,
                    resolved_time(drive, system.signals.reach[drive.cell]))
     if drive.time_left > 0.0:
         duration = min(duration, drive.time_left)

@@ -1,0 +1,108 @@
+"""Rest: nothing drives the dynamic coordinates any more, and they stay where they are.
+
+A mass that is pressed on a stiff plate moves, once it is disturbed, within a fraction of a millisecond: so short are
+the segments of its mode while it moves. When the motion has died away to rounding, the series would only repeat the
+rounding, thousands of times a second. The coordinates are held instead, where the forces balance, in segments of up to
+a second.
+"""
+
+import math
+
+from vibro_ros.solver.channels import first_signal
+from vibro_ros.solver.compilation import kernel, rounding_kernel
+from vibro_ros.solver.guards import EPSILON
+from vibro_ros.solver.linear_forms import form_magnitude
+from vibro_ros.solver.segment import LONGEST_SEGMENT
+
+# A motion that has died away is never quite at rest: each segment rounds it anew. The roundings of as many segments as
+# a damper takes to end the motion add up like the steps of a random walk.
+_ROUNDING = 2.0 * EPSILON
+_MOST_SEGMENTS = 1e4
+# Coordinates that enter each other's equations are balanced in turn, so many times at most.
+_MOST_SWEEPS = 20
+
+
+@kernel
+def _is_driven(state):
+    """Whether a signal or a ramp changes."""
+    drive = state.now[0].drive
+    if drive.speed != 0.0 or drive.time_left > 0.0:
+        return True
+    for k in range(len(state.ramp)):
+        if state.ramp[k].rate != 0.0:
+            return True
+    return False
+
+
+@kernel
+def _noise(system, state, i, magnitude):
+    """What rounding leaves of the acceleration of dynamic coordinate i, however long its motion has died away."""
+    mode, coordinates = state.now[0].automaton.mode, system.size[0].coordinates
+    row = system.acceleration[mode, i]
+    stiffness, damping = -row[i], -row[coordinates + i]
+    # Below and beyond critical damping the slower part of the motion ends at these rates [1/s].
+    ending = min(0.5 * damping, stiffness / damping) * system.longest_segment[mode] if damping > 0.0 else 0.0
+    segments = 1.0 / ending if ending * _MOST_SEGMENTS > 1.0 else 1.0
+    return _ROUNDING * (1.0 + math.sqrt(segments)) * form_magnitude(row, magnitude)
+
+
+@rounding_kernel  # a mass at rest on its slider feels exactly no force
+def _acceleration(row, held):
+    total = 0.0
+    for channel in range(len(held)):
+        total += row[channel] * held[channel]
+    return total
+
+
+@kernel
+def _is_settled(system, state, i, speed, held, magnitude):
+    """Whether dynamic coordinate i, which moves at `speed`, stays where it is, to rounding.
+
+    Its own stiffness tells how fast it may be by rounding; where there is none, it must stand still exactly.
+    """
+    row, noise = system.acceleration[state.now[0].automaton.mode, i], _noise(system, state, i, magnitude)
+    if abs(_acceleration(row, held)) > noise:
+        return False
+    return speed == 0.0 or (row[i] < 0.0 and abs(speed) * math.sqrt(-row[i]) <= noise)
+
+
+@kernel
+def _balance(system, state, held):
+    """Move each dynamic coordinate to where its acceleration is zero: by the rounding that `_is_settled` allows."""
+    mode = state.now[0].automaton.mode
+    for _ in range(_MOST_SWEEPS):
+        moved = False
+        for i in range(system.size[0].dynamic):
+            row = system.acceleration[mode, i]
+            if row[i] < 0.0:
+                balanced = held[i] - _acceleration(row, held) / row[i]
+                moved = moved or balanced != held[i]
+                held[i] = balanced
+        if not moved:
+            return
+
+
+@kernel
+def is_at_rest(system, state, point, held):
+    """Whether the dynamic coordinates rest at the positions and velocities of `point`, under the segment's forcing.
+
+    `held`, shape (channels,), receives the positions at which they stay.
+    """
+    dynamic, coordinates, first = system.size[0].dynamic, system.size[0].coordinates, first_signal(system.size[0])
+    if dynamic == 0 or _is_driven(state):
+        return False
+    magnitude = state.scratch.magnitude
+    for channel in range(len(held)):
+        held[channel] = point[channel] if channel < dynamic else state.z[channel, 0] if channel >= first else 0.0
+        magnitude[channel] = abs(held[channel])
+    for i in range(dynamic):
+        if not _is_settled(system, state, i, point[coordinates + i], held, magnitude):
+            return False
+    _balance(system, state, held)
+    return True
+
+
+@kernel
+def lengthen_segment(state, longest):
+    """Let the segment last, up to `longest` [s]."""
+    state.now[0].segment.half = 0.5 * min(LONGEST_SEGMENT, longest)
