@@ -3,6 +3,7 @@
 In the paper's model the masses' equations depend on nothing else, so that the energy of each guide balances alone:
 
     d/dt (m q'²/2 + k (q - s)²/2 + contact) = -drive s' - c (q' - s')² - plate E' - c (q' - E')²
+        = -[c (q' - s') + c (q' - E')] q' + [c (q' - s') - drive] s' + [c (q' - E') - plate] E'
 
 where `drive` and `plate` are the forces of the drive on the slider and of the mass on the plate. With the reaction the
 masses exchange energy with the body, so that the audit includes the body's kinetic energy and the work of friction and,
@@ -70,14 +71,14 @@ def _body_power(builder: ModeBuilder, scene: Scene, mode: Mode) -> Iterator[tupl
 
 def _received_power(forms: Forms, scene: Scene, side: str, closed: frozenset[str]) -> Iterator[tuple[Form, Form]]:
     """Forces [N] and speeds [m/s] whose products are the power of slider, dampers and plate on one guide."""
-    _, rate = forms.stretch(side)
-    yield -forms.drive_force(side), forms.velocity(forms.guides.index(side)) - rate
+    velocity, (_, rate) = forms.velocity(forms.guides.index(side)), forms.stretch(side)
+    damper = scene[f"{side}.spring.damping"] * rate
+    on_mass, on_slider = -damper, damper - forms.drive_force(side)
     if scene["effects.mass_weight"]:
-        yield -forms.weight(side), forms.velocity(forms.guides.index(side))
-    if scene[f"{side}.spring.damping"]:
-        yield -scene[f"{side}.spring.damping"] * rate, rate
+        on_mass = on_mass - forms.weight(side)
     if side in closed:
-        yield -forms.plate_force(side), forms.plate(side)[1]
-        if scene[f"{side}.plate.damping"]:
-            depth_rate = forms.penetration(side)[1]
-            yield -scene[f"{side}.plate.damping"] * depth_rate, depth_rate
+        damper = scene[f"{side}.plate.damping"] * forms.penetration(side)[1]
+        on_mass = on_mass - damper
+        yield damper - forms.plate_force(side), forms.plate(side)[1]
+    yield on_mass, velocity
+    yield on_slider, velocity - rate

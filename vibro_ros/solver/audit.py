@@ -8,9 +8,16 @@ on every segment, with E = sum w (e z)² / 2 and P = sum (a z)(b z). What remain
 error, found without knowing the solution.
 """
 
+import numpy as np
+
+from vibro_ros.solver.channels import first_signal
 from vibro_ros.solver.compilation import kernel
-from vibro_ros.solver.polynomial import fill_form, value
-from vibro_ros.solver.vector import LENGTH, total, vector
+from vibro_ros.solver.linear_forms import form_value
+from vibro_ros.solver.polynomial import INVERSE, fill_form, value
+from vibro_ros.solver.vector import LENGTH, powers, store, total, vector
+
+# Numbers that follow those of `INVERSE`.
+_INVERSE_BEYOND = 1.0 / np.arange(LENGTH + 1, 2 * LENGTH + 1)
 
 
 @kernel
@@ -20,9 +27,7 @@ def _energy(system, state, point):
     for e in range(system.stiffness.shape[1]):
         weight = system.stiffness[mode, e]
         if weight != 0.0:
-            stretch = 0.0
-            for channel in range(len(point)):
-                stretch += system.stretch[mode, e, channel] * point[channel]
+            stretch = form_value(system.stretch[mode, e], point)
             energy += 0.5 * weight * stretch * stretch
     return energy
 
@@ -30,11 +35,9 @@ def _energy(system, state, point):
 @kernel
 def _fill_moments(a, b, moments):
     """moments[n] = integral of x^n from a to b."""
-    low, high = a, b
-    for n in range(len(moments)):
-        moments[n] = (high - low) / (n + 1)
-        low *= a
-        high *= b
+    low, high = a * powers(a), b * powers(b)
+    store(moments[:LENGTH], (high - low) * vector(INVERSE))
+    store(moments[LENGTH:], (b**LENGTH * high - a**LENGTH * low) * vector(_INVERSE_BEYOND))
 
 
 @kernel
@@ -48,10 +51,13 @@ def _integral_of_product(p, q, moments):
 
 @kernel
 def open_audit(system, state, point):
-    """Store the energy at the flow's start; `point`, shape (channels,), is overwritten."""
+    """Store the energy at the flow's start, with the positions and velocities of `point`.
+
+    The other channels of `point` are overwritten.
+    """
     if system.power.shape[1] == 0:
         return
-    for channel in range(len(point)):
+    for channel in range(first_signal(system.size[0]), len(point)):
         point[channel] = value(state.z[channel], state.now[0].segment.flow_start)
     state.now[0].audit.energy = _energy(system, state, point)
 
