@@ -67,7 +67,7 @@ picture: $(READY)  ## simulate and draw docs/robot.svg, the parts by name, and d
 	@$(BIN)/python -m vibro_ros.project.animation
 
 clean:  ## remove .venv and all that is built; out/ stays
-	@rm -rf $(VENV) build install log *.egg-info .pytest_cache .ruff_cache .hypothesis .mypy_cache
+	@rm -rf $(VENV) build install log *.egg-info .pytest_cache .ruff_cache .mypy_cache
 	@find . -name __pycache__ -type d -prune -exec rm -rf {} +
 	@echo "clean: done"
 

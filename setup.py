@@ -53,7 +53,6 @@ setup(
             "catkin-pkg",
             "codespell",
             "colcon-common-extensions",
-            "hypothesis",
             "mpmath",
             "mypy",
             "packaging",
