@@ -1,5 +1,6 @@
 """A recording whose every number is known exactly."""
 
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 
@@ -87,16 +88,36 @@ def _rows(count: int, gap: tuple[float, float], joints: list[str]):
             yield stamp, "impacts", messages.wrench(stamp, frame, 1000.0)
 
 
+@pytest.fixture(scope="session")
+def known_run(tmp_path_factory) -> Callable[..., Path]:
+    """Gives a recording of these options, made when first asked for; it is shared, so nobody may change it.
+
+    A body at SPEED, a crank at CRANK_SPEED, a power of 2 W + 1 W/s · t and evenly spread impacts.
+    """
+    made: dict[str, Path] = {}
+
+    def give(name: str = "run", **options) -> Path:
+        key = f"{name} {sorted(options.items())}"
+        if key not in made:
+            made[key] = tmp_path_factory.mktemp("known") / name
+            _record(made[key], **options)
+        return made[key]
+    return give
+
+
+def _record(folder: Path, count: int = 801, gap: tuple[float, float] = (0.0, 0.0), namespace: str = "",
+            without: tuple[str, ...] = (), joints: list[str] = JOINTS) -> None:
+    topics = [Topic(f"{namespace}/{topic}", kind, 10) for topic, kind in TYPES.items() if topic not in without]
+    rows = sorted(_rows(count, gap, joints), key=lambda row: row[0]) if count else []
+    with Recorder(folder, topics, {"scene": "device"}) as recorder:
+        written = [recorder.write(f"{namespace}/{topic}", stamp, data) for stamp, topic, data in rows
+                   if topic not in without]
+    assert all(written) and recorder.fault is None
+
+
 @pytest.fixture
-def record_run(tmp_path) -> Callable[..., Path]:
-    """Records a body at SPEED, a crank at CRANK_SPEED, a power of 2 W + 1 W/s · t and evenly spread impacts."""
-    def record(name: str = "run", count: int = 801, gap: tuple[float, float] = (0.0, 0.0), namespace: str = "",
-               without: tuple[str, ...] = (), joints: list[str] = JOINTS) -> Path:
-        topics = [Topic(f"{namespace}/{topic}", kind, 10) for topic, kind in TYPES.items() if topic not in without]
-        rows = sorted(_rows(count, gap, joints), key=lambda row: row[0]) if count else []
-        with Recorder(tmp_path / name, topics, {"scene": "device"}) as recorder:
-            written = [recorder.write(f"{namespace}/{topic}", stamp, data) for stamp, topic, data in rows
-                       if topic not in without]
-        assert all(written) and recorder.fault is None
-        return tmp_path / name
+def record_run(known_run, tmp_path) -> Callable[..., Path]:
+    """Gives a copy of a `known_run` in the test's folder."""
+    def record(name: str = "run", **options) -> Path:
+        return Path(shutil.copytree(known_run(name, **options), tmp_path / name))
     return record

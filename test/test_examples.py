@@ -5,7 +5,7 @@ import inspect
 from collections.abc import Iterator
 
 import pytest
-from known_recording import record_run  # noqa: F401 (a fixture)
+from known_recording import known_run, record_run  # noqa: F401 (fixtures)
 
 import vibro_ros
 

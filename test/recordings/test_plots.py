@@ -14,9 +14,9 @@ ROWS = ["body displacement [mm]", "upper mass [mm]", "inclined mass [mm]", "peak
         "motor [rad/s]", "motor power [W]"]
 
 
-@pytest.fixture
-def bag(record_run):
-    return read_bag(record_run(gap=(1.0, 1.2)))
+@pytest.fixture(scope="module")
+def bag(known_run):
+    return read_bag(known_run(gap=(1.0, 1.2)))
 
 
 def panels(figure):
@@ -26,8 +26,9 @@ def panels(figure):
     return {left.get_ylabel(): (left, right) for left, right in zip(own[::2], own[1::2], strict=True)}
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def shown(bag):
+    """The panels of a figure that tests look at and do not change."""
     return panels(plot_run(bag))
 
 
@@ -191,21 +192,21 @@ def test_a_refused_command_does_not_flatten_the_motor(bag, value):
     ({"without": ("impacts",)}, [*ROWS[:3], *ROWS[4:]]),
     ({"joints": ["crank", "inclined_mass", "inclined_plate"]}, [ROWS[0], *ROWS[2:]]),
     ({"joints": ["crank"]}, [ROWS[0], *ROWS[3:]])], ids=str)
-def test_what_a_recording_lacks_is_left_out(record_run, options, rows):
-    figure = plot_run(read_bag(record_run(**options)))
+def test_what_a_recording_lacks_is_left_out(known_run, options, rows):
+    figure = plot_run(read_bag(known_run(**options)))
     figure.canvas.draw()
     assert list(panels(figure)) == rows
 
 
-def test_a_mass_without_its_plate_is_drawn(record_run):
-    bag = read_bag(record_run(joints=["crank", "inclined_mass", "inclined_plate", "upper_mass"]))
+def test_a_mass_without_its_plate_is_drawn(known_run):
+    bag = read_bag(known_run(joints=["crank", "inclined_mass", "inclined_plate", "upper_mass"]))
     shown = panels(plot_run(bag))
     assert "its plate" in lines(shown["inclined mass [mm]"][0])
     assert "its plate" not in lines(shown["upper mass [mm]"][0])
 
 
-def test_dense_recording_is_drawn_with_a_bounded_number_of_points(record_run):
-    shown = panels(plot_run(read_bag(record_run(count=4001))))
+def test_dense_recording_is_drawn_with_a_bounded_number_of_points(known_run):
+    shown = panels(plot_run(read_bag(known_run(count=4001))))
     for left, _ in shown.values():
         for line in left.get_lines():
             assert len(line.get_xdata()) < 5 * traces.POINTS

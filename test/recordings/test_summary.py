@@ -9,9 +9,9 @@ from vibro_ros.recordings.summary import as_caption, as_text, summarise
 exactly = pytest.approx
 
 
-@pytest.fixture
-def summary(record_run):
-    return summarise(read_bag(record_run(gap=(1.0, 1.2))))
+@pytest.fixture(scope="module")
+def summary(known_run):
+    return summarise(read_bag(known_run(gap=(1.0, 1.2))))
 
 
 def test_way_and_speed_of_a_steady_body(summary):
@@ -47,21 +47,21 @@ def test_events_and_commands_have_no_period(summary):
 
 
 @pytest.mark.parametrize(("missing", "gaps"), [(1, 0), (2, 1)])
-def test_pause_of_two_periods_is_no_gap_and_of_three_is_one(record_run, missing, gaps):
-    odom = summarise(read_bag(record_run(gap=(1.0, 1.0025 + 0.005 * missing))))["topics"]["/odom"]
+def test_pause_of_two_periods_is_no_gap_and_of_three_is_one(known_run, missing, gaps):
+    odom = summarise(read_bag(known_run(gap=(1.0, 1.0025 + 0.005 * missing))))["topics"]["/odom"]
     assert (odom["messages"], odom["gaps"]) == (801 - missing, gaps)
 
 
-def test_namespaced_robot_is_summed_up_alike(record_run):
-    plain = summarise(read_bag(record_run("plain")))
-    named = summarise(read_bag(record_run("named", namespace="/robot1")))
+def test_namespaced_robot_is_summed_up_alike(known_run):
+    plain = summarise(read_bag(known_run("plain")))
+    named = summarise(read_bag(known_run("named", namespace="/robot1")))
     assert named["topics"]["/robot1/odom"] == plain["topics"]["/odom"]
     for key in ("duration", "displacement", "mean_speed", "impacts_per_turn", "mean_power"):
         assert named[key] == plain[key]
 
 
-def test_what_cannot_be_told_from_one_sample_is_left_open(record_run):
-    summary = summarise(read_bag(record_run(count=1)))
+def test_what_cannot_be_told_from_one_sample_is_left_open(known_run):
+    summary = summarise(read_bag(known_run(count=1)))
     assert (summary["mean_speed"], summary["mean_power"]) == (None, None)
     assert summary["impacts_per_turn"] == {"upper": None, "inclined": None}
     assert "mean speed        -\n" in as_text(summary)
@@ -80,17 +80,17 @@ def test_text_and_caption_carry_the_numbers_with_units(summary):
 
 
 @pytest.mark.parametrize("topic", ["odom", "joint_states", "impacts", "motor_power"])
-def test_missing_topic_is_named(record_run, topic):
+def test_missing_topic_is_named(known_run, topic):
     with pytest.raises(BagError, match=f"topic {topic} is missing"):
-        summarise(read_bag(record_run(without=(topic,))))
+        summarise(read_bag(known_run(without=(topic,))))
 
 
-def test_recording_without_messages_is_refused(record_run):
+def test_recording_without_messages_is_refused(known_run):
     with pytest.raises(BagError, match="/odom holds no message; record a robot that runs"):
-        summarise(read_bag(record_run(count=0)))
+        summarise(read_bag(known_run(count=0)))
 
 
-def test_missing_joint_is_named(record_run):
+def test_missing_joint_is_named(known_run):
     joints = ["upper_mass", "upper_plate", "inclined_mass", "inclined_plate"]
     with pytest.raises(BagError, match="/joint_states lacks crank.position, crank.velocity; report on"):
-        summarise(read_bag(record_run(joints=joints)))
+        summarise(read_bag(known_run(joints=joints)))
