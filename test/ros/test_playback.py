@@ -8,7 +8,7 @@ import sys
 import numpy as np
 import pytest
 from nav_msgs.msg import Odometry
-from random_run import RANGES
+from random_run import RANGES, rewritten
 from rclpy.qos import QoSProfile
 from rosgraph_msgs.msg import Clock
 from std_msgs.msg import Float64
@@ -18,16 +18,24 @@ from vibro_ros.bag.stream import BagStream
 from vibro_ros.ros import playback
 
 
+@pytest.fixture
+def commanded(recorded, tmp_path):
+    """The recording from its first command on: a robot that has just started waits some seconds for the first one."""
+    def from_first_command(messages):
+        return messages[next(i for i, (topic, *_) in enumerate(messages) if topic.strip("/") in RANGES):]
+    return rewritten(recorded, tmp_path / "commanded", from_first_command)
+
+
 @pytest.mark.quiet
-def test_commands_are_played_to_a_live_robot(recorded, start, tmp_path):
+def test_commands_are_played_to_a_live_robot(commanded, start, tmp_path):
     """At three times the speed, by the installed name's own code: what arrives is what was sent, in order."""
     robot = start("robot", "--ros-args", "-p", "record.directory:=live")
-    player = start("playback", str(recorded), "--rate", "3.0")
+    player = start("playback", str(commanded), "--rate", "3.0")
     assert player.end() == 0, player.text
     robot.send(signal.SIGINT)
     assert robot.end() == 0, robot.text
     (live,) = (tmp_path / "live").iterdir()
-    played, original = read_bag(live), read_bag(recorded)
+    played, original = read_bag(live), read_bag(commanded)
     for name in RANGES:
         assert played[name]["value"].tolist() == original[name]["value"].tolist()
     sent = original["motor_speed"]["time"] / 3.0
@@ -54,7 +62,7 @@ def test_all_topics_are_played_with_the_clock_and_a_signal_ends_it(recorded, sta
         assert stream.start <= times[0] < times[-1] <= stream.end
 
 
-def test_an_abort_stops_the_motor(recorded, start, bench):
+def test_an_abort_stops_the_motor(commanded, start, bench):
     heard = []
 
     def ignore(message):
@@ -62,17 +70,17 @@ def test_an_abort_stops_the_motor(recorded, start, bench):
 
     for name in RANGES:
         bench.node.create_subscription(Float64, name, heard.append if name == "motor_speed" else ignore, 100)
-    player = start("playback", str(recorded))
+    player = start("playback", str(commanded))
     bench.spin_until(lambda: len(heard) > 3, "some commands")
     player.send(signal.SIGTERM)
     assert player.end() == 143, player.text
     bench.spin_until(lambda: heard[-1].data == 0.0, "the motor's stop")
 
 
-def test_a_playback_ends_when_the_robot_is_gone(recorded, start, bench):
+def test_a_playback_ends_when_the_robot_is_gone(commanded, start, bench):
     heard = []
     listening = [bench.node.create_subscription(Float64, name, heard.append, 100) for name in RANGES]
-    player = start("playback", str(recorded), "--rate", "0.2")
+    player = start("playback", str(commanded), "--rate", "0.2")
     bench.spin_until(lambda: len(heard) > 3, "some commands")
     for subscription in listening:
         bench.node.destroy_subscription(subscription)
