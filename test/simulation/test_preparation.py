@@ -36,10 +36,10 @@ def test_how_far_it_is(progress):
     progress.under_way.append("advance")
     work = Preparation(lambda: go_on.wait(PATIENCE), "exact", said.append)
     assert not work.done()
-    assert said.pop() == "compiling: the first start after an update takes a minute or two; Ctrl-C stops it"
-    progress.done.append("begin_segment")
+    assert said.pop() == "compiling: the first start after an update takes half a minute; Ctrl-C stops it"
+    progress.done.append("leave_for_ramp")
     assert not work.done()
-    assert said.pop() == "compiling advance: 2 of 6 kernels are ready after 0 s"
+    assert said.pop() == "compiling advance: 2 of 5 kernels are ready after 0 s"
     go_on.set()
     assert work.wait() is True
 

@@ -132,7 +132,7 @@ class Integration:
         self.point[:len(position)] = position
         self.point[len(position):2 * len(position)] = velocity
         self.events = []
-        assert event_loop.begin_segment(system, self.state, self.point)
+        assert event_loop.begin_segment(system, self.state, self.point) == event_loop.REACHED
 
     @property
     def segments(self):
@@ -145,14 +145,14 @@ class Integration:
         drive["target"] = target
         drive["acceleration"] = math.copysign(change, target - drive["speed"])
         drive["time_left"] = abs(target - drive["speed"]) / change
-        assert event_loop.begin_segment(self.system, self.state, self.point)
+        assert event_loop.begin_segment(self.system, self.state, self.point) == event_loop.REACHED
 
     def move_ramp(self, k, target, rate):
         """Let ramp k move to `target` at `rate`."""
         ramp = self.state.ramp[k]
         ramp["target"], ramp["rate"] = target, math.copysign(rate, target - ramp["value"])
         ramp["time_left"] = abs(target - ramp["value"]) / rate
-        assert event_loop.begin_segment(self.system, self.state, self.point)
+        assert event_loop.begin_segment(self.system, self.state, self.point) == event_loop.REACHED
 
     def sample(self, times, room=64):
         """z, shape (n, channels), modes and phases, shape (n, 3), at `times`; events are appended to `.events`."""

@@ -156,8 +156,9 @@ class Motion:
         self.state.library.half[...] = 0.0  # no series there belongs to this state
 
     def _begin_segment(self, state: State) -> None:
-        if not self._stepper.begin(state, self.point):
-            self._fail(event_loop.ROOT_LOST, state)
+        status = self._stepper.begin(state, self.point)
+        if status != event_loop.REACHED:
+            self._fail(status, state)
 
     def _fail(self, status: int, state: State) -> None:
         mode, step = self.model.modes[state.now["automaton"]["mode"][0]], self.scene["solver.step"]

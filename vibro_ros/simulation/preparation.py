@@ -74,7 +74,7 @@ class Preparation(Generic[Result]):
 
     def _report(self, kernel: str) -> None:
         if not self._due:
-            self._tell("compiling: the first start after an update takes a minute or two; Ctrl-C stops it")
+            self._tell("compiling: the first start after an update takes half a minute; Ctrl-C stops it")
         else:
             ready = len(progress.done) + len(progress.loaded)
             self._tell(f"compiling {kernel}: {ready} of {self._count} kernels are ready after "

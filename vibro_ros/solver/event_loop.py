@@ -12,16 +12,21 @@ from vibro_ros.solver.audit import close_audit, open_audit
 from vibro_ros.solver.channels import first_ramp
 from vibro_ros.solver.compilation import entry_kernel, kernel
 from vibro_ros.solver.decay import decays, known_duration, resolve_decay
-from vibro_ros.solver.events import record_mode_change, update_peaks
+from vibro_ros.solver.events import EVENT_COLUMNS, record_mode_change, update_peaks
 from vibro_ros.solver.flow import hold_dynamic, solve_driven, solve_dynamic
 from vibro_ros.solver.forcing import advance_forcing, fill_forcing, phase_at
 from vibro_ros.solver.guards import find_next_event
 from vibro_ros.solver.polynomial import value
 from vibro_ros.solver.rest import is_at_rest, lengthen_segment
 from vibro_ros.solver.segment import choose_segment, local_time
-from vibro_ros.solver.state import UNKNOWN
-from vibro_ros.solver.system import NOTHING
+from vibro_ros.solver.state import UNKNOWN, State
+from vibro_ros.solver.system import NOTHING, System
 from vibro_ros.solver.transition import FLOW_GOES_ON, SEGMENT_ENDS, record_reached, transition
+
+#: `AUTOMATON.begins`: nothing begins; a mode does, while the flow goes on; a flow does, and a mode with it.
+UNDER_WAY = 0
+MODE_BEGINS = 1
+FLOW_BEGINS = 2
 
 # What `advance` returns.
 REACHED = 0
@@ -32,6 +37,9 @@ ROOT_LOST = 4
 
 #: Events in a row at one instant after which the loop gives up; a legal cascade takes a handful.
 _MOST_STANDSTILLS = 200
+
+_NO_TIMES, _NO_EVENTS = np.empty(0), np.empty((0, EVENT_COLUMNS))
+_NO_SAMPLES = np.empty((0, 0)), np.empty(0, dtype=np.int64), np.empty((0, 3))
 
 
 @kernel
@@ -71,15 +79,6 @@ def _begin_mode(system, state, point, same_flow):
     return find_next_event(system, state)
 
 
-@entry_kernel
-def begin_segment(system, state, point):
-    """Solve the segment that starts with the positions and velocities of `point`; False if a root search failed.
-
-    `point`, shape (channels,), is overwritten.
-    """
-    return _begin_mode(system, state, point, np.bool_(False))  # a literal would be one more signature to compile
-
-
 @kernel
 def _read(system, state, x, point):
     """Values of the first len(point) channels at the local time `x`; at the mode's start, the bits it started with."""
@@ -112,7 +111,7 @@ def _move_forcing(system, state, x, point, events, count):
 
 @kernel
 def _pass_event(system, state, point, events, count):
-    """Pass the next event, be it the segment's end or a change of mode; returns (success, number of events).
+    """Pass the next event, be it the segment's end or a change of mode; returns what begins, and the number of events.
 
     Each kernel is called from one line only: kernels are inlined, and two copies would fill the processor's cache.
     """
@@ -130,9 +129,8 @@ def _pass_event(system, state, point, events, count):
         _enter(state, mode, after, point)
     if outcome == FLOW_GOES_ON:
         segment.mode_start = x
-    else:
-        count = _move_forcing(system, state, x, point, events, count)
-    return _begin_mode(system, state, point, outcome == FLOW_GOES_ON), count
+        return MODE_BEGINS, count
+    return FLOW_BEGINS, _move_forcing(system, state, x, point, events, count)
 
 
 @kernel
@@ -172,27 +170,53 @@ def advance(system, state, times, point, points, modes, phases, events):
     (int, int, int)
         Why it returned, number of samples taken, number of events recorded.
     """
-    count = np.int64(0)  # see `begin_segment`
+    count, k = np.int64(0), np.int64(0)  # literals would be one more signature to compile
     segment, automaton = state.now[0].segment, state.now[0].automaton
     # The most that one event records: a change of mode, a blow, every monitor, every ramp and its release, the speed.
     room = len(events) - 3 - len(state.monitor) - 2 * len(state.ramp)
-    for k in range(len(times)):
-        while local_time(state, times[k]) >= segment.next_event:
-            if count > room:
-                return EVENTS_FULL, k, count
-            found, count = _pass_event(system, state, point, events, count)
-            if not found:
+    while True:
+        if automaton.begins != UNDER_WAY:
+            if not _begin_mode(system, state, point, automaton.begins == MODE_BEGINS):
                 return ROOT_LOST, k, count
+            automaton.begins = UNDER_WAY
             if automaton.standstills > _MOST_STANDSTILLS:
                 return STUCK, k, count
             if not is_finite(point):
                 return DIVERGED, k, count
-        x = max(local_time(state, times[k]), segment.mode_start)
-        _read(system, state, x, points[k])
-        modes[k] = automaton.mode
-        phase, speed = phase_at(system, state, x)
-        phases[k, 0], phases[k, 1], phases[k, 2] = state.now[0].drive.turns, phase, speed
-    return REACHED, len(times), count
+        if k == len(times):
+            return REACHED, k, count
+        if local_time(state, times[k]) >= segment.next_event:
+            if count > room:
+                return EVENTS_FULL, k, count
+            automaton.begins, count = _pass_event(system, state, point, events, count)
+        else:
+            x = max(local_time(state, times[k]), segment.mode_start)
+            _read(system, state, x, points[k])
+            modes[k] = automaton.mode
+            phase, speed = phase_at(system, state, x)
+            phases[k, 0], phases[k, 1], phases[k, 2] = state.now[0].drive.turns, phase, speed
+            k += 1
+
+
+def begin_segment(system: System, state: State, point: np.ndarray) -> int:
+    """Solve the segment that starts with the positions and velocities of `point`.
+
+    Parameters
+    ----------
+    system : System
+        The system.
+    state : State
+        Changed in place.
+    point : ndarray, shape (channels,)
+        Overwritten.
+
+    Returns
+    -------
+    int
+        `REACHED`, or why the segment cannot begin.
+    """
+    state.now["automaton"]["begins"] = FLOW_BEGINS
+    return advance(system, state, _NO_TIMES, point, *_NO_SAMPLES, _NO_EVENTS)[0]
 
 
 @entry_kernel

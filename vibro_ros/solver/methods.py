@@ -47,8 +47,8 @@ SCHEMES = {"rk4": RK4, "semi_implicit_euler": SEMI_IMPLICIT_EULER, "moreau": MOR
 class Stepper(Protocol):
     """Steps a state through time; arguments and results are those of `event_loop`'s functions."""
 
-    def begin(self, state: State, point: np.ndarray) -> bool:
-        """Begin with the positions and velocities of `point`, at the state's instant; False if it cannot."""
+    def begin(self, state: State, point: np.ndarray) -> int:
+        """Begin with the positions and velocities of `point`, at the state's instant; `REACHED`, or why it cannot."""
 
     def advance(self, state: State, times: np.ndarray, point: np.ndarray, points: np.ndarray, modes: np.ndarray,
                 phases: np.ndarray, events: np.ndarray) -> tuple[int, int, int]:
@@ -96,7 +96,7 @@ class FixedStep:
     def begin(self, state, point):
         """See `Stepper`."""
         fixed_step.begin(self._system, state, self._step, point)
-        return True
+        return event_loop.REACHED
 
     def advance(self, state, times, point, points, modes, phases, events):
         """See `Stepper`."""

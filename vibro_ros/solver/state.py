@@ -59,6 +59,7 @@ DRIVE = np.dtype([
 AUTOMATON = np.dtype([
     ("mode", np.int64),  # the present mode
     ("guard", np.int64),  # the mode's guard that turns negative at `next_event`, or `NOTHING`
+    ("begins", np.int64),  # what begins where the segment stands: see `event_loop.FLOW_BEGINS`
     ("standstills", np.int64),  # events in a row without any progress of time
     ("segments", np.int64),  # that have been solved, since the state is new
 ], align=True)
