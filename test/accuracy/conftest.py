@@ -6,9 +6,9 @@ from pathlib import Path
 import pytest
 
 import vibro_ros
+from vibro_ros.accuracy.measurement import Measurement
 from vibro_ros.accuracy.methods import METHODS, ComparedMethod
 from vibro_ros.accuracy.precision import SceneStudy
-from vibro_ros.accuracy.row import Row
 from vibro_ros.accuracy.studied import STUDIED
 
 sys.path.insert(0, str(Path(__file__).parent))
@@ -17,7 +17,7 @@ from quick_study import QUICK, exploding, unable, with_less_damping  # noqa: E40
 
 
 @pytest.fixture(scope="session")
-def rows() -> list[Row]:
+def rows() -> list[Measurement]:
     """Rows of the scene damped, by right, wrong, exploding and unable methods."""
     steps = (1e-4, 1e-5, 1e-6)
     table = {"exact": METHODS["exact"], "rk4": ComparedMethod(METHODS["rk4"].run, "step", steps),

@@ -8,8 +8,8 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 
 from vibro_ros.accuracy.advice import NEEDS, Need
+from vibro_ros.accuracy.measurement import NEED, Measurement
 from vibro_ros.accuracy.precision import COMPILED
-from vibro_ros.accuracy.row import NEED, Row
 
 _USE = re.compile(r"(\w+)(?: ([\d.e-]+)(?: s)?)? \(([\d.]+)\)")
 
@@ -25,12 +25,13 @@ class Advised:
     cost: float
 
 
-def rows_of(file: Path) -> list[Row]:
+def rows_of(file: Path) -> list[Measurement]:
     """The rows of a table."""
-    kinds = {field.name: field.type for field in fields(Row)}
+    kinds = {field.name: field.type for field in fields(Measurement)}
     read = {"str": str, "float": float, "int": int, str: str, float: float, int: int}
     with file.open(encoding="utf-8") as lines:
-        return [Row(**{name: read[kinds[name]](cell) for name, cell in line.items()}) for line in csv.DictReader(lines)]
+        return [Measurement(**{name: read[kinds[name]](cell) for name, cell in line.items()})
+                for line in csv.DictReader(lines)]
 
 
 def advised(text: str) -> Iterator[Advised]:
@@ -44,7 +45,7 @@ def advised(text: str) -> Iterator[Advised]:
                 yield Advised(cells[0].strip("`"), need, method, float(value or "nan"), float(cost))
 
 
-def complaints(text: str, rows: Sequence[Row]) -> list[str]:
+def complaints(text: str, rows: Sequence[Measurement]) -> list[str]:
     """Uses that their rows deny: too inaccurate there or at a finer setting, not the coarsest, or of another cost."""
     found = []
     for use in advised(text):
@@ -62,7 +63,7 @@ def complaints(text: str, rows: Sequence[Row]) -> list[str]:
     return found
 
 
-def error_of(row: Row, need: Need) -> float:
+def error_of(row: Measurement, need: Need) -> float:
     """A row's error for a need, by the words of the need and the columns of the table."""
     if "contact" in need.words:
         return row.event_error
@@ -70,7 +71,7 @@ def error_of(row: Row, need: Need) -> float:
     return math.nan if any(map(math.isnan, parts)) else max(parts)
 
 
-def left_out(text: str, rows: Sequence[Row]) -> list[str]:
+def left_out(text: str, rows: Sequence[Measurement]) -> list[str]:
     """Needs that a method meets at its finest setting and that the table does not name any method for."""
     named = {(use.scene, use.need.words) for use in advised(text)}
     missing = []

@@ -8,9 +8,9 @@ from dataclasses import fields
 import pytest
 
 from vibro_ros.accuracy import accuracy
+from vibro_ros.accuracy.measurement import Measurement
 from vibro_ros.accuracy.methods import METHODS, ComparedMethod, UnableError
 from vibro_ros.accuracy.precision import SceneStudy
-from vibro_ros.accuracy.row import Row
 
 
 def test_an_interrupted_run_keeps_its_rows(monkeypatch, tmp_path, capsys):
@@ -26,7 +26,7 @@ def test_an_interrupted_run_keeps_its_rows(monkeypatch, tmp_path, capsys):
     assert accuracy.main([*options, "--output", str(tmp_path)]) == 130
     with (tmp_path / "accuracy.csv").open(encoding="utf-8") as file:
         kept = list(csv.DictReader(file))
-    assert list(kept[0]) == [field.name for field in fields(Row)]
+    assert list(kept[0]) == [field.name for field in fields(Measurement)]
     assert [row["method"] for row in kept][1:] == ["exact", "rk4"]
     assert float(kept[-1]["body_error"]) > 0.0
     assert "Interrupted: only a part" in (tmp_path / "accuracy.md").read_text(encoding="utf-8")

@@ -11,10 +11,10 @@ from document_advice import advised, complaints, error_of, left_out, rows_of
 import vibro_ros
 from vibro_ros.accuracy.advice import NEEDS
 from vibro_ros.accuracy.errors import errors
+from vibro_ros.accuracy.measurement import NEED, Measurement
 from vibro_ros.accuracy.methods import METHODS
 from vibro_ros.accuracy.precision import COMPILED, SHORT, running
 from vibro_ros.accuracy.price import baseline_in_words, prices_in_words
-from vibro_ros.accuracy.row import NEED, Row
 from vibro_ros.accuracy.words import finding
 from vibro_ros.configuration.scene_file import shipped_scenes
 from vibro_ros.project import accuracy_report
@@ -22,7 +22,7 @@ from vibro_ros.project import accuracy_report
 ROOT = Path(__file__).resolve().parents[2]
 TEXT = (ROOT / "docs" / "accuracy.md").read_text(encoding="utf-8")
 ROWS = rows_of(ROOT / "docs" / "accuracy" / "accuracy.csv")
-BY_SCENE: dict[str, list[Row]] = defaultdict(list)
+BY_SCENE: dict[str, list[Measurement]] = defaultdict(list)
 for _row in ROWS:
     BY_SCENE[_row.scene].append(_row)
 README = (ROOT / "README.md").read_text(encoding="utf-8")

@@ -6,9 +6,9 @@ from quick_study import QUICK
 from vibro_ros.accuracy import accuracy
 from vibro_ros.accuracy.advice import MEAN_SPEED, NEEDS, advice, cheapest
 from vibro_ros.accuracy.chaos import Growth
+from vibro_ros.accuracy.measurement import AVERAGE, NEED, REFERENCE, Measurement
 from vibro_ros.accuracy.precision import SHORT
 from vibro_ros.accuracy.price import baseline_in_words, price_of_a_digit, price_over_scenes, prices_in_words
-from vibro_ros.accuracy.row import AVERAGE, NEED, REFERENCE, Row
 from vibro_ros.accuracy.words import finding, speeds_table
 from vibro_ros.project import accuracy_report
 
@@ -25,7 +25,7 @@ def test_advice_is_what_was_measured_within_the_horizon_of_each_need(rows):
 
 
 def within(compared, method, setting, value, body, height=0.0, masses=0.0, cost=1.0):
-    return Row("s", compared, method, setting, value, SHORT, 1, wall_time=cost, cost=cost, body_error=body,
+    return Measurement("s", compared, method, setting, value, SHORT, 1, wall_time=cost, cost=cost, body_error=body,
                height_error=height, mass_error=masses)
 
 
@@ -51,7 +51,8 @@ def test_every_position_is_that_of_body_height_and_masses(column):
     assert rows[1].position_error == 2e-3
     assert cheapest(rows, NEEDS[0])["rk4"].value == 1e-5
     assert rows[1].path_error == (1e-5 if column == 2 else 2e-3)
-    assert not Row("s", NEED, "rk4", "step", 1e-4, SHORT, 1, body_error=0.0, mass_error=0.0).position_error < 1.0
+    unknown = Measurement("s", NEED, "rk4", "step", 1e-4, SHORT, 1, body_error=0.0, mass_error=0.0)
+    assert not unknown.position_error < 1.0
 
 
 def ladder(method, slope, constant, compared=NEED, noise=(0.0,)):
@@ -100,8 +101,8 @@ def test_the_head_of_a_users_report_has_the_findings(rows, tmp_path):
 
 
 def speeds(*values):
-    exact = Row("s", AVERAGE, "exact", "tolerance", 1e-9, 20.0, 16, mean_speed=-0.1, mean_speed_spread=0.001)
-    return [exact, *(Row("s", AVERAGE, "rk4", "step", step, 20.0, 16, mean_speed=speed, mean_speed_spread=0.001,
+    exact = Measurement("s", AVERAGE, "exact", "tolerance", 1e-9, 20.0, 16, mean_speed=-0.1, mean_speed_spread=0.001)
+    return [exact, *(Measurement("s", AVERAGE, "rk4", "step", step, 20.0, 16, mean_speed=speed, mean_speed_spread=0.001,
                            starts_forwards=16 if speed > 0.0 else 0)
                      for step, speed in zip((1e-3, 1e-4, 1e-5), values, strict=True))]
 
@@ -131,5 +132,5 @@ def test_the_report_tells_every_scene_and_links_what_is_there(rows, tmp_path):
 
 
 def test_what_failed_does_not_say_that_nothing_touches():
-    failed = [Row("s", NEED, "heyoka", "tolerance", 1e-9, SHORT, 0, note="not installed")]
+    failed = [Measurement("s", NEED, "heyoka", "tolerance", 1e-9, SHORT, 0, note="not installed")]
     assert set(advice(failed, 15.0).values()) == {"nothing that was measured", "not measured"}

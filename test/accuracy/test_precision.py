@@ -10,9 +10,9 @@ import vibro_ros
 from vibro_ros.accuracy import precision
 from vibro_ros.accuracy.chaos import growth
 from vibro_ros.accuracy.errors import errors
+from vibro_ros.accuracy.measurement import AVERAGE, REFERENCE, TRAJECTORY
 from vibro_ros.accuracy.methods import METHODS, Answer, ComparedMethod
 from vibro_ros.accuracy.precision import LONG, SHORT, Comparison, SceneStudy
-from vibro_ros.accuracy.row import AVERAGE, REFERENCE, TRAJECTORY
 from vibro_ros.accuracy.starts import Average
 from vibro_ros.accuracy.words import BELOW, markdown
 

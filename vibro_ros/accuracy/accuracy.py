@@ -24,10 +24,10 @@ from tqdm import tqdm
 from vibro_ros.accuracy.advice import advice
 from vibro_ros.accuracy.chaos import Growth
 from vibro_ros.accuracy.diagram import draw_precision
+from vibro_ros.accuracy.measurement import Measurement
 from vibro_ros.accuracy.methods import ComparedMethod, UnableError
 from vibro_ros.accuracy.precision import INSTANTS, RATE, RUNNING_SPEED, Effort, SceneStudy
 from vibro_ros.accuracy.price import baseline_in_words, prices_in_words
-from vibro_ros.accuracy.row import Row
 from vibro_ros.accuracy.starts import SETTLING
 from vibro_ros.accuracy.studied import STUDIED
 from vibro_ros.accuracy.timing import LEAST_TIME
@@ -49,12 +49,12 @@ _LEAST_HORIZON = 1e-3  # s, one sample
 
 @contextmanager
 def row_writer(path: Path):
-    """Give a function that appends a `Row` to a new CSV file, on disk before it returns."""
+    """Give a function that appends a `Measurement` to a new CSV file, on disk before it returns."""
     with path.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
-        writer.writerow([field.name for field in fields(Row)])
+        writer.writerow([field.name for field in fields(Measurement)])
 
-        def write(row: Row) -> None:
+        def write(row: Measurement) -> None:
             # more digits than any text shows: who makes the text from the rows again gets the same one
             writer.writerow(f"{cell:.10g}" if isinstance(cell, float) else cell for cell in astuple(row))
             file.flush()
@@ -91,10 +91,10 @@ class Accuracy:
 
     def __init__(self, methods: Mapping[str, ComparedMethod], effort: Effort, say: Callable[[str], None] = tqdm.write):
         self._methods, self._effort, self._say = methods, effort, say
-        self.rows: dict[str, list[Row]] = {}
+        self.rows: dict[str, list[Measurement]] = {}
         self.growths: dict[str, Growth] = {}
 
-    def measure(self, scene_name: str, write: Callable[[Row], None], effort: Effort | None = None) -> None:
+    def measure(self, scene_name: str, write: Callable[[Measurement], None], effort: Effort | None = None) -> None:
         """Measure a scene, with a progress bar; each row is handed to `write` at once."""
         scene = load_scene(scene_name)
         self._say(f"{scene.name}: chaos and reference ...")

@@ -4,9 +4,9 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
+from vibro_ros.accuracy.measurement import AVERAGE, NEED, REFERENCE, Measurement
 from vibro_ros.accuracy.precision import COMPILED, LONG, SHORT
 from vibro_ros.accuracy.price import two_digits
-from vibro_ros.accuracy.row import AVERAGE, NEED, REFERENCE, Row
 from vibro_ros.accuracy.starts import SETTLING
 from vibro_ros.solver.methods import SCHEMES
 
@@ -31,7 +31,7 @@ NEEDS = (Need(f"every position to 1 mm for {SHORT:g} s", SHORT, "position_error"
 MEAN_SPEED = "the mean speed to 1 %"
 
 
-def advice(rows: Sequence[Row], comparable: float) -> dict[str, str]:
+def advice(rows: Sequence[Measurement], comparable: float) -> dict[str, str]:
     """Need to what meets it in one scene, from the cheapest on, steps of fixed length by the cheapest of their methods.
 
     It says why, where nothing does.
@@ -40,7 +40,7 @@ def advice(rows: Sequence[Row], comparable: float) -> dict[str, str]:
     return {need.words: _advice(rows, need, comparable) for need in NEEDS} | {MEAN_SPEED: _mean_speed_advice(rows)}
 
 
-def cheapest(rows: Sequence[Row], need: Need) -> dict[str, Row]:
+def cheapest(rows: Sequence[Measurement], need: Need) -> dict[str, Measurement]:
     """Method to its coarsest row that meets a need, from the cheapest on.
 
     A setting counts only if all finer ones that were measured meet the need, too: not by luck.
@@ -55,7 +55,7 @@ def cheapest(rows: Sequence[Row], need: Need) -> dict[str, Row]:
     return dict(sorted(found.items(), key=lambda item: item[1].wall_time if math.isnan(item[1].cost) else item[1].cost))
 
 
-def _able(rows: Sequence[Row], method: str, need: Need) -> Iterator[Row]:
+def _able(rows: Sequence[Measurement], method: str, need: Need) -> Iterator[Measurement]:
     own = [row for row in rows if row.compared == NEED and row.method == method and row.horizon == need.horizon]
     for row in sorted(own, key=lambda row: row.value):
         if not getattr(row, need.column) < need.limit:
@@ -63,7 +63,7 @@ def _able(rows: Sequence[Row], method: str, need: Need) -> Iterator[Row]:
         yield row
 
 
-def _advice(rows: Sequence[Row], need: Need, comparable: float) -> str:
+def _advice(rows: Sequence[Measurement], need: Need, comparable: float) -> str:
     if need.horizon > comparable:
         return "not possible: chaos"
     measured = [row for row in rows if row.compared == NEED and row.horizon == need.horizon]
@@ -78,7 +78,7 @@ def _advice(rows: Sequence[Row], need: Need, comparable: float) -> str:
     return "; ".join(f"{_use(row)} ({two_digits(row.cost)})" for row in shown) or "nothing that was measured"
 
 
-def _mean_speed_advice(rows: Sequence[Row]) -> str:
+def _mean_speed_advice(rows: Sequence[Measurement]) -> str:
     exact = next((row for row in rows if row.compared == AVERAGE and row.method == "exact"), None)
     if exact is None or not math.isfinite(exact.mean_speed):
         return "not measured"
@@ -91,6 +91,6 @@ def _mean_speed_advice(rows: Sequence[Row]) -> str:
     return f"exact, {starts} start{'s' * (starts > 1)} of {exact.horizon:g} s after {SETTLING:g} s"
 
 
-def _use(row: Row) -> str:
+def _use(row: Measurement) -> str:
     unit = " s" if row.setting == "step" else ""
     return row.method if row.method == "exact" else f"{row.method} {row.value:.2g}{unit}"

@@ -7,8 +7,8 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
+from vibro_ros.accuracy.measurement import AVERAGE, REFERENCE, TRAJECTORY, Measurement
 from vibro_ros.accuracy.precision import RATE
-from vibro_ros.accuracy.row import AVERAGE, REFERENCE, TRAJECTORY, Row
 
 # Okabe and Ito's colours, which the colour-blind can tell apart, and markers for everybody else who cannot.
 _STYLES = {"exact": ("#000000", "*"), "rk4": ("#0072b2", "o"), "semi_implicit_euler": ("#009e73", "s"),
@@ -26,12 +26,12 @@ _LARGEST_DIFFERENCE = 2.0
 WITHIN = 0.05
 
 
-def draw_precision(rows: Sequence[Row], caption: str) -> Figure:
+def draw_precision(rows: Sequence[Measurement], caption: str) -> Figure:
     """Draw the rows of one scene.
 
     Parameters
     ----------
-    rows : sequence of Row
+    rows : sequence of Measurement
         All of the same scene; what was not measured is left out.
     caption : str
         A line under the title.
@@ -54,7 +54,7 @@ def draw_precision(rows: Sequence[Row], caption: str) -> Figure:
     return figure
 
 
-def _draw_errors(axes: Axes, rows: Sequence[Row], column: str, label: str) -> None:
+def _draw_errors(axes: Axes, rows: Sequence[Measurement], column: str, label: str) -> None:
     """Error over cost; below the reference's own error nothing can be told, and points are put on its edge."""
     reference = next((row for row in rows if row.compared == REFERENCE), None)
     floor = getattr(reference, column) if reference else math.nan
@@ -80,7 +80,7 @@ def _draw_errors(axes: Axes, rows: Sequence[Row], column: str, label: str) -> No
     tidy(axes)
 
 
-def _draw_speeds(axes: Axes, rows: Sequence[Row]) -> None:
+def _draw_speeds(axes: Axes, rows: Sequence[Measurement]) -> None:
     """Mean speeds over the step, with the exact one and its 95 % interval as a band."""
     averages = [row for row in rows if row.compared == AVERAGE and math.isfinite(row.mean_speed)]
     exact = next((row for row in averages if row.method == "exact"), None)
@@ -112,7 +112,7 @@ def style(name: str) -> dict[str, object]:
     return {"color": colour, "marker": marker, "ms": 14 if marker == "*" else 5, **hollow}
 
 
-def _limits(speeds: Sequence[float], exact: Row) -> tuple[float, float]:
+def _limits(speeds: Sequence[float], exact: Measurement) -> tuple[float, float]:
     """Of the panel of mean speeds: 0, and all that differ from the exact one by at most `_LARGEST_DIFFERENCE`."""
     reach = _LARGEST_DIFFERENCE * max(abs(exact.mean_speed), 10.0 * exact.mean_speed_spread) or 1.0
     shown = [0.0, *(speed for speed in speeds if abs(speed - exact.mean_speed) <= reach)]

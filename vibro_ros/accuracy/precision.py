@@ -12,8 +12,8 @@ import numpy as np
 
 from vibro_ros.accuracy.chaos import Growth, growth
 from vibro_ros.accuracy.errors import Errors, errors
+from vibro_ros.accuracy.measurement import AVERAGE, NEED, REFERENCE, TRAJECTORY, Measurement
 from vibro_ros.accuracy.methods import METHODS, ComparedMethod, UnableError
-from vibro_ros.accuracy.row import AVERAGE, NEED, REFERENCE, TRAJECTORY, Row
 from vibro_ros.accuracy.starts import speed_over_starts
 from vibro_ros.accuracy.studied import BASELINE_STEP, STUDIED, by_baseline
 from vibro_ros.accuracy.timing import typical
@@ -106,7 +106,7 @@ class Comparison:
         Instants [s] at which trajectories are compared, in runs of their own; see `off_every_grid`.
     reference : Answer
         By the exact method, at `instants`.
-    uncertainty : Row
+    uncertainty : Measurement
         Errors of the reference against the most accurate independent method at hand, named there.
     """
 
@@ -118,17 +118,17 @@ class Comparison:
         self.reference = METHODS["exact"](scene, self.instants, _FINEST_EXACT)
         self.uncertainty = self._uncertainty()
 
-    def rows(self, methods: Mapping[str, ComparedMethod]) -> Iterator[Row]:
+    def rows(self, methods: Mapping[str, ComparedMethod]) -> Iterator[Measurement]:
         """The reference's uncertainty, then each method's ladder."""
         self._baseline()  # what is compiled at first use is not its cost
         yield self.uncertainty
         for name, method in methods.items():
             yield from self._ladder(name, method)
 
-    def _row(self, compared: str, name: str, setting: str, value: float, **numbers) -> Row:
-        return Row(self.scene.name, compared, name, setting, value, self.horizon, **{"repeats": 1} | numbers)
+    def _row(self, compared: str, name: str, setting: str, value: float, **numbers) -> Measurement:
+        return Measurement(self.scene.name, compared, name, setting, value, self.horizon, **{"repeats": 1} | numbers)
 
-    def _uncertainty(self) -> Row:
+    def _uncertainty(self) -> Measurement:
         peers = {"heyoka": (METHODS["heyoka"], _FINEST_PEER)} if importlib.util.find_spec("heyoka") else {}
         patient = partial(METHODS["DOP853"].run, most_evaluations=_MOST_EVALUATIONS)
         reasons = []
@@ -141,7 +141,7 @@ class Comparison:
             return self._row(REFERENCE, name, "tolerance", tolerance, **_named(errors(self.reference, found)))
         return self._row(REFERENCE, "none", "tolerance", math.nan, note="; ".join(reasons))
 
-    def _ladder(self, name: str, method: ComparedMethod) -> Iterator[Row]:
+    def _ladder(self, name: str, method: ComparedMethod) -> Iterator[Measurement]:
         try:  # what is compiled at first use is not the method's cost
             method(self.scene, self.times[:2], method.ladder[0])
         except UnableError:
@@ -158,7 +158,7 @@ class Comparison:
             if seconds > self._effort.patience:
                 return
 
-    def _measured(self, name: str, method: ComparedMethod, value: float) -> Row:
+    def _measured(self, name: str, method: ComparedMethod, value: float) -> Measurement:
         walls: list[float] = []
         ratios: list[float] = []
         try:
@@ -221,7 +221,7 @@ class SceneStudy:
                     for horizon in self.needs)
         return 1 + sum(rungs.values()) + needs + sum(averages)
 
-    def rows(self, methods: Mapping[str, ComparedMethod]) -> Iterator[Row]:
+    def rows(self, methods: Mapping[str, ComparedMethod]) -> Iterator[Measurement]:
         """Measure row by row: trajectories within the horizon, within those of needs, then mean speeds."""
         yield from self.comparison.rows(methods)
         for horizon in self.needs:
@@ -237,7 +237,7 @@ class SceneStudy:
         asked = {name: methods[name] for name in COMPILED if name in methods}
         return asked | ({"baseline": STUDIED["baseline"]} if asked and horizon == SHORT else {})
 
-    def _averages(self, name: str) -> Iterator[Row]:
+    def _averages(self, name: str) -> Iterator[Measurement]:
         if name == "exact":
             yield self._average(name, "tolerance", METHODS["exact"].ladder[-1], {}, _MORE_STARTS)
             return
@@ -250,9 +250,9 @@ class SceneStudy:
             yield row
             before, seconds = (step, row.wall_time) if math.isfinite(row.wall_time) else (before, seconds)
 
-    def _average(self, name: str, kind: str, value: float, parameters: dict, more: int = 1) -> Row:
+    def _average(self, name: str, kind: str, value: float, parameters: dict, more: int = 1) -> Measurement:
         duration, starts = self._effort.duration, more * self._effort.starts
-        row = Row(self.scene.name, AVERAGE, name, kind, value, duration, repeats=starts)
+        row = Measurement(self.scene.name, AVERAGE, name, kind, value, duration, repeats=starts)
         scene = self.scene.with_parameters(parameters | {"solver.method": name, "solver.audit": False})
         began = wall_clock.perf_counter()
         try:

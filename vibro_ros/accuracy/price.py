@@ -13,8 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import t as student
 
+from vibro_ros.accuracy.measurement import NEED, REFERENCE, TRAJECTORY, Measurement
 from vibro_ros.accuracy.precision import SHORT
-from vibro_ros.accuracy.row import NEED, REFERENCE, TRAJECTORY, Row
 from vibro_ros.accuracy.studied import BASELINE_STEP
 from vibro_ros.accuracy.tables_by_scipy import SOLVERS
 from vibro_ros.solver.methods import SCHEMES
@@ -57,7 +57,7 @@ class Price:
         return f"{self.factor:.3g} times as much (95 % interval {low:.3g} to {high:.3g}, from {known})"
 
 
-def price_of_a_digit(rows: Sequence[Row], methods: Sequence[str]) -> Price | None:
+def price_of_a_digit(rows: Sequence[Measurement], methods: Sequence[str]) -> Price | None:
     """Fit of one scene, with one slope for all `methods`; None where too little was measured."""
     groups = [points for method in methods for kind in (TRAJECTORY, NEED)
               if len(points := _points(rows, method, kind)) >= 2]
@@ -74,7 +74,7 @@ def price_of_a_digit(rows: Sequence[Row], methods: Sequence[str]) -> Price | Non
     return Price(slope, float(student.ppf(0.975, free)) * error, count, 1)
 
 
-def price_over_scenes(rows: Mapping[str, Sequence[Row]], methods: Sequence[str]) -> Price | None:
+def price_over_scenes(rows: Mapping[str, Sequence[Measurement]], methods: Sequence[str]) -> Price | None:
     """Mean over scenes, or the fit of the only one; None where too little was measured."""
     found = [price for own in rows.values() if (price := price_of_a_digit(own, methods))]
     if len(found) < 2:
@@ -85,7 +85,7 @@ def price_over_scenes(rows: Mapping[str, Sequence[Row]], methods: Sequence[str])
                  sum(price.points for price in found), len(found))
 
 
-def _points(rows: Sequence[Row], method: str, kind: str) -> np.ndarray:
+def _points(rows: Sequence[Measurement], method: str, kind: str) -> np.ndarray:
     """Digits (minus log10 of the error) and log10 of the cost, shape (settings, 2), where the error still falls."""
     own = [row for row in rows if row.method == method and row.compared == kind
            and (kind == TRAJECTORY or row.horizon == SHORT)]
@@ -95,7 +95,7 @@ def _points(rows: Sequence[Row], method: str, kind: str) -> np.ndarray:
                      if floor < row.position_error < _LARGEST_ERROR and row.cost > 0.0]).reshape(-1, 2)
 
 
-def prices_in_words(rows: Mapping[str, Sequence[Row]]) -> list[str]:
+def prices_in_words(rows: Mapping[str, Sequence[Measurement]]) -> list[str]:
     """A sentence for each kind of method that was measured: what one more digit of every position costs by it."""
     told = [f"One more digit of every position by {kind} costs {price}." for kind, methods in KINDS.items()
             if (price := price_over_scenes(rows, methods))]
@@ -107,7 +107,7 @@ def prices_in_words(rows: Mapping[str, Sequence[Row]]) -> list[str]:
     return told
 
 
-def baseline_in_words(rows: Mapping[str, Sequence[Row]]) -> str:
+def baseline_in_words(rows: Mapping[str, Sequence[Measurement]]) -> str:
     """What `RK4 = 1` is, and how far off it is itself."""
     text = f"RK4 = 1 is the cost of fixed-step Runge-Kutta 4 of {BASELINE_STEP:g} s (`baseline`)"
     off = {name: row.position_error for name, own in rows.items() for row in own

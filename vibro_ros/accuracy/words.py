@@ -4,19 +4,19 @@ import math
 from collections.abc import Sequence
 
 from vibro_ros.accuracy.diagram import WITHIN
-from vibro_ros.accuracy.row import AVERAGE, REFERENCE, TRAJECTORY, Row
+from vibro_ros.accuracy.measurement import AVERAGE, REFERENCE, TRAJECTORY, Measurement
 
 _HEADING = ("method", "setting", "cost, RK4 = 1", "wall time", "runs", "body", "height", "masses", "contacts",
             "mean speed", "")
 BELOW = "below the reference's"
 
 
-def reference_of(rows: Sequence[Row]) -> Row:
+def reference_of(rows: Sequence[Measurement]) -> Measurement:
     """The row of the reference's uncertainty, within the diagram's horizon."""
     return next(row for row in rows if row.compared == REFERENCE)
 
 
-def markdown(rows: Sequence[Row]) -> str:
+def markdown(rows: Sequence[Measurement]) -> str:
     """Table of one scene's trajectories."""
     reference = reference_of(rows)
     lines = [f"Trajectories, compared within {reference.horizon:g} s; errors are the largest within it.", "",
@@ -25,7 +25,7 @@ def markdown(rows: Sequence[Row]) -> str:
     return "\n".join(lines)
 
 
-def reference_in_words(row: Row) -> str:
+def reference_in_words(row: Measurement) -> str:
     """What the reference is, and how well it is known."""
     if math.isnan(row.body_error):
         return f"Reference: exact; no independent method could check it ({row.note})."
@@ -34,13 +34,13 @@ def reference_in_words(row: Row) -> str:
             f"(contacts), {_number(row.speed_error, 'm/s')} (mean speed): the reference's uncertainty.")
 
 
-def findings(rows: Sequence[Row]) -> list[str]:
+def findings(rows: Sequence[Measurement]) -> list[str]:
     """`finding` for each method whose mean speeds were measured."""
     methods = (row.method for row in rows if row.compared == AVERAGE and row.method != "exact")
     return list(dict.fromkeys(finding(rows, method) for method in dict.fromkeys(methods)))
 
 
-def finding(rows: Sequence[Row], method: str = "rk4") -> str:
+def finding(rows: Sequence[Measurement], method: str = "rk4") -> str:
     """From which step on a method reports the mean speed within 5 %, and its sign before that."""
     averages = [row for row in rows if row.compared == AVERAGE and math.isfinite(row.mean_speed)]
     exact = next((row for row in averages if row.method == "exact"), None)
@@ -73,7 +73,7 @@ def finding(rows: Sequence[Row], method: str = "rk4") -> str:
     return text
 
 
-def speeds_table(rows: Sequence[Row]) -> str:
+def speeds_table(rows: Sequence[Measurement]) -> str:
     """Mean speeds by method and step in Markdown; bold within 5 %, marked where they have the wrong sign."""
     averages = {(row.method, row.value): row for row in rows if row.compared == AVERAGE}
     exact = next((row for (method, _), row in averages.items() if method == "exact"), None)
@@ -91,7 +91,7 @@ def speeds_table(rows: Sequence[Row]) -> str:
                       f"Every interval is Student's, of 95 %, over independent starts. {judged}"])
 
 
-def _cell(row: Row | None, exact: Row) -> str:
+def _cell(row: Measurement | None, exact: Measurement) -> str:
     if row is None:
         return ""
     if not math.isfinite(row.mean_speed):
@@ -102,12 +102,12 @@ def _cell(row: Row | None, exact: Row) -> str:
     return text + " (!)" * (_known(row) and _known(exact) and row.mean_speed * exact.mean_speed < 0.0)
 
 
-def _known(row: Row) -> bool:
+def _known(row: Measurement) -> bool:
     """Whether the sign of a mean speed is known."""
     return abs(row.mean_speed) > row.mean_speed_spread
 
 
-def _verdict(row: Row, exact: Row) -> str:
+def _verdict(row: Measurement, exact: Measurement) -> str:
     off = f"{row.value:g} s: {_speed(row)}, {row.mean_speed / exact.mean_speed - 1.0:+.0%}"
     if not _known(row):
         off += ", sign not known"
@@ -117,11 +117,11 @@ def _verdict(row: Row, exact: Row) -> str:
     return off + (f" ({wrong} of {row.repeats} starts the wrong way)" if wrong else "")
 
 
-def _speed(row: Row) -> str:
+def _speed(row: Measurement) -> str:
     return f"{1e3 * row.mean_speed:.2f} ± {1e3 * row.mean_speed_spread:.2g} mm/s"
 
 
-def _trajectory(row: Row, reference: Row) -> tuple:
+def _trajectory(row: Measurement, reference: Measurement) -> tuple:
     errors = [_error(value, least, unit) for value, least, unit in
               zip(row.errors, reference.errors, ("m", "m", "m", "s", "m/s"), strict=True)]
     return (row.method, _setting(row), _number(row.cost), _number(row.wall_time, "s"), row.repeats, *errors, row.note)
@@ -141,7 +141,7 @@ def _number(value: float, unit: str = "") -> str:
     return f"{value:.2g} {unit}".strip() if not math.isnan(value) else "-"
 
 
-def _setting(row: Row) -> str:
+def _setting(row: Measurement) -> str:
     return f"{row.setting} {row.value:.2g}" + (" s" if row.setting == "step" else "")
 
 

@@ -17,9 +17,9 @@ from pathlib import Path
 
 from vibro_ros.accuracy.accuracy import TABLE, TEXT, Accuracy, row_writer
 from vibro_ros.accuracy.advice import NEEDS, Need, advice, cheapest
+from vibro_ros.accuracy.measurement import Measurement
 from vibro_ros.accuracy.precision import Effort
 from vibro_ros.accuracy.price import baseline_in_words, cost_range, prices_in_words
-from vibro_ros.accuracy.row import Row
 from vibro_ros.accuracy.studied import STUDIED
 from vibro_ros.accuracy.words import finding, reference_of
 from vibro_ros.accuracy.wrong_speed import draw_ways
@@ -49,12 +49,12 @@ def summary_table(study: Accuracy) -> str:
     return "\n".join(lines)
 
 
-def headlines(rows: Mapping[str, Sequence[Row]]) -> list[str]:
+def headlines(rows: Mapping[str, Sequence[Measurement]]) -> list[str]:
     """What the table says as a whole, a sentence a need: where each kind of method meets it, and at what cost."""
     return [f"{need.words[0].upper()}{need.words[1:]}: {'; '.join(_by_kind(rows, need))}." for need in NEEDS]
 
 
-def _by_kind(rows: Mapping[str, Sequence[Row]], need: Need) -> list[str]:
+def _by_kind(rows: Mapping[str, Sequence[Measurement]], need: Need) -> list[str]:
     best = {name: cheapest(own, need) for name, own in rows.items()}
     best = {name: found for name, found in best.items() if found}
     kinds = {"`exact`": ("exact",), "heyoka": ("heyoka",), "the cheapest fixed step": tuple(SCHEMES)}
@@ -67,7 +67,7 @@ def _by_kind(rows: Mapping[str, Sequence[Row]], need: Need) -> list[str]:
     return told
 
 
-def known_to(rows: Mapping[str, Sequence[Row]]) -> str:
+def known_to(rows: Mapping[str, Sequence[Measurement]]) -> str:
     """How well the references of all scenes are known."""
     references = [reference_of(own) for own in rows.values()]
     worst = max(references, key=lambda row: row.position_error)

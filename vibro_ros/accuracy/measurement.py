@@ -1,4 +1,4 @@
-"""A line of the table that a work–precision study fills."""
+"""What a work–precision study measures: one setting of one method in one scene, a line of the study's table."""
 
 import math
 from dataclasses import dataclass
@@ -9,14 +9,14 @@ TRAJECTORY, NEED, AVERAGE, REFERENCE = "trajectory", "need", "mean speed", "refe
 
 
 @dataclass(frozen=True)
-class Row:
-    """A line of the table; NaN where a number does not apply.
+class Measurement:
+    """One setting of one method in one scene; NaN where a number does not apply.
 
     `compared` is `TRAJECTORY` (the errors are distances within `horizon`), `NEED` (the same, within `SHORT` or `LONG`),
-    `AVERAGE` (`mean_speed` and its 95 %
-    interval, over `repeats` starts of `horizon` seconds, of which `starts_forwards` have a positive one) or
-    `REFERENCE` (the errors are those of the exact method against the independent method named). `cost` is a ratio to
-    the baseline's, `wall_time` in seconds; lengths in m, times in s, speeds in m/s.
+    `AVERAGE` (`mean_speed` and its 95 % interval, over `repeats` starts of `horizon` seconds, of which
+    `starts_forwards` have a positive one) or `REFERENCE` (the errors are those of the exact method against the
+    independent method named). `cost` is a ratio to the baseline's, `wall_time` in seconds; lengths in m, times in s,
+    speeds in m/s.
     """
 
     scene: str
