@@ -14,6 +14,8 @@ from vibro_ros.project import accuracy_report
 
 
 def test_advice_is_what_was_measured_within_the_horizon_of_each_need(rows):
+    # Without heyoka no reference is sure to hold for 10 s, and there is no advice for that need.
+    pytest.importorskip("heyoka", reason="heyoka, the extra `bench`, has no wheel for Python 3.10")
     advised = advice(rows, comparable=15.0)
     assert list(advised) == [*(need.words for need in NEEDS), MEAN_SPEED]
     assert all(text.startswith("exact") for text in advised.values())
