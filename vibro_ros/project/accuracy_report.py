@@ -91,8 +91,9 @@ def document(study: Accuracy, ticks: str) -> str:
         "nothing; [solver.md](solver.md) tells why.", *_about_chaos(study), *_about_ways(study),
         "## Which method for what", "The coarsest setting of each kind that keeps within what is asked for, as all "
         "finer ones do that were measured; in brackets its cost.", summary_table(study),
-        "## The node", "The scene `device` at 100 rad/s, in real time. A tick is what the simulation adds; publishing "
-        "is what the same messages cost through the same publishers without it, nobody listening.", ticks,
+        "## The node", "The scene `device` at 100 rad/s, in real time. A tick is what the simulation adds, sampling "
+        "included; publishing is what the same messages cost through the same publishers without it, nobody "
+        "listening.", ticks,
         "What each effect of the scene `device` costs and changes is in [robot.md](robot.md).",
         *(study.section(name, f"{FOLDER}/{name}.png") for name in study.rows),
     ]

@@ -1,6 +1,7 @@
-"""What the robot publishes: serialised once, the same bytes to ROS and to the bag."""
+"""What the robot publishes: the same bytes to ROS and to the bag, filled in place where a topic has every sample."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from functools import partial
 
 import numpy as np
 from rclpy.node import Node
@@ -11,6 +12,7 @@ from vibro_ros.messages.fields import joints_of
 from vibro_ros.messages.topics import ROBOT_TOPICS
 from vibro_ros.model.scene import Scene
 from vibro_ros.ros import messages, qos
+from vibro_ros.ros.template import Make, Serialise, serialiser
 from vibro_ros.simulation.samples import Samples
 
 Record = Callable[[str, int, bytes], None]
@@ -44,7 +46,15 @@ class Outputs:
             topic: node.create_publisher(messages.message_class(ROBOT_TOPICS[topic]), topic, profile)
             for topic, profile in PUBLISHED.items()
         }
-        self._joints, self._prefix = joints_of(scene), prefix
+        self._prefix = prefix
+        self._sampled = [self._sampled_topic(topic, make, node) for topic, make in makers(scene, prefix).items()]
+        self._impacts = self.publishers["impacts"], self.topics["impacts"]
+
+    def _sampled_topic(self, topic: str, make: Make, node: Node) -> tuple[Publisher, str, Serialise]:
+        """A topic that has every sample: publisher, resolved name and what makes its bytes."""
+        name = self.topics[topic]
+        return self.publishers[topic], name, serialiser(
+            make, ROBOT_TOPICS[topic], lambda reason: node.get_logger().warning(f"{name}: {reason}"))
 
     @property
     def topics(self) -> dict[str, str]:
@@ -68,15 +78,25 @@ class Outputs:
         record : callable
             The bag.
         """
-        stamp, prefix = stamp_of(state.time), self._prefix
-        for topic, message in (
-            ("odom", messages.odometry(state, stamp, prefix)),
-            ("joint_states", messages.joint_states(state, self._joints, stamp, prefix)),
-            ("ground_contact", messages.ground_contact(state, stamp, prefix)),
-            ("motor_power", messages.motor_power(state)),
-            *(("impacts", messages.impact(event, stamp_of(float(event["time"])), prefix))
-              for event in events if event["kind"] in messages.PLATES),
-        ):
-            data = serialize_message(message)
-            self.publishers[topic].publish(data)
-            record(self.publishers[topic].topic_name, stamp, data)
+        stamp = stamp_of(state.time)
+        for publisher, name, serialise in self._sampled:
+            data = serialise(state, stamp)
+            publisher.publish(data)
+            record(name, stamp, data)
+        publisher, name = self._impacts
+        for event in events:
+            if event["kind"] in messages.PLATES:
+                data = serialize_message(messages.impact(event, stamp_of(float(event["time"])), self._prefix))
+                publisher.publish(data)
+                record(name, stamp, data)
+
+
+def makers(scene: Scene, prefix: str) -> Mapping[str, Make]:
+    """What makes the message of each topic that has every sample, in the order in which they are published."""
+    joints = joints_of(scene)
+    return {
+        "odom": partial(messages.odometry, prefix=prefix),
+        "joint_states": lambda state, stamp: messages.joint_states(state, joints, stamp, prefix),
+        "ground_contact": partial(messages.ground_contact, prefix=prefix),
+        "motor_power": lambda state, stamp: messages.motor_power(state),
+    }

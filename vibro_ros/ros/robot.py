@@ -25,7 +25,7 @@ from rclpy.serialization import serialize_message
 from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import SetBool
 
-from vibro_ros.bag.definitions import Topic, jazzy_types
+from vibro_ros.bag.definitions import Topic
 from vibro_ros.configuration.scene_file import DEVICE_PARAMETERS, NODE_NAME, load_scene, scene_origin, shipped_scenes
 from vibro_ros.messages.topics import CHECKPOINT, CHECKPOINT_TYPE, COMMAND_UNITS
 from vibro_ros.model.parameters import SCENE_PARAMETERS, Value, checked_parameters
@@ -123,7 +123,6 @@ def _prepare(node: SteadyNode, settings: Mapping[str, Value], scene: Scene, plan
     if device.choice:
         log.info(f"solver.method auto: {device.choice}")
     offer_recovery(plan.directory, settings["record.recover"], log)
-    jazzy_types()
     return device
 
 

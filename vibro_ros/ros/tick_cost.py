@@ -1,4 +1,5 @@
-"""What a tick of the node costs by the accuracy asked for, against publishing the same messages without simulating.
+"""What a tick of the node costs by the accuracy asked for, against publishing the same messages without simulating;
+and what publishing costs against rclpy with ready messages.
 
 `make accuracy` runs it as a process of its own and puts what it prints into docs/accuracy.md.
 """
@@ -26,7 +27,7 @@ from vibro_ros.model.scene import Scene
 from vibro_ros.process.command_line import Parser
 from vibro_ros.process.executables import EXECUTABLES
 from vibro_ros.process.front_door import exit_code
-from vibro_ros.ros.outputs import Outputs
+from vibro_ros.ros.outputs import Outputs, makers
 from vibro_ros.ros.pacing import Pacing
 from vibro_ros.simulation.kernels import compile_kernels
 from vibro_ros.simulation.simulator import Simulator
@@ -70,14 +71,27 @@ class Ticks:
             found.append((device.state, device.take_events()))
         return self._paced(lambda tick: None, lambda tick: self._publish(*found[tick]))[1]
 
+    def ready(self) -> np.ndarray:
+        """Costs [s] of publishing by rclpy alone, shape (ticks,): the same messages, ready made, without impacts."""
+        state, publishers = self._device(self._scene).state, self._outputs.publishers
+        messages = [(publishers[topic], make(state, 0)) for topic, make in makers(self._scene, "").items()]
+
+        def publish(tick):
+            for publisher, message in messages:
+                publisher.publish(message)
+
+        return self._paced(lambda tick: None, publish)[1]
+
     def simulated(self, parameters: Mapping[str, Value]) -> tuple[np.ndarray, Simulator]:
-        """Costs [s] of simulating, shape (ticks,), publishing left out though it is done; and what was run."""
+        """Costs [s] of simulating and sampling, shape (ticks,), publishing done and left out; and what was run."""
         device = self._device(self._scene.with_parameters(parameters))
+        found: list = []
 
         def step(tick):
             device.advance_to((tick + 1) / self._rate)
+            found[:] = device.state, device.take_events()
 
-        return self._paced(step, lambda tick: self._publish(device.state, device.take_events()))[0], device
+        return self._paced(step, lambda tick: self._publish(*found))[0], device
 
     def _paced(self, step: Callable[[int], object], publish: Callable[[int], object]) -> np.ndarray:
         pacing, costs = Pacing(1.0, 0.1), np.empty((2, self._count))
@@ -103,12 +117,14 @@ class Ticks:
 
 def lines(ticks: Ticks, rate: float) -> list[str]:
     """The table of one rate, in Markdown; publishing is measured anew before each line."""
-    table, bare = [], []
+    table, bare, ready = [], [], []
     for asked, parameters in ASKED.items():
         bare.append(np.median(ticks.published()))
+        ready.append(np.median(ticks.ready()))
         costs, device = ticks.simulated(parameters)
         table.append(_line(asked, _running(device), *_micro(costs), f"{np.median(costs) / bare[-1]:.2f}"))
-    return [f"At {rate:g} Hz, where publishing a tick's messages costs {1e6 * np.median(bare):.0f} µs:", "",
+    return [f"At {rate:g} Hz, where publishing a tick's messages costs {1e6 * np.median(bare):.0f} µs, "
+            f"{np.median(np.divide(bare, ready)):.2f} of what rclpy takes for ready messages of these types:", "",
             _line(*_HEADING), "|---" * len(_HEADING) + "|", *table]
 
 
