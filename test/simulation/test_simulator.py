@@ -10,6 +10,7 @@ import pytest
 from commanded_device import RAMP, device, of_kind, state_bits
 
 import vibro_ros
+from vibro_ros.simulation.samples import Samples
 from vibro_ros.solver.methods import SCHEMES
 
 
@@ -143,6 +144,30 @@ def test_samples_are_the_states_at_their_instants():
         for field in dataclasses.fields(samples):
             assert getattr(samples, field.name)[index] == getattr(made.state, field.name)
     assert whole.time == 0.7
+
+
+@pytest.mark.parametrize("method", ["exact", *sorted(SCHEMES)])
+def test_the_state_is_a_sample_taken_now_whatever_came_before(method):
+    """After an advance, a command, samples and a checkpoint; and the class's own constructor makes the same."""
+    scene = vibro_ros.load_scene("device").with_parameters({"solver.method": method, "solver.step": 1.3e-4})
+    made, other = vibro_ros.Simulator(scene), vibro_ros.Simulator(scene)
+    states = []
+
+    def look():
+        state, (sample,) = made.state, zip(*dataclasses.astuple(other.sample([other.time])), strict=True)
+        assert state_bits(made) == np.array(sample).tobytes()
+        assert state == made.state == Samples(**dataclasses.asdict(state))
+        assert all(type(value) is float for value in dataclasses.astuple(state))
+        states.append(state)
+
+    look()
+    start = made.checkpoint()
+    for step in (lambda one: one.advance_to(0.3), lambda one: one.command(motor_speed=90.0),
+                 lambda one: one.advance_to(0.4), lambda one: one.sample([0.41, 0.5]), lambda one: one.restore(start)):
+        for one in (made, other):
+            step(one)
+        look()
+    assert states[-1] == states[0] != states[1]
 
 
 @pytest.mark.parametrize("times", [[0.4], [0.6, 0.5], [math.nan], [[0.6]], [math.inf]])

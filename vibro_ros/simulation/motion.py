@@ -83,6 +83,7 @@ class Motion:
         self.state = self._start()
         self.events = EventLog(self.model.forms.plates)
         self._room = np.empty((_EVENTS_AT_ONCE, EVENT_COLUMNS))
+        self._last: tuple[np.ndarray, Trace] | None = None  # sampled at `time`, if nothing was commanded since
 
     def _new_stepper(self) -> Stepper:
         model, name, step = self.model, self.scene["solver.method"], self.scene["solver.step"]
@@ -115,6 +116,7 @@ class Motion:
         SimulationError
             If the motion cannot go on.
         """
+        self._last = None
         self._stepper.interrupt(self.state, self.time, self.point)
         if speed is not None:
             self._command_speed(speed)
@@ -154,6 +156,7 @@ class Motion:
     def lasting_overwritten(self) -> None:
         """Begin to go on from what was written into the arrays of `lasting`."""
         self.state.library.half[...] = 0.0  # no series there belongs to this state
+        self._last = None
 
     def _begin_segment(self, state: State) -> None:
         status = self._stepper.begin(state, self.point)
@@ -172,6 +175,19 @@ class Motion:
         trace = self.new_trace(len(times))
         self.advance(times, trace)
         return self.quantities(times, trace)
+
+    def advance_to(self, time: float) -> None:
+        """Advance to `time` [s] (SimulationError: see `advance`), and keep what is sampled there for `now`."""
+        times, trace = np.array([time]), self.new_trace(1)
+        self.advance(times, trace)
+        self._last = times, trace
+
+    def now(self) -> dict[str, np.ndarray]:
+        """Return the fields of `Samples` now, arrays of shape (1,)."""
+        if self._last is None:
+            self.advance_to(self.time)
+        assert self._last is not None
+        return self.quantities(*self._last)
 
     @property
     def steps(self) -> int:
@@ -216,6 +232,7 @@ class Motion:
 
     def _advance(self, times: np.ndarray, trace: Trace) -> None:
         """Advance as `advance` does, without letting Python hear a signal meanwhile."""
+        self._last = None
         end, status = float(times[-1]), event_loop.EVENTS_FULL
         while status == event_loop.EVENTS_FULL:
             status, taken, count = self._stepper.advance(self.state, times, self.point, *trace, self._room)

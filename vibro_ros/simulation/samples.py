@@ -1,5 +1,6 @@
 """What a simulation returns: the device's quantities at the instants asked for."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Generic, NamedTuple, TypeVar
 
@@ -110,6 +111,16 @@ class Trace(NamedTuple):
         return Trace(self.points[first:end], self.modes[first:end], self.phases[first:end])
 
 
+def one_sample(quantities: Mapping[str, np.ndarray]) -> Samples[float]:
+    """The sample at one instant, from all its fields as arrays of shape (1,).
+
+    The constructor of a frozen class sets field by field and checks each: half of what a tick's sample would cost.
+    """
+    sample: Samples[float] = object.__new__(Samples)
+    vars(sample).update({name: values.item() for name, values in quantities.items()})
+    return sample
+
+
 def sampled_quantities(model: Model, times: np.ndarray, trace: Trace) -> dict[str, np.ndarray]:
     """Fields of `Samples` from what the solver sampled: arrays of their own, so that one can be kept without the
     others.
@@ -124,18 +135,19 @@ def sampled_quantities(model: Model, times: np.ndarray, trace: Trace) -> dict[st
         What was sampled there.
     """
     points, modes, phases = trace
+    turns, angle, rate = phases.T
     linear = tuple(np.empty(len(times)) for _ in OUTPUTS)
     evaluate_forms(model.output, model.output_terms, modes, points, linear)
     quantities: dict[str, np.ndarray] = dict(zip(OUTPUTS, linear, strict=True))
     if model.forms.pressed_only:
         quantities["normal_force"] = np.maximum(quantities["normal_force"], 0.0)
-    speed = phases[:, 2].copy()
+    speed = rate.copy()
     power = np.zeros(len(times))
     for k, side in enumerate(model.forms.guides):
         power += quantities[f"{side}_drive_force"] * points[:, model.forms.channels.signal_rate(k)]
     quantities |= {
-        "time": times.copy(), "crank_angle": 2.0 * np.pi * phases[:, 0] + phases[:, 1], "motor_speed": speed,
-        "motor_torque": _torque(model, quantities, phases[:, 1], speed, power), "motor_power": power,
+        "time": times.copy(), "crank_angle": 2.0 * np.pi * turns + angle, "motor_speed": speed,
+        "motor_torque": _torque(model, quantities, angle, speed, power), "motor_power": power,
     }
     return quantities
 
@@ -143,9 +155,10 @@ def sampled_quantities(model: Model, times: np.ndarray, trace: Trace) -> dict[st
 def _torque(model: Model, quantities: dict[str, np.ndarray], phase: np.ndarray, speed: np.ndarray,
             power: np.ndarray) -> np.ndarray:
     """Torque of the drive forces on the crank [N m]: power by speed, and where it stands, by the sliders' slopes."""
+    if speed.all():
+        return power / speed
     stands = speed == 0.0
     torque = power / np.where(stands, 1.0, speed)
-    if stands.any():
-        torque[stands] = sum(quantities[f"{side}_drive_force"][stands] * slider.slope(phase[stands])
-                             for side, slider in zip(model.forms.guides, model.sliders, strict=True))
+    torque[stands] = sum(quantities[f"{side}_drive_force"][stands] * slider.slope(phase[stands])
+                         for side, slider in zip(model.forms.guides, model.sliders, strict=True))
     return torque

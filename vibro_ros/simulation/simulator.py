@@ -9,7 +9,7 @@ from vibro_ros.model.scene import Scene
 from vibro_ros.simulation.auto import Choice, choose_method, chosen
 from vibro_ros.simulation.motion import Motion
 from vibro_ros.simulation.sample_times import LATEST, checked_times
-from vibro_ros.simulation.samples import Samples
+from vibro_ros.simulation.samples import Samples, one_sample
 
 
 class ToleranceWarning(UserWarning):
@@ -69,8 +69,7 @@ class Simulator:
         >>> vibro_ros.Simulator(vibro_ros.load_scene("paper")).state.motor_speed
         100.0
         """
-        arrays = self._motion.sampled(np.array([self.time]))
-        return Samples(**{name: float(values[0]) for name, values in arrays.items()})
+        return one_sample(self._motion.now())
 
     def command(self, motor_speed: float | None = None, upper_gap: float | None = None,
                 inclined_gap: float | None = None) -> None:
@@ -166,7 +165,7 @@ class Simulator:
             raise ValueError(f"cannot advance to {time:g} s: the device is at {self.time:g} s and time runs forwards")
         if time > LATEST:
             raise ValueError(f"cannot advance to {time:g} s: give at most {LATEST:g} s, beyond which clocks are coarse")
-        self._motion.advance(np.array([time]), self._motion.new_trace(1))
+        self._motion.advance_to(time)
 
     def sample(self, times: np.ndarray) -> Samples:
         """Advance to each of `times` [s] in turn; the device there, every field of shape (n,).
