@@ -3,9 +3,9 @@
 import os
 import random
 import shutil
+import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import pytest
@@ -20,22 +20,23 @@ ROOT = str(Path(__file__).parents[2])
 KILLS = int(os.environ.get("VIBRO_ROS_KILLS", "12"))  # VIBRO_ROS_KILLS=60 for the long version
 MESSAGES = 3000
 
-# Stops before every call that changes a file, says so, and goes on when it is told to: so it is killed at each of them.
-STEPPED = """
-import os, sys
-from pathlib import Path
-from vibro_ros.bag.recovery import recover
-def stepped(call):
-    def wait(*arguments, **options):
-        print(call.__name__, flush=True)
-        sys.stdin.readline()
-        return call(*arguments, **options)
-    return wait
-for name in ("write", "ftruncate", "posix_fallocate", "fsync", "unlink", "rename", "replace", "link", "rmdir", "mkdir"):
-    setattr(os, name, stepped(getattr(os, name)))
-recover(sys.argv[1])
-print("done", flush=True)
-"""
+LATEST = 0.15  # [s] of a kill; a recovery of these bags takes 0.03 to 0.1 s on an idle machine
+
+
+@pytest.fixture(scope="module")
+def recovering():
+    """A process that recovers bags in processes of its own."""
+    child = subprocess.Popen([sys.executable, str(Path(__file__).with_name("recovering.py"))], text=True,
+                             stdin=subprocess.PIPE, stdout=subprocess.PIPE, env=os.environ | {"PYTHONPATH": ROOT})
+    yield child
+    child.stdin.close()
+    assert child.wait(60) == 0
+    child.stdout.close()
+
+
+def say(child: subprocess.Popen, *words: object) -> None:
+    child.stdin.write("\t".join(map(str, words)) + "\n")
+    child.stdin.flush()
 
 
 def killed_bag(folder: Path, kind: str) -> int:
@@ -71,34 +72,25 @@ def stamps(folder: Path) -> list[int]:
         return [stamp for _, stamp, _ in stream.messages()]
 
 
-def stepped(folder: Path) -> subprocess.Popen:
-    return subprocess.Popen([sys.executable, "-c", STEPPED, str(folder)], stdin=subprocess.PIPE, stdout=subprocess.PIPE,
-                            text=True, env=os.environ | {"PYTHONPATH": ROOT})
-
-
-def go(child: subprocess.Popen, calls: int) -> bool:
-    """Let so many calls happen, then kill; whether it was done before."""
-    try:
-        for _ in range(calls):
-            if child.stdout.readline() in ("done\n", ""):
-                return True
-            child.stdin.write("\n")
-            child.stdin.flush()
-        return child.stdout.readline() == "done\n"
-    finally:
-        child.kill()
-        child.wait()
-        child.stdin.close()
-        child.stdout.close()
+def killed_at_step(child: subprocess.Popen, folder: Path, calls: int) -> bool:
+    """Let so many calls of a recovery happen, then kill it; whether it was done before."""
+    say(child, "STEP", folder)
+    for call in range(calls + 1):
+        if child.stdout.readline() == "done\n":
+            assert int(child.stdout.readline()) == 0
+            return True
+        say(child, "stop" if call == calls else "")
+    assert int(child.stdout.readline()) == signal.SIGKILL
+    return False
 
 
 @pytest.mark.parametrize("kind", ["mcap", "sqlite3"])
-def test_a_recovery_killed_before_any_of_its_steps_can_be_repeated(tmp_path, kind):
+def test_a_recovery_killed_before_any_of_its_steps_can_be_repeated(tmp_path, recovering, kind):
     written = killed_bag(tmp_path / "good", kind)
     for calls in range(100):
         folder = tmp_path / "run"
         shutil.copytree(tmp_path / "good", folder)
-        done = go(stepped(folder), calls)
+        done = killed_at_step(recovering, folder, calls)
         recover(folder)
         # an unfinished transaction may have left more in a database that is sound
         assert stamps(folder)[:written] == [START + i for i in range(written)], f"killed before step {calls}"
@@ -110,16 +102,12 @@ def test_a_recovery_killed_before_any_of_its_steps_can_be_repeated(tmp_path, kin
 
 
 @pytest.mark.parametrize("attempt", range(KILLS))
-def test_recoveries_killed_at_random_lose_nothing(tmp_path, attempt):
+def test_recoveries_killed_at_random_lose_nothing(tmp_path, recovering, attempt):
     folder = tmp_path / "run"
     written = killed_bag(folder, ("mcap", "sqlite3")[attempt % 2])
     chance = random.Random(attempt)
     for _ in range(3):
-        child = subprocess.Popen([sys.executable, "-m", "vibro_ros.recordings.recover", str(folder)],
-                                 stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
-                                 env=os.environ | {"PYTHONPATH": ROOT})
-        time.sleep(chance.uniform(0.2, 1.5))  # amid its imports, or its work: the machine decides
-        child.kill()
-        child.wait()
+        say(recovering, "KILL", folder, chance.uniform(0.0, LATEST))  # amid its work, or after: the machine decides
+        assert int(recovering.stdout.readline()) in (signal.SIGKILL, 0)
     recover(folder)
     assert stamps(folder)[:written] == [START + i for i in range(written)]
