@@ -34,8 +34,8 @@ demo: $(READY)  ## run robot and controller for about 20 s, record, report into 
 	@$(BIN)/python -m vibro_ros.project.demo
 
 test: $(READY) $(PEER)  ## run every test, two at a time; those that need a quiet machine one after the other
-	@$(BIN)/python -m pytest --numprocesses 2 -m "not quiet"
-	@$(BIN)/python -m pytest -m quiet
+	@$(BIN)/python -m pytest --numprocesses 2 --dist worksteal -m "not quiet"
+	@$(BIN)/python -m pytest -m quiet $$(grep -rl --include='*.py' 'mark\.quiet' test)
 
 check: lint  ## the fast loop: the style, and the tests of model and solver; a minute or two
 	@$(BIN)/python -m pytest --numprocesses 2 --quiet test/model test/solver

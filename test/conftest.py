@@ -24,6 +24,7 @@ os.environ["ROS_PYTHON_CHECK_FIELDS"] = "1"
 os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
 os.environ.setdefault("MPLBACKEND", "Agg")
 os.environ.update([SESSION.split("=")])
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)  # or each of the hundreds of programs started would compile the package
 # Tests and what they start must hear signals that `nohup` or a script's `&` has told pytest to ignore.
 if signal.getsignal(signal.SIGHUP) is signal.SIG_IGN:
     signal.signal(signal.SIGHUP, lambda number, frame: None)  # a program that is started then has the default again
