@@ -6,9 +6,8 @@ import pytest
 
 from vibro_ros.ros.lateness import table
 
-pytestmark = pytest.mark.quiet
 
-
+@pytest.mark.quiet
 def test_recording_is_switched_on_and_off_and_both_are_told(start, domain_id, tmp_path):
     measurement = start("lateness", "--rounds", "1", "--length", "1")
     assert measurement.end() == 0, measurement.text

@@ -20,13 +20,12 @@ from observation import bags, stamps_of, stop, value_of
 from vibro_ros.bag.reader import read_bag
 from vibro_ros.bag.recovery import recover
 
-pytestmark = pytest.mark.quiet
-
 UNLIMITED = (resource.RLIM_INFINITY, resource.RLIM_INFINITY)
 KILLS = int(os.environ.get("VIBRO_ROS_ROBOT_KILLS", "2"))  # VIBRO_ROS_ROBOT_KILLS=100 for the long version
 LONGEST_LOSS = 0.15  # [s] what the issue allows
 
 
+@pytest.mark.quiet
 @pytest.mark.parametrize("attempt", range(KILLS))
 def test_a_killed_robot_loses_the_last_moments_and_the_next_one_tells_how_to_seal(udp_only, start, listener, tmp_path,
                                                                                   attempt):
@@ -56,6 +55,7 @@ def test_a_killed_robot_loses_the_last_moments_and_the_next_one_tells_how_to_sea
     assert "exact" in bag.metadata["solver"] and bag.metadata["version"] and "numpy" in bag.metadata["platform"]
 
 
+@pytest.mark.quiet
 def test_a_full_disk_is_told_once_and_recording_resumes_when_there_is_room(start, listener, record, tmp_path):
     robot = start("robot")
     listener.spin_for_samples(50)
@@ -116,6 +116,7 @@ sys.exit(code)
 """
 
 
+@pytest.mark.quiet
 def test_a_disk_that_stalls_for_two_seconds_costs_no_message_and_no_time(compiled, listener, tmp_path, domain_id):
     robot = subprocess.Popen([sys.executable, "-c", SLOW], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
                              cwd=tmp_path)
@@ -176,6 +177,7 @@ def fill(ballast: Path) -> None:
             pass
 
 
+@pytest.mark.quiet
 def test_a_disk_that_stalls_and_then_fills_up_costs_the_robot_nothing(start, listener, record, tmp_path):
     disk = Disk(tmp_path)
     robot = start("robot", "--ros-args", "-p", "rate.publish:=1000.0", "-p", f"record.directory:={disk.folder}",
