@@ -100,6 +100,10 @@ class Bench:
             assert time.monotonic() < deadline, f"{what}: not within {patience} s"
             self._executor.spin_once(timeout_sec=0.05)
 
+    def spin_once(self) -> None:
+        """Run one callback, if one is ready."""
+        self._executor.spin_once(timeout_sec=0.0)
+
     def close(self) -> None:
         self._executor.shutdown()
         self.node.destroy_node()
