@@ -37,7 +37,7 @@ test: $(READY) $(PEER)  ## run every test, two at a time; those that need a quie
 	@$(BIN)/python -m pytest --numprocesses 2 --dist worksteal -m "not quiet"
 	@$(BIN)/python -m pytest -m quiet $$(grep -rl --include='*.py' 'mark\.quiet' test)
 
-check: lint  ## the fast loop: the style, and the tests of model and solver; a minute or two
+check: lint  ## the fast loop: the style, and the tests of model and solver; half a minute
 	@$(BIN)/python -m pytest --numprocesses 2 --quiet test/model test/solver
 
 lint: $(READY) conflict-markers  ## check style, spelling and types, and that names and links in documents lead somewhere
