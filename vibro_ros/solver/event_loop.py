@@ -44,7 +44,7 @@ _NO_SAMPLES = np.empty((0, 0)), np.empty(0, dtype=np.int64), np.empty((0, 3))
 
 @kernel
 def _solve_up_to_driven(system, state, point):
-    """Set up a segment that is short enough for a decaying term, if the mode has one."""
+    """Set up a segment that holds or moves the dynamic coordinates, short enough for a decaying term of the mode."""
     longest, held = known_duration(system, state), state.scratch.after
     while True:
         choose_segment(system, state, longest)
