@@ -4,6 +4,7 @@ A kernel holds what was inlined into it from other modules: the cache folder is 
 whole package, so that no update is served stale.
 """
 
+import functools
 import hashlib
 import os
 import pkgutil
@@ -11,6 +12,7 @@ from pathlib import Path
 
 import numba
 
+from vibro_ros.solver.by_reference import references
 from vibro_ros.solver.kernel_cache import KernelCache
 from vibro_ros.solver.part_compiler import PartCompiler
 
@@ -72,5 +74,15 @@ def called_kernel(function):
 
 
 def entry_kernel(function):
-    """Compile a kernel that Python calls, and store the kernel with all that is inlined into it."""
-    return cached(_compiled(function, {"contract"}))
+    """Compile a kernel that Python calls, and store the kernel with all that is inlined into it.
+
+    Inside, named tuples are references; kernels call a `kernel`, not this.
+    """
+    part = kernel(function)
+
+    @functools.wraps(function)
+    def entry(*arguments):
+        return part(*references(arguments))
+
+    del entry.__wrapped__  # numba would look for the arguments there
+    return cached(_compiled(entry, {"contract"}))

@@ -131,14 +131,20 @@ def transition(system, state, point, after):
     return FLOW_ENDS, target
 
 
-@entry_kernel
-def leave_for_ramp(system, state, ramp, point, events, count):
+@kernel
+def _enter_after_ramp(system, state, ramp, point, events, count):
     """At the segment's start, enter the mode that follows when the rate of a ramp changes; returns the number of
     events."""
     mode = system.mode_after_ramp_change[state.now[0].automaton.mode, ramp]
     count = switch_monitors(system, state, mode, instant(state, -1.0), point, events, count)
     state.now[0].automaton.mode = mode
     return count
+
+
+@entry_kernel
+def leave_for_ramp(system, state, ramp, point, events, count):
+    """Enter the mode that follows a command to a ramp: `_enter_after_ramp`, for Python."""
+    return _enter_after_ramp(system, state, ramp, point, events, count)
 
 
 @kernel
@@ -148,7 +154,7 @@ def record_reached(system, state, reached, point, events, count):
     for k in range(len(state.ramp)):
         if reached & (1 << k):
             count = record(events, count, time, RAMP_KIND + k, 0.0, 0.0, 0.0)
-            count = leave_for_ramp(system, state, k, point, events, count)
+            count = _enter_after_ramp(system, state, k, point, events, count)
     if reached & (1 << len(state.ramp)):
         count = record(events, count, time, PHASE_KIND, 0.0, 0.0, 0.0)
     return count
