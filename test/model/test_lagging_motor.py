@@ -86,3 +86,15 @@ def test_every_cut_of_time_gives_the_same_bits():
         cut.advance_to(0.1 + k * 0.37e-3)
     cut.advance_to(0.5)
     assert whole.state == cut.state
+
+
+def test_a_lagging_motor_takes_hardly_more_segments_than_a_steady_one():
+    """Where its speed changes by a tenth within a cell at most, a cell is one segment, as at a steady speed."""
+    ideal = vibro_ros.load_scene("no_impact").with_parameters({"motor.speed": 70.0})
+    steps = {}
+    for motor in ("ideal", "lag"):
+        device = vibro_ros.Simulator(ideal.with_parameters({"effects.motor": motor}))
+        device.command(motor_speed=100.0)
+        device.advance_to(4.0)
+        steps[motor] = device.statistics["steps"]
+    assert steps["lag"] < 1.1 * steps["ideal"]

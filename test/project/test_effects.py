@@ -7,7 +7,7 @@ import pytest
 
 from vibro_ros.configuration.scene_file import load_scene
 from vibro_ros.model.parameters import SCENE_PARAMETERS
-from vibro_ros.project import effects
+from vibro_ros.project import effect_cost, effects
 from vibro_ros.project.effects import Effect, mean_speeds, measure, size
 from vibro_ros.simulation.simulator import Simulator
 
@@ -94,3 +94,16 @@ def test_a_document_without_a_place_for_the_table_is_refused_before_anything_is_
     assert effects.main([str(file)]) == 2
     assert file.read_text() == "no place"
     assert capsys.readouterr().err.count("\n") == 1
+
+
+def test_the_cost_of_single_effects_is_printed(capsys):
+    assert effect_cost.main(["lag", "energy", "--duration", "0.1", "--repeats", "1"]) == 0
+    head, _, *rows = capsys.readouterr().out.splitlines()
+    assert head == "| scene | effect | cost |"
+    assert [row.split(" | ")[1] for row in rows] == ["`lag` motor, not `ideal`", "energy audit"]
+    assert all(float(row.split(" | ")[2].rstrip("| ")) > 0.0 for row in rows)
+
+
+def test_an_effect_that_does_not_exist_is_refused(capsys):
+    assert effect_cost.main(["magnet"]) == 2
+    assert "magnet: no effect has it in its name" in capsys.readouterr().err

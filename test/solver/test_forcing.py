@@ -76,6 +76,39 @@ def test_changing_speed(slider, speed, target, change):
         assert event[0] == pytest.approx(ramp_time, rel=1e-15)
 
 
+def lagging(slider, lag, speed, target, times):
+    """A run whose speed approaches `target`: points, phases and the exact angles [rad] at `times`."""
+    run = Integration(build(ONE_SIGNAL, [[]], signals=signal_table((slider,))), speed=speed)
+    run.lag_speed(target, lag, 40.0 * lag)
+    points, _, phases = run.sample(times)
+    with mpmath.workdps(40):
+        angles = [target * mpmath.mpf(float(time)) + (target - mpmath.mpf(speed)) * lag * mpmath.expm1(
+            -mpmath.mpf(float(time)) / lag) for time in times]
+    return points, phases, angles
+
+
+@pytest.mark.parametrize("slider", SLIDERS)
+@pytest.mark.parametrize("lag", [1e-3, 0.02, 0.1, 0.5])
+@pytest.mark.parametrize(("speed", "target"), [(0.0, 100.0), (100.0, 0.0), (100.0, 130.0), (500.0, 1.0), (2.0, 2.001)])
+def test_lagging_speed(slider, lag, speed, target):
+    """Through whole cells and parts of them: to the rounding of a position, and of the phase at the slider's speed."""
+    points, phases, angles = lagging(slider, lag, speed, target, np.linspace(0.0, min(40.0 * lag, 2.0), 100))
+    turned = np.array([float(angle) for angle in angles])
+    with mpmath.workdps(40):
+        expected = np.array([float(exact_slider(slider, angle)) for angle in angles])
+    rounding = 3e-16 + 2.0 * slider.radius * 2e-15 * (1.0 + turned)
+    assert np.all(abs(points[:, 0] - expected) <= rounding), abs(points[:, 0] - expected).max()
+    np.testing.assert_allclose(phases[:, 0] * 2 * math.pi + phases[:, 1], turned, rtol=2e-15, atol=1e-15)
+
+
+@pytest.mark.parametrize("slider", SLIDERS[:3])
+def test_signal_rates_at_a_lagging_speed(slider):
+    """As at a steady speed: to the rounding of the position over the time in which a cell passes."""
+    points, phases, _ = lagging(slider, 0.1, 100.0, 130.0, np.linspace(0.0, 0.5, 200))
+    expected = slider.slope(phases[:, 1]) * phases[:, 2]
+    np.testing.assert_allclose(points[:, 1], expected, rtol=0, atol=1.3e-13)
+
+
 @pytest.mark.parametrize("slider", SLIDERS[:4])
 def test_signal_rates(slider):
     """ds/dt: to the rounding of the position over the time in which a cell passes."""

@@ -64,18 +64,29 @@ def test_recentre(x):
     assert not targets[:, 5:].any()
 
 
-@pytest.mark.parametrize("inner", [(1.0,), (0.4,), (0.5, 0.2), (0.0, 0.7), (0.9, -0.3), (0.6, -0.2, 0.05, -0.01, 1e-3)])
-def test_substitute(inner):
-    """p(inner(y)), cut at the length: exactly its first coefficients."""
-    target, series = np.empty(LENGTH), np.zeros(LENGTH)
-    series[1:len(inner) + 1] = inner
-    for p in DECAYING:
-        for terms in (1, 7, LENGTH):
-            poly.substitute(p, terms, series, len(inner) + 1, target)
-            expected = np.zeros(LENGTH)
-            composed = Polynomial(p[:terms])(Polynomial([0.0, *inner])).coef[:LENGTH]
-            expected[:len(composed)] = composed
-            np.testing.assert_allclose(target, expected, rtol=0, atol=1e-15)
+@pytest.mark.parametrize("shift", [(0.0, 0.0, 0.3), (0.02, 0.0, -0.02), (0.03, 0.01, -0.03, -0.01),
+                                   (0.0, 0.0, -0.3, 0.1, -0.03)])
+def test_displace(shift):
+    """p(x + shift(x)), to rounding: powers beyond the length are economized, not cut.
+
+    Series of a part of a cell shrink by 0.22 (`system.STRIDE`) a term, with the shift.
+    """
+    target, room, series = np.empty(LENGTH), np.empty(2 * LENGTH), np.zeros(LENGTH)
+    series[:len(shift)] = shift
+    places = np.linspace(-1.0, 1.0, 101)
+    for p in DECAYING * 0.55 ** np.arange(LENGTH):
+        poly.displace(p, series, len(shift), LENGTH - 1, room, target)
+        expected = Polynomial(p)(places + Polynomial(shift)(places))
+        np.testing.assert_allclose(Polynomial(target)(places), expected, rtol=0, atol=2e-15)
+
+
+def test_displace_stops_at_the_power_that_is_asked_for():
+    target, room, series = np.empty(LENGTH), np.empty(2 * LENGTH), np.zeros(LENGTH)
+    series[2] = 1e-5
+    p = Polynomial(DECAYING[0])
+    poly.displace(DECAYING[0], series, 3, 2, room, target)
+    expected = p(0.5) + p.deriv()(0.5) * 0.25e-5 + p.deriv(2)(0.5) * (0.25e-5) ** 2 / 2.0
+    assert poly.value(target, 0.5) == pytest.approx(expected, abs=2e-16)
 
 
 def test_differentiate_in_time():

@@ -8,6 +8,7 @@ from vibro_ros.solver.vector import (
     LENGTH,
     first_index,
     indices_above,
+    last,
     lowered,
     powers,
     raised,
@@ -52,6 +53,10 @@ def test_places():
     np.testing.assert_array_equal(stored(lambda target, p: store(target, raised(vector(p))), P), [0.0, *P[:-1]])
     np.testing.assert_array_equal(stored(lambda target, p: store(target, lowered(vector(p))), P), [*P[1:], 0.0])
     np.testing.assert_array_equal(stored(lambda target, p: store(target, with_first(vector(p), 7.0)), P), [7.0, *P[1:]])
+
+
+def test_last():
+    assert numba.njit(lambda p: last(vector(p)))(P) == P[-1]
 
 
 def test_places_by_size():

@@ -64,6 +64,9 @@ EXECUTABLES = {
     "effects": Executable(
         "vibro_ros.project.effects", False,
         "Write the tables of effects into a Markdown file."),
+    "effect_cost": Executable(
+        "vibro_ros.project.effect_cost", False,
+        "Measure what effects cost, as ratios of runs with them and without, in turn."),
     "parameter_table": Executable(
         "vibro_ros.project.parameter_table", False,
         "Write the parameters' table into a Markdown file."),

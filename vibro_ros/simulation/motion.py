@@ -155,7 +155,8 @@ class Motion:
 
     def lasting_overwritten(self) -> None:
         """Begin to go on from what was written into the arrays of `lasting`."""
-        self.state.library.half[...] = 0.0  # no series there belongs to this state
+        library = self.state.library  # of which no series belongs to this state
+        library.half[...], library.version[...], library.signal_cells[...] = 0.0, 0, 0
         self._last = None
 
     def _begin_segment(self, state: State) -> None:

@@ -14,12 +14,15 @@ _NEGLIGIBLE = 1e-18  # beside 1
 # Newton's method for the end of a cell: monotone after its first step, because the speed is.
 _MOST_NEWTON_STEPS = 60
 _NEWTON_END = 4e-16
+# Change of the speed over a cell, as part of the speed, at which the cell may be a segment: the phase is then off the
+# straight line by a fortieth of the cell's half at most, and the cell's ellipse of convergence as good as the same.
+_SMALL_CHANGE = 0.1
 
 
 @kernel
 def enter_next_cell(system, drive):
     """Let the segment start where the next cell does."""
-    drive.offset = 0.0
+    drive.offset = drive.since = 0.0
     drive.cell += 1
     if drive.cell == len(system.signals.start) - 1:
         drive.cell = 0
@@ -90,24 +93,38 @@ def resolved_time(drive, reach):
     """
     change = drive.acceleration
     if drive.lag > 0.0:
-        # For complex times up to 1/STRIDE half segments the decay grows by e at most, and the phase with it.
-        fastest = max(drive.speed, drive.target)
-        return 2.0 * STRIDE * min(drive.lag, reach / (2.0 * math.e * fastest))
+        # For complex times up to a time constant from the middle, the deviation grows by e at most.
+        fastest = drive.target + (math.e - 1.0) * abs(drive.speed - drive.target)
+        return 2.0 * STRIDE * min(drive.lag, reach / fastest)
     # By the middle, STRIDE of that time away, the speed has risen.
     change_from_middle = abs(change) + 2.0 * STRIDE * max(change, 0.0)
     return 2.0 * STRIDE * _ramped_time_to_advance(reach, drive.speed, change_from_middle)
 
 
 @kernel
-def fill_phase(drive, half, width, series):
-    """Fill `series` with the phase over a segment of the duration 2 `half` [s]; return the number of its terms.
+def measure_cell(drive, width):
+    """Note where a cell of the `width` [rad] starts while the speed changes, and whether it may be a segment.
 
-    The phase is counted from the middle of its cell in halves of the cell's `width` [rad].
+    It may if the change is so small over the cell that the signals are as smooth in time as they are in the phase.
     """
-    advance, speed = phase_advance(drive, half)
+    drive.cells += 1
+    drive.version += 1
+    drive.since, drive.cell_time, drive.cell_speed = 0.0, 0.0, drive.speed
+    time = time_to_advance(drive, width)
+    if time < drive.time_left and (drive.lag == 0.0 or time < 2.0 * drive.lag):
+        _, end = phase_advance(drive, time)
+        if abs(end - drive.speed) < _SMALL_CHANGE * min(end, drive.speed):
+            drive.cell_time = time
+
+
+@kernel
+def _fill_change(drive, speed, half, width, series):
+    """Fill `series` with what the change of the speed adds to the phase, about an instant at which it is `speed`.
+
+    The phase is in halves of the cell's `width` [rad], the time in `half` [s]. Returns the number of terms, 2 if there
+    is no change.
+    """
     series[:] = 0.0
-    series[0] = 2.0 * (drive.offset + advance) / width - 1.0
-    series[1] = speed * half * 2.0 / width
     if drive.lag == 0.0:
         series[2] = drive.acceleration * half * half / width
         return 2 if series[2] == 0.0 else 3
@@ -117,4 +134,36 @@ def fill_phase(drive, half, width, series):
     while terms < LENGTH and abs(series[terms - 1]) > _NEGLIGIBLE:
         series[terms] = -series[terms - 1] * shrink / terms
         terms += 1
+    return terms
+
+
+@kernel
+def fill_shift(drive, half, width, shift):
+    """Write the phase over a segment of the duration 2 `half` [s] as middle + slope (x + shift(x)).
+
+    The phase is counted from the middle of its cell in halves of the cell's `width` [rad].
+
+    Returns
+    -------
+    (float, float, int)
+        Middle and slope, dimensionless, and the number of the shift's terms, or 2 if there is none.
+    """
+    advance, speed = phase_advance(drive, half)
+    terms = _fill_change(drive, speed, half, width, shift)
+    slope = speed * half * 2.0 / width
+    for n in range(2, terms):
+        shift[n] /= slope
+    return 2.0 * (drive.offset + advance) / width - 1.0, slope, terms
+
+
+@kernel
+def fill_cell_shift(drive, width, shift):
+    """Write the phase over the present cell, of the `width` [rad], as x + shift(x); returns the shift's terms."""
+    half = 0.5 * drive.cell_time
+    speed = drive.cell_speed + drive.acceleration * half
+    if drive.lag > 0.0:
+        speed = drive.target + (drive.cell_speed - drive.target) * math.exp(-half / drive.lag)
+    terms = _fill_change(drive, speed, half, width, shift)
+    for n in range(2, terms):  # as the phase is -1 and 1 where x is, exactly
+        shift[n % 2] -= shift[n]
     return terms

@@ -233,5 +233,6 @@ def interrupt(system, state, time, point):
     close_audit(system, state, x, point)
     state.now[0].automaton.standstills = 0  # what a command sets off is no part of the cascade before it
     advance_forcing(system, state, x)
-    state.now[0].drive.version += 1  # of the forcing after the command
+    state.now[0].drive.version += 1  # of the forcing after the command, ...
+    state.now[0].drive.cell_time = 0.0  # ... which does not hold from the cell's start
     segment.start, segment.residue = time, 0.0  # or a sample now could lie before what follows at once

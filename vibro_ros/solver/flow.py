@@ -5,8 +5,11 @@ enough for the series to end at rounding (`System.longest_segment`).
 
 The motion is a *forced* motion, under the segment's loads, plus the *free* motion, without loads, that makes the sum
 pass through the point at which the flow starts. Any forced motion serves. The free motions from a unit of each
-component, and the forced motion over a whole cell at a steady speed, are therefore stored in the `Library` for the next
-segment of their kind. The *components* of a motion are its positions and then its velocities.
+component, and the forced motion over a whole cell, are therefore stored in the `Library` for the next segment of their
+kind. The *components* of a motion are its positions and then its velocities.
+
+A free motion does not depend on where it begins. Over a segment of any duration, it is the part about the middle of the
+free motion over the longest segment of the kind, which is solved once a flow.
 """
 
 from vibro_ros.solver.channels import first_acceleration
@@ -14,6 +17,8 @@ from vibro_ros.solver.compilation import kernel, rounding_kernel
 from vibro_ros.solver.economization import economized_powers
 from vibro_ros.solver.linear_forms import form_magnitude
 from vibro_ros.solver.polynomial import INVERSE, differentiate, fill_form, integrate_through, value
+from vibro_ros.solver.segment import LONGEST_SEGMENT
+from vibro_ros.solver.system import CELL_RATE
 from vibro_ros.solver.vector import LENGTH, powers, store, total, vector, with_first
 
 # So many terms follow those of a motion over a cell until they are lost in rounding: 3.4^32 / 32!.
@@ -100,24 +105,44 @@ def _compensated_sum(p):
 
 
 @kernel
+def _greatest_half(system, state, slot):
+    """Half the duration [s] of the longest segment that a slot's free motions serve."""
+    cells = len(system.signals.start) - 1
+    if slot < cells:
+        return state.now[0].segment.half
+    rate = 1.0 if slot == cells else CELL_RATE
+    return 0.5 * min(LONGEST_SEGMENT, rate * system.longest_segment[state.now[0].automaton.mode])
+
+
+@kernel
+def _free_slot(system, state):
+    """Slot of the library whose free motions serve the present segment."""
+    slot, cells = state.now[0].segment.slot, len(system.signals.start) - 1
+    return slot if slot == cells or state.now[0].drive.time_left == 0.0 else cells + 1
+
+
+@kernel
 def _provide_free_motion(system, state, flow, slot):
-    """Solve the free motions over segments like this one, if the library does not have them."""
-    library = state.library
-    if library.half[flow, slot] == state.now[0].segment.half:
+    """Solve the free motions of a slot of the library, if it does not have them."""
+    library, segment = state.library, state.now[0].segment
+    half = _greatest_half(system, state, slot)
+    if library.half[flow, slot] == half:
         return
-    library.half[flow, slot] = state.now[0].segment.half
+    library.half[flow, slot] = half
     library.version[flow, slot] = 0
     components = 2 * system.size[0].dynamic
     state.scratch.room[0].load[:] = 0.0
+    present, segment.half = segment.half, half
     for j in range(components):
         motion = library.free[flow, slot, j]
         motion[:] = 0.0
         motion[j, 0] = 1.0
         _solve(system, state, motion)
-        if slot == state.now[0].drive.cell:
+        if slot != len(system.signals.start) - 1:
             _economize(system, state, motion)
         for c in range(components):
             library.free_end[flow, slot, j, c] = _compensated_sum(motion[c])
+    segment.half = present
 
 
 @kernel
@@ -181,11 +206,11 @@ def _coupled_components(system, state, c):
 
 
 @kernel
-def _carry_to_middle(system, state, free, free_end):
+def _carry_to_middle(system, state, free, free_end, part):
     """Store the free motion's value in the segment's middle, from its value at the flow's start.
 
     The free motion does not depend on time: what a unit becomes between the flow's start and the middle is what a unit
-    in the middle becomes in as long a time after it.
+    in the middle becomes in as long a time after it. The segment is the `part` of that of the free motions.
     """
     start, room = state.now[0].segment.flow_start, state.scratch.room[0]
     at_start, at_middle = room.free_at_start[:], room.free_at_middle[:]
@@ -193,20 +218,20 @@ def _carry_to_middle(system, state, free, free_end):
         middle = 0.0
         first, step = _coupled_components(system, state, c)
         for j in range(first, len(free), step):
-            part = free_end[j, c] if start == -1.0 else value(free[j, c], -start)
-            middle += part * at_start[j]
+            share = free_end[j, c] if start * part == -1.0 else value(free[j, c], -start * part)
+            middle += share * at_start[j]
         at_middle[c] = middle
 
 
 @kernel
-def _add_free_motion(system, state, free, c, forced, target):
-    """target = forced + component c of the free motion."""
+def _add_free_motion(system, state, free, c, part, forced, target):
+    """target = forced + component c of the free motion over the `part` about the middle of its segment."""
     first, step = _coupled_components(system, state, c)
     middle = state.scratch.room[0].free_at_middle[:]
     motion = middle[first] * vector(free[first, c])
     for j in range(first + step, len(free), step):
         motion = motion + middle[j] * vector(free[j, c])
-    store(target, vector(forced) + motion)
+    store(target, vector(forced) + motion * powers(part))
 
 
 @kernel
@@ -245,16 +270,18 @@ def solve_dynamic(system, state, point):
     """Series of the dynamic coordinates that pass through `point` at the flow's start."""
     z, slot, library = state.z, state.now[0].segment.slot, state.library
     flow = system.flow[state.now[0].automaton.mode]
-    _provide_free_motion(system, state, flow, slot)
-    forced, free = library.forced[flow, slot], library.free[flow, slot]
+    free_slot = _free_slot(system, state)
+    _provide_free_motion(system, state, flow, free_slot)
+    forced, free = library.forced[flow, slot], library.free[flow, free_slot]
+    part = state.now[0].segment.half / library.half[flow, free_slot]
     _provide_forced_motion(system, state, flow, slot, point)
     needs_free = _needs_free_motion(system, state, forced, library.forced_start[flow, slot], point)
     if needs_free:
-        _carry_to_middle(system, state, free, library.free_end[flow, slot])
+        _carry_to_middle(system, state, free, library.free_end[flow, free_slot], part)
     for c in range(2 * system.size[0].dynamic):
         channel = _component(system, c)
         if needs_free:
-            _add_free_motion(system, state, free, c, forced[c], z[channel])
+            _add_free_motion(system, state, free, c, part, forced[c], z[channel])
         else:
             store(z[channel], vector(forced[c]))
         _rescale(state, channel, abs(z[channel, 0]) + abs(z[channel, 1]))

@@ -2,10 +2,12 @@
 
 import math
 
+import numpy as np
+
 from vibro_ros.solver.channels import first_signal
-from vibro_ros.solver.compilation import entry_kernel, kernel
-from vibro_ros.solver.drive import advance_speed, enter_next_cell, fill_phase, phase_advance
-from vibro_ros.solver.polynomial import differentiate, recentre, scale_argument, substitute, value
+from vibro_ros.solver.compilation import called_kernel, entry_kernel, kernel
+from vibro_ros.solver.drive import advance_speed, enter_next_cell, fill_cell_shift, fill_shift, phase_advance
+from vibro_ros.solver.polynomial import differentiate, displace, recentre, scale_argument, value
 from vibro_ros.solver.segment import advance_clock, choose_segment
 from vibro_ros.solver.vector import LENGTH, store, vector
 
@@ -25,25 +27,94 @@ def _significant_terms(ratio):
 
 
 @kernel
+def _copy(polynomials, targets):
+    for k in range(len(polynomials)):
+        store(targets[k], vector(polynomials[k]))
+
+
+@kernel
+def _cell_width(system, drive):
+    """Width [rad] of the present cell."""
+    return system.signals.start[drive.cell + 1] - system.signals.start[drive.cell]
+
+
+@kernel
+def _fill_parts(system, state, polynomials, middle, slope, shift_size):
+    """Polynomials of the signals over a part of the cell, from those over all of it."""
+    drive, first = state.now[0].drive, first_signal(system.size[0])
+    targets = state.z[first:first + len(polynomials)]
+    ratio = 0.5 * _cell_width(system, drive) * slope * (1.0 + shift_size) / system.signals.reach[drive.cell]
+    recentre(polynomials, middle, _significant_terms(ratio), targets)
+    for k in range(len(targets)):
+        scale_argument(targets[k], slope, targets[k])
+
+
+@kernel
+def _displace_all(state, polynomials, ratio, terms, size, targets):
+    """Shift the argument of each of `polynomials`, whose coefficients shrink by `ratio`, by the scratch's shift."""
+    room, order = state.scratch.room[0], _significant_terms(ratio * size) - 1
+    for k in range(len(targets)):
+        displace(polynomials[k], room.shift[:], terms, order, room.displaced[:], targets[k])
+
+
+@kernel
+def _size(shift, terms):
+    """Bound of the shift on [-1, 1]."""
+    size = 0.0
+    for n in range(2, terms):
+        size += abs(shift[n])
+    return size
+
+
+@kernel
+def _provide_cell_signals(system, state):
+    """Polynomials in time of the signals over the present cell, at a changing speed, if the library lacks them."""
+    drive, library, shift = state.now[0].drive, state.library, state.scratch.room[0].shift[:]
+    if library.signal_cells[0] == drive.cells:
+        return
+    library.signal_cells[0] = drive.cells
+    width = _cell_width(system, drive)
+    terms = fill_cell_shift(drive, width, shift)
+    ratio = 0.5 * width / system.signals.reach[drive.cell]
+    _displace_all(state, system.signals.series[drive.cell], ratio, terms, _size(shift, terms), library.signal)
+
+
+@called_kernel
+def _fill_changing_signals(system, state):
+    """Polynomials of the signals while the speed changes."""
+    segment, drive, library = state.now[0].segment, state.now[0].drive, state.library
+    shift, width, cell = state.scratch.room[0].shift[:], _cell_width(system, drive), drive.cell
+    first, terms = first_signal(system.size[0]), np.int64(2)
+    targets = state.z[first:first + len(library.signal)]
+    if drive.cell_time > 0.0:
+        _provide_cell_signals(system, state)
+        if segment.slot == cell:
+            _copy(library.signal, targets)
+            return
+        middle, slope = 2.0 * (drive.since + segment.half) / drive.cell_time - 1.0, 2.0 * segment.half / drive.cell_time
+    else:
+        middle, slope, terms = fill_shift(drive, segment.half, width, shift)
+        _copy(system.signals.series[cell], library.signal)
+        library.signal_cells[0] = 0
+    size = _size(shift, terms)
+    _fill_parts(system, state, library.signal, middle, slope, size)
+    if terms > 2:
+        ratio = 0.5 * width * slope / system.signals.reach[cell]
+        _displace_all(state, targets, ratio, terms, size, targets)
+
+
+@kernel
 def _fill_signals(system, state):
-    """Polynomials of the signals over a part of a cell, or at a changing speed."""
-    cell, room = state.now[0].drive.cell, state.scratch.room[0]
-    phase, signal = room.phase[:], room.signal[:]
-    width = system.signals.start[cell + 1] - system.signals.start[cell]
-    phase_terms = fill_phase(state.now[0].drive, state.now[0].segment.half, width, phase)
-    middle, phase[0] = phase[0], 0.0
-    span = 0.0
-    for n in range(1, phase_terms):
-        span += n * abs(phase[n])
-    terms = _significant_terms(0.5 * width * span / system.signals.reach[cell])
-    first, count = first_signal(system.size[0]), system.size[0].signals
-    recentre(system.signals.series[cell], middle, terms, state.z[first:first + count])
-    for k in range(count):
-        if phase_terms == 2:
-            scale_argument(state.z[first + k], phase[1], state.z[first + k])
-        else:
-            store(signal, vector(state.z[first + k]))
-            substitute(signal, terms, phase, phase_terms, state.z[first + k])
+    """Polynomials of the signals over the segment."""
+    segment, drive, first = state.now[0].segment, state.now[0].drive, first_signal(system.size[0])
+    if drive.time_left > 0.0:
+        _fill_changing_signals(system, state)
+    elif segment.slot == drive.cell:
+        _copy(system.signals.series[drive.cell], state.z[first:])
+    else:
+        slope = 2.0 * drive.speed * segment.half / _cell_width(system, drive)
+        middle = 2.0 * (drive.offset + drive.speed * segment.half) / _cell_width(system, drive) - 1.0
+        _fill_parts(system, state, system.signals.series[drive.cell], middle, slope, 0.0)
 
 
 @kernel
@@ -51,11 +122,7 @@ def fill_forcing(system, state):
     """Polynomials of the signals, the ramps, their rates and the constant over the segment."""
     half, z, drive = state.now[0].segment.half, state.z, state.now[0].drive
     first, signals, ramps = first_signal(system.size[0]), system.size[0].signals, system.size[0].ramps
-    if state.now[0].segment.slot == drive.cell:
-        for k in range(signals):
-            store(z[first + k], vector(system.signals.series[drive.cell, k]))
-    else:
-        _fill_signals(system, state)
+    _fill_signals(system, state)
     for channel in range(first, first + signals):
         differentiate(z[channel], half, z[channel + signals])
     for k in range(ramps):
@@ -108,6 +175,7 @@ def advance_forcing(system, state, x):
     drive = state.now[0].drive
     elapsed = state.now[0].segment.half * (x + 1.0)
     advance, speed = phase_advance(drive, elapsed)
+    drive.since += elapsed
     if x == 1.0 and elapsed == state.now[0].segment.cell_left:
         enter_next_cell(system, drive)
     else:

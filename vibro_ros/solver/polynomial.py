@@ -10,7 +10,7 @@ import numpy as np
 
 from vibro_ros.solver.compilation import kernel
 from vibro_ros.solver.economization import economized_powers
-from vibro_ros.solver.vector import LENGTH, lowered, powers, raised, store, total, vector, with_first
+from vibro_ros.solver.vector import LENGTH, last, lowered, powers, raised, store, total, vector, with_first
 
 #: 1, 1/2, 1/3, ...
 INVERSE = 1.0 / np.arange(1, LENGTH + 1)
@@ -19,6 +19,8 @@ _ORDER = np.arange(LENGTH, dtype=float)
 _BEYOND = economized_powers(LENGTH, 1)[0]
 # Entry [n, k] is k over n.
 _BINOMIAL = np.array([[float(math.comb(k, n)) for k in range(LENGTH)] for n in range(LENGTH)])
+# Entry [k, n] is k over n + k.
+_CHOICES = np.array([[float(math.comb(n + k, k)) for n in range(LENGTH)] for k in range(LENGTH)])
 
 
 @kernel
@@ -93,21 +95,26 @@ def recentre(polynomials, x, terms, targets):
 
 
 @kernel
-def substitute(p, terms, inner, inner_terms, target):
-    """Coefficients of target(y) = p(inner(y)), cut at their length; of p the first `terms` are read.
+def _times_x(p):
+    """The vector of x p, its power beyond the length economized."""
+    return raised(p) + last(p) * vector(_BEYOND)
 
-    `inner` has `inner_terms` terms, and inner(0) = 0.
+
+@kernel
+def displace(p, shift, terms, order, room, target):
+    """Coefficients of target(x) = p(x + shift(x)), by Taylor's formula up to the `order`-th power of the shift.
+
+    `shift` has `terms` terms, and `room` takes two polynomials.
     """
-    most = min(LENGTH, (terms - 1) * (inner_terms - 1) + 1)
-    for n in range(len(target)):
-        target[n] = 0.0
-    for k in range(terms - 1, -1, -1):
-        for n in range(most - 1, 0, -1):
-            coefficient = 0.0
-            for m in range(1, min(n + 1, inner_terms)):
-                coefficient += inner[m] * target[n - m]
-            target[n] = coefficient
-        target[0] = p[k]
+    store(room, vector(p))
+    room[LENGTH:] = 0.0
+    result = vector(_CHOICES[order]) * vector(room[order:order + LENGTH])  # a derivative over its factorial
+    for k in range(order - 1, -1, -1):
+        product = shift[terms - 1] * result
+        for n in range(terms - 2, -1, -1):
+            product = _times_x(product) + shift[n] * result
+        result = product + vector(_CHOICES[k]) * vector(room[k:k + LENGTH])
+    store(target, result)
 
 
 @kernel

@@ -1,12 +1,12 @@
 """Segments: the part of time that one polynomial a channel describes, and the clock that the segments move.
 
-A segment is a whole cell of the signals where the flow's series reaches so far, so that the series of the cell serve
-again; the flow then starts on the way. Elsewhere the segment starts with the flow and ends with the cell, with a ramp,
-or where a series no longer reaches rounding.
+A segment is a whole cell of the signals where the flow's series reaches so far and the speed hardly changes, so that
+the series of the cell serve again; the flow then starts on the way. Elsewhere the segment starts with the flow and ends
+with the cell, with a ramp, or where a series no longer reaches rounding.
 """
 
 from vibro_ros.solver.compilation import kernel
-from vibro_ros.solver.drive import enter_next_cell, resolved_time, time_to_advance
+from vibro_ros.solver.drive import enter_next_cell, measure_cell, resolved_time, time_to_advance
 from vibro_ros.solver.system import CELL_RATE
 
 #: A segment without a fast motion, a signal or a ramp to end it ends after this time [s].
@@ -38,15 +38,24 @@ def advance_clock(state, elapsed):
 
 
 @kernel
-def _spans_cell(system, state, width, longest):
-    """Whether a segment may be the whole cell: at a steady speed, and if the flow's series reaches so far."""
-    drive = state.now[0].drive
-    if drive.speed <= 0.0 or drive.time_left > 0.0:
-        return False
-    duration = width / drive.speed
+def _cell_times(drive, width):
+    """Duration [s] of the whole cell, of the `width` [rad], and the time [s] from its start to the segment's start; a
+    duration of 0 if no segment may be the cell."""
+    if drive.time_left > 0.0:
+        return drive.cell_time, drive.since
+    if drive.speed <= 0.0:
+        return 0.0, 0.0
+    return width / drive.speed, drive.offset / drive.speed
+
+
+@kernel
+def _spans_cell(system, state, duration, since, longest):
+    """Whether a segment may be the whole cell: if the flow's series reaches so far, and nothing changes on the way."""
     if duration > min(LONGEST_SEGMENT, CELL_RATE * system.longest_segment[state.now[0].automaton.mode], longest):
         return False
-    left = (width - drive.offset) / drive.speed
+    left, drive = duration - since, state.now[0].drive
+    if duration == 0.0 or 0.0 < drive.time_left <= left:
+        return False
     for k in range(len(state.ramp)):
         if state.ramp[k].rate != 0.0 and state.ramp[k].time_left <= left:
             return False
@@ -54,11 +63,14 @@ def _spans_cell(system, state, width, longest):
 
 
 @kernel
-def _return_to_cell(state):
-    """Move the segment's start back to the start of the cell, and the mode's start to where the segment's was."""
+def _return_to_cell(state, back):
+    """Move the segment's start back by `back` [s] to the start of the cell, and the mode's start to where it was."""
     segment, drive = state.now[0].segment, state.now[0].drive
-    now, residue, back = segment.start, segment.residue, drive.offset / drive.speed
+    now, residue = segment.start, segment.residue
     drive.offset = 0.0
+    if drive.time_left > 0.0:
+        drive.since, drive.speed = 0.0, drive.cell_speed
+        drive.time_left += back
     advance_clock(state, -back)
     segment.mode_start = ((now - segment.start) + (residue - segment.residue)) / segment.half - 1.0
     for k in range(len(state.ramp)):
@@ -82,23 +94,41 @@ def _part_of_cell(system, state, longest):
 
 
 @kernel
+def _width(system, drive):
+    """Width [rad] of the present cell."""
+    return system.signals.start[drive.cell + 1] - system.signals.start[drive.cell]
+
+
+@kernel
+def _is_cell_over(drive, width):
+    """Whether the segment starts where the cell, of the `width` [rad], ends."""
+    return drive.offset >= width or (drive.time_left > 0.0 and 0.0 < drive.cell_time <= drive.since)
+
+
+@kernel
 def choose_segment(system, state, longest):
     """Set the segment's extent, at most `longest` [s], and the local time at which flow and mode start."""
-    segment, drive, start = state.now[0].segment, state.now[0].drive, system.signals.start
-    width = start[drive.cell + 1] - start[drive.cell]
-    if drive.offset >= width:
+    segment, drive = state.now[0].segment, state.now[0].drive
+    width = _width(system, drive)
+    if _is_cell_over(drive, width):
         enter_next_cell(system, drive)
-        width = start[drive.cell + 1] - start[drive.cell]
+        width = _width(system, drive)
+    if drive.offset == 0.0 and drive.time_left > 0.0:
+        measure_cell(drive, width)
     segment.mode_start = -1.0
-    if _spans_cell(system, state, width, longest):
-        segment.cell_left = duration = width / drive.speed
+    duration, since = _cell_times(drive, width)
+    if _spans_cell(system, state, duration, since, longest):
+        segment.cell_left = duration
         segment.half = 0.5 * duration
         if drive.offset > 0.0:
-            _return_to_cell(state)
+            _return_to_cell(state, since)
         segment.slot = drive.cell
     else:
-        segment.cell_left = time_to_advance(drive, width - drive.offset)
+        if drive.time_left > 0.0 and duration > 0.0:
+            segment.cell_left = duration - since
+        else:
+            segment.cell_left = time_to_advance(drive, width - drive.offset)
         duration = _part_of_cell(system, state, longest)
-        segment.slot = len(start) - 1
+        segment.slot = len(system.signals.start) - 1
     segment.flow_start = segment.mode_start
     segment.half = 0.5 * duration

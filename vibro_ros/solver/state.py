@@ -2,7 +2,7 @@
 
 Times within a segment are *local times* x: -1 at the segment's start, 1 at its end.
 
-A cell, a segment, a flow and a mode each have a start of their own. At a steady speed the segment is the whole cell,
+A cell, a segment, a flow and a mode each have a start of their own. Where it can, the segment is the whole cell,
 although its flow may start later, because the series of a whole cell serve again:
 
     cell      |==============================================================|   part of the phase's turn
@@ -52,6 +52,10 @@ DRIVE = np.dtype([
     ("lag", np.float64),  # ... or the time constant [s] with which it approaches its target instead, or 0 ...
     ("target", np.float64),  # ... its target [rad/s] ...
     ("time_left", np.float64),  # ... and the time [s] until it is there, or 0
+    ("cell_speed", np.float64),  # speed at the start of a cell over which the speed changes ...
+    ("cell_time", np.float64),  # ... time [s] that the cell takes, or 0 if it is no segment ...
+    ("since", np.float64),  # ... time [s] from the cell's start to the segment's start ...
+    ("cells", np.int64),  # ... and the number of such cells so far
     ("version", np.int64),  # of the forcing: what is driven by the same version over the same cell moves alike
 ], align=True)
 
@@ -99,8 +103,8 @@ ROOM = np.dtype([
     ("next_term", np.float64, (2 * MOST_DYNAMIC,)),  # ... and the terms that follow, of positions and velocities
     ("free_at_start", np.float64, (2 * MOST_DYNAMIC,)),  # components of the free motion at the flow's start ...
     ("free_at_middle", np.float64, (2 * MOST_DYNAMIC,)),  # ... and in the segment's middle
-    ("signal", np.float64, (LENGTH,)),  # of the phase, before the phase is put into it
-    ("phase", np.float64, (LENGTH,)),  # of the time
+    ("shift", np.float64, (LENGTH,)),  # of the phase, by the change of its speed ...
+    ("displaced", np.float64, (2 * LENGTH,)),  # ... and a signal that it is put into
     ("acceleration", np.float64, (LENGTH,)),  # of a driven coordinate
     ("guard", np.float64, (LENGTH,)),  # whose root is searched
     ("search", np.float64, (2, LENGTH)),  # of `roots.first_root`
@@ -136,16 +140,20 @@ class Scratch(NamedTuple):
 
 
 class Library(NamedTuple):
-    """Series that many segments share, by flow and slot: one slot for each cell, the last for all other segments.
+    """Series that many segments share, by flow and slot.
+
+    There is one slot for each cell, one for parts of cells, and one for the free motions of whole cells at a changing
+    speed.
 
     n dynamic coordinates have 2 n components, their positions and then their velocities.
 
     Attributes
     ----------
     half : ndarray, shape (flows, slots)
-        Half the duration [s] that the series belong to; 0 while there are none.
+        Half the duration [s] that the free motions belong to; 0 while there are none.
     free : ndarray, shape (flows, slots, 2 n, 2 n, LENGTH)
-        Motion without load, from a unit of each component in the middle.
+        Motion without load, from a unit of each component in the middle: over the cell at a steady speed, or over the
+        longest segment that the last two slots serve.
     free_end : ndarray, shape (flows, slots, 2 n, 2 n)
         Values of `free` at the segment's end.
     version : ndarray of int, shape (flows, slots)
@@ -154,6 +162,10 @@ class Library(NamedTuple):
         Motion under the cell's load, from rest at zero in the middle.
     forced_start : ndarray, shape (flows, slots, 2 n)
         Values of `forced` at the segment's start.
+    signal : ndarray, shape (signals, LENGTH)
+        The signals over the present cell, while the speed changes, as polynomials of time ...
+    signal_cells : ndarray of int, shape (1,)
+        ... and `cells` of the drive when they were made; 0 while there are none.
     """
 
     half: np.ndarray
@@ -162,6 +174,8 @@ class Library(NamedTuple):
     version: np.ndarray
     forced: np.ndarray
     forced_start: np.ndarray
+    signal: np.ndarray
+    signal_cells: np.ndarray
 
 
 class State(NamedTuple):
@@ -222,11 +236,12 @@ def lasting(state: State) -> list[np.ndarray]:
 
 
 def _empty_library(system: System) -> Library:
-    slots = (int(system.flow.max(initial=0)) + 1, len(system.signals.start))
+    slots = (int(system.flow.max(initial=0)) + 1, len(system.signals.start) + 1)
     components = 2 * int(system.size["dynamic"][0])
     return Library(half=np.zeros(slots), free=np.zeros((*slots, components, components, LENGTH)),
                    free_end=np.zeros((*slots, components, components)), version=np.zeros(slots, dtype=np.int64),
-                   forced=np.zeros((*slots, components, LENGTH)), forced_start=np.zeros((*slots, components)))
+                   forced=np.zeros((*slots, components, LENGTH)), forced_start=np.zeros((*slots, components)),
+                   signal=np.zeros((channels_of(system.size).signals, LENGTH)), signal_cells=np.zeros(1, np.int64))
 
 
 def new_state(system: System, phase_speed: float, ramp_values: np.ndarray, mode: int) -> State:

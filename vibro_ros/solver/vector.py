@@ -147,6 +147,15 @@ def with_first(_, numbers, number):
 
 
 @intrinsic
+def last(_, numbers):
+    """The last number."""
+    def generate(context, builder, sign, arguments):
+        part = builder.extract_value(arguments[0], _PARTS.count - 1)
+        return builder.extract_element(part, ir.Constant(_INDEX, _WIDTH - 1))
+    return types.float64(numbers), generate
+
+
+@intrinsic
 def indices_above(_, numbers, limit):
     """An integer whose bit n is set where number n is greater than `limit`."""
     def generate(context, builder, sign, arguments):
