@@ -1,14 +1,14 @@
 """What the energy audit balances: the energy of the masses, and the power that the masses receive.
 
-In the paper's model the masses' equations depend on nothing else, so that the energy of each guide balances alone:
+In the paper's model the masses' equations depend on nothing else, so that the energy of each guide balances alone. The
+drive's spring is taken as if it were fixed where the slider is a rod's length l from the crank; what the slider adds by
+its motion is part of the power, as are dampers, plates and weight:
 
-    d/dt (m q'²/2 + k (q - s)²/2 + contact) = -drive s' - c (q' - s')² - plate E' - c (q' - E')²
-        = -[c (q' - s') + c (q' - E')] q' + [c (q' - s') - drive] s' + [c (q' - E') - plate] E'
+    d/dt (m q'²/2 + k (q - l)²/2) = [k (q - l) - drive - plate - weight] q'
 
-where `drive` and `plate` are the forces of the drive on the slider and of the mass on the plate. With the reaction the
-masses exchange energy with the body, so that the audit includes the body's kinetic energy and the work of friction and,
-for a body that hops, of gravity. The energy that a landing or a blow takes at once is lost between two segments and is
-no part of the balance.
+where `drive` and `plate` are the forces of the drive on the slider and of the mass on the plate. One product a guide is
+all that the balance costs. With the reaction the masses exchange energy with the body, so that the audit includes the
+body's kinetic energy, the work of friction and, for a body that hops, its height.
 """
 
 from collections.abc import Iterator
@@ -18,67 +18,63 @@ import numpy as np
 from vibro_ros.model.forms import Form, Forms
 from vibro_ros.model.modes import Mode, ModeBuilder
 from vibro_ros.model.scene import Scene
-from vibro_ros.solver.system import terms
+from vibro_ros.solver.system import NOTHING, terms
 
 
 def audit_tables(builder: ModeBuilder, scene: Scene) -> dict[str, np.ndarray]:
     """The fields of `solver.system.System` for the audit; empty unless the scene asks for the audit."""
-    forms, modes = builder.forms, builder.modes
-    stored: list[list] = [[] for _ in modes]
-    power: list[list] = [[] for _ in modes]
-    if scene["solver.audit"]:
-        for m, mode in enumerate(modes):
-            for side in forms.guides:
-                stored[m] += _stored_energy(forms, scene, side, mode.closed)
-                power[m] += _received_power(forms, scene, side, mode.closed)
-                if side in mode.resting:
-                    power[m].append((-builder.contact_force(mode, side), forms.plate(side)[1]))
-            if scene["effects.reaction"]:
-                stored[m] += [(scene["mass.body"], rate) for rate in forms.body_velocity() if rate.any()]
-                power[m] += _body_power(builder, scene, mode)
-    stretch = np.zeros((len(modes), max(map(len, stored)), forms.channels.count))
-    stiffness = np.zeros(stretch.shape[:2])
-    pairs = np.zeros((len(modes), max(map(len, power)), 2, forms.channels.count))
-    for m in range(len(modes)):
-        for e, (weight, form) in enumerate(stored[m]):
-            stiffness[m, e], stretch[m, e] = weight, form
-        for p, pair in enumerate(power[m]):
-            pairs[m, p] = pair
-    return {"stretch": stretch, "stiffness": stiffness, "power": pairs, "power_terms": terms(pairs)}
+    forms, audited = builder.forms, scene["solver.audit"]
+    stored = list(_stored_energy(forms, scene)) if audited else []
+    powers = [list(_power(builder, scene, mode)) if audited else [] for mode in builder.modes]
+    force = np.zeros((len(powers), max(map(len, powers)), forms.channels.count))
+    rate = np.full(force.shape[:2], NOTHING)
+    for m, power in enumerate(powers):
+        for p, (form, velocity) in enumerate(power):
+            force[m, p], rate[m, p] = form, velocity
+    return {"stretch": np.array([form for _, form in stored]).reshape(len(stored), forms.channels.count),
+            "stiffness": np.array([weight for weight, _ in stored]),
+            "potential": _potential(forms, scene) if audited else forms.zero,
+            "power": force, "power_terms": terms(force), "power_rate": rate}
 
 
-def _stored_energy(forms: Forms, scene: Scene, side: str, closed: frozenset[str]) -> Iterator[tuple[float, Form]]:
-    """Weights w and forms e of the energy stored in one guide, sum of w e² / 2."""
-    mass, velocity = scene[f"mass.{side}"], forms.velocity(forms.guides.index(side))
-    if scene["effects.reaction"] and (forms.body_moves or forms.body_hops):
-        for part, rate in zip(scene.direction(side), forms.body_velocity(), strict=True):
-            yield mass, part * velocity + rate
-    else:
-        yield mass, velocity
-    yield scene[f"{side}.spring.stiffness"], forms.stretch(side)[0]
-    if side in closed:
-        yield scene[f"{side}.plate.stiffness"], forms.penetration(side)[0]
+def _body_takes_part(forms: Forms, scene: Scene) -> bool:
+    return scene["effects.reaction"] and (forms.body_moves or forms.body_hops)
 
 
-def _body_power(builder: ModeBuilder, scene: Scene, mode: Mode) -> Iterator[tuple[Form, Form]]:
-    """Forces [N] and speeds [m/s] whose products are the power of friction and, in the air, of the total weight."""
-    along_x, upwards = builder.forms.body_velocity()
-    if along_x.any():
-        yield -builder.friction_force(mode), along_x
-    if upwards.any():
-        yield -scene.total_mass * scene["gravity"] * builder.forms.one, upwards
+def _stored_energy(forms: Forms, scene: Scene) -> Iterator[tuple[float, Form]]:
+    """Weights w and forms e of the stored energy, sum of w e² / 2."""
+    for i, side in enumerate(forms.guides):
+        mass, velocity = scene[f"mass.{side}"], forms.velocity(i)
+        if _body_takes_part(forms, scene):
+            for part, rate in zip(scene.direction(side), forms.body_velocity(), strict=True):
+                yield mass, part * velocity + rate
+        else:
+            yield mass, velocity
+        yield scene[f"{side}.spring.stiffness"], _distance_from_rod(forms, scene, side)
+    if _body_takes_part(forms, scene):
+        yield from ((scene["mass.body"], rate) for rate in forms.body_velocity())
 
 
-def _received_power(forms: Forms, scene: Scene, side: str, closed: frozenset[str]) -> Iterator[tuple[Form, Form]]:
-    """Forces [N] and speeds [m/s] whose products are the power of slider, dampers and plate on one guide."""
-    velocity, (_, rate) = forms.velocity(forms.guides.index(side)), forms.stretch(side)
-    damper = scene[f"{side}.spring.damping"] * rate
-    on_mass, on_slider = -damper, damper - forms.drive_force(side)
-    if scene["effects.mass_weight"]:
-        on_mass = on_mass - forms.weight(side)
-    if side in closed:
-        damper = scene[f"{side}.plate.damping"] * forms.penetration(side)[1]
-        on_mass = on_mass - damper
-        yield damper - forms.plate_force(side), forms.plate(side)[1]
-    yield on_mass, velocity
-    yield on_slider, velocity - rate
+def _potential(forms: Forms, scene: Scene) -> Form:
+    """Energy [J] of the height of a body that hops, with its masses."""
+    if _body_takes_part(forms, scene) and forms.body_hops:
+        return scene.total_mass * scene["gravity"] * forms.position(forms.height)
+    return forms.zero
+
+
+def _distance_from_rod(forms: Forms, scene: Scene, side: str) -> Form:
+    """q - l [m]: how far the mass is from where its spring is taken to be fixed."""
+    return forms.position(forms.guides.index(side)) - scene[f"crank.{side}_rod"] * forms.one
+
+
+def _power(builder: ModeBuilder, scene: Scene, mode: Mode) -> Iterator[tuple[Form, int]]:
+    """Forces [N] whose power changes the stored energy, and the channels of the velocities along them."""
+    forms = builder.forms
+    for i, side in enumerate(forms.guides):
+        spring = scene[f"{side}.spring.stiffness"] * _distance_from_rod(forms, scene, side)
+        force = spring - forms.drive_force(side) - forms.weight(side)
+        if side in mode.pressing:
+            force = force - builder.contact_force(mode, side)
+        yield force, forms.channels.velocity(i)
+    if _body_takes_part(forms, scene) and forms.body_moves:
+        yield -builder.friction_force(mode), forms.channels.velocity(forms.body)

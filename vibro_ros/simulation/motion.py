@@ -16,6 +16,7 @@ from vibro_ros.model.tables import Model, compile_scene
 from vibro_ros.simulation.event_log import EventLog
 from vibro_ros.simulation.samples import Trace, sampled_quantities
 from vibro_ros.solver import event_loop
+from vibro_ros.solver.audit import residual, stored_energy
 from vibro_ros.solver.events import EVENT_COLUMNS
 from vibro_ros.solver.forcing import read_signals
 from vibro_ros.solver.methods import SCHEMES, Exact, FixedStep, Stepper
@@ -105,6 +106,7 @@ class Motion:
             for i, side in enumerate(forms.guides):
                 position[i] = min(position[i], plates.get(side, math.inf))
         self.point[:len(position)] = position
+        state.now["audit"]["energy"] = stored_energy(system, position)
         self._begin_segment(state)
         return state
 
@@ -198,8 +200,8 @@ class Motion:
     @property
     def energy(self) -> dict[str, float]:
         """The audit of the masses' energy [J] by the method exact: see `Simulator.statistics`."""
-        audit = self.state.now["audit"][0]
-        return {"energy_residual": float(audit["residual"]), "energy_exchanged": float(audit["exchanged"])}
+        return {"energy_residual": residual(self.model.system, self.state),
+                "energy_exchanged": float(self.state.now["audit"]["exchanged"][0])}
 
     def new_trace(self, count: int) -> Trace:
         """Return room for what `advance` samples at `count` instants."""

@@ -205,8 +205,8 @@ class Simulator:
         """Events by kind; `steps`, the segments of the event loop; `solver.method`, and `solver.step` if it has one;
         and, with `solver.audit` and the method exact, the energy of the masses.
 
-        `energy_residual` [J] is the part of the change of energy that the work of sliders, dampers and plates does not
-        account for, `energy_exchanged` [J] the sum of these amounts of work.
+        `energy_residual` [J] is the part of the change of energy that neither the work of all forces nor landings and
+        blows account for, `energy_exchanged` [J] the sum of the amounts of work of all segments.
 
         Examples
         --------

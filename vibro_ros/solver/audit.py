@@ -1,80 +1,88 @@
-"""The energy audit: stored energy against the work of the forcing, segment by segment.
+"""The energy audit: stored energy against the work of the forces on it.
 
-The dynamic coordinates exchange energy with the forcing and lose it in dampers, and nowhere else; so
+Nothing else changes the energy of the dynamic coordinates, but for jumps; so
 
-    E(end) - E(start) - integral of P dt = 0
+    E(now) - E(0) - sum over jumps of (E(after) - E(before)) - integral of P dt = 0
 
-on every segment, with E = sum w (e z)² / 2 and P = sum (a z)(b z). What remains is the solver's
-error, found without knowing the solution.
+with E = sum w (e z)² / 2 + b z and P = sum (a z) v. What remains is the solver's error, found without knowing the
+solution.
 """
 
 import numpy as np
 
-from vibro_ros.solver.channels import first_signal
 from vibro_ros.solver.compilation import kernel
 from vibro_ros.solver.linear_forms import form_value
-from vibro_ros.solver.polynomial import INVERSE, fill_form, value
-from vibro_ros.solver.vector import LENGTH, powers, store, total, vector
+from vibro_ros.solver.polynomial import fill_form, products
+from vibro_ros.solver.state import State
+from vibro_ros.solver.system import NOTHING, System
+from vibro_ros.solver.vector import LENGTH, indices_above, repeated, total, vector
 
-# Numbers that follow those of `INVERSE`.
-_INVERSE_BEYOND = 1.0 / np.arange(LENGTH + 1, 2 * LENGTH + 1)
+# Gauss's rule with so many nodes is exact for the product of two polynomials of that length.
+_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(LENGTH)
 
 
 @kernel
-def _energy(system, state, point):
-    mode = state.now[0].automaton.mode
-    energy = 0.0
-    for e in range(system.stiffness.shape[1]):
-        weight = system.stiffness[mode, e]
-        if weight != 0.0:
-            stretch = form_value(system.stretch[mode, e], point)
-            energy += 0.5 * weight * stretch * stretch
+def _work(system, state, x):
+    """Work of all forces from the flow's start to the local time `x`."""
+    mode, start, force = state.now[0].automaton.mode, state.now[0].segment.flow_start, state.scratch.room[0].force[:]
+    half = 0.5 * (x - start)
+    nodes, power = repeated(start + half) + half * vector(_NODES), repeated(0.0)
+    for k in range(system.power.shape[1]):
+        channel = system.power_rate[mode, k]
+        if channel == NOTHING:
+            break
+        rate = state.z[channel]
+        if indices_above(abs(vector(rate)), 0.0) != 0:  # a body that sticks has no power
+            if fill_form(system.power[mode, k], system.power_terms[mode, k], state.z, force):
+                power = power + products(force, rate, nodes)
+    return total(power * vector(_WEIGHTS)) * half * state.now[0].segment.half
+
+
+@kernel
+def audit_work(system, state, x):
+    """Add the work of the flow up to the local time `x`, where the flow ends."""
+    if system.power.shape[1] > 0:
+        work, audit = _work(system, state, x), state.now[0].audit
+        audit.work += work
+        audit.exchanged += abs(work)
+
+
+@kernel
+def _energy(system, point):
+    """E where all channels have the values of `point`."""
+    energy = form_value(system.potential, point)
+    for e in range(len(system.stretch)):
+        stretch = form_value(system.stretch[e], point)
+        energy += 0.5 * system.stiffness[e] * stretch * stretch
     return energy
 
 
 @kernel
-def _fill_moments(a, b, moments):
-    """moments[n] = integral of x^n from a to b."""
-    low, high = a * powers(a), b * powers(b)
-    store(moments[:LENGTH], (high - low) * vector(INVERSE))
-    store(moments[LENGTH:], (b**LENGTH * high - a**LENGTH * low) * vector(_INVERSE_BEYOND))
+def _differ(point, after, count):
+    """Whether any of the first `count` channels does."""
+    for channel in range(count):
+        if after[channel] != point[channel]:
+            return True
+    return False
 
 
 @kernel
-def _integral_of_product(p, q, moments):
-    """Integral of p q where the moments were taken."""
-    weights = p[0] * vector(moments[:LENGTH])
-    for i in range(1, LENGTH):
-        weights = weights + p[i] * vector(moments[i:i + LENGTH])
-    return total(weights * vector(q))
+def audit_jump(system, state, point, after):
+    """Add what a jump from the channels `point` to `after` gives."""
+    if system.power.shape[1] > 0 and _differ(point, after, 2 * system.size[0].coordinates):
+        state.now[0].audit.energy += _energy(system, after) - _energy(system, point)
 
 
-@kernel
-def open_audit(system, state, point):
-    """Store the energy at the flow's start, with the positions and velocities of `point`.
-
-    The other channels of `point` are overwritten.
-    """
-    if system.power.shape[1] == 0:
-        return
-    for channel in range(first_signal(system.size[0]), len(point)):
-        point[channel] = value(state.z[channel], state.now[0].segment.flow_start)
-    state.now[0].audit.energy = _energy(system, state, point)
+def stored_energy(system: System, point: np.ndarray) -> float:
+    """E [J] where the positions and velocities have the values of `point`."""
+    z = np.zeros(system.stretch.shape[1])
+    z[:len(point)], z[-1] = point, 1.0
+    return float(0.5 * system.stiffness @ (system.stretch @ z) ** 2 + system.potential @ z)
 
 
-@kernel
-def close_audit(system, state, x, point):
-    """Balance the flow up to the local time `x`, where the channels have the values of `point`."""
-    if system.power.shape[1] == 0:
-        return
-    mode, room, audit = state.now[0].automaton.mode, state.scratch.room[0], state.now[0].audit
-    force, rate, moments = room.force[:], room.rate[:], room.moments[:]
-    work = 0.0
-    _fill_moments(state.now[0].segment.flow_start, x, moments)
-    for k in range(system.power.shape[1]):
-        form, terms = system.power[mode, k], system.power_terms[mode, k]
-        if fill_form(form[0], terms[0], state.z, force) and fill_form(form[1], terms[1], state.z, rate):
-            work += _integral_of_product(force, rate, moments)
-    work *= state.now[0].segment.half
-    audit.residual += _energy(system, state, point) - audit.energy - work
-    audit.exchanged += abs(work)
+def residual(system: System, state: State) -> float:
+    """What does not balance [J], up to the start of the present flow; 0 without an audit."""
+    powers = state.now["segment"]["flow_start"][0] ** np.arange(LENGTH)
+    point = state.z[:2 * int(system.size["coordinates"][0])] @ powers
+    audit = state.now["audit"][0]
+    return stored_energy(system, point) - float(audit["energy"]) - float(audit["work"])

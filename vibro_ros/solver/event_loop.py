@@ -8,7 +8,7 @@ import math
 
 import numpy as np
 
-from vibro_ros.solver.audit import close_audit, open_audit
+from vibro_ros.solver.audit import audit_jump, audit_work
 from vibro_ros.solver.channels import first_ramp
 from vibro_ros.solver.compilation import entry_kernel, kernel
 from vibro_ros.solver.decay import decays, known_duration, resolve_decay
@@ -21,7 +21,7 @@ from vibro_ros.solver.rest import is_at_rest, lengthen_segment
 from vibro_ros.solver.segment import choose_segment, local_time
 from vibro_ros.solver.state import UNKNOWN, State
 from vibro_ros.solver.system import NOTHING, System
-from vibro_ros.solver.transition import FLOW_GOES_ON, SEGMENT_ENDS, record_reached, transition
+from vibro_ros.solver.transition import FLOW_ENDS, FLOW_GOES_ON, SEGMENT_ENDS, record_reached, transition
 
 #: `AUTOMATON.begins`: nothing begins; a mode does, while the flow goes on; a flow does, and a mode with it.
 UNDER_WAY = 0
@@ -71,8 +71,6 @@ def _begin_mode(system, state, point, same_flow):
         _solve_up_to_driven(system, state, point)
         state.now[0].automaton.segments += 1
     solve_driven(system, state, point)
-    if not same_flow:
-        open_audit(system, state, point)
     for row in range(len(state.root)):
         if system.driven[row] or not same_flow:
             state.root[row] = UNKNOWN
@@ -117,15 +115,18 @@ def _pass_event(system, state, point, events, count):
     """
     segment, automaton, after = state.now[0].segment, state.now[0].automaton, state.scratch.after
     x, fires = segment.next_event, automaton.guard != NOTHING
-    # At a segment's end the next one needs the positions and velocities, and the audit all channels.
-    _read(system, state, x, point if fires or system.power.shape[1] > 0 else point[:2 * system.size[0].coordinates])
+    # At a segment's end the next one needs the positions and velocities.
+    _read(system, state, x, point if fires else point[:2 * system.size[0].coordinates])
     outcome, mode = transition(system, state, point, after)
     automaton.standstills = automaton.standstills + 1 if fires and x == segment.mode_start else 0
     if outcome != FLOW_GOES_ON:
         update_peaks(system, state, x)
-        close_audit(system, state, x, point)
+        audit_work(system, state, x)
     if outcome != SEGMENT_ENDS:
         count = record_mode_change(system, state, mode, point, events, count)
+    if outcome == FLOW_ENDS:
+        audit_jump(system, state, point, after)
+    if outcome != SEGMENT_ENDS:
         _enter(state, mode, after, point)
     if outcome == FLOW_GOES_ON:
         segment.mode_start = x
@@ -230,7 +231,7 @@ def interrupt(system, state, time, point):
     x = max(local_time(state, time), segment.mode_start)
     _read(system, state, x, point)
     update_peaks(system, state, x)
-    close_audit(system, state, x, point)
+    audit_work(system, state, x)
     state.now[0].automaton.standstills = 0  # what a command sets off is no part of the cascade before it
     advance_forcing(system, state, x)
     state.now[0].drive.version += 1  # of the forcing after the command, ...

@@ -10,7 +10,7 @@ import numpy as np
 
 from vibro_ros.solver.compilation import kernel
 from vibro_ros.solver.economization import economized_powers
-from vibro_ros.solver.vector import LENGTH, last, lowered, powers, raised, store, total, vector, with_first
+from vibro_ros.solver.vector import LENGTH, last, lowered, powers, raised, repeated, store, total, vector, with_first
 
 #: 1, 1/2, 1/3, ...
 INVERSE = 1.0 / np.arange(1, LENGTH + 1)
@@ -27,6 +27,21 @@ _CHOICES = np.array([[float(math.comb(n + k, k)) for n in range(LENGTH)] for k i
 def value(p, x):
     """p(x), to rounding of its largest term."""
     return total(vector(p) * powers(x))
+
+
+@kernel
+def products(p, q, nodes):
+    """The vector of p(x) q(x) for a vector of `nodes` x.
+
+    As p(x) = E(x²) + x O(x²) and q alike: of four series of half the length, the processor computes one beside another.
+    """
+    squares = nodes * nodes
+    even_p, odd_p = repeated(p[LENGTH - 2]), repeated(p[LENGTH - 1])
+    even_q, odd_q = repeated(q[LENGTH - 2]), repeated(q[LENGTH - 1])
+    for n in range(LENGTH - 4, -2, -2):
+        even_p, odd_p = even_p * squares + repeated(p[n]), odd_p * squares + repeated(p[n + 1])
+        even_q, odd_q = even_q * squares + repeated(q[n]), odd_q * squares + repeated(q[n + 1])
+    return (even_p + nodes * odd_p) * (even_q + nodes * odd_q)
 
 
 @kernel

@@ -70,8 +70,8 @@ AUTOMATON = np.dtype([
 
 #: The energy audit [J].
 AUDIT = np.dtype([
-    ("energy", np.float64),  # at the flow's start
-    ("residual", np.float64),  # change of energy that no work accounts for, so far
+    ("energy", np.float64),  # stored at the start, and what jumps have added since
+    ("work", np.float64),  # of all forces, so far
     ("exchanged", np.float64),  # sum of the amounts of work, so far
 ], align=True)
 
@@ -110,9 +110,7 @@ ROOM = np.dtype([
     ("search", np.float64, (2, LENGTH)),  # of `roots.first_root`
     ("peak", np.float64, (LENGTH,)),  # quantity whose peak is searched
     ("peak_search", np.float64, (3, LENGTH)),  # of `roots.maximum`
-    ("force", np.float64, (LENGTH,)),  # of a power ...
-    ("rate", np.float64, (LENGTH,)),  # ... whose other factor this is
-    ("moments", np.float64, (2 * LENGTH,)),  # integrals of the powers of x
+    ("force", np.float64, (LENGTH,)),  # of which the audit needs the power
     ("decay_load", np.float64, (LENGTH,)),  # of `decay`: L ...
     ("decay_factor", np.float64, (LENGTH,)),  # ... f ...
     ("growth", np.float64, (LENGTH,)),  # ... w ...

@@ -176,6 +176,14 @@ def first_index(_, bits):
 
 
 @intrinsic
+def repeated(_, number):
+    """The vector of equal numbers."""
+    def generate(context, builder, sign, arguments):
+        return _join(builder, [_repeat(builder, arguments[0])] * _PARTS.count)
+    return _VECTOR(types.float64), generate
+
+
+@intrinsic
 def powers(_, x):
     """The vector 1, x, x², ..."""
     def generate(context, builder, sign, arguments):
