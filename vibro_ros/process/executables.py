@@ -46,6 +46,12 @@ EXECUTABLES = {
     "tick_cost": Executable(
         "vibro_ros.ros.tick_cost", False,
         "Measure what a tick of the robot's node costs."),
+    "node_cost": Executable(
+        "vibro_ros.ros.node_cost", False,
+        "Measure the processor time of the whole robot against a bare rclpy node that publishes as much."),
+    "bare_node": Executable(
+        "vibro_ros.ros.bare_node", False,
+        "Publish messages that lie ready, as large as the robot's, and do nothing else."),
     "coverage": Executable(
         "vibro_ros.accuracy.coverage", False,
         "Count how often intervals of mean speeds hold."),
