@@ -21,7 +21,8 @@ import vibro_ros
 from vibro_ros.configuration.scene_file import shipped_scenes
 from vibro_ros.model.tables import compile_scene
 from vibro_ros.simulation.motion import Motion
-from vibro_ros.simulation.samples import Trace, sampled_quantities
+from vibro_ros.simulation.readout import Readout
+from vibro_ros.simulation.samples import Trace
 from vibro_ros.solver.system import NOTHING
 
 VARIANTS = {
@@ -124,7 +125,7 @@ def test_described_sliders_and_plates_have_the_sampled_values(scene):
     motion.command(wanted["motor_speed"], {"upper": wanted["upper_gap"], "inclined": wanted["inclined_gap"]})
     motion.advance(times[times >= command], after)
     trace, forms = Trace(*(np.concatenate(parts) for parts in zip(before, after, strict=True))), motion.model.forms
-    sampled = sampled_quantities(motion.model, times, trace)
+    sampled = Readout(motion.model).quantities(times, trace)
     assert len(told) == 1 + len(forms.guides) + len(forms.plates)
     start, law = re.fullmatch(r"(\S+) rad/s +follows a command (.*)", told["θ'"]).groups()
     speed = following(law, float(start), wanted["motor_speed"], times - command)

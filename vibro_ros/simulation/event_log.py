@@ -8,6 +8,8 @@ from vibro_ros.model.tables import MODE_EVENTS
 from vibro_ros.simulation.samples import EVENT_DTYPE
 from vibro_ros.solver.events import MONITOR_KIND, PHASE_KIND, RAMP_KIND
 
+_NONE = np.empty(0, dtype=EVENT_DTYPE)
+
 
 class EventLog:
     """Events by kind.
@@ -33,7 +35,7 @@ class EventLog:
     def take(self) -> np.ndarray:
         """Return the events added since the last call, in the order in which they ended; dtype `EVENT_DTYPE`."""
         if not self._untaken:
-            return np.empty(0, dtype=EVENT_DTYPE)
+            return _NONE
         raw = np.concatenate(self._untaken)
         self._untaken.clear()
         events = np.empty(len(raw), dtype=EVENT_DTYPE)

@@ -14,7 +14,8 @@ from vibro_ros.model.moreau_laws import contact_laws
 from vibro_ros.model.scene import Scene
 from vibro_ros.model.tables import Model, compile_scene
 from vibro_ros.simulation.event_log import EventLog
-from vibro_ros.simulation.samples import Trace, sampled_quantities
+from vibro_ros.simulation.readout import Readout
+from vibro_ros.simulation.samples import Trace
 from vibro_ros.solver import event_loop
 from vibro_ros.solver.audit import residual, stored_energy
 from vibro_ros.solver.events import EVENT_COLUMNS
@@ -79,12 +80,15 @@ class Motion:
     def __init__(self, scene: Scene):
         self.scene, self.time = scene, 0.0
         self.model: Model = compile_scene(scene)
+        self._cuts_forces = scene["solver.method"] != "exact"
         self._stepper = self._new_stepper()
         self.point = np.zeros(self.model.forms.channels.count)
         self.state = self._start()
         self.events = EventLog(self.model.forms.plates)
         self._room = np.empty((_EVENTS_AT_ONCE, EVENT_COLUMNS))
-        self._last: tuple[np.ndarray, Trace] | None = None  # sampled at `time`, if nothing was commanded since
+        self._readout = Readout(self.model)
+        self._instant, self._trace = np.empty(1), self.new_trace(1)
+        self._sampled = False  # whether they are of `time`, and nothing was commanded since
 
     def _new_stepper(self) -> Stepper:
         model, name, step = self.model, self.scene["solver.method"], self.scene["solver.step"]
@@ -118,7 +122,7 @@ class Motion:
         SimulationError
             If the motion cannot go on.
         """
-        self._last = None
+        self._sampled = False
         self._stepper.interrupt(self.state, self.time, self.point)
         if speed is not None:
             self._command_speed(speed)
@@ -159,7 +163,7 @@ class Motion:
         """Begin to go on from what was written into the arrays of `lasting`."""
         library = self.state.library  # of which no series belongs to this state
         library.half[...], library.version[...], library.signal_cells[...] = 0.0, 0, 0
-        self._last = None
+        self._sampled = False
 
     def _begin_segment(self, state: State) -> None:
         status = self._stepper.begin(state, self.point)
@@ -181,16 +185,18 @@ class Motion:
 
     def advance_to(self, time: float) -> None:
         """Advance to `time` [s] (SimulationError: see `advance`), and keep what is sampled there for `now`."""
-        times, trace = np.array([time]), self.new_trace(1)
-        self.advance(times, trace)
-        self._last = times, trace
+        self._instant[0] = time
+        advance = self._advance if time <= self.time + _FIRST_PART else self.advance
+        advance(self._instant, self._trace)
+        self._sampled = True
 
-    def now(self) -> dict[str, np.ndarray]:
-        """Return the fields of `Samples` now, arrays of shape (1,)."""
-        if self._last is None:
+    def now(self) -> np.ndarray:
+        """Return the values of all `FIELDS` of `Samples` now, shape (fields,), until the next call."""
+        if not self._sampled:
             self.advance_to(self.time)
-        assert self._last is not None
-        return self.quantities(*self._last)
+        if self._cuts_forces:
+            return np.concatenate(list(self.quantities(self._instant, self._trace).values()))
+        return self._readout.values(self._instant, self._trace)
 
     @property
     def steps(self) -> int:
@@ -235,7 +241,7 @@ class Motion:
 
     def _advance(self, times: np.ndarray, trace: Trace) -> None:
         """Advance as `advance` does, without letting Python hear a signal meanwhile."""
-        self._last = None
+        self._sampled = False
         end, status = float(times[-1]), event_loop.EVENTS_FULL
         while status == event_loop.EVENTS_FULL:
             status, taken, count = self._stepper.advance(self.state, times, self.point, *trace, self._room)
@@ -249,7 +255,7 @@ class Motion:
 
     def quantities(self, times: np.ndarray, trace: Trace) -> dict[str, np.ndarray]:
         """Return the fields of `Samples` at `times` [s] from the trace that `advance` has filled."""
-        quantities = sampled_quantities(self.model, times, trace)
-        if self.scene["solver.method"] != "exact":
+        quantities = self._readout.quantities(times, trace)
+        if self._cuts_forces:
             cut_to_laws(self.scene, quantities)
         return quantities

@@ -1,14 +1,9 @@
 """What a simulation returns: the device's quantities at the instants asked for."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Generic, NamedTuple, TypeVar
 
 import numpy as np
-
-from vibro_ros.model.modes import OUTPUTS
-from vibro_ros.model.tables import Model
-from vibro_ros.solver.linear_forms import evaluate_forms
 
 EVENT_DTYPE = np.dtype([("time", float), ("kind", "U16"), ("speed", float), ("peak_force", float),
                         ("duration", float)])
@@ -72,6 +67,11 @@ class Samples(Generic[Quantity]):
     inclined_plate_velocity: Quantity
 
 
+FIELDS = tuple(field.name for field in fields(Samples))
+"""Names of the fields of `Samples`, in their order."""
+TIME, NORMAL_FORCE = FIELDS.index("time"), FIELDS.index("normal_force")
+
+
 @dataclass(frozen=True)
 class Run(Samples[np.ndarray]):
     """Samples of a whole simulation, with what happened between them.
@@ -111,54 +111,11 @@ class Trace(NamedTuple):
         return Trace(self.points[first:end], self.modes[first:end], self.phases[first:end])
 
 
-def one_sample(quantities: Mapping[str, np.ndarray]) -> Samples[float]:
-    """The sample at one instant, from all its fields as arrays of shape (1,).
+def one_sample(values: np.ndarray) -> Samples[float]:
+    """The sample at one instant, from the values of all its `FIELDS`, shape (fields,).
 
     The constructor of a frozen class sets field by field and checks each: half of what a tick's sample would cost.
     """
     sample: Samples[float] = object.__new__(Samples)
-    vars(sample).update({name: values.item() for name, values in quantities.items()})
+    vars(sample).update(zip(FIELDS, values.tolist(), strict=True))
     return sample
-
-
-def sampled_quantities(model: Model, times: np.ndarray, trace: Trace) -> dict[str, np.ndarray]:
-    """Fields of `Samples` from what the solver sampled: arrays of their own, so that one can be kept without the
-    others.
-
-    Parameters
-    ----------
-    model : Model
-        The compiled scene.
-    times : ndarray, shape (n,)
-        Instants [s].
-    trace : Trace
-        What was sampled there.
-    """
-    points, modes, phases = trace
-    turns, angle, rate = phases.T
-    linear = tuple(np.empty(len(times)) for _ in OUTPUTS)
-    evaluate_forms(model.output, model.output_terms, modes, points, linear)
-    quantities: dict[str, np.ndarray] = dict(zip(OUTPUTS, linear, strict=True))
-    if model.forms.pressed_only:
-        quantities["normal_force"] = np.maximum(quantities["normal_force"], 0.0)
-    speed = rate.copy()
-    power = np.zeros(len(times))
-    for k, side in enumerate(model.forms.guides):
-        power += quantities[f"{side}_drive_force"] * points[:, model.forms.channels.signal_rate(k)]
-    quantities |= {
-        "time": times.copy(), "crank_angle": 2.0 * np.pi * turns + angle, "motor_speed": speed,
-        "motor_torque": _torque(model, quantities, angle, speed, power), "motor_power": power,
-    }
-    return quantities
-
-
-def _torque(model: Model, quantities: dict[str, np.ndarray], phase: np.ndarray, speed: np.ndarray,
-            power: np.ndarray) -> np.ndarray:
-    """Torque of the drive forces on the crank [N m]: power by speed, and where it stands, by the sliders' slopes."""
-    if speed.all():
-        return power / speed
-    stands = speed == 0.0
-    torque = power / np.where(stands, 1.0, speed)
-    torque[stands] = sum(quantities[f"{side}_drive_force"][stands] * slider.slope(phase[stands])
-                         for side, slider in zip(model.forms.guides, model.sliders, strict=True))
-    return torque

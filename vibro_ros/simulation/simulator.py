@@ -71,6 +71,18 @@ class Simulator:
         """
         return one_sample(self._motion.now())
 
+    @property
+    def values(self) -> np.ndarray:
+        """The device now: the values of all `FIELDS` of `state`, shape (fields,); another call overwrites them.
+
+        Examples
+        --------
+        >>> device = vibro_ros.Simulator(vibro_ros.load_scene("paper"))
+        >>> list(device.values) == list(vars(device.state).values())
+        True
+        """
+        return self._motion.now()
+
     def command(self, motor_speed: float | None = None, upper_gap: float | None = None,
                 inclined_gap: float | None = None) -> None:
         """Ask for a motor speed [rad/s] and for gaps [m], from now on.

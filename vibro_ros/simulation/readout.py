@@ -1,0 +1,132 @@
+"""The fields of `Samples` from what the solver samples.
+
+Most are linear forms of the channels. Power and torque are products of them: power = sum of drive force times the
+slider's speed, torque = power / the crank's speed, and where the crank stands, sum of drive force times ds/dtheta.
+"""
+
+import numpy as np
+
+from vibro_ros.model.modes import OUTPUTS
+from vibro_ros.model.tables import Model
+from vibro_ros.simulation.samples import FIELDS, Trace
+from vibro_ros.solver.compilation import entry_kernel, rounding_kernel
+
+_TIME, _ANGLE, _SPEED, _POWER, _TORQUE, _NORMAL = (FIELDS.index(name) for name in (
+    "time", "crank_angle", "motor_speed", "motor_power", "motor_torque", "normal_force"))
+_LINEAR = np.array([FIELDS.index(name) for name in OUTPUTS])  # rows of the linear forms
+_TURN = 2.0 * np.pi
+# A motion that has died away to less is reported as zero: below 2e-308 doubles lose their digits.
+_LEAST_VALUE = 1e-290
+_AT_ONCE = 4096  # instants; their values are small enough for the processor's cache
+
+
+class Readout:
+    """Reads a compiled scene's samples; for one thread.
+
+    Parameters
+    ----------
+    model : Model
+        The compiled scene.
+    """
+
+    def __init__(self, model: Model):
+        self._model, self._forms = model, (model.output, model.output_terms)
+        forms = model.forms
+        self._drives = np.array([(FIELDS.index(f"{side}_drive_force"), forms.channels.signal_rate(k))
+                                 for k, side in enumerate(forms.guides)], dtype=np.int64).reshape(-1, 2)
+        self._values = np.empty((len(FIELDS), 1))
+        self._slopes, self._slopes_at = np.zeros((len(self._drives), 1)), np.nan
+
+    def values(self, times: np.ndarray, trace: Trace) -> np.ndarray:
+        """Values of all `FIELDS` at one instant, shape (fields,), until the next call.
+
+        Parameters
+        ----------
+        times : ndarray, shape (1,)
+            The instant [s].
+        trace : Trace
+            What was sampled there.
+        """
+        angle = trace.phases[0, 1]
+        if trace.phases[0, 2] == 0.0 and angle != self._slopes_at:  # a crank that stands, stands at one angle
+            self._slopes, self._slopes_at = self._slopes_where_standing(trace.phases), angle
+        self._fill(times, trace, self._slopes, self._values)
+        return self._values[:, 0]
+
+    def quantities(self, times: np.ndarray, trace: Trace) -> dict[str, np.ndarray]:
+        """Fields of `Samples` at several instants: arrays of their own, so that one can be kept without the others.
+
+        Parameters
+        ----------
+        times : ndarray, shape (n,)
+            Instants [s].
+        trace : Trace
+            What was sampled there.
+        """
+        found = {name: np.empty(len(times)) for name in FIELDS}
+        for first in range(0, len(times), _AT_ONCE):
+            part = slice(first, min(first + _AT_ONCE, len(times)))
+            sampled, values = trace.part(part.start, part.stop), np.empty((len(FIELDS), part.stop - first))
+            self._fill(times[part], sampled, self._slopes_where_standing(sampled.phases), values)
+            for name, row in zip(FIELDS, values, strict=True):
+                found[name][part] = row
+        return found
+
+    def _fill(self, times: np.ndarray, trace: Trace, slopes: np.ndarray, values: np.ndarray) -> None:
+        read_samples(*self._forms, self._model.forms.pressed_only, self._drives, slopes, times, *trace, values)
+
+    def _slopes_where_standing(self, phases: np.ndarray) -> np.ndarray:
+        """ds/dtheta [m/rad] of each slider where the crank stands, elsewhere 0; shape (sliders, n)."""
+        slopes, stands = np.zeros((len(self._drives), len(phases))), phases[:, 2] == 0.0
+        if stands.any():
+            for k, slider in enumerate(self._model.sliders):
+                slopes[k, stands] = slider.slope(phases[stands, 1])
+        return slopes
+
+
+@rounding_kernel
+def _plus_product(sum_so_far, one, other):
+    """Every product is rounded, so that equal ones cancel to exactly zero."""
+    return sum_so_far + one * other
+
+
+@entry_kernel
+def read_samples(forms, terms, pressed_only, drives, slopes, times, points, modes, phases, values):
+    """Values of all `FIELDS` at sampled instants.
+
+    Parameters
+    ----------
+    forms, terms : ndarray, shape (m, len(OUTPUTS), channels)
+        `Model.output` and `Model.output_terms`.
+    pressed_only : bool
+        Whether a negative normal force is reported as 0.
+    drives : ndarray of int, shape (sliders, 2)
+        The field of each slider's drive force, and the channel of its speed.
+    slopes : ndarray, shape (sliders, n)
+        ds/dtheta [m/rad] of each slider where the crank stands.
+    times : ndarray, shape (n,)
+        Instants [s].
+    points, modes, phases : ndarray, shapes (n, channels), (n,) and (n, 3)
+        A `Trace`.
+    values : ndarray, shape (fields, n)
+        Receives the values.
+    """
+    for k in range(len(times)):
+        mode, speed = modes[k], phases[k, 2]
+        for f in range(len(_LINEAR)):
+            total = 0.0
+            for channel in terms[mode, f]:
+                if channel < 0:
+                    break
+                total += forms[mode, f, channel] * points[k, channel]
+            values[_LINEAR[f], k] = total if abs(total) >= _LEAST_VALUE else 0.0
+        if pressed_only and values[_NORMAL, k] < 0.0:
+            values[_NORMAL, k] = 0.0
+        power = torque = 0.0
+        for drive in range(len(drives)):
+            force = values[drives[drive, 0], k]
+            power = _plus_product(power, force, points[k, drives[drive, 1]])
+            torque = _plus_product(torque, force, slopes[drive, k])
+        values[_TIME, k], values[_SPEED, k] = times[k], speed
+        values[_ANGLE, k] = _plus_product(phases[k, 1], _TURN, phases[k, 0])
+        values[_POWER, k], values[_TORQUE, k] = power, torque if speed == 0.0 else power / speed
