@@ -6,9 +6,11 @@ so that it can say a last word (seal the bag, stop the motor) while ROS is still
 """
 
 import os
+import signal
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from threading import Thread
 
 import rclpy
 from rclpy.exceptions import InvalidNamespaceException, InvalidNodeNameException
@@ -51,11 +53,38 @@ def node_running(name: str, words: Sequence[str]) -> Iterator[tuple[SteadyNode, 
     executor = SteadyExecutor(node.refusals)
     executor.add_node(node)
     try:
-        yield node, executor
+        with _woken_by_signals(executor):
+            yield node, executor
     finally:
         executor.shutdown()
         node.destroy_node()
         rclpy.try_shutdown()
+
+
+@contextmanager
+def _woken_by_signals(executor: Executor) -> Iterator[None]:
+    """Let every signal end the executor's wait: only then does Python run what the signal is to do.
+
+    A loop need not look often whether a signal came. Each look costs half a millisecond, because rclpy collects anew
+    all that it waits for.
+    """
+    reading, writing = os.pipe()
+    os.set_blocking(writing, False)
+    before = signal.set_wakeup_fd(writing, warn_on_full_buffer=False)
+    thread = Thread(target=_wake_for_signals, args=(executor, reading), name="signals")
+    thread.start()
+    try:
+        yield
+    finally:
+        signal.set_wakeup_fd(before)
+        os.close(writing)  # which ends the thread
+        thread.join()
+        os.close(reading)
+
+
+def _wake_for_signals(executor: Executor, reading: int) -> None:
+    while os.read(reading, 1):
+        executor.create_task(lambda: None)
 
 
 def _log_folder_fault() -> str:
@@ -75,7 +104,7 @@ def _log_folder_fault() -> str:
 
 
 def spin_until(executor: Executor, done: Callable[[], bool], poll: float = POLL) -> None:
-    """Run callbacks until `done`, which is looked at after each one and at least every `poll` [s]."""
+    """Run callbacks until `done`, which is looked at after each one and each signal, and at least every `poll` [s]."""
     while not done():
         executor.spin_once(timeout_sec=poll)
 

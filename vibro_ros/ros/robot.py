@@ -54,6 +54,8 @@ from vibro_ros.simulation.provenance import provenance
 from vibro_ros.simulation.simulator import Simulator, ToleranceWarning
 
 CHECKPOINT_DEPTH = 1
+WATCH = 0.5
+"""Longest time [s] from a failure of the device or the recording until the node says so."""
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -147,7 +149,7 @@ def _operate(node: SteadyNode, executor: Executor, settings: Mapping[str, Value]
                 recording.watch()
                 return bool(stop or stepping.error)
 
-            process.spin_until(executor, over)
+            process.spin_until(executor, over, WATCH)
         if stepping.error:
             recording.save(stepping.error)
     if stepping.error or recording.faults:
