@@ -1,11 +1,13 @@
 """Bytes filled in place are those of rclpy: for any numbers and stamps, joints, prefixes and namespaces."""
 
 import math
-from dataclasses import fields
+from functools import partial
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
+import rclpy
+from rclpy.context import Context
 from rclpy.node import Node
 from rclpy.serialization import deserialize_message, serialize_message
 from std_msgs.msg import Float64, String
@@ -13,12 +15,14 @@ from std_msgs.msg import Float64, String
 from vibro_ros.bag.cdr import first_difference
 from vibro_ros.configuration.scene_file import load_scene, shipped_scenes
 from vibro_ros.messages.topics import ROBOT_TOPICS
-from vibro_ros.ros import messages
+from vibro_ros.ros import messages, outputs
 from vibro_ros.ros.outputs import Outputs, makers
-from vibro_ros.ros.template import Template, serialiser
-from vibro_ros.simulation.samples import EVENT_DTYPE, Samples
+from vibro_ros.ros.raw_publisher import RawPublisher
+from vibro_ros.ros.sheet import Sheet, checked_template
+from vibro_ros.ros.template import Template
+from vibro_ros.simulation.samples import EVENT_DTYPE, FIELDS, TIME, Samples
 
-NAMES = [field.name for field in fields(Samples)]
+NO_EVENTS = np.empty(0, dtype=EVENT_DTYPE)
 SPECIAL = [math.nan, -math.nan, math.inf, -math.inf, 0.0, -0.0, 5e-324, -2.2e-308, 1.7976931348623157e308]
 LAST_STAMP = 2**31 * 10**9 - 1  # [ns] of an int32 of seconds
 STAMPS = [0, 1, 999_999_999, 10**9, 1_763_700_000_123_456_789, LAST_STAMP, -1, -2**31 * 10**9]
@@ -27,18 +31,26 @@ SIDES = [((), ()), *(((side,), plates) for side in BOTH for plates in ((), (side
          *((BOTH, plates) for plates in ((), ("upper",), ("inclined",), BOTH))]
 
 
-def random_cases(rng: np.random.Generator, count: int) -> list[tuple[Samples, int]]:
+def random_cases(rng: np.random.Generator, count: int) -> list[tuple[np.ndarray, int]]:
     """Samples of plain, special and any other numbers, NaN with a payload among them; and stamps."""
     cases = []
     for number in range(count):
-        values = rng.standard_normal(len(NAMES))
+        values = rng.standard_normal(len(FIELDS))
         if number % 3 == 1:
-            values = rng.choice(SPECIAL, len(NAMES))
+            values = rng.choice(SPECIAL, len(FIELDS))
         elif number % 3 == 2:
-            values = np.frombuffer(rng.bytes(8 * len(NAMES)))
+            values = np.frombuffer(rng.bytes(8 * len(FIELDS)))
         stamp = STAMPS[number] if number < len(STAMPS) else int(rng.integers(0, LAST_STAMP))
-        cases.append((Samples(*map(float, values)), stamp))
+        cases.append((values, stamp))
     return cases
+
+
+def made(make, values, stamp: int):
+    return make(Samples(*map(float, values)), stamp)
+
+
+def template_of(make, type_name: str) -> Template:
+    return Template(lambda numbers, stamp: made(make, numbers, stamp), type_name, len(FIELDS))
 
 
 def assert_same(filled: bytes, message, type_name: str) -> None:
@@ -51,10 +63,12 @@ def assert_same(filled: bytes, message, type_name: str) -> None:
 
 
 def assert_filled_as_made(scene, prefix: str, cases) -> None:
-    for topic, make in makers(scene, prefix).items():
-        template = Template(make, ROBOT_TOPICS[topic])
-        for state, stamp in cases:
-            assert_same(template.fill(state, stamp), make(state, stamp), ROBOT_TOPICS[topic])
+    wanted = makers(scene, prefix)
+    sheet = Sheet([template_of(make, ROBOT_TOPICS[topic]) for topic, make in wanted.items()])
+    for values, stamp in cases:
+        sheet.fill(values, stamp)
+        for message, (topic, make) in zip(sheet.messages, wanted.items(), strict=True):
+            assert_same(message.tobytes(), made(make, values, stamp), ROBOT_TOPICS[topic])
 
 
 @pytest.mark.parametrize("name", shipped_scenes())
@@ -72,66 +86,86 @@ def test_filled_bytes_are_those_of_rclpy_whatever_a_prefix_does_to_alignment(len
 @pytest.mark.parametrize("topic", ["odom", "joint_states", "ground_contact", "motor_power"])
 def test_rclpy_reads_filled_bytes_as_the_message_that_was_meant(topic):
     make = makers(load_scene("device"), "r1/")[topic]
-    template = Template(make, ROBOT_TOPICS[topic])
-    for state, stamp in random_cases(np.random.default_rng(2), 40)[::3]:
-        message = make(state, stamp)
-        assert deserialize_message(template.fill(state, stamp), type(message)) == message
+    sheet = Sheet([template_of(make, ROBOT_TOPICS[topic])])
+    for values, stamp in random_cases(np.random.default_rng(2), 40)[::3]:
+        message = made(make, values, stamp)
+        sheet.fill(values, stamp)
+        assert deserialize_message(sheet.messages[0].tobytes(), type(message)) == message
 
 
-def test_a_message_filled_again_is_a_copy_of_its_own():
-    template = Template(makers(load_scene("device"), "")["odom"], ROBOT_TOPICS["odom"])
-    (one, other) = random_cases(np.random.default_rng(3), 2)
-    first = template.fill(*one)
-    assert template.fill(*other) != first == template.fill(*one)
-    assert type(first) is bytes  # what publishers and bags take
-
-
-@pytest.mark.parametrize(("make", "type_name", "reason"), [
+NOT_FILLED = [
     (lambda state, stamp: Float64(data=state.motor_speed + state.motor_power), "std_msgs/msg/Float64", "not those"),
     (lambda state, stamp: Float64(data=abs(state.motor_power)), "std_msgs/msg/Float64", "not those"),
     (lambda state, stamp: Float64(data=1e-3 * stamp), "std_msgs/msg/Float64", "not those"),
     (lambda state, stamp: String(data="later" * (state.time > 0.0)), "std_msgs/msg/String", "length"),
     (lambda state, stamp: Float64(data=state.time), "std_msgs/msg/String", "are no std_msgs/msg/String"),
-])
-def test_what_cannot_be_filled_in_place_is_serialised_by_rclpy_and_said(make, type_name, reason):
+]
+
+
+@pytest.mark.parametrize(("make", "type_name", "reason"), NOT_FILLED)
+def test_what_cannot_be_filled_in_place_is_said(make, type_name, reason):
     said = []
-    serialise = serialiser(make, type_name, said.append)
+    assert checked_template(partial(made, make), type_name, len(FIELDS), said.append) is None
     (warning,) = said
     assert reason in warning
-    for state, stamp in random_cases(np.random.default_rng(4), 30)[::3]:
-        made = make(state, stamp)
-        assert deserialize_message(serialise(state, stamp), type(made)) == made
+    assert "rclpy serialises every message" in warning
 
 
 def test_nothing_is_said_of_what_can_be_filled():
     for topic, make in makers(load_scene("device"), "").items():
-        serialiser(make, ROBOT_TOPICS[topic], pytest.fail)
+        assert checked_template(partial(made, make), ROBOT_TOPICS[topic], len(FIELDS), pytest.fail)
+
+
+def test_what_cannot_be_filled_in_place_is_serialised_by_rclpy_and_published_and_recorded(bench, monkeypatch):
+    make = NOT_FILLED[0][0]
+    monkeypatch.setattr(outputs, "makers", lambda scene, prefix: {**makers(scene, prefix), "motor_power": make})
+    publishing, heard, recorded = Outputs(bench.node, load_scene("device")), [], {}
+    bench.node.create_subscription(Float64, "motor_power", heard.append, 10)
+    bench.spin_until(publishing.publishers["motor_power"].get_subscription_count, "discovery")
+    ((values, _),) = random_cases(np.random.default_rng(4), 1)
+    publishing.publish(values, NO_EVENTS, lambda time: 7, lambda topic, stamp, data: recorded.update({topic: data}))
+    bench.spin_until(lambda: heard, "message")
+    assert heard == [made(make, values, 7)]
+    assert deserialize_message(recorded["/motor_power"], Float64) == heard[0]
+    assert list(recorded) == ["/odom", "/joint_states", "/ground_contact", "/motor_power"]
+
+
+def test_a_publisher_that_is_gone_raises_as_rclpy_does(domain_id):
+    context = Context()
+    rclpy.init(context=context, domain_id=domain_id)
+    node = Node("gone", context=context)
+    raw = RawPublisher(node.create_publisher(Float64, "power", 10), np.zeros(12, np.uint8))
+    raw.publish()
+    rclpy.shutdown(context=context)
+    with pytest.raises(RuntimeError, match="publish"):
+        raw.publish()
+    node.destroy_node()
 
 
 @pytest.mark.parametrize("namespace", ["", "/a/bcd"])
 def test_publisher_and_bag_get_the_same_bytes_of_a_sample_and_its_impacts(bench, namespace):
     node = Node("robot", context=bench.node.context, namespace=namespace)
     scene, heard, recorded = load_scene("device"), [], []
-    outputs = Outputs(node, scene, "r12/")
-    for topic in outputs.publishers:
+    publishing = Outputs(node, scene, "r12/")
+    for topic in publishing.publishers:
         kind = messages.message_class(ROBOT_TOPICS[topic])
         bench.node.create_subscription(kind, f"{namespace}/{topic}", lambda data, topic=topic: heard.append((
             f"{namespace}/{topic}", data)), 10, raw=True)
-    bench.spin_until(lambda: all(one.get_subscription_count() for one in outputs.publishers.values()), "discovery")
+    bench.spin_until(lambda: all(one.get_subscription_count() for one in publishing.publishers.values()), "discovery")
     events = np.array([(0.25, "upper_contact", 0.7, 812.5, 3e-4), (0.26, "slip_forward", 0.0, 0.0, 0.0),
                        (0.27, "inclined_contact", 0.1, 3.5, 2e-4)], dtype=EVENT_DTYPE)
-    ((state, _),) = random_cases(np.random.default_rng(5), 1)
+    ((values, _),) = random_cases(np.random.default_rng(5), 1)
 
     def stamp_of(time: float) -> int:
         return 10**18 + round(1e9 * time)
 
-    outputs.publish(state, events, stamp_of, lambda topic, stamp, data: recorded.append((topic, stamp, data)))
+    publishing.publish(values, events, stamp_of, lambda topic, stamp, data: recorded.append((topic, stamp, data)))
     bench.spin_until(lambda: len(heard) == len(recorded), "messages")
     node.destroy_node()
     assert sorted(heard) == sorted((topic, data) for topic, _, data in recorded)
-    assert {stamp for _, stamp, _ in recorded} == {stamp_of(state.time)}
-    made = {**makers(scene, "r12/")}
-    expected = [(topic, make(state, stamp_of(state.time))) for topic, make in made.items()]
+    sampled = stamp_of(values[TIME])
+    assert {stamp for _, stamp, _ in recorded} == {sampled}
+    expected = [(topic, made(make, values, sampled)) for topic, make in makers(scene, "r12/").items()]
     expected += [("impacts", messages.impact(events[k], stamp_of(events[k]["time"]), "r12/")) for k in (0, 2)]
     assert [topic for topic, _, _ in recorded] == [f"{namespace}/{topic}" for topic, _ in expected]
     for (_, _, data), (topic, message) in zip(recorded, expected, strict=True):

@@ -32,9 +32,10 @@ def test_work_that_compiles_nothing_says_nothing(progress):
 def test_how_far_it_is(progress):
     said: list[str] = []
     go_on = threading.Event()
-    progress.loaded.append("read_signals")
+    progress.loaded.append("fill_in")  # of what was done before
     progress.under_way.append("advance")
     work = Preparation(lambda: go_on.wait(PATIENCE), "exact", said.append)
+    progress.loaded.append("read_signals")
     assert not work.done()
     assert said.pop() == "compiling: the first start after an update takes half a minute; Ctrl-C stops it"
     progress.done.append("leave_for_ramp")

@@ -1,7 +1,8 @@
 """What the robot publishes: the same bytes to ROS and to the bag, filled in place where a topic has every sample."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
+from typing import Any
 
 import numpy as np
 from rclpy.node import Node
@@ -12,9 +13,12 @@ from vibro_ros.messages.fields import joints_of
 from vibro_ros.messages.topics import ROBOT_TOPICS
 from vibro_ros.model.scene import Scene
 from vibro_ros.ros import messages, qos
-from vibro_ros.ros.template import Make, Serialise, serialiser
-from vibro_ros.simulation.samples import Samples
+from vibro_ros.ros.raw_publisher import RawPublisher
+from vibro_ros.ros.sheet import Sheet, checked_template
+from vibro_ros.simulation.samples import FIELDS, TIME, Samples
 
+MakeOfSample = Callable[[Samples, int], Any]
+"""Makes the message of a sample and a stamp [ns]."""
 Record = Callable[[str, int, bytes], None]
 """Takes a topic's resolved name, a stamp [ns] and the serialised message."""
 
@@ -46,22 +50,25 @@ class Outputs:
             topic: node.create_publisher(messages.message_class(ROBOT_TOPICS[topic]), topic, profile)
             for topic, profile in PUBLISHED.items()
         }
-        self._prefix = prefix
-        self._sampled = [self._sampled_topic(topic, make, node) for topic, make in makers(scene, prefix).items()]
-        self._impacts = self.publishers["impacts"], self.topics["impacts"]
-
-    def _sampled_topic(self, topic: str, make: Make, node: Node) -> tuple[Publisher, str, Serialise]:
-        """A topic that has every sample: publisher, resolved name and what makes its bytes."""
-        name = self.topics[topic]
-        return self.publishers[topic], name, serialiser(
-            make, ROBOT_TOPICS[topic], lambda reason: node.get_logger().warning(f"{name}: {reason}"))
+        self._prefix, names = prefix, self.topics
+        made = {topic: partial(_made, make) for topic, make in makers(scene, prefix).items()}
+        templates = {topic: checked_template(make, ROBOT_TOPICS[topic], len(FIELDS), node.get_logger().warning)
+                     for topic, make in made.items()}
+        filled = {topic: template for topic, template in templates.items() if template}
+        self._sheet = Sheet([*filled.values()])
+        self._filled = [(RawPublisher(self.publishers[topic], data), names[topic], data)
+                        for topic, data in zip(filled, self._sheet.messages, strict=True)]
+        self._made = [(self.publishers[topic], names[topic], make) for topic, make in made.items()
+                      if topic not in filled]
+        self._impacts = self.publishers["impacts"], names["impacts"]
 
     @property
     def topics(self) -> dict[str, str]:
         """Resolved name of each topic."""
         return {name: publisher.topic_name for name, publisher in self.publishers.items()}
 
-    def publish(self, state: Samples, events: np.ndarray, stamp_of: Callable[[float], int], record: Record) -> None:
+    def publish(self, values: np.ndarray, events: np.ndarray, stamp_of: Callable[[float], int],
+                record: Record) -> None:
         """Publish and record a sample, and the contacts that ended since the one before it.
 
         Everything is recorded at the sample's instant, so that the bag is in time order; an impact's header has
@@ -69,8 +76,8 @@ class Outputs:
 
         Parameters
         ----------
-        state : Samples
-            The sample.
+        values : ndarray, shape (fields,)
+            The sample: `Simulator.values`.
         events : ndarray, shape (n,)
             Events of `Simulator.take_events`.
         stamp_of : callable
@@ -78,20 +85,31 @@ class Outputs:
         record : callable
             The bag.
         """
-        stamp = stamp_of(state.time)
-        for publisher, name, serialise in self._sampled:
-            data = serialise(state, stamp)
-            publisher.publish(data)
-            record(name, stamp, data)
-        publisher, name = self._impacts
+        stamp = stamp_of(values.item(TIME))
+        self._sheet.fill(values, stamp)
+        for raw, name, data in self._filled:
+            raw.publish()
+            record(name, stamp, data.tobytes())
+        for publisher, name, make in self._made:
+            _publish_made(publisher, name, make(values.tolist(), stamp), stamp, record)
         for event in events:
             if event["kind"] in messages.PLATES:
-                data = serialize_message(messages.impact(event, stamp_of(float(event["time"])), self._prefix))
-                publisher.publish(data)
-                record(name, stamp, data)
+                impact = messages.impact(event, stamp_of(float(event["time"])), self._prefix)
+                _publish_made(*self._impacts, impact, stamp, record)
 
 
-def makers(scene: Scene, prefix: str) -> Mapping[str, Make]:
+def _made(make: MakeOfSample, numbers: Sequence[float], stamp: int) -> Any:
+    """The message of a sample, from the values of its fields."""
+    return make(Samples(*numbers), stamp)
+
+
+def _publish_made(publisher: Publisher, name: str, message: Any, stamp: int, record: Record) -> None:
+    data = serialize_message(message)
+    publisher.publish(data)
+    record(name, stamp, data)
+
+
+def makers(scene: Scene, prefix: str) -> Mapping[str, MakeOfSample]:
     """What makes the message of each topic that has every sample, in the order in which they are published."""
     joints = joints_of(scene)
     return {

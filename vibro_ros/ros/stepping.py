@@ -12,7 +12,7 @@ from vibro_ros.ros.inputs import Inputs
 from vibro_ros.ros.outputs import Outputs, Record
 from vibro_ros.ros.pacing import Pacing
 from vibro_ros.ros.throttle import Throttle
-from vibro_ros.simulation.samples import Samples
+from vibro_ros.simulation.samples import NORMAL_FORCE
 from vibro_ros.simulation.simulator import Simulator
 
 Checkpoint = Callable[[int, Callable[[], np.ndarray]], None]
@@ -95,7 +95,7 @@ class Stepping:
             self._inputs.apply(self._device, self._stamp_of, self._record)
             self._device.advance_to((self.ticks + 1) / self._rate)
             self.busy += time.perf_counter() - begun
-            self.unloaded += self._publish().normal_force <= 0.0
+            self.unloaded += self._publish().item(NORMAL_FORCE) <= 0.0
             self.ticks += 1
 
     def _wait_for(self, due: float) -> bool:
@@ -111,13 +111,13 @@ class Stepping:
         if text:
             self._log.warning(text)
 
-    def _publish(self) -> Samples:
-        """Publish and record the sample of this instant, and return it."""
-        state = self._device.state
-        self._outputs.publish(state, self._device.take_events(), self._stamp_of, self._record)
+    def _publish(self) -> np.ndarray:
+        """Publish and record the sample of this instant, and return its values."""
+        values = self._device.values
+        self._outputs.publish(values, self._device.take_events(), self._stamp_of, self._record)
         if self._checkpoint:
             self._checkpoint(self._stamp_of(self._device.time), self._device.checkpoint)
-        return state
+        return values
 
     def _stamp_of(self, time: float) -> int:
         return stamp_at(self._zero, time)

@@ -1,125 +1,81 @@
-"""The bytes of a message that differs from sample to sample in numbers and stamp alone: made once, filled each time.
+"""Where numbers and stamp stand in the bytes of messages that differ in nothing else.
 
-A template is not told where a number stands. It lets rclpy serialise messages of samples that differ in one number, and
-sees which bytes differ. So `messages.fields` stays the only place that says what is in a message, and rclpy the only
-one that lays it out. The bytes before an aligned field, which rclpy leaves to chance, are zeros here.
+A template is not told where a number stands. It lets rclpy serialise messages that differ in one number, and sees which
+bytes differ. So `messages.fields` stays the only place that says what is in a message, and rclpy the only one that lays
+it out. The bytes before an aligned field, which rclpy leaves to chance, are zeros here.
 """
 
-from collections.abc import Callable
-from dataclasses import fields
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
 from rclpy.serialization import serialize_message
 
 from vibro_ros.bag.cdr import deserialised, first_difference, serialised
-from vibro_ros.simulation.samples import Samples
 
-Make = Callable[[Samples, int], Any]
-"""Makes the message of a sample and a stamp [ns]."""
-Serialise = Callable[[Samples, int], bytes]
-"""Makes the bytes of this message."""
+Make = Callable[[Sequence[float], int], Any]
+"""Makes the message of some numbers and a stamp [ns]."""
 
-_NUMBERS = tuple(field.name for field in fields(Samples))
-_SECOND = 1_000_000_000  # ns
-_AHEAD = bytes(4)  # before a message: CDR aligns from behind its first 4 bytes, so doubles then lie at multiples of 8
-_WORD = 0xFFFFFFFF
+AHEAD = 4
+"""Bytes before a message: CDR aligns from behind its first 4 bytes, so doubles then lie at multiples of 8."""
+SECOND = 1_000_000_000
+"""Nanoseconds of a stamp's second."""
 
 
 class Template:
-    """The bytes of one topic's messages; for one thread.
+    """The bytes of a message, and where its numbers stand in them.
 
     Parameters
     ----------
     make : callable
-        Makes a message of rclpy; its texts and lengths are the same for every sample and stamp.
+        Makes a message of rclpy; its texts and lengths are the same for all numbers and stamps.
     type_name : str
         Its type, such as ``nav_msgs/msg/Odometry``.
+    count : int
+        How many numbers `make` takes.
+
+    Attributes
+    ----------
+    blank : bytes
+        The message of zeros, at time 0.
+    doubles : list of (int, int, bool)
+        Of each double: its place, counted in doubles from `AHEAD` bytes before the message; which number it is; and
+        whether it is negated.
+    words : list of (int, bool)
+        Of each word of a stamp: its place, counted in words of 4 bytes from there; whether it holds the nanoseconds.
 
     Raises
     ------
     ValueError
-        When another sample makes a message of another length, or the message cannot be read.
+        When other numbers make a message of another length, or the message cannot be read.
     """
 
-    def __init__(self, make: Make, type_name: str):
+    def __init__(self, make: Make, type_name: str, count: int):
         self._make, self._type_name = make, type_name
-        blank = self._plain(_sample(), 0)
-        room = memoryview(bytearray(_AHEAD + blank))
-        self._message = room[len(_AHEAD):]
-        self._doubles, self._words = room[:len(room) // 8 * 8].cast("d"), room[:len(room) // 4 * 4].cast("I")
-        self._seconds = _changed(blank, self._plain(_sample(), _SECOND), "u4")
-        self._nanoseconds = _changed(blank, self._plain(_sample(), 1), "u4")
-        self._same: list[tuple[int, str]] = []
-        self._negated: list[tuple[int, str]] = []
-        for name in _NUMBERS:
-            one = self._plain(_sample(**{name: 1.0}), 0)
-            for place in _changed(blank, one, "u8"):
-                (self._negated if _seen(one, "f8")[place] < 0.0 else self._same).append((place, name))
+        zeros = [0.0] * count
+        self.blank = self._plain(zeros, 0)
+        self.words = [(place, nanoseconds) for stamp, nanoseconds in ((SECOND, False), (1, True))
+                      for place in _changed(self.blank, self._plain(zeros, stamp), "u4")]
+        self.doubles: list[tuple[int, int, bool]] = []
+        for which in range(count):
+            one = self._plain([*zeros[:which], 1.0, *zeros[which + 1:]], 0)
+            self.doubles += [(place, which, bool(_seen(one, "f8")[place] < 0.0))
+                             for place in _changed(self.blank, one, "u8")]
 
-    def fill(self, state: Samples, stamp: int) -> bytes:
-        """Return the serialised message of a sample and a stamp [ns]."""
-        doubles, words = self._doubles, self._words
-        for place, name in self._same:
-            doubles[place] = getattr(state, name)
-        for place, name in self._negated:
-            doubles[place] = -getattr(state, name)
-        seconds, nanoseconds = divmod(stamp, _SECOND)
-        for place in self._seconds:
-            words[place] = seconds & _WORD
-        for place in self._nanoseconds:
-            words[place] = nanoseconds
-        return bytes(self._message)
-
-    def agrees(self, state: Samples, stamp: int) -> bool:
-        """Whether `fill` gives the bytes of rclpy, but for those that belong to no field."""
-        filled, made = self.fill(state, stamp), serialize_message(self._make(state, stamp))
+    def agrees(self, filled: bytes, numbers: Sequence[float], stamp: int) -> bool:
+        """Whether bytes are those that rclpy makes of numbers and stamp, but for those that belong to no field."""
+        made = serialize_message(self._make(numbers, stamp))
         return len(filled) == len(made) and first_difference(filled, made, self._type_name) is None
 
-    def _plain(self, state: Samples, stamp: int) -> bytes:
+    def _plain(self, numbers: Sequence[float], stamp: int) -> bytes:
         """The message by rclpy, with zeros where bytes belong to no field."""
-        made = serialize_message(self._make(state, stamp))
+        made = serialize_message(self._make(numbers, stamp))
         return serialised(deserialised(made, self._type_name), self._type_name)
 
 
-def serialiser(make: Make, type_name: str, warn: Callable[[str], object]) -> Serialise:
-    """The cheapest way to the bytes of a topic's messages: a template; where it fails, rclpy for every message.
-
-    Parameters
-    ----------
-    make : callable
-        Makes a message.
-    type_name : str
-        Its type.
-    warn : callable
-        Told, in words, when it is not the template.
-    """
-    try:
-        template = Template(make, type_name)
-        if all(template.agrees(*trial) for trial in _trials()):
-            return template.fill
-        reason = "bytes filled in place are not those of rclpy"
-    except ValueError as error:
-        reason = str(error)
-    warn(f"{type_name}: rclpy serialises every message, which costs more: {reason}")
-    return lambda state, stamp: serialize_message(make(state, stamp))
-
-
-def _sample(**numbers: float) -> Samples:
-    """A sample of zeros but for `numbers`."""
-    return Samples(**{**dict.fromkeys(_NUMBERS, 0.0), **numbers})
-
-
-def _trials() -> list[tuple[Samples, int]]:
-    """Samples in which every number is another and has both signs, and stamps."""
-    numbers = {name: (-1) ** i * (i + 1) / 3.0 for i, name in enumerate(_NUMBERS)}
-    return [(_sample(**numbers), 1_763_700_000_123_456_789),
-            (_sample(**{name: -number for name, number in numbers.items()}), 987_654_321)]
-
-
 def _seen(data: bytes, kind: str) -> np.ndarray:
-    """The message as numbers of one kind, from `_AHEAD` on; what is left over at its end is not among them."""
-    return np.frombuffer(_AHEAD + data, kind, (len(_AHEAD) + len(data)) // np.dtype(kind).itemsize)
+    """The message as numbers of one kind, from `AHEAD` on; what is left over at its end is not among them."""
+    return np.frombuffer(bytes(AHEAD) + data, kind, (AHEAD + len(data)) // np.dtype(kind).itemsize)
 
 
 def _changed(one: bytes, other: bytes, kind: str) -> list[int]:

@@ -68,7 +68,7 @@ class Ticks:
         device, found = self._device(self._scene), []
         for tick in range(self._count):
             device.advance_to((tick + 1) / self._rate)
-            found.append((device.state, device.take_events()))
+            found.append((device.values.copy(), device.take_events()))
         return self._paced(lambda tick: None, lambda tick: self._publish(*found[tick]))[1]
 
     def ready(self) -> np.ndarray:
@@ -89,7 +89,7 @@ class Ticks:
 
         def step(tick):
             device.advance_to((tick + 1) / self._rate)
-            found[:] = device.state, device.take_events()
+            found[:] = device.values, device.take_events()
 
         return self._paced(step, lambda tick: self._publish(*found))[0], device
 
@@ -104,8 +104,8 @@ class Ticks:
             costs[:, tick] = simulated - begun, time.perf_counter() - simulated
         return costs
 
-    def _publish(self, state, events) -> None:
-        self._outputs.publish(state, events, lambda time: stamp_at(0, time), lambda topic, stamp, data: None)
+    def _publish(self, values, events) -> None:
+        self._outputs.publish(values, events, lambda time: stamp_at(0, time), lambda topic, stamp, data: None)
 
     @staticmethod
     def _device(scene: Scene) -> Simulator:

@@ -38,6 +38,7 @@ class Preparation(Generic[Result]):
         self._result: Result | None = None
         self._error: BaseException | None = None
         self._begun, self._due, self._compiled = time.monotonic(), 0.0, len(progress.done)
+        self._before = len(progress.done) + len(progress.loaded)  # of other work
         usual = threading.stack_size(_STACK)
         self._thread = threading.Thread(target=self._run, name="preparation", daemon=True)
         self._thread.start()
@@ -76,7 +77,7 @@ class Preparation(Generic[Result]):
         if not self._due:
             self._tell("compiling: the first start after an update takes half a minute; Ctrl-C stops it")
         else:
-            ready = len(progress.done) + len(progress.loaded)
+            ready = len(progress.done) + len(progress.loaded) - self._before
             self._tell(f"compiling {kernel}: {ready} of {self._count} kernels are ready after "
                        f"{time.monotonic() - self._begun:.0f} s")
         self._due = time.monotonic() + REPORTS
