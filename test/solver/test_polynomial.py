@@ -32,16 +32,9 @@ def test_value_and_derivatives(x):
         for _ in range(2):
             coefficients = [n * c for n, c in enumerate(coefficients)][1:]
             derivatives.append(sum(c * Fraction(x) ** n for n, c in enumerate(coefficients)))
-        found = poly.value_and_derivatives(p, LENGTH // 2, x)
+        found = poly.value_and_derivatives(p, x)
         np.testing.assert_allclose(found, [float(d) for d in derivatives], rtol=0, atol=1e-14)
         assert poly.value(p, x) == pytest.approx(float(derivatives[0]), abs=1e-15)
-
-
-def test_value_and_derivatives_of_the_leading_terms():
-    a, b, c, d = DECAYING[0, :4]
-    assert poly.value_and_derivatives(DECAYING[0], 1, 0.5) == pytest.approx((a + b / 2, b, 0.0), abs=1e-16)
-    expected = (a + b / 2 + c / 4 + d / 8, b + c + 3 * d / 4, 2 * c + 3 * d)
-    assert poly.value_and_derivatives(DECAYING[0], 2, 0.5) == pytest.approx(expected, abs=1e-15)
 
 
 @pytest.mark.parametrize("root", [0.0, 0.3, 1.0])

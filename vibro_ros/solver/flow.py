@@ -206,31 +206,38 @@ def _coupled_components(system, state, c):
 
 
 @kernel
+def _free_motion(free, c, first, step, middle):
+    """The vector of component c of the free motion with these components in the middle."""
+    motion = middle[first] * vector(free[first, c])
+    for j in range(first + step, len(free), step):
+        motion = motion + middle[j] * vector(free[j, c])
+    return motion
+
+
+@kernel
 def _carry_to_middle(system, state, free, free_end, part):
     """Store the free motion's value in the segment's middle, from its value at the flow's start.
 
     The free motion does not depend on time: what a unit becomes between the flow's start and the middle is what a unit
     in the middle becomes in as long a time after it. The segment is the `part` of that of the free motions.
     """
-    start, room = state.now[0].segment.flow_start, state.scratch.room[0]
-    at_start, at_middle = room.free_at_start[:], room.free_at_middle[:]
+    room, back = state.scratch.room[0], -state.now[0].segment.flow_start * part
+    at_start, at_middle, weights = room.free_at_start[:], room.free_at_middle[:], powers(back)
     for c in range(len(free)):
-        middle = 0.0
         first, step = _coupled_components(system, state, c)
-        for j in range(first, len(free), step):
-            share = free_end[j, c] if start * part == -1.0 else value(free[j, c], -start * part)
-            middle += share * at_start[j]
-        at_middle[c] = middle
+        if back == 1.0:
+            at_middle[c] = 0.0
+            for j in range(first, len(free), step):
+                at_middle[c] += free_end[j, c] * at_start[j]
+        else:
+            at_middle[c] = total(_free_motion(free, c, first, step, at_start) * weights)
 
 
 @kernel
 def _add_free_motion(system, state, free, c, part, forced, target):
     """target = forced + component c of the free motion over the `part` about the middle of its segment."""
     first, step = _coupled_components(system, state, c)
-    middle = state.scratch.room[0].free_at_middle[:]
-    motion = middle[first] * vector(free[first, c])
-    for j in range(first + step, len(free), step):
-        motion = motion + middle[j] * vector(free[j, c])
+    motion = _free_motion(free, c, first, step, state.scratch.room[0].free_at_middle[:])
     store(target, vector(forced) + motion * powers(part))
 
 

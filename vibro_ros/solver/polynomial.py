@@ -16,6 +16,8 @@ from vibro_ros.solver.vector import LENGTH, last, lowered, powers, raised, repea
 INVERSE = 1.0 / np.arange(1, LENGTH + 1)
 
 _ORDER = np.arange(LENGTH, dtype=float)
+#: Factors of the coefficients in the second derivative.
+SECOND = _ORDER * (_ORDER - 1.0)
 _BEYOND = economized_powers(LENGTH, 1)[0]
 # Entry [n, k] is k over n.
 _BINOMIAL = np.array([[float(math.comb(k, n)) for k in range(LENGTH)] for n in range(LENGTH)])
@@ -45,24 +47,13 @@ def products(p, q, nodes):
 
 
 @kernel
-def value_and_derivatives(p, pairs, x):
-    """p(x), p'(x) and p''(x), of the first 2 `pairs` coefficients.
-
-    As p(x) = E(x²) + x O(x²): of two series of half the length, the processor computes one beside the other.
-    """
-    y = x * x
-    even, odd = 0.0, 0.0
-    even_d, odd_d = 0.0, 0.0
-    half_even_dd, half_odd_dd = 0.0, 0.0
-    for n in range(pairs - 1, -1, -1):
-        half_even_dd = half_even_dd * y + even_d
-        half_odd_dd = half_odd_dd * y + odd_d
-        even_d = even_d * y + even
-        odd_d = odd_d * y + odd
-        even = even * y + p[2 * n]
-        odd = odd * y + p[2 * n + 1]
-    second = 2.0 * even_d + 8.0 * (y * half_even_dd) + x * (6.0 * odd_d + 8.0 * (y * half_odd_dd))
-    return even + x * odd, 2.0 * x * even_d + odd + 2.0 * (y * odd_d), second
+def value_and_derivatives(p, x):
+    """p(x), p'(x) and p''(x)."""
+    of_value = powers(x)
+    of_slope = raised(of_value)
+    of_bend = raised(of_slope)
+    return (total(vector(p) * of_value), total(vector(p) * vector(_ORDER) * of_slope),
+            total(vector(p) * vector(SECOND) * of_bend))
 
 
 @kernel

@@ -12,7 +12,6 @@ from vibro_ros.solver.drive import advance_speed
 from vibro_ros.solver.forcing import advance_ramps, phase_at
 from vibro_ros.solver.linear_forms import form_value
 from vibro_ros.solver.polynomial import value_and_derivatives
-from vibro_ros.solver.vector import LENGTH
 
 
 @kernel
@@ -40,7 +39,7 @@ def _fill_signals(system, state, elapsed, z):
     scale = 2.0 / (start[cell + 1] - start[cell])
     y = (phase - start[cell]) * scale - 1.0
     for k in range(signals):
-        value, slope, _ = value_and_derivatives(system.signals.series[cell, k], LENGTH // 2, y)
+        value, slope, _ = value_and_derivatives(system.signals.series[cell, k], y)
         z[first + k] = value
         z[first + signals + k] = slope * scale * speed
 

@@ -4,6 +4,7 @@ import numpy as np
 
 from vibro_ros.solver.compilation import kernel
 from vibro_ros.solver.polynomial import (
+    SECOND,
     differentiate,
     divide_by_root,
     sum_of_magnitudes,
@@ -41,7 +42,6 @@ _LAST_STEP = 2e-7
 _MOST_HALLEY_STEPS = 20
 
 _ORDER = np.arange(LENGTH)
-_SECOND = (_ORDER * (_ORDER - 1)).astype(float)
 _THIRD = (_ORDER * (_ORDER - 1) * (_ORDER - 2)).astype(float)
 # On [-1, 1] an odd term is at least -|p|, an even one at least min(p, 0) = (p - |p|) / 2, and the constant is p.
 _SHARE_OF_VALUE = np.where(_ORDER == 0, 1.0, np.where(_ORDER % 2 == 0, 0.5, 0.0))
@@ -74,22 +74,19 @@ def _lower_bound(p):
 
 
 @kernel
+def _upper_bound(p):
+    """A value above p everywhere on [-1, 1]."""
+    return total(vector(_SHARE_OF_VALUE) * vector(p) + vector(_SHARE_OF_MAGNITUDE) * abs(vector(p)))
+
+
+@kernel
 def _third_derivative_bound(p):
     """Bound of |p'''| on [-1, 1]."""
     return total(vector(_THIRD) * abs(vector(p)))
 
 
 @kernel
-def _pairs(p, noise):
-    """Number of leading pairs of coefficients beside which the others are lost in the noise."""
-    pairs = LENGTH // 2
-    while pairs > 1 and abs(p[2 * pairs - 2]) + abs(p[2 * pairs - 1]) <= 0.01 * noise:
-        pairs -= 1
-    return pairs
-
-
-@kernel
-def _march(p, pairs, a, limit):
+def _march(p, a, limit):
     """First root of p, positive at a, in (a, limit], by steps that a bound on p''' proves to be free of roots.
 
     Near a simple root the steps converge faster than Newton's, from the safe side; a near miss
@@ -99,7 +96,7 @@ def _march(p, pairs, a, limit):
     x = a
     reach = limit - x
     for _ in range(_MOST_STEPS):
-        f, d, dd = value_and_derivatives(p, pairs, x)
+        f, d, dd = value_and_derivatives(p, x)
         if f <= 0.0:
             return x
         # A shorter reach bends the bound less; a root is hardly farther than twice where the tangent has it.
@@ -123,7 +120,7 @@ def _march(p, pairs, a, limit):
 @kernel
 def _second_derivative_bound(p):
     """Bound of |p''| on [-1, 1]."""
-    return total(vector(_SECOND) * abs(vector(p)))
+    return total(vector(SECOND) * abs(vector(p)))
 
 
 @kernel
@@ -147,12 +144,12 @@ def _next_node(x):
 
 
 @kernel
-def _only_root(p, pairs, left, right, start):
+def _only_root(p, left, right, start):
     """Root of p in [left, right], where p falls all the way, by Halley's method from `start`; `NO_ROOT` if the steps
     do not settle."""
     x = start
     for _ in range(_MOST_HALLEY_STEPS):
-        f, d, dd = value_and_derivatives(p, pairs, x)
+        f, d, dd = value_and_derivatives(p, x)
         step = 2.0 * f * d / (2.0 * d * d - f * dd)
         x = min(max(x - step, left), right)
         if abs(step) < _LAST_STEP:
@@ -161,7 +158,7 @@ def _only_root(p, pairs, left, right, start):
 
 
 @kernel
-def _search(p, pairs, a, f, limit, noise, values):
+def _search(p, a, f, limit, noise, values):
     """First root of p, which is f > 0 at a, in (a, limit]."""
     bend = _evaluate_at_nodes(p, noise, values)
     first = _next_node(a)
@@ -172,10 +169,10 @@ def _search(p, pairs, a, f, limit, noise, values):
         return NO_ROOT
     right, drop = _NODES[k], before - values[k]
     if values[k] < 0.0 and drop > _FALLS * bend:
-        root = _only_root(p, pairs, left, right, left + (right - left) * before / drop)
+        root = _only_root(p, left, right, left + (right - left) * before / drop)
         if root != NO_ROOT:
             return root if root <= limit else NO_ROOT
-    return _march(p, pairs, left, limit)
+    return _march(p, left, limit)
 
 
 @kernel
@@ -213,7 +210,7 @@ def first_root(p, a, limit, noise, work):
     hidden = noise
     for _ in range(_DEEPEST_ZERO):
         if f > hidden:
-            return _search(guard, _pairs(guard, noise), a, f, limit, noise, values)
+            return _search(guard, a, f, limit, noise, values)
         if f < -hidden:
             return a
         divide_by_root(guard, a)
@@ -244,6 +241,8 @@ def maximum(p, a, b, work):
     slope, values = work[0], work[1]
     differentiate(p, 1.0, slope)
     best = max(value(p, a), value(p, b))
+    if _lower_bound(slope) > 0.0 or _upper_bound(slope) < 0.0:
+        return best
     noise = 1e-15 * sum_of_magnitudes(slope)
     bend = _evaluate_at_nodes(slope, noise, values)
     rises, falls = indices_above(vector(values), bend), indices_above(-1.0 * vector(values), bend)
@@ -258,7 +257,7 @@ def maximum(p, a, b, work):
         left, right, before, behind = _NODES[k - 1], _NODES[k], values[k - 1], values[k]
         drop, x = before - behind, NO_ROOT
         if before > 0.0 and behind < 0.0 and drop > _FALLS * bend:
-            x = _only_root(slope, LENGTH // 2, left, right, left + _SPACING * before / drop)
+            x = _only_root(slope, left, right, left + _SPACING * before / drop)
         if x == NO_ROOT:
             return max(best, _highest_turning_point(p, slope, a, b, noise, work[1:]))
         if a < x < b:
