@@ -15,7 +15,7 @@ free motion over the longest segment of the kind, which is solved once a flow.
 from vibro_ros.solver.channels import first_acceleration
 from vibro_ros.solver.compilation import kernel, rounding_kernel
 from vibro_ros.solver.economization import economized_powers
-from vibro_ros.solver.linear_forms import form_magnitude
+from vibro_ros.solver.linear_forms import form_magnitude, sparse_magnitude
 from vibro_ros.solver.polynomial import INVERSE, differentiate, fill_form, integrate_through, value
 from vibro_ros.solver.segment import LONGEST_SEGMENT
 from vibro_ros.solver.system import CELL_RATE
@@ -325,6 +325,6 @@ def solve_driven(system, state, point):
             rate[:] = 0.0
             rate[0] = point[coordinates + i]
         integrate_through(rate, half, start, point[i], z[i])
-        duration = 2.0 * half
-        state.scale[coordinates + i] = abs(point[coordinates + i]) + form_magnitude(row, state.scale) * duration
+        magnitude, duration = sparse_magnitude(row, system.terms[mode, i], state.scale), 2.0 * half
+        state.scale[coordinates + i] = abs(point[coordinates + i]) + magnitude * duration
         state.scale[i] = abs(point[i]) + state.scale[coordinates + i] * duration

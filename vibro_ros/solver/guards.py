@@ -1,7 +1,7 @@
 """Guards: how much of their value is rounding, and which of them turns negative first."""
 
 from vibro_ros.solver.compilation import kernel
-from vibro_ros.solver.linear_forms import form_magnitude, value_and_magnitude
+from vibro_ros.solver.linear_forms import sparse_magnitude, value_and_magnitude
 from vibro_ros.solver.polynomial import fill_form
 from vibro_ros.solver.roots import NO_ROOT, SEARCH_FAILED, first_root
 from vibro_ros.solver.state import UNKNOWN
@@ -35,7 +35,7 @@ def _guard_root(system, state, row):
         return state.root[row]
     guard = room.guard[:]
     fill_form(system.row[row], system.row_terms[row], state.z, guard)
-    noise = NOISE * form_magnitude(system.row[row], state.scale)
+    noise = NOISE * sparse_magnitude(system.row[row], system.row_terms[row], state.scale)
     if state.now[0].automaton.standstills > _DOUBTFUL_STANDSTILLS:
         guard[0] += _DOUBT * noise
     limit = segment.next_event

@@ -23,6 +23,17 @@ def form_magnitude(row, magnitude):
 
 
 @kernel
+def sparse_magnitude(row, terms, magnitude):
+    """`form_magnitude` of a form that reads the channels in `terms` alone."""
+    total = 0.0
+    for channel in terms:
+        if channel == NOTHING:
+            break
+        total += abs(row[channel]) * magnitude[channel]
+    return total
+
+
+@kernel
 def value_and_magnitude(row, terms, point, magnitude):
     """Value of a form at a point and the magnitude of its terms, from the channels in `terms` alone."""
     total = 0.0
