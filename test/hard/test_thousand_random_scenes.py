@@ -7,8 +7,8 @@ import pytest
 from any_scene import draw_scenario
 
 import vibro_ros
+from vibro_ros.model.mode_set import MODE_EVENTS
 from vibro_ros.model.parameters import SCENE_PARAMETERS
-from vibro_ros.model.tables import MODE_EVENTS
 
 ROUNDING = 2.3e-16
 SAMPLES = 60

@@ -5,7 +5,7 @@ import re
 import numpy as np
 
 from vibro_ros.model.forms import Forms
-from vibro_ros.model.modes import Mode
+from vibro_ros.model.mode_set import Mode
 
 
 def sections(scene) -> dict[str, list[str]]:

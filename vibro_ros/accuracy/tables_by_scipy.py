@@ -15,8 +15,9 @@ import numpy as np
 from scipy.integrate import DOP853, LSODA, OdeSolver, Radau
 from scipy.optimize import brentq
 
+from vibro_ros.model.mode_set import MODE_EVENTS
 from vibro_ros.model.scene import Scene
-from vibro_ros.model.tables import MODE_EVENTS, Model
+from vibro_ros.model.tables import Model
 from vibro_ros.simulation.motion import Motion
 from vibro_ros.solver.compilation import entry_kernel
 from vibro_ros.solver.guards import NOISE

@@ -40,7 +40,7 @@ class Guard(NamedTuple):
     targets : tuple of Target
         The targets to try, in order, when the form turns negative; the last one is entered if none is valid.
     text : str
-        The condition in the paper's symbols.
+        The condition in the paper's symbols, with `{force}` for the force of a compliant plate.
     is_blow : bool
         Whether the guard ends in a blow without duration, which is recorded as a contact at once.
     entries_decide : bool

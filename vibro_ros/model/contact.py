@@ -7,7 +7,7 @@ from vibro_ros.model.automaton import Guard, Target, without_jump
 from vibro_ros.model.forms import Form, Forms
 from vibro_ros.model.scene import Scene
 from vibro_ros.model.shock import Blow
-from vibro_ros.model.symbols import MASS, PLATE, Symbols
+from vibro_ros.model.symbols import MASS, PLATE
 
 #: A mass that arrives more slowly [m/s] stays on its plate: the bounces that are left out last about 1e-11 s. A mass
 #: that arrives faster strikes a blow even if its restitution is 0, because the blow moves the body, and rests then.
@@ -34,15 +34,19 @@ class CompliantContact:
         self.side = side
         self._forms = forms
         self._may_pull = scene["effects.adhesion"] or scene[f"{side}.plate.damping"] == 0.0
-        self._law = "" if self._may_pull else Symbols(forms).text(forms.plate_force(side))
 
     @property
     def states(self) -> tuple[str, ...]:
         """Names of the states."""
         return ("open", "closed") if self._may_pull else ("open", "closed", "released")
 
+    @staticmethod
+    def context(friction: str, resting: frozenset[str]) -> tuple:
+        """What the guards of a state depend on besides the state: nothing."""
+        return ()
+
     def guards(self, state: str, friction: str, resting: frozenset[str], body: tuple[Form, Form]) -> list[Guard]:
-        """Guards of `state`, which depend on nothing else."""
+        """Guards of `state`."""
         depth, _ = self._forms.penetration(self.side)
         force = self._forms.plate_force(self.side)
         mass, plate = MASS[self.side], PLATE[self.side]
@@ -52,9 +56,9 @@ class CompliantContact:
         if self._may_pull:
             return [Guard(depth, without_jump("open"), within)]
         if state == "closed":
-            return [Guard(force, without_jump("released"), f"{self._law} >= 0")]
+            return [Guard(force, without_jump("released"), "{force} >= 0")]
         return [Guard(depth, without_jump("open"), within),
-                Guard(-force, without_jump("closed"), f"{self._law} <= 0")]
+                Guard(-force, without_jump("closed"), "{force} <= 0")]
 
 
 class RigidContact:
@@ -76,6 +80,11 @@ class RigidContact:
         self._restitution = scene[f"{side}.plate.restitution"]
         self._blow = Blow(scene, forms, side)
         self._masses_feel_body = scene["effects.reaction"]
+
+    @staticmethod
+    def context(friction: str, resting: frozenset[str]) -> tuple:
+        """What the guards of a state depend on besides the state: a body in the air moves with the masses at rest."""
+        return friction, resting if friction == "airborne" else frozenset()
 
     def guards(self, state: str, friction: str, resting: frozenset[str], body: tuple[Form, Form]) -> list[Guard]:
         """Guards of `state`.

@@ -6,11 +6,12 @@ import numpy as np
 
 from vibro_ros.model.automaton import Guard, Target
 from vibro_ros.model.forms import Form
-from vibro_ros.model.modes import OUTPUTS, Mode, ModeBuilder
+from vibro_ros.model.mode_set import MODE_EVENTS, Mode
+from vibro_ros.model.modes import OUTPUTS, ModeBuilder
 from vibro_ros.model.scene import Scene
 from vibro_ros.model.slider import Slider
 from vibro_ros.model.symbols import MASS, PLATE, SLIDER, Symbols, ratio, total
-from vibro_ros.model.tables import MODE_EVENTS, Model, compile_scene
+from vibro_ros.model.tables import Model, compile_scene
 from vibro_ros.solver.system import NOTHING
 
 
@@ -159,9 +160,16 @@ class _Description:
                 own = {mode: [guard for guard, of_effect, _ in of_mode if of_effect == effect]
                        for mode, of_mode in guards.items() if mode.states[effect] == state}
                 for one in zip(*own.values(), strict=True):  # the same guard in all modes with this state
-                    [text] = {guard.text for guard in one}
+                    [text] = {self._condition(guard, effect) for guard in one}
                     ends = {mode.states: self._end(mode, effect, guard) for mode, guard in zip(own, one, strict=True)}
                     yield from self._cases(f"{name} {state}: {text}    else ", ends)
+
+    def _condition(self, guard: Guard, effect: int) -> str:
+        """The condition of a guard, with the plate's force written out."""
+        if "{force}" not in guard.text:
+            return guard.text
+        return guard.text.format(force=self._symbols.text(self._model.forms.plate_force(
+            self._model.forms.plates[effect])))
 
     def _end(self, mode: Mode, effect: int, guard: Guard) -> str:
         """The states to which a guard leads, and the speeds that jump on the way."""

@@ -16,21 +16,20 @@ from collections.abc import Iterator
 import numpy as np
 
 from vibro_ros.model.forms import Form, Forms
-from vibro_ros.model.modes import Mode, ModeBuilder
+from vibro_ros.model.modes import ModeBuilder, ModeForms
 from vibro_ros.model.scene import Scene
-from vibro_ros.solver.system import NOTHING, terms
+from vibro_ros.solver.system import terms
 
 
 def audit_tables(builder: ModeBuilder, scene: Scene) -> dict[str, np.ndarray]:
     """The fields of `solver.system.System` for the audit; empty unless the scene asks for the audit."""
     forms, audited = builder.forms, scene["solver.audit"]
     stored = list(_stored_energy(forms, scene)) if audited else []
-    powers = [list(_power(builder, scene, mode)) if audited else [] for mode in builder.modes]
-    force = np.zeros((len(powers), max(map(len, powers)), forms.channels.count))
-    rate = np.full(force.shape[:2], NOTHING)
-    for m, power in enumerate(powers):
-        for p, (form, velocity) in enumerate(power):
-            force[m, p], rate[m, p] = form, velocity
+    powers = list(_powers(builder, scene)) if audited else []
+    force = np.empty((len(builder.modes), len(powers), forms.channels.count))
+    rate = np.empty(force.shape[:2], dtype=np.int64)
+    for p, (form, velocity) in enumerate(powers):
+        force[:, p], rate[:, p] = form, velocity
     return {"stretch": np.array([form for _, form in stored]).reshape(len(stored), forms.channels.count),
             "stiffness": np.array([weight for weight, _ in stored]),
             "potential": _potential(forms, scene) if audited else forms.zero,
@@ -67,14 +66,14 @@ def _distance_from_rod(forms: Forms, scene: Scene, side: str) -> Form:
     return forms.position(forms.guides.index(side)) - scene[f"crank.{side}_rod"] * forms.one
 
 
-def _power(builder: ModeBuilder, scene: Scene, mode: Mode) -> Iterator[tuple[Form, int]]:
+def _powers(builder: ModeBuilder, scene: Scene) -> Iterator[tuple[Form | ModeForms, int]]:
     """Forces [N] whose power changes the stored energy, and the channels of the velocities along them."""
     forms = builder.forms
     for i, side in enumerate(forms.guides):
         spring = scene[f"{side}.spring.stiffness"] * _distance_from_rod(forms, scene, side)
         force = spring - forms.drive_force(side) - forms.weight(side)
-        if side in mode.pressing:
-            force = force - builder.contact_force(mode, side)
+        if side in forms.plates:
+            force = force - builder.while_pressing(side, builder.contact_force(side))
         yield force, forms.channels.velocity(i)
     if _body_takes_part(forms, scene) and forms.body_moves:
-        yield -builder.friction_force(mode), forms.channels.velocity(forms.body)
+        yield -builder.friction_force(), forms.channels.velocity(forms.body)

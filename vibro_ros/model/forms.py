@@ -31,12 +31,28 @@ def cached(method: Callable) -> Callable:
         key = (method.__name__, *arguments)
         if key not in self._cache:
             result = method(self, *arguments)
-            for form in result if isinstance(result, tuple) else (result,):
-                form.setflags(write=False)
+            _forbid_writing(result)
             self._cache[key] = result
         return self._cache[key]
 
     return look_up
+
+
+def _forbid_writing(result: Any) -> None:
+    """Make every array in `result`, which may be a tuple of tuples, read-only."""
+    if isinstance(result, tuple):
+        for part in result:
+            _forbid_writing(part)
+    elif isinstance(result, np.ndarray):
+        result.setflags(write=False)
+
+
+@functools.lru_cache(maxsize=64)
+def _units(count: int) -> tuple[np.ndarray, np.ndarray]:
+    """The forms of each channel and the form that is zero, read-only."""
+    units = np.eye(count), np.zeros(count)
+    _forbid_writing(units)
+    return units
 
 
 class Forms:
@@ -64,6 +80,10 @@ class Forms:
         Whether the friction coefficient falls with the speed: Stribeck's law with a static coefficient above mu.
     channels : Channels
         The places of the channels in z.
+    units : ndarray, shape (channels, channels)
+        Row c is the form whose value is channel c.
+    one, zero : ndarray, shape (channels,)
+        The forms whose values are 1 and 0.
     """
 
     def __init__(self, scene: Scene):
@@ -79,23 +99,8 @@ class Forms:
         self.channels = Channels(len(self.guides) + self.body_moves + self.body_hops, len(self.guides),
                                  len(self.guides), len(self.plates), int(self.friction_decays))
 
-    @cached
-    def _unit(self, channel: int) -> Form:
-        """The form whose value is one channel."""
-        form = np.zeros(self.channels.count)
-        form[channel] = 1.0
-        return form
-
-    @property
-    def one(self) -> Form:
-        """The form whose value is 1."""
-        return self._unit(self.channels.one)
-
-    @property
-    @cached
-    def zero(self) -> Form:
-        """The form whose value is 0."""
-        return np.zeros(self.channels.count)
+        self.units, self.zero = _units(self.channels.count)
+        self.one = self.units[self.channels.one]
 
     @property
     def body(self) -> int:
@@ -109,11 +114,11 @@ class Forms:
 
     def position(self, coordinate: int) -> Form:
         """A coordinate [m], by its number."""
-        return self._unit(self.channels.position(coordinate))
+        return self.units[self.channels.position(coordinate)]
 
     def velocity(self, coordinate: int) -> Form:
         """Rate of a coordinate [m/s], by the coordinate's number."""
-        return self._unit(self.channels.velocity(coordinate))
+        return self.units[self.channels.velocity(coordinate)]
 
     def body_velocity(self) -> tuple[Form, Form]:
         """x' and y' [m/s]; zero for one that is no coordinate."""
@@ -125,13 +130,13 @@ class Forms:
         """Stretch of the drive, q - s [m], and its rate [m/s]."""
         i = self.guides.index(side)
         slider, slider_rate = self.channels.signal(i), self.channels.signal_rate(i)
-        return self.position(i) - self._unit(slider), self.velocity(i) - self._unit(slider_rate)
+        return self.position(i) - self.units[slider], self.velocity(i) - self.units[slider_rate]
 
     @cached
     def plate(self, side: str) -> tuple[Form, Form]:
         """Position of the plate, E or H [m], and its rate [m/s]."""
         k = self.plates.index(side)
-        return self._unit(self.channels.ramp(k)), self._unit(self.channels.ramp_rate(k))
+        return self.units[self.channels.ramp(k)], self.units[self.channels.ramp_rate(k)]
 
     @cached
     def penetration(self, side: str) -> tuple[Form, Form]:
@@ -196,7 +201,7 @@ class Forms:
 
     def decayed_normal_force(self) -> Form:
         """N exp(-|x'| / v_s) [N] while the body slips, for Stribeck's law; v_s is `ground.stribeck_speed`."""
-        return self._unit(self.channels.decay) if self.friction_decays else self.zero
+        return self.units[self.channels.decay] if self.friction_decays else self.zero
 
     @cached
     def inertial_force(self) -> Form:
@@ -209,5 +214,5 @@ class Forms:
         """m2 u'' or m3 w'' [N]; zero without the mass."""
         if side not in self.guides:
             return self.zero
-        acceleration = self._unit(self.channels.acceleration(self.guides.index(side)))
+        acceleration = self.units[self.channels.acceleration(self.guides.index(side))]
         return self._scene[f"mass.{side}"] * acceleration

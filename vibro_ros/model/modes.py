@@ -28,14 +28,14 @@ the normal force need those of rules 4 to 8 that concern them.
    contact whose state is called `closed` puts `Forms.plate_force` on its mass. A force that is no linear form needs a
    channel of its own in the solver, as Stribeck's friction has with `Forms.friction_decays` and `solver/decay.py`.
 7. Energy. The audit must see what the effect stores and the power of its forces: `_stored_energy`, `_potential` and
-   `_power` in `energy.py`. What makes the masses lighter or stiffer enters `rates.py` by `Scene.yielding_masses`.
+   `_powers` in `energy.py`. What makes the masses lighter or stiffer enters `rates.py` by `Scene.yielding_masses`.
 8. Steps of fixed length. `moreau` needs the law as numbers: `_plates`, `_coefficients`, `_swing` in `moreau_laws.py`.
    What a step publishes of an event that it has not seen is cut in `force_limits.py`; `Forms.pressed_only` says
    whether a negative N is reported as 0.
 9. Motors. A motor law gives the crank's clock its speed in `Motion._command_speed` (`simulation/motion.py`), and
    `solver/drive.py` moves the clock: series, time to an angle, longest segment. `forcing` in `description.py`
    describes the law.
-10. Events and words. A new kind of event belongs into `MODE_EVENTS` (`tables.py`) and the table of kinds in
+10. Events and words. A new kind of event belongs into `MODE_EVENTS` (`mode_set.py`) and the table of kinds in
     docs/guide/python.md. `Scene.describe()` reads the tables; only `effects` in `description.py` names effects itself.
 11. Who else simulates scenes must have the effect or refuse it. `KNOWN` in `peer/known.py` lists what the peer has,
     and the peer refuses the rest. `_KNOWN` in `accuracy/baseline.py` does the same, but only for the parameters that
@@ -50,17 +50,16 @@ the normal force need those of rules 4 to 8 that concern them.
     known answer into docs/known_answers.md.
 """
 
-import itertools
 from collections.abc import Iterator
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from vibro_ros.model.automaton import Guard, Target
+from vibro_ros.model.automaton import Guard
 from vibro_ros.model.contact import make_contact
 from vibro_ros.model.forms import Form, Forms, cached
 from vibro_ros.model.friction import Friction
+from vibro_ros.model.mode_set import Context, Mode, mode_set
 from vibro_ros.model.scene import Scene
 
 #: Outputs of a mode that are linear forms, in the order of the rows of `Model.output`.
@@ -68,39 +67,16 @@ OUTPUTS = ("body_position", "body_velocity", "body_height", "body_vertical_veloc
            "upper_velocity", "inclined_position", "inclined_velocity", "upper_drive_force", "inclined_drive_force",
            "upper_plate_force", "inclined_plate_force", "upper_plate_position", "upper_plate_velocity",
            "inclined_plate_position", "inclined_plate_velocity", "normal_force", "friction_force")
-
-
-@dataclass(frozen=True)
-class Mode:
-    """One state of every effect.
-
-    Attributes
-    ----------
-    states : tuple of str
-        States of the contacts, in the order of `Forms.plates`, then that of the friction.
-    closed : frozenset of str
-        Guides whose compliant plates are in contact.
-    resting : frozenset of str
-        Guides whose masses rest on rigid plates.
-    """
-
-    states: tuple[str, ...]
-    closed: frozenset[str]
-    resting: frozenset[str]
-
-    @property
-    def friction(self) -> str:
-        """State of the friction."""
-        return self.states[-1]
-
-    @property
-    def pressing(self) -> frozenset[str]:
-        """Guides whose masses press on their plates."""
-        return self.closed | self.resting
+#: A form for each mode, shape (modes, channels).
+ModeForms = np.ndarray
+_OUTPUT_ROWS = {name: row for row, name in enumerate(OUTPUTS)}
 
 
 class ModeBuilder:
     """The modes of a scene, with equations, guards and outputs as forms.
+
+    Equations and outputs are made for all modes at once: row m of `ModeForms`, shape (modes, channels), is the form in
+    mode m.
 
     Parameters
     ----------
@@ -115,6 +91,8 @@ class ModeBuilder:
         One contact a plate, in the order of `Forms.plates`.
     friction : Friction
         The friction.
+    mode_set : ModeSet
+        What depends on the effects alone.
     modes : tuple of Mode
         All modes, by their numbers.
     """
@@ -125,98 +103,123 @@ class ModeBuilder:
         self.forms = Forms(scene)
         self.contacts = [make_contact(scene, self.forms, side) for side in self.forms.plates]
         self.friction = Friction(scene, self.forms)
-        product = itertools.product(*(contact.states for contact in self.contacts), self.friction.states)
-        self.modes = tuple(Mode(states, self._sides_in(states, "closed"), self._sides_in(states, "resting"))
-                           for states in product)
-        self._number_by_states = {mode.states: m for m, mode in enumerate(self.modes)}
-
-    def _sides_in(self, states: tuple[str, ...], wanted: str) -> frozenset[str]:
-        """Guides whose contacts are in the state `wanted`."""
-        contacts = zip(self.contacts, states, strict=False)  # the last state is the friction's
-        return frozenset(contact.side for contact, state in contacts if state == wanted)
+        states = (*(contact.states for contact in self.contacts), self.friction.states)
+        self.mode_set = mode_set(self.forms.guides, self.forms.plates, tuple(map(type, self.contacts)), states)
+        self.modes = self.mode_set.modes
+        self._shape = len(self.modes), self.forms.channels.count
 
     @property
     def initial_mode(self) -> int:
         """Number of the mode in which a run starts."""
-        return self._number_by_states[(*(contact.initial for contact in self.contacts), self.friction.initial)]
+        return self.mode_set.number((*(contact.initial for contact in self.contacts), self.friction.initial))
 
-    def equations(self, mode: Mode) -> list[Form]:
-        """Accelerations of the coordinates in `mode` [m/s²]: those of the masses, then x'' and y'' of the body."""
-        along_x, upwards = self.body_acceleration(mode)
-        return [*self._mass_accelerations(mode), *[along_x] * self.forms.body_moves, *[upwards] * self.forms.body_hops]
+    def equations(self) -> np.ndarray:
+        """Accelerations of the coordinates [m/s²]: those of the masses, then x'' and y'' of the body.
+
+        Returns
+        -------
+        ndarray, shape (modes, coordinates, channels)
+        """
+        forms, (along_x, upwards) = self.forms, self.body_acceleration()
+        rows = np.empty((len(self.modes), forms.channels.coordinates, forms.channels.count))
+        rows[:, :len(forms.guides)] = self._mass_accelerations()
+        if forms.body_moves:
+            rows[:, forms.body] = along_x
+        if forms.body_hops:
+            rows[:, forms.height] = upwards
+        return rows
 
     @cached
-    def body_acceleration(self, mode: Mode) -> tuple[Form, Form]:
+    def body_acceleration(self) -> tuple[ModeForms, ModeForms]:
         """x'' and y'' [m/s²] as forms of the masses' accelerations; y'' is zero on the ground.
 
         M x'' = F_in - F_fr (eq. 1). In the air, where N = 0, M y'' = -M g - m2 u'' - m3 w'' cos(phi).
         """
         forms, total = self.forms, self._scene.total_mass
-        along_x = (forms.inertial_force() - self.friction_force(mode)) / total if forms.body_moves else forms.zero
-        return along_x, -forms.normal_force() / total if mode.friction == "airborne" else forms.zero
+        along_x, upwards = np.zeros(self._shape), np.zeros(self._shape)
+        if forms.body_moves:
+            along_x = (forms.inertial_force() - self.friction_force()) / total
+        upwards[self.mode_set.airborne] = -forms.normal_force() / total
+        return along_x, upwards
 
-    def _mass_accelerations(self, mode: Mode) -> list[Form]:
-        """u'' and w'' [m/s²] in `mode`; zero for a mass that rests on a rigid plate.
+    def _mass_accelerations(self) -> np.ndarray:
+        """u'' and w'' [m/s²], shape (modes, guides, channels); zero for a mass that rests on a rigid plate.
 
         m2 u'' = -F2 and m3 w'' = -F3 (eq. 1). The weight adds m2 g and m3 g cos(phi) to F2 and F3. With the reaction
         the left sides are m2 (u'' + y'') and m3 (w'' - x'' sin(phi) + y'' cos(phi)), and x'' and y'', which are forms
         of u'' and w'', are eliminated.
         """
-        scene, forms, body = self._scene, self.forms, self.body_acceleration(mode)
-        accelerations = [forms.channels.acceleration(i) for i in range(len(forms.guides))]
-        inertia = np.diag([scene[f"mass.{side}"] for side in forms.guides])
-        loads = np.array([-forms.guide_force(side, mode.closed) for side in forms.guides])
+        scene, forms, body, n = self._scene, self.forms, self.body_acceleration(), len(self.forms.guides)
+        accelerations = slice(forms.channels.acceleration(0), forms.channels.acceleration(n))
+        inertia, loads = np.zeros((len(self.modes), n, n)), np.empty((len(self.modes), n, forms.channels.count))
         for i, side in enumerate(forms.guides):
-            mass, along = scene[f"mass.{side}"], forms.along(side, body)
-            loads[i] -= forms.weight(side)
+            mass = scene[f"mass.{side}"]
+            inertia[:, i, i] = mass
+            loads[:, i] = -self._guide_force(side) - forms.weight(side)
             if scene["effects.reaction"]:
-                inertia[i] += mass * along[accelerations]
-                loads[i] -= mass * along[forms.channels.one] * forms.one
+                along = mass * forms.along(side, body)
+                inertia[:, i] += along[:, accelerations]
+                loads[:, i] -= along[:, forms.channels.one, None] * forms.one
         # Only moving masses are solved for, because an elimination that pivots leaves rounding in a resting mass's row.
-        moving = [i for i, side in enumerate(forms.guides) if side not in mode.resting]
         solved = np.zeros_like(loads)
-        if moving:
-            solved[moving] = np.linalg.solve(inertia[np.ix_(moving, moving)], loads[moving])
-        return list(solved)
+        for rows, blocks in self.mode_set.moving:
+            solved[rows] = np.linalg.solve(inertia[blocks], loads[rows])
+        return solved
 
-    def normal_force(self, mode: Mode) -> Form:
-        """N in `mode` [N]."""
-        return self.forms.zero if mode.friction == "airborne" else self.forms.normal_force()
+    def _guide_force(self, side: str) -> Form | ModeForms:
+        """F2 or F3 [N]."""
+        without = self.forms.guide_force(side, frozenset())
+        if not self.has_compliant_plate(side):
+            return without
+        return np.where(self.mode_set.pressing[side][:, None], self.forms.guide_force(side, frozenset({side})), without)
 
-    def friction_force(self, mode: Mode) -> Form:
-        """F_fr in `mode` [N]."""
+    def has_compliant_plate(self, side: str) -> bool:
+        """Whether the guide `side` has a plate that yields."""
+        return side in self.forms.plates and self._scene[f"effects.{side}_contact"] == "compliant"
+
+    def while_pressing(self, side: str, form: Form | ModeForms) -> ModeForms:
+        """The form in the modes in which the mass of `side` presses on its plate, and zero in the others."""
+        return np.where(self.mode_set.pressing[side][:, None], form, 0.0)
+
+    @cached
+    def normal_force(self) -> ModeForms:
+        """N [N]."""
+        return np.where(self.mode_set.airborne[:, None], 0.0, self.forms.normal_force())
+
+    @cached
+    def friction_force(self) -> ModeForms:
+        """F_fr [N]."""
         normal, inertial = self.forms.normal_force(), self.forms.inertial_force()
-        return self.friction.force(mode.friction, normal, inertial)
+        by_state = np.array([self.friction.force(state, normal, inertial) for state in self.friction.states])
+        return by_state[self.mode_set.friction]
 
-    def contact_force(self, mode: Mode, side: str) -> Form:
-        """Push of a mass on its plate [N] in `mode` if they are in contact."""
-        if self._scene[f"effects.{side}_contact"] == "restitution":
-            return self.forms.resting_force(side, self.body_acceleration(mode))
-        return self.forms.plate_force(side)
+    @cached
+    def contact_force(self, side: str) -> Form | ModeForms:
+        """Push of a mass on its plate [N] if they are in contact."""
+        if self.has_compliant_plate(side):
+            return self.forms.plate_force(side)
+        return self.forms.resting_force(side, self.body_acceleration())
 
     def guards(self, mode: Mode) -> Iterator[tuple[Guard, int, list[int]]]:
         """Guards of `mode`; with each, the index in `Mode.states` of its effect and the numbers of its target modes."""
-        for k, plate in enumerate(self.contacts):
-            for guard in plate.guards(mode.states[k], mode.friction, mode.resting, self.body_acceleration(mode)):
-                yield guard, k, self._targets(mode, k, guard.targets)
+        for context in self.mode_set.contexts[self.mode_set.number(mode.states)]:
+            for guard in self.guards_in(context):
+                yield guard, context.effect, [self.mode_set.target_mode(mode, context.effect, target)
+                                              for target in guard.targets]
+
+    def guards_in(self, context: Context) -> list[Guard]:
+        """Guards of an effect's state."""
+        m = self.mode_set.first_with[context]
+        mode, (along_x, upwards) = self.modes[m], self.body_acceleration()
+        if context.effect < len(self.contacts):
+            plate = self.contacts[context.effect]
+            return plate.guards(context.state, mode.friction, mode.resting, (along_x[m], upwards[m]))
         normal, inertial = self.forms.normal_force(), self.forms.inertial_force()
-        for guard in self.friction.guards(mode.friction, normal, inertial, mode.resting):
-            yield guard, len(self.contacts), self._targets(mode, len(self.contacts), guard.targets)
+        return self.friction.guards(context.state, normal, inertial, mode.resting)
 
-    def _targets(self, mode: Mode, effect: int, targets: tuple[Target, ...]) -> list[int]:
-        """Numbers of the modes to which the targets of an effect lead from `mode`."""
-        numbers = []
-        for target in targets:
-            states = ["open" if target.frees_resting_masses and state == "resting" else state for state in mode.states]
-            states[effect] = target.state
-            if target.friction:
-                states[-1] = target.friction
-            numbers.append(self._number_by_states[tuple(states)])
-        return numbers
-
-    def outputs(self, mode: Mode) -> np.ndarray:
-        """Forms of the `OUTPUTS` in `mode`, shape (len(OUTPUTS), channels); zero for what the scene does not have."""
-        forms, rows = self.forms, dict[str, Form]()
+    def outputs(self) -> np.ndarray:
+        """Forms of the `OUTPUTS`, shape (modes, len(OUTPUTS), channels); zero for what the scene does not have."""
+        forms, rows = self.forms, dict[str, Form | ModeForms]()
         if forms.body_moves:
             rows |= {"body_position": forms.position(forms.body), "body_velocity": forms.velocity(forms.body)}
         if forms.body_hops:
@@ -227,7 +230,9 @@ class ModeBuilder:
                      f"{side}_drive_force": -forms.drive_force(side)}
         for side in forms.plates:
             rows[f"{side}_plate_position"], rows[f"{side}_plate_velocity"] = forms.plate(side)
-            if side in mode.pressing:
-                rows[f"{side}_plate_force"] = self.contact_force(mode, side)
-        rows |= {"normal_force": self.normal_force(mode), "friction_force": self.friction_force(mode)}
-        return np.array([rows.get(name, forms.zero) for name in OUTPUTS])
+            rows[f"{side}_plate_force"] = self.while_pressing(side, self.contact_force(side))
+        rows |= {"normal_force": self.normal_force(), "friction_force": self.friction_force()}
+        outputs = np.zeros((len(self.modes), len(OUTPUTS), forms.channels.count))
+        for name, form in rows.items():
+            outputs[:, _OUTPUT_ROWS[name]] = form
+        return outputs

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from vibro_ros.model.forms import Forms
-from vibro_ros.model.modes import Mode
+from vibro_ros.model.mode_set import Mode
 from vibro_ros.model.scene import Scene
 from vibro_ros.solver.laws import BACKWARD, FORWARD, STICK, WITHOUT_LOAD, Laws
 from vibro_ros.solver.system import NOTHING

@@ -1,5 +1,6 @@
 """Values of a scene's parameters, and what follows from them."""
 
+import functools
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -30,9 +31,11 @@ class ParameterValues:
     parameters: Mapping[str, Value] = field(default_factory=dict)
 
     def __getitem__(self, name: str) -> Value:
-        return self.parameters[parameter_named(name, BY_NAME).name]
+        if name not in self.parameters:
+            parameter_named(name, BY_NAME)  # a ValueError if there is no such parameter
+        return self.parameters[name]
 
-    @property
+    @functools.cached_property
     def total_mass(self) -> float:
         """M = m1 + m2 + m3 [kg], of the masses that the scene has."""
         return math.fsum(self[f"mass.{part}"] for part in ("body", *self.guides))
@@ -49,7 +52,7 @@ class ParameterValues:
         weightless = self["effects.normal_force"] == "weight" and self["gravity"] == 0.0
         return self["effects.friction"] != "none" and self.resting_friction > 0.0 and not weightless
 
-    @property
+    @functools.cached_property
     def guides(self) -> tuple[str, ...]:
         """The guides whose masses the scene has: `upper`, `inclined`."""
         return tuple(side for side in ("upper", "inclined") if self[f"effects.{side}_mass"])
@@ -63,12 +66,9 @@ class ParameterValues:
 
         A part that is only rounding is 0, because an angle of π/2 means level and one of π upright.
         """
-        angle = self.guide_angle(side)
-        parts = -math.sin(angle), math.cos(angle)
-        along_x, upwards = (0.0 if abs(part) < _ANGLE_ROUNDING else part for part in parts)
-        return along_x, upwards
+        return _direction(self.guide_angle(side))
 
-    @property
+    @functools.cached_property
     def plates(self) -> tuple[str, ...]:
         """The guides with a plate; a compliant plate without stiffness and damping is no plate."""
         return tuple(side for side in self.guides if self._has_plate(side))
@@ -108,3 +108,9 @@ class ParameterValues:
     def broken_promise(self) -> str:
         """Why rounding does not let the method `exact` keep `solver.tolerance`; empty if the promise holds."""
         return broken_promise(self["solver.tolerance"], self.attainable_accuracy)
+
+
+@functools.lru_cache(maxsize=64)
+def _direction(angle: float) -> tuple[float, float]:
+    along_x, upwards = (0.0 if abs(part) < _ANGLE_ROUNDING else part for part in (-math.sin(angle), math.cos(angle)))
+    return along_x, upwards

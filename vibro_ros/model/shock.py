@@ -17,10 +17,11 @@ friction, and the body lifts off.
 """
 
 from collections.abc import Iterable
+from typing import Any
 
 import numpy as np
 
-from vibro_ros.model.forms import Form, Forms
+from vibro_ros.model.forms import Form, Forms, cached
 from vibro_ros.model.scene import Scene
 
 #: Channels of positions and velocities, each with the form of the value after the shock, shape (channels,).
@@ -73,8 +74,10 @@ class Blow:
     """
 
     def __init__(self, scene: Scene, forms: Forms, side: str):
+        self._cache: dict[tuple, Any] = {}
         self._scene, self._forms, self._side = scene, forms, side
 
+    @cached
     def mass_jumps(self, restitution: float) -> Jumps:
         """Jumps of the mass that strikes, which is put exactly on its plate."""
         forms, i = self._forms, self._forms.guides.index(self._side)
@@ -82,6 +85,7 @@ class Blow:
         return ((forms.channels.position(i), plate),
                 (forms.channels.velocity(i), forms.velocity(i) - self._speed_change(restitution)))
 
+    @cached
     def sliding_body_jumps(self, restitution: float) -> Jumps:
         """Jump of x' of a body that stays on the ground: M x' - m3 w' sin(phi) does not change."""
         forms = self._forms
@@ -92,7 +96,8 @@ class Blow:
         return ((forms.channels.velocity(forms.body),
                  forms.velocity(forms.body) + share * self._speed_change(restitution)),)
 
-    def thrown_body_jumps(self, restitution: float, resting: Iterable[str] = ()) -> Jumps:
+    @cached
+    def thrown_body_jumps(self, restitution: float, resting: frozenset[str] = frozenset()) -> Jumps:
         """Jumps of a body that nothing holds and of the free masses; the masses of `resting` move with the body."""
         forms, shock = self._forms, Shock(self._scene, self._forms, (self._side, *resting))
         impulse = self._scene[f"mass.{self._side}"] * np.array(self._scene.direction(self._side))

@@ -27,6 +27,8 @@ _FARTHEST_SINGULARITY = 3.5
 _CONTRACTIONS = 12
 # Terms of a Taylor series before economization: CELL_STRIDE to this power is far below rounding.
 _TERMS = 2 * LENGTH
+_ORDER = np.arange(_TERMS)
+_FACTORIAL = np.array([math.factorial(n) for n in range(_TERMS)], dtype=float)
 _ECONOMIZED = np.vstack([np.eye(LENGTH), economized_powers(LENGTH, _TERMS - LENGTH)])
 
 
@@ -51,7 +53,7 @@ class Slider:
     def position(self, theta: float | np.ndarray) -> float | np.ndarray:
         """s [m] at crank angle theta [rad]; scalar or array."""
         psi = theta - self.angle
-        return self.radius * np.cos(psi) + self._root(psi)
+        return self.radius * np.cos(psi) + self.root(psi)
 
     def slope(self, theta: float | np.ndarray) -> float | np.ndarray:
         """ds/dtheta [m/rad]; at a kink, which there is for l = L, the value behind the kink."""
@@ -59,7 +61,7 @@ class Slider:
         sine, cosine = np.sin(psi), np.cos(psi)
         if self.radius == self.rod:
             return -self.radius * sine * (1.0 + np.where(cosine == 0.0, -np.sign(sine), np.sign(cosine)))
-        return -self.radius * sine * (1.0 + self.radius * cosine / self._root(psi))
+        return -self.radius * sine * (1.0 + self.radius * cosine / self.root(psi))
 
     @property
     def kinks(self) -> np.ndarray:
@@ -83,51 +85,54 @@ class Slider:
             return self.distance_to_singularity(start + ahead)
         return min(self.distance_to_singularity(start), self.distance_to_singularity(end))
 
-    def series(self, middle: np.ndarray, half: np.ndarray) -> np.ndarray:
-        """Economized coefficients of s as a series in (angle - middle) / half, shape (len(middle), LENGTH)."""
-        return self._taylor_series(middle, half) @ _ECONOMIZED
-
-    def _taylor_series(self, middle: np.ndarray, half: np.ndarray) -> np.ndarray:
-        """Taylor coefficients of s in (angle - middle) / half, shape (len(middle), _TERMS)."""
-        psi = middle - self.angle
-        cosine = _cosine_series(psi, half, 1.0)
-        if self.radius == self.rod:
-            return self.radius * cosine * (1.0 + np.sign(np.cos(psi)))[:, None]
-        square = 0.5 * self.radius**2 * _cosine_series(2.0 * psi, half, 2.0)
-        return self.radius * cosine + _root_series(self._root(psi), square)
-
-    def _root(self, psi: Any) -> Any:
+    def root(self, psi: Any) -> Any:
         """sqrt(L² - l² sin² psi), factored because the difference would cancel where l is close to L."""
         return np.sqrt((self.rod - self.radius) * (self.rod + self.radius) + (self.radius * np.cos(psi)) ** 2)
 
 
+def _series(sliders: tuple[Slider, ...], middle: np.ndarray, half: np.ndarray) -> np.ndarray:
+    """Economized coefficients of each s as a series in (angle - middle) / half, shape (sliders, cells, LENGTH)."""
+    numbers = np.array([(slider.angle, slider.radius, 0.5 * slider.radius**2) for slider in sliders])
+    angle, radius, half_square = numbers.reshape(-1, 3).T[:, :, None]
+    psi = middle - angle
+    cosine = radius[:, :, None] * _cosine_series(psi, half, 1.0)
+    root = np.empty_like(cosine)
+    square = half_square[:, :, None] * _cosine_series(2.0 * psi, half, 2.0)  # of the root, but for the constant term
+    for k, slider in enumerate(sliders):
+        if slider.radius == slider.rod:
+            root[k] = np.sign(np.cos(psi[k]))[:, None] * cosine[k]
+    smooth = [k for k, slider in enumerate(sliders) if slider.radius < slider.rod]
+    if smooth:
+        value = np.concatenate([sliders[k].root(psi[k]) for k in smooth])
+        root[smooth] = _root_series(value, np.concatenate(square[smooth])).reshape(len(smooth), -1, _TERMS)
+    return (cosine + root) @ _ECONOMIZED
+
+
 def _cosine_series(at: np.ndarray, half: np.ndarray, factor: float) -> np.ndarray:
-    """Taylor coefficients of cos(at + factor half y) in y; shape (len(at), _TERMS)."""
-    derivatives = np.stack([np.cos(at), -np.sin(at), -np.cos(at), np.sin(at)], axis=1)
-    order = np.arange(_TERMS)
-    factorial = np.array([math.factorial(n) for n in order], dtype=float)
-    return derivatives[:, order % 4] * (factor * half[:, None]) ** order / factorial
+    """Taylor coefficients of cos(at + factor half y) in y; shape (*at.shape, _TERMS)."""
+    cosine, sine = np.cos(at), np.sin(at)
+    derivatives = np.stack([cosine, -sine, -cosine, sine], axis=-1)
+    return derivatives[..., _ORDER % 4] * (factor * half[:, None]) ** _ORDER / _FACTORIAL
 
 
 def _root_series(value: np.ndarray, square: np.ndarray) -> np.ndarray:
-    """Series of sqrt(g) from its constant term and the series of g; shape as `square`."""
-    root = np.zeros_like(square)
-    root[:, 0] = value
-    for n in range(1, _TERMS):
-        cross = np.einsum("ij,ij->i", root[:, 1:n], root[:, n - 1:0:-1]) if n > 1 else 0.0
-        root[:, n] = (square[:, n] - cross) / (2.0 * value)
-    return root
+    """Series of sqrt(g) in each cell from its constant term and the series of g; shape (cells, _TERMS), as `square`."""
+    root, twice = square.T.copy(), 2.0 * value  # terms come first, so that each line below works on all cells
+    root[0] = value
+    root[1] /= twice
+    for n in range(2, _TERMS):
+        term = root[n]
+        term -= np.einsum("nc,nc->c", root[1:n], root[n - 1:0:-1])
+        term /= twice
+    return root.T
 
 
 @functools.lru_cache(maxsize=64)
 def signal_table(sliders: tuple[Slider, ...]) -> SignalTable:
     """Table of the sliders' positions over one turn, in cells whose series reach rounding; read only."""
     start = _cell_starts(sliders)
-    middle, half = 0.5 * (start[:-1] + start[1:]), 0.5 * np.diff(start)
-    series = np.empty((len(half), len(sliders), LENGTH))
-    for k, slider in enumerate(sliders):
-        series[:, k] = slider.series(middle, half)
-    return SignalTable(start, _distances_to_singularity(sliders, start), series)
+    series = _series(sliders, 0.5 * (start[:-1] + start[1:]), 0.5 * np.diff(start))
+    return SignalTable(start, _distances_to_singularity(sliders, start), np.ascontiguousarray(series.swapaxes(0, 1)))
 
 
 def _distances_to_singularity(sliders: tuple[Slider, ...], start: np.ndarray) -> np.ndarray:
@@ -153,7 +158,10 @@ def _half_cell(sliders: tuple[Slider, ...], start: float) -> float:
     Half a cell is CELL_STRIDE times the distance from the cell's middle to the nearest singularity. That distance
     changes by no more than the middle moves, so that the iteration contracts by CELL_STRIDE.
     """
-    half = 0.0
+    half, last = 0.0, math.nan
     for _ in range(_CONTRACTIONS):
+        if half == last:
+            break
+        last = half
         half = min([_LONGEST_HALF] + [CELL_STRIDE * s.distance_to_singularity(start + half) for s in sliders])
     return half

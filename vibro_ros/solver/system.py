@@ -16,6 +16,7 @@ Every guard is a linear form g = G z that its mode keeps non-negative. Where the
 stops, lets positions and velocities jump if the guard says so, and enters the first candidate mode that is valid.
 """
 
+import functools
 from typing import NamedTuple
 
 import numpy as np
@@ -180,7 +181,13 @@ class System(NamedTuple):
 
 def terms(forms: np.ndarray) -> np.ndarray:
     """Indices of the entries of forms that are not zero, first, and then `NOTHING`; shape as `forms`."""
-    zero = forms == 0.0
+    return _terms_by_zeros((forms == 0.0).tobytes(), forms.shape)
+
+
+@functools.lru_cache(maxsize=64)
+def _terms_by_zeros(zeros: bytes, shape: tuple[int, ...]) -> np.ndarray:
+    """`terms` of forms with these zeros, which are the same for all systems of a sweep."""
+    zero = np.frombuffer(zeros, dtype=bool).reshape(shape)
     order = np.argsort(zero, axis=-1, kind="stable")
     return np.where(np.take_along_axis(zero, order, axis=-1), NOTHING, order)
 
