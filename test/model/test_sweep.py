@@ -1,0 +1,43 @@
+"""A sweep compiles the numbers of each scene, and once what depends on the effects alone."""
+
+import numpy as np
+import pytest
+
+import vibro_ros
+from vibro_ros.configuration.scene_file import shipped_scenes
+from vibro_ros.model.guard_tables import _places
+from vibro_ros.model.mode_set import mode_set
+from vibro_ros.model.tables import _compile_machine, compile_scene
+from vibro_ros.solver.system import _terms_by_zeros
+
+SHARED = ("guard", "guard_effect", "candidate", "entry", "jump", "event_kind", "mode_after_ramp_change", "row_terms")
+
+
+def arrays(table):
+    """All arrays of a system by name, as bytes."""
+    return {name: value.tobytes() if isinstance(value, np.ndarray) else arrays(value)
+            for name, value in table._asdict().items()}
+
+
+@pytest.mark.parametrize("name", shipped_scenes())
+def test_scenes_that_differ_in_numbers_share_what_depends_on_the_effects(name):
+    scene = vibro_ros.load_scene(name)
+    other = scene.with_parameters({"guide.angle": 0.77, "mass.upper": 0.11, "upper.plate.stiffness": 2e6})
+    one, another = compile_scene(scene).system, compile_scene(other).system
+    assert [field for field in SHARED if getattr(one, field) is not getattr(another, field)] == []
+    assert one.acceleration.tobytes() != another.acceleration.tobytes()
+
+
+@pytest.mark.parametrize("changes", [
+    {"effects.upper_contact": "restitution"}, {"effects.friction": "none"}, {"guide.angle": 0.0},
+    {"gravity": 0.0}, {"upper.plate.stiffness": 0.0}, {"ground.friction": 1e-3, "ground.static_friction": 1e-3}],
+    ids=lambda changes: next(iter(changes)))
+def test_what_was_compiled_before_changes_no_bit(changes):
+    """The scene before has other effects, or forms that vanish or coincide: other guards and rows."""
+    before = vibro_ros.load_scene("device").with_parameters({"effects.normal_force": "unilateral"})
+    scene = before.with_parameters(changes)
+    compile_scene(before)
+    after_another = arrays(compile_scene(scene).system)
+    for cache in (_compile_machine, _places, _terms_by_zeros, mode_set):
+        cache.cache_clear()
+    assert after_another == arrays(compile_scene(scene).system)
