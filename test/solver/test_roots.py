@@ -184,6 +184,16 @@ def test_the_search_ends_at_its_limit():
     assert search(cubic, limit=0.7001) == pytest.approx(0.7, abs=ROUNDING)
 
 
+def test_a_touch_is_no_hit():
+    """Whichever way the guard's coefficients and values are rounded where it is zero."""
+    random = np.random.default_rng(1)
+    for _ in range(500):
+        touch, root = np.sort(random.uniform(0.05, 0.95, 2))
+        if root - touch > 0.05:
+            found = search(product([-touch, 1.0], [-touch, 1.0], [root, -1.0]))
+            assert found == pytest.approx(root, abs=1e-12)
+
+
 def test_a_root_at_the_very_end():
     """At exactly 1 it belongs to the next segment, which starts with it."""
     assert search([1.0 - 1e-12, -1.0]) == pytest.approx(1.0 - 1e-12, abs=ROUNDING)

@@ -19,6 +19,8 @@ NO_ROOT = 2.0
 SEARCH_FAILED = -3.0
 
 _MOST_STEPS = 100_000
+# A guard that touches zero is a graze, not a hit: rounding, in parts of the sum of its terms, has no say.
+_TOUCH = 4.0 * 2.2e-16
 _ULP_OF_ONE = 2.3e-16
 #: A guard that starts at zero to this order, at a rest or a release, is zero for good, because nothing moves it.
 _DEEPEST_ZERO = 5
@@ -86,6 +88,15 @@ def _third_derivative_bound(p):
 
 
 @kernel
+def _passed_touch(p, f, d, dd):
+    """How far to go from f <= 0 to pass a minimum that is zero to rounding; 0 if p falls below that."""
+    doubt = _TOUCH * sum_of_magnitudes(p)
+    if dd <= 0.0 or 2.0 * dd * (f + doubt) < d * d:
+        return 0.0
+    return ((d * d + 2.0 * dd * (2.0 * doubt - f))**0.5 - d) / dd
+
+
+@kernel
 def _march(p, a, limit):
     """First root of p, positive at a, in (a, limit], by steps that a bound on p''' proves to be free of roots.
 
@@ -98,7 +109,14 @@ def _march(p, a, limit):
     for _ in range(_MOST_STEPS):
         f, d, dd = value_and_derivatives(p, x)
         if f <= 0.0:
-            return x
+            beyond = _passed_touch(p, f, d, dd)
+            if beyond == 0.0:
+                return x
+            x += beyond
+            reach = limit - x
+            if reach < 0.0:
+                return NO_ROOT
+            continue
         # A shorter reach bends the bound less; a root is hardly farther than twice where the tangent has it.
         if x > a and 2.0 * f < -d * reach:
             reach = -2.0 * f / d
