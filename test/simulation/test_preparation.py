@@ -4,13 +4,34 @@ import signal
 import threading
 import time
 
+import numba
 import pytest
 
+from vibro_ros.process import front_door
 from vibro_ros.simulation import preparation
 from vibro_ros.simulation.preparation import Preparation
-from vibro_ros.solver.kernel_cache import Progress
+from vibro_ros.solver import compilation
+from vibro_ros.solver.progress import Progress
 
 PATIENCE = 60.0  # [s]
+
+
+@compilation.kernel
+def quarter(x):
+    """A part of a part."""
+    return 0.25 * x
+
+
+@compilation.kernel
+def half(x):
+    """A part."""
+    return 2.0 * quarter(x)
+
+
+@numba.njit
+def kernel(x):
+    """Never compiled here."""
+    return half(x) + quarter(x)
 
 
 @pytest.fixture
@@ -25,24 +46,57 @@ def progress(monkeypatch) -> Progress:
 def test_work_that_compiles_nothing_says_nothing(progress):
     said: list[str] = []
     progress.loaded.append("advance")
-    assert Preparation(lambda: 7, "exact", said.append).wait() == 7
+    assert Preparation(lambda: 7, said.append).wait() == 7
     assert said == []
 
 
 def test_how_far_it_is(progress):
     said: list[str] = []
     go_on = threading.Event()
-    progress.loaded.append("fill_in")  # of what was done before
-    progress.under_way.append("advance")
-    work = Preparation(lambda: go_on.wait(PATIENCE), "exact", said.append)
-    progress.loaded.append("read_signals")
+    progress.under_way.append(kernel.py_func)
+    work = Preparation(lambda: go_on.wait(PATIENCE), said.append)
     assert not work.done()
     assert said.pop() == "compiling: the first start after an update takes half a minute; Ctrl-C stops it"
-    progress.done.append("leave_for_ramp")
+    progress.parts.add(half.py_func)
     assert not work.done()
-    assert said.pop() == "compiling advance: 2 of 5 kernels are ready after 0 s"
+    assert said.pop() == "compiling kernel, 1 of 2 parts after 0 s"
+    progress.parts.add(quarter.py_func)
+    assert not work.done()
+    assert said.pop() == "compiling kernel, machine code of 2 parts after 0 s"
+    progress.under_way.clear()
+    progress.elsewhere.append("interrupt")
+    assert not work.done()
+    assert said.pop() == "compiling interrupt in another process after 0 s"
     go_on.set()
     assert work.wait() is True
+
+
+def test_a_python_program_is_told_what_it_waits_for_on_stderr(progress, monkeypatch, capsys):
+    told = threading.Event()
+
+    def compile_for_a_while(method):
+        assert method == "moreau"
+        progress.under_way.append(kernel.py_func)
+        assert told.wait(PATIENCE)
+
+    def say(program, text):
+        front_door.say(program, text)
+        if "parts" in text:
+            told.set()
+
+    monkeypatch.setattr(preparation, "compiled_methods", set())
+    monkeypatch.setattr(preparation, "compile_kernels", compile_for_a_while)
+    monkeypatch.setattr(preparation, "say", say)
+    preparation.provide_kernels("moreau")
+    first, second, *_ = capsys.readouterr().err.splitlines()
+    assert first.startswith("vibro_ros: compiling: the first start after an update takes")
+    assert second == "vibro_ros: compiling kernel, 0 of 2 parts after 0 s"
+
+
+def test_a_program_whose_kernels_are_there_starts_no_thread(monkeypatch):
+    monkeypatch.setattr(preparation, "compiled_methods", {"moreau"})
+    monkeypatch.setattr(preparation, "compile_kernels", None)
+    preparation.provide_kernels("moreau")
 
 
 def test_kernels_that_cannot_be_kept_are_told_with_a_remedy(progress):
@@ -52,10 +106,10 @@ def test_kernels_that_cannot_be_kept_are_told_with_a_remedy(progress):
         progress.done.append("advance")
         progress.unwritable = "/full: No space left on device"
 
-    Preparation(compile_one, "exact", said.append).wait()
+    Preparation(compile_one, said.append).wait()
     assert said == ["the compiled kernels cannot be kept: /full: No space left on device; every start compiles them "
                     "anew. Set NUMBA_CACHE_DIR to a folder that can be written and has room"]
-    Preparation(lambda: None, "exact", said.append).wait()  # which compiles nothing
+    Preparation(lambda: None, said.append).wait()  # which compiles nothing
     assert len(said) == 1
 
 
@@ -64,12 +118,12 @@ def test_its_error_is_raised_where_it_is_waited_for(progress):
         raise ValueError("no such scene")
 
     with pytest.raises(ValueError, match="no such scene"):
-        Preparation(fail, "exact", print).wait()
+        Preparation(fail, print).wait()
 
 
 def test_an_interrupt_leaves_it_alone(progress):
     released = threading.Event()
-    work = Preparation(lambda: released.wait(PATIENCE), "exact", print)
+    work = Preparation(lambda: released.wait(PATIENCE), print)
     threading.Timer(0.1, signal.raise_signal, [signal.SIGINT]).start()
     begun = time.monotonic()
     with pytest.raises(KeyboardInterrupt):

@@ -8,9 +8,9 @@ from pathlib import Path
 import numba
 import pytest
 
-from vibro_ros.simulation.kernels import kernel_count
 from vibro_ros.solver import compilation
-from vibro_ros.solver.kernel_cache import KernelCache, progress
+from vibro_ros.solver.kernel_cache import KernelCache
+from vibro_ros.solver.progress import progress
 
 
 def twice(x):
@@ -116,12 +116,3 @@ def test_processes_that_fill_the_cache_together(tmp_path, monkeypatch):
     assert [process.communicate(timeout=60)[0] for process in started] == ["42.0\n"] * 4
     (file,) = tmp_path.glob("kernels/*/*")
     assert file.suffix == ".kernel"
-
-
-@pytest.mark.parametrize("method", ["exact", "rk4", "auto"])
-def test_all_kernels_of_a_method_are_counted(method):
-    program = ("from vibro_ros.simulation.kernels import compile_kernels; "
-               "from vibro_ros.solver.kernel_cache import progress; "
-               f"compile_kernels('{method}'); print(len(progress.done) + len(progress.loaded))")
-    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=600)
-    assert done.stdout == f"{kernel_count(method)}\n", done.stderr

@@ -13,7 +13,7 @@ from scipy.stats import sem
 from scipy.stats import t as student
 
 from vibro_ros.model.scene import Scene
-from vibro_ros.simulation.kernels import compile_kernels
+from vibro_ros.simulation.preparation import provide_kernels
 from vibro_ros.simulation.processes import core_count, in_processes
 from vibro_ros.simulation.samples import Samples
 from vibro_ros.simulation.simulator import Simulator
@@ -53,7 +53,7 @@ def speed_over_starts(scene: Scene, duration: float, starts: int, batch: int = 0
 
 def speeds_of_starts(scene: Scene, duration: float, starts: int, batch: int = 0) -> np.ndarray:
     """Mean speed of the body [m/s] of each start, shape (starts,), shared among all cores; another `batch`, others."""
-    compile_kernels(scene["solver.method"])  # once for all that are forked
+    provide_kernels(scene["solver.method"])  # once for all that are forked
     jobs = in_processes(partial(speed_of_start, scene, duration, batch), range(starts), core_count())
     return np.array([job.outcome() for job in jobs])
 

@@ -52,6 +52,9 @@ EXECUTABLES = {
     "bare_node": Executable(
         "vibro_ros.ros.bare_node", False,
         "Publish messages that lie ready, as large as the robot's, and do nothing else."),
+    "start_time": Executable(
+        "vibro_ros.ros.start_time", False,
+        "Measure how long the robot and Python take to start, with an empty cache of kernels and with a full one."),
     "coverage": Executable(
         "vibro_ros.accuracy.coverage", False,
         "Count how often intervals of mean speeds hold."),

@@ -79,8 +79,7 @@ def _run(words: Sequence[str]) -> int:
         outputs = Outputs(node, scene, settings["frame_prefix"])
         plan = _plan(node, settings, scene, outputs)
         node.get_logger().info(f"scene {settings['scene']}")
-        preparation = Preparation(partial(_prepare, node, settings, scene, plan), scene["solver.method"],
-                                  node.get_logger().info)
+        preparation = Preparation(partial(_prepare, node, settings, scene, plan), node.get_logger().info)
         process.spin_until(executor, lambda: bool(stop) or preparation.done())
         device = None if stop else preparation.result()
         wait_for_time(node, executor, lambda: bool(stop))

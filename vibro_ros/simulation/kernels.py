@@ -1,21 +1,114 @@
-"""The numerical kernels, compiled before a clock starts."""
+"""The numerical kernels, compiled before a clock starts.
+
+One kernel takes longer to compile than all others together. Where there are cores and a cache for it, a second process
+compiles the others meanwhile.
+"""
+
+import gc
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from vibro_ros.model.scene import Scene
-from vibro_ros.simulation.motion import Motion
+from vibro_ros.model.tables import compile_scene
+from vibro_ros.simulation.motion import EVENTS_AT_ONCE, new_stepper
+from vibro_ros.simulation.processes import core_count
+from vibro_ros.simulation.readout import Readout
+from vibro_ros.simulation.samples import Trace
+from vibro_ros.simulation.second_process import SecondProcess
+from vibro_ros.solver.compilation import entry_types
+from vibro_ros.solver.events import EVENT_COLUMNS
+from vibro_ros.solver.forcing import read_signals
+from vibro_ros.solver.progress import progress
+from vibro_ros.solver.state import new_state
+from vibro_ros.solver.transition import leave_for_ramp
+
+# The compiler makes millions of objects, of which hardly any is garbage: searched as often as usual, they take a tenth
+# of its time; never searched, they take 80 MB.
+_THRESHOLDS = 100_000, 50, 100
+
+#: Methods whose kernels this process has.
+compiled_methods: set[str] = set()
 
 
-def kernel_count(method: str) -> int:
-    """Number of kernels that `compile_kernels` sees to."""
-    own = {"exact": 2}.get(method, 3)  # of the method's family
-    return 3 + (2 + 3 if method == "auto" else own)  # three are shared by all
+class Call(NamedTuple):
+    """A kernel that Python calls, and the types of its arguments as `entry_types` gives them."""
+
+    kernel: Any
+    types: tuple
+
+    @property
+    def name(self) -> str:
+        """The kernel's name, which no other kernel has."""
+        return f"{self.kernel.__module__}.{self.kernel.__name__}"
+
+    def is_stored(self) -> bool:
+        """Whether the cache has the compiled kernel."""
+        return self.kernel._cache.holds(self.types, self.kernel.targetctx)
+
+    def compile(self) -> None:
+        """Compile the kernel, or load it, if neither was done before."""
+        self.kernel.compile(self.types)
+
+
+def kernel_calls(method: str) -> list[Call]:
+    """Every kernel of a `solver.method`, the longest to compile first."""
+    scene = Scene(parameters={"solver.method": method})
+    model = compile_scene(scene)
+    channels = model.forms.channels.count
+    state = new_state(model.system, 0.0, np.zeros(len(model.forms.plates)), model.initial_mode)
+    times, point, events = np.zeros(1), np.zeros(channels), np.empty((EVENTS_AT_ONCE, EVENT_COLUMNS))
+    trace = Trace(np.empty((1, channels)), np.empty(1, dtype=np.int64), np.empty((1, 3)))
+    calls = [*new_stepper(scene, model).calls(state, (times, point, *trace, events)),
+             (read_signals, (model.system, state, point)),
+             (leave_for_ramp, (model.system, state, 0, point, events, 0)),
+             *Readout(model).calls(times, trace)]
+    return [Call(kernel, entry_types(kernel, arguments)) for kernel, arguments in calls]
 
 
 def compile_kernels(method: str = "exact") -> None:
-    """Compile the numerical kernels of a `solver.method`, or load them from the cache."""
-    for name in ("exact", "rk4") if method == "auto" else (method,):  # all steps of fixed length are one kernel
-        motion = Motion(Scene(parameters={"solver.method": name}))
-        motion.sampled(np.array([0.001]))
-        motion.command(1.0, {"upper": 0.001})
-        motion.sampled(np.array([0.001]))
+    """Compile the numerical kernels of a `solver.method`, or load them from the cache; the first time, in a process."""
+    if method in compiled_methods:
+        return
+    calls = _all_calls(method)
+    missing = [call for call in calls if not call.is_stored()]
+    with _seldom_collected(), SecondProcess(work_of_another(method, missing)) as second:
+        for call in missing[:1]:
+            call.compile()
+        if not progress.unwritable:
+            second.wait()
+        for call in calls:
+            call.compile()
+    compiled_methods.add(method)
+
+
+def compile_some(method: str, names: Sequence[str]) -> None:
+    """Compile the kernels of these names into the cache."""
+    with _seldom_collected():
+        for call in _all_calls(method):
+            if call.name in names:
+                call.compile()
+
+
+def _all_calls(method: str) -> list[Call]:
+    """The kernels of a method; auto needs two, because all steps of fixed length are one kernel."""
+    families = ("exact", "rk4") if method == "auto" else (method,)
+    return list({call.name: call for family in families for call in kernel_calls(family)}.values())
+
+
+def work_of_another(method: str, missing: Sequence[Call]) -> tuple[str, list[str]] | None:
+    """What a second process is to do; None if none would help."""
+    others = [call.name for call in missing[1:]]
+    return (method, others) if others and core_count() > 1 else None
+
+
+@contextmanager
+def _seldom_collected() -> Iterator[None]:
+    usual = gc.get_threshold()
+    gc.set_threshold(*_THRESHOLDS)
+    try:
+        yield
+    finally:
+        gc.set_threshold(*usual)

@@ -9,9 +9,9 @@ import numpy as np
 
 from vibro_ros.model.parameters import SCENE_PARAMETERS, checked_parameters
 from vibro_ros.model.scene import Scene
-from vibro_ros.simulation.kernels import compile_kernels
 from vibro_ros.simulation.motion import SimulationError
 from vibro_ros.simulation.one_run import Commands, checked_commands, overriding, simulate
+from vibro_ros.simulation.preparation import provide_kernels
 from vibro_ros.simulation.processes import core_count, in_processes
 from vibro_ros.simulation.sample_times import sample_times
 from vibro_ros.simulation.samples import Run
@@ -99,7 +99,7 @@ def _results(scenes: Iterator[Scene], simulation: Callable, workers: int, method
     if first is None:
         return
     if workers > 1:  # once for all that are forked
-        compile_kernels(method or first["solver.method"])
+        provide_kernels(method or first["solver.method"])
     jobs = in_processes(simulation, itertools.chain([first], scenes), workers)
     try:
         for number, job in enumerate(jobs):

@@ -24,7 +24,7 @@ from vibro_ros.solver.methods import SCHEMES, Exact, FixedStep, Stepper
 from vibro_ros.solver.state import State, lasting, new_state
 from vibro_ros.solver.transition import leave_for_ramp
 
-_EVENTS_AT_ONCE = 4096
+EVENTS_AT_ONCE = 4096
 #: After so many of its time constants a lagging motor has reached its speed, to rounding.
 _TIME_CONSTANTS = 40.0
 
@@ -51,6 +51,15 @@ class SimulationError(RuntimeError):
     ...     print(error)
     at 0.385 s in mode closed, closed, slip_backward: a coordinate is no longer finite; rk4 may need a solver.step ...
     """
+
+
+def new_stepper(scene: Scene, model: Model) -> Stepper:
+    """What steps a scene, compiled as `model`, by its `solver.method`."""
+    name, step = scene["solver.method"], scene["solver.step"]
+    if name == "exact":
+        return Exact(model.system)
+    laws = contact_laws(scene, model.forms, model.modes, step) if name == "moreau" else None
+    return FixedStep(model.system, SCHEMES[name], step, laws)
 
 
 class Motion:
@@ -81,21 +90,14 @@ class Motion:
         self.scene, self.time = scene, 0.0
         self.model: Model = compile_scene(scene)
         self._cuts_forces = scene["solver.method"] != "exact"
-        self._stepper = self._new_stepper()
+        self._stepper = new_stepper(scene, self.model)
         self.point = np.zeros(self.model.forms.channels.count)
         self.state = self._start()
         self.events = EventLog(self.model.forms.plates)
-        self._room = np.empty((_EVENTS_AT_ONCE, EVENT_COLUMNS))
+        self._room = np.empty((EVENTS_AT_ONCE, EVENT_COLUMNS))
         self._readout = Readout(self.model)
         self._instant, self._trace = np.empty(1), self.new_trace(1)
         self._sampled = False  # whether they are of `time`, and nothing was commanded since
-
-    def _new_stepper(self) -> Stepper:
-        model, name, step = self.model, self.scene["solver.method"], self.scene["solver.step"]
-        if name == "exact":
-            return Exact(model.system)
-        laws = contact_laws(self.scene, model.forms, model.modes, step) if name == "moreau" else None
-        return FixedStep(model.system, SCHEMES[name], step, laws)
 
     def _start(self) -> State:
         model, scene = self.model, self.scene

@@ -4,6 +4,8 @@ Most are linear forms of the channels. Power and torque are products of them: po
 slider's speed, torque = power / the crank's speed, and where the crank stands, sum of drive force times ds/dtheta.
 """
 
+from collections.abc import Callable
+
 import numpy as np
 
 from vibro_ros.model.modes import OUTPUTS
@@ -72,8 +74,15 @@ class Readout:
                 found[name][part] = row
         return found
 
+    def calls(self, times: np.ndarray, trace: Trace) -> list[tuple[Callable, tuple]]:
+        """The kernels, with arguments of the types that they are called with; `times` and `trace` as in `values`."""
+        return [(read_samples, self._arguments(times, trace, self._slopes, self._values))]
+
     def _fill(self, times: np.ndarray, trace: Trace, slopes: np.ndarray, values: np.ndarray) -> None:
-        read_samples(*self._forms, self._model.forms.pressed_only, self._drives, slopes, times, *trace, values)
+        read_samples(*self._arguments(times, trace, slopes, values))
+
+    def _arguments(self, times: np.ndarray, trace: Trace, slopes: np.ndarray, values: np.ndarray) -> tuple:
+        return *self._forms, self._model.forms.pressed_only, self._drives, slopes, times, *trace, values
 
     def _slopes_where_standing(self, phases: np.ndarray) -> np.ndarray:
         """ds/dtheta [m/rad] of each slider where the crank stands, elsewhere 0; shape (sliders, n)."""

@@ -8,6 +8,7 @@ import numpy as np
 from vibro_ros.model.scene import Scene
 from vibro_ros.simulation.auto import Choice, choose_method, chosen
 from vibro_ros.simulation.motion import Motion
+from vibro_ros.simulation.preparation import provide_kernels
 from vibro_ros.simulation.sample_times import LATEST, checked_times
 from vibro_ros.simulation.samples import Samples, one_sample
 
@@ -45,6 +46,7 @@ class Simulator:
     def __init__(self, scene: Scene):
         if fault := scene.broken_promise:
             warnings.warn(fault, ToleranceWarning, stacklevel=2)
+        provide_kernels(scene["solver.method"])
         self.choice: Choice | None = choose_method(scene) if scene["solver.method"] == "auto" else None
         self.scene = chosen(scene, self.choice) if self.choice else scene
         self._motion = Motion(self.scene)

@@ -86,3 +86,8 @@ def entry_kernel(function):
 
     del entry.__wrapped__  # numba would look for the arguments there
     return cached(_compiled(entry, {"contract"}))
+
+
+def entry_types(entry, arguments: tuple) -> tuple:
+    """The types for which an entry kernel is compiled when it is called with these arguments."""
+    return (entry.typeof_pyval(arguments),)  # they arrive in one tuple

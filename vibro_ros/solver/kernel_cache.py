@@ -17,31 +17,9 @@ import numba
 from numba.core import compiler, serialize
 from numba.core.runtime import rtsys
 
+from vibro_ros.solver.progress import progress
+
 _CHECKSUM = hashlib.sha256().digest_size  # bytes, at the beginning of a file
-
-
-class Progress:
-    """What this process has compiled, as far as it was not in the cache, and what it compiles now.
-
-    Attributes
-    ----------
-    under_way : list of str
-        Kernels that are being compiled, each as a part of the one before.
-    done, loaded : list of str
-        Kernels that have been compiled, and kernels that were in the cache.
-    unwritable : str
-        Why the last compiled kernel could not be stored: folder and reason; empty when it could.
-    """
-
-    def __init__(self):
-        self.under_way: list[str] = []
-        self.done: list[str] = []
-        self.loaded: list[str] = []
-        self.unwritable = ""
-
-
-progress = Progress()
-"""The progress of this process."""
 
 
 class KernelCache:
@@ -59,6 +37,10 @@ class KernelCache:
         self.cache_path = str(folder) if folder else None
         self._function, self._folder = function, folder
 
+    def holds(self, signature: object, target: object) -> bool:
+        """Whether there is a file for a signature."""
+        return self._folder is not None and self._file(signature, target.codegen()).exists()
+
     def load_overload(self, signature: object, target: object) -> object | None:
         """The compiled kernel for a signature; None when it must be compiled."""
         found = _read(self._file(signature, target.codegen())) if self._folder else None
@@ -68,12 +50,12 @@ class KernelCache:
             rtsys.initialize(target)
             progress.loaded.append(self._function.__name__)
             return compiler.CompileResult._rebuild(target, *found)
-        progress.under_way.append(self._function.__name__)
+        progress.under_way.append(self._function)
         return None
 
     def save_overload(self, signature: object, compiled: object) -> None:
         """Keep a compiled kernel, if there is room for it."""
-        progress.under_way.remove(self._function.__name__)
+        progress.under_way.remove(self._function)
         progress.done.append(self._function.__name__)
         if self._folder is None:
             progress.unwritable = "no home folder is known"

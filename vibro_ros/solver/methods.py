@@ -26,10 +26,11 @@ A method of fixed step:
 9. Tests: order of convergence, cut time, checkpoints and every effect in `test_fixed_steps.py`, published forces in
    `test_published_forces.py`. Documents: the table of docs/solver.md, and `make docs`.
 
-A method that is none of fixed step is a class with the functions of `Stepper`, and `Motion._new_stepper`
+A method that is none of fixed step is a class with the functions of `Stepper`, and `new_stepper`
 (`simulation/motion.py`) makes it. Rules 5 to 9 hold for it, too.
 """
 
+from collections.abc import Callable
 from typing import Protocol
 
 import numpy as np
@@ -61,6 +62,10 @@ class Stepper(Protocol):
     def memory(self) -> list[np.ndarray]:
         """Arrays of numbers, as views, that the future depends on beside the state."""
 
+    def calls(self, state: State, arguments: tuple) -> list[tuple[Callable, tuple]]:
+        """The method's own kernels, the longest to compile first, with arguments of the types that they are called
+        with; `arguments` are those of `advance` but for the state."""
+
 
 class Exact:
     """The event loop."""
@@ -84,6 +89,12 @@ class Exact:
     def memory(self):
         """See `Stepper`."""
         return []
+
+    def calls(self, state, arguments):
+        """See `Stepper`."""
+        _, point, *_ = arguments
+        return [(event_loop.advance, (self._system, state, *arguments)),
+                (event_loop.interrupt, (self._system, state, 0.0, point))]
 
 
 class FixedStep:
@@ -110,3 +121,10 @@ class FixedStep:
     def memory(self):
         """See `Stepper`."""
         return numbers_of(values for values in self._step if isinstance(values, np.ndarray))
+
+    def calls(self, state, arguments):
+        """See `Stepper`."""
+        times, point, *rest = arguments
+        return [(fixed_step.advance, (self._system, state, self._step, times, *rest)),
+                (fixed_step.begin, (self._system, state, self._step, point)),
+                (fixed_step.interrupt, (self._system, state, self._step, 0.0, point))]

@@ -10,6 +10,8 @@ from numba.core.compiler import CompilerBase, DefaultPassBuilder
 from numba.core.compiler_machinery import LoweringPass, register_pass
 from numba.core.typed_passes import NativeLowering
 
+from vibro_ros.solver.progress import progress
+
 
 class _PartLibrary(JITCodeLibrary):
     """The intermediate code of a part, together with that of the parts which it calls."""
@@ -35,6 +37,7 @@ class _OfferToCallers(LoweringPass):
         # numba wants a built-in function here, for Python to call. Whatever it is called with, this one raises.
         state.cr = state.cr._replace(cfunc=[].remove)
         state.targetctx.insert_user_function(state.cr.cfunc, state.cr.fndesc, [state.library])
+        progress.parts.add(state.func_id.func)
         return True
 
 

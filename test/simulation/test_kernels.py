@@ -1,0 +1,121 @@
+"""All kernels of a method are compiled or loaded before the start, some of them by a second process."""
+
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numba
+import pytest
+
+from vibro_ros.configuration.scene_file import load_scene, shipped_scenes
+from vibro_ros.model.scene import Scene
+from vibro_ros.model.tables import compile_scene
+from vibro_ros.simulation import kernels, second_process
+from vibro_ros.simulation.second_process import SecondProcess
+
+PATIENCE = 600.0  # [s]
+RUN = """
+import vibro_ros
+from vibro_ros.simulation.kernels import compile_kernels
+from vibro_ros.solver.progress import progress
+
+compile_kernels({method!r})
+count = len(progress.done) + len(progress.loaded)
+scene = vibro_ros.load_scene("device").with_parameters({{"solver.method": {method!r}}})
+device = vibro_ros.Simulator(scene)
+device.command(motor_speed=100.0, upper_gap=0.001)
+device.advance_to(0.01)
+device.state
+print(len(progress.done) + len(progress.loaded) - count, *sorted(progress.done))
+"""
+SMALL = "vibro_ros.simulation.readout.read_samples"
+
+
+@pytest.fixture
+def empty(monkeypatch, tmp_path) -> Path:
+    """An empty cache of this test's own, for other processes."""
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    return tmp_path
+
+
+def said(program: str) -> str:
+    """What a program prints."""
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=PATIENCE)
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+def stored(folder: Path) -> set[str]:
+    """Kernels in a cache."""
+    return {file.name.partition("-")[0] for file in folder.glob("*/*.kernel")}
+
+
+def array_types(values: tuple) -> list[str]:
+    """Types of all arrays in a named tuple, by which numba tells kernels apart."""
+    return [kind for value in values for kind in (array_types(value) if hasattr(value, "_fields")
+                                                  else [str(numba.typeof(value))])]
+
+
+@pytest.mark.parametrize("name", shipped_scenes())
+@pytest.mark.parametrize("audit", [False, True])
+def test_every_scene_takes_the_same_kernels(name, audit):
+    """An array that cannot be written, or is not contiguous, would be one more set of kernels to compile."""
+    system = compile_scene(load_scene(name).with_parameters({"solver.audit": audit})).system
+    assert array_types(system) == array_types(compile_scene(Scene()).system)
+
+
+@pytest.mark.parametrize("method", ["exact", "rk4", "moreau", "auto"])
+def test_nothing_is_left_to_be_compiled(method):
+    assert said(RUN.format(method=method)).startswith("0")
+
+
+def test_a_second_process_compiles_all_but_the_longest(empty):
+    assert said(RUN.format(method="rk4")) == "0 advance\n"
+    assert stored(empty) == {"fixed_step.advance", "fixed_step.begin", "fixed_step.interrupt", "forcing.read_signals",
+                             "transition.leave_for_ramp", "readout.read_samples"}
+
+
+def test_without_a_second_process_one_compiles_everything(empty):
+    program = "from vibro_ros.simulation import second_process; second_process._PROGRAM = 'raise SystemExit(1)'\n"
+    assert said(program + RUN.format(method="rk4")).startswith("0 advance begin interrupt leave_for_ramp read_s")
+
+
+def test_a_second_process_that_cannot_be_started_is_none(monkeypatch):
+    monkeypatch.setattr(sys, "executable", "/no/such/python")
+    with SecondProcess(("exact", [SMALL])) as second:
+        second.wait()
+
+
+def test_one_core_needs_no_second_process(monkeypatch):
+    calls = kernels.kernel_calls("rk4")
+    monkeypatch.setattr(kernels, "core_count", lambda: 2)
+    assert kernels.work_of_another("rk4", calls) == ("rk4", [call.name for call in calls[1:]])
+    assert kernels.work_of_another("rk4", calls[:1]) is None
+    monkeypatch.setattr(kernels, "core_count", lambda: 1)
+    assert kernels.work_of_another("rk4", calls) is None
+
+
+def test_the_second_process_fills_the_cache_and_ends(empty):
+    with SecondProcess(("exact", [SMALL])) as second:
+        second.wait()
+    assert stored(empty) == {"readout.read_samples"}
+    assert second_process.progress.elsewhere == []
+
+
+def test_it_ends_with_the_process_that_wants_it(empty):
+    program = ("import os; from vibro_ros.simulation.second_process import SecondProcess; "
+               "second = SecondProcess(('exact', ['vibro_ros.solver.event_loop.advance'])); "
+               "print(second._process.pid, flush=True); os._exit(0)")
+    status = Path(f"/proc/{said(program).strip()}/stat")
+    deadline = time.monotonic() + PATIENCE
+    while status.exists() and ") Z " not in status.read_text():  # nobody may be there to take its exit code
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
+    assert stored(empty) == set()
+
+
+def test_it_is_ended_where_it_is_no_longer_wanted(empty):
+    with pytest.raises(KeyboardInterrupt), SecondProcess(("exact", [SMALL])) as second:
+        raise KeyboardInterrupt
+    assert second._process.returncode == -9
