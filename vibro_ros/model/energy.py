@@ -32,7 +32,7 @@ def audit_tables(builder: ModeBuilder, scene: Scene) -> dict[str, np.ndarray]:
         force[:, p], rate[:, p] = form, velocity
     return {"stretch": np.array([form for _, form in stored]).reshape(len(stored), forms.channels.count),
             "stiffness": np.array([weight for weight, _ in stored]),
-            "potential": _potential(forms, scene) if audited else forms.zero,
+            "potential": np.array(_potential(forms, scene) if audited else forms.zero),  # zero cannot be written
             "power": force, "power_terms": terms(force), "power_rate": rate}
 
 
