@@ -6,12 +6,13 @@ loses what came after the last flush, and leaves at most one torn record at the 
 
 import os
 import struct
+from collections import defaultdict
 from collections.abc import Sequence
 from pathlib import Path
 from zlib import crc32
 
 from mcap.opcode import Opcode
-from mcap.records import Channel, Chunk, ChunkIndex, Header, MessageIndex, Metadata, MetadataIndex, Schema
+from mcap.records import Channel, Chunk, ChunkIndex, Header, Metadata, MetadataIndex, Schema
 from rosbags.rosbag2.storage_mcap import zstd
 
 from vibro_ros.bag.definitions import Definition
@@ -76,9 +77,12 @@ class McapSegment:
         """Take a message (OSError when its chunk was due and could not be written)."""
         size = _MESSAGE_HEAD.size + len(data)
         self._pieces += _MESSAGE_HEAD.pack(Opcode.MESSAGE, size - HEAD.size, topic, 0, stamp, stamp), data
-        self._entries.setdefault(topic, []).append((stamp, self._size))
+        self._entries[topic] += (stamp, self._size)
         self._size += size
-        self._first, self._last = min(self._first, stamp), max(self._last, stamp)
+        if stamp < self._first:
+            self._first = stamp
+        if stamp > self._last:
+            self._last = stamp
         if self._size > CHUNK_SIZE:
             self._write_chunk()
 
@@ -156,7 +160,7 @@ class McapSegment:
 
     def _begin_chunk(self) -> None:
         self._pieces: list[bytes] = []
-        self._entries: dict[int, list[tuple[int, int]]] = {}
+        self._entries = defaultdict[int, list[int]](list)  # stamps and offsets in turn
         self._size = 0
         self._first, self._last = 2**63 - 1, 0
 
@@ -168,7 +172,7 @@ class McapSegment:
                               uncompressed_crc=crc32(raw), uncompressed_size=len(raw)))
         indexes, offsets, offset = [], {}, self._good + len(record)
         for channel, found in entries.items():
-            indexes.append(packed(MessageIndex(channel, found)))
+            indexes.append(_message_index(channel, found))
             offsets[channel] = offset
             offset += len(indexes[-1])
         index = ChunkIndex(chunk_start_offset=self._good, chunk_length=len(record), message_start_time=first,
@@ -176,7 +180,7 @@ class McapSegment:
                            message_index_length=offset - self._good - len(record), compression=self._compression,
                            compressed_size=len(data), uncompressed_size=len(raw))
         self._append(b"".join([record, *indexes]))
-        self._contents.add_chunk(index, ((channel, len(found)) for channel, found in entries.items()))
+        self._contents.add_chunk(index, ((channel, len(found) // 2) for channel, found in entries.items()))
 
     def _append(self, data: bytes) -> None:
         """Write all of `data` after what is stored, or leave the file as it was."""
@@ -189,3 +193,9 @@ class McapSegment:
             self._file.seek(self._good)
             raise
         self._good += len(data)
+
+
+def _message_index(channel: int, entries: Sequence[int]) -> bytes:
+    """The record of a channel's messages in a chunk, from their stamps and offsets in turn."""
+    size = 8 * len(entries)
+    return struct.pack(f"<BQHI{len(entries)}Q", Opcode.MESSAGE_INDEX, 6 + size, channel, size, *entries)

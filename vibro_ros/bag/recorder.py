@@ -1,29 +1,32 @@
 """Record messages to a bag from a thread of its own, so that no caller ever waits for the disk.
 
-`Recorder.write` only puts the message on a bounded queue, which the writer thread looks at every `POLL_PERIOD`: waking
-it for each message would cost the caller ten times as much. It is woken by every `WAKING`th one, so that the recorder
-of a fast robot works when a tick has just ended, not when the next one is due. The thread takes a few messages at a
-time: many would hold the interpreter lock and delay the robot's clock, and after each single one it would wait so long
-for the lock to come back that it would fall behind a robot that publishes at 1 kHz.
+`Recorder.write` only puts the message on a bounded queue, and wakes the writer thread by the first message that comes
+when a flush is due: then the recorder works when a tick has just ended, not when the next one begins. Where no message
+comes, the thread wakes by itself a little later. It wakes no more often, because to wake costs more than to write what
+a tick has published. The thread takes a few messages at a time: many would hold the interpreter lock and delay the
+robot's clock, and after each single one it would wait so long for the lock to come back that it would fall behind a
+robot that publishes at 1 kHz.
 What a killed process loses is what came in the last `FLUSH_PERIOD`.
 """
 
 import contextlib
+import math
 import time
 from collections import deque
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from datetime import datetime
 from itertools import count
 from pathlib import Path
-from threading import Event, Lock, Thread
+from queue import Empty, SimpleQueue
+from threading import Lock, Thread
 
 from vibro_ros.bag.definitions import Definition, Topic, defined
 from vibro_ros.bag.metadata import LAST_STAMP
 from vibro_ros.bag.writer import BagWriter, Storage
 
 FLUSH_PERIOD = 0.05  # s, that a message stays in memory only; 0.1 is promised, and a busy machine is late
-POLL_PERIOD = 0.005  # s, between two looks at an empty queue
-WAKING = 10  # messages that wait; two ticks of a robot
+PATIENCE = 0.01  # s, after a flush was due, until the thread wakes by itself
+WAKING = 1000  # messages that wait and wake the thread before: a robot faster than real time must not fill the queue
 BATCH = 25  # messages between two offers of the interpreter lock; about 50 us
 BACKLOG = 20_000  # messages waiting for the disk; about 4 s of a robot that publishes at 1 kHz
 
@@ -83,7 +86,8 @@ class Recorder:
         self._over = self._gone = False
         self._closing = False
         self._known: Mapping[str, str] = {}
-        self._news = Event()
+        self._waking = self._due  # when a message wakes the thread; never while it is awake
+        self._bell: SimpleQueue[None] = SimpleQueue()
         definitions = defined(topics)
         self._topics = {one.information.name: number for number, one in enumerate(definitions, start=1)}
         self._queue: deque[tuple[int, int, bytes]] = deque(
@@ -114,8 +118,9 @@ class Recorder:
         if (topic is not None and type(stamp_ns) is int and 0 <= stamp_ns <= LAST_STAMP
                 and type(data) is bytes and self._accepting and len(self._queue) < self._backlog):
             self._queue.append((topic, stamp_ns, data))
-            if len(self._queue) == WAKING:
-                self._news.set()
+            if time.monotonic() >= self._waking or len(self._queue) == WAKING:
+                self._waking = math.inf
+                self._bell.put(None)
             return True
         with self._refusing:
             self._refused += 1
@@ -124,7 +129,7 @@ class Recorder:
     def describe(self, custom: Mapping[str, str]) -> None:
         """Add to the bag's custom data what is known now, before the messages that are written from now on."""
         self._known = custom
-        self._news.set()
+        self._bell.put(None)
 
     @property
     def accepting(self) -> bool:
@@ -177,7 +182,7 @@ class Recorder:
         """
         self._accepting = False
         self._closing = True
-        self._news.set()
+        self._bell.put(None)
         self._thread.join(patience)
         if self.ended:
             self._discard_queue()
@@ -202,8 +207,7 @@ class Recorder:
         """Write what is queued until told to close, flushing every `FLUSH_PERIOD`."""
         closing = False
         while not closing:
-            self._news.wait(POLL_PERIOD)
-            self._news.clear()
+            self._wait()
             closing = self._closing  # asked before the queue is emptied for the last time
             self._write_known()
             while self._queue:
@@ -215,6 +219,13 @@ class Recorder:
                 time.sleep(0)  # offer the interpreter lock
                 self._flush_when_due()
             self._flush_when_due()
+
+    def _wait(self) -> None:
+        """Wait until a flush is due, or somebody rings."""
+        self._waking = self._due
+        with contextlib.suppress(Empty):
+            self._bell.get(timeout=max(0.0, self._due + PATIENCE - time.monotonic()))
+        self._waking = math.inf
 
     def _write_known(self) -> None:
         if self._known:
