@@ -17,6 +17,7 @@ from many_scenes import SHORT, running, sweep
 
 import vibro_ros
 from vibro_ros.solver import event_loop
+from vibro_ros.solver.methods import Exact
 
 
 def failing_at(number):
@@ -28,14 +29,14 @@ def failing_at(number):
 @pytest.fixture
 def lost_roots(monkeypatch):
     """At a motor speed of 7 rad/s every run ends at its first event: workers are forks and inherit it."""
-    advance = event_loop.advance
+    advance = Exact.advance
 
-    def lose(system, state, times, *rest):
-        status, taken, count = advance(system, state, times, *rest)
+    def lose(stepper, state, times, *rest):
+        status, taken, count = advance(stepper, state, times, *rest)
         lost = state.now["drive"]["speed"][0] == 7.0 and len(times)
         return (event_loop.ROOT_LOST if lost else status), taken, count
 
-    monkeypatch.setattr(event_loop, "advance", lose)
+    monkeypatch.setattr(Exact, "advance", lose)
 
 
 @pytest.mark.parametrize("workers", [1, 2])

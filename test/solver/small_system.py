@@ -8,6 +8,7 @@ import numpy as np
 from vibro_ros.solver import event_loop
 from vibro_ros.solver.channels import size_of
 from vibro_ros.solver.events import EVENT_COLUMNS
+from vibro_ros.solver.methods import Exact
 from vibro_ros.solver.state import new_state
 from vibro_ros.solver.system import (
     NOTHING,
@@ -127,13 +128,13 @@ class Integration:
     """
 
     def __init__(self, system, position=(), velocity=(), mode=0, speed=0.0, ramps=()):
-        self.system = system
+        self._stepper = Exact(system)
         self.state = new_state(system, speed, np.array(ramps, dtype=float), mode)
         self.point = np.zeros(len(self.state.z))
         self.point[:len(position)] = position
         self.point[len(position):2 * len(position)] = velocity
         self.events = []
-        assert event_loop.begin_segment(system, self.state, self.point) == event_loop.REACHED
+        assert self._stepper.begin(self.state, self.point) == event_loop.REACHED
 
     @property
     def segments(self):
@@ -146,21 +147,21 @@ class Integration:
         drive["target"] = target
         drive["acceleration"] = math.copysign(change, target - drive["speed"])
         drive["time_left"] = abs(target - drive["speed"]) / change
-        assert event_loop.begin_segment(self.system, self.state, self.point) == event_loop.REACHED
+        assert self._stepper.begin(self.state, self.point) == event_loop.REACHED
 
     def lag_speed(self, target, lag, duration):
         """Let the speed approach `target` with the time constant `lag` for `duration`, from the present segment's start
         on."""
         drive = self.state.now["drive"][0]
         drive["target"], drive["lag"], drive["time_left"] = target, lag, duration
-        assert event_loop.begin_segment(self.system, self.state, self.point) == event_loop.REACHED
+        assert self._stepper.begin(self.state, self.point) == event_loop.REACHED
 
     def move_ramp(self, k, target, rate):
         """Let ramp k move to `target` at `rate`."""
         ramp = self.state.ramp[k]
         ramp["target"], ramp["rate"] = target, math.copysign(rate, target - ramp["value"])
         ramp["time_left"] = abs(target - ramp["value"]) / rate
-        assert event_loop.begin_segment(self.system, self.state, self.point) == event_loop.REACHED
+        assert self._stepper.begin(self.state, self.point) == event_loop.REACHED
 
     def sample(self, times, room=64):
         """z, shape (n, channels), modes and phases, shape (n, 3), at `times`; events are appended to `.events`."""
@@ -169,8 +170,8 @@ class Integration:
         phases, events = np.empty((len(times), 3)), np.empty((room, EVENT_COLUMNS))
         done, self.status = 0, event_loop.EVENTS_FULL
         while self.status == event_loop.EVENTS_FULL:
-            self.status, taken, count = event_loop.advance(
-                self.system, self.state, times[done:], self.point, points[done:], modes[done:], phases[done:], events)
+            self.status, taken, count = self._stepper.advance(
+                self.state, times[done:], self.point, points[done:], modes[done:], phases[done:], events)
             done += taken
             self.events += [tuple(event) for event in events[:count]]
         return points, modes, phases

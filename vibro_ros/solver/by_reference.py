@@ -28,8 +28,21 @@ class Reference(types.Type):
         return referred(self.record.types[self.record.fields.index(name)])
 
 
+_kept: dict[str, Reference] = {}
+
+
+def kept_as(record: types.NamedTuple) -> str:
+    """Name of the only field of an array that is taken for the layout of such a tuple: see `kept.Kept`."""
+    reference = Reference(record)
+    _kept[reference.name] = reference
+    return reference.name
+
+
 def referred(kind: types.Type) -> types.Type:
-    """What kernels get in place of a value of some type: a reference to a named tuple, everything else as it is."""
+    """What kernels get in place of a value of some type: a reference to a named tuple, be it given as such or as its
+    layout in memory; everything else as it is."""
+    if isinstance(kind, types.Array) and isinstance(kind.dtype, types.Record):
+        return _kept.get(next(iter(kind.dtype.fields)), kind)
     return Reference(kind) if isinstance(kind, types.NamedTuple) else kind
 
 
@@ -59,10 +72,16 @@ def references(_, values):
     """A tuple of values, with references in place of the named tuples."""
     results = [referred(kind) for kind in values.types]
 
+    def refer(context, builder, part, kind, result):
+        if result is kind:
+            return part
+        if isinstance(kind, types.NamedTuple):
+            return cgutils.alloca_once_value(builder, part)
+        return builder.bitcast(context.make_array(kind)(context, builder, part).data, context.get_value_type(result))
+
     def generate(context, builder, sign, arguments):
         parts = cgutils.unpack_tuple(builder, arguments[0])
         return context.make_tuple(builder, sign.return_type, [
-            cgutils.alloca_once_value(builder, part) if result is not kind else part
-            for part, kind, result in zip(parts, values.types, results, strict=True)])
+            refer(context, builder, *each) for each in zip(parts, values.types, results, strict=True)])
 
     return types.Tuple(results)(values), generate

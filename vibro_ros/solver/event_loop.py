@@ -16,11 +16,12 @@ from vibro_ros.solver.events import EVENT_COLUMNS, record_mode_change, update_pe
 from vibro_ros.solver.flow import hold_dynamic, solve_driven, solve_dynamic
 from vibro_ros.solver.forcing import advance_forcing, fill_forcing, phase_at
 from vibro_ros.solver.guards import find_next_event
+from vibro_ros.solver.kept import Kept
 from vibro_ros.solver.polynomial import value
 from vibro_ros.solver.rest import is_at_rest, lengthen_segment
 from vibro_ros.solver.segment import choose_segment, local_time
-from vibro_ros.solver.state import UNKNOWN, State
-from vibro_ros.solver.system import NOTHING, System
+from vibro_ros.solver.state import UNKNOWN
+from vibro_ros.solver.system import NOTHING
 from vibro_ros.solver.transition import FLOW_ENDS, FLOW_GOES_ON, SEGMENT_ENDS, record_reached, transition
 
 #: `AUTOMATON.begins`: nothing begins; a mode does, while the flow goes on; a flow does, and a mode with it.
@@ -149,9 +150,9 @@ def advance(system, state, times, point, points, modes, phases, events):
 
     Parameters
     ----------
-    system : System
-        The system.
-    state : State
+    system : System, as a `Kept.layout`
+        The system. Given as a tuple, this kernel would be compiled once more.
+    state : State, as a `Kept.layout`
         Changed in place.
     times : ndarray, shape (n,)
         Instants [s], ascending, none before the last command.
@@ -199,14 +200,14 @@ def advance(system, state, times, point, points, modes, phases, events):
             k += 1
 
 
-def begin_segment(system: System, state: State, point: np.ndarray) -> int:
+def begin_segment(system: Kept, state: Kept, point: np.ndarray) -> int:
     """Solve the segment that starts with the positions and velocities of `point`.
 
     Parameters
     ----------
-    system : System
+    system : Kept of System
         The system.
-    state : State
+    state : Kept of State
         Changed in place.
     point : ndarray, shape (channels,)
         Overwritten.
@@ -216,8 +217,8 @@ def begin_segment(system: System, state: State, point: np.ndarray) -> int:
     int
         `REACHED`, or why the segment cannot begin.
     """
-    state.now["automaton"]["begins"] = FLOW_BEGINS
-    return advance(system, state, _NO_TIMES, point, *_NO_SAMPLES, _NO_EVENTS)[0]
+    state.values.now["automaton"]["begins"] = FLOW_BEGINS
+    return advance(system.layout, state.layout, _NO_TIMES, point, *_NO_SAMPLES, _NO_EVENTS)[0]
 
 
 @entry_kernel

@@ -36,6 +36,7 @@ from typing import Protocol
 import numpy as np
 
 from vibro_ros.solver import event_loop, fixed_step
+from vibro_ros.solver.kept import Kept
 from vibro_ros.solver.laws import Laws
 from vibro_ros.solver.one_step import MOREAU, RK4, SEMI_IMPLICIT_EULER, new_step
 from vibro_ros.solver.state import State, numbers_of
@@ -71,19 +72,21 @@ class Exact:
     """The event loop."""
 
     def __init__(self, system: System):
-        self._system = system
+        self._system = Kept(system)
+        self._state: Kept | None = None  # the one that was stepped last
 
     def begin(self, state, point):
         """See `Stepper`."""
-        return event_loop.begin_segment(self._system, state, point)
+        return event_loop.begin_segment(self._system, self._kept(state), point)
 
     def advance(self, state, times, point, points, modes, phases, events):
         """See `Stepper`."""
-        return event_loop.advance(self._system, state, times, point, points, modes, phases, events)
+        return event_loop.advance(self._system.layout, self._kept(state).layout, times, point, points, modes, phases,
+                                  events)
 
     def interrupt(self, state, time, point):
         """See `Stepper`."""
-        event_loop.interrupt(self._system, state, time, point)
+        event_loop.interrupt(self._system.layout, self._kept(state).layout, time, point)
 
     @property
     def memory(self):
@@ -93,8 +96,13 @@ class Exact:
     def calls(self, state, arguments):
         """See `Stepper`."""
         _, point, *_ = arguments
-        return [(event_loop.advance, (self._system, state, *arguments)),
-                (event_loop.interrupt, (self._system, state, 0.0, point))]
+        tables = self._system.layout, self._kept(state).layout
+        return [(event_loop.advance, (*tables, *arguments)), (event_loop.interrupt, (*tables, 0.0, point))]
+
+    def _kept(self, state: State) -> Kept:
+        if self._state is None or self._state.values is not state:
+            self._state = Kept(state)
+        return self._state
 
 
 class FixedStep:

@@ -1,0 +1,70 @@
+"""Named tuples of arrays laid out in memory once, which kernels then get as one array from Python, too.
+
+numba looks at every array of a tuple at every call: 10 µs for the forty of a system and its state, twice as much where
+a tick finds none of that code in the processor's caches, and more than the kernel then takes.
+"""
+
+from collections.abc import Iterator
+from typing import Any, NamedTuple
+
+import numba
+import numpy as np
+
+from vibro_ros.solver.by_reference import kept_as
+
+
+class Kept:
+    """A named tuple of arrays, and of such tuples, as kernels see it in memory.
+
+    Parameters
+    ----------
+    values : NamedTuple
+        Its arrays stay where they are; what they hold may change.
+
+    Attributes
+    ----------
+    values : NamedTuple
+        The same.
+    layout : ndarray, shape (numbers,)
+        What an entry kernel takes in its place; not for longer than this is there, which keeps the arrays.
+    """
+
+    def __init__(self, values: NamedTuple):
+        self.values = values
+        self.layout = np.array(list(_numbers(values)), dtype=np.int64).view(_dtype(values))
+
+    def __reduce__(self) -> tuple:
+        """A copy keeps its own arrays."""
+        return Kept, (self.values,)
+
+
+_dtypes: dict[tuple, np.dtype] = {}
+
+
+def _dtype(values: NamedTuple) -> np.dtype:
+    """The type of a layout names that of the tuple, which takes numba a third of a millisecond to find: too long for
+    a sweep."""
+    key = tuple(_keys(values))
+    if key not in _dtypes:
+        _dtypes[key] = np.dtype([(kept_as(numba.typeof(values)), np.int64)])
+    return _dtypes[key]
+
+
+def _keys(values: Any) -> Iterator[Any]:
+    yield type(values)
+    for value in values:
+        if isinstance(value, np.ndarray):
+            yield value.dtype, value.ndim, value.flags.num
+        else:
+            yield from _keys(value)
+
+
+def _numbers(values: Any) -> Iterator[int]:
+    """The tuple as kernels see it: of each array owner and parent, which no kernel reads, size, size of an item,
+    address, shape and strides."""
+    for value in values:
+        if isinstance(value, np.ndarray):
+            yield from (0, 0, value.size, value.itemsize, value.__array_interface__["data"][0],
+                        *value.shape, *value.strides)
+        else:
+            yield from _numbers(value)
