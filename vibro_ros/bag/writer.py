@@ -116,7 +116,8 @@ class BagWriter:
         self._number = 0
         self._discarded_files = self._discarded_messages = 0
         self._segment: Any = None  # a McapSegment or SqliteSegment while one is written
-        self._first: int
+        self._limited = bool(storage.segment_size or storage.max_duration)
+        self._first: int  # stamp in the file that is written, if files are limited
         self._last: int
         folder.mkdir(parents=True)
         self._lock = lock(folder)
@@ -137,9 +138,10 @@ class BagWriter:
 
     def write(self, topic: int, stamp: int, data: bytes) -> None:
         """Take a message (OSError when the disk fails); a new file begins only where time goes on."""
-        if stamp > self._last and self._is_full(stamp, len(data)):
-            self._split()
-        self._first, self._last = min(self._first, stamp), max(self._last, stamp)
+        if self._limited:
+            if stamp > self._last and self._is_full(stamp, len(data)):
+                self._split()
+            self._first, self._last = min(self._first, stamp), max(self._last, stamp)
         self._segment.write(topic, stamp, data)
 
     def flush(self) -> None:

@@ -48,6 +48,8 @@ class Waiting:
 
     def take(self) -> list[tuple[str, bytes]]:
         """Every message that waits, with its line's name, in the order of arrival."""
+        if not any(self._lines.values()):  # as before most ticks; what comes at this moment waits for the next one
+            return []
         with self._lock:
             taken = sorted(chain.from_iterable(self._lines.values()))
             for line in self._lines.values():
