@@ -92,6 +92,42 @@ def test_the_term_is_back_when_the_block_comes_down_to_it(speed):
     assert time == pytest.approx(stop, abs=4e-16)
 
 
+def test_a_system_with_a_term_has_one_driven_coordinate():
+    system = block(-2.0, 5.0, 0.01)
+    channels = Channels(2, 0, 0, 0, 1)
+    two = build(channels, [np.zeros((2, channels.count))], decay=([np.zeros(channels.count)], [0.0]))
+    assert Integration(system, [0.0], [0.3]).segments >= 1
+    with pytest.raises(ValueError, match="one driven coordinate"):
+        Integration(two, [0.0, 0.0], [0.3, 0.0])
+
+
+@pytest.mark.parametrize("speed", [0.1, 0.01])
+@pytest.mark.parametrize("begin", [0.3, 0.51, 0.97])
+def test_a_piece_may_begin_anywhere_in_a_segment(begin, speed):
+    """A18. A block glides until a clock, the dynamic coordinate, has run down; then friction sets in, while the clock's
+    flow goes on, for the second that a segment lasts: in pieces, to roundings of the segment's local time at 7 m/s²."""
+    push, friction, start = -2.0, 5.0, 0.3
+    channels = Channels(2, 1, 0, 0, 1)
+    gliding, sliding, stopped = np.zeros((3, 2, channels.count))
+    sliding[1, [channels.decay, channels.one]] = -friction, push
+    factor, velocity, clock = np.zeros((3, channels.count))
+    factor[channels.one], velocity[channels.velocity(1)], clock[channels.position(0)] = 1.0, 1.0, 1.0
+    guards = [[Guard(clock, (1,))], [Guard(velocity, (2,), jump={channels.velocity(1): np.zeros(channels.count)})], []]
+    none = np.zeros(channels.count)
+    system = build(channels, [gliding, sliding, stopped], guards,
+                   decay=([none, factor, none], [0.0, -1.0 / speed, 0.0]))
+    stop = speed / -push * math.log1p(math.expm1(start / speed) / (1.0 - friction / push))
+    run = Integration(system, [begin, 0.0], [-1.0, start])
+    times = begin + np.linspace(0.0, 0.99 * stop, 50)
+    points, _, _ = run.sample(times)
+    expected = motion(push, friction, speed, start, times - begin)
+    np.testing.assert_allclose(points[:, channels.velocity(1)], expected, rtol=0, atol=4e-15)
+    np.testing.assert_allclose(points[:, channels.position(0)], begin - times, rtol=0, atol=4e-16)
+    run.sample([begin + stop + 0.1])
+    assert run.events[-1][0] == pytest.approx(begin + stop, abs=1e-15)
+    assert run.segments < 12
+
+
 def test_sampling_does_not_disturb():
     system = block(-2.0, 5.0, 0.01)
     times = np.linspace(0.0, 0.2, 4001)

@@ -14,8 +14,8 @@ from vibro_ros.model.tables import compile_scene
 STEP_WEIGHTS: Mapping[str, float] = {"rk4": 0.024, "semi_implicit_euler": 0.009, "moreau": 0.019}
 #: Weights of the method exact: of a segment and of an event; and of a segment besides, if its energy is balanced, if a
 #: friction that decays is followed, or if the motor's speed is on a ramp or lags [µs a channel].
-EXACT_WEIGHTS: Mapping[str, float] = {"segment": 0.075, "event": 0.05, "audited": 0.04, "decaying": 0.19,
-                                      "ramping": 0.08, "lagging": 0.4}
+EXACT_WEIGHTS: Mapping[str, float] = {"segment": 0.075, "event": 0.05, "audited": 0.04, "decaying": 0.02,
+                                      "ramping": 0.08, "lagging": 0.04}
 
 
 def counts_of_exact(scene: Scene, segments: int, events: int, speeding: bool) -> dict[str, float]:

@@ -1,85 +1,79 @@
 """A driven coordinate with a decaying term: x'' = L + k f e, where e = exp(r x') decays with the speed.
 
-L and f are linear forms of the channels, so polynomials on a segment, and r is constant in a mode. Then
-w = exp(-r (x' - x'(a))), which is 1 at a, where the mode starts, obeys an equation that is linear, too,
+L and f are linear forms of the channels, so polynomials on a segment, and r is constant in a mode. With V, the speed
+that L alone adds from a on, where the mode starts, and p = f e(a) exp(r V), the term at that speed,
 
-    w' = -r (L w + k f e(a)),        e = e(a) / w,
+    f e = p / (1 + Q),        Q' = -r k p,        Q(a) = 0.
 
-so that free and forced series of w are found about the segment's middle. The series of 1 / w ends sooner, by the
-zeros of w at complex times. Its last terms decide whether the segment is short enough.
+This is exact, and neither V nor Q depends on the solution. The term is found at the Chebyshev nodes of a *piece* of the
+segment, and is the polynomial through them: the values need a rounding or two, and no series.
+
+1 + Q vanishes at a complex time near the piece, so a piece is often shorter than the segment. The dynamic coordinates
+do not feel the term: their flow goes on, and the driven coordinate's polynomials and the term's have a local time of
+their own, from -1 to 1 over the piece.
 """
 
 import math
 
+import numpy as np
+from numpy.polynomial import chebyshev
+
 from vibro_ros.solver.compilation import called_kernel, kernel
-from vibro_ros.solver.forcing import advance_forcing
 from vibro_ros.solver.guards import EPSILON, NOISE
 from vibro_ros.solver.linear_forms import form_magnitude
-from vibro_ros.solver.polynomial import INVERSE, fill_form, integrate_through, sum_of_magnitudes, value
+from vibro_ros.solver.polynomial import fill_form, integrate_through, recentre, scale_argument, value
 from vibro_ros.solver.roots import NO_ROOT, first_root
+from vibro_ros.solver.segment import set_piece
+from vibro_ros.solver.system import CELL_STRIDE
 from vibro_ros.solver.vector import LENGTH, store, vector
 
-# Largest sum of the last terms, in parts of the magnitude of the terms that make up the acceleration.
-_ALLOWED = 0.25 * EPSILON
-_LAST_TERMS = 3
-#: Bound of |r x'|'s change over half a segment beyond which no series is tried; 6^LENGTH / LENGTH! is not small.
-_STRONGEST = 6.0
+#: Bound of the change of r x' about the middle of a piece; the rest of exp(5 x) after 24 terms is 4e-17 of exp(5).
+_STRONGEST = 5.0
+# ... or, where e has decayed to exp(-E) and need not be known as well, 3 + 0.2 E.
+_WEAKER, _BY_DECAY = 3.0, 0.2
 #: Where -r x' exceeds this, e has decayed to 4e-18 and may be left out ...
 _OVER = 40.0
 # ... and e is left out from here on, so that it is not needed again at once.
 _WELL_OVER = 44.0
-# A segment without e ends before e matters again, by more than rounding.
+# Change of r x' at which a piece is not tried.
+_TOO_STRONG = 30.0
+# A piece without e ends before e matters again, by more than rounding.
 _BEFORE = 1.0 - 1e-6
-# Least and greatest factor by which a segment's duration changes at once, and the part of the possible that is tried.
-_SHORTER, _LONGER, _CAUTION = 0.1, 4.0, 0.9
+# Least factor by which a piece is shortened at once, and the part of the possible that is tried.
+_SHORTER, _CAUTION = 0.1, 0.9
+# Where a flow starts with a piece that is a smaller part of the segment, the segment is made shorter, because its local
+# time would be too coarse for the piece.
+_LEAST_PIECE = 5e-3
+# A piece that is shorter than this, in the segment's local time, would be lost in rounding.
+_SHORTEST = 1e-13
+# Half axes of the ellipse about a piece that must be free of poles: what the polynomial leaves out is 4.2^-LENGTH.
+_ALONG = 1.0 / CELL_STRIDE
+_ACROSS = math.sqrt(_ALONG**2 - 1.0)
+# Last two coefficients, in roundings of the magnitude of the terms that make up the acceleration: beyond them follows
+# a third of that at most. Their own rounding is about half a rounding of the term.
+_ALLOWED = 1.0
+# Growth beside its forcing that does not move the pole.
+_NO_GROWTH = 1e-3
+
+_ANGLES = math.pi * (np.arange(LENGTH) + 0.5) / LENGTH
+# Row n: the n-th power at the nodes.
+_POWERS_AT_NODES = np.cos(_ANGLES) ** np.arange(LENGTH)[:, None]
+# Row i: what a unit at node i adds to the coefficients of the Chebyshev polynomials ...
+_COEFFICIENTS = np.cos(_ANGLES[:, None] * np.arange(LENGTH)) * np.where(np.arange(LENGTH) == 0, 1.0, 2.0) / LENGTH
+# ... and to the integrals from -1 to the nodes.
+_INTEGRALS = chebyshev.chebval(np.cos(_ANGLES), chebyshev.chebint(_COEFFICIENTS.T, lbnd=-1.0))
+# Row k: coefficients of the powers in the k-th Chebyshev polynomial.
+_POWERS = np.array([np.pad(chebyshev.cheb2poly(row[:k + 1]), (0, LENGTH - 1 - k))
+                    for k, row in enumerate(np.eye(LENGTH))])
 
 
 @kernel
-def _tail(p):
-    total = 0.0
-    for n in range(LENGTH - _LAST_TERMS, LENGTH):
-        total += abs(p[n])
-    return total
-
-
-@kernel
-def _fill_growth(load, force, exponent, start, growth, forced):
-    """Series of w with w' = exponent (load w + force) over half a segment, 1 at the local time `start`.
-
-    `forced` receives the series that is 0 in the middle.
-    """
-    growth[0], forced[0] = 1.0, 0.0
-    for n in range(LENGTH - 1):
-        free_rate, forced_rate = 0.0, force[n]
-        for j in range(n + 1):
-            free_rate += load[j] * growth[n - j]
-            forced_rate += load[j] * forced[n - j]
-        step = exponent * INVERSE[n]
-        growth[n + 1] = step * free_rate
-        forced[n + 1] = step * forced_rate
-    amount = (1.0 - value(forced, start)) / value(growth, start)
-    store(growth, vector(forced) + amount * vector(growth))
-
-
-@kernel
-def _fill_reciprocal(p, target):
-    """Coefficients of target = 1 / p."""
-    target[0] = 1.0 / p[0]
+def _combined(weights, rows):
+    """The vector of the sum of the rows, times their weights."""
+    result = weights[0] * vector(rows[0])
     for n in range(1, LENGTH):
-        total = 0.0
-        for j in range(1, n + 1):
-            total += p[j] * target[n - j]
-        target[n] = -target[0] * total
-
-
-@kernel
-def _fill_product(p, q, target):
-    """Coefficients of target = p q, cut at their length."""
-    for n in range(LENGTH):
-        total = 0.0
-        for j in range(n + 1):
-            total += p[j] * q[n - j]
-        target[n] = total
+        result = result + weights[n] * vector(rows[n])
+    return result
 
 
 @kernel
@@ -89,95 +83,176 @@ def decays(system, mode):
 
 
 @kernel
-def known_duration(system, state):
-    """Duration [s] that a segment of this mode may have, as far as is known before the segment is tried."""
-    return state.now[0].segment.decay_duration if decays(system, state.now[0].automaton.mode) else math.inf
+def _longest_half(growth, forcing, decayed):
+    """Half the duration [s] of a piece whose term is resolved if w' = growth w + forcing with constant rates [1/s].
+
+    w = (1 + Q) exp(-r V) is 1 where the piece starts. Where w vanishes the term has a pole, which must lie outside of
+    the ellipse.
+    """
+    limit = max(_STRONGEST, _WEAKER + _BY_DECAY * decayed) / abs(growth) if growth != 0.0 else math.inf
+    if forcing == 0.0:
+        return limit
+    along, across = -1.0 / forcing, 0.0
+    if abs(growth) > _NO_GROWTH * abs(forcing):
+        ratio = forcing / (growth + forcing)
+        along = math.log(abs(ratio)) / growth
+        across = math.pi / growth if ratio < 0.0 else 0.0
+    slope, curvature = along / _ALONG**2, 1.0 - 1.0 / _ALONG**2
+    half = (math.sqrt(slope * slope + curvature * ((along / _ALONG)**2 + (across / _ACROSS)**2)) - slope) / curvature
+    return half if half < limit else limit  # no number: infinitely far
 
 
 @kernel
-def _time_without(state, load, rate, speed, scale):
-    """Time [s] from the mode's start in which the motion is too fast for the decay to matter; infinite if to the end
-    of the segment."""
-    half, start, room = state.now[0].segment.half, state.now[0].segment.mode_start, state.scratch.room[0]
-    guard = room.guard[:]
-    integrate_through(load, half, start, speed, guard)
+def _fill_piece(state):
+    """Load and factor over the present piece, from those over the segment."""
+    segment, room = state.now[0].segment, state.scratch.room[0]
+    whole, piece = room.decay_segment[:], room.decay_piece[:]
+    if segment.piece_half == 1.0:
+        for k in range(2):
+            store(piece[k], vector(whole[k]))
+        return
+    recentre(whole, segment.piece_middle, LENGTH, piece)
+    for k in range(2):
+        scale_argument(piece[k], segment.piece_half, piece[k])
+
+
+@kernel
+def _pass_without(state, rate, speed, magnitude):
+    """Let the piece end where the motion is no longer too fast for the decay to matter, and be without a term."""
+    segment, room = state.now[0].segment, state.scratch.room[0]
+    _fill_piece(state)
+    guard, start = room.guard[:], segment.mode_start
+    room.decay_piece[1] = 0.0
+    integrate_through(room.decay_piece[0], segment.half, start, speed, guard)
     store(guard, -rate * vector(guard))
     guard[0] -= _OVER
-    noise = NOISE * abs(rate) * (abs(speed) + scale * 2.0 * half)
+    noise = NOISE * abs(rate) * (abs(speed) + magnitude * 2.0 * segment.half)
     root = first_root(guard, start, 1.0, noise, room.search[:])
-    if root == NO_ROOT:
-        return math.inf
-    return half * (root - start) * _BEFORE if root > start else half
+    if root != NO_ROOT:
+        segment.piece_end = start + (root - start) * _BEFORE
 
 
 @kernel
-def _fill_term(state, load, factor, strength, rate, start, term):
-    """Fill `term` with the series of f e, `start` = e at the mode's start; return what `strength` times it leaves out.
-
-    Infinite if e has a pole in the first half.
-    """
-    room = state.scratch.room[0]
-    growth, reciprocal = room.growth[:], room.reciprocal[:]
-    store(term, (strength * start) * vector(factor))
-    exponent = -rate * state.now[0].segment.half
-    _fill_growth(load, term, exponent, state.now[0].segment.mode_start, growth, room.forced_growth[:])
-    if growth[0] <= 0.0:
-        return math.inf
-    _fill_reciprocal(growth, reciprocal)
-    _fill_product(factor, reciprocal, term)
-    store(term, start * vector(term))
-    by_growth = _tail(growth) * max(1.0, reciprocal[0])
-    return abs(strength) * (_tail(term) + by_growth * (abs(term[0]) + abs(term[1])))
+def _fill_nodes(state, rate, start, decayed, term_at):
+    """Fill `decayed` with exp(r V) and `term_at` with p at the nodes, `start` = e(a); returns the largest |r V|."""
+    segment, piece, largest = state.now[0].segment, state.scratch.room[0].decay_piece[:], 0.0
+    integrate_through(piece[0], segment.half * segment.piece_half, -1.0, 0.0, decayed)
+    store(decayed, rate * _combined(decayed, _POWERS_AT_NODES))
+    store(term_at, start * _combined(piece[1], _POWERS_AT_NODES))
+    for n in range(LENGTH):
+        largest = max(largest, abs(decayed[n]))
+        decayed[n] = math.exp(decayed[n])
+        term_at[n] *= decayed[n]
+    return largest
 
 
 @kernel
-def _resolve(system, state, point):
-    """See `resolve_decay`."""
-    mode, segment, room = state.now[0].automaton.mode, state.now[0].segment, state.scratch.room[0]
-    coordinate, channel, half = system.size[0].dynamic, len(state.z) - 2, segment.half
-    row, rate = system.acceleration[mode, coordinate], system.decay.rate[mode]
-    speed = point[system.size[0].coordinates + coordinate]
-    load, factor, term = room.decay_load[:], room.decay_factor[:], state.z[channel]
-    term[:] = 0.0
-    state.scale[channel] = 0.0
-    if not fill_form(row, system.terms[mode, coordinate], state.z, load):  # of which the term is one, still zero
-        load[:] = 0.0
-    if -rate * speed > _WELL_OVER:
-        time = _time_without(state, load, rate, speed, form_magnitude(row, state.scale))
-        if time == math.inf:
-            segment.decay_duration = math.inf
-        return time
-    if not fill_form(system.decay.factor[mode], system.decay.terms[mode], state.z, factor):
-        return math.inf
-    start = math.exp(min(rate * speed, 0.0))  # a speed beyond zero is rounding
-    state.scale[channel] = start * form_magnitude(system.decay.factor[mode], state.scale)
-    change = half * abs(rate) * (sum_of_magnitudes(load) + abs(row[channel]) * start * sum_of_magnitudes(factor))
-    if change > _STRONGEST:
-        segment.decay_duration = 2.0 * half * _CAUTION * _STRONGEST / change
-        return segment.decay_duration
-    left_out = _fill_term(state, load, factor, row[channel], rate, start, term)
-    allowed = _ALLOWED * form_magnitude(row, state.scale)
-    share = _CAUTION * (allowed / left_out) ** (1.0 / (LENGTH - _LAST_TERMS)) if left_out > 0.0 else _LONGER
-    if left_out > allowed:
-        segment.decay_duration = 2.0 * half * max(min(share, _CAUTION), _SHORTER)
-        return segment.decay_duration
-    # Resolved; or a value is NaN, which the event loop will find.
-    segment.decay_duration = max(segment.decay_duration, 2.0 * half * min(share, _LONGER))
-    return math.inf
-
-
-@called_kernel
-def resolve_decay(system, state, point):
-    """Series of the decaying term of a mode that has one, through the velocity in `point` at the mode's start.
+def _fill_change(state, strength, rate, start):
+    """Fill the scratch with the Chebyshev coefficients of the term's change since a, `start` = e(a), over the piece.
 
     Returns
     -------
-    float
-        Infinite if the series resolve the segment to rounding; else the duration [s] of one to try instead, with the
-        forcing back at the mode's start.
+    (float, float)
+        The part of the piece's duration that may do, 1 if all may, dimensionless; and the largest e / e(a).
     """
-    longest = _resolve(system, state, point)
-    if longest < math.inf:
-        # From the cell's start, if the segment was a cell.
-        advance_forcing(system, state, state.now[0].segment.mode_start)
-    return longest
+    room, segment = state.scratch.room[0], state.now[0].segment
+    decayed, growth, term_at = room.decay_nodes[0], room.decay_nodes[1], room.decay_nodes[2]
+    room.decay_coefficients[:] = 0.0
+    largest = _fill_nodes(state, rate, start, decayed, term_at)
+    if not largest < _TOO_STRONG:
+        return _CAUTION * _TOO_STRONG / largest, 1.0
+    store(growth, (-rate * strength * segment.half * segment.piece_half) * _combined(term_at, _INTEGRALS))
+    largest = 1.0
+    for n in range(LENGTH):
+        if growth[n] <= -1.0:
+            return _SHORTER, 1.0
+        ratio = decayed[n] / (1.0 + growth[n])
+        largest = max(largest, ratio)
+        # f (e - e(a)), from p = f e(a) exp(r V)
+        term_at[n] *= ((decayed[n] - 1.0) - growth[n]) / ((1.0 + growth[n]) * decayed[n])
+    store(room.decay_coefficients[:], _combined(term_at, _COEFFICIENTS))
+    return 1.0, largest
+
+
+@kernel
+def _resolved_part(state, strength, magnitude):
+    """The part of the piece's duration that its polynomial resolves, 1 if all: by the term's last coefficients."""
+    coefficients = state.scratch.room[0].decay_coefficients[:]
+    left_out = abs(coefficients[LENGTH - 2]) + abs(coefficients[LENGTH - 1])
+    allowed = _ALLOWED * EPSILON * magnitude / abs(strength)
+    if left_out <= allowed or not left_out < math.inf:  # a value that is no number, which the event loop will find
+        return 1.0
+    return max(_SHORTER, _CAUTION * (allowed / left_out) ** (1.0 / LENGTH))
+
+
+@kernel
+def _finish_term(state, strength, start, term):
+    """Fill `term`, and let the piece's load be all but the term's change, which is what remains in the piece's factor.
+
+    Where the load and the term nearly balance, as at a start, their sum is rounded, and not each of them.
+    """
+    room = state.scratch.room[0]
+    piece, change = room.decay_piece[:], _combined(room.decay_coefficients[:], _POWERS)
+    at_start = start * vector(piece[1])
+    store(term, at_start + change)
+    store(piece[0], vector(piece[0]) + strength * at_start)
+    store(piece[1], change)
+
+
+@called_kernel
+def _resolve(system, state, point):
+    """See `resolve_piece`."""
+    mode, segment, room = state.now[0].automaton.mode, state.now[0].segment, state.scratch.room[0]
+    coordinate, channel = system.size[0].dynamic, len(state.z) - 2
+    row, rate, whole = system.acceleration[mode, coordinate], system.decay.rate[mode], room.decay_segment[:]
+    speed, term, start = point[system.size[0].coordinates + coordinate], state.z[channel], segment.mode_start
+    for k in range(2):
+        whole[k, :] = 0.0
+    fill_form(row, system.terms[mode, coordinate], state.z, whole[0])
+    fill_form(system.decay.factor[mode], system.decay.terms[mode], state.z, whole[1])
+    term[:] = 0.0
+    state.scale[channel] = 0.0
+    if -rate * speed > _WELL_OVER:
+        _pass_without(state, rate, speed, form_magnitude(row, state.scale))
+        return
+    e = math.exp(min(rate * speed, 0.0))  # a speed beyond zero is rounding
+    duration = 1.0 - start
+    for k in range(3):  # where the piece starts and, as far as is known by then, in its middle and at its end
+        x = start + 0.5 * k * duration
+        forcing = -rate * row[channel] * e * value(whole[1], x)
+        half = _longest_half(-rate * value(whole[0], x), forcing, -rate * speed)
+        duration = min(duration, _CAUTION * 2.0 * half / segment.half)
+    part = 0.0
+    while part < 1.0:
+        duration = max(duration, _SHORTEST)
+        set_piece(segment, start, start + duration if start + duration < 1.0 else 1.0)
+        _fill_piece(state)
+        part, largest = _fill_change(state, row[channel], rate, e)
+        state.scale[channel] = e * largest * form_magnitude(system.decay.factor[mode], state.scale)
+        if part == 1.0:
+            part = _resolved_part(state, row[channel], form_magnitude(row, state.scale))
+        if duration == _SHORTEST:
+            break
+        duration = part * 2.0 * segment.piece_half
+    _finish_term(state, row[channel], e, term)
+
+
+@kernel
+def resolve_piece(system, state, point):
+    """Begin a piece where the present mode begins, and solve its decaying term, if the mode has one.
+
+    The piece ends where the term's polynomial would no longer reach rounding, and is the segment if there is no term.
+    The polynomial belongs to the velocity in `point`.
+    """
+    set_piece(state.now[0].segment, -1.0, 1.0)
+    if decays(system, state.now[0].automaton.mode):
+        _resolve(system, state, point)
+
+
+@kernel
+def wanted_duration(state):
+    """Longest duration [s] of the segment that its first piece allows; infinite if the segment may stay as it is."""
+    segment = state.now[0].segment
+    if segment.piece_half >= _LEAST_PIECE or segment.piece_end == 1.0:
+        return math.inf
+    return 2.0 * segment.half * segment.piece_half / _LEAST_PIECE

@@ -11,7 +11,7 @@ import numpy as np
 from vibro_ros.solver.audit import audit_jump, audit_work
 from vibro_ros.solver.channels import first_ramp
 from vibro_ros.solver.compilation import entry_kernel, kernel
-from vibro_ros.solver.decay import decays, known_duration, resolve_decay
+from vibro_ros.solver.decay import resolve_piece, wanted_duration
 from vibro_ros.solver.events import EVENT_COLUMNS, record_mode_change, update_peaks
 from vibro_ros.solver.flow import hold_dynamic, solve_driven, solve_dynamic
 from vibro_ros.solver.forcing import advance_forcing, fill_forcing, phase_at
@@ -19,7 +19,7 @@ from vibro_ros.solver.guards import find_next_event
 from vibro_ros.solver.kept import Kept
 from vibro_ros.solver.polynomial import value
 from vibro_ros.solver.rest import is_at_rest, lengthen_segment
-from vibro_ros.solver.segment import choose_segment, local_time
+from vibro_ros.solver.segment import choose_segment, local_time, local_to_piece
 from vibro_ros.solver.state import UNKNOWN
 from vibro_ros.solver.system import NOTHING
 from vibro_ros.solver.transition import FLOW_ENDS, FLOW_GOES_ON, SEGMENT_ENDS, record_reached, transition
@@ -45,8 +45,8 @@ _NO_SAMPLES = np.empty((0, 0)), np.empty(0, dtype=np.int64), np.empty((0, 3))
 
 @kernel
 def _solve_up_to_driven(system, state, point):
-    """Set up a segment that holds or moves the dynamic coordinates, short enough for a decaying term of the mode."""
-    longest, held = known_duration(system, state), state.scratch.after
+    """Set up a segment that holds or moves the dynamic coordinates, and its first piece."""
+    longest, held = math.inf, state.scratch.after
     while True:
         choose_segment(system, state, longest)
         fill_forcing(system, state)
@@ -55,11 +55,11 @@ def _solve_up_to_driven(system, state, point):
             hold_dynamic(system, state, held)
         else:
             solve_dynamic(system, state, point)
-        if not decays(system, state.now[0].automaton.mode):
-            return
-        longest = resolve_decay(system, state, point)
+        resolve_piece(system, state, point)
+        longest = wanted_duration(state)
         if longest == math.inf:
             return
+        advance_forcing(system, state, state.now[0].segment.mode_start)  # back, if the segment was a cell
 
 
 @kernel
@@ -70,12 +70,24 @@ def _begin_mode(system, state, point, same_flow):
         state.mode_point[channel] = point[channel]
     if not same_flow:
         _solve_up_to_driven(system, state, point)
-        state.now[0].automaton.segments += 1
+    else:
+        resolve_piece(system, state, point)
+    state.now[0].automaton.segments += 0 if same_flow and state.now[0].segment.piece_half == 1.0 else 1
     solve_driven(system, state, point)
     for row in range(len(state.root)):
         if system.driven[row] or not same_flow:
             state.root[row] = UNKNOWN
     return find_next_event(system, state)
+
+
+@kernel
+def _read_piece(system, state, x, point):
+    """Values of the driven coordinates, their velocities and the decaying term, by the local time of the piece."""
+    coordinates, y = system.size[0].coordinates, local_to_piece(state.now[0].segment, x)
+    for i in range(system.size[0].dynamic, coordinates):
+        point[i], point[coordinates + i] = value(state.z[i], y), value(state.z[coordinates + i], y)
+    if len(point) == len(state.z):
+        point[len(point) - 2] = value(state.z[len(point) - 2], y)
 
 
 @kernel
@@ -88,6 +100,8 @@ def _read(system, state, x, point):
             point[channel] = state.z[channel, 0] + state.z[channel, 1] * x
         else:
             point[channel] = value(state.z[channel], x)
+    if state.now[0].segment.piece_half != 1.0:
+        _read_piece(system, state, x, point)
     if x == state.now[0].segment.mode_start:
         for channel in range(len(state.mode_point)):
             point[channel] = state.mode_point[channel]
@@ -118,6 +132,9 @@ def _pass_event(system, state, point, events, count):
     x, fires = segment.next_event, automaton.guard != NOTHING
     # At a segment's end the next one needs the positions and velocities.
     _read(system, state, x, point if fires else point[:2 * system.size[0].coordinates])
+    if not fires and x < 1.0:  # another piece begins
+        segment.mode_start = x
+        return MODE_BEGINS, count
     outcome, mode = transition(system, state, point, after)
     automaton.standstills = automaton.standstills + 1 if fires and x == segment.mode_start else 0
     if outcome != FLOW_GOES_ON:

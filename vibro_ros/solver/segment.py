@@ -28,6 +28,18 @@ def instant(state, x):
 
 
 @kernel
+def local_to_piece(segment, x):
+    """Local time of the present piece, -1 at its start and 1 at its end, at the local time `x` of the segment."""
+    return (x - segment.piece_middle) / segment.piece_half
+
+
+@kernel
+def set_piece(segment, start, end):
+    """Let the present piece lie between these local times of the segment."""
+    segment.piece_middle, segment.piece_half, segment.piece_end = 0.5 * (start + end), 0.5 * (end - start), end
+
+
+@kernel
 def advance_clock(state, elapsed):
     """Move the segment's start by `elapsed` [s] and store what rounding takes from the sum."""
     segment = state.now[0].segment

@@ -15,6 +15,7 @@ although its flow may start later, because the series of a whole cell serve agai
               start [s]; drive.offset [rad] after the cell's start, here 0
 
 Elsewhere the segment starts with its flow: `flow_start` is -1, and `offset` tells where in the cell the segment starts.
+With a decaying term (`decay`), the driven coordinate's polynomials belong to a piece of the segment.
 """
 
 from collections.abc import Iterable
@@ -38,7 +39,9 @@ SEGMENT = np.dtype([
     ("mode_start", np.float64),  # local time at which the mode started
     ("next_event", np.float64),  # local time of the next event: of the first root of a guard, else 1
     ("cell_left", np.float64),  # time [s] from the segment's start to the cell's end
-    ("decay_duration", np.float64),  # duration [s] of a segment that the series of a decaying term may resolve
+    ("piece_middle", np.float64),  # local time of the middle of the piece to which the driven coordinates' ...
+    ("piece_half", np.float64),  # ... polynomials belong, half its length, and ...
+    ("piece_end", np.float64),  # ... its end, or an earlier one: see `decay`
     ("slot", np.int64),  # of `Library`, for segments of this kind
 ], align=True)
 
@@ -111,11 +114,10 @@ ROOM = np.dtype([
     ("peak", np.float64, (LENGTH,)),  # quantity whose peak is searched
     ("peak_search", np.float64, (3, LENGTH)),  # of `roots.maximum`
     ("force", np.float64, (LENGTH,)),  # of which the audit needs the power
-    ("decay_load", np.float64, (LENGTH,)),  # of `decay`: L ...
-    ("decay_factor", np.float64, (LENGTH,)),  # ... f ...
-    ("growth", np.float64, (LENGTH,)),  # ... w ...
-    ("forced_growth", np.float64, (LENGTH,)),  # ... its forced part ...
-    ("reciprocal", np.float64, (LENGTH,)),  # ... and 1 / w
+    ("decay_segment", np.float64, (2, LENGTH)),  # of `decay`: load and factor over the segment, ...
+    ("decay_piece", np.float64, (2, LENGTH)),  # ... both over the piece, ...
+    ("decay_nodes", np.float64, (3, LENGTH)),  # ... values at the nodes ...
+    ("decay_coefficients", np.float64, (LENGTH,)),  # ... and of the Chebyshev polynomials of the term
 ], align=True)
 
 
@@ -259,9 +261,12 @@ def new_state(system: System, phase_speed: float, ramp_values: np.ndarray, mode:
     Raises
     ------
     ValueError
-        For a system of more than `MOST_DYNAMIC` dynamic coordinates.
+        For a system of more than `MOST_DYNAMIC` dynamic coordinates, or with a decaying term and not one driven
+        coordinate.
     """
     channels = channels_of(system.size)
+    if channels.decays and channels.coordinates != channels.dynamic + 1:
+        raise ValueError("a system with a decaying term has one driven coordinate, to which the term belongs")
     if channels.dynamic > MOST_DYNAMIC:
         raise ValueError(f"the system has {channels.dynamic} dynamic coordinates; give at most {MOST_DYNAMIC}")
     state = State(
@@ -279,6 +284,5 @@ def new_state(system: System, phase_speed: float, ramp_values: np.ndarray, mode:
     drive = state.now["drive"]
     drive["speed"] = drive["target"] = phase_speed
     drive["version"] = 1
-    state.now["segment"]["decay_duration"] = np.inf
     state.now["automaton"]["mode"] = mode
     return state

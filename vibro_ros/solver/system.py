@@ -56,9 +56,10 @@ class SignalTable(NamedTuple):
 
 
 class Decay(NamedTuple):
-    """A decaying term d = f exp(r v): v is the velocity of the first driven coordinate, the only one that reads d.
+    """A decaying term d = f exp(r v): v is the velocity of the only driven coordinate, whose row of A alone reads d.
 
-    Nothing else reads it but outputs. All arrays are empty where there is none.
+    Nothing else reads d but outputs. Where there is such a term, a guard that reads the driven coordinate reads no
+    other channel that changes. All arrays are empty where there is none.
 
     Attributes
     ----------
@@ -91,7 +92,8 @@ class System(NamedTuple):
     longest_segment : ndarray, shape (m,)
         Longest segment [s] that the series of the mode's flow resolves to rounding.
     terms : ndarray of int, shape (m, coordinates, channels)
-        Channels that the rows of A read, padded with `NOTHING`; for dynamic coordinates, the forcing's alone.
+        Channels that the rows of A read but the decaying term, padded with `NOTHING`; for dynamic coordinates, the
+        forcing's alone.
     row : ndarray, shape (rows, channels)
         Distinct rows of G.
     row_terms : ndarray of int, shape (rows, channels)
@@ -195,6 +197,8 @@ def _terms_by_zeros(zeros: bytes, shape: tuple[int, ...]) -> np.ndarray:
 def acceleration_terms(acceleration: np.ndarray, channels: Channels) -> np.ndarray:
     """`System.terms` of `System.acceleration`."""
     forcing = acceleration.copy()
+    if channels.decays:
+        forcing[:, :, channels.decay] = 0.0
     forcing[:, :channels.dynamic, :channels.signal(0)] = 0.0
     return terms(forcing)
 

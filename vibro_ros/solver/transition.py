@@ -4,7 +4,6 @@ import numpy as np
 
 from vibro_ros.solver.channels import first_acceleration
 from vibro_ros.solver.compilation import entry_kernel, kernel
-from vibro_ros.solver.decay import decays
 from vibro_ros.solver.events import PHASE_KIND, RAMP_KIND, record, switch_monitors
 from vibro_ros.solver.guards import guard_value
 from vibro_ros.solver.linear_forms import form_value
@@ -126,8 +125,7 @@ def transition(system, state, point, after):
         return SEGMENT_ENDS, mode
     target = system.candidate[mode, guard, choose_candidate(system, state, point, after)]
     if state.now[0].segment.next_event < 1.0 and _keeps_flow(system, state, target, point, after):
-        if not decays(system, target):
-            return FLOW_GOES_ON, target
+        return FLOW_GOES_ON, target
     return FLOW_ENDS, target
 
 
