@@ -17,10 +17,12 @@ class Job:
         What it raised instead.
     done : bool
         Whether it is over.
+    size : int
+        Bytes that its result took on its way from another process.
     """
 
     def __init__(self, item: Any):
-        self.item, self.done = item, False
+        self.item, self.done, self.size = item, False, 0
         self.result: Any = None
         self.error: Exception | None = None
 
@@ -37,6 +39,6 @@ class Job:
             raise self.error
         return self.result
 
-    def end(self, result: object, error: Exception | None) -> None:
+    def end(self, result: object, error: Exception | None, size: int = 0) -> None:
         """Take in what came of it."""
-        self.result, self.error, self.done = result, error, True
+        self.result, self.error, self.size, self.done = result, error, size, True

@@ -29,15 +29,15 @@ def simulate_many(scenes: Iterable[Scene], duration: float | None = None, rate: 
     Parameters
     ----------
     scenes : iterable of Scene
-        What to simulate. Taken as it is needed, at most four scenes a process ahead of the result that is due, so
-        that it may be a generator without end.
+        What to simulate; it may be a generator without end. Taken as it is needed, at most four scenes a process
+        ahead of the result that is due; more only while that result is being computed, so that the other processes
+        need not wait for a long run, until the results that wait have 32 MiB.
     duration, rate, times, tolerance, method, commands
         As for `simulate`, the same for every scene.
     workers : int
         Processes that simulate, as many as cores that this process may use unless given; with 1, this process does.
     reduce : callable
-        Called with each run where it was simulated; what it returns is yielded in place of the run. A run of 2000
-        samples has 370 kB, which take some percent of the time of a short run to be handed over; numbers take none.
+        Called with each run where it was simulated; what it returns is yielded in place of the run.
 
     Yields
     ------

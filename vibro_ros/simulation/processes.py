@@ -4,15 +4,20 @@ Processes, not threads: compiling a scene to its tables is Python, and takes as 
 """
 
 import os
+import select
 from collections import deque
 from collections.abc import Callable, Generator, Iterable
-from multiprocessing.connection import wait
 
 from vibro_ros.simulation.job import Job
 from vibro_ros.simulation.worker import MOST_GIVEN, Worker
 
-#: Items a process that may be ahead of the result that is due: a slow one does not stop the others at once.
+#: Items a process that may be ahead of the result that is due, whatever becomes of them.
 AHEAD = 4
+#: Results [B] that may wait for an earlier one that is still under way, beyond `AHEAD`: where one item takes as long as
+#: many others, the other processes go on.
+WAITING = 2**25
+# A job counts at least so many bytes [B]: a scene and its place in the queue.
+_LEAST_SIZE = 10_000
 
 
 def core_count() -> int:
@@ -28,7 +33,8 @@ def in_processes(function: Callable, items: Iterable, workers: int) -> Generator
     function : callable
         Of one item. What the forks need should be compiled and loaded before.
     items : iterable
-        Taken as they are needed, at most `AHEAD` a process ahead of the result that is due.
+        Taken as they are needed, at most `AHEAD` a process ahead of the result that is due, and more only while that
+        result is under way and the results that wait for it have less than `WAITING` bytes.
     workers : int
         Processes; with 1, this one does it all.
 
@@ -58,6 +64,7 @@ class _Dispatcher:
         self._function, self._items, self._size = function, iter(items), size
         self._workers: list[Worker] = []
         self._jobs: deque[Job] = deque()  # in the order of the items
+        self._waiting = 0  # bytes of the jobs that are done
         self._error: Exception | None = None
 
     def next_job(self) -> Job | None:
@@ -70,8 +77,9 @@ class _Dispatcher:
             self._give()
         if not self._jobs:
             return None
-        self._take(0.0)
+        self._take(0)
         job = self._jobs.popleft()
+        self._waiting -= _size(job)
         self._give()
         return job
 
@@ -84,7 +92,7 @@ class _Dispatcher:
 
     def _give(self) -> None:
         """Give jobs until every worker has `MOST_GIVEN`, or enough are ahead."""
-        while len(self._jobs) < AHEAD * self._size:
+        while self._needs_more():
             worker = min(self._workers, key=lambda one: len(one.given), default=None)
             is_new = len(self._workers) < self._size and (worker is None or len(worker.given) > 0)
             if worker and not is_new and len(worker.given) >= MOST_GIVEN:
@@ -98,6 +106,10 @@ class _Dispatcher:
             self._jobs.append(job)
             worker.give(job)
 
+    def _needs_more(self) -> bool:
+        under_way = bool(self._jobs) and not self._jobs[0].done
+        return len(self._jobs) < AHEAD * self._size or (under_way and self._waiting < WAITING)
+
     def _pull(self) -> Job | None:
         """Return a job of the next item; None when there is none."""
         if self._error:
@@ -110,8 +122,15 @@ class _Dispatcher:
             self._error = error
         return None
 
-    def _take(self, patience: float | None) -> None:
-        """Take what workers have done; wait `patience` [s] for the first, without end if None."""
-        by_pipe: dict[object, Worker] = {worker.pipe: worker for worker in self._workers if worker.given}
-        for pipe in wait([worker.pipe for worker in by_pipe.values()], patience):
-            by_pipe[pipe].take()
+    def _take(self, patience: int | None) -> None:
+        """Take what workers have done; wait `patience` [ms] for the first, without end if None."""
+        by_pipe = {worker.pipe.fileno(): worker for worker in self._workers if worker.given}
+        poll = select.poll()  # multiprocessing's own `wait` takes ten times as long
+        for pipe in by_pipe:
+            poll.register(pipe, select.POLLIN)
+        for pipe, _ in poll.poll(patience):
+            self._waiting += _size(by_pipe[pipe].take())
+
+
+def _size(job: Job) -> int:
+    return max(job.size, _LEAST_SIZE)

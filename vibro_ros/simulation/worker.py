@@ -11,6 +11,7 @@ from collections import deque
 from collections.abc import Callable
 from multiprocessing.connection import Connection
 
+from vibro_ros.simulation.handover import Handover
 from vibro_ros.simulation.job import Job
 
 #: Jobs at a time that a worker has: one is done while the other waits, so that the worker need not wait.
@@ -44,8 +45,9 @@ class Worker:
     def __init__(self, function: Callable, inherited: list[Connection]):
         self.pipe, far = _FORK.Pipe()
         self.given: deque[Job] = deque()
-        self._process = _FORK.Process(target=_work, args=(far, [*inherited, self.pipe], function), daemon=True,
-                                      name="vibro_ros worker")
+        self._handover = Handover(MOST_GIVEN)
+        self._process = _FORK.Process(target=_work, args=(far, [*inherited, self.pipe], self._handover, function),
+                                      daemon=True, name="vibro_ros worker")
         self._process.start()
         far.close()
 
@@ -57,14 +59,16 @@ class Worker:
         except OSError:  # it has ended: `take` says so
             pass
 
-    def take(self) -> None:
-        """Wait for the end of the oldest job that it was given."""
+    def take(self) -> Job:
+        """Wait for the end of the oldest job that it was given; return the job."""
         job = self.given.popleft()
         try:
-            job.end(*self.pipe.recv())
+            (result, error), size = self._handover.unpack(self.pipe.recv_bytes())
+            job.end(result, error, size)
         except (EOFError, OSError):
             self._process.join()
             job.end(None, WorkerError(f"its process ended with exit code {self._process.exitcode}"))
+        return job
 
     def kill(self) -> None:
         """End it: a kernel would not notice a gentler signal before its run is over."""
@@ -75,9 +79,10 @@ class Worker:
         self._process.join()
         self._process.close()
         self.pipe.close()
+        self._handover.close()
 
 
-def _work(pipe: Connection, inherited: list[Connection], function: Callable) -> None:
+def _work(pipe: Connection, inherited: list[Connection], handover: Handover, function: Callable) -> None:
     """Do every job that comes, until nobody is left to ask."""
     for number in (signal.SIGINT, signal.SIGHUP):  # they reach the parent as well, which ends us
         signal.signal(number, signal.SIG_IGN)
@@ -88,15 +93,14 @@ def _work(pipe: Connection, inherited: list[Connection], function: Callable) -> 
         while True:
             job = Job(pipe.recv())
             job.do(function)
-            _send(pipe, job)
+            pipe.send_bytes(_packed(job, handover))
     except (EOFError, OSError):
         pass
 
 
-def _send(pipe: Connection, job: Job) -> None:
+def _packed(job: Job, handover: Handover) -> bytes:
     try:
-        pipe.send((job.result, job.error))
-    except OSError:
-        raise
+        return handover.pack((job.result, job.error))
     except Exception as error:  # whatever pickle meets in a result
-        pipe.send((None, WorkerError(f"its result cannot be handed over: {type(error).__name__}: {error}")))
+        return handover.pack(
+            (None, WorkerError(f"its result cannot be handed over: {type(error).__name__}: {error}")))
