@@ -23,6 +23,11 @@ def test_the_table_has_a_row_a_scene_and_a_cell_a_column(monkeypatch, capsys):
     peer = [row.pop(2) for row in table[2:]]
     assert all(float(cell.split()[0]) > 0.0 for row in table[2:] for cell in row[1:])
     assert all(float(cell) > 0.0 for cell in peer) if find_spec("heyoka") else set(peer) == {"-"}
+    compiled = r"A scene with another guide angle is compiled in \d+\.\d\d ms \(`no_impact`\), .*\(`device`\)\."
+    assert re.fullmatch(compiled, lines[-4])
+    unequal = (r"If every tenth run takes ten times as long, two workers of `simulate_many` are \d+\.\d\d times as "
+               r"fast as one; two processes that share nothing, \d+\.\d\d times\.")
+    assert re.fullmatch(unequal, lines[-2])
     last = (r"`simulate_many`, 4 scenes of 0\.05 s: two workers are \d+\.\d\d times as fast as one; "
             r"two processes that share nothing, \d+\.\d\d times\.")
     assert re.fullmatch(last, lines[-1])

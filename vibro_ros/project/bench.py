@@ -11,7 +11,7 @@ import os
 import platform
 import statistics
 import sys
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from importlib import metadata
 
@@ -24,9 +24,8 @@ from vibro_ros.model.scene import Scene
 from vibro_ros.process.command_line import Parser
 from vibro_ros.process.executables import EXECUTABLES
 from vibro_ros.process.front_door import exit_code
-from vibro_ros.simulation.many_runs import simulate_many
+from vibro_ros.project.sweep_cost import TEN_TIMES, compiling_seconds, measure_many
 from vibro_ros.simulation.one_run import simulate
-from vibro_ros.simulation.processes import in_processes
 from vibro_ros.simulation.samples import Samples
 from vibro_ros.simulation.simulator import Simulator
 
@@ -45,7 +44,8 @@ _PACKAGES = ("numpy", "numba", "heyoka")
 _STEP = 1e-5
 _TOLERANCE = 1e-9  # heyoka's: over 10 s of each scene, its errors are below the baseline's
 _SPEED = 100.0  # commanded at t = 0 of a scene whose motor stands still
-_MANY = 400
+_MANY = 200
+_COMPILED = ("no_impact", "unilateral", "device")
 #: Time [s] from the start over which the baseline's own error is told.
 SHORT = 0.2
 
@@ -81,6 +81,12 @@ def about_the_baseline() -> str:
     told = " to ".join(f"{error:.1e} m ({off[error]})" for error in sorted(off)[::max(1, len(off) - 1)])
     return (f"RK4 itself is off by {told} within {SHORT:g} s. `make accuracy` samples at 1000 Hz, where exact costs "
             "more: it reads more samples off each segment.")
+
+
+def about_compiling() -> str:
+    """What a new geometry costs in a sweep; a line of words."""
+    told = ", ".join(f"{1e3 * compiling_seconds(name):.2f} ms (`{name}`)" for name in _COMPILED)
+    return f"A scene with another guide angle is compiled in {told}."
 
 
 def compiled_peer(scene: Scene) -> Callable[[np.ndarray], np.ndarray]:
@@ -145,34 +151,6 @@ def _tick(scene: Scene) -> float:
     return statistics.median(seconds(device.advance_to, 1.0 + 0.001 * k) for k in range(1, 1001))
 
 
-def measure_many(count: int, duration: float, repeats: int) -> tuple[float, float]:
-    """How many times faster two workers of `simulate_many` are than one; and what the machine allows: two processes
-    that simulate half of the scenes each and hand nothing over.
-
-    `count` scenes of `duration` [s] that differ in the guide's angle, each compiled anew. Medians over rounds of all.
-    """
-    base = load_scene("unilateral")
-    scenes = [base.with_parameters({"guide.angle": 0.3 + k / count}) for k in range(count)]
-
-    def run(workers: int) -> None:
-        for _ in simulate_many(scenes, duration=duration, rate=RATE, workers=workers):
-            pass
-
-    def run_apart() -> None:
-        for job in in_processes(lambda first: _simulate_all(scenes[first::2], duration), range(2), 2):
-            job.outcome()
-
-    run(2)
-    rounds = np.array([[seconds(run, 1), seconds(run, 2), seconds(run_apart)] for _ in range(repeats)])
-    gain, possible = np.median(rounds[:, :1] / rounds[:, 1:], axis=0)
-    return gain, possible
-
-
-def _simulate_all(scenes: Iterable[Scene], duration: float) -> None:
-    for scene in scenes:
-        simulate(scene, duration=duration, rate=RATE)
-
-
 def machine() -> str:
     """What the numbers depend on: versions, and processor cores."""
     versions = [f"Python {platform.python_version()}"]
@@ -211,7 +189,11 @@ def _measure_all(words: Sequence[str]) -> int:
     print(heading())
     for name in SCENES:
         print(row(measure(name, options.duration, options.repeats)), flush=True)
+    print(f"\n{about_compiling()}\n")
+    gain, possible = measure_many(_MANY, options.duration, options.repeats, TEN_TIMES)
+    print(f"If every tenth run takes ten times as long, two workers of `simulate_many` are {gain:.2f} times as fast as "
+          f"one; two processes that share nothing, {possible:.2f} times.")
     gain, possible = measure_many(_MANY, options.duration, options.repeats)
-    print(f"\n`simulate_many`, {_MANY} scenes of {options.duration:g} s: two workers are {gain:.2f} times as fast as "
+    print(f"`simulate_many`, {_MANY} scenes of {options.duration:g} s: two workers are {gain:.2f} times as fast as "
           f"one; two processes that share nothing, {possible:.2f} times.")
     return 0

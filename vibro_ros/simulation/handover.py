@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-#: Size [B] of the memory for one result. Arrays that do not fit go through the pipe; pages that are not used cost nothing.
+#: Size [B] of the memory for one result. Arrays that do not fit go through the pipe; pages never used cost nothing.
 ROOM = 2**23
 _ALIGNMENT = 64
 
