@@ -9,7 +9,8 @@ from threading import Barrier, Thread
 import pytest
 from recorded_bag import METADATA, POWER
 
-from vibro_ros.bag.recorder import Recorder, Topic, bag_folders
+from vibro_ros.bag.folders import bag_folders
+from vibro_ros.bag.recorder import Recorder, Topic
 
 
 def test_existing_folder_is_never_written_to(folder):

@@ -11,6 +11,7 @@ from rosbags.interfaces import QosReliability
 from rosbags.rosbag2 import Reader
 
 from vibro_ros.bag.recorder import FLUSH_PERIOD, LAST_STAMP, Recorder
+from vibro_ros.bag.together import Together
 from vibro_ros.bag.writer import BagWriter
 
 
@@ -77,6 +78,41 @@ def test_stamp_that_would_spoil_the_bag_is_refused_and_counted(folder, published
         assert recorder.dropped == 1
     assert (recorder.written, recorder.fault) == (1, None)
     assert recorded(mcap_file(folder)) == [("/motor_power", 7, data)]
+
+
+def test_messages_that_come_together_are_recorded_as_if_one_after_the_other(folder, published, start_ns, recorded):
+    """Those of topics that the bag lacks are left out; what stands between messages is."""
+    messages = [(topic, message(3)) for topic, message in published.items()]
+    data, places = b"", []
+    for topic, message in [("/elsewhere", b"12"), *messages]:
+        data += bytes(3)
+        places.append((topic, len(data), len(data) + len(message)))
+        data += message
+    together = Together(places)
+    with Recorder(folder, TOPICS, METADATA) as recorder:
+        assert recorder.write_together(together, start_ns, data)
+        assert recorder.write(*messages[0][:1], start_ns + 1, messages[0][1])
+        assert recorder.write_together(together, start_ns + 2, data)
+        assert not recorder.write_together(together, -1, data)
+        assert not recorder.write_together(together, start_ns, "text")
+    assert (recorder.written, recorder.dropped, recorder.lost) == (2 * len(messages) + 1, 2 * len(messages), 0)
+    assert recorded(mcap_file(folder)) == [
+        *((topic, start_ns, message) for topic, message in messages), (messages[0][0], start_ns + 1, messages[0][1]),
+        *((topic, start_ns + 2, message) for topic, message in messages)]
+
+
+def test_a_full_queue_drops_and_counts_what_comes_together(folder, published, wait_for, monkeypatch):
+    gate, write = threading.Event(), BagWriter.write
+    monkeypatch.setattr(BagWriter, "write", lambda *message: gate.wait(30.0) and write(*message))
+    data = published["/motor_power"](1)
+    together = Together([("/motor_power", 0, len(data))] * 2)
+    with Recorder(folder, POWER, METADATA, backlog=6) as recorder, contextlib.ExitStack() as before_close:
+        before_close.callback(gate.set)
+        assert recorder.write_together(together, 0, 2 * data)
+        wait_for(lambda: recorder.backlog == 0)
+        assert [recorder.write_together(together, stamp, data) for stamp in range(1, 6)] == [True] * 3 + [False] * 2
+        assert (recorder.backlog, recorder.dropped) == (6, 4)
+    assert (recorder.written, recorder.dropped) == (8, 4)
 
 
 @pytest.mark.parametrize("stamp", [0, LAST_STAMP])

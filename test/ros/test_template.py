@@ -13,6 +13,7 @@ from rclpy.serialization import deserialize_message, serialize_message
 from std_msgs.msg import Float64, String
 
 from vibro_ros.bag.cdr import first_difference
+from vibro_ros.bag.together import Together
 from vibro_ros.configuration.scene_file import load_scene, shipped_scenes
 from vibro_ros.messages.topics import ROBOT_TOPICS
 from vibro_ros.ros import messages, outputs
@@ -47,6 +48,10 @@ def random_cases(rng: np.random.Generator, count: int) -> list[tuple[np.ndarray,
 
 def made(make, values, stamp: int):
     return make(Samples(*map(float, values)), stamp)
+
+
+def split(topic, data: bytes) -> list[tuple[str, bytes]]:
+    return list(topic.split(data)) if isinstance(topic, Together) else [(topic, data)]
 
 
 def template_of(make, type_name: str) -> Template:
@@ -123,7 +128,8 @@ def test_what_cannot_be_filled_in_place_is_serialised_by_rclpy_and_published_and
     bench.node.create_subscription(Float64, "motor_power", heard.append, 10)
     bench.spin_until(publishing.publishers["motor_power"].get_subscription_count, "discovery")
     ((values, _),) = random_cases(np.random.default_rng(4), 1)
-    publishing.publish(values, NO_EVENTS, lambda time: 7, lambda topic, stamp, data: recorded.update({topic: data}))
+    publishing.publish(values, NO_EVENTS, lambda time: 7,
+                       lambda topic, stamp, data: recorded.update(split(topic, data)))
     bench.spin_until(lambda: heard, "message")
     assert heard == [made(make, values, 7)]
     assert deserialize_message(recorded["/motor_power"], Float64) == heard[0]
@@ -159,7 +165,8 @@ def test_publisher_and_bag_get_the_same_bytes_of_a_sample_and_its_impacts(bench,
     def stamp_of(time: float) -> int:
         return 10**18 + round(1e9 * time)
 
-    publishing.publish(values, events, stamp_of, lambda topic, stamp, data: recorded.append((topic, stamp, data)))
+    publishing.publish(values, events, stamp_of, lambda topic, stamp, data: recorded.extend(
+        (name, stamp, message) for name, message in split(topic, data)))
     bench.spin_until(lambda: len(heard) == len(recorded), "messages")
     node.destroy_node()
     assert sorted(heard) == sorted((topic, data) for topic, _, data in recorded)

@@ -13,15 +13,14 @@ import contextlib
 import math
 import time
 from collections import deque
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from datetime import datetime
-from itertools import count
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from queue import Empty, SimpleQueue
 from threading import Lock, Thread
 
 from vibro_ros.bag.definitions import Definition, Topic, defined
 from vibro_ros.bag.metadata import LAST_STAMP
+from vibro_ros.bag.together import Together
 from vibro_ros.bag.writer import BagWriter, Storage
 
 FLUSH_PERIOD = 0.05  # s, that a message stays in memory only; 0.1 is promised, and a busy machine is late
@@ -30,13 +29,8 @@ WAKING = 1000  # messages that wait and wake the thread before: a robot faster t
 BATCH = 50  # messages between two offers of the interpreter lock; about 60 us
 BACKLOG = 20_000  # messages waiting for the disk; about 4 s of a robot that publishes at 1 kHz
 
-BAG_PATTERN = "vibro_robot_*"
-"""Of the names that `bag_folders` gives."""
-
-LONGEST_NAMESPACE = 150
-"""Characters of a namespace in a folder's name; file systems allow 255 for the whole."""
-
 _PLAIN = Storage()
+_Places = tuple[tuple[int, int, int], ...]  # number of the topic, begin and end of its message
 
 
 class Recorder:
@@ -90,8 +84,10 @@ class Recorder:
         self._bell: SimpleQueue[None] = SimpleQueue()
         definitions = defined(topics)
         self._topics = {one.information.name: number for number, one in enumerate(definitions, start=1)}
-        self._queue: deque[tuple[int, int, bytes]] = deque(
+        # A message names its topic by a number; messages that came together, by numbers and places.
+        self._queue: deque[tuple[int | _Places, int, bytes]] = deque(
             (self._topics[topic], stamp, data) for topic, stamp, data in earlier)
+        self._places: dict[Together, _Places] = {}
         self._writer = _opened(self.folder, definitions, metadata, storage)
         self._thread = Thread(target=self._run, name="bag writer", daemon=True)
         self._thread.start()
@@ -117,13 +113,37 @@ class Recorder:
         topic = self._topics.get(topic_name)
         if (topic is not None and type(stamp_ns) is int and 0 <= stamp_ns <= LAST_STAMP
                 and type(data) is bytes and self._accepting and len(self._queue) < self._backlog):
-            self._queue.append((topic, stamp_ns, data))
-            if time.monotonic() >= self._waking or len(self._queue) == WAKING:
-                self._waking = math.inf
-                self._bell.put(None)
+            self._append(topic, stamp_ns, data)
             return True
-        with self._refusing:
-            self._refused += 1
+        self._refuse(1)
+        return False
+
+    def write_together(self, together: Together, stamp_ns: int, data: bytes) -> bool:
+        """As `write`, for several messages of one stamp: all are queued, or all are dropped (and counted).
+
+        Parameters
+        ----------
+        together : Together
+            The topics, of which those that the bag lacks are left out, and their places in `data`.
+        stamp_ns : int
+            Recorded stamp, ROS time [ns].
+        data : bytes
+            The serialised messages.
+
+        Returns
+        -------
+        bool
+            False when the messages were dropped.
+        """
+        places = self._places.get(together)
+        if places is None:
+            places = self._places[together] = tuple(
+                (self._topics[topic], begin, end) for topic, begin, end in together.places if topic in self._topics)
+        if (type(stamp_ns) is int and 0 <= stamp_ns <= LAST_STAMP and type(data) is bytes and self._accepting
+                and len(self._queue) * len(places) < self._backlog):  # nearly all that waits came together
+            self._append(places, stamp_ns, data)
+            return True
+        self._refuse(len(places))
         return False
 
     def describe(self, custom: Mapping[str, str]) -> None:
@@ -160,7 +180,7 @@ class Recorder:
     @property
     def backlog(self) -> int:
         """Messages that wait for the writer thread."""
-        return len(self._queue)
+        return sum(_count(topic) for topic, _, _ in list(self._queue))
 
     @property
     def ended(self) -> bool:
@@ -194,6 +214,16 @@ class Recorder:
     def __exit__(self, *_: object) -> None:
         self.close()
 
+    def _append(self, topic: int | _Places, stamp: int, data: bytes) -> None:
+        self._queue.append((topic, stamp, data))
+        if time.monotonic() >= self._waking or len(self._queue) == WAKING:
+            self._waking = math.inf
+            self._bell.put(None)
+
+    def _refuse(self, messages: int) -> None:
+        with self._refusing:
+            self._refused += messages
+
     def _run(self) -> None:
         try:
             self._write_queue()
@@ -212,13 +242,21 @@ class Recorder:
             self._write_known()
             while self._queue:
                 self._write_known()
-                for _ in range(min(BATCH, len(self._queue))):
-                    message = self._queue.popleft()
-                    self._taken += 1
-                    self._writer.write(*message)
+                self._write_batch()
                 time.sleep(0)  # offer the interpreter lock
                 self._flush_when_due()
             self._flush_when_due()
+
+    def _write_batch(self) -> None:
+        until = self._taken + BATCH
+        while self._queue and self._taken < until:
+            topic, stamp, data = self._queue.popleft()
+            self._taken += _count(topic)
+            if isinstance(topic, int):
+                self._writer.write(topic, stamp, data)
+                continue
+            for number, begin, end in topic:
+                self._writer.write(number, stamp, data[begin:end])
 
     def _wait(self) -> None:
         """Wait until a flush is due, or somebody rings."""
@@ -266,33 +304,12 @@ class Recorder:
     def _discard_queue(self) -> None:
         with contextlib.suppress(IndexError):
             while True:
-                self._queue.popleft()
-                self._taken += 1
+                self._taken += _count(self._queue.popleft()[0])
 
 
-def bag_folders(directory: Path, now: datetime, namespace: str = "/") -> Iterator[Path]:
-    """Names of bag folders, as rosbag2 names them, each to be tried when the one before exists.
-
-    Parameters
-    ----------
-    directory : Path
-        Where recordings go; ``~`` is the home folder.
-    now : datetime
-        Start of the recording, local time.
-    namespace : str
-        The robot's, of which the name has at most the first `LONGEST_NAMESPACE` characters.
-
-    Returns
-    -------
-    Iterator of Path
-        ``vibro_robot_YYYY_MM_DD-HH_MM_SS`` in `directory`, in the namespace ``/r1`` ``vibro_robot_r1_YYYY…``, then with
-        ``_2``, ``_3``, … Whether a name is free, only the attempt to make the folder tells: another robot may make it
-        at the same instant. `Recorder` makes it, and raises FileExistsError.
-    """
-    own = namespace.rstrip("/").replace("/", "_")[:LONGEST_NAMESPACE]
-    folder = Path(directory).expanduser() / now.strftime(f"vibro_robot{own}_%Y_%m_%d-%H_%M_%S")
-    yield folder
-    yield from (folder.with_name(f"{folder.name}_{number}") for number in count(2))
+def _count(topic: int | _Places) -> int:
+    """Number of messages in an entry of the queue."""
+    return 1 if isinstance(topic, int) else len(topic)
 
 
 def _opened(folder: Path, definitions: Sequence[Definition], metadata: Mapping[str, str],

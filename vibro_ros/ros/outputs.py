@@ -9,6 +9,7 @@ from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.serialization import serialize_message
 
+from vibro_ros.bag.together import Together
 from vibro_ros.messages.fields import joints_of
 from vibro_ros.messages.topics import ROBOT_TOPICS
 from vibro_ros.model.scene import Scene
@@ -19,8 +20,8 @@ from vibro_ros.simulation.samples import FIELDS, TIME, Samples
 
 MakeOfSample = Callable[[Samples, int], Any]
 """Makes the message of a sample and a stamp [ns]."""
-Record = Callable[[str, int, bytes], None]
-"""Takes a topic's resolved name, a stamp [ns] and the serialised message."""
+Record = Callable[[str | Together, int, bytes], None]
+"""Takes a topic's resolved name, a stamp [ns] and the serialised message; or several messages that come together."""
 
 PUBLISHED = {
     "odom": qos.SAMPLES,
@@ -56,8 +57,10 @@ class Outputs:
                      for topic, make in made.items()}
         filled = {topic: template for topic, template in templates.items() if template}
         self._sheet = Sheet([*filled.values()])
-        self._filled = [(RawPublisher(self.publishers[topic], data), names[topic], data)
+        self._filled = [RawPublisher(self.publishers[topic], data)
                         for topic, data in zip(filled, self._sheet.messages, strict=True)]
+        self._together = Together([(names[topic], *place)
+                                   for topic, place in zip(filled, self._sheet.places, strict=True)])
         self._made = [(self.publishers[topic], names[topic], make) for topic, make in made.items()
                       if topic not in filled]
         self._impacts = self.publishers["impacts"], names["impacts"]
@@ -87,9 +90,9 @@ class Outputs:
         """
         stamp = stamp_of(values.item(TIME))
         self._sheet.fill(values, stamp)
-        for raw, name, data in self._filled:
+        for raw in self._filled:
             raw.publish()
-            record(name, stamp, data.tobytes())
+        record(self._together, stamp, self._sheet.copy())
         for publisher, name, make in self._made:
             _publish_made(publisher, name, make(values.tolist(), stamp), stamp, record)
         for event in events:

@@ -7,8 +7,10 @@ from datetime import datetime
 
 from rclpy.impl.rcutils_logger import RcutilsLogger
 
-from vibro_ros.bag.recorder import Recorder, bag_folders
+from vibro_ros.bag.folders import bag_folders
+from vibro_ros.bag.recorder import Recorder
 from vibro_ros.bag.snapshot import Snapshot
+from vibro_ros.bag.together import Together
 from vibro_ros.process.one_line import one_line
 from vibro_ros.ros.recording_plan import Plan
 from vibro_ros.ros.throttle import Throttle
@@ -92,14 +94,25 @@ class Recording:
         if self._recorder is not None:
             self._recorder.describe(custom)
 
-    def record(self, topic: str, stamp: int, data: bytes) -> None:
-        """Queue one message for the bag: resolved topic name, ROS time [ns], serialised message. Never blocks."""
-        recorder, snapshot = self._recorder, self._snapshot
-        if topic in self._names:
+    def record(self, topic: str | Together, stamp: int, data: bytes) -> None:
+        """Queue one message, or several that come together, for the bag: resolved topic name, ROS time [ns], serialised
+        message. Never blocks."""
+        if isinstance(topic, Together):
+            self._record_together(topic, stamp, data)
+        elif topic in self._names:
+            recorder, snapshot = self._recorder, self._snapshot
             if recorder is not None:
                 recorder.write(topic, stamp, data)
             elif snapshot is not None:
                 snapshot.write(topic, stamp, data)
+
+    def _record_together(self, together: Together, stamp: int, data: bytes) -> None:
+        recorder = self._recorder
+        if recorder is not None:
+            recorder.write_together(together, stamp, data)
+        elif self._snapshot is not None:
+            for topic, message in together.split(data):
+                self.record(topic, stamp, message)
 
     def checkpoint(self, stamp: int, state: Callable[[], bytes]) -> None:
         """Record the device's whole `state` (serialised), if the bag needs it now, in the stepping thread.

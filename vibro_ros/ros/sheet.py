@@ -25,6 +25,8 @@ class Sheet:
 
     Attributes
     ----------
+    places : list of (int, int)
+        Where each message begins and ends in the bytes of all.
     messages : list of ndarray
         The bytes of each message, as views of what `fill` fills.
     """
@@ -39,7 +41,8 @@ class Sheet:
                                 for place, which, negated in template.doubles], 3)
         self._stamps = _table([(begin // _WORD + place, nanoseconds) for begin, template in placed
                                for place, nanoseconds in template.words], 2)
-        self.messages = [room[begin + AHEAD:begin + AHEAD + len(template.blank)] for begin, template in placed]
+        self.places = [(begin + AHEAD, begin + AHEAD + len(template.blank)) for begin, template in placed]
+        self.messages = [room[begin:end] for begin, end in self.places]
         for message, template in zip(self.messages, templates, strict=True):
             message[:] = np.frombuffer(template.blank, np.uint8)
 
@@ -47,6 +50,10 @@ class Sheet:
         """Write numbers, an array of float, and a stamp [ns] into the messages."""
         seconds, nanoseconds = divmod(stamp, SECOND)
         fill_in(numbers, self._numbers, self._stamps, seconds & _MASK, nanoseconds, self._doubles, self._words)
+
+    def copy(self) -> bytes:
+        """The bytes of all messages as they are now, and those between them."""
+        return self._doubles.tobytes()
 
 
 def _table(rows: list, width: int) -> np.ndarray:

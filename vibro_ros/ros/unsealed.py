@@ -4,7 +4,7 @@ from pathlib import Path
 
 from rclpy.impl.rcutils_logger import RcutilsLogger
 
-from vibro_ros.bag.recorder import BAG_PATTERN
+from vibro_ros.bag.folders import BAG_PATTERN
 from vibro_ros.bag.recovery import RecoveryError, described, recover
 from vibro_ros.bag.unsealed import unsealed_bags
 from vibro_ros.process.one_line import one_line
