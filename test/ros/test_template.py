@@ -148,8 +148,11 @@ def test_a_publisher_that_is_gone_raises_as_rclpy_does(domain_id):
     node.destroy_node()
 
 
-@pytest.mark.parametrize("namespace", ["", "/a/bcd"])
-def test_publisher_and_bag_get_the_same_bytes_of_a_sample_and_its_impacts(bench, namespace):
+@pytest.mark.parametrize(("namespace", "filled"), [("", True), ("/a/bcd", True), ("", False)])
+def test_publisher_and_bag_get_the_same_bytes_of_a_sample_and_its_impacts(bench, namespace, filled, monkeypatch):
+    """Filled in place, and where nothing can be filled in place."""
+    if not filled:
+        monkeypatch.setattr(outputs, "checked_template", lambda *_: None)
     node = Node("robot", context=bench.node.context, namespace=namespace)
     scene, heard, recorded = load_scene("device"), [], []
     publishing = Outputs(node, scene, "r12/")

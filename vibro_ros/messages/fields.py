@@ -7,7 +7,7 @@ again, so that both say the same by construction. A `stamp` is ROS time [ns], a 
 Every number is cast with `float`: rclpy serialises an int or a numpy scalar in a float field to garbage, silently.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -73,7 +73,7 @@ def fill_ground_contact(message: Any, state: Samples, stamp: int, prefix: str = 
     message.wrench.force.z = float(state.normal_force)
 
 
-def fill_impact(message: Any, event: np.void, stamp: int, prefix: str = "") -> None:
+def fill_impact(message: Any, event: np.void | Mapping, stamp: int, prefix: str = "") -> None:
     """Peak force [N] of one contact, the force of the mass on the plate.
 
     The frame is the plate's; its z axis points along the guide, outwards from the crank (for the upper plate: up), so

@@ -3,7 +3,7 @@
 Here and there, `stamp` is ROS time [ns] and `prefix` begins every frame's name.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from importlib import import_module
 
 import numpy as np
@@ -56,8 +56,8 @@ def ground_contact(state: Samples, stamp: int, prefix: str = "") -> WrenchStampe
     return message
 
 
-def impact(event: np.void, stamp: int, prefix: str = "") -> WrenchStamped:
-    """Peak force [N] of one contact; `stamp` is its first instant."""
+def impact(event: np.void | Mapping, stamp: int, prefix: str = "") -> WrenchStamped:
+    """Peak force [N] of one contact; `stamp` is its first instant. Of the event, kind and peak force are read."""
     message = WrenchStamped()
     fields.fill_impact(message, event, stamp, prefix)
     return message

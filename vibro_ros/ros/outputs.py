@@ -1,6 +1,6 @@
 """What the robot publishes: the same bytes to ROS and to the bag, filled in place where a topic has every sample."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 from typing import Any
 
@@ -64,6 +64,16 @@ class Outputs:
         self._made = [(self.publishers[topic], names[topic], make) for topic, make in made.items()
                       if topic not in filled]
         self._impacts = self.publishers["impacts"], names["impacts"]
+        self._impact_sheets = dict(self._sheets_of_impacts(node))
+
+    def _sheets_of_impacts(self, node: Node) -> Iterator[tuple[str, tuple[Sheet, RawPublisher]]]:
+        """A message of each plate's impacts, of which the peak force is the only number."""
+        for kind in messages.PLATES:
+            template = checked_template(partial(_impact, self._prefix, kind), ROBOT_TOPICS["impacts"], 1,
+                                        node.get_logger().warning)
+            if template:
+                sheet = Sheet([template])
+                yield kind, (sheet, RawPublisher(self.publishers["impacts"], sheet.messages[0]))
 
     @property
     def topics(self) -> dict[str, str]:
@@ -95,10 +105,23 @@ class Outputs:
         record(self._together, stamp, self._sheet.copy())
         for publisher, name, make in self._made:
             _publish_made(publisher, name, make(values.tolist(), stamp), stamp, record)
-        for event in events:
-            if event["kind"] in messages.PLATES:
-                impact = messages.impact(event, stamp_of(float(event["time"])), self._prefix)
-                _publish_made(*self._impacts, impact, stamp, record)
+        for time, kind, _, peak_force, _ in events.tolist():
+            if kind in messages.PLATES:
+                self._publish_impact(kind, peak_force, stamp_of(time), stamp, record)
+
+    def _publish_impact(self, kind: str, peak_force: float, began: int, stamp: int, record: Record) -> None:
+        if kind not in self._impact_sheets:
+            _publish_made(*self._impacts, _impact(self._prefix, kind, [peak_force], began), stamp, record)
+            return
+        sheet, raw = self._impact_sheets[kind]
+        sheet.fill(np.array([peak_force]), began)
+        raw.publish()
+        record(self._impacts[1], stamp, sheet.messages[0].tobytes())
+
+
+def _impact(prefix: str, kind: str, numbers: Sequence[float], stamp: int) -> Any:
+    """The message of a contact of this kind, from its peak force."""
+    return messages.impact({"kind": kind, "peak_force": numbers[0]}, stamp, prefix)
 
 
 def _made(make: MakeOfSample, numbers: Sequence[float], stamp: int) -> Any:
