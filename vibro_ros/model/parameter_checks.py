@@ -97,7 +97,8 @@ def _check_reaction(values: ParameterValues) -> None:
     """Refuse a body that yields so much that the masses become too fast or lose digits of their inertia."""
     if not (values["effects.reaction"] and values.guides):
         return
-    share, rate = least_inertia(values.yielding_masses()), fastest_rate(values.yielding_masses())
+    masses = values.yielding_masses()
+    share, rate = least_inertia(masses), fastest_rate(masses)
     if share < LEAST_INERTIA:
         found = (f"leaves the masses {share:.2g} of their inertia, less than the {LEAST_INERTIA:g} that rounding "
                  "allows")

@@ -53,12 +53,11 @@ class YieldingMasses(NamedTuple):
 
 def fastest_rate(machine: YieldingMasses) -> float:
     """Largest eigenvalue [1/s] of the masses over all states of plates and body; infinite without inertia."""
-    pairs = list(itertools.product(_inertias(machine), _loads(machine)))
-    n = len(machine.masses)
-    companions = np.zeros((len(pairs), 2 * n, 2 * n))
-    companions[:, :n, n:] = np.eye(n)
+    inertias, loads, n = np.array(list(_inertias(machine))), np.array(list(_loads(machine))), len(machine.masses)
+    companions = np.zeros((len(inertias), len(loads), 2 * n, 2 * n))
+    companions[..., :n, n:] = np.eye(n)
     try:
-        companions[:, n:] = [-np.linalg.solve(inertia, load) for inertia, load in pairs]
+        companions[..., n:, :] = -np.linalg.solve(inertias[:, None], loads)
     except np.linalg.LinAlgError:
         return np.inf
     return float(abs(np.linalg.eigvals(companions)).max(initial=0.0))
@@ -69,9 +68,8 @@ def least_inertia(machine: YieldingMasses) -> float:
 
     The part is 1 where the body does not yield, and 0 where the body yields without resistance.
     """
-    masses = machine.masses[:, None]
-    return min((float(np.linalg.svd(inertia / masses, compute_uv=False).min()) for inertia in _inertias(machine)),
-               default=1.0)
+    shares = np.array(list(_inertias(machine))) / machine.masses[:, None]
+    return float(np.linalg.svd(shares, compute_uv=False).min(initial=1.0))
 
 
 def _inertias(machine: YieldingMasses) -> Iterator[np.ndarray]:
