@@ -14,6 +14,7 @@ from vibro_ros.solver.compilation import entry_kernel, kernel
 from vibro_ros.solver.decay import resolve_piece, wanted_duration
 from vibro_ros.solver.events import EVENT_COLUMNS, record_mode_change, update_peaks
 from vibro_ros.solver.flow import hold_dynamic, solve_driven, solve_dynamic
+from vibro_ros.solver.following import follow_forcing, lengthen_to_follow, stiff_ones_follow
 from vibro_ros.solver.forcing import advance_forcing, fill_forcing, phase_at
 from vibro_ros.solver.guards import find_next_event
 from vibro_ros.solver.kept import Kept
@@ -47,14 +48,21 @@ _NO_SAMPLES = np.empty((0, 0)), np.empty(0, dtype=np.int64), np.empty((0, 3))
 def _solve_up_to_driven(system, state, point):
     """Set up a segment that holds or moves the dynamic coordinates, and its first piece."""
     longest, held = math.inf, state.scratch.after
+    may_follow = True
     while True:
         choose_segment(system, state, longest)
+        may_follow = may_follow and lengthen_to_follow(system, state, longest)
         fill_forcing(system, state)
         if is_at_rest(system, state, point, held):
             lengthen_segment(state, longest)
             hold_dynamic(system, state, held)
+        elif may_follow and not stiff_ones_follow(system, state, point):
+            may_follow = False
+            continue
         else:
             solve_dynamic(system, state, point)
+            if may_follow:
+                follow_forcing(system, state)
         resolve_piece(system, state, point)
         longest = wanted_duration(state)
         if longest == math.inf:

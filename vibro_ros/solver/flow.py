@@ -147,7 +147,7 @@ def _provide_free_motion(system, state, flow, slot):
 
 
 @kernel
-def _fill_loads(system, state):
+def fill_loads(system, state):
     """Fill the scratch with the loads of the dynamic coordinates."""
     mode, load = state.now[0].automaton.mode, state.scratch.room[0].load[:]
     for i in range(system.size[0].dynamic):
@@ -173,7 +173,7 @@ def _provide_forced_motion(system, state, flow, slot, point):
     for c in range(len(motion)):
         # From the coordinates' present values, for rest to be found as rest, exactly; a cell's serves later, too.
         motion[c, 0] = 0.0 if of_cell else point[_component(system, c)]
-    _fill_loads(system, state)
+    fill_loads(system, state)
     _solve(system, state, motion)
     if of_cell:
         _economize(system, state, motion)
@@ -265,7 +265,7 @@ def _rescale(state, channel, magnitude):
 
 
 @kernel
-def _fill_accelerations(system, state):
+def fill_accelerations(system, state):
     """Series and scales of the dynamic coordinates' accelerations, from their velocities."""
     coordinates, first = system.size[0].coordinates, first_acceleration(system.size[0])
     for i in range(system.size[0].dynamic):
@@ -295,7 +295,7 @@ def solve_dynamic(system, state, point):
         _rescale(state, channel, abs(z[channel, 0]) + abs(z[channel, 1]))
     if needs_free:
         _pass_through(system, state, point)
-    _fill_accelerations(system, state)
+    fill_accelerations(system, state)
 
 
 @kernel
@@ -308,7 +308,7 @@ def hold_dynamic(system, state, held):
         state.z[coordinates + i] = 0.0
         _rescale(state, i, abs(held[i]))
         _rescale(state, coordinates + i, 0.0)
-    _fill_accelerations(system, state)
+    fill_accelerations(system, state)
 
 
 @kernel

@@ -35,7 +35,7 @@ def _is_driven(state):
 
 
 @kernel
-def _noise(system, state, i, magnitude):
+def acceleration_noise(system, state, i, magnitude):
     """What rounding leaves of the acceleration of dynamic coordinate i, however long its motion has died away."""
     mode, coordinates = state.now[0].automaton.mode, system.size[0].coordinates
     row = system.acceleration[mode, i]
@@ -60,7 +60,7 @@ def _is_settled(system, state, i, speed, held, magnitude):
 
     Its own stiffness tells how fast it may be by rounding; where there is none, it must stand still exactly.
     """
-    row, noise = system.acceleration[state.now[0].automaton.mode, i], _noise(system, state, i, magnitude)
+    row, noise = system.acceleration[state.now[0].automaton.mode, i], acceleration_noise(system, state, i, magnitude)
     if abs(_acceleration(row, held)) > noise:
         return False
     return speed == 0.0 or (row[i] < 0.0 and abs(speed) * math.sqrt(-row[i]) <= noise)

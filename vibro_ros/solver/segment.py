@@ -92,11 +92,10 @@ def _return_to_cell(state, back):
 
 
 @kernel
-def _part_of_cell(system, state, longest):
-    """Duration [s] of a segment that is not a whole cell."""
+def part_of_cell(system, state, longest):
+    """Duration [s], at most `longest`, of a segment that is not a whole cell, as far as the forcing goes."""
     segment, drive = state.now[0].segment, state.now[0].drive
-    duration = min(LONGEST_SEGMENT, system.longest_segment[state.now[0].automaton.mode], segment.cell_left, longest,
-                   resolved_time(drive, system.signals.reach[drive.cell]))
+    duration = min(LONGEST_SEGMENT, segment.cell_left, longest, resolved_time(drive, system.signals.reach[drive.cell]))
     if drive.time_left > 0.0:
         duration = min(duration, drive.time_left)
     for k in range(len(state.ramp)):
@@ -140,7 +139,7 @@ def choose_segment(system, state, longest):
             segment.cell_left = duration - since
         else:
             segment.cell_left = time_to_advance(drive, width - drive.offset)
-        duration = _part_of_cell(system, state, longest)
+        duration = part_of_cell(system, state, min(longest, system.longest_segment[state.now[0].automaton.mode]))
         segment.slot = len(system.signals.start) - 1
     segment.flow_start = segment.mode_start
     segment.half = 0.5 * duration

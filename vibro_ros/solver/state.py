@@ -43,6 +43,7 @@ SEGMENT = np.dtype([
     ("piece_half", np.float64),  # ... polynomials belong, half its length, and ...
     ("piece_end", np.float64),  # ... its end, or an earlier one: see `decay`
     ("slot", np.int64),  # of `Library`, for segments of this kind
+    ("cut_short", np.int64),  # segments that a stiff coordinate has cut short: see `following`
 ], align=True)
 
 #: The phase of the signals, and how its speed changes.
