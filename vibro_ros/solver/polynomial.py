@@ -48,12 +48,17 @@ def products(p, q, nodes):
 
 @kernel
 def value_and_derivatives(p, x):
-    """p(x), p'(x) and p''(x)."""
-    of_value = powers(x)
-    of_slope = raised(of_value)
-    of_bend = raised(of_slope)
-    return (total(vector(p) * of_value), total(vector(p) * vector(_ORDER) * of_slope),
-            total(vector(p) * vector(SECOND) * of_bend))
+    """p(x), to a rounding of its largest term, p'(x) and p''(x).
+
+    As p(x) = E(x²) + x O(x²): of two series of half the length, the processor computes one beside the other, and beside
+    the derivatives, for which the powers of x, some roundings off, will do.
+    """
+    of_slope = raised(powers(x))
+    slope, bend = total(vector(p) * vector(_ORDER) * of_slope), total(vector(p) * vector(SECOND) * raised(of_slope))
+    even, odd, square = 0.0, 0.0, x * x
+    for n in range(LENGTH - 2, -2, -2):
+        even, odd = even * square + p[n], odd * square + p[n + 1]
+    return even + x * odd, slope, bend
 
 
 @kernel
