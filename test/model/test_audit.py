@@ -5,6 +5,7 @@ import dataclasses
 import pytest
 
 import vibro_ros
+from vibro_ros.simulation.motion import new_stepper
 
 
 def audited(name, damage=lambda system: None):
@@ -15,7 +16,7 @@ def audited(name, damage=lambda system: None):
     system = original.system._replace(acceleration=original.system.acceleration.copy())
     damage(system)
     device._motion.model = dataclasses.replace(original, system=system)
-    device._motion._stepper = device._motion._new_stepper()
+    device._motion._stepper = new_stepper(scene, device._motion.model)
     device.advance_to(1.0)
     statistics = device.statistics
     return abs(statistics["energy_residual"]) / statistics["energy_exchanged"]

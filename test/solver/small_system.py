@@ -8,6 +8,7 @@ import numpy as np
 from vibro_ros.solver import event_loop
 from vibro_ros.solver.channels import size_of
 from vibro_ros.solver.events import EVENT_COLUMNS
+from vibro_ros.solver.kept import Kept
 from vibro_ros.solver.methods import Exact
 from vibro_ros.solver.state import new_state
 from vibro_ros.solver.system import (
@@ -128,7 +129,7 @@ class Integration:
     """
 
     def __init__(self, system, position=(), velocity=(), mode=0, speed=0.0, ramps=()):
-        self._stepper = Exact(system)
+        self._stepper = Exact(Kept(system))
         self.state = new_state(system, speed, np.array(ramps, dtype=float), mode)
         self.point = np.zeros(len(self.state.z))
         self.point[:len(position)] = position

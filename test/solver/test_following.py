@@ -37,7 +37,7 @@ def test_it_takes_few_segments_and_its_exact_place(damping):
     for i, of_coordinate in enumerate(zip([1e8, 30.0], [damping, 8.0], strict=True)):
         place, rate = steady(*of_coordinate, times)
         np.testing.assert_allclose(points[:, CHANNELS.position(i)], place, rtol=0.0, atol=3e-14)
-        np.testing.assert_allclose(points[:, CHANNELS.velocity(i)], rate, rtol=0.0, atol=1e-12)
+        np.testing.assert_allclose(points[:, CHANNELS.velocity(i)], rate, rtol=0.0, atol=1e-11)  # rounding times 1e4/s
 
 
 def test_without_a_damper_it_never_follows():

@@ -13,6 +13,7 @@ from vibro_ros.model.modes import ModeBuilder
 from vibro_ros.model.scene import Scene
 from vibro_ros.model.slider import Slider, signal_table
 from vibro_ros.solver.channels import size_of
+from vibro_ros.solver.kept import Kept
 from vibro_ros.solver.system import (
     Decay,
     System,
@@ -53,6 +54,11 @@ class Model:
     output: np.ndarray
     output_terms: np.ndarray
     initial_mode: int
+
+    @functools.cached_property
+    def kept(self) -> Kept:
+        """The tables as the event loop's kernels take them."""
+        return Kept(self.system)
 
 
 def compile_scene(scene: Scene) -> Model:

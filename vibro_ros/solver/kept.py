@@ -64,7 +64,7 @@ def _numbers(values: Any) -> Iterator[int]:
     address, shape and strides."""
     for value in values:
         if isinstance(value, np.ndarray):
-            yield from (0, 0, value.size, value.itemsize, value.__array_interface__["data"][0],
-                        *value.shape, *value.strides)
+            # Not by the array interface, which takes 20 µs to describe the fields of a record.
+            yield from (0, 0, value.size, value.itemsize, value.ctypes.data, *value.shape, *value.strides)
         else:
             yield from _numbers(value)

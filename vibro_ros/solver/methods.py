@@ -71,8 +71,8 @@ class Stepper(Protocol):
 class Exact:
     """The event loop."""
 
-    def __init__(self, system: System):
-        self._system = Kept(system)
+    def __init__(self, system: Kept):
+        self._system = system
         self._state: Kept | None = None  # the one that was stepped last
 
     def begin(self, state, point):
