@@ -47,8 +47,7 @@ _NO_SAMPLES = np.empty((0, 0)), np.empty(0, dtype=np.int64), np.empty((0, 3))
 @kernel
 def _solve_up_to_driven(system, state, point):
     """Set up a segment that holds or moves the dynamic coordinates, and its first piece."""
-    longest, held = math.inf, state.scratch.after
-    may_follow = True
+    longest, held, may_follow = math.inf, state.scratch.after, True
     while True:
         choose_segment(system, state, longest)
         may_follow = may_follow and lengthen_to_follow(system, state, longest)

@@ -13,7 +13,7 @@ lasts as long as the forcing and the other coordinates allow.
 import math
 
 from vibro_ros.solver.channels import first_signal
-from vibro_ros.solver.compilation import kernel
+from vibro_ros.solver.compilation import called_kernel, kernel
 from vibro_ros.solver.flow import fill_accelerations, fill_loads
 from vibro_ros.solver.polynomial import value
 from vibro_ros.solver.rest import acceleration_noise
@@ -103,7 +103,7 @@ def _follows(system, state, i, point):
             and abs(point[coordinates + i] - velocity) * math.sqrt(-row[i]) <= noise)
 
 
-@kernel
+@called_kernel
 def stiff_ones_follow(system, state, point):
     """Whether all stiff coordinates are where `point` has them, to rounding, if they follow the segment's forcing."""
     magnitude, signals = state.scratch.magnitude, first_signal(system.size[0])
@@ -119,7 +119,7 @@ def stiff_ones_follow(system, state, point):
     return True
 
 
-@kernel
+@called_kernel
 def follow_forcing(system, state):
     """Replace the series of the stiff coordinates by those that follow the segment's forcing."""
     coordinates = system.size[0].coordinates
