@@ -6,7 +6,6 @@ import time
 from pathlib import Path
 
 import pytest
-from conftest import PATIENCE
 from rclpy.serialization import serialize_message
 
 from vibro_ros.configuration.scene_file import load_scene
@@ -16,6 +15,8 @@ from vibro_ros.ros.messages import message_class
 from vibro_ros.ros.node_cost import BARE, table
 from vibro_ros.ros.outputs import makers
 from vibro_ros.simulation.simulator import Simulator
+
+PATIENCE = 60.0  # [s]
 
 
 @pytest.mark.quiet
