@@ -10,7 +10,7 @@ import pytest
 
 from vibro_ros import load_scene
 from vibro_ros.accuracy.timing import typical_seconds
-from vibro_ros.project import bench
+from vibro_ros.project import bench, bench_runs
 
 
 def test_the_table_has_a_row_a_scene_and_a_cell_a_column(monkeypatch, capsys):
@@ -25,6 +25,9 @@ def test_the_table_has_a_row_a_scene_and_a_cell_a_column(monkeypatch, capsys):
     assert all(float(cell) > 0.0 for cell in peer) if find_spec("heyoka") else set(peer) == {"-"}
     compiled = r"A scene with another guide angle is compiled in \d+\.\d\d ms \(`no_impact`\), .*\(`device`\)\."
     assert re.fullmatch(compiled, lines[-4])
+    shares = (r"The first 0\.2 s of `device` cost \d\.\d{3} of RK4's\. With the energy audit `device` costs \d+\.\d\d "
+              r".* Of a run, -?\d+ % \(`no_impact`\), .* goes into its samples\.")
+    assert re.fullmatch(shares, lines[-6])
     unequal = (r"If every tenth run takes ten times as long, two workers of `simulate_many` are \d+\.\d\d times as "
                r"fast as one; two processes that share nothing, \d+\.\d\d times\.")
     assert re.fullmatch(unequal, lines[-2])
@@ -36,6 +39,7 @@ def test_the_table_has_a_row_a_scene_and_a_cell_a_column(monkeypatch, capsys):
 def test_the_numbers_come_with_versions_and_cores(capsys, monkeypatch):
     monkeypatch.setattr(bench, "SCENES", ())
     monkeypatch.setattr(bench, "measure_many", lambda *_: (1.0, 1.0))
+    monkeypatch.setattr(bench, "about_shares", lambda *_: "")
     bench.main([])
     version = r"\d+\.\d+\.\d+"
     assert re.fullmatch(rf"Python {version}, numpy {version}, numba {version}, (heyoka {version}|no heyoka); "
@@ -44,7 +48,7 @@ def test_the_numbers_come_with_versions_and_cores(capsys, monkeypatch):
 
 def test_the_baselines_own_error_is_told():
     """The least and the largest of the scenes; against the positions of exact, with the motor running."""
-    off = {name: bench.baseline_error(load_scene(name)) for name in bench.SCENES}
+    off = {name: bench_runs.baseline_error(load_scene(name)) for name in bench.SCENES}
     assert 1e-9 < min(off.values()) < max(off.values()) < 1e-3
     least, worst = min(off, key=off.get), max(off, key=off.get)
     assert f"off by {off[least]:.1e} m ({least}) to {off[worst]:.1e} m ({worst}) within" in bench.about_the_baseline()
@@ -53,7 +57,7 @@ def test_the_baselines_own_error_is_told():
 def test_exact_costs_more_where_it_is_sampled_more_often():
     """Why the diagrams' costs differ from this table's: five times as many samples, at least a fifth more time."""
     scene = load_scene("no_impact")
-    costs = [typical_seconds(lambda rate=rate: bench.run_exact(scene, np.arange(round(2 * rate)) / rate))
+    costs = [typical_seconds(lambda rate=rate: bench_runs.run_exact(scene, np.arange(round(2 * rate)) / rate))
              for rate in (200.0, 1000.0)]
     assert costs[1] > 1.2 * costs[0]
 
@@ -82,7 +86,7 @@ def test_heyoka_runs_the_same(name):
     """Within 1e-9 m over 0.3 s: a step is right to 1e-9 of some cm, 1e-11 m, and some ten impacts magnify that."""
     pytest.importorskip("heyoka", reason="heyoka, the extra `bench`, has no wheel for Python 3.10")
     times = np.arange(61) / 200.0
-    exact, _ = bench.run_exact(load_scene(name), times)
+    exact, _ = bench_runs.run_exact(load_scene(name), times)
     places = np.array([exact.upper_position, exact.inclined_position, exact.body_position]).T
     found = bench.compiled_peer(load_scene(name))(times)[:, [0, 2, 4]]
     assert np.abs(found - places).max() < 1e-9
@@ -92,7 +96,7 @@ def test_heyoka_runs_the_same(name):
 @pytest.mark.parametrize("name", bench.SCENES)
 def test_every_scene_is_driven(name):
     """A bench of a machine at rest would measure nothing."""
-    samples, events = bench.run_exact(load_scene(name), np.linspace(0.0, 1.0, 201))
+    samples, events = bench_runs.run_exact(load_scene(name), np.linspace(0.0, 1.0, 201))
     assert samples.motor_speed[-1] == 100.0
     assert samples.crank_angle[-1] > 70.0
     assert len(events) > 30

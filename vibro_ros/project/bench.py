@@ -17,16 +17,15 @@ from importlib import metadata
 
 import numpy as np
 
-from vibro_ros.accuracy.baseline import integrate_rk4
 from vibro_ros.accuracy.timing import LEAST_TIME, RATE, seconds, typical_seconds
 from vibro_ros.configuration.scene_file import load_scene
 from vibro_ros.model.scene import Scene
 from vibro_ros.process.command_line import Parser
 from vibro_ros.process.executables import EXECUTABLES
 from vibro_ros.process.front_door import exit_code
+from vibro_ros.project.bench_runs import SHORT, SPEED, STEP, baseline_error, run_baseline, run_exact
+from vibro_ros.project.cost_shares import about_shares
 from vibro_ros.project.sweep_cost import TEN_TIMES, compiling_seconds, measure_many
-from vibro_ros.simulation.one_run import simulate
-from vibro_ros.simulation.samples import Samples
 from vibro_ros.simulation.simulator import Simulator
 
 SCENES = ("unilateral", "paper", "damped", "frictionless", "no_impact", "rigid", "device")
@@ -41,38 +40,9 @@ COLUMNS = {
     "RK4, 1 s": "{baseline:.1f} ms",
 }
 _PACKAGES = ("numpy", "numba", "heyoka")
-_STEP = 1e-5
 _TOLERANCE = 1e-9  # heyoka's: over 10 s of each scene, its errors are below the baseline's
-_SPEED = 100.0  # commanded at t = 0 of a scene whose motor stands still
 _MANY = 200
 _COMPILED = ("no_impact", "unilateral", "device")
-#: Time [s] from the start over which the baseline's own error is told.
-SHORT = 0.2
-
-
-def run_exact(scene: Scene, times: np.ndarray) -> tuple[Samples, np.ndarray]:
-    """Samples and events of a scene whose motor turns from t = 0, on command if not by itself."""
-    device = Simulator(scene)
-    if scene["motor.speed"] == 0.0:
-        device.command(motor_speed=_SPEED)
-    return device.sample(times), device.take_events()
-
-
-def run_baseline(scene: Scene, times: np.ndarray, step: float = _STEP) -> np.ndarray:
-    """The same by `integrate_rk4`; `times` are those of one rate, from 0."""
-    first = simulate(scene, times=np.zeros(1))
-    start = np.array([first.upper_position[0], 0.0, first.inclined_position[0], 0.0])
-    speed = _SPEED if scene["motor.speed"] == 0.0 else None
-    return integrate_rk4(scene, start, times[-1], 1.0 / times[1], step, speed)
-
-
-def baseline_error(scene: Scene) -> float:
-    """How far the baseline is off itself [m]: the largest error of a position within `SHORT`, the motor running."""
-    scene = scene.with_parameters({"motor.speed": scene["motor.speed"] or _SPEED})
-    times = 2.0 * _STEP * np.arange(round(SHORT / (2.0 * _STEP)) + 1)
-    exact, found = run_exact(scene, times)[0], run_baseline(scene, times)
-    places = (exact.upper_position, exact.inclined_position, exact.body_position, exact.body_height)
-    return float(np.abs(found[:, ::2] - np.stack(places, axis=1)).max())
 
 
 def about_the_baseline() -> str:
@@ -100,7 +70,7 @@ def compiled_peer(scene: Scene) -> Callable[[np.ndarray], np.ndarray]:
     from vibro_ros.peer import Peer
 
     peer = Peer(scene, _TOLERANCE)
-    commands = ((0.0, {"motor_speed": _SPEED}),) if scene["motor.speed"] == 0.0 else ()
+    commands = ((0.0, {"motor_speed": SPEED}),) if scene["motor.speed"] == 0.0 else ()
     return lambda times: peer.integrate(times, commands).samples
 
 
@@ -146,7 +116,7 @@ def _peer_runs(scene: Scene, times: np.ndarray) -> list[Callable[[], np.ndarray]
 
 def _tick(scene: Scene) -> float:
     device = Simulator(scene)
-    device.command(motor_speed=_SPEED)
+    device.command(motor_speed=SPEED)
     device.advance_to(1.0)
     return statistics.median(seconds(device.advance_to, 1.0 + 0.001 * k) for k in range(1, 1001))
 
@@ -184,12 +154,12 @@ def _measure_all(words: Sequence[str]) -> int:
     options = parser.parse_args(words)
     print(f"{options.duration:g} s of robot time sampled at {RATE:g} Hz, medians of {options.repeats}, each over "
           f"{LEAST_TIME:g} s of runs; "
-          f"RK4: dt = {_STEP:g} s, compiled by numba, and heyoka: tolerance {_TOLERANCE:g}, in the same run")
+          f"RK4: dt = {STEP:g} s, compiled by numba, and heyoka: tolerance {_TOLERANCE:g}, in the same run")
     print(f"{machine()}\n{about_the_baseline()}\n")
     print(heading())
     for name in SCENES:
         print(row(measure(name, options.duration, options.repeats)), flush=True)
-    print(f"\n{about_compiling()}\n")
+    print(f"\n{about_shares(options.duration, options.repeats)}\n\n{about_compiling()}\n")
     gain, possible = measure_many(_MANY, options.duration, options.repeats, TEN_TIMES)
     print(f"If every tenth run takes ten times as long, two workers of `simulate_many` are {gain:.2f} times as fast as "
           f"one; two processes that share nothing, {possible:.2f} times.")
