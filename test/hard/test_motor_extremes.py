@@ -102,12 +102,11 @@ def test_the_device_at_rest_settles_under_its_weight_for_good():
     assert len(device.take_events()) == 0
 
 
-@pytest.mark.parametrize(("speed", "least", "most"), [(0.0, 3600, 10_000), (1e-20, 300_000, 500_000)],
-                         ids=["motor off", "motor hardly on"])
+@pytest.mark.parametrize("speed", [0.0, 1e-20], ids=["motor off", "motor hardly on"])
 @pytest.mark.parametrize(("name", "weight"), [("damped", 0.0), ("device", 9.81)])
-def test_masses_pressed_on_soft_plates_stand_for_an_hour(name, weight, speed, least, most):
+def test_masses_pressed_on_soft_plates_stand_for_an_hour(name, weight, speed):
     """Where springs, plates and weights balance: k (s - u) = k_p (u - E) + m g cos φ. While the motor is off, they are
-    held. At 1e-20 rad/s it hardly turns, but the solver follows it: 110 segments a second."""
+    held. At 1e-20 rad/s it hardly turns, and they follow it. In segments of a second, either way."""
     scene = vibro_ros.load_scene(name).with_parameters({
         "motor.speed": speed, "upper.plate.stiffness": 1e4, "inclined.plate.stiffness": 1e4,
         "upper.plate.damping": 20.0, "inclined.plate.damping": 20.0, "solver.audit": False})
@@ -134,7 +133,7 @@ def test_masses_pressed_on_soft_plates_stand_for_an_hour(name, weight, speed, le
         assert state.normal_force == pytest.approx(1.18 * 9.81, abs=1e-12)
         assert abs(state.friction_force) < 1e-12
     assert len(device.take_events()) == 0
-    assert least <= device.statistics["steps"] <= most
+    assert 3600 <= device.statistics["steps"] <= 10_000
 
 
 def slider_of(angle):

@@ -38,7 +38,7 @@ def cold(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
 def test_a_robot_that_compiles_says_so_and_ends_at_once(start, cold, tmp_path, number, delay):
     robot = start("robot")
     line = robot.wait_for("compiling")
-    assert line.endswith("compiling: the first start after an update takes half a minute; Ctrl-C stops it")
+    assert line.endswith("compiling: the first start after an update takes a quarter of a minute; Ctrl-C stops it")
     time.sleep(delay)  # another instant of the compilation
     robot.send(number)
     assert robot.end(PROMPT) == 0, robot.text

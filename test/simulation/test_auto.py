@@ -150,11 +150,11 @@ def test_auto_stays_exact_where_no_step_is_cheaper(name):
 
 
 def test_a_scene_at_rest_is_promised_its_rest_and_its_start():
-    """Standing still with its masses pressed on their plates, exact takes hundreds of segments; steps take less."""
+    """Standing still with its masses pressed on their plates, exact takes two hundred segments; steps take less."""
     scene = vibro_ros.load_scene("device").with_parameters({"solver.method": "auto", "solver.accuracy": 1e-3})
     assert auto.promised_commands(scene) == (None, scene["motor.max_speed"])
     device = vibro_ros.Simulator(scene)
-    assert device.choice.cost < device.choice.exact_cost / 3.0
+    assert device.choice.cost < device.choice.exact_cost / 2.0
     assert worst_error(device) <= 1e-3
     alone = max(np.abs(positions(device.scene, 0.0) - positions(scene.with_parameters({"solver.method": "exact"}), 0.0)
                        ).max(axis=1))

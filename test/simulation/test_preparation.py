@@ -56,7 +56,7 @@ def test_how_far_it_is(progress):
     progress.under_way.append(kernel.py_func)
     work = Preparation(lambda: go_on.wait(PATIENCE), said.append)
     assert not work.done()
-    assert said.pop() == "compiling: the first start after an update takes half a minute; Ctrl-C stops it"
+    assert said.pop() == "compiling: the first start after an update takes a quarter of a minute; Ctrl-C stops it"
     progress.parts.add(half.py_func)
     assert not work.done()
     assert said.pop() == "compiling kernel, 1 of 2 parts after 0 s"

@@ -54,7 +54,7 @@ EXECUTABLES = {
         "Publish messages that lie ready, as large as the robot's, and do nothing else."),
     "start_time": Executable(
         "vibro_ros.ros.start_time", False,
-        "Measure how long the robot and Python take to start, with an empty cache of kernels and with a full one."),
+        "Measure how long robot and Python take to start, with an empty cache of kernels and a full one."),
     "coverage": Executable(
         "vibro_ros.accuracy.coverage", False,
         "Count how often intervals of mean speeds hold."),

@@ -40,7 +40,7 @@ class Telling:
         if not what or now < self._due:
             return
         self._tell(f"compiling {what} after {now - self._begun:.0f} s" if self._due else
-                   "compiling: the first start after an update takes half a minute; Ctrl-C stops it")
+                   "compiling: the first start after an update takes a quarter of a minute; Ctrl-C stops it")
         self._due = now + REPORTS
 
     def end(self) -> None:
