@@ -4,7 +4,6 @@ numba looks at every array of a tuple at every call: 10 µs for the forty of a s
 a tick finds none of that code in the processor's caches, and more than the kernel then takes.
 """
 
-from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 import numba
@@ -31,7 +30,9 @@ class Kept:
 
     def __init__(self, values: NamedTuple):
         self.values = values
-        self.layout = np.array(list(_numbers(values)), dtype=np.int64).view(_dtype(values))
+        numbers: list[int] = []
+        _add_numbers(values, numbers)
+        self.layout = np.array(numbers, dtype=np.int64).view(_dtype(values))
 
     def __reduce__(self) -> tuple:
         """A copy keeps its own arrays."""
@@ -44,27 +45,29 @@ _dtypes: dict[tuple, np.dtype] = {}
 def _dtype(values: NamedTuple) -> np.dtype:
     """The type of a layout names that of the tuple, which takes numba a third of a millisecond to find: too long for
     a sweep."""
-    key = tuple(_keys(values))
+    keys: list[Any] = []
+    _add_keys(values, keys)
+    key = tuple(keys)
     if key not in _dtypes:
         _dtypes[key] = np.dtype([(kept_as(numba.typeof(values)), np.int64)])
     return _dtypes[key]
 
 
-def _keys(values: Any) -> Iterator[Any]:
-    yield type(values)
+def _add_keys(values: Any, keys: list[Any]) -> None:
+    keys.append(type(values))
     for value in values:
         if isinstance(value, np.ndarray):
-            yield value.dtype, value.ndim, value.flags.num
+            keys += value.dtype, value.ndim, value.flags.num
         else:
-            yield from _keys(value)
+            _add_keys(value, keys)
 
 
-def _numbers(values: Any) -> Iterator[int]:
-    """The tuple as kernels see it: of each array owner and parent, which no kernel reads, size, size of an item,
+def _add_numbers(values: Any, numbers: list[int]) -> None:
+    """Add the tuple as kernels see it: of each array owner and parent, which no kernel reads, size, size of an item,
     address, shape and strides."""
     for value in values:
         if isinstance(value, np.ndarray):
             # Not by the array interface, which takes 20 µs to describe the fields of a record.
-            yield from (0, 0, value.size, value.itemsize, value.ctypes.data, *value.shape, *value.strides)
+            numbers += 0, 0, value.size, value.itemsize, value.ctypes.data, *value.shape, *value.strides
         else:
-            yield from _numbers(value)
+            _add_numbers(value, numbers)
