@@ -13,6 +13,12 @@ from vibro_ros.solver.system import _terms_by_zeros
 SHARED = ("guard", "guard_effect", "candidate", "entry", "jump", "event_kind", "mode_after_ramp_change", "row_terms")
 
 
+def forget():
+    """Whatever has been compiled, so that what other tests have compiled does not matter."""
+    for cache in (_compile_machine, _places, _terms_by_zeros, mode_set):
+        cache.cache_clear()
+
+
 def arrays(table):
     """All arrays of a system by name, as bytes."""
     return {name: value.tobytes() if isinstance(value, np.ndarray) else arrays(value)
@@ -21,6 +27,7 @@ def arrays(table):
 
 @pytest.mark.parametrize("name", shipped_scenes())
 def test_scenes_that_differ_in_numbers_share_what_depends_on_the_effects(name):
+    forget()
     scene = vibro_ros.load_scene(name)
     other = scene.with_parameters({"guide.angle": 0.77, "mass.upper": 0.11, "upper.plate.stiffness": 2e6})
     one, another = compile_scene(scene).system, compile_scene(other).system
@@ -38,6 +45,5 @@ def test_what_was_compiled_before_changes_no_bit(changes):
     scene = before.with_parameters(changes)
     compile_scene(before)
     after_another = arrays(compile_scene(scene).system)
-    for cache in (_compile_machine, _places, _terms_by_zeros, mode_set):
-        cache.cache_clear()
+    forget()
     assert after_another == arrays(compile_scene(scene).system)
