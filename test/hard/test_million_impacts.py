@@ -2,8 +2,7 @@
 
 The motor stands and nothing rubs or damps, so the mechanical energy is a constant of the motion: from 0.07 m away,
 springs of 1e5 N/m throw the masses at plates that stand 0.01 m before their rest positions, again and again. The energy
-is computed here, from samples, and knows of blows, which the solver's audit leaves out: they fall between two of the
-segments that it balances.
+is computed here, from samples, and sees what blows take, which the solver's audit books and does not question.
 """
 
 import math

@@ -14,7 +14,7 @@ from vibro_ros.solver.compilation import kernel
 from vibro_ros.solver.linear_forms import form_value
 from vibro_ros.solver.polynomial import fill_form, products
 from vibro_ros.solver.state import State
-from vibro_ros.solver.system import NOTHING, System
+from vibro_ros.solver.system import System
 from vibro_ros.solver.vector import LENGTH, indices_above, repeated, total, vector
 
 # Gauss's rule with so many nodes is exact for the product of two polynomials of that length.
@@ -28,10 +28,7 @@ def _work(system, state, x):
     half = 0.5 * (x - start)
     nodes, power = repeated(start + half) + half * vector(_NODES), repeated(0.0)
     for k in range(system.power.shape[1]):
-        channel = system.power_rate[mode, k]
-        if channel == NOTHING:
-            break
-        rate = state.z[channel]
+        rate = state.z[system.power_rate[mode, k]]
         if indices_above(abs(vector(rate)), 0.0) != 0:  # a body that sticks has no power
             if fill_form(system.power[mode, k], system.power_terms[mode, k], state.z, force):
                 power = power + products(force, rate, nodes)

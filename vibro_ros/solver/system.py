@@ -141,7 +141,7 @@ class System(NamedTuple):
     power_terms : ndarray of int, shape (m, p, channels)
         Channels that the rows of `power` read, padded with `NOTHING`.
     power_rate : ndarray of int, shape (m, p)
-        Channel of the velocity v along which the force acts, or `NOTHING`.
+        Channel of the velocity v along which the force acts.
     signals : SignalTable
         The periodic signals.
     decay : Decay
