@@ -5,6 +5,7 @@ BIN := $(VENV)/bin
 PACKAGES := $(VENV)/packages.done
 READY := $(VENV)/ready.done
 PEER := $(VENV)/peer.done
+STUDY := $(VENV)/study.done
 PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet --quiet
 PYTHON ?= python3
 
@@ -33,7 +34,7 @@ setup: $(READY)  ## make .venv with every pinned package; quick when nothing has
 demo: $(READY)  ## run robot and controller for about 20 s, record, report into out/
 	@$(BIN)/python -m vibro_ros.project.demo
 
-test: $(READY) $(PEER)  ## run every test, two at a time; those that need a quiet machine one after the other
+test: $(READY) $(PEER) $(STUDY)  ## run every test, two at a time; those that need a quiet machine one after the other
 	@$(BIN)/python -m pytest --numprocesses 2 --dist worksteal -m "not quiet"
 	@$(BIN)/python -m pytest -m quiet $$(grep -rl --include='*.py' 'mark\.quiet' test)
 
@@ -88,6 +89,13 @@ $(PACKAGES): requirements.txt
 $(READY): $(PACKAGES) setup.py setup.cfg package.xml vibro_ros/process/executables.py
 	@echo "setup: installing vibro_ros from this folder"
 	@$(PIP) install --use-pep517 --no-build-isolation --no-deps --editable .
+	@touch $@
+
+# Only the studies need them.
+$(STUDY): requirements-study.txt $(PACKAGES)
+	@echo "setup: installing what the studies need"
+	@$(PIP) install --only-binary :all: --no-deps --requirement $<
+	@$(BIN)/python -m pip check >/dev/null || { $(BIN)/python -m pip check; exit 1; }
 	@touch $@
 
 # Only what compares needs it: 104 MB to load.

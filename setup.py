@@ -49,6 +49,10 @@ setup(
             "ros-jazzy-std-msgs",
             "ros-jazzy-std-srvs",
         ],
+        # What the studies need beyond the robot: tables of results, searches for an optimum, sensitivities.
+        "study": ["SALib", "cma", "cmaes", "pyarrow", "pymoo"],
+        # Sweeps on more than one machine.
+        "cluster": ["distributed"],
         "test": [
             "catkin-pkg",
             "codespell",
@@ -56,6 +60,8 @@ setup(
             "mpmath",
             "mypy",
             "packaging",
+            "pandas",
+            "polars",
             "pytest",
             "pytest-xdist",
             "python-flint",

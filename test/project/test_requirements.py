@@ -17,8 +17,9 @@ ROSDEP_KEYS = {"PIL": "python3-pil", "mcap": "python3-mcap-pip", "rosbags": "pyt
                "yaml": "python3-yaml",  # not python3-<import>
                "llvmlite": "python3-numba", "lz4": "python3-rosbags-pip"}  # these two are brought by others
 ROSDEP_KEYS |= {name: f"python3-{name}" for name in ("matplotlib", "numba", "numpy", "scipy", "tqdm")}
-LOCKS = ("requirements.txt", "requirements-bench.txt")
-NO_ROSDEP_KEY = {"heyoka"}  # of the extra `bench`; only the room peer imports it
+LOCKS = ("requirements.txt", "requirements-bench.txt", "requirements-study.txt")
+# Of the extras `bench`, `study` and `cluster`; only the rooms peer and study import them.
+NO_ROSDEP_KEY = {"heyoka", "SALib", "cma", "cmaes", "distributed", "pyarrow", "pymoo"}
 
 
 def canonical(name: str) -> str:

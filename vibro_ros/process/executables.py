@@ -37,6 +37,9 @@ EXECUTABLES = {
     "accuracy": Executable(
         "vibro_ros.accuracy.accuracy", True,
         "Measure error over cost for every method, as a table and a diagram for each scene."),
+    "study": Executable(
+        "vibro_ros.study.study", True,
+        "Study the machine: the paper's claims, sweeps, the optimum, the literature."),
     "playback": Executable(
         "vibro_ros.ros.playback", False,
         "Play a bag's commands to a live robot, at the instants at which the recorded one took them."),
