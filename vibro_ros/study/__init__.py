@@ -1,1 +1,1 @@
-"""What the machine can do: the paper's claims, sweeps, the optimum, and results from the literature."""
+"""What the machine can do: the paper's claims, sweeps, the optimum, results from the literature."""

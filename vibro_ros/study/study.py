@@ -1,4 +1,11 @@
-"""The executable `study`: its first word names the study, whose own module takes the others."""
+"""Executable ``study``: its first word names the study, whose own module takes the others."""
+
+if __name__ == "__main__":  # before all imports: they take a second or two, in which a signal may come
+    import sys
+
+    from vibro_ros.process.front_door import enter
+
+    sys.exit(enter("study"))
 
 from collections import namedtuple
 from collections.abc import Sequence
@@ -35,12 +42,19 @@ def main(words: Sequence[str]) -> int:
 
 def _run(words: Sequence[str]) -> int:
     options = _parser().parse_args(words[:1])
-    return import_module(STUDIES[options.study].module).main(words[1:])
+    try:
+        study = import_module(STUDIES[options.study].module)
+    except ModuleNotFoundError as error:
+        raise ValueError(f"{error.name}: not installed; `make study` installs what the studies need, as does "
+                         "`pip install vibro_ros[study]`") from error
+    return study.main(words[1:])
 
 
 def _parser() -> Parser:
     listed = "; ".join(f"{name}: {study.does}" for name, study in STUDIES.items())
     parser = Parser(prog="study", description=f"{EXECUTABLES['study'].does} {listed}",
-                    epilog="`study NAME --help` shows the options of a study, and its exit codes.")
+                    epilog="Exit code 0: done; 1: a run failed; 2: bad input, or something is not installed; 129, 130, 143: "
+                    "stopped by SIGHUP, SIGINT, SIGTERM, what was done is kept. `study NAME --help` shows the options "
+                    "of a study.")
     parser.add_argument("study", choices=STUDIES, metavar="NAME", help=f"of {', '.join(STUDIES)}")
     return parser
