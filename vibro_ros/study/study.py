@@ -52,9 +52,9 @@ def _run(words: Sequence[str]) -> int:
 
 def _parser() -> Parser:
     listed = "; ".join(f"{name}: {study.does}" for name, study in STUDIES.items())
-    parser = Parser(prog="study", description=f"{EXECUTABLES['study'].does} {listed}",
-                    epilog="Exit code 0: done; 1: a run failed; 2: bad input, or something is not installed; 129, 130, 143: "
-                    "stopped by SIGHUP, SIGINT, SIGTERM, what was done is kept. `study NAME --help` shows the options "
-                    "of a study.")
+    parser = Parser(
+        prog="study", description=f"{EXECUTABLES['study'].does} {listed}",
+        epilog="Exit code 0: done; 1: a run failed; 2: bad input, or something is not installed; 129, 130, 143: "
+        "stopped by SIGHUP, SIGINT, SIGTERM, what was done is kept. `study NAME --help` shows its options.")
     parser.add_argument("study", choices=STUDIES, metavar="NAME", help=f"of {', '.join(STUDIES)}")
     return parser
