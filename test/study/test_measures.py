@@ -1,0 +1,136 @@
+"""Measures: each against an independent method or a known answer, and none infinite."""
+
+import math
+
+import numpy as np
+import pytest
+
+import vibro_ros
+from vibro_ros.accuracy.starts import speed_of_start
+from vibro_ros.study.measures import LONGEST_PERIOD, MEASURES, checked_names, measure
+from vibro_ros.study.observation import device_at_start
+from vibro_ros.study.window import window
+
+SETTLING, DURATION = 1.5, 2.0
+
+
+def running(name, **changes):
+    """Return a shipped scene whose motor turns."""
+    scene = vibro_ros.load_scene(name)
+    dotted = {key.replace("__", "."): value for key, value in changes.items()}
+    return scene.with_parameters({"motor.speed": 100.0, **dotted})
+
+
+def dense_samples(scene, start, rate=100_000.0):
+    """Return samples over the measuring time, and its `Window`."""
+    device, measured = device_at_start(scene, start), window(scene, SETTLING, DURATION)
+    device.advance_to(measured.begin)
+    device.take_events()
+    return device.sample(np.linspace(measured.begin, measured.end, int(rate * measured.duration) + 1)), measured, device
+
+
+SCENES = [("paper", None), ("paper", 3), ("unilateral", 1), ("damped", 2), ("device", None), ("device", 4),
+          ("rigid", 0)]
+
+
+@pytest.mark.parametrize(("name", "start"), SCENES)
+def test_measures_are_those_of_dense_samples(name, start):
+    """Power and shares to what 1e5 samples a second tell; speed and counts to rounding."""
+    scene = running(name)
+    samples, measured, device = dense_samples(scene, start)
+    found = measure(scene, list(MEASURES), SETTLING, DURATION, start)
+    speed = np.ptp(samples.body_position[[0, -1]]) * np.sign(samples.body_position[-1] - samples.body_position[0])
+    assert found["mean_speed"] == pytest.approx(speed / measured.duration, rel=1e-12)
+    power = np.trapezoid(samples.motor_power, samples.time) / measured.duration
+    delivered = np.trapezoid(np.maximum(samples.motor_power, 0.0), samples.time) / measured.duration
+    assert found["mean_power"] == pytest.approx(power, abs=2e-3 * delivered)
+    assert found["delivered_power"] == pytest.approx(delivered, rel=2e-3)
+    stands = (samples.body_velocity == 0.0) & (samples.body_height == 0.0)
+    assert found["stick_share"] == pytest.approx(stands.mean(), abs=2e-3)
+    assert found["air_share"] == pytest.approx((samples.body_height > 0.0).mean(), abs=2e-3)
+    events = device.take_events()
+    for side in ("upper", "inclined"):
+        own = events[events["kind"] == f"{side}_contact"]
+        assert found[f"{side}_impacts"] * measured.turns == pytest.approx(len(own), rel=1e-9)
+        if name != "rigid":
+            assert found[f"{side}_peak_force"] == own["peak_force"].max()
+
+
+def test_ratios_are_made_of_speed_and_power():
+    scene = running("damped")
+    found = measure(scene, list(MEASURES), SETTLING, DURATION)
+    weight = (1.0 + 0.1 + 0.08) * 9.81
+    assert found["speed_per_power"] == pytest.approx(found["mean_speed"] / found["mean_power"], rel=1e-15)
+    cost = found["mean_power"] / abs(weight * found["mean_speed"])
+    assert found["cost_of_transport"] == pytest.approx(cost, rel=1e-15)
+    assert found["delivered_cost_of_transport"] > found["cost_of_transport"] > 0.0
+
+
+@pytest.mark.parametrize(("name", "start"), SCENES)
+def test_a_measure_does_not_depend_on_the_others(name, start):
+    scene = running(name)
+    together = measure(scene, list(MEASURES), SETTLING, DURATION, start)
+    for one in ("mean_speed", "upper_impacts", "stick_share", "period"):
+        np.testing.assert_equal(measure(scene, [one], SETTLING, DURATION, start)[one], together[one])
+
+
+def test_starts_are_those_of_the_accuracy_study():
+    """To what the parts of a turn make of the mean: `speed_of_start` measures for whole seconds."""
+    scene = running("damped")
+    mine = [measure(scene, ["mean_speed"], 4.0, 10.0, start)["mean_speed"] for start in (0, 1)]
+    theirs = [speed_of_start(scene, 10.0, 0, start) for start in (0, 1)]
+    assert mine == pytest.approx(theirs, abs=2e-4) and mine[0] != mine[1]
+
+
+@pytest.mark.parametrize(("name", "changes", "turns"), [
+    ("damped", {}, 1.0), ("device", {}, 4.0), ("paper", {}, 0.0), ("no_impact", {}, 0.0)])
+def test_period_in_turns(name, changes, turns):
+    assert measure(running(name, **changes), ["period"], 8.0, 8.0)["period"] == turns
+
+
+def test_a_period_needs_turns_that_show_it():
+    scene, turn = running("damped"), 2.0 * math.pi / 100.0
+    assert measure(scene, ["period"], 8.0, 2.0 * turn, None)["period"] == 1.0
+    assert math.isnan(measure(scene, ["period"], 8.0, 1.9 * turn, None)["period"])
+    assert LONGEST_PERIOD == 32
+    changing = scene.with_parameters({"effects.motor": "lag", "motor.time_constant": 1e3})
+    assert math.isnan(measure(changing, ["period"], 1.5, 1.0, 0)["period"])
+
+
+def test_chaos_is_told_from_order():
+    exponents = [measure(running(name), ["lyapunov_exponent"], 4.0, 6.0, 5)["lyapunov_exponent"]
+                 for name in ("unilateral", "damped", "no_impact")]
+    assert 2.0 < exponents[0] < 9.0
+    assert exponents[1:] == [0.0, 0.0]
+
+
+@pytest.mark.parametrize("changes", [
+    {"motor__speed": 0.0}, {"gravity": 0.0}, {"effects__inclined_mass": False}, {"effects__upper_mass": False},
+    {"motor__speed": 1e-29}, {"guide__angle": 0.0}, {"ground__friction": 1e3, "effects__normal_force": "weight"}])
+@pytest.mark.parametrize("name", ["paper", "device", "rigid"])
+def test_no_measure_is_infinite(name, changes):
+    found = measure(running(name, **changes), list(MEASURES), 1.5, 1.0, 0)
+    assert list(found) == list(MEASURES)
+    assert not any(math.isinf(value) for value in found.values())
+    if found["mean_speed"] == 0.0:
+        assert math.isnan(found["cost_of_transport"])
+
+
+def test_a_robot_that_stands_has_speed_and_power_0_and_no_rates():
+    found = measure(vibro_ros.load_scene("device"), list(MEASURES), 1.0, 1.0)
+    assert (found["mean_speed"], found["mean_power"], found["stick_share"]) == (0.0, 0.0, 1.0)
+    assert all(math.isnan(found[name]) for name in ("speed_per_power", "cost_of_transport", "upper_impacts", "period"))
+
+
+@pytest.mark.parametrize(("names", "settling", "duration", "start", "words"), [
+    ([], 1.0, 1.0, None, "none named"), (["mean_sped"], 1.0, 1.0, None, "did you mean mean_speed"),
+    (["mean_speed"], -1.0, 1.0, None, "from 0"), (["mean_speed"], 0.5, 1.0, 0, "from 1"),
+    (["mean_speed"], math.nan, 1.0, None, "settling"), (["mean_speed"], 1.0, 0.0, None, "above 0"),
+    (["mean_speed"], 1.0, math.inf, None, "duration"), (["mean_speed"], 1.0, 1e9, None, "at most")])
+def test_what_makes_no_sense_is_refused(names, settling, duration, start, words):
+    with pytest.raises(ValueError, match=words):
+        measure(running("damped"), names, settling, duration, start)
+
+
+def test_names_are_taken_once_in_their_order():
+    assert checked_names(["period", "mean_speed", "period"]) == ("period", "mean_speed")
