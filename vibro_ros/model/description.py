@@ -223,6 +223,8 @@ class _Description:
         words.append(f"{scene['effects.motor']} motor")
         if self._model.system.power.shape[1]:
             words.append("energy audit")
+        if len(self._model.system.accounts.account):
+            words.append("energy accounts")
         yield "; ".join(words)
 
 

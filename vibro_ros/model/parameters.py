@@ -190,6 +190,8 @@ _TABLE: tuple[Parameter, ...] = (
               "acceleration; lag: with a time constant",
               choices=("ideal", "ramp", "lag")),
     Parameter("solver.audit", False, "", "balance the masses' energy on every segment; costs time, changes nothing"),
+    Parameter("solver.accounts", False, "", "book where energy comes from and goes, by the method exact; costs time, "
+              "changes nothing"),
     Parameter("solver.tolerance", 1e-9, "m", "error of a position over 0.2 s that may not be exceeded; refused where "
               "rods and plates do not let rounding keep it, or, if it is the default, warned of; changes no bit",
               minimum=1e-12, maximum=1e-3),

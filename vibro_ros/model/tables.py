@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from vibro_ros.model.accounts import account_table
 from vibro_ros.model.energy import audit_tables
 from vibro_ros.model.forms import Forms
 from vibro_ros.model.guard_tables import guard_tables
@@ -77,6 +78,7 @@ def _compile_machine(scene: Scene) -> Model:
     own = channels.coordinates if scene["effects.reaction"] else channels.dynamic
     flow = flow_numbers(acceleration, own)
     first = np.unique(flow, return_index=True)[1]  # mode of each flow
+    guards = guard_tables(builder)
     system = System(
         size=size_of(channels),
         acceleration=acceleration,
@@ -84,12 +86,13 @@ def _compile_machine(scene: Scene) -> Model:
         flow=flow,
         coupled=couplings(acceleration, channels),
         longest_segment=longest_segments(acceleration[first], channels)[flow],
-        **guard_tables(builder),
+        **guards,
         event_kind=builder.mode_set.event_kind,
         event_quantity=_event_quantities(builder),
         **_monitor_tables(builder),
         mode_after_ramp_change=builder.mode_set.mode_after_ramp_change,
         **audit_tables(builder, scene),
+        accounts=account_table(builder, scene, guards),
         signals=signal_table(sliders),
         decay=_decay_table(builder),
     )

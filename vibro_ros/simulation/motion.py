@@ -13,6 +13,7 @@ from vibro_ros.model.force_limits import cut_to_laws
 from vibro_ros.model.moreau_laws import contact_laws
 from vibro_ros.model.scene import Scene
 from vibro_ros.model.tables import Model, compile_scene
+from vibro_ros.simulation.energy_accounts import energy_accounts, open_accounts
 from vibro_ros.simulation.event_log import EventLog
 from vibro_ros.simulation.readout import Readout
 from vibro_ros.simulation.samples import Trace
@@ -113,6 +114,8 @@ class Motion:
                 position[i] = min(position[i], plates.get(side, math.inf))
         self.point[:len(position)] = position
         state.now["audit"]["energy"] = stored_energy(system, position)
+        if scene["solver.accounts"]:
+            open_accounts(model, state, position)
         self._begin_segment(state)
         return state
 
@@ -206,10 +209,15 @@ class Motion:
         return int(self.state.now["automaton"]["segments"][0])
 
     @property
-    def energy(self) -> dict[str, float]:
-        """The audit of the masses' energy [J] by the method exact: see `Simulator.statistics`."""
-        return {"energy_residual": residual(self.model.system, self.state),
-                "energy_exchanged": float(self.state.now["audit"]["exchanged"][0])}
+    def energy(self) -> dict[str, float | dict[str, float]]:
+        """Audit and accounts of the energy [J], as the scene asks for them: see `Simulator.statistics`."""
+        found: dict[str, float | dict[str, float]] = {}
+        if self.scene["solver.audit"]:
+            found |= {"energy_residual": residual(self.model.system, self.state),
+                      "energy_exchanged": float(self.state.now["audit"]["exchanged"][0])}
+        if self.scene["solver.accounts"]:
+            found["energy_accounts"] = energy_accounts(self.model, self.state, self.time)
+        return found
 
     def new_trace(self, count: int) -> Trace:
         """Return room for what `advance` samples at `count` instants."""

@@ -217,10 +217,19 @@ class Simulator:
     @property
     def statistics(self) -> dict:
         """Events by kind; `steps`, the segments of the event loop; `solver.method`, and `solver.step` if it has one;
-        and, with `solver.audit` and the method exact, the energy of the masses.
+        and, by the method exact, what `solver.audit` and `solver.accounts` ask for.
 
-        `energy_residual` [J] is the part of the change of energy that neither the work of all forces nor landings and
-        blows account for, `energy_exchanged` [J] the sum of the amounts of work of all segments.
+        With `solver.audit`, `energy_residual` [J] is the part of the change of energy that neither the work of all
+        forces nor landings and blows account for, `energy_exchanged` [J] the sum of the amounts of work of all
+        segments. With `solver.accounts`, `energy_accounts` is a dict of what has happened to energy since t = 0 [J]:
+
+        - received: `motor_delivered` less `motor_taken_back`, the integrals of `motor_power` where it is positive and
+          where the springs drive the motor; `plates`, from their actuators; and `unpaid`, which only scenes without
+          `effects.reaction` have, from nobody: the masses push the body and do not feel it;
+        - lost: `drive_dampers`, `plate_dampers`, `friction` (below 0 where eq. (6) lets it drive the body), `blows` on
+          rigid plates with the friction during them, `landings`;
+        - `stored`, the change of what masses, body and springs hold;
+        - `residual`, what is received and neither lost nor stored: the solver's error.
 
         Examples
         --------
@@ -233,6 +242,4 @@ class Simulator:
         if method["solver.method"] != "exact":
             method["solver.step"] = self.scene["solver.step"]
         counts = {**self._motion.events.counts(), "steps": self._motion.steps, **method}
-        if not self.scene["solver.audit"] or self.scene["solver.method"] != "exact":
-            return counts
-        return {**counts, **self._motion.energy}
+        return {**counts, **self._motion.energy} if self.scene["solver.method"] == "exact" else counts

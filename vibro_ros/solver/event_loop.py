@@ -8,6 +8,7 @@ import math
 
 import numpy as np
 
+from vibro_ros.solver.accounts import book_jump, book_work
 from vibro_ros.solver.audit import audit_jump, audit_work
 from vibro_ros.solver.channels import first_ramp
 from vibro_ros.solver.compilation import entry_kernel, kernel
@@ -77,6 +78,7 @@ def _begin_mode(system, state, point, same_flow):
         state.mode_point[channel] = point[channel]
     if not same_flow:
         _solve_up_to_driven(system, state, point)
+        state.now[0].accounts.booked = state.now[0].segment.flow_start
     else:
         resolve_piece(system, state, point)
     state.now[0].automaton.segments += 0 if same_flow and state.now[0].segment.piece_half == 1.0 else 1
@@ -139,6 +141,7 @@ def _pass_event(system, state, point, events, count):
     x, fires = segment.next_event, automaton.guard != NOTHING
     # At a segment's end the next one needs the positions and velocities.
     _read(system, state, x, point if fires else point[:2 * system.size[0].coordinates])
+    book_work(system, state, x, state.now[0].accounts)
     if not fires and x < 1.0:  # another piece begins
         segment.mode_start = x
         return MODE_BEGINS, count
@@ -152,6 +155,7 @@ def _pass_event(system, state, point, events, count):
     if outcome == FLOW_ENDS:
         audit_jump(system, state, point, after)
     if outcome != SEGMENT_ENDS:
+        book_jump(system, state, mode, point, after)
         _enter(state, mode, after, point)
     if outcome == FLOW_GOES_ON:
         segment.mode_start = x
@@ -257,6 +261,7 @@ def interrupt(system, state, time, point):
     _read(system, state, x, point)
     update_peaks(system, state, x)
     audit_work(system, state, x)
+    book_work(system, state, x, state.now[0].accounts)
     state.now[0].automaton.standstills = 0  # what a command sets off is no part of the cascade before it
     advance_forcing(system, state, x)
     state.now[0].drive.version += 1  # of the forcing after the command, ...

@@ -47,6 +47,15 @@ def products(p, q, nodes):
 
 
 @kernel
+def values(p, nodes):
+    """The vector of p(x) for a vector of `nodes` x: p(x) = E(x²) + x O(x²), of two series of half the length."""
+    squares, even, odd = nodes * nodes, repeated(p[LENGTH - 2]), repeated(p[LENGTH - 1])
+    for n in range(LENGTH - 4, -2, -2):
+        even, odd = even * squares + repeated(p[n]), odd * squares + repeated(p[n + 1])
+    return even + nodes * odd
+
+
+@kernel
 def value_and_derivatives(p, x):
     """p(x), to a rounding of its largest term, p'(x) and p''(x).
 

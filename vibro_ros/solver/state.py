@@ -79,10 +79,22 @@ AUDIT = np.dtype([
     ("exchanged", np.float64),  # sum of the amounts of work, so far
 ], align=True)
 
+#: Accounts that a system has at most.
+MOST_ACCOUNTS = 8
+
+#: The energy accounts [J].
+ACCOUNTS = np.dtype([
+    ("booked", np.float64),  # local time up to which the present flow is booked
+    ("stored", np.float64),  # energy stored at the start
+    ("magnitude", np.float64),  # integral of the magnitude of the split power, so far
+    ("work", np.float64, (MOST_ACCOUNTS,)),  # on each account, so far
+], align=True)
+
 #: What `State.now` holds. A kernel reads a field as `state.now[0].segment.half`, Python as
 #: `state.now["segment"]["half"][0]`: an array of one record, because numba takes 4 µs a call to accept a record, and a
 #: single array, because numba takes 0.4 µs a call for each.
-NOW = np.dtype([("segment", SEGMENT), ("drive", DRIVE), ("automaton", AUTOMATON), ("audit", AUDIT)], align=True)
+NOW = np.dtype([("segment", SEGMENT), ("drive", DRIVE), ("automaton", AUTOMATON), ("audit", AUDIT),
+                ("accounts", ACCOUNTS)], align=True)
 
 #: What `State.ramp` holds of each ramp.
 RAMP = np.dtype([
@@ -114,7 +126,9 @@ ROOM = np.dtype([
     ("search", np.float64, (2, LENGTH)),  # of `roots.first_root`
     ("peak", np.float64, (LENGTH,)),  # quantity whose peak is searched
     ("peak_search", np.float64, (3, LENGTH)),  # of `roots.maximum`
-    ("force", np.float64, (LENGTH,)),  # of which the audit needs the power
+    ("force", np.float64, (LENGTH,)),  # of which audit and accounts need the power
+    ("power", np.float64, (LENGTH,)),  # of `accounts`: the split power at the nodes of a flow ...
+    ("part_power", np.float64, (LENGTH,)),  # ... and of a part in which it keeps its sign
     ("decay_segment", np.float64, (2, LENGTH)),  # of `decay`: load and factor over the segment, ...
     ("decay_piece", np.float64, (2, LENGTH)),  # ... both over the piece, ...
     ("decay_nodes", np.float64, (3, LENGTH)),  # ... values at the nodes ...
@@ -189,7 +203,7 @@ class State(NamedTuple):
     scale : ndarray, shape (channels,)
         Magnitude of the terms that make up each channel, which sets the channel's rounding error.
     now : ndarray of NOW, shape (1,)
-        The present segment, drive and mode, and the energy audit.
+        The present segment, drive and mode, and the energy's audit and accounts.
     ramp : ndarray of RAMP, shape (ramps,)
         The ramps at the segment's start.
     mode_point : ndarray, shape (2 coordinates,)

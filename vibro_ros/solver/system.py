@@ -76,6 +76,50 @@ class Decay(NamedTuple):
     rate: np.ndarray
 
 
+class AccountTable(NamedTuple):
+    """The energy accounts: p powers, e stored energies, b bodies that ramps may strike; all empty for no accounts.
+
+    Attributes
+    ----------
+    force : ndarray, shape (m, p, channels)
+        Forms of the forces.
+    terms : ndarray of int, shape (m, p, channels)
+        Channels that they read, padded with `NOTHING`.
+    rate : ndarray of int, shape (p,)
+        Channel of the velocity along the force.
+    account : ndarray of int, shape (p,)
+        Account on which the force's work is booked.
+    force_in_piece, rate_in_piece : ndarray of bool, shape (p,)
+        Whether force and velocity are polynomials of a piece where the segment has pieces.
+    stretch : ndarray, shape (e, channels)
+        Forms e of the stored energy, sum of w (e z)² / 2 + b z.
+    stiffness : ndarray, shape (m, e)
+        The weights w.
+    potential : ndarray, shape (channels,)
+        The form b.
+    jump : ndarray of int, shape (m, g, e)
+        Account on which the change of a stored energy is booked when a guard fires.
+    momentum : ndarray, shape (b, channels)
+        Momentum of each body along its ramp; its kinetic energy is the stored energy of the same number, with others of
+        the same account.
+    struck : ndarray of int, shape (b,)
+        The ramp that gives the body its shocks.
+    """
+
+    force: np.ndarray
+    terms: np.ndarray
+    rate: np.ndarray
+    account: np.ndarray
+    force_in_piece: np.ndarray
+    rate_in_piece: np.ndarray
+    stretch: np.ndarray
+    stiffness: np.ndarray
+    potential: np.ndarray
+    jump: np.ndarray
+    momentum: np.ndarray
+    struck: np.ndarray
+
+
 class System(NamedTuple):
     """The tables of a piecewise linear system; m modes of at most g guards with c candidates, k monitors.
 
@@ -142,6 +186,8 @@ class System(NamedTuple):
         Channels that the rows of `power` read, padded with `NOTHING`.
     power_rate : ndarray of int, shape (m, p)
         Channel of the velocity v along which the force acts.
+    accounts : AccountTable
+        The energy accounts.
     signals : SignalTable
         The periodic signals.
     decay : Decay
@@ -177,6 +223,7 @@ class System(NamedTuple):
     power: np.ndarray
     power_terms: np.ndarray
     power_rate: np.ndarray
+    accounts: AccountTable
     signals: SignalTable
     decay: Decay
 

@@ -1,0 +1,63 @@
+"""The energy accounts of a device at an instant, in the words of its users."""
+
+import numpy as np
+
+from vibro_ros.model.accounts import ACCOUNTS, LOSSES
+from vibro_ros.model.tables import Model
+from vibro_ros.solver import event_loop
+from vibro_ros.solver.accounts import SPLIT, stored_energy
+from vibro_ros.solver.forcing import read_signals
+from vibro_ros.solver.kept import Kept
+from vibro_ros.solver.state import State
+
+
+def open_accounts(model: Model, state: State, position: np.ndarray) -> None:
+    """Note the energy that is stored at the start, where everything rests.
+
+    Parameters
+    ----------
+    model : Model
+        A compiled scene with `solver.accounts`.
+    state : State
+        Its state before the first segment.
+    position : ndarray, shape (coordinates,)
+        The coordinates [m].
+    """
+    channels, sliders = model.forms.channels, np.zeros(len(model.sliders))
+    read_signals(model.system, state, sliders)
+    point = np.zeros(channels.count)
+    point[:len(position)], point[channels.one] = position, 1.0
+    point[channels.signal(0):channels.signal(len(sliders))] = sliders
+    point[channels.ramp(0):channels.ramp(channels.ramps)] = state.ramp["value"]
+    state.now["accounts"]["stored"] = stored_energy(model.system, model.initial_mode, point)
+
+
+def energy_accounts(model: Model, state: State, time: float) -> dict[str, float]:
+    """Where energy came from and went since t = 0 [J].
+
+    Parameters
+    ----------
+    model : Model
+        A compiled scene with `solver.accounts`.
+    state : State
+        Its state by the method exact; nothing of it changes.
+    time : float
+        Instant [s] within the present segment.
+
+    Returns
+    -------
+    dict of str to float
+        What `Simulator.statistics` describes.
+    """
+    # A command at this instant would book all work up to here: it is given to a copy.
+    ended = state._replace(**{name: getattr(state, name).copy()
+                              for name in ("scale", "now", "ramp", "mode_point", "root", "monitor")})
+    point = np.zeros(model.forms.channels.count)
+    event_loop.interrupt(model.kept.layout, Kept(ended).layout, time, point)
+    accounts, mode = ended.now["accounts"][0], int(ended.now["automaton"]["mode"][0])
+    work, magnitude = dict(zip(ACCOUNTS, map(float, accounts["work"]), strict=False)), float(accounts["magnitude"])
+    stored = stored_energy(model.system, mode, point) - float(accounts["stored"])
+    net = work.pop(ACCOUNTS[SPLIT])
+    return {"motor_delivered": 0.5 * (magnitude + net), "motor_taken_back": 0.5 * (magnitude - net),
+            **{name: 0.0 - amount if name in LOSSES else amount for name, amount in work.items()},
+            "stored": stored, "residual": net + sum(work.values()) - stored}

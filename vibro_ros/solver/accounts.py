@@ -1,0 +1,176 @@
+"""Where energy comes from and where it goes: the work of every kind of force, each on an account of its own.
+
+The power of a force is a product of two polynomials, the force and the velocity along it, so that Gauss's rule gives
+its work exactly, from event to event. What an event changes at once is booked when the event is passed. The stored
+energy is
+
+    E = sum of w_m (e z)² / 2 + b z
+
+with weights w_m that depend on the mode, because a contact stores energy only while it is closed. Then
+
+    E(now) - E(0) = sum of all accounts
+
+and what is missing is the solver's error. The power of the account `SPLIT` is also integrated in magnitude: what a
+drive gives and what it is given back pass the same shaft, and the sum alone hides both.
+"""
+
+import numpy as np
+
+from vibro_ros.solver.channels import first_ramp
+from vibro_ros.solver.compilation import called_kernel, kernel
+from vibro_ros.solver.linear_forms import form_value
+from vibro_ros.solver.polynomial import fill_form, value, values
+from vibro_ros.solver.system import System
+from vibro_ros.solver.vector import LENGTH, indices_above, repeated, store, total, vector
+
+#: The account whose power is also integrated in magnitude, and that of the work of ramps.
+SPLIT, RAMPS = 0, 1
+
+_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(LENGTH)
+# Steps of the search for a zero of the split power. A zero that is off by d costs d² of the magnitude alone.
+_STEPS = 8
+
+
+@kernel
+def _power(system, state, k, start, x):
+    """The vector of the k-th power at Gauss's nodes from the local time `start` to `x`.
+
+    What belongs to a piece of the segment (`decay`) is evaluated in the local time of the piece.
+    """
+    table, mode, segment = system.accounts, state.now[0].automaton.mode, state.now[0].segment
+    rate, force, half = state.z[table.rate[k]], state.scratch.room[0].force[:], 0.5 * (x - start)
+    if indices_above(abs(vector(rate)), 0.0) == 0:  # a body that sticks and a plate at rest have no power
+        return repeated(0.0)
+    if not fill_form(table.force[mode, k], table.terms[mode, k], state.z, force):
+        return repeated(0.0)
+    nodes = repeated(start + half) + half * vector(_NODES)
+    in_piece = (1.0 / segment.piece_half) * (nodes - repeated(segment.piece_middle))
+    of_force = values(force, in_piece if table.force_in_piece[k] else nodes)
+    of_rate = values(rate, in_piece if table.rate_in_piece[k] else nodes)
+    return of_force * of_rate
+
+
+@called_kernel
+def _fill_split_power(system, state, start, x, target):
+    """Fill `target` with the split power at Gauss's nodes from the local time `start` to `x`."""
+    power = repeated(0.0)
+    for k in range(len(system.accounts.account)):
+        if system.accounts.account[k] == SPLIT:
+            power = power + _power(system, state, k, start, x)
+    store(target, power)
+
+
+@kernel
+def _work(state, power, start, x):
+    """Integral of a vector of powers at Gauss's nodes from the local time `start` to `x`."""
+    return total(power * vector(_WEIGHTS)) * (0.5 * (x - start)) * state.now[0].segment.half
+
+
+@kernel
+def _split_work(system, state, start, x):
+    """Integral of the split power from the local time `start` to `x`."""
+    power = state.scratch.room[0].part_power[:]
+    _fill_split_power(system, state, start, x, power)
+    return _work(state, vector(power), start, x)
+
+
+@called_kernel
+def _split_power_at(system, state, x):
+    """The split power at the local time `x`; nothing of it belongs to a piece."""
+    table, mode, force, power = system.accounts, state.now[0].automaton.mode, state.scratch.room[0].force[:], 0.0
+    for k in range(len(table.account)):
+        if table.account[k] == SPLIT and fill_form(table.force[mode, k], table.terms[mode, k], state.z, force):
+            power += value(force, x) * value(state.z[table.rate[k]], x)
+    return power
+
+
+@kernel
+def _zero_between(system, state, a, b, at_a, at_b):
+    """Local time of a zero of the split power between `a` and `b`, where it has opposite signs (Illinois method)."""
+    x = b
+    for _ in range(_STEPS):
+        x = b - at_b * (b - a) / (at_b - at_a)
+        at_x = _split_power_at(system, state, x)
+        if at_x == 0.0:
+            break
+        if (at_x > 0.0) != (at_b > 0.0):
+            a, at_a = b, at_b
+        else:
+            at_a *= 0.5
+        b, at_b = x, at_x
+    return x
+
+
+@called_kernel
+def _magnitude(system, state, start, x):
+    """Integral of the magnitude of the split power, which is in the scratch, from the local time `start` to `x`.
+
+    The sign is looked at in Gauss's nodes and at both ends: of two zeros between neighbours nothing is seen, but there
+    the power is as small as the neighbours are close.
+    """
+    powers, magnitude = state.scratch.room[0].power[:], 0.0
+    since, last, at_last = start, start, _split_power_at(system, state, start)
+    for n in range(LENGTH + 1):
+        now = 0.5 * (start + x) + 0.5 * (x - start) * _NODES[n] if n < LENGTH else x
+        at_now = powers[n] if n < LENGTH else _split_power_at(system, state, x)
+        if (at_now > 0.0 and at_last < 0.0) or (at_now < 0.0 and at_last > 0.0):
+            zero = _zero_between(system, state, last, now, at_last, at_now)
+            magnitude += abs(_split_work(system, state, since, zero))
+            since = zero
+        if at_now != 0.0:
+            last, at_last = now, at_now
+    return magnitude + abs(_split_work(system, state, since, x))
+
+
+@called_kernel
+def _book(system, state, x, accounts):
+    """See `book_work`."""
+    start, powers = accounts.booked, state.scratch.room[0].power[:]
+    if x <= start:
+        return
+    for k in range(len(system.accounts.account)):
+        if system.accounts.account[k] != SPLIT:
+            accounts.work[system.accounts.account[k]] += _work(state, _power(system, state, k, start, x), start, x)
+    _fill_split_power(system, state, start, x, powers)
+    forwards, backwards = indices_above(vector(powers), 0.0), indices_above(-1.0 * vector(powers), 0.0)
+    work = _work(state, vector(powers), start, x)
+    accounts.work[SPLIT] += work
+    # Between two nodes of equal sign no zero is looked for, so that only a change of sign costs more than the sum.
+    accounts.magnitude += _magnitude(system, state, start, x) if forwards and backwards else abs(work)
+    accounts.booked = x
+
+
+@kernel
+def book_work(system, state, x, accounts):
+    """Book the work of the present mode up to the local time `x`, where the mode or the flow ends, on `accounts`."""
+    if len(system.accounts.account) > 0:
+        _book(system, state, x, accounts)
+
+
+@called_kernel
+def _book_jump(system, state, mode, point, after):
+    table, accounts, previous = system.accounts, state.now[0].accounts, state.now[0].automaton.mode
+    jump = table.jump[previous, state.now[0].automaton.guard]
+    for e in range(len(table.stretch)):
+        before, then = form_value(table.stretch[e], point), form_value(table.stretch[e], after)
+        change = table.stiffness[mode, e] * then * then - table.stiffness[previous, e] * before * before
+        accounts.work[jump[e]] += 0.5 * change
+    rates = first_ramp(system.size[0]) + system.size[0].ramps
+    for r in range(len(table.struck)):
+        shock = form_value(table.momentum[r], after) - form_value(table.momentum[r], point)
+        work = shock * point[rates + table.struck[r]]
+        accounts.work[RAMPS] += work
+        accounts.work[jump[r]] -= work
+
+
+@kernel
+def book_jump(system, state, mode, point, after):
+    """Book what changes at once where a guard leads from `point` to `mode`, which starts with the channels `after`."""
+    if len(system.accounts.account) > 0:
+        _book_jump(system, state, mode, point, after)
+
+
+def stored_energy(system: System, mode: int, point: np.ndarray) -> float:
+    """E [J] in `mode` where the channels have the values of `point`."""
+    table = system.accounts
+    return float(0.5 * table.stiffness[mode] @ (table.stretch @ point) ** 2 + table.potential @ point)
