@@ -17,7 +17,7 @@ _DECADES = 3.0
 _OTHERWISE = {"guide.angle", "crank.radius", "upper.gap", "inclined.gap", "motor.speed", "ground.static_friction"}
 _DRAWN_ALONE = [parameter for name, parameter in _TABLE.items()
                 if name not in _OTHERWISE and not name.startswith("solver.")]
-_FIXED = {"solver.audit": True}
+_FIXED = {"solver.audit": True, "solver.accounts": True}
 # Values of a rich scene, each as likely; of a choice, all but `none`.
 _RICH = {"effects.upper_mass": [True], "effects.inclined_mass": [True], "effects.adhesion": [True, False],
          "effects.reaction": [True, True, False], "effects.mass_weight": [True, False]}

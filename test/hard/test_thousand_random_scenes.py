@@ -228,6 +228,17 @@ def check_energy(scene, device, rows):
     # Each step rounds the place of a slider, too, now up, now down, against a spring however little its mass moves.
     allowed += 4 * ROUNDING * stored_energy(scene, rows) * max(1.0, np.sqrt(statistics["steps"]))
     assert abs(statistics["energy_residual"]) <= allowed
+    check_accounts(scene, statistics["energy_accounts"], allowed)
+
+
+def check_accounts(scene, accounts, allowed):
+    """What is received is lost or stored, to the rounding of the audit. Nothing but the friction of eq. (6) gives where
+    it should take, and with the reaction nothing is unpaid."""
+    assert abs(accounts["residual"]) <= allowed
+    taking = {"drive_dampers", "plate_dampers", "blows", "landings"}
+    taking |= {"friction"} if scene["effects.normal_force"] != "printed" else set()
+    assert all(accounts[name] >= -allowed for name in ("motor_delivered", "motor_taken_back", *taking))
+    assert accounts["unpaid"] == 0.0 or not scene["effects.reaction"]
 
 
 def series_rounding(scene, device):

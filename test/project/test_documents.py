@@ -115,7 +115,13 @@ def test_kinds_of_events_are_those_that_a_device_can_have():
     assert sorted(guide.first_column("kind", "when")) == sorted(kinds - {""})
     passage = guide.PAGES["python.md"].partition("`Run.statistics` and `Simulator.statistics`")[2].partition("\n\n")[0]
     told = {name for name in guide.names(passage) if "." not in name or name.startswith("solver.")}
-    assert told - {"exact", "solver.audit"} == {*OTHER_STATISTICS, "wall_time"}
+    assert told - {"exact", "solver.audit", "solver.accounts"} == {*OTHER_STATISTICS, "energy_accounts", "wall_time"}
+
+
+def test_accounts_are_those_of_a_run():
+    booked = load_scene("damped").with_parameters({"solver.accounts": True})
+    accounts = vibro_ros.simulate(booked, duration=0.1, rate=10.0).statistics["energy_accounts"]
+    assert sorted(guide.first_column("account", "meaning")) == sorted(accounts)
 
 
 def test_the_public_names_are_all_told():

@@ -13,6 +13,7 @@ from vibro_ros.solver.methods import Exact
 from vibro_ros.solver.state import new_state
 from vibro_ros.solver.system import (
     NOTHING,
+    AccountTable,
     Decay,
     SignalTable,
     System,
@@ -102,9 +103,18 @@ def build(channels, modes, guards=(), signals=None, monitor=None, decay=None):
         approach=np.zeros((0, channels.count)) if monitor is None else np.array([monitor[1]]),
         stretch=np.zeros((0, channels.count)), stiffness=np.zeros(0), potential=np.zeros(channels.count),
         power=np.zeros((count, 0, channels.count)), power_terms=np.zeros((count, 0, channels.count), dtype=int),
-        power_rate=np.zeros((count, 0), dtype=int),
+        power_rate=np.zeros((count, 0), dtype=int), accounts=_no_accounts(count, most, channels),
         signals=signals or SignalTable(np.array([0.0, 2 * math.pi]), np.full(1, 3.5), np.zeros((1, 0, LENGTH))),
         decay=_decay(channels, decay))
+
+
+def _no_accounts(modes, guards, channels):
+    form, none = np.zeros((0, channels.count)), np.zeros(0, dtype=int)
+    force = np.zeros((modes, 0, channels.count))
+    return AccountTable(force=force, terms=terms(force), rate=none, account=none, force_in_piece=none.astype(bool),
+                        rate_in_piece=none.astype(bool), stretch=form, stiffness=np.zeros((modes, 0)),
+                        potential=np.zeros(channels.count), jump=np.zeros((modes, guards, 0), dtype=int),
+                        momentum=form, struck=none)
 
 
 def _decay(channels, decay):

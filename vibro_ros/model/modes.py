@@ -27,8 +27,9 @@ the normal force need those of rules 4 to 8 that concern them.
 6. Forces. Each state has its force as a form: `Friction.force`, `ModeBuilder.contact_force`, `Forms.normal_force`. A
    contact whose state is called `closed` puts `Forms.plate_force` on its mass. A force that is no linear form needs a
    channel of its own in the solver, as Stribeck's friction has with `Forms.friction_decays` and `solver/decay.py`.
-7. Energy. The audit must see what the effect stores and the power of its forces: `_stored_energy`, `_potential` and
-   `_powers` in `energy.py`. What makes the masses lighter or stiffer enters `rates.py` by `Scene.yielding_masses`.
+7. Energy. Audit and accounts must see what the effect stores and the power of its forces: `_stored_energy`,
+   `_potential` and `_powers` in `energy.py`, `_stored`, `_potential` and `_powers` in `accounts.py`. What makes the
+   masses lighter or stiffer enters `rates.py` by `Scene.yielding_masses`.
 8. Steps of fixed length. `moreau` needs the law as numbers: `_plates`, `_coefficients`, `_swing` in `moreau_laws.py`.
    What a step publishes of an event that it has not seen is cut in `force_limits.py`; `Forms.pressed_only` says
    whether a negative N is reported as 0.

@@ -16,7 +16,8 @@ def check_together(values: ParameterValues) -> None:
     ValueError
         One sentence that names the parameter, its value, the limit and the remedy.
     """
-    for check in (_check_mechanism, _check_friction, _check_blows, _check_rates, _check_reaction, _check_tolerance):
+    for check in (_check_mechanism, _check_friction, _check_blows, _check_rates, _check_reaction, _check_tolerance,
+                  _check_accounts):
         check(values)
 
 
@@ -130,3 +131,9 @@ def _check_tolerance(values: ParameterValues) -> None:
     if values["solver.accuracy"] < least:
         raise ValueError(f"solver.accuracy: {values['solver.accuracy']:g} m is below what rounding allows with rods "
                          f"of {values.longest_rod:g} m; give at least {least:g} m")
+
+
+def _check_accounts(values: ParameterValues) -> None:
+    if values["solver.accounts"] and values["solver.method"] != "exact":
+        raise ValueError(f"solver.accounts: true needs solver.method exact, not {values['solver.method']}, whose errors "
+                         "no account would hold; give false, or choose exact")
