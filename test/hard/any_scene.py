@@ -14,7 +14,8 @@ SIDES = ("upper", "inclined")
 _TABLE = {parameter.name: parameter for parameter in SCENE_PARAMETERS}
 # Where a range spans decades down to zero, the decades drawn end this far below the default or, where that is 0, at 1.
 _DECADES = 3.0
-_OTHERWISE = {"guide.angle", "crank.radius", "upper.gap", "inclined.gap", "motor.speed", "ground.static_friction"}
+_OTHERWISE = {"effects.misprint", "guide.angle", "crank.radius", "upper.gap", "inclined.gap", "motor.speed",
+              "ground.static_friction"}
 _DRAWN_ALONE = [parameter for name, parameter in _TABLE.items()
                 if name not in _OTHERWISE and not name.startswith("solver.")]
 _FIXED = {"solver.audit": True, "solver.accounts": True}
@@ -68,6 +69,7 @@ def _values(rng):
         values["ground.friction"] *= _one_of(rng, [1.0, 0.1])  # or most bodies would hardly slip
     values |= _geometry(rng, values)
     values["motor.speed"] = min(values["motor.max_speed"], _number(rng, _TABLE["motor.speed"], wild))
+    values["effects.misprint"] = _may_be_misprinted(values) and _one_of(rng, [False, True])
     values["ground.static_friction"] = min(1e3, values["ground.friction"] * _one_of(rng, [1.0, 1.2, 3.0]))
     return values
 
@@ -105,6 +107,13 @@ def _compatible(rng, values):
         changes |= {f"effects.{side}_contact": "compliant" for side in SIDES
                     if values[f"effects.{side}_contact"] == "restitution"}
     return changes
+
+
+def _may_be_misprinted(values):
+    """Whether the misprint means something: a robot that it does not fit would be drawn again, nearly always."""
+    both = values["effects.upper_mass"] and values["effects.inclined_mass"]
+    plate = values["effects.inclined_contact"] == "compliant" and values["inclined.plate.stiffness"] > 0.0
+    return both and plate and not values["effects.reaction"]
 
 
 def _geometry(rng, values):

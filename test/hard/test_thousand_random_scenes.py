@@ -152,6 +152,9 @@ def force_rounding(scene, rows, closed=("upper", "inclined")):
         for part in ("spring", "plate") if side in closed else ("spring",):
             total += scene[f"{side}.{part}.stiffness"] * (rod + np.abs(rows[f"{side}_position"]))
             total += scene[f"{side}.{part}.damping"] * speed
+    if scene["effects.misprint"]:
+        positions = np.abs(rows["upper_position"]) + np.abs(rows["inclined_position"])
+        total += scene["inclined.plate.stiffness"] * positions
     return 64 * ROUNDING * total
 
 
@@ -191,10 +194,12 @@ def check_friction(scene, rows):
     passed = np.abs(speed).max() + static * np.abs(normal).max() / scene.total_mass
     unknown = 64 * ROUNDING * passed
     slips = np.abs(speed) > unknown
-    assert (np.abs(friction) <= static * np.abs(normal) + rounding)[~slips].all()
+    extra, width = (static - kinetic, scene["ground.stribeck_speed"]) if law == "stribeck" else (0.0, 1.0)
+    # The misread force of 1e8 N takes a body past Stribeck's speed in 1e-11 s, less than rounding leaves of a segment.
+    starting = extra * np.expm1(unknown / width) * np.abs(normal) if scene["effects.misprint"] else 0.0
+    assert (np.abs(friction) <= static * np.abs(normal) + rounding + starting)[~slips].all()
     if scene["effects.normal_force"] != "printed":
         assert (np.sign(speed) * friction >= -rounding)[slips].all()
-    extra, width = (static - kinetic, scene["ground.stribeck_speed"]) if law == "stribeck" else (0.0, 1.0)
     falling = extra * np.exp(-np.abs(speed) / width)
     rounding += falling * np.expm1(unknown / width) * np.abs(normal)
     expected = np.sign(speed) * (kinetic + falling) * normal

@@ -57,7 +57,7 @@ def force_values(told: dict[str, list[str]], mode: Mode, plates: tuple[str, ...]
     values = dict(values)
     for line in told.get("equations", []):
         name, _, right = line.partition(" = ")
-        if name in ("F_in", "N") or name.startswith("force on") and holds_in(line, mode.states, plates):
+        if (name in ("F_in", "N") or name.startswith("force on")) and holds_in(line, mode.states, plates):
             values[name] = value_of(right.partition("  ")[0], values)
     return values
 
@@ -92,8 +92,9 @@ def told_targets(text: str, states: tuple[str, ...], place: int, plates: tuple[s
 
 
 def holds_in(line: str, states: tuple[str, ...], plates: tuple[str, ...]) -> bool:
-    """Whether the cases after "while" of an equation, if there are any, hold for the states of a mode."""
-    _, _, cases = line.partition("while ")
+    """Whether the cases of an equation, after "while" or after a remark, hold for the states of a mode, if any."""
+    found = re.search(r"(?:; where |  while (?!airborne, else))(.*)", line)
+    cases = found[1] if found else ""
     now = {f"{side} contact {state}" for side, state in zip((*plates, ""), states, strict=True)}
     now |= {f"friction {states[-1]}", f"ground {states[-1]}"}
     return not cases or any(set(case.split(" and ")) <= now for case in cases.split(" or "))

@@ -123,6 +123,11 @@ class Motion:
         rows[:, X, X] = rows[:, Y, Y] = total
         rows[:, X, FRICTION], rows[:, Y, NORMAL] = 1.0, -1.0
         known[:, Y] = -total * gravity
+        if scene["effects.misprint"]:  # k1 (u - w) by which the printed force on the body differs from F3
+            misread = np.where(self.push("inclined") != 0.0, scene["inclined.plate.stiffness"] * (
+                self.at["upper_position"] - self.at["inclined_position"]), 0.0)
+            known[:, X] -= np.sin(self.tilt("inclined")) * misread
+            known[:, Y] += np.cos(self.tilt("inclined")) * misread * (self._rule != "weight")
         for i, side in enumerate(SIDES):
             mass, force, rests = masses[i], PRESS + i, resting[i]
             across, up = -np.sin(self.tilt(side)), np.cos(self.tilt(side))

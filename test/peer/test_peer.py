@@ -35,6 +35,8 @@ DYING = {"upper.plate.restitution": 0.2, "inclined.plate.restitution": 0.4}
 UNILATERAL = {"effects.normal_force": "unilateral"}
 STRIBECK = {"effects.friction": "stribeck", "ground.static_friction": 0.35}
 HOP = {"effects.normal_force": "hop"}
+#: A soft plate: on a stiff one the misprint's force of 1e5 N makes 1e-8 m/s of what rounding leaves of an instant.
+MISPRINT = {"effects.misprint": True, "inclined.plate.stiffness": 1e4}
 HEAVY = {"effects.reaction": True, "effects.mass_weight": True}
 SPEED_UP = ((0.03, {"motor_speed": 140.0}), (0.11, {"motor_speed": 60.0}))
 GAPS = ((0.02, {"upper_gap": 0.0004, "inclined_gap": -0.0003}), (0.1, {"upper_gap": 0.0}))
@@ -69,6 +71,12 @@ EFFECTS = {
     "bounces that die out at once": (
         UNILATERAL | RIGID | HEAVY | {"upper.plate.restitution": 0.001, "inclined.plate.restitution": 0.02}, GAPS),
     "reaction": (UNILATERAL | {"effects.reaction": True}, ()),
+    "the paper's misprint": (MISPRINT, ()),
+    "the paper's misprint on a ground that cannot pull": (
+        MISPRINT | UNILATERAL | DAMPERS | {"effects.adhesion": False}, GAPS),
+    "the paper's misprint by weight, upper plate rigid": (
+        MISPRINT | {"effects.normal_force": "weight", "effects.upper_contact": "restitution"}, ()),
+    "the paper's misprint, hop": (MISPRINT | HOP | DAMPERS, ()),
     "weight of the masses": (UNILATERAL | {"effects.mass_weight": True}, ()),
     "hop": (HOP | DAMPERS, ()),
     "hop without loss": (HOP, ()),

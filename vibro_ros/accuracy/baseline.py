@@ -16,7 +16,7 @@ from vibro_ros.solver.compilation import cached
 _RULES = {"weight": 0, "unilateral": 1, "printed": 2, "hop": 1}  # hop: on the ground, where N cannot pull
 #: Values that it has of the effects that it does not have all values of, and those that it has with rigid plates.
 _KNOWN = {"effects.friction": ("none", "coulomb"), "effects.motor": ("ideal", "ramp"), "effects.upper_mass": (True,),
-          "effects.inclined_mass": (True,)}
+          "effects.inclined_mass": (True,), "effects.misprint": (False,)}
 _KNOWN_WHERE_RIGID = {"effects.reaction": (False,), "effects.normal_force": ("weight", "unilateral", "printed")}
 _inlined = numba.njit(error_model="numpy", inline="always")
 

@@ -5,7 +5,6 @@ from collections.abc import Iterable, Iterator
 import numpy as np
 
 from vibro_ros.model.automaton import Guard, Target
-from vibro_ros.model.forms import Form
 from vibro_ros.model.mode_set import MODE_EVENTS, Mode
 from vibro_ros.model.modes import OUTPUTS, ModeBuilder
 from vibro_ros.model.scene import Scene
@@ -79,16 +78,21 @@ class _Description:
         if forms.body_moves:
             yield from self._equations_along_the_ground()
         if forms.body_hops:
-            upwards = self._scene.total_mass * self._lifted_acceleration()
-            yield f"{self._scene.total_mass:g} y'' = {self._symbols.text(upwards)}    while airborne, else 0"
+            upwards = self._scene.total_mass * self._model.system.acceleration[:, forms.height]
+            yield from self._with_remark(f"{self._scene.total_mass:g} y'' = ", self._texts(upwards, "airborne"),
+                                         "while airborne, else 0")
         if self._has_friction or forms.body_hops:
-            yield self._normal_force()
+            yield from self._normal_force()
         if self._has_friction:
             yield from self._friction_force()
 
-    def _texts(self, rows: np.ndarray) -> dict[tuple[str, ...], str]:
-        """Text of the form of each mode, by the mode's states; `rows` has the shape (modes, channels)."""
-        return {mode.states: self._symbols.text(row) for mode, row in zip(self._model.modes, rows, strict=True)}
+    def _texts(self, rows: np.ndarray, friction: str | None = None) -> dict[tuple[str, ...], str]:
+        """Text of the form of each mode, by the mode's states; `rows` has the shape (modes, channels).
+
+        Only of the modes with the state `friction`, if it is given.
+        """
+        return {mode.states: self._symbols.text(row) for mode, row in zip(self._model.modes, rows, strict=True)
+                if friction in (None, mode.friction)}
 
     def _cases(self, head: str, texts: dict[tuple[str, ...], str]) -> Iterator[str]:
         """A line for each different text, with the states in which the text holds of the effects that matter."""
@@ -101,6 +105,12 @@ class _Description:
             condition = f"    while {' or '.join(cases)}" if any(cases) else ""
             yield f"{head}{text}{condition}"
 
+    def _with_remark(self, head: str, texts: dict[tuple[str, ...], str], remark: str) -> Iterator[str]:
+        """As `_cases`, with a remark before the states."""
+        for line in self._cases(head, texts):
+            equation, _, cases = line.partition("    while ")
+            yield f"{equation}    {remark}{f'; where {cases}' if cases else ''}"
+
     def _effect_names(self) -> list[str]:
         """Names of the effects, in the order of `Mode.states`."""
         return [f"{contact.side} contact" for contact in self._builder.contacts] + [self._friction_name]
@@ -108,25 +118,22 @@ class _Description:
     def _equations_along_the_ground(self) -> Iterator[str]:
         """Lines for x'' and F_in."""
         total, body = self._scene.total_mass, self._model.forms.body
-        inertial = total * self._model.system.acceleration[0, body] + self._output("friction_force")[0]
+        inertial = total * self._model.system.acceleration[:, body] + self._output("friction_force")
+        first = self._builder.friction.states[0]
         yield f"{total:g} x'' = F_in{' - F_fr' if self._has_friction else ''}"
-        yield f"F_in = {self._symbols.text(inertial)}    eq. (7)"
+        yield from self._with_remark("F_in = ", self._texts(inertial, first), "eq. (7)")
 
     def _output(self, name: str) -> np.ndarray:
         """Forms of an output, shape (modes, channels); from mode to mode the state of the friction changes first."""
         return self._model.output[:, OUTPUTS.index(name)]
 
-    def _lifted_acceleration(self) -> Form:
-        """Form of y'' [m/s²] of a body in the air."""
-        airborne = self._builder.friction.states.index("airborne")
-        return self._model.system.acceleration[airborne, self._model.forms.height]
-
-    def _normal_force(self) -> str:
-        """Line for N."""
-        normal, states = self._output("normal_force")[0], self._builder.friction.states
-        source = "eq. (6)" if normal[:self._model.forms.channels.one].any() else "weight"
+    def _normal_force(self) -> Iterator[str]:
+        """Lines for N."""
+        normal, states = self._output("normal_force"), self._builder.friction.states
+        source = "eq. (6)" if normal[0, :self._model.forms.channels.one].any() else "weight"
         reported = "; reported as 0 where it is negative" * ("unloaded" in states)
-        return f"N = {self._symbols.text(normal)}    {source}{reported}{'; 0 while airborne' * ('airborne' in states)}"
+        airborne = "; 0 while airborne" * ("airborne" in states)
+        yield from self._with_remark("N = ", self._texts(normal, states[0]), f"{source}{reported}{airborne}")
 
     def _friction_force(self) -> Iterator[str]:
         """Lines for F_fr, one for each state of the friction."""
@@ -219,6 +226,7 @@ class _Description:
             words.append(f"{scene['effects.friction']} friction, normal force {scene['effects.normal_force']}")
         words += ["the body leaves the ground"] * forms.body_hops
         words += ["reaction on the masses"] * (scene["effects.reaction"] and (forms.body_moves or forms.body_hops))
+        words += ["the paper's misprint taken literally"] * forms.has_misprint
         words += ["weight of the masses"] * any(forms.weight(side).any() for side in forms.guides)
         words.append(f"{scene['effects.motor']} motor")
         if self._model.system.power.shape[1]:

@@ -6,7 +6,9 @@ xi_C (sliders, eqs. 2 and 3), E and H (plates), F2 and F3 (total force of spring
 N (normal force, eq. 6 without the friction coefficient), F_in (eq. 7).
 
 N and F_in are written with the accelerations, which are m2 u'' = -F2 and m3 w'' = -F3 in the paper, because these forms
-hold whether a plate is in contact or not, and also with the reaction on the masses.
+hold whether a plate is in contact or not, and also with the reaction on the masses. Only the paper's misprint taken
+literally (`effects.misprint`) changes them where the inclined plate is in contact: eqs. (1), (6) and (7) print
+k1 (zeta_2 - xi_H) for k1 (xi_3 - xi_H), so that the body feels k1 (u - H) in place of k1 (w - H).
 """
 
 import functools
@@ -76,6 +78,8 @@ class Forms:
     pressed_only : bool
         Whether a normal force below zero counts as zero: by the rule `unilateral`, and by `hop`, where rounding alone
         makes N negative.
+    has_misprint : bool
+        Whether the body feels the upper mass's position where the inclined plate is in contact.
     friction_decays : bool
         Whether the friction coefficient falls with the speed: Stribeck's law with a static coefficient above mu.
     channels : Channels
@@ -94,6 +98,7 @@ class Forms:
         self.body_moves = "inclined" in self.guides and self._scene.direction("inclined")[0] != 0.0
         self.body_hops = scene["effects.normal_force"] == "hop" and bool(self.guides)
         self.pressed_only = scene["effects.normal_force"] in ("unilateral", "hop")
+        self.has_misprint = scene["effects.misprint"]
         self.friction_decays = self.body_moves and scene.has_friction and scene["effects.friction"] == "stribeck" and (
             scene["ground.static_friction"] > scene["ground.friction"])
         self.channels = Channels(len(self.guides) + self.body_moves + self.body_hops, len(self.guides),
@@ -191,23 +196,33 @@ class Forms:
         return along_x * vector[0] + upwards * vector[1]
 
     @cached
-    def normal_force(self) -> Form:
-        """N = M g + m2 u'' + m3 w'' cos(phi) [N], eq. (6); M g by the rule `weight`. In the air this form is -M y''."""
+    def normal_force(self, inclined_closed: bool) -> Form:
+        """N = M g + m2 u'' + m3 w'' cos(phi) [N], eq. (6); M g by the rule `weight`. In the air this form is -M y''.
+
+        The misprint adds its part where `inclined_closed`: while the inclined mass presses on its compliant plate.
+        """
         normal = self._scene.total_mass * self._scene["gravity"] * self.one
         if self._scene["effects.normal_force"] == "weight":
             return normal
         _, upwards = self._scene.direction("inclined")
-        return normal + self._inertia("upper") + upwards * self._inertia("inclined")
+        normal = normal + self._inertia("upper") + upwards * self._inertia("inclined")
+        return normal - upwards * self._misread_force() if inclined_closed and self.has_misprint else normal
 
     def decayed_normal_force(self) -> Form:
         """N exp(-|x'| / v_s) [N] while the body slips, for Stribeck's law; v_s is `ground.stribeck_speed`."""
         return self.units[self.channels.decay] if self.friction_decays else self.zero
 
     @cached
-    def inertial_force(self) -> Form:
-        """F_in = m3 w'' sin(phi) [N], eq. (7)."""
+    def inertial_force(self, inclined_closed: bool) -> Form:
+        """F_in = m3 w'' sin(phi) [N], eq. (7), and what the misprint adds where `inclined_closed`."""
         along_x, _ = self._scene.direction("inclined")
-        return -along_x * self._inertia("inclined")
+        inertial = -along_x * self._inertia("inclined")
+        return inertial + along_x * self._misread_force() if inclined_closed and self.has_misprint else inertial
+
+    def _misread_force(self) -> Form:
+        """k1 (u - w) [N]: what eqs. (1), (6) and (7) as printed add to F3 where the body feels it."""
+        upper, inclined = (self.position(self.guides.index(side)) for side in ("upper", "inclined"))
+        return self._scene["inclined.plate.stiffness"] * (upper - inclined)
 
     @cached
     def _inertia(self, side: str) -> Form:

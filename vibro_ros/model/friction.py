@@ -79,9 +79,13 @@ class Friction:
         return -FRICTION_SIGN.get(state, 0.0) / self._scene["ground.stribeck_speed"]
 
     @staticmethod
-    def context(state: str, resting: frozenset[str]) -> tuple:
-        """What the guards of `state` depend on besides the state: masses at rest matter to a landing alone."""
-        return (resting,) if state == "airborne" else ()
+    def context(state: str, resting: frozenset[str], closed: frozenset[str]) -> tuple:
+        """What the guards of `state` depend on besides the state.
+
+        Masses at rest matter to a landing alone. The plates in contact that change the forms of N and F_in, `closed`,
+        matter to all else.
+        """
+        return (resting,) if state == "airborne" else (closed,)
 
     def guards(self, state: str, normal: Form, inertial: Form, resting: frozenset[str] = frozenset()) -> list[Guard]:
         """Guards of `state`, from the forms of N and F_in and the guides whose masses rest on rigid plates."""

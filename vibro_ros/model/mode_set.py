@@ -82,6 +82,8 @@ class ModeSet:
         State of the friction, as an index in the friction's states.
     airborne : ndarray of bool, shape (modes,)
         The modes in which the body is in the air.
+    inclined_closed : ndarray of int, shape (modes,)
+        1 in the modes in which the inclined mass presses on its compliant plate, else 0.
     moving : tuple of (tuple, tuple)
         For each set of masses that move together in some modes, as indices of arrays by mode and guide: the rows of
         these masses, shape (modes, masses), and the blocks that couple them, shape (modes, masses, masses).
@@ -96,15 +98,17 @@ class ModeSet:
     """
 
     def __init__(self, guides: tuple[str, ...], plates: tuple[str, ...],
-                 kinds: tuple[type[CompliantContact | RigidContact], ...], states: tuple[tuple[str, ...], ...]):
+                 kinds: tuple[type[CompliantContact | RigidContact], ...], states: tuple[tuple[str, ...], ...],
+                 contact_changes_ground_force: bool):
         self.modes = tuple(Mode(of_mode, _sides_in("closed", plates, of_mode), _sides_in("resting", plates, of_mode))
                            for of_mode in itertools.product(*states))
         self._number_by_states = {mode.states: m for m, mode in enumerate(self.modes)}
         self.pressing = {side: np.array([side in mode.pressing for mode in self.modes]) for side in plates}
         self.friction = np.array([states[-1].index(mode.friction) for mode in self.modes])
         self.airborne = np.array([mode.friction == "airborne" for mode in self.modes])
+        self.inclined_closed = np.array([int("inclined" in mode.closed) for mode in self.modes])
         self.moving = tuple(self._moving(guides))
-        self.contexts = tuple(tuple(_contexts(mode, kinds)) for mode in self.modes)
+        self.contexts = tuple(tuple(_contexts(mode, kinds, contact_changes_ground_force)) for mode in self.modes)
         self.first_with = {context: m for m, contexts in reversed(list(enumerate(self.contexts)))
                            for context in contexts}
         self.event_kind = self._event_kinds()
@@ -154,11 +158,14 @@ def _sides_in(wanted: str, plates: tuple[str, ...], states: tuple[str, ...]) -> 
     return frozenset(side for side, state in zip(plates, states, strict=False) if state == wanted)
 
 
-def _contexts(mode: Mode, kinds: tuple[type[CompliantContact | RigidContact], ...]) -> Iterator[Context]:
+def _contexts(mode: Mode, kinds: tuple[type[CompliantContact | RigidContact], ...],
+              contact_changes_ground_force: bool) -> Iterator[Context]:
     for k, kind in enumerate(kinds):
         yield Context(k, mode.states[k], kind.context(mode.friction, mode.resting))
-    yield Context(len(kinds), mode.friction, Friction.context(mode.friction, mode.resting))
+    closed = mode.closed & {"inclined"} if contact_changes_ground_force else frozenset[str]()
+    yield Context(len(kinds), mode.friction, Friction.context(mode.friction, mode.resting, closed))
 
 
-#: The `ModeSet` of guides, plates, classes of their contacts, and states: those of each contact, then of the friction.
+#: The `ModeSet` of guides, plates, classes of their contacts, states (those of each contact, then of the friction), and
+#: whether the forms of N and F_in depend on the contact of the inclined plate.
 mode_set = functools.lru_cache(maxsize=64)(ModeSet)

@@ -51,7 +51,7 @@ the normal force need those of rules 4 to 8 that concern them.
     known answer into docs/known_answers.md.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
@@ -105,7 +105,8 @@ class ModeBuilder:
         self.contacts = [make_contact(scene, self.forms, side) for side in self.forms.plates]
         self.friction = Friction(scene, self.forms)
         states = (*(contact.states for contact in self.contacts), self.friction.states)
-        self.mode_set = mode_set(self.forms.guides, self.forms.plates, tuple(map(type, self.contacts)), states)
+        self.mode_set = mode_set(self.forms.guides, self.forms.plates, tuple(map(type, self.contacts)), states,
+                                 self.forms.has_misprint)
         self.modes = self.mode_set.modes
         self._shape = len(self.modes), self.forms.channels.count
 
@@ -139,8 +140,9 @@ class ModeBuilder:
         forms, total = self.forms, self._scene.total_mass
         along_x, upwards = np.zeros(self._shape), np.zeros(self._shape)
         if forms.body_moves:
-            along_x = (forms.inertial_force() - self.friction_force()) / total
-        upwards[self.mode_set.airborne] = -forms.normal_force() / total
+            along_x = (self._at_contact(forms.inertial_force) - self.friction_force()) / total
+        airborne = self.mode_set.airborne
+        upwards[airborne] = -self._at_contact(forms.normal_force)[airborne] / total
         return along_x, upwards
 
     def _mass_accelerations(self) -> np.ndarray:
@@ -185,14 +187,18 @@ class ModeBuilder:
     @cached
     def normal_force(self) -> ModeForms:
         """N [N]."""
-        return np.where(self.mode_set.airborne[:, None], 0.0, self.forms.normal_force())
+        return np.where(self.mode_set.airborne[:, None], 0.0, self._at_contact(self.forms.normal_force))
 
     @cached
     def friction_force(self) -> ModeForms:
         """F_fr [N]."""
-        normal, inertial = self.forms.normal_force(), self.forms.inertial_force()
+        normal, inertial = self._at_contact(self.forms.normal_force), self._at_contact(self.forms.inertial_force)
         by_state = np.array([self.friction.force(state, normal, inertial) for state in self.friction.states])
-        return by_state[self.mode_set.friction]
+        return by_state[self.mode_set.friction, np.arange(len(self.modes))]
+
+    def _at_contact(self, force: Callable[[bool], Form]) -> ModeForms:
+        """N or F_in [N] in every mode; `force` makes it for an inclined plate that is not, or is, in contact."""
+        return np.array([force(False), force(True)])[self.mode_set.inclined_closed]
 
     @cached
     def contact_force(self, side: str) -> Form | ModeForms:
@@ -215,7 +221,8 @@ class ModeBuilder:
         if context.effect < len(self.contacts):
             plate = self.contacts[context.effect]
             return plate.guards(context.state, mode.friction, mode.resting, (along_x[m], upwards[m]))
-        normal, inertial = self.forms.normal_force(), self.forms.inertial_force()
+        closed = "inclined" in mode.closed
+        normal, inertial = self.forms.normal_force(closed), self.forms.inertial_force(closed)
         return self.friction.guards(context.state, normal, inertial, mode.resting)
 
     def outputs(self) -> np.ndarray:

@@ -16,8 +16,8 @@ def check_together(values: ParameterValues) -> None:
     ValueError
         One sentence that names the parameter, its value, the limit and the remedy.
     """
-    for check in (_check_mechanism, _check_friction, _check_blows, _check_rates, _check_reaction, _check_tolerance,
-                  _check_accounts):
+    for check in (_check_mechanism, _check_friction, _check_blows, _check_rates, _check_reaction, _check_misprint,
+                  _check_tolerance, _check_accounts):
         check(values)
 
 
@@ -121,6 +121,29 @@ def _heavier_body(values: ParameterValues) -> str:
         if least_inertia(heavier) >= LEAST_INERTIA and fastest_rate(heavier) <= FASTEST_RATE:
             return f"at least {mass:.2g} kg, "
     return ""
+
+
+def _check_misprint(values: ParameterValues) -> None:
+    """Refuse the paper's misprint where its term has no meaning."""
+    if not values["effects.misprint"]:
+        return
+    false = "or set effects.misprint to false"
+    if set(values.guides) != {"upper", "inclined"}:
+        absent = next(side for side in ("upper", "inclined") if side not in values.guides)
+        raise ValueError(f"effects.misprint: true puts the upper mass's position into the inclined plate's force, and "
+                         f"effects.{absent}_mass is false; give true for effects.{absent}_mass, {false}")
+    contact, stiffness = values["effects.inclined_contact"], values["inclined.plate.stiffness"]
+    if contact != "compliant" or stiffness == 0.0:
+        found = f"inclined.plate.stiffness is {stiffness:g} N/m" if contact == "compliant" else (
+            f"effects.inclined_contact is {contact!r}")
+        raise ValueError("effects.misprint: true changes the force of the inclined plate's spring, and "
+                         f"{found}; choose compliant with a stiffness above 0 N/m, {false}")
+    if values["effects.reaction"]:
+        raise ValueError("effects.misprint: true gives the body a force that no mass gives back, against "
+                         f"effects.reaction true; give false for effects.reaction, {false}")
+    if values.parameters.get("solver.method") == "moreau":
+        raise ValueError("effects.misprint: true has no law in solver.method 'moreau', whose contacts push mass and "
+                         f"body alike; choose exact, auto, rk4 or semi_implicit_euler, {false}")
 
 
 def _check_tolerance(values: ParameterValues) -> None:

@@ -185,6 +185,8 @@ _TABLE: tuple[Parameter, ...] = (
               "printed: eq. (6), may be negative; hop: at 0 the body leaves the ground and lands inelastically",
               choices=("weight", "unilateral", "printed", "hop")),
     Parameter("effects.reaction", False, "", "the body's acceleration acts back on the masses; then energy balances"),
+    Parameter("effects.misprint", False, "", "the paper's ξ2 for ξ3 in eqs. (1), (6) and (7) taken literally: while "
+              "the inclined plate is closed, the body feels k1 (u - H) in place of k1 (w - H)"),
     Parameter("effects.mass_weight", False, "", "the masses' own weight pulls them along their guides"),
     Parameter("effects.motor", "ideal", "", "ideal: speed follows the command at once; ramp: with limited "
               "acceleration; lag: with a time constant",

@@ -95,8 +95,7 @@ class Equations:
         depth, rate = hy.make_vars(f"{side}_d", f"{side}_v")
         kind, rod, mass = scene[f"effects.{side}_contact"], scene[f"crank.{side}_rod"], scene[f"mass.{side}"]
         slider, slope, crank = self._slider(side, rod, angle)
-        plate = at[f"{side}.plate"] + at[f"{side}.plate_speed"] * hy.time
-        load = -scene[f"{side}.spring.stiffness"] * (depth + (plate - slider))
+        load = -scene[f"{side}.spring.stiffness"] * (depth + (self._plate(side) - slider))
         if scene[f"{side}.spring.damping"] > 0.0:
             load -= scene[f"{side}.spring.damping"] * (rate + at[f"{side}.plate_speed"] - slope * self.omega)
         if scene["effects.mass_weight"]:
@@ -130,8 +129,13 @@ class Equations:
             load = self._unless_resting(guide, guide.load)
             inward += share[guide.side] * load
             ground += upwards[guide.side] * load
+        misread = self.misread_load()
+        inward, ground = inward + share["inclined"] * misread, ground + self.cosine * misread
+        self.inertial += share["inclined"] * misread
         if self.rule == "weight":
             ground = self.normal
+        else:
+            self.normal += self.cosine * misread
         x, self.velocity = hy.make_vars("x", "x_v")
         along_x = at["mobility"] * (inward - (self._friction() * ground if self.has_friction or self.hops else 0.0))
         along, across, up = self.body_inertia({guide.side: self._unless_resting(guide, 1.0) for guide in self.guides})
@@ -163,6 +167,17 @@ class Equations:
         extra = self.static_friction - scene["ground.friction"]
         return at["slide"] + extra * at["direction"] * hy.exp(
             -at["direction"] * self.velocity / scene["ground.stribeck_speed"])
+
+    def misread_load(self) -> hy.expression | float:
+        """What the paper's misprint adds to the inclined guide's load on the body [N]: -k1 (u - w) in contact."""
+        if not self.scene["effects.misprint"]:
+            return 0.0
+        upper, inclined = (guide.depth + self._plate(guide.side) for guide in self.guides)
+        return self.parameters["inclined.spring"] * (inclined - upper)
+
+    def _plate(self, side: str) -> hy.expression:
+        """Position of a plate [m]."""
+        return self.parameters[f"{side}.plate"] + self.parameters[f"{side}.plate_speed"] * hy.time
 
     def _unless_resting(self, guide: Guide, force: hy.expression | float) -> hy.expression | float:
         """`force`, or 0 while the mass rests on a rigid plate and moves with the plate."""

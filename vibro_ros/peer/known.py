@@ -9,7 +9,7 @@ KNOWN = {
     "effects.inclined_contact": ("compliant", "restitution", "none"), "effects.adhesion": (True, False),
     "effects.friction": ("coulomb", "static", "stribeck", "none"),
     "effects.normal_force": ("weight", "unilateral", "printed", "hop"),
-    "effects.reaction": (True, False), "effects.mass_weight": (True, False),
+    "effects.reaction": (True, False), "effects.misprint": (True, False), "effects.mass_weight": (True, False),
     "effects.motor": ("ideal", "ramp", "lag"), "start.state": ("rest", "zero"),
 }
 

@@ -34,7 +34,7 @@ class Plates:
 
     def __init__(self, equations: Equations, run: RunState, body: Body, series: Series):
         self._guides, self._run, self._body, self._series = equations.guides, run, body, series
-        self._state = run.state
+        self._state, self._misprint = run.state, equations.scene["effects.misprint"]
         self._compliant = [guide for guide in equations.guides if guide.kind == "compliant"]
         self._index = {guide.side: 2 * i for i, guide in enumerate(equations.guides)}
         self.reset()
@@ -73,7 +73,7 @@ class Plates:
         """Close or open the contact, because the depth has passed zero upwards (1) or downwards (-1)."""
         self._state[self._index[guide.side]] = direction * _DEPTH_NUDGE
         self._enter(time, guide, "closed" if direction > 0 else "open")
-        if guide.plate_damping > 0.0:  # the force has jumped
+        if guide.plate_damping > 0.0 or self._is_misread(guide):  # the force on the body has jumped
             self._body.reconsider(time)
         self._check(time)
 
@@ -81,6 +81,12 @@ class Plates:
         """Close or release the contact, because the plate's force has passed zero upwards (1) or downwards (-1)."""
         self._run.set_parameter(f"{guide.side}.offset", direction * _FORCE_NUDGE - self._run.plate_force(time, guide))
         self._enter(time, guide, "closed" if direction > 0 else "released")
+        if self._is_misread(guide):
+            self._body.reconsider(time)
+
+    def _is_misread(self, guide: Guide) -> bool:
+        """Whether the body feels another force than the mass from the plate's spring, which jumps at contact."""
+        return self._misprint and guide.side == "inclined"
 
     def feel_shock(self, time: float, parted: frozenset[str]) -> None:
         """Change the contacts after a landing or a blow that has changed the masses' speeds.

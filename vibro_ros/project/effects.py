@@ -97,6 +97,7 @@ EFFECTS = (
            {"effects.friction": "stribeck", "ground.static_friction": 0.4}, "damped"),
     Effect("`printed`, not `unilateral`", {"effects.normal_force": "unilateral"},
            {"effects.normal_force": "printed"}, "damped"),
+    Effect("the paper's misprint, taken literally", {"effects.misprint": False}, {"effects.misprint": True}, "damped"),
     Effect("`unilateral`, not `weight`", {"effects.normal_force": "weight"}, scene="damped"),
 )
 

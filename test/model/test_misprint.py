@@ -1,0 +1,149 @@
+"""The paper's misprint taken literally: `effects.misprint`, against the equations as they are printed."""
+
+import math
+
+import numpy as np
+import pytest
+
+import vibro_ros
+from vibro_ros.model.tables import compile_scene
+
+MISPRINT = {"effects.misprint": True}
+
+
+def printed_motion(scene, duration, step):
+    """u, w, x at the end of `duration` [s] by Runge-Kutta of fixed step on eqs. (1) to (7), letter by letter.
+
+    Written for a scene without dampers, at a constant motor speed, from the start `rest` with both gaps 0.
+    """
+    phi, radius, rod = scene["guide.angle"], scene["crank.radius"], scene["crank.upper_rod"]
+    m1, m2, m3 = (scene[f"mass.{part}"] for part in ("body", "upper", "inclined"))
+    k1, k2, k3, k4 = (scene[name] for name in ("inclined.plate.stiffness", "upper.spring.stiffness",
+                                               "inclined.spring.stiffness", "upper.plate.stiffness"))
+    friction, gravity, total = scene["ground.friction"], scene["gravity"], m1 + m2 + m3
+    sine, cosine, plate = math.sin(phi), math.cos(phi), rod
+
+    def slider(angle):
+        return radius * math.cos(angle) + math.sqrt(rod**2 - (radius * math.sin(angle))**2)
+
+    def rates(time, state):
+        u, u_rate, w, w_rate, _, x_rate = state
+        angle = scene["motor.speed"] * time
+        drive2, drive3 = k2 * (u - slider(angle)), k3 * (w - slider(angle - phi))
+        contact4, contact1 = k4 * (u >= plate), k1 * (w >= plate)
+        on_body = drive3 + contact1 * (u - plate)  # the misprint
+        inertial = -on_body * sine
+        kinetic = friction * (total * gravity - drive2 - contact4 * (u - plate) - on_body * cosine)
+        if x_rate != 0.0:
+            braking = math.copysign(1.0, x_rate) * kinetic
+        else:
+            braking = inertial if abs(inertial) <= kinetic else math.copysign(1.0, inertial) * kinetic
+        return np.array([u_rate, -(drive2 + contact4 * (u - plate)) / m2,
+                         w_rate, -(drive3 + contact1 * (w - plate)) / m3,
+                         x_rate, (inertial - braking) / total])
+
+    state = np.array([min(slider(0.0), plate), 0.0, min(slider(-phi), plate), 0.0, 0.0, 0.0])
+    for n in range(round(duration / step)):
+        time = n * step
+        first = rates(time, state)
+        second = rates(time + step / 2, state + step / 2 * first)
+        third = rates(time + step / 2, state + step / 2 * second)
+        state = state + step / 6 * (first + 2 * second + 2 * third + rates(time + step, state + step * third))
+    return state[[0, 2, 4]]
+
+
+@pytest.mark.parametrize("changes", [{"guide.angle": math.radians(80.0)}, {"guide.angle": 0.9, "mass.inclined": 0.02}])
+def test_motion_is_that_of_the_equations_as_printed(changes):
+    """A42. What the tolerances leave are the events within the steps of Runge-Kutta, which is blind to them."""
+    scene = vibro_ros.load_scene("paper").with_parameters(MISPRINT | changes)
+    run = vibro_ros.simulate(scene, times=[0.0, 0.05])
+    exact = np.array([run.upper_position[-1], run.inclined_position[-1], run.body_position[-1]])
+    assert abs(exact[2]) > 0.1  # m: without the misprint the body moves by millimetres
+    error = np.abs(printed_motion(scene, 0.05, 2e-6) - exact)
+    assert error[:2].max() < 1e-6 and error[2] < 3e-3 * abs(exact[2]), error
+
+
+@pytest.mark.parametrize(("angle", "mass", "radius", "speed"), [
+    (40, 0.08, 0.02, 349), (60, 0.08, 0.02, 525), (80, 0.08, 0.02, 808), (85, 0.08, 0.02, 737), (90, 0.08, 0.02, 632),
+    (80, 0.02, 0.02, 969), (80, 0.25, 0.02, 774), (80, 0.02, 0.01, 459)])
+def test_mean_speeds_of_the_first_second_are_those_found_outside(angle, mass, radius, speed):
+    """By somebody else's Runge-Kutta with steps of 5e-6 s; 1 % is what the events within its steps leave."""
+    scene = vibro_ros.load_scene("paper").with_parameters(MISPRINT | {
+        "guide.angle": math.radians(angle), "mass.inclined": mass, "crank.radius": radius})
+    run = vibro_ros.simulate(scene, times=[0.0, 1.0])
+    assert run.body_position[-1] == pytest.approx(speed, rel=0.01)  # m in 1 s
+
+
+def test_momentum_changes_by_the_misread_force_alone():
+    """Without friction M x' - m3 w' sin(phi) changes at the rate -k1 (u - w) sin(phi) while the plate is closed."""
+    scene = vibro_ros.load_scene("frictionless").with_parameters(MISPRINT)
+    run = vibro_ros.simulate(scene, times=np.linspace(0.0, 0.1, 400_001))
+    sine = math.sin(scene["guide.angle"])
+    momentum = scene.total_mass * run.body_velocity - scene["mass.inclined"] * sine * run.inclined_velocity
+    closed = run.inclined_position >= run.inclined_plate_position
+    force = -scene["inclined.plate.stiffness"] * sine * closed * (run.upper_position - run.inclined_position)
+    impulse = np.append(0.0, np.cumsum((force[1:] + force[:-1]) / 2.0) * 0.1 / 400_000)
+    # Half a sample is missed at each end of a contact.
+    ends = np.count_nonzero(np.diff(closed))
+    assert ends > 10 and np.ptp(momentum) > 1.0
+    np.testing.assert_allclose(momentum, impulse, rtol=0.0, atol=ends * np.abs(force).max() * 0.5 * 0.1 / 400_000)
+
+
+@pytest.mark.parametrize("rule", ["weight", "unilateral", "printed", "hop"])
+@pytest.mark.parametrize("name", ["paper", "damped"])
+def test_masses_move_as_without_the_misprint(name, rule):
+    scene = vibro_ros.load_scene(name).with_parameters({"effects.normal_force": rule})
+    without, with_it = (vibro_ros.simulate(scene.with_parameters({"effects.misprint": value}), duration=0.3, rate=200.0)
+                        for value in (False, True))
+    for quantity in ("upper_position", "inclined_position", "upper_velocity", "inclined_velocity", "motor_power"):
+        np.testing.assert_allclose(getattr(with_it, quantity), getattr(without, quantity), rtol=0.0, atol=1e-9)
+    assert np.abs(with_it.body_position - without.body_position).max() > 1e-3
+
+
+def test_published_forces_are_those_of_the_state_of_the_plate():
+    """N and F_in = M x'' + F_fr, from positions and speeds of dense samples that include contacts."""
+    scene = vibro_ros.load_scene("paper").with_parameters(MISPRINT)
+    run = vibro_ros.simulate(scene, times=np.linspace(0.0, 0.1, 20_001))
+    cosine = math.cos(scene["guide.angle"])
+    closed = run.inclined_position >= run.inclined_plate_position
+    # The drive force is what acts on the mass, the plate force what acts on the plate.
+    on_body = -run.inclined_drive_force + closed * scene["inclined.plate.stiffness"] * (
+        run.upper_position - run.inclined_plate_position)
+    normal = scene.total_mass * scene["gravity"] + run.upper_drive_force - run.upper_plate_force - cosine * on_body
+    assert closed.any() and not closed.all()
+    np.testing.assert_allclose(run.normal_force, normal, rtol=0.0, atol=1e-9 * np.abs(normal).max())
+
+
+@pytest.mark.parametrize("method", ["rk4", "semi_implicit_euler"])
+def test_methods_of_fixed_step_converge(method):
+    """A28. On a plate so soft that the steps resolve the contacts."""
+    scene = vibro_ros.load_scene("damped").with_parameters(MISPRINT | {"inclined.plate.stiffness": 1e5})
+    exact = vibro_ros.simulate(scene, times=[0.0, 0.1]).body_position[-1]
+    errors = [abs(vibro_ros.simulate(scene.with_parameters({"solver.method": method, "solver.step": step}),
+                                     times=[0.0, 0.1]).body_position[-1] - exact) for step in (1e-5, 1e-6)]
+    assert errors[1] < 0.5 * errors[0] and errors[1] < 1e-2 * abs(exact)
+
+
+@pytest.mark.parametrize(("changes", "named"), [
+    ({"effects.upper_mass": False}, "give true for effects.upper_mass"),
+    ({"effects.inclined_mass": False}, "give true for effects.inclined_mass"),
+    ({"effects.inclined_contact": "none"}, "choose compliant"),
+    ({"effects.inclined_contact": "restitution", "effects.normal_force": "weight"}, "choose compliant"),
+    ({"inclined.plate.stiffness": 0.0}, "inclined.plate.stiffness is 0 N/m"),
+    ({"effects.reaction": True}, "give false for effects.reaction"),
+    ({"solver.method": "moreau"}, "choose exact, auto, rk4 or semi_implicit_euler")])
+def test_what_makes_no_sense_with_it_is_refused(changes, named):
+    remedy = r"^effects\.misprint: true .*; (give|choose) .*, or set effects\.misprint to false$"
+    with pytest.raises(ValueError, match=remedy) as caught:
+        vibro_ros.load_scene("paper").with_parameters(MISPRINT | changes)
+    assert named in str(caught.value)
+
+
+def test_a_scene_without_the_misprint_has_the_modes_guards_and_forms_that_it_had():
+    """A guard of the body is shared by all states of the plates, and so is its row of the tables."""
+    plain = vibro_ros.load_scene("paper")
+    without, with_it = (compile_scene(scene).system for scene in (plain, plain.with_parameters(MISPRINT)))
+    assert len(with_it.acceleration) == len(without.acceleration)
+    # N, N - F_in and N + F_in of `stick`, and -N, -F_in and F_in of `rest`, once more for a closed plate.
+    assert len(with_it.row) == len(without.row) + 6
+    np.testing.assert_array_equal(with_it.flow == with_it.flow[:, None], without.flow == without.flow[:, None])
