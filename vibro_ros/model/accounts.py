@@ -108,9 +108,9 @@ def _powers_on_the_body(builder: ModeBuilder, scene: Scene) -> Iterator[Power]:
             yield _FRICTION, -decayed, speed
         yield _FRICTION, -force, speed
         if not paid:
-            yield _UNPAID, forms.inertial_force(), speed
+            yield _UNPAID, builder.at_contact(forms.inertial_force), speed
     if forms.body_hops and not paid:
-        lift = scene.total_mass * scene["gravity"] * forms.one - forms.normal_force()
+        lift = scene.total_mass * scene["gravity"] * forms.one - builder.at_contact(forms.normal_force)
         yield _UNPAID, np.where(builder.mode_set.airborne[:, None], lift, 0.0), forms.channels.velocity(forms.height)
 
 

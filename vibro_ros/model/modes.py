@@ -140,9 +140,9 @@ class ModeBuilder:
         forms, total = self.forms, self._scene.total_mass
         along_x, upwards = np.zeros(self._shape), np.zeros(self._shape)
         if forms.body_moves:
-            along_x = (self._at_contact(forms.inertial_force) - self.friction_force()) / total
+            along_x = (self.at_contact(forms.inertial_force) - self.friction_force()) / total
         airborne = self.mode_set.airborne
-        upwards[airborne] = -self._at_contact(forms.normal_force)[airborne] / total
+        upwards[airborne] = -self.at_contact(forms.normal_force)[airborne] / total
         return along_x, upwards
 
     def _mass_accelerations(self) -> np.ndarray:
@@ -187,16 +187,16 @@ class ModeBuilder:
     @cached
     def normal_force(self) -> ModeForms:
         """N [N]."""
-        return np.where(self.mode_set.airborne[:, None], 0.0, self._at_contact(self.forms.normal_force))
+        return np.where(self.mode_set.airborne[:, None], 0.0, self.at_contact(self.forms.normal_force))
 
     @cached
     def friction_force(self) -> ModeForms:
         """F_fr [N]."""
-        normal, inertial = self._at_contact(self.forms.normal_force), self._at_contact(self.forms.inertial_force)
+        normal, inertial = self.at_contact(self.forms.normal_force), self.at_contact(self.forms.inertial_force)
         by_state = np.array([self.friction.force(state, normal, inertial) for state in self.friction.states])
         return by_state[self.mode_set.friction, np.arange(len(self.modes))]
 
-    def _at_contact(self, force: Callable[[bool], Form]) -> ModeForms:
+    def at_contact(self, force: Callable[[bool], Form]) -> ModeForms:
         """N or F_in [N] in every mode; `force` makes it for an inclined plate that is not, or is, in contact."""
         return np.array([force(False), force(True)])[self.mode_set.inclined_closed]
 
