@@ -1,0 +1,122 @@
+"""What a study of the literature finds: the mapping, its check, claims with their verdicts, and what is missing."""
+
+from collections.abc import Callable, Iterable
+from dataclasses import asdict, dataclass
+
+from matplotlib.figure import Figure
+
+HOLDS, FAILS, NOISE, OUTSIDE = "holds", "does not hold", "within noise", "not contained"
+#: What a verdict means; documents print it.
+VERDICTS = {
+    HOLDS: "the model's number and the published one agree within the stated margin, or what is said to occur occurs",
+    FAILS: "they differ by more than the margin, or what is said to occur does not",
+    NOISE: "the model's interval allows both answers",
+    OUTSIDE: "the published statement needs something that the model does not have, or a number that could not be read",
+}
+
+
+@dataclass(frozen=True)
+class Mapped:
+    """One line of a mapping: a symbol of the publication, what it means, and what it is in this model."""
+
+    theirs: str
+    meaning: str
+    ours: str
+
+
+@dataclass(frozen=True)
+class Check:
+    """An independent integration of the published equations beside the model's own.
+
+    Attributes
+    ----------
+    what : str
+        What is compared with what.
+    error, bound : float
+        The largest difference, and what it must stay below; in the unit that `what` names.
+    """
+
+    what: str
+    error: float
+    bound: float
+
+    @property
+    def passed(self) -> bool:
+        """Whether the model contains the publication's."""
+        return self.error <= self.bound
+
+
+@dataclass(frozen=True)
+class Claim:
+    """A published statement, what the model says, and the verdict by a stated rule."""
+
+    statement: str
+    ours: str
+    verdict: str
+    rule: str
+
+
+@dataclass(frozen=True)
+class Finding:
+    """What is found about one publication, or several about the same machine."""
+
+    name: str
+    title: str
+    sources: tuple[str, ...]
+    contained: str
+    mapping: tuple[Mapped, ...]
+    checks: tuple[Check, ...]
+    claims: tuple[Claim, ...]
+    missing: str
+
+
+@dataclass(frozen=True)
+class Studied:
+    """A finding and the function that draws its picture."""
+
+    finding: Finding
+    draw: Callable[[], Figure]
+
+
+def as_data(finding: Finding) -> dict:
+    """The finding as what JSON can hold."""
+    return asdict(finding)
+
+
+def from_data(data: dict) -> Finding:
+    """The finding that `as_data` took apart."""
+    parts = {"mapping": Mapped, "checks": Check, "claims": Claim}
+    known = {name: tuple(kind(**part) for part in data[name]) for name, kind in parts.items()}
+    return Finding(**{**data, "sources": tuple(data["sources"]), **known})
+
+
+def section(finding: Finding, picture: str) -> str:
+    """The finding as a section in Markdown, with its `picture`."""
+    parts = [f"## {finding.title}", "\n".join(f"- {source}" for source in finding.sources), finding.contained,
+             _table(["theirs", "meaning", "ours"], [(row.theirs, row.meaning, row.ours) for row in finding.mapping]),
+             _table(["checked independently", "largest difference", "must be below", "passed"],
+                    [(check.what, f"{check.error:.2g}", f"{check.bound:.2g}", "yes" if check.passed else "**no**")
+                     for check in finding.checks]),
+             _table(["published", "this model", "verdict", "rule of the verdict"],
+                    [(row.statement, row.ours, f"**{row.verdict}**", row.rule) for row in finding.claims]),
+             f"![{finding.title}]({picture})", f"Missing: {finding.missing}"]
+    return "\n\n".join(parts)
+
+
+def overview(findings: list[Finding]) -> str:
+    """All claims and verdicts in one table in Markdown."""
+    rows = [(f"`{finding.name}`", claim.statement, f"**{claim.verdict}**")
+            for finding in findings for claim in finding.claims]
+    return _table(["study", "published", "verdict"], rows)
+
+
+def in_lines(finding: Finding) -> list[str]:
+    """The finding in lines for a terminal."""
+    checks = [f"  check: {check.what}: {check.error:.2g}, must be below {check.bound:.2g}" for check in finding.checks]
+    claims = [f"  {claim.verdict}: {claim.statement}\n    {claim.ours}" for claim in finding.claims]
+    return [f"{finding.name}: {finding.title}", *checks, *claims]
+
+
+def _table(heads: list[str], rows: Iterable[tuple[str, ...]]) -> str:
+    lines = [f"| {' | '.join(heads)} |", "|---" * len(heads) + "|"]
+    return "\n".join(lines + [f"| {' | '.join(row)} |" for row in rows])
