@@ -21,7 +21,8 @@ FALLING = {"motor.speed": 0.0, "effects.friction": "none", "start.state": "zero"
 
 
 def scene(name, *changes):
-    return vibro_ros.load_scene(name).with_parameters(dict(pair for part in (BOOKED, *changes) for pair in part.items()))
+    together = dict(pair for part in (BOOKED, *changes) for pair in part.items())
+    return vibro_ros.load_scene(name).with_parameters(together)
 
 
 def accounts(machine, duration=1.0, commands=()):
@@ -61,8 +62,8 @@ def integral(values, times):
 
 @pytest.mark.parametrize("changes", [{}, STRIBECK, LAG], ids=["coulomb", "stribeck", "lag"])
 def test_accounts_are_the_integrals_of_what_is_sampled(changes):
-    """Sampled every 2 µs, the sums are off by some 1e-6 of what went to and fro where a power jumps. Stribeck's friction
-    has pieces within a segment, and the lag a motor that is slow at first."""
+    """Sampled every 2 µs, the sums are off by some 1e-6 of what went to and fro where a power jumps. Stribeck's
+    friction has pieces within a segment, and the lag a motor that is slow at first."""
     machine = scene("damped", changes)
     times = np.linspace(0.0, 0.5, 250_001)
     run = vibro_ros.simulate(machine, times=times)

@@ -4,9 +4,8 @@ Positive is what the robot receives. Over any time,
 
     motor + plates + unpaid + drive dampers + plate dampers + friction + blows + landings = change of stored energy
 
-The stored energy is that of the moving masses and body, of the springs of drives and closed plates, and of heights. What
-a damper of a plate without tension keeps as its spring when the plate lets go (`contact.CompliantContact`) is lost to
-the damper.
+The stored energy is that of the moving masses and body, of the springs of drives and closed plates, and of heights.
+Where a plate without tension lets go (`contact.CompliantContact`), what its spring still holds is lost to its damper.
 
 `unpaid` is an artefact of the paper's equations: without the reaction the masses push the body and do not feel it, so
 that the body receives work that nobody gives. With `effects.reaction` nothing is unpaid. The kinetic energy of the body
@@ -29,8 +28,8 @@ ACCOUNTS = ("motor", "plates", "drive_dampers", "plate_dampers", "friction", "bl
 LOSSES = ACCOUNTS[2:7]
 _MOTOR, _PLATES, _DRIVE_DAMPERS, _PLATE_DAMPERS, _FRICTION, _BLOWS, _LANDINGS, _UNPAID = range(len(ACCOUNTS))
 
-#: A power: its account, force and the channel of the velocity; and a stored energy: form, weight by mode, and account of
-#: its change by a blow.
+#: A power: its account, force and the channel of the velocity; and a stored energy: form, weight by mode, and account
+#: of its change by a blow.
 Power = tuple[int, Form | ModeForms, int]
 Stored = tuple[Form, np.ndarray | float, int]
 
@@ -63,7 +62,8 @@ def account_table(builder: ModeBuilder, scene: Scene, guards: dict[str, np.ndarr
         force=force, terms=terms(force),
         rate=np.array([rate for *_, rate in powers], dtype=np.int64),
         account=np.array([account for account, *_ in powers], dtype=np.int64),
-        force_in_piece=np.array([decay != NOTHING and force[:, p, decay].any() for p in range(len(powers))], dtype=bool),
+        force_in_piece=np.array([decay != NOTHING and form[:, decay].any() for form in force.swapaxes(0, 1)],
+                                dtype=bool),
         rate_in_piece=np.array([rate in driven for *_, rate in powers], dtype=bool),
         stretch=np.array([form for form, *_ in stored]).reshape(len(stored), forms.channels.count),
         stiffness=stiffness,

@@ -158,5 +158,5 @@ def _check_tolerance(values: ParameterValues) -> None:
 
 def _check_accounts(values: ParameterValues) -> None:
     if values["solver.accounts"] and values["solver.method"] != "exact":
-        raise ValueError(f"solver.accounts: true needs solver.method exact, not {values['solver.method']}, whose errors "
-                         "no account would hold; give false, or choose exact")
+        raise ValueError(f"solver.accounts: true needs solver.method exact, not {values['solver.method']}, whose "
+                         "errors no account would hold; give false, or choose exact")
