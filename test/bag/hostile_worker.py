@@ -57,12 +57,12 @@ def plotter():
     """A `plot_run` that plots the same numbers once, because pictures take longer than all the rest; then nothing."""
     seen = set()
 
-    def plot(bag: Bag, caption: str) -> Figure:
-        numbers = sha256(pickle.dumps((bag.arrays, bag.topics, bag.duration, caption))).digest()
+    def plot(bag: Bag, caption: str, energy: dict) -> Figure:
+        numbers = sha256(pickle.dumps((bag.arrays, bag.topics, bag.duration, caption, energy))).digest()
         if numbers in seen:
             return Figure()
         seen.add(numbers)
-        return plot_run(bag, caption)
+        return plot_run(bag, caption, energy)
     return plot
 
 

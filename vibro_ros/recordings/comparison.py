@@ -10,13 +10,12 @@ from vibro_ros.bag.cdr import deserialised, first_difference
 from vibro_ros.bag.stream import BagError, BagStream
 from vibro_ros.messages.fields import joints_of
 from vibro_ros.messages.topics import CHECKPOINT, COMMAND_UNITS, ROBOT_TOPICS
-from vibro_ros.recordings.rerun import Rerun, RunFacts, run_facts, ticks
+from vibro_ros.recordings.rerun import LONGEST_PAUSE, Rerun, RunFacts, run_facts, ticks
 from vibro_ros.simulation.motion import SimulationError
 from vibro_ros.simulation.provenance import software, tables
 
 ABSENT = "no message"
 STAMPED = ("odom", "joint_states", "ground_contact")  # topics whose headers have the recorded stamp
-LONGEST_PAUSE = 10.0  # s of robot time without a message, after which a stamp is doubted
 
 
 @dataclass(frozen=True)

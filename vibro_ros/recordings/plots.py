@@ -1,6 +1,7 @@
 """The picture of a recording: the whole run, and beside it a moment in which every swing can be seen."""
 
 from collections.abc import Callable, Iterator
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -8,6 +9,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from vibro_ros.bag.reader import Arrays, Bag
+from vibro_ros.recordings.energy_bar import draw_energy
 from vibro_ros.recordings.summary import impacts_of
 from vibro_ros.recordings.traces import Span, band, bins_for, line, mean_over_turns, outline, share
 
@@ -16,6 +18,7 @@ FEW = 3000  # impacts that can be told apart as dots over the whole run
 FAR = 10.0  # m, from there on in metres
 STRONG = 8.0  # times what 95 % of the samples stay below: from there on a linear scale would hide these
 MM = 1e3  # mm/m
+_BAR = 1.75  # in, height of what tells about energy
 
 # Okabe and Ito's palette, which the colour-blind tell apart
 _BODY, _MOTOR, _POWER, _FORCE, _HEIGHT = "#000000", "#009e73", "#aa4499", "#7a5c00", "#56788f"
@@ -28,7 +31,7 @@ _NONE = "N \N{LESS-THAN OR EQUAL TO} 0"
 Panel = Callable[[Axes, Bag, Span], None]
 
 
-def plot_run(bag: Bag, caption: str = "") -> Figure:
+def plot_run(bag: Bag, caption: str = "", energy: dict[str, Any] | None = None) -> Figure:
     """Body, masses, blows, ground, motor and power over time; what the recording lacks is left out.
 
     Parameters
@@ -37,6 +40,8 @@ def plot_run(bag: Bag, caption: str = "") -> Figure:
         A recording with odometry and joint states.
     caption : str
         One line under the title.
+    energy : dict
+        What `energy_of` tells, for a bar below the rows; none if it is unknown.
 
     Returns
     -------
@@ -44,10 +49,11 @@ def plot_run(bag: Bag, caption: str = "") -> Figure:
         Rows that share time [s]; left the whole run, right `MOMENT` seconds of it.
     """
     whole, moment, panels = (0.0, max(bag.duration, 1e-3)), _moment(bag), list(_panels(bag))
-    height = 1.7 + 1.75 * len(panels)
+    below = _BAR if energy and "accounts" in energy else 0.0
+    height = 1.7 + 1.75 * len(panels) + below
     figure = Figure(figsize=(13.0, height), dpi=120, facecolor="white")
     # Margins [in] instead of a layout engine, which would draw everything twice more to find them.
-    figure.subplots_adjust(left=0.07, right=0.985, bottom=0.55 / height, top=1.0 - 1.15 / height, wspace=0.24,
+    figure.subplots_adjust(left=0.07, right=0.985, bottom=(0.55 + below) / height, top=1.0 - 1.15 / height, wspace=0.24,
                            hspace=0.42)
     FigureCanvasAgg(figure)
     axes = figure.subplots(len(panels), 2, sharex="col", width_ratios=(3, 2), squeeze=False)
@@ -66,6 +72,11 @@ def plot_run(bag: Bag, caption: str = "") -> Figure:
         axis.set_title(title, fontsize=10, color=_TEXT, loc="right")
     figure.suptitle("\n".join(filter(None, (bag.path.name, caption))), fontsize=12, color=_TEXT, y=1.0 - 0.2 / height)
     figure.align_ylabels(axes)
+    if energy and below:
+        bar = figure.add_axes((0.07, 0.62 / height, 0.915, 0.62 / height))
+        draw_energy(bar, energy)
+        bar.spines[["top", "right"]].set_visible(False)
+        bar.tick_params(color=_FRAME, labelcolor=_TEXT)
     return figure
 
 

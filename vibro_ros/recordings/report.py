@@ -16,6 +16,7 @@ from vibro_ros.process.command_line import Parser
 from vibro_ros.process.executables import EXECUTABLES
 from vibro_ros.process.front_door import exit_code
 from vibro_ros.process.one_line import one_line
+from vibro_ros.recordings.energy import energy_of
 from vibro_ros.recordings.plots import plot_run
 from vibro_ros.recordings.summary import as_caption, as_text, summarise
 
@@ -52,8 +53,8 @@ def write_report(bag_folder: Path, output: Path | None = None) -> tuple[str, tup
     if output.is_relative_to(folder):
         raise BagError(f"{output}: lies inside the recording, which is never written to; give another --output")
     bag = load_bag(folder, COLUMNS)
-    summary = summarise(bag)
-    text, figure = as_text(summary), plot_run(bag, as_caption(summary))
+    summary = summarise(bag) | {"energy": energy_of(bag)}
+    text, figure = as_text(summary), plot_run(bag, as_caption(summary), summary["energy"])
     output.mkdir(parents=True, exist_ok=True)
     files = tuple(output / name for name in ("summary.txt", "summary.json", "report.png"))
     files[0].write_text(text, encoding="utf-8")

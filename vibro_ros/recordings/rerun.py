@@ -25,6 +25,8 @@ from vibro_ros.process.one_line import one_line
 from vibro_ros.simulation.preparation import prepare_kernels
 from vibro_ros.simulation.simulator import Simulator
 
+#: Pause [s] of robot time without a message, after which a stamp is doubted.
+LONGEST_PAUSE = 10.0
 SAMPLED = ("odom", "joint_states", "ground_contact", "motor_power")
 
 
@@ -115,6 +117,8 @@ class Rerun:
         Commands that the device refused.
     scene : Scene
         What is simulated, with the method that `solver.method` auto has picked.
+    device : Simulator
+        What is stepped.
     """
 
     def __init__(self, facts: RunFacts, scene: Scene):
@@ -122,8 +126,8 @@ class Rerun:
         self.refused = 0
         self._facts, self._prefix = facts, facts.settings["frame_prefix"]
         prepare_kernels("replay", scene["solver.method"])
-        self._device = Simulator(scene)
-        self.scene = self._device.scene
+        self.device = Simulator(scene)
+        self.scene = self.device.scene
         self._joints = fields.joints_of(scene)
         self._blank = {name: blank(kind) for name, kind in ROBOT_TOPICS.items()}
 
@@ -137,14 +141,19 @@ class Rerun:
         """
         self.tick += 1
         if self.tick:
-            self._device.advance_to(self._facts.time(self.tick))
+            self.device.advance_to(self._facts.time(self.tick))
         return list(self._messages())
+
+    def go_to(self, tick: int) -> None:
+        """Go to a sample that does not lie behind, without its message (SimulationError as above)."""
+        self.tick = tick
+        self.device.advance_to(self._facts.time(tick))
 
     def restore(self, tick: int, data: bytes) -> None:
         """Stand at the sample `tick` as a recorded checkpoint says, its messages already out (ValueError when bad)."""
-        self._device.restore(np.array(deserialised(data, CHECKPOINT_TYPE).data))
-        if self._device.time != self._facts.time(tick):
-            raise ValueError(f"the checkpoint is of {self._device.time:.9g} s, not of {self._facts.time(tick):.9g} s")
+        self.device.restore(np.array(deserialised(data, CHECKPOINT_TYPE).data))
+        if self.device.time != self._facts.time(tick):
+            raise ValueError(f"the checkpoint is of {self.device.time:.9g} s, not of {self._facts.time(tick):.9g} s")
         self.tick = tick
 
     def command(self, name: str, data: bytes) -> str:
@@ -161,13 +170,13 @@ class Rerun:
             self.refused += 1
             return str(error)
         try:
-            self._device.command(**{name: value})
+            self.device.command(**{name: value})
         except ValueError:
             self.refused += 1
         return ""
 
     def _messages(self) -> Iterator[tuple[str, bytes]]:
-        state, events, stamp = self._device.state, self._device.take_events(), self._facts.stamp(self.tick)
+        state, events, stamp = self.device.state, self.device.take_events(), self._facts.stamp(self.tick)
         fields.fill_odometry(self._blank["odom"], state, stamp, self._prefix)
         fields.fill_joint_states(self._blank["joint_states"], state, self._joints, stamp, self._prefix)
         fields.fill_ground_contact(self._blank["ground_contact"], state, stamp, self._prefix)

@@ -8,6 +8,7 @@ import numpy as np
 from vibro_ros.bag.reader import Arrays, Bag, BagError
 from vibro_ros.bag.unreadable import not_read
 from vibro_ros.process.one_line import one_line
+from vibro_ros.recordings.energy import energy_as_lines
 
 GAP = 2.5  # publish periods; a longer pause between two samples is a gap in the stream
 SAMPLED_TOPICS = ("odom", "joint_states", "ground_contact", "motor_power")  # published at `rate.publish`
@@ -68,7 +69,7 @@ def impacts_of(bag: Bag, guide: str) -> np.ndarray:
 
 
 def as_text(summary: dict[str, Any]) -> str:
-    """The summary as lines for people, with units."""
+    """The summary as lines for people, with units; with ``energy``, what `energy_of` tells, if it is there."""
     impacts, per_turn = summary["impacts"], summary["impacts_per_turn"]
     lines = [
         ("bag", summary["bag"]),
@@ -82,7 +83,8 @@ def as_text(summary: dict[str, Any]) -> str:
         ("mean power", _number(summary["mean_power"], ".3f", "W")),
     ]
     width = max(len(label) for label, _ in lines) + 2
-    return "\n".join([*(f"{label:<{width}}{value}" for label, value in lines), "", *_table(summary["topics"]),
+    energy = ["", *energy_as_lines(summary["energy"])] if "energy" in summary else []
+    return "\n".join([*(f"{label:<{width}}{value}" for label, value in lines), *energy, "", *_table(summary["topics"]),
                       *not_read(summary["not_read"])]) + "\n"
 
 

@@ -1,0 +1,146 @@
+"""Where a recording's energy went: as a run of the same commands says; unknown for all that is not that run."""
+
+import json
+import time
+
+import numpy as np
+import pytest
+from simulated_bag import START, TICKS, simulated_bag
+
+import vibro_ros
+from vibro_ros.bag.cdr import blank, deserialised, serialised
+from vibro_ros.bag.definitions import Topic, defined
+from vibro_ros.bag.reader import load_bag
+from vibro_ros.bag.stream import BagStream
+from vibro_ros.bag.writer import BagWriter, Storage
+from vibro_ros.messages.topics import CHECKPOINT, CHECKPOINT_TYPE, ROBOT_TOPICS
+from vibro_ros.recordings.energy import energy_as_lines, energy_of
+from vibro_ros.recordings.energy_bar import parts_of
+from vibro_ros.recordings.plots import plot_run
+
+RATE = 50.0
+COMMANDS = [(tick / RATE, {"motor_speed": 60.0 + tick}) for tick in range(10, TICKS, 20)]
+
+
+@pytest.fixture
+def recorded(tmp_path):
+    simulated_bag(tmp_path / "bag", Storage())
+    return tmp_path / "bag"
+
+
+def device():
+    return vibro_ros.load_scene("device").with_parameters({"solver.accounts": True})
+
+
+def rewritten(folder, target, changed=lambda topic, stamp, data: (topic, stamp, data), custom=None, extra=()):
+    """The bag again, each message as `changed` gives it, or left out; `extra` messages on the checkpoint's topic."""
+    with BagStream(folder) as stream:
+        own = {**stream.metadata, **(custom or {})}
+        names = {**{name: one.type_name for name, one in stream.topics.items()}, f"/{CHECKPOINT}": CHECKPOINT_TYPE}
+        own["topics"] = json.dumps(json.loads(own["topics"]) | {CHECKPOINT: f"/{CHECKPOINT}"})
+        writer = BagWriter(target, defined([Topic(name, kind, 10) for name, kind in names.items()]), own, Storage())
+        messages = [changed(*message) for message in stream.messages()]
+        for topic, stamp, data in sorted([*filter(None, messages), *extra], key=lambda message: message[1]):
+            writer.write(1 + list(names).index(topic), stamp, bytes(data))
+        writer.flush()
+        writer.close({})
+    return target
+
+
+def test_accounts_are_those_of_the_commanded_run(recorded):
+    energy = energy_of(load_bag(recorded))
+    run = vibro_ros.simulate(device(), times=np.arange(TICKS) / RATE, commands=COMMANDS)
+    expected = run.statistics["energy_accounts"]
+    assert energy["accounts"] == pytest.approx(expected, rel=1e-12, abs=1e-12)
+    net = expected["motor_delivered"] - expected["motor_taken_back"]
+    assert energy["duration"] == (TICKS - 1) / RATE
+    assert energy["mean_power"] == pytest.approx(net / energy["duration"], rel=1e-12)
+    weight = device().total_mass * 9.81
+    assert energy["cost_of_transport"] == pytest.approx(net / weight / abs(run.body_position[-1]), rel=1e-12)
+
+
+def test_a_recording_that_begins_late_is_told_from_its_checkpoint_on(recorded, tmp_path):
+    """The robot that writes the checkpoint keeps no accounts."""
+    begin, message = 40, blank(CHECKPOINT_TYPE)
+    robot, accountant = (vibro_ros.Simulator(scene) for scene in (vibro_ros.load_scene("device"), device()))
+    for one in (robot, accountant):
+        for at, command in COMMANDS:
+            if at * RATE < begin:
+                one.advance_to(at)
+                one.command(**command)
+        one.advance_to(begin / RATE)
+    before, message.data = accountant.statistics["energy_accounts"], robot.checkpoint()
+    stamp = START + round(begin / RATE * 1e9)
+    late = rewritten(recorded, tmp_path / "late", lambda *one: one if one[1] >= stamp else None,
+                     extra=[(f"/{CHECKPOINT}", stamp, serialised(message, CHECKPOINT_TYPE))])
+    energy = energy_of(load_bag(late))
+    whole = energy_of(load_bag(recorded))["accounts"]
+    assert energy["duration"] == (TICKS - 1 - begin) / RATE
+    assert energy["accounts"] == pytest.approx({name: whole[name] - before[name] for name in whole}, abs=1e-11)
+
+
+def test_a_late_recording_without_a_checkpoint_is_unknown(recorded, tmp_path):
+    late = rewritten(recorded, tmp_path / "late", lambda *one: one if one[1] > START + 1e9 else None)
+    assert "without a checkpoint" in energy_of(load_bag(late))["unknown"]
+
+
+def test_another_run_than_the_commands_give_is_unknown(recorded, tmp_path):
+    """One rounding in the last odometry is enough."""
+    def changed(topic, stamp, data):
+        if topic == "/odom" and stamp == START + round((TICKS - 1) / RATE * 1e9):
+            odometry = deserialised(data, ROBOT_TOPICS["odom"])
+            odometry.pose.pose.position.x = np.nextafter(odometry.pose.pose.position.x, 1.0)
+            data = serialised(odometry, ROBOT_TOPICS["odom"])
+        return topic, stamp, data
+
+    assert "is not the recorded one" in energy_of(load_bag(rewritten(recorded, tmp_path / "other", changed)))["unknown"]
+
+
+def test_a_lost_command_is_noticed(recorded, tmp_path):
+    lost = rewritten(recorded, tmp_path / "lost", lambda *one: None if one[0] == "/motor_speed" else one)
+    assert "is not the recorded one" in energy_of(load_bag(lost))["unknown"]
+
+
+@pytest.mark.parametrize("custom, reason", [
+    ({"parameters": json.dumps({"solver.method": "rk4"})}, "recorded with rk4"),
+    ({"parameters": "no JSON"}, "cannot be simulated by this version"),
+    ({"start": "12"}, "are not those of the robot's samples"),
+    ({"start": "one"}, "cannot be simulated by this version")])
+def test_what_the_bag_says_of_itself_may_be_anything(recorded, tmp_path, custom, reason):
+    """`start` 12 ns after 1970: 56 years of simulation are not begun."""
+    began = time.monotonic()
+    unknown = energy_of(load_bag(rewritten(recorded, tmp_path / "bag2", custom=custom)))["unknown"]
+    assert reason in unknown or "only" in unknown
+    assert "\n" not in unknown and time.monotonic() - began < 60.0
+
+
+def test_years_between_two_samples_are_not_simulated(recorded, tmp_path):
+    def changed(topic, stamp, data):
+        return topic, stamp + (10**18 if stamp == START + round((TICKS - 1) / RATE * 1e9) else 0), data
+
+    assert "only 120 of" in energy_of(load_bag(rewritten(recorded, tmp_path / "years", changed)))["unknown"]
+
+
+def test_a_bag_of_another_program_is_unknown(record_run):
+    assert "says nothing of scene" in energy_of(load_bag(record_run()))["unknown"]
+
+
+def test_lines_and_bars_tell_the_same(recorded):
+    energy = energy_of(load_bag(recorded))
+    received, spent = parts_of(energy["accounts"])
+    assert sum(received.values()) == pytest.approx(sum(spent.values()), rel=1e-2)  # what is negligible is left out
+    head, *rows, last = energy_as_lines(energy)
+    assert "from the run simulated again" in head and "cost of transport" in last
+    names = {" ".join(row.split()[:-3]) for row in rows}
+    assert {"motor delivered", "motor taken back", "drive dampers", "stored", *spent} <= names
+    figure = plot_run(load_bag(recorded), "", energy)
+    assert figure.axes[-1].get_yticklabels()[1].get_text() == "received"
+    assert len(plot_run(load_bag(recorded), "", {"unknown": "why"}).axes) == len(figure.axes) - 1
+
+
+def test_what_gives_where_it_takes_changes_the_bar():
+    """Friction as printed may drive the body; a store may empty itself."""
+    accounts = dict.fromkeys(("plates", "unpaid", "drive_dampers", "plate_dampers", "blows", "landings"), 0.0)
+    accounts |= {"motor_delivered": 1.0, "motor_taken_back": 3.0, "friction": -0.5, "stored": -1.5}
+    assert parts_of(accounts) == ({"friction": 0.5, "stored": 1.5}, {"motor": 2.0})
+    assert parts_of(dict.fromkeys(accounts, 0.0)) == ({}, {})

@@ -1,0 +1,164 @@
+"""Where the energy of a recorded run went: the run simulated again from its commands, with its accounts kept."""
+
+from collections.abc import Iterator
+from typing import Any
+
+from tqdm import tqdm
+
+from vibro_ros.bag.reader import Bag
+from vibro_ros.bag.stream import BagError, BagStream
+from vibro_ros.messages.topics import CHECKPOINT, COMMAND_UNITS
+from vibro_ros.recordings.rerun import LONGEST_PAUSE, Rerun, RunFacts, run_facts
+from vibro_ros.simulation.motion import SimulationError
+from vibro_ros.simulation.preparation import prepare_kernels
+
+#: What the robot receives, with the sign that it counts with, and what it loses.
+RECEIVED = {"motor_delivered": 1.0, "motor_taken_back": -1.0, "plates": 1.0, "unpaid": 1.0}
+LOST = ("drive_dampers", "plate_dampers", "friction", "blows", "landings")
+
+_AT_ONCE = 20_000  # samples between two looks at the bar of progress
+_SILENCE = 2.0  # s, before the bar is shown
+
+
+class _UnknownError(Exception):
+    """Why nobody can tell where the energy went."""
+
+
+def energy_of(bag: Bag) -> dict[str, Any]:
+    """Energy accounts of a recorded run, from its first odometry to its last, ready for JSON.
+
+    Only what really happened is told: the run must be one of the method exact, and simulated again it must end, to the
+    last bit, where the recorded one did.
+
+    Parameters
+    ----------
+    bag : Bag
+        A recording with odometry.
+
+    Returns
+    -------
+    dict
+        ``duration`` [s]; ``accounts``, the changes of `Simulator.statistics`'s ``energy_accounts`` [J];
+        ``mean_power`` [W], the motor's net work over the duration, and ``cost_of_transport``, over weight times
+        displacement, None where that is 0. Or ``unknown``, a sentence that says why there are none.
+    """
+    try:
+        with BagStream(bag.path) as stream:
+            return _energy(bag, stream, run_facts(stream))
+    except (_UnknownError, BagError, SimulationError) as reason:
+        return {"unknown": str(reason)}
+
+
+def _energy(bag: Bag, stream: BagStream, facts: RunFacts) -> dict[str, Any]:
+    if (method := facts.scene["solver.method"]) != "exact":
+        raise _UnknownError(f"the accounts need solver.method exact; the run was recorded with {method}")
+    first, last = _ticks(bag, facts)
+    prepare_kernels("report", method)
+    rerun = Rerun(facts, facts.scene.with_parameters({"solver.accounts": True}))
+    commands = _commands(stream, facts)
+    if stream.start > facts.start:
+        first = max(first, _restored(rerun, commands))
+    with tqdm(total=last, desc="energy", unit=" samples", delay=_SILENCE) as bar:
+        before = _Run(rerun, bar).until(last, first, commands)
+    x = bag["odom"]["position"][:, 0]
+    if rerun.device.state.body_position != x[-1]:
+        raise _UnknownError("simulated again, the run is not the recorded one; `replay` tells where they part")
+    accounts = {name: amount - before[name] for name, amount in _accounts(rerun).items()}
+    net, duration = accounts["motor_delivered"] - accounts["motor_taken_back"], facts.time(last - first)
+    carried = facts.scene.total_mass * facts.scene["gravity"] * abs(float(x[-1] - x[0]))
+    return {"duration": duration, "accounts": accounts, "mean_power": net / duration if duration else None,
+            "cost_of_transport": net / carried if carried else None}
+
+
+def _ticks(bag: Bag, facts: RunFacts) -> tuple[int, int]:
+    """Numbers of the first and the last recorded sample.
+
+    A recording that lies about its time could ask for years of simulation: so most of the samples must be there.
+    """
+    times = bag["odom"]["time"]
+    first, last = (facts.tick(bag.start_ns + round(float(time) * 1e9)) for time in times[[0, -1]])
+    if first is None or last is None:
+        raise _UnknownError("the stamps of its odometry are not those of the robot's samples")
+    if last - first > 2 * len(times) + LONGEST_PAUSE * facts.rate:
+        raise _UnknownError(f"only {len(times)} of {last - first + 1} samples of odometry are recorded")
+    return first, last
+
+
+def _commands(stream: BagStream, facts: RunFacts) -> Iterator[tuple[int, str, bytes]]:
+    """Number of the sample after which it came, own name and message of each command, and of each checkpoint."""
+    names = {topic: name for name, topic in facts.topics.items() if name in COMMAND_UNITS or name == CHECKPOINT}
+    for topic, stamp, data in stream.messages(frozenset(names)):
+        tick = facts.tick(stamp)
+        if tick is None:
+            raise _UnknownError(f"the stamp {stamp} of a message on {topic} is not that of a sample")
+        yield tick, names[topic], data
+
+
+def _restored(rerun: Rerun, commands: Iterator[tuple[int, str, bytes]]) -> int:
+    """Let a run that is recorded from later on begin at its first checkpoint; the number of that sample."""
+    for tick, name, data in commands:
+        if name == CHECKPOINT:
+            try:
+                rerun.restore(tick, data)
+            except ValueError as error:
+                raise _UnknownError(str(error)) from error
+            return tick
+    raise _UnknownError("the recording begins after the robot's start, without a checkpoint")
+
+
+class _Run:
+    """The run on its way, shown by a bar of progress."""
+
+    def __init__(self, rerun: Rerun, bar: tqdm):
+        self._rerun, self._bar = rerun, bar
+
+    def until(self, last: int, first: int, commands: Iterator[tuple[int, str, bytes]]) -> dict[str, float]:
+        """Simulate up to the sample `last`; the accounts at the sample `first`."""
+        before: dict[str, float] = {}
+        for tick, name, data in commands:
+            if tick > last:
+                break
+            if tick < self._rerun.tick:
+                raise _UnknownError("its commands lie out of the order of time")
+            if tick >= first and not before:
+                before = self._accounts_at(first)
+            if name != CHECKPOINT:
+                self._go_to(tick)
+                self._rerun.command(name, data)
+        before = before or self._accounts_at(first)
+        self._go_to(last)
+        return before
+
+    def _accounts_at(self, tick: int) -> dict[str, float]:
+        self._go_to(tick)
+        return _accounts(self._rerun)
+
+    def _go_to(self, tick: int) -> None:
+        while True:
+            self._rerun.go_to(min(tick, self._rerun.tick + _AT_ONCE))
+            self._bar.update(self._rerun.tick - self._bar.n)
+            if self._rerun.tick == tick:
+                return
+
+
+def _accounts(rerun: Rerun) -> dict[str, float]:
+    return rerun.device.statistics["energy_accounts"]
+
+
+def energy_as_lines(energy: dict[str, Any]) -> list[str]:
+    """The accounts as a table for people: energy, and its share of what the motor delivered."""
+    if "unknown" in energy:
+        return [f"energy: unknown: {energy['unknown']}"]
+    accounts, width = energy["accounts"], max(map(len, energy["accounts"])) + 2
+    full = accounts["motor_delivered"]
+    lines = [f"energy over {energy['duration']:.3f} s, from the run simulated again: + received, - lost or stored; "
+             "shares of what the motor delivered"]
+    for name, sign in {**RECEIVED, **dict.fromkeys((*LOST, "stored", "residual"), -1.0)}.items():
+        amount = sign * accounts[name]
+        share = f"{amount / full:+10.2%}" if full else ""
+        if accounts[name] or name in ("motor_delivered", "stored"):
+            lines.append(f"{name.replace('_', ' '):<{width}}{amount:+14.6g} J{share}")
+    power, cost = ("-" if energy[name] is None else format(energy[name], ".5g") for name in (
+        "mean_power", "cost_of_transport"))
+    return [*lines, f"net power of the motor {power} W; cost of transport {cost}, its net work over weight times "
+            "displacement"]
