@@ -239,7 +239,7 @@ def check_energy(scene, device, rows):
 def check_accounts(scene, accounts, allowed):
     """What is received is lost or stored, to the rounding of the audit. Nothing but the friction of eq. (6) gives where
     it should take, and with the reaction nothing is unpaid."""
-    if scene["effects.misprint"]:  # what the masses exchange, which the audit balances, is little beside the body's work
+    if scene["effects.misprint"]:  # what the masses exchange, by which the audit is measured, is little beside this
         allowed += 1e-11 * (abs(accounts["unpaid"]) + abs(accounts["friction"]))
     assert abs(accounts["residual"]) <= allowed
     taking = {"drive_dampers", "plate_dampers", "blows", "landings"}
