@@ -26,7 +26,8 @@ def test_the_table_has_a_row_a_scene_and_a_cell_a_column(monkeypatch, capsys):
     compiled = r"A scene with another guide angle is compiled in \d+\.\d\d ms \(`no_impact`\), .*\(`device`\)\."
     assert re.fullmatch(compiled, lines[-4])
     shares = (r"The first 0\.2 s of `device` cost \d\.\d{3} of RK4's\. With the energy audit `device` costs \d+\.\d\d "
-              r".* Of a run, -?\d+ % \(`no_impact`\), .* goes into its samples\.")
+              r"of what it costs without, with the energy accounts \d+\.\d\d\. Of a run, -?\d+ % \(`no_impact`\), .* "
+              r"goes into its samples\.")
     assert re.fullmatch(shares, lines[-6])
     unequal = (r"If every tenth run takes ten times as long, two workers of `simulate_many` are \d+\.\d\d times as "
                r"fast as one; two processes that share nothing, \d+\.\d\d times\.")

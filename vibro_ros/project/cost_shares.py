@@ -1,4 +1,4 @@
-"""What of a run's cost is what: its start, the energy audit, the samples."""
+"""What of a run's cost is what: its start, the energy's audit and accounts, the samples."""
 
 from collections.abc import Callable
 
@@ -24,11 +24,11 @@ def first_moments(repeats: int) -> float:
     return ratio(lambda: run_exact(scene, times), lambda: run_baseline(scene, times), repeats)
 
 
-def audit(duration: float, repeats: int) -> float:
-    """Cost of `device` with the energy audit, 1 without."""
-    times = np.arange(round(duration * RATE) + 1) / RATE
-    with_audit, without = (load_scene("device").with_parameters({"solver.audit": on}) for on in (True, False))
-    return ratio(lambda: run_exact(with_audit, times), lambda: run_exact(without, times), repeats)
+def keeping(parameter: str, duration: float, repeats: int) -> float:
+    """Cost of `device` with the audit or the accounts that `parameter` switches on, 1 without both."""
+    times, neither = np.arange(round(duration * RATE) + 1) / RATE, {"solver.audit": False, "solver.accounts": False}
+    with_one, without = (load_scene("device").with_parameters(neither | {parameter: on}) for on in (True, False))
+    return ratio(lambda: run_exact(with_one, times), lambda: run_exact(without, times), repeats)
 
 
 def sampling(scene: Scene, duration: float, repeats: int) -> float:
@@ -40,6 +40,7 @@ def sampling(scene: Scene, duration: float, repeats: int) -> float:
 def about_shares(duration: float, repeats: int) -> str:
     """All of it, in words."""
     samples = (f"{100.0 * sampling(load_scene(name), duration, repeats):.0f} % (`{name}`)" for name in _SAMPLED)
+    audit, accounts = (keeping(f"solver.{name}", duration, repeats) for name in ("audit", "accounts"))
     return (f"The first {SHORT:g} s of `device` cost {first_moments(repeats):.3f} of RK4's. With the energy audit "
-            f"`device` costs {audit(duration, repeats):.2f} of what it costs without. Of a run, {', '.join(samples)} "
-            "goes into its samples.")
+            f"`device` costs {audit:.2f} of what it costs without, with the energy accounts {accounts:.2f}. Of a run, "
+            f"{', '.join(samples)} goes into its samples.")
