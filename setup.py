@@ -50,7 +50,7 @@ setup(
             "ros-jazzy-std-srvs",
         ],
         # What the studies need beyond the robot: tables of results, searches for an optimum, sensitivities.
-        "study": ["SALib", "cma", "cmaes", "pyarrow", "pymoo"],
+        "study": ["SALib", "cma", "pyarrow"],
         # Sweeps on more than one machine.
         "cluster": ["distributed"],
         "test": [

@@ -19,7 +19,7 @@ ROSDEP_KEYS = {"PIL": "python3-pil", "mcap": "python3-mcap-pip", "rosbags": "pyt
 ROSDEP_KEYS |= {name: f"python3-{name}" for name in ("matplotlib", "numba", "numpy", "scipy", "tqdm")}
 LOCKS = ("requirements.txt", "requirements-bench.txt", "requirements-study.txt")
 # Of the extras `bench`, `study` and `cluster`; only the rooms peer and study import them.
-NO_ROSDEP_KEY = {"heyoka", "SALib", "cma", "cmaes", "distributed", "pyarrow", "pymoo"}
+NO_ROSDEP_KEY = {"heyoka", "SALib", "cma", "distributed", "pyarrow"}
 
 
 def canonical(name: str) -> str:

@@ -21,7 +21,7 @@ TERMS = {
     r"Helouvry": "Hélouvry",
     r"behavior": "behaviour",
     r"artifact": "artefact",
-    r"analyz": "analys",
+    r"(?<!\.)analyz": "analys",  # other libraries name functions so
     r"neighbor": "neighbour",
 }
 _PLACES = ("*.md", "docs/**/*.md", "vibro_ros/**/*.py", "config/**/*.yaml", "Makefile", "setup.py")

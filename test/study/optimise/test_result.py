@@ -1,0 +1,186 @@
+"""The optimum is verified, perturbed and written by what it really is."""
+
+import math
+
+import numpy as np
+import pytest
+
+from vibro_ros.accuracy.starts import average
+from vibro_ros.configuration.scene_file import load_scene
+from vibro_ros.study.optimise import command
+from vibro_ros.study.optimise.evaluation import VERIFYING, Trials, values_of, values_of_many
+from vibro_ros.study.optimise.lasting import lasting
+from vibro_ros.study.optimise.objective import MEASURED, Reading
+from vibro_ros.study.optimise.result_file import read_result
+from vibro_ros.study.optimise.scene_of_optimum import write_scene
+from vibro_ros.study.optimise.sensitivity import neighbourhood, robot_count
+from vibro_ros.study.optimise.space import VARIABLES, Space
+from vibro_ros.study.optimise.verification import (
+    OPTIMUM,
+    PAPER,
+    PERTURBATION,
+    one_at_a_time,
+    perturbed,
+    readings,
+    verified,
+)
+from vibro_ros.study.optimise.words import document
+
+SCENE = command.sought(load_scene("device"))
+SPACE = Space(SCENE)
+SHORT = Trials(starts=3, settling=1.5, duration=1.0)
+
+
+class Counting:
+    """Counts what it is told."""
+
+    count = 0
+
+    def update(self, n):
+        """Add `n`."""
+        self.count += n
+
+
+def of_scene(space=SPACE):
+    """Return the scene's own values of the varied parameters."""
+    return {variable.name: space.scene[variable.name] for variable in space.variables}
+
+
+def test_values_do_not_depend_on_workers():
+    robots = [SPACE.robot(point) for point in np.random.default_rng(0).random((4, 17))]
+    one, two = (list(values_of_many(robots, SHORT, workers)) for workers in (1, 2))
+    np.testing.assert_array_equal(one, two)
+    assert one[0].shape == (3, len(MEASURED))
+
+
+def test_the_robots_are_compared_from_the_same_fresh_starts():
+    progress = Counting()
+    rows = verified(SPACE, of_scene(), Reading(), SHORT, 1, progress)
+    own = [row for row in rows if row.reading == "as sought (`device`)"]
+    fresh = values_of(SCENE, Trials(3, 1.5, 1.0, VERIFYING))
+    assert own[0].robot == OPTIMUM and own[0].margin is None
+    assert own[0].speed == average(-fresh[:, 0])  # it goes backwards
+    assert own[2].margin.mean == own[2].margin.spread == 0.0  # the scene's parameters are this optimum
+    papers = values_of(SCENE.with_parameters({"guide.angle": math.radians(80.0), "mass.inclined": 0.02,
+                                              "crank.radius": 0.06}), Trials(3, 1.5, 1.0, VERIFYING))
+    assert own[1].robot == PAPER
+    assert own[1].margin.mean == pytest.approx(np.mean(np.abs(fresh[:, 0]) - np.abs(papers[:, 0])))
+    weight = SCENE.total_mass * SCENE["gravity"]
+    assert own[0].cost == pytest.approx(fresh[:, 1].mean() / weight / np.abs(fresh[:, 0]).mean())
+    assert progress.count == len(rows) == 3 * len(readings(SCENE))
+
+
+def test_readings_differ():
+    for name in ("device", "paper", "unilateral"):
+        scenes = list(readings(load_scene(name)).values())
+        assert all(one != other for number, one in enumerate(scenes) for other in scenes[:number])
+    assert any(scene["effects.reaction"] for scene in readings(load_scene("paper")).values())
+
+
+def test_no_cost_of_transport_where_energy_does_not_balance():
+    space = Space(load_scene("damped"), VARIABLES[:1])
+    rows = verified(space, {"mass.upper": 0.1}, Reading(), SHORT, 1, Counting())
+    assert math.isnan(rows[0].cost)
+    assert math.isfinite(next(row.cost for row in rows if "`device`" in row.reading))
+
+
+def test_perturbed_robots_can_be_built_even_beyond_the_bounds():
+    corners = np.random.default_rng(3).integers(0, 2, (40, 17))
+    for corner in corners:
+        parameters = SPACE.parameters(corner)
+        for _, _, robot in one_at_a_time(SPACE, parameters):
+            assert robot["crank.radius"] <= min(robot["crank.upper_rod"], robot["crank.inclined_rod"])
+    lowest = SPACE.parameters([0.0] * 17)
+    assert perturbed(SPACE, lowest, {"mass.upper": -1.0})["mass.upper"] == lowest["mass.upper"] * (1.0 - PERTURBATION)
+    assert perturbed(SPACE, lowest, {}).parameters == SPACE.scene.with_parameters(lowest).parameters
+
+
+def test_sobols_indices_find_what_matters(monkeypatch):
+    """Of a score that is linear in two parameters, known shares: 0.9 and 0.1."""
+    space, shares = Space(SCENE, VARIABLES[:3]), {"mass.upper": 3.0, "mass.inclined": 1.0}
+    optimum = of_scene(space)
+
+    def values_of_many(robots, trials, workers):
+        for robot in robots:
+            shift = sum(share * (robot[name] / optimum[name] - 1.0) for name, share in shares.items())
+            yield np.full((1, 1), 10.0 + shift)
+
+    monkeypatch.setattr("vibro_ros.study.optimise.sensitivity.values_of_many", values_of_many)
+    progress = Counting()
+    around = neighbourhood(space, optimum, lambda values: float(values.mean()), SHORT, 256, 0, 1, progress)
+    upper, inclined, rod = around.sensitivities
+    assert (upper.first, inclined.first, rod.first) == pytest.approx((0.9, 0.1, 0.0), abs=0.03)
+    assert (upper.total, inclined.total, rod.total) == pytest.approx((0.9, 0.1, 0.0), abs=0.03)
+    assert (upper.lower, upper.upper) == pytest.approx((0.985, 1.015))
+    assert around.median == pytest.approx(1.0, abs=1e-3)
+    assert progress.count == robot_count(space, 256) == 1 + 6 + around.robots
+
+
+def test_scene_file_gives_the_robot_back(tmp_path):
+    robot = SPACE.robot(np.random.default_rng(5).random(17))
+    write_scene(tmp_path / "optimum.yaml", robot, "a robot")
+    assert load_scene(tmp_path / "optimum.yaml").parameters == robot.parameters
+
+
+def test_the_papers_power_vanishes_while_its_speed_stays():
+    short, long = lasting(load_scene("paper"), Trials(starts=4, settling=4.0), (2.0, 128.0), Counting())
+    assert long.power < short.power / 10.0
+    assert long.speed.mean == pytest.approx(short.speed.mean, rel=0.2)
+    assert long.ratio > 10.0 * short.ratio
+    assert long.delivered.mean == pytest.approx(short.delivered.mean, rel=0.2)
+
+
+OPTIONS = "--quick --budget 24 --starts 2 --workers 1 --seed 1 --vary crank.radius=0.005:0.02 --fix upper.gap=0.001"
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """Return the output of a search that is too short to find anything."""
+    found = tmp_path_factory.mktemp("optimise")
+    assert command.main([*OPTIONS.split(), "--output", str(found)]) == 0
+    return found
+
+
+def test_everything_is_written(folder):
+    assert {path.name for path in folder.iterdir()} == {
+        "optimum.md", "optimum.yaml", "optimum.json", "convergence.png", "sensitivity.png", "front.png",
+        "evaluations.jsonl"}
+    robot = load_scene(folder / "optimum.yaml")
+    assert 0.005 <= robot["crank.radius"] <= 0.02 and robot["upper.gap"] == 0.001
+
+
+def test_text_is_made_of_the_numbers(folder):
+    plan = command.plan_of(command.parser().parse_args(OPTIONS.split()))
+    result = read_result(folder / "optimum.json", plan)
+    assert (folder / "optimum.md").read_text() == document(result)
+    assert result.robot.parameters == load_scene(folder / "optimum.yaml").parameters
+    for content in ("nonsense", "{}", "[]", '{"optimum": {"mass.upper": "a"}}'):
+        (folder / "other.json").write_text(content)
+        with pytest.raises(ValueError, match="is no result of this plan"):
+            read_result(folder / "other.json", plan)
+    (folder / "other.json").unlink()
+
+
+@pytest.mark.parametrize(("words", "said"), [
+    ("--scene paper", "--scene paper: has effects.reaction false"),
+    ("--scene paper --objective front", "the cost of transport has no bound"),
+    ("--scene papper", "papper: neither a shipped scene nor a file"),
+    ("--objective fast", "invalid choice: 'fast'"),
+    ("--budget 0", "--budget 0: give a number from 1"),
+    ("--budget 99999999", "--budget 99999999: give a number"),
+    ("--starts 1", "--starts 1: give a number from 2"),
+    ("--workers 0", "--workers 0: give a number from 1"),
+    ("--seed -1", "--seed -1: give a number from 0"),
+    ("--least-speed nan", "--least-speed nan: give a number from 0"),
+    ("--vary crank.radius", "give NAME=LOW:HIGH"),
+    ("--vary crank.radius=a:b", "'a' is not a number"),
+    ("--fix guide.angle=7", "guide.angle: 7 is out of range"),
+    ("--fix guide.angle=x", "--fix guide.angle=x: 'x' is not a number"),
+    ("--set start.state", "give NAME=VALUE"),
+    ("--set start.state=up", "start.state: 'up' is unknown"),
+    ("--output /dev/null/x", "/dev/null/x: Not a directory; give a writable --output"),
+])
+def test_bad_words_are_one_line(capsys, words, said):
+    assert command.main(words.split()) == 2
+    error = capsys.readouterr().err
+    assert said in error and error.count("\n") == 1 and error.startswith("study: ")

@@ -1,0 +1,157 @@
+"""The search finds what is known to be best, its budget holds, and a search that was stopped goes on bit for bit."""
+
+import json
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+
+from vibro_ros.study.optimise import search as module
+from vibro_ros.study.optimise.evaluation import Trials
+from vibro_ros.study.optimise.front import by_weights, non_dominated
+from vibro_ros.study.optimise.plan import FRONT
+from vibro_ros.study.optimise.record import Record
+from vibro_ros.study.optimise.search import METHODS, Evaluations, SpentError, search
+
+PATIENCE = 120.0  # [s] deadline of what takes a few seconds on an idle machine
+BEST = np.array([0.2, 0.9, 0.6])
+
+
+class Nobody:
+    """Is told of progress."""
+
+    def update(self, n):
+        """Do nothing."""
+
+
+def hill(points):
+    """Score 1 at `BEST`, less elsewhere."""
+    return 1.0 - np.square(points - BEST).sum(axis=1)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_finds_the_top_of_a_hill(method):
+    tried = []
+
+    def scores(points):
+        tried.append(points.copy())
+        if sum(map(len, tried)) > 2000:
+            raise SpentError
+        return hill(points)
+
+    with pytest.raises(SpentError):
+        METHODS[method](scores, 3, 0)
+    every = np.concatenate(tried)
+    assert ((every >= 0.0) & (every <= 1.0)).all()
+    assert every[np.argmax(hill(every))] == pytest.approx(BEST, abs=0.01)
+
+
+class Cube:
+    """A space whose robots are their points."""
+
+    dimension = 3
+
+    def robot(self, point):
+        """Return the point."""
+        return point
+
+
+@pytest.fixture
+def simulated(monkeypatch):
+    """Replace simulation by the hill; returns the points that were simulated."""
+    points = []
+
+    def values_of_many(robots, trials, workers):
+        points.extend(robots)
+        return (np.full((trials.starts, 1), hill(robot[None])[0]) for robot in robots)
+
+    monkeypatch.setattr(module, "values_of_many", values_of_many)
+    return points
+
+
+def searched(path, budget, method="cma"):
+    record = Record(path, {"method": method})
+    evaluations = Evaluations(Cube(), Trials(starts=2), record, budget, 1, Nobody())
+    search(method, evaluations, lambda values: float(values.mean()), 3, 5)
+    record.close()
+    return evaluations.gathered()
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_a_stopped_search_goes_on_bit_for_bit(tmp_path, simulated, method):
+    whole = searched(tmp_path / "whole", 300, method)
+    assert 300 <= len(whole.points) < 500  # the last group is not cut
+    searched(tmp_path / "parts", 100, method)
+    done = len(simulated)
+    for budget in (150, 220, 300):
+        parts = searched(tmp_path / "parts", budget, method)
+    np.testing.assert_array_equal(parts.points, whole.points)
+    np.testing.assert_array_equal(parts.values, whole.values)
+    assert (tmp_path / "parts").read_bytes() == (tmp_path / "whole").read_bytes()
+    assert len(simulated) - len(whole.points) == len(whole.points) and done > len(whole.points)  # nothing twice
+
+
+def test_a_finished_search_simulates_nothing_again(tmp_path, simulated):
+    searched(tmp_path / "record", 60)
+    done = len(simulated)
+    searched(tmp_path / "record", 60)
+    assert len(simulated) == done
+
+
+class SpeedAndCost:
+    """A plan whose speed is the first coordinate and whose cost grows with it."""
+
+    objective, seed, space = FRONT, 0, Cube()
+
+    def speed_and_cost(self, robot, values):
+        """Speed and cost of a point."""
+        return 0.01 + robot[0], np.exp(3.0 * robot[0]) + 10.0 * np.square(robot[1:] - 0.5).sum()
+
+
+def test_the_front_reaches_from_slow_and_cheap_to_fast_and_dear(tmp_path, simulated):
+    record = Record(tmp_path / "record", {})
+    evaluations = Evaluations(Cube(), Trials(starts=2), record, 1600, 1, Nobody())
+    by_weights(evaluations, SpeedAndCost())
+    record.close()
+    pairs = np.array([SpeedAndCost().speed_and_cost(point, None) for point in evaluations.gathered().points])
+    front = pairs[non_dominated(pairs)]
+    assert front[0, 1] < 1.1 and front[-1, 0] > 0.99  # the cheapest, the fastest
+    assert (np.diff(front, axis=0) > 0.0).all()
+
+
+def test_non_dominated():
+    pairs = np.array([[1.0, 5.0], [2.0, 4.0], [3.0, 9.0], [3.0, 8.0], [0.5, np.inf], [-1.0, 0.1], [2.0, 4.0]])
+    assert non_dominated(pairs) == [1, 3]
+    assert non_dominated(np.empty((0, 2))) == []
+
+
+def command(folder, budget):
+    return [sys.executable, "-m", "vibro_ros.study.study", "optimise", "--quick", "--budget", str(budget), "--starts",
+            "2", "--output", str(folder), *(word for name in FIXED for word in ("--fix", name))]
+
+
+FIXED = [f"{side}.{part}.{kind}" for side in ("upper", "inclined") for part in ("spring", "plate")
+         for kind in ("stiffness", "damping")]
+
+
+def test_ctrl_c_keeps_what_is_done_and_the_same_command_goes_on(tmp_path):
+    record = tmp_path / "evaluations.jsonl"
+    process = subprocess.Popen(command(tmp_path, 100_000), stderr=subprocess.PIPE, text=True)
+    deadline = time.monotonic() + PATIENCE
+    while not record.exists() or record.read_bytes().count(b"\n") < 3:
+        assert time.monotonic() < deadline and process.poll() is None
+        time.sleep(0.02)
+    process.send_signal(signal.SIGINT)
+    _, said = process.communicate(timeout=PATIENCE)
+    assert process.returncode == 130
+    assert "the same command goes on from there" in said and "Traceback" not in said
+    kept = record.read_bytes()
+    groups = [json.loads(line) for line in kept[:kept.rindex(b"\n")].splitlines()[1:]]
+    budget = sum(len(group["points"]) for group in groups)
+    done = subprocess.run(command(tmp_path, budget), capture_output=True, text=True, timeout=PATIENCE)
+    assert done.returncode == 0, done.stderr
+    assert record.read_bytes() == kept[:kept.rindex(b"\n") + 1]
+    assert (tmp_path / "optimum.yaml").is_file()

@@ -1,0 +1,1 @@
+"""Study `optimise`: the fastest robot, the thriftiest one, and the front between them."""

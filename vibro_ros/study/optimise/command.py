@@ -1,0 +1,185 @@
+"""`study optimise`: search, verify, and write what was found."""
+
+import argparse
+import re
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+
+from tqdm import tqdm
+
+from vibro_ros.accuracy.precision import running
+from vibro_ros.configuration.scene_file import load_scene
+from vibro_ros.configuration.strict_yaml import read_scalar
+from vibro_ros.model.parameters import BY_NAME, parameter_named
+from vibro_ros.model.scene import Scene
+from vibro_ros.process.command_line import Parser
+from vibro_ros.process.front_door import exit_code, say
+from vibro_ros.process.regular_file import replace_file
+from vibro_ros.process.stop_signals import interrupted_code
+from vibro_ros.simulation.preparation import prepare_kernels
+from vibro_ros.simulation.processes import core_count
+from vibro_ros.study.optimise.drawing import draw_convergence, draw_front, draw_sensitivity
+from vibro_ros.study.optimise.objective import DIRECTIONS, OBJECTIVES, POWERS, Reading
+from vibro_ros.study.optimise.plan import FRONT, QUICK, Effort, Plan
+from vibro_ros.study.optimise.result import Result, studied
+from vibro_ros.study.optimise.result_file import write_result
+from vibro_ros.study.optimise.scene_of_optimum import write_scene
+from vibro_ros.study.optimise.search import METHODS, Candidates, Progress
+from vibro_ros.study.optimise.space import Space, chosen_variables
+from vibro_ros.study.optimise.words import document, title
+
+RECORD, TEXT, SCENE, NUMBERS = "evaluations.jsonl", "optimum.md", "optimum.yaml", "optimum.json"
+_MOST = {"budget": 10**6, "starts": 1000, "workers": 1024, "seed": 2**31 - 2}
+_LEAST = {"budget": 1, "starts": 2, "workers": 1, "seed": 0}
+_VARIED = re.compile(r"([^=]+)=([^:]+):([^:]+)")
+
+
+def main(words: Sequence[str]) -> int:
+    """Run the study; returns the exit code."""
+    return exit_code("study", lambda: _run(words))
+
+
+def _run(words: Sequence[str]) -> int:
+    options = parser().parse_args(words)
+    plan, folder = plan_of(options), options.output
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise ValueError(f"{error.filename}: {error.strerror}; give a writable --output") from error
+    prepare_kernels("study", plan.space.scene["solver.method"])
+    try:
+        result, candidates = studied(plan, folder / RECORD, options.workers, shown)
+    except KeyboardInterrupt:
+        say("study", f"interrupted; what was evaluated is in {folder / RECORD}; the same command goes on from there")
+        return interrupted_code()
+    print("\n".join(map(str, written(result, candidates, folder))))
+    return 0
+
+
+def plan_of(options: argparse.Namespace) -> Plan:
+    """What the command line asks for.
+
+    Raises
+    ------
+    ValueError
+        For an option that makes no sense.
+    """
+    for name in _MOST:
+        value = getattr(options, name)
+        if value is not None and not _LEAST[name] <= value <= _MOST[name]:
+            raise ValueError(f"--{name} {value}: give a number from {_LEAST[name]} to {_MOST[name]}")
+    if not 0.0 <= options.least_speed <= 100.0:
+        raise ValueError(f"--least-speed {options.least_speed:g}: give a number from 0 to 100 m/s")
+    fixed, varied = _fixed(options.fix), _varied(options.vary)
+    scene = sought(load_scene(options.scene).with_parameters(_set(options.set) | {
+        name: value for name, value in fixed.items() if value is not None}))
+    effort = QUICK if options.quick else Effort()
+    starts = options.starts or effort.trials.starts
+    effort = replace(effort, budget=options.budget or effort.budget, trials=replace(effort.trials, starts=starts))
+    return Plan(Space(scene, chosen_variables(tuple(fixed), varied)), options.objective, options.method,
+                Reading(options.power, options.direction), options.least_speed, effort, options.seed)
+
+
+def sought(scene: Scene) -> Scene:
+    """`scene` with its motor turning from the start, and without what costs time and changes nothing."""
+    return running(scene).with_parameters({"solver.audit": False})
+
+
+@contextmanager
+def shown(stage: str, robots: int) -> Iterator[Progress]:
+    """Show on stderr how many robots of a stage are done, and the time that is left."""
+    say("study", f"{stage}: {robots} robots ...")
+    with tqdm(total=robots, desc=stage, unit="robot", disable=None) as bar:
+        yield bar
+
+
+def written(result: Result, candidates: Candidates, folder: Path) -> list[Path]:
+    """Write text, numbers, scene and pictures of a result; returns the files (OSError)."""
+    head = title(result.plan)
+    pictures = {"convergence.png": draw_convergence(result.plan, candidates, head),
+                "sensitivity.png": draw_sensitivity(result.around, head)}
+    if result.front:
+        pictures["front.png"] = draw_front(result, candidates, head)
+    write_scene(folder / SCENE, result.robot, f"{head}; found by `study optimise`.")
+    write_result(folder / NUMBERS, result)
+    replace_file(folder / TEXT, document(result).encode())
+    for name, figure in pictures.items():
+        figure.savefig(folder / name)
+    return [folder / name for name in (TEXT, SCENE, NUMBERS, *pictures, RECORD)]
+
+
+def _set(words: Sequence[str]) -> dict[str, object]:
+    found = {}
+    for word in words:
+        name, equals, value = word.partition("=")
+        if not equals:
+            raise ValueError(f"--set {word}: give NAME=VALUE, such as start.state=zero")
+        found[name] = read_scalar(value)
+    return found
+
+
+def _fixed(words: Sequence[str]) -> dict[str, float | None]:
+    """Names that are fixed, and the values that they are fixed at; None for the scene's."""
+    found: dict[str, float | None] = {}
+    for word in words:
+        name, equals, value = word.partition("=")
+        parameter = parameter_named(name, BY_NAME)
+        found[name] = parameter.checked(_number("--fix", word, value)) if equals else None
+    return found
+
+
+def _varied(words: Sequence[str]) -> dict[str, tuple[float, float]]:
+    found = {}
+    for word in words:
+        if not (parts := _VARIED.fullmatch(word)):
+            raise ValueError(f"--vary {word}: give NAME=LOW:HIGH, such as crank.radius=0.01:0.03")
+        found[parts[1]] = _number("--vary", word, parts[2]), _number("--vary", word, parts[3])
+    return found
+
+
+def _number(option: str, word: str, text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        raise ValueError(f"{option} {word}: {text!r} is not a number") from None
+
+
+def parser() -> Parser:
+    """The command line of the study."""
+    default = Effort()
+    own = Parser(
+        prog="study optimise",
+        description="Search for the fastest or thriftiest robot, verify the optimum from fresh starts "
+        "and beside the paper's, perturb it, and write text, pictures and a scene file. Ctrl-C keeps what is done; the "
+        "same command goes on.",
+        epilog="Exit code 0: done; 1: a run failed; 2: bad input; 129, 130, 143: stopped by SIGHUP, SIGINT, SIGTERM.")
+    own.add_argument("--scene", default="device", metavar="NAME", help="shipped scene or scene file that gives "
+                        "everything that is not varied (default: %(default)s)")
+    objectives = "; ".join(f"{name}: {one.does}" for name, one in OBJECTIVES.items())
+    own.add_argument("--objective", choices=[*OBJECTIVES, FRONT], default="speed_per_power", help=f"{objectives}; "
+                        f"{FRONT}: speed and cost of transport (default: %(default)s)")
+    own.add_argument("--power", choices=POWERS, default="net", help="what P is; net: less what springs return to "
+                        "the motor; delivered: without that (default: %(default)s)")
+    own.add_argument("--direction", choices=DIRECTIONS, default="either", help="which way counts; all starts must "
+                        "agree (default: %(default)s)")
+    own.add_argument("--least-speed", type=float, default=0.0, metavar="V", help="slower robots do not count [m/s] "
+                        "(default: %(default)s)")
+    own.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", help="another value of the scene, "
+                        "such as start.state=zero")
+    own.add_argument("--fix", action="append", default=[], metavar="NAME[=VALUE]", help="do not vary this parameter")
+    own.add_argument("--vary", action="append", default=[], metavar="NAME=LOW:HIGH", help="vary it between these "
+                        "bounds, in its unit")
+    own.add_argument("--budget", type=int, metavar="N", help=f"robots that are tried (default: {default.budget})")
+    own.add_argument("--starts", type=int, metavar="N", help="drawn starts of each robot (default: "
+                        f"{default.trials.starts})")
+    own.add_argument("--method", choices=METHODS, default="cma", help="of the search; the front is "
+                        "always sought by cma (default: %(default)s)")
+    own.add_argument("--seed", type=int, default=0, metavar="N", help="of the search (default: %(default)s)")
+    own.add_argument("--workers", type=int, default=core_count(), metavar="N", help="processes; change no number "
+                        "(default: %(default)s)")
+    own.add_argument("--quick", action="store_true", help="a look at everything within two minutes, not an optimum")
+    own.add_argument("--output", type=Path, default=Path("out/study/optimise"), metavar="DIR",
+                        help="where to write (default: %(default)s)")
+    return own

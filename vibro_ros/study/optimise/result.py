@@ -1,0 +1,138 @@
+"""The course of a study: search, choice among the best by fresh starts, verification, perturbation."""
+
+from collections.abc import Callable, Mapping
+from contextlib import AbstractContextManager, closing
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from vibro_ros.model.scene import Scene
+from vibro_ros.study.optimise.evaluation import CHOOSING, values_of_many
+from vibro_ros.study.optimise.front import SHOWN, FrontRobot, by_weights, front_of
+from vibro_ros.study.optimise.plan import FRONT, Plan
+from vibro_ros.study.optimise.record import Record
+from vibro_ros.study.optimise.search import Candidates, Evaluations, Progress, search
+from vibro_ros.study.optimise.sensitivity import Neighbourhood, neighbourhood, robot_count
+from vibro_ros.study.optimise.verification import Verified, case_count, verified
+
+#: Parts of a search after which its best score is noted.
+MILESTONES = (0.25, 0.5, 0.75, 1.0)
+Bar = Callable[[str, int], AbstractContextManager[Progress]]
+"""Makes the progress of a stage from its name and its number of robots."""
+
+
+@dataclass(frozen=True)
+class Result:
+    """What a study has found.
+
+    Attributes
+    ----------
+    plan : Plan
+        What was asked for.
+    robots : int
+        Number of candidates.
+    best_scores : tuple of float
+        Best score after each of `MILESTONES` parts of the candidates.
+    optimum : mapping
+        Varied parameters of the best.
+    robot : Scene
+        The best.
+    on_bound : tuple of str
+        For each variable `low`, `high` or an empty text.
+    verified : tuple of Verified
+        The best beside the paper's robots, from fresh starts.
+    around : Neighbourhood
+        The best, perturbed.
+    front : tuple of FrontRobot
+        Robots of which none is both faster and cheaper than another, from fresh starts; empty where energy does not
+        balance.
+    """
+
+    plan: Plan
+    robots: int
+    best_scores: tuple[float, ...]
+    optimum: Mapping[str, float]
+    robot: Scene
+    on_bound: tuple[str, ...]
+    verified: tuple[Verified, ...]
+    around: Neighbourhood
+    front: tuple[FrontRobot, ...]
+
+
+def studied(plan: Plan, record: Path, workers: int, bar: Bar) -> tuple[Result, Candidates]:
+    """Search and verify; returns all candidates of the search as well.
+
+    Parameters
+    ----------
+    plan : Plan
+        What is asked for.
+    record : Path
+        File of the search, from which it goes on.
+    workers : int
+        Processes.
+    bar : callable
+        Shows how far each stage is.
+
+    Raises
+    ------
+    ValueError
+        If the record is another search's, or no candidate moves.
+    OSError
+        If the record cannot be written.
+    """
+    candidates = _searched(plan, record, workers, bar)
+    scores = np.array([plan.score(values) for values in candidates.values])
+    point = _chosen(plan, candidates, scores, workers, bar)
+    optimum, effort, space = plan.space.parameters(point), plan.effort, plan.space
+    with bar("verification", case_count(space.scene)) as progress:
+        rows = verified(space, optimum, plan.reading, effort.verifying, workers, progress)
+    with bar("perturbation", robot_count(space, effort.samples)) as progress:
+        around = neighbourhood(space, optimum, plan.score, effort.perturbing, effort.samples, plan.seed, workers,
+                               progress)
+    front = _front(plan, candidates, workers, bar) if space.scene["effects.reaction"] else ()
+    ends = [max(1, round(part * len(scores))) for part in MILESTONES]
+    return Result(plan, len(scores), tuple(float(scores[:end].max()) for end in ends), optimum, space.robot(point),
+                  tuple(space.on_bound(point)), tuple(rows), around, tuple(front)), candidates
+
+
+def _searched(plan: Plan, path: Path, workers: int, bar: Bar) -> Candidates:
+    with closing(Record(path, plan.identity())) as record, bar("search", plan.effort.budget) as progress:
+        evaluations = Evaluations(plan.space, plan.effort.trials, record, plan.effort.budget, workers, progress)
+        if plan.objective == FRONT:
+            by_weights(evaluations, plan)
+        else:
+            search(plan.method, evaluations, plan.score, plan.space.dimension, plan.seed)
+        return evaluations.gathered()
+
+
+def _chosen(plan: Plan, candidates: Candidates, scores: np.ndarray, workers: int, bar: Bar) -> np.ndarray:
+    """The point that is best from fresh starts, of those that were best in the search: luck does not repeat."""
+    finalists = _apart(candidates.points, scores, plan.effort.finalists)
+    trials = replace(plan.effort.choosing, first=CHOOSING)
+    robots, fresh = [plan.space.robot(point) for point in finalists], []
+    with bar("choice", len(robots)) as progress:
+        for values in values_of_many(robots, trials, workers):
+            fresh.append(plan.score(values))
+            progress.update(1)
+    best = int(np.argmax(fresh))
+    if fresh[best] <= 0.0:
+        raise ValueError(f"--budget {plan.effort.budget}: no robot was found that goes the same way from all starts"
+                         f"{' at the least speed' if plan.least_speed else ''}; give a larger budget or other bounds")
+    return finalists[best]
+
+
+def _apart(points: np.ndarray, scores: np.ndarray, count: int, distance: float = 0.05) -> list[np.ndarray]:
+    """The best points of which no two are nearer than `distance` in every coordinate."""
+    found: list[np.ndarray] = []
+    for number in np.argsort(-scores, kind="stable"):
+        if all(np.abs(points[number] - other).max() >= distance for other in found):
+            found.append(points[number])
+        if len(found) == count:
+            break
+    return found
+
+
+def _front(plan: Plan, candidates: Candidates, workers: int, bar: Bar) -> list[FrontRobot]:
+    with bar("front", SHOWN) as progress:
+        return front_of(plan, candidates, workers, progress)

@@ -1,0 +1,62 @@
+"""A result as a file: what its tables and sentences are made of, so that both can be made again from it."""
+
+import json
+import math
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from vibro_ros.accuracy.starts import Average
+from vibro_ros.process.regular_file import content, replace_file
+from vibro_ros.study.optimise.front import FrontRobot
+from vibro_ros.study.optimise.plan import Plan
+from vibro_ros.study.optimise.result import Result
+from vibro_ros.study.optimise.sensitivity import Neighbourhood, Sensitivity
+from vibro_ros.study.optimise.verification import Verified
+
+_LARGEST = 2**20  # B
+
+
+def write_result(path: Path, result: Result) -> None:
+    """Write a result as JSON, without the plan that it is of (OSError)."""
+    front = [{"speed": one.speed, "cost": one.cost, "power": one.power,
+              "parameters": {variable.name: one.robot[variable.name] for variable in result.plan.space.variables}}
+             for one in result.front]
+    whole = {"robots": result.robots, "best_scores": list(result.best_scores), "optimum": dict(result.optimum),
+             "verified": [asdict(row) for row in result.verified], "around": asdict(result.around), "front": front}
+    replace_file(path, (json.dumps(_finite(whole), indent=1, allow_nan=False) + "\n").encode())
+
+
+def read_result(path: Path, plan: Plan) -> Result:
+    """The result of `plan` in a file of `write_result` (OSError, ValueError)."""
+    try:
+        return _result(json.loads(content(path, _LARGEST)), plan)
+    except (KeyError, TypeError, ValueError, RecursionError) as error:
+        raise ValueError(f"{path}: is no result of this plan ({error}); search again") from error
+
+
+def _result(whole: Any, plan: Plan) -> Result:
+    space, optimum = plan.space, {name: float(value) for name, value in whole["optimum"].items()}
+    around = whole["around"]
+    sensitivities = tuple(Sensitivity(**one) for one in around.pop("sensitivities"))
+    front = (FrontRobot(one["speed"], one["cost"], one["power"], space.scene.with_parameters(one["parameters"]))
+             for one in whole["front"])
+    return Result(
+        plan=plan, robots=whole["robots"], best_scores=tuple(whole["best_scores"]), optimum=optimum,
+        robot=space.scene.with_parameters(optimum), on_bound=tuple(space.on_bound(space.point(optimum))),
+        verified=tuple(_verified(row) for row in whole["verified"]),
+        around=Neighbourhood(sensitivities=sensitivities, **around), front=tuple(front))
+
+
+def _verified(row: dict[str, Any]) -> Verified:
+    averages = {name: Average(**value) for name, value in row.items() if isinstance(value, dict)}
+    return Verified(**{**row, "cost": math.nan if row["cost"] is None else row["cost"], **averages})
+
+
+def _finite(value: Any) -> Any:
+    """`value` with None for numbers that are not finite, which JSON does not know."""
+    if isinstance(value, dict):
+        return {name: _finite(one) for name, one in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_finite(one) for one in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value

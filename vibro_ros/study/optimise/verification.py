@@ -1,0 +1,169 @@
+"""The optimum from starts that no search has seen, beside the paper's optimum, under every reading of the forces."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from vibro_ros.accuracy.starts import Average, average
+from vibro_ros.configuration.scene_file import load_scene
+from vibro_ros.model.scene import Scene
+from vibro_ros.study.optimise.evaluation import VERIFYING, Trials, values_of_many
+from vibro_ros.study.optimise.objective import POWERS, Reading, directed
+from vibro_ros.study.optimise.search import Progress
+from vibro_ros.study.optimise.space import Space, Variable
+
+OPTIMUM, PAPER, SHIPPED = "optimum", "paper's optimum", "paper's parameters"
+"""The robots that are compared."""
+
+PAPERS_OPTIMUM: Mapping[str, float] = {
+    "guide.angle": math.radians(80.0), "mass.inclined": 0.02, "crank.radius": 0.06}
+"""What the paper's conclusions name; everything else as its parameters."""
+
+#: Parts of a value, or of half a linear interval, by which a parameter is perturbed.
+PERTURBATION = 0.05
+
+
+@dataclass(frozen=True)
+class Verified:
+    """A robot under a reading, over starts.
+
+    Attributes
+    ----------
+    reading, robot : str
+        Which forces act, and which of `OPTIMUM`, `PAPER`, `SHIPPED`.
+    speed : Average
+        Mean speed [m/s], in the direction of the mean.
+    agree : bool
+        Whether the robot goes the same way from all starts.
+    power, delivered : Average
+        Net and delivered mean power [W].
+    ratio : Average
+        Speed over the power that is read [m/J].
+    cost : float
+        Cost of transport [-] with the power that is read; NaN where energy does not balance.
+    margin, ratio_margin : Average or None
+        Speed and V/P of the optimum less those of this robot, start by start; None for the optimum itself.
+    """
+
+    reading: str
+    robot: str
+    speed: Average
+    agree: bool
+    power: Average
+    delivered: Average
+    ratio: Average
+    cost: float
+    margin: Average | None
+    ratio_margin: Average | None
+
+
+def readings(scene: Scene) -> dict[str, Scene]:
+    """The scene, and what of other forces differs from it, each by what is different."""
+    of_device = load_scene("device").parameters
+    others: dict[str, dict[str, object]] = {
+        "the body never leaves the ground (`unilateral`)": {"effects.normal_force": "unilateral"},
+        f"begun from `{'zero' if scene['start.state'] == 'rest' else 'rest'}`":
+            {"start.state": "zero" if scene["start.state"] == "rest" else "rest"},
+        "every effect of `device`": {name: value for name, value in of_device.items() if name.startswith("effects.")},
+    }
+    found = {f"as sought (`{scene.name}`)": scene}
+    for words, changes in others.items():
+        other = scene.with_parameters(changes)
+        if other not in found.values():
+            found[words] = other
+    return found
+
+
+def verified(space: Space, optimum: Mapping[str, float], reading: Reading, trials: Trials, workers: int,
+             progress: Progress) -> list[Verified]:
+    """The optimum, the paper's optimum and the paper's parameters under every one of `readings`.
+
+    Parameters
+    ----------
+    space : Space
+        Its scene gives what is not varied.
+    optimum : mapping
+        Values of the varied parameters.
+    reading : Reading
+        How powers are read.
+    trials : Trials
+        Its starts are counted from `VERIFYING` on.
+    workers : int
+        Processes.
+    progress : Progress
+        Is told of every robot.
+    """
+    fresh = replace(trials, first=VERIFYING)
+    robots = {OPTIMUM: dict(optimum), PAPER: dict(PAPERS_OPTIMUM), SHIPPED: {}}
+    cases = [(words, robot, scene.with_parameters(changes)) for words, scene in readings(space.scene).items()
+             for robot, changes in robots.items()]
+    rows: list[Verified] = []
+    best = np.empty(0)
+    for (words, robot, scene), values in zip(cases, values_of_many([case[2] for case in cases], fresh, workers),
+                                             strict=True):
+        best = values if robot == OPTIMUM else best
+        rows.append(_verified(words, robot, scene, values, best, reading))
+        progress.update(1)
+    return rows
+
+
+def case_count(scene: Scene) -> int:
+    """Number of robots that `verified` simulates."""
+    return 3 * len(readings(scene))
+
+
+def _verified(words: str, robot: str, scene: Scene, values: np.ndarray, best: np.ndarray,
+              reading: Reading) -> Verified:
+    speeds, column = directed(values[:, 0], reading.direction), POWERS[reading.power]
+    ratios, is_best = _ratios(values, reading), values is best
+    weight, mean_power = scene.total_mass * scene["gravity"], float(np.mean(values[:, column]))
+    pays = scene["effects.reaction"] and mean_power > 0.0 and np.mean(speeds) > 0.0
+    return Verified(
+        reading=words, robot=robot, speed=average(speeds), agree=bool((speeds > 0.0).all()),
+        power=average(values[:, 1]), delivered=average(values[:, 2]), ratio=average(ratios),
+        cost=mean_power / (weight * float(np.mean(speeds))) if pays else math.nan,
+        margin=None if is_best else average(directed(best[:, 0], reading.direction) - speeds),
+        ratio_margin=None if is_best else average(_ratios(best, reading) - ratios))
+
+
+def _ratios(values: np.ndarray, reading: Reading) -> np.ndarray:
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return directed(values[:, 0], reading.direction) / values[:, POWERS[reading.power]]
+
+
+def perturbed(space: Space, parameters: Mapping[str, float], shifts: Mapping[str, float]) -> Scene:
+    """The robot with some parameters perturbed, also beyond their bounds, but never beyond what can be built.
+
+    Parameters
+    ----------
+    space : Space
+        Of the robot.
+    parameters : mapping
+        Its varied parameters.
+    shifts : mapping
+        Name to the shift, -1 to 1, in `PERTURBATION`s.
+    """
+    by_name = {variable.name: variable for variable in space.variables}
+    values = {name: _shifted(space, by_name[name], value, shifts.get(name, 0.0), parameters)
+              for name, value in parameters.items()}
+    full = {**space.scene.parameters, **values}
+    upper, inclined = full["crank.upper_rod"], full["crank.inclined_rod"]
+    return space.scene.with_parameters({
+        **values, "crank.radius": min(full["crank.radius"], upper, inclined),
+        "upper.gap": min(max(full["upper.gap"], -upper), upper),
+        "inclined.gap": min(max(full["inclined.gap"], -inclined), inclined)})
+
+
+def _shifted(space: Space, variable: Variable, value: float, shift: float, parameters: Mapping[str, float]) -> float:
+    if variable.logarithmic:
+        return value * (1.0 + PERTURBATION * shift)
+    low, high = space.interval(variable, parameters)
+    return value + PERTURBATION * shift * (high - low) / 2.0
+
+
+def one_at_a_time(space: Space, parameters: Mapping[str, float]) -> Sequence[tuple[str, float, Scene]]:
+    """Each varied parameter perturbed downwards and upwards: its name, the shift, the robot."""
+    return [(variable.name, shift, perturbed(space, parameters, {variable.name: shift}))
+            for variable in space.variables for shift in (-1.0, 1.0)]

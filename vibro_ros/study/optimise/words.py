@@ -1,0 +1,161 @@
+"""What a search has found, in Markdown: every number comes from a `Result`."""
+
+import math
+from collections.abc import Iterable, Sequence
+
+from vibro_ros.accuracy.starts import Average
+from vibro_ros.model.parameters import BY_NAME
+from vibro_ros.study.optimise.front import FrontRobot
+from vibro_ros.study.optimise.objective import OBJECTIVES
+from vibro_ros.study.optimise.plan import FRONT, Plan
+from vibro_ros.study.optimise.result import Result
+from vibro_ros.study.optimise.sensitivity import Neighbourhood
+from vibro_ros.study.optimise.verification import OPTIMUM, PAPER, PERTURBATION, Verified
+
+POWER = {"net": "the work of the motor less what the springs return to it, over time",
+         "delivered": "the work that the motor delivers, over time; what the springs return to it is lost"}
+"""What P is, by the reading."""
+_METHODS = {"cma": "CMA-ES with BIPOP restarts", "differential_evolution": "Differential evolution"}
+_DIRECTIONS = {"either": "in either direction", "forward": "forwards only", "backward": "backwards only"}
+_ENDS = {"low": "lower", "high": "upper", "": ""}
+
+
+def table(heads: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """A table in Markdown."""
+    lines = [f"| {' | '.join(heads)} |", "|---" * len(heads) + "|"]
+    return "\n".join([*lines, *(f"| {' | '.join(row)} |" for row in rows)])
+
+
+def number(value: float) -> str:
+    """`value` to three digits; a dash for what is no number."""
+    return f"{value:.3g}" if math.isfinite(value) else "-"
+
+
+def with_spread(found: Average | None, factor: float = 1.0) -> str:
+    """Mean ± half the 95 % interval, times `factor`."""
+    if found is None or not math.isfinite(found.mean):
+        return "-"
+    return f"{number(factor * found.mean)} ± {number(factor * found.spread)}"
+
+
+def document(result: Result) -> str:
+    """The summary of a search."""
+    parts = [f"# {title(result.plan)}", question(result), verdict(result),
+             "## Parameters", bounds_in_words(result), parameters_table(result),
+             "## Verification", verification_in_words(result), verification_table(result.verified),
+             "## Neighbourhood", neighbourhood_in_words(result.around), sensitivity_table(result.around)]
+    if result.front:
+        parts += ["## Speed against cost of transport", front_table(result.front)]
+    return "\n\n".join(parts) + "\n"
+
+
+def title(plan: Plan) -> str:
+    """What is sought."""
+    what = "the front of speed and cost of transport" if plan.objective == FRONT else OBJECTIVES[plan.objective].does
+    return f"Optimum: {what}, scene {plan.space.scene.name}"
+
+
+def question(result: Result) -> str:
+    """Objective, power, score and effort, in sentences."""
+    plan, trials = result.plan, result.plan.effort.trials
+    floor = f" A robot slower than {number(plan.least_speed * 1e3)} mm/s does not count." if plan.least_speed else ""
+    how = "CMA-ES, one weight of speed and cost after the other," if plan.objective == FRONT else _METHODS[plan.method]
+    return (f"P is mean mechanical power: {POWER[plan.reading.power]}. {how} tried {result.robots} robots, each "
+            f"from the same {trials.starts} drawn starts over {trials.duration:g} s after {trials.settling:g} s. The "
+            f"score is the lower quartile of these starts. Speed counts {_DIRECTIONS[plan.reading.direction]}, and all "
+            f"starts must agree.{floor}")
+
+
+def verdict(result: Result) -> str:
+    """The optimum against the paper's under the same reading, in one sentence a quantity."""
+    best, paper = (next(row for row in result.verified if row.robot == robot) for robot in (OPTIMUM, PAPER))
+    speeds = (f"The optimum goes at {with_spread(best.speed, 1e3)} mm/s, the paper's optimum (φ = 80°, m3 = 0.02 kg, "
+              f"l = 0.06 m) at {with_spread(paper.speed, 1e3)} mm/s: {_beats(paper.margin, 1e3, 'mm/s')}.")
+    if not math.isfinite(best.cost):
+        return speeds
+    return (f"{speeds} Its V/P is {with_spread(best.ratio)} m/J against {with_spread(paper.ratio)} m/J: "
+            f"{_beats(paper.ratio_margin, 1.0, 'm/J')}.")
+
+
+def _beats(margin: Average | None, factor: float, unit: str) -> str:
+    if margin is None or not abs(margin.mean) > margin.spread:
+        return f"no difference beyond noise ({with_spread(margin, factor)} {unit})"
+    more = "more" if margin.mean > 0.0 else "LESS"
+    return f"{number(factor * abs(margin.mean))} ± {number(factor * margin.spread)} {unit} {more}"
+
+
+def bounds_in_words(result: Result) -> str:
+    """Which parameters of the optimum lie on a bound, and what the score would gain beyond it."""
+    ends = {variable.name: end for variable, end in zip(result.plan.space.variables, result.on_bound, strict=True)
+            if end}
+    if not ends:
+        return "No parameter lies on a bound."
+    alone = {one.name: one for one in result.around.sensitivities}
+    gain, where = max((alone[name].lower if end == "low" else alone[name].upper, name) for name, end in ends.items())
+    listed = ", ".join(f"`{name}` ({_ENDS[end]})" for name, end in ends.items())
+    return (f"{len(ends)} of {len(result.on_bound)} parameters lie on a bound, and are the bounds' choice as much as "
+            f"the robot's: {listed}. {100 * PERTURBATION:g} % beyond, `{where}` gains most: {_percent(gain)} of the "
+            "score.")
+
+
+def _percent(ratio: float) -> str:
+    return f"{100 * (ratio - 1.0):+.1f} %"
+
+
+def parameters_table(result: Result) -> str:
+    """Each varied parameter: optimum, paper's value, bounds with reasons, and the bound that the optimum lies on."""
+    rows = []
+    for variable, end in zip(result.plan.space.variables, result.on_bound, strict=True):
+        parameter = BY_NAME[variable.name]
+        rows.append([f"`{variable.name}`", variable.symbol, number(result.optimum[variable.name]),
+                     number(parameter.default), parameter.unit,
+                     f"{number(variable.low)} to {number(variable.high)}{', log' if variable.logarithmic else ''}",
+                     _ENDS[end], variable.reason])
+    return table(["parameter", "symbol", "optimum", "paper", "unit", "bounds", "on bound", "why these bounds"], rows)
+
+
+def verification_in_words(result: Result) -> str:
+    """How the table below was made."""
+    trials = result.plan.effort.verifying
+    return (f"{trials.starts} drawn starts that the search has not seen, {trials.duration:g} s each after "
+            f"{trials.settling:g} s; mean ± half the 95 % interval. A margin is the optimum less the robot of the row, "
+            "start by start.")
+
+
+def verification_table(rows: Sequence[Verified]) -> str:
+    """Every robot under every reading."""
+    return table(
+        ["reading", "robot", "speed [mm/s]", "same way from all starts", "P net [W]", "P delivered [W]", "V/P [m/J]",
+         "cost of transport", "margin of speed [mm/s]", "margin of V/P [m/J]"],
+        ([row.reading, row.robot, with_spread(row.speed, 1e3), "yes" if row.agree else "no", with_spread(row.power),
+          with_spread(row.delivered), with_spread(row.ratio) if math.isfinite(row.cost) else "-", number(row.cost),
+          with_spread(row.margin, 1e3), with_spread(row.ratio_margin) if math.isfinite(row.cost) else "-"]
+         for row in rows))
+
+
+def neighbourhood_in_words(around: Neighbourhood) -> str:
+    """How robust the optimum is."""
+    worst = min((min(one.lower, one.upper), one.name) for one in around.sensitivities)
+    return (f"Of {around.robots} robots within {100 * PERTURBATION:g} % in every parameter at once, half keep at least "
+            f"{100 * around.median:.0f} % of the optimum's score and 95 % keep {100 * around.poorest:.0f} %. Alone, "
+            f"`{worst[1]}` costs most: {100 * worst[0]:.0f} % are left.")
+
+
+def sensitivity_table(around: Neighbourhood) -> str:
+    """Each parameter: perturbed alone, and Sobol's indices."""
+    shift = f"{100 * PERTURBATION:g} %"
+    return table(
+        ["parameter", f"score at -{shift}", f"score at +{shift}", "first-order index", "total index"],
+        ([f"`{one.name}`", number(one.lower), number(one.upper), f"{one.first:.2f} ± {one.first_spread:.2f}",
+          f"{one.total:.2f} ± {one.total_spread:.2f}"]
+         for one in sorted(around.sensitivities, key=lambda one: -one.total)))
+
+
+def front_table(front: Sequence[FrontRobot]) -> str:
+    """Robots of which none is both faster and cheaper than another."""
+    return table(["speed [mm/s]", "cost of transport", "P [W]", "V/P [m/J]", "motor speed [rad/s]", "crank [mm]",
+                  "guide angle [°]", "inclined mass [kg]"],
+                 ([number(1e3 * one.speed), number(one.cost), number(one.power), number(one.speed / one.power),
+                   number(one.robot["motor.speed"]), number(1e3 * one.robot["crank.radius"]),
+                   number(math.degrees(one.robot["guide.angle"])), number(one.robot["mass.inclined"])]
+                  for one in front))
