@@ -59,7 +59,7 @@ bench: $(READY) $(PEER)  ## compare the exact solver's cost with fixed-step Rung
 accuracy: $(READY) $(PEER)  ## measure what accuracy costs in every shipped scene and write docs/accuracy.md; a quarter of an hour
 	@$(BIN)/python -m vibro_ros.project.accuracy_report
 
-literature: $(READY)  ## hold published results of other machines against the model and write docs/literature.md; two minutes
+literature: $(READY)  ## hold published results of other machines against the model and write docs/literature.md; four minutes
 	@$(BIN)/python -m vibro_ros.project.literature_report
 
 docs: $(READY)  ## measure and write the tables in docs/guide/parameters.md and docs/robot.md; some minutes

@@ -95,3 +95,22 @@ def test_the_scene_has_the_published_numbers():
     assert scene["motor.speed"] / rate == pytest.approx(machine.omega)
     assert scene["inclined.gap"] * scene["inclined.spring.stiffness"] / friction == pytest.approx(machine.delta)
     assert scene["inclined.spring.damping"] / (2.0 * scene["mass.inclined"] * rate) == pytest.approx(machine.xi)
+
+
+def test_a_capsule_with_wheels_that_turn_one_way_never_moves_backwards():
+    times = np.linspace(0.0, 5 * capsule.REFERENCE.period, 400)
+    both, one = (integrate(dataclasses.replace(capsule.REFERENCE, grip=grip, gamma=1.0), times,
+                           harmonic(capsule.REFERENCE, 0.0))[:, 2] for grip in (1.0, math.inf))
+    assert np.min(np.diff(both)) < -1e-3
+    assert np.min(np.diff(one)) > -1e-9
+    assert one[-1] > both[-1]
+
+
+def test_a_touch_of_the_second_spring_is_told_with_its_speed():
+    """Without friction on the capsule's side and drive: the mass flies into the gap's end at its own speed."""
+    machine = Capsule(alpha=0.0, omega=1.0, beta=5.0, gamma=2.0, delta=0.5, xi=0.0)
+    blows = []
+    integrate(machine, np.array([0.0, 2.0]), harmonic(machine, 0.0), speed=0.8, blows=blows)
+    (when, speed), = blows
+    assert when == pytest.approx(math.asin(0.5 / 0.8), abs=1e-9)
+    assert speed == pytest.approx(math.sqrt(0.8**2 - 0.5**2), abs=1e-9)

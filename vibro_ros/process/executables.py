@@ -75,7 +75,7 @@ EXECUTABLES = {
         "Measure every shipped scene and write accuracy.md with its diagrams; a quarter of an hour."),
     "literature_report": Executable(
         "vibro_ros.project.literature_report", False,
-        "Hold published results of other machines against the model and write literature.md; two minutes."),
+        "Hold published results of other machines against the model and write literature.md; four minutes."),
     "effects": Executable(
         "vibro_ros.project.effects", False,
         "Write the tables of effects into a Markdown file."),

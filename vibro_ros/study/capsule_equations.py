@@ -6,6 +6,8 @@ under the capsule. Lengths in units of P_f / k1, times of sqrt(m1 / k1), forces 
 - y1' = a - z - 2 ξ z' - β max(z - δ, 0), z = x1 - x2, a the drive's force, usually α cos(ω τ + phase)
 - γ y2' = -ρ a + z + 2 ξ z' + β max(z - δ, 0) - f, with f = sign(y2), or what keeps the capsule at rest up to 1
 
+Friction backwards may be greater by a factor, the grip.
+
 The internal mass is pushed by the capsule, ρ = 1, or from outside, ρ = 0. Nothing here knows of this package's solver:
 that is the point.
 """
@@ -19,7 +21,9 @@ from scipy.integrate import solve_ivp
 
 from vibro_ros.study.guard import Guard
 
-_TOLERANCE, _STEPS_A_PERIOD = 1e-11, 60
+_TOLERANCE = 1e-11
+# Steps a period that no touch can hide between, as the drive alone moves the mass in between.
+_STEPS_A_PERIOD = 40
 
 
 @dataclass(frozen=True)
@@ -40,6 +44,9 @@ class Capsule:
         Gap of the second spring over P_f / k1, dimensionless.
     xi : float
         Damping ratio of the internal mass on its spring, dimensionless.
+    grip : float
+        Friction against sliding backwards over that against sliding forwards, dimensionless; infinite for wheels that
+        turn one way only.
     """
 
     alpha: float
@@ -48,6 +55,7 @@ class Capsule:
     gamma: float
     delta: float
     xi: float
+    grip: float = 1.0
 
     @property
     def period(self) -> float:
@@ -84,9 +92,11 @@ class _Equations:
 
     def rate(self, slides: int, touched: bool) -> Callable[[float, np.ndarray], list[float]]:
         """The right-hand side of a mode."""
+        friction = slides if slides > 0 else slides * self._capsule.grip if slides else 0.0
+
         def right(time: float, state: np.ndarray) -> list[float]:
             mass, capsule = self.forces(time, state, touched)
-            acceleration = (capsule - slides) / self._capsule.gamma if slides else 0.0
+            acceleration = (capsule - friction) / self._capsule.gamma if slides else 0.0
             return [state[1], mass, state[3] if slides else 0.0, acceleration]
         return right
 
@@ -96,17 +106,19 @@ class _Equations:
             return state[0] - state[2] - self._capsule.delta
 
         def friction(time: float, state: np.ndarray) -> float:
-            return state[3] if slides else 1.0 - abs(self.forces(time, state, touched)[1])
+            force = self.forces(time, state, touched)[1]
+            return state[3] if slides else min(1.0 - force, self._capsule.grip + force)
 
         return [Guard(gap, -1.0 if touched else 1.0), Guard(friction, -float(slides) if slides else -1.0)]
 
     def next_slides(self, time: float, state: np.ndarray, touched: bool, slides: int) -> int:
         """Direction of sliding after the friction's guard, 0 for rest."""
         force = self.forces(time, state, touched)[1]
-        return 0 if slides and abs(force) <= 1.0 else int(math.copysign(1.0, force))
+        return 0 if slides and -self._capsule.grip <= force <= 1.0 else int(math.copysign(1.0, force))
 
 
-def integrate(capsule: Capsule, times: np.ndarray, drive: Drive, speed: float = 0.0) -> np.ndarray:
+def integrate(capsule: Capsule, times: np.ndarray, drive: Drive, speed: float = 0.0,
+              tolerance: float = _TOLERANCE, blows: list[tuple[float, float]] | None = None) -> np.ndarray:
     """States at `times`, ascending from 0, of a capsule that starts at rest with its spring relaxed.
 
     Parameters
@@ -119,6 +131,10 @@ def integrate(capsule: Capsule, times: np.ndarray, drive: Drive, speed: float = 
         Force and reaction of the drive.
     speed : float
         Speed of the internal mass at the start, dimensionless as all here.
+    tolerance : float
+        Relative and absolute tolerance of scipy, dimensionless.
+    blows : list
+        Is given the time and the speed of approach of each touch of the second spring.
 
     Returns
     -------
@@ -136,7 +152,7 @@ def integrate(capsule: Capsule, times: np.ndarray, drive: Drive, speed: float = 
     found, done = np.empty((len(times), 4)), 0
     while done < len(times):
         piece = solve_ivp(equations.rate(slides, touched), (time, times[-1]), state, method="DOP853",
-                          rtol=_TOLERANCE, atol=_TOLERANCE, max_step=capsule.period / _STEPS_A_PERIOD,
+                          rtol=tolerance, atol=tolerance, max_step=capsule.period / _STEPS_A_PERIOD,
                           events=equations.guards(slides, touched), dense_output=True)
         if not piece.success:
             raise RuntimeError(f"the capsule at {time:g}: {piece.message}")
@@ -148,6 +164,8 @@ def integrate(capsule: Capsule, times: np.ndarray, drive: Drive, speed: float = 
             break
         if len(piece.t_events[0]):
             touched = not touched
+            if touched and blows is not None:
+                blows.append((time, state[1] - state[3]))
         else:
             state[3] = 0.0 if slides else state[3]
             slides = equations.next_slides(time, state, touched, slides)

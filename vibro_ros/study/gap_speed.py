@@ -5,7 +5,7 @@ is what is measured here.
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -22,6 +22,8 @@ DAMPING = 2.0
 #: Turns over which a run is compared with scipy's.
 CHECKED_TURNS = 3
 _DURATION, _SAMPLES = 10.0, 200
+# Turns before a run by scipy counts, turns that count, and its tolerance, whose errors the starts' interval contains.
+_SETTLING_TURNS, _COUNTED_TURNS, _COARSE = 40, 30, 1e-6
 
 
 def robot_scene(gap: float, motor: float) -> Scene:
@@ -58,13 +60,24 @@ def tried(job: tuple[float, float, int]) -> Tried:
     return Tried(gap, motor, average(np.array(speeds)), average(np.array(approaches)))
 
 
-def difference(gap: float, motor: float) -> float:
-    """Largest difference [m] of the body's position from scipy's within some turns from rest on the slider."""
+@dataclass(frozen=True)
+class InUnits:
+    """The robot in the variables of the capsule's literature, and the units of length [m] and of time [s]."""
+
+    capsule: Capsule
+    drive: Drive
+    length: float
+    time: float
+
+
+def in_units(gap: float, motor: float) -> InUnits:
+    """The robot at rest with its mass on its slider, which needs a gap that leaves it there."""
     scene = robot_scene(gap, motor)
     mass, stiffness, damping = (scene[name] for name in ("mass.inclined", "inclined.spring.stiffness",
                                                          "inclined.spring.damping"))
     friction, rate = scene["ground.friction"] * scene.total_mass * scene["gravity"], math.sqrt(stiffness / mass)
     radius, rod, length = scene["crank.radius"], scene["crank.inclined_rod"], friction / stiffness
+    start = math.sqrt(rod**2 - radius**2)  # where the slider and the mass are at first
 
     def push(time: float) -> float:
         sine, cosine = math.sin(motor * time / rate), math.cos(motor * time / rate)
@@ -72,9 +85,30 @@ def difference(gap: float, motor: float) -> float:
         place, speed = radius * sine + root, motor * radius * cosine * (1.0 + radius * sine / root)
         return (stiffness * (place - start) + damping * speed) / friction
 
-    start = math.sqrt(rod**2 - radius**2)  # where the slider and the mass are at first
     capsule = Capsule(math.nan, motor / rate, scene["inclined.plate.stiffness"] / stiffness, scene["mass.body"] / mass,
                       (rod + gap - start) / length, damping / (2.0 * mass * rate))
-    times = np.linspace(0.0, CHECKED_TURNS * capsule.period, _SAMPLES + 1)
-    own = -Simulator(scene).sample(times / rate).body_position
-    return float(np.max(np.abs(own - length * integrate(capsule, times, Drive(push))[:, 2])))
+    return InUnits(capsule, Drive(push), length, 1.0 / rate)
+
+
+def difference(gap: float, motor: float) -> float:
+    """Largest difference [m] of the body's position from scipy's within some turns from rest on the slider."""
+    robot = in_units(gap, motor)
+    times = np.linspace(0.0, CHECKED_TURNS * robot.capsule.period, _SAMPLES + 1)
+    own = -Simulator(robot_scene(gap, motor)).sample(times * robot.time).body_position
+    return float(np.max(np.abs(own - robot.length * integrate(robot.capsule, times, robot.drive)[:, 2])))
+
+
+def tried_one_way(job: tuple[float, float, int]) -> Tried:
+    """As `tried`, by scipy alone, for wheels that turn one way only: the body never moves away from its plate."""
+    gap, motor, starts = job
+    robot = in_units(gap, motor)
+    capsule, unit = replace(robot.capsule, grip=math.inf), robot.length / robot.time
+    begin, end = _SETTLING_TURNS * capsule.period, (_SETTLING_TURNS + _COUNTED_TURNS) * capsule.period
+    speeds, approaches = [], []
+    for start in np.linspace(-1.0, 1.0, starts):
+        blows: list[tuple[float, float]] = []
+        places = integrate(capsule, np.array([begin, end]), robot.drive, float(start) / unit, _COARSE, blows)[:, 2]
+        speeds.append(unit * (places[1] - places[0]) / (end - begin))
+        counted = [unit * speed for time, speed in blows if time >= begin]
+        approaches.append(float(np.mean(counted)) if counted else 0.0)
+    return Tried(gap, motor, average(np.array(speeds)), average(np.array(approaches)))

@@ -9,11 +9,12 @@ from vibro_ros.process.command_line import Parser
 from vibro_ros.process.front_door import exit_code, say
 from vibro_ros.process.stop_signals import interrupted_code
 from vibro_ros.simulation.preparation import prepare_kernels
-from vibro_ros.study import capsule_finding, gap_speed_finding, two_phase_finding
+from vibro_ros.study import capsule_finding, gap_speed_finding, impact_oscillator_finding, two_phase_finding
 from vibro_ros.study.published import VERDICTS, Finding, Studied, as_data, from_data, in_lines, overview, section
 
 PUBLISHED: dict[str, Callable[[bool], Studied]] = {
-    module.NAME: module.study for module in (capsule_finding, two_phase_finding, gap_speed_finding)}
+    module.NAME: module.study
+    for module in (capsule_finding, impact_oscillator_finding, two_phase_finding, gap_speed_finding)}
 """Every study of a publication by its name."""
 
 TEXT, DATA = "literature.md", "findings.json"
@@ -111,7 +112,8 @@ def _parser() -> Parser:
         epilog="Exit code 0: done; 1: a run failed; 2: bad input, or nowhere to write; 129, 130, 143: stopped by "
         "SIGHUP, SIGINT, SIGTERM, finished studies are written.")
     parser.add_argument("names", nargs="*", metavar="NAME", help=f"of {', '.join(PUBLISHED)} (default: all)")
-    parser.add_argument("--quick", action="store_true", help="fewer machines, gaps and starts: seconds, not minutes")
+    parser.add_argument("--quick", action="store_true",
+                        help="fewer machines, gaps and starts, no one-way wheels; seconds")
     parser.add_argument("--output", type=Path, default=Path("out/study/literature"), metavar="DIR",
                         help="where to write (default: %(default)s)")
     return parser
