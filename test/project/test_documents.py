@@ -25,6 +25,8 @@ from vibro_ros.ros.messages import JOINTS
 from vibro_ros.ros.script_file import read_script
 from vibro_ros.simulation.event_log import EventLog
 from vibro_ros.simulation.samples import Samples
+from vibro_ros.study.measures import MEASURES
+from vibro_ros.study.sweep.design_file import design_of, read_sweep
 
 INSTALLED = {name for name, one in EXECUTABLES.items() if one.installed}
 OTHER_STATISTICS = ("steps", "solver.method", "solver.step", "energy_residual", "energy_exchanged")
@@ -55,11 +57,13 @@ def test_python_runs_and_prints_what_is_shown(text, output, tmp_path, monkeypatc
 
 
 @blocks("yaml")
-def test_yaml_is_a_script_or_a_scene(text, output, tmp_path):
+def test_yaml_is_a_script_a_sweep_or_a_scene(text, output, tmp_path):
     file = tmp_path / "file.yaml"
     file.write_text(text)
     if "entries" in yaml.safe_load(text):
         assert read_script(file).duration > 0.0
+    elif "vary" in yaml.safe_load(text):
+        assert design_of(read_sweep(file), {"set": {}, "vary": {}}).points > 1
     else:
         assert load_scene(file).parameters != load_scene("paper").parameters
 
@@ -134,6 +138,11 @@ def test_the_public_names_are_all_told():
     device = vibro_ros.Simulator(load_scene("paper"))
     for name in guide.names(row[1]):
         assert hasattr(device, name.partition("(")[0]), name
+
+
+def test_measures_are_those_of_the_studies():
+    rows = {guide.names(name)[0]: (unit, meaning) for name, unit, meaning in guide.table("measure", "unit", "meaning")}
+    assert rows == {name: (measure.unit, measure.meaning) for name, measure in MEASURES.items()}
 
 
 def test_keys_of_a_script_are_those_that_are_read(tmp_path):

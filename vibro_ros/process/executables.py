@@ -82,6 +82,9 @@ EXECUTABLES = {
     "effect_cost": Executable(
         "vibro_ros.project.effect_cost", False,
         "Measure what effects cost, as ratios of runs with them and without, in turn."),
+    "study_cost": Executable(
+        "vibro_ros.project.study_cost", False,
+        "Measure what a sweep's run costs in time and bytes, and how much faster all cores are than one."),
     "parameter_table": Executable(
         "vibro_ros.project.parameter_table", False,
         "Write the parameters' table into a Markdown file."),

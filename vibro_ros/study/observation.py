@@ -79,13 +79,17 @@ def observe(scene: Scene, wanted: Collection[str], settling: float, duration: fl
     SimulationError
         If the run cannot go on.
     """
-    device, measured = device_at_start(scene, start), window(scene, settling, duration)
+    measured, accounts = window(scene, settling, duration), WORK in wanted and scene["solver.method"] == "exact"
+    device = device_at_start(scene.with_parameters({"solver.accounts": True}) if accounts else scene, start)
     device.advance_to(measured.begin)
     device.take_events()
     before, checkpoint = device.state, device.checkpoint() if REST in wanted else None
-    delivered, taken_back, strobe = _sampled(device, measured, WORK in wanted, TURNS in wanted)
+    booked = _booked(device) if accounts else None
+    delivered, taken_back, strobe = _sampled(device, measured, WORK in wanted and not accounts, TURNS in wanted)
     device.advance_to(measured.end)
     after, events = device.state, device.take_events()
+    if booked is not None:
+        delivered, taken_back = _booked(device) - booked
     standing = airborne = math.nan
     if checkpoint is not None:
         standing, airborne = standing_and_airborne(device, checkpoint, before, events, measured.end)
@@ -94,11 +98,20 @@ def observe(scene: Scene, wanted: Collection[str], settling: float, duration: fl
         turns=(after.crank_angle - before.crank_angle) / (2.0 * math.pi),
         steady=before.motor_speed == after.motor_speed == scene["motor.speed"] > 0.0,
         contacts=events[np.isin(events["kind"], ("upper_contact", "inclined_contact"))],
-        delivered=delivered, taken_back=taken_back, standing=standing, airborne=airborne, strobe=strobe)
+        delivered=float(delivered), taken_back=float(taken_back), standing=standing, airborne=airborne, strobe=strobe)
+
+
+def _booked(device: Simulator) -> np.ndarray:
+    """Work of the motor since t = 0 [J]: delivered, and taken back."""
+    accounts = device.statistics["energy_accounts"]
+    return np.array([accounts["motor_delivered"], accounts["motor_taken_back"]])
 
 
 def _sampled(device: Simulator, measured: Window, work: bool, turns: bool) -> tuple[float, float, np.ndarray | None]:
-    """Work delivered and taken back [J], and the states once a turn, as far as asked for."""
+    """Work delivered and taken back [J], and the states once a turn, as far as asked for.
+
+    The work is that of samples, for the methods of fixed step, which keep no energy accounts.
+    """
     if not (work or turns):
         return math.nan, math.nan, None
     count, length = max(measured.turns, 1), measured.turn if measured.turns else measured.duration
@@ -112,7 +125,7 @@ def _sampled(device: Simulator, measured: Window, work: bool, turns: bool) -> tu
         taken_back += np.trapezoid(np.maximum(-samples.motor_power, 0.0), samples.time)
         states.append(_scaled_states(samples, device.scene)[per_turn if states else 0::per_turn])
     strobe = np.concatenate(states)[-STROBED_TURNS - 1:] if turns and measured.turns else None
-    return (float(delivered), float(taken_back), strobe) if work else (math.nan, math.nan, strobe)
+    return (delivered, taken_back, strobe) if work else (math.nan, math.nan, strobe)
 
 
 def _scaled_states(samples: Samples, scene: Scene) -> np.ndarray:

@@ -1,0 +1,298 @@
+"""A sweep: the same bytes however often it is interrupted, nothing mixed, damage noticed, nothing lost."""
+
+import errno
+import json
+import os
+import random
+import resource
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pandas
+import polars
+import pyarrow.parquet as pq
+import pytest
+
+import vibro_ros
+from vibro_ros.study.measures import MEASURES, measure
+from vibro_ros.study.sweep import blocks, local
+from vibro_ros.study.sweep.command import main
+from vibro_ros.study.sweep.locked_folder import locked
+from vibro_ros.study.sweep.rows import Piece
+
+# 24 points of 3 starts, in blocks of a second of work when the time of a block is shortened.
+LONG = ["--scene", "unilateral", "--vary", "guide.angle=0.7:1.5:24", "--starts", "3", "--settling", "4",
+        "--duration", "20", "--measure", "mean_speed", "upper_impacts", "--workers", "2"]
+SHORT = ["--scene", "damped", "--vary", "guide.angle=0.7,1.1", "--starts", "2", "--settling", "1", "--duration", "0.5",
+         "--workers", "1"]
+
+
+@pytest.fixture
+def small_blocks(monkeypatch):
+    """Let a block have four of the long runs."""
+    monkeypatch.setattr("vibro_ros.study.sweep.design._BLOCK_TIME", 100.0)
+
+
+def bytes_of(folder):
+    """Return the names and bytes of all blocks in a folder, and of the summary."""
+    files = [*(folder / "blocks").iterdir(), folder / "summary.csv"]
+    return {file.name: file.read_bytes() for file in files}
+
+
+def forked(words, prepare):
+    """Run `main` in a forked process after `prepare` there; return its id. It never goes on as this test would."""
+    child = os.fork()
+    if child == 0:
+        try:
+            with open(os.devnull, "w") as nowhere:
+                os.dup2(nowhere.fileno(), 1), os.dup2(nowhere.fileno(), 2)
+            prepare()
+            os._exit(main(words))
+        except KeyboardInterrupt:  # the front door of the program turns it into this
+            os._exit(128 + signal.SIGINT)
+        finally:
+            os._exit(99)
+    return child
+
+
+def in_child(words, number, delay):
+    """Run `main` in a forked process that gets a signal after `delay` [s]; return how it ended."""
+    child = forked(words, lambda: signal.signal(signal.SIGINT, signal.default_int_handler))
+    time.sleep(delay)
+    os.kill(child, number)
+    return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
+
+
+def test_ten_interruptions_at_random_instants_change_no_byte(tmp_path, small_blocks):
+    assert main([*LONG, "--output", str(tmp_path / "whole")]) == 0
+    words, instants, ends = [*LONG, "--output", str(tmp_path / "cut")], random.Random(15), []
+    for k in range(10):
+        ends.append(in_child(words, (signal.SIGINT, signal.SIGKILL)[k % 2], instants.uniform(0.05, 0.25)))
+    assert ends.count(-signal.SIGKILL) + ends.count(128 + signal.SIGINT) >= 5, ends
+    assert main(words) == 0
+    whole = bytes_of(tmp_path / "whole")
+    assert bytes_of(tmp_path / "cut") == whole and len(whole) > 10
+
+
+def test_a_signal_ends_the_program_and_it_goes_on(tmp_path):
+    words = [*LONG, "--duration", "400", "--output", str(tmp_path)]
+    command = [sys.executable, "-m", "vibro_ros.study.study", "sweep", *words]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    deadline = time.monotonic() + 60.0
+    while not list(tmp_path.glob("blocks/block_*")) and time.monotonic() < deadline and process.poll() is None:
+        time.sleep(0.02)
+    process.send_signal(signal.SIGINT)
+    out, err = process.communicate(timeout=30.0)
+    assert (process.returncode, out) == (130, "")
+    assert "blocks are kept; the same command goes on from there" in err and "Traceback" not in err
+    assert pq.read_table(tmp_path / "blocks" / "block_000000.parquet").num_rows > 0
+
+
+def test_rows_are_the_measures_of_their_scenes(tmp_path, capsys):
+    words = ["--scene", "device", "--set", "motor.speed=90", "--vary", "guide.angle=0.7,1.1", "--vary",
+             "effects.reaction=true,false", "--vary", "effects.normal_force=hop,weight", "--starts", "2", "--settling",
+             "1", "--duration", "1", "--measure", *MEASURES, "--output", str(tmp_path)]
+    assert main(words) == 0
+    table = pandas.read_parquet(tmp_path / "blocks")
+    assert len(table) == 16 and table["error"].isna().all()
+    for _, row in table.iterrows():
+        names = ("guide.angle", "effects.reaction", "effects.normal_force")
+        scene = vibro_ros.load_scene("device").with_parameters(
+            {"motor.speed": 90.0, **{name: row[name] for name in names}})
+        found = measure(scene, list(MEASURES), 1.0, 1.0, row["start"])
+        np.testing.assert_array_equal(row[list(MEASURES)].to_numpy(float), list(found.values()))
+    said = capsys.readouterr().out
+    assert "8 points from 2 drawn starts each" in said and "mean_speed: from" in said
+
+
+def test_pandas_and_polars_read_the_same_and_the_files_tell_units_scene_and_design(tmp_path):
+    assert main([*SHORT, "--output", str(tmp_path)]) == 0
+    by_pandas, by_polars = pandas.read_parquet(tmp_path / "blocks"), polars.read_parquet(tmp_path / "blocks")
+    assert list(by_pandas.columns) == by_polars.columns == ["point", "start", "guide.angle", "mean_speed", "error",
+                                                            "warning"]
+    assert by_polars["mean_speed"].to_list() == by_pandas["mean_speed"].to_list()
+    schema = pq.read_schema(tmp_path / "blocks" / "block_000000.parquet")
+    assert schema.field("mean_speed").metadata[b"unit"] == b"m/s"
+    assert schema.field("guide.angle").metadata[b"unit"] == b"rad"
+    told = json.loads(schema.metadata[b"vibro_ros"])
+    assert told["design"]["set"]["upper.plate.damping"] == 100.0 and told["design"]["settling"] == 1.0
+    assert told["design"]["vary"] == {"guide.angle": [0.7, 1.1]} and told["version"]
+    everything = set(told["design"]["set"]) | set(told["design"]["vary"])
+    assert everything == set(vibro_ros.load_scene("damped").parameters)
+
+
+def test_a_scenes_own_start_is_one_run(tmp_path):
+    assert main([*SHORT, "--starts", "0", "--settling", "0", "--output", str(tmp_path)]) == 0
+    table = pandas.read_parquet(tmp_path / "blocks")
+    assert len(table) == 2 and table["start"].isna().all()
+    assert "mean_speed 95 % ± [m/s]" in (tmp_path / "summary.csv").read_text()
+
+
+def test_a_grid_with_an_illegal_point_is_refused_before_anything_runs(tmp_path, capsys):
+    words = ["--scene", "paper", "--vary", "crank.radius=0.02:0.08:4", "--output", str(tmp_path / "none")]
+    assert main(words) == 2
+    assert "point 3 (crank.radius = 0.08) is no scene" in capsys.readouterr().err and not (tmp_path / "none").exists()
+
+
+def test_illegal_samples_are_rows_that_say_why(tmp_path, capsys):
+    words = ["--scene", "paper", "--vary", "crank.radius=0.02:0.08", "--sample", "sobol:8", "--starts", "1",
+             "--settling", "1", "--duration", "1", "--output", str(tmp_path)]
+    assert main(words) == 0
+    table = pandas.read_parquet(tmp_path / "blocks")
+    refused = table["crank.radius"] > 0.06
+    assert 0 < refused.sum() < 8
+    assert table["mean_speed"].isna().equals(refused) and table["error"].notna().equals(refused)
+    assert table["error"][refused].str.startswith("no such scene: crank.radius").all()
+    assert f"{refused.sum()} of 8 points are no scenes" in capsys.readouterr().err
+
+
+def test_a_run_that_cannot_go_on_is_counted_and_the_others_are_kept(tmp_path, capsys):
+    words = ["--scene", "damped", "--set", "solver.method=rk4", "--vary", "solver.step=1e-5,0.005", "--starts", "0",
+             "--settling", "0", "--duration", "1", "--output", str(tmp_path)]
+    assert main(words) == 1
+    table = pandas.read_parquet(tmp_path / "blocks")
+    assert table["mean_speed"].isna().tolist() == [False, True]
+    assert "no longer finite" in table["error"][1] and "1 runs could not go on" in capsys.readouterr().out
+
+
+def test_a_promise_that_rounding_breaks_is_a_warning_in_the_row(tmp_path, capsys):
+    assert main([*SHORT, "--set", "upper.plate.stiffness=1e12", "--output", str(tmp_path)]) == 0
+    table = pandas.read_parquet(tmp_path / "blocks")
+    assert table["warning"].str.contains("solver.tolerance").all() and table["error"].isna().all()
+    assert "warning: solver.tolerance" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(("change", "words"), [
+    (["--duration", "0.6"], "design.duration is 0.5 there, 0.6 here"), (["--set", "mass.body=2"], "mass.body is 1.0"),
+    (["--vary", "mass.body=1,2"], "mass.body is only there"), (["--starts", "3"], "design.starts is 2")])
+def test_a_folder_of_another_design_is_refused_and_stays(tmp_path, capsys, change, words):
+    assert main([*SHORT, "--output", str(tmp_path)]) == 0
+    before = bytes_of(tmp_path)
+    assert main([*SHORT, *change, "--output", str(tmp_path)]) == 2
+    said = capsys.readouterr().err
+    assert words in said and said.count("\n") == 1 and bytes_of(tmp_path) == before
+
+
+def test_a_folder_of_another_version_is_refused(tmp_path, capsys, monkeypatch):
+    assert main([*SHORT, "--output", str(tmp_path)]) == 0
+    monkeypatch.setattr(blocks, "sources", lambda: {"version": "0.0.1", "sources": "0"})
+    assert main([*SHORT, "--output", str(tmp_path)]) == 2
+    assert "version is" in capsys.readouterr().err
+
+
+def test_files_of_others_are_refused_and_stay(tmp_path, capsys):
+    (tmp_path / "blocks").mkdir()
+    other = tmp_path / "blocks" / "mine.parquet"
+    other.write_text("mine")
+    assert main([*SHORT, "--output", str(tmp_path)]) == 2
+    assert "mine.parquet: is no block" in capsys.readouterr().err and other.read_text() == "mine"
+
+
+@pytest.mark.parametrize("kind", ["folder", "pipe", "link"])
+def test_a_block_that_is_no_file_is_refused(tmp_path, capsys, kind):
+    (tmp_path / "blocks").mkdir()
+    path = tmp_path / "blocks" / "block_000000.parquet"
+    {"folder": path.mkdir, "pipe": lambda: os.mkfifo(path), "link": lambda: path.symlink_to("/etc/passwd")}[kind]()
+    assert main([*SHORT, "--output", str(tmp_path)]) in (1, 2)
+    assert "block_000000.parquet" in capsys.readouterr().err
+
+
+def test_two_studies_in_one_folder_are_refused(tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr("vibro_ros.study.sweep.locked_folder._PATIENCE", 0.1)
+    with locked(tmp_path / "blocks"):
+        assert main([*SHORT, "--output", str(tmp_path)]) == 2
+    assert "another study writes here" in capsys.readouterr().err
+
+
+def test_any_damaged_byte_is_noticed_and_the_block_run_again(tmp_path, capsys):
+    assert main([*SHORT, "--output", str(tmp_path)]) == 0
+    path, draw = tmp_path / "blocks" / "block_000000.parquet", random.Random(3)
+    whole = path.read_bytes()
+    for place in [0, len(whole) - 1, *(draw.randrange(len(whole)) for _ in range(6))]:
+        path.write_bytes(whole[:place] + bytes([whole[place] ^ 1 << draw.randrange(8)]) + whole[place + 1:])
+        assert main([*SHORT, "--output", str(tmp_path)]) == 0
+        assert path.read_bytes() == whole and "is damaged" in capsys.readouterr().err
+    for data in (b"", whole[:100], whole[:-1], whole * 2):
+        path.write_bytes(data)
+        assert main([*SHORT, "--output", str(tmp_path)]) == 0 and path.read_bytes() == whole
+
+
+def test_what_an_interrupted_write_left_is_cleared(tmp_path):
+    (tmp_path / "blocks").mkdir()
+    left = tmp_path / "blocks" / ".block_000000.parquet.0123456789abcdef"
+    left.write_text("half")
+    assert main([*SHORT, "--output", str(tmp_path)]) == 0 and not left.exists()
+
+
+def test_a_full_disk_keeps_what_is_done_and_says_so(tmp_path, small_blocks, monkeypatch, capsys):
+    words, real = [*LONG, "--output", str(tmp_path)], blocks.replace_file
+
+    def full_after_two(path, data):
+        if path.name.startswith("block_000002"):
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(path))
+        real(path, data)
+
+    monkeypatch.setattr(blocks, "replace_file", full_after_two)
+    assert main(words) == 1
+    said = capsys.readouterr().err
+    assert "No space left on device; free some room. 2 of 18 blocks are kept" in said and said.count("\n") == 1
+    assert len(list((tmp_path / "blocks").iterdir())) == 2
+
+
+def test_a_file_that_may_not_grow_is_told(tmp_path):
+    """A real refusal of the system, in a process of its own."""
+    def limit():
+        signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+        resource.setrlimit(resource.RLIMIT_FSIZE, (1000, 1000))
+
+    child = forked([*SHORT, "--output", str(tmp_path)], limit)
+    assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 1
+    assert list((tmp_path / "blocks").iterdir()) == []
+
+
+def test_nowhere_to_write_is_refused(tmp_path, capsys):
+    (tmp_path / "file").write_text("")
+    assert main([*SHORT, "--output", str(tmp_path / "file")]) == 2
+    assert capsys.readouterr().err.count("\n") == 1
+
+
+def test_a_killed_worker_is_replaced(tmp_path):
+    marker = tmp_path / "killed"
+
+    def work(piece):
+        if piece.changes["k"] == 3 and not marker.exists():
+            marker.touch()
+            os.kill(os.getpid(), signal.SIGKILL)
+        return piece.changes["k"]
+
+    items = iter([Piece({"k": k}, (0,)) for k in range(20)])
+    assert list(local.in_local_processes(work, items, 2)) == list(range(20)) and marker.exists()
+
+
+def test_a_worker_that_dies_again_and_again_is_told():
+    def work(piece):
+        if piece.changes["k"] == 1:
+            os.kill(os.getpid(), signal.SIGKILL)
+        return piece.changes["k"]
+
+    found = local.in_local_processes(work, iter([Piece({"k": k}, (0,)) for k in range(4)]), 2)
+    assert next(found) == 0
+    with pytest.raises(RuntimeError, match="3 processes ended at k = 1"):
+        next(found)
+
+
+@pytest.mark.parametrize(("words", "said"), [
+    (["--workers", "0"], "--workers"), (["--vari", "x"], "--help"), (["--measure", "speed"], "no such measure"),
+    (["--scheduler", "nowhere"], "--workers")])
+def test_bad_words_are_refused_in_one_line(tmp_path, capsys, words, said):
+    assert main([*SHORT, "--output", str(tmp_path), *words]) == 2
+    err = capsys.readouterr().err
+    assert said in err and err.count("\n") == 1
+
+
+def test_a_scheduler_that_does_not_answer_is_refused(tmp_path, capsys):
+    assert main([*SHORT[:-2], "--output", str(tmp_path), "--scheduler", "nowhere"]) == 2
+    assert "no scheduler answers" in capsys.readouterr().err

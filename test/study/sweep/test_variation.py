@@ -1,0 +1,111 @@
+"""What varies, from words and from a file: grids and samples are those asked for, and nonsense is refused in a line."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy.stats import qmc
+
+import vibro_ros
+from vibro_ros.study.sweep.design import Design
+from vibro_ros.study.sweep.variation import Axis, Range, sampling, sampling_in_words, varied, varied_in_words
+
+
+def design(varied_ones, sampled=None, starts=2, **changes):
+    """Return a design over the paper's scene."""
+    scene = vibro_ros.load_scene("paper").with_parameters(changes)
+    return Design(scene, tuple(varied_ones), sampled, ("mean_speed",), starts, 1.0, 1.0)
+
+
+def test_a_grid_has_both_ends_and_equal_steps():
+    name, axis = varied_in_words("guide.angle=0.7:1.5:5")
+    assert name == "guide.angle" and axis.values == pytest.approx([0.7, 0.9, 1.1, 1.3, 1.5])
+    assert (axis.values[0], axis.values[-1]) == (0.7, 1.5)
+
+
+def test_a_logarithmic_grid_has_both_ends_and_equal_ratios():
+    axis = varied_in_words("upper.plate.stiffness=1e5:1e8:4:log")[1]
+    assert axis.values == pytest.approx([1e5, 1e6, 1e7, 1e8]) and axis.values[-1] == 1e8
+
+
+def test_lists_are_of_the_parameters_type():
+    assert varied_in_words("effects.reaction=true,false")[1].values == (True, False)
+    assert varied_in_words("effects.normal_force=printed,hop")[1].values == ("printed", "hop")
+    assert varied_in_words("mass.inclined=0.02,1")[1].values == (0.02, 1.0)
+
+
+@pytest.mark.parametrize("method", ["sobol", "latin_hypercube"])
+def test_samples_are_scipys_and_their_seed_counts(method):
+    drawn = design([Range("guide.angle", 0.5, 1.5, False), Range("mass.inclined", 0.02, 0.2, True)],
+                   sampling(method, 16, 7))
+    found = np.array([list(drawn.changes(point).values()) for point in range(drawn.points)])
+    sampler = {"sobol": qmc.Sobol, "latin_hypercube": qmc.LatinHypercube}[method](2, seed=np.random.default_rng(7))
+    shares = sampler.random(16)
+    assert found[:, 0] == pytest.approx(0.5 + shares[:, 0])
+    assert np.log(found[:, 1] / 0.02) / math.log(10.0) == pytest.approx(shares[:, 1])
+    other = design(drawn.varied, sampling(method, 16, 8))
+    assert other.changes(0) != drawn.changes(0) and design(drawn.varied, drawn.sampling).changes(5) == drawn.changes(5)
+
+
+def test_points_are_every_combination_with_every_sample_and_rows_every_start():
+    drawn = design([Axis("guide.angle", (0.5, 1.0)), Range("mass.inclined", 0.02, 0.2, False),
+                    Axis("effects.normal_force", ("printed", "hop"))], sampling("sobol", 4, 0), starts=3)
+    assert (drawn.points, drawn.rows) == (16, 48)
+    changes = [drawn.changes(point) for point in range(16)]
+    assert [list(one) for one in changes[:1]] == [["guide.angle", "mass.inclined", "effects.normal_force"]]
+    assert [(one["guide.angle"], one["effects.normal_force"]) for one in changes[::4]] == [
+        (0.5, "printed"), (0.5, "hop"), (1.0, "printed"), (1.0, "hop")]
+    assert [one["mass.inclined"] for one in changes[:4]] == [one["mass.inclined"] for one in changes[4:8]]
+    assert [(drawn.point_of(row), drawn.start_of(row)) for row in (0, 2, 3, 47)] == [(0, 0), (0, 2), (1, 0), (15, 2)]
+
+
+def test_blocks_hold_every_row_once_whatever_the_machine():
+    drawn = design([Axis("guide.angle", tuple(np.linspace(0.1, 3.0, 1000).tolist()))], starts=5)
+    rows = [row for block in range(drawn.blocks) for row in drawn.rows_of_block(block)]
+    assert rows == list(range(5000)) and drawn.block_rows == 1024
+
+
+@pytest.mark.parametrize(("text", "words"), [
+    ("guide.angle", "NAME=LOW:HIGH:COUNT"), ("guide.angel=0:1:3", "did you mean guide.angle"),
+    ("guide.angle=", "NAME=LOW"), ("guide.angle=0:1:2:3", "4 parts"), ("guide.angle=0:1:1", "from 2 to"),
+    ("guide.angle=0:1:2.5", "whole number"), ("guide.angle=1:0:3", "smaller number first"),
+    ("guide.angle=0:4:3", "0 to 3.14159 rad"), ("guide.angle=0:1:3:log", "no logarithm"),
+    ("guide.angle=0.1,0.1", "given twice"), ("guide.angle=a,b", "not a number"),
+    ("effects.reaction=0:1:2", "has no range"), ("guide.angle=0:inf:2", "not a number"),
+    ("guide.angle=0:1:99999999999", "whole number")])
+def test_what_varies_nothing_is_refused_in_one_line(text, words):
+    with pytest.raises(ValueError, match=words) as refused:
+        varied_in_words(text)
+    assert "\n" not in str(refused.value)
+
+
+@pytest.mark.parametrize(("given", "words"), [
+    (3, "varies nothing"), ([], "0 values"), ({"from": 1.0}, "'to' is missing"), ({"form": 1.0}, "'form' is unknown"),
+    ({"from": 0.1, "to": 1.0, "scale": "cubic"}, "'cubic' is unknown"), ({"from": "a", "to": 1.0}, "not a number"),
+    ({"from": 0.1, "to": 1.0, "count": True}, "whole number"), ([[1.0]], "not a number")])
+def test_what_a_file_may_not_say_is_refused(given, words):
+    with pytest.raises(ValueError, match=words):
+        varied("guide.angle", given)
+
+
+@pytest.mark.parametrize(("text", "words"), [
+    ("sobol", "METHOD:COUNT"), ("halton:8", "'halton' is unknown"), ("sobol:1000", "512 or 1024"),
+    ("sobol:0", "from 1"), ("latin_hypercube:8:-1", "seed"), ("sobol:8:1:1", "METHOD:COUNT"), ("sobol:x", "count")])
+def test_a_bad_sampling_is_refused(text, words):
+    with pytest.raises(ValueError, match=words):
+        sampling_in_words(text)
+
+
+@pytest.mark.parametrize(("ones", "sampled", "changes", "words"), [
+    ([], None, {}, "nothing varies"), ([Range("guide.angle", 0.1, 1.0, False)], None, {}, "needs --sample"),
+    ([Axis("guide.angle", (0.1,))], sampling("sobol", 8, 0), {}, "no range to sample"),
+    ([Axis("guide.angle", (0.1,))], None, {"motor.speed": 0.0}, "--set motor.speed=100")])
+def test_a_design_that_contradicts_itself_is_refused(ones, sampled, changes, words):
+    with pytest.raises(ValueError, match=words):
+        design(ones, sampled, **changes)
+
+
+def test_too_many_runs_are_refused():
+    axes = [Axis(name, tuple(np.linspace(0.01, 0.02, 1000).tolist())) for name in ("mass.upper", "mass.inclined")]
+    with pytest.raises(ValueError, match="more than 100000000 runs"):
+        design(axes, starts=101)

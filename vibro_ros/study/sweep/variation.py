@@ -1,0 +1,206 @@
+"""What a sweep varies: parameters over lists and grids, and, beside these, over ranges that are sampled."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.stats import qmc
+
+from vibro_ros.configuration.strict_yaml import read_scalar
+from vibro_ros.model.parameters import BY_NAME, Parameter, Value, parameter_named
+
+#: Most values of a list or a grid, each of which stands in the metadata of every file, and most samples.
+MOST_VALUES, MOST_SAMPLES = 10_000, 10_000_000
+LOG = "log"
+#: Ways to sample ranges, all from a seed.
+SAMPLERS = {"sobol": qmc.Sobol, "latin_hypercube": qmc.LatinHypercube}
+
+
+@dataclass(frozen=True)
+class Axis:
+    """A parameter that takes each of some values in turn.
+
+    Attributes
+    ----------
+    name : str
+        Of the parameter.
+    values : tuple
+        Its values, in SI units, in their order.
+    """
+
+    name: str
+    values: tuple[Value, ...]
+
+    def document(self) -> list[Value]:
+        """What a sweep's file says of it."""
+        return list(self.values)
+
+
+@dataclass(frozen=True)
+class Range:
+    """A number that is sampled.
+
+    Attributes
+    ----------
+    name : str
+        Of the parameter.
+    low, high : float
+        Its limits, in SI units.
+    log : bool
+        Whether its logarithm is distributed evenly, instead of the number itself.
+    """
+
+    name: str
+    low: float
+    high: float
+    log: bool
+
+    def at(self, shares: np.ndarray) -> np.ndarray:
+        """The numbers at `shares` of the range, from 0 to 1."""
+        return spread(self.low, self.high, self.log, shares)
+
+    def document(self) -> dict[str, Value]:
+        """What a sweep's file says of it."""
+        return {"from": self.low, "to": self.high, **({"scale": LOG} if self.log else {})}
+
+
+@dataclass(frozen=True)
+class Sampling:
+    """How ranges are sampled.
+
+    Attributes
+    ----------
+    method : str
+        Of `SAMPLERS`.
+    count : int
+        Points.
+    seed : int
+        Of the random numbers that shift or scatter the points.
+    """
+
+    method: str
+    count: int
+    seed: int
+
+    def shares(self, dimensions: int) -> np.ndarray:
+        """Points in the unit cube, shape (count, dimensions)."""
+        return SAMPLERS[self.method](dimensions, seed=np.random.default_rng(self.seed)).random(self.count)
+
+
+def spread(low: float, high: float, log: bool, shares: np.ndarray) -> np.ndarray:
+    """Numbers from `low` at the share 0 to `high` at the share 1, evenly or by their logarithms; both ends exact."""
+    values = low * (high / low) ** shares if log else low + (high - low) * shares
+    return np.where(shares == 1.0, high, np.clip(values, min(low, high), max(low, high)))
+
+
+def varied(name: str, given: object) -> Axis | Range:
+    """What a sweep's file says that a parameter is to be.
+
+    Parameters
+    ----------
+    name : str
+        Of a parameter of the scene.
+    given : object
+        A list of values; or a mapping with `from`, `to`, and perhaps `scale`, for a range that is sampled; with
+        `count`, too, for a grid.
+
+    Raises
+    ------
+    ValueError
+        Naming the parameter, the value, the limit and the remedy.
+    """
+    parameter = parameter_named(name, BY_NAME)
+    if isinstance(given, (list, tuple)):
+        return _axis(parameter, given)
+    if not isinstance(given, dict):
+        raise ValueError(f"{name}: {given!r} varies nothing; give a list of values, or `from` and `to`")
+    for key in given:
+        if key not in ("from", "to", "count", "scale"):
+            raise ValueError(f"{name}: {key!r} is unknown; give from, to, count, scale")
+    for key in ("from", "to"):
+        if key not in given:
+            raise ValueError(f"{name}: {key!r} is missing; give `from` and `to`")
+    return _grid_or_range(parameter, given["from"], given["to"], given.get("count"), given.get("scale", "linear"))
+
+
+def varied_in_words(text: str) -> tuple[str, Axis | Range]:
+    """A parameter's name and what it is to be, from ``NAME=A,B,C``, ``NAME=LOW:HIGH:COUNT`` or ``NAME=LOW:HIGH``.
+
+    After either of the last two, ``:log`` spreads the values evenly by their logarithms.
+
+    Raises
+    ------
+    ValueError
+        As for `varied`.
+    """
+    name, equals, values = text.partition("=")
+    parts = values.split(":")
+    if not equals or not values:
+        raise ValueError(f"--vary {text}: give NAME=LOW:HIGH:COUNT, NAME=LOW:HIGH with --sample, or NAME=A,B,C")
+    if len(parts) == 1:
+        return name, varied(name, [read_scalar(value.strip()) for value in values.split(",")])
+    scale = parts.pop() if parts[-1] == LOG else "linear"
+    if len(parts) not in (2, 3):
+        raise ValueError(f"--vary {text}: has {len(parts)} parts; give LOW:HIGH:COUNT, or LOW:HIGH with --sample")
+    low, high, *count = map(read_scalar, parts)
+    return name, varied(name, {"from": low, "to": high, "scale": scale, **({"count": count[0]} if count else {})})
+
+
+def sampling(method: object, count: object, seed: object) -> Sampling:
+    """A checked `Sampling`.
+
+    Raises
+    ------
+    ValueError
+        For an unknown method, and numbers that are no counts.
+    """
+    if method not in SAMPLERS:
+        raise ValueError(f"sample: {method!r} is unknown; choose one of {', '.join(SAMPLERS)}")
+    points = whole_number("sample: count", count, 1, MOST_SAMPLES)
+    if method == "sobol" and points & (points - 1):
+        less = 1 << (points.bit_length() - 1)
+        raise ValueError(f"sample: {points} points of sobol are not spread evenly; give {less} or {2 * less}")
+    return Sampling(str(method), points, whole_number("sample: seed", seed, 0, 2**63 - 1))
+
+
+def sampling_in_words(text: str) -> Sampling:
+    """A `Sampling` from ``METHOD:COUNT`` or ``METHOD:COUNT:SEED`` (ValueError as for `sampling`)."""
+    method, *numbers = text.split(":")
+    if len(numbers) not in (1, 2):
+        raise ValueError(f"--sample {text}: give METHOD:COUNT or METHOD:COUNT:SEED, with METHOD one of "
+                         f"{', '.join(SAMPLERS)}")
+    count, seed = (*map(read_scalar, numbers), 0)[:2]
+    return sampling(method, count, seed)
+
+
+def whole_number(what: str, value: object, least: int, most: int) -> int:
+    """`value` as an integer from `least` to `most`; else a ValueError that begins with `what`."""
+    if isinstance(value, bool) or not isinstance(value, int) or not least <= value <= most:
+        raise ValueError(f"{what}: {value!r} is out of range; give a whole number from {least} to {most}")
+    return value
+
+
+def _axis(parameter: Parameter, values: Sequence[object]) -> Axis:
+    if not 1 <= len(values) <= MOST_VALUES:
+        raise ValueError(f"{parameter.name}: {len(values)} values; give from 1 to {MOST_VALUES}")
+    checked = tuple(map(parameter.checked, values))
+    if len(set(checked)) < len(checked):
+        twice = next(value for k, value in enumerate(checked) if value in checked[:k])
+        raise ValueError(f"{parameter.name}: {twice!r} is given twice; keep one")
+    return Axis(parameter.name, checked)
+
+
+def _grid_or_range(parameter: Parameter, low: object, high: object, count: object, scale: object) -> Axis | Range:
+    if not isinstance(parameter.default, float):
+        raise ValueError(f"{parameter.name}: is {parameter.type_name}, which has no range; list its values")
+    if scale not in ("linear", LOG):
+        raise ValueError(f"{parameter.name}: scale {scale!r} is unknown; choose one of linear, {LOG}")
+    first, last = parameter.checked(low), parameter.checked(high)
+    if not first < last:
+        raise ValueError(f"{parameter.name}: from {first:g} to {last:g} is no range; give the smaller number first")
+    if scale == LOG and first <= 0.0:
+        raise ValueError(f"{parameter.name}: {first:g} has no logarithm; begin above 0, or give no {LOG}")
+    if count is None:
+        return Range(parameter.name, first, last, scale == LOG)
+    values = whole_number(f"{parameter.name}: count", count, 2, MOST_VALUES)
+    return _axis(parameter, spread(first, last, scale == LOG, np.linspace(0.0, 1.0, values)).tolist())
