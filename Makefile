@@ -23,7 +23,7 @@ $(PACKAGES): another-python
 endif
 endif
 
-.PHONY: help setup demo test check lint conflict-markers bench accuracy literature docs picture clean another-python
+.PHONY: help setup demo test check lint conflict-markers bench accuracy literature optimum docs picture clean another-python
 
 help:  ## list these commands
 	@sed -n 's/^\([a-z]*\):[^#]*## /  make \1\t/p' $(MAKEFILE_LIST) | expand -t 18
@@ -61,6 +61,9 @@ accuracy: $(READY) $(PEER)  ## measure what accuracy costs in every shipped scen
 
 literature: $(READY)  ## hold published results of other machines against the model and write docs/literature.md; four minutes
 	@$(BIN)/python -m vibro_ros.project.literature_report
+
+optimum: $(READY) $(STUDY)  ## search for the fastest and the thriftiest robots and write docs/optimum.md; half an hour
+	@$(BIN)/python -m vibro_ros.project.optimum_report
 
 docs: $(READY)  ## measure and write the tables in docs/guide/parameters.md and docs/robot.md; some minutes
 	@$(BIN)/python -m vibro_ros.project.parameter_table

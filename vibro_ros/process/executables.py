@@ -76,6 +76,9 @@ EXECUTABLES = {
     "literature_report": Executable(
         "vibro_ros.project.literature_report", False,
         "Hold published results of other machines against the model and write literature.md; four minutes."),
+    "optimum_report": Executable(
+        "vibro_ros.project.optimum_report", False,
+        "Search for the fastest and the thriftiest robots and write optimum.md; half an hour."),
     "effects": Executable(
         "vibro_ros.project.effects", False,
         "Write the tables of effects into a Markdown file."),

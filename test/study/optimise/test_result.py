@@ -11,8 +11,10 @@ from vibro_ros.study.optimise import command
 from vibro_ros.study.optimise.evaluation import VERIFYING, Trials, values_of, values_of_many
 from vibro_ros.study.optimise.lasting import lasting
 from vibro_ros.study.optimise.objective import MEASURED, Reading
+from vibro_ros.study.optimise.record import Record
 from vibro_ros.study.optimise.result_file import read_result
 from vibro_ros.study.optimise.scene_of_optimum import write_scene
+from vibro_ros.study.optimise.search import Evaluations
 from vibro_ros.study.optimise.sensitivity import neighbourhood, robot_count
 from vibro_ros.study.optimise.space import VARIABLES, Space
 from vibro_ros.study.optimise.verification import (
@@ -93,6 +95,27 @@ def test_perturbed_robots_can_be_built_even_beyond_the_bounds():
     lowest = SPACE.parameters([0.0] * 17)
     assert perturbed(SPACE, lowest, {"mass.upper": -1.0})["mass.upper"] == lowest["mass.upper"] * (1.0 - PERTURBATION)
     assert perturbed(SPACE, lowest, {}).parameters == SPACE.scene.with_parameters(lowest).parameters
+
+
+def test_robots_that_cannot_be_built_are_passed_over(tmp_path):
+    """Much friction jams some guide angles (Painlevé's paradox), which no bounds of the space know."""
+    space = Space(SCENE.with_parameters({"ground.friction": 12.0, "ground.static_friction": 12.0}))
+    points = np.random.default_rng(0).random((12, 17))
+    points[0] = space.point(of_scene(space) | {"guide.angle": 0.8, "mass.inclined": 0.25, "mass.upper": 0.02})
+    assert space.buildable(points[0]) is None
+    record = Record(tmp_path / "record", {})
+    values = Evaluations(space, SHORT, record, 12, 1, Counting())(points)
+    record.close()
+    built = [space.buildable(point) is not None for point in points]
+    assert 0 < sum(built) < 12
+    assert np.isfinite(values).all(axis=(1, 2)).tolist() == built
+    assert perturbed(space, space.parameters(points[0]), {}) is None
+
+
+def test_without_weight_there_is_no_cost_of_transport():
+    space = Space(SCENE.with_parameters({"gravity": 0.0}), VARIABLES[:1])
+    rows = verified(space, {"mass.upper": 0.1}, Reading(), SHORT, 1, Counting())
+    assert all(math.isnan(row.cost) for row in rows)
 
 
 def test_sobols_indices_find_what_matters(monkeypatch):

@@ -54,7 +54,7 @@ class Cube:
 
     dimension = 3
 
-    def robot(self, point):
+    def buildable(self, point):
         """Return the point."""
         return point
 
@@ -106,9 +106,9 @@ class SpeedAndCost:
 
     objective, seed, space = FRONT, 0, Cube()
 
-    def speed_and_cost(self, robot, values):
+    def speed_and_cost(self, point, values):
         """Speed and cost of a point."""
-        return 0.01 + robot[0], np.exp(3.0 * robot[0]) + 10.0 * np.square(robot[1:] - 0.5).sum()
+        return 0.01 + point[0], np.exp(3.0 * point[0]) + 10.0 * np.square(point[1:] - 0.5).sum()
 
 
 def test_the_front_reaches_from_slow_and_cheap_to_fast_and_dear(tmp_path, simulated):

@@ -1,6 +1,6 @@
 """The pictures of a search: how it went, the front of speed and cost of transport, and what the optimum depends on."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -12,10 +12,11 @@ from vibro_ros.study.optimise.plan import Plan
 from vibro_ros.study.optimise.result import Result
 from vibro_ros.study.optimise.search import Candidates
 from vibro_ros.study.optimise.sensitivity import Neighbourhood
-from vibro_ros.study.optimise.verification import OPTIMUM, PERTURBATION
+from vibro_ros.study.optimise.verification import OPTIMUM, PERTURBATION, Verified
 
 # Speed [m/s] below which a robot stands still for all that can be seen.
 _SLOWEST = 1e-4
+_COST = "cost of transport P / (M g V) [-]"
 # Okabe and Ito's colours, which the colour-blind can tell apart
 _ALL, _BEST, _OTHER, _THIRD, _GRID = "#56b4e9", "#000000", "#d55e00", "#009e73", "#e8e8e8"
 
@@ -45,7 +46,7 @@ def draw_front(result: Result, candidates: Candidates, title: str) -> Figure:
     """Cost of transport over speed: all candidates, the front from fresh starts, and the robots that were verified."""
     figure, axes = _figure(8.0, 5.5)
     plan = result.plan
-    every = np.array([plan.speed_and_cost(plan.space.robot(point), values)
+    every = np.array([plan.speed_and_cost(point, values)
                       for point, values in zip(candidates.points, candidates.values, strict=True)])
     every = every[np.isfinite(every[:, 1]) & (every[:, 0] > _SLOWEST)]
     axes.plot(1e3 * every[:, 0], every[:, 1], ".", ms=2.0, color=_ALL, label="a robot of the search", rasterized=True)
@@ -54,9 +55,32 @@ def draw_front(result: Result, candidates: Candidates, title: str) -> Figure:
         if row.cost > 0.0:
             axes.errorbar(1e3 * row.speed.mean, row.cost, xerr=1e3 * row.speed.spread, fmt=mark, ms=8.0,
                           color=_OTHER if row.robot == OPTIMUM else _THIRD, label=row.robot)
-    axes.set(xscale="log", yscale="log", xlabel="mean speed [mm/s]", ylabel="cost of transport P / (M g V) [-]",
-             title=title)
+    axes.set(xscale="log", yscale="log", xlabel="mean speed [mm/s]", ylabel=_COST, title=title)
     axes.legend(frameon=False)
+    return figure
+
+
+def draw_fronts(fronts: Mapping[str, Sequence[FrontRobot]], whole: Sequence[FrontRobot],
+                rows: Sequence[Verified]) -> Figure:
+    """The fronts that several searches found, the front of them all, and the robots of the paper.
+
+    Parameters
+    ----------
+    fronts : mapping
+        The front of each search by its name.
+    whole : sequence of FrontRobot
+        The front of them all.
+    rows : sequence of Verified
+        The robots of the paper, in the same scene.
+    """
+    figure, axes = _figure(8.0, 5.5)
+    for name, front in fronts.items():
+        axes.plot([1e3 * one.speed for one in front], [one.cost for one in front], "o", ms=4.0, label=name)
+    _draw_front_line(axes, whole)
+    for row, mark in zip(rows, "sD", strict=True):
+        axes.plot(1e3 * row.speed.mean, row.cost, mark, ms=8.0, color=_THIRD, label=row.robot)
+    axes.set(xscale="log", yscale="log", xlabel="mean speed [mm/s]", ylabel=_COST)
+    axes.legend(frameon=False, fontsize=8)
     return figure
 
 

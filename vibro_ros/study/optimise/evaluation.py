@@ -38,20 +38,26 @@ class Trials:
     first: int = 0
 
 
-def values_of(scene: Scene, trials: Trials) -> np.ndarray:
-    """Measures of a robot from each start, shape (starts, measures), columns `MEASURED`; NaN if a run cannot go on."""
+def values_of(scene: Scene | None, trials: Trials) -> np.ndarray:
+    """Measures of a robot from each start, shape (starts, measures), columns `MEASURED`.
+
+    NaN if a run cannot go on, and for a robot that cannot be built (None).
+    """
+    nothing = np.full((trials.starts, len(MEASURED)), np.nan)
+    if scene is None:
+        return nothing
     try:
         rows = [measure(scene, MEASURED, trials.settling, trials.duration, trials.first + number)
                 for number in range(trials.starts)]
     except SimulationError:
-        return np.full((trials.starts, len(MEASURED)), np.nan)
+        return nothing
     return np.array([[row[name] for name in MEASURED] for row in rows])
 
 
-def values_of_many(scenes: Sequence[Scene], trials: Trials, workers: int) -> Iterator[np.ndarray]:
+def values_of_many(scenes: Sequence[Scene | None], trials: Trials, workers: int) -> Iterator[np.ndarray]:
     """Yield `values_of` of each of `scenes`, in their order, from so many processes."""
-    if scenes:
-        provide_kernels(scenes[0]["solver.method"])  # once for all that are forked
+    for method in {scene["solver.method"] for scene in scenes if scene is not None}:
+        provide_kernels(method)  # once for all that are forked
     jobs = in_processes(partial(values_of, trials=trials), scenes, min(workers, max(len(scenes), 1)))
     try:
         for job in jobs:

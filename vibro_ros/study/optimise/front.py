@@ -78,7 +78,7 @@ class _Turn:
         return candidates.points[int(np.argmax(self._scores(candidates.points, candidates.values)))]
 
     def _scores(self, points: np.ndarray, values: np.ndarray) -> np.ndarray:
-        return np.array([self._score(*self._plan.speed_and_cost(self._plan.space.robot(point), one))
+        return np.array([self._score(*self._plan.speed_and_cost(point, one))
                          for point, one in zip(points, values, strict=True)])
 
     def _score(self, pace: float, cost: float) -> float:
@@ -101,14 +101,13 @@ def front_of(plan: Plan, candidates: Candidates, workers: int, progress: Progres
     progress : Progress
         Is told of every robot.
     """
-    robots = [plan.space.robot(point) for point in candidates.points]
-    pairs = [plan.speed_and_cost(robot, values) for robot, values in zip(robots, candidates.values, strict=True)]
-    picked = [robots[number] for number in _spread(non_dominated(np.array(pairs)), pairs)]
-    found = []
-    for robot, values in zip(picked, values_of_many(picked, replace(plan.effort.choosing, first=CHOOSING), workers),
-                             strict=True):
+    pairs = [plan.speed_and_cost(*one) for one in zip(candidates.points, candidates.values, strict=True)]
+    points = candidates.points[_spread(non_dominated(np.array(pairs)), pairs)]
+    robots, found = [plan.space.robot(point) for point in points], []
+    fresh = values_of_many(robots, replace(plan.effort.choosing, first=CHOOSING), workers)
+    for point, robot, values in zip(points, robots, fresh, strict=True):
         power = float(values[:, POWERS[plan.reading.power]].mean())
-        found.append(FrontRobot(*plan.speed_and_cost(robot, values), power, robot))
+        found.append(FrontRobot(*plan.speed_and_cost(point, values), power, robot))
         progress.update(1)
     still = non_dominated(np.array([(one.speed, one.cost) for one in found]).reshape(-1, 2))
     return [found[number] for number in still]

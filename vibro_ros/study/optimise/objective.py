@@ -70,7 +70,7 @@ def speed_per_power(values: np.ndarray, reading: Reading) -> float:
 
 def cost_of_transport(values: np.ndarray, reading: Reading, weight: float) -> float:
     """P / (M g V) [-] with means over the starts, and M g = `weight` [N]; inf where there is no such cost."""
-    if speed(values, reading) <= 0.0 or values[:, POWERS[reading.power]].mean() <= 0.0:
+    if speed(values, reading) <= 0.0 or values[:, POWERS[reading.power]].mean() <= 0.0 or weight <= 0.0:
         return np.inf
     return float(values[:, POWERS[reading.power]].mean() / (weight * abs(values[:, 0].mean())))
 

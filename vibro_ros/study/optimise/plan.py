@@ -5,7 +5,6 @@ from dataclasses import asdict, dataclass
 
 import numpy as np
 
-from vibro_ros.model.scene import Scene
 from vibro_ros.simulation.provenance import software
 from vibro_ros.study.optimise.evaluation import Trials
 from vibro_ros.study.optimise.objective import FAILED, OBJECTIVES, Reading, check_reaction, cost_of_transport, speed
@@ -102,8 +101,11 @@ class Plan:
             return max(pace - self.least_speed, FAILED)
         return OBJECTIVES[self.scored].score(values, self.reading)
 
-    def speed_and_cost(self, robot: Scene, values: np.ndarray) -> tuple[float, float]:
-        """Speed [m/s] and cost of transport [-] of a robot; infinite cost for one that has none."""
+    def speed_and_cost(self, point: np.ndarray, values: np.ndarray) -> tuple[float, float]:
+        """Speed [m/s] and cost of transport [-] of the robot at a point; infinite cost for one that has none."""
+        if not np.isfinite(values).all():
+            return FAILED, np.inf
+        robot = self.space.robot(point)
         weight = robot.total_mass * robot["gravity"]
         return speed(values, self.reading), cost_of_transport(values, self.reading, weight)
 

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from vibro_ros.model.scene import Scene
+from vibro_ros.study.optimise.behaviour import Behaviour, behaviour_of
 from vibro_ros.study.optimise.evaluation import CHOOSING, values_of_many
 from vibro_ros.study.optimise.front import SHOWN, FrontRobot, by_weights, front_of
 from vibro_ros.study.optimise.plan import FRONT, Plan
@@ -40,6 +41,8 @@ class Result:
         The best.
     on_bound : tuple of str
         For each variable `low`, `high` or an empty text.
+    behaviour : Behaviour
+        How the best moves, and where its energy goes.
     verified : tuple of Verified
         The best beside the paper's robots, from fresh starts.
     around : Neighbourhood
@@ -55,6 +58,7 @@ class Result:
     optimum: Mapping[str, float]
     robot: Scene
     on_bound: tuple[str, ...]
+    behaviour: Behaviour
     verified: tuple[Verified, ...]
     around: Neighbourhood
     front: tuple[FrontRobot, ...]
@@ -93,7 +97,8 @@ def studied(plan: Plan, record: Path, workers: int, bar: Bar) -> tuple[Result, C
     front = _front(plan, candidates, workers, bar) if space.scene["effects.reaction"] else ()
     ends = [max(1, round(part * len(scores))) for part in MILESTONES]
     return Result(plan, len(scores), tuple(float(scores[:end].max()) for end in ends), optimum, space.robot(point),
-                  tuple(space.on_bound(point)), tuple(rows), around, tuple(front)), candidates
+                  tuple(space.on_bound(point)), behaviour_of(space.robot(point), effort.verifying), tuple(rows), around,
+                  tuple(front)), candidates
 
 
 def _searched(plan: Plan, path: Path, workers: int, bar: Bar) -> Candidates:
@@ -108,6 +113,7 @@ def _searched(plan: Plan, path: Path, workers: int, bar: Bar) -> Candidates:
 
 def _chosen(plan: Plan, candidates: Candidates, scores: np.ndarray, workers: int, bar: Bar) -> np.ndarray:
     """The point that is best from fresh starts, of those that were best in the search: luck does not repeat."""
+    scores = np.where(np.isfinite(candidates.values).all(axis=(1, 2)), scores, -np.inf)
     finalists = _apart(candidates.points, scores, plan.effort.finalists)
     trials = replace(plan.effort.choosing, first=CHOOSING)
     robots, fresh = [plan.space.robot(point) for point in finalists], []
@@ -115,8 +121,8 @@ def _chosen(plan: Plan, candidates: Candidates, scores: np.ndarray, workers: int
         for values in values_of_many(robots, trials, workers):
             fresh.append(plan.score(values))
             progress.update(1)
-    best = int(np.argmax(fresh))
-    if fresh[best] <= 0.0:
+    best = int(np.argmax(fresh)) if fresh else 0
+    if not fresh or fresh[best] <= 0.0:
         raise ValueError(f"--budget {plan.effort.budget}: no robot was found that goes the same way from all starts"
                          f"{' at the least speed' if plan.least_speed else ''}; give a larger budget or other bounds")
     return finalists[best]
@@ -126,6 +132,8 @@ def _apart(points: np.ndarray, scores: np.ndarray, count: int, distance: float =
     """The best points of which no two are nearer than `distance` in every coordinate."""
     found: list[np.ndarray] = []
     for number in np.argsort(-scores, kind="stable"):
+        if scores[number] == -np.inf:
+            break
         if all(np.abs(points[number] - other).max() >= distance for other in found):
             found.append(points[number])
         if len(found) == count:

@@ -8,6 +8,7 @@ from typing import Any
 
 from vibro_ros.accuracy.starts import Average
 from vibro_ros.process.regular_file import content, replace_file
+from vibro_ros.study.optimise.behaviour import Behaviour
 from vibro_ros.study.optimise.front import FrontRobot
 from vibro_ros.study.optimise.plan import Plan
 from vibro_ros.study.optimise.result import Result
@@ -23,7 +24,8 @@ def write_result(path: Path, result: Result) -> None:
               "parameters": {variable.name: one.robot[variable.name] for variable in result.plan.space.variables}}
              for one in result.front]
     whole = {"robots": result.robots, "best_scores": list(result.best_scores), "optimum": dict(result.optimum),
-             "verified": [asdict(row) for row in result.verified], "around": asdict(result.around), "front": front}
+             "behaviour": asdict(result.behaviour), "verified": [asdict(row) for row in result.verified],
+             "around": asdict(result.around), "front": front}
     replace_file(path, (json.dumps(_finite(whole), indent=1, allow_nan=False) + "\n").encode())
 
 
@@ -44,8 +46,13 @@ def _result(whole: Any, plan: Plan) -> Result:
     return Result(
         plan=plan, robots=whole["robots"], best_scores=tuple(whole["best_scores"]), optimum=optimum,
         robot=space.scene.with_parameters(optimum), on_bound=tuple(space.on_bound(space.point(optimum))),
-        verified=tuple(_verified(row) for row in whole["verified"]),
+        behaviour=_behaviour(whole["behaviour"]), verified=tuple(_verified(row) for row in whole["verified"]),
         around=Neighbourhood(sensitivities=sensitivities, **around), front=tuple(front))
+
+
+def _behaviour(whole: dict[str, Any]) -> Behaviour:
+    return Behaviour(**{name: {one: math.nan if value is None else value for one, value in values.items()}
+                        for name, values in whole.items()})
 
 
 def _verified(row: dict[str, Any]) -> Verified:

@@ -106,7 +106,7 @@ class Evaluations:
         return Candidates(*map(np.concatenate, zip(*self._groups, strict=True)))
 
     def _computed(self, points: np.ndarray) -> Iterator[np.ndarray]:
-        robots = [self._space.robot(point) for point in points]
+        robots = [self._space.buildable(point) for point in points]
         for values in values_of_many(robots, self._trials, self._workers):
             self._progress.update(1)
             yield values

@@ -83,7 +83,7 @@ def neighbourhood(space: Space, optimum: Mapping[str, float], score: Callable[[n
     optimum : mapping
         Values of the varied parameters.
     score : callable
-        Of a robot's values.
+        Of a robot's values; a robot that cannot be built, or whose score is below 0, counts as 0.
     trials : Trials
         Its starts are counted from `VERIFYING` on.
     samples : int
@@ -102,7 +102,7 @@ def neighbourhood(space: Space, optimum: Mapping[str, float], score: Callable[[n
               *(perturbed(space, optimum, dict(zip(names, shift, strict=True))) for shift in shifts)]
     scores = []
     for values in values_of_many(robots, replace(trials, first=VERIFYING), workers):
-        scores.append(score(values))
+        scores.append(max(score(values), 0.0))
         progress.update(1)
     alone, together = np.array(scores[1:1 + 2 * space.dimension]), np.array(scores[1 + 2 * space.dimension:])
     indices = sobol_analysis.analyze(problem, together, calc_second_order=False, seed=seed)

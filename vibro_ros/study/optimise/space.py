@@ -128,6 +128,16 @@ class Space:
         """The scene at a point of the unit cube."""
         return self.scene.with_parameters(self.parameters(point))
 
+    def buildable(self, point: Point) -> Scene | None:
+        """The scene at a point of the unit cube; None where limits that join parameters refuse it.
+
+        Such limits, as of Painlevé's paradox, depend on the scene: no choice of coordinates avoids them all.
+        """
+        try:
+            return self.robot(point)
+        except ValueError:
+            return None
+
     def point(self, parameters: Mapping[str, float]) -> np.ndarray:
         """Coordinates of the varied parameters' values, shape (dimension,); outside 0 to 1 beyond the bounds."""
         return np.array([one.share(parameters[one.name], *self.interval(one, parameters)) for one in self.variables])

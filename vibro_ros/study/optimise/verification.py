@@ -8,6 +8,7 @@ import numpy as np
 
 from vibro_ros.accuracy.starts import Average, average
 from vibro_ros.configuration.scene_file import load_scene
+from vibro_ros.model.parameters import BY_NAME
 from vibro_ros.model.scene import Scene
 from vibro_ros.study.optimise.evaluation import VERIFYING, Trials, values_of_many
 from vibro_ros.study.optimise.objective import POWERS, Reading, directed
@@ -119,7 +120,7 @@ def _verified(words: str, robot: str, scene: Scene, values: np.ndarray, best: np
     speeds, column = directed(values[:, 0], reading.direction), POWERS[reading.power]
     ratios, is_best = _ratios(values, reading), values is best
     weight, mean_power = scene.total_mass * scene["gravity"], float(np.mean(values[:, column]))
-    pays = scene["effects.reaction"] and mean_power > 0.0 and np.mean(speeds) > 0.0
+    pays = scene["effects.reaction"] and mean_power > 0.0 and np.mean(speeds) > 0.0 and weight > 0.0
     return Verified(
         reading=words, robot=robot, speed=average(speeds), agree=bool((speeds > 0.0).all()),
         power=average(values[:, 1]), delivered=average(values[:, 2]), ratio=average(ratios),
@@ -133,8 +134,8 @@ def _ratios(values: np.ndarray, reading: Reading) -> np.ndarray:
         return directed(values[:, 0], reading.direction) / values[:, POWERS[reading.power]]
 
 
-def perturbed(space: Space, parameters: Mapping[str, float], shifts: Mapping[str, float]) -> Scene:
-    """The robot with some parameters perturbed, also beyond their bounds, but never beyond what can be built.
+def perturbed(space: Space, parameters: Mapping[str, float], shifts: Mapping[str, float]) -> Scene | None:
+    """The robot with some parameters perturbed, also beyond their bounds; None where limits that join them refuse it.
 
     Parameters
     ----------
@@ -148,12 +149,16 @@ def perturbed(space: Space, parameters: Mapping[str, float], shifts: Mapping[str
     by_name = {variable.name: variable for variable in space.variables}
     values = {name: _shifted(space, by_name[name], value, shifts.get(name, 0.0), parameters)
               for name, value in parameters.items()}
+    values = {name: min(max(value, BY_NAME[name].minimum), BY_NAME[name].maximum) for name, value in values.items()}
     full = {**space.scene.parameters, **values}
     upper, inclined = full["crank.upper_rod"], full["crank.inclined_rod"]
-    return space.scene.with_parameters({
-        **values, "crank.radius": min(full["crank.radius"], upper, inclined),
-        "upper.gap": min(max(full["upper.gap"], -upper), upper),
-        "inclined.gap": min(max(full["inclined.gap"], -inclined), inclined)})
+    lengths = {"crank.radius": min(full["crank.radius"], upper, inclined),
+               "upper.gap": min(max(full["upper.gap"], -upper), upper),
+               "inclined.gap": min(max(full["inclined.gap"], -inclined), inclined)}
+    try:
+        return space.scene.with_parameters({**values, **lengths})
+    except ValueError:
+        return None
 
 
 def _shifted(space: Space, variable: Variable, value: float, shift: float, parameters: Mapping[str, float]) -> float:
@@ -163,7 +168,7 @@ def _shifted(space: Space, variable: Variable, value: float, shift: float, param
     return value + PERTURBATION * shift * (high - low) / 2.0
 
 
-def one_at_a_time(space: Space, parameters: Mapping[str, float]) -> Sequence[tuple[str, float, Scene]]:
+def one_at_a_time(space: Space, parameters: Mapping[str, float]) -> Sequence[tuple[str, float, Scene | None]]:
     """Each varied parameter perturbed downwards and upwards: its name, the shift, the robot."""
     return [(variable.name, shift, perturbed(space, parameters, {variable.name: shift}))
             for variable in space.variables for shift in (-1.0, 1.0)]

@@ -5,6 +5,7 @@ from collections.abc import Iterable, Sequence
 
 from vibro_ros.accuracy.starts import Average
 from vibro_ros.model.parameters import BY_NAME
+from vibro_ros.study.optimise.behaviour import ACCOUNTS, Behaviour
 from vibro_ros.study.optimise.front import FrontRobot
 from vibro_ros.study.optimise.objective import OBJECTIVES
 from vibro_ros.study.optimise.plan import FRONT, Plan
@@ -28,14 +29,17 @@ def table(heads: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
 
 def number(value: float) -> str:
     """`value` to three digits; a dash for what is no number."""
-    return f"{value:.3g}" if math.isfinite(value) else "-"
+    if not math.isfinite(value):
+        return "-"
+    text = f"{value:.3g}"
+    return f"{float(text):.0f}" if 1e3 <= abs(float(text)) < 1e6 else text
 
 
 def with_spread(found: Average | None, factor: float = 1.0) -> str:
     """Mean ± half the 95 % interval, times `factor`."""
     if found is None or not math.isfinite(found.mean):
         return "-"
-    return f"{number(factor * found.mean)} ± {number(factor * found.spread)}"
+    return f"{number(factor * found.mean)} ± {factor * found.spread:.2g}"
 
 
 def document(result: Result) -> str:
@@ -43,9 +47,11 @@ def document(result: Result) -> str:
     parts = [f"# {title(result.plan)}", question(result), verdict(result),
              "## Parameters", bounds_in_words(result), parameters_table(result),
              "## Verification", verification_in_words(result), verification_table(result.verified),
+             "## Motion and energy", behaviour_in_words(result.behaviour), energy_table(result.behaviour),
              "## Neighbourhood", neighbourhood_in_words(result.around), sensitivity_table(result.around)]
     if result.front:
-        parts += ["## Speed against cost of transport", front_table(result.front)]
+        parts += ["## Speed against cost of transport", front_in_words(result.front, result.verified[:3]),
+                  front_table(result.front)]
     return "\n\n".join(parts) + "\n"
 
 
@@ -93,13 +99,9 @@ def bounds_in_words(result: Result) -> str:
     alone = {one.name: one for one in result.around.sensitivities}
     gain, where = max((alone[name].lower if end == "low" else alone[name].upper, name) for name, end in ends.items())
     listed = ", ".join(f"`{name}` ({_ENDS[end]})" for name, end in ends.items())
+    beyond = f"`{where}` gains most, {100 * (gain - 1.0):.1f} % of the score" if gain > 1.0 else "none gains"
     return (f"{len(ends)} of {len(result.on_bound)} parameters lie on a bound, and are the bounds' choice as much as "
-            f"the robot's: {listed}. {100 * PERTURBATION:g} % beyond, `{where}` gains most: {_percent(gain)} of the "
-            "score.")
-
-
-def _percent(ratio: float) -> str:
-    return f"{100 * (ratio - 1.0):+.1f} %"
+            f"the robot's: {listed}. {100 * PERTURBATION:g} % beyond, {beyond}.")
 
 
 def parameters_table(result: Result) -> str:
@@ -133,6 +135,21 @@ def verification_table(rows: Sequence[Verified]) -> str:
          for row in rows))
 
 
+def behaviour_in_words(found: Behaviour) -> str:
+    """How the robot moves from one start."""
+    seen = found.measures
+    sides = " and ".join(f"the {side} mass {number(seen[f'{side}_impacts'])} times a turn with up to "
+                         f"{number(seen[f'{side}_peak_force'])} N" for side in ("upper", "inclined"))
+    return (f"From one start {sides} strike their plates; the body is in the air for {100 * seen['air_share']:.0f} % "
+            f"of the time and stands still for {100 * seen['stick_share']:.0f} %.")
+
+
+def energy_table(found: Behaviour) -> str:
+    """Where the energy comes from and goes, from one start."""
+    return table(["energy from one start", "mean power [W]"],
+                 ([words, number(found.powers[name])] for name, words in ACCOUNTS.items() if name in found.powers))
+
+
 def neighbourhood_in_words(around: Neighbourhood) -> str:
     """How robust the optimum is."""
     worst = min((min(one.lower, one.upper), one.name) for one in around.sensitivities)
@@ -149,6 +166,18 @@ def sensitivity_table(around: Neighbourhood) -> str:
         ([f"`{one.name}`", number(one.lower), number(one.upper), f"{one.first:.2f} ± {one.first_spread:.2f}",
           f"{one.total:.2f} ± {one.total_spread:.2f}"]
          for one in sorted(around.sensitivities, key=lambda one: -one.total)))
+
+
+def front_in_words(front: Sequence[FrontRobot], rows: Sequence[Verified]) -> str:
+    """From where to where a front reaches, and what of it is faster and cheaper than the paper's robots."""
+    told = (f"The front reaches from {number(1e3 * front[0].speed)} mm/s at a cost of transport of "
+            f"{number(front[0].cost)} to {number(1e3 * front[-1].speed)} mm/s at {number(front[-1].cost)}.")
+    for row in rows:
+        better = [one for one in front if one.speed > row.speed.mean + row.speed.spread and one.cost < row.cost]
+        if row.robot != OPTIMUM and better:
+            told += (f" Against the {row.robot}, {number(1e3 * row.speed.mean)} mm/s at {number(row.cost)}, it has "
+                     f"{number(1e3 * better[0].speed)} mm/s at {number(better[0].cost)}.")
+    return told
 
 
 def front_table(front: Sequence[FrontRobot]) -> str:
