@@ -23,7 +23,7 @@ $(PACKAGES): another-python
 endif
 endif
 
-.PHONY: help setup demo test check lint conflict-markers bench accuracy literature optimum docs picture clean another-python
+.PHONY: help setup demo test check lint conflict-markers bench accuracy paper literature optimum docs picture clean another-python
 
 help:  ## list these commands
 	@sed -n 's/^\([a-z]*\):[^#]*## /  make \1\t/p' $(MAKEFILE_LIST) | expand -t 18
@@ -58,6 +58,9 @@ bench: $(READY) $(PEER)  ## compare the exact solver's cost with fixed-step Rung
 
 accuracy: $(READY) $(PEER)  ## measure what accuracy costs in every shipped scene and write docs/accuracy.md; a quarter of an hour
 	@$(BIN)/python -m vibro_ros.project.accuracy_report
+
+paper: $(READY)  ## run every claim of the paper under each reading and write docs/paper.md; a quarter of an hour
+	@$(BIN)/python -m vibro_ros.project.paper_report
 
 literature: $(READY)  ## hold published results of other machines against the model and write docs/literature.md; four minutes
 	@$(BIN)/python -m vibro_ros.project.literature_report

@@ -73,6 +73,9 @@ EXECUTABLES = {
     "accuracy_report": Executable(
         "vibro_ros.project.accuracy_report", False,
         "Measure every shipped scene and write accuracy.md with its diagrams; a quarter of an hour."),
+    "paper_report": Executable(
+        "vibro_ros.project.paper_report", False,
+        "Run every claim of the paper under each reading and write paper.md; a quarter of an hour."),
     "literature_report": Executable(
         "vibro_ros.project.literature_report", False,
         "Hold published results of other machines against the model and write literature.md; four minutes."),
