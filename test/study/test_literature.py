@@ -56,7 +56,7 @@ def test_what_is_written_can_be_read_again(tmp_path):
 def test_the_executable_prints_and_writes(quick_studies, tmp_path, capsys):
     assert main(["literature", "--output", str(tmp_path / "new")]) == 0
     text = (tmp_path / "new" / literature.TEXT).read_text(encoding="utf-8")
-    assert "**not contained**" in text and "Interrupted" not in text
+    assert "**not contained**" in text and "Not complete" not in text
     assert capsys.readouterr().out.splitlines()[-1] == str(tmp_path / "new" / literature.TEXT)
 
 
@@ -84,6 +84,8 @@ def test_bad_words_are_refused_in_one_line(words, capsys):
 def test_a_study_that_fails_is_one_line(monkeypatch, tmp_path, capsys):
     def failing(quick):
         raise RuntimeError("the capsule at 3: no step")
-    monkeypatch.setattr(literature, "PUBLISHED", {"one": failing})
+    monkeypatch.setattr(literature, "PUBLISHED", {"one": lambda quick: Studied(ONE, Picture), "two": failing})
     assert main(["literature", "--output", str(tmp_path)]) == 1
-    assert re.fullmatch("study literature: the capsule at 3: no step\n", capsys.readouterr().err)
+    assert re.fullmatch("study literature: the capsule at 3: no step; 1 of 2 studies are kept\n",
+                        capsys.readouterr().err)
+    assert literature.read_findings(tmp_path / literature.DATA) == [ONE]

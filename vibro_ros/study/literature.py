@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 from vibro_ros.process.command_line import Parser
-from vibro_ros.process.front_door import exit_code, say
+from vibro_ros.process.front_door import FAILURE, exit_code, say
 from vibro_ros.process.stop_signals import interrupted_code
 from vibro_ros.simulation.preparation import prepare_kernels
 from vibro_ros.study import capsule_finding, gap_speed_finding, impact_oscillator_finding, two_phase_finding
@@ -85,12 +85,15 @@ def _run(names: Sequence[str], options: argparse.Namespace) -> int:
         for finding in found(names, options.quick, options.output):
             findings.append(finding)
             print("\n".join(in_lines(finding)), flush=True)
+    except (RuntimeError, OSError) as error:
+        code = FAILURE
+        say("study literature", f"{error}; {len(findings)} of {len(names)} studies are kept")
     except KeyboardInterrupt:
         code = interrupted_code()
         say("study literature", f"interrupted; {len(findings)} of {len(names)} studies are kept")
     opening = "# Published results beside this model"
     if len(findings) < len(names):
-        opening += f"\n\n**Interrupted: {len(findings)} of {len(names)} studies.**"
+        opening += f"\n\n**Not complete: {len(findings)} of {len(names)} studies.**"
     text = options.output / TEXT
     text.write_text(document(findings, "", opening), encoding="utf-8")
     write_findings(findings, options.output / DATA)
