@@ -1,6 +1,7 @@
 """The optimum is verified, perturbed and written by what it really is."""
 
 import math
+import pkgutil
 
 import numpy as np
 import pytest
@@ -207,3 +208,14 @@ def test_bad_words_are_one_line(capsys, words, said):
     assert command.main(words.split()) == 2
     error = capsys.readouterr().err
     assert said in error and error.count("\n") == 1 and error.startswith("study: ")
+
+
+def test_a_record_knows_how_its_values_were_measured(monkeypatch):
+    plan = command.plan_of(command.parser().parse_args(OPTIONS.split()))
+    before = plan.identity()
+    assert before == plan.identity()
+    get_data = pkgutil.get_data
+    monkeypatch.setattr(pkgutil, "get_data", lambda package, name: (get_data(package, name) or b"") + (
+        b"# another\n" if name == "observation.py" else b""))
+    after = plan.identity()
+    assert {name for name in before if before[name] != after[name]} == {"measures"}

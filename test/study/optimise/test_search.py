@@ -1,6 +1,7 @@
 """The search finds what is known to be best, its budget holds, and a search that was stopped goes on bit for bit."""
 
 import json
+import resource
 import signal
 import subprocess
 import sys
@@ -155,3 +156,16 @@ def test_ctrl_c_keeps_what_is_done_and_the_same_command_goes_on(tmp_path):
     assert done.returncode == 0, done.stderr
     assert record.read_bytes() == kept[:kept.rindex(b"\n") + 1]
     assert (tmp_path / "optimum.yaml").is_file()
+
+
+def test_a_full_disk_is_one_line_and_what_was_written_stays(tmp_path):
+    def no_room():
+        resource.setrlimit(resource.RLIMIT_FSIZE, (8000, 8000))
+
+    full = subprocess.run(command(tmp_path, 60), capture_output=True, text=True, timeout=PATIENCE, preexec_fn=no_room)
+    assert full.returncode == 1
+    last = full.stderr.splitlines()[-1]
+    assert last.startswith("study: ") and "File too large" in last and "Traceback" not in full.stderr
+    *whole, _ = (tmp_path / "evaluations.jsonl").read_bytes().split(b"\n")
+    assert len(whole) > 1  # and what a torn line is to the next search, test_record.py tells
+    assert all(json.loads(line) for line in whole)

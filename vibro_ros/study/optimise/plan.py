@@ -1,5 +1,7 @@
 """What a search is asked for: scene, space, objective, effort; and what its record depends on."""
 
+import hashlib
+import pkgutil
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 
@@ -9,6 +11,10 @@ from vibro_ros.simulation.provenance import software
 from vibro_ros.study.optimise.evaluation import Trials
 from vibro_ros.study.optimise.objective import FAILED, OBJECTIVES, Reading, check_reaction, cost_of_transport, speed
 from vibro_ros.study.optimise.space import Space
+
+# Modules whose text decides the values of a candidate, beside those that `software` looks at.
+_MEASURING = (("vibro_ros.accuracy", "starts"), *(("vibro_ros.study", name) for name in (
+    "measures", "observation", "window")), ("vibro_ros.study.optimise", "evaluation"))
 
 #: The objective of two numbers, beside those of `OBJECTIVES`.
 FRONT = "front"
@@ -114,4 +120,12 @@ class Plan:
         return {"objective": self.objective, "method": self.method, "reading": dict(self.reading._asdict()),
                 "least_speed": self.least_speed, "seed": self.seed, "trials": asdict(self.effort.trials),
                 "variables": [[one.name, one.low, one.high, one.logarithmic] for one in self.space.variables],
-                "scene": {name: value for name, value in self.space.scene.parameters.items()}, "software": software()}
+                "scene": dict(self.space.scene.parameters), "software": software(), "measures": _measures()}
+
+
+def _measures() -> str:
+    """Digest of the modules that make values of runs: a record of other values must not be continued."""
+    digest = hashlib.sha256()
+    for package, name in _MEASURING:
+        digest.update(b"\n".join((pkgutil.get_data(package, f"{name}.py") or b"").splitlines()))
+    return digest.hexdigest()[:16]

@@ -87,7 +87,7 @@ def _beats(margin: Average | None, factor: float, unit: str) -> str:
     if margin is None or not abs(margin.mean) > margin.spread:
         return f"no difference beyond noise ({with_spread(margin, factor)} {unit})"
     more = "more" if margin.mean > 0.0 else "LESS"
-    return f"{number(factor * abs(margin.mean))} ± {number(factor * margin.spread)} {unit} {more}"
+    return f"{number(factor * abs(margin.mean))} ± {factor * margin.spread:.2g} {unit} {more}"
 
 
 def bounds_in_words(result: Result) -> str:
