@@ -3,7 +3,8 @@
     python -m vibro_ros.project.study_cost
 
 prints the table in docs/guide/studies.md. One core and all cores run the same sweep in turn, and as many processes that
-share nothing and write nothing tell what the machine allows meanwhile.
+share nothing and write nothing tell what the machine allows meanwhile. Beside other work, cores are not there to be
+gained; the processor time of all processes still tells what sharing costs.
 """
 
 if __name__ == "__main__":  # before all imports, as in every executable
@@ -14,8 +15,9 @@ if __name__ == "__main__":  # before all imports, as in every executable
     sys.exit(enter("study_cost"))
 
 import argparse
+import os
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -41,19 +43,22 @@ class Cost(NamedTuple):
     Attributes
     ----------
     run : float
-        Time of a run on one core [s].
+        Processor time of a run on one core [s].
     size : float
         Bytes of a run in the files [B].
     gain : float
         How many times faster all cores are than one [-].
     possible : float
         How many times faster the machine allows [-].
+    efficiency : float
+        Processor time on one core over that of all processes on all cores [-].
     """
 
     run: float
     size: float
     gain: float
     possible: float
+    efficiency: float
 
 
 def measured_cost(design: Design, repeats: int, cores: int) -> Cost:
@@ -65,10 +70,18 @@ def measured_cost(design: Design, repeats: int, cores: int) -> Cost:
                 return sum(file.stat().st_size for file in Path(own).iterdir())
 
         size = sweep(cores)
-        rounds = np.array([[seconds(sweep, 1), seconds(sweep, cores), seconds(_apart, design, cores)]
+        rounds = np.array([[*_times(sweep, 1), *_times(sweep, cores), *_times(_apart, design, cores)]
                            for _ in range(repeats)])
-    gain, possible = np.median(rounds[:, :1] / rounds[:, 1:], axis=0)
-    return Cost(float(np.median(rounds[:, 0])) / design.rows, size / design.rows, float(gain), float(possible))
+    one, alone, all_cores, together, apart, _ = rounds.T
+    gain, possible, efficiency = (float(np.median(ratio)) for ratio in (one / all_cores, one / apart, alone / together))
+    return Cost(float(np.median(alone)) / design.rows, size / design.rows, gain, possible, efficiency)
+
+
+def _times(function: Callable, *arguments: object) -> tuple[float, float]:
+    """Time [s] that a call takes, and the processor time [s] of this process and those that have ended."""
+    before = sum(os.times()[:4])
+    wall_time = seconds(function, *arguments)
+    return wall_time, sum(os.times()[:4]) - before
 
 
 def _apart(design: Design, cores: int) -> None:
@@ -81,9 +94,9 @@ def _apart(design: Design, cores: int) -> None:
 
 def in_words(name: str, cost: Cost, cores: int) -> str:
     """A row of the table."""
-    hours, gigabytes = _MILLION * cost.run / cost.gain / 3600.0, _MILLION * cost.size / 1e9
+    hours, megabytes = _MILLION * cost.run / cores / cost.efficiency / 3600.0, _MILLION * cost.size / 1e6
     return (f"| {name} | {cost.run * 1e3:.1f} ms | {cost.size:.0f} B | {cost.gain:.2f} | {cost.possible:.2f} | "
-            f"{cost.gain / cores:.2f} | {hours:.2g} h, {gigabytes:.2g} GB |")
+            f"{cost.efficiency:.2f} | {hours:.2g} h, {megabytes:.2g} MB |")
 
 
 def main(words: Sequence[str]) -> int:
@@ -101,8 +114,8 @@ def _print(options: argparse.Namespace) -> int:
             Design(scene, angle, sampling("sobol", 64, 0), ("mean_speed",), 8, 4.0, 10.0),
         "1 s from the scene's own start, every point another machine":
             Design(scene, angle, sampling("sobol", 1024, 0), ("mean_speed",), 0, 0.0, 1.0)}
-    print(f"| runs of `{scene.name}` | a run, one core | bytes of a run | {cores} cores, times faster | "
-          f"what the machine allows | of {cores} cores | a million runs |\n|---|---|---|---|---|---|---|")
+    print(f"| runs of `{scene.name}` | processor time of a run | bytes of a run | {cores} cores, times faster | "
+          f"what the machine allows | efficiency | a million runs, {cores} free cores |\n|---|---|---|---|---|---|---|")
     for name, design in designs.items():
         print(in_words(name, measured_cost(design, options.repeats, cores), cores), flush=True)
     return 0

@@ -8,6 +8,7 @@ from collections.abc import Collection
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.integrate import trapezoid
 
 from vibro_ros.accuracy.starts import started
 from vibro_ros.model.scene import Scene
@@ -121,8 +122,8 @@ def _sampled(device: Simulator, measured: Window, work: bool, turns: bool) -> tu
     for begin in range(first, count, _TURNS_AT_ONCE):
         numbers = np.arange(begin * per_turn, min(begin + _TURNS_AT_ONCE, count) * per_turn + 1)
         samples = device.sample(np.minimum(measured.begin + length / per_turn * numbers, measured.end))
-        delivered += np.trapezoid(np.maximum(samples.motor_power, 0.0), samples.time)
-        taken_back += np.trapezoid(np.maximum(-samples.motor_power, 0.0), samples.time)
+        delivered += trapezoid(np.maximum(samples.motor_power, 0.0), samples.time)
+        taken_back += trapezoid(np.maximum(-samples.motor_power, 0.0), samples.time)
         states.append(_scaled_states(samples, device.scene)[per_turn if states else 0::per_turn])
     strobe = np.concatenate(states)[-STROBED_TURNS - 1:] if turns and measured.turns else None
     return (delivered, taken_back, strobe) if work else (math.nan, math.nan, strobe)

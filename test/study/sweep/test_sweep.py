@@ -259,28 +259,31 @@ def test_nowhere_to_write_is_refused(tmp_path, capsys):
     assert capsys.readouterr().err.count("\n") == 1
 
 
+class KillingWork:
+    """Work that kills its process at one of its pieces, as often as asked."""
+
+    settling, duration = 0.0, 64.0
+
+    def __init__(self, at, folder, times):
+        self._at, self._folder, self._times = at, folder, times
+
+    def __call__(self, piece):
+        if piece.changes["k"] == self._at and len(list(self._folder.iterdir())) < self._times:
+            (self._folder / str(os.getpid())).touch()
+            os.kill(os.getpid(), signal.SIGKILL)
+        return piece.changes["k"]
+
+
 def test_a_killed_worker_is_replaced(tmp_path):
-    marker = tmp_path / "killed"
-
-    def work(piece):
-        if piece.changes["k"] == 3 and not marker.exists():
-            marker.touch()
-            os.kill(os.getpid(), signal.SIGKILL)
-        return piece.changes["k"]
-
     items = iter([Piece({"k": k}, (0,)) for k in range(20)])
-    assert list(local.in_local_processes(work, items, 2)) == list(range(20)) and marker.exists()
+    assert list(local.in_local_processes(KillingWork(3, tmp_path, 2), items, 2)) == list(range(20))
+    assert len(list(tmp_path.iterdir())) == 2
 
 
-def test_a_worker_that_dies_again_and_again_is_told():
-    def work(piece):
-        if piece.changes["k"] == 1:
-            os.kill(os.getpid(), signal.SIGKILL)
-        return piece.changes["k"]
-
-    found = local.in_local_processes(work, iter([Piece({"k": k}, (0,)) for k in range(4)]), 2)
+def test_a_worker_that_dies_again_and_again_is_told(tmp_path):
+    found = local.in_local_processes(KillingWork(1, tmp_path, 9), iter([Piece({"k": k}, (0,)) for k in range(4)]), 2)
     assert next(found) == 0
-    with pytest.raises(RuntimeError, match="3 processes ended at k = 1"):
+    with pytest.raises(RuntimeError, match="3 processes ended at or after k = 1"):
         next(found)
 
 

@@ -6,14 +6,14 @@ afterwards which rows it made.
 
 import threading
 from collections import deque
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 
 from distributed import CancelledError, Client, Future, KilledWorker
 
 from vibro_ros.process.front_door import say
 from vibro_ros.simulation.preparation import provide_kernels
 from vibro_ros.study.sweep.origin import computes_with
-from vibro_ros.study.sweep.rows import Piece, Rows, Work
+from vibro_ros.study.sweep.rows import Piece, Rows, Work, tasks
 
 # Robot time [s] of a task's runs, half a second of work, and most rows of a task: a scheduler hands out some thousand
 # tasks a second.
@@ -54,7 +54,7 @@ def run_on_cluster(address: str, work: Work, methods: Sequence[str], items: Iter
             say("study", f"{address} has no worker yet; waiting for `dask worker {address}`")
         futures: deque[Future] = deque()
         try:
-            for task in _tasks(items, work):
+            for task in tasks(items, work, _TASK_TIME, _TASK_ROWS):
                 futures.append(client.submit(_run, work, task, pure=False))
                 if len(futures) > _AHEAD * max(1, sum(client.nthreads().values())):
                     yield from _answer(futures.popleft())
@@ -78,21 +78,6 @@ def _answer(future: Future) -> list[Rows]:
                                f"({ours}), so that bits may differ; start workers from the same environment on "
                                "machines of one kind")
     return found
-
-
-def _tasks(items: Iterable[Piece], work: Work) -> Iterator[tuple[Piece, ...]]:
-    """Pieces, some of them together."""
-    most = max(1, min(_TASK_ROWS, int(_TASK_TIME / (work.settling + work.duration))))
-    task: list[Piece] = []
-    rows = 0
-    for item in items:
-        if task and rows + len(item.starts) > most:
-            yield tuple(task)
-            task, rows = [], 0
-        task.append(item)
-        rows += len(item.starts)
-    if task:
-        yield tuple(task)
 
 
 def _prepare(methods: Sequence[str]) -> None:

@@ -111,3 +111,18 @@ def pieces(design: Design, block: int) -> Iterator[Piece]:
         end = min(rows.stop, first + PIECE, (point + 1) * max(design.starts, 1))
         yield Piece(design.changes(point), tuple(map(design.start_of, range(first, end))))
         first = end
+
+
+def tasks(items: Iterator[Piece], work: Work, time: float, most: int) -> Iterator[tuple[Piece, ...]]:
+    """Pieces, together as long as their runs have at most `time` [s] of robot time and there are at most `most`."""
+    rows_of_task = max(1, min(most, int(time / (work.settling + work.duration))))
+    task: list[Piece] = []
+    rows = 0
+    for item in items:
+        if task and rows + len(item.starts) > rows_of_task:
+            yield tuple(task)
+            task, rows = [], 0
+        task.append(item)
+        rows += len(item.starts)
+    if task:
+        yield tuple(task)
