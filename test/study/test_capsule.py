@@ -114,3 +114,11 @@ def test_a_touch_of_the_second_spring_is_told_with_its_speed():
     (when, speed), = blows
     assert when == pytest.approx(math.asin(0.5 / 0.8), abs=1e-9)
     assert speed == pytest.approx(math.sqrt(0.8**2 - 0.5**2), abs=1e-9)
+
+
+def test_a_slide_within_a_step_ends_after_it_began():
+    """This capsule slides back for less than a step; integrated in one, it would never leave the slide's start."""
+    machine = dataclasses.replace(capsule.machines(16)[5], gamma=2.0)
+    times = machine.period * np.array([1.0, 2.0])
+    found = integrate(machine, times, harmonic(machine, -math.pi / 2.0, reaction=0.0), tolerance=1e-6)
+    assert np.all(np.isfinite(found))

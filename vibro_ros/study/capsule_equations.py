@@ -24,6 +24,8 @@ from vibro_ros.study.guard import Guard
 _TOLERANCE = 1e-11
 # Steps a period that no touch can hide between, as the drive alone moves the mass in between.
 _STEPS_A_PERIOD = 40
+# First step of a mode: a slide that begins and ends within one step would look to scipy as if it ended where it began.
+_FIRST_STEP = 1e-6
 
 
 @dataclass(frozen=True)
@@ -153,6 +155,7 @@ def integrate(capsule: Capsule, times: np.ndarray, drive: Drive, speed: float = 
     while done < len(times):
         piece = solve_ivp(equations.rate(slides, touched), (time, times[-1]), state, method="DOP853",
                           rtol=tolerance, atol=tolerance, max_step=capsule.period / _STEPS_A_PERIOD,
+                          first_step=min(_FIRST_STEP, times[-1] - time),
                           events=equations.guards(slides, touched), dense_output=True)
         if not piece.success:
             raise RuntimeError(f"the capsule at {time:g}: {piece.message}")
