@@ -71,7 +71,8 @@ def test_rows_of_another_study_are_refused_in_one_line(small, tmp_path, capsys):
     assert (tmp_path / "out" / "rows.csv").read_text() == "mine\n"
 
 
-@pytest.mark.parametrize("what", ["file", "under a file", "not writable", "rows are a folder"])
+@pytest.mark.parametrize("what", ["file", "under a file", "not writable", "rows are a folder",
+                                  "rows are a pipe", "rows are a broken link"])
 def test_an_output_that_cannot_be_written_is_refused_in_one_line(small, tmp_path, capsys, what):
     folder = tmp_path / "out"
     if what == "not writable":
@@ -80,6 +81,12 @@ def test_an_output_that_cannot_be_written_is_refused_in_one_line(small, tmp_path
         folder.mkdir(mode=0o500)
     elif what == "rows are a folder":
         (folder / "rows.csv").mkdir(parents=True)
+    elif what == "rows are a pipe":
+        folder.mkdir()
+        os.mkfifo(folder / "rows.csv")
+    elif what == "rows are a broken link":
+        folder.mkdir()
+        (folder / "rows.csv").symlink_to(tmp_path / "nowhere")
     else:
         folder.write_text("a file")
         folder = folder / "below" if what == "under a file" else folder

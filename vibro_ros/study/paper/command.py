@@ -9,6 +9,7 @@ import numpy as np
 
 from vibro_ros.process.command_line import Parser
 from vibro_ros.process.front_door import exit_code, say
+from vibro_ros.process.regular_file import replace_file
 from vibro_ros.process.stop_signals import interrupted_code
 from vibro_ros.simulation.preparation import prepare_kernels
 from vibro_ros.study.paper.claims import Verdict, verdicts
@@ -43,7 +44,7 @@ def _study(options: argparse.Namespace) -> int:
         write_verdicts(options.output / VERDICTS, judged(effort, options.output))
         say(_PROGRAM, "drawing the figures")
         pictures = list(draw_figures(options.output))
-        (options.output / TEXT).write_text(written(options.output, effort, pictures), encoding="utf-8")
+        replace_file(options.output / TEXT, written(options.output, effort, pictures).encode())
     print("\n".join(map(str, (*(options.output / name for name in (ROWS, VERDICTS, TEXT)), *pictures))))
     return 0
 

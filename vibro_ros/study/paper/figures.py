@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 
 from vibro_ros.simulation.simulator import Simulator
 from vibro_ros.study.paper.readings import SERIES, UNITS, Point, Reading, exact_readings
+from vibro_ros.study.paper.tables import EQUATIONS_IN_WORDS
 
 #: Time that the figures show [s], and samples in it.
 DURATION, SAMPLES = 1.0, 2001
@@ -51,8 +52,8 @@ def draw_reading(reading: Reading, folder: Path) -> Path:
         _draw_masses(reading, masses)
         for series, axes in (("angle", angles), ("mass", heavier), ("crank", longer)):
             _draw_body(reading, series, axes)
-        figure.suptitle(f"The paper's figures: {reading.equations} equations, normal force {reading.normal_force}, "
-                        f"start {reading.start}")
+        figure.suptitle(f"The paper's figures: {EQUATIONS_IN_WORDS[reading.equations].lower()}, normal force "
+                        f"{reading.normal_force}, start {reading.start}")
         path = folder / file_name(reading)
         figure.savefig(path, metadata={"Software": None})
     return path

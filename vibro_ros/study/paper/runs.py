@@ -9,12 +9,14 @@ import csv
 import functools
 import hashlib
 import math
+import os
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
+from vibro_ros.process.regular_file import content, opened, replace_file, write_all
 from vibro_ros.simulation.processes import core_count, in_processes
 from vibro_ros.simulation.provenance import software
 from vibro_ros.simulation.simulator import Simulator
@@ -25,6 +27,8 @@ from vibro_ros.study.paper.readings import INSTANTS, STEPS, Point, Reading, inst
 TURNING_SPEED = 1e4
 #: Most by which the crank is ahead in a start beside `zero` or `rest` [rad]: 0.9 mm of the slider's stroke of 40 mm.
 NEAR = 0.1
+#: Largest file of rows that is read [B]: twenty times a full study's.
+LARGEST = 2**26
 _COLUMNS = (*Reading._fields, *Point._fields, "start_number", *(f"x_{instant:g}_s" for instant in INSTANTS))
 
 
@@ -140,12 +144,15 @@ class RowFile:
     ------
     ValueError
         If the file holds rows of another study, or of other sources.
+    OSError
+        If the file cannot be read, or is no regular file.
     """
 
     def __init__(self, path: Path, effort: Effort):
         self._path, self._batches = path, batches(effort)
         self._head = f"# study paper, {len(self._batches)} batches, {_digest(effort)}\n{','.join(_COLUMNS)}\n"
-        self._text = path.read_text(encoding="utf-8", errors="replace") if path.exists() else ""
+        data = content(path, LARGEST) if os.path.lexists(path) else b""
+        self._text = data.decode("ascii", errors="replace")
         if self._text and not (self._text.startswith(self._head) or self._head.startswith(self._text)):
             raise ValueError(f"{path}: rows of another study, or of another version; remove the file, or give another "
                              "--output")
@@ -161,16 +168,21 @@ class RowFile:
                 break
             found.append(values)
             kept, first = kept + sum(map(len, lines)), first + batch.starts
-        self._path.write_text(self._head + self._text[len(self._head):kept], encoding="utf-8")
+        if self._text.startswith(self._head):
+            os.truncate(self._path, kept)
+        else:
+            replace_file(self._path, self._head.encode())
         return found
 
     def append(self, results: Iterable[np.ndarray], first: int) -> Iterator[np.ndarray]:
         """Write each of `results`, from batch `first` on, to disk and yield it."""
-        with self._path.open("a", encoding="utf-8", newline="") as file:
+        descriptor = opened(self._path, os.O_WRONLY | os.O_APPEND)
+        try:
             for batch, values in zip(self._batches[first:], results, strict=True):
-                file.write("".join(_lines(batch, values)))
-                file.flush()
+                write_all(descriptor, "".join(_lines(batch, values)).encode())
                 yield values
+        finally:
+            os.close(descriptor)
 
 
 def _digest(effort: Effort) -> str:

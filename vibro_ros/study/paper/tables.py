@@ -17,6 +17,7 @@ from vibro_ros.study.paper.claims import (
 )
 from vibro_ros.study.paper.readings import BEST_ANGLE, SERIES, UNITS, Point, Reading
 
+EQUATIONS_IN_WORDS = {"corrected": "Corrected equations", "misprint": "Equations as misprinted"}
 MARKS = {HOLDS: "●", NAMED: "○", DOES_NOT: "–", NOISE: "~", DIVERGES: "∞"}
 
 
@@ -72,7 +73,7 @@ def _row(one: Verdict) -> str:
 def speed_table(told: Sequence[Verdict], equations: str, rule: str, start: str) -> str:
     """Mean speeds by span and angle, under the readings by `exact` with these equations, rule and start."""
     own, values = [v for v in told if v.reading[2:5] == (equations, rule, start)], SERIES["angle"]
-    lines = [f"{equations.capitalize()} equations, normal force `{rule}`, start `{start}`:", "",
+    lines = [f"{EQUATIONS_IN_WORDS[equations]}, normal force `{rule}`, start `{start}`:", "",
              f"| span | {' | '.join(f'{value:g}°' for value in values)} |", "|---" * (len(values) + 1) + "|"]
     lines += [f"| {one.span} | " + " | ".join(_interval(*one.means[Point("angle", value)]) for value in values) + " |"
               for one in own]

@@ -1,9 +1,11 @@
 """Verdicts as a CSV file: a row for each reading and span, with the outcomes of the claims and every mean speed."""
 
 import csv
+import io
 from collections.abc import Iterable
 from pathlib import Path
 
+from vibro_ros.process.regular_file import replace_file
 from vibro_ros.study.paper.claims import CLAIMS, Mean, Verdict
 from vibro_ros.study.paper.readings import UNITS, Reading, Span, points
 
@@ -15,13 +17,14 @@ _COLUMNS = (*Reading._fields, "begin_s", "end_s", *(f"{kind}: {claim.name}" for 
 
 
 def write_verdicts(path: Path, told: Iterable[Verdict]) -> None:
-    """Write `told` to a new file; six digits of each speed."""
-    with path.open("w", encoding="utf-8", newline="") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(_COLUMNS)
-        for one in told:
-            speeds = (f"{number:.6g}" for point in _POINTS for number in one.means[point])
-            writer.writerow([*one.reading, *one.span, *one.one_run, *one.along_ox, *one.size, *speeds])
+    """Write `told` to a file, whole or not at all; six digits of each speed."""
+    text = io.StringIO(newline="")
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(_COLUMNS)
+    for one in told:
+        speeds = (f"{number:.6g}" for point in _POINTS for number in one.means[point])
+        writer.writerow([*one.reading, *one.span, *one.one_run, *one.along_ox, *one.size, *speeds])
+    replace_file(path, text.getvalue().encode())
 
 
 def read_verdicts(path: Path) -> list[Verdict]:
