@@ -23,7 +23,7 @@ $(PACKAGES): another-python
 endif
 endif
 
-.PHONY: help setup demo test check lint conflict-markers bench accuracy paper literature optimum docs picture clean another-python
+.PHONY: help setup demo test check lint conflict-markers bench accuracy study paper literature optimum docs picture clean another-python
 
 help:  ## list these commands
 	@sed -n 's/^\([a-z]*\):[^#]*## /  make \1\t/p' $(MAKEFILE_LIST) | expand -t 18
@@ -58,6 +58,12 @@ bench: $(READY) $(PEER)  ## compare the exact solver's cost with fixed-step Rung
 
 accuracy: $(READY) $(PEER)  ## measure what accuracy costs in every shipped scene and write docs/accuracy.md; a quarter of an hour
 	@$(BIN)/python -m vibro_ros.project.accuracy_report
+
+study: $(READY) $(STUDY)  ## short versions of all studies, figures and tables in out/study/short; ten minutes at most
+	@$(BIN)/study paper --quick --output out/study/short/paper
+	@$(BIN)/study sweep guide_angle --output out/study/short/sweep
+	@$(BIN)/study optimise --quick --output out/study/short/optimise
+	@$(BIN)/study literature --quick --output out/study/short/literature
 
 paper: $(READY)  ## run every claim of the paper under each reading and write docs/paper.md; a quarter of an hour
 	@$(BIN)/python -m vibro_ros.project.paper_report
