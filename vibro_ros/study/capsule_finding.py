@@ -20,7 +20,7 @@ from vibro_ros.study.capsule import (
     rod_harmonics,
     surveyed,
 )
-from vibro_ros.study.progress import computed
+from vibro_ros.study.jobs import computed
 from vibro_ros.study.published import FAILS, HOLDS, NOISE, OUTSIDE, Check, Claim, Finding, Mapped, Studied
 
 NAME = "capsule"

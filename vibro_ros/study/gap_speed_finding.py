@@ -16,7 +16,7 @@ from vibro_ros.study.gap_speed import (
     tried,
     tried_one_way,
 )
-from vibro_ros.study.progress import computed
+from vibro_ros.study.jobs import computed
 from vibro_ros.study.published import FAILS, HOLDS, NOISE, OUTSIDE, Check, Claim, Finding, Mapped, Studied
 
 NAME = "gap"

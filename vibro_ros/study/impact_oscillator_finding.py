@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from scipy.stats import binomtest
 
 from vibro_ros.study.impact_oscillator import Motion, Oscillator, difference, doubling, followed, settled, started
-from vibro_ros.study.progress import computed
+from vibro_ros.study.jobs import computed
 from vibro_ros.study.published import FAILS, HOLDS, Check, Claim, Finding, Mapped, Studied
 
 NAME = "impact_oscillator"

@@ -1,25 +1,46 @@
-"""Many jobs on all cores, with a bar that says how far they are."""
+"""How far a study is, and how long it will take."""
 
-from collections.abc import Callable, Sequence
-from typing import TypeVar
+import time
 
 from tqdm import tqdm
 
-from vibro_ros.simulation.preparation import provide_kernels
-from vibro_ros.simulation.processes import core_count, in_processes
+from vibro_ros.process.front_door import say
 
-Item = TypeVar("Item")
-Result = TypeVar("Result")
+_LINES = 10.0  # s between lines that say how far it is, where no bar can be drawn
+_DELAY = 2.0  # s before a bar is drawn
 
 
-def computed(function: Callable[[Item], Result], items: Sequence[Item], what: str) -> list[Result]:
-    """Results of `function` for `items`, in their order; `what` names the bar on stderr.
+class Progress:
+    """A bar with the time that is left or, where standard error is no terminal, a line now and then; a context.
 
-    Raises
-    ------
-    Exception
-        The first error of `function`; no process is left behind.
+    Parameters
+    ----------
+    what : str
+        What is done.
+    unit : str
+        What is counted, such as ``run``.
+    total, done : int
+        How many there are, and how many were done before [-].
     """
-    provide_kernels("exact")  # once for all that are forked
-    jobs = in_processes(function, items, min(core_count(), len(items)) or 1)
-    return [job.outcome() for job in tqdm(jobs, desc=what, total=len(items), disable=None)]
+
+    def __init__(self, what: str, unit: str, total: int, done: int = 0):
+        self._bar = tqdm(desc=what, total=total, initial=done, unit=unit, disable=None, delay=_DELAY, smoothing=0.1)
+        self._what, self._unit, self._total, self._first, self._done = what, unit, total, done, done
+        self._begun = self._said = time.monotonic()
+
+    def __enter__(self) -> "Progress":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._bar.close()
+
+    def add(self, count: int) -> None:
+        """Note that `count` more are done."""
+        self._done += count
+        self._bar.update(count)
+        now = time.monotonic()
+        if self._bar.disable and now - self._said > _LINES:
+            left = (now - self._begun) / (self._done - self._first) * (self._total - self._done)
+            say("study", f"{self._what}: {self._done} of {self._total} {self._unit}s, "
+                         f"{tqdm.format_interval(left)} left")
+            self._said = now

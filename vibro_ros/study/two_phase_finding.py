@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.figure import Figure
 
-from vibro_ros.study.progress import computed
+from vibro_ros.study.jobs import computed
 from vibro_ros.study.published import FAILS, HOLDS, OUTSIDE, Check, Claim, Finding, Mapped, Studied
 from vibro_ros.study.two_phase import (
     STIFF,

@@ -39,9 +39,9 @@ class Counting:
 
     count = 0
 
-    def update(self, n):
-        """Add `n`."""
-        self.count += n
+    def add(self, count):
+        """Add `count`."""
+        self.count += count
 
 
 def of_scene(space=SPACE):

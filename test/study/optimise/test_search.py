@@ -24,7 +24,7 @@ BEST = np.array([0.2, 0.9, 0.6])
 class Nobody:
     """Is told of progress."""
 
-    def update(self, n):
+    def add(self, count):
         """Do nothing."""
 
 

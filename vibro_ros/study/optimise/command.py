@@ -7,8 +7,6 @@ from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
-from tqdm import tqdm
-
 from vibro_ros.accuracy.precision import running
 from vibro_ros.configuration.scene_file import load_scene
 from vibro_ros.configuration.strict_yaml import read_scalar
@@ -26,9 +24,10 @@ from vibro_ros.study.optimise.plan import FRONT, QUICK, Effort, Plan
 from vibro_ros.study.optimise.result import Result, studied
 from vibro_ros.study.optimise.result_file import write_result
 from vibro_ros.study.optimise.scene_of_optimum import write_scene
-from vibro_ros.study.optimise.search import METHODS, Candidates, Progress
+from vibro_ros.study.optimise.search import METHODS, Candidates
 from vibro_ros.study.optimise.space import Space, chosen_variables
 from vibro_ros.study.optimise.words import document, title
+from vibro_ros.study.progress import Progress
 
 RECORD, TEXT, SCENE, NUMBERS = "evaluations.jsonl", "optimum.md", "optimum.yaml", "optimum.json"
 _MOST = {"budget": 10**6, "starts": 1000, "workers": 1024, "seed": 2**31 - 2}
@@ -91,8 +90,8 @@ def sought(scene: Scene) -> Scene:
 def shown(stage: str, robots: int) -> Iterator[Progress]:
     """Show on stderr how many robots of a stage are done, and the time that is left."""
     say("study", f"{stage}: {robots} robots ...")
-    with tqdm(total=robots, desc=stage, unit="robot", disable=None) as bar:
-        yield bar
+    with Progress(stage, "robot", robots) as progress:
+        yield progress
 
 
 def written(result: Result, candidates: Candidates, folder: Path) -> list[Path]:

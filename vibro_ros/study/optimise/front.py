@@ -14,7 +14,8 @@ from vibro_ros.model.scene import Scene
 from vibro_ros.study.optimise.evaluation import CHOOSING, values_of_many
 from vibro_ros.study.optimise.objective import FAILED, POWERS
 from vibro_ros.study.optimise.plan import Plan
-from vibro_ros.study.optimise.search import SIGMA, Candidates, Evaluations, Progress, SpentError, descend
+from vibro_ros.study.optimise.search import SIGMA, Candidates, Evaluations, SpentError, descend
+from vibro_ros.study.progress import Progress
 
 #: Most robots of a front that are shown.
 SHOWN = 24
@@ -108,7 +109,7 @@ def front_of(plan: Plan, candidates: Candidates, workers: int, progress: Progres
     for point, robot, values in zip(points, robots, fresh, strict=True):
         power = float(values[:, POWERS[plan.reading.power]].mean())
         found.append(FrontRobot(*plan.speed_and_cost(point, values), power, robot))
-        progress.update(1)
+        progress.add(1)
     still = non_dominated(np.array([(one.speed, one.cost) for one in found]).reshape(-1, 2))
     return [found[number] for number in still]
 

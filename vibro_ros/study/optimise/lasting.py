@@ -14,7 +14,7 @@ import numpy as np
 from vibro_ros.accuracy.starts import Average, average
 from vibro_ros.model.scene import Scene
 from vibro_ros.study.optimise.evaluation import VERIFYING, Trials, values_of
-from vibro_ros.study.optimise.search import Progress
+from vibro_ros.study.progress import Progress
 
 #: Times [s] over which means are taken.
 DURATIONS = (4.0, 16.0, 64.0, 256.0)
@@ -51,7 +51,7 @@ def lasting(scene: Scene, trials: Trials, durations: Sequence[float], progress: 
     for duration in durations:
         long = replace(trials, duration=duration, first=VERIFYING)
         rows.append(_lasting(duration, values_of(scene, long)))
-        progress.update(1)
+        progress.add(1)
     return rows
 
 

@@ -13,9 +13,10 @@ from vibro_ros.study.optimise.evaluation import CHOOSING, values_of_many
 from vibro_ros.study.optimise.front import SHOWN, FrontRobot, by_weights, front_of
 from vibro_ros.study.optimise.plan import FRONT, Plan
 from vibro_ros.study.optimise.record import Record
-from vibro_ros.study.optimise.search import Candidates, Evaluations, Progress, search
+from vibro_ros.study.optimise.search import Candidates, Evaluations, search
 from vibro_ros.study.optimise.sensitivity import Neighbourhood, neighbourhood, robot_count
 from vibro_ros.study.optimise.verification import Verified, case_count, verified
+from vibro_ros.study.progress import Progress
 
 #: Parts of a search after which its best score is noted.
 MILESTONES = (0.25, 0.5, 0.75, 1.0)
@@ -120,7 +121,7 @@ def _chosen(plan: Plan, candidates: Candidates, scores: np.ndarray, workers: int
     with bar("choice", len(robots)) as progress:
         for values in values_of_many(robots, trials, workers):
             fresh.append(plan.score(values))
-            progress.update(1)
+            progress.add(1)
     best = int(np.argmax(fresh)) if fresh else 0
     if not fresh or fresh[best] <= 0.0:
         raise ValueError(f"--budget {plan.effort.budget}: no robot was found that goes the same way from all starts"

@@ -6,7 +6,7 @@ two sizes of population (BIPOP, Hansen 2009) is made for this. Differential evol
 
 import itertools
 from collections.abc import Callable, Iterator
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import cma
 import numpy as np
@@ -15,6 +15,7 @@ from scipy.optimize import differential_evolution
 from vibro_ros.study.optimise.evaluation import Trials, values_of_many
 from vibro_ros.study.optimise.record import Record
 from vibro_ros.study.optimise.space import Space
+from vibro_ros.study.progress import Progress
 
 #: First standard deviation of CMA-ES in parts of the cube's edge.
 SIGMA = 0.3
@@ -40,13 +41,6 @@ class Candidates(NamedTuple):
 
     points: np.ndarray
     values: np.ndarray
-
-
-class Progress(Protocol):
-    """Is told of candidates."""
-
-    def update(self, n: int) -> object:
-        """`n` more candidates are done."""
 
 
 class SpentError(Exception):
@@ -94,7 +88,7 @@ class Evaluations:
             values = np.array(list(self._computed(points)))
             self._record.append(points, values)
         else:
-            self._progress.update(len(points))
+            self._progress.add(len(points))
         self._groups.append(Candidates(points, values))
         self._count += len(points)
         return values
@@ -108,7 +102,7 @@ class Evaluations:
     def _computed(self, points: np.ndarray) -> Iterator[np.ndarray]:
         robots = [self._space.buildable(point) for point in points]
         for values in values_of_many(robots, self._trials, self._workers):
-            self._progress.update(1)
+            self._progress.add(1)
             yield values
 
 

@@ -12,9 +12,9 @@ from SALib.analyze import sobol as sobol_analysis
 from SALib.sample import sobol as sobol_sample
 
 from vibro_ros.study.optimise.evaluation import VERIFYING, Trials, values_of_many
-from vibro_ros.study.optimise.search import Progress
 from vibro_ros.study.optimise.space import Space
 from vibro_ros.study.optimise.verification import one_at_a_time, perturbed
+from vibro_ros.study.progress import Progress
 
 _QUANTILES = (0.05, 0.5)
 
@@ -103,7 +103,7 @@ def neighbourhood(space: Space, optimum: Mapping[str, float], score: Callable[[n
     scores = []
     for values in values_of_many(robots, replace(trials, first=VERIFYING), workers):
         scores.append(max(score(values), 0.0))
-        progress.update(1)
+        progress.add(1)
     alone, together = np.array(scores[1:1 + 2 * space.dimension]), np.array(scores[1 + 2 * space.dimension:])
     indices = sobol_analysis.analyze(problem, together, calc_second_order=False, seed=seed)
     rows = zip(names, alone.reshape(-1, 2) / scores[0], indices["S1"], indices["S1_conf"], indices["ST"],

@@ -12,8 +12,8 @@ from vibro_ros.model.parameters import BY_NAME
 from vibro_ros.model.scene import Scene
 from vibro_ros.study.optimise.evaluation import VERIFYING, Trials, values_of_many
 from vibro_ros.study.optimise.objective import POWERS, Reading, directed
-from vibro_ros.study.optimise.search import Progress
 from vibro_ros.study.optimise.space import Space, Variable
+from vibro_ros.study.progress import Progress
 
 OPTIMUM, PAPER, SHIPPED = "optimum", "paper's optimum", "paper's parameters"
 """The robots that are compared."""
@@ -106,7 +106,7 @@ def verified(space: Space, optimum: Mapping[str, float], reading: Reading, trial
                                              strict=True):
         best = values if robot == OPTIMUM else best
         rows.append(_verified(words, robot, scene, values, best, reading))
-        progress.update(1)
+        progress.add(1)
     return rows
 
 

@@ -19,9 +19,9 @@ from vibro_ros.study.paper.runs import Effort, RowFile, batches, full_effort, qu
 from vibro_ros.study.paper.verdicts import read_verdicts, write_verdicts
 from vibro_ros.study.paper.words import page
 from vibro_ros.study.paper.work import work_of_a_second
+from vibro_ros.study.progress import Progress
 from vibro_ros.study.study import STUDIES
 from vibro_ros.study.sweep.locked_folder import locked
-from vibro_ros.study.sweep.progress_bar import Progress
 
 ROWS, VERDICTS, TEXT = "rows.csv", "verdicts.csv", "paper.md"
 #: A word that begins what the study says on stderr.

@@ -10,6 +10,7 @@ from vibro_ros.process.regular_file import replace_file
 from vibro_ros.process.stop_signals import interrupted_code
 from vibro_ros.simulation.processes import core_count
 from vibro_ros.study.measures import MEASURES
+from vibro_ros.study.progress import Progress
 from vibro_ros.study.sweep.blocks import FOLDER
 from vibro_ros.study.sweep.design import Design
 from vibro_ros.study.sweep.design_file import (
@@ -22,7 +23,6 @@ from vibro_ros.study.sweep.design_file import (
 )
 from vibro_ros.study.sweep.locked_folder import locked
 from vibro_ros.study.sweep.picture import draw_sweep
-from vibro_ros.study.sweep.progress_bar import Progress
 from vibro_ros.study.sweep.run import SweepRun, on_cluster, on_this_machine
 from vibro_ros.study.sweep.summary import Summary, as_csv, in_words, summary
 from vibro_ros.study.sweep.variation import SAMPLERS, whole_number
@@ -112,6 +112,6 @@ def _parser() -> Parser:
     where.add_argument("--workers", type=int, metavar="N", help="processes on this machine (default: one a core)")
     where.add_argument("--scheduler", metavar="ADDRESS", help="run on the Dask cluster of this scheduler, such as "
                        "tcp://host:8786; the numbers are the same to the last bit")
-    parser.add_argument("--output", type=Path, default=Path("out/sweep"), metavar="DIR",
-                        help="where to write (default: out/sweep)")
+    parser.add_argument("--output", type=Path, default=Path("out/study/sweep"), metavar="DIR",
+                        help="where to write (default: out/study/sweep)")
     return parser

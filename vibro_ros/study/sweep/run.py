@@ -9,10 +9,10 @@ import pyarrow as pa
 
 from vibro_ros.process.front_door import say
 from vibro_ros.simulation.preparation import prepare_kernels
+from vibro_ros.study.progress import Progress
 from vibro_ros.study.sweep.blocks import Blocks
 from vibro_ros.study.sweep.design import Design
 from vibro_ros.study.sweep.local import in_local_processes
-from vibro_ros.study.sweep.progress_bar import Progress
 from vibro_ros.study.sweep.rows import Piece, Rows, Work, pieces, work_of
 
 #: Gives what a `Work` makes of each piece, in order; gets the methods whose kernels are needed.
