@@ -24,8 +24,8 @@ NO_SEED = "none"
 _PACKAGE = "vibro_ros"
 _ROOMS = ("model", "solver")
 _MODULES = (("messages", "fields"), *(("simulation", name) for name in (
-    "auto", "counted_work", "event_log", "kernels", "motion", "readout", "sample_times", "samples", "simulator",
-    "stability")))
+    "auto", "counted_work", "energy_accounts", "event_log", "kernels", "motion", "readout", "sample_times", "samples",
+    "simulator", "stability")))
 
 
 def provenance(parameters: Mapping[str, Value], start: int) -> dict[str, str]:
