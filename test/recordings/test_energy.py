@@ -79,6 +79,17 @@ def test_a_recording_that_begins_late_is_told_from_its_checkpoint_on(recorded, t
     assert energy["accounts"] == pytest.approx({name: whole[name] - before[name] for name in whole}, abs=1e-11)
 
 
+def test_a_checkpoint_that_no_robot_made_is_unknown(recorded, tmp_path):
+    """Each of its numbers beyond every table: where a kernel would read foreign memory, the process would end."""
+    robot, stamp, message = vibro_ros.Simulator(device()), START + round(40 / RATE * 1e9), blank(CHECKPOINT_TYPE)
+    robot.advance_to(40 / RATE)
+    whole = robot.checkpoint()
+    message.data = np.concatenate([whole[:1], np.full(len(whole) - 1, 1e9)])
+    late = rewritten(recorded, tmp_path / "late", lambda *one: one if one[1] >= stamp else None,
+                     extra=[(f"/{CHECKPOINT}", stamp, serialised(message, CHECKPOINT_TYPE))])
+    assert "no state that this device can be in" in energy_of(load_bag(late))["unknown"]
+
+
 def test_a_late_recording_without_a_checkpoint_is_unknown(recorded, tmp_path):
     late = rewritten(recorded, tmp_path / "late", lambda *one: one if one[1] > START + 1e9 else None)
     assert "without a checkpoint" in energy_of(load_bag(late))["unknown"]

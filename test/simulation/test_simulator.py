@@ -1,5 +1,6 @@
 """The stateful device: events and their instants, samples, long runs, and checkpoints."""
 
+import contextlib
 import dataclasses
 import math
 import signal
@@ -231,3 +232,29 @@ def test_a_checkpoint_of_another_scene_is_refused():
     with pytest.raises(ValueError, match="same scene and version"):
         device.restore(before[:-1])
     assert device.checkpoint().tobytes() == before.tobytes()
+
+
+@pytest.mark.parametrize("method", ["exact", *sorted(SCHEMES)])
+def test_a_checkpoint_that_no_device_made_ends_no_process(method):
+    """A bag may hold anything: each number in turn is none, endless, or far beyond the tables. Refused, it changes
+    nothing; accepted, the device goes on or says why it cannot."""
+    scene = vibro_ros.load_scene("device").with_parameters({
+        "motor.speed": 100.0, "solver.method": method, "solver.step": 1e-4})
+    made, other = vibro_ros.Simulator(scene), vibro_ros.Simulator(scene)
+    made.advance_to(0.2)
+    whole, refused = made.checkpoint(), 0
+    for place in range(1, len(whole)):
+        for number in (math.nan, math.inf, 1e9, -1e9, 0.0):
+            spoilt = whole.copy()
+            spoilt[place] = number
+            other.restore(whole)
+            try:
+                other.restore(spoilt)
+            except ValueError as error:
+                assert "no state that this device can be in" in str(error)
+                assert other.checkpoint().tobytes() == whole.tobytes()
+                refused += 1
+                continue
+            with contextlib.suppress(vibro_ros.SimulationError):
+                other.advance_to(0.203)
+    assert refused >= 20

@@ -13,6 +13,7 @@ from pathlib import Path
 from vibro_ros.process.command_line import Parser
 from vibro_ros.process.executables import EXECUTABLES
 from vibro_ros.process.front_door import exit_code
+from vibro_ros.study.locked_folder import locked
 from vibro_ros.study.paper.claims import Verdict
 from vibro_ros.study.paper.command import VERDICTS, judged
 from vibro_ros.study.paper.figures import draw_reading, file_name
@@ -21,7 +22,6 @@ from vibro_ros.study.paper.runs import full_effort
 from vibro_ros.study.paper.verdicts import read_verdicts, write_verdicts
 from vibro_ros.study.paper.words import page
 from vibro_ros.study.paper.work import work_of_a_second
-from vibro_ros.study.sweep.locked_folder import locked
 
 TEXT, FOLDER = "paper.md", "paper"
 #: Readings whose figures the page shows.

@@ -22,7 +22,9 @@ from vibro_ros.solver.audit import residual, stored_energy
 from vibro_ros.solver.events import EVENT_COLUMNS
 from vibro_ros.solver.forcing import read_signals
 from vibro_ros.solver.methods import SCHEMES, Exact, FixedStep, Stepper
+from vibro_ros.solver.segment import LONGEST_SEGMENT
 from vibro_ros.solver.state import State, lasting, new_state
+from vibro_ros.solver.system import NOTHING
 from vibro_ros.solver.transition import leave_for_ramp
 
 EVENTS_AT_ONCE = 4096
@@ -169,6 +171,19 @@ class Motion:
         library = self.state.library  # of which no series belongs to this state
         library.half[...], library.version[...], library.signal_cells[...] = 0.0, 0, 0
         self._sampled = False
+
+    def is_possible(self) -> bool:
+        """Whether what was written into the arrays of `lasting` points at nothing beyond the scene's tables, where a
+        kernel would read foreign memory, and needs no endless time to get to `time`."""
+        system, now = self.model.system, self.state.now[0]
+        segment, drive, automaton = now["segment"], now["drive"], now["automaton"]
+        places = ((automaton["guard"], NOTHING, system.guard.shape[1]), (drive["cell"], 0, len(system.signals.reach)),
+                  (segment["slot"], 0, len(system.signals.start) + 1),
+                  *((mode, 0, len(self.model.modes)) for mode in (automaton["mode"], *self._stepper.modes)))
+        moving = (self.time, *(drive[name] for name in drive.dtype.names))
+        return (all(low <= place < high for place, low, high in places) and all(map(math.isfinite, moving))
+                and abs(self.time - segment["start"]) <= 2.0 * LONGEST_SEGMENT
+                and abs(segment["residue"]) <= LONGEST_SEGMENT and abs(segment["next_event"]) <= 1.0)
 
     def _begin_segment(self, state: State) -> None:
         status = self._stepper.begin(state, self.point)

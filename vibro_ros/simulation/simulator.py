@@ -134,7 +134,8 @@ class Simulator:
         Raises
         ------
         ValueError
-            For a checkpoint of another scene, as far as its size tells; nothing is changed then.
+            For a checkpoint of another scene, as far as its size tells, or one that no device can have made: a bag may
+            hold anything. Nothing is changed then.
 
         Examples
         --------
@@ -150,12 +151,21 @@ class Simulator:
         if np.shape(checkpoint) != (size,):
             raise ValueError(f"the checkpoint has shape {np.shape(checkpoint)}, this device's have ({size},); give one "
                              "of the same scene and version")
+        before = self.checkpoint()
+        self._overwrite(checkpoint)
+        if not self._motion.is_possible():
+            self._overwrite(before)
+            raise ValueError("the checkpoint is of no state that this device can be in; give one that a device of the "
+                             "same scene has made")
+        self._motion.events.drop_untaken()
+
+    def _overwrite(self, checkpoint: np.ndarray) -> None:
         self._motion.time, end = float(checkpoint[0]), 1
-        for part in parts:
-            part[...] = checkpoint[end:end + part.size].reshape(part.shape)
+        for part in self._motion.lasting():
+            with np.errstate(invalid="ignore"):  # what is no integer becomes one that `is_possible` refuses
+                part[...] = checkpoint[end:end + part.size].reshape(part.shape)
             end += part.size
         self._motion.lasting_overwritten()
-        self._motion.events.drop_untaken()
 
     def advance_to(self, time: float) -> None:
         """Advance to the absolute instant `time` [s]; the trajectory does not depend on how time is cut up.

@@ -63,6 +63,10 @@ class Stepper(Protocol):
     def memory(self) -> list[np.ndarray]:
         """Arrays of numbers, as views, that the future depends on beside the state."""
 
+    @property
+    def modes(self) -> np.ndarray:
+        """Numbers of modes in the memory, shape (n,)."""
+
     def calls(self, state: State, arguments: tuple) -> list[tuple[Callable, tuple]]:
         """The method's own kernels, the longest to compile first, with arguments of the types that they are called
         with; `arguments` are those of `advance` but for the state."""
@@ -92,6 +96,11 @@ class Exact:
     def memory(self):
         """See `Stepper`."""
         return []
+
+    @property
+    def modes(self):
+        """See `Stepper`."""
+        return np.empty(0, dtype=np.int64)
 
     def calls(self, state, arguments):
         """See `Stepper`."""
@@ -129,6 +138,11 @@ class FixedStep:
     def memory(self):
         """See `Stepper`."""
         return numbers_of(values for values in self._step if isinstance(values, np.ndarray))
+
+    @property
+    def modes(self):
+        """See `Stepper`."""
+        return self._step.found["mode"]
 
     def calls(self, state, arguments):
         """See `Stepper`."""

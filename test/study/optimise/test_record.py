@@ -88,7 +88,7 @@ def test_other_candidates_are_refused(path):
 
 def test_two_searches_do_not_write_one_file(path):
     first = Record(path, SEARCH)
-    with pytest.raises(ValueError, match="another search is writing it"):
+    with pytest.raises(ValueError, match="another study writes here"):
         Record(path, SEARCH)
     first.close()
     opened_and_closed(path)

@@ -17,10 +17,10 @@ import pyarrow.parquet as pq
 import pytest
 
 import vibro_ros
+from vibro_ros.study.locked_folder import locked
 from vibro_ros.study.measures import MEASURES, measure
 from vibro_ros.study.sweep import blocks, local
 from vibro_ros.study.sweep.command import main
-from vibro_ros.study.sweep.locked_folder import locked
 from vibro_ros.study.sweep.rows import Piece
 
 # 24 points of 3 starts, in blocks of a second of work when the time of a block is shortened.
@@ -201,7 +201,7 @@ def test_a_block_that_is_no_file_is_refused(tmp_path, capsys, kind):
 
 
 def test_two_studies_in_one_folder_are_refused(tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr("vibro_ros.study.sweep.locked_folder._PATIENCE", 0.1)
+    monkeypatch.setattr("vibro_ros.study.locked_folder._PATIENCE", 0.1)
     with locked(tmp_path / "blocks"):
         assert main([*SHORT, "--output", str(tmp_path)]) == 2
     assert "another study writes here" in capsys.readouterr().err

@@ -6,7 +6,6 @@ for as long as there are some. The file is JSON Lines: the first line says of wh
 group, on disk before the search goes on. What a kill leaves of a last line is cut off.
 """
 
-import fcntl
 import json
 import math
 import os
@@ -17,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from vibro_ros.process.regular_file import content, opened, replace_file, write_all
+from vibro_ros.study.locked_folder import lock
 
 #: Largest file that is read [B]: a million candidates with 17 coordinates and 4 starts.
 LARGEST = 10**9
@@ -46,7 +46,7 @@ class Record:
             replace_file(path, self._head)
         self._descriptor = opened(path, os.O_RDWR | os.O_APPEND, follow=False)
         try:
-            self._lock()
+            lock(self._descriptor, path)
             self._groups = self._read()
         except BaseException:
             os.close(self._descriptor)
@@ -83,13 +83,6 @@ class Record:
     def close(self) -> None:
         """Let another search have the file."""
         os.close(self._descriptor)
-
-    def _lock(self) -> None:
-        try:
-            fcntl.flock(self._descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            raise ValueError(f"{self._path}: another search is writing it; wait for it, or give another "
-                             "--output") from None
 
     def _read(self) -> list[tuple[np.ndarray, np.ndarray]]:
         data = content(self._path, LARGEST, follow=False)

@@ -12,6 +12,7 @@ from vibro_ros.process.front_door import exit_code, say
 from vibro_ros.process.regular_file import replace_file
 from vibro_ros.process.stop_signals import interrupted_code
 from vibro_ros.simulation.preparation import prepare_kernels
+from vibro_ros.study.locked_folder import locked
 from vibro_ros.study.paper.claims import Verdict, verdicts
 from vibro_ros.study.paper.figures import draw_figures
 from vibro_ros.study.paper.readings import points
@@ -21,7 +22,6 @@ from vibro_ros.study.paper.words import page
 from vibro_ros.study.paper.work import work_of_a_second
 from vibro_ros.study.progress import Progress
 from vibro_ros.study.study import STUDIES
-from vibro_ros.study.sweep.locked_folder import locked
 
 ROWS, VERDICTS, TEXT = "rows.csv", "verdicts.csv", "paper.md"
 #: A word that begins what the study says on stderr.

@@ -9,6 +9,7 @@ from vibro_ros.process.front_door import FAILURE, exit_code, say
 from vibro_ros.process.regular_file import replace_file
 from vibro_ros.process.stop_signals import interrupted_code
 from vibro_ros.simulation.processes import core_count
+from vibro_ros.study.locked_folder import locked
 from vibro_ros.study.measures import MEASURES
 from vibro_ros.study.progress import Progress
 from vibro_ros.study.sweep.blocks import FOLDER
@@ -21,7 +22,6 @@ from vibro_ros.study.sweep.design_file import (
     shipped_sweeps,
     sweep_path,
 )
-from vibro_ros.study.sweep.locked_folder import locked
 from vibro_ros.study.sweep.picture import draw_sweep
 from vibro_ros.study.sweep.run import SweepRun, on_cluster, on_this_machine
 from vibro_ros.study.sweep.summary import Summary, as_csv, in_words, summary
