@@ -6,6 +6,7 @@ PACKAGES := $(VENV)/packages.done
 READY := $(VENV)/ready.done
 PEER := $(VENV)/peer.done
 STUDY := $(VENV)/study.done
+TYPES := $(VENV)/interface_types.done
 PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet --quiet
 PYTHON ?= python3
 
@@ -28,13 +29,13 @@ endif
 help:  ## list these commands
 	@sed -n 's/^\([a-z]*\):[^#]*## /  make \1\t/p' $(MAKEFILE_LIST) | expand -t 18
 
-setup: $(READY)  ## make .venv with every pinned package; quick when nothing has changed
+setup: $(READY) $(TYPES)  ## make .venv with every pinned package; quick when nothing has changed
 	@echo "setup: $(VENV) is ready, with Python $$(cat $(PACKAGES))"
 
-demo: $(READY)  ## run robot and controller for about 20 s, record, report into out/
+demo: $(READY) $(TYPES)  ## run robot and controller for about 20 s, record, report into out/
 	@$(BIN)/python -m vibro_ros.project.demo
 
-test: $(READY) $(PEER) $(STUDY)  ## run every test, two at a time; those that need a quiet machine one after the other
+test: $(READY) $(TYPES) $(PEER) $(STUDY)  ## run every test, two at a time; those that need a quiet machine one after the other
 	@$(BIN)/python -m pytest --numprocesses 2 --dist worksteal -m "not quiet"
 	@$(BIN)/python -m pytest -m quiet $$(grep -rl --include='*.py' 'mark\.quiet' test)
 
@@ -74,8 +75,9 @@ literature: $(READY)  ## hold published results of other machines against the mo
 optimum: $(READY) $(STUDY)  ## search for the fastest and the thriftiest robots and write docs/optimum.md; half an hour
 	@$(BIN)/python -m vibro_ros.project.optimum_report
 
-docs: $(READY)  ## measure and write the tables in docs/guide/parameters.md and docs/robot.md; some minutes
+docs: $(READY)  ## write config/urdf, and measure and write the tables in docs/guide/parameters.md and docs/robot.md; some minutes
 	@$(BIN)/python -m vibro_ros.project.parameter_table
+	@$(BIN)/python -m vibro_ros.project.urdf_files
 	@$(BIN)/python -m vibro_ros.project.effects
 
 picture: $(READY)  ## simulate and draw docs/robot.svg, the parts by name, and docs/robot.gif, the robot in slow motion
@@ -86,6 +88,16 @@ clean:  ## remove .venv and all that is built; out/ stays
 	@rm -rf $(VENV) build install log *.egg-info .pytest_cache .ruff_cache .mypy_cache
 	@find . -name __pycache__ -type d -prune -exec rm -rf {} +
 	@echo "clean: done"
+
+# What pip leaves out of an editable installation, and `ros2 run` and `ros2 pkg` look for.
+INSTALLED := from vibro_ros.process.executables import EXECUTABLES; print(*(name for name, one in EXECUTABLES.items() if one.installed))
+define LINK_PACKAGE
+rm -rf $(VENV)/lib/vibro_ros $(VENV)/share/vibro_ros
+mkdir -p $(VENV)/lib/vibro_ros $(VENV)/share/vibro_ros $(VENV)/share/ament_index/resource_index/packages
+ln -sf $(CURDIR)/resource/vibro_ros $(VENV)/share/ament_index/resource_index/packages/
+ln -s $(CURDIR)/package.xml $(CURDIR)/config $(VENV)/share/vibro_ros/
+for name in $$($(BIN)/python -c '$(INSTALLED)'); do ln -s ../../bin/$$name $(VENV)/lib/vibro_ros/$$name || exit; done
+endef
 
 # The stamps are written last, so that an interrupted setup starts anew.
 $(PACKAGES): export PIP_CONSTRAINT := requirements.txt  # empy comes as source; pip builds it with the pinned setuptools
@@ -104,7 +116,12 @@ $(PACKAGES): requirements.txt
 $(READY): $(PACKAGES) setup.py setup.cfg package.xml vibro_ros/process/executables.py
 	@echo "setup: installing vibro_ros from this folder"
 	@$(PIP) install --use-pep517 --no-build-isolation --no-deps --editable .
+	@$(LINK_PACKAGE)
 	@touch $@
+
+# The command writes the stamp, unless there is no compiler that works: it then says so, and the robot runs without.
+$(TYPES): $(PACKAGES) $(shell find vibro_ros/project/interfaces -name '*.py' -o -path '*/declared/*' -type f)
+	@$(BIN)/python -m vibro_ros.project.interfaces.command
 
 # Only the studies need them.
 $(STUDY): requirements-study.txt $(PACKAGES)
@@ -113,9 +130,9 @@ $(STUDY): requirements-study.txt $(PACKAGES)
 	@$(BIN)/python -m pip check >/dev/null || { $(BIN)/python -m pip check; exit 1; }
 	@touch $@
 
-# Only what compares needs it: 104 MB to load.
+# Only what compares needs it, and the test with another vendor's DDS: 115 MB to load.
 $(PEER): requirements-bench.txt $(PACKAGES)
-	@echo "setup: installing heyoka, to compare with"
+	@echo "setup: installing heyoka, to compare with, and Cyclone DDS, to talk with"
 	@$(PIP) install --only-binary :all: --no-deps --requirement $<
 	@$(BIN)/python -m pip check >/dev/null || { $(BIN)/python -m pip check; exit 1; }
 	@touch $@

@@ -55,8 +55,10 @@ setup(
         "cluster": ["distributed"],
         "test": [
             "catkin-pkg",
+            "cmeel-urdfdom",
             "codespell",
             "colcon-common-extensions",
+            "cyclonedds",  # a peer by another vendor's DDS
             "mpmath",
             "mypy",
             "packaging",

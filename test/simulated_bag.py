@@ -7,7 +7,7 @@ from vibro_ros.bag.cdr import blank, serialised
 from vibro_ros.bag.definitions import Topic, defined
 from vibro_ros.bag.writer import BagWriter, Storage
 from vibro_ros.configuration.scene_file import DEVICE_PARAMETERS, load_scene
-from vibro_ros.messages.topics import COMMAND_UNITS, ROBOT_TOPICS
+from vibro_ros.messages.topics import COMMAND_UNITS, ROBOT_TOPICS, TF_TOPICS
 from vibro_ros.recordings.rerun import Rerun, RunFacts
 from vibro_ros.simulation.provenance import provenance
 
@@ -20,12 +20,13 @@ def simulated_bag(folder: Path, storage: Storage, hostile: bytes = b"") -> int:
     """Record 120 samples with some commands, `hostile` among them if given, into `folder`; the number of messages."""
     scene = load_scene("device")
     settings = {one.name: one.default for one in DEVICE_PARAMETERS} | {"rate.publish": 50.0}
-    topics = {name: f"/{name}" for name in ROBOT_TOPICS}
+    kinds = {name: kind for name, kind in ROBOT_TOPICS.items() if name not in TF_TOPICS}  # it is to be small
+    topics = {name: f"/{name}" for name in kinds}
     facts = RunFacts(settings, scene, START, topics)
     custom = {"scene": "device", "topics": json.dumps(topics), **provenance({**settings, **scene.parameters}, START)}
-    writer = BagWriter(folder, defined([Topic(topics[name], kind, 10) for name, kind in ROBOT_TOPICS.items()]), custom,
+    writer = BagWriter(folder, defined([Topic(topics[name], kind, 10) for name, kind in kinds.items()]), custom,
                        storage)
-    numbers = {name: number for number, name in enumerate(ROBOT_TOPICS, start=1)}
+    numbers = {name: number for number, name in enumerate(kinds, start=1)}
     rerun = Rerun(facts, scene)
     for tick in range(TICKS):
         stamp = facts.stamp(tick)
@@ -33,7 +34,7 @@ def simulated_bag(folder: Path, storage: Storage, hostile: bytes = b"") -> int:
             writer.write(numbers[name], stamp, data)
         for name, data in _commands(tick, hostile):
             writer.write(numbers[name], stamp, data)
-            rerun.command(name, data)
+            rerun.receive(name, data)
         if tick % FLUSHES == 0:
             writer.flush()
     writer.flush()

@@ -135,6 +135,25 @@ def test_the_oldest_files_go_before_a_bag_exceeds_its_limit(tmp_path, published,
     assert metadata(folder)["relative_file_paths"][0].startswith(f"run_{custom['discarded_files']}.")
 
 
+@pytest.mark.parametrize("storage", SPLITS.values(), ids=SPLITS)
+def test_each_file_begins_with_what_is_said_once_for_all(tmp_path, published, start_ns, storage):
+    folder, said = tmp_path / "run", published["/motor_power"](7)
+    topics = [Topic("/odom", "nav_msgs/msg/Odometry", 10), Topic("/motor_power", "std_msgs/msg/Float64", 1, True)]
+    with Recorder(folder, topics, {}, storage=storage, lasting=[("/motor_power", said)]) as recorder:
+        for i in range(400):
+            recorder.write("/odom", start_ns + i * PERIOD, published["/odom"](i))
+    files = [folder / file["path"] for file in metadata(folder)["files"]]
+    assert len(files) > 1
+    with Reader(folder) as reader:
+        messages = [(one.topic, stamp, bytes(data)) for one, stamp, data in reader.messages()]
+    firsts = [file["starting_time"]["nanoseconds_since_epoch"] for file in metadata(folder)["files"]]
+    assert [one for one in messages if one[0] == "/motor_power"] == [("/motor_power", first, said) for first in firsts]
+    assert [stamp for topic, stamp, _ in messages if topic == "/odom"] == [start_ns + i * PERIOD for i in range(400)]
+    assert (recorder.written, recorder.dropped, recorder.lost) == (400 + len(files), 0, 0)
+    if storage.max_size:
+        assert all(file.stat().st_size <= storage.max_size for file in files)
+
+
 def test_messages_out_of_order_do_not_make_files_overlap(tmp_path, published, start_ns):
     folder = tmp_path / "run"
     writer = BagWriter(folder, TOPICS, {}, Storage(max_duration=0.1))

@@ -151,6 +151,16 @@ def test_an_interrupt_that_a_finaliser_swallows_is_raised_again(start):
     assert said_after(process, PROMPT) == (130, "", "planted: stopped\n")
 
 
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_an_interrupt_in_a_text_that_is_executed_gives_the_same_exit_code(start, number, tmp_path):
+    """A module's process would end by SIGINT then, whoever has caught the interrupt."""
+    (tmp_path / "door.py").write_text(DOOR.format(main=f"{READY}; exec('time.sleep(600)')"))
+    process = start("-m", "door")
+    assert process.stdout.readline() == "ready\n"
+    process.send_signal(number)
+    assert said_after(process, PROMPT) == (128 + number, "", "planted: stopped\n")
+
+
 def test_who_swallows_every_interrupt_is_ended(start):
     process = planted(start, READY, "while True:", "    try:", "        time.sleep(600)",
                       "    except KeyboardInterrupt:", "        print('no', flush=True)")

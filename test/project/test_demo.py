@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from vibro_ros.bag.reader import read_bag
-from vibro_ros.project.demo import DemoError, check_bag
+from vibro_ros.project.demo import DemoError, check_bag, ros_environment
 
 PATIENCE = 120.0  # [s] deadline of what takes some seconds on an idle machine
 CRAWL = "entries: [{for: 2.0, motor_speed: 100.0, upper_gap: 0.0, inclined_gap: 0.0}]\n"
@@ -53,6 +53,12 @@ class Demo:
                 if word.startswith("vibro_ros.ros.")}
 
 
+def discovery_range(pid: int) -> str:
+    """What a running process was told of how far to look for peers."""
+    words = Path(f"/proc/{pid}/environ").read_bytes().decode().split("\0")
+    return dict(word.partition("=")[::2] for word in words)["ROS_AUTOMATIC_DISCOVERY_RANGE"]
+
+
 @pytest.fixture
 def demo(domain_id: int, tmp_path: Path) -> Iterator[Callable[[str], Demo]]:
     started: list[Demo] = []
@@ -77,9 +83,11 @@ def ends_leaving_nothing(demo: Demo) -> int:
     return code
 
 
-def test_it_moves_the_robot_and_reports(demo, tmp_path, domain_id):
+def test_it_moves_the_robot_and_reports(demo, tmp_path, domain_id, monkeypatch):
+    monkeypatch.delenv("ROS_AUTOMATIC_DISCOVERY_RANGE")
     shown = demo(CRAWL)
     shown.wait_for("entry 1, 2 s: motor_speed 100 rad/s")
+    assert {discovery_range(pid) for pid in shown.children().values()} == {"LOCALHOST"}  # although a domain is chosen
     assert ends_leaving_nothing(shown) == 0, shown.text
     assert f"ROS_DOMAIN_ID={domain_id}" in shown.text
     paths = {label: tmp_path / line.split(" | ")[1] for line in shown.text.splitlines()
@@ -123,5 +131,18 @@ def test_stopping_it_stops_everything_and_seals_the_bag(demo, tmp_path, number):
 
 
 def test_a_missing_topic_is_a_failure(record_run):
-    with pytest.raises(DemoError, match="topics missing: impacts, upper_gap, inclined_gap$"):
+    with pytest.raises(DemoError, match="topics missing: impacts, robot_description, upper_gap, inclined_gap$"):
         check_bag(read_bag(record_run(without=("impacts",))))
+
+
+@pytest.mark.parametrize("chosen, used", [
+    ({}, "LOCALHOST"), ({"ROS_DOMAIN_ID": "7"}, "LOCALHOST"), ({"ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET"}, "SUBNET")])
+def test_the_user_decides_who_may_meet_whom(monkeypatch, chosen, used):
+    for name in ("ROS_AUTOMATIC_DISCOVERY_RANGE", "ROS_DOMAIN_ID"):
+        monkeypatch.delenv(name, raising=False)
+    for name, value in chosen.items():
+        monkeypatch.setenv(name, value)
+    environment = ros_environment()
+    assert environment["ROS_AUTOMATIC_DISCOVERY_RANGE"] == used
+    assert environment["ROS_DOMAIN_ID"] == chosen.get("ROS_DOMAIN_ID", environment["ROS_DOMAIN_ID"])
+    assert 1 <= int(environment["ROS_DOMAIN_ID"]) <= 101

@@ -73,9 +73,11 @@ def test_yaml_is_a_script_a_sweep_or_a_scene(text, output, tmp_path):
 def test_errors_are_the_ones_shown(line, tmp_path, domain_id):
     """The words of the command stand for each shown error."""
     (tmp_path / "bad.yaml").write_text("entries:\n  - for: 1.0\n    motor_speed: -5\n")
+    (tmp_path / "forwards.yaml").write_text("entries: [{hold_speed: 0.05, for: 10.0}]\n")
     (tmp_path / "itself.yaml").write_text("/**:\n  ros__parameters:\n    scene: itself.yaml\n")
     (tmp_path / "other.yaml").write_text("vibro_robt:\n  ros__parameters:\n    gravity: 9.81\n")
     words = {"guide.angel": "ros.robot --ros-args -p guide.angel:=1.0", "bad.yaml": "ros.controller bad.yaml",
+             "forwards.yaml": "ros.controller forwards.yaml",
              "mass.body": "ros.robot --ros-args -p mass.body:=0.0", "/tmp/nobag": "recordings.report /tmp/nobag",
              "/tmp/none": "recordings.recover /tmp/none", "/tmp/norun": "recordings.replay /tmp/norun",
              "papper": "ros.robot --ros-args -p scene:=papper", "--clock": "recordings.replay bag --clock",
@@ -101,8 +103,8 @@ def test_choices_of_every_effect_are_in_the_model():
 
 
 def test_topics_are_the_robots():
-    rows = re.findall(r"^\| `(\w+)` \| (in|out) \| (\S+) \| (\d+) \|", DOCUMENTS["node.md"], re.MULTILINE)
-    told = {name: (direction, kind, int(depth)) for name, direction, kind, depth in rows}
+    rows = re.findall(r"^\| `/?(\w+)` \| (in|out) \| (\S+) \| (\d+) \|", DOCUMENTS["node.md"], re.MULTILINE)
+    told = {name: (direction, kind, int(depth)) for name, direction, kind, depth in rows if name != "clock"}
     real = {name: ("in", ROBOT_TOPICS[name], qos.COMMANDS.depth) for name in COMMAND_UNITS}
     real |= {name: ("out", ROBOT_TOPICS[name], profile.depth) for name, profile in outputs.PUBLISHED.items()}
     assert told == real

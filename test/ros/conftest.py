@@ -9,6 +9,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 import rclpy
@@ -23,6 +24,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 
 from observation import Listener  # noqa: E402 (beside the tests)
 from random_run import FASTER, record_run  # noqa: E402
+from simulator_user import Simulator  # noqa: E402
 
 PATIENCE = 60.0  # [s] deadline of what takes a second on an idle machine; kernels may have to be compiled first
 
@@ -178,3 +180,20 @@ def recorded(request, shelf, tmp_path) -> Path:
                    f"rate.real_time_factor:={FASTER}")
     (bag,) = shelf.glob("vibro_robot_*")
     return Path(shutil.copytree(bag, tmp_path / bag.name))
+
+
+@pytest.fixture
+def types() -> SimpleNamespace:
+    """The modules of simulation_interfaces; where there is no compiler they are not installed."""
+    return SimpleNamespace(**{name: pytest.importorskip(f"simulation_interfaces.{name}")
+                              for name in ("msg", "srv", "action")})
+
+
+@pytest.fixture
+def simulator(types, start, bench) -> Iterator[Simulator]:
+    """A program that knows simulation_interfaces, and its robot as `robot`."""
+    simulator = Simulator(bench, types)
+    simulator.robot = start("robot")
+    simulator.wait()
+    yield simulator
+    simulator.action.destroy()

@@ -9,6 +9,8 @@ from rclpy.qos import QoSProfile
 from rclpy.serialization import deserialize_message
 from rosbags.rosbag2 import Reader
 
+from vibro_ros.bag.cdr import deserialised
+
 
 class Listener:
     """Keeps the stamps [ns] of odom and the latest diagnostics by part."""
@@ -61,3 +63,12 @@ def stop(robot, code: int = 0) -> None:
     robot.send(signal.SIGINT)
     assert robot.end() == code, robot.text
     assert "Traceback" not in robot.text
+
+
+def messages_of(folder: Path) -> dict[str, list]:
+    """Every message by topic, read by rosbags."""
+    with Reader(folder) as reader:
+        found: dict[str, list] = {one.topic: [] for one in reader.connections}
+        for one, _, data in reader.messages():
+            found[one.topic].append(deserialised(bytes(data), one.msgtype))
+    return found

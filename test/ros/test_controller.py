@@ -7,6 +7,8 @@ from pathlib import Path
 import pytest
 from std_msgs.msg import Float64
 
+from vibro_ros.bag.reader import read_bag
+
 COMMANDS = ("motor_speed", "upper_gap", "inclined_gap")
 
 
@@ -104,16 +106,21 @@ def test_an_abort_while_waiting_sends_nothing(start):
 
 @pytest.mark.parametrize("words, reason", [
     (["script.yaml"], "controller: script.yaml: entry 2: motor_speed: nan is not finite; give a number in rad/s"),
-    (["nope.yaml"], "controller: nope.yaml: no such script; give a path or one of crawl, pulses"),
-    ([], "controller: no script given; give a path or one of crawl, pulses"),
+    (["nope.yaml"], "controller: nope.yaml: no such script; give a path or one of crawl, goals, pulses"),
+    ([], "controller: no script given; give a path or one of crawl, goals, pulses"),
     (["crawl", "--fast"], "controller: unrecognized arguments: --fast; `controller --help` shows what there is"),
     (["crawl", "--ros-args", "-p", "rate:=0.0"],
      "controller: rate: 0 is out of range; give a number above 0 to 10000 Hz"),
     (["crawl", "--ros-args", "-p", "wiat:=1.0"], "controller: wiat: unknown parameter; did you mean wait?"),
+    (["forwards.yaml"], "controller: forwards.yaml: entry 1: hold_speed: 0.05 m/s is out of reach of a robot that goes "
+     "backwards; give one between -0.06 and 0 m/s, and not 0, or set `reach` for another robot"),
+    (["forwards.yaml", "--ros-args", "-p", "reach:=0.0"], "controller: reach: 0 is out of range; give a mean speed "
+     "other than 0 m/s, negative if the robot goes backwards"),
 ])
 def test_bad_input_is_one_line_and_nothing_is_sent(start, bench, tmp_path, words, reason):
     listener = Listener(bench)
     write(tmp_path, "entries: [{for: 1.0, motor_speed: 10.0}, {for: 1.0, motor_speed: .nan}]\n")
+    (tmp_path / "forwards.yaml").write_text("entries: [{hold_speed: 0.05, for: 10.0}]\n")
     controller = start("controller", *words)
     listener.spin_until_ended(controller)
     assert controller.end() == 2
@@ -128,3 +135,38 @@ def test_the_script_may_come_as_a_parameter(start, bench, tmp_path):
     listener.spin_until_ended(controller)
     assert controller.end() == 0, controller.text
     assert listener.heard["inclined_gap"] == [0.002]
+
+
+def test_goals_are_reached_with_a_real_robot(start, tmp_path):
+    robot = start("robot")
+    controller = start("controller", write(tmp_path, """
+entries:
+  - {for: 0.2, motor_speed: 50.0}
+  - repeat: 2
+    entries:
+      - {hold_speed: -0.05, within: 0.02, for: 4.0}
+      - {for: 0.2, motor_speed: 0.0}
+  - {go_to: -0.6, timeout: 60.0}
+  - {for: 0.1, upper_gap: 0.0}
+"""))
+    assert controller.end() == 0, controller.text
+    robot.send(signal.SIGINT)
+    assert robot.end() == 0, robot.text
+    assert controller.text.count("]: entry 2.1: held: mean speed -0.0") == 2
+    assert "]: entry 3: reached after " in controller.text
+    assert "]: entry 4, 0.1 s: upper_gap 0 m" in controller.text
+    (bag,) = (read_bag(folder) for folder in tmp_path.glob("vibro_robot_*"))
+    assert abs(bag["odom"]["position"][-1, 0] + 0.6) < 0.006  # [m]
+    assert bag["motor_speed"]["value"][-1] == 0.0
+
+
+@pytest.mark.parametrize("goal", ["hold_speed: -0.05, for: 1000.0", "go_to: -0.5, timeout: 1000.0"])
+def test_a_goal_without_odometry_fails_and_the_motor_is_told_to_stop(start, bench, tmp_path, goal):
+    listener = Listener(bench)
+    controller = start("controller", write(tmp_path, f"entries: [{{for: 0.1, motor_speed: 9.0}}, {{{goal}}}]\n"))
+    listener.spin_until_ended(controller)
+    assert controller.end() == 1
+    assert controller.lines[-1].startswith("controller: entry 2: no odometry for 2.")
+    assert controller.lines[-1].endswith(" s; is there a robot that publishes odom?")
+    bench.spin_until(lambda: len(listener.heard["motor_speed"]) == 2, "the stop")
+    assert listener.heard["motor_speed"] == [9.0, 0.0]

@@ -1,20 +1,27 @@
 """docs/guide against robots that run: what one has and the other has not is a mistake in one of them."""
 
+from functools import partial
+
 import guide
 import pytest
 from geometry_msgs.msg import WrenchStamped
 from nav_msgs.msg import Odometry
 from observation import bags, stop
 from rcl_interfaces.srv import ListParameters
+from rclpy.action import get_action_server_names_and_types_by_node
 from rclpy.qos import ReliabilityPolicy
 from sensor_msgs.msg import JointState
 
 from vibro_ros.bag.reader import read_bag
 from vibro_ros.configuration.parameter_file import own_parameters
+from vibro_ros.configuration.scene_file import load_scene
+from vibro_ros.messages.joints import robot_joints
+from vibro_ros.ros.simulation_services import PACKAGE, installed_types
 from vibro_ros.simulation.kernels import compile_kernels
 
 NODE = "vibro_robot"
 OF_RCLPY = {"parameter_events", "rosout"}
+OF_ACTIONS = "/_action/"  # in the names of the topics and services that make up an action
 SERVICES_OF_RCLPY = {"describe_parameters", "get_parameter_types", "get_parameters", "get_type_description",
                      "list_parameters", "set_parameters", "set_parameters_atomically"}
 KINDS_OF_ROBOT = [
@@ -26,14 +33,26 @@ def parameters(words) -> list[str]:
 
 
 def documented_topics() -> dict[str, tuple[str, str]]:
-    """Direction and type of each topic."""
+    """Direction and type of each topic of a robot that publishes no clock, by its name in the graph without `/`."""
     rows = guide.table("topic", "direction", "type", "depth", "content")
-    return {guide.names(name)[0]: (direction, kind) for name, direction, kind, _, _ in rows}
+    return {guide.names(name)[0].replace("~", NODE).lstrip("/"): (direction, kind)
+            for name, direction, kind, _, content in rows if "`clock.publish` only" not in content}
 
 
 def names_by_node(found) -> dict[str, str]:
-    told = {name.removeprefix(f"/{NODE}/").lstrip("/"): kind for name, [kind] in found}
-    return {name: kind for name, kind in told.items() if name not in OF_RCLPY | SERVICES_OF_RCLPY}
+    told = {name.lstrip("/"): kind for name, [kind] in found}
+    return {name: kind for name, kind in told.items()
+            if name.removeprefix(f"{NODE}/") not in OF_RCLPY | SERVICES_OF_RCLPY and OF_ACTIONS not in name}
+
+
+def documented_controls() -> dict[str, dict[str, str]]:
+    """Type of each service and action of `simulation_interfaces` that can be offered here, by its kind and name."""
+    rows = guide.table("name", "type", "does")
+    named = {kind: {guide.names(name)[0].replace("~", NODE): f"{PACKAGE}/{of_package}" for name, of_package, _ in rows
+                    if of_package.startswith(f"{kind}/") and of_package.partition("/")[2] in installed_types()}
+             for kind in ("srv", "action")}
+    assert sum(map(len, named.values())) == len(installed_types())
+    return named
 
 
 def test_topics_services_and_parameters_are_those_of_a_running_robot(start, bench):
@@ -45,23 +64,27 @@ def test_topics_services_and_parameters_are_those_of_a_running_robot(start, benc
     assert "`/diagnostics` (diagnostic_msgs/msg/DiagnosticArray, reliable, depth 10)" in guide.PAGES["node.md"]
     told["out"]["diagnostics"] = "diagnostic_msgs/msg/DiagnosticArray"
     rows = guide.table("service", "type", "does")
-    services = {guide.names(name)[0].removeprefix("~/"): kind for name, kind, _ in rows}
+    controls = documented_controls()
+    services = {guide.names(name)[0].replace("~", NODE): kind for name, kind, _ in rows} | controls["srv"]
 
     def seen() -> tuple[dict[str, str], ...]:
         return tuple(names_by_node(ask(NODE, "/")) for ask in (
             bench.node.get_publisher_names_and_types_by_node, bench.node.get_subscriber_names_and_types_by_node,
-            bench.node.get_service_names_and_types_by_node))
+            bench.node.get_service_names_and_types_by_node,
+            partial(get_action_server_names_and_types_by_node, bench.node)))
+
+    documented = told["out"], told["in"], services, controls["action"]
 
     def known() -> bool:
         try:
-            return seen() == (told["out"], told["in"], services)
+            return seen() == documented
         except RuntimeError:  # NodeNameNonExistentError: not discovered yet
             return False
 
     try:
         bench.spin_until(known, "the documented topics and services", patience=20.0)
     except AssertionError:
-        assert seen() == (told["out"], told["in"], services)
+        assert seen() == documented
     for name in [*told["out"], *told["in"]]:
         own = [*bench.node.get_publishers_info_by_topic(f"/{name}"),
                *bench.node.get_subscriptions_info_by_topic(f"/{name}")]
@@ -89,7 +112,9 @@ def test_joints_and_frames_are_those_of_a_running_robot(start, bench):
     assert kept["joint_states"].name == guide.first_column("joint", "position", "velocity", "effort")
     frames = {kept["odom"].header.frame_id, kept["odom"].child_frame_id, kept["joint_states"].header.frame_id,
               kept["ground_contact"].header.frame_id, *kept["impacts"]}
-    assert frames == set(guide.first_column("frame", "is"))
+    told = set(guide.first_column("frame", "in", "is"))
+    assert frames < told
+    assert told == {"odom", "base_link", *(joint.child for joint in robot_joints(load_scene("device")))}
 
 
 def test_keys_of_diagnostics_and_of_custom_data_are_those_of_running_robots(start, listener, tmp_path):

@@ -9,9 +9,10 @@ import pytest
 from rclpy.serialization import serialize_message
 
 from vibro_ros.configuration.scene_file import load_scene
+from vibro_ros.messages.frames import Frames
 from vibro_ros.messages.topics import ROBOT_TOPICS
 from vibro_ros.ros.bare_node import ready_messages
-from vibro_ros.ros.messages import message_class
+from vibro_ros.ros.messages import message_class, transforms
 from vibro_ros.ros.node_cost import BARE, table
 from vibro_ros.ros.outputs import makers
 from vibro_ros.simulation.simulator import Simulator
@@ -45,6 +46,9 @@ def test_the_bare_node_publishes_as_many_bytes_as_the_robot():
     scene = load_scene("device")
     state, ready = Simulator(scene).state, ready_messages()
     made = {topic: make(state, 0) for topic, make in makers(scene, "").items()}
+    if "tf" in ready:
+        frames = Frames(scene)
+        made["tf"] = transforms(frames, state, frames.turns(state.crank_angle), 0)
     assert list(ready) == list(made)
     assert all(type(message) is message_class(ROBOT_TOPICS[topic]) for topic, message in ready.items())
     assert [len(serialize_message(message)) for message in ready.values()] == [

@@ -106,3 +106,42 @@ def test_what_never_waits_is_never_late():
     paced = pacing(Clock(), factor=0.0)
     paced.wait_until(1.0)
     assert paced.take_lateness() == []
+
+
+def test_after_a_pause_the_next_tick_is_a_period_away_and_nothing_is_late():
+    clock = Clock()
+    paced = pacing(clock)
+    paced.wait_until(TICK)
+    clock.time += 100.0
+    paced.follow(TICK)
+    clock.sleeps.clear()
+    assert paced.wait_until(2 * TICK) == 0.0
+    assert clock.sleeps == pytest.approx([TICK], abs=1e-9)
+    assert (paced.missed, paced.stalls) == (0, 0)
+
+
+@pytest.mark.parametrize("factor", [0.1, 1.0, 4.0])
+def test_another_factor_counts_from_the_instant_at_which_it_is_set(factor: float):
+    clock = Clock()
+    paced = pacing(clock, factor=0.0)
+    paced.wait_until(1000.0)
+    paced.change_factor(factor, 1000.0)
+    began = clock.time
+    paced.wait_until(1000.0 + TICK)
+    assert clock.time - began == pytest.approx(TICK / factor, abs=1e-9)
+    paced.change_factor(0.0, 1000.0 + TICK)
+    assert paced.wait_until(2000.0) == 0.0
+    assert clock.time - began == pytest.approx(TICK / factor, abs=1e-9)
+
+
+def test_a_factor_that_changes_during_a_wait_counts_at_once():
+    clock = Clock()
+    paced = pacing(clock, factor=0.1)
+
+    def hurry() -> bool:
+        if clock.time > 1000.2:
+            paced.change_factor(0.0, 0.0)
+        return False
+
+    assert paced.wait_until(1e6, hurry) == 0.0
+    assert clock.time < 1000.2 + 2 * LONGEST_SLEEP + 1e-9

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from nav_msgs.msg import Odometry
 from random_run import RANGES, rewritten
-from rclpy.qos import QoSProfile
+from rclpy.qos import DurabilityPolicy, QoSProfile
 from rosgraph_msgs.msg import Clock
-from std_msgs.msg import Float64
+from std_msgs.msg import Float64, String
 
 from vibro_ros.bag.reader import read_bag
 from vibro_ros.bag.stream import BagStream
@@ -50,6 +50,10 @@ def test_all_topics_are_played_with_the_clock_and_a_signal_ends_it(recorded, sta
     bench.node.create_subscription(Clock, "/clock", clock.append, 1000)
     player = start("playback", str(recorded), "--all-topics", "--clock")
     bench.spin_until(lambda: len(heard) > 200 and len(clock) > 200, "a second of it")
+    described: list[String] = []
+    bench.node.create_subscription(String, "/robot_description", described.append, QoSProfile(
+        depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL))
+    bench.spin_until(lambda: described, "robot_description, a second after it was played")
     player.send(signal.SIGINT)
     assert player.end() == 130, player.text
     assert "Traceback" not in player.text

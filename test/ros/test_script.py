@@ -4,7 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from vibro_ros.ros.script_file import find_script, read_script, shipped_scripts
+from vibro_ros.ros.goals import PositionGoal, SpeedGoal, check_reach
+from vibro_ros.ros.script_file import find_script, read_script
 
 
 def script(folder: Path, text: str):
@@ -80,7 +81,64 @@ entries:
     ]
 
 
+def test_goals_are_read_with_what_is_left_out(tmp_path):
+    played = script(tmp_path, """
+entries:
+  - {hold_speed: -0.05, for: 10.0, upper_gap: 0.001, note: steady}
+  - {go_to: -0.5, within: 0.002, timeout: 30.0, motor_speed: {to: 80}}
+  - {for: 1.0, motor_speed: {to: 50.0}}
+""")
+    assert played.commands == ("motor_speed", "upper_gap")
+    assert played.goals == (("1", SpeedGoal(-0.05, 0.005, (0.0, 100.0))), ("2", PositionGoal(-0.5, 0.002, (0.0, 80.0))))
+    assert [(one.start, one.duration) for one in played.segments] == [(0.0, 10.0), (10.0, 30.0), (40.0, 1.0)]
+    assert played.command_at(5.0) == played.command_at(20.0) == {"upper_gap": 0.001}  # the motor is feedback's
+    assert played.command_at(40.5) == {"motor_speed": 25.0, "upper_gap": 0.001}  # from the standstill that go_to leaves
+    assert [one.describe() for one in played.segments[:2]] == [
+        "entry 1, 10 s: hold -0.05 m/s within 0.005 m/s, motor 0 to 100 rad/s, upper_gap 0.001 m (steady)",
+        "entry 2, 30 s: go to -0.5 m within 0.002 m, motor 0 to 80 rad/s",
+    ]
+
+
+def test_entries_after_a_position_may_be_placed_in_a_list_of_their_own(tmp_path):
+    played = script(tmp_path, """
+entries:
+  - {at: 1.0, go_to: -0.5, timeout: 5.0}
+  - repeat: 2
+    entries: [{at: 1.0, for: 1.0, motor_speed: 5.0}, {at: 3.0, hold_speed: -0.01, for: 4.0}]
+""")
+    assert [one.start for one in played.segments] == [1.0, 7.0, 9.0, 14.0, 16.0]
+
+
 BAD = {
+    "two goals": ("entries: [{go_to: 1.0, hold_speed: 1.0, for: 9.0}]\n",
+                  "entry 1: hold_speed and go_to: one entry has one goal; make two entries of it"),
+    "no timeout": ("entries: [{go_to: 1.0}]\n", "entry 1: go_to: no longest time; give `timeout: <seconds>`"),
+    "timeout 0": ("entries: [{go_to: 1.0, timeout: 0.0}]\n",
+                  "entry 1: timeout: 0 is not above 0; give a number above 0 s"),
+    "go_to for": ("entries: [{go_to: 1.0, for: 3.0, timeout: 3.0}]\n", "entry 1: for: unknown key; give at, timeout"),
+    "hold for ever": ("entries: [{hold_speed: 1.0}]\n", "entry 1: no duration; give `for: <seconds>`"),
+    "hold too short": ("entries: [{hold_speed: 1.0, for: 3.9}]\n",
+                       "entry 1: hold_speed: 3.9 s is too short to settle and to be measured; give at least 4 s"),
+    "hold timeout": ("entries: [{hold_speed: 1.0, for: 9.0, timeout: 3.0}]\n",
+                     "entry 1: timeout: unknown key; give at,"),
+    "hold NaN": ("entries: [{hold_speed: .nan, for: 9.0}]\n", "entry 1: hold_speed: nan is not finite; give a number"),
+    "go_to text": ("entries: [{go_to: home, timeout: 9.0}]\n",
+                   "entry 1: go_to: 'home' is not a number; give a number in m"),
+    "within nothing": ("entries: [{go_to: 1.0, within: 0, timeout: 9.0}]\n", "entry 1: within: 0 is not above 0; give"),
+    "goal and speed": ("entries: [{go_to: 1.0, timeout: 9.0, motor_speed: 50.0}]\n",
+                       "entry 1: motor_speed: 50.0 is no range; beside a goal give the range that feedback uses"),
+    "empty range": ("entries: [{go_to: 1.0, timeout: 9.0, motor_speed: {from: 50, to: 50}}]\n",
+                    "entry 1: motor_speed: from 50 to 50 rad/s is no range; give `to` above `from`"),
+    "negative range": ("entries: [{go_to: 1.0, timeout: 9.0, motor_speed: {from: -1}}]\n",
+                       "motor_speed: -1 is negative"),
+    "goal and ramp": ("entries: [{go_to: 1.0, timeout: 9.0, upper_gap: {from: 0.0, to: 1.0}}]\n",
+                      "entry 1: upper_gap: {'from': 0.0, 'to': 1.0} is not a number; give a number in m"),
+    "at after go_to": ("entries: [{go_to: 1.0, timeout: 9.0}, {for: 1.0}, {at: 20.0, for: 1.0}]\n",
+                       "entry 3: at: when the go_to before it in this list ends is not known; leave `at` out, or put"),
+    "at after a list with go_to": ("entries: [{entries: [{go_to: 1.0, timeout: 9.0}]}, {at: 20.0, for: 1.0}]\n",
+                                   "entry 2: at: when the go_to before it"),
+    "ramp after hold": ("entries: [{hold_speed: 1.0, for: 9.0}, {for: 1.0, motor_speed: {to: 9.0}}]\n",
+                        "entry 2: motor_speed: no value to start the ramp from; give `from`"),
     "empty": ("", "the file is empty"),
     "no entries": ("repeat: 2\n", "entries is missing; give a list"),
     "empty list": ("entries: []\n", "entries is []; give a list with at least one entry"),
@@ -138,16 +196,22 @@ def test_a_bad_script_is_refused_with_file_entry_and_reason(tmp_path, text, reas
 
 
 def test_a_missing_script_names_the_shipped_ones():
-    with pytest.raises(ValueError, match="dance: no such script; give a path or one of crawl, pulses"):
+    with pytest.raises(ValueError, match="dance: no such script; give a path or one of crawl, goals, pulses"):
         find_script("dance")
 
 
-@pytest.mark.parametrize("name", shipped_scripts())
+@pytest.mark.parametrize("name", ["crawl", "pulses"])
 def test_shipped_scripts_drive_and_stop_the_motor(name):
     played = read_script(find_script(name))
     speeds = [played.command_at(time).get("motor_speed", 0.0) for time in played.instants(rate=10.0)]
     assert max(speeds) >= 100.0  # [rad/s]
     assert played.command_at(played.duration)["motor_speed"] == 0.0
+
+
+def test_the_shipped_goals_are_within_reach():
+    goals = read_script(find_script("goals")).goals
+    assert [type(goal) for _, goal in goals] == [SpeedGoal, PositionGoal]
+    check_reach(goals, -0.06)
 
 
 def test_crawl_crawls_speeds_up_stops_and_crawls_again():

@@ -1,9 +1,17 @@
 """The stepping thread on real topics, where a process of its own cannot be made to fail."""
 
+from types import SimpleNamespace
+
 import vibro_ros
+from vibro_ros.messages.operations import RESET, RESUME, STEP, Operation
 from vibro_ros.ros.inputs import Inputs
+from vibro_ros.ros.operations import Operations
 from vibro_ros.ros.outputs import Outputs
 from vibro_ros.ros.pacing import Pacing
+from vibro_ros.ros.robot_time import RobotTime
+from vibro_ros.ros.run import Run
+from vibro_ros.ros.run_services import outcome
+from vibro_ros.ros.simulation_control import SimulationControl
 from vibro_ros.ros.stepping import Stepping
 
 
@@ -16,12 +24,39 @@ def test_an_error_ends_the_thread_and_is_kept_for_the_main_thread(bench):
         if stamp == 1_000 + 10_000_000:
             raise RuntimeError("third sample")
 
-    pacing = Pacing(factor=0.0, max_catch_up=0.1)
-    stepping = Stepping(device, Inputs(bench.node), Outputs(bench.node, scene), record, pacing, rate=200.0, start=1_000,
-                        log=bench.node.get_logger())
+    pacing, robot_time = Pacing(factor=0.0, max_catch_up=0.1), RobotTime(rate=200.0, start=1_000)
+    inputs = Inputs(bench.node)
+    operations = Operations(bench.node, device, pacing, robot_time, inputs.waiting, record)
+    recording = SimpleNamespace(record=record, checkpoint=lambda *_: None, crowded=False)
+    run = Run(device, robot_time, pacing, inputs, Outputs(bench.node, scene), operations, recording,
+              SimulationControl(bench.node, operations, robot_time))
+    stepping = Stepping(run, bench.node.get_logger())
     with stepping:
         bench.spin_until(lambda: stepping.error is not None, "the error")
     assert str(stepping.error) == "third sample"
     assert sorted(set(stamps)) == [1_000, 1_000 + 5_000_000, 1_000 + 10_000_000]
     assert device.time == 0.01
     assert len(device.take_events()) == 0  # each tick took what had come, so that a long run keeps none
+
+
+def test_whoever_asked_is_answered_when_the_run_cannot_go_on(bench, monkeypatch):
+    """Else a robot that waits for its answers before it seals the bag would wait without end."""
+    scene = vibro_ros.load_scene("device")
+    device, pacing, robot_time = vibro_ros.Simulator(scene), Pacing(factor=0.0, max_catch_up=0.1), RobotTime(rate=200.0)
+    inputs = Inputs(bench.node)
+    operations = Operations(bench.node, device, pacing, robot_time, inputs.waiting, lambda *_: None, paused=True)
+
+    def fail() -> None:
+        raise vibro_ros.SimulationError("no start")
+
+    monkeypatch.setattr(device, "reset", fail)
+    given_up = operations.ask(Operation(STEP, steps=1))
+    assert outcome(given_up) == (False, "the simulation has not answered in time; nothing was changed")
+    failing, behind = (operations.ask(Operation(name)) for name in (RESET, RESUME))
+    recording = SimpleNamespace(record=lambda *_: None, checkpoint=lambda *_: None, crowded=False)
+    run = Run(device, robot_time, pacing, inputs, Outputs(bench.node, scene), operations, recording, control=None)
+    with Stepping(run, bench.node.get_logger()) as stepping:
+        bench.spin_until(behind.done, "the last answer")
+    assert str(stepping.error) == "no start" and robot_time.ticks == 0
+    assert (outcome(failing), outcome(behind)) == ((False, "no start"), (False, "the simulation has ended"))
+    assert outcome(operations.ask(Operation(RESET))) == (False, "the simulation has ended")

@@ -15,6 +15,7 @@ from std_msgs.msg import Float64, String
 from vibro_ros.bag.cdr import first_difference
 from vibro_ros.bag.together import Together
 from vibro_ros.configuration.scene_file import load_scene, shipped_scenes
+from vibro_ros.messages.frames import ALL, ONLY_BASE, Frames
 from vibro_ros.messages.topics import ROBOT_TOPICS
 from vibro_ros.ros import messages, outputs
 from vibro_ros.ros.outputs import Outputs, makers
@@ -88,6 +89,21 @@ def test_filled_bytes_are_those_of_rclpy_whatever_a_prefix_does_to_alignment(len
         assert_filled_as_made(SimpleNamespace(guides=guides, plates=plates), "äbcdefghij"[:length], cases)
 
 
+@pytest.mark.parametrize("length", range(8))
+@pytest.mark.parametrize("published", [ONLY_BASE, ALL])
+def test_filled_transforms_are_those_of_rclpy_for_any_numbers_and_prefix(length, published):
+    pytest.importorskip("tf2_msgs.msg", reason="types of tf2_msgs are not built: no compiler")
+    rng = np.random.default_rng(length)
+    for scene in map(load_scene, ("device", "no_impact")):
+        frames = Frames(scene, "äbcdefgh"[:length], published)
+        make, count = partial(outputs._transforms, frames), len(FIELDS) + len(frames.turns(0.0))
+        sheet = Sheet([checked_template(make, ROBOT_TOPICS["tf"], count, pytest.fail)])
+        for values, stamp in random_cases(rng, 12):
+            numbers = np.concatenate([values, rng.standard_normal(count - len(FIELDS))])
+            sheet.fill(numbers, stamp)
+            assert_same(sheet.messages[0].tobytes(), make(numbers.tolist(), stamp), ROBOT_TOPICS["tf"])
+
+
 @pytest.mark.parametrize("topic", ["odom", "joint_states", "ground_contact", "motor_power"])
 def test_rclpy_reads_filled_bytes_as_the_message_that_was_meant(topic):
     make = makers(load_scene("device"), "r1/")[topic]
@@ -128,7 +144,7 @@ def test_what_cannot_be_filled_in_place_is_serialised_by_rclpy_and_published_and
     bench.node.create_subscription(Float64, "motor_power", heard.append, 10)
     bench.spin_until(publishing.publishers["motor_power"].get_subscription_count, "discovery")
     ((values, _),) = random_cases(np.random.default_rng(4), 1)
-    publishing.publish(values, NO_EVENTS, lambda time: 7,
+    publishing.publish(values, NO_EVENTS, 7, lambda time: 7,
                        lambda topic, stamp, data: recorded.update(split(topic, data)))
     bench.spin_until(lambda: heard, "message")
     assert heard == [made(make, values, 7)]
@@ -168,7 +184,7 @@ def test_publisher_and_bag_get_the_same_bytes_of_a_sample_and_its_impacts(bench,
     def stamp_of(time: float) -> int:
         return 10**18 + round(1e9 * time)
 
-    publishing.publish(values, events, stamp_of, lambda topic, stamp, data: recorded.extend(
+    publishing.publish(values, events, stamp_of(values[TIME]), stamp_of, lambda topic, stamp, data: recorded.extend(
         (name, stamp, message) for name, message in split(topic, data)))
     bench.spin_until(lambda: len(heard) == len(recorded), "messages")
     node.destroy_node()

@@ -22,11 +22,14 @@ class Topic:
         ROS type, such as ``nav_msgs/msg/Odometry``; any type of ROS 2 Jazzy's common interfaces.
     qos_depth : int
         History depth that the publisher offers.
+    lasting : bool
+        Whether late subscribers get what was published before (transient local).
     """
 
     name: str
     type_name: str
     qos_depth: int
+    lasting: bool = False
 
 
 @dataclass(frozen=True)
@@ -62,5 +65,5 @@ def defined(topics: Sequence[Topic]) -> list[Definition]:
 
 def _definition(topic: Topic) -> Definition:
     text, _ = jazzy_types().generate_msgdef(topic.type_name, ros_version=2)
-    return Definition(TopicInformation(topic.name, topic.type_name, [reliable_qos(topic.qos_depth)],
+    return Definition(TopicInformation(topic.name, topic.type_name, [reliable_qos(topic.qos_depth, topic.lasting)],
                                        jazzy_types().hash_rihs01(topic.type_name)), text)

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from mcap.opcode import Opcode
 from mcap.records import Channel, ChunkIndex, DataEnd, Footer, MetadataIndex, Schema, Statistics, SummaryOffset
 
+from vibro_ros.bag.growing_bytes import GrowingBytes
 from vibro_ros.bag.mcap_records import MAGIC, MalformedError, packed, parsed, records
 
 NEVER = 2**63 - 1
@@ -26,8 +27,8 @@ class Contents:
         Least and greatest log time [ns]; `NEVER` and 0 without messages.
     chunks : int
         Number of chunks.
-    chunk_indexes : bytearray
-        Their index records; packed, because a recording of a day has a million.
+    chunk_indexes : GrowingBytes
+        Their index records; packed and compressed, because a recording of a day has two million.
     metadata : list of MetadataIndex
         Where each metadata record lies.
     indexed : bool
@@ -41,7 +42,7 @@ class Contents:
     first: int = NEVER
     last: int = 0
     chunks: int = 0
-    chunk_indexes: bytearray = field(default_factory=bytearray)
+    chunk_indexes: GrowingBytes = field(default_factory=GrowingBytes)
     metadata: list[MetadataIndex] = field(default_factory=list)
     indexed: bool = True
 
@@ -64,7 +65,7 @@ class Contents:
     def add_chunk(self, chunk: ChunkIndex, counts: Iterable[tuple[int, int]]) -> None:
         """Take a chunk in: its index record, its times, and its number of messages by channel."""
         self.chunks += 1
-        self.chunk_indexes += packed(chunk)
+        self.chunk_indexes.append(packed(chunk))
         for channel, count in counts:
             self.add_messages(channel, count, chunk.message_start_time, chunk.message_end_time)
 

@@ -29,6 +29,8 @@ CHUNK_SIZE = 2**20  # bytes; the largest chunk, unless one message is larger
 _COMPRESSORS = {"none": ("", bytes), "zstd": ("zstd", zstd.compress)}
 _MESSAGE_HEAD = struct.Struct("<BQHIQQ")
 """Of a message record, packed here because thousands come a second: opcode, length, channel, sequence, two times."""
+_INDEX_SIZE = 25  # bytes, of a channel's index behind a chunk, without its entries, and of its place in the summary
+_CHUNK_SIZE_BESIDE = 160  # bytes, at most, of a chunk's head and of its record in the summary
 
 
 class McapSegment:
@@ -106,7 +108,8 @@ class McapSegment:
     @property
     def size(self) -> int:
         """Bytes on the disk if the file were sealed now without compression of the pending chunk."""
-        return self._good + self._size + self.ending_size
+        indexes = sum(_INDEX_SIZE + 8 * len(found) for found in self._entries.values())
+        return self._good + self._size + indexes + (_CHUNK_SIZE_BESIDE if indexes else 0) + self.ending_size
 
     @property
     def ending_size(self) -> int:

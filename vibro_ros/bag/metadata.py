@@ -17,6 +17,7 @@ LABEL_LIMITS = Limits(size=50_000, values=2000, depth=8)
 """Of the QoS profiles with which a topic is labelled; a publisher's takes about 20 values."""
 
 _MOST_DEPTH = 2**31 - 1
+_LASTING = "transient_local"
 
 LAST_STAMP = 2**63 - 2
 """Greatest recorded stamp [ns]: rosbag2 keeps signed 64-bit stamps, and rosbags reserves the last one."""
@@ -62,9 +63,10 @@ class FileInformation:
         return sum(self.counts.values())
 
 
-def reliable_qos(depth: int) -> dict:
-    """The QoS profile that the robot offers: reliable, volatile, the last `depth` messages kept."""
-    return {"history": "keep_last", "depth": depth, "reliability": "reliable", "durability": "volatile",
+def reliable_qos(depth: int, lasting: bool = False) -> dict:
+    """The QoS profile that the robot offers: reliable, the last `depth` messages kept, if `lasting` for late ones."""
+    return {"history": "keep_last", "depth": depth, "reliability": "reliable",
+            "durability": _LASTING if lasting else "volatile",
             "deadline": dict(_FOREVER), "lifespan": dict(_FOREVER), "liveliness": "automatic",
             "liveliness_lease_duration": dict(_FOREVER), "avoid_ros_namespace_conventions": False}
 
@@ -164,6 +166,11 @@ def qos_profiles(text: str) -> list[dict]:
     except ValueError:
         return []
     return [one for one in found if isinstance(one, dict)] if isinstance(found, list) else []
+
+
+def is_lasting(profiles: Sequence[Mapping]) -> bool:
+    """Whether the first of QoS profiles has late subscribers get what was published before (transient local)."""
+    return bool(profiles) and profiles[0].get("durability") in (_LASTING, 1)  # a number in bags before Jazzy
 
 
 def depth_of(profiles: Sequence[Mapping], otherwise: int) -> int:

@@ -38,8 +38,8 @@ class Recorder:
 
     Once open, nothing that happens to the disk reaches the caller: the recording stops, `fault`
     says why, what was written is sealed where the disk allows it, and further messages are dropped and
-    counted. After `close`, the number of `write` calls is `written` + `dropped` + `lost`; the bag's custom data
-    say these three as well.
+    counted. After `close`, the number of `write` calls, and of `lasting` messages in each file, is `written` +
+    `dropped` + `lost`; the bag's custom data say these three as well.
 
     Parameters
     ----------
@@ -55,6 +55,8 @@ class Recorder:
         How the bag lies on the disk.
     earlier : iterable of (str, int, bytes)
         Messages that are written first, as `write` takes them, however many they are.
+    lasting : sequence of (str, bytes)
+        Topics and messages with which each file of the bag begins, under the stamp of its first message.
 
     Raises
     ------
@@ -67,7 +69,8 @@ class Recorder:
     """
 
     def __init__(self, folder: Path, topics: Sequence[Topic], metadata: Mapping[str, str],
-                 backlog: int = BACKLOG, storage: Storage = _PLAIN, earlier: Iterable = ()) -> None:
+                 backlog: int = BACKLOG, storage: Storage = _PLAIN, earlier: Iterable = (),
+                 lasting: Sequence[tuple[str, bytes]] = ()) -> None:
         self.folder = Path(folder)
         self.fault: str | None = None
         self.sealed = False
@@ -89,6 +92,7 @@ class Recorder:
             (self._topics[topic], stamp, data) for topic, stamp, data in earlier)
         self._places: dict[Together, _Places] = {}
         self._writer = _opened(self.folder, definitions, metadata, storage)
+        self.begin_files_with(lasting)
         self._thread = Thread(target=self._run, name="bag writer", daemon=True)
         self._thread.start()
 
@@ -146,6 +150,10 @@ class Recorder:
         self._refuse(len(places))
         return False
 
+    def begin_files_with(self, lasting: Sequence[tuple[str, bytes]]) -> None:
+        """Say what `lasting` is, before the first `write`."""
+        self._writer.begin_files_with([(self._topics[topic], data) for topic, data in lasting])
+
     def describe(self, custom: Mapping[str, str]) -> None:
         """Add to the bag's custom data what is known now, before the messages that are written from now on."""
         self._known = custom
@@ -175,12 +183,18 @@ class Recorder:
     @property
     def lost(self) -> int:
         """Messages that `write` took and that did not reach the bag, because the recording stopped."""
-        return self._taken - self.written if self._over else 0
+        return self._taken + self._writer.added - self.written if self._over else 0
 
     @property
     def backlog(self) -> int:
         """Messages that wait for the writer thread."""
         return sum(_count(topic) for topic, _, _ in list(self._queue))
+
+    @property
+    def crowded(self) -> bool:
+        """Whether half of the room for waiting messages is taken, so that a caller who can wait should."""
+        together = max(map(len, self._places.values()), default=1)
+        return self._accepting and 2 * len(self._queue) * together > self._backlog
 
     @property
     def ended(self) -> bool:

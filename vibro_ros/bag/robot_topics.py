@@ -3,9 +3,9 @@
 import json
 
 from vibro_ros.bag.stream import BagError, BagStream
-from vibro_ros.messages.topics import CHECKPOINT, CHECKPOINT_TYPE, ROBOT_TOPICS
+from vibro_ros.messages.topics import CHECKPOINT, CHECKPOINT_TYPE, OPERATIONS, OPERATIONS_TYPE, ROBOT_TOPICS
 
-_TYPES = {**ROBOT_TOPICS, CHECKPOINT: CHECKPOINT_TYPE}
+_TYPES = {**ROBOT_TOPICS, CHECKPOINT: CHECKPOINT_TYPE, OPERATIONS: OPERATIONS_TYPE}
 
 
 def robot_topics(stream: BagStream) -> dict[str, str]:

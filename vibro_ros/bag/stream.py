@@ -3,14 +3,14 @@
 import heapq
 from collections.abc import Iterator
 from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import count
 from pathlib import Path
 
 from rosbags.rosbag2.storage_mcap import zstd
 
 from vibro_ros.bag.mcap_records import LARGEST_RECORD
-from vibro_ros.bag.metadata import FILE_NAME, depth_of
+from vibro_ros.bag.metadata import FILE_NAME, depth_of, is_lasting
 from vibro_ros.bag.part import Message, Part
 from vibro_ros.bag.parts import bag_files, chosen_files, opened_parts, told
 from vibro_ros.bag.unreadable import Unreadable
@@ -44,11 +44,14 @@ class RecordedTopic:
         Number of messages.
     qos_depth : int
         History depth that the publisher offered.
+    lasting : bool
+        Whether late subscribers got what was published before (transient local).
     """
 
     type_name: str
     messages: int
     qos_depth: int = QOS_DEPTH
+    lasting: bool = False
 
 
 class BagStream:
@@ -167,9 +170,10 @@ class BagStream:
                 before = found.get(topic.name)
                 number = part.contents.information.counts[topic.name]
                 if before is None:
-                    found[topic.name] = RecordedTopic(topic.type_name, number, depth_of(topic.qos, QOS_DEPTH))
+                    found[topic.name] = RecordedTopic(topic.type_name, number, depth_of(topic.qos, QOS_DEPTH),
+                                                      is_lasting(topic.qos))
                 elif before.type_name == topic.type_name:
-                    found[topic.name] = RecordedTopic(topic.type_name, before.messages + number, before.qos_depth)
+                    found[topic.name] = replace(before, messages=before.messages + number)
                 else:
                     self._flaws.append(f"{part.contents.information.name}: {number} messages on {topic.name} are not "
                                        f"read: there it is {topic.type_name}, before it was {before.type_name}")

@@ -96,6 +96,8 @@ class BagWriter:
 
     Attributes
     ----------
+    added : int
+        Messages that the writer itself has put at the beginning of files.
     missing : list of FileInformation
         Files that somebody else removed or replaced while the bag was written, as far as that was noticed: at every
         flush for the file that is written, when a file is finished for all.
@@ -112,6 +114,8 @@ class BagWriter:
         self.folder = folder
         self._definitions, self._custom, self._storage = definitions, dict(custom), storage
         self.missing: list[FileInformation] = []
+        self.added = 0
+        self._lasting: tuple[tuple[int, bytes], ...] = ()
         self._finished: deque[_Finished] = deque()
         self._number = 0
         self._discarded_files = self._discarded_messages = 0
@@ -136,12 +140,21 @@ class BagWriter:
         finished = sum(one.information.messages for one in list(self._finished))  # other threads ask, too
         return finished + self._discarded_messages + (self._segment.stored if self._segment else 0)
 
+    def begin_files_with(self, messages: Sequence[tuple[int, bytes]]) -> None:
+        """Let each file begin with these, topic and message, under its first message's stamp; before that is written.
+
+        So whoever has one file, or plays the bag from there on, has what was published once and for all.
+        """
+        self._lasting = self._waiting = tuple(messages)
+
     def write(self, topic: int, stamp: int, data: bytes) -> None:
         """Take a message (OSError when the disk fails); a new file begins only where time goes on."""
         if self._limited:
             if stamp > self._last and self._is_full(stamp, len(data)):
                 self._split()
             self._first, self._last = min(self._first, stamp), max(self._last, stamp)
+        if self._waiting:
+            self._write_waiting(stamp)
         self._segment.write(topic, stamp, data)
 
     def flush(self) -> None:
@@ -183,6 +196,13 @@ class BagWriter:
 
     def _begin_segment(self) -> None:
         self._first, self._last = 2**63 - 1, -1
+        self._waiting = self._lasting
+
+    def _write_waiting(self, stamp: int) -> None:
+        waiting, self._waiting = self._waiting, ()
+        for topic, data in waiting:
+            self.added += 1
+            self._segment.write(topic, stamp, data)
 
     def _is_full(self, stamp: int, size: int) -> bool:
         if self._last < 0:

@@ -11,16 +11,26 @@ from vibro_ros.model.scene import Scene
 NODE_NAME = "vibro_robot"
 MOST_SCENES = 16  # in a chain, each a change of the next
 
+NOBODY = ("none",)  # `clock.lock_step` by default: a list of texts cannot be empty in ROS
+
 #: Parameters of the device around the physics; scenes do not contain them.
 DEVICE_PARAMETERS: tuple[Parameter, ...] = (
     Parameter("scene", "device", "", "a shipped scene's name, or the path of a parameter file, whose own `scene` it "
               "changes"),
     Parameter("frame_prefix", "", "", "put before the name of every frame as it is, such as r1/ for one of two robots"),
+    Parameter("tf.publish", "all", "", "frames on /tf: none; base_link in odom, beside a robot_state_publisher; or all "
+              "of the robot", choices=("none", "base", "all")),
     Parameter("rate.publish", 200.0, "Hz", "rate at which the states are published", minimum=0.1, maximum=1e4),
     Parameter("rate.real_time_factor", 1.0, "", "simulated seconds per second; 0 = as fast as it can",
-              minimum=0.0, maximum=1e3),
+              minimum=0.0, maximum=1e3, while_running=True),
     Parameter("rate.max_catch_up", 0.1, "s", "longest stall that is caught up; time beyond it is dropped",
               minimum=0.0, maximum=1e3),
+    Parameter("rate.start_paused", False, "", "robot time stands still until `~/pause` is called with false"),
+    Parameter("clock.publish", False, "", "publish robot time on /clock after each sample; stamps then count from 0"),
+    Parameter("clock.lock_step", NOBODY, "", "nodes for which each sample waits until they have done what the one "
+              "before set off, such as [/vibro_controller]; [none] waits for nobody; needs clock.publish"),
+    Parameter("command.timeout", 0.0, "s", "the motor stops when no motor_speed has come for so long a robot time; "
+              "0 = never", minimum=0.0, maximum=1e6),
     Parameter("record.enabled", True, "", "record a bag from the start"),
     Parameter("record.directory", ".", "", "where the time-stamped folder of the bag is made"),
     Parameter("record.topics", ("all",), "", "topics to record, such as [odom, motor_speed]; [all] records every one"),

@@ -12,11 +12,12 @@ from typing import Any
 
 import numpy as np
 
+from vibro_ros.messages.joints import BASE
+from vibro_ros.messages.urdf import robot_description
 from vibro_ros.model.scene import Scene
 from vibro_ros.simulation.samples import Samples
 
 ODOM = "odom"
-BASE = "base_link"
 PLATES = {"upper_contact": "upper_plate", "inclined_contact": "inclined_plate"}
 """Frame of the plate that an event of this kind strikes."""
 
@@ -48,7 +49,7 @@ def joints_of(scene: Scene) -> list[str]:
 
 def fill_odometry(message: Any, state: Samples, stamp: int, prefix: str = "") -> None:
     """Position [m] and velocity [m/s] of the body."""
-    _fill_header(message.header, stamp, prefix + ODOM)
+    fill_header(message.header, stamp, prefix + ODOM)
     message.child_frame_id = prefix + BASE
     pose, twist = message.pose.pose, message.twist.twist
     pose.position.x = float(state.body_position)
@@ -60,7 +61,7 @@ def fill_odometry(message: Any, state: Samples, stamp: int, prefix: str = "") ->
 
 def fill_joint_states(message: Any, state: Samples, joints: Sequence[str], stamp: int, prefix: str = "") -> None:
     """Position, velocity and effort of `joints`, names of `JOINTS`."""
-    _fill_header(message.header, stamp, prefix + BASE)
+    fill_header(message.header, stamp, prefix + BASE)
     message.name = list(joints)
     message.position, message.velocity, message.effort = (
         [float(getattr(state, JOINTS[joint][which])) for joint in joints] for which in range(3))
@@ -68,7 +69,7 @@ def fill_joint_states(message: Any, state: Samples, joints: Sequence[str], stamp
 
 def fill_ground_contact(message: Any, state: Samples, stamp: int, prefix: str = "") -> None:
     """Force of the ground on the body [N]: friction along x (negative: slows forward motion), normal along z."""
-    _fill_header(message.header, stamp, prefix + BASE)
+    fill_header(message.header, stamp, prefix + BASE)
     message.wrench.force.x = -float(state.friction_force)
     message.wrench.force.z = float(state.normal_force)
 
@@ -79,7 +80,7 @@ def fill_impact(message: Any, event: np.void | Mapping, stamp: int, prefix: str 
     The frame is the plate's; its z axis points along the guide, outwards from the crank (for the upper plate: up), so
     the peak force is positive. `stamp` is the first instant of contact.
     """
-    _fill_header(message.header, stamp, prefix + PLATES[str(event["kind"])])
+    fill_header(message.header, stamp, prefix + PLATES[str(event["kind"])])
     message.wrench.force.z = float(event["peak_force"])
 
 
@@ -88,6 +89,12 @@ def fill_motor_power(message: Any, state: Samples) -> None:
     message.data = float(state.motor_power)
 
 
-def _fill_header(header: Any, stamp: int, frame: str) -> None:
+def fill_robot_description(message: Any, scene: Scene) -> None:
+    """The robot as URDF. Its names of links have no prefix, as robot_state_publisher has it."""
+    message.data = robot_description(scene)
+
+
+def fill_header(header: Any, stamp: int, frame: str) -> None:
+    """Stamp [ns] and frame of a message."""
     header.stamp.sec, header.stamp.nanosec = divmod(stamp, 1_000_000_000)
     header.frame_id = frame

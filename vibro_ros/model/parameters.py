@@ -153,7 +153,7 @@ _TABLE: tuple[Parameter, ...] = (
     *_guide("upper", "2", "4", "E"),
     *_guide("inclined", "3", "1", "H"),
     Parameter("ground.friction", 0.2, "", "kinetic friction coefficient of body on ground, μ",
-              minimum=0.0, maximum=1e3),
+              minimum=0.0, maximum=1e3, while_running=True),
     Parameter("ground.static_friction", 0.25, "", "friction coefficient of a body at rest, μs, at least "
               "ground.friction", minimum=0.0, maximum=1e3),
     Parameter("ground.stribeck_speed", 0.01, "m/s", "speed v_s over which friction falls from static to kinetic: "
@@ -162,13 +162,13 @@ _TABLE: tuple[Parameter, ...] = (
     Parameter("motor.speed", 100.0, "rad/s", "motor speed at t = 0, and the command until another arrives",
               minimum=0.0, maximum=1e4),
     Parameter("motor.max_speed", 500.0, "rad/s", "highest motor speed that may be asked for",
-              minimum=0.0, maximum=1e4, positive=True),
+              minimum=0.0, maximum=1e4, positive=True, while_running=True),
     Parameter("motor.acceleration", 200.0, "rad/s²", "speed limit of the ramp motor's change of speed",
-              minimum=0.0, maximum=1e9, positive=True),
+              minimum=0.0, maximum=1e9, positive=True, while_running=True),
     Parameter("motor.time_constant", 0.1, "s", "time constant of the lag motor's change of speed",
-              minimum=0.0, maximum=1e3, positive=True),
+              minimum=0.0, maximum=1e3, positive=True, while_running=True),
     Parameter("gap_actuator.speed", 0.005, "m/s", "speed at which a plate moves to a commanded gap",
-              minimum=0.0, maximum=10.0, positive=True),
+              minimum=0.0, maximum=10.0, positive=True, while_running=True),
     Parameter("start.state", "rest", "", "rest: each mass at rest on its slider or, if that would penetrate, "
               "on its plate; zero: every coordinate 0", choices=("rest", "zero")),
     Parameter("effects.upper_mass", True, "", "simulate the upper mass"),

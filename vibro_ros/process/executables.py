@@ -52,9 +52,15 @@ EXECUTABLES = {
     "node_cost": Executable(
         "vibro_ros.ros.node_cost", False,
         "Measure the processor time of the whole robot against a bare rclpy node that publishes as much."),
+    "load": Executable(
+        "vibro_ros.ros.load", False,
+        "Measure what a flood of commands, many listeners and many robots do to rates, memory and delays."),
     "bare_node": Executable(
         "vibro_ros.ros.bare_node", False,
         "Publish messages that lie ready, as large as the robot's, and do nothing else."),
+    "goal_accuracy": Executable(
+        "vibro_ros.ros.goal_accuracy", False,
+        "Measure how well the controller's feedback holds speeds and reaches positions, in simulated time."),
     "start_time": Executable(
         "vibro_ros.ros.start_time", False,
         "Measure how long robot and Python take to start, with an empty cache of kernels and a full one."),
@@ -67,6 +73,9 @@ EXECUTABLES = {
     "bench": Executable(
         "vibro_ros.project.bench", False,
         "Compare the exact solver's cost with fixed-step Runge-Kutta 4 and heyoka."),
+    "interface_types": Executable(
+        "vibro_ros.project.interfaces.command", False,
+        "Build the Python types of ROS packages that PyPI lacks into an environment."),
     "lint": Executable(
         "vibro_ros.project.lint", False,
         "Find slips in documents and docstrings: names and links that lead nowhere, missing units."),
@@ -94,6 +103,9 @@ EXECUTABLES = {
     "parameter_table": Executable(
         "vibro_ros.project.parameter_table", False,
         "Write the parameters' table into a Markdown file."),
+    "urdf_files": Executable(
+        "vibro_ros.project.urdf_files", False,
+        "Write the robots of scenes as URDF files, by default those of all shipped scenes into config/urdf."),
     "drawing": Executable(
         "vibro_ros.project.drawing", False,
         "Draw the robot with the names of its parts as SVG."),

@@ -8,6 +8,7 @@ the documented exit code. Three stages:
 - when `main` is over, it changes nothing any more.
 """
 
+import atexit
 import os
 import sys
 from collections.abc import Callable
@@ -37,10 +38,13 @@ def enter(program: str) -> int:
     """
     end_at_once(program)
     open_streams()
+    interrupted: list[int] = []
+    atexit.register(_leave, interrupted)  # before all others, so that it comes after them
     try:
         code = _run(program) if _has_folder(program) else BAD_INPUT
     except KeyboardInterrupt:
         code = interrupted_code()
+        interrupted.append(code)
         say(program, "stopped")
     finally:
         change_nothing()
@@ -122,6 +126,13 @@ def _flushed(program: str, code: int) -> int:
         say(program, f"{error.filename}: {error.strerror}")
         return code or FAILURE
     return code
+
+
+def _leave(interrupted: list[int]) -> None:
+    """End an interrupted process with its exit code: Python would end by SIGINT if the interrupt met code that `exec`
+    runs, whoever has caught it."""
+    if interrupted:
+        os._exit(interrupted[0])
 
 
 def _works_on() -> bool:

@@ -19,7 +19,7 @@ from pathlib import Path
 import numpy as np
 
 from vibro_ros.bag.reader import Bag, BagError, read_bag
-from vibro_ros.messages.topics import ROBOT_TOPICS
+from vibro_ros.messages.topics import ROBOT_TOPICS, TF_TOPICS
 from vibro_ros.process.command_line import Parser
 from vibro_ros.process.executables import EXECUTABLES
 from vibro_ros.process.front_door import exit_code, say
@@ -62,7 +62,7 @@ def _run(script: str, output: Path) -> Path | None:
     """Let the robot crawl; its checked bag, or None when a signal stopped it."""
     output.mkdir(parents=True, exist_ok=True)
     earlier = set(output.iterdir())
-    environment = _environment()
+    environment = ros_environment()
     _say(f"look on with ROS_DOMAIN_ID={environment['ROS_DOMAIN_ID']}, for example: ros2 topic echo /odom")
     with StopRequest() as stop:
         stop.hold()  # neither process may be left behind
@@ -106,7 +106,7 @@ def check_bag(bag: Bag) -> None:
         When a topic is missing or empty, or the body stayed within `MOVED` of its start.
     """
     names = {topic.rpartition("/")[2] for topic in bag.topics}
-    missing = [name for name in ROBOT_TOPICS if name not in names]
+    missing = [name for name in ROBOT_TOPICS if name not in (*names, *TF_TOPICS)]
     if missing:
         raise DemoError(f"{bag.path}: topics missing: {', '.join(missing)}")
     x = bag["odom"]["position"][:, 0]
@@ -118,12 +118,14 @@ def check_bag(bag: Bag) -> None:
         raise DemoError(f"{bag.path}: no messages on {', '.join(empty)}")
 
 
-def _environment() -> dict[str, str]:
-    """This process's environment, with a free ROS domain on this machine alone unless the user has chosen one."""
-    if "ROS_DOMAIN_ID" in os.environ:
-        return dict(os.environ)
+def ros_environment() -> dict[str, str]:
+    """This process's environment: ROS on this machine alone and in a free domain, unless the user has chosen.
+
+    On this machine alone, because two students in one network may get the same domain, and each robot would then obey
+    both controllers.
+    """
     environment = {"ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST", **os.environ}
-    return environment | {"ROS_DOMAIN_ID": str(_free_domain())}
+    return {"ROS_DOMAIN_ID": str(_free_domain()), **environment} if "ROS_DOMAIN_ID" not in environment else environment
 
 
 def _free_domain() -> int:

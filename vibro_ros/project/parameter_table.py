@@ -38,7 +38,7 @@ def _rows(table: Iterable[Parameter], device: Mapping[str, Value]) -> list[str]:
         own = device.get(parameter.name, parameter.default)
         in_device = [_shown(own) if own != parameter.default else ""] if device else []
         rows.append([f"`{parameter.name}`", _shown(parameter.default), *in_device, parameter.unit,
-                     _allowed(parameter), parameter.description])
+                     _allowed(parameter), f"{parameter.description}{'; *live*' * parameter.while_running}"])
     return ["| " + " | ".join(row) + " |" for row in rows]
 
 

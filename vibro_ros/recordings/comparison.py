@@ -9,7 +9,7 @@ from typing import Any
 from vibro_ros.bag.cdr import deserialised, first_difference
 from vibro_ros.bag.stream import BagError, BagStream
 from vibro_ros.messages.fields import joints_of
-from vibro_ros.messages.topics import CHECKPOINT, COMMAND_UNITS, ROBOT_TOPICS
+from vibro_ros.messages.topics import CHECKPOINT, COMMAND_UNITS, INPUTS, OPERATIONS, ROBOT_TOPICS
 from vibro_ros.recordings.rerun import LONGEST_PAUSE, Rerun, RunFacts, run_facts, ticks
 from vibro_ros.simulation.motion import SimulationError
 from vibro_ros.simulation.provenance import software, tables
@@ -156,9 +156,14 @@ class _Comparing:
         return any(one.sec * 1_000_000_000 + one.nanosec == stamp for one in headers)
 
     def _restore(self, tick: int, stamp: int, group: list[tuple[str, bytes]]) -> None:
-        """Begin at a bag's first checkpoint, of which the sample is already out, and its commands are not."""
+        """Begin at a bag's first checkpoint, of which the sample is already out, and its commands are not.
+
+        Before the checkpoint stand the parameters that were changed since the robot's start.
+        """
         commanded: list[tuple[str, bytes]] = []
         for i, (name, data) in enumerate(group):
+            if name == OPERATIONS:
+                self._rerun.receive(name, data)
             if name == CHECKPOINT:
                 try:
                     self._rerun.restore(tick, data)
@@ -168,7 +173,7 @@ class _Comparing:
                 commanded = group[i + 1:]
                 break
         self._seen.update(name for i, (name, _) in enumerate(group)
-                          if name not in COMMAND_UNITS or i < len(group) - len(commanded))
+                          if name not in INPUTS or i < len(group) - len(commanded))
         self._command(stamp, commanded)
 
     def _advance(self, tick: int) -> list[tuple[str, bytes]]:
@@ -188,9 +193,9 @@ class _Comparing:
         for name, data in replayed:
             expected.setdefault(name, []).append(data)
         for name, data in group:
-            if name in COMMAND_UNITS or name == CHECKPOINT:
+            if name in INPUTS or name == CHECKPOINT:
                 continue
-            waiting = expected.get(name, [])
+            waiting = [self._rerun.lasting[name]] if name in self._rerun.lasting else expected.get(name, [])
             found = [first_difference(data, other, ROBOT_TOPICS[name]) for other in waiting]
             if None not in found:
                 where, recorded, is_now = (found and found[0]) or ("message", "a message", ABSENT)
@@ -211,11 +216,11 @@ class _Comparing:
     def _command(self, stamp: int, group: list[tuple[str, bytes]]) -> None:
         try:
             for name, data in group:
-                if name in COMMAND_UNITS:
-                    unreadable = self._rerun.command(name, data)
+                if name in INPUTS:
+                    unreadable = self._rerun.receive(name, data)
                     if unreadable:
                         self._stream.unreadable.add(self._facts.topics[name], self._seen[name], stamp, unreadable)
-                    self._found.commands += not unreadable
+                    self._found.commands += not unreadable and name in COMMAND_UNITS
                     self._seen[name] += 1
         except SimulationError as error:
             self._failure = str(error)
@@ -237,8 +242,9 @@ def notes(stream: BagStream, facts: RunFacts) -> list[str]:
     if stream.start > facts.start and facts.topics.get(CHECKPOINT) not in stream.topics:
         found.append(f"the bag begins {(stream.start - facts.start) * 1e-9:.3f} s after the robot started: commands "
                      "before are unknown")
-    found += [f"commands on {facts.topics.get(name, name)} were not recorded" for name in COMMAND_UNITS
-              if facts.topics.get(name) not in stream.topics]
+    found += [f"what came on {facts.topics.get(name, name)} was not recorded" for name in INPUTS
+              if facts.topics.get(name) not in stream.topics
+              and (name in COMMAND_UNITS or name in facts.topics)]  # earlier versions had no operations
     if told.get("dropped", "0") != "0":
         found.append(f"{told['dropped']} messages dropped; a command may be among them")
     if stream.flaws:

@@ -7,8 +7,9 @@ from tqdm import tqdm
 
 from vibro_ros.bag.reader import Bag
 from vibro_ros.bag.stream import BagError, BagStream
-from vibro_ros.messages.topics import CHECKPOINT, COMMAND_UNITS
+from vibro_ros.messages.topics import CHECKPOINT, INPUTS
 from vibro_ros.recordings.rerun import LONGEST_PAUSE, Rerun, RunFacts, run_facts
+from vibro_ros.recordings.resets import changes, reset_times
 from vibro_ros.simulation.motion import SimulationError
 from vibro_ros.simulation.preparation import prepare_kernels
 
@@ -33,7 +34,7 @@ def energy_of(bag: Bag) -> dict[str, Any]:
     Parameters
     ----------
     bag : Bag
-        A recording with odometry.
+        A recording with odometry and joint states.
 
     Returns
     -------
@@ -59,13 +60,16 @@ def _energy(bag: Bag, stream: BagStream, facts: RunFacts) -> dict[str, Any]:
     if stream.start > facts.start:
         first = max(first, _restored(rerun, commands))
     with tqdm(total=last, desc="energy", unit=" samples", delay=_SILENCE) as bar:
-        before = _Run(rerun, bar).until(last, first, commands)
-    x = bag["odom"]["position"][:, 0]
+        run = _Run(rerun, bar)
+        before = run.until(last, first, commands)
+    body = bag["odom"]
+    x = body["position"][:, 0]
     if rerun.device.state.body_position != x[-1]:
         raise _UnknownError("simulated again, the run is not the recorded one; `replay` tells where they part")
-    accounts = {name: amount - before[name] for name, amount in _accounts(rerun).items()}
+    moved = changes(body["time"], x, reset_times(bag["joint_states"])).sum()
+    accounts = {name: amount - before[name] for name, amount in run.accounts().items()}
     net, duration = accounts["motor_delivered"] - accounts["motor_taken_back"], facts.time(last - first)
-    carried = facts.scene.total_mass * facts.scene["gravity"] * abs(float(x[-1] - x[0]))
+    carried = facts.scene.total_mass * facts.scene["gravity"] * abs(float(moved))
     return {"duration": duration, "accounts": accounts, "mean_power": net / duration if duration else None,
             "cost_of_transport": net / carried if carried else None}
 
@@ -86,7 +90,7 @@ def _ticks(bag: Bag, facts: RunFacts) -> tuple[int, int]:
 
 def _commands(stream: BagStream, facts: RunFacts) -> Iterator[tuple[int, str, bytes]]:
     """Number of the sample after which it came, own name and message of each command, and of each checkpoint."""
-    names = {topic: name for name, topic in facts.topics.items() if name in COMMAND_UNITS or name == CHECKPOINT}
+    names = {topic: name for name, topic in facts.topics.items() if name in INPUTS or name == CHECKPOINT}
     for topic, stamp, data in stream.messages(frozenset(names)):
         tick = facts.tick(stamp)
         if tick is None:
@@ -111,6 +115,12 @@ class _Run:
 
     def __init__(self, rerun: Rerun, bar: tqdm):
         self._rerun, self._bar = rerun, bar
+        self._before_reset: dict[str, float] = {}
+
+    def accounts(self) -> dict[str, float]:
+        """Energy accounts since the start [J], those from before resets with them."""
+        now = self._rerun.device.statistics["energy_accounts"]
+        return {name: amount + self._before_reset.get(name, 0.0) for name, amount in now.items()}
 
     def until(self, last: int, first: int, commands: Iterator[tuple[int, str, bytes]]) -> dict[str, float]:
         """Simulate up to the sample `last`; the accounts at the sample `first`."""
@@ -124,14 +134,20 @@ class _Run:
                 before = self._accounts_at(first)
             if name != CHECKPOINT:
                 self._go_to(tick)
-                self._rerun.command(name, data)
+                self._receive(name, data)
         before = before or self._accounts_at(first)
         self._go_to(last)
         return before
 
+    def _receive(self, name: str, data: bytes) -> None:
+        accounts, resets = self.accounts(), self._rerun.resets
+        self._rerun.receive(name, data)
+        if self._rerun.resets != resets:
+            self._before_reset = accounts
+
     def _accounts_at(self, tick: int) -> dict[str, float]:
         self._go_to(tick)
-        return _accounts(self._rerun)
+        return self.accounts()
 
     def _go_to(self, tick: int) -> None:
         while True:
@@ -139,10 +155,6 @@ class _Run:
             self._bar.update(self._rerun.tick - self._bar.n)
             if self._rerun.tick == tick:
                 return
-
-
-def _accounts(rerun: Rerun) -> dict[str, float]:
-    return rerun.device.statistics["energy_accounts"]
 
 
 def energy_as_lines(energy: dict[str, Any]) -> list[str]:

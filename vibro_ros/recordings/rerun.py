@@ -1,7 +1,8 @@
 """A recorded run computed again, sample by sample, as the robot computed it.
 
 What the robot does between two samples is fixed: it publishes sample k, taken at k / `rate.publish`, gives the device
-the commands that have arrived, in their order, and advances to sample k + 1. A recorded stamp is the run's start plus
+the commands and operations that have arrived, in their order, and advances to sample k + 1, or, after a reset, puts the
+device to its start there. A recorded stamp is the run's start plus
 the time of the sample, also for a command: so the bag tells k exactly, whatever the wall clock did (stalls, another
 real-time factor).
 """
@@ -18,7 +19,9 @@ from vibro_ros.bag.robot_topics import robot_topics
 from vibro_ros.bag.stream import BagError, BagStream
 from vibro_ros.configuration.scene_file import DEVICE_PARAMETERS
 from vibro_ros.messages import fields
-from vibro_ros.messages.topics import CHECKPOINT_TYPE, ROBOT_TOPICS
+from vibro_ros.messages.frames import Frames
+from vibro_ros.messages.operations import RESET, perform, read_operation
+from vibro_ros.messages.topics import CHECKPOINT_TYPE, OPERATIONS, OPERATIONS_TYPE, ROBOT_TOPICS
 from vibro_ros.model.parameters import SCENE_PARAMETERS, Value, checked_parameters
 from vibro_ros.model.scene import Scene
 from vibro_ros.process.one_line import one_line
@@ -27,6 +30,7 @@ from vibro_ros.simulation.simulator import Simulator
 
 #: Pause [s] of robot time without a message, after which a stamp is doubted.
 LONGEST_PAUSE = 10.0
+_TRANSFORM = "geometry_msgs/msg/TransformStamped"
 SAMPLED = ("odom", "joint_states", "ground_contact", "motor_power")
 
 
@@ -114,22 +118,30 @@ class Rerun:
     tick : int
         Number of the last sample taken; -1 before the first.
     refused : int
-        Commands that the device refused.
+        Commands and operations that the device refused.
+    resets : int
+        How often the device was put back to its start.
     scene : Scene
         What is simulated, with the method that `solver.method` auto has picked.
     device : Simulator
         What is stepped.
+    lasting : dict of str to bytes
+        What the robot publishes once: its own name of each topic, and the message.
     """
 
     def __init__(self, facts: RunFacts, scene: Scene):
         self.tick = -1
         self.refused = 0
+        self.resets = 0
+        self._origin = 0  # the sample at which the device's own time is 0
         self._facts, self._prefix = facts, facts.settings["frame_prefix"]
         prepare_kernels("replay", scene["solver.method"])
         self.device = Simulator(scene)
         self.scene = self.device.scene
         self._joints = fields.joints_of(scene)
         self._blank = {name: blank(kind) for name, kind in ROBOT_TOPICS.items()}
+        self._frames = Frames(scene, self._prefix, facts.settings["tf.publish"]) if "tf" in facts.topics else None
+        self.lasting = dict(self._lasting())
 
     def step(self) -> list[tuple[str, bytes]]:
         """Go to the next sample; what the robot publishes there: its own name of each topic, and the message.
@@ -140,30 +152,56 @@ class Rerun:
             When the run cannot go on.
         """
         self.tick += 1
-        if self.tick:
-            self.device.advance_to(self._facts.time(self.tick))
+        self._advance()
         return list(self._messages())
 
     def go_to(self, tick: int) -> None:
         """Go to a sample that does not lie behind, without its message (SimulationError as above)."""
         self.tick = tick
-        self.device.advance_to(self._facts.time(tick))
+        self._advance()
 
     def restore(self, tick: int, data: bytes) -> None:
         """Stand at the sample `tick` as a recorded checkpoint says, its messages already out (ValueError when bad)."""
         self.device.restore(np.array(deserialised(data, CHECKPOINT_TYPE).data))
-        if self.device.time != self._facts.time(tick):
-            raise ValueError(f"the checkpoint is of {self.device.time:.9g} s, not of {self._facts.time(tick):.9g} s")
-        self.tick = tick
+        time = self.device.time  # since the last reset
+        since = round(min(time * self._facts.rate, tick + 1.0))
+        if not 0 <= since <= tick or time != self._facts.time(since):
+            raise ValueError(f"the checkpoint is of {time:.9g} s, which is no sample's time up to "
+                             f"{self._facts.time(tick):.9g} s")
+        self.tick, self._origin = tick, tick - since
 
-    def command(self, name: str, data: bytes) -> str:
-        """Give the device a recorded command; a refused one changes nothing (SimulationError as above).
+    def receive(self, name: str, data: bytes) -> str:
+        """Give the device a recorded command or operation, of the robot's own `name` (SimulationError as above).
 
         Returns
         -------
         str
             Why the message cannot be read, which the robot refused for the same reason; else empty.
         """
+        return self._operate(data) if name == OPERATIONS else self._command(name, data)
+
+    def _operate(self, data: bytes) -> str:
+        try:
+            operation = read_operation(deserialised(data, OPERATIONS_TYPE).data)
+        except ValueError as error:
+            self.refused += 1
+            return str(error)
+        try:
+            perform(operation, self.device)
+        except ValueError:  # in a variation
+            self.refused += 1
+        else:
+            if operation.name == RESET:
+                self._origin = self.tick + 1
+                self.resets += 1
+        return ""
+
+    def _advance(self) -> None:
+        """Go to the sample `tick`; a device that was reset after it stands at its start already."""
+        if self.tick >= self._origin:
+            self.device.advance_to(self._facts.time(self.tick - self._origin))
+
+    def _command(self, name: str, data: bytes) -> str:
         try:
             value = deserialised(data, ROBOT_TOPICS[name]).data
         except ValueError as error:
@@ -177,6 +215,7 @@ class Rerun:
 
     def _messages(self) -> Iterator[tuple[str, bytes]]:
         state, events, stamp = self.device.state, self.device.take_events(), self._facts.stamp(self.tick)
+        start = self._facts.stamp(self._origin)
         fields.fill_odometry(self._blank["odom"], state, stamp, self._prefix)
         fields.fill_joint_states(self._blank["joint_states"], state, self._joints, stamp, self._prefix)
         fields.fill_ground_contact(self._blank["ground_contact"], state, stamp, self._prefix)
@@ -185,9 +224,24 @@ class Rerun:
             yield name, self._bytes(name)
         for event in events:
             if event["kind"] in fields.PLATES:
-                began = fields.stamp_at(self._facts.start, float(event["time"]))
+                began = fields.stamp_at(start, float(event["time"]))
                 fields.fill_impact(self._blank["impacts"], event, began, self._prefix)
                 yield "impacts", self._bytes("impacts")
+
+        if self._frames:
+            turns = self._frames.turns(state.crank_angle)
+            self._frames.fill(self._blank["tf"].transforms, state, turns, stamp)
+            yield "tf", self._bytes("tf")
+
+    def _lasting(self) -> Iterator[tuple[str, bytes]]:
+        """What is published once; blank transforms are made here, as many as there are frames."""
+        fields.fill_robot_description(self._blank["robot_description"], self.scene)
+        yield "robot_description", self._bytes("robot_description")
+        if self._frames:
+            self._blank["tf"].transforms = [blank(_TRANSFORM) for _ in range(1 + len(self._frames.moving))]
+            self._blank["tf_static"].transforms = [blank(_TRANSFORM) for _ in self._frames.fixed]
+            self._frames.fill_fixed(self._blank["tf_static"].transforms, self._facts.start)
+            yield "tf_static", self._bytes("tf_static")
 
     def _bytes(self, name: str) -> bytes:
         return serialised(self._blank[name], ROBOT_TOPICS[name])

@@ -9,6 +9,7 @@ from vibro_ros.bag.reader import Arrays, Bag, BagError
 from vibro_ros.bag.unreadable import not_read
 from vibro_ros.process.one_line import one_line
 from vibro_ros.recordings.energy import energy_as_lines
+from vibro_ros.recordings.resets import changes, reset_times
 
 GAP = 2.5  # publish periods; a longer pause between two samples is a gap in the stream
 SAMPLED_TOPICS = ("odom", "joint_states", "ground_contact", "motor_power")  # published at `rate.publish`
@@ -27,9 +28,10 @@ def summarise(bag: Bag) -> dict[str, Any]:
     Returns
     -------
     dict
-        ``duration`` [s] from the first message to the last; ``displacement`` [m] of the body from
-        its first sample to its last, ``path_length`` [m] of the way between them, ``mean_speed``
-        [m/s] their displacement over their time; ``crank_turns``; ``impacts`` and
+        ``duration`` [s] from the first message to the last; ``resets``, how often the robot was put back to its start;
+        ``displacement`` [m] of the body from its first sample to its last, without the jumps of resets,
+        ``path_length`` [m] of the way between them, ``mean_speed`` [m/s] their displacement over their time;
+        ``crank_turns``; ``impacts`` and
         ``impacts_per_turn`` of each guide; ``mean_power`` [W] over time; ``recorder``, what the
         recorder said about itself; ``topics``: type and ``messages`` of each, and for sampled
         topics ``period`` [s] (median), ``largest_gap`` [s] and ``gaps`` (pauses above `GAP` periods);
@@ -44,15 +46,17 @@ def summarise(bag: Bag) -> dict[str, Any]:
     if lacking := [name for name in JOINT_COLUMNS if name not in joints]:
         raise BagError(f"{bag.path}: {bag.full_name('joint_states')} lacks {', '.join(lacking)}; "
                        "report on a recording of this package's robot")
-    x = body["position"][:, 0]
-    turns = float(np.ptp(joints["crank.position"][[0, -1]])) / math.tau
+    resets = reset_times(joints)
+    steps = changes(body["time"], body["position"][:, 0], resets)
+    turns = float(changes(joints["time"], joints["crank.position"], resets).sum()) / math.tau
     impacts = {guide: int(np.count_nonzero(impacts_of(bag, guide))) for guide in GUIDES}
     return {
         "bag": str(bag.path),
         "duration": bag.duration,
-        "displacement": float(x[-1] - x[0]),
-        "path_length": float(np.abs(np.diff(x)).sum()),
-        "mean_speed": _ratio(float(x[-1] - x[0]), float(np.ptp(body["time"]))),
+        "resets": len(resets),
+        "displacement": float(steps.sum()),
+        "path_length": float(np.abs(steps).sum()),
+        "mean_speed": _ratio(float(steps.sum()), float(np.ptp(body["time"]))),
         "crank_turns": turns,
         "impacts": impacts,
         "impacts_per_turn": {guide: _ratio(number, turns) for guide, number in impacts.items()},
@@ -75,6 +79,7 @@ def as_text(summary: dict[str, Any]) -> str:
         ("bag", summary["bag"]),
         *((one_line(key), one_line(value)) for key, value in summary["recorder"].items() if len(value) < 80),
         ("duration", f"{summary['duration']:.3f} s"),
+        *([("resets", f"{summary['resets']}, whose jumps do not count below")] if summary["resets"] else []),
         ("displacement", f"{summary['displacement']:+.4f} m (path {summary['path_length']:.4f} m)"),
         ("mean speed", _number(summary["mean_speed"], "+.2f", "mm/s", 1e3)),
         ("crank", f"{summary['crank_turns']:.1f} turns"),

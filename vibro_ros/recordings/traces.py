@@ -101,7 +101,8 @@ def mean_over_turns(time: np.ndarray, values: np.ndarray, angle_time: np.ndarray
     if len(time) < 2:
         return time, values
     width, middle = edges[1] - edges[0], (edges[1:] + edges[:-1]) / 2
-    turned = np.abs(angle - angle[0]) / math.tau + 1e-9 * (angle_time - angle_time[0])  # rises where the crank stands
+    on = np.concatenate([[0.0], np.cumsum(np.maximum(np.diff(angle), 0.0))])  # a reset turns the crank back
+    turned = on / math.tau + 1e-9 * (angle_time - angle_time[0])  # rises where the crank stands
     at = np.interp(middle, angle_time, turned)
     turns = np.maximum(1.0, np.round(np.interp(middle + width, angle_time, turned) - at))
     begin, end = (np.interp(at + half * turns, turned, angle_time) for half in (-0.5, 0.5))

@@ -9,13 +9,15 @@ from vibro_ros.bag.definitions import Topic, defined
 from vibro_ros.bag.stream import QOS_DEPTH, BagError, BagStream
 from vibro_ros.bag.writer import BagWriter, Storage
 from vibro_ros.configuration.scene_file import DEVICE_PARAMETERS
-from vibro_ros.messages.topics import COMMAND_UNITS, ROBOT_TOPICS
+from vibro_ros.messages.topics import COMMAND_UNITS, INPUTS, LASTING, OPERATIONS, OPERATIONS_TYPE, ROBOT_TOPICS
 from vibro_ros.model.scene import Scene
-from vibro_ros.recordings.rerun import Rerun, RunFacts, run_facts, ticks
+from vibro_ros.recordings.rerun import SAMPLED, Rerun, RunFacts, run_facts, ticks
 from vibro_ros.simulation.motion import SimulationError
 from vibro_ros.simulation.provenance import provenance
 
 FLUSH_MESSAGES = 2000  # between two looks at the disk; a chunk of MCAP is written earlier when it is full
+
+_TYPES = {**ROBOT_TOPICS, OPERATIONS: OPERATIONS_TYPE}
 
 
 def write_variation(bag: Path, changes: Mapping[str, object]) -> tuple[Path, str]:
@@ -51,10 +53,13 @@ def write_variation(bag: Path, changes: Mapping[str, object]) -> tuple[Path, str
             raise BagError(f"{bag}: begins {(stream.start - facts.start) * 1e-9:.3f} s after the robot started, and "
                            "what another would have done until then is unknown; give a bag of the run's beginning")
         rerun = Rerun(facts, facts.scene.with_parameters(changes))
-        writer = BagWriter(_new_folder(bag), defined(_topics(stream, facts)),
+        topics = _topics(stream, facts)
+        writer = BagWriter(_new_folder(bag), defined([*topics.values()]),
                            _metadata(stream, facts, rerun.scene, changes), Storage())
+        numbers = {name: number for number, name in enumerate(topics, start=1)}
+        writer.begin_files_with([(numbers[name], data) for name, data in rerun.lasting.items() if name in numbers])
         try:
-            return writer.folder, _write(writer, _messages(stream, facts, rerun))
+            return writer.folder, _write(writer, numbers, _messages(stream, facts, rerun))
         finally:
             writer.flush()
             writer.close({"written": str(writer.stored), "dropped": "0", "lost": "0"})
@@ -69,9 +74,8 @@ def _check_of_scene(changes: Mapping[str, object]) -> None:
                              f"the scene, such as guide.angle=1.2, or record again with -p {name}:={value}")
 
 
-def _write(writer: BagWriter, messages: Iterator[tuple[int, str, bytes]]) -> str:
+def _write(writer: BagWriter, numbers: Mapping[str, int], messages: Iterator[tuple[int, str, bytes]]) -> str:
     """Write every message; why the simulation could not go on, or nothing."""
-    numbers = {name: number for number, name in enumerate(ROBOT_TOPICS, start=1)}
     try:
         for written, (stamp, name, data) in enumerate(messages):
             writer.write(numbers[name], stamp, data)
@@ -82,14 +86,15 @@ def _write(writer: BagWriter, messages: Iterator[tuple[int, str, bytes]]) -> str
     return ""
 
 
-def _topics(stream: BagStream, facts: RunFacts) -> list[Topic]:
-    """Every topic of the robot, under the recorded names."""
+def _topics(stream: BagStream, facts: RunFacts) -> dict[str, Topic]:
+    """Every topic that the recorded robot had, under the recorded names; an earlier version had fewer."""
     names = facts.topics
-    if missing := [name for name in ROBOT_TOPICS if name not in names]:
+    if missing := [name for name in (*SAMPLED, "impacts", *COMMAND_UNITS) if name not in names]:
         raise BagError(f"{stream.folder}: says nothing of the topics {', '.join(missing)}; give a bag that the robot "
                        "recorded itself")
     depths = {topic: one.qos_depth for topic, one in stream.topics.items()}
-    return [Topic(names[name], kind, depths.get(names[name], QOS_DEPTH)) for name, kind in ROBOT_TOPICS.items()]
+    return {name: Topic(names[name], kind, depths.get(names[name], QOS_DEPTH), name in LASTING)
+            for name, kind in _TYPES.items() if name in names}  # a bag of an earlier version has fewer
 
 
 def _messages(stream: BagStream, facts: RunFacts, rerun: Rerun) -> Iterator[tuple[int, str, bytes]]:
@@ -102,9 +107,9 @@ def _messages(stream: BagStream, facts: RunFacts, rerun: Rerun) -> Iterator[tupl
             for name, data in rerun.step():
                 yield facts.stamp(rerun.tick), name, data
         for name, data in group:
-            if name in COMMAND_UNITS:
+            if name in INPUTS:
                 yield stamp, name, data
-                rerun.command(name, data)
+                rerun.receive(name, data)
 
 
 def _metadata(stream: BagStream, facts: RunFacts, scene: Scene, changes: Mapping[str, object]) -> dict[str, str]:

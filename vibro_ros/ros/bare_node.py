@@ -1,8 +1,8 @@
 """What `python -m vibro_ros.ros.node_cost` compares the robot with: an rclpy node that publishes, and nothing else.
 
-Four publishers with the robot's types and quality of service, a thread that sleeps until each deadline and publishes
-messages that lie ready, and an executor in the main thread, as every node has one. It neither simulates nor records,
-and its messages are never changed.
+A publisher of each topic that has every sample, with the robot's types and quality of service, a thread that sleeps
+until each deadline and publishes messages that lie ready, and an executor in the main thread, as every node has one. It
+neither simulates nor records, and its messages are never changed.
 """
 
 if __name__ == "__main__":  # before all imports: they take a second or two, in which a signal may come
@@ -19,7 +19,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import rclpy
-from geometry_msgs.msg import WrenchStamped
+from geometry_msgs.msg import TransformStamped, WrenchStamped
 from nav_msgs.msg import Odometry
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
@@ -37,6 +37,10 @@ NODE_NAME = "bare_node"
 READY = "ready"
 """What it says once it publishes."""
 _POLL = 1.0  # s, between two looks whether to end: next to no cost beside that of publishing
+_PROFILES = {"tf": qos.TRANSFORMS}
+_PARENTS = {"base_link": "odom", "crank": "base_link", "upper_rod": "crank", "inclined_rod": "crank",
+            "upper_mass": "upper_guide", "inclined_mass": "inclined_guide", "upper_plate": "upper_guide",
+            "inclined_plate": "inclined_guide"}
 _JOINTS = ["crank", "upper_mass", "inclined_mass", "upper_plate", "inclined_plate"]
 
 
@@ -47,7 +51,21 @@ def ready_messages() -> Mapping[str, Any]:
     joints = JointState(name=_JOINTS, position=[1.0] * 5, velocity=[2.0] * 5, effort=[3.0] * 5)
     contact = WrenchStamped()
     joints.header.frame_id = contact.header.frame_id = "base_link"
-    return {"odom": odometry, "joint_states": joints, "ground_contact": contact, "motor_power": Float64(data=1.0)}
+    return {"odom": odometry, "joint_states": joints, "ground_contact": contact, "motor_power": Float64(data=1.0),
+            **_transforms()}
+
+
+def _transforms() -> Mapping[str, Any]:
+    """The message of tf, where its type is not missing."""
+    try:
+        from tf2_msgs.msg import TFMessage
+    except ImportError:
+        return {}
+    message = TFMessage()
+    message.transforms = [TransformStamped(child_frame_id=child) for child in _PARENTS]
+    for transform, parent in zip(message.transforms, _PARENTS.values(), strict=True):
+        transform.header.frame_id = parent
+    return {"tf": message}
 
 
 class Publishing:
@@ -55,7 +73,7 @@ class Publishing:
 
     def __init__(self, node: Node, rate: float):
         self._rate = rate
-        self._messages = [(node.create_publisher(type(message), topic, qos.SAMPLES), message)
+        self._messages = [(node.create_publisher(type(message), topic, _PROFILES.get(topic, qos.SAMPLES)), message)
                           for topic, message in ready_messages().items()]
         self._over = False
         self._thread = threading.Thread(target=self._run, name="publishing")

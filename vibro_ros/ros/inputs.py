@@ -1,5 +1,6 @@
-"""What the robot listens to: commands, kept in order until the device takes them."""
+"""What the robot listens to: commands, kept in order until the device takes them, and with them what is asked of it."""
 
+from collections import Counter, deque
 from collections.abc import Callable
 from functools import partial
 
@@ -8,10 +9,12 @@ from rclpy.subscription import Subscription
 from std_msgs.msg import Float64
 
 from vibro_ros.bag.cdr import deserialised
-from vibro_ros.messages.topics import COMMAND_UNITS, ROBOT_TOPICS
+from vibro_ros.messages.topics import COMMAND_UNITS, INPUTS, OPERATIONS, ROBOT_TOPICS
 from vibro_ros.ros import qos
+from vibro_ros.ros.gathering import Gathering
 from vibro_ros.ros.outputs import Record
 from vibro_ros.ros.refusals import Refusals
+from vibro_ros.ros.requests import Request
 from vibro_ros.ros.strangers import Strangers
 from vibro_ros.ros.throttle import Throttle
 from vibro_ros.ros.waiting import MOST_WAITING, Waiting
@@ -36,19 +39,25 @@ class Inputs:
     ----------
     topics : dict of str to str
         Resolved name of each command's topic.
+    waiting : Waiting
+        What has arrived; other threads put their operations into it, too.
+    accepted : Counter
+        Commands that took effect, by name.
     """
 
     def __init__(self, node: Node):
         self._log, self._too_long = node.get_logger(), Refusals(node.get_logger)
         self._refused = 0
-        self._waiting = Waiting(COMMAND_UNITS)
+        self.waiting, self.accepted = Waiting(INPUTS), Counter[str]()
         self._throttles = {name: Throttle() for name in COMMAND_UNITS}
         self._drops = Throttle()
         self._told = 0
+        gathering = Gathering(self._receive)
         self.subscriptions: dict[str, Subscription] = {
-            name: node.create_subscription(Float64, name, partial(self._receive, name), qos.COMMANDS, raw=True)
+            name: node.create_subscription(Float64, name, partial(gathering.take, name), qos.COMMANDS, raw=True)
             for name in COMMAND_UNITS
         }
+        gathering.subscriptions = self.subscriptions
         self.topics = {name: subscription.topic_name for name, subscription in self.subscriptions.items()}
         self._strangers = Strangers(node, {topic: ROBOT_TOPICS[name] for name, topic in self.topics.items()})
 
@@ -60,25 +69,44 @@ class Inputs:
     @property
     def dropped(self) -> int:
         """Commands that newer ones displaced before the device took them, see `Waiting`; they are not recorded."""
-        return self._waiting.dropped
+        return self.waiting.dropped
 
-    def apply(self, device: Simulator, stamp_of: Callable[[float], int], record: Record) -> None:
-        """Give the device, at its current time, every command that has arrived; record each, the refused ones too."""
-        for name, data in self._waiting.take():
-            record(self.topics[name], stamp_of(device.time), data)
-            try:
-                device.command(**{name: self._value(name, data)})
-            except ValueError as error:
-                self._refuse(name, error)
+    def apply(self, device: Simulator, stamp: int, record: Record,
+              perform: Callable[[Request], object] = lambda request: None) -> None:
+        """Give the device, at its present time, every command that has arrived; record each, the refused ones too.
+
+        Operations that were asked for between them are handed to `perform` in their turn. What stands behind something
+        that cannot be done waits on, because whoever asked for it is still to be answered.
+        """
+        taken = deque(self.waiting.take())
+        try:
+            while taken:
+                name, item = taken.popleft()
+                if name == OPERATIONS:
+                    perform(item)
+                else:
+                    self._command(device, name, stamp, item, record)
+        finally:
+            for name, item in taken:
+                self.waiting.add(name, item)
         if self.dropped > self._told:
             self._say_dropped()
+
+    def _command(self, device: Simulator, name: str, stamp: int, data: bytes, record: Record) -> None:
+        record(self.topics[name], stamp, data)
+        try:
+            device.command(**{name: self._value(name, data)})
+        except ValueError as error:
+            self._refuse(name, error)
+        else:
+            self.accepted[name] += 1
 
     def _receive(self, name: str, data: bytes) -> None:
         if len(data) > LONGEST:
             self._too_long.refuse(self.topics[name], f"a message of {len(data)} bytes is no {ROBOT_TOPICS[name]}, and "
                                   "too long to be recorded")
         else:
-            self._waiting.add(name, data)
+            self.waiting.add(name, data)
 
     def _value(self, name: str, data: bytes) -> float:
         """The number in a message, as whoever reads the bag will read it (ValueError when it cannot be read)."""

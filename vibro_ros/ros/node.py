@@ -8,6 +8,7 @@ such a message is refused.
 import re
 from collections.abc import Callable
 from functools import partial
+from inspect import iscoroutinefunction
 from typing import Any
 
 from builtin_interfaces.msg import Time
@@ -18,12 +19,13 @@ from rclpy.node import Node
 from rclpy.service import Service
 from rclpy.subscription import Subscription
 from rosgraph_msgs.msg import Clock
-from std_srvs.srv import SetBool
+from std_srvs.srv import SetBool, Trigger
 from type_description_interfaces.srv import GetTypeDescription
 
 from vibro_ros.configuration.parameter_file import FIXED_OF_RCLPY
-from vibro_ros.ros.parameters import set_refusal
+from vibro_ros.ros.parameters import change_of, set_refusal
 from vibro_ros.ros.refusals import Refusals, peer_text
+from vibro_ros.ros.simulation_rules import Code
 
 LAST_SECOND = 2**31 - 1 - 10**7
 """Latest ROS time [s] at which a node starts: a stamp's seconds end at 2**31 - 1, and it is to run for some months."""
@@ -35,7 +37,7 @@ _HASH = re.compile(r"RIHS01_[0-9a-f]{64}")
 
 
 class SteadyNode(Node):
-    """A node whose callbacks refuse what they cannot take, and whose parameters are fixed once it runs.
+    """A node whose callbacks refuse what they cannot take.
 
     Parameters
     ----------
@@ -46,6 +48,8 @@ class SteadyNode(Node):
     ----------
     refusals : Refusals
         What was refused.
+    clock_heard : bool
+        Whether a time came on /clock, which may be 0.
 
     Raises
     ------
@@ -55,6 +59,7 @@ class SteadyNode(Node):
 
     def __init__(self, name: str):
         self.refusals = Refusals(self.get_logger)
+        self.clock_heard = False
         super().__init__(name, automatically_declare_parameters_from_overrides=True)
         for own, meaning in FIXED_OF_RCLPY.items():
             _fix(self, own, meaning)
@@ -63,9 +68,10 @@ class SteadyNode(Node):
                 service.callback = partial(self._answer, service.service_name, service.callback)
 
     def create_service(self, srv_type: type, srv_name: str, callback: Callable, **options: Any) -> Service:
-        """As in `Node`; `callback` may raise: the request is then answered and counted as refused."""
-        name = self.resolve_service_name(srv_name)
-        return super().create_service(srv_type, srv_name, partial(self._answer, name, callback), **options)
+        """As in `Node`; `callback` or the coroutine may raise: the request is then answered and counted as refused."""
+        answer = self._answer_later if iscoroutinefunction(callback) else self._answer
+        callback = partial(answer, self.resolve_service_name(srv_name), callback)
+        return super().create_service(srv_type, srv_name, callback, **options)
 
     def create_subscription(self, msg_type: type, topic: str, callback: Callable, *options: Any,
                             **more: Any) -> Subscription:
@@ -80,23 +86,40 @@ class SteadyNode(Node):
                 self.refusals.refuse(name, reason)
                 return _refused(request, response, reason)
             if isinstance(request, SetParameters.Request | SetParametersAtomically.Request):
-                return self._set_parameters(name, callback, request, response)
-            return callback(request, response)
+                return self._set_parameters(name, request, response)
+            return self._counted(name, callback(request, response))
         except Exception as error:  # whatever it is, the caller waits for an answer
             self.refusals.catch(name, error)
             return _refused(request, response, f"{type(error).__name__}; the node's log says more")
 
-    def _set_parameters(self, name: str, callback: Callable, request: Any, response: Any) -> Any:
-        """Refuse, with words, what rclpy would meet with an exception or with fewer words; rclpy sets the rest."""
+    async def _answer_later(self, name: str, callback: Callable, request: Any, response: Any) -> Any:
+        try:
+            return self._counted(name, await callback(request, response))
+        except Exception as error:  # whatever it is, the caller waits for an answer
+            self.refusals.catch(name, error)
+            return _refused(request, response, f"{type(error).__name__}; the node's log says more")
+
+    def _counted(self, name: str, response: Any) -> Any:
+        """`response`, counted as a refusal if it is one."""
+        if reason := _reason_of(response):
+            self.refusals.refuse(name, reason)
+        return response
+
+    def _set_parameters(self, name: str, request: Any, response: Any) -> Any:
+        """Set all parameters of a request, or none; those that have their value already need not be settable."""
         reasons = [set_refusal(self, one) for one in request.parameters]
-        if not any(reasons):
-            return callback(request, response)
-        self.refusals.refuse(name, next(filter(None, reasons)))
+        refused = next(filter(None, reasons), "")
+        if not refused:
+            changes = [change for one in request.parameters if (change := change_of(self, one))]
+            result = self.set_parameters_atomically(changes) if changes else SetParametersResult(successful=True)
+            refused = "" if result.successful else result.reason
+        if refused:
+            self.refusals.refuse(name, refused)
         if isinstance(request, SetParametersAtomically.Request):
-            return _refused(request, response, next(filter(None, reasons)))
-        response.results = [
-            _no(reason) if reason else callback(type(request)(parameters=[one]), type(response)()).results[0]
-            for one, reason in zip(request.parameters, reasons, strict=True)]
+            response.result = _answer_to_set(refused)
+        else:
+            response.results = [_answer_to_set(refused and (reason or f"not set, because of another: {refused}"))
+                                for reason in reasons]
         return response
 
     def _take_clock(self, name: str, callback: Callable, message: Clock) -> None:
@@ -104,6 +127,7 @@ class SteadyNode(Node):
             self.refusals.refuse(name, fault)
         else:
             callback(message)
+            self.clock_heard = True
 
 
 def _fix(node: Node, name: str, meaning: str) -> None:
@@ -130,20 +154,31 @@ def _fault(request: Any) -> str:
     return f"a name of {longest} characters; give at most {LONGEST_NAME}" if longest > LONGEST_NAME else ""
 
 
-def _no(reason: str) -> SetParametersResult:
-    return SetParametersResult(successful=False, reason=reason)
+def _answer_to_set(reason: str) -> SetParametersResult:
+    return SetParametersResult(successful=not reason, reason=reason)
+
+
+def _reason_of(response: Any) -> str:
+    """Why an answer says no; empty when it says yes, or when its type cannot say either."""
+    if isinstance(response, SetBool.Response | Trigger.Response):
+        return "" if response.success else response.message
+    if isinstance(response, GetTypeDescription.Response):
+        return "" if response.successful else response.failure_reason
+    return getattr(getattr(response, "result", None), "error_message", "")  # of simulation_interfaces
 
 
 def _refused(request: Any, response: Any, reason: str) -> Any:
     """`response` as the refusal of `request`, with words where its type has room for them."""
     if isinstance(request, SetParameters.Request):
-        response.results = [_no(reason)] * len(request.parameters)
+        response.results = [_answer_to_set(reason)] * len(request.parameters)
     elif isinstance(request, SetParametersAtomically.Request):
-        response.result = _no(reason)
-    elif isinstance(request, SetBool.Request):
+        response.result = _answer_to_set(reason)
+    elif isinstance(request, SetBool.Request | Trigger.Request):
         response.success, response.message = False, reason
     elif isinstance(request, GetTypeDescription.Request):
         response.successful, response.failure_reason = False, reason
+    elif hasattr(getattr(response, "result", None), "error_message"):  # of simulation_interfaces
+        response.result.result, response.result.error_message = Code.OPERATION_FAILED, reason
     return response
 
 

@@ -12,15 +12,13 @@ if __name__ == "__main__":  # before all imports: they take a second or two, in 
 
     sys.exit(enter("node_cost"))
 
-import signal
 import statistics
 import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
-from pathlib import Path
+from collections.abc import Mapping, Sequence
+from functools import partial
 
 from tqdm import tqdm
 
@@ -28,13 +26,13 @@ from vibro_ros.process.command_line import Parser
 from vibro_ros.process.executables import EXECUTABLES
 from vibro_ros.process.front_door import exit_code
 from vibro_ros.process.stop_signals import StopRequest
+from vibro_ros.ros.ready_process import ready_process, sleep_unless
 
 RATES = (1000.0, 200.0)  # Hz
 BARE = "bare node"
 #: Speed [rad/s] of the robot's motor in each of its cases.
 SPEEDS = {"running": 100.0, "standing still": 0.0}
 _STARTING = 3.0  # s, about
-_LOOK = 0.1  # s, between two looks at what a process has said, and whether to stop
 _SCHEDULED = 2  # of Linux' clocks of another process: the one that the C library's clock_getcpuclockid gives
 
 Shares = Mapping[tuple[float, str], list[float]]
@@ -89,33 +87,12 @@ class Measurement:
 
     def _share(self, rate: float, case: str) -> float:
         """Share of a core that a process takes."""
-        with tempfile.TemporaryDirectory() as folder, self._running(_words(rate, case, folder)) as child:
-            self._sleep(self._settling)
+        sleep = partial(sleep_unless, self._stop)
+        with tempfile.TemporaryDirectory() as folder, ready_process(_words(rate, case, folder), sleep) as child:
+            sleep(self._settling)
             begun, before = time.monotonic(), _processor_time(child)
-            self._sleep(self._duration)
+            sleep(self._duration)
             return (_processor_time(child) - before) / (time.monotonic() - begun)
-
-    @contextmanager
-    def _running(self, words: Sequence[str]) -> Iterator[subprocess.Popen]:
-        """A process that has said that it is ready; what it says later goes to nobody."""
-        with tempfile.NamedTemporaryFile() as said:
-            child = subprocess.Popen([sys.executable, "-m", *words], stdout=said, stderr=subprocess.STDOUT)
-            try:
-                while "ready" not in (text := Path(said.name).read_text(errors="replace")):
-                    if child.poll() is not None:
-                        raise RuntimeError(f"{words[0]} has ended: {text}")
-                    self._sleep(_LOOK)
-                yield child
-            finally:
-                child.send_signal(signal.SIGINT)
-                child.wait()
-
-    def _sleep(self, duration: float) -> None:
-        until = time.monotonic() + duration
-        while (rest := until - time.monotonic()) > 0.0:
-            if self._stop:
-                raise KeyboardInterrupt
-            time.sleep(min(rest, _LOOK))
 
 
 def _words(rate: float, case: str, folder: str) -> list[str]:

@@ -53,9 +53,23 @@ class Pacing:
         self._origin = now()
         self._lateness: deque[float] = deque(maxlen=KEPT)
 
+    @property
+    def follows_clock(self) -> bool:
+        """Whether samples are due by the wall clock, not as soon as they can be had."""
+        return self._factor != 0.0
+
     def start(self, instant: float | None = None) -> None:
         """Let simulated time 0 be an `instant` [s] of the wall clock; now unless given."""
         self._origin = self._now() if instant is None else instant
+
+    def follow(self, simulated_time: float) -> None:
+        """Let `simulated_time` [s] be now, after a pause: time that was not asked for is not late."""
+        self._origin = self._now() - (simulated_time / self._factor if self._factor else 0.0)
+
+    def change_factor(self, factor: float, simulated_time: float) -> None:
+        """Go on at another factor from `simulated_time` [s], which is now."""
+        self._factor = factor
+        self.follow(simulated_time)
 
     def take_lateness(self) -> list[float]:
         """How much too late [wall s] each wait since the last call has ended; for one other thread."""
@@ -63,7 +77,7 @@ class Pacing:
         return list(taken)
 
     def wait_until(self, simulated_time: float, stopped: Callable[[], bool] = lambda: False) -> float:
-        """Sleep until `simulated_time` [s] is due, or `stopped` says so.
+        """Sleep until `simulated_time` [s] is due, or `stopped` says so, which may also change the factor.
 
         Returns
         -------
@@ -73,9 +87,8 @@ class Pacing:
         if self._factor == 0.0:
             self._sleep(0.0)  # lets the executor's thread in
             return 0.0
-        deadline = self._origin + simulated_time / self._factor
-        self.missed += deadline < self._now()
-        while (ahead := deadline - self._now()) > 0.0:
+        self.missed += self._ahead(simulated_time) < 0.0
+        while (ahead := self._ahead(simulated_time)) > 0.0:
             if stopped():
                 return 0.0
             self._sleep(min(ahead, LONGEST_SLEEP))
@@ -86,3 +99,7 @@ class Pacing:
         self.stalls += 1
         self.dropped += -ahead * self._factor
         return -ahead * self._factor
+
+    def _ahead(self, simulated_time: float) -> float:
+        """Wall time [s] until `simulated_time` [s] is due."""
+        return self._origin + (simulated_time / self._factor if self._factor else 0.0) - self._now()

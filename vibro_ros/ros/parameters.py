@@ -2,7 +2,9 @@
 
 import math
 import sys
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
+from typing import Any
 
 from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor
 from rcl_interfaces.msg import Parameter as ParameterMessage
@@ -10,10 +12,15 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter as ParameterOfRclpy
 
 from vibro_ros.configuration.parameter_file import own_parameters
-from vibro_ros.model.parameters import Parameter, Value
+from vibro_ros.configuration.scene_file import DEVICE_PARAMETERS
+from vibro_ros.model.parameters import SCENE_PARAMETERS, Parameter, Value, checked_parameters
+from vibro_ros.process.one_line import one_line
 from vibro_ros.ros.refusals import peer_text
 
+TABLE = (*DEVICE_PARAMETERS, *SCENE_PARAMETERS)
+"""All parameters of the robot."""
 _TYPES = frozenset(one.value for one in ParameterOfRclpy.Type)
+_MAY_BE_NUMBERS = (ParameterOfRclpy.Type.INTEGER, ParameterOfRclpy.Type.STRING)
 
 
 def take_overrides(node: Node) -> dict[str, object]:
@@ -54,15 +61,40 @@ def constraints(parameter: Parameter) -> str:
 
 
 def set_refusal(node: Node, asked: ParameterMessage) -> str:
-    """Why a parameter cannot be set as a peer has `asked`; empty when it can."""
+    """Why a parameter cannot be set as a peer has `asked`; empty when it can, or when it has this value already."""
     shown = peer_text(asked.name)
     if not node.has_parameter(asked.name):
         return f"{shown}: unknown parameter; `ros2 param list` shows what there is"
     if asked.value.type not in _TYPES:
         return f"{shown}: type {asked.value.type} does not exist; rcl_interfaces/msg/ParameterType lists the types"
+    change = change_of(node, asked)
+    if not change:
+        return ""
     if node.describe_parameter(asked.name).read_only:
         return f"{shown}: read-only while the node runs; start it with -p {shown}:=VALUE"
+    try:
+        checked_parameters({asked.name: _plain(change.value)}, TABLE)
+    except ValueError as error:
+        return one_line(error)
     return ""
+
+
+def change_of(node: Node, asked: ParameterMessage) -> ParameterOfRclpy | None:
+    """What a peer has `asked` for, as a number where the parameter is one; None if it is so already.
+
+    `ros2 param set` makes an integer of 300 and a text of 1e-6, and so does `ros2 param load` of what `ros2 param dump`
+    has written; the robot takes both for numbers in files and on its command line, too.
+    """
+    present, wanted = node.get_parameter(asked.name), ParameterOfRclpy.from_parameter_msg(asked)
+    if present.type_ is ParameterOfRclpy.Type.DOUBLE and wanted.type_ in _MAY_BE_NUMBERS:
+        with suppress(ValueError, OverflowError):  # a text that is no number is refused as it is
+            wanted = ParameterOfRclpy(asked.name, ParameterOfRclpy.Type.DOUBLE, float(wanted.value))
+    return None if (present.type_, _plain(present.value)) == (wanted.type_, _plain(wanted.value)) else wanted
+
+
+def _plain(value: Any) -> Any:
+    """A value that equals every other that says the same: rclpy makes lists, tuples and arrays of lists."""
+    return list(value) if isinstance(value, Sequence) and not isinstance(value, str) else value
 
 
 def parameter_lines(table: Iterable[Parameter], values: Mapping[str, Value]) -> str:

@@ -16,7 +16,7 @@ from pathlib import Path
 
 from rclpy.node import Node
 from rclpy.publisher import Publisher
-from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rosgraph_msgs.msg import Clock
 
 from vibro_ros.bag.cdr import check
@@ -141,12 +141,13 @@ def _play(stream: BagStream, options: argparse.Namespace, words: Sequence[str]) 
 
 
 def _publishers(node: Node, topics: Mapping[str, RecordedTopic]) -> dict[str, Publisher]:
-    return {topic: node.create_publisher(message_class(one.type_name), topic, _reliable(one.qos_depth))
+    return {topic: node.create_publisher(message_class(one.type_name), topic, _reliable(one.qos_depth, one.lasting))
             for topic, one in topics.items()}
 
 
-def _reliable(depth: int) -> QoSProfile:
-    return QoSProfile(depth=max(depth, 1), reliability=ReliabilityPolicy.RELIABLE)
+def _reliable(depth: int, lasting: bool = False) -> QoSProfile:
+    durability = DurabilityPolicy.TRANSIENT_LOCAL if lasting else DurabilityPolicy.VOLATILE
+    return QoSProfile(depth=max(depth, 1), reliability=ReliabilityPolicy.RELIABLE, durability=durability)
 
 
 def _positive(text: str) -> float:

@@ -12,12 +12,16 @@ from std_msgs.msg import Float64
 from vibro_ros.process.stop_signals import StopRequest
 from vibro_ros.ros import process
 from vibro_ros.ros.listeners import deaf, wait_for_listeners
+from vibro_ros.ros.timeline import Timeline, WallTime
 
 LAST_WORD = 0.5
 """Longest wait [s] for the robot to acknowledge the last message; Fast DDS asks for that every 3 s only."""
 
+ROUNDING = 5e-10
+"""Time [s] by which an instant that was summed in floating point may lie beyond the nanosecond that is meant."""
+
 Moments = Iterable[tuple[float, Callable[[], None]]]
-"""Instants [s] from the start, ascending, and what is to be done then."""
+"""Instants [s] from the start, ascending, and what is to be done then; the next is asked for when that is done."""
 
 
 class Player:
@@ -38,14 +42,20 @@ class Player:
     meanwhile : callable
         Called with the time [s] since the start while nothing is due, each `period` [s] at least; before each instant
         only with times before it.
+    period : float
+        Longest wall time [s] between two looks at the time.
+    timeline : Timeline
+        The time that instants count in. Whatever is due is done after the callback that brings the time, before the
+        executor runs another: a simulator that waits for this node's answer in lock-step relies on it.
     """
 
     def __init__(self, node: Node, executor: Executor, publishers: Mapping[str, Publisher], needed: Sequence[str],
-                 motor: str, meanwhile: Callable[[float], None] = lambda elapsed: None, period: float = process.POLL):
+                 motor: str, meanwhile: Callable[[float], None] = lambda elapsed: None, period: float = process.POLL,
+                 timeline: Timeline | None = None):
         self._node, self._executor, self._publishers = node, executor, publishers
         self._needed = [publishers[name] for name in needed]
         self._motor, self._moved = motor, False
-        self._meanwhile, self._period = meanwhile, period
+        self._meanwhile, self._period, self._timeline = meanwhile, period, timeline or WallTime()
 
     def run(self, moments: Moments, patience: float, stop: StopRequest) -> int:
         """Wait for a robot, up to `patience` [s] or, if 0, without end; then play `moments`.
@@ -58,15 +68,16 @@ class Player:
         Raises
         ------
         RuntimeError
-            Without a robot, and when it goes away.
+            Without a robot; and, with the motor told to stop, when the robot goes away or time jumps back.
         """
         if self._needed:
             wait_for_listeners(self._node, self._executor, self._needed, patience, stop)
         stop.hold()  # the motor must be told to stop
+        done = False
         try:
-            self._play(moments, stop)
+            done = self._play(moments, stop)
         finally:
-            if stop:
+            if stop or not done:
                 self._stop_motor()
             self._finish()
         return stop.exit_code
@@ -76,20 +87,21 @@ class Player:
         self._publishers[name].publish(message)
         self._moved |= name == self._motor
 
-    def _play(self, moments: Moments, stop: StopRequest) -> None:
-        """Do everything at its time; return at the end or on `stop`."""
-        began = time.monotonic()
+    def _play(self, moments: Moments, stop: StopRequest) -> bool:
+        """Do everything at its time; whether it was all done before a `stop`."""
+        self._timeline.begin()
         for instant, act in moments:
-            self._wait_until(began, instant, stop)
+            self._wait_until(instant, stop)
             if stop:
-                return
+                return False
             act()
+        return True
 
-    def _wait_until(self, began: float, instant: float, stop: StopRequest) -> None:
+    def _wait_until(self, instant: float, stop: StopRequest) -> None:
         """Return at `instant` or on `stop`; `meanwhile` is told of no time beyond it, so that time never goes back."""
-        while not stop and (elapsed := time.monotonic() - began) < instant:
+        while not stop and (elapsed := self._timeline.elapsed()) < instant - ROUNDING:
             self._meanwhile(elapsed)
-            self._executor.spin_once(timeout_sec=min(instant - elapsed, self._period))
+            self._executor.spin_once(timeout_sec=self._timeline.longest_wait(instant - elapsed, self._period))
             if gone := deaf(self._needed):
                 raise RuntimeError(f"the robot is gone: nobody listens to {', '.join(gone)} any more")
 

@@ -11,6 +11,7 @@ import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from threading import Thread
+from warnings import catch_warnings, simplefilter
 
 import rclpy
 from rclpy.exceptions import InvalidNamespaceException, InvalidNodeNameException
@@ -21,6 +22,8 @@ from rclpy.signals import SignalHandlerOptions
 from vibro_ros.ros.executor import SteadyExecutor
 from vibro_ros.ros.node import SteadyNode
 
+SECURE = "ROS 2 from apt has them, its wheels from PyPI do not; without them, unset ROS_SECURITY_ENABLE"
+"""What a user can do where ROS is to be secured and cannot."""
 POLL = 0.05
 """Longest wait [s] of the executor before the loop looks whether it should end."""
 
@@ -42,7 +45,9 @@ def node_running(name: str, words: Sequence[str]) -> Iterator[tuple[SteadyNode, 
     no_file = ("--ros-args", "--disable-external-lib-logs", "--") if fault else ()
     try:
         rclpy.init(args=[*no_file, *words], signal_handler_options=SignalHandlerOptions.NO)
-        node = SteadyNode(name)
+        with catch_warnings():
+            simplefilter("ignore", RuntimeWarning)  # of rclpy about a node that it refuses
+            node = SteadyNode(name)
     except (RuntimeError, InvalidNodeNameException, InvalidNamespaceException) as error:
         rclpy.try_shutdown()
         raise ValueError(f"ROS refuses the arguments: {_first_sentence(error)}") from error
@@ -112,4 +117,5 @@ def spin_until(executor: Executor, done: Callable[[], bool], poll: float = POLL)
 def _first_sentence(error: Exception) -> str:
     """The part of an rcl message that a user can act on: without the places in rcl's source."""
     text = str(error).removeprefix("failed to initialize rcl: ")
-    return text.split(", at /")[0].splitlines()[0]
+    sentence = text.split(", at /")[0].splitlines()[0]
+    return f"{sentence}; {SECURE}" if "security libraries" in sentence else sentence

@@ -1,6 +1,6 @@
 """The robot's bags: which topics, when they begin and end, and what is said when one fails."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from datetime import datetime
@@ -47,6 +47,7 @@ class Recording:
         self.faults: list[str] = []
         self._plan = plan
         self._log = log
+        self._lasting: list[tuple[str, bytes]] = []
         self._names = {topic.name for topic in (*plan.topics, *filter(None, [plan.checkpoint]))}
         self._whole: Recorder | None = None  # the one that holds the run's beginning, whatever comes
         self._checkpointed: Recorder | Snapshot | None = None  # where the last checkpoint is
@@ -79,6 +80,17 @@ class Recording:
         """Whether messages are being recorded, or kept for a snapshot."""
         return bool(self._snapshot or (self._recorder and not self._recorder.ended))
 
+    @property
+    def crowded(self) -> bool:
+        """Whether the next messages had better wait, if they can, for the disk to write those before."""
+        recorder = self._recorder
+        return recorder is not None and recorder.crowded
+
+    @property
+    def checkpoint_topic(self) -> str:
+        """Resolved name of the topic of checkpoints; empty without any."""
+        return self._plan.checkpoint.name if self._plan.checkpoint else ""
+
     def begin(self) -> None:
         """Record from now on, or keep what a snapshot will need (ValueError, OSError: see `Recorder`)."""
         if self._plan.snapshot:
@@ -87,6 +99,12 @@ class Recording:
         else:
             self._recorder = self._new_bag(whole=not self._plan.storage.max_bytes)
             self._whole = None if self._plan.storage.max_bytes else self._recorder
+
+    def begin_files_with(self, lasting: Sequence[tuple[str, bytes]]) -> None:
+        """Let each file of every bag begin with these, resolved topic name and message; before the first `record`."""
+        self._lasting = [(topic, data) for topic, data in lasting if topic in self._names]
+        if self._recorder is not None:
+            self._recorder.begin_files_with(self._lasting)
 
     def describe(self, custom: Mapping[str, str]) -> None:
         """Add to what each bag says of itself, before the messages that come from now on."""
@@ -114,8 +132,8 @@ class Recording:
             for topic, message in together.split(data):
                 self.record(topic, stamp, message)
 
-    def checkpoint(self, stamp: int, state: Callable[[], bytes]) -> None:
-        """Record the device's whole `state` (serialised), if the bag needs it now, in the stepping thread.
+    def checkpoint(self, stamp: int, messages: Callable[[], Iterable[tuple[str, bytes]]]) -> None:
+        """Record the device's whole state, `messages` of topics and bytes, if the bag needs it; in the stepping thread.
 
         So a bag that was begun late, or whose beginning was deleted, can be replayed.
         """
@@ -124,7 +142,8 @@ class Recording:
             return
         if target is not self._checkpointed or stamp >= self._checkpoint_due:
             self._checkpointed, self._checkpoint_due = target, stamp + CHECKPOINT_PERIOD
-            self.record(self._plan.checkpoint.name, stamp, state())
+            for topic, data in messages():
+                self.record(topic, stamp, data)
 
     def switch(self, on: bool) -> tuple[bool, str]:
         """Begin a new bag, or seal the one that is written: what `~/record` asks for.
@@ -217,7 +236,8 @@ class Recording:
         recorder = self._new_bag(messages, reason)
         recorder.close(patience=0.0)
         self._saved = messages[-1][1] if messages else self._saved
-        return True, f"writing the last {self._plan.snapshot:g} s, {len(messages)} messages, to {recorder.folder}"
+        count = len(messages) + len(self._lasting)
+        return True, f"writing the last {self._plan.snapshot:g} s, {count} messages, to {recorder.folder}"
 
     def _new_bag(self, earlier: Sequence = (), more: Mapping[str, str] = {},  # noqa: B006 (never changed)
                  whole: bool = False) -> Recorder:
@@ -225,7 +245,7 @@ class Recording:
         for folder in bag_folders(self._plan.directory, datetime.now(), self._plan.namespace):
             with suppress(FileExistsError):  # another bag of this second, or another robot's
                 recorder = Recorder(folder, (*self._plan.topics, *checkpoint), {**self._plan.metadata, **more},
-                                    storage=self._plan.storage, earlier=earlier)
+                                    storage=self._plan.storage, earlier=earlier, lasting=self._lasting)
                 break
         self._latest, self._dropped, self._told_missing = recorder, 0, 0
         self._watched.append(recorder)

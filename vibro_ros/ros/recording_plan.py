@@ -7,7 +7,7 @@ from pathlib import Path
 
 from vibro_ros.bag.recorder import Topic
 from vibro_ros.bag.writer import Storage
-from vibro_ros.messages.topics import ROBOT_TOPICS
+from vibro_ros.messages.topics import LASTING, OPERATIONS, OPERATIONS_TYPE, ROBOT_TOPICS
 from vibro_ros.model.parameters import Value
 from vibro_ros.ros import qos
 from vibro_ros.ros.outputs import PUBLISHED, Outputs
@@ -55,7 +55,7 @@ def plan_recording(settings: Mapping[str, Value], received: Mapping[str, str], o
     settings : mapping
         The parameters `record.*`.
     received : mapping of str to str
-        Resolved name of each command's topic.
+        Resolved names of the topics of `INPUTS`.
     outputs : Outputs
         The robot's other topics; recorded under their resolved names.
     metadata : mapping of str to str
@@ -98,9 +98,10 @@ def _chosen(names: Sequence[str], topics: Mapping[str, Topic]) -> tuple[Topic, .
 
 
 def _published(outputs: Outputs) -> dict[str, Topic]:
-    return {topic: Topic(outputs.publishers[topic].topic_name, ROBOT_TOPICS[topic], profile.depth)
-            for topic, profile in PUBLISHED.items()}
+    return {topic: Topic(outputs.publishers[topic].topic_name, ROBOT_TOPICS[topic], profile.depth, topic in LASTING)
+            for topic, profile in PUBLISHED.items() if topic in outputs.publishers}
 
 
 def _received(names: Mapping[str, str]) -> dict[str, Topic]:
-    return {name: Topic(resolved, ROBOT_TOPICS[name], qos.COMMANDS.depth) for name, resolved in names.items()}
+    types = {**ROBOT_TOPICS, OPERATIONS: OPERATIONS_TYPE}
+    return {name: Topic(resolved, types[name], qos.COMMANDS.depth) for name, resolved in names.items()}

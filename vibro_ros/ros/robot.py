@@ -13,21 +13,16 @@ import json
 import sys
 import time
 import warnings
-from array import array
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 
-import numpy as np
 from rclpy.executors import Executor
 from rclpy.node import Node
-from rclpy.serialization import serialize_message
-from std_msgs.msg import Float64MultiArray
-from std_srvs.srv import SetBool
 
 from vibro_ros.bag.definitions import Topic
 from vibro_ros.configuration.scene_file import DEVICE_PARAMETERS, NODE_NAME, load_scene, scene_origin, shipped_scenes
-from vibro_ros.messages.topics import CHECKPOINT, CHECKPOINT_TYPE, COMMAND_UNITS
+from vibro_ros.messages.topics import CHECKPOINT, CHECKPOINT_TYPE, COMMAND_UNITS, OPERATIONS, published_name
 from vibro_ros.model.parameters import SCENE_PARAMETERS, Value, checked_parameters
 from vibro_ros.model.scene import Scene
 from vibro_ros.process.command_line import Parser
@@ -36,16 +31,17 @@ from vibro_ros.process.front_door import exit_code, say
 from vibro_ros.process.stop_signals import StopRequest
 from vibro_ros.ros import process
 from vibro_ros.ros.diagnostics import Diagnostics
-from vibro_ros.ros.inputs import Inputs
+from vibro_ros.ros.live_parameters import refuse_while_starting
+from vibro_ros.ros.lock_step import checked_nodes
 from vibro_ros.ros.node import SteadyNode
 from vibro_ros.ros.outputs import PUBLISHED, Outputs
-from vibro_ros.ros.pacing import Pacing
 from vibro_ros.ros.parameters import declare, parameter_lines, take_overrides
-from vibro_ros.ros.recording import Recording, open_recording
+from vibro_ros.ros.recording import open_recording
 from vibro_ros.ros.recording_plan import Plan, check_directory, plan_recording
 from vibro_ros.ros.remapping import check_names
 from vibro_ros.ros.ros_arguments import check_addressed, check_arguments, folder_of, own_arguments
 from vibro_ros.ros.ros_time import wait_for_time
+from vibro_ros.ros.run import Run, new_run
 from vibro_ros.ros.stepping import Stepping
 from vibro_ros.ros.unsealed import offer_recovery
 from vibro_ros.simulation.kernels import compile_kernels
@@ -74,15 +70,16 @@ def _run(words: Sequence[str]) -> int:
     files = check_arguments(words)
     with StopRequest() as stop, process.node_running(NODE_NAME, words) as (node, executor):
         check_addressed(files, node.get_fully_qualified_name())
-        check_names(node, (*COMMAND_UNITS, *PUBLISHED))
+        check_names(node, (*COMMAND_UNITS, *map(published_name, PUBLISHED)))
         settings, scene = _configure(node, words)
-        outputs = Outputs(node, scene, settings["frame_prefix"])
+        outputs = Outputs(node, scene, settings["frame_prefix"], settings["tf.publish"])
         plan = _plan(node, settings, scene, outputs)
         node.get_logger().info(f"scene {settings['scene']}")
         preparation = Preparation(partial(_prepare, node, settings, scene, plan), node.get_logger().info)
         process.spin_until(executor, lambda: bool(stop) or preparation.done())
         device = None if stop else preparation.result()
-        wait_for_time(node, executor, lambda: bool(stop))
+        if not settings["clock.publish"]:  # else the robot itself says what time it is
+            wait_for_time(node, executor, lambda: bool(stop))
         if stop or device is None:
             say("robot", "stopped while starting")
             return 0
@@ -90,7 +87,7 @@ def _run(words: Sequence[str]) -> int:
         return _operate(node, executor, settings, device, outputs, plan, stop)
 
 
-def _configure(node: Node, words: Sequence[str]) -> tuple[dict[str, Value], Scene]:
+def _configure(node: SteadyNode, words: Sequence[str]) -> tuple[dict[str, Value], Scene]:
     """The node's settings and scene, from its overrides in the command's `words`; each parameter declared on `node`."""
     overrides = checked_parameters(take_overrides(node), (*DEVICE_PARAMETERS, *SCENE_PARAMETERS))
     settings = {parameter.name: overrides.pop(parameter.name, parameter.default) for parameter in DEVICE_PARAMETERS}
@@ -99,13 +96,17 @@ def _configure(node: Node, words: Sequence[str]) -> tuple[dict[str, Value], Scen
     scene = load_scene(settings["scene"], own_name).with_parameters(overrides)
     declare(node, DEVICE_PARAMETERS, settings)
     declare(node, SCENE_PARAMETERS, scene.parameters)
+    node.add_on_set_parameters_callback(refuse_while_starting)
+    if checked_nodes(node, settings["clock.lock_step"]) and not settings["clock.publish"]:
+        raise ValueError("clock.lock_step: has no effect without robot time on /clock; set clock.publish to true")
     return settings, scene
 
 
 def _plan(node: SteadyNode, settings: Mapping[str, Value], scene: Scene, outputs: Outputs) -> Plan:
     """How to record, as far as it is known before the start; whatever is wrong with it is found here."""
     checkpoint = Topic(f"{node.get_fully_qualified_name()}/{CHECKPOINT}", CHECKPOINT_TYPE, CHECKPOINT_DEPTH)
-    received = {name: node.resolve_topic_name(name) for name in COMMAND_UNITS}
+    received = {**{name: node.resolve_topic_name(name) for name in COMMAND_UNITS},
+                OPERATIONS: node.resolve_topic_name(f"~/{OPERATIONS}")}
     topics = {**received, **outputs.topics, CHECKPOINT: checkpoint.name}
     plan = plan_recording(settings, received, outputs, _metadata(settings, scene, topics))
     if settings["record.enabled"]:
@@ -130,31 +131,30 @@ def _prepare(node: SteadyNode, settings: Mapping[str, Value], scene: Scene, plan
 def _operate(node: SteadyNode, executor: Executor, settings: Mapping[str, Value], device: Simulator, outputs: Outputs,
              plan: Plan, stop: StopRequest) -> int:
     """Step, publish, record and listen until a signal or a failure."""
-    log, pacing = node.get_logger(), Pacing(settings["rate.real_time_factor"], settings["rate.max_catch_up"])
-    parameters, opened = {**settings, **device.scene.parameters}, node.get_clock().now().nanoseconds
-    plan = replace(plan, metadata={**plan.metadata, **provenance(parameters, opened)})
+    log, parameters = node.get_logger(), {**settings, **device.scene.parameters}
+    plan = replace(plan, metadata={**plan.metadata, **provenance(parameters, _now(node, settings))})
     stop.hold()  # before the bag is opened, so that no signal can come between its opening and its sealing
     with open_recording(plan, settings["record.enabled"], log) as recording:
-        node.create_service(SetBool, "~/record", lambda request, answer: _switch(recording, request, answer))
-        inputs = Inputs(node)  # not before: commands would wait and be applied in a burst
-        start, begin = _start(node, recording)
-        with Stepping(device, inputs, outputs, recording.record, pacing, settings["rate.publish"], start, log,
-                      partial(_keep_checkpoint, recording), begin) as stepping:
+        run = new_run(node, settings, device, outputs, recording)  # not before: commands would wait and come in a burst
+        begin = _start(node, settings, run)
+        recording.begin_files_with(outputs.begin(run.robot_time.start))
+        with Stepping(run, log, begin) as stepping:
             log.info(f"ready: {settings['rate.publish']:g} Hz, real-time factor "
-                     f"{settings['rate.real_time_factor']:g}, {recording.destination()}")
-            diagnostics = Diagnostics(node, device, stepping, pacing, inputs, recording)
+                     f"{settings['rate.real_time_factor']:g}, {recording.destination()}{_waits(node, run)}")
+            diagnostics = Diagnostics(node, run, stepping, partial(_now, node, settings, run))
 
             def over() -> bool:
                 recording.watch()
-                return bool(stop or stepping.error)
+                return bool(stop or stepping.error or run.control.quitting)
 
             process.spin_until(executor, over, WATCH)
+        run.control.quitting = True  # nothing is stepped any more: whoever still waits has an answer, and is to get it
+        process.spin_until(executor, lambda: not run.control.waiting)
         if stepping.error:
             recording.save(stepping.error)
     if stepping.error or recording.faults:
         diagnostics.publish_last()
-    log.info(f"{recording.summary()}; {device.time:.3f} s simulated, {pacing.dropped:.3f} s dropped in "
-             f"{pacing.stalls} stalls, {inputs.refused} commands refused, {inputs.dropped} dropped")
+    log.info(_summary(run))
     if stepping.error:
         raise stepping.error
     if recording.faults:
@@ -162,25 +162,33 @@ def _operate(node: SteadyNode, executor: Executor, settings: Mapping[str, Value]
     return 0
 
 
-def _start(node: Node, recording: Recording) -> tuple[int, float]:
-    """The instant of simulated time 0, which is now: ROS time [ns], and the monotonic clock [s].
+def _summary(run: Run) -> str:
+    """What the run was, for people."""
+    return (f"{run.recording.summary()}; {run.robot_time.time:.3f} s simulated, {run.pacing.dropped:.3f} s dropped in "
+            f"{run.pacing.stalls} stalls, {run.inputs.refused} commands refused, {run.inputs.dropped} dropped")
 
-    It is read last, when all that takes time is done; the bag is open by then and hears of it now.
+
+def _waits(node: Node, run: Run) -> str:
+    """What a robot that starts paused waits for, for people."""
+    return (f"; paused until ros2 service call {node.get_fully_qualified_name()}/pause std_srvs/srv/SetBool "
+            "'{data: false}'" if run.operations.paused else "")
+
+
+def _now(node: Node, settings: Mapping[str, Value], run: Run | None = None) -> int:
+    """ROS time [ns]: robot time where that is published, because it then drives every stamp."""
+    if settings["clock.publish"]:
+        return run.robot_time.stamp if run else 0
+    return node.get_clock().now().nanoseconds
+
+
+def _start(node: Node, settings: Mapping[str, Value], run: Run) -> float:
+    """Let robot time 0 be now; the instant by the monotonic clock [s].
+
+    The clocks are read last, when all that takes time is done; the bag is open by then and hears of it now.
     """
-    start, begin = node.get_clock().now().nanoseconds, time.monotonic()
-    recording.describe({"start": str(start)})
-    return start, begin
-
-
-def _switch(recording: Recording, request: SetBool.Request, answer: SetBool.Response) -> SetBool.Response:
-    """Answer the service `~/record`."""
-    answer.success, answer.message = recording.switch(request.data)
-    return answer
-
-
-def _keep_checkpoint(recording: Recording, stamp: int, state: Callable[[], np.ndarray]) -> None:
-    """Offer the device's whole state to the bag, which seldom wants it."""
-    recording.checkpoint(stamp, lambda: serialize_message(Float64MultiArray(data=array("d", state()))))
+    run.robot_time.start, begin = _now(node, settings, run), time.monotonic()
+    run.recording.describe({"start": str(run.robot_time.start)})
+    return begin
 
 
 def _metadata(settings: Mapping[str, Value], scene: Scene, topics: Mapping[str, str]) -> dict[str, str]:

@@ -6,6 +6,10 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 
 from vibro_ros.messages.topics import COMMAND_UNITS
+from vibro_ros.ros.goals import Goal
+
+MOTOR = "motor_speed"
+"""The command that feedback gives."""
 
 
 @dataclass(frozen=True)
@@ -29,13 +33,16 @@ class Segment:
     entry : str
         Number of the entry in the file, from 1; "2.1" inside a block.
     start, duration : float
-        In seconds from the start of the script.
+        In seconds from the start of the script. An entry that goes to a position lasts this long at most; what follows
+        it begins sooner when the position is reached sooner.
     courses : mapping of str to Course
         Every command given so far, those that are only held from earlier entries included.
     given : tuple of str
         The commands that this entry itself gives.
     note : str
         What the author says of it.
+    goal : Goal or None
+        What feedback is to reach meanwhile by the motor's speed.
     """
 
     entry: str
@@ -44,6 +51,7 @@ class Segment:
     courses: Mapping[str, Course]
     given: tuple[str, ...]
     note: str
+    goal: Goal | None = None
 
     @property
     def end(self) -> float:
@@ -55,9 +63,18 @@ class Segment:
         """Whether any command changes during the segment."""
         return any(course.start != course.end for course in self.courses.values())
 
+    def instants(self, rate: float) -> Iterator[float]:
+        """When its commands change [s], in order: at its start; along a ramp, `rate` times a second, and at its end."""
+        yield self.start
+        if self.is_ramp:
+            steps = math.ceil(self.duration * rate)
+            yield from (self.start + step / rate for step in range(1, steps))
+            yield self.end
+
     def describe(self) -> str:
         """What the segment commands, for people."""
-        words = [_course_text(name, self.courses[name]) for name in self.given] or ["as before"]
+        words = [self.goal.describe()] if self.goal else []
+        words = words + [_course_text(name, self.courses[name]) for name in self.given] or ["as before"]
         note = f" ({self.note})" if self.note else ""
         return f"entry {self.entry}, {self.duration:g} s: {', '.join(words)}{note}"
 
@@ -74,13 +91,19 @@ class Script:
 
     @property
     def duration(self) -> float:
-        """Length [s]."""
+        """Length [s], if every goal takes its longest time."""
         return self.segments[-1].end
 
     @property
     def commands(self) -> tuple[str, ...]:
         """The commands that the script ever gives."""
-        return tuple(name for name in COMMAND_UNITS if name in self.segments[-1].courses)
+        given = {name for segment in self.segments for name in segment.given}
+        return tuple(name for name in COMMAND_UNITS if name in given or (name == MOTOR and self.goals))
+
+    @property
+    def goals(self) -> tuple[tuple[str, Goal], ...]:
+        """The goals, each with the number of its entry, in order."""
+        return tuple((segment.entry, segment.goal) for segment in self.segments if segment.goal)
 
     def segment_at(self, time: float) -> Segment | None:
         """The segment that began last at `time` [s]; None before the first."""
@@ -96,13 +119,9 @@ class Script:
         return {name: course.at(share) for name, course in segment.courses.items()}
 
     def instants(self, rate: float) -> Iterator[float]:
-        """When commands change [s], in order: at each start and, along a ramp, `rate` times a second and at its end."""
+        """When commands of the script change [s], in order, if every goal takes its longest time."""
         for segment in self.segments:
-            yield segment.start
-            if segment.is_ramp:
-                steps = math.ceil(segment.duration * rate)
-                yield from (segment.start + step / rate for step in range(1, steps))
-                yield segment.end
+            yield from segment.instants(rate)
 
 
 def _course_text(name: str, course: Course) -> str:

@@ -2,24 +2,28 @@
 
 A script is a block: a list of `entries`, played `repeat` times. An entry says for how long (`for`) each command
 is held (`motor_speed: 100.0`) or ramped (`motor_speed: {from: 0.0, to: 100.0}`; without `from`, from where it
-is). It begins when the entry before it ends, or `at` a time counted from the start of its block. An entry may
-itself be a block. A command keeps its value until another entry changes it.
+is), or what feedback is to reach (`hold_speed: -0.05`, `go_to: -0.5`). It begins when the entry before it ends, or
+`at` a time counted from the start of its block. An entry may itself be a block. A command keeps its value until
+another entry changes it.
 """
 
 import os
-import sys
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 from vibro_ros.configuration.shipped import config_folder
 from vibro_ros.configuration.strict_yaml import read_yaml
 from vibro_ros.messages.topics import COMMAND_UNITS
-from vibro_ros.ros.script import Course, Script, Segment
+from vibro_ros.ros.goals import PositionGoal
+from vibro_ros.ros.script import MOTOR, Course, Script, Segment
+from vibro_ros.ros.script_goal import GOAL_KEYS, check_shortest, longest_time, read_goal
+from vibro_ros.ros.script_values import command_value, finite_number, refuse_unknown, shown
 
 LONGEST_SCRIPT = 100_000
 """Most segments that a script may unfold to; nested repeats multiply."""
 DEEPEST_BLOCK = 10
 """Most blocks inside each other."""
+_GAPS = tuple(name for name in COMMAND_UNITS if name != MOTOR)
 
 
 def shipped_scripts() -> tuple[str, ...]:
@@ -73,17 +77,18 @@ class _Unfolding:
     def __init__(self):
         self._last: dict[str, float] = {}
         self._count = 0
+        self._open_ends = 0  # entries so far that may end sooner than they say
 
     def block(self, block: object, start: float, prefix: str) -> Iterator[Segment]:
         where = f"entry {prefix[:-1]}: " if prefix else ""
         if not isinstance(block, Mapping):
-            raise ValueError(f"{where}{_shown(block)} is not a mapping; give `entries`, a list")
+            raise ValueError(f"{where}{shown(block)} is not a mapping; give `entries`, a list")
         if prefix.count(".") > DEEPEST_BLOCK:
             raise ValueError(f"{where}more than {DEEPEST_BLOCK} blocks inside each other; use fewer")
-        _refuse_unknown(block, ("entries", "repeat", "at", "note") if prefix else ("entries", "repeat", "note"), where)
+        refuse_unknown(block, ("entries", "repeat", "at", "note") if prefix else ("entries", "repeat", "note"), where)
         entries = block.get("entries")
         if not isinstance(entries, list) or not entries:
-            raise ValueError(f"{where}entries is {_shown(entries)}; give a list with at least one entry")
+            raise ValueError(f"{where}entries is {shown(entries)}; give a list with at least one entry")
         for _ in range(_repeats(block.get("repeat", 1), where)):
             for segment in self._entries(entries, start, prefix):
                 yield segment
@@ -91,12 +96,15 @@ class _Unfolding:
             start = start_of_next
 
     def _entries(self, entries: list[object], start: float, prefix: str) -> Iterator[Segment]:
-        clock = start
+        clock, fixed = start, self._open_ends
         for index, entry in enumerate(entries):
             number = f"{prefix}{index + 1}"
             where = f"entry {number}: "
             if not isinstance(entry, Mapping):
-                raise ValueError(f"{where}{_shown(entry)} is not a mapping; give `for` and commands")
+                raise ValueError(f"{where}{shown(entry)} is not a mapping; give `for` and commands")
+            if "at" in entry and self._open_ends > fixed:
+                raise ValueError(f"{where}at: when the go_to before it in this list ends is not known; leave `at` out, "
+                                 "or put the entries after the go_to into a list of their own")
             clock = _start_of(entry, start, clock, where)
             for segment in self._entry(entry, entries[index + 1 :], start, clock, number):
                 self._count += 1
@@ -111,30 +119,48 @@ class _Unfolding:
         if "entries" in entry or "repeat" in entry:
             yield from self.block(entry, start, f"{number}.")
             return
-        _refuse_unknown(entry, ("at", "for", "note", *COMMAND_UNITS), where)
+        if any(key in entry for key in GOAL_KEYS):
+            yield self._pursuit(entry, later, block_start, start, number)
+            return
+        refuse_unknown(entry, ("at", "for", "note", *COMMAND_UNITS, *GOAL_KEYS), where)
         duration = _duration(entry, later, start - block_start, where)
         given = {name: self._course(name, entry[name], where) for name in COMMAND_UNITS if name in entry}
         courses = {name: Course(value, value) for name, value in self._last.items()} | given
         self._last = {name: course.end for name, course in courses.items()}
         yield Segment(number, start, duration, courses, tuple(given), str(entry.get("note", "")))
 
+    def _pursuit(self, entry: Mapping, later: list[object], block_start: float, start: float, number: str) -> Segment:
+        """The segment of an entry with a goal; what the motor does at its end is known only if it stands then."""
+        where = f"entry {number}: "
+        goal = read_goal(entry, _GAPS, where)
+        reaches = isinstance(goal, PositionGoal)
+        duration = longest_time(entry, where) if reaches else _duration(entry, later, start - block_start, where)
+        self._open_ends += reaches
+        if not reaches:
+            check_shortest(duration, where)
+        given = {name: Course(level, level) for name in _GAPS if name in entry
+                 for level in (command_value(name, entry[name], where),)}
+        courses = {name: Course(value, value) for name, value in self._last.items() if name != MOTOR} | given
+        self._last = {name: course.end for name, course in courses.items()} | ({MOTOR: 0.0} if reaches else {})
+        return Segment(number, start, duration, courses, tuple(given), str(entry.get("note", "")), goal)
+
     def _course(self, name: str, value: object, where: str) -> Course:
         if not isinstance(value, Mapping):
-            level = _command(name, value, where)
+            level = command_value(name, value, where)
             return Course(level, level)
-        _refuse_unknown(value, ("from", "to"), f"{where}{name}: ")
+        refuse_unknown(value, ("from", "to"), f"{where}{name}: ")
         if "to" not in value:
             raise ValueError(f"{where}{name}: a ramp needs `to`; give {{from: …, to: …}}")
         if "from" not in value and name not in self._last:
             raise ValueError(f"{where}{name}: no value to start the ramp from; give `from`")
-        start = _command(name, value["from"], where) if "from" in value else self._last[name]
-        return Course(start, _command(name, value["to"], where))
+        start = command_value(name, value["from"], where) if "from" in value else self._last[name]
+        return Course(start, command_value(name, value["to"], where))
 
 
 def _start_of(entry: Mapping, block_start: float, clock: float, where: str) -> float:
     if "at" not in entry:
         return clock
-    at = _number(entry["at"], f"{where}at", "s")
+    at = finite_number(entry["at"], f"{where}at", "s")
     if at < 0.0:
         raise ValueError(f"{where}at: {at:g} is negative; give a time of at least 0 s")
     # a block's start plus `at` is rounded; the end of the entry before it as well
@@ -146,9 +172,9 @@ def _start_of(entry: Mapping, block_start: float, clock: float, where: str) -> f
 def _duration(entry: Mapping, later: list[object], start: float, where: str) -> float:
     """`for`, or the time until the next entry's `at`."""
     if "for" in entry:
-        duration, key = _number(entry["for"], f"{where}for", "s"), "for"
+        duration, key = finite_number(entry["for"], f"{where}for", "s"), "for"
     elif later and isinstance(later[0], Mapping) and "at" in later[0]:
-        duration, key = _number(later[0]["at"], "at of the entry after it", "s") - start, "at of the next entry"
+        duration, key = finite_number(later[0]["at"], "at of the entry after it", "s") - start, "at of the next entry"
     else:
         raise ValueError(f"{where}no duration; give `for: <seconds>`, or `at` in the entry after it")
     if duration <= 0.0:
@@ -158,30 +184,5 @@ def _duration(entry: Mapping, later: list[object], start: float, where: str) -> 
 
 def _repeats(value: object, where: str) -> int:
     if type(value) is not int or value < 1:
-        raise ValueError(f"{where}repeat: {_shown(value)} is not a count; give a whole number of at least 1")
+        raise ValueError(f"{where}repeat: {shown(value)} is not a count; give a whole number of at least 1")
     return value
-
-
-def _command(name: str, value: object, where: str) -> float:
-    number = _number(value, f"{where}{name}", COMMAND_UNITS[name])
-    if name == "motor_speed" and number < 0.0:
-        raise ValueError(f"{where}{name}: {number:g} is negative; give a number of at least 0 rad/s")
-    return number
-
-
-def _number(value: object, what: str, unit: str) -> float:
-    if isinstance(value, bool) or not isinstance(value, (int, float)):
-        raise ValueError(f"{what}: {_shown(value)} is not a number; give a number in {unit}")
-    if not abs(value) <= sys.float_info.max:  # also false for NaN
-        raise ValueError(f"{what}: {value} is not finite; give a number in {unit}")
-    return float(value)
-
-
-def _refuse_unknown(given: Mapping, known: tuple[str, ...], where: str) -> None:
-    for key in given:
-        if key not in known:
-            raise ValueError(f"{where}{key}: unknown key; give {', '.join(known)}")
-
-
-def _shown(value: object) -> str:
-    return "missing" if value is None else repr(value)

@@ -69,8 +69,12 @@ class Template:
 
     def _plain(self, numbers: Sequence[float], stamp: int) -> bytes:
         """The message by rclpy, with zeros where bytes belong to no field."""
-        made = serialize_message(self._make(numbers, stamp))
-        return serialised(deserialised(made, self._type_name), self._type_name)
+        return plain_bytes(self._make(numbers, stamp), self._type_name)
+
+
+def plain_bytes(message: Any, type_name: str) -> bytes:
+    """The bytes of a message by rclpy, with zeros where bytes belong to no field: equal messages have equal bytes."""
+    return serialised(deserialised(serialize_message(message), type_name), type_name)
 
 
 def _seen(data: bytes, kind: str) -> np.ndarray:

@@ -14,6 +14,7 @@ if __name__ == "__main__":  # before all imports: they take a second or two, in 
 import sys
 import time
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 
 import numpy as np
 import rclpy
@@ -22,14 +23,17 @@ from rclpy.node import Node
 
 from vibro_ros.configuration.scene_file import load_scene
 from vibro_ros.messages.fields import stamp_at
+from vibro_ros.messages.frames import ALL
 from vibro_ros.model.parameters import Value
 from vibro_ros.model.scene import Scene
 from vibro_ros.process.command_line import Parser
 from vibro_ros.process.executables import EXECUTABLES
 from vibro_ros.process.front_door import exit_code
+from vibro_ros.ros.messages import transforms
 from vibro_ros.ros.outputs import Outputs, makers
 from vibro_ros.ros.pacing import Pacing
 from vibro_ros.simulation.kernels import compile_kernels
+from vibro_ros.simulation.samples import TIME
 from vibro_ros.simulation.simulator import Simulator
 
 RATES = (1000.0, 200.0)  # Hz
@@ -60,7 +64,7 @@ class Ticks:
     """
 
     def __init__(self, node: Node, scene: Scene, rate: float, duration: float):
-        self._outputs, self._scene, self._rate = Outputs(node, scene), scene, rate
+        self._outputs, self._scene, self._rate = Outputs(node, scene, transforms=ALL), scene, rate
         self._count = max(2, round(rate * duration))
 
     def published(self) -> np.ndarray:
@@ -74,10 +78,13 @@ class Ticks:
     def ready(self) -> np.ndarray:
         """Costs [s] of publishing by rclpy alone, shape (ticks,): the same messages, ready made, without impacts."""
         state, publishers = self._device(self._scene).state, self._outputs.publishers
-        messages = [(publishers[topic], make(state, 0)) for topic, make in makers(self._scene, "").items()]
+        ready = [(publishers[topic], make(state, 0)) for topic, make in makers(self._scene, "").items()]
+        if (frames := self._outputs.frames) is not None:
+            turns = frames.turns(state.crank_angle)
+            ready.append((publishers["tf"], transforms(frames, state, turns, 0)))
 
         def publish(tick):
-            for publisher, message in messages:
+            for publisher, message in ready:
                 publisher.publish(message)
 
         return self._paced(lambda tick: None, publish)[1]
@@ -105,7 +112,8 @@ class Ticks:
         return costs
 
     def _publish(self, values, events) -> None:
-        self._outputs.publish(values, events, lambda time: stamp_at(0, time), lambda topic, stamp, data: None)
+        self._outputs.publish(values, events, stamp_at(0, values.item(TIME)), partial(stamp_at, 0),
+                              lambda topic, stamp, data: None)
 
     @staticmethod
     def _device(scene: Scene) -> Simulator:

@@ -13,6 +13,7 @@ from vibro_ros.model.force_limits import cut_to_laws
 from vibro_ros.model.moreau_laws import contact_laws
 from vibro_ros.model.scene import Scene
 from vibro_ros.model.tables import Model, compile_scene
+from vibro_ros.simulation.change_of_ground import carried_over
 from vibro_ros.simulation.energy_accounts import energy_accounts, open_accounts
 from vibro_ros.simulation.event_log import EventLog
 from vibro_ros.simulation.readout import Readout
@@ -90,14 +91,19 @@ class Motion:
     """
 
     def __init__(self, scene: Scene):
-        self.scene, self.time = scene, 0.0
-        self.model: Model = compile_scene(scene)
+        self.time = 0.0
         self._cuts_forces = scene["solver.method"] != "exact"
-        self._stepper = new_stepper(scene, self.model)
+        self._room = np.empty((EVENTS_AT_ONCE, EVENT_COLUMNS))
+        self._set_up(scene)
         self.point = np.zeros(self.model.forms.channels.count)
         self.state = self._start()
         self.events = EventLog(self.model.forms.plates)
-        self._room = np.empty((EVENTS_AT_ONCE, EVENT_COLUMNS))
+
+    def _set_up(self, scene: Scene) -> None:
+        """Make all that the motion of `scene` needs besides its state."""
+        self.scene = scene
+        self.model: Model = compile_scene(scene)
+        self._stepper = new_stepper(scene, self.model)
         self._readout = Readout(self.model)
         self._instant, self._trace = np.empty(1), self.new_trace(1)
         self._sampled = False  # whether they are of `time`, and nothing was commanded since
@@ -137,6 +143,33 @@ class Motion:
             if side in self.model.forms.plates:
                 self._command_plate(side, self.scene[f"crank.{side}_rod"] + gap)
         self._begin_segment(self.state)
+
+    def change(self, scene: Scene) -> None:
+        """Go on as `scene`, which differs in parameters that may change while the device runs.
+
+        What is on its way, the motor's speed or a plate, goes on to its target as the new scene has it.
+
+        Raises
+        ------
+        SimulationError
+            If the motion cannot go on.
+        """
+        self._stepper.interrupt(self.state, self.time, self.point)
+        old, same_machine = self.model, scene.machine == self.scene.machine
+        if same_machine:
+            self.scene, self._sampled = scene, False
+        else:
+            self._set_up(scene)
+            self.state, self.point = carried_over(old, self.state, self.point, self.model)
+        self._command_speed(self.motor_target)
+        for side, plate in zip(self.model.forms.plates, self.state.ramp, strict=True):
+            self._command_plate(side, float(plate["target"]))
+        self._begin_segment(self.state)
+
+    @property
+    def motor_target(self) -> float:
+        """Speed [rad/s] that the motor was asked for."""
+        return float(self.state.now["drive"]["target"][0])
 
     def _command_speed(self, target: float) -> None:
         drive = self.state.now["drive"][0]

@@ -23,9 +23,11 @@ NO_SEED = "none"
 # Rooms and modules whose text decides the numbers that a robot publishes.
 _PACKAGE = "vibro_ros"
 _ROOMS = ("model", "solver")
-_MODULES = (("messages", "fields"), *(("simulation", name) for name in (
-    "auto", "counted_work", "energy_accounts", "event_log", "kernels", "motion", "readout", "sample_times", "samples",
-    "simulator", "stability")))
+_MODULES = (
+    *(("messages", name) for name in ("fields", "frames", "joints", "outlines", "urdf")),
+    *(("simulation", name) for name in (
+        "auto", "change_of_ground", "counted_work", "energy_accounts", "event_log", "kernels", "motion", "readout",
+        "sample_times", "samples", "simulator", "stability")))
 
 
 def provenance(parameters: Mapping[str, Value], start: int) -> dict[str, str]:

@@ -69,7 +69,7 @@ class Samples(Generic[Quantity]):
 
 FIELDS = tuple(field.name for field in fields(Samples))
 """Names of the fields of `Samples`, in their order."""
-TIME, NORMAL_FORCE = FIELDS.index("time"), FIELDS.index("normal_force")
+TIME, NORMAL_FORCE, CRANK_ANGLE = (FIELDS.index(name) for name in ("time", "normal_force", "crank_angle"))
 
 
 @dataclass(frozen=True)

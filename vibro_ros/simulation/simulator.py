@@ -2,9 +2,11 @@
 
 import math
 import warnings
+from collections.abc import Mapping
 
 import numpy as np
 
+from vibro_ros.model.parameters import BY_NAME, parameter_named
 from vibro_ros.model.scene import Scene
 from vibro_ros.simulation.auto import Choice, choose_method, chosen
 from vibro_ros.simulation.motion import Motion
@@ -85,6 +87,17 @@ class Simulator:
         """
         return self._motion.now()
 
+    @property
+    def commanded_motor_speed(self) -> float:
+        """Speed [rad/s] that the motor was asked for, by a command or the scene.
+
+        Examples
+        --------
+        >>> vibro_ros.Simulator(vibro_ros.load_scene("paper")).commanded_motor_speed
+        100.0
+        """
+        return self._motion.motor_target
+
     def command(self, motor_speed: float | None = None, upper_gap: float | None = None,
                 inclined_gap: float | None = None) -> None:
         """Ask for a motor speed [rad/s] and for gaps [m], from now on.
@@ -111,6 +124,62 @@ class Simulator:
         gaps = {side: self.scene.checked_gap(side, gap)
                 for side, gap in (("upper", upper_gap), ("inclined", inclined_gap)) if gap is not None}
         self._motion.command(speed, gaps)
+
+    def set_parameters(self, changes: Mapping[str, object]) -> None:
+        """Change parameters of the scene from now on: those that `SCENE_PARAMETERS` lists as changing while running.
+
+        A motor or a plate that is on its way goes on to where it was sent as the new parameters have it.
+        With `ground.friction` the robot goes on over another floor.
+
+        Parameters
+        ----------
+        changes : mapping of str to value
+            Names and values; all of them take effect, or none.
+
+        Raises
+        ------
+        ValueError
+            For a parameter that makes another machine, a value beyond its limit, or a `motor.max_speed` below the speed
+            that was commanded; nothing is changed then.
+        SimulationError
+            If the run cannot go on.
+
+        Examples
+        --------
+        >>> device = vibro_ros.Simulator(vibro_ros.load_scene("damped"))
+        >>> device.advance_to(0.2)
+        >>> device.set_parameters({"ground.friction": 0.4})
+        >>> device.scene["ground.friction"], device.time
+        (0.4, 0.2)
+        >>> device.set_parameters({"mass.body": 2.0})
+        Traceback (most recent call last):
+        ValueError: mass.body: makes another machine and cannot change while the device runs; start one with it
+        """
+        for name in changes:
+            if not parameter_named(name, BY_NAME).while_running:
+                raise ValueError(f"{name}: makes another machine and cannot change while the device runs; start one "
+                                 "with it")
+        scene = self.scene.with_parameters(changes)
+        if (target := self.commanded_motor_speed) > scene["motor.max_speed"]:
+            raise ValueError(f"motor.max_speed: {scene['motor.max_speed']:g} is below the commanded motor speed, "
+                             f"{target:g} rad/s; command a lower speed first")
+        self._motion.change(scene)
+        self.scene = scene
+
+    def reset(self) -> None:
+        """Put the device back to its start: time 0, the state and the commands of the scene's parameters, no events.
+
+        What follows is, bit for bit, what follows the start of a new device of the present `scene`.
+
+        Examples
+        --------
+        >>> device = vibro_ros.Simulator(vibro_ros.load_scene("damped"))
+        >>> device.advance_to(0.2)
+        >>> device.reset()
+        >>> device.time, device.state.body_position
+        (0.0, 0.0)
+        """
+        self._motion = Motion(self.scene)
 
     def checkpoint(self) -> np.ndarray:
         """All that the device's future depends on besides its scene and commands, for `restore`; shape (n,).

@@ -1,0 +1,102 @@
+"""Where tf has the robot's parts is where the model has them: at any crank angle, for any robot."""
+
+import math
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from forward_kinematics import Kinematics
+from tree_of_frames import Tree
+
+from vibro_ros.bag.cdr import blank
+from vibro_ros.configuration.scene_file import load_scene
+from vibro_ros.messages.frames import ONLY_BASE, Frames
+from vibro_ros.messages.urdf import robot_description
+from vibro_ros.model.slider import Slider
+from vibro_ros.simulation.samples import FIELDS
+
+STAMP = 1_763_700_000_123_456_789
+STATE = {name: 0.01 * (i + 1) for i, name in enumerate(FIELDS)}
+CHANGES = {"as shipped": {}, "steep": {"guide.angle": 1.5, "crank.inclined_rod": 0.09},
+           "crank as long as its rods": {"crank.radius": 0.06}, "no upper mass": {"effects.upper_mass": False},
+           "no plates": {"effects.upper_contact": "none", "effects.inclined_contact": "none"},
+           "no masses": {"effects.upper_mass": False, "effects.inclined_mass": False}}
+ANGLES = (0.0, 0.3, 1.0, math.pi / 2, 2.5, math.pi, 4.0, 6.2, 1e4, -7.0)
+TOLERANCE = 1e-11  # m: the URDF's text has 12 digits; the sine of 1e4 rad is known to 1e-12
+
+
+@pytest.fixture(params=CHANGES.values(), ids=CHANGES)
+def scene(request):
+    return load_scene("device").with_parameters(request.param)
+
+
+def transforms(frames: Frames, state: SimpleNamespace) -> tuple[list, list]:
+    """Moving and fixed ones, in messages of rosbags."""
+    moving = [blank("geometry_msgs/msg/TransformStamped") for _ in range(1 + len(frames.moving))]
+    fixed = [blank("geometry_msgs/msg/TransformStamped") for _ in frames.fixed]
+    frames.fill(moving, state, frames.turns(state.crank_angle), STAMP)
+    frames.fill_fixed(fixed, STAMP)
+    return moving, fixed
+
+
+def state_at(angle: float) -> SimpleNamespace:
+    return SimpleNamespace(**{**STATE, "crank_angle": angle})
+
+
+def positions(state: SimpleNamespace) -> dict[str, float]:
+    return {"crank": state.crank_angle, "upper_mass": state.upper_position, "inclined_mass": state.inclined_position,
+            "upper_plate": state.upper_plate_position, "inclined_plate": state.inclined_plate_position}
+
+
+@pytest.mark.parametrize("angle", ANGLES)
+def test_every_link_of_the_urdf_is_where_its_joints_bring_it(scene, angle):
+    state, kinematics = state_at(angle), Kinematics(robot_description(scene))
+    moving, fixed = transforms(Frames(scene), state)
+    tree = Tree([*moving, *fixed])
+    assert {*tree.parents} == {*kinematics.links}
+    for link in kinematics.links:
+        if link != kinematics.root:
+            assert tree.parents[link] == kinematics.parents[link].find("parent").get("link")
+        if not link.endswith("_rod"):
+            np.testing.assert_allclose(tree.in_frame(link, "base_link"), kinematics.in_root(link, positions(state)),
+                                       atol=TOLERANCE, err_msg=link)
+    assert tree.in_frame("base_link", "odom")[:3, 3].tolist() == [state.body_position, 0.0, state.body_height]
+
+
+@pytest.mark.parametrize("angle", ANGLES)
+def test_rods_lead_from_the_pin_to_the_sliders_of_the_model(scene, angle):
+    moving, fixed = transforms(Frames(scene), state_at(angle))
+    tree = Tree([*moving, *fixed])
+    pin = tree.in_frame("crank", "base_link") @ [0.0, 0.0, scene["crank.radius"], 1.0]
+    for side in scene.guides:
+        rod = scene[f"crank.{side}_rod"]
+        slider = Slider(scene["crank.radius"], rod, scene.guide_angle(side)).position(angle)
+        matrix = tree.in_frame(f"{side}_rod", "base_link")
+        np.testing.assert_allclose(matrix[:, 3], pin, atol=TOLERANCE)
+        expected = tree.in_frame(f"{side}_guide", "base_link") @ [0.0, 0.0, slider, 1.0]
+        np.testing.assert_allclose(matrix @ [0.0, 0.0, rod, 1.0], expected, atol=TOLERANCE)
+
+
+def test_rods_of_the_urdf_stand_as_tf_has_them_while_the_crank_is_at_0(scene):
+    moving, _ = transforms(Frames(scene), state_at(0.0))
+    kinematics = Kinematics(robot_description(scene))
+    tree = Tree(moving)
+    for side in scene.guides:
+        np.testing.assert_allclose(tree.in_parent[f"{side}_rod"], kinematics.in_parent(f"{side}_rod", {}),
+                                   atol=TOLERANCE)
+
+
+def test_a_prefix_begins_every_frame_and_every_transform_has_the_stamp(scene):
+    moving, fixed = transforms(Frames(scene, "r1/"), state_at(0.5))
+    plain = [*transforms(Frames(scene), state_at(0.5))[0], *transforms(Frames(scene), state_at(0.5))[1]]
+    assert [(one.header.frame_id, one.child_frame_id) for one in (*moving, *fixed)] == [
+        (f"r1/{one.header.frame_id}", f"r1/{one.child_frame_id}") for one in plain]
+    assert {(one.header.stamp.sec, one.header.stamp.nanosec) for one in (*moving, *fixed)} == {
+        (1_763_700_000, 123_456_789)}
+
+
+def test_the_base_alone_is_one_transform(scene):
+    frames = Frames(scene, "", ONLY_BASE)
+    moving, fixed = transforms(frames, state_at(1.0))
+    assert [(one.header.frame_id, one.child_frame_id) for one in moving] == [("odom", "base_link")]
+    assert fixed == [] and frames.turns(1.0) == []

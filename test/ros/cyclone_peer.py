@@ -1,0 +1,120 @@
+"""A peer that knows nothing of ROS: a plain participant of Cyclone DDS, another vendor's middleware.
+
+`python cyclone_peer.py SPEED` publishes SPEED [rad/s] on `motor_speed` as soon as a robot listens, and prints a line of
+JSON for each message on `odom`: stamp [ns], frames, x [m] and forward velocity [m/s]. It runs until it is killed.
+
+The types are written by hand, as somebody without ROS has to write them from the definitions. ROS 2 puts `rt/` before
+the names of topics and `dds_::`, `_` around the names of types.
+"""
+
+import json
+import os
+import sys
+import time
+from dataclasses import dataclass
+
+LOCALHOST = ("<CycloneDDS><Domain><General><Interfaces><NetworkInterface address='127.0.0.1'/></Interfaces>"
+             "<AllowMulticast>false</AllowMulticast></General><Discovery><ParticipantIndex>auto</ParticipantIndex>"
+             "<MaxAutoParticipantIndex>32</MaxAutoParticipantIndex><Peers><Peer address='127.0.0.1'/></Peers>"
+             "</Discovery></Domain></CycloneDDS>")
+os.environ["CYCLONEDDS_URI"] = LOCALHOST  # as ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST for ROS
+
+from cyclonedds.core import Policy, Qos  # noqa: E402 (reads the environment when it is imported)
+from cyclonedds.domain import DomainParticipant  # noqa: E402
+from cyclonedds.idl import IdlStruct  # noqa: E402
+from cyclonedds.idl.types import array, float64, int32, uint32  # noqa: E402
+from cyclonedds.pub import DataWriter  # noqa: E402
+from cyclonedds.sub import DataReader  # noqa: E402
+from cyclonedds.topic import Topic  # noqa: E402
+from cyclonedds.util import duration  # noqa: E402
+
+RELIABLE = Qos(Policy.Reliability.Reliable(duration(seconds=1)), Policy.History.KeepLast(1000))
+LOOK = 0.005  # s, between two looks at what has come
+
+
+@dataclass
+class Float64(IdlStruct, typename="std_msgs::msg::dds_::Float64_"):
+    data: float64
+
+
+@dataclass
+class Time(IdlStruct, typename="builtin_interfaces::msg::dds_::Time_"):
+    sec: int32
+    nanosec: uint32
+
+
+@dataclass
+class Header(IdlStruct, typename="std_msgs::msg::dds_::Header_"):
+    stamp: Time
+    frame_id: str
+
+
+@dataclass
+class Vector(IdlStruct, typename="geometry_msgs::msg::dds_::Vector3_"):
+    x: float64
+    y: float64
+    z: float64
+
+
+@dataclass
+class Quaternion(IdlStruct, typename="geometry_msgs::msg::dds_::Quaternion_"):
+    x: float64
+    y: float64
+    z: float64
+    w: float64
+
+
+@dataclass
+class Pose(IdlStruct, typename="geometry_msgs::msg::dds_::Pose_"):
+    position: Vector
+    orientation: Quaternion
+
+
+@dataclass
+class PoseWithCovariance(IdlStruct, typename="geometry_msgs::msg::dds_::PoseWithCovariance_"):
+    pose: Pose
+    covariance: array[float64, 36]
+
+
+@dataclass
+class Twist(IdlStruct, typename="geometry_msgs::msg::dds_::Twist_"):
+    linear: Vector
+    angular: Vector
+
+
+@dataclass
+class TwistWithCovariance(IdlStruct, typename="geometry_msgs::msg::dds_::TwistWithCovariance_"):
+    twist: Twist
+    covariance: array[float64, 36]
+
+
+@dataclass
+class Odometry(IdlStruct, typename="nav_msgs::msg::dds_::Odometry_"):
+    header: Header
+    child_frame_id: str
+    pose: PoseWithCovariance
+    twist: TwistWithCovariance
+
+
+def show(message: Odometry) -> None:
+    """Print what the test looks at; numbers in JSON come back bit for bit."""
+    stamp = message.header.stamp
+    print(json.dumps([stamp.sec * 10**9 + stamp.nanosec, message.header.frame_id, message.child_frame_id,
+                      message.pose.pose.position.x, message.twist.twist.linear.x]), flush=True)
+
+
+def run(domain: int, speed: float) -> None:
+    participant = DomainParticipant(domain)
+    writer = DataWriter(participant, Topic(participant, "rt/motor_speed", Float64, qos=RELIABLE), qos=RELIABLE)
+    reader = DataReader(participant, Topic(participant, "rt/odom", Odometry, qos=RELIABLE), qos=RELIABLE)
+    while not writer.get_matched_subscriptions():
+        time.sleep(LOOK)
+    writer.write(Float64(speed))
+    while True:
+        for message in reader.take(1000):
+            show(message)
+        time.sleep(LOOK)
+
+
+if __name__ == "__main__":
+    run(int(os.environ["ROS_DOMAIN_ID"]), float(sys.argv[1]))

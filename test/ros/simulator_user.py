@@ -1,0 +1,89 @@
+"""A program that drives a robot by simulation_interfaces."""
+
+from pathlib import Path
+
+from rclpy.action import ActionClient
+from rclpy.qos import QoSProfile
+
+from vibro_ros.ros.simulation_action import FEEDBACK_DEPTH
+from vibro_ros.ros.simulation_rules import Code
+from vibro_ros.ros.simulation_services import NAMES
+
+MOST = 2**64 - 1
+STILL_ON_THE_WAY = 200  # samples, of a second, that may come although the robot has paused
+
+
+class Simulator:
+    """The robot as a simulator, to one that knows nothing else of it."""
+
+    def __init__(self, bench, types):
+        self.bench, self.types, self.feedback = bench, types, []
+        self.clients = {name: bench.node.create_client(getattr(types.srv, name), path.replace("~", "vibro_robot"))
+                        for name, path in NAMES.items() if name != "SimulateSteps"}
+        self.action = ActionClient(bench.node, types.action.SimulateSteps, "vibro_robot/simulate_steps")
+        # rclpy's client hears none that comes after the goal has ended, and one a turn before.
+        bench.node.create_subscription(types.action.SimulateSteps.Impl.FeedbackMessage,
+                                       "vibro_robot/simulate_steps/_action/feedback", self._hear,
+                                       QoSProfile(depth=FEEDBACK_DEPTH))
+
+    def wait(self) -> None:
+        self.bench.spin_until(lambda: self.action.server_is_ready() and all(
+            client.service_is_ready() for client in self.clients.values()), "services")
+
+    def begin(self, name: str, **fields):
+        """The future of an answer."""
+        request = getattr(self.types.srv, name).Request()
+        for field, value in fields.items():
+            setattr(request, field, value)
+        return self.clients[name].call_async(request)
+
+    def answer(self, future):
+        self.bench.spin_until(future.done, "answer")
+        return future.result()
+
+    def call(self, name: str, **fields) -> tuple[int, str]:
+        """Code and words of the answer."""
+        result = self.answer(self.begin(name, **fields)).result
+        return result.result, result.error_message
+
+    def become(self, state: int) -> int:
+        """The code with which another state was asked for."""
+        return self.call("SetSimulationState", state=self.types.msg.SimulationState(state=state))[0]
+
+    @property
+    def state(self) -> int:
+        answer = self.answer(self.begin("GetSimulationState"))
+        assert answer.result.result == Code.OK
+        return answer.state.state
+
+    def begin_endless_steps(self, listener):
+        """The future of their answer; a paused robot has begun to take them."""
+        listener.spin_for_samples(0)
+        before = len(listener.stamps)
+        future = self.begin("StepSimulation", steps=MOST)
+        self.bench.spin_until(lambda: len(listener.stamps) > before + STILL_ON_THE_WAY, "steps")
+        return future
+
+    def send(self, steps: int):
+        """The handle of a goal, which is always accepted: its result says what is wrong with it."""
+        future = self.action.send_goal_async(self.types.action.SimulateSteps.Goal(steps=steps))
+        goal = self.answer(future)
+        assert goal.accepted
+        return goal
+
+    def result(self, goal) -> tuple[int, int, str]:
+        """Status, code and words of a goal."""
+        answer = self.answer(goal.get_result_async())
+        return answer.status, answer.result.result.result, answer.result.result.error_message
+
+    def _hear(self, message) -> None:
+        self.feedback.append((message.feedback.completed_steps, message.feedback.remaining_steps))
+
+
+def ended(robot) -> Path:
+    """The bag of a robot that has ended well, whole."""
+    assert robot.end() == 0, robot.text
+    assert "Traceback" not in robot.text and "please report" not in robot.text
+    line = robot.wait_for("]: bag ")
+    assert " 0 dropped;" in line
+    return Path(line.split("]: bag ")[1].split(": ")[0])

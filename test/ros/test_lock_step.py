@@ -1,0 +1,127 @@
+"""Lock-step: nodes in simulated time, unchanged, whose commands come at the same robot time in every run."""
+
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from observation import bags, stop
+from rosgraph_msgs.msg import Clock
+from std_srvs.srv import SetBool
+
+from vibro_ros.bag.stream import BagStream
+
+HERE = Path(__file__).parent
+SCRIPT = """
+entries:
+  - {for: 0.2, motor_speed: {from: 0.0, to: 100.0}}
+  - {for: 0.21, upper_gap: 0.0005}
+  - {for: 0.3, motor_speed: {to: 60.0}}
+  - {for: 0.1, motor_speed: 0.0}
+"""
+
+
+def lock_stepped(start, nodes: str, *more: str):
+    """A robot that stands at robot time 0 until it is resumed, and then runs as fast as it and `nodes` can."""
+    return start("robot", "--ros-args", "-p", "clock.publish:=true", "-p", f"clock.lock_step:=[{nodes}]",
+                 "-p", "rate.start_paused:=true", "-p", "rate.real_time_factor:=0.0", *more)
+
+
+@pytest.fixture
+def resume(bench):
+    """Let a robot that started paused run."""
+    client = bench.node.create_client(SetBool, "/vibro_robot/pause")
+
+    def call() -> None:
+        bench.spin_until(client.service_is_ready, "~/pause")
+        future = client.call_async(SetBool.Request(data=False))
+        bench.spin_until(future.done, "answer of ~/pause")
+        assert future.result().success
+    return call
+
+
+def messages(folder: Path) -> list[tuple[str, int, bytes]]:
+    with BagStream(folder) as stream:
+        return list(stream.messages(frozenset(stream.topics)))
+
+
+def assert_equal(one: list[tuple[str, int, bytes]], other: list[tuple[str, int, bytes]]) -> None:
+    """Say where two bags part, which pytest would look for among a thousand messages."""
+    parted = next((k for k, pair in enumerate(zip(one, other, strict=False)) if pair[0] != pair[1]), None)
+    if parted is not None:
+        raise AssertionError(f"message {parted} of {len(one)}, {len(other)}: {one[parted - 2:parted + 2]} and "
+                             f"{other[parted - 2:parted + 2]}")
+    assert len(one) == len(other)
+
+
+def test_two_runs_of_the_controller_have_bags_with_the_same_messages(start, resume, tmp_path):
+    (tmp_path / "script.yaml").write_text(SCRIPT)
+    for _ in range(2):
+        robot = lock_stepped(start, "/vibro_controller")
+        controller = start("controller", "script.yaml", "--ros-args", "-p", "use_sim_time:=true")
+        controller.wait_for("entry 1")
+        resume()
+        assert controller.end() == 0, controller.text
+        stop(robot)
+    one, other = map(messages, bags(tmp_path))
+    assert_equal(one, other)
+    assert len(one) > 4 * 160 and one[0][1] == 0  # samples of four topics over 0.81 s, from robot time 0
+    commanded = {stamp for topic, stamp, _ in one if topic == "/motor_speed"}
+    assert len(commanded) > 20
+
+
+@pytest.fixture
+def start_peer(tmp_path):
+    """Start the node that its author wrote for the hardware; killed at the end if it runs."""
+    started: list[subprocess.Popen] = []
+
+    def start_one() -> subprocess.Popen:
+        started.append(subprocess.Popen([sys.executable, HERE / "simulated_time_peer.py", "--ros-args", "-p",
+                                         "use_sim_time:=true"], cwd=tmp_path))
+        return started[-1]
+
+    yield start_one
+    for process in started:
+        process.kill()
+        process.wait()
+
+
+def test_two_runs_of_a_node_with_a_timer_have_bags_with_the_same_messages(start, start_peer, bench, resume, tmp_path):
+    for _ in range(2):
+        robot, peer = lock_stepped(start, "/simulated_time_peer"), start_peer()
+        bench.spin_until(lambda: bench.node.count_publishers("/motor_speed") == 1
+                         and bench.node.count_subscribers("/odom") == 1
+                         and bench.node.count_subscribers("/clock") == 1, "the peer")
+        resume()
+        assert peer.wait(60.0) == 0
+        stop(robot)
+    one, other = map(messages, bags(tmp_path))
+    assert_equal(one, other)
+    stamps = [stamp for topic, stamp, _ in one if topic == "/motor_speed"]
+    assert stamps == [20_000_000 * k for k in range(1, 101)]  # [ns] each command at the very time of its timer
+
+
+def test_it_stands_still_for_a_node_that_is_not_there_and_says_so_and_hears_signals(start, bench, resume):
+    robot = lock_stepped(start, "/nobody")
+    clocks: list[Clock] = []
+    bench.node.create_subscription(Clock, "/clock", clocks.append, 10)
+    robot.wait_for("paused until")
+    resume()
+    robot.wait_for("clock.lock_step: waiting for /nobody")
+    robot.wait_for("it is not there; robot time stands still")
+    assert all(one.clock.sec == one.clock.nanosec == 0 for one in clocks)
+    robot.send(signal.SIGINT)
+    assert robot.end() == 0
+    assert "0.000 s simulated" in robot.lines[-1]
+
+
+@pytest.mark.parametrize(("parameters", "words"), [
+    (("clock.lock_step:=[/vibro_controller]",), "has no effect without robot time on /clock"),
+    (("clock.publish:=true", "clock.lock_step:=[a b]"), "a b is no node's name"),
+    (("clock.publish:=true", "clock.lock_step:=[vibro_robot]"), "the robot cannot wait for itself"),
+])
+def test_what_cannot_be_waited_for_is_refused(start, parameters, words):
+    robot = start("robot", "--ros-args", *(word for one in parameters for word in ("-p", one)))
+    assert robot.end() == 2
+    assert words in robot.text and len(robot.lines) == 1

@@ -1,0 +1,221 @@
+"""Reset, pause, step and parameters of a running robot: what they do to its stamps, its state and its bag."""
+
+import signal
+from pathlib import Path
+
+import pytest
+from nav_msgs.msg import Odometry
+from observation import bags, value_of
+from operated_robot import PERIOD, Operator, stop
+from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
+from rcl_interfaces.srv import GetParameters, SetParameters, SetParametersAtomically
+from rclpy.qos import QoSProfile
+from rclpy.serialization import deserialize_message
+from rosgraph_msgs.msg import Clock
+from std_msgs.msg import String
+from std_srvs.srv import SetBool, Trigger
+
+from vibro_ros.bag.stream import BagStream
+from vibro_ros.recordings.comparison import compare
+
+
+@pytest.fixture
+def call(bench):
+    """Call a service of the robot; its answer."""
+    def call_one(kind: type, name: str, **request):
+        client = bench.node.create_client(kind, f"/vibro_robot/{name}")
+        bench.spin_until(client.service_is_ready, name)
+        future = client.call_async(kind.Request(**request))
+        bench.spin_until(future.done, f"answer of {name}")
+        bench.node.destroy_client(client)
+        return future.result()
+    return call_one
+
+
+def done(answer) -> str:
+    assert answer.success, answer.message
+    return answer.message
+
+
+def number(name: str, value: float) -> Parameter:
+    return Parameter(name=name, value=ParameterValue(type=ParameterType.PARAMETER_DOUBLE, double_value=value))
+
+
+def stamps_and_places(operator: Operator) -> list[tuple[int, float]]:
+    """Stamp [ns] and body position [m] of every odometry that was heard."""
+    heard = [deserialize_message(data, Odometry) for data in operator.heard["odom"]]
+    return [(one.header.stamp.sec * 10**9 + one.header.stamp.nanosec, one.pose.pose.position.x) for one in heard]
+
+
+def operations_in(folder: Path) -> list[str]:
+    with BagStream(folder) as stream:
+        return [deserialize_message(data, String).data
+                for _, _, data in stream.messages(frozenset({"/vibro_robot/operations"}))]
+
+
+def assert_replays(folder: Path, samples: int) -> None:
+    with BagStream(folder) as stream:
+        found = compare(stream)
+    assert found.difference is None, str(found.difference)
+    assert found.compared["/odom"] >= samples and not found.missing
+
+
+def test_a_run_through_every_operation_has_no_stamp_twice_and_replays_to_the_last_bit(start, bench, call, tmp_path):
+    robot = start("robot", "--ros-args", "-p", "motor.speed:=100.0")
+    operator = Operator(bench)
+    operator.wait_for_robot()
+    assert "not paused" in call(Trigger, "step").message
+    operator.spin_for_samples(40)
+    assert done(call(SetBool, "pause", data=True)).startswith("paused at")
+    done(call(SetBool, "pause", data=True))
+    bench.spin_until(lambda: len(operator.heard["odom"]) == len(operator.heard["motor_power"]), "the last sample")
+    before = len(operator.heard["odom"])
+    operator.command(motor_speed=120.0)  # of the same instant as the pause
+    for _ in range(3):
+        done(call(Trigger, "step"))
+    bench.spin_until(lambda: len(operator.heard["odom"]) == before + 3, "three samples")
+    bench.spin_until(lambda: operator.joint("crank")[1] > 100.0, "the command in effect")
+    done(call(Trigger, "reset"))  # which shows the start, and takes a period
+    bench.spin_until(lambda: len(operator.heard["odom"]) == before + 4, "the start")
+    bench.spin_until(lambda: operator.joint("crank")[:2] == (0.0, 100.0), "the start's crank")
+    assert stamps_and_places(operator)[-1][1] == 0.0
+    results = call(SetParameters, "set_parameters", parameters=[number("ground.friction", 0.1)]).results
+    assert results[0].successful, results[0].reason
+    assert done(call(SetBool, "pause", data=False)) == "running"
+    operator.spin_for_samples(40)
+    operator.command(motor_speed=80.0, upper_gap=0.0005)
+    operator.spin_for_samples(20)
+    result = call(SetParametersAtomically, "set_parameters_atomically", parameters=[
+        number("ground.friction", 0.15), number("motor.acceleration", 500.0),
+        number("rate.real_time_factor", 2.0)]).result
+    assert result.successful, result.reason
+    operator.spin_for_samples(40)
+    done(call(Trigger, "reset"))
+    operator.spin_for_samples(40)
+    folder = tmp_path / stop(robot)
+
+    stamps, places = zip(*stamps_and_places(operator), strict=True)
+    assert {after - one for one, after in zip(stamps, stamps[1:], strict=False)} == {PERIOD}
+    assert places.count(0.0) >= 2  # the starts
+    assert operations_in(folder) == [
+        "pause", "step 1", "step 1", "step 1", "reset", 'set {"ground.friction": 0.1}', "resume",
+        'set {"ground.friction": 0.15, "motor.acceleration": 500.0, "rate.real_time_factor": 2.0}', "reset"]
+    assert_replays(folder, 180)
+
+
+def test_a_bag_begun_after_changes_and_resets_replays_from_its_checkpoint(start, bench, call, record, tmp_path):
+    robot = start("robot", "--ros-args", "-p", "motor.speed:=100.0", "-p", "record.enabled:=false")
+    operator = Operator(bench)
+    operator.wait_for_robot()
+    assert call(SetParameters, "set_parameters", parameters=[number("ground.friction", 0.1)]).results[0].successful
+    operator.spin_for_samples(20)
+    done(call(Trigger, "reset"))
+    operator.spin_for_samples(30)
+    assert record(True)[0]
+    operator.spin_for_samples(30)
+    done(call(Trigger, "reset"))
+    operator.spin_for_samples(30)
+    stop(robot)
+    (folder,) = bags(tmp_path)
+    assert operations_in(folder)[0] == 'set {"ground.friction": 0.1}'
+    assert_replays(folder, 50)
+
+
+def test_what_follows_a_reset_has_the_bits_of_what_follows_the_start(start, bench, call, tmp_path):
+    robot = start("robot", "--ros-args", "-p", "motor.speed:=100.0", "-p", "rate.start_paused:=true", "-p",
+                  "rate.publish:=300.0")
+    odometry: list[Odometry] = []
+    bench.node.create_subscription(Odometry, "odom", odometry.append, QoSProfile(depth=1000))
+    robot.wait_for("paused until")
+    bench.spin_until(lambda: bench.node.count_publishers("odom"), "the robot's topics")
+    for _ in range(2):
+        done(call(Trigger, "reset"))
+        for _ in range(25):
+            done(call(Trigger, "step"))
+    bench.spin_until(lambda: len(odometry) >= 52, "26 samples of each")
+    first, second = odometry[-52:-26], odometry[-26:]
+    assert [one.pose for one in first] == [one.pose for one in second]
+    assert [one.twist for one in first] == [one.twist for one in second]
+    folder = tmp_path / stop(robot)
+    assert_replays(folder, 52)
+
+
+def test_a_set_that_breaks_a_limit_changes_nothing_of_what_came_with_it(start, bench, call, listener):
+    robot = start("robot", "--ros-args", "-p", "record.enabled:=false", "-p", "motor.speed:=100.0")
+    robot.wait_for("ready")
+    names = ["ground.friction", "motor.max_speed", "mass.body"]
+    before = call(GetParameters, "get_parameters", names=names).values
+    whole = Parameter(name="motor.max_speed", value=ParameterValue(type=ParameterType.PARAMETER_INTEGER,
+                                                                   integer_value=300))
+    for wanted, words in (
+            ([number("ground.friction", 0.1), number("motor.max_speed", -1.0)], "-1 is out of range"),
+            ([number("ground.friction", 0.1), number("motor.max_speed", 50.0)], "the limit is motor.max_speed"),
+            ([number("ground.friction", 0.1), number("mass.body", 2.0)], "read-only while the node runs"),
+            ([number("ground.friction", 1e3)], "Painlevé's paradox")):
+        answers = call(SetParameters, "set_parameters", parameters=wanted).results
+        assert not any(answer.successful for answer in answers)
+        assert all(words in answer.reason for answer in answers)
+    assert call(GetParameters, "get_parameters", names=names).values == before
+    answers = call(SetParameters, "set_parameters", parameters=[whole, number("mass.body", 1.0)]).results
+    assert [answer.successful for answer in answers] == [True, True]  # 1 kg is what the body has
+    assert call(GetParameters, "get_parameters", names=names).values[1].double_value == 300.0
+    listener.wait_for_status("simulation", lambda status: value_of(status, "refused requests") == 4.0)
+    robot.send(signal.SIGINT)
+    assert robot.end() == 0
+
+
+def test_clock_says_the_time_of_each_sample_after_it_and_stamps_count_from_0(start, bench, tmp_path):
+    robot = start("robot", "--ros-args", "-p", "clock.publish:=true", "-p", "use_sim_time:=true", "-p",
+                  "rate.publish:=50.0", "-p", "motor.speed:=100.0", "-p", "rate.real_time_factor:=0.5")
+    heard: list[tuple[str, int]] = []
+
+    def hear(name: str, stamp) -> None:
+        heard.append((name, stamp.sec * 10**9 + stamp.nanosec))
+
+    bench.node.create_subscription(Odometry, "odom", lambda one: hear("odom", one.header.stamp), 100)
+    bench.node.create_subscription(Clock, "/clock", lambda one: hear("clock", one.clock), 100)
+    bench.spin_until(lambda: {name for name, _ in heard} == {"odom", "clock"}, "both topics")
+    heard.clear()
+    bench.spin_until(lambda: len(heard) > 60, "30 samples")
+    for name in ("odom", "clock"):
+        stamps = [stamp for one, stamp in heard if one == name]
+        assert {after - one for one, after in zip(stamps, stamps[1:], strict=False)} == {20_000_000}
+    assert max(stamp for _, stamp in heard) < 60 * 10**9  # robot time, not the wall clock's
+    folder = tmp_path / stop(robot)
+    with BagStream(folder) as stream:
+        assert stream.start == 0
+    assert_replays(folder, 30)
+
+
+def test_the_motor_stops_when_commands_stay_away_and_replay_knows_when(start, bench, listener, tmp_path):
+    robot = start("robot", "--ros-args", "-p", "command.timeout:=0.1")
+    operator = Operator(bench)
+    operator.wait_for_robot()
+    for speed in (50.0, 60.0, 70.0):  # commands in time keep it running
+        operator.command(motor_speed=speed)
+        operator.spin_for_samples(5)
+    robot.wait_for("command.timeout: no motor_speed for 0.1 s")
+    bench.spin_until(lambda: operator.joint("crank")[1] == 0.0, "the motor's stop")
+    listener.wait_for_status("simulation", lambda status: value_of(status, "stops by command.timeout") >= 1.0)
+    operator.command(motor_speed=30.0)
+    bench.spin_until(lambda: operator.joint("crank")[1] > 0.0, "the motor running again")
+    bench.spin_until(lambda: operator.joint("crank")[1] == 0.0, "the motor's next stop")
+    folder = tmp_path / stop(robot)
+    assert set(operations_in(folder)) == {"timeout"}
+    assert_replays(folder, 40)
+
+
+@pytest.mark.parametrize("number_of_signal", [signal.SIGINT, signal.SIGTERM])
+def test_a_paused_robot_hears_signals_and_seals_its_bag(start, number_of_signal):
+    robot = start("robot", "--ros-args", "-p", "rate.start_paused:=true", "-p", "rate.publish:=0.1")
+    robot.wait_for("paused until")
+    stop(robot, number_of_signal)
+
+
+def test_operations_are_answered_at_the_lowest_rate_too(start, call):
+    robot = start("robot", "--ros-args", "-p", "rate.publish:=0.1", "-p", "motor.speed:=50.0")
+    robot.wait_for("ready")
+    assert "the sample at 10 s of robot time" in done(call(Trigger, "reset"))  # long before that sample
+    done(call(SetBool, "pause", data=True))
+    assert "to 10 s" in done(call(Trigger, "step"))
+    stop(robot)

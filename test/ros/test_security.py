@@ -1,0 +1,25 @@
+"""Security that is asked for: enforced or refused in one line; never left out without a word under `Enforce`."""
+
+import os
+
+import pytest
+
+
+@pytest.fixture
+def secured(tmp_path, monkeypatch):
+    """A keystore with an empty enclave for the robot."""
+    (tmp_path / "keys" / "enclaves" / "robot").mkdir(parents=True)
+    monkeypatch.setenv("ROS_SECURITY_ENABLE", "true")
+    monkeypatch.setenv("ROS_SECURITY_STRATEGY", "Enforce")
+    monkeypatch.setenv("ROS_SECURITY_KEYSTORE", os.fspath(tmp_path / "keys"))
+
+
+@pytest.mark.parametrize("words, reason", [
+    (("--ros-args", "--enclave", "/robot"), ""),
+    (("--ros-args", "--enclave", "/nobody"), "SECURITY ERROR: directory "),
+])
+def test_a_robot_that_cannot_be_secured_does_not_start(secured, start, words, reason):
+    robot = start("robot", *words)
+    assert robot.end() == 2
+    assert len(robot.lines) == 1, robot.text
+    assert robot.text.startswith(f"robot: ROS refuses the arguments: {reason}")

@@ -1,0 +1,136 @@
+"""Which frames are on /tf and /tf_static, live, in bags and computed again, also where tf2_msgs is missing."""
+
+import math
+import os
+
+import pytest
+from observation import bags, messages_of, stop
+from random_run import rewritten
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from tree_of_frames import frames_of
+
+from vibro_ros.bag.cdr import deserialised, serialised
+from vibro_ros.bag.reader import read_bag
+from vibro_ros.bag.stream import BagStream
+from vibro_ros.messages.topics import ROBOT_TOPICS
+from vibro_ros.recordings import replay
+from vibro_ros.recordings.comparison import compare
+from vibro_ros.recordings.variation import write_variation
+
+TFMessage = pytest.importorskip("tf2_msgs.msg", reason="types of tf2_msgs are not built: no compiler").TFMessage
+LATE = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+LINKS = {"body", "crank", *(f"{side}_{part}" for side in ("upper", "inclined")
+                            for part in ("guide", "rod", "mass", "plate"))}
+
+
+def spin_for_tf(bench, topic: str, count: int) -> dict[str, str]:
+    """Parents by child in `count` messages of a topic."""
+    heard: list = []
+    bench.node.create_subscription(TFMessage, topic, heard.append, LATE if "static" in topic else 100)
+    bench.spin_until(lambda: len(heard) >= count, topic)
+    return {one.child_frame_id: one.header.frame_id for message in heard for one in message.transforms}
+
+
+def offered(bench, topic: str) -> list[tuple[ReliabilityPolicy, DurabilityPolicy]]:
+    found = bench.node.get_publishers_info_by_topic(topic)
+    return [(one.qos_profile.reliability, one.qos_profile.durability) for one in found]
+
+
+def test_all_frames_are_published_those_that_never_move_once_and_for_all(start, bench, listener):
+    robot = start("robot", "--ros-args", "-p", "record.enabled:=false", "-p", "frame_prefix:=r1/")
+    listener.spin_for_samples(50)  # whoever listens from now on is late
+    parents = spin_for_tf(bench, "/tf", 20) | spin_for_tf(bench, "/tf_static", 1)
+    assert frames_of(parents) == {f"r1/{frame}" for frame in ("odom", "base_link", *LINKS)}
+    assert offered(bench, "/tf") == [(ReliabilityPolicy.RELIABLE, DurabilityPolicy.VOLATILE)]
+    assert offered(bench, "/tf_static") == [(ReliabilityPolicy.RELIABLE, DurabilityPolicy.TRANSIENT_LOCAL)]
+    stop(robot)
+
+
+def test_beside_a_robot_state_publisher_it_says_where_the_base_is_and_no_more(start, bench, listener, tmp_path):
+    robot = start("robot", "--ros-args", "-p", "tf.publish:=base")
+    listener.spin_for_samples(20)
+    assert spin_for_tf(bench, "/tf", 20) == {"base_link": "odom"}
+    assert offered(bench, "/tf_static") == []
+    stop(robot)
+    (folder,) = bags(tmp_path)
+    assert "/tf" in read_bag(folder).topics and "/tf_static" not in read_bag(folder).topics
+    assert replay.main([str(folder)]) == 0
+
+
+def test_without_frames_there_are_no_topics_of_tf(start, bench, listener, tmp_path):
+    robot = start("robot", "--ros-args", "-p", "tf.publish:=none")
+    listener.spin_for_samples(20)
+    assert offered(bench, "/tf") == offered(bench, "/tf_static") == []
+    stop(robot)
+    (folder,) = bags(tmp_path)
+    assert not {"/tf", "/tf_static"} & set(read_bag(folder).topics)
+    assert replay.main([str(folder)]) == 0
+
+
+def test_a_robot_without_tf2_msgs_says_so_once_and_does_all_else(start, listener, tmp_path, monkeypatch):
+    package = tmp_path / "shadow" / "tf2_msgs"
+    package.mkdir(parents=True)
+    (package / "__init__.py").write_text("raise ImportError('not installed')\n")
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(package.parent), os.environ["PYTHONPATH"]]))
+    robot = start("robot")
+    listener.spin_for_samples(20)
+    stop(robot)
+    (line,) = [line for line in robot.lines if "tf2_msgs" in line]
+    assert "no tf: tf2_msgs/msg/TFMessage: no such message here; install the ROS package tf2_msgs" in line
+    (folder,) = bags(tmp_path)
+    assert "/robot_description" in read_bag(folder).topics and "/tf" not in read_bag(folder).topics
+    assert replay.main([str(folder)]) == 0
+
+
+def test_names_can_be_remapped_and_recorded_alone(start, bench, listener, tmp_path):
+    robot = start("robot", "--ros-args", "-r", "/tf:=/lab/tf", "-r", "/tf_static:=/lab/tf_static", "-p",
+                  "record.topics:=[tf, /lab/tf_static]")
+    listener.spin_for_samples(20)
+    assert spin_for_tf(bench, "/lab/tf", 1)["base_link"] == "odom"
+    assert spin_for_tf(bench, "/lab/tf_static", 1)["body"] == "base_link"
+    stop(robot)
+    (folder,) = bags(tmp_path)
+    assert set(read_bag(folder).topics) == {"/lab/tf", "/lab/tf_static"}
+    with BagStream(folder) as stream:
+        assert compare(stream).difference is None
+        assert stream.topics["/lab/tf_static"].lasting and not stream.topics["/lab/tf"].lasting
+
+
+@pytest.mark.parametrize("remapped", ["odom", "/tf_static"])
+def test_tf_shares_its_name_with_no_other_topic(start, remapped):
+    robot = start("robot", "--ros-args", "-r", f"{remapped}:=/tf")
+    assert robot.end() == 2
+    assert len(robot.lines) == 1 and "have one name, /tf; remap one of them to another" in robot.lines[0]
+
+
+def test_another_robot_of_the_same_commands_has_its_own_frames(start, listener, tmp_path):
+    robot = start("robot", "--ros-args", "-p", "motor.speed:=80.0", "-p", "rate.real_time_factor:=4.0")
+    listener.spin_for_samples(100)
+    stop(robot)
+    (folder,) = bags(tmp_path)
+    varied, failure = write_variation(folder, {"guide.angle": 1.2})
+    assert failure == "" and replay.main([str(varied)]) == 0
+    (fixed,) = messages_of(varied)["/tf_static"]
+    guide = next(one for one in fixed.transforms if one.child_frame_id == "inclined_guide")
+    assert math.isclose(2.0 * math.acos(guide.transform.rotation.w), 1.2)
+    assert 'rpy="0 -1.2 0"' in messages_of(varied)["/robot_description"][0].data
+
+
+def test_a_frame_that_another_hand_has_moved_is_found(start, listener, tmp_path):
+    robot = start("robot", "--ros-args", "-p", "motor.speed:=80.0", "-p", "rate.real_time_factor:=4.0")
+    listener.spin_for_samples(100)
+    stop(robot)
+    (folder,) = bags(tmp_path)
+
+    def turn(messages: list) -> list:
+        seen = [i for i, (topic, *_) in enumerate(messages) if topic == "/tf"]
+        topic, stamp, data = messages[seen[50]]
+        message = deserialised(bytes(data), ROBOT_TOPICS["tf"])
+        message.transforms[2].transform.rotation.y += 1e-15
+        messages[seen[50]] = topic, stamp, serialised(message, ROBOT_TOPICS["tf"])
+        return messages
+
+    with BagStream(rewritten(folder, tmp_path / "turned", turn)) as stream:
+        difference = compare(stream).difference
+    assert (difference.topic, difference.index, difference.field) == (
+        "/tf", 50, "transforms[2].transform.rotation.y")

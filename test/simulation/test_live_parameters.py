@@ -1,0 +1,174 @@
+"""Parameters that change while the device runs, and the reset: against other devices, laws and limits."""
+
+import numpy as np
+import pytest
+
+import vibro_ros
+from vibro_ros.model.parameters import SCENE_PARAMETERS
+
+SCENES = ("paper", "unilateral", "damped", "frictionless", "rigid", "device", "no_impact")
+
+
+def running(scene: str, **parameters: object) -> vibro_ros.Simulator:
+    """A device at 100 rad/s; of a parameter's name here _ stands for its dot."""
+    changes = {name.replace("__", "."): value for name, value in parameters.items()}
+    return vibro_ros.Simulator(vibro_ros.load_scene(scene).with_parameters({"motor.speed": 100.0, **changes}))
+
+
+@pytest.mark.parametrize("method", ["exact", "rk4", "moreau", "semi_implicit_euler"])
+def test_a_change_to_the_same_value_is_a_command_to_the_same_value(method: str):
+    changed, commanded = running("device", solver__method=method), running("device", solver__method=method)
+    for device in (changed, commanded):
+        device.advance_to(0.3)
+    changed.set_parameters({"ground.friction": changed.scene["ground.friction"]})
+    commanded.command(motor_speed=100.0)
+    for device in (changed, commanded):
+        device.advance_to(0.5)
+    assert changed.state == commanded.state
+
+
+@pytest.mark.parametrize("scene", SCENES)
+def test_another_floor_goes_on_from_the_same_state_and_keeps_the_energy_balance(scene: str):
+    device = running(scene, solver__audit=True)
+    device.advance_to(0.3)
+    for friction in (0.0, 0.1, 0.2, 0.0, 0.15):
+        before = device.state
+        device.set_parameters({"ground.friction": friction})
+        after = device.state
+        for name in ("body_position", "body_velocity", "upper_position", "inclined_velocity", "crank_angle"):
+            assert getattr(before, name) == getattr(after, name)
+        device.advance_to(device.time + 0.05)
+    assert abs(device.statistics["energy_residual"]) < 1e-12  # J, of some joules exchanged
+
+
+@pytest.mark.parametrize("scene", ["unilateral", "damped", "rigid", "device"])
+def test_another_floor_moves_the_robot_as_a_robot_that_was_built_for_it(scene: str):
+    """Between two coefficients above 0 the tables have one shape, so that a checkpoint goes from one to the other."""
+    device, built_for_it = running(scene), running(scene, ground__friction=0.1)
+    device.advance_to(0.3)
+    built_for_it.restore(device.checkpoint())
+    built_for_it.command(motor_speed=100.0)
+    device.set_parameters({"ground.friction": 0.1})
+    for one in (device, built_for_it):
+        one.advance_to(0.6)
+    assert device.state == built_for_it.state
+
+
+def test_stribeck_s_decaying_term_comes_and_goes_with_the_floor():
+    device = running("unilateral", effects__friction="stribeck", solver__audit=True)
+    device.advance_to(0.2)
+    with pytest.raises(ValueError, match="ground.static_friction: 0.25 is below ground.friction"):
+        device.set_parameters({"ground.friction": 0.3})
+    for friction in (0.25, 0.1, 0.0, 0.25, 0.2):  # without the term where it is the static coefficient
+        device.set_parameters({"ground.friction": friction})
+        device.advance_to(device.time + 0.05)
+    assert abs(device.statistics["energy_residual"]) < 1e-12
+
+
+def test_a_body_that_sticks_slips_when_the_floor_becomes_smoother():
+    device = running("damped", ground__friction=1e3)
+    device.advance_to(0.1)
+    assert device.state.body_velocity == 0.0
+    device.set_parameters({"ground.friction": 0.0})
+    device.advance_to(0.2)
+    assert device.state.body_velocity != 0.0 and device.state.friction_force == 0.0
+    device.set_parameters({"ground.friction": 1e3})
+    device.advance_to(0.3)
+    assert device.state.body_velocity == 0.0
+
+
+def test_a_motor_on_its_ramp_goes_on_with_the_new_acceleration():
+    device = vibro_ros.Simulator(vibro_ros.load_scene("device"))
+    device.set_parameters({"motor.acceleration": 200.0})
+    device.command(motor_speed=100.0)
+    device.advance_to(0.25)
+    device.set_parameters({"motor.acceleration": 400.0})
+    device.advance_to(0.3)
+    assert device.state.motor_speed == pytest.approx(50.0 + 0.05 * 400.0, rel=1e-12)
+    device.advance_to(0.5)
+    assert device.state.motor_speed == 100.0
+
+
+def test_a_lagging_motor_goes_on_with_the_new_time_constant():
+    device = running("damped", effects__motor="lag", motor__speed=0.0, motor__time_constant=0.1)
+    device.command(motor_speed=100.0)
+    device.advance_to(0.1)
+    device.set_parameters({"motor.time_constant": 0.02})
+    device.advance_to(0.16)
+    assert device.state.motor_speed == pytest.approx(100.0 * (1.0 - np.exp(-1.0 - 3.0)), rel=1e-9)
+
+
+def test_a_plate_on_its_way_goes_on_with_the_new_speed():
+    device = running("damped")
+    start = float(device.state.upper_plate_position)
+    device.command(upper_gap=0.001)
+    device.advance_to(0.1)  # at 0.005 m/s
+    device.set_parameters({"gap_actuator.speed": 0.001})
+    device.advance_to(0.2)
+    assert device.state.upper_plate_position - start == pytest.approx(0.0005 + 0.0001, rel=1e-9)
+    device.advance_to(0.7)
+    assert device.state.upper_plate_position - start == pytest.approx(0.001, rel=1e-9)
+
+
+@pytest.mark.parametrize(("changes", "words"), [
+    ({"mass.body": 2.0}, "mass.body: makes another machine"),
+    ({"ground.friction": -0.1}, "ground.friction: -0.1 is out of range"),
+    ({"ground.friction": float("nan")}, "ground.friction: nan is not finite"),
+    ({"ground.friction": 1e3}, "Painlevé's paradox"),
+    ({"motor.max_speed": 99.0}, "motor.max_speed"),
+    ({"motor.acceleration": 0.0}, "motor.acceleration: 0 is out of range"),
+    ({"motor.acceleration": 1.0, "gap_actuator.speed": "fast"}, "gap_actuator.speed"),
+    ({"ground.frictoin": 0.1}, "did you mean ground.friction?"),
+])
+def test_a_refused_change_changes_nothing(changes: dict, words: str):
+    device, untouched = running("device"), running("device")
+    for one in (device, untouched):
+        one.advance_to(0.2)
+    with pytest.raises(ValueError, match=words):
+        device.set_parameters(changes)
+    assert device.scene == untouched.scene
+    for one in (device, untouched):
+        one.advance_to(0.4)
+    assert device.state == untouched.state
+
+
+def test_no_limit_falls_below_the_speed_that_was_commanded():
+    device = vibro_ros.Simulator(vibro_ros.load_scene("device"))
+    device.command(motor_speed=120.0)
+    with pytest.raises(ValueError, match="below the commanded motor speed, 120 rad/s"):
+        device.set_parameters({"motor.max_speed": 110.0})
+    device.command(motor_speed=80.0)
+    device.set_parameters({"motor.max_speed": 110.0})
+    with pytest.raises(ValueError, match="the limit is motor.max_speed"):
+        device.command(motor_speed=120.0)
+
+
+def test_what_may_change_is_what_the_issue_of_live_parameters_names():
+    assert {one.name for one in SCENE_PARAMETERS if one.while_running} == {
+        "ground.friction", "motor.max_speed", "motor.acceleration", "motor.time_constant", "gap_actuator.speed"}
+
+
+@pytest.mark.parametrize("method", ["exact", "rk4", "auto"])
+@pytest.mark.parametrize("scene", ["paper", "device", "rigid"])
+def test_after_a_reset_the_device_is_a_new_one(scene: str, method: str):
+    device, new = (running(scene, solver__method=method) for _ in range(2))
+    device.command(motor_speed=120.0, upper_gap=0.001)
+    device.advance_to(0.33)
+    device.reset()
+    assert device.state == new.state and len(device.take_events()) == len(new.take_events())
+    for one in (device, new):
+        one.command(motor_speed=90.0)
+        one.advance_to(0.2)
+    assert device.state == new.state
+    assert device.statistics == new.statistics
+
+
+def test_a_reset_keeps_the_parameters_that_were_changed():
+    device = running("device")
+    device.set_parameters({"ground.friction": 0.1, "motor.acceleration": 50.0})
+    device.reset()
+    assert (device.scene["ground.friction"], device.scene["motor.acceleration"]) == (0.1, 50.0)
+    new = vibro_ros.Simulator(device.scene)
+    for one in (device, new):
+        one.advance_to(0.2)
+    assert device.state == new.state

@@ -1,0 +1,38 @@
+"""What a listener of tf knows: each frame in its parent, as matrices, and how frames hang together."""
+
+from collections.abc import Iterable, Mapping
+
+import numpy as np
+from forward_kinematics import homogeneous
+from scipy.spatial.transform import Rotation
+
+
+def matrix_of(transform) -> np.ndarray:
+    """A geometry_msgs/msg/Transform, of any ROS library, as a homogeneous matrix."""
+    place, turn = transform.translation, transform.rotation
+    assert abs(np.linalg.norm([turn.x, turn.y, turn.z, turn.w]) - 1.0) < 1e-12
+    return homogeneous([place.x, place.y, place.z], Rotation.from_quat([turn.x, turn.y, turn.z, turn.w]))
+
+
+class Tree:
+    """Frames by their names, from stamped transforms."""
+
+    def __init__(self, transforms: Iterable):
+        self.parents: dict[str, str] = {}
+        self.in_parent: dict[str, np.ndarray] = {}
+        for one in transforms:
+            assert one.child_frame_id not in self.parents, f"{one.child_frame_id} has two parents"
+            self.parents[one.child_frame_id] = one.header.frame_id
+            self.in_parent[one.child_frame_id] = matrix_of(one.transform)
+
+    def in_frame(self, frame: str, target: str) -> np.ndarray:
+        """A frame in one of those that carry it."""
+        matrix = np.eye(4)
+        while frame != target:
+            matrix, frame = self.in_parent[frame] @ matrix, self.parents[frame]
+        return matrix
+
+
+def frames_of(tree: Mapping[str, str]) -> set[str]:
+    """Every frame of a tree, by its parents."""
+    return {*tree, *tree.values()}

@@ -1,0 +1,168 @@
+"""The robot's description as URDF: the frames of `messages.joints`, with outlines, masses and inertias.
+
+The scene's parameters give lengths, angles and masses; `messages.outlines` and the tables below the rest. The crank,
+the rods, the guides and the plates have no mass, because the model counts all of it to the body.
+"""
+
+import math
+from collections.abc import Sequence
+from xml.etree.ElementTree import Element, SubElement, indent, tostring
+
+from vibro_ros.messages.joints import BASE, BODY, CONTINUOUS, CRANK, PRISMATIC, Joint, robot_joints
+from vibro_ros.messages.outlines import CLEARANCE, FREE_LENGTH, MASS_HEIGHT, RAIL, guide_end, hub_height
+from vibro_ros.model.scene import Scene
+
+ROBOT = "vibro_robot"
+#: Red, green, blue from 0 to 1; the masses have the colours of every picture of the robot.
+MATERIALS = {"body": (0.91, 0.92, 0.94), "rail": (0.54, 0.58, 0.64), "metal": (0.71, 0.74, 0.78),
+             "dark": (0.23, 0.26, 0.30), "upper": (0.0, 0.447, 0.698), "inclined": (0.835, 0.369, 0.0)}
+
+SLED = (0.156, 0.090, 0.008)  # m, along x, y and z
+SLED_MIDDLE = -0.018  # m, along x
+COLUMN = (0.044, 0.010)  # m, along x and y
+COLUMN_BEHIND, CRANK_BEHIND = 0.030, 0.016  # m, along y: what is behind the masses does not hide them
+MASS_WIDTH, PLATE_WIDTH, PLATE_HEIGHT = 0.022, 0.024, 0.004  # m
+BAR = 0.005  # m, thickness of rails, crank and rods
+UNLIMITED = 1e9
+"""URDF asks for limits [m, m/s, N] of a joint that slides, and the model has none for the masses and for forces."""
+
+Vector = Sequence[float]
+
+def robot_description(scene: Scene) -> str:
+    """The URDF of a robot of this scene.
+
+    Parameters
+    ----------
+    scene : Scene
+        Lengths, angles and masses; a scene without a mass or a plate has a robot without it.
+
+    Returns
+    -------
+    str
+        XML, the same text for the same scene.
+    """
+    return _Description(scene).text()
+
+
+class _Description:
+    """The document, written link by link."""
+
+    def __init__(self, scene: Scene):
+        self._scene = scene
+        self._root = Element("robot", name=ROBOT)
+        for name, colour in MATERIALS.items():
+            SubElement(SubElement(self._root, "material", name=name), "color", rgba=_text((*colour, 1.0)))
+        SubElement(self._root, "link", name=BASE)  # without inertia, as KDL wants it of the root
+        for joint in robot_joints(scene):
+            self._add_link(joint.child)
+            self._add_joint(joint)
+
+    def text(self) -> str:
+        indent(self._root)
+        return f'<?xml version="1.0"?>\n{tostring(self._root, encoding="unicode")}\n'
+
+    def _add_link(self, name: str) -> None:
+        link = SubElement(self._root, "link", name=name)
+        if name == BODY:
+            self._fill_body(link)
+        elif name == CRANK:
+            self._fill_crank(link)
+        else:
+            side, _, part = name.rpartition("_")
+            fill = {"guide": self._fill_guide, "rod": self._fill_rod, "mass": self._fill_mass,
+                    "plate": self._fill_plate}[part]
+            fill(link, side)
+
+    def _add_joint(self, joint: Joint) -> None:
+        element = SubElement(self._root, "joint", name=joint.child, type=joint.kind)
+        SubElement(element, "parent", link=joint.parent)
+        SubElement(element, "child", link=joint.child)
+        SubElement(element, "origin", xyz=_text((0.0, 0.0, joint.height)), rpy=_text((0.0, -joint.angle, 0.0)))
+        if joint.kind in (CONTINUOUS, PRISMATIC):
+            SubElement(element, "axis", xyz="0 -1 0" if joint.kind == CONTINUOUS else "0 0 1")
+        if joint.kind == PRISMATIC:
+            lower, upper, speed = self._limits(joint)
+            SubElement(element, "limit", lower=_text([lower]), upper=_text([upper]), effort=_text([UNLIMITED]),
+                       velocity=_text([speed]))
+
+    def _limits(self, joint: Joint) -> tuple[float, float, float]:
+        """Least and greatest position [m] and the speed [m/s] of a joint that slides."""
+        side, _, part = joint.child.rpartition("_")
+        if part == "mass":
+            return -UNLIMITED, UNLIMITED, UNLIMITED
+        return 0.0, 2.0 * self._scene[f"crank.{side}_rod"], self._scene["gap_actuator.speed"]
+
+    def _fill_body(self, link: Element) -> None:
+        hub, (length, width, height) = hub_height(self._scene), SLED
+        middle = (SLED_MIDDLE, 0.0, height / 2)
+        _add_inertial(link, self._scene["mass.body"], (length, width, hub), (SLED_MIDDLE, 0.0, hub / 2))
+        _add_box(link, SLED, middle, "body", solid=True)
+        _add_box(link, (*COLUMN, hub - height), (0.0, COLUMN_BEHIND, (hub + height) / 2), "body")
+
+    def _fill_guide(self, link: Element, side: str) -> None:
+        start, end = CLEARANCE / 2, guide_end(self._scene, side)
+        for across in (-RAIL, RAIL):
+            _add_box(link, (BAR / 2, BAR, end - start), (across, 0.0, (start + end) / 2), "rail")
+        _add_box(link, (2 * RAIL + BAR / 2, BAR, BAR), (0.0, 0.0, end), "rail")
+
+    def _fill_crank(self, link: Element) -> None:
+        radius = self._scene["crank.radius"]
+        _add_box(link, (BAR, BAR, radius), (0.0, CRANK_BEHIND, radius / 2), "dark")
+        for height in (0.0, radius):  # shaft and pin, along y
+            _add_cylinder(link, BAR, 2 * CRANK_BEHIND, height, "dark", tilt=math.pi / 2)
+
+    def _fill_rod(self, link: Element, side: str) -> None:
+        length = self._scene[f"crank.{side}_rod"]
+        _add_cylinder(link, BAR / 2, length, length / 2, "metal")
+        SubElement(_add_visual(link, (0.0, 0.0, length), "metal"), "sphere", radius=_text([BAR]))
+
+    def _fill_mass(self, link: Element, side: str) -> None:
+        size, middle = (MASS_WIDTH, MASS_WIDTH, MASS_HEIGHT), (0.0, 0.0, FREE_LENGTH + MASS_HEIGHT / 2)
+        _add_inertial(link, self._scene[f"mass.{side}"], size, middle)
+        _add_box(link, size, middle, side, solid=True)
+
+    def _fill_plate(self, link: Element, side: str) -> None:
+        middle = (0.0, 0.0, FREE_LENGTH + MASS_HEIGHT + PLATE_HEIGHT / 2)
+        _add_box(link, (PLATE_WIDTH, PLATE_WIDTH, PLATE_HEIGHT), middle, "dark", solid=True)
+
+
+def _add_box(link: Element, size: Vector, middle: Vector, material: str, solid: bool = False) -> None:
+    """A box that is seen, and if `solid` may be touched; sizes and middle [m]."""
+    elements = [_add_visual(link, middle, material)]
+    if solid:
+        elements.append(_add_geometry(SubElement(link, "collision"), middle))
+    for element in elements:
+        SubElement(element, "box", size=_text(size))
+
+
+def _add_cylinder(link: Element, radius: float, length: float, height: float, material: str, tilt: float = 0.0) -> None:
+    """A cylinder [m] whose middle is so high on z; it lies along z, or turned about x by `tilt` [rad]."""
+    element = _add_visual(link, (0.0, 0.0, height), material, (tilt, 0.0, 0.0))
+    SubElement(element, "cylinder", radius=_text([radius]), length=_text([length]))
+
+
+def _add_visual(link: Element, middle: Vector, material: str, rpy: Vector = (0.0, 0.0, 0.0)) -> Element:
+    visual = SubElement(link, "visual")
+    geometry = _add_geometry(visual, middle, rpy)
+    SubElement(visual, "material", name=material)
+    return geometry
+
+
+def _add_geometry(element: Element, middle: Vector, rpy: Vector = (0.0, 0.0, 0.0)) -> Element:
+    SubElement(element, "origin", xyz=_text(middle), rpy=_text(rpy))
+    return SubElement(element, "geometry")
+
+
+def _add_inertial(link: Element, mass: float, size: Vector, middle: Vector) -> None:
+    """Mass [kg] and inertia [kg m²] of a box of this size [m], about its middle."""
+    inertial = SubElement(link, "inertial")
+    SubElement(inertial, "origin", xyz=_text(middle), rpy=_text((0.0, 0.0, 0.0)))
+    SubElement(inertial, "mass", value=_text([mass]))
+    x, y, z = (mass * length**2 / 12.0 for length in size)
+    SubElement(inertial, "inertia", ixx=_text([y + z]), ixy="0", ixz="0", iyy=_text([x + z]), iyz="0",
+               izz=_text([x + y]))
+
+
+def _text(numbers: Sequence[float]) -> str:
+    """Numbers with 12 digits, so that the last bit of a sine does not change the text from machine to machine."""
+    return " ".join(f"{number + 0.0:.12g}" for number in numbers)

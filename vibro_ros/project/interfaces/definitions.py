@@ -1,0 +1,62 @@
+"""The definitions of the interface packages that PyPI lacks.
+
+Those of `tf2_msgs` are in the pinned package rosbags. Those of `simulation_interfaces` 2.1.0 are declared here, in the
+folder `declared`: the types that the robot serves, and no others. A type's hash does not depend on comments, so that
+equal hashes show that the declarations agree with the package's own.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from rosbags.typesys import Stores, get_typestore
+
+DECLARED = Path(__file__).parent / "declared"
+_OF_TF2_MSGS = ("TF2Error", "TFMessage")
+_NEXT_TYPE = "=" * 80  # in rosbags' text of a type, before each type that it contains
+
+
+@dataclass(frozen=True)
+class InterfacePackage:
+    """One interface package.
+
+    Attributes
+    ----------
+    name, version, license : str
+        As in its package.xml.
+    origin : str
+        Where the definitions come from, in a sentence.
+    texts : dict of str to str
+        Definitions by their paths in the package, such as `msg/TFMessage.msg`.
+    dependencies : tuple of str
+        Packages whose types they contain, those of services and actions included.
+    """
+
+    name: str
+    version: str
+    license: str
+    origin: str
+    texts: dict[str, str]
+    dependencies: tuple[str, ...]
+
+
+def interface_packages() -> tuple[InterfacePackage, ...]:
+    """Every package that is built."""
+    return _tf2_msgs(), _simulation_interfaces()
+
+
+def _tf2_msgs() -> InterfacePackage:
+    store = get_typestore(Stores.ROS2_JAZZY)
+    texts = {f"msg/{name}.msg": store.generate_msgdef(f"tf2_msgs/msg/{name}", ros_version=2)[0].partition(_NEXT_TYPE)[0]
+             for name in _OF_TF2_MSGS}
+    return InterfacePackage("tf2_msgs", "0.36.4", "BSD",
+                            "Messages of tf2, built from the definitions that rosbags holds.", texts,
+                            ("builtin_interfaces", "geometry_msgs", "std_msgs"))
+
+
+def _simulation_interfaces() -> InterfacePackage:
+    folder = DECLARED / "simulation_interfaces"
+    files = sorted(file for kind in ("msg", "srv", "action") for file in folder.glob(f"{kind}/*.{kind}"))
+    texts = {str(file.relative_to(folder)): file.read_text(encoding="utf-8") for file in files}
+    return InterfacePackage("simulation_interfaces", "2.1.0", "Apache-2.0",
+                            "Types that vibro_ros serves, declared by vibro_ros after the package of this name.", texts,
+                            ("action_msgs", "builtin_interfaces", "service_msgs", "unique_identifier_msgs"))

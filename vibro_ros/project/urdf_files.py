@@ -1,0 +1,43 @@
+"""`make docs`: the shipped scenes' robots as URDF, in config/urdf, which is installed to the package's share folder."""
+
+if __name__ == "__main__":  # before all imports, as in every executable
+    import sys
+
+    from vibro_ros.process.front_door import enter
+
+    sys.exit(enter("urdf_files"))
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from vibro_ros.configuration.scene_file import load_scene, shipped_scenes
+from vibro_ros.messages.urdf import robot_description
+from vibro_ros.process.command_line import Parser, given_file
+from vibro_ros.process.executables import EXECUTABLES
+from vibro_ros.process.front_door import exit_code
+
+
+def write_urdf(scene: str, folder: Path) -> Path:
+    """Write the URDF of a scene, a shipped one's name or a file, into a folder (ValueError when it cannot be done)."""
+    loaded = load_scene(scene)
+    file = folder / f"{loaded.name}.urdf"
+    with given_file(file):
+        folder.mkdir(parents=True, exist_ok=True)
+        file.write_text(robot_description(loaded), encoding="utf-8")
+    return file
+
+
+def main(words: Sequence[str]) -> int:
+    """Write the files; 2 when a scene or a file is bad."""
+    return exit_code("urdf_files", lambda: _write(words))
+
+
+def _write(words: Sequence[str]) -> int:
+    parser = Parser(prog="urdf_files", description=EXECUTABLES["urdf_files"].does)
+    parser.add_argument("scenes", nargs="*", default=shipped_scenes(), metavar="SCENE",
+                        help="a shipped scene's name, or a scene file (default: every shipped scene)")
+    parser.add_argument("--output", type=Path, default=Path("config/urdf"), help="folder (default: %(default)s)")
+    options = parser.parse_args(words)
+    for scene in options.scenes:
+        print(f"{write_urdf(scene, options.output)}: written")
+    return 0
