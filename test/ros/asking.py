@@ -1,9 +1,28 @@
-"""A request to a service, with its answer."""
+"""Requests to services, and how not to lose them.
+
+DDS drops a request, or its answer, if server and client know each other on one side only, as on a busy machine.
+`service_is_ready` tells of the client's side alone.
+"""
 
 import time
 
+from rcl_interfaces.srv import GetParameters
+
 AGAIN = 5.0  # s
-"""DDS drops a request, or its answer, if server and client know each other on one side only, as on a busy machine."""
+ROBOT = "/vibro_robot"
+
+
+def known_client(bench, kind: type, name: str, node: str = ROBOT):
+    """A client of `node`'s service `name` that both sides know, so that its one request and the answer arrive."""
+    client = bench.node.create_client(kind, f"{node}/{name}")
+    bench.spin_until(client.service_is_ready, name)
+    wait_until_known(bench, node)
+    return client
+
+
+def wait_until_known(bench, node: str = ROBOT) -> None:
+    """Return when `node` knows all clients of `bench`: it hears of them in turn, and has answered a younger one."""
+    answer_of(bench, GetParameters, f"{node}/get_parameters")
 
 
 def answer_of(bench, kind: type, name: str, **fields):

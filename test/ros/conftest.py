@@ -22,7 +22,8 @@ from vibro_ros.simulation.kernels import compile_kernels
 
 sys.path.insert(0, str(Path(__file__).parent))
 
-from observation import Listener  # noqa: E402 (beside the tests)
+from asking import known_client  # noqa: E402 (beside the tests)
+from observation import Listener  # noqa: E402
 from random_run import FASTER, record_run  # noqa: E402
 from simulator_user import Simulator  # noqa: E402
 
@@ -152,11 +153,8 @@ def bench(domain_id: int) -> Iterator[Bench]:
 @pytest.fixture
 def record(bench):
     """Call the robot's service ~/record; whether it was done, and the answer's words."""
-    client = bench.node.create_client(SetBool, "/vibro_robot/record")
-
     def call(on: bool) -> tuple[bool, str]:
-        bench.spin_until(client.service_is_ready, "~/record")
-        future = client.call_async(SetBool.Request(data=on))
+        future = known_client(bench, SetBool, "record").call_async(SetBool.Request(data=on))
         bench.spin_until(future.done, "answer of ~/record")
         return future.result().success, future.result().message
     return call

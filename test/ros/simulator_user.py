@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+from asking import wait_until_known
 from rclpy.action import ActionClient
 from rclpy.qos import QoSProfile
 
@@ -29,6 +30,7 @@ class Simulator:
     def wait(self) -> None:
         self.bench.spin_until(lambda: self.action.server_is_ready() and all(
             client.service_is_ready() for client in self.clients.values()), "services")
+        wait_until_known(self.bench)
 
     def begin(self, name: str, **fields):
         """The future of an answer."""

@@ -9,6 +9,7 @@ import random
 import signal
 
 import pytest
+from asking import wait_until_known
 from observation import value_of
 from operated_robot import Operator
 from random_requests import UNTOUCHED, random_request, service_class
@@ -35,6 +36,7 @@ def clients(bench):
     bench.spin_until(lambda: len(robots()) > 8, "the robot's services")
     made = {name: bench.node.create_client(service_class(kind), name, qos_profile=DEEP) for name, kind in robots()}
     bench.spin_until(lambda: all(client.service_is_ready() for client in made.values()), "services ready")
+    wait_until_known(bench)
     return made
 
 

@@ -4,6 +4,7 @@ from functools import partial
 
 import guide
 import pytest
+from asking import answer_of
 from geometry_msgs.msg import WrenchStamped
 from nav_msgs.msg import Odometry
 from observation import bags, stop
@@ -90,11 +91,8 @@ def test_topics_services_and_parameters_are_those_of_a_running_robot(start, benc
                *bench.node.get_subscriptions_info_by_topic(f"/{name}")]
         reliable = [one.qos_profile.reliability for one in own if one.node_name == NODE]
         assert reliable == [ReliabilityPolicy.RELIABLE], name
-    client = bench.node.create_client(ListParameters, f"/{NODE}/list_parameters")
-    bench.spin_until(client.service_is_ready, "list_parameters")
-    future = client.call_async(ListParameters.Request())
-    bench.spin_until(future.done, "names of the parameters")
-    given = own_parameters(dict.fromkeys(future.result().result.names))
+    names = answer_of(bench, ListParameters, f"/{NODE}/list_parameters").result.names
+    given = own_parameters(dict.fromkeys(names))
     rows = guide.first_column("name", "default", "unit", "allowed", "meaning")
     rows += guide.first_column("name", "default", "`device`", "unit", "allowed", "meaning")
     assert set(given) == set(rows)

@@ -6,6 +6,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from asking import known_client
 from observation import bags, stop
 from rosgraph_msgs.msg import Clock
 from std_srvs.srv import SetBool
@@ -31,11 +32,8 @@ def lock_stepped(start, nodes: str, *more: str):
 @pytest.fixture
 def resume(bench):
     """Let a robot that started paused run."""
-    client = bench.node.create_client(SetBool, "/vibro_robot/pause")
-
     def call() -> None:
-        bench.spin_until(client.service_is_ready, "~/pause")
-        future = client.call_async(SetBool.Request(data=False))
+        future = known_client(bench, SetBool, "pause").call_async(SetBool.Request(data=False))
         bench.spin_until(future.done, "answer of ~/pause")
         assert future.result().success
     return call

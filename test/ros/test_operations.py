@@ -4,6 +4,7 @@ import signal
 from pathlib import Path
 
 import pytest
+from asking import known_client
 from nav_msgs.msg import Odometry
 from observation import bags, value_of
 from operated_robot import PERIOD, Operator, stop
@@ -23,8 +24,7 @@ from vibro_ros.recordings.comparison import compare
 def call(bench):
     """Call a service of the robot; its answer."""
     def call_one(kind: type, name: str, **request):
-        client = bench.node.create_client(kind, f"/vibro_robot/{name}")
-        bench.spin_until(client.service_is_ready, name)
+        client = known_client(bench, kind, name)
         future = client.call_async(kind.Request(**request))
         bench.spin_until(future.done, f"answer of {name}")
         bench.node.destroy_client(client)

@@ -3,6 +3,7 @@
 import pytest
 import rclpy
 import yaml
+from asking import known_client
 from observation import stop
 from rcl_interfaces.srv import GetParameters, ListParameters
 from rclpy.context import Context
@@ -97,8 +98,7 @@ def test_rcl_takes_the_value_from_the_same_place(order, tmp_path, domain_id, mon
 def parameters_of(start, bench):
     """Everything that a robot says of itself, as `ros2 param dump` asks for it."""
     def ask(kind, name, request):
-        client = bench.node.create_client(kind, f"/vibro_robot/{name}")
-        bench.spin_until(client.service_is_ready, name)
+        client = known_client(bench, kind, name)
         future = client.call_async(request)
         bench.spin_until(future.done, name)
         bench.node.destroy_client(client)

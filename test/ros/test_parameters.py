@@ -1,6 +1,7 @@
 """The node's parameters as ROS tools see them."""
 
 import pytest
+from asking import known_client
 from rcl_interfaces.msg import Parameter as ParameterMessage
 from rcl_interfaces.msg import ParameterType, ParameterValue
 from rcl_interfaces.srv import DescribeParameters, GetParameters, ListParameters, SetParameters
@@ -24,9 +25,7 @@ def ask(start, bench):
     robot = start("robot", "--ros-args", "-p", "record.enabled:=false", "-p", "mass.body:=2", "-p", "scene:=damped")
 
     def call(kind, name: str, **fields):
-        client = bench.node.create_client(kind, f"/vibro_robot/{name}")
-        bench.spin_until(client.service_is_ready, name)
-        future = client.call_async(kind.Request(**fields))
+        future = known_client(bench, kind, name).call_async(kind.Request(**fields))
         bench.spin_until(future.done, f"answer of {name}")
         return future.result()
 

@@ -5,6 +5,7 @@ import os
 import signal
 
 import pytest
+from asking import known_client
 from random_run import FASTER, RANGES, SECONDS, record_run, rewritten
 from std_srvs.srv import SetBool
 
@@ -124,9 +125,7 @@ def test_a_bag_that_says_nothing_of_its_scene_is_refused(recorded, tmp_path, cap
 
 def switch_on(bench) -> None:
     """Call ~/record with true."""
-    client = bench.node.create_client(SetBool, "/vibro_robot/record")
-    bench.spin_until(client.service_is_ready, "~/record")
-    future = client.call_async(SetBool.Request(data=True))
+    future = known_client(bench, SetBool, "record").call_async(SetBool.Request(data=True))
     bench.spin_until(future.done, "answer of ~/record")
     assert future.result().success, future.result().message
 

@@ -6,6 +6,7 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
+from asking import known_client, wait_until_known
 from observation import bags
 from simulator_user import Simulator, ended
 from std_srvs.srv import SetBool, Trigger
@@ -42,9 +43,7 @@ def test_states_follow_one_another_as_the_definitions_say(simulator):
 
 
 def test_the_other_services_lead_to_the_same_states(simulator, bench):
-    pause = bench.node.create_client(SetBool, "vibro_robot/pause")
-    reset = bench.node.create_client(Trigger, "vibro_robot/reset")
-    bench.spin_until(lambda: pause.service_is_ready() and reset.service_is_ready(), "std_srvs")
+    pause, reset = known_client(bench, SetBool, "pause"), known_client(bench, Trigger, "reset")
     assert simulator.answer(pause.call_async(SetBool.Request(data=True))).success
     assert simulator.state == State.PAUSED
     assert simulator.answer(reset.call_async(Trigger.Request())).success
@@ -90,6 +89,7 @@ def test_a_type_that_is_missing_is_left_out_of_the_features(types, bench, start,
     simulator = Simulator(bench, types)
     client = simulator.clients["GetSimulatorFeatures"]
     bench.spin_until(client.service_is_ready, "service")
+    wait_until_known(bench)
     features = simulator.answer(simulator.begin("GetSimulatorFeatures")).features.features
     assert list(features) == sorted({feature for name in simulator.clients for feature in FEATURES[name]})
     simulator.action.destroy()

@@ -1,5 +1,6 @@
 """The robot's bags: which topics, when they begin and end, and what is said when one fails."""
 
+import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
@@ -19,7 +20,10 @@ SEALING = 5.0
 """Longest time [s] that the answer of `~/record` waits for the disk; commands wait with it."""
 
 CHECKPOINT_PERIOD = 500_000_000
-"""Robot time [ns] between two checkpoints, about 6 kB each."""
+"""Longest robot time [ns] between two checkpoints, about 6 kB each."""
+
+CHECKPOINTS_A_FILE = 4
+"""Checkpoints in a file of a limited bag, or more: what is left when older files are deleted must hold one early."""
 
 MOST_BAGS = 5
 """Bags that `~/record` begins one right after the other; from then on it begins at most one a second."""
@@ -52,6 +56,8 @@ class Recording:
         self._whole: Recorder | None = None  # the one that holds the run's beginning, whatever comes
         self._checkpointed: Recorder | Snapshot | None = None  # where the last checkpoint is
         self._checkpoint_due = 0
+        self._since_checkpoint = 0  # bytes of samples
+        self._checkpoint_bytes = plan.storage.segment_size / CHECKPOINTS_A_FILE or math.inf
         self._snapshot: Snapshot | None = None
         self._recorder: Recorder | None = None  # the one that messages go to
         self._latest: Recorder | None = None
@@ -126,6 +132,7 @@ class Recording:
 
     def _record_together(self, together: Together, stamp: int, data: bytes) -> None:
         recorder = self._recorder
+        self._since_checkpoint += len(data)
         if recorder is not None:
             recorder.write_together(together, stamp, data)
         elif self._snapshot is not None:
@@ -140,8 +147,10 @@ class Recording:
         target = self._recorder or self._snapshot
         if self._plan.checkpoint is None or target is None or target is self._whole:
             return
-        if target is not self._checkpointed or stamp >= self._checkpoint_due:
+        if (target is not self._checkpointed or stamp >= self._checkpoint_due
+                or self._since_checkpoint >= self._checkpoint_bytes):
             self._checkpointed, self._checkpoint_due = target, stamp + CHECKPOINT_PERIOD
+            self._since_checkpoint = 0
             for topic, data in messages():
                 self.record(topic, stamp, data)
 
