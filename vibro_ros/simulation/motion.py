@@ -16,8 +16,9 @@ from vibro_ros.model.tables import Model, compile_scene
 from vibro_ros.simulation.change_of_ground import carried_over
 from vibro_ros.simulation.energy_accounts import energy_accounts, open_accounts
 from vibro_ros.simulation.event_log import EventLog
+from vibro_ros.simulation.given_state import checked_state, place
 from vibro_ros.simulation.readout import Readout
-from vibro_ros.simulation.samples import Trace
+from vibro_ros.simulation.samples import FIELDS, Trace
 from vibro_ros.solver import event_loop
 from vibro_ros.solver.audit import residual, stored_energy
 from vibro_ros.solver.events import EVENT_COLUMNS
@@ -164,6 +165,28 @@ class Motion:
         self._command_speed(self.motor_target)
         for side, plate in zip(self.model.forms.plates, self.state.ramp, strict=True):
             self._command_plate(side, float(plate["target"]))
+        self._begin_segment(self.state)
+
+    def set_state(self, given: Mapping[str, object]) -> None:
+        """Go on from a state that is `given`, by fields of `Samples`; see `given_state`.
+
+        Raises
+        ------
+        ValueError
+            For what cannot be; nothing is changed then.
+        SimulationError
+            If the motion cannot go on.
+        """
+        values = checked_state(self.scene, self.model, given, dict(zip(FIELDS, self.now().tolist(), strict=True)))
+        target = values["motor_speed"] if self.scene["effects.motor"] == "ideal" else self.motor_target
+        self._sampled = False
+        self._stepper.interrupt(self.state, self.time, self.point)
+        place(self.scene, self.model, self.state, self.point, values, turned="crank_angle" in given)
+        if "motor_speed" in given:
+            self._command_speed(target)
+        for side in self.model.forms.plates:
+            if f"{side}_plate_position" in given:
+                self._command_plate(side, float(self.state.ramp["target"][self.model.forms.plates.index(side)]))
         self._begin_segment(self.state)
 
     @property

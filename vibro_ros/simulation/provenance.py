@@ -26,8 +26,8 @@ _ROOMS = ("model", "solver")
 _MODULES = (
     *(("messages", name) for name in ("fields", "frames", "joints", "outlines", "urdf")),
     *(("simulation", name) for name in (
-        "auto", "change_of_ground", "counted_work", "energy_accounts", "event_log", "kernels", "motion", "readout",
-        "sample_times", "samples", "simulator", "stability")))
+        "auto", "change_of_ground", "counted_work", "energy_accounts", "event_log", "given_state", "kernels",
+        "motion", "readout", "sample_times", "samples", "simulator", "stability")))
 
 
 def provenance(parameters: Mapping[str, Value], start: int) -> dict[str, str]:

@@ -166,6 +166,36 @@ class Simulator:
         self._motion.change(scene)
         self.scene = scene
 
+    def set_state(self, **given: float) -> None:
+        """Put the device into a state of your choice, at its present time.
+
+        What may be given are fields of `state`: `body_position`, `body_velocity`, `body_height`,
+        `body_vertical_velocity`, `upper_position`, `upper_velocity`, `inclined_position`, `inclined_velocity`,
+        `crank_angle`, `motor_speed`, `upper_plate_position` and `inclined_plate_position`, in the units and signs of
+        `Samples`. The others stay, and so do commands: a motor that takes time and a plate go on from here to where
+        they were sent. A motor whose law is `ideal` keeps the speed. A contact that is under way has no event.
+
+        Raises
+        ------
+        ValueError
+            For a state that cannot be: another name, no finite number, a value beyond its limit, a part that the scene
+            does not have, a mass beyond a rigid plate. Nothing is changed then.
+        SimulationError
+            If the run cannot go on.
+
+        Examples
+        --------
+        >>> device = vibro_ros.Simulator(vibro_ros.load_scene("damped"))
+        >>> device.advance_to(0.2)
+        >>> device.set_state(upper_position=0.05, body_velocity=0.0)
+        >>> device.time, device.state.upper_position
+        (0.2, 0.05)
+        >>> device.set_state(crank_angle=-1.0)
+        Traceback (most recent call last):
+        ValueError: crank_angle: -1 is out of range; give a number from 0 to 1e+09 rad
+        """
+        self._motion.set_state(given)
+
     def reset(self) -> None:
         """Put the device back to its start: time 0, the state and the commands of the scene's parameters, no events.
 

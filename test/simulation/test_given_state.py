@@ -1,0 +1,149 @@
+"""`Simulator.set_state`: any state that can be is taken up where it is, and what cannot be changes nothing."""
+
+import math
+
+import numpy as np
+import pytest
+
+import vibro_ros
+from vibro_ros.configuration.scene_file import shipped_scenes
+from vibro_ros.simulation.given_state import UNITS
+
+INTERVAL = 0.005  # s, between two samples of a robot
+
+
+def given_of(device) -> dict[str, float]:
+    return {name: getattr(device.state, name) for name in UNITS}
+
+
+def running(name: str, **changes) -> vibro_ros.Simulator:
+    device = vibro_ros.Simulator(vibro_ros.load_scene(name).with_parameters(changes))
+    device.command(motor_speed=100.0)
+    return device
+
+
+@pytest.mark.parametrize("name", shipped_scenes())
+def test_the_state_that_a_device_has_leads_where_the_device_goes(name):
+    """At 200 instants, in flight, on plates and in the air; from 0.3 s on, when a ramp has reached its speed."""
+    times = np.sort(np.random.default_rng(5).uniform(0.3, 2.0, 200))
+    device = running(name)
+    for time in times:
+        device.advance_to(time)
+        other = running(name)
+        other.advance_to(1e-3)
+        other.set_state(**given_of(device))
+        there = vibro_ros.Simulator(device.scene)
+        there.restore(device.checkpoint())
+        there.advance_to(time + INTERVAL)
+        other.advance_to(1e-3 + INTERVAL)
+        for field in UNITS:
+            scale = {"m/s": 1e-10, "m": 1e-12}.get(UNITS[field], 1e-11)
+            assert getattr(other.state, field) == pytest.approx(getattr(there.state, field), abs=scale), (time, field)
+
+
+@pytest.mark.parametrize("method", ["rk4", "moreau"])
+def test_a_method_of_fixed_step_goes_on_from_it(method):
+    device = running("damped", **{"solver.method": method, "solver.step": 1e-6})
+    device.advance_to(0.2)
+    device.set_state(upper_position=0.05, crank_angle=7.0, body_velocity=0.1)
+    state = device.state
+    assert (state.upper_position, state.body_velocity) == (0.05, 0.1) and state.crank_angle == pytest.approx(7.0)
+    device.advance_to(0.3)
+    exact = running("damped")
+    exact.advance_to(0.2)
+    exact.set_state(**{name: getattr(state, name) for name in UNITS})
+    exact.advance_to(0.3)
+    assert device.state.upper_position == pytest.approx(exact.state.upper_position, abs=2e-4)
+
+
+def test_what_is_not_given_keeps_its_bits():
+    device, other = running("device"), running("device")
+    for one in (device, other):
+        one.advance_to(1.2345)
+    other.set_state(body_velocity=device.state.body_velocity)
+    for name in UNITS:
+        assert getattr(other.state, name) == getattr(device.state, name)
+
+
+def test_commands_go_on_and_an_ideal_motor_keeps_its_speed():
+    device = running("device")
+    device.advance_to(1.0)
+    device.command(upper_gap=0.001)
+    device.set_state(motor_speed=50.0, upper_plate_position=0.05)
+    device.advance_to(4.0)
+    assert device.state.motor_speed == 100.0
+    assert device.state.upper_plate_position == device.scene["crank.upper_rod"] + 0.001
+    ideal = running("damped")
+    ideal.set_state(motor_speed=60.0)
+    ideal.advance_to(1.0)
+    assert ideal.state.motor_speed == ideal.commanded_motor_speed == 60.0
+
+
+@pytest.mark.parametrize("angle", [0.0, 1e-9, math.pi, math.nextafter(2.0 * math.pi, 0.0), 2.0 * math.pi, 12345.678,
+                                   1e9])
+def test_any_crank_angle_is_taken_up(angle):
+    device = running("damped")
+    device.set_state(crank_angle=angle)
+    assert device.state.crank_angle == pytest.approx(angle, abs=1e-15 * max(1.0, angle))
+    device.advance_to(0.02)
+    assert device.state.crank_angle == pytest.approx(angle + 2.0, abs=1e-15 * max(10.0, angle))
+
+
+@pytest.mark.parametrize("name", ["damped", "unilateral", "device", "rigid"])
+def test_energy_stays_balanced(name):
+    """What a given state adds is booked as a change from outside: audit and accounts see no error in it."""
+    device, chance = running(name, **{"solver.audit": True, "solver.accounts": True}), np.random.default_rng(3)
+    for number in range(20):
+        device.advance_to(0.1 * (number + 1))
+        state = device.state
+        device.set_state(upper_position=min(state.upper_plate_position, 0.05 + 0.01 * chance.uniform()),
+                         inclined_velocity=chance.uniform(-1.0, 1.0), body_velocity=chance.uniform(-0.2, 0.2),
+                         crank_angle=chance.uniform(0.0, 20.0))
+    device.advance_to(2.5)
+    found = device.statistics
+    assert abs(found["energy_residual"]) < 1e-11 * found["energy_exchanged"]
+    assert abs(found["energy_accounts"]["residual"]) < 1e-11 * found["energy_exchanged"]
+
+
+REFUSED = [
+    ({"time": 1.0}, "time: cannot be given; give any of body_position"),
+    ({"motor_power": 1.0}, "motor_power: cannot be given"),
+    ({"upper_position": math.nan}, "upper_position: nan is out of range"),
+    ({"upper_position": math.inf}, "upper_position: inf is out of range"),
+    ({"upper_position": "0.05"}, "upper_position: '0.05' is no number; give one in m"),
+    ({"upper_position": True}, "upper_position: True is no number"),
+    ({"body_velocity": 1e7}, "give a number from -1e+06 to 1e+06 m/s"),
+    ({"crank_angle": -0.1}, "crank_angle: -0.1 is out of range"),
+    ({"motor_speed": 1e6}, "motor.max_speed"),
+    ({"upper_plate_position": 0.2}, "upper_plate_position: 0.2 is out of range; give a number from 0 to 0.12 m"),
+    ({"upper_position": 0.07}, "upper_position: 0.07 m lies beyond the rigid plate at 0.06 m; give at most that"),
+    ({"body_height": 0.01}, "body_height: 0.01 m, but it stays 0 in this scene; leave it out, or give 0"),
+    ({"body_position": 3.0, "upper_position": 0.07}, "beyond the rigid plate"),
+]
+
+
+@pytest.mark.parametrize(("given", "words"), REFUSED)
+def test_what_cannot_be_is_refused_and_changes_nothing(given, words):
+    scene = vibro_ros.load_scene("rigid").with_parameters({"effects.normal_force": "unilateral"})
+    device, other = vibro_ros.Simulator(scene), vibro_ros.Simulator(scene)
+    for one in (device, other):
+        one.advance_to(0.5)
+    with pytest.raises(ValueError, match=".") as refusal:
+        device.set_state(**given)
+    assert words in str(refusal.value)
+    for one in (device, other):
+        one.advance_to(1.0)
+    assert device.state == other.state
+
+
+def test_a_mass_on_a_rigid_plate_as_far_as_rounding_goes_is_put_on_it():
+    device = vibro_ros.Simulator(vibro_ros.load_scene("rigid"))
+    device.set_state(upper_position=0.06 + 1e-15, upper_velocity=0.0)
+    assert device.state.upper_position == 0.06
+
+
+def test_parts_that_a_scene_lacks_stay_at_0():
+    device = running("damped", **{"effects.upper_mass": False})
+    device.set_state(upper_position=0.0)
+    with pytest.raises(ValueError, match="upper_velocity: 1 m/s, but it stays 0"):
+        device.set_state(upper_velocity=1.0)
