@@ -185,10 +185,10 @@ def test_an_arrow_inwards_is_allowed(module, source):
     assert violations(module, source) == []
 
 
-@pytest.mark.parametrize("row", [" 2 process", "14 project"])
+@pytest.mark.parametrize("row", [" 2 process", "15 project"])
 def test_an_arrow_outwards_in_the_picture_is_seen(row):
     line = next(line for line in ARCHITECTURE.splitlines() if line.startswith(row))
-    last = next(line for line in ARCHITECTURE.splitlines() if line.startswith(" imports →")).rindex("4")
+    last = len(next(line for line in ARCHITECTURE.splitlines() if line.startswith(" imports →"))) - 1
     spoilt = f"{line[:last]:{last}s}●"
     with pytest.raises(AssertionError, match="outwards"):
         drawn_arrows(ARCHITECTURE.replace(line, spoilt))

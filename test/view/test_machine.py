@@ -1,0 +1,39 @@
+"""What a page is told of a robot is what the scene has, and ready for JSON."""
+
+import json
+
+import pytest
+
+import vibro_ros
+from vibro_ros.configuration.scene_file import shipped_scenes
+from vibro_ros.view.machine import machine, quantities
+
+
+@pytest.mark.parametrize("name", shipped_scenes())
+def test_lengths_limits_and_units_of_every_shipped_scene(name):
+    scene = vibro_ros.load_scene(name)
+    robot = json.loads(json.dumps(machine(scene), allow_nan=False))
+    assert (robot["name"], robot["crank_radius"]) == (name, scene["crank.radius"])
+    assert [guide["side"] for guide in robot["guides"]] == list(scene.guides)
+    assert [knob["name"] for knob in robot["knobs"]] == ["motor_speed", *(f"{side}_gap" for side in scene.plates)]
+    assert list(robot["quantities"]) == list(quantities(scene))
+
+
+def test_the_robot_refuses_beyond_a_knobs_limits_and_nowhere_before():
+    device = vibro_ros.Simulator(vibro_ros.load_scene("device"))
+    for knob in machine(device.scene)["knobs"]:
+        for limit, beyond in ((knob["from"], -1e-6), (knob["to"], 1e-6)):
+            device.command(**{knob["name"]: limit})
+            with pytest.raises(ValueError):
+                device.command(**{knob["name"]: limit + beyond})
+
+
+def test_a_robot_without_a_mass_or_a_plate_has_no_quantities_of_them():
+    scene = vibro_ros.load_scene("damped").with_parameters(
+        {"effects.upper_mass": False, "effects.inclined_contact": "none"})
+    robot = machine(scene)
+    assert [(guide["side"], guide["plate"]) for guide in robot["guides"]] == [("inclined", False)]
+    assert [knob["name"] for knob in robot["knobs"]] == ["motor_speed"]
+    assert not any("upper" in name or "plate" in name for name in robot["quantities"])
+    assert robot["quantities"]["inclined_position"] == "m" and robot["quantities"]["inclined_drive_force"] == "N"
+    assert robot["quantities"]["crank_angle"] == "rad" and robot["quantities"]["motor_speed"] == "rad/s"

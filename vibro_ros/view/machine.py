@@ -1,0 +1,71 @@
+"""What a page needs to know of a scene in order to draw the robot to scale and to offer its commands."""
+
+from typing import Any
+
+from vibro_ros.messages.outlines import CLEARANCE, FREE_LENGTH, HEADROOM, MASS_HEIGHT, guide_end, hub_height
+from vibro_ros.messages.topics import COMMAND_UNITS
+from vibro_ros.model.scene import Scene
+from vibro_ros.simulation.samples import FIELDS
+
+#: Unit of a quantity by the last word of its name; `crank_angle` is the only angle, `motor_speed` the only speed.
+_UNITS = {"time": "s", "position": "m", "height": "m", "velocity": "m/s", "angle": "rad", "speed": "rad/s",
+          "power": "W", "torque": "N m", "force": "N"}
+
+
+def machine(scene: Scene) -> dict[str, Any]:
+    """The robot of a scene, ready for JSON.
+
+    Lengths are in m and angles in rad, counted from z (upwards) towards -x. A mass's position in the quantities is
+    counted from the crank's centre to where its drive spring is unstretched, so that a picture sets mass and plate
+    farther out by `free_length` (see `messages.outlines`).
+
+    Returns
+    -------
+    dict
+        ``name`` of the scene; ``crank_radius``; ``hub_height`` of the crank's centre above the ground; ``free_length``,
+        ``mass_height``, ``headroom`` and ``clearance`` of `messages.outlines`; ``guides``, for each mass that the scene
+        has: ``side``, ``angle``, ``rod`` [m], ``plate`` (whether there is one) and ``end``, the distance of the guide's
+        end from the crank's centre; ``knobs``, for each command that does something: ``name``, ``unit``, ``from`` and
+        ``to`` (the limits beyond which the robot refuses) and ``value`` (what holds before the first command);
+        ``quantities``, the unit of each.
+
+    Examples
+    --------
+    >>> robot = machine(vibro_ros.load_scene("device"))
+    >>> [(guide["side"], guide["rod"]) for guide in robot["guides"]]
+    [('upper', 0.06), ('inclined', 0.06)]
+    """
+    return {
+        "name": scene.name,
+        "crank_radius": scene["crank.radius"],
+        "hub_height": hub_height(scene),
+        "free_length": FREE_LENGTH, "mass_height": MASS_HEIGHT, "headroom": HEADROOM, "clearance": CLEARANCE,
+        "guides": [{"side": side, "angle": scene.guide_angle(side), "rod": scene[f"crank.{side}_rod"],
+                    "plate": side in scene.plates, "end": guide_end(scene, side)} for side in scene.guides],
+        "knobs": [_motor_knob(scene), *(_gap_knob(scene, side) for side in scene.plates)],
+        "quantities": {name: unit(name) for name in quantities(scene)},
+    }
+
+
+def quantities(scene: Scene) -> tuple[str, ...]:
+    """Those fields of `Samples` that the robot of a scene has; ``time`` is not among them."""
+    absent = {side for side in ("upper", "inclined") if side not in scene.guides}
+    without_plate = {side for side in ("upper", "inclined") if side not in scene.plates}
+    return tuple(name for name in FIELDS if name != "time" and name.partition("_")[0] not in absent
+                 and not (name.partition("_")[0] in without_plate and "_plate_" in name))
+
+
+def unit(name: str) -> str:
+    """Unit of a field of `Samples`."""
+    return _UNITS[name.rpartition("_")[2]]
+
+
+def _motor_knob(scene: Scene) -> dict[str, Any]:
+    return {"name": "motor_speed", "unit": COMMAND_UNITS["motor_speed"], "from": 0.0, "to": scene["motor.max_speed"],
+            "value": scene["motor.speed"]}
+
+
+def _gap_knob(scene: Scene, side: str) -> dict[str, Any]:
+    rod = scene[f"crank.{side}_rod"]  # the limit of `Scene.checked_gap`
+    return {"name": f"{side}_gap", "unit": COMMAND_UNITS[f"{side}_gap"], "from": -rod, "to": rod,
+            "value": scene[f"{side}.gap"]}
