@@ -6,6 +6,8 @@ PACKAGES := $(VENV)/packages.done
 READY := $(VENV)/ready.done
 PEER := $(VENV)/peer.done
 STUDY := $(VENV)/study.done
+BROWSER := $(VENV)/browser.done
+QT := $(VENV)/qt.done
 TYPES := $(VENV)/interface_types.done
 PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet --quiet
 PYTHON ?= python3
@@ -24,6 +26,11 @@ $(PACKAGES): another-python
 endif
 endif
 
+# Chromium or Chrome on PATH, as vibro_ros/project/browser.py finds it; where there is none, Qt WebEngine comes from PyPI.
+CHROMIUM := chromium chromium-browser google-chrome google-chrome-stable
+NEEDS_QT = $(if $(filter-out qt,$(VIBRO_ROS_BROWSER)),,$(if $(VIBRO_ROS_BROWSER),qt,$(shell \
+	for name in $(CHROMIUM); do $$name --version >/dev/null 2>&1 && exit; done; echo qt)))
+
 .PHONY: help setup demo test check lint conflict-markers bench accuracy study paper literature optimum docs picture clean another-python
 
 help:  ## list these commands
@@ -35,7 +42,8 @@ setup: $(READY) $(TYPES)  ## make .venv with every pinned package; quick when no
 demo: $(READY) $(TYPES)  ## run robot and controller for about 20 s, record, report into out/
 	@$(BIN)/python -m vibro_ros.project.demo
 
-test: $(READY) $(TYPES) $(PEER) $(STUDY)  ## run every test, two at a time; those that need a quiet machine one after the other
+test: $(READY) $(TYPES) $(PEER) $(STUDY) $(BROWSER)  ## run every test, two at a time; those that need a quiet machine one after the other
+	@$(if $(NEEDS_QT),$(MAKE) --no-print-directory $(QT))
 	@$(BIN)/python -m pytest --numprocesses 2 --dist worksteal -m "not quiet"
 	@$(BIN)/python -m pytest -m quiet $$(grep -rl --include='*.py' 'mark\.quiet' test)
 
@@ -126,6 +134,19 @@ $(TYPES): $(PACKAGES) $(shell find vibro_ros/project/interfaces -name '*.py' -o 
 # Only the studies need them.
 $(STUDY): requirements-study.txt $(PACKAGES)
 	@echo "setup: installing what the studies need"
+	@$(PIP) install --only-binary :all: --no-deps --requirement $<
+	@$(BIN)/python -m pip check >/dev/null || { $(BIN)/python -m pip check; exit 1; }
+	@touch $@
+
+# Only tests and screenshots of the view need them; 53 MB to load.
+$(BROWSER): requirements-browser.txt $(PACKAGES)
+	@echo "setup: installing Playwright, to steer a browser"
+	@$(PIP) install --only-binary :all: --no-deps --requirement $<
+	@$(BIN)/python -m pip check >/dev/null || { $(BIN)/python -m pip check; exit 1; }
+	@touch $@
+
+$(QT): requirements-qt.txt $(PACKAGES)
+	@echo "setup: installing Qt WebEngine, because there is no Chromium or Chrome here, or VIBRO_ROS_BROWSER=qt (260 MB to load)"
 	@$(PIP) install --only-binary :all: --no-deps --requirement $<
 	@$(BIN)/python -m pip check >/dev/null || { $(BIN)/python -m pip check; exit 1; }
 	@touch $@

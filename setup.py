@@ -63,6 +63,7 @@ setup(
             "mypy",
             "packaging",
             "pandas",
+            "playwright",  # steers a browser
             "polars",
             "pytest",
             "pytest-xdist",

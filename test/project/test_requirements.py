@@ -17,9 +17,9 @@ ROSDEP_KEYS = {"PIL": "python3-pil", "mcap": "python3-mcap-pip", "rosbags": "pyt
                "yaml": "python3-yaml",  # not python3-<import>
                "llvmlite": "python3-numba", "lz4": "python3-rosbags-pip"}  # these two are brought by others
 ROSDEP_KEYS |= {name: f"python3-{name}" for name in ("matplotlib", "numba", "numpy", "scipy", "tqdm")}
-LOCKS = ("requirements.txt", "requirements-bench.txt", "requirements-study.txt")
-# Of the extras `bench`, `study` and `cluster`; only the rooms peer and study import them.
-NO_ROSDEP_KEY = {"heyoka", "SALib", "cma", "distributed", "pyarrow"}
+LOCKS = ("requirements.txt", "requirements-bench.txt", "requirements-browser.txt", "requirements-study.txt")
+# Of the extras `bench`, `study`, `cluster` and `test`; only the rooms peer, study and project import them.
+NO_ROSDEP_KEY = {"heyoka", "SALib", "cma", "distributed", "playwright", "PySide6", "pyarrow"}
 # Dependencies of rclpy's wheels; only `make setup` imports them, which a ROS installation does not call.
 GENERATORS = {"rosidl_adapter", "rosidl_generator_c", "rosidl_generator_py", "rosidl_generator_type_description",
               "rosidl_typesupport_c", "rosidl_typesupport_fastrtps_c", "rosidl_typesupport_introspection_c"}
