@@ -1,153 +1,23 @@
 """Real processes and a real rclpy node for the tests of this folder, each with an end of its own."""
 
-import os
 import shutil
-import signal
-import subprocess
 import sys
-import threading
-import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator
 from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
-import rclpy
-from rclpy.context import Context
-from rclpy.executors import SingleThreadedExecutor
-from rclpy.node import Node
 from std_srvs.srv import SetBool
-
-from vibro_ros.simulation.kernels import compile_kernels
 
 sys.path.insert(0, str(Path(__file__).parent))
 
 from asking import known_client  # noqa: E402 (beside the tests)
 from observation import Listener  # noqa: E402
 from random_run import FASTER, record_run  # noqa: E402
+from real_processes import bench, compiled, start, udp_only  # noqa: E402 (in the folder above)
 from simulator_user import Simulator  # noqa: E402
 
-PATIENCE = 60.0  # [s] deadline of what takes a second on an idle machine; kernels may have to be compiled first
-
-
-class Executable:
-    """A running executable of the package and what it has said."""
-
-    def __init__(self, name: str, *arguments: str, folder: Path, before: Sequence[str] = ()):
-        self.lines: list[str] = []
-        self._process = subprocess.Popen(
-            [*before, sys.executable, "-m", f"vibro_ros.ros.{name}", *arguments],
-            stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, cwd=folder,
-        )
-        self._reader = threading.Thread(target=self._read)
-        self._reader.start()
-
-    @property
-    def text(self) -> str:
-        return "\n".join(self.lines)
-
-    @property
-    def pid(self) -> int:
-        return self._process.pid
-
-    @property
-    def ended(self) -> bool:
-        return self._process.poll() is not None
-
-    def wait_for(self, words: str, patience: float = PATIENCE) -> str:
-        """The first line that holds `words`."""
-        deadline = time.monotonic() + patience
-        while time.monotonic() < deadline:
-            ended = self.ended
-            line = next((line for line in list(self.lines) if words in line), None)
-            if line is not None:
-                return line
-            assert not ended or self._reader.is_alive(), f"ended without {words!r}:\n{self.text}"
-            time.sleep(0.01)
-        raise AssertionError(f"no {words!r} within {patience} s:\n{self.text}")
-
-    def send(self, number: signal.Signals) -> None:
-        self._process.send_signal(number)
-
-    def end(self, patience: float = PATIENCE) -> int:
-        """Exit code, once it has ended by itself and everything it said is read."""
-        try:
-            code = self._process.wait(patience)
-        except subprocess.TimeoutExpired as error:
-            raise AssertionError(f"still running after {patience} s:\n{self.text}") from error
-        self._reader.join()
-        return code
-
-    def kill(self) -> None:
-        self._process.kill()
-        self._process.wait()
-        self._reader.join()
-
-    def _read(self) -> None:
-        self.lines.extend(line.rstrip("\n") for line in iter(self._process.stdout.readline, ""))
-
-
-class Bench:
-    """A node of the test's own, in its own context."""
-
-    def __init__(self, domain_id: int):
-        self._context = Context()
-        rclpy.init(context=self._context, domain_id=domain_id)
-        self.node = Node("bench", context=self._context)
-        self._executor = SingleThreadedExecutor(context=self._context)
-        self._executor.add_node(self.node)
-
-    def spin_until(self, done: Callable[[], bool], what: str, patience: float = PATIENCE) -> None:
-        deadline = time.monotonic() + patience
-        while not done():
-            assert time.monotonic() < deadline, f"{what}: not within {patience} s"
-            self._executor.spin_once(timeout_sec=0.05)
-
-    def spin_once(self) -> None:
-        """Run one callback, if one is ready."""
-        self._executor.spin_once(timeout_sec=0.0)
-
-    def close(self) -> None:
-        self._executor.shutdown()
-        self.node.destroy_node()
-        rclpy.shutdown(context=self._context)
-
-
-@pytest.fixture
-def udp_only(monkeypatch: pytest.MonkeyPatch) -> None:
-    """No shared memory between processes, for tests that kill one: others then crash now and then in Fast DDS 2.14.
-
-    Of that kind: eProsima/Fast-DDS, issues 1144 and 6501. To be asked for before `start` and `bench`.
-    """
-    monkeypatch.setenv("FASTDDS_BUILTIN_TRANSPORTS", "UDPv4")
-
-
-@pytest.fixture(scope="session")
-def compiled() -> None:
-    """Kernels in the cache, so that no test's patience is spent on compiling."""
-    compile_kernels()
-
-
-@pytest.fixture
-def start(compiled: None, domain_id: int, tmp_path: Path) -> Iterator[Callable[..., Executable]]:
-    """Start an executable in the test's domain and folder, by a command `before` it; killed at the end if it runs."""
-    started: list[Executable] = []
-
-    def start_one(name: str, *arguments: str, before: Sequence[str] = ()) -> Executable:
-        started.append(Executable(name, *arguments, folder=tmp_path, before=before))
-        return started[-1]
-
-    assert os.environ["ROS_DOMAIN_ID"] == str(domain_id)
-    yield start_one
-    for executable in started:
-        executable.kill()
-
-
-@pytest.fixture
-def bench(domain_id: int) -> Iterator[Bench]:
-    bench = Bench(domain_id)
-    yield bench
-    bench.close()
+__all__ = ["bench", "compiled", "start", "udp_only"]
 
 
 @pytest.fixture
