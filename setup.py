@@ -26,6 +26,7 @@ setup(
     maintainer_email=PACKAGE.find("maintainer").get("email"),
     license=PACKAGE.findtext("license"),
     packages=find_packages(include=[NAME, f"{NAME}.*"]),
+    package_data={f"{NAME}.view": ["page/*"]},
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
         (SHARE, ["package.xml"]),
@@ -61,6 +62,7 @@ setup(
             "cyclonedds",  # a peer by another vendor's DDS
             "mpmath",
             "mypy",
+            "oxlint",
             "packaging",
             "pandas",
             "playwright",  # steers a browser

@@ -1,0 +1,238 @@
+"""The pure functions of the page's modules: what they return is compared with Python's, or with an exact answer."""
+
+import base64
+import math
+
+import numpy as np
+import pytest
+from numpy.polynomial import chebyshev
+from page_modules import Modules
+
+from vibro_ros.model.slider import Slider
+from vibro_ros.view import varints
+from vibro_ros.view.motion import Motion, MotionWriter
+from vibro_ros.view.page import modules as module_texts
+
+EXACT = 4e-16  # relative: the same operations in another order
+
+
+@pytest.fixture
+def modules(page):
+    return Modules(page)
+
+
+def binary(data: bytes) -> str:
+    return base64.b64encode(data).decode()
+
+
+BUFFER = "const buffer = Uint8Array.from(atob(v[0]), (one) => one.codePointAt(0)).buffer;"
+
+
+def test_chebyshev_series_are_those_of_numpy(modules):
+    coefficients = np.random.default_rng(3).normal(size=20)
+    s = np.linspace(-1.0, 1.0, 101)
+    found = modules.call("series", "return v[1].map((s) => m.chebyshev(v[0], 0, v[0].length - 1, s));",
+                         coefficients.tolist(), s.tolist())
+    # the recurrence adds up 20 roundings of numbers of size 10
+    assert np.max(np.abs(np.array(found) - chebyshev.chebval(s, coefficients))) < 1e-14
+
+
+def test_integers_of_the_payload_are_read_as_written(modules):
+    numbers = np.array([0, -1, 1, 63, -64, 64, 300, -70000, 2**40 + 1, 1 - 2**52, 2**52 - 1])
+    found = modules.call("series", BUFFER + "return Array.from(m.varints(new Uint8Array(buffer), v[1]));",
+                         binary(varints.encoded(numbers)), len(numbers))
+    assert found == numbers.tolist()
+
+
+def test_a_payload_that_ends_too_early_is_refused(modules):
+    words = modules.call("series", """
+        try { m.varints(new Uint8Array([1, 128]), 2); } catch (error) { return error.message; }""")
+    assert "damaged" in words
+
+
+def random_motion(pieces=40, quantities=3, gap_after=20):
+    random = np.random.default_rng(5)
+    writer = MotionWriter([f"q{k}" for k in range(quantities)], [1e-9, 1e-6, 2.0])
+    ends = np.cumsum(random.uniform(1e-4, 1e-2, pieces))
+    borders = np.stack([np.concatenate([[0.0], ends[:-1]]), ends], axis=1)
+    borders[gap_after:] += 0.5
+    coefficients = random.normal(size=(pieces, quantities, 9)) * 0.3 ** np.arange(9)
+    coefficients[3:6, 1] = np.nan
+    writer.add(borders, coefficients)
+    return writer.document({"exact": False, "why": "invented", "exact_spans": [], "impacts": [], "resets": []})
+
+
+def test_a_motion_is_what_the_reader_in_python_says(modules):
+    header, payload = random_motion()
+    motion = Motion(header, payload)
+    times = np.random.default_rng(6).uniform(*motion.borders[7], 50)
+    times = np.concatenate([times, motion.borders[:20].mean(axis=1), motion.borders[:, 0] + 1e-9])
+    found = modules.call("motion", BUFFER + """
+        const motion = new m.Motion(v[1], buffer);
+        return v[2].map((time) => v[1].quantities.map((name) => {
+          const value = motion.value(name, time);
+          return Number.isNaN(value) ? null : value;
+        }));""", binary(payload), header, times.tolist())
+    found = np.array([[math.nan if one is None else one for one in row] for row in found])
+    expected = np.stack(list(motion.at(times).values()), axis=1)
+    np.testing.assert_allclose(found, expected, rtol=1e-13, atol=1e-13)  # sums of 9 numbers of size 1
+
+
+def test_a_curve_has_a_break_where_nothing_was_recorded(modules):
+    header, payload = random_motion()
+    motion = Motion(header, payload)
+    points = modules.call("motion", BUFFER + """
+        const points = [];
+        new m.Motion(v[1], buffer).trace("q0", v[1].begin, v[1].end, 1e-3, (time, value) => points.push([time, value]));
+        return points.map(([time, value]) => [time, Number.isNaN(value) ? null : value]);""", binary(payload), header)
+    breaks = [time for time, value in points if value is None]
+    assert breaks == [motion.borders[20, 0]]
+    known = np.array([point for point in points if point[1] is not None])
+    assert np.all(np.diff(known[:, 0]) >= 0.0)
+    at = motion.at(known[:, 0])["q0"]
+    inside = ~np.isin(known[:, 0], motion.borders)  # where two pieces meet, both are points of the curve
+    np.testing.assert_allclose(known[inside, 1], at[inside], rtol=1e-13, atol=1e-13)
+
+
+def test_sliders_stand_where_the_model_has_them(modules):
+    psi = np.linspace(-7.0, 7.0, 57)
+    for rod in (0.06, 0.02):
+        found = modules.call("geometry", "return v[1].map((psi) => m.sliderPosition(0.02, v[0], psi));", rod,
+                             psi.tolist())
+        np.testing.assert_allclose(found, Slider(0.02, rod, 0.0).position(psi), rtol=EXACT, atol=1e-17)
+
+
+def test_a_spring_reaches_from_end_to_end(modules):
+    points = np.array(modules.call("geometry", "return m.coil(0.02, 0.05, 6, 0.007);"))
+    assert points[0].tolist() == [0.0, 0.02] and points[-1].tolist() == [0.0, 0.05]
+    assert np.all(np.diff(points[:, 1]) > 0.0) and np.max(np.abs(points[:, 0])) == 0.007
+
+
+@pytest.mark.parametrize("low, high, most, expected", [
+    (0.0, 10.0, 5, [0, 2, 4, 6, 8, 10]), (-0.3, 0.3, 3, [-0.2, 0.0, 0.2]),
+    (59.9, 60.2, 6, [59.9, 59.95, 60.0, 60.05, 60.1, 60.15, 60.2]),
+    (3600.0, 3600.001, 2, [3600.0, 3600.0005, 3600.001])])
+def test_ticks_are_round(modules, low, high, most, expected):
+    found = modules.call("ticks", "return m.ticks(...v).ticks;", low, high, most)
+    assert found == pytest.approx(expected, rel=1e-12, abs=1e-12)
+
+
+@pytest.mark.parametrize("value, step, text", [
+    (0.3, 0.1, "0.3"), (-0.05, 0.05, "\u22120.05"), (20, 10, "20"), (-1e-12, 0.5, "0.0"), (2.0005, 0.0005, "2.0005")])
+def test_a_tick_has_the_decimals_of_its_step(modules, value, step, text):
+    assert modules.call("ticks", "return m.tickText(...v);", value, step) == text
+
+
+def test_an_axis_stays_while_it_serves(modules):
+    first = modules.call("ticks", "return m.axisRange(null, 1.2, 8.7, 1);")
+    assert first == {"low": 0, "high": 10}
+    assert modules.call("ticks", "return m.axisRange(v[0], 2, 9.5, 1);", first) == first
+    assert modules.call("ticks", "return m.axisRange(v[0], 4.9, 5.3, 1);", first) != first
+    assert modules.call("ticks", "return m.axisRange(v[0], -0.1, 9.5, 1).low;", first) < 0
+
+
+def test_a_ring_keeps_the_newest_rows(modules):
+    rows = [number for k in range(25) for number in (k * 0.1, float(k * k))]
+    found = modules.call("ring", """
+        const ring = new m.Ring(["time", "square"], 10);
+        ring.push(Float64Array.from(v[0].slice(0, 31)));
+        ring.push(Float64Array.from(v[0].slice(30)));
+        const values = {};
+        ring.read(1.95, values);
+        const points = [];
+        ring.trace("square", 2, 2.4, 1e-3, (time, value) => points.push(value));
+        return {count: ring.count, begin: ring.begin, end: ring.end, early: ring.row(0), values, points,
+                again: ring.push(Float64Array.from(v[0]))};""", rows)
+    assert (found["count"], found["early"], found["again"]) == (10, -1, 0)
+    assert (found["begin"], found["end"]) == (pytest.approx(1.5), pytest.approx(2.4))
+    assert found["values"] == {"time": pytest.approx(1.9), "square": 361}
+    assert found["points"] == [400, 441, 484, 529, 576]
+
+
+def test_of_many_samples_in_a_pixel_the_extremes_are_drawn(modules):
+    values = np.random.default_rng(8).normal(size=1000)
+    rows = np.stack([np.arange(1000) * 1e-3, values], axis=1).ravel().tolist()
+    points = modules.call("ring", """
+        const ring = new m.Ring(["time", "noise"], 1000);
+        ring.push(Float64Array.from(v[0]));
+        const points = [];
+        ring.trace("noise", 0, 1, 0.1, (time, value) => points.push([time, value]));
+        return points;""", rows)
+    assert len(points) <= 22
+    assert min(value for _, value in points) == values.min() and max(value for _, value in points) == values.max()
+
+
+def test_frames_are_taken_apart(modules):
+    body = """
+        const bytes = new Uint8Array(v[0]); const view = new DataView(bytes.buffer);
+        view.setUint32(0, v[1], true); view.setUint32(4, v[2], true);
+        const frame = m.decode(bytes.buffer, 3);
+        return frame && {type: frame.type, rows: frame.rows?.length, payload: frame.payload?.byteLength};"""
+    assert modules.call("frames", body, 8 + 48, 1, 2) == {"type": 1, "rows": 6, "payload": None}
+    assert modules.call("frames", body, 8 + 40, 2, 7) == {"type": 2, "rows": None, "payload": 40}
+    for size, kind, number in ((8 + 40, 1, 2), (8 + 48, 3, 2), (8, 1, 1)):
+        assert modules.call("frames", body, size, kind, number) is None
+
+
+def test_impacts_are_found_by_time_and_side(modules):
+    found = modules.call("impacts", """
+        const list = [[1, "upper"], [3, "inclined"], [2, "upper"], [4, "upper"]];
+        const impacts = new m.Impacts(3, list.map(([time, side]) => ({time, end: time + 0.1, side, peak_force: 1})));
+        return {kept: impacts.list.map((one) => one.time), next: impacts.next(2).time,
+                previous: impacts.previous(3).time,
+                none: impacts.previous(2) === undefined && impacts.next(4) === undefined,
+                last: impacts.last("upper", 3.5, 9).time, during: impacts.light("inclined", 3.05, 0.1).glow,
+                later: impacts.light("inclined", 3.2, 0.1).glow, between: impacts.between(2, 4).length};""")
+    assert found.pop("later") == pytest.approx(math.exp(-1.0))
+    assert found == {"kept": [2, 3, 4], "next": 3, "previous": 2, "none": True, "last": 2, "during": 1, "between": 2}
+
+
+def test_the_player_stays_within_its_motion(modules):
+    found = modules.call("player", """
+        const player = new m.Player();
+        player.load(1, 2); player.speed = 0.1; player.toggle(); player.advance(2);
+        const on = player.time;
+        player.advance(60);
+        const end = [player.time, player.playing];
+        player.toggle(); const again = player.time;
+        player.frame(1); const frame = player.time;
+        player.frame(-1); player.frame(-1);
+        return {on, end, again, frame, least: player.time, playing: player.playing};""")
+    assert found == {"on": pytest.approx(1.2), "end": [2, False], "again": 1, "frame": pytest.approx(1 + 0.1 / 60),
+                     "least": 1, "playing": False}
+
+
+def test_the_live_clock_follows_the_samples_evenly(modules):
+    drawn = np.array(modules.call("live_clock", """
+        const clock = new m.LiveClock();
+        const drawn = [];
+        for (let frame = 0; frame < 300; frame += 1) {
+          const now = 5 + frame / 60;
+          if (frame % 2 === 0) { clock.hear(now - 5 + 0.004 * (frame % 3), now); }
+          drawn.push(clock.advance(1 / 60));
+        }
+        return drawn;"""))
+    steps = np.diff(drawn[60:])
+    assert np.all(steps > 0.0) and np.all(np.abs(steps * 60 - 1.0) < 0.2)
+    assert 0.0 < 299 / 60 - drawn[-1] < 0.1
+
+
+def test_a_throttled_command_ends_with_the_last_value(modules):
+    calls = modules.call("knobs", """
+        const calls = [];
+        const send = m.throttled((value) => calls.push(value), 20);
+        for (let value = 0; value < 10; value += 1) { send(value); }
+        return new Promise((done) => { setTimeout(() => done(calls), 80); });""")
+    assert calls == [0, 9]
+
+
+def test_words_tell_the_state(modules):
+    state = {"time": 1.5, "body_position": -0.1234, "body_height": 0.001, "normal_force": 0.0, "motor_speed": 100.0}
+    assert modules.call("words", 'return m.stateWords(v[0], ["upper"]);', state) == (
+        "At 1.50 seconds the body is at \u2212123.4 millimetres, body in the air, the motor turns at 100.0 radians per "
+        "second. The upper mass strikes its plate.")
+
+
+def test_no_module_reaches_another_host():
+    for name, text in module_texts().items():
+        assert "http://" not in text and "https://" not in text, name

@@ -1,0 +1,103 @@
+"""The page as one text: HTML, style, modules, setting and data, with nothing that is loaded from elsewhere.
+
+The modules of `page/` import each other by names such as ``vibro/charts.js``. An import map leads each name to a
+`data:` URL, so that the modules stay the files that they are, in one text and without a bundler. The page's policy
+allows only scripts and styles with the page's nonce, and modules that these import; a recording's page may connect to
+nothing.
+"""
+
+import base64
+import functools
+import hashlib
+import json
+import re
+import zlib
+from collections.abc import Iterator, Mapping
+from importlib import resources
+from typing import Any
+
+FILES = resources.files("vibro_ros.view") / "page"
+"""The page's HTML, style and modules, as they are installed."""
+MARK = '<meta name="generator" content="vibro_ros view">'
+"""Stands near the begin of every page."""
+
+
+def page_text(setting: Mapping[str, Any], motion: tuple[Mapping[str, Any], bytes] | None = None,
+              nonce: str = "") -> str:
+    """The whole page.
+
+    Parameters
+    ----------
+    setting : Mapping
+        ``mode`` (``live`` or ``bag``), ``title``, ``version``; for a recording also ``machine``.
+    motion : tuple of Mapping and bytes, optional
+        The motion document of a recording.
+    nonce : str
+        Of the server's policy. Without one the text carries its own policy, as a file must.
+
+    Returns
+    -------
+    str
+        HTML, ready to be written as UTF-8.
+
+    Raises
+    ------
+    ValueError
+        When a number in the setting or the header is not finite, which JSON cannot say.
+    """
+    data = "\n".join(_data(setting, motion))
+    meta = ""
+    if not nonce:
+        nonce = hashlib.sha256(data.encode()).hexdigest()[:32]  # the same recording gives the same file
+        meta = f'<meta http-equiv="Content-Security-Policy" content="{policy(nonce)}">'
+    parts = {
+        "policy": meta, "title": _escaped(str(setting["title"])), "data": data,
+        "style": f'<style nonce="{nonce}">\n{_file("style.css")}</style>',
+        "modules": f'<script type="importmap" nonce="{nonce}">{import_map()}</script>\n'
+                   f'<script type="module" nonce="{nonce}">import "vibro/main.js";</script>'}
+    return re.sub(r"<!-- (\w+) -->", lambda found: parts[found[1]], _file("index.html"))
+
+
+def policy(nonce: str, connect: str = "'none'") -> str:
+    """The page's Content-Security-Policy; `connect` is where it may connect to."""
+    return (f"default-src 'none'; script-src 'nonce-{nonce}'; style-src 'nonce-{nonce}'; img-src data:; "
+            f"connect-src {connect}; base-uri 'none'; form-action 'none'")
+
+
+def modules() -> dict[str, str]:
+    """Text of each module of the page by its file's name."""
+    return {file.name: file.read_text(encoding="utf-8") for file in sorted(FILES.iterdir(), key=lambda one: one.name)
+            if file.name.endswith(".js")}
+
+
+@functools.cache
+def import_map() -> str:
+    """JSON that leads the name of each module to a `data:` URL."""
+    urls = {}
+    for name, text in modules().items():
+        named = f"{text}//# sourceURL=vibro/{name}\n"  # for the browser's tools
+        urls[f"vibro/{name}"] = "data:text/javascript;base64," + base64.b64encode(named.encode()).decode()
+    return json.dumps({"imports": urls})
+
+
+@functools.cache
+def _file(name: str) -> str:
+    return (FILES / name).read_text(encoding="utf-8")
+
+
+def _data(setting: Mapping[str, Any], motion: tuple[Mapping[str, Any], bytes] | None) -> Iterator[str]:
+    yield f'<script id="setting" type="application/json">{_json(setting)}</script>'
+    if motion:
+        header, payload = motion
+        yield f'<script id="motion-header" type="application/json">{_json(header)}</script>'
+        packed = base64.b64encode(zlib.compress(payload, 9)).decode()
+        yield f'<script id="motion-payload" type="text/plain">{packed}</script>'
+
+
+def _json(data: Mapping[str, Any]) -> str:
+    """JSON that ends no script element: all beyond ASCII is escaped, and so is what begins a tag."""
+    return json.dumps(data, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")
+
+
+def _escaped(text: str) -> str:
+    return "".join(f"&#{ord(letter)};" if letter in "<>&\"'" else letter for letter in text)

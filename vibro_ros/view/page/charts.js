@@ -1,0 +1,248 @@
+/** Strip charts on one canvas, one above the other, with one axis of time. */
+
+import {stripsOf} from "vibro/strips.js";
+import {line} from "vibro/stage.js";
+import {font, theme} from "vibro/theme.js";
+import {axisRange, fixed, tickText, ticks} from "vibro/ticks.js";
+
+const LEFT = 50; // px, for the numbers of the axes
+const RIGHT = 10;
+const TITLE = 20;
+const BOTTOM = 34; // for the axis of time
+const GAP = 6; // between strips
+const VALUE = 58; // for a value of the legend
+const TICK = 22; // px between the ticks of a value, at least
+const TIME_TICK = 72; // px between the ticks of time, at least
+const FUTURE = 0.3; // share of the window that lies ahead, when what comes is known
+const PALE = 0.35; // how strongly what comes is drawn
+
+export class Charts {
+  #strips;
+  #ranges;
+  #source;
+  #ahead;
+
+  constructor() {
+    this.#strips = [];
+    this.#ranges = [];
+    this.#source = null;
+  }
+
+  /**
+   * Show another source.
+   * @param {object} source a `Ring` or a `Motion`
+   * @param {boolean} ahead whether what comes is known and shown
+   */
+  load(source, ahead) {
+    this.#source = source;
+    this.#ahead = ahead;
+    this.#strips = stripsOf(source);
+    this.#ranges = this.#strips.map(() => null);
+  }
+
+  /**
+   * Draw.
+   * @param {object} surface to draw on
+   * @param {number} time the present [s]
+   * @param {number} window how much time is shown [s]
+   * @param {object} values quantities at the present, by name
+   * @param {object} impacts to mark
+   */
+  draw(surface, time, window, values, impacts) {
+    const context = surface.begin();
+    if (!this.#source || !Number.isFinite(time)) {
+      return;
+    }
+    const [begin, end] = this.#span(time, window);
+    const frame = {left: LEFT, width: Math.max(10, surface.width - LEFT - RIGHT), begin, end, time};
+    frame.x = (at) => LEFT + (at - begin) / (end - begin) * frame.width;
+    frame.step = (end - begin) / frame.width;
+    const shares = this.#strips.reduce((sum, strip) => sum + strip.share, 0);
+    const room = surface.height - BOTTOM - this.#strips.length * (TITLE + GAP);
+    const timeTicks = ticks(frame.begin, end, Math.max(2, frame.width / TIME_TICK));
+    let top = 0;
+    for (const [number, strip] of this.#strips.entries()) {
+      const height = Math.max(20, room * strip.share / shares);
+      const place = {...frame, top: top + TITLE, height};
+      this.#drawStrip(context, place, number, {values, impacts, timeTicks: timeTicks.ticks});
+      top += TITLE + height + GAP;
+    }
+    drawTimeAxis(context, frame, top - GAP, timeTicks);
+  }
+
+  // What is shown: up to the present, or, of what is known as a whole, what lies around it.
+  #span(time, window) {
+    if (!this.#ahead) {
+      return [time - window, time];
+    }
+    const {begin, end} = this.#source;
+    const length = Math.max(1e-6, Math.min(window, end - begin));
+    const first = Math.min(Math.max(time - (1 - FUTURE) * length, begin), Math.max(begin, end - length));
+    return [first, first + length];
+  }
+
+  #drawStrip(context, place, number, {values, impacts, timeTicks}) {
+    const strip = this.#strips[number];
+    const lines = strip.series.map((series) => this.#points(series, strip.scale, place));
+    this.#ranges[number] = axisRange(this.#ranges[number], ...extent(lines), strip.least);
+    const range = this.#ranges[number];
+    const y = (value) => place.top + place.height * (range.high - value) / (range.high - range.low);
+    drawGrid(context, place, range, y, timeTicks);
+    drawTitle(context, place, strip, values);
+    context.save();
+    context.beginPath();
+    context.rect(place.left, place.top - 1, place.width, place.height + 2);
+    context.clip();
+    const present = place.x(place.time);
+    for (const [k, series] of strip.series.entries()) {
+      context.strokeStyle = theme[series.colour];
+      context.lineWidth = series.dashed ? 1 : 1.5;
+      context.setLineDash(series.dashed ? [5, 4] : []);
+      drawLine(context, place, lines[k], y, present, this.#ahead);
+    }
+    context.setLineDash([]);
+    if (strip.impacts) {
+      drawImpacts(context, place, impacts);
+    }
+    context.restore();
+    if (this.#ahead) {
+      context.strokeStyle = theme.accent;
+      context.lineWidth = 1;
+      line(context, present, place.top, present, place.top + place.height);
+    }
+  }
+
+  // Times and values of a series within the window, one behind the other.
+  #points(series, scale, place) {
+    const points = [];
+    const factor = scale * (series.sign ?? 1);
+    this.#source.trace(series.name, place.begin, place.end, roundedStep(place.step), (time, value) => {
+      points.push(time, factor * value);
+    });
+    return points;
+  }
+}
+
+// The step of time that a curve is made of: a power of two, so that curves are kept while the window changes a little.
+function roundedStep(step) {
+  return 2 ** Math.round(Math.log2(step));
+}
+
+function extent(lines) {
+  let [low, high] = [Infinity, -Infinity];
+  for (const points of lines) {
+    for (let k = 1; k < points.length; k += 2) {
+      if (points[k] < low) {
+        low = points[k];
+      }
+      if (points[k] > high) {
+        high = points[k];
+      }
+    }
+  }
+  return [low, high];
+}
+
+function drawGrid(context, place, range, y, timeTicks) {
+  const {left, width, top, height} = place;
+  const marks = ticks(range.low, range.high, height / TICK);
+  context.lineWidth = 1;
+  context.strokeStyle = theme.line;
+  for (const mark of timeTicks) {
+    const x = Math.round(place.x(mark)) + 0.5;
+    line(context, x, top, x, top + height);
+  }
+  context.font = font(11);
+  context.fillStyle = theme.soft;
+  context.textAlign = "right";
+  context.textBaseline = "middle";
+  for (const mark of marks.ticks) {
+    const at = Math.round(y(mark)) + 0.5;
+    line(context, left, at, left + width, at);
+    context.fillText(tickText(mark, marks.step), left - 6, at);
+  }
+}
+
+function drawTitle(context, place, strip, values) {
+  const base = place.top - 6;
+  const legend = strip.series.filter((one) => !one.dashed).toReversed();
+  context.font = font(12);
+  const taken = legend.reduce((sum, one) => sum + VALUE + labelWidth(context, one), 0);
+  context.textBaseline = "alphabetic";
+  context.textAlign = "left";
+  context.font = font(12, "600");
+  context.fillStyle = theme.ink;
+  const title = `${strip.title} [${strip.unit}]`;
+  const fits = context.measureText(title).width + taken < place.width;
+  context.fillText(fits ? title : `${strip.short ?? strip.title} [${strip.unit}]`, place.left, base);
+  let right = place.left + place.width;
+  context.font = font(12);
+  context.textAlign = "right";
+  for (const series of legend) {
+    context.fillStyle = theme[series.colour];
+    context.fillText(fixed(values[series.name] * strip.scale * (series.sign ?? 1), strip.decimals), right, base);
+    right -= VALUE;
+    context.fillText(series.label ?? "", right + 8, base);
+    right -= labelWidth(context, series);
+  }
+}
+
+function labelWidth(context, series) {
+  return series.label ? context.measureText(series.label).width + 4 : 0;
+}
+
+function drawLine(context, place, points, y, present, ahead) {
+  context.beginPath();
+  let pen = false;
+  for (let k = 0; k < points.length; k += 2) {
+    const known = !Number.isNaN(points[k + 1]);
+    if (known && pen) {
+      context.lineTo(place.x(points[k]), y(points[k + 1]));
+    } else if (known) {
+      context.moveTo(place.x(points[k]), y(points[k + 1]));
+    }
+    pen = known;
+  }
+  if (!ahead) {
+    context.stroke();
+    return;
+  }
+  context.globalAlpha = PALE;
+  context.stroke();
+  context.globalAlpha = 1;
+  context.save();
+  const path = new Path2D();
+  path.rect(place.left, place.top - 2, present - place.left, place.height + 4);
+  context.clip(path);
+  context.stroke();
+  context.restore();
+}
+
+function drawImpacts(context, place, impacts) {
+  const found = impacts.between(place.begin, place.end);
+  const half = Math.min(3.5, Math.max(0.75, place.width / Math.max(1, found.length) / 4));
+  for (const impact of found) {
+    const x = place.x(impact.time);
+    context.fillStyle = theme[impact.side];
+    context.beginPath();
+    context.moveTo(x - half, place.top);
+    context.lineTo(x + half, place.top);
+    context.lineTo(x, place.top + 6);
+    context.fill();
+  }
+}
+
+function drawTimeAxis(context, frame, bottom, timeTicks) {
+  context.font = font(11);
+  context.fillStyle = theme.soft;
+  context.textBaseline = "top";
+  for (const mark of timeTicks.ticks) {
+    const x = frame.x(mark);
+    const text = tickText(mark, timeTicks.step);
+    const half = context.measureText(text).width / 2;
+    context.textAlign = "center";
+    context.fillText(text, Math.min(x, frame.left + frame.width + RIGHT - half), bottom + 4);
+  }
+  context.textAlign = "right";
+  context.fillText("robot time [s]", frame.left + frame.width, bottom + 19);
+}

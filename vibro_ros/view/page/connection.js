@@ -1,0 +1,87 @@
+/** The web socket to the server of the live view; it is opened again when it is lost. */
+
+import {MOTION, SAMPLES, decode} from "vibro/frames.js";
+
+const AGAIN = 1000; // ms before another try
+
+export class Connection {
+  /** Numbers in a row of samples; 0 while they are not known. */
+  columns = 0;
+  #hear;
+  #number;
+  #header;
+  #waiting;
+  #socket;
+
+  /**
+   * @param {object} hear functions by the kind of a message, and `samples(rows)`, `motion(header, payload)`, `lost()`
+   */
+  constructor(hear) {
+    this.#hear = hear;
+    this.#number = 0;
+    this.#header = null;
+    this.#waiting = new Map();
+  }
+
+  /** Connect, now and whenever the connection is lost. */
+  open() {
+    const scheme = location.protocol === "https:" ? "wss" : "ws";
+    const token = new URLSearchParams(location.search).get("token") ?? "";
+    const socket = new WebSocket(`${scheme}://${location.host}/live?token=${encodeURIComponent(token)}`);
+    socket.binaryType = "arraybuffer";
+    socket.addEventListener("message", (event) => this.#take(event.data));
+    socket.addEventListener("close", (event) => this.#lost(event));
+    this.#socket = socket;
+  }
+
+  /**
+   * Ask the server for something.
+   * @param {object} request
+   * @param {function(object): void} [answered] is called with the answer
+   */
+  ask(request, answered) {
+    if (this.#socket?.readyState !== WebSocket.OPEN) {
+      this.#hear.lost("");
+      return;
+    }
+    this.#number += 1;
+    if (answered) {
+      this.#waiting.set(this.#number, answered);
+    }
+    this.#socket.send(JSON.stringify({id: this.#number, ...request}));
+  }
+
+  #lost(event) {
+    this.columns = 0;
+    this.#header = null;
+    this.#waiting.clear();
+    this.#hear.lost(event.reason);
+    setTimeout(() => this.open(), AGAIN);
+  }
+
+  #take(data) {
+    if (typeof data === "string") {
+      this.#takeText(JSON.parse(data));
+      return;
+    }
+    const frame = decode(data, this.columns);
+    if (frame?.type === SAMPLES) {
+      this.#hear.samples(frame.rows);
+    } else if (frame?.type === MOTION && this.#header?.id === frame.number) {
+      this.#hear.motion(this.#header.header, frame.payload);
+      this.#header = null;
+    }
+  }
+
+  #takeText(message) {
+    if (message.kind === "motion") {
+      this.#header = message;
+    } else if (message.kind === "answer") {
+      this.#waiting.get(message.id)?.(message);
+      this.#waiting.delete(message.id);
+      this.#hear.answer(message);
+    } else {
+      this.#hear[message.kind]?.(message);
+    }
+  }
+}

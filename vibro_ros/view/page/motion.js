@@ -1,0 +1,180 @@
+/** A motion, exact at every instant: pieces of time, and on each piece each quantity as a Chebyshev series. */
+
+import {Cell} from "vibro/cell.js";
+import {Kept} from "vibro/kept.js";
+import {UNKNOWN, chebyshev, places, sumConstants, varints} from "vibro/series.js";
+
+/** Steps of time that are computed and kept together. */
+const BLOCK = 64;
+/** Instants at which a piece is looked at within a step of time: enough to find how high a short blow goes. */
+const LOOKS = 3;
+/** Between two pieces [s], from which on nothing is known in between. */
+const GAP = 1e-9;
+
+// An array of the payload; the browser's machine must be little-endian, as all are.
+function array(header, payload, name) {
+  const [kind, offset, count] = header.arrays[name];
+  if (kind === "varint") {
+    return varints(new Uint8Array(payload, offset), count);
+  }
+  return kind === "float64" ? new Float64Array(payload, offset, count) : new Uint8Array(payload, offset, count);
+}
+
+export class Motion {
+  #borders;
+  #degrees;
+  #coefficients;
+  #places;
+  #width;
+  #index;
+  #piece;
+  #kept;
+
+  /**
+   * @param {object} header of the motion document
+   * @param {ArrayBuffer} payload of the motion document
+   */
+  constructor(header, payload) {
+    this.header = header;
+    this.begin = header.begin;
+    this.end = header.end;
+    this.#borders = array(header, payload, "borders");
+    this.#degrees = array(header, payload, "degrees");
+    this.#coefficients = array(header, payload, "coefficients");
+    this.#places = places(this.#degrees);
+    this.#width = header.quantities.length;
+    sumConstants(this.#coefficients, this.#degrees, this.#places, this.#width);
+    this.#index = new Map(header.quantities.map((name, index) => [name, index]));
+    this.#piece = 0;
+    this.#kept = new Kept();
+  }
+
+  /**
+   * @param {string} name
+   * @returns {boolean} whether the motion tells this quantity
+   */
+  has(name) {
+    return this.#index.has(name);
+  }
+
+  /**
+   * @param {number} time [s]
+   * @returns {number} number of the last piece that begins no later; 0 before the first
+   */
+  piece(time) {
+    const borders = this.#borders;
+    const guess = this.#piece;
+    if (borders[2 * guess] <= time && time < borders[2 * guess + 1]) {
+      return guess;
+    }
+    let [low, high] = [0, this.header.pieces];
+    while (low < high) {
+      const middle = (low + high) >> 1;
+      if (borders[2 * middle] <= time) {
+        low = middle + 1;
+      } else {
+        high = middle;
+      }
+    }
+    this.#piece = Math.max(0, low - 1);
+    return this.#piece;
+  }
+
+  /**
+   * @param {string} name
+   * @param {number} time [s]; within a gap between pieces the end of the piece before is returned
+   * @returns {number} the quantity; NaN where nothing is known
+   */
+  value(name, time) {
+    const index = this.#index.get(name);
+    return index === undefined ? Number.NaN : this.#value(this.piece(time), index, time);
+  }
+
+  /**
+   * The device at an instant.
+   * @param {number} time [s]
+   * @param {object} values filled: each quantity by its name
+   * @returns {number} the time within the motion that was read [s]
+   */
+  read(time, values) {
+    const at = Math.min(this.end, Math.max(this.begin, time));
+    const piece = this.piece(at);
+    for (const [name, index] of this.#index) {
+      values[name] = this.#value(piece, index, at);
+    }
+    values.time = at;
+    return at;
+  }
+
+  #value(piece, index, time) {
+    const place = piece * this.#width + index;
+    const degree = this.#degrees[place];
+    if (degree === UNKNOWN) {
+      return Number.NaN;
+    }
+    const [begin, end] = [this.#borders[2 * piece], this.#borders[2 * piece + 1]];
+    const s = end > begin ? Math.min(1, Math.max(-1, ((time - begin) - (end - time)) / (end - begin))) : 0;
+    return this.header.units[index] * chebyshev(this.#coefficients, this.#places[place], degree, s);
+  }
+
+  /**
+   * @param {number} time [s]
+   * @returns {boolean} whether what is shown there is what the simulator computes, not an interpolation
+   */
+  exactAt(time) {
+    const {exact, exact_spans: spans} = this.header;
+    return exact || (spans ?? []).some(([begin, end]) => begin <= time && time <= end);
+  }
+
+  /**
+   * A quantity as a polyline; of each step of time the least and the greatest value, short blows included.
+   * @param {string} name
+   * @param {number} from [s]
+   * @param {number} to [s]
+   * @param {number} step shortest time that can be seen [s]
+   * @param {function(number, number): void} point is called for each point: time [s], value
+   */
+  trace(name, from, to, step, point) {
+    const length = BLOCK * step;
+    const last = Math.floor(Math.min(to, this.end) / length);
+    for (let number = Math.floor(Math.max(from, this.begin) / length); number <= last; number += 1) {
+      const points = this.#kept.get(`${name} ${step} ${number}`, () => this.#block(name, step, number));
+      for (let k = 0; k < points.length; k += 2) {
+        point(points[k], points[k + 1]);
+      }
+    }
+  }
+
+  // Points of one block of steps; the steps lie at fixed instants, so that a curve that moves by does not shimmer.
+  #block(name, step, number) {
+    const points = [];
+    const hand = (time, value) => points.push(time, value);
+    for (let k = number * BLOCK; k < (number + 1) * BLOCK; k += 1) {
+      this.#cell(name, k, step, hand).hand(hand);
+    }
+    return Float64Array.from(points);
+  }
+
+  // One step of time; where nothing was recorded in between, a value that is no number parts the curve.
+  #cell(name, number, step, hand) {
+    const cell = new Cell(number);
+    const index = this.#index.get(name);
+    const [from, to] = [Math.max(number * step, this.begin), Math.min((number + 1) * step, this.end)];
+    if (!(from <= to)) {
+      return cell;
+    }
+    for (let piece = this.piece(from); piece < this.header.pieces && this.#borders[2 * piece] <= to; piece += 1) {
+      const begin = Math.max(from, this.#borders[2 * piece]);
+      if (piece > 0 && begin === this.#borders[2 * piece] && begin - this.#borders[2 * piece - 1] > GAP) {
+        hand(begin, Number.NaN);
+      }
+      const end = Math.min(to, this.#borders[2 * piece + 1]);
+      const looks = begin <= end ? LOOKS : 0;
+      for (let k = 0; k < looks; k += 1) {
+        const time = begin + (end - begin) * k / (LOOKS - 1);
+        cell.add(time, this.#value(piece, index, time));
+      }
+    }
+    return cell;
+  }
+}

@@ -1,0 +1,132 @@
+/** The loop: sixty times a second the clock goes on, and what it shows is drawn. */
+
+import {Marks} from "vibro/marks.js";
+import {Player} from "vibro/player.js";
+import {Readings} from "vibro/readings.js";
+import {sayExactness} from "vibro/said.js";
+import {clockDecimals, fixed} from "vibro/ticks.js";
+import {Transport} from "vibro/transport.js";
+import {View} from "vibro/view.js";
+
+const LONGEST = 0.1; // s between two pictures; a page that was hidden goes on where it was
+const LIVE_WINDOW = 6; // s
+
+export class Scene {
+  #clock;
+  #readings;
+  #live;
+  #held;
+  #text;
+
+  constructor() {
+    this.view = new View();
+    this.player = new Player();
+    this.marks = new Marks();
+    this.transport = new Transport(this.player, () => this.view.change());
+    this.motion = null; // what the player plays; null while the robot is live
+    this.#clock = document.querySelector("#clock");
+    this.#readings = new Readings();
+    this.#live = null;
+    this.#held = Number.NaN; // instant that somebody asked to see
+    document.querySelector("#forces").addEventListener("change", (event) => {
+      this.view.forces = event.target.checked;
+      this.view.change();
+    });
+    globalThis.matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.marks.draw());
+    globalThis.vibro = {drawn: () => this.view.drawn(), show: (time) => this.show(time)};
+  }
+
+  /**
+   * Play a motion.
+   * @param {object} motion
+   * @param {object} impacts of the same time
+   */
+  play(motion, impacts) {
+    this.motion = motion;
+    this.#load(motion, impacts, true);
+    this.transport.load(motion, impacts);
+    this.marks.load(motion, impacts);
+  }
+
+  /**
+   * Follow a live robot.
+   * @param {object} ring its samples
+   * @param {object} impacts its impacts
+   * @param {object} clock which instant to draw
+   */
+  follow(ring, impacts, clock) {
+    this.motion = null;
+    this.#live = clock;
+    this.#held = Number.NaN;
+    this.#load(ring, impacts, false);
+    this.transport.enable(false);
+    this.marks.load(null, impacts);
+  }
+
+  #load(source, impacts, ahead) {
+    this.view.load(source, impacts, ahead);
+    this.#readings.load(source);
+  }
+
+  /** Begin; never ends. */
+  run() {
+    let before = performance.now();
+    const frame = (now) => {
+      this.#advance(Math.min(LONGEST, Math.max(0, (now - before) / 1e3)));
+      before = now;
+      this.#draw(now);
+      requestAnimationFrame(frame);
+    };
+    requestAnimationFrame(frame);
+  }
+
+  /**
+   * Draw an instant and stay there.
+   * @param {number} time [s]
+   * @returns {{time: number, quantities: object}} what was drawn
+   */
+  show(time) {
+    if (this.motion) {
+      this.player.seek(time);
+    } else {
+      this.#held = time;
+    }
+    this.view.change();
+    this.#draw(performance.now());
+    return this.view.drawn();
+  }
+
+  #advance(elapsed) {
+    if (this.motion) {
+      this.player.advance(elapsed);
+    } else if (this.#live) {
+      this.#live.advance(elapsed);
+    }
+  }
+
+  get #time() {
+    if (this.motion) {
+      return this.player.time;
+    }
+    return Number.isNaN(this.#held) ? this.#live?.time ?? Number.NaN : this.#held;
+  }
+
+  get #pace() {
+    return this.motion ? {speed: this.player.speed, window: this.player.window} : {speed: 1, window: LIVE_WINDOW};
+  }
+
+  #draw(now) {
+    const pace = this.#pace;
+    this.view.draw(this.#time, pace, now);
+    this.transport.show();
+    if (this.motion) {
+      sayExactness(this.motion.exactAt(this.player.time), this.motion.header.why);
+    }
+    this.#readings.show(this.view.values, now);
+    const text = `${fixed(this.view.values.time, clockDecimals(pace.speed))} s`;
+    if (text !== this.#text && Number.isFinite(this.view.values.time)) {
+      this.#text = text;
+      this.#clock.textContent = text;
+    }
+  }
+}

@@ -1,0 +1,129 @@
+/** What the mechanism stands on: the scale of the picture, the ground that moves by, the height of a hop. */
+
+import {SLED, bounds} from "vibro/geometry.js";
+import {fixed} from "vibro/ticks.js";
+import {font, theme} from "vibro/theme.js";
+
+const MARGIN = 14; // px, beside the mechanism
+const BELOW = 40; // px, for the ground's marks and the force from below
+const ABOVE = 22; // px, for the state in words
+const LEAST_HOP = 1e-4; // m that is marked
+const MARKS = 0.01; // m from mark to mark
+
+export class Stage {
+  /** @param {object} machine as the setting describes it */
+  constructor(machine) {
+    this.machine = machine;
+    this.box = bounds(machine);
+  }
+
+  /**
+   * Fit the mechanism into the canvas. The body stands still in the picture and the ground moves by.
+   * @param {number} width [px]
+   * @param {number} height [px]
+   * @param {object} values quantities by name
+   */
+  fit(width, height, values) {
+    const {box} = this;
+    this.width = width;
+    this.height = height;
+    const wide = (width - 2 * MARGIN) / (box.right - box.left);
+    const high = (height - BELOW - ABOVE) / (box.top - box.bottom);
+    this.scale = Math.max(1, Math.min(wide, high)); // px/m
+    this.middle = width / 2 - this.scale * (box.left + box.right) / 2; // px, where the crank's centre is
+    this.body = values.body_position || 0;
+    const lift = values.body_height || 0;
+    const most = Math.max(0.02, 0.25 * (box.top - box.bottom));
+    this.ground = height - BELOW + this.scale * Math.max(0, lift - most); // the ground sinks below one that flies high
+    this.hub = this.ground - this.scale * (this.machine.hub_height + lift);
+    this.sole = this.ground - this.scale * lift;
+  }
+
+  /**
+   * Have a context draw in metres from the crank's centre, x to the right and z up.
+   * @param {CanvasRenderingContext2D} context
+   */
+  enter(context) {
+    context.save();
+    context.translate(this.middle, this.hub);
+    context.scale(this.scale, -this.scale);
+  }
+
+  /**
+   * A point of a guide's frame on the canvas.
+   * @param {number} angle of the guide [rad]
+   * @param {number} across [m], to the right when the guide is upright
+   * @param {number} along [m], outwards
+   * @returns {number[]} x, y [px]
+   */
+  point(angle, across, along) {
+    const x = across * Math.cos(angle) - along * Math.sin(angle);
+    const z = across * Math.sin(angle) + along * Math.cos(angle);
+    return [this.middle + this.scale * x, this.hub - this.scale * z];
+  }
+
+  /** @param {CanvasRenderingContext2D} context */
+  drawGround(context) {
+    const {ground, width, scale} = this;
+    context.fillStyle = theme.ground;
+    context.fillRect(0, ground, width, this.height - ground);
+    context.strokeStyle = theme.ink;
+    context.lineWidth = 1.25;
+    line(context, 0, ground, width, ground);
+    const labelled = 150 / scale > 0.1 ? 0.1 : 0.05; // m
+    const left = this.body - this.middle / scale;
+    const right = left + width / scale;
+    context.font = font(11);
+    context.textAlign = "center";
+    context.textBaseline = "top";
+    context.lineWidth = 1;
+    for (let mark = Math.floor((left - labelled) / MARKS); mark * MARKS <= right + labelled; mark += 1) {
+      const x = this.middle + scale * (mark * MARKS - this.body);
+      const long = mark % Math.round(labelled / MARKS) === 0;
+      context.strokeStyle = long ? theme.soft : theme.faint;
+      line(context, x, ground, x, ground + (long ? 8 : 4));
+      if (long) {
+        const text = `${fixed(mark * MARKS * 1e3, 0)} mm`;
+        const half = context.measureText(text).width / 2 + 4;
+        context.fillStyle = theme.soft;
+        context.fillText(x > half && x < width - half ? text : "", x, ground + 11);
+      }
+    }
+  }
+
+  /**
+   * The height of a hop, as a measure beside the sled.
+   * @param {CanvasRenderingContext2D} context
+   * @param {object} values quantities by name
+   */
+  drawHeight(context, values) {
+    if (!(values.body_height > LEAST_HOP)) {
+      return;
+    }
+    const x = this.middle + this.scale * (SLED.front + SLED.overhang + 0.006);
+    context.strokeStyle = theme.soft;
+    context.fillStyle = theme.soft;
+    context.lineWidth = 1;
+    line(context, x - 4, this.sole, x + 4, this.sole);
+    line(context, x, this.sole, x, this.ground);
+    context.font = font(11);
+    context.textAlign = "left";
+    context.textBaseline = "middle";
+    context.fillText(`${fixed(values.body_height * 1e3, 1)} mm`, x + 7, (this.sole + this.ground) / 2 - 6);
+  }
+}
+
+/**
+ * A straight line.
+ * @param {CanvasRenderingContext2D} context
+ * @param {number} x
+ * @param {number} y
+ * @param {number} toX
+ * @param {number} toY
+ */
+export function line(context, x, y, toX, toY) {
+  context.beginPath();
+  context.moveTo(x, y);
+  context.lineTo(toX, toY);
+  context.stroke();
+}

@@ -1,0 +1,140 @@
+/** What is seen at an instant: reads a source, draws mechanism and charts, and says in words what it shows. */
+
+import {drawForces} from "vibro/arrows.js";
+import {Charts} from "vibro/charts.js";
+import {Impacts} from "vibro/impacts.js";
+import {drawMechanism} from "vibro/mechanism.js";
+import {Stage} from "vibro/stage.js";
+import {Surface} from "vibro/surface.js";
+import {followTheme, font, theme} from "vibro/theme.js";
+import {bodyState, stateWords} from "vibro/words.js";
+
+const FADE = 0.07; // s of watching, in which a flash fades
+const WORDS = 1000; // ms between two descriptions in words
+
+export class View {
+  #stage;
+  #charts;
+  #changed;
+  #spoken;
+  #picture;
+  #strips;
+  #time;
+
+  constructor() {
+    this.values = {time: Number.NaN};
+    this.impacts = new Impacts(1);
+    this.forces = false;
+    this.source = null;
+    this.#stage = null;
+    this.#charts = new Charts();
+    this.#changed = true;
+    this.#spoken = 0;
+    const change = () => this.change();
+    this.#picture = new Surface(document.querySelector("#mechanism"), change);
+    this.#strips = new Surface(document.querySelector("#charts"), change);
+    followTheme(change);
+  }
+
+  /** Draw at the next occasion, though the instant is the same. */
+  change() {
+    this.#changed = true;
+  }
+
+  /**
+   * Show another machine.
+   * @param {object} machine as the setting describes it
+   */
+  setMachine(machine) {
+    this.#stage = new Stage(machine);
+    this.change();
+  }
+
+  /**
+   * Show another source.
+   * @param {object | null} source a `Ring` or a `Motion`
+   * @param {Impacts} impacts of the same time
+   * @param {boolean} ahead whether what comes is known
+   */
+  load(source, impacts, ahead) {
+    this.source = source;
+    this.impacts = impacts;
+    if (source) {
+      this.#charts.load(source, ahead);
+    }
+    this.values = {time: Number.NaN};
+    this.change();
+  }
+
+  /**
+   * Draw an instant, if anything has changed.
+   * @param {number} time [s]
+   * @param {{speed: number, window: number}} pace robot time over time on the wall; what the charts show of it [s]
+   * @param {number} now time on the wall [ms]
+   */
+  draw(time, pace, now) {
+    if (!this.source || !this.#stage || !Number.isFinite(time)) {
+      return;
+    }
+    const before = this.values.time;
+    this.source.read(time, this.values);
+    if (this.values.time === before && !this.#changed && time === this.#time) {
+      return;
+    }
+    this.#changed = false;
+    this.#time = time;
+    const lights = this.#lights(this.values.time, pace.speed);
+    this.#drawPicture(lights);
+    this.#charts.draw(this.#strips, time, pace.window, this.values, this.impacts);
+    this.#describe(lights, now);
+  }
+
+  #lights(time, speed) {
+    const lights = {};
+    for (const {side} of this.#stage.machine.guides) {
+      const light = this.impacts.light(side, time, FADE * speed);
+      if (light.impact) {
+        light.glow *= 0.4 + 0.6 * Math.sqrt((light.impact.peak_force ?? this.impacts.greatest) / this.impacts.greatest);
+      }
+      lights[side] = light;
+    }
+    return lights;
+  }
+
+  #drawPicture(lights) {
+    const context = this.#picture.begin();
+    const {width, height} = this.#picture;
+    this.#stage.fit(width, height, this.values);
+    this.#stage.drawGround(context);
+    drawMechanism(context, this.#stage, this.values, lights);
+    this.#stage.drawHeight(context, this.values);
+    if (this.forces) {
+      drawForces(context, this.#stage, this.values);
+    }
+    context.font = font(12);
+    context.fillStyle = theme.soft;
+    context.textAlign = "left";
+    context.textBaseline = "top";
+    context.fillText(bodyState(this.values), 12, 10);
+    if (this.forces) {
+      context.fillText("arrows: logarithm of the force", 12, 28);
+    }
+  }
+
+  // Say once a second what the picture shows.
+  #describe(lights, now) {
+    if (now - this.#spoken < WORDS) {
+      return;
+    }
+    this.#spoken = now;
+    const struck = Object.keys(lights).filter((side) => lights[side].glow > 0.2);
+    const words = stateWords(this.values, struck);
+    this.#picture.canvas.setAttribute("aria-label", words);
+  }
+
+  /** @returns {{time: number, quantities: object}} what the last picture shows */
+  drawn() {
+    const {time, ...quantities} = this.values;
+    return {time, quantities};
+  }
+}
