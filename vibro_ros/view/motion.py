@@ -175,7 +175,7 @@ class Motion:
     def at(self, times: np.ndarray) -> dict[str, np.ndarray]:
         """Every quantity at `times` [s], each of shape (n,); NaN where nothing is known."""
         times = np.asarray(times, dtype=float)
-        found = {name: np.full(len(times), np.nan) for name in self.quantities}
+        found: dict[str, np.ndarray] = {name: np.full(len(times), np.nan) for name in self.quantities}
         if not len(self._borders):
             return found
         piece = np.clip(np.searchsorted(self._borders[:, 0], times, side="right") - 1, 0, len(self._borders) - 1)
