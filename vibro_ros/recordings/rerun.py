@@ -117,6 +117,8 @@ class Rerun:
     ----------
     tick : int
         Number of the last sample taken; -1 before the first.
+    origin : int
+        Number of the sample at which the device's own time is 0.
     refused : int
         Commands and operations that the device refused.
     resets : int
@@ -133,7 +135,7 @@ class Rerun:
         self.tick = -1
         self.refused = 0
         self.resets = 0
-        self._origin = 0  # the sample at which the device's own time is 0
+        self.origin = 0
         self._facts, self._prefix = facts, facts.settings["frame_prefix"]
         prepare_kernels("replay", scene["solver.method"])
         self.device = Simulator(scene)
@@ -168,7 +170,7 @@ class Rerun:
         if not 0 <= since <= tick or time != self._facts.time(since):
             raise ValueError(f"the checkpoint is of {time:.9g} s, which is no sample's time up to "
                              f"{self._facts.time(tick):.9g} s")
-        self.tick, self._origin = tick, tick - since
+        self.tick, self.origin = tick, tick - since
 
     def receive(self, name: str, data: bytes) -> str:
         """Give the device a recorded command or operation, of the robot's own `name` (SimulationError as above).
@@ -192,14 +194,14 @@ class Rerun:
             self.refused += 1
         else:
             if operation.name == RESET:
-                self._origin = self.tick + 1
+                self.origin = self.tick + 1
                 self.resets += 1
         return ""
 
     def _advance(self) -> None:
         """Go to the sample `tick`; a device that was reset after it stands at its start already."""
-        if self.tick >= self._origin:
-            self.device.advance_to(self._facts.time(self.tick - self._origin))
+        if self.tick >= self.origin:
+            self.device.advance_to(self._facts.time(self.tick - self.origin))
 
     def _command(self, name: str, data: bytes) -> str:
         try:
@@ -215,7 +217,7 @@ class Rerun:
 
     def _messages(self) -> Iterator[tuple[str, bytes]]:
         state, events, stamp = self.device.state, self.device.take_events(), self._facts.stamp(self.tick)
-        start = self._facts.stamp(self._origin)
+        start = self._facts.stamp(self.origin)
         fields.fill_odometry(self._blank["odom"], state, stamp, self._prefix)
         fields.fill_joint_states(self._blank["joint_states"], state, self._joints, stamp, self._prefix)
         fields.fill_ground_contact(self._blank["ground_contact"], state, stamp, self._prefix)

@@ -62,7 +62,7 @@ class MotionWriter:
         Step of a coefficient of each quantity (SI).
     """
 
-    def __init__(self, quantities: Sequence[str], units: Sequence[float]):
+    def __init__(self, quantities: Sequence[str], units: Sequence[float] | np.ndarray):
         self.quantities, self.units = tuple(quantities), np.array(units, dtype=float)
         self._borders: list[np.ndarray] = []
         self._degrees: list[np.ndarray] = []

@@ -1,0 +1,221 @@
+"""The motion of a recording is, between the samples, what `simulate` says; where it is not, it says so."""
+
+import json
+import zlib
+
+import numpy as np
+import pytest
+from robot_bag import START, offset_times, rewritten, robot_bag
+
+import vibro_ros
+from vibro_ros.bag.cdr import deserialised, serialised
+from vibro_ros.bag.stream import BagError
+from vibro_ros.configuration.scene_file import shipped_scenes
+from vibro_ros.messages.topics import ROBOT_TOPICS
+from vibro_ros.simulation.samples import Samples
+from vibro_ros.view.bag_motion import bag_motion
+from vibro_ros.view.motion import Motion
+
+RATE = 200.0
+PLACES = ("position", "height", "angle")
+NEAR = 1e-9  # m, rad
+PART = 1e-6  # of the largest value of a force, a speed or a power
+COMMANDS = {5: {"motor_speed": 100.0}, 120: {"upper_gap": 0.0005}, 150: {"motor_speed": 130.0, "inclined_gap": -0.0003},
+            230: {"motor_speed": 40.0}}
+
+
+def read(folder):
+    """The motion, its header as a browser gets it, and the parts of the setting."""
+    setting, header, payload = bag_motion(folder)
+    json.dumps(setting, allow_nan=False)
+    return Motion(json.loads(json.dumps(header, allow_nan=False)), payload), setting
+
+
+def assert_agrees(motion, expected, times, offset=0.0):
+    """Every quantity of the motion is that of the run `expected`, sampled at `times` [s] of its own."""
+    found = motion.at(times + offset)
+    for name, values in found.items():
+        right = getattr(expected, name)
+        allowed = NEAR if name.endswith(PLACES) else PART * max(np.abs(right).max(), 1e-6)
+        assert np.abs(values - right).max() <= allowed, name
+
+
+def far_from_run(motion, name, told, times):
+    """Largest distance from the run of `device` with these commands."""
+    expected = vibro_ros.simulate(vibro_ros.load_scene("device"), times=times, commands=[
+        (tick / RATE, command) for tick, command in told.items()])
+    return np.abs(motion.at(times)[name] - getattr(expected, name)).max()
+
+
+@pytest.mark.parametrize("name", shipped_scenes())
+def test_every_instant_of_every_shipped_scene(name, tmp_path):
+    motion, setting = read(robot_bag(tmp_path / "bag", name, 301, COMMANDS, RATE))
+    assert (motion.header["exact"], motion.header["why"], setting["notes"]) == (True, "", [])
+    assert (setting["title"], setting["robot"], setting["machine"]["name"]) == ("bag", name, name)
+    times = offset_times(0.0, 300 / RATE)
+    commands = [(tick / RATE, command) for tick, command in COMMANDS.items()]
+    assert_agrees(motion, vibro_ros.simulate(vibro_ros.load_scene(name), times=times, commands=commands), times)
+    assert (motion.header["begin"], motion.header["end"]) == (0.0, 300 / RATE)
+
+
+@pytest.mark.parametrize("name", ["device", "damped", "rigid"])
+def test_the_impacts_are_those_of_the_run_and_around_each_the_motion_is_exact(name, tmp_path):
+    motion, _ = read(robot_bag(tmp_path / "bag", name, 201, {0: {"motor_speed": 100.0}}, RATE))
+    impacts = motion.header["impacts"]
+    run = vibro_ros.simulate(vibro_ros.load_scene(name), times=np.array([1.0]),
+                             commands=[(0.0, {"motor_speed": 100.0})])
+    contacts = run.events[np.char.endswith(run.events["kind"], "contact")]
+    assert [one["time"] for one in impacts] == contacts["time"].tolist()
+    assert [one["side"] for one in impacts] == [kind.partition("_")[0] for kind in contacts["kind"].tolist()]
+    force = [np.inf if one["peak_force"] is None else one["peak_force"] for one in impacts]
+    assert force == contacts["peak_force"].tolist()
+    around = np.unique(np.concatenate([np.linspace(one["time"] - 2e-5, one["end"] + 2e-5, 40) for one in impacts]))
+    around = around[(around >= 0.0) & (around <= 1.0)]
+    assert_agrees(motion, vibro_ros.simulate(vibro_ros.load_scene(name), times=around,
+                                             commands=[(0.0, {"motor_speed": 100.0})]), around)
+
+
+def test_a_reset_begins_another_motion(tmp_path):
+    told = {0: {"motor_speed": 80.0}, 100: "reset", 101: {"motor_speed": 120.0}, 200: "reset"}
+    motion, _ = read(robot_bag(tmp_path / "bag", "device", 260, told, RATE))
+    assert motion.header["exact"] and motion.header["resets"] == [101 / RATE, 201 / RATE]
+    for begin, end, speed in ((0, 100, 80.0), (101, 200, 120.0)):
+        times = offset_times(0.0, (end - begin) / RATE, 5000)
+        expected = vibro_ros.simulate(vibro_ros.load_scene("device"), times=times,
+                                      commands=[(0.0, {"motor_speed": speed})])
+        assert_agrees(motion, expected, times, begin / RATE)
+    assert np.isnan(motion.at(np.array([100.5 / RATE]))["body_position"]).all()
+
+
+def test_other_parameters_while_it_runs_a_stop_for_want_of_commands_and_refused_commands(tmp_path):
+    told = {0: {"motor_speed": 90.0}, 60: 'set {"ground.friction": 0.05, "motor.acceleration": 50.0}',
+            80: {"motor_speed": 130.0}, 120: {"motor_speed": 1e9}, 150: "timeout", 160: "pause", 170: "nonsense"}
+    motion, _ = read(robot_bag(tmp_path / "bag", "device", 260, told, RATE))
+    device, times = vibro_ros.Simulator(vibro_ros.load_scene("device")), offset_times(0.0, 259 / RATE, 6000)
+    parts = []
+    for begin, end, action in ((0, 60, lambda: device.command(motor_speed=90.0)),
+                               (60, 80, lambda: device.set_parameters(
+                                   {"ground.friction": 0.05, "motor.acceleration": 50.0})),
+                               (80, 150, lambda: device.command(motor_speed=130.0)),
+                               (150, 259, lambda: device.command(motor_speed=0.0))):
+        device.advance_to(begin / RATE)
+        action()
+        parts.append(device.sample(times[(times >= begin / RATE) & (times < end / RATE)]))
+    expected = Samples(**{name: np.concatenate([vars(part)[name] for part in parts]) for name in vars(parts[0])})
+    assert motion.header["exact"]
+    assert_agrees(motion, expected, times)
+
+
+def test_commands_at_every_sample_are_followed(tmp_path):
+    told = {tick: {"motor_speed": 60.0 + 20.0 * np.sin(0.1 * tick)} for tick in range(150)}
+    motion, _ = read(robot_bag(tmp_path / "bag", "device", 151, told, RATE))
+    times = offset_times(0.0, 150 / RATE, 5000)
+    commands = [(tick / RATE, command) for tick, command in told.items()]
+    assert_agrees(motion, vibro_ros.simulate(vibro_ros.load_scene("device"), times=times, commands=commands), times)
+    assert motion.header["exact"]
+
+
+def test_a_recording_begun_late_is_exact_from_its_checkpoint_on(tmp_path):
+    whole = robot_bag(tmp_path / "whole", "device", 301, COMMANDS, RATE, checkpoints=(110, 200))
+    late = rewritten(whole, tmp_path / "late", lambda one: one if one[1] >= START + round(110 / RATE * 1e9) else None)
+    motion, _ = read(late)
+    assert motion.header["exact"] and motion.header["begin"] == 110 / RATE
+    times = offset_times(110 / RATE, 300 / RATE, 5000)
+    commands = [(tick / RATE, command) for tick, command in COMMANDS.items()]
+    assert_agrees(motion, vibro_ros.simulate(vibro_ros.load_scene("device"), times=times, commands=commands), times)
+
+
+def test_a_recording_begun_before_its_first_checkpoint_says_what_is_interpolated(tmp_path):
+    whole = robot_bag(tmp_path / "whole", "device", 301, COMMANDS, RATE, checkpoints=(200,))
+    late = rewritten(whole, tmp_path / "late", lambda one: one if one[1] >= START + round(110 / RATE * 1e9) else None)
+    motion, _ = read(late)
+    header = motion.header
+    assert not header["exact"] and header["exact_spans"] == [[200 / RATE, 300 / RATE]]
+    assert (header["begin"], header["end"]) == (110 / RATE, 300 / RATE) and "interpolated" in header["why"]
+    for name in ("body_position", "upper_position", "crank_angle"):
+        assert far_from_run(motion, name, COMMANDS, np.arange(110, 301) / RATE) <= NEAR
+
+
+def test_a_lost_command_ends_what_is_exact_and_a_checkpoint_begins_it_again(tmp_path):
+    whole = robot_bag(tmp_path / "whole", "device", 301, COMMANDS, RATE, checkpoints=(260,))
+    lost = rewritten(whole, tmp_path / "lost", lambda one: None if one[1] == START + round(150 / RATE * 1e9)
+                     and one[0] == "/motor_speed" else one)
+    motion, _ = read(lost)
+    header = motion.header
+    assert not header["exact"] and header["exact_spans"] == [[0.0, 150 / RATE], [260 / RATE, 300 / RATE]]
+    assert "0.75 s" in header["why"] and "not what was recorded" in header["why"]
+    exact = np.concatenate([offset_times(0.0, 150 / RATE, 3000), offset_times(260 / RATE, 300 / RATE, 1000)])
+    assert far_from_run(motion, "upper_position", COMMANDS, exact) <= NEAR
+    assert far_from_run(motion, "upper_position", COMMANDS, np.arange(301) / RATE) <= NEAR
+    assert far_from_run(motion, "upper_position", COMMANDS, offset_times(0.76, 1.29, 3000)) < 5e-3
+
+
+def test_one_recorded_position_that_differs_is_noticed(tmp_path):
+    def spoilt(message):
+        topic, stamp, data = message
+        if topic == "/odom" and stamp == START + round(90 / RATE * 1e9):
+            odometry = deserialised(data, ROBOT_TOPICS["odom"])
+            odometry.pose.pose.position.x += 2e-9
+            data = serialised(odometry, ROBOT_TOPICS["odom"])
+        return topic, stamp, data
+
+    motion, _ = read(rewritten(robot_bag(tmp_path / "bag", "device", 121, COMMANDS, RATE), tmp_path / "other", spoilt))
+    assert motion.header["exact_spans"] == [[0.0, 89 / RATE]] and "body_position" in motion.header["why"]
+
+
+@pytest.mark.parametrize("without", ["/odom", "/joint_states"])
+def test_one_of_the_two_topics_of_state_is_enough(without, tmp_path):
+    whole = robot_bag(tmp_path / "bag", "device", 121, COMMANDS, RATE)
+    motion, _ = read(rewritten(whole, tmp_path / "other", lambda one: None if one[0] == without else one))
+    times = offset_times(0.0, 120 / RATE, 3000)
+    commands = [(tick / RATE, command) for tick, command in COMMANDS.items()]
+    assert motion.header["exact"]
+    assert_agrees(motion, vibro_ros.simulate(vibro_ros.load_scene("device"), times=times, commands=commands), times)
+
+
+def test_messages_dropped_here_and_there_do_no_harm(tmp_path):
+    chance = np.random.default_rng(1)
+    whole = robot_bag(tmp_path / "bag", "device", 241, COMMANDS, RATE)
+    motion, _ = read(rewritten(whole, tmp_path / "other", lambda one: None if one[0] in ("/odom", "/joint_states")
+                               and chance.uniform() < 0.5 else one))
+    assert motion.header["exact"]
+
+
+def test_the_bag_of_another_recorder_is_interpolated_and_says_so(tmp_path):
+    whole = robot_bag(tmp_path / "bag", "device", 241, {0: {"motor_speed": 60.0}, 120: "reset"}, RATE)
+    motion, setting = read(rewritten(whole, tmp_path / "other", custom={}))
+    header = motion.header
+    assert not header["exact"] and header["exact_spans"] == []
+    assert "says nothing of scene, parameters, start" in header["why"] and "interpolated" in header["why"]
+    assert header["resets"] == [121 / RATE] and setting["machine"]["name"] == "device"
+    times = np.concatenate([np.arange(121), np.arange(122, 241)]) / RATE
+    first = vibro_ros.simulate(vibro_ros.load_scene("device"), times=np.arange(121) / RATE,
+                               commands=[(0.0, {"motor_speed": 60.0})])
+    found = motion.at(times)
+    for name in found:
+        np.testing.assert_allclose(found[name][:121], getattr(first, name), rtol=1e-6, atol=1e-5 * max(
+            1e-3, np.abs(getattr(first, name)).max()), err_msg=name)
+    assert len(header["impacts"]) > 10 and all(one["peak_force"] > 0.0 for one in header["impacts"])
+
+
+def test_a_gap_in_another_recorders_bag_stays_one(tmp_path):
+    whole = robot_bag(tmp_path / "bag", "device", 241, COMMANDS, RATE)
+    other = rewritten(whole, tmp_path / "other", lambda one: None if 0.3 < (one[1] - START) * 1e-9 < 0.5 else one, {})
+    x = read(other)[0].at(np.array([0.2, 0.29, 0.4, 0.49, 0.51]))["upper_position"]
+    assert np.isnan(x).tolist() == [False, False, True, True, False]
+
+
+def test_a_bag_without_state_is_refused_in_one_line(tmp_path):
+    whole = robot_bag(tmp_path / "bag", "device", 11, {}, RATE)
+    other = rewritten(whole, tmp_path / "other", lambda one: one if one[0] == "/motor_power" else None)
+    with pytest.raises(BagError, match="holds no state to draw; give a bag with odom or joint_states"):
+        bag_motion(other)
+
+
+def test_a_minute_of_the_device_is_small_and_progress_is_told(tmp_path):
+    """The limit leaves nine tenths of the 10 MB of a page to the page."""
+    folder, shares = robot_bag(tmp_path / "bag", "unilateral", 60 * 50 + 1, {}, 50.0), []
+    _, header, payload = bag_motion(folder, shares.append)
+    assert header["exact"] and header["end"] == 60.0
+    assert len(zlib.compress(payload, 9)) * 4 / 3 < 5e6
+    assert shares == sorted(shares) and shares[-1] == 1.0 and len(shares) > 20

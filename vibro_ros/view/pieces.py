@@ -1,0 +1,129 @@
+"""Pieces of a motion in which polynomials hold every quantity: between events, and cut further where they must be.
+
+A piece is sampled at the nodes of Chebyshev's first kind, which lie inside it, so that what jumps at an event counts on
+neither side. Where the last coefficients of a quantity are still larger than may be neglected, the piece is halved:
+that also finds what jumps without having been announced.
+"""
+
+from collections.abc import Callable
+
+import numpy as np
+
+#: Coefficients of a polynomial: of twelve to twenty-four, those that give the smallest documents.
+NODES = 20
+#: Longest piece [s], about a third of a turn of the crank at 100 rad/s.
+LONGEST = 0.02
+#: Borders closer together [s] are one: with the speeds of a blow, 4 m/s, nothing moves by 1e-10 m in between.
+TOGETHER = 2e-11
+#: A piece so short [s] is not halved.
+SHORTEST = 1e-9
+#: The last coefficients, of which none may count.
+_TAIL = 3
+
+_ANGLES = (np.arange(NODES)[::-1] + 0.5) * np.pi / NODES
+_PLACES = np.cos(_ANGLES)  # of the nodes in [-1, 1], ascending
+# Row k: what the values at the nodes add to the coefficient of the k-th Chebyshev polynomial.
+_COEFFICIENTS = 2.0 / NODES * np.cos(np.arange(NODES)[:, None] * _ANGLES)
+_COEFFICIENTS[0] *= 0.5
+
+#: Samples every quantity at ascending instants [s], shape (n,), as an array of shape (n, quantities).
+Sampler = Callable[[np.ndarray], np.ndarray]
+
+
+def cut(begin: float, end: float, instants: np.ndarray) -> np.ndarray:
+    """Borders of pieces, shape (p, 2): `begin`, `end` [s], the `instants` between them, and none longer than `LONGEST`.
+
+    Instants that are closer than `TOGETHER` to the border before them or to the end are left out.
+    """
+    borders = [begin]
+    for instant in np.sort(instants[(instants > begin) & (instants < end - TOGETHER)]).tolist():
+        if instant - borders[-1] > TOGETHER:
+            borders.append(instant)
+    borders.append(end)
+    parts = np.maximum(1, np.ceil(np.diff(borders) / LONGEST)).astype(int)
+    edges = np.concatenate([*(np.linspace(one, other, count, endpoint=False)
+                              for one, other, count in zip(borders[:-1], borders[1:], parts, strict=True)), [end]])
+    return np.column_stack([edges[:-1], edges[1:]])
+
+
+def fitted(sample: Sampler, borders: np.ndarray, allowed: np.ndarray,
+           most: int) -> tuple[np.ndarray, np.ndarray, bool]:
+    """Polynomials of every quantity.
+
+    Parameters
+    ----------
+    sample : callable
+        Samples the motion, as often as it is asked, anywhere within the borders.
+    borders : ndarray, shape (p, 2)
+        Begin and end of each piece [s], ascending, from `cut`.
+    allowed : ndarray, shape (quantities,)
+        Largest coefficient that may be neglected (SI).
+    most : int
+        Pieces after which none is halved any more.
+
+    Returns
+    -------
+    borders : ndarray, shape (n, 2)
+        Of all pieces, ascending [s].
+    coefficients : ndarray, shape (n, quantities, NODES)
+        Of the Chebyshev polynomials (SI).
+    resolved : bool
+        Whether no piece is left that should have been halved.
+    """
+    done: list[tuple[np.ndarray, np.ndarray]] = []
+    total, resolved = len(borders), True
+    while len(borders):
+        coefficients = _transformed(sample, borders)
+        fits = _fits(borders, coefficients, allowed) | (borders[:, 1] - borders[:, 0] <= SHORTEST)
+        total += np.count_nonzero(~fits)
+        if total > most:
+            resolved, fits[:] = bool(fits.all()), True
+        done.append((borders[fits], coefficients[fits]))
+        borders = _halves(borders[~fits])
+    found, polynomials = (np.concatenate(parts) for parts in zip(*done, strict=True))
+    order = np.argsort(found[:, 0], kind="stable")
+    return found[order], polynomials[order], resolved
+
+
+def extremes(sample: Sampler, borders: np.ndarray) -> np.ndarray:
+    """Largest magnitude of every quantity, shape (quantities,), by samples within the pieces."""
+    places = _PLACES[[0, NODES // 3, NODES // 2, -1]]
+    return np.abs(sample(_instants(borders, places).ravel())).max(axis=0, initial=0.0)
+
+
+def polynomials_through(borders: np.ndarray, values: Callable[[np.ndarray], np.ndarray], count: int) -> np.ndarray:
+    """Coefficients of the polynomials of degree `count` - 1 through values at as many nodes, shape (p, Q, count).
+
+    `values` gives those at instants [s] of shape (p, count), of shape (p, count, Q).
+    """
+    angles = (np.arange(count)[::-1] + 0.5) * np.pi / count
+    transform = 2.0 / count * np.cos(np.arange(count)[:, None] * angles)
+    transform[0] *= 0.5
+    return np.einsum("kn,pnq->pqk", transform, values(_instants(borders, np.cos(angles))))
+
+
+def _transformed(sample: Sampler, borders: np.ndarray) -> np.ndarray:
+    values = sample(_instants(borders, _PLACES).ravel())
+    return np.einsum("kn,pnq->pqk", _COEFFICIENTS, values.reshape(len(borders), NODES, -1), optimize=True)
+
+
+def _instants(borders: np.ndarray, places: np.ndarray) -> np.ndarray:
+    """Instants [s] of some places in [-1, 1] in each piece, shape (p, places)."""
+    middle, half = borders.mean(axis=1), 0.5 * (borders[:, 1] - borders[:, 0])
+    inside = middle[:, None] + half[:, None] * places
+    return np.clip(inside, borders[:, :1], borders[:, 1:])  # rounding leads out of no piece
+
+
+def _fits(borders: np.ndarray, coefficients: np.ndarray, allowed: np.ndarray) -> np.ndarray:
+    """Whether the last coefficients of no quantity count, shape (p,).
+
+    Instants are rounded, the more the later they are; what a quantity changes by in that time is no sign of anything.
+    """
+    rounding = np.spacing(borders[:, 1]) / (borders[:, 1] - borders[:, 0])
+    noise = 8.0 * rounding[:, None] * np.abs(coefficients[:, :, 1:]).max(axis=2)
+    return (np.abs(coefficients[:, :, -_TAIL:]).max(axis=2) <= np.maximum(allowed, noise)).all(axis=1)
+
+
+def _halves(borders: np.ndarray) -> np.ndarray:
+    middle = borders.mean(axis=1)
+    return np.column_stack([borders[:, 0], middle, middle, borders[:, 1]]).reshape(-1, 2)
