@@ -17,13 +17,12 @@ from vibro_ros.configuration.scene_file import load_scene
 from vibro_ros.recordings.comparison import notes
 from vibro_ros.recordings.rerun import RunFacts, run_facts
 from vibro_ros.simulation.preparation import prepare_kernels
-from vibro_ros.view.exact_pieces import ExactPieces
+from vibro_ros.view.assembly import Assembly, Span, spans
+from vibro_ros.view.contacts import Impact, as_json
 from vibro_ros.view.interpolation import interpolated
-from vibro_ros.view.machine import machine, quantities
-from vibro_ros.view.motion import MotionWriter
+from vibro_ros.view.machine import machine, shown
 from vibro_ros.view.recorded import Progress, Recorded
-from vibro_ros.view.resimulation import Impact, Resimulation
-from vibro_ros.view.units import units
+from vibro_ros.view.resimulation import Resimulation
 
 LARGEST = 64 * 2**20
 """Bytes of a motion's payload, half an hour of the busiest shipped scene; what comes later is left out."""
@@ -34,13 +33,10 @@ MOST_FAULTS = 5
 UNKNOWN_ROBOT = "device"
 """Scene whose lengths are drawn when a bag does not say which robot moved."""
 
-#: Of torque, power over speed, nothing but rounding is left where the crank hardly turns.
-_NOT_SHOWN = ("motor_torque",)
 _SILENT: Progress = lambda share: None  # noqa: E731
 #: Shares of the work that are done when the samples are read, and when they are simulated again.
 _READ, _SIMULATED = 0.6, 0.7
 
-Span = tuple[float, float]
 
 
 def bag_motion(folder: Path, progress: Progress = _SILENT) -> tuple[dict[str, Any], dict[str, Any], bytes]:
@@ -88,18 +84,17 @@ class _Making:
 
     def result(self) -> tuple[dict[str, Any], dict[str, Any], bytes]:
         """See `bag_motion`."""
-        spans = self._exact_spans()
-        between = list(self._not_exact(spans))
+        exact = spans(self._run.stretches) if self._run else []
+        between = list(self._not_exact(exact))
         if between:
             self._recorded.read_forces(_SILENT)
             self._tracks = self._recorded.tracks(self._times)
         scene = self._run.scene if self._run else load_scene(UNKNOWN_ROBOT)
-        names = [name for name in quantities(scene)
-                 if name not in _NOT_SHOWN and (self._run or name in self._tracks)]
-        writer, resolved = self._written(names, between)
-        facts = {"exact": resolved and not between, "why": self._why(between, resolved), "exact_spans": spans,
-                 "impacts": self._impacts(spans), "resets": self._resets()}
-        header, payload = writer.document(facts)
+        names = [name for name in shown(scene) if self._run or name in self._tracks]
+        made = self._assembled(names, between)
+        facts = {"exact": made.resolved and not between, "why": self._why(between, made.resolved),
+                 "exact_spans": exact, "impacts": self._impacts(exact), "resets": self._resets()}
+        header, payload = made.writer.document(facts)
         self._progress(1.0)
         return {"title": self._stream.folder.resolve().name, "robot": scene.name, "machine": machine(scene),
                 "notes": [*self._left_out, *self._stream.flaws]}, header, payload
@@ -142,53 +137,30 @@ class _Making:
         run.run(self._recorded.inputs, self._part(_READ, _SIMULATED))
         return run
 
-    def _exact_spans(self) -> list[Span]:
-        """Begin and end [s] of what is exact, those that meet as one."""
-        spans: list[Span] = []
-        for one in self._run.stretches if self._run else ():
-            begin, end = one.begin + one.offset, one.end + one.offset
-            if spans and begin <= spans[-1][1]:
-                begin = spans.pop()[0]
-            spans.append((begin, end))
-        return spans
-
-    def _not_exact(self, spans: list[Span]) -> Iterator[Span]:
+    def _not_exact(self, exact: list[Span]) -> Iterator[Span]:
         """Begin and end [s] of what is between the exact spans; between the last sample before a reset and the first
         one after it there is nothing."""
         times = [track.times[[0, -1]] for track in self._tracks.values() if len(track.times)]
         begin, last = min(float(one[0]) for one in times), max(float(one[1]) for one in times)
         period = 1.0 / self._facts.rate if self._facts else 0.0
         resets = np.array(self._resets() if self._run else [])
-        for span in [*spans, (last, last)]:
+        for span in [*exact, (last, last)]:
             is_reset = len(resets) and np.abs(resets - span[0]).min() < 0.5 * period
             if span[0] > begin + (1.5 if is_reset else 0.5) * period:
                 yield begin, span[0]
             begin = span[1]
 
-    def _written(self, names: list[str], between: list[Span]) -> tuple[MotionWriter, bool]:
-        """Everything in the order of time, and whether all exact pieces are resolved."""
-        stretches = self._run.stretches if self._run else []
-        exact = ExactPieces(names, self._run.instants if self._run else [])
-        rest = {begin: interpolated(self._tracks, names, begin, end) for begin, end in between}
-        largest = np.max([np.zeros(len(names)), *map(exact.largest, stretches),
-                          *(_largest(coefficients) for _, coefficients in rest.values())], axis=0)
-        writer, resolved = MotionWriter(names, units(names, largest)), True
-        parts = sorted([*((one.begin + one.offset, one) for one in stretches), *((begin, None) for begin in rest)],
-                       key=lambda part: part[0])
-        for number, (begin, stretch) in enumerate(parts):
-            self._progress(_SIMULATED + (1.0 - _SIMULATED) * number / len(parts))
-            if writer.size > LARGEST:
-                self._left_out.append(f"the motion after {begin:.6g} s is left out: it would not fit into a page")
-                break
-            if stretch is None:
-                writer.add(*rest[begin])
-            else:
-                borders, coefficients, fits = exact.pieces(stretch, 0.5 * writer.units)
-                writer.add(borders, coefficients)
-                resolved &= fits
+    def _assembled(self, names: list[str], between: list[Span]) -> Assembly:
+        """Everything in the order of time."""
+        run = self._run
+        rest = [interpolated(self._tracks, names, begin, end) for begin, end in between]
+        made = Assembly(names, run.stretches if run else [], run.instants if run else [], rest)
+        made.write(LARGEST, self._part(_SIMULATED, 1.0))
+        if made.end < math.inf:
+            self._left_out.append(f"the motion after {made.end:.6g} s is left out: it would not fit into a page")
         if self._recorded.cut_short:
             self._left_out.append("the end of the recording is left out: it is too long for a page")
-        return writer, resolved
+        return made
 
     def _why(self, between: list[Span], resolved: bool) -> str:
         """Why not everything is exact; empty when it is."""
@@ -200,29 +172,22 @@ class _Making:
             faults += notes(self._stream, self._facts)
         return "; ".join([*faults[:MOST_FAULTS], "there the motion is interpolated between the samples"])
 
-    def _impacts(self, spans: list[Span]) -> list[dict[str, Any]]:
+    def _impacts(self, exact: list[Span]) -> list[dict[str, Any]]:
         """Computed impacts where the motion is exact, elsewhere the recorded ones, as far as the bag holds them."""
         found = list(self._run.impacts) if self._run else []
         start = (self._stream.start - self._facts.start) * 1e-9 if self._facts else 0.0
         recorded = [Impact(stamp + start, stamp + start, side, force)
                     for stamp, side, force in self._recorded.impacts()]
-        borders = np.array(spans).ravel()  # between an even and an odd one lies what is exact
+        borders = np.array(exact).ravel()  # between an even and an odd one lies what is exact
         before = np.searchsorted(borders, [one.time for one in recorded], side="right")
         found += [one for one, count in zip(recorded, before, strict=True) if count % 2 == 0]
         if len(found) > MOST_IMPACTS:
             found = sorted(found, key=lambda one: one.peak_force)[-MOST_IMPACTS:]
             self._left_out.append(f"of the impacts, only the hardest {MOST_IMPACTS} are marked")
-        return [{**one._asdict(), "peak_force": one.peak_force if math.isfinite(one.peak_force) else None}
-                for one in sorted(found)]
+        return as_json(found)
 
     def _resets(self) -> list[float]:
         if self._run:
             return self._run.resets
         crank = self._tracks.get("crank_angle")
         return crank.times[1:][np.diff(crank.values) < 0.0].tolist() if crank else []
-
-
-def _largest(coefficients: np.ndarray) -> np.ndarray:
-    """Bound of the magnitude of every quantity, from its coefficients of shape (p, quantities, n); 0 if unknown."""
-    bounds = np.abs(coefficients).sum(axis=2)
-    return np.where(np.isnan(bounds), 0.0, bounds).max(axis=0, initial=0.0)

@@ -6,7 +6,7 @@ import numpy as np
 
 from vibro_ros.simulation.simulator import Simulator
 from vibro_ros.view.pieces import Sampler, cut, extremes, fitted
-from vibro_ros.view.resimulation import Stretch
+from vibro_ros.view.stretch import Stretch
 
 MOST_A_SECOND = 20_000
 """Pieces of a second; a method of fixed step may have a border at each of its steps, which nobody can draw."""

@@ -55,6 +55,12 @@ def quantities(scene: Scene) -> tuple[str, ...]:
                  and not (name.partition("_")[0] in without_plate and "_plate_" in name))
 
 
+def shown(scene: Scene) -> tuple[str, ...]:
+    """Those of its `quantities` whose motion is shown: not the torque, power over speed, of which nothing but rounding
+    is left where the crank hardly turns."""
+    return tuple(name for name in quantities(scene) if name != "motor_torque")
+
+
 def unit(name: str) -> str:
     """Unit of a field of `Samples`."""
     return _UNITS[name.rpartition("_")[2]]

@@ -60,6 +60,11 @@ class MotionWriter:
         Names.
     units : sequence of float
         Step of a coefficient of each quantity (SI).
+
+    Attributes
+    ----------
+    size : int
+        Bytes of the payload so far.
     """
 
     def __init__(self, quantities: Sequence[str], units: Sequence[float] | np.ndarray):
@@ -67,13 +72,8 @@ class MotionWriter:
         self._borders: list[np.ndarray] = []
         self._degrees: list[np.ndarray] = []
         self._coefficients: list[bytes] = []
-        self._integers = 0
+        self._integers = self.size = 0
         self._before = np.zeros(len(self.quantities), dtype=np.int64)
-
-    @property
-    def size(self) -> int:
-        """Bytes of the payload so far."""
-        return sum(part.nbytes for part in (*self._borders, *self._degrees)) + sum(map(len, self._coefficients))
 
     def add(self, borders: np.ndarray, coefficients: np.ndarray) -> None:
         """Append pieces.
@@ -100,6 +100,7 @@ class MotionWriter:
         self._borders.append(np.ascontiguousarray(borders, dtype="<f8"))
         self._degrees.append(np.where(known, degrees, UNKNOWN).astype(np.uint8))
         self._coefficients.append(varints.encoded(chosen))
+        self.size += sum(part[-1].nbytes for part in (self._borders, self._degrees)) + len(self._coefficients[-1])
 
     def _steps(self, integers: np.ndarray, known: np.ndarray) -> np.ndarray:
         """From the end of the last piece that knew the quantity to the begin of each; shape (p, quantities)."""

@@ -120,7 +120,7 @@ class Recorded:
             values = {name: _column(arrays, *column)[first] for name, column in columns.items()}
             for name, of_name in values.items():
                 finite = np.isfinite(of_name)
-                rates = values.get(_RATES.get(name, ""))
+                rates = values.get(RATES.get(name, ""))
                 if rates is not None:
                     finite &= np.isfinite(rates)
                 found[name] = Track(times[finite], of_name[finite], None if rates is None else rates[finite])
@@ -147,9 +147,9 @@ class Recorded:
                 if frame.endswith(plate)]  # a prefix may stand before it
 
 
-#: The rate of a quantity, where both are recorded.
-_RATES = {"body_position": "body_velocity", "body_height": "body_vertical_velocity",
+RATES = {"body_position": "body_velocity", "body_height": "body_vertical_velocity",
           **{position: velocity for position, velocity, _ in JOINTS.values()}}
+"""The rate of a quantity."""
 
 
 def _column(arrays: Arrays, name: str, part: int | None, sign: float) -> np.ndarray:

@@ -6,19 +6,18 @@ where the robot is: a reset or a checkpoint.
 """
 
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import numpy as np
 
 from vibro_ros.bag.cdr import deserialised
-from vibro_ros.messages.fields import PLATES
 from vibro_ros.messages.operations import RESET, SET, TIMEOUT, read_operation
 from vibro_ros.messages.topics import CHECKPOINT, OPERATIONS, OPERATIONS_TYPE, ROBOT_TOPICS
 from vibro_ros.model.scene import Scene
 from vibro_ros.recordings.rerun import LONGEST_PAUSE, Rerun, RunFacts
 from vibro_ros.simulation.motion import SimulationError
-from vibro_ros.simulation.simulator import Simulator
+from vibro_ros.view.contacts import Impact, impacts_of, instants_of
 from vibro_ros.view.recorded import Input, Progress, Track
+from vibro_ros.view.stretch import Command, Stretch, sampled
 
 AGREEMENT = 1e-9
 """Distance [m, rad] from every recorded position within which a run computed again counts as the same; besides
@@ -27,58 +26,6 @@ STRETCH = 1.0
 """Longest stretch [s]: what is sampled of it fits in memory, and Ctrl-C is heard after each."""
 MOST_EVENTS = 20_000
 """Events in a stretch, beyond which it is not cut at each of them: that would be more than a picture can show."""
-
-#: A command at an instant of the device's own time [s]: arguments of `Simulator.command`.
-Command = tuple[float, dict[str, float]]
-
-
-class Impact(NamedTuple):
-    """A contact: first and last instant [s], side, peak force [N]."""
-
-    time: float
-    end: float
-    side: str
-    peak_force: float
-
-
-class Stretch(NamedTuple):
-    """A device from one sample to a later one.
-
-    Attributes
-    ----------
-    scene : Scene
-        What is simulated.
-    start : ndarray, shape (n,)
-        Checkpoint at the begin, before the commands there.
-    begin, end : float
-        Device's own time [s].
-    offset : float
-        What is added to it to get robot time [s].
-    commands : tuple of Command
-        From `begin` to before `end`; the device took each of them.
-    """
-
-    scene: Scene
-    start: np.ndarray
-    begin: float
-    end: float
-    offset: float
-    commands: tuple[Command, ...] = ()
-
-    def values(self, device: Simulator, times: np.ndarray, names: Sequence[str]) -> np.ndarray:
-        """Quantities `names` at ascending `times` [s] of the device's own, shape (n, names); overwrites `device`."""
-        device.restore(self.start)
-        parts, done = [], 0
-        for instant, command in self.commands:
-            upto = int(np.searchsorted(times, instant))
-            if upto > done:
-                parts.append(sampled(device, times[done:upto], names))
-            device.advance_to(instant)
-            device.command(**command)
-            done = upto
-        parts.append(sampled(device, times[done:], names))
-        device.take_events()
-        return np.concatenate(parts)
 
 
 class Resimulation:
@@ -195,12 +142,8 @@ class Resimulation:
         """Keep the events that are over by the sample `last`."""
         events = events[events["time"] + np.where(np.isfinite(events["duration"]), events["duration"], 0.0)
                         <= self._own_time(last)][:MOST_EVENTS]
-        times = events["time"] + self._offset
-        ends = times + events["duration"]
-        self.instants += [times, ends[events["duration"] > 0.0]]
-        self.impacts += [Impact(time, end, str(kind).partition("_")[0], peak)
-                         for time, end, kind, peak in zip(times.tolist(), ends.tolist(), events["kind"],
-                                                          events["peak_force"].tolist(), strict=True) if kind in PLATES]
+        self.instants.append(instants_of(events, self._offset))
+        self.impacts += impacts_of(events, self._offset)
 
     @property
     def _offset(self) -> float:
@@ -261,12 +204,6 @@ class Resimulation:
                 self._is_known = True
                 self.resets.append((tick + 1) / self._facts.rate)
             self._open()
-
-
-def sampled(device: Simulator, times: np.ndarray, names: Sequence[str]) -> np.ndarray:
-    """Quantities `names` at ascending `times` [s] of the device's own, shape (n, names)."""
-    samples = device.sample(times)
-    return np.column_stack([getattr(samples, name) for name in names])
 
 
 def _by_ticks(tracks: Sequence[Track], rate: float) -> tuple[np.ndarray, np.ndarray]:
