@@ -31,6 +31,9 @@ EXECUTABLES = {
     "replay": Executable(
         "vibro_ros.recordings.replay", True,
         "Simulate a recorded run again and compare it to the last bit, or vary it, or play it to ROS."),
+    "view": Executable(
+        "vibro_ros.view.view", True,
+        "Show the robot in the browser: a recording as one HTML file, or a live robot with its knobs."),
     "recover": Executable(
         "vibro_ros.recordings.recover", True,
         "Seal bags whose recorder was killed or ran out of disk, or that were damaged since."),

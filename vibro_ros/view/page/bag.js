@@ -3,6 +3,7 @@
 import {bytes, json} from "vibro/data.js";
 import {Impacts} from "vibro/impacts.js";
 import {Motion} from "vibro/motion.js";
+import {note} from "vibro/said.js";
 import {Scene} from "vibro/scene.js";
 
 /**
@@ -16,5 +17,6 @@ export async function startBag(setting) {
   scene.view.setMachine(setting.machine);
   scene.play(motion, new Impacts(header.impacts.length + 1, header.impacts));
   scene.player.playing = !globalThis.matchMedia("(prefers-reduced-motion: reduce)").matches;
+  note((setting.notes ?? []).join(" "));
   scene.run();
 }

@@ -21,6 +21,7 @@ export class Charts {
   #ranges;
   #source;
   #ahead;
+  #shown;
 
   constructor() {
     this.#strips = [];
@@ -54,6 +55,7 @@ export class Charts {
       return;
     }
     const [begin, end] = this.#span(time, window);
+    this.#shown = {begin, end, width: surface.width - LEFT - RIGHT};
     const frame = {left: LEFT, width: Math.max(10, surface.width - LEFT - RIGHT), begin, end, time};
     frame.x = (at) => LEFT + (at - begin) / (end - begin) * frame.width;
     frame.step = (end - begin) / frame.width;
@@ -68,6 +70,15 @@ export class Charts {
       top += TITLE + height + GAP;
     }
     drawTimeAxis(context, frame, top - GAP, timeTicks);
+  }
+
+  /**
+   * @param {number} x place on the canvas [px]
+   * @returns {number} the instant that was drawn there last [s]
+   */
+  timeAt(x) {
+    const {begin, end, width} = this.#shown;
+    return begin + (end - begin) * (x - LEFT) / width;
   }
 
   // What is shown: up to the present, or, of what is known as a whole, what lies around it.

@@ -66,14 +66,16 @@ export class Knobs {
     const row = element("div", {className: "knob"});
     this.#box.append(row);
     const name = NAMES[knob.name] ?? knob.name;
-    row.append(element("label", {htmlFor: knob.name, textContent: `${name} [${knob.unit}]`}));
+    row.append(element("label", {htmlFor: knob.name, textContent: name}));
     const gap = knob.unit === "m";
     const [min, max] = gap ? [Math.max(GAPS[0], knob.from), Math.min(GAPS[1], knob.to)] : [knob.from, knob.to];
     const slider = element("input", {type: "range", min, max, step: gap ? 1e-5 : 0.5});
     slider.setAttribute("aria-label", `${name}, slider`);
     const number = element("input", {type: "number", id: knob.name, step: "any", autocomplete: "off"});
     const output = element("span", {className: "now"});
-    row.append(slider, number, output);
+    const unit = element("span", {className: "unit", id: `${knob.name}_unit`, textContent: knob.unit});
+    number.setAttribute("aria-describedby", unit.id);
+    row.append(number, unit, slider, output);
     const send = throttled((value) => this.#command(knob.name, value), PAUSE);
     slider.addEventListener("input", () => {
       number.value = text(Number(slider.value));

@@ -13,7 +13,7 @@ import {fixed} from "vibro/ticks.js";
 const SAMPLES = 30_000; // that are kept: 6 s of a robot that publishes 5000 a second
 const IMPACTS = 2000;
 const SLOW = 1; // s of slow motion
-const SLOW_SPEED = "0.01"; // in which it begins
+const SLOW_SPEED = "0.03"; // until somebody chooses another one: two seconds for a turn of the crank
 
 class Live {
   #scene;
@@ -41,6 +41,9 @@ class Live {
     this.#buttons = Object.fromEntries(["reset", "pause", "step", "record", "slow", "live"]
       .map((name) => [name, document.querySelector(`#${name}`)]));
     this.#wire();
+    const speed = document.querySelector("#speed");
+    speed.value = SLOW_SPEED;
+    speed.dispatchEvent(new Event("change"));
   }
 
   /** Begin. */
@@ -128,9 +131,6 @@ class Live {
 
   #slow(header, payload) {
     const motion = new Motion(header, payload);
-    const speed = document.querySelector("#speed");
-    speed.value = SLOW_SPEED;
-    speed.dispatchEvent(new Event("change"));
     this.#scene.play(motion, new Impacts(header.impacts.length + 1, header.impacts));
     this.#scene.player.playing = true;
     this.#show(true);
@@ -147,6 +147,7 @@ class Live {
   #show(slow) {
     const {live, slow: button} = this.#buttons;
     const focused = document.activeElement;
+    document.body.dataset.slow = slow;
     live.hidden = !slow;
     button.hidden = slow;
     if (focused === live || focused === button) {

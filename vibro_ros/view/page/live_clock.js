@@ -3,11 +3,13 @@
 const BEHIND = 0.05; // s
 const LOST = 0.4; // s away from where the clock should be, at which it jumps there
 const PULL = 3; // 1/s, how fast smaller errors go
+const SILENCE = 0.2; // s without samples, after which the newest is drawn: the robot is paused, or slow
 const MEMORY = 1; // s, over which the robot's rate is averaged
 
 export class LiveClock {
   #newest;
   #seen;
+  #silence;
 
   constructor() {
     this.forget();
@@ -19,6 +21,7 @@ export class LiveClock {
     this.rate = 1; // robot time over time on the wall
     this.#newest = Number.NaN;
     this.#seen = 0;
+    this.#silence = 0; // s since the newest sample came
   }
 
   /**
@@ -34,6 +37,7 @@ export class LiveClock {
     }
     this.#newest = newest;
     this.#seen = now;
+    this.#silence = 0;
   }
 
   /**
@@ -42,13 +46,16 @@ export class LiveClock {
    * @returns {number} the instant to draw [s]; NaN before the first sample
    */
   advance(elapsed) {
-    const target = this.#newest - BEHIND * Math.min(1, Math.max(0, this.rate));
+    this.#silence += elapsed;
+    const target = this.#newest + this.rate * (this.#silence - BEHIND);
     if (Number.isNaN(this.time) || Math.abs(target - this.time) > LOST * Math.max(1, this.rate)) {
       this.time = target;
     }
     this.time += elapsed * this.rate;
     this.time += (target - this.time) * Math.min(1, PULL * elapsed);
-    this.time = Math.min(this.time, this.#newest);
+    if (this.#silence > SILENCE || this.time > this.#newest) {
+      this.time = this.#newest;
+    }
     return this.time;
   }
 }

@@ -6,6 +6,7 @@ import {Readings} from "vibro/readings.js";
 import {sayExactness} from "vibro/said.js";
 import {clockDecimals, fixed} from "vibro/ticks.js";
 import {Transport} from "vibro/transport.js";
+import {scrub} from "vibro/scrub.js";
 import {View} from "vibro/view.js";
 
 const LONGEST = 0.1; // s between two pictures; a page that was hidden goes on where it was
@@ -32,6 +33,7 @@ export class Scene {
       this.view.forces = event.target.checked;
       this.view.change();
     });
+    scrub(document.querySelector("#charts"), this);
     globalThis.matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.marks.draw());
     globalThis.vibro = {drawn: () => this.view.drawn(), show: (time) => this.show(time)};
   }
@@ -117,7 +119,8 @@ export class Scene {
 
   #draw(now) {
     const pace = this.#pace;
-    this.view.draw(this.#time, pace, now);
+    this.view.draw(this.#time, pace);
+    this.view.describe(now);
     this.transport.show();
     if (this.motion) {
       sayExactness(this.motion.exactAt(this.player.time), this.motion.header.why);

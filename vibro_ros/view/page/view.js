@@ -17,6 +17,8 @@ export class View {
   #charts;
   #changed;
   #spoken;
+  #lit;
+  #words;
   #picture;
   #strips;
   #time;
@@ -30,6 +32,7 @@ export class View {
     this.#charts = new Charts();
     this.#changed = true;
     this.#spoken = 0;
+    this.#lit = {};
     const change = () => this.change();
     this.#picture = new Surface(document.querySelector("#mechanism"), change);
     this.#strips = new Surface(document.querySelector("#charts"), change);
@@ -70,9 +73,8 @@ export class View {
    * Draw an instant, if anything has changed.
    * @param {number} time [s]
    * @param {{speed: number, window: number}} pace robot time over time on the wall; what the charts show of it [s]
-   * @param {number} now time on the wall [ms]
    */
-  draw(time, pace, now) {
+  draw(time, pace) {
     if (!this.source || !this.#stage || !Number.isFinite(time)) {
       return;
     }
@@ -83,10 +85,9 @@ export class View {
     }
     this.#changed = false;
     this.#time = time;
-    const lights = this.#lights(this.values.time, pace.speed);
-    this.#drawPicture(lights);
+    this.#lit = this.#lights(this.values.time, pace.speed);
+    this.#drawPicture(this.#lit);
     this.#charts.draw(this.#strips, time, pace.window, this.values, this.impacts);
-    this.#describe(lights, now);
   }
 
   #lights(time, speed) {
@@ -121,15 +122,29 @@ export class View {
     }
   }
 
-  // Say once a second what the picture shows.
-  #describe(lights, now) {
+  /**
+   * Say in words what the picture shows, once a second.
+   * @param {number} now time on the wall [ms]
+   */
+  describe(now) {
     if (now - this.#spoken < WORDS) {
       return;
     }
     this.#spoken = now;
-    const struck = Object.keys(lights).filter((side) => lights[side].glow > 0.2);
+    const struck = Object.keys(this.#lit).filter((side) => this.#lit[side].glow > 0.2);
     const words = stateWords(this.values, struck);
-    this.#picture.canvas.setAttribute("aria-label", words);
+    if (words !== this.#words) {
+      this.#words = words;
+      this.#picture.canvas.setAttribute("aria-label", words);
+    }
+  }
+
+  /**
+   * @param {number} x place on the charts' canvas [px]
+   * @returns {number} the instant that is drawn there [s]
+   */
+  timeAt(x) {
+    return this.#charts.timeAt(x);
   }
 
   /** @returns {{time: number, quantities: object}} what the last picture shows */

@@ -1,0 +1,115 @@
+"""The `view` executable: a recording as one HTML file, or a live robot in the browser."""
+
+if __name__ == "__main__":  # before all imports: they take a second or two, in which a signal may come
+    import sys
+
+    from vibro_ros.process.front_door import enter
+
+    sys.exit(enter("view"))
+
+import argparse
+from collections.abc import Sequence
+from importlib import import_module, metadata
+from pathlib import Path
+
+from tqdm import tqdm
+
+from vibro_ros.bag.stream import BagError
+from vibro_ros.process.command_line import Parser
+from vibro_ros.process.executables import EXECUTABLES
+from vibro_ros.process.front_door import exit_code
+from vibro_ros.process.one_line import one_line
+from vibro_ros.process.regular_file import open_to_read, replace_file
+from vibro_ros.view.bag_motion import bag_motion
+from vibro_ros.view.page import MARK, page_text
+
+LIVE = "vibro_ros.ros.live_view"
+"""Module that shows a live robot; named only, because nothing else here needs ROS."""
+OF_BAG = ("--output", "--help", "-h")
+"""Options with which a command line may begin that is about a recording."""
+_HEAD = 4096  # bytes of a file, within which a page has its mark
+
+
+def main(words: Sequence[str]) -> int:
+    """Run the executable; returns its exit code."""
+    if not words or words[0].startswith("-") and words[0].partition("=")[0] not in OF_BAG:
+        return import_module(LIVE).main(words)
+    return exit_code("view", lambda: _run(words))
+
+
+def _run(words: Sequence[str]) -> int:
+    options = _parser().parse_args(words)
+    try:
+        print(one_line(write_page(options.bag, options.output)))
+    except BagError as error:
+        raise ValueError(str(error)) from error
+    except OSError as error:
+        where = error.filename or options.output or options.bag
+        raise ValueError(f"{where}: cannot write: {error.strerror or error}; give a writable --output") from error
+    except MemoryError:
+        raise ValueError(f"{options.bag}: not enough memory to read it; free some, or record shorter bags") from None
+    return 0
+
+
+def write_page(bag_folder: Path, output: Path | None = None) -> Path:
+    """Write the page of a recording: one file that needs no network and no other file.
+
+    Parameters
+    ----------
+    bag_folder : Path
+        The recording; nothing is ever written into it.
+    output : Path, optional
+        The file; ``<bag folder>_view.html`` beside the recording by default.
+
+    Returns
+    -------
+    Path
+        The file written.
+
+    Raises
+    ------
+    BagError
+        When the recording cannot be read, or `output` lies inside it, or is a file that `view` has not written.
+    OSError
+        When `output` cannot be written.
+    """
+    folder = Path(bag_folder).resolve()
+    path = Path(output).absolute() if output else folder.with_name(f"{folder.name}_view.html")
+    if path.resolve().is_relative_to(folder):
+        raise BagError(f"{path}: lies inside the recording, which is never written to; give another --output")
+    _check_free(path)
+    with tqdm(total=1.0, desc="view", delay=1.0, disable=None, leave=False,
+              bar_format="{desc}: {percentage:3.0f} %|{bar}| {elapsed}") as bar:
+        parts, header, payload = bag_motion(folder, lambda share: bar.update(max(0.0, share - bar.n)))
+    setting = {**parts, "mode": "bag", "version": metadata.version("vibro_ros")}
+    text = page_text(setting, (header, payload))
+    replace_file(path, text.encode())
+    return path
+
+
+def _check_free(path: Path) -> None:
+    """Refuse a file that is there, unless it is an older page."""
+    if not path.exists() and not path.is_symlink():
+        return
+    with open_to_read(path) as file:
+        if MARK.encode() not in file.read(_HEAD):
+            raise BagError(f"{path}: is there, and no page that `view` wrote; give another --output")
+
+
+def _parser() -> Parser:
+    parser = Parser(
+        prog="view", formatter_class=argparse.RawDescriptionHelpFormatter, description=EXECUTABLES["view"].does,
+        usage="view BAG_FOLDER [--output FILE]\n       view [--robot NODE] [--address ADDRESS] [--port PORT] [--open] "
+        "[--ros-args ...]",
+        epilog="The first form writes a recording as one HTML file, which can be mailed and needs no network: the robot\n"
+        "drawn to scale, charts, and slow motion from impact to impact, exact between the samples.\n\n"
+        "The second form serves a page of a live robot, and prints its address: the same, with knobs and buttons.\n"
+        "--robot names the robot's node (vibro_robot), --address and --port say where the page is served\n"
+        "(127.0.0.1 and 8742; port 0: any that is free), --open opens the browser.\n\n"
+        "Exit code 0: written, or, of a live view, ended by SIGINT, SIGTERM or SIGHUP; 1: the server failed; 2: no\n"
+        "readable recording, nowhere to write, a bad argument, or the port is taken; 129, 130, 143: stopped by SIGHUP,\n"
+        "SIGINT, SIGTERM while it read a recording.")
+    parser.add_argument("bag", type=Path, metavar="BAG_FOLDER", help="folder of the recording")
+    parser.add_argument("--output", type=Path, metavar="FILE",
+                        help="where to write the recording's page (default: BAG_FOLDER_view.html)")
+    return parser
