@@ -33,8 +33,18 @@ _HEAD = 4096  # bytes of a file, within which a page has its mark
 def main(words: Sequence[str]) -> int:
     """Run the executable; returns its exit code."""
     if not words or words[0].startswith("-") and words[0].partition("=")[0] not in OF_BAG:
-        return import_module(LIVE).main(words)
+        return exit_code("view", lambda: _live(words))
     return exit_code("view", lambda: _run(words))
+
+
+def _live(words: Sequence[str]) -> int:
+    try:
+        live = import_module(LIVE)
+    except ModuleNotFoundError as error:
+        raise RuntimeError(f"{(error.name or str(error)).partition('.')[0]}: no such Python module here; a live robot "
+                           "needs ROS 2 Jazzy: source an installation, or use the environment that `make setup` makes"
+                           ) from None
+    return live.main(words)
 
 
 def _run(words: Sequence[str]) -> int:
@@ -44,8 +54,7 @@ def _run(words: Sequence[str]) -> int:
     except BagError as error:
         raise ValueError(str(error)) from error
     except OSError as error:
-        where = error.filename or options.output or options.bag
-        raise ValueError(f"{where}: cannot write: {error.strerror or error}; give a writable --output") from error
+        raise ValueError(f"{error.filename or options.bag}: {error.strerror or error}") from error
     except MemoryError:
         raise ValueError(f"{options.bag}: not enough memory to read it; free some, or record shorter bags") from None
     return 0
@@ -69,9 +78,10 @@ def write_page(bag_folder: Path, output: Path | None = None) -> Path:
     Raises
     ------
     BagError
-        When the recording cannot be read, or `output` lies inside it, or is a file that `view` has not written.
+        When the recording cannot be read, or `output` lies inside it, cannot be written, or is a file that `view` has
+        not written.
     OSError
-        When `output` cannot be written.
+        When what is at `output` cannot be read.
     """
     folder = Path(bag_folder).resolve()
     path = Path(output).absolute() if output else folder.with_name(f"{folder.name}_view.html")
@@ -83,7 +93,10 @@ def write_page(bag_folder: Path, output: Path | None = None) -> Path:
         parts, header, payload = bag_motion(folder, lambda share: bar.update(max(0.0, share - bar.n)))
     setting = {**parts, "mode": "bag", "version": metadata.version("vibro_ros")}
     text = page_text(setting, (header, payload))
-    replace_file(path, text.encode())
+    try:
+        replace_file(path, text.encode())
+    except OSError as error:
+        raise BagError(f"{path}: cannot write: {error.strerror or error}; give a writable --output") from None
     return path
 
 
@@ -101,14 +114,14 @@ def _parser() -> Parser:
         prog="view", formatter_class=argparse.RawDescriptionHelpFormatter, description=EXECUTABLES["view"].does,
         usage="view BAG_FOLDER [--output FILE]\n       view [--robot NODE] [--address ADDRESS] [--port PORT] [--open] "
         "[--ros-args ...]",
-        epilog="The first form writes a recording as one HTML file, which can be mailed and needs no network: the robot\n"
-        "drawn to scale, charts, and slow motion from impact to impact, exact between the samples.\n\n"
+        epilog="The first form writes a recording as one HTML file, which can be mailed and needs no network: the\n"
+        "robot drawn to scale, charts, and slow motion from impact to impact, exact between the samples.\n\n"
         "The second form serves a page of a live robot, and prints its address: the same, with knobs and buttons.\n"
         "--robot names the robot's node (vibro_robot), --address and --port say where the page is served\n"
         "(127.0.0.1 and 8742; port 0: any that is free), --open opens the browser.\n\n"
         "Exit code 0: written, or, of a live view, ended by SIGINT, SIGTERM or SIGHUP; 1: the server failed; 2: no\n"
-        "readable recording, nowhere to write, a bad argument, or the port is taken; 129, 130, 143: stopped by SIGHUP,\n"
-        "SIGINT, SIGTERM while it read a recording.")
+        "readable recording, nowhere to write, a bad argument, or the port is taken; 129, 130, 143: stopped by\n"
+        "SIGHUP, SIGINT, SIGTERM while it read a recording.")
     parser.add_argument("bag", type=Path, metavar="BAG_FOLDER", help="folder of the recording")
     parser.add_argument("--output", type=Path, metavar="FILE",
                         help="where to write the recording's page (default: BAG_FOLDER_view.html)")

@@ -14,7 +14,7 @@ const GLOW = 0.034; // radius of a flash
  * @param {CanvasRenderingContext2D} context
  * @param {object} stage fitted to the canvas
  * @param {object} values quantities by name
- * @param {object} lights side: how its plate flashes, {glow, impact}
+ * @param {object} lights side: how its plate flashes, {glow, impact, told}; `told`: whether the peak force is written
  */
 export function drawMechanism(context, stage, values, lights) {
   const {machine} = stage;
@@ -132,7 +132,7 @@ function drawCrank(context, machine, angle) {
 
 // The peak force of a blow beside its plate, while the plate is lit.
 function drawPeak(context, stage, guide, values, light) {
-  if (!light || !light.impact || !light.impact.peak_force || light.glow < 0.05 || !guide.plate) {
+  if (!light?.told || !light.impact?.peak_force || light.glow < 0.05 || !guide.plate) {
     return;
   }
   const along = plateFace(stage.machine, guide, values) + 0.002;

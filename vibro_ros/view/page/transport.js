@@ -110,7 +110,7 @@ export class Transport {
   }
 }
 
-// Whether an element needs a key for itself: text fields all of them, buttons the space bar, sliders the arrows.
+// Whether an element needs a key for itself.
 function keeps(element, key) {
   if (element.id === "timeline") {
     return false;
@@ -118,5 +118,8 @@ function keeps(element, key) {
   if (element.matches("input[type=checkbox], button, summary")) {
     return key === " ";
   }
-  return element.matches("input, select, textarea");
+  if (element.matches("select")) {
+    return key !== "," && key !== ".";
+  }
+  return element.matches("input, textarea");
 }

@@ -9,7 +9,8 @@ import {Surface} from "vibro/surface.js";
 import {followTheme, font, theme} from "vibro/theme.js";
 import {bodyState, stateWords} from "vibro/words.js";
 
-const FADE = 0.07; // s of watching, in which a flash fades
+const FADE = 0.05; // s of watching, in which a flash fades
+const FAST = 0.5; // robot time over time on the wall, from which on peak forces would only flicker
 const WORDS = 1000; // ms between two descriptions in words
 
 export class View {
@@ -92,12 +93,13 @@ export class View {
 
   #lights(time, speed) {
     const lights = {};
+    const told = speed < FAST;
     for (const {side} of this.#stage.machine.guides) {
       const light = this.impacts.light(side, time, FADE * speed);
       if (light.impact) {
         light.glow *= 0.4 + 0.6 * Math.sqrt((light.impact.peak_force ?? this.impacts.greatest) / this.impacts.greatest);
       }
-      lights[side] = light;
+      lights[side] = {...light, told};
     }
     return lights;
   }

@@ -1,0 +1,154 @@
+"""The page of a recording: one file that shows, without a network, where everything was."""
+
+import json
+import re
+import time
+
+import numpy as np
+import pytest
+from robot_bag import robot_bag
+
+import vibro_ros
+from vibro_ros.process.front_door import BAD_INPUT
+from vibro_ros.view import view
+from vibro_ros.view.page import MARK, page_text
+
+SECONDS = 2.0
+SPEED = 100.0  # rad/s
+PATIENCE = 20.0  # s
+CLOSE = 1e-9  # m
+
+
+@pytest.fixture(scope="module")
+def bag(tmp_path_factory):
+    return robot_bag(tmp_path_factory.mktemp("bags") / "vibro_robot", "device", int(200 * SECONDS) + 1,
+                     {0: {"motor_speed": SPEED}})
+
+
+@pytest.fixture(scope="module")
+def file(bag):
+    return view.write_page(bag)
+
+
+def wait_for(page, condition: str):
+    """Wait until JavaScript's `condition` holds; the page's policy forbids Playwright's own way."""
+    end = time.monotonic() + PATIENCE
+    while not page.evaluate(condition):
+        assert time.monotonic() < end, condition
+        page.wait_for_timeout(20)
+
+
+@pytest.fixture
+def opened(page, file):
+    """Open the recording, paused."""
+    page.emulate_media(reduced_motion="reduce")
+    page.goto(file.as_uri())
+    wait_for(page, "Boolean(window.vibro) && Number.isFinite(vibro.drawn().time)")
+    return page
+
+
+def test_the_file_lies_beside_the_recording_and_may_be_written_again(bag, file):
+    assert file == bag.with_name("vibro_robot_view.html")
+    before = file.read_bytes()
+    assert view.write_page(bag) == file and file.read_bytes() == before
+
+
+def test_what_is_drawn_is_where_the_simulator_says_that_it_was(opened):
+    for moment in np.random.default_rng(4).uniform(0.0, SECONDS, 40):
+        device = vibro_ros.Simulator(vibro_ros.load_scene("device"))
+        device.command(motor_speed=SPEED)
+        device.advance_to(moment)
+        drawn = opened.evaluate("(time) => vibro.show(time)", moment)
+        assert drawn["time"] == moment
+        for name in ("body_position", "body_height", "upper_position", "inclined_position", "upper_plate_position"):
+            assert abs(drawn["quantities"][name] - getattr(device.state, name)) < CLOSE, name
+
+
+def test_the_keyboard_plays_pauses_and_goes_from_impact_to_impact(opened):
+    times = [impact["time"] for impact in header_of(opened)["impacts"]]
+    opened.evaluate("vibro.show(1.0)")
+    after = [moment for moment in times if moment > 1.0]
+    for expected in after[:3]:
+        opened.keyboard.press("ArrowRight")
+        wait_for(opened, f"Math.abs(vibro.drawn().time - {expected!r}) < 1e-12")
+    opened.keyboard.press("ArrowLeft")
+    wait_for(opened, f"Math.abs(vibro.drawn().time - {after[1]!r}) < 1e-12")
+    opened.select_option("#speed", label="1/1000")
+    opened.focus("#speed")
+    opened.keyboard.press(".")
+    wait_for(opened, f"Math.abs(vibro.drawn().time - {after[1] + 1e-3 / 60!r}) < 1e-12")
+    opened.keyboard.press(",")
+    wait_for(opened, f"Math.abs(vibro.drawn().time - {after[1]!r}) < 1e-12")
+    opened.evaluate("document.activeElement.blur()")
+    opened.keyboard.press("Space")
+    wait_for(opened, "document.querySelector('#play').ariaLabel === 'Pause'")
+    wait_for(opened, f"vibro.drawn().time > {after[1] + 1e-4!r}")
+    opened.keyboard.press("Space")
+    wait_for(opened, "document.querySelector('#play').ariaLabel === 'Play'")
+
+
+def header_of(page):
+    return json.loads(page.text_content("#motion-header"))
+
+
+def test_the_time_line_and_the_charts_lead_to_an_instant(opened):
+    opened.evaluate("vibro.show(0.5)")
+    opened.fill("#timeline", "1.25")
+    wait_for(opened, "Math.abs(vibro.drawn().time - 1.25) < 1e-9")
+    box = opened.locator("#charts").bounding_box()
+    opened.mouse.click(box["x"] + 0.3 * box["width"], box["y"] + 100)
+    wait_for(opened, "vibro.drawn().time < 1")
+
+
+def test_the_picture_is_described_in_words(opened):
+    opened.evaluate("vibro.show(1.0)")
+    wait_for(opened, "document.querySelector('#mechanism').ariaLabel.startsWith('At 1.00 seconds the body is at')")
+    assert opened.get_attribute("#mechanism", "role") == "img"
+    wait_for(opened, "document.querySelectorAll('#readings td').length > 6")
+    assert "mm" in opened.text_content("#readings tr:first-child td")
+
+
+def test_every_control_has_a_name(opened):
+    names = opened.evaluate("""() => [...document.querySelectorAll('button, input, select')].map((one) =>
+        one.ariaLabel || one.labels?.[0]?.textContent.trim() || one.textContent.trim())""")
+    assert len(names) > 8 and all(names)
+
+
+@pytest.mark.parametrize("width, height", [(1280, 720), (390, 844)])
+def test_nothing_lies_outside_of_the_window(open_page, file, width, height):
+    page = open_page(width, height)
+    page.goto(file.as_uri())
+    wait_for(page, "Boolean(window.vibro) && Number.isFinite(vibro.drawn().time)")
+    size = page.evaluate("[document.documentElement.scrollWidth, document.documentElement.scrollHeight]")
+    assert size[0] <= width and (width < 500 or size[1] <= height)
+    assert page.locator("#mechanism").bounding_box()["width"] > 0.45 * width
+
+
+def test_a_folder_s_name_is_text_and_no_program(open_page, bag, tmp_path):
+    name = "</title></script><script>document.title = 'taken'</script>"
+    text = page_text({"mode": "live", "title": name, "version": "<!--", "robot": name})
+    assert "<script>document" not in text and MARK in text
+    policy = re.search(r"Content-Security-Policy\" content=\"([^\"]+)", text)[1]
+    assert "default-src 'none'" in policy and "connect-src 'none'" in policy and "unsafe" not in policy
+
+
+def test_a_page_that_is_damaged_says_so(page, file, watch, tmp_path):
+    text = file.read_text()
+    damaged = tmp_path / "damaged.html"
+    damaged.write_text(re.sub(r'(text/plain">)[^<]{400}', r"\1", text))
+    page.goto(damaged.as_uri())
+    wait_for(page, "!document.querySelector('#note').hidden")
+    watch.expect("rror")
+
+
+def test_files_of_others_and_the_recording_are_left_alone(bag, tmp_path, capsys):
+    other = tmp_path / "letter.html"
+    other.write_text("<p>Dear Mum")
+    for words, expected in (([str(bag), "--output", str(other)], "no page that `view` wrote"),
+                            ([str(bag), "--output", str(bag / "page.html")], "lies inside the recording"),
+                            ([str(bag), "--output", str(tmp_path / "none" / "page.html")], "cannot write"),
+                            ([str(tmp_path / "nothing")], "no such folder"), (["--output", "x"], "BAG_FOLDER")):
+        assert view.main(words) == BAD_INPUT
+        said = capsys.readouterr()
+        assert said.out == "" and said.err.startswith("view: ") and said.err.count("\n") == 1 and expected in said.err
+    assert other.read_text() == "<p>Dear Mum"
