@@ -46,6 +46,9 @@ EXECUTABLES = {
     "playback": Executable(
         "vibro_ros.ros.playback", False,
         "Play a bag's commands to a live robot, at the instants at which the recorded one took them."),
+    "live_view": Executable(
+        "vibro_ros.ros.live_view", False,
+        "Show a live robot in the browser, with its knobs and buttons, until SIGINT, SIGTERM or SIGHUP."),
     "lateness": Executable(
         "vibro_ros.ros.lateness", False,
         "Measure how late the robot's ticks are with recording and without, in turn."),

@@ -17,7 +17,7 @@ from vibro_ros.model.scene import Scene
 from vibro_ros.ros import messages, qos
 from vibro_ros.ros.raw_publisher import RawPublisher
 from vibro_ros.ros.sheet import Sheet, checked_template
-from vibro_ros.ros.template import plain_bytes
+from vibro_ros.ros.template import Make, plain_bytes
 from vibro_ros.simulation.samples import CRANK_ANGLE, FIELDS, Samples
 
 MakeOfSample = Callable[[Samples, int], Any]
@@ -69,7 +69,7 @@ class Outputs:
         }
         self._prefix, names = prefix, self.topics
         self._description = serialize_message(messages.robot_description(scene))
-        made = {topic: partial(_made, make) for topic, make in makers(scene, prefix).items()}
+        made = sample_makers(scene, prefix)
         made |= {"tf": partial(_transforms, self.frames)} if self.frames else {}
         self._numbers = np.zeros(len(FIELDS) + (len(self.frames.turns(0.0)) if self.frames else 0))
         templates = {topic: checked_template(make, ROBOT_TOPICS[topic], len(self._numbers), node.get_logger().warning)
@@ -155,6 +155,11 @@ class Outputs:
         sheet.fill(np.array([peak_force]), began)
         raw.publish()
         record(self._impacts[1], stamp, sheet.messages[0].tobytes())
+
+
+def sample_makers(scene: Scene, prefix: str) -> dict[str, Make]:
+    """`makers` whose messages are made of the values of a sample's fields."""
+    return {topic: partial(_made, make) for topic, make in makers(scene, prefix).items()}
 
 
 def _impact(prefix: str, kind: str, numbers: Sequence[float], stamp: int) -> Any:

@@ -1,0 +1,76 @@
+"""Who may see the live page, and who may command through it: checks of hosts, origins and tokens.
+
+The server listens on this machine's loopback address, but every page that the user's browser has open can send
+requests there. Three checks keep them out:
+
+- The token is a secret in the page's address. A page of another site does not know it.
+- The name in the `Host` header must be the machine itself. A site that lets its own name point to 127.0.0.1 (DNS
+  rebinding) would otherwise pass for the same origin in the browser.
+- A web socket must come from the page that this server has sent: its `Origin` must be the host that it talks to.
+"""
+
+import hmac
+import ipaddress
+import re
+import secrets
+from collections.abc import Collection
+from urllib.parse import urlsplit
+
+_HOST = re.compile(r"(?P<name>\[[0-9a-fA-F:.]{2,45}\]|[A-Za-z0-9._-]{1,253})(?::[0-9]{1,5})?")
+
+
+class Gate:
+    """The checks of one server.
+
+    Parameters
+    ----------
+    address : str
+        What the server listens on: an address, or a name for one.
+    names : collection of str
+        Names by which others reach this machine, if the server listens beyond it.
+
+    Attributes
+    ----------
+    token : str
+        The secret, new for each server.
+    """
+
+    def __init__(self, address: str, names: Collection[str] = ()):
+        self.token = secrets.token_urlsafe(16)
+        self._loopback = is_loopback(address)
+        self._names = {"localhost", *(() if self._loopback else (name.lower() for name in (address, *names)))}
+
+    def knows_token(self, given: str) -> bool:
+        """Whether `given` is the token; how long that takes tells nothing about it."""
+        return hmac.compare_digest(given.encode(errors="replace"), self.token.encode())
+
+    def knows_host(self, host: str) -> bool:
+        """Whether a `Host` header names this machine.
+
+        A number cannot be rebound: a page whose address has one comes from there. So numbers are taken, beyond the
+        loopback ones only if the server listens there; names are taken only if they are known.
+        """
+        if not (match := _HOST.fullmatch(host)):
+            return False
+        name = match["name"].lower()
+        try:
+            number = ipaddress.ip_address(name.strip("[]"))
+        except ValueError:
+            return name in self._names
+        return number.is_loopback or not (self._loopback or number.is_unspecified)
+
+    def knows_origin(self, origin: str, host: str) -> bool:
+        """Whether an `Origin` header is that of the page at `host`, which is known; the port may be a tunnel's."""
+        try:
+            parts = urlsplit(origin)
+        except ValueError:
+            return False
+        return parts.scheme in ("http", "https") and origin.lower() == f"{parts.scheme}://{host.lower()}"
+
+
+def is_loopback(address: str) -> bool:
+    """Whether only this machine reaches what listens on `address`."""
+    try:
+        return ipaddress.ip_address(address).is_loopback
+    except ValueError:
+        return address.lower() == "localhost"
