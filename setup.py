@@ -35,7 +35,7 @@ setup(
     zip_safe=True,
     python_requires=">=3.10,<3.14",
     install_requires=["llvmlite", "lz4", "matplotlib", "mcap", "numba", "numpy", "pillow", "PyYAML",
-                      "rosbags==0.11.9", "scipy", "tqdm"],
+                      "rosbags==0.11.9", "scipy", "tornado", "tqdm"],
     extras_require={
         # The peer that bench and tests compare with: 104 MB, and no wheel for Python 3.10.
         "bench": ['heyoka==7.13.2 ; python_version >= "3.11"'],

@@ -16,7 +16,7 @@ ROOT = Path(__file__).resolve().parents[2]
 ROSDEP_KEYS = {"PIL": "python3-pil", "mcap": "python3-mcap-pip", "rosbags": "python3-rosbags-pip",
                "yaml": "python3-yaml",  # not python3-<import>
                "llvmlite": "python3-numba", "lz4": "python3-rosbags-pip"}  # these two are brought by others
-ROSDEP_KEYS |= {name: f"python3-{name}" for name in ("matplotlib", "numba", "numpy", "scipy", "tqdm")}
+ROSDEP_KEYS |= {name: f"python3-{name}" for name in ("matplotlib", "numba", "numpy", "scipy", "tornado", "tqdm")}
 LOCKS = ("requirements.txt", "requirements-bench.txt", "requirements-browser.txt", "requirements-study.txt")
 # Of the extras `bench`, `study`, `cluster` and `test`; only the rooms peer, study and project import them.
 NO_ROSDEP_KEY = {"heyoka", "SALib", "cma", "distributed", "playwright", "PySide6", "pyarrow"}

@@ -3,6 +3,7 @@
 from collections import deque
 from collections.abc import Mapping
 from functools import partial
+from importlib import import_module
 from time import monotonic
 from typing import Any, NamedTuple
 
@@ -19,7 +20,6 @@ from vibro_ros.ros.live_scene import Settings
 from vibro_ros.ros.live_words import Words, is_change
 from vibro_ros.ros.node import SteadyNode
 from vibro_ros.view import frames
-from vibro_ros.view.between import Between
 from vibro_ros.view.history import History
 from vibro_ros.view.machine import machine
 from vibro_ros.view.requests import Call, Command, Request, SlowMotion
@@ -64,7 +64,7 @@ class LivePage:
         self._node, self._executor, self._name = node, executor, robot
         self._requests, self._words = Requests(node, robot), Words(node, robot)
         self._robot = LiveRobot(node, robot)  # last, so that a robot which has told its parameters knows all clients
-        self._slow_motions = SlowMotions(lambda scene, samples: Between(scene).motion(samples), node.get_logger().info)
+        self._slow_motions = SlowMotions(_motion, node.get_logger().info)
         self._history, self._orders = History(), deque[tuple[int, Request]](maxlen=MOST_ORDERS)
         self._standing = Standing("the view is starting", None, None, {})
         self._looked = float("-inf")
@@ -168,6 +168,10 @@ class LivePage:
         drawn = _with_values(standing.settings.scene, self._history.last())
         return frames.text("robot", name=self._name, machine=drawn, columns=list(frames.COLUMNS),
                            origin=str(standing.origin or 0), offers=dict(standing.offers))
+
+
+def _motion(scene: Scene, samples: Mapping[str, np.ndarray]) -> tuple[dict[str, Any], bytes]:
+    return import_module("vibro_ros.view.between").Between(scene).motion(samples)
 
 
 def _kind(standing: Standing) -> str:

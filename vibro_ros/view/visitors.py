@@ -3,21 +3,20 @@
 import asyncio
 import json
 import secrets
+from collections.abc import Sequence
 from contextlib import suppress
 from socket import SO_SNDBUF, SOL_SOCKET
-from typing import TYPE_CHECKING, Any
+from typing import Any, Protocol
 
 from tornado.iostream import StreamBufferFullError, StreamClosedError
 from tornado.web import Finish, RequestHandler
 from tornado.websocket import WebSocketClosedError, WebSocketHandler
 
 from vibro_ros.view import frames
+from vibro_ros.view.gate import Gate
 from vibro_ros.view.limits import RATE, Allowance
 from vibro_ros.view.outbox import Outbox
-from vibro_ros.view.requests import RefusedError, read_request
-
-if TYPE_CHECKING:
-    from vibro_ros.view.server import Server
+from vibro_ros.view.requests import RefusedError, Request, read_request
 
 SOCKET_BUFFER = 131_072
 """Bytes that the system keeps for one socket, so that a slow page is not shown what is long past."""
@@ -26,10 +25,31 @@ _HOST = "the address names another host; open the address that `view` has printe
 _ORIGIN = "only the page of this server may connect"
 
 
+class Host(Protocol):
+    """What visitors need of the server, see `server.Server`."""
+
+    gate: Gate
+
+    def page(self, nonce: str) -> str:
+        """The page's text."""
+
+    def asked(self, number: int, request: Request) -> object:
+        """Take a page's request."""
+
+    def greeting(self) -> Sequence[tuple[str, str]]:
+        """What a page is told first: kinds and texts."""
+
+    def admit(self, page: "Live") -> int | None:
+        """The number of a page that has just opened; None where there are too many."""
+
+    def forget(self, number: int) -> None:
+        """Take note that a page has gone."""
+
+
 class _Visitor(RequestHandler):
     """A request whose host is checked before anything else, and whose errors are one line of plain text."""
 
-    def initialize(self, server: "Server") -> None:
+    def initialize(self, server: Host) -> None:
         self._server = server
         self._stream: Any = self.request.connection.stream  # type: ignore[union-attr]
 
