@@ -31,7 +31,7 @@ CHROMIUM := chromium chromium-browser google-chrome google-chrome-stable
 NEEDS_QT = $(if $(filter-out qt,$(VIBRO_ROS_BROWSER)),,$(if $(VIBRO_ROS_BROWSER),qt,$(shell \
 	for name in $(CHROMIUM); do $$name --version >/dev/null 2>&1 && exit; done; echo qt)))
 
-.PHONY: help setup demo test check lint conflict-markers bench accuracy study paper literature optimum docs picture clean another-python
+.PHONY: help setup demo view test check lint conflict-markers bench accuracy study paper literature optimum docs picture clean another-python
 
 help:  ## list these commands
 	@sed -n 's/^\([a-z]*\):[^#]*## /  make \1\t/p' $(MAKEFILE_LIST) | expand -t 18
@@ -41,6 +41,9 @@ setup: $(READY) $(TYPES)  ## make .venv with every pinned package; quick when no
 
 demo: $(READY) $(TYPES)  ## run robot and controller for about 20 s, record, report into out/
 	@$(BIN)/python -m vibro_ros.project.demo
+
+view: $(READY) $(TYPES)  ## run a robot and show it in the browser, at the address that is printed; VIEW="--open --port 0" gives options
+	@$(BIN)/python -m vibro_ros.project.look $(VIEW)
 
 test: $(READY) $(TYPES) $(PEER) $(STUDY) $(BROWSER)  ## run every test, two at a time; those that need a quiet machine one after the other
 	@$(if $(NEEDS_QT),$(MAKE) --no-print-directory $(QT))

@@ -76,6 +76,9 @@ EXECUTABLES = {
     "demo": Executable(
         "vibro_ros.project.demo", False,
         "Run the robot and its controller as two processes, record a bag, write a report."),
+    "look": Executable(
+        "vibro_ros.project.look", False,
+        "Run a robot that crawls and its page in the browser as two processes, until Ctrl-C."),
     "bench": Executable(
         "vibro_ros.project.bench", False,
         "Compare the exact solver's cost with fixed-step Runge-Kutta 4 and heyoka."),

@@ -14,7 +14,7 @@ from types import FrameType
 
 from vibro_ros.process.streams import Forgiving
 
-STOPPED_BY_DESIGN = {"robot", "view", "live_view"}
+STOPPED_BY_DESIGN = {"robot", "view", "live_view", "look"}
 """Executables that a signal ends well, with exit code 0; the others exit with 128 + its number."""
 MOST_INTERRUPTS = 2
 """Signals that raise KeyboardInterrupt; the one after them ends the process at once, whatever has swallowed these."""
