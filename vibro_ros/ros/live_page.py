@@ -2,8 +2,7 @@
 
 from collections import deque
 from collections.abc import Mapping
-from functools import partial
-from importlib import import_module
+from functools import lru_cache, partial
 from time import monotonic
 from typing import Any, NamedTuple
 
@@ -20,6 +19,7 @@ from vibro_ros.ros.live_scene import Settings
 from vibro_ros.ros.live_words import Words, is_change
 from vibro_ros.ros.node import SteadyNode
 from vibro_ros.view import frames
+from vibro_ros.view.between import Between
 from vibro_ros.view.history import History
 from vibro_ros.view.machine import machine
 from vibro_ros.view.requests import Call, Command, Request, SlowMotion
@@ -35,6 +35,7 @@ MOST_ORDERS = 400
 AROUND = 1.0
 """Time [s] by which an impact may lie outside of the samples that were seen."""
 STATUS = {"real_time_factor": 0.0, "dropped_share": 0.0, "refused": 0, "paused": False, "recording": ""}
+_between = lru_cache(maxsize=1)(Between)  # of the present scene; called in one thread alone
 _TIME = frames.COLUMNS.index("time")
 
 
@@ -171,7 +172,7 @@ class LivePage:
 
 
 def _motion(scene: Scene, samples: Mapping[str, np.ndarray]) -> tuple[dict[str, Any], bytes]:
-    return import_module("vibro_ros.view.between").Between(scene).motion(samples)
+    return _between(scene).motion(samples)
 
 
 def _kind(standing: Standing) -> str:

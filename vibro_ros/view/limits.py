@@ -22,7 +22,7 @@ class Allowance:
     Attributes
     ----------
     strikes : float
-        Messages that were refused lately.
+        Messages that were refused lately, dimensionless.
     """
 
     def __init__(self, now: Callable[[], float] = time.monotonic):
