@@ -91,10 +91,11 @@ def test_it_moves_the_robot_and_reports(demo, tmp_path, domain_id, monkeypatch):
     assert ends_leaving_nothing(shown) == 0, shown.text
     assert f"ROS_DOMAIN_ID={domain_id}" in shown.text
     paths = {label: tmp_path / line.split(" | ")[1] for line in shown.text.splitlines()
-             for label in ("bag", "summary", "picture") if line.startswith(f"{label:>10} | ")}
+             for label in ("bag", "summary", "picture", "page") if line.startswith(f"{label:>10} | ")}
     assert abs(read_bag(paths["bag"])["odom"]["position"][-1, 0]) > 0.01  # [m]
     assert "mean speed" in paths["summary"].read_text()
     assert paths["picture"].read_bytes().startswith(b"\x89PNG")
+    assert paths["page"].read_text().startswith("<!doctype html>")
 
 
 def test_a_robot_that_stands_still_is_a_failure(demo):

@@ -26,6 +26,7 @@ from vibro_ros.process.front_door import exit_code, say
 from vibro_ros.process.stop_signals import StopRequest
 from vibro_ros.project.child import Child
 from vibro_ros.recordings.report import write_report
+from vibro_ros.view.view import write_page
 
 MOVED = 0.01
 """Least way [m] from the start that counts as motion; the shipped script makes more than ten times that."""
@@ -50,10 +51,11 @@ def _demonstrate(words: Sequence[str]) -> int:
             say("demo", "stopped")
             return 128 + signal.SIGINT
         text, files = write_report(folder)
+        page = write_page(folder)
     except BagError as error:
         raise DemoError(str(error)) from error
     print(f"\n{text}")
-    for label, path in zip(("bag", "summary", "numbers", "picture"), (folder, *files), strict=True):
+    for label, path in zip(("bag", "summary", "numbers", "picture", "page"), (folder, *files, page), strict=True):
         _say(_shown(path), label)
     return 0
 
