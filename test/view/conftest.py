@@ -10,7 +10,11 @@ from vibro_ros.project.browser import Engine, Session, running
 
 sys.path.insert(0, str(Path(__file__).parent))
 
+from live_view import LiveView  # noqa: E402 (beside the tests)
+from real_processes import bench, compiled, start, udp_only  # noqa: E402 (in the folder above)
 from watched_page import Watch, engine_or_outcome  # noqa: E402 (beside the tests)
+
+__all__ = ["bench", "compiled", "start", "udp_only"]
 
 
 @pytest.fixture(scope="session")
@@ -52,3 +56,13 @@ def open_page(engine, browser, watch) -> Iterator[Callable]:
 def page(open_page):
     """Give an empty page of 1280 x 720."""
     return open_page()
+
+
+@pytest.fixture
+def view(start) -> Iterator[LiveView]:
+    """The view as a process of its own; ended at the end as a user does, and it must not have failed meanwhile."""
+    view = LiveView(start)
+    yield view
+    if not view.executable.ended:
+        view.end()
+    view.check()

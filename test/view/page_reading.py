@@ -1,0 +1,47 @@
+"""What a test reads off the page of the view, and how it waits for that."""
+
+import time
+from collections.abc import Callable
+
+PATIENCE = 60.0  # [s] deadline of what takes a second on an idle machine
+
+
+def until(page, done: Callable, what: str = "") -> None:
+    """Wait until `done(page)`. Playwright's own waiting evaluates text, which the page's policy forbids."""
+    deadline = time.monotonic() + PATIENCE
+    while not done(page):
+        assert time.monotonic() < deadline, f"{what or done.__name__}: not within {PATIENCE} s; {state(page)}"
+        page.wait_for_timeout(20)
+
+
+def state(page) -> str:
+    """What can be read off a page, for a test that fails."""
+    absent, words = (page.evaluate(f"document.querySelector('{name}')?.textContent") for name in ("#absent", "#said"))
+    return f"absent: {absent!r}; said: {words!r}"
+
+
+def drawn(page) -> dict:
+    """What the last picture shows: `time` [s] and `quantities` by name; NaN is None."""
+    return page.evaluate("globalThis.vibro ? vibro.drawn() : {time: NaN, quantities: {}}")
+
+
+def shows_robot(page) -> bool:
+    """Whether the page draws a robot, and nothing lies over it."""
+    return drawn(page)["time"] == drawn(page)["time"] and not page.is_visible("#absent")
+
+
+def drawn_frames(page, count: int) -> list[dict]:
+    """What so many pictures show that the page draws one after the other."""
+    return page.evaluate("""count => new Promise(resolve => {
+        const frames = [];
+        const take = () => {
+            frames.push(vibro.drawn());
+            frames.length < count ? requestAnimationFrame(take) : resolve(frames);
+        };
+        requestAnimationFrame(take);
+    })""", count)
+
+
+def said(page) -> str:
+    """The robot's words that the page shows."""
+    return page.inner_text("#said")

@@ -1,0 +1,266 @@
+"""Who is not the page of the view gets nothing of it; who is rude changes nothing for the others."""
+
+import socket
+import threading
+import time
+
+import pytest
+from std_msgs.msg import Float64
+from visitor import BINARY, TEXT, Visit, read_answer
+
+SECRET = "secret-of-the-machine"
+MOST_PAGES = 8
+BAD_REQUESTS = [
+    b"", b"{", b"[]", b"null", b"7", b'"reset"', b"{}", b"[" * 4000, b'{"id":' * 600,
+    b'{"id": 1}', b'{"id": 1, "call": "quit"}', b'{"id": 1, "call": "pause", "on": "yes"}',
+    b'{"id": 1, "call": ["reset"]}', b'{"id": 1, "command": "motor_speed", "value": NaN}',
+    b'{"id": 1, "command": "motor_speed", "value": 1e999}',
+    b'{"id": 1, "command": "motor_speed", "value": "100"}', b'{"id": 1, "command": "motor_speed", "value": true}',
+    b'{"id": 1, "command": "motor_speed", "value": ' + b"9" * 3000 + b"}",
+    b'{"id": 1, "command": "/rosout", "value": 1}',
+    b'{"id": 1, "command": {"a": 1}, "value": 1}', b'{"id": 1, "slow_motion": -1}', b'{"id": 1, "slow_motion": 1e9}',
+    b'{"id": 1, "slow_motion": null}', b'{"id": 1e400, "call": "reset"}', b'{"id": [], "call": "reset"}',
+    b'{"id": 1, "call": "reset", "call": "pause", "__proto__": 1}',
+]
+
+
+def is_served(view) -> bool:
+    """Whether the page and the web socket still serve who may have them."""
+    visit = view.address.visit()
+    assert isinstance(visit, Visit), visit
+    with visit:
+        assert visit.receive()[0] == TEXT
+    return view.address.ask().status == 200
+
+
+def test_the_page_is_for_who_knows_the_token(view):
+    page = view.address.ask()
+    assert page.status == 200 and b"<canvas" in page.body
+    for target in ("/", "/?token=", "/?token=wrong", f"/?token={view.address.token[:-1]}",
+                   f"/?token={view.address.token}x", f"/?token={view.address.token}&token=wrong",
+                   f"/?TOKEN={view.address.token}", "/?token=%ff%00"):
+        refused = view.address.ask(target)
+        assert refused.status in (400, 403), target
+        assert b"<" not in refused.body and view.address.token.encode() not in refused.body
+
+
+def test_the_page_tells_the_browser_to_trust_nobody_else(view):
+    headers = view.address.ask().headers
+    policy = headers["content-security-policy"]
+    assert "default-src 'none'" in policy and "frame-ancestors 'none'" in policy
+    assert "'unsafe-inline'" not in policy and "'unsafe-eval'" not in policy and "*" not in policy
+    assert headers["referrer-policy"] == "no-referrer"  # the token is in the address
+    assert headers["cache-control"] == "no-store"
+    assert headers["x-content-type-options"] == "nosniff"
+    assert "access-control-allow-origin" not in headers
+    assert policy != view.address.ask().headers["content-security-policy"]  # a nonce is for once
+
+
+def test_another_name_for_this_machine_gets_nothing(view):
+    """DNS rebinding: the browser of a victim asks 127.0.0.1 under the name of the attacker's site."""
+    port = view.address.port
+    for host in (f"evil.example:{port}", "evil.example", f"127.0.0.1.evil.example:{port}",
+                 f"localhost.evil.example:{port}", f"evil.example@127.0.0.1:{port}", f"0x7f000001.evil:{port}",
+                 f"192.168.1.7:{port}", "[::ffff:1.2.3.4]"):
+        assert view.address.ask(host=host).status in (400, 403), host
+        visit = view.address.visit(host=host, origin=f"http://{host}")
+        assert not isinstance(visit, Visit) and visit.status in (400, 403), host
+    assert view.address.ask(host="").status in (400, 403)
+    assert view.address.ask(host=f"localhost:{port}").status == 200
+
+
+def test_commands_are_taken_from_its_own_page_only(view):
+    port = view.address.port
+    for origin in ("", "null", "http://evil.example", f"http://evil.example:{port}", f"http://127.0.0.1:{port + 1}",
+                   "http://127.0.0.1", f"http://127.0.0.1:{port}.evil.example", f"http://localhost:{port}",
+                   f"http://evil@127.0.0.1:{port}", "file://", f"http://127.0.0.1:{port}/"):
+        visit = view.address.visit(origin=origin)
+        assert not isinstance(visit, Visit) and visit.status == 403, origin
+    for target in ("/live", "/live?token=wrong", "/live?token="):
+        visit = view.address.visit(target)
+        assert not isinstance(visit, Visit) and visit.status == 403, target
+    assert is_served(view)
+
+
+def test_no_path_of_the_machine_is_served(view, tmp_path):
+    (tmp_path / "own.txt").write_text(SECRET)  # in the folder in which the view runs
+    token = view.address.token
+    for path in ("/own.txt", "/../own.txt", f"{tmp_path}/own.txt", f"/..{tmp_path}/own.txt", f"//{tmp_path}/own.txt",
+                 f"/%2e%2e/%2e%2e{tmp_path}/own.txt", "/static/own.txt", "/page/main.js", "/favicon.ico", "/robots.txt",
+                 f"file://{tmp_path}/own.txt", "/live/../own.txt", "/\\..\\own.txt", "/etc/passwd"):
+        for target in (path, f"{path}?token={token}"):
+            answer = view.address.ask(target)
+            assert answer.status in (400, 404), target
+            assert SECRET.encode() not in answer.body and str(tmp_path).encode() not in answer.body
+
+
+def test_other_methods_do_nothing(view):
+    for method in ("POST", "PUT", "DELETE", "PATCH", "OPTIONS", "TRACE", "CONNECT", "BREW"):
+        answer = view.address.ask(method=method, body=b"x=1" if method == "POST" else b"")
+        assert 400 <= answer.status < 500, method
+        assert b"<canvas" not in answer.body
+    assert is_served(view)
+
+
+@pytest.mark.parametrize("data", [
+    b"\x16\x03\x01\x02\x00\x01\x00\x01\xfc\x03\x03" + bytes(500),  # TLS
+    b"GET / HTTP/1.1\r\n" + b"x: y\r\n" * 100_000, b"GET /" + b"a" * 1_000_000 + b" HTTP/1.1\r\n\r\n",
+    b"GET / HTTP/9.9\r\nhost: \xff\xff\r\n\r\n", b"\r\n" * 10_000, b"GET\r\n\r\n", bytes(100_000),
+    b"POST / HTTP/1.1\r\nhost: 127.0.0.1\r\ncontent-length: 99999999999999\r\n\r\n",
+    b"POST / HTTP/1.1\r\nhost: 127.0.0.1\r\ncontent-length: -1\r\n\r\n",
+    b"POST / HTTP/1.1\r\nhost: 127.0.0.1\r\ntransfer-encoding: chunked\r\n\r\nffffffffffffffff\r\n",
+], ids=["tls", "headers", "url", "version", "empty lines", "word", "zeros", "length", "negative", "chunk"])
+def test_bytes_that_are_no_request_are_refused(view, data):
+    before = view.memory
+    with view.address.connect() as one:
+        try:
+            one.sendall(data)
+            one.shutdown(socket.SHUT_WR)
+            assert read_answer(one).status in (0, 400, 403, 405, 413, 431)
+        except ConnectionError:
+            pass
+    assert is_served(view)
+    assert view.memory - before < 20.0  # MB
+
+
+def test_requests_that_are_none_are_answered_in_one_line(view):
+    with view.address.visit() as visit:
+        for request in BAD_REQUESTS:
+            visit.send(request)
+            answer = visit.wait_for("answer")
+            assert answer["done"] is False
+            assert answer["words"] and "\n" not in answer["words"] and len(answer["words"]) < 400, request
+        visit.send(b'{"id": 1, "call": "reset"}', BINARY)
+        assert visit.wait_for("answer")["done"] is False
+    assert is_served(view)
+
+
+@pytest.mark.parametrize("rude", [
+    lambda visit: visit.send(b'{"id": 1, "call": "' + b"x" * 100_000 + b'"}'),
+    lambda visit: visit.send_frame(0x81, 1 << 62, b""),
+    lambda visit: [visit.send_frame(0x01 if not part else 0x00, 1000, b"x" * 1000) for part in range(1000)],
+    lambda visit: visit.send(b"\xff\xfe"),
+    lambda visit: visit.send_frame(0x8F, 0, b""),
+    lambda visit: visit.send_frame(0xF1, 2, b"{}"),
+    lambda visit: visit.send_frame(0x89, 2000, bytes(2000)),
+    lambda visit: visit.send_frame(0x88, 1, b"\x00"),
+], ids=["long", "says it is huge", "pieces without end", "no text", "opcode", "reserved bits", "ping", "close"])
+def test_frames_beyond_the_limits_end_their_own_connection_only(view, rude):
+    before = view.memory
+    with view.address.visit() as other, view.address.visit() as visit:
+        try:
+            rude(visit)
+            visit.wait_for_end()
+        except ConnectionError:
+            pass
+        other.send({"id": 7, "call": "nothing"})
+        assert other.wait_for("answer", id=7)["done"] is False
+    assert is_served(view)
+    assert view.memory - before < 20.0  # MB
+
+
+def test_a_flood_of_requests_ends_itself(view):
+    with view.address.visit() as other, view.address.visit() as visit:
+        reader = threading.Thread(target=visit.wait_for_end)
+        reader.start()
+        try:
+            for _ in range(20_000):
+                visit.send({"id": 1, "call": "nothing"})
+        except OSError:
+            pass
+        reader.join(60.0)
+        assert not reader.is_alive() and visit.closed_with is not None
+        other.send({"id": 7, "call": "nothing"})
+        assert other.wait_for("answer", id=7)["done"] is False
+    assert is_served(view)
+    assert len(view.executable.lines) < 100  # a flood does not fill the log
+
+
+def test_one_page_too_many_is_told_so_and_the_next_one_has_room(view):
+    visits = [view.address.visit() for _ in range(MOST_PAGES)]
+    try:
+        for visit in visits:
+            visit.receive()
+        ninth = view.address.visit()
+        if isinstance(ninth, Visit):
+            with ninth:
+                assert ninth.wait_for_end() == 1013
+        else:
+            assert ninth.status == 503
+        visits.pop().__exit__()
+        deadline = time.monotonic() + 30.0
+        while not has_room(view):
+            assert time.monotonic() < deadline
+    finally:
+        for visit in visits:
+            visit.__exit__()
+
+
+def has_room(view) -> bool:
+    with view.address.visit() as visit:
+        return visit.receive() is not None
+
+
+def test_connections_that_say_nothing_keep_nobody_out_for_long(view):
+    silent = [view.address.connect() for _ in range(300)]
+    try:
+        for one in silent[::2]:
+            try:
+                one.sendall(b"GET / HTTP/1.1\r\nhost: ")
+            except ConnectionError:
+                pass
+        deadline = time.monotonic() + 60.0
+        while view.address.ask().status != 200:
+            assert time.monotonic() < deadline
+            time.sleep(0.1)
+    finally:
+        for one in silent:
+            one.close()
+    assert is_served(view)
+
+
+def test_a_command_reaches_the_robot_once_and_a_stranger_s_never(start, view, bench):
+    heard: list[float] = []
+    start("robot")
+    bench.node.create_subscription(Float64, "motor_speed", lambda message: heard.append(message.data), 100)
+    strange = view.address.visit(origin="http://evil.example")
+    assert not isinstance(strange, Visit)
+    with view.address.visit() as visit:
+        visit.wait_for("robot", patience=60.0)
+        bench.spin_until(lambda: bench.node.count_publishers("motor_speed") > 0, "the view's publisher")
+        visit.send({"id": 3, "command": "motor_speed", "value": 50.0})
+        assert visit.wait_for("answer", id=3)["done"] is True
+        bench.spin_until(lambda: bool(heard), "the command")
+        for bad in BAD_REQUESTS:
+            visit.send(bad)
+            visit.wait_for("answer")
+        visit.send({"id": 4, "command": "motor_speed", "value": 60.0})
+        assert visit.wait_for("answer", id=4)["done"] is True
+        bench.spin_until(lambda: 60.0 in heard, "the second command")
+    assert heard == [50.0, 60.0]
+
+
+def test_a_page_that_does_not_read_costs_the_others_nothing(start, view):
+    start("robot", "--ros-args", "-p", "rate.publish:=1000.0", "-p", "motor.speed:=100.0",
+          "-p", "record.enabled:=false")
+    with view.address.visit() as reading, view.address.visit(receive_buffer=4096) as deaf:
+        reading.wait_for("robot", patience=60.0)
+        samples = samples_heard(reading, 500)
+        before = view.memory
+        samples += samples_heard(reading, 5000)
+        assert samples >= 5500
+        assert view.memory - before < 8.0  # MB; what was not read of 5 s is 2 MB, as a list of numbers ten times that
+        del deaf
+    assert is_served(view)
+
+
+def samples_heard(visit: Visit, count: int) -> int:
+    """Receive until so many samples have come; their number."""
+    heard = 0
+    while heard < count:
+        frame = visit.receive()
+        assert frame is not None
+        if frame[0] == BINARY:
+            assert int.from_bytes(frame[1][:4], "little") == 1
+            heard += int.from_bytes(frame[1][4:8], "little")
+    return heard
