@@ -3,7 +3,7 @@
 import time
 from collections.abc import Callable
 
-PATIENCE = 60.0  # [s] deadline of what takes a second on an idle machine
+PATIENCE = 30.0  # [s] deadline of what takes a second on an idle machine
 
 
 def until(page, done: Callable, what: str = "") -> None:

@@ -7,6 +7,7 @@ import pytest
 from live_view import LiveView
 from page_reading import drawn, drawn_frames, said, shows_robot, until
 from published_samples import Published
+from rcl_interfaces.msg import Log
 from std_msgs.msg import Float64
 
 CRAWL = ("--ros-args", "-p", "motor.speed:=100.0", "-p", "record.enabled:=false")
@@ -52,7 +53,7 @@ def test_a_knob_s_command_reaches_the_robot_and_a_refusal_is_shown_in_its_words(
     page.press("#motor_speed", "Enter")
     refusal = robot.wait_for("1e+06").split("]: ", 1)[1]
     until(page, lambda page: refusal in said(page), refusal)
-    assert heard == [50.0, 1e6] or bench.spin_until(lambda: heard == [50.0, 1e6], "what was refused") is None
+    bench.spin_until(lambda: heard == [50.0, 1e6], "what was refused")
     assert drawn(page)["quantities"]["motor_speed"] == 50.0
 
 
@@ -74,7 +75,7 @@ def test_buttons_reset_pause_step_and_record(start, view, page, tmp_path):
     page.click("#pause")
     until(page, lambda page: drawn(page)["quantities"]["crank_angle"] > 1.0, "time goes on")
     page.click("#record")
-    robot.wait_for("recording")
+    robot.wait_for("recording to")
     until(page, lambda page: page.get_attribute("#record", "aria-pressed") == "true", "recording")
     (bag,) = tmp_path.glob("vibro_robot_*")
     assert bag.name in page.inner_text("#recording")
@@ -136,7 +137,7 @@ def test_a_robot_that_comes_late_goes_and_comes_back_is_shown(udp_only, start, v
     until(page, lambda page: page.is_visible("#absent"), "the absence of the second")
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGKILL])
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGKILL])
 def test_a_view_that_ends_costs_the_robot_nothing_and_the_page_says_so(udp_only, start, page, watch, number):
     robot, view = start("robot", *CRAWL), LiveView(start)
     open_robot(page, view)
@@ -150,14 +151,11 @@ def test_a_view_that_ends_costs_the_robot_nothing_and_the_page_says_so(udp_only,
     watch.complaints = [one for one in watch.complaints if "WebSocket" not in one]
 
 
-def test_a_page_that_is_closed_leaves_nothing(start, view, open_page):
+def test_pages_that_are_left_make_room(start, view, page):
     start("robot", *CRAWL)
-    for _ in range(12):  # more than may be open at once
-        page = open_page()
-        open_robot(page, view)
-        page.close()
-    with view.address.visit() as visit:
-        visit.wait_for("robot")
+    for _ in range(9):  # one more than may be open at once
+        page.goto(view.address.url)
+        until(page, shows_robot)
 
 
 def test_three_pages_show_the_same_robot(start, view, open_page):
@@ -178,8 +176,6 @@ def test_three_pages_show_the_same_robot(start, view, open_page):
 
 def test_words_of_others_are_text(start, view, page, bench):
     """What a stranger publishes as the robot's words is shown as it is, and runs nowhere."""
-    from rcl_interfaces.msg import Log
-
     start("robot", *CRAWL)
     open_robot(page, view)
     publisher = bench.node.create_publisher(Log, "/rosout", 10)

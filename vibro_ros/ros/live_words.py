@@ -30,6 +30,8 @@ LONGEST = 100_000
 """Bytes of the longest message that is read."""
 LONGEST_LINE = 500
 """Characters of a line that is shown."""
+_NO_RECORDING, _FAULT = "not recording", 2
+"""What the robot says when it records nothing, and the level of diagnostics at which it cannot."""
 WARNING, ERROR = 30, 40
 """Levels of rcl_interfaces/msg/Log."""
 _DIAGNOSTICS_TYPE, _LOG_TYPE = "diagnostic_msgs/msg/DiagnosticArray", "rcl_interfaces/msg/Log"
@@ -119,7 +121,8 @@ class Words:
         values = {pair.key: pair.value for pair in status.values}
         part = status.name.rpartition(": ")[2]
         if part == "recorder":
-            self.status["recording"] = one_line(status.message, LONGEST_LINE)
+            records = status.message != _NO_RECORDING and status.level < _FAULT
+            self.status["recording"] = one_line(status.message, LONGEST_LINE) if records else ""
         if part != "simulation":
             return
         dropped, simulated = (_number(values, name) for name in ("dropped time [s]", "simulated time [s]"))

@@ -125,7 +125,7 @@ class Live {
     press(this.#buttons.pause, this.#paused);
     this.#buttons.step.disabled = !(this.#offers?.step && this.#paused);
     press(this.#buttons.record, Boolean(recording));
-    document.querySelector("#recording").textContent = recording ? `records ${recording}` : "";
+    document.querySelector("#recording").textContent = recording ?? "";
     document.querySelector("#recording").title = recording ?? "";
   }
 
