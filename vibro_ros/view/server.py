@@ -147,6 +147,7 @@ class Server:
             websocket_ping_timeout=IDLE / 2, websocket_max_message_size=LONGEST)
         http = _Http(application, max_header_size=16_384, max_body_size=LONGEST, idle_connection_timeout=IDLE,
                      body_timeout=IDLE)
+        http.of_pages = lambda: [page.ws_connection.stream for page in self._pages.values() if page.ws_connection]
         http.add_sockets(self._sockets)
         self._ready.set()
         await self._stop.wait()
@@ -160,21 +161,34 @@ class Server:
 
 
 class _Http(HTTPServer):
-    """Refuses connections beyond `MOST_CONNECTIONS`, and limits what each may keep."""
+    """Keeps at most `MOST_CONNECTIONS`, and limits what each may keep.
+
+    Attributes
+    ----------
+    of_pages : callable
+        The streams of open pages, which are not ended for newcomers.
+    """
 
     def initialize(self, *arguments: Any, **options: Any) -> None:
         super().initialize(*arguments, **options)
         self._open: list[Any] = []
+        self.of_pages: Callable[[], Sequence[Any]] = list
 
     def handle_stream(self, stream: Any, address: Any) -> None:
         """As in `HTTPServer`."""
         self._open = [one for one in self._open if not one.closed()]
         if len(self._open) >= MOST_CONNECTIONS:
-            stream.close()
-            return
+            self._end_oldest()
         self._open.append(stream)
         stream.max_write_buffer_size = MOST_UNSENT
         super().handle_stream(stream, address)
+
+    def _end_oldest(self) -> None:
+        """Close the oldest connection that is no open page: most likely one that says nothing."""
+        kept = self.of_pages()
+        silent = next(one for one in self._open if one not in kept)  # there are fewer pages than connections
+        self._open.remove(silent)
+        silent.close()
 
     def close_streams(self) -> None:
         """Close every connection at once."""
