@@ -125,42 +125,46 @@ def test_a_recording_begun_late_is_exact_from_its_checkpoint_on(tmp_path):
     assert_agrees(motion, vibro_ros.simulate(vibro_ros.load_scene("device"), times=times, commands=commands), times)
 
 
-def test_a_recording_begun_before_its_first_checkpoint_says_what_is_interpolated(tmp_path):
-    whole = robot_bag(tmp_path / "whole", "device", 301, COMMANDS, RATE, checkpoints=(200,))
+@pytest.mark.parametrize("checkpoints", [(), (200,)])
+def test_a_recording_begun_late_without_a_checkpoint_is_followed_from_sample_to_sample(checkpoints, tmp_path):
+    whole = robot_bag(tmp_path / "whole", "device", 301, COMMANDS, RATE, checkpoints)
     late = rewritten(whole, tmp_path / "late", lambda one: one if one[1] >= START + round(110 / RATE * 1e9) else None)
-    motion, _ = read(late)
-    header = motion.header
-    assert not header["exact"] and header["exact_spans"] == [[200 / RATE, 300 / RATE]]
-    assert (header["begin"], header["end"]) == (110 / RATE, 300 / RATE) and "interpolated" in header["why"]
-    for name in ("body_position", "upper_position", "crank_angle"):
-        assert far_from_run(motion, name, COMMANDS, np.arange(110, 301) / RATE) <= NEAR
+    motion, setting = read(late)
+    assert motion.header["exact"] and motion.header["exact_spans"] == [[110 / RATE, 300 / RATE]]
+    assert "begins 0.55 s after the robot's start" in setting["notes"][0] and "sample to sample" in setting["notes"][0]
+    times = offset_times(110 / RATE, 300 / RATE, 5000)
+    for name in ("body_position", "body_height", "upper_position", "inclined_position", "crank_angle"):
+        assert far_from_run(motion, name, COMMANDS, times) <= NEAR
 
 
-def test_a_lost_command_ends_what_is_exact_and_a_checkpoint_begins_it_again(tmp_path):
-    whole = robot_bag(tmp_path / "whole", "device", 301, COMMANDS, RATE, checkpoints=(260,))
+def test_a_lost_command_is_told_by_the_samples(tmp_path):
+    whole = robot_bag(tmp_path / "whole", "device", 301, COMMANDS, RATE)
     lost = rewritten(whole, tmp_path / "lost", lambda one: None if one[1] == START + round(150 / RATE * 1e9)
                      and one[0] == "/motor_speed" else one)
-    motion, _ = read(lost)
-    header = motion.header
-    assert not header["exact"] and header["exact_spans"] == [[0.0, 150 / RATE], [260 / RATE, 300 / RATE]]
-    assert "0.75 s" in header["why"] and "not what was recorded" in header["why"]
-    exact = np.concatenate([offset_times(0.0, 150 / RATE, 3000), offset_times(260 / RATE, 300 / RATE, 1000)])
-    assert far_from_run(motion, "upper_position", COMMANDS, exact) <= NEAR
-    assert far_from_run(motion, "upper_position", COMMANDS, np.arange(301) / RATE) <= NEAR
-    assert far_from_run(motion, "upper_position", COMMANDS, offset_times(0.76, 1.29, 3000)) < 5e-3
+    motion, setting = read(lost)
+    assert (motion.header["exact"], motion.header["why"]) == (True, "")
+    assert "after 0.75 s" in setting["notes"][0] and "not what was recorded" in setting["notes"][0]
+    for name in ("body_position", "body_height", "upper_position", "inclined_position", "crank_angle"):
+        assert far_from_run(motion, name, COMMANDS, offset_times(0.0, 1.5)) <= NEAR
 
 
-def test_one_recorded_position_that_differs_is_noticed(tmp_path):
-    def spoilt(message):
+def moved(stamps, distance):
+    """Changes messages: the body is `distance` [m] farther in the odometry of some stamps [s]."""
+    def change(message):
         topic, stamp, data = message
-        if topic == "/odom" and stamp == START + round(90 / RATE * 1e9):
+        if topic == "/odom" and round((stamp - START) * 1e-9, 6) in stamps:
             odometry = deserialised(data, ROBOT_TOPICS["odom"])
-            odometry.pose.pose.position.x += 2e-9
+            odometry.pose.pose.position.x += distance
             data = serialised(odometry, ROBOT_TOPICS["odom"])
         return topic, stamp, data
+    return change
 
-    motion, _ = read(rewritten(robot_bag(tmp_path / "bag", "device", 121, COMMANDS, RATE), tmp_path / "other", spoilt))
-    assert motion.header["exact_spans"] == [[0.0, 89 / RATE]] and "body_position" in motion.header["why"]
+
+def test_one_recorded_position_that_differs_costs_the_intervals_beside_it(tmp_path):
+    whole = robot_bag(tmp_path / "bag", "device", 121, COMMANDS, RATE)
+    header = read(rewritten(whole, tmp_path / "other", moved({90 / RATE}, 2e-9)))[0].header
+    assert header["exact_spans"] == [[0.0, 89 / RATE], [91 / RATE, 120 / RATE]] and not header["exact"]
+    assert "body_position" in header["why"] and "interpolated" in header["why"]
 
 
 @pytest.mark.parametrize("without", ["/odom", "/joint_states"])
@@ -181,27 +185,50 @@ def test_messages_dropped_here_and_there_do_no_harm(tmp_path):
     assert motion.header["exact"]
 
 
-def test_the_bag_of_another_recorder_is_interpolated_and_says_so(tmp_path):
-    whole = robot_bag(tmp_path / "bag", "device", 241, {0: {"motor_speed": 60.0}, 120: "reset"}, RATE)
+def test_the_bag_of_another_recorder_is_recognised_by_its_samples(tmp_path):
+    whole = robot_bag(tmp_path / "bag", "damped", 241, {0: {"motor_speed": 60.0}, 120: "reset"}, RATE)
     motion, setting = read(rewritten(whole, tmp_path / "other", custom={}))
+    assert (motion.header["exact"], motion.header["why"], setting["robot"]) == (True, "", "damped")
+    assert "its samples are those of the scene damped" in setting["notes"][0]
+    assert motion.header["resets"] == [121 / RATE]
+    times = offset_times(0.0, 120 / RATE, 5000)
+    assert_agrees(motion, vibro_ros.simulate(vibro_ros.load_scene("damped"), times=times, commands=[
+        (0.0, {"motor_speed": 60.0})]), times)
+
+
+@pytest.fixture
+def unknown(tmp_path):
+    """The bag of another recorder, of a robot of the user's own."""
+    own = vibro_ros.load_scene("device").with_parameters({"ground.friction": 0.21, "upper.spring.damping": 2.5})
+    whole = robot_bag(tmp_path / "bag", own, 241, {0: {"motor_speed": 60.0}, 120: "reset"}, RATE)
+    return own, lambda change=lambda one: one: rewritten(whole, tmp_path / "other", change, {})
+
+
+def test_the_robot_of_another_recorder_may_be_unknown_and_its_motion_interpolated(unknown):
+    scene, bag = unknown
+    motion, setting = read(bag())
     header = motion.header
     assert not header["exact"] and header["exact_spans"] == []
     assert "says nothing of scene, parameters, start" in header["why"] and "interpolated" in header["why"]
     assert header["resets"] == [121 / RATE] and setting["machine"]["name"] == "device"
     times = np.concatenate([np.arange(121), np.arange(122, 241)]) / RATE
-    first = vibro_ros.simulate(vibro_ros.load_scene("device"), times=np.arange(121) / RATE,
-                               commands=[(0.0, {"motor_speed": 60.0})])
+    first = vibro_ros.simulate(scene, times=np.arange(121) / RATE, commands=[(0.0, {"motor_speed": 60.0})])
     found = motion.at(times)
-    for name in found:
-        np.testing.assert_allclose(found[name][:121], getattr(first, name), rtol=1e-6, atol=1e-5 * max(
-            1e-3, np.abs(getattr(first, name)).max()), err_msg=name)
+    assert {"body_position", "motor_power", "normal_force", "upper_plate_force"} <= set(found)
+    for name, values in found.items():
+        right = getattr(first, name)
+        assert np.abs(values[:121] - right).max() <= (NEAR if name.endswith(PLACES) else PART * max(
+            np.abs(right).max(), 1e-6)), name
     assert len(header["impacts"]) > 10 and all(one["peak_force"] > 0.0 for one in header["impacts"])
+    between = vibro_ros.simulate(scene, times=offset_times(0.0, 0.6), commands=[(0.0, {"motor_speed": 60.0})])
+    far = np.abs(motion.at(between.time)["crank_angle"] - between.crank_angle).max()
+    assert far < 1e-3  # rad, by a cubic over the motor's ramp and its end
 
 
-def test_a_gap_in_another_recorders_bag_stays_one(tmp_path):
-    whole = robot_bag(tmp_path / "bag", "device", 241, COMMANDS, RATE)
-    other = rewritten(whole, tmp_path / "other", lambda one: None if 0.3 < (one[1] - START) * 1e-9 < 0.5 else one, {})
-    x = read(other)[0].at(np.array([0.2, 0.29, 0.4, 0.49, 0.51]))["upper_position"]
+def test_a_gap_in_what_is_interpolated_stays_one(unknown):
+    _, bag = unknown
+    motion, _ = read(bag(lambda one: None if 0.3 < (one[1] - START) * 1e-9 < 0.5 else one))
+    x = motion.at(np.array([0.2, 0.29, 0.4, 0.49, 0.51]))["upper_position"]
     assert np.isnan(x).tolist() == [False, False, True, True, False]
 
 

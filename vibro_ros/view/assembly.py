@@ -7,7 +7,7 @@ import numpy as np
 from vibro_ros.view.exact_pieces import ExactPieces
 from vibro_ros.view.motion import MotionWriter
 from vibro_ros.view.stretch import Stretch
-from vibro_ros.view.units import units
+from vibro_ros.view.units import is_place, units
 
 Span = tuple[float, float]
 """Begin and end [s]."""
@@ -34,13 +34,14 @@ class Assembly:
     writer : MotionWriter
         Holds the pieces.
     resolved : bool
-        Whether the exact pieces follow the simulator everywhere.
+        Whether the exact pieces follow the simulator's positions everywhere.
     end : float
         Instant [s] from which on pieces were left out; infinite if none were.
     """
 
     def __init__(self, names: Sequence[str], stretches: Sequence[Stretch], instants: Sequence[np.ndarray],
                  rest: Sequence[Interpolated]):
+        self._places = [q for q, name in enumerate(names) if is_place(name)]
         self._exact, self._rest = ExactPieces(names, instants), [one for one in rest if len(one[0])]
         largest = np.max([np.zeros(len(names)), *map(self._exact.largest, stretches),
                           *(_largest(coefficients) for _, coefficients in self._rest)], axis=0)
@@ -58,7 +59,7 @@ class Assembly:
                 return
             if isinstance(part, Stretch):
                 borders, coefficients, resolved = self._exact.pieces(part, 0.5 * self.writer.units)
-                self.resolved &= resolved
+                self.resolved &= bool(resolved[self._places].all())
                 part = borders, coefficients
             self.writer.add(*part)
 

@@ -5,7 +5,6 @@ positions. All else is interpolated between the samples, and said to be.
 """
 
 import math
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -13,16 +12,19 @@ import numpy as np
 
 from vibro_ros.bag.reader import Arrays
 from vibro_ros.bag.stream import BagError, BagStream
-from vibro_ros.configuration.scene_file import load_scene
+from vibro_ros.configuration.scene_file import load_scene, shipped_scenes
+from vibro_ros.model.scene import Scene
 from vibro_ros.recordings.comparison import notes
 from vibro_ros.recordings.rerun import RunFacts, run_facts
 from vibro_ros.simulation.preparation import prepare_kernels
 from vibro_ros.view.assembly import Assembly, Span, spans
 from vibro_ros.view.contacts import Impact, as_json
-from vibro_ros.view.interpolation import interpolated
+from vibro_ros.view.following import Following, common_samples, recognised, regular, state_of
+from vibro_ros.view.interpolation import interpolated, lowered
 from vibro_ros.view.machine import machine, shown
 from vibro_ros.view.recorded import Progress, Recorded
 from vibro_ros.view.resimulation import Resimulation
+from vibro_ros.view.stretch import Stretch, quiet_device
 
 LARGEST = 64 * 2**20
 """Bytes of a motion's payload, half an hour of the busiest shipped scene; what comes later is left out."""
@@ -34,8 +36,8 @@ UNKNOWN_ROBOT = "device"
 """Scene whose lengths are drawn when a bag does not say which robot moved."""
 
 _SILENT: Progress = lambda share: None  # noqa: E731
-#: Shares of the work that are done when the samples are read, and when they are simulated again.
-_READ, _SIMULATED = 0.6, 0.7
+#: Shares of the work that are done when the samples are read, simulated again, and followed.
+_READ, _SIMULATED, _FOLLOWED = 0.5, 0.6, 0.7
 
 
 
@@ -72,32 +74,41 @@ class _Making:
 
     def __init__(self, stream: BagStream, progress: Progress):
         self._stream, self._progress = stream, progress
-        self._faults: list[str] = []
-        self._left_out: list[str] = []
+        self._faults: list[str] = []  # why it could not be simulated again from its commands
+        self._notes: list[str] = []
+        self._exact: list[Resimulation | Following] = []  # what is exact
+        self._scene: Scene | None = None
         self._facts = self._known_facts()
         self._recorded = Recorded(stream, self._part(0.0, _READ))
-        self._facts = self._facts if self._facts and self._are_ticks(self._facts) else None
+        if self._facts and not self._are_ticks(self._facts):
+            self._scene, self._facts = self._facts.scene, None
         self._tracks = self._recorded.tracks(self._times)
         if not any(len(track.times) for track in self._tracks.values()):
             raise BagError(f"{stream.folder}: holds no state to draw; give a bag with odom or joint_states")
-        self._run = self._simulated(self._facts) if self._facts else None
 
     def result(self) -> tuple[dict[str, Any], dict[str, Any], bytes]:
         """See `bag_motion`."""
-        exact = spans(self._run.stretches) if self._run else []
-        between = list(self._not_exact(exact))
+        if self._facts:
+            self._simulate(self._facts)
+        self._follow(self._open_spans())
+        between = self._open_spans()
         if between:
             self._recorded.read_forces(_SILENT)
             self._tracks = self._recorded.tracks(self._times)
-        scene = self._run.scene if self._run else load_scene(UNKNOWN_ROBOT)
-        names = [name for name in shown(scene) if self._run or name in self._tracks]
+        scene = self._scene or load_scene(UNKNOWN_ROBOT)
+        names = [name for name in shown(scene) if self._scene or name in self._tracks]
         made = self._assembled(names, between)
-        facts = {"exact": made.resolved and not between, "why": self._why(between, made.resolved),
-                 "exact_spans": exact, "impacts": self._impacts(exact), "resets": self._resets()}
+        facts = {"exact": made.resolved and not between, "why": self._why(bool(between), made.resolved),
+                 "exact_spans": spans(self._stretches), "impacts": self._impacts(made.end), "resets": self._resets()}
         header, payload = made.writer.document(facts)
         self._progress(1.0)
         return {"title": self._stream.folder.resolve().name, "robot": scene.name, "machine": machine(scene),
-                "notes": [*self._left_out, *self._stream.flaws]}, header, payload
+                "notes": [*self._notes, *self._stream.flaws]}, header, payload
+
+    @property
+    def _stretches(self) -> list[Stretch]:
+        found = [stretch for one in self._exact for stretch in one.stretches]
+        return sorted(found, key=lambda stretch: stretch.begin + stretch.offset)
 
     def _part(self, begin: float, end: float) -> Progress:
         return lambda share: self._progress(begin + (end - begin) * share)
@@ -130,64 +141,96 @@ class _Making:
             return np.rint(stamps * 1e-9 * self._facts.rate) / self._facts.rate
         return arrays.get("stamp", arrays["time"])
 
-    def _simulated(self, facts: RunFacts) -> Resimulation:
+    def _simulate(self, facts: RunFacts) -> None:
+        """Simulate the run again, from what the robot was told."""
         is_late = self._stream.start > facts.start
         prepare_kernels("view", facts.scene["solver.method"])
         run = Resimulation(facts, self._tracks, not is_late)
         run.run(self._recorded.inputs, self._part(_READ, _SIMULATED))
-        return run
+        self._exact.append(run)
+        self._scene = run.scene
+        if is_late and not (run.stretches and run.stretches[0].begin + run.stretches[0].offset <= self._ends[0]):
+            self._faults.append(f"the recording begins {(self._stream.start - facts.start) * 1e-9:.6g} s after the "
+                                "robot's start and what it had been told is unknown")
+        self._faults += run.faults
 
-    def _not_exact(self, exact: list[Span]) -> Iterator[Span]:
-        """Begin and end [s] of what is between the exact spans; between the last sample before a reset and the first
-        one after it there is nothing."""
+    def _follow(self, between: list[Span]) -> None:
+        """Follow the samples of what is not exact yet."""
+        if not between:
+            return
+        prepare_kernels("view", "exact")
+        scene = self._scene or recognised(map(load_scene, shipped_scenes()), self._tracks)
+        if scene is None or not set(state_of(scene)) <= set(self._tracks):
+            return
+        if self._scene is None:
+            self._notes.append("the bag does not say which robot moved; its samples are those of the scene "
+                               f"{scene.name}")
+        self._scene, device = scene, quiet_device(scene)
+        samples, times = common_samples(self._tracks, state_of(scene))
+        even = times if self._facts else regular(times)
+        for number, (begin, end) in enumerate(between):
+            inside = slice(*np.searchsorted(times, [begin, np.nextafter(end, np.inf)]))
+            share = _SIMULATED + (_FOLLOWED - _SIMULATED) * np.array([number, number + 1]) / len(between)
+            one = Following(device, {name: column[inside] for name, column in samples.items()}, even[inside])
+            one.follow(self._part(*share.tolist()))
+            self._exact.append(one)
+            self._faults += [one.fault] if one.failed else []
+
+    @property
+    def _ends(self) -> Span:
+        """Instants [s] of the first and the last sample."""
         times = [track.times[[0, -1]] for track in self._tracks.values() if len(track.times)]
-        begin, last = min(float(one[0]) for one in times), max(float(one[1]) for one in times)
-        period = 1.0 / self._facts.rate if self._facts else 0.0
-        resets = np.array(self._resets() if self._run else [])
-        for span in [*exact, (last, last)]:
-            is_reset = len(resets) and np.abs(resets - span[0]).min() < 0.5 * period
-            if span[0] > begin + (1.5 if is_reset else 0.5) * period:
-                yield begin, span[0]
+        return min(float(one[0]) for one in times), max(float(one[1]) for one in times)
+
+    def _open_spans(self) -> list[Span]:
+        """Begin and end [s] of what is not exact, where there are samples to draw it from."""
+        begin, last = self._ends
+        found, resets = [], self._resets()
+        for span in [*spans(self._stretches), (last, last)]:
+            if len(interpolated(self._tracks, [], (begin, span[0]), resets)[0]):
+                found.append((begin, span[0]))
             begin = span[1]
+        return found
 
     def _assembled(self, names: list[str], between: list[Span]) -> Assembly:
         """Everything in the order of time."""
-        run = self._run
-        rest = [interpolated(self._tracks, names, begin, end) for begin, end in between]
-        made = Assembly(names, run.stretches if run else [], run.instants if run else [], rest)
-        made.write(LARGEST, self._part(_SIMULATED, 1.0))
+        rest = [interpolated(self._tracks, names, span, self._resets()) for span in between]
+        made = Assembly(names, self._stretches, [times for one in self._exact for times in one.instants], rest)
+        made.write(LARGEST, self._part(_FOLLOWED, 1.0))
         if made.end < math.inf:
-            self._left_out.append(f"the motion after {made.end:.6g} s is left out: it would not fit into a page")
+            self._notes.append(f"the motion after {made.end:.6g} s is left out: it would not fit into a page")
         if self._recorded.cut_short:
-            self._left_out.append("the end of the recording is left out: it is too long for a page")
+            self._notes.append("the end of the recording is left out: it is too long for a page")
         return made
 
-    def _why(self, between: list[Span], resolved: bool) -> str:
-        """Why not everything is exact; empty when it is."""
-        if not between:
-            return "" if resolved else (f"by solver.method {self._run.scene['solver.method']} the motion changes with "
-                                        "every step, which is drawn less finely" if self._run else "")
-        faults = [*self._faults, *(self._run.faults if self._run else [])]
-        if self._facts and self._run:
-            faults += notes(self._stream, self._facts)
-        return "; ".join([*faults[:MOST_FAULTS], "there the motion is interpolated between the samples"])
+    def _why(self, is_open: bool, resolved: bool) -> str:
+        """Why not everything is exact; empty when it is. What the samples alone have told is only a note."""
+        faults = self._faults
+        if faults and self._facts:
+            faults = [*faults[:MOST_FAULTS], *notes(self._stream, self._facts)]
+        if is_open:
+            return "; ".join([*faults[:MOST_FAULTS], "there the motion is interpolated between the samples"])
+        if faults:
+            self._notes.append("; ".join([*faults[:MOST_FAULTS], "there the motion is computed from sample to sample"]))
+        return "" if resolved else "the motion changes too often to be drawn as finely as it was computed"
 
-    def _impacts(self, exact: list[Span]) -> list[dict[str, Any]]:
+    def _impacts(self, end: float) -> list[dict[str, Any]]:
         """Computed impacts where the motion is exact, elsewhere the recorded ones, as far as the bag holds them."""
-        found = list(self._run.impacts) if self._run else []
+        found = [impact for one in self._exact for impact in one.impacts]
         start = (self._stream.start - self._facts.start) * 1e-9 if self._facts else 0.0
         recorded = [Impact(stamp + start, stamp + start, side, force)
                     for stamp, side, force in self._recorded.impacts()]
-        borders = np.array(exact).ravel()  # between an even and an odd one lies what is exact
+        borders = np.array(spans(self._stretches)).ravel()  # between an even and an odd one lies what is exact
         before = np.searchsorted(borders, [one.time for one in recorded], side="right")
         found += [one for one, count in zip(recorded, before, strict=True) if count % 2 == 0]
+        found = [one for one in found if one.time <= end]
         if len(found) > MOST_IMPACTS:
             found = sorted(found, key=lambda one: one.peak_force)[-MOST_IMPACTS:]
-            self._left_out.append(f"of the impacts, only the hardest {MOST_IMPACTS} are marked")
+            self._notes.append(f"of the impacts, only the hardest {MOST_IMPACTS} are marked")
         return as_json(found)
 
     def _resets(self) -> list[float]:
-        if self._run:
-            return self._run.resets
-        crank = self._tracks.get("crank_angle")
-        return crank.times[1:][np.diff(crank.values) < 0.0].tolist() if crank else []
+        """Instants [s] of samples at which the robot stood at its start again."""
+        if self._facts and self._exact:
+            return self._exact[0].resets
+        return lowered(self._tracks["crank_angle"]) if "crank_angle" in self._tracks else []

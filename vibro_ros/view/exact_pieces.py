@@ -6,10 +6,10 @@ import numpy as np
 
 from vibro_ros.simulation.simulator import Simulator
 from vibro_ros.view.pieces import Sampler, cut, extremes, fitted
-from vibro_ros.view.stretch import Stretch
+from vibro_ros.view.stretch import Stretch, quiet_device
 
-MOST_A_SECOND = 20_000
-"""Pieces of a second; a method of fixed step may have a border at each of its steps, which nobody can draw."""
+MOST_A_SECOND, MOST_OF_STEPS = 20_000, 2000
+"""Pieces of a second, by the method exact and by another one, whose every step may be a border that nobody sees."""
 
 
 class ExactPieces:
@@ -31,13 +31,14 @@ class ExactPieces:
         """Largest magnitude of each quantity in a stretch, shape (quantities,)."""
         return extremes(self._sampler(stretch), self._borders(stretch))
 
-    def pieces(self, stretch: Stretch, allowed: np.ndarray) -> tuple[np.ndarray, np.ndarray, bool]:
-        """Borders [s] by robot time, and coefficients, of a stretch, and whether they resolve it: see `fitted`.
+    def pieces(self, stretch: Stretch, allowed: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Borders [s] by robot time, and coefficients, of a stretch, and which quantities they resolve: see `fitted`.
 
         `allowed` are the largest coefficients that may be neglected (SI), shape (quantities,).
         """
         borders = self._borders(stretch)
-        most = len(borders) + MOST_A_SECOND * (stretch.end - stretch.begin)
+        a_second = MOST_A_SECOND if stretch.scene["solver.method"] == "exact" else MOST_OF_STEPS
+        most = len(borders) + a_second * (stretch.end - stretch.begin)
         borders, coefficients, resolved = fitted(self._sampler(stretch), borders, allowed, int(most))
         return borders + stretch.offset, coefficients, resolved
 
@@ -49,6 +50,6 @@ class ExactPieces:
 
     def _sampler(self, stretch: Stretch) -> Sampler:
         if self._device is None or self._device.scene != stretch.scene:
-            self._device = Simulator(stretch.scene)
+            self._device = quiet_device(stretch.scene)
         device = self._device
         return lambda times: stretch.values(device, times, self._names)

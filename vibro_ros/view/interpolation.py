@@ -1,7 +1,7 @@
 """A motion between recorded samples, where nobody can say what it really was.
 
 Between two samples a quantity is a cubic if its rate was recorded, too, else a straight line. Nothing is drawn over a
-gap in the recording, or over a reset, which lowers the crank's angle.
+gap in the recording, or over a reset.
 """
 
 from collections.abc import Mapping, Sequence
@@ -14,11 +14,13 @@ from vibro_ros.view.recorded import Track
 GAP = 2.5
 """Periods; two samples that are farther apart have a gap between them."""
 DEGREE = 3
+NEAR = 3e-9
+"""Instants [s] that are one: stamps are rounded to nanoseconds."""
 
 
-def interpolated(tracks: Mapping[str, Track], names: Sequence[str], begin: float,
-                 end: float) -> tuple[np.ndarray, np.ndarray]:
-    """Pieces between the samples from `begin` to `end` [s].
+def interpolated(tracks: Mapping[str, Track], names: Sequence[str], span: tuple[float, float],
+                 resets: Sequence[float]) -> tuple[np.ndarray, np.ndarray]:
+    """Pieces between the samples in a span.
 
     Parameters
     ----------
@@ -26,33 +28,42 @@ def interpolated(tracks: Mapping[str, Track], names: Sequence[str], begin: float
         What was recorded.
     names : sequence of str
         Quantities wanted; what was not recorded of them is NaN.
+    span : (float, float)
+        Begin and end [s].
+    resets : sequence of float
+        Instants [s] of samples at which the robot stood at its start again.
 
     Returns
     -------
     ndarray, ndarray, shapes (p, 2) and (p, names, DEGREE + 1)
         Borders [s] and Chebyshev coefficients (SI).
     """
-    times = _grid(tracks)
-    times = times[(times >= begin) & (times <= end)]
-    pauses = np.diff(times)
-    near = np.flatnonzero(pauses <= _longest(times))
-    borders = np.column_stack([times[:-1], times[1:]])[near]
-    if "crank_angle" in tracks and len(borders):
-        crank = tracks["crank_angle"]
-        lowered = crank.times[1:][np.diff(crank.values) < 0.0]
-        after = np.searchsorted(lowered, borders, side="right")
-        borders = borders[after[:, 0] == after[:, 1]]
-    places = [tracks.get(name) for name in names]
+    times, longest = _grid(tracks)
+    times = times[(times >= span[0] - NEAR) & (times <= span[1] + NEAR)]
+    borders = np.column_stack([times[:-1], times[1:]])
+    after = np.searchsorted(np.sort(np.array(resets)), borders + NEAR)
+    borders = np.clip(borders[(np.diff(times) <= longest) & (after[:, 0] == after[:, 1])], *span)
+    borders = borders[np.diff(borders)[:, 0] > NEAR]
+    if not names:
+        return borders, np.empty((len(borders), 0, DEGREE + 1))
+    wanted = [tracks.get(name) for name in names]
 
     def values(instants: np.ndarray) -> np.ndarray:
-        return np.stack([_at(track, instants) for track in places], axis=2)
+        return np.stack([_at(track, instants) for track in wanted], axis=2)
 
     return borders, polynomials_through(borders, values, DEGREE + 1)
 
 
-def _grid(tracks: Mapping[str, Track]) -> np.ndarray:
-    """Instants of the samples [s]: those of the first track that has any; what a robot publishes has one rate."""
-    return next((track.times for track in tracks.values() if len(track.times) > 1), np.empty(0))
+def lowered(crank: Track) -> list[float]:
+    """Instants [s] at which the crank's angle is less than before: only a reset does that."""
+    return crank.times[1:][np.diff(crank.values) < 0.0].tolist()
+
+
+def _grid(tracks: Mapping[str, Track]) -> tuple[np.ndarray, float]:
+    """Instants of the samples [s], those of the first track that has any, because what a robot publishes has one rate;
+    and the longest pause [s] that is no gap."""
+    times = next((track.times for track in tracks.values() if len(track.times) > 1), np.empty(0))
+    return times, _longest(times)
 
 
 def _longest(times: np.ndarray) -> float:

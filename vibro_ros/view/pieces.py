@@ -19,6 +19,11 @@ TOGETHER = 2e-11
 SHORTEST = 1e-9
 #: The last coefficients, of which none may count.
 _TAIL = 3
+#: Halving has helped if the last coefficients of one half shrink to less than this part; those of a smooth quantity
+#: nearly vanish.
+_HELPED = 0.2
+#: Times in a row that halving has not helped, after which it will not: more jumps in a piece than are unannounced.
+_HOPELESS = 4
 
 _ANGLES = (np.arange(NODES)[::-1] + 0.5) * np.pi / NODES
 _PLACES = np.cos(_ANGLES)  # of the nodes in [-1, 1], ascending
@@ -47,7 +52,7 @@ def cut(begin: float, end: float, instants: np.ndarray) -> np.ndarray:
 
 
 def fitted(sample: Sampler, borders: np.ndarray, allowed: np.ndarray,
-           most: int) -> tuple[np.ndarray, np.ndarray, bool]:
+           most: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Polynomials of every quantity.
 
     Parameters
@@ -67,19 +72,26 @@ def fitted(sample: Sampler, borders: np.ndarray, allowed: np.ndarray,
         Of all pieces, ascending [s].
     coefficients : ndarray, shape (n, quantities, NODES)
         Of the Chebyshev polynomials (SI).
-    resolved : bool
-        Whether no piece is left that should have been halved.
+    resolved : ndarray of bool, shape (quantities,)
+        Whether the polynomials of a quantity neglect nothing in any piece.
     """
     done: list[tuple[np.ndarray, np.ndarray]] = []
-    total, resolved = len(borders), True
+    total, resolved = len(borders), np.full(len(allowed), True)
+    before: np.ndarray = np.empty(0)
+    in_vain: np.ndarray = np.zeros(len(borders), dtype=int)
     while len(borders):
         coefficients = _transformed(sample, borders)
-        fits = _fits(borders, coefficients, allowed) | (borders[:, 1] - borders[:, 0] <= SHORTEST)
-        total += np.count_nonzero(~fits)
+        tails = _tails(borders, coefficients, allowed)
+        worst = tails.max(axis=1, initial=0.0)
+        in_vain = np.where(_helped(worst, before), 0, in_vain + 1)
+        is_last = (borders[:, 1] - borders[:, 0] <= SHORTEST) | (in_vain >= _HOPELESS)
+        halved = (worst > 1.0) & ~is_last
+        total += np.count_nonzero(halved)
         if total > most:
-            resolved, fits[:] = bool(fits.all()), True
-        done.append((borders[fits], coefficients[fits]))
-        borders = _halves(borders[~fits])
+            is_last, halved = is_last | halved, np.full(len(halved), False)
+        resolved &= (tails[is_last & (borders[:, 1] - borders[:, 0] > SHORTEST)] <= 1.0).all(axis=0)
+        done.append((borders[~halved], coefficients[~halved]))
+        borders, before, in_vain = _halves(borders[halved]), worst[halved], np.repeat(in_vain[halved], 2)
     found, polynomials = (np.concatenate(parts) for parts in zip(*done, strict=True))
     order = np.argsort(found[:, 0], kind="stable")
     return found[order], polynomials[order], resolved
@@ -114,14 +126,22 @@ def _instants(borders: np.ndarray, places: np.ndarray) -> np.ndarray:
     return np.clip(inside, borders[:, :1], borders[:, 1:])  # rounding leads out of no piece
 
 
-def _fits(borders: np.ndarray, coefficients: np.ndarray, allowed: np.ndarray) -> np.ndarray:
-    """Whether the last coefficients of no quantity count, shape (p,).
+def _tails(borders: np.ndarray, coefficients: np.ndarray, allowed: np.ndarray) -> np.ndarray:
+    """The last coefficients over what is allowed of them, shape (p, quantities): at most 1 where they do not count.
 
     Instants are rounded, the more the later they are; what a quantity changes by in that time is no sign of anything.
     """
     rounding = np.spacing(borders[:, 1]) / (borders[:, 1] - borders[:, 0])
     noise = 8.0 * rounding[:, None] * np.abs(coefficients[:, :, 1:]).max(axis=2)
-    return (np.abs(coefficients[:, :, -_TAIL:]).max(axis=2) <= np.maximum(allowed, noise)).all(axis=1)
+    return np.abs(coefficients[:, :, -_TAIL:]).max(axis=2) / np.maximum(allowed, noise)
+
+
+def _helped(worst: np.ndarray, before: np.ndarray) -> np.ndarray:
+    """Whether halving has made the tails of one half shrink, shape (p,); if not, they are rounding, or the steps of a
+    method. `before` are the `worst` tails of the whole, shape (p / 2,)."""
+    if not len(before):
+        return np.full(len(worst), True)
+    return np.repeat(worst.reshape(-1, 2).min(axis=1) <= np.maximum(1.0, _HELPED * before), 2)
 
 
 def _halves(borders: np.ndarray) -> np.ndarray:

@@ -17,7 +17,8 @@ from vibro_ros.recordings.rerun import LONGEST_PAUSE, Rerun, RunFacts
 from vibro_ros.simulation.motion import SimulationError
 from vibro_ros.view.contacts import Impact, impacts_of, instants_of
 from vibro_ros.view.recorded import Input, Progress, Track
-from vibro_ros.view.stretch import Command, Stretch, sampled
+from vibro_ros.view.stretch import Command, Stretch, quiet, sampled
+from vibro_ros.view.units import is_place
 
 AGREEMENT = 1e-9
 """Distance [m, rad] from every recorded position within which a run computed again counts as the same; besides
@@ -55,8 +56,10 @@ class Resimulation:
     """
 
     def __init__(self, facts: RunFacts, tracks: dict[str, Track], is_known: bool):
-        self._facts, self._rerun, self._is_known = facts, Rerun(facts, facts.scene), is_known
-        self._names = [name for name in tracks if name.endswith(("position", "height", "crank_angle"))]
+        self._facts, self._is_known = facts, is_known
+        with quiet():
+            self._rerun = Rerun(facts, facts.scene)
+        self._names = [name for name in tracks if is_place(name)]
         self._ticks, self._recorded = _by_ticks([tracks[name] for name in self._names], facts.rate)
         self._reached = 0  # of `_ticks`, those that are compared or past
         self._commands: list[Command] = []

@@ -1,12 +1,14 @@
 """A device on its way from one instant to another, which can be sampled as often as wanted."""
 
-from collections.abc import Sequence
+import warnings
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from typing import NamedTuple
 
 import numpy as np
 
 from vibro_ros.model.scene import Scene
-from vibro_ros.simulation.simulator import Simulator
+from vibro_ros.simulation.simulator import Simulator, ToleranceWarning
 
 #: A command at an instant of the device's own time [s]: arguments of `Simulator.command`.
 Command = tuple[float, dict[str, float]]
@@ -50,6 +52,20 @@ class Stretch(NamedTuple):
         parts.append(sampled(device, times[done:], names))
         device.take_events()
         return np.concatenate(parts)
+
+
+@contextmanager
+def quiet() -> Iterator[None]:
+    """No warning of a tolerance that a scene cannot keep: its robot has given it."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", ToleranceWarning)
+        yield
+
+
+def quiet_device(scene: Scene) -> Simulator:
+    """The device of a scene, without that warning."""
+    with quiet():
+        return Simulator(scene)
 
 
 def sampled(device: Simulator, times: np.ndarray, names: Sequence[str]) -> np.ndarray:

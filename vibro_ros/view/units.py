@@ -12,8 +12,13 @@ _PART = 2e-8
 _LEAST_PART = 1e-13
 
 
+def is_place(name: str) -> bool:
+    """Whether a field of `Samples` says where something is: in m, or the crank's angle in rad."""
+    return name.endswith(("position", "height", "angle"))
+
+
 def units(names: Sequence[str], largest: np.ndarray) -> np.ndarray:
     """Step of a coefficient of each quantity (SI), from its largest magnitude in the motion; shape (quantities,)."""
-    is_place = np.array([name.endswith(("position", "height", "angle")) for name in names])
-    steps = np.where(is_place, np.maximum(_PLACE, _LEAST_PART * largest), _PART * largest)
+    places = np.array([is_place(name) for name in names])
+    steps = np.where(places, np.maximum(_PLACE, _LEAST_PART * largest), _PART * largest)
     return np.where(steps > 0.0, steps, 1.0)  # of what is 0 throughout
