@@ -1,0 +1,176 @@
+"""Periodic orbits against closed forms, against independent numerics, and against what they must have in common."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.linalg import expm
+
+import vibro_ros
+from vibro_ros.model.slider import Slider
+from vibro_ros.orbits.newton import Closed, close, derivative
+from vibro_ros.orbits.orbit import OrbitNotFoundError, orbit_at
+from vibro_ros.orbits.turn_map import TurnMap
+
+SPEED = 100.0  # rad/s
+PERIOD = 2.0 * math.pi / SPEED
+
+
+def scene(name: str, **changes) -> vibro_ros.Scene:
+    return vibro_ros.load_scene(name).with_parameters({"motor.speed": SPEED} | changes)
+
+
+def alone(**changes) -> vibro_ros.Scene:
+    """The upper mass on its damped drive, which nothing else moves."""
+    return scene("unilateral", **{"effects.inclined_mass": False, "upper.spring.damping": 3.0} | changes)
+
+
+def matrix(of: vibro_ros.Scene) -> np.ndarray:
+    """d/dt (u, u') = A (u, u') + forcing, in flight."""
+    mass = of["mass.upper"]
+    return np.array([[0.0, 1.0], [-of["upper.spring.stiffness"] / mass, -of["upper.spring.damping"] / mass]])
+
+
+def in_order(values) -> np.ndarray:
+    return np.array(sorted(np.asarray(values, dtype=complex), key=lambda z: (-round(abs(z), 9), z.imag)))
+
+
+@pytest.mark.parametrize("damping", [3.0, 20.0, 25.0])
+def test_a_linear_machine_has_the_multipliers_of_its_eigenvalues(damping):
+    """Of e^(lambda T); 20 N s/m is the critical damping, whose two multipliers are equal."""
+    of = alone(**{"effects.upper_contact": "none", "upper.spring.damping": damping})
+    found = vibro_ros.find_orbit(of)
+    expected = in_order(np.exp(np.linalg.eigvals(matrix(of)) * PERIOD))
+    # Two equal eigenvalues part with the root of the derivative's error.
+    assert in_order(found.multipliers) == pytest.approx(expected, abs=1e-4 if damping == 20.0 else 1e-9)
+    assert found.stable and found.residual < 1e-13 and found.mean_speed == 0.0
+
+
+def flight(of: vibro_ros.Scene):
+    """Rates of (u, u'), and the force's share u'' alone, by textbook functions."""
+    slider, mass = Slider(of["crank.radius"], of["crank.upper_rod"], 0.0), of["mass.upper"]
+    stiffness, damping = of["upper.spring.stiffness"], of["upper.spring.damping"]
+
+    def rate(time: float, at: np.ndarray, start: float) -> list[float]:
+        angle = start + SPEED * time
+        push = stiffness * (at[0] - slider.position(angle)) + damping * (at[1] - SPEED * slider.slope(angle))
+        return [at[1], -push / mass]
+    return rate
+
+
+@pytest.mark.parametrize(("restitution", "gap", "damping"), [(0.8, 0.0, 3.0), (0.5, 0.005, 1.0), (0.6, 0.002, 5.0)])
+def test_an_impact_oscillator_has_the_multipliers_of_its_closed_form(restitution, gap, damping):
+    """One blow a turn, at speed v: the turn's derivative is e^(A (T - t)) S e^(A t), with the jump S of a blow on a
+    plate at rest, S = [[-e, 0], [(a' + e a) / v, -e]], from the accelerations a before and a' after it."""
+    of = alone(**{"effects.upper_contact": "restitution", "upper.plate.restitution": restitution, "upper.gap": gap,
+                  "upper.spring.damping": damping})
+    found = vibro_ros.find_orbit(of)
+    plate, state = of["crank.upper_rod"] + gap, found.state
+
+    def reached(time: float, at: np.ndarray, start: float) -> float:
+        return at[0] - plate
+    reached.terminal, reached.direction = True, 1.0
+
+    rate, exactly = flight(of), {"method": "DOP853", "rtol": 1e-13, "atol": 1e-15, "args": (state.crank_angle,)}
+    before = solve_ivp(rate, (0.0, PERIOD), [state.upper_position, state.upper_velocity], events=reached, **exactly)
+    time, (_, speed) = before.t[-1], before.y[:, -1]
+    rebound = [plate, -restitution * speed]
+    after = solve_ivp(rate, (time, PERIOD), rebound, events=reached, **exactly)
+    assert after.t[-1] == PERIOD  # one blow a turn
+    assert after.y[:, -1] == pytest.approx([state.upper_position, state.upper_velocity], abs=1e-9)
+    arriving, leaving = (rate(time, at, state.crank_angle)[1] for at in ([plate, speed], rebound))
+    jump = np.array([[-restitution, 0.0], [(leaving + restitution * arriving) / speed, -restitution]])
+    turn = expm(matrix(of) * (PERIOD - time)) @ jump @ expm(matrix(of) * time)
+    assert in_order(found.multipliers) == pytest.approx(in_order(np.linalg.eigvals(turn)), abs=1e-7)
+    assert np.prod(found.multipliers) == pytest.approx(restitution**2 * math.exp(-damping / of["mass.upper"] * PERIOD))
+
+
+ATTRACTING = [("damped", 100.0, 1), ("device", 60.0, 1), ("device", 100.0, 4), ("device", 140.0, 2),
+              ("device", 160.0, 3), ("device", 240.0, 8), ("rigid", 100.0, 1)]
+
+
+@pytest.mark.parametrize(("name", "speed", "turns"), ATTRACTING)
+def test_an_attracting_orbit_is_what_a_long_run_settles_to(name, speed, turns):
+    of = scene(name, **{"motor.speed": speed})
+    found = vibro_ros.find_orbit(of, turns)
+    assert found.stable and found.turns == turns
+    period = 2.0 * math.pi / speed
+    run = vibro_ros.simulate(of, times=np.array([0.0, 1200.0, 1200.0 + turns]) * period)
+    assert (run.body_position[2] - run.body_position[1]) / (turns * period) == pytest.approx(found.mean_speed, abs=1e-8)
+
+
+@pytest.mark.parametrize(("name", "turns"), [("damped", 1), ("device", 4), ("device", 2)])
+def test_multipliers_do_not_depend_on_the_cut_nor_on_the_step_of_the_differences(name, turns):
+    of = scene(name)
+    found = vibro_ros.find_orbit(of, turns)
+    for ahead in (0.1, -0.1):
+        there = TurnMap(of, (found.state.crank_angle + ahead) % (2.0 * math.pi))
+        device = vibro_ros.Simulator(of)
+        here = TurnMap(of, found.state.crank_angle)
+        here.put(device, here.read(found.state))
+        device.advance_to((ahead / SPEED) % PERIOD)
+        closed = close(there, there.read(device.state), turns)
+        other = orbit_at(there, closed, turns)
+        assert other.mean_speed == pytest.approx(found.mean_speed, abs=1e-12)
+        large = np.abs(found.multipliers) > 1e-3
+        assert in_order(other.multipliers[large]) == pytest.approx(in_order(found.multipliers[large]), abs=1e-6)
+        for step in (1e-4, 1e-6):
+            other = np.linalg.eigvals(derivative(there, closed.state, turns, ~there.held(closed.state), step))
+            other = other[np.abs(other) > 1e-3]
+            assert in_order(other) == pytest.approx(in_order(found.multipliers[large]), abs=1e-5)
+
+
+def test_a_disturbed_motion_leaves_an_unstable_orbit_as_fast_as_its_multiplier_says():
+    of = scene("device")
+    found = vibro_ros.find_orbit(of, 2)
+    assert not found.stable
+    turn_map = TurnMap(of, found.state.crank_angle)
+    state = turn_map.read(found.state)
+    values, vectors = np.linalg.eig(derivative(turn_map, state, 2, ~turn_map.held(state)))
+    fastest = int(np.argmax(np.abs(values)))
+    assert values[fastest] == pytest.approx(found.multipliers[0])
+    away = 1e-8 * np.real(vectors[:, fastest])
+    for passes in (1, 2, 3, 4):
+        moved = turn_map(state + away, 2 * passes).state - state
+        assert moved == pytest.approx(np.real(values[fastest])**passes * away, abs=1e-3 * np.abs(moved).max())
+
+
+def test_a_motion_that_repeats_itself_later_is_named():
+    with pytest.raises(OrbitNotFoundError, match=r"device: at 100 rad/s no motion was found that repeats itself after "
+                                                 r"3 turns; it repeats itself after 4 turns: give turns=4"):
+        vibro_ros.find_orbit(scene("device"), 3)
+
+
+def test_a_resonance_without_losses_never_repeats_itself():
+    with pytest.raises(OrbitNotFoundError, match="nor one that repeats itself within 64 turns"):
+        vibro_ros.find_orbit(scene("no_impact"))
+
+
+@pytest.mark.parametrize("turns", [0, -1, 65, 1.0, "2", True, None])
+def test_a_number_of_turns_out_of_range_is_refused(turns):
+    with pytest.raises(ValueError, match="turns: .* is out of range; give a whole number from 1 to 64"):
+        vibro_ros.find_orbit(scene("damped"), turns)
+
+
+def test_a_crank_that_stands_is_refused():
+    with pytest.raises(ValueError, match=r"motor.speed: 0 rad/s turns no crank; give the speed"):
+        vibro_ros.find_orbit(vibro_ros.load_scene("device"))
+
+
+def test_an_orbit_can_be_taken_up():
+    found = vibro_ros.find_orbit(scene("damped"))
+    device = vibro_ros.Simulator(found.scene)
+    here = TurnMap(found.scene, found.state.crank_angle)
+    device.set_state(crank_angle=found.state.crank_angle,
+                     **{name: getattr(found.state, name) for name in here.names})
+    device.advance_to(10 * PERIOD)
+    assert here.read(device.state) == pytest.approx(here.read(found.state), abs=1e-12)
+    assert device.state.body_position == pytest.approx(found.mean_speed * 10 * PERIOD, abs=1e-12)
+
+
+def test_a_guess_far_off_leads_nowhere_and_says_so():
+    of = scene("device")
+    turn_map = TurnMap(of, 1.0)
+    assert close(turn_map, turn_map.read(vibro_ros.Simulator(of).state) + 50.0, 1) is None
+    assert isinstance(Closed(np.zeros(1), 0.0), tuple)
