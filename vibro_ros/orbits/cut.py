@@ -43,10 +43,10 @@ def free_phase(scene: Scene, device: Simulator) -> tuple[float, float]:
     lasting = np.where(of_contact, events["duration"], 0.0) / period
     for first, last in zip(phase * _CELLS, (phase + np.minimum(lasting, 1.0)) * _CELLS, strict=True):
         busy[np.arange(int(first), int(last) + 1) % _CELLS] += 1.0
-    return _middle_of_longest(busy == busy.min(), free=bool(busy.min() == 0.0))
+    return middle_of_longest(busy == busy.min(), free=bool(busy.min() == 0.0))
 
 
-def _middle_of_longest(quiet: np.ndarray, free: bool) -> tuple[float, float]:
+def middle_of_longest(quiet: np.ndarray, free: bool) -> tuple[float, float]:
     """Middle [rad] of the longest run of cells that are `quiet`, on the circle, and its share of the turn."""
     if quiet.all():
         return 0.0, 1.0

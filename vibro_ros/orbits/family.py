@@ -1,0 +1,120 @@
+"""Orbits of one machine with one parameter that changes: the equations that a branch of orbits follows."""
+
+from collections.abc import Iterator
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+
+from vibro_ros.model.scene import Scene
+from vibro_ros.orbits.newton import STEP, derivative
+from vibro_ros.orbits.turn_map import TURN, TurnMap
+from vibro_ros.simulation.simulator import Simulator
+
+_MAPS = 8  # that are kept: those of a derivative by the parameter, and of a step
+
+
+class Place(NamedTuple):
+    """A state at the cut together with the parameter: where a branch is.
+
+    Attributes
+    ----------
+    state : ndarray, shape (n,)
+        In units of the machine.
+    share : float
+        The parameter's place between the ends of its range: 0 at the one, 1 at the other.
+    """
+
+    state: np.ndarray
+    share: float
+
+    @property
+    def vector(self) -> np.ndarray:
+        """State and share, shape (n + 1,)."""
+        return np.append(self.state, self.share)
+
+    @classmethod
+    def of(cls, vector: np.ndarray) -> "Place":
+        """The place of a vector, shape (n + 1,)."""
+        return cls(vector[:-1], float(vector[-1]))
+
+
+class Family:
+    """What comes back after `turns` turns, for each value of a parameter.
+
+    Parameters
+    ----------
+    scene : Scene
+        The machine.
+    name : str
+        A number among its parameters.
+    low, high : float
+        Range of the parameter, in its unit.
+    turns : int
+        Turns of the crank after which orbits repeat themselves.
+    phase : float
+        Crank angle at the cut [rad].
+
+    Raises
+    ------
+    ValueError
+        For a range that is none, or a value that the scene refuses.
+    """
+
+    def __init__(self, scene: Scene, name: str, low: float, high: float, turns: int, phase: float):
+        if not low < high:
+            raise ValueError(f"{name}: from {low:g} to {high:g} is no range; give the smaller value first")
+        self.scene, self.name, self.low, self.high, self.turns, self.phase = scene, name, low, high, turns, phase
+        self._units = TurnMap(scene, phase).units
+        self.map_at = lru_cache(_MAPS)(self._map_at)
+
+    def value(self, share: float) -> float:
+        """The parameter at a share of its range, in its unit."""
+        return self.low + share * (self.high - self.low)
+
+    def share(self, value: float) -> float:
+        """The share of the range at a value of the parameter."""
+        return (value - self.low) / (self.high - self.low)
+
+    def scene_at(self, share: float) -> Scene:
+        """The machine there (ValueError where the scene refuses the value)."""
+        return self.scene.with_parameters({self.name: self.value(share)})
+
+    def _map_at(self, share: float) -> TurnMap:
+        turn_map = TurnMap(self.scene_at(share), self.phase)
+        turn_map.units = self._units  # the same all along the branch
+        return turn_map
+
+    def residual(self, place: Place) -> np.ndarray:
+        """By how much the state does not come back, shape (n,)."""
+        return self.map_at(place.share)(place.state, self.turns).state - place.state
+
+    def held(self, place: Place) -> np.ndarray:
+        """Coordinates that something holds at the cut, shape (n,) of bool."""
+        return self.map_at(place.share).held(place.state)
+
+    def jacobian(self, place: Place, held: np.ndarray, step: float = STEP) -> np.ndarray:
+        """Derivative of the residual by state and share, shape (n, n + 1); what is held stays, whatever else moves.
+
+        `step` is that of the central differences.
+        """
+        n, free = len(place.state), ~held
+        matrix = np.zeros((n, n + 1))
+        by_state = derivative(self.map_at(place.share), place.state, self.turns, free, step)
+        matrix[np.ix_(free, np.append(free, False))] = by_state
+        matrix[:, :n] -= np.eye(n)
+        ends = [self.map_at(place.share + sign)(place.state, self.turns).state for sign in (step, -step)]
+        matrix[free, n] = (ends[0] - ends[1])[free] / (2.0 * step)
+        return matrix
+
+    def recut(self, phase: float, places: Iterator[Place]) -> tuple["Family", list[Place]]:
+        """The same family cut at another phase, and there the states to which the given ones lead."""
+        other = Family(self.scene, self.name, self.low, self.high, self.turns, phase)
+        ahead, found = (phase - self.phase) % TURN / TURN, []
+        for place in places:
+            here, there = self.map_at(place.share), other.map_at(place.share)
+            device = Simulator(here.scene)
+            here.put(device, place.state)
+            device.advance_to(ahead * here.period)
+            found.append(Place(there.read(device.state), place.share))
+        return other, found
