@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from vibro_ros.orbits.family import Family, Place
-from vibro_ros.orbits.newton import CLOSED, STEP
+from vibro_ros.orbits.newton import CLOSED
 from vibro_ros.orbits.passage import Passage, passage
 from vibro_ros.simulation.motion import SimulationError
 
@@ -18,7 +18,7 @@ FIRST_STEP, LONGEST_STEP, SHORTEST_STEP = 0.01, 0.05, 1e-10
 """Steps along the branch: in units of the machine and shares of the parameter's range."""
 NEAREST_EVENT = 0.01
 """Share of a turn that the cut keeps from all events; nearer, the branch is cut elsewhere."""
-_DIFFERENCE, _LEAST_DIFFERENCE = 0.1, 1e-9  # of a step: where the branch bends, the map does, which differences must see
+_AHEAD = 1e-6  # along the branch: where its direction is looked for when the cut changes
 _MOST_ITERATIONS = 12
 _FEW_ITERATIONS = 4  # after which the next step is longer
 _STRAIGHT = 0.9  # cosine between tangents of neighbours, at least: else the corner is rounded by a shorter step
@@ -67,7 +67,7 @@ class LostError(RuntimeError):
 
 
 def corrected(family: Family, guess: np.ndarray, normal: np.ndarray,
-              step: float = STEP) -> tuple[np.ndarray, int]:
+              reach: float = LONGEST_STEP) -> tuple[np.ndarray, int]:
     """The orbit on the plane through `guess` that is perpendicular to `normal`, and Newton's iterations.
 
     Parameters
@@ -76,8 +76,8 @@ def corrected(family: Family, guess: np.ndarray, normal: np.ndarray,
         The equations.
     guess, normal : ndarray, shape (n + 1,)
         State and share; the plane's normal.
-    step : float
-        Of the central differences.
+    reach : float
+        See `Family.jacobian`.
 
     Raises
     ------
@@ -93,7 +93,7 @@ def corrected(family: Family, guess: np.ndarray, normal: np.ndarray,
             if size <= CLOSED and size >= 0.25 * best:  # as good as rounding lets it become
                 return at, iteration
             best = min(best, size)
-            matrix = np.vstack([family.jacobian(place, held, step), normal])
+            matrix = np.vstack([family.jacobian(place, held, reach), normal])
             residual[held] = 0.0
             at = at - np.linalg.solve(matrix, np.append(residual, normal @ (at - guess)))
         except (np.linalg.LinAlgError, SimulationError, ValueError) as error:
@@ -105,19 +105,19 @@ def corrected(family: Family, guess: np.ndarray, normal: np.ndarray,
     raise LostError(f"Newton's method does not close an orbit near {family.name} = {family.value(guess[-1]):.9g}")
 
 
-def tangent_at(family: Family, place: Place, along: np.ndarray, step: float) -> tuple[np.ndarray, np.ndarray]:
+def tangent_at(family: Family, place: Place, along: np.ndarray, reach: float) -> tuple[np.ndarray, np.ndarray]:
     """Unit tangent of the branch in the direction of `along`, and the derivative of the map by the state, (n, n)."""
     held, n = family.held(place), len(place.state)
-    matrix = family.jacobian(place, held, step)
+    matrix = family.jacobian(place, held, reach)
     *_, rows = np.linalg.svd(matrix)
     tangent = rows[-1] if rows[-1] @ along >= 0.0 else -rows[-1]
     return tangent, matrix[:, :n] + np.eye(n)
 
 
-def point_at(family: Family, vector: np.ndarray, along: np.ndarray, step: float = STEP) -> BranchPoint:
-    """The branch's point at a solution, shape (n + 1,); `step` is that of the central differences."""
+def point_at(family: Family, vector: np.ndarray, along: np.ndarray, reach: float = LONGEST_STEP) -> BranchPoint:
+    """The branch's point at a solution, shape (n + 1,)."""
     place = Place.of(vector)
-    tangent, matrix = tangent_at(family, place, along, step)
+    tangent, matrix = tangent_at(family, place, along, reach)
     found = np.linalg.eigvals(matrix)
     turn_map = family.map_at(place.share)
     advance = turn_map(place.state, family.turns).advance
@@ -163,10 +163,10 @@ def _next(point: BranchPoint, step: float) -> tuple[BranchPoint, float]:
     """The next point, and the step after it."""
     family, reason = point.family, ""
     while step >= SHORTEST_STEP:
-        guess, difference = point.place.vector + step * point.tangent, _difference(step)
+        guess = point.place.vector + step * point.tangent
         try:
-            vector, iterations = corrected(family, guess, point.tangent, difference)
-            after = point_at(family, vector, point.tangent, difference)
+            vector, iterations = corrected(family, guess, point.tangent, step)
+            after = point_at(family, vector, point.tangent, step)
             if after.tangent @ point.tangent >= _STRAIGHT:
                 longer = 1.5 if iterations <= _FEW_ITERATIONS else 1.0
                 return after, min(LONGEST_STEP, step * longer)
@@ -181,14 +181,14 @@ def _well_cut(point: BranchPoint) -> BranchPoint:
     """The same orbit, cut far from all events."""
     if point.passage.clear >= NEAREST_EVENT:
         return point
-    ahead = 1e-3 * point.tangent
-    family, (place, beyond) = point.family.recut(
-        point.passage.best, iter([point.place, Place.of(point.place.vector + ahead)]))
+    beyond = Place.of(point.place.vector + _AHEAD * point.tangent)
+    family, (place, beyond) = point.family.recut(point.passage.best, iter([point.place, beyond]))
+    along = (beyond.vector - place.vector) / np.linalg.norm(beyond.vector - place.vector)
     try:
-        vector, _ = corrected(family, place.vector, np.append(np.zeros(len(place.state)), 1.0))
+        vector, _ = corrected(family, place.vector, along)
     except LostError:
         return point
-    return point_at(family, vector, beyond.vector - place.vector)
+    return point_at(family, vector, along)
 
 
 def located(before: BranchPoint, after: BranchPoint, test: Callable[[BranchPoint], float],
@@ -212,13 +212,13 @@ def located(before: BranchPoint, after: BranchPoint, test: Callable[[BranchPoint
     family, start, end = before.family, before.place.vector, after.place.vector
     span = end - start
     length = float(np.linalg.norm(span))
-    normal, difference = span / length, _difference(length)
+    normal = span / length
     low, high, at_low, at_high = 0.0, 1.0, test(before), test(after)
     low_point, high_point = before, after
     while (high - low) * length > 0.1 * tolerance:
         middle = _between(low, high, at_low, at_high)
-        vector, _ = corrected(family, start + middle * span, normal, difference)
-        point = point_at(family, vector, before.tangent, difference)
+        vector, _ = corrected(family, start + middle * span, normal, length)
+        point = point_at(family, vector, before.tangent, length)
         at = test(point)
         if (at > 0.0) == (at_low > 0.0):
             low, at_low, at_high, low_point = middle, at, 0.5 * at_high, point
@@ -228,11 +228,6 @@ def located(before: BranchPoint, after: BranchPoint, test: Callable[[BranchPoint
             break
     best = low_point if abs(test(low_point)) < abs(test(high_point)) else high_point
     return best, abs(high_point.value - low_point.value)
-
-
-def _difference(length: float) -> float:
-    """Step of the central differences for points that are so far apart along the branch."""
-    return min(STEP, max(_LEAST_DIFFERENCE, _DIFFERENCE * length))
 
 
 def _between(low: float, high: float, at_low: float, at_high: float) -> float:

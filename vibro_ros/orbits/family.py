@@ -8,10 +8,14 @@ import numpy as np
 
 from vibro_ros.model.scene import Scene
 from vibro_ros.orbits.newton import STEP, derivative
+from vibro_ros.orbits.passage import passage
 from vibro_ros.orbits.turn_map import TURN, TurnMap
 from vibro_ros.simulation.simulator import Simulator
 
 _MAPS = 8  # that are kept: those of a derivative by the parameter, and of a step
+_LEAST_STEP = 1e-9  # of the differences, which rounding then leaves five digits
+_PART = 0.1  # of the reach
+_SHARE = 0.005  # of the square of the softest contact's speed
 
 
 class Place(NamedTuple):
@@ -93,12 +97,16 @@ class Family:
         """Coordinates that something holds at the cut, shape (n,) of bool."""
         return self.map_at(place.share).held(place.state)
 
-    def jacobian(self, place: Place, held: np.ndarray, step: float = STEP) -> np.ndarray:
+    def jacobian(self, place: Place, held: np.ndarray, reach: float = 1.0) -> np.ndarray:
         """Derivative of the residual by state and share, shape (n, n + 1); what is held stays, whatever else moves.
 
-        `step` is that of the central differences.
+        A mass that arrives at its plate with the speed v would miss the plate from v² / 2 farther back, in units of the
+        machine. Central differences must stay far within that, because the map has the root of this distance there; and
+        within `reach`, the distance over which the branch is known to be straight.
         """
         n, free = len(place.state), ~held
+        softest = passage(self.map_at(place.share), place.state, self.turns).softest
+        step = max(_LEAST_STEP, min(STEP, _SHARE * softest**2, _PART * reach))
         matrix = np.zeros((n, n + 1))
         by_state = derivative(self.map_at(place.share), place.state, self.turns, free, step)
         matrix[np.ix_(free, np.append(free, False))] = by_state

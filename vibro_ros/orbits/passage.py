@@ -10,6 +10,8 @@ from vibro_ros.simulation.simulator import Simulator
 
 CELLS = 4096
 """Parts of a turn in which events are told apart."""
+SAMPLES = 1024
+"""Of a turn, among which a mass is looked for that turns back before its plate."""
 _CONTACT = "_contact"
 
 
@@ -25,11 +27,15 @@ class Passage:
         Distance of the cut from the nearest event, as a share of a turn; 0 within a contact.
     best : float
         Crank angle [rad] of the phase that is farthest from all events.
+    softest : float
+        Least speed, in units of the machine, that separates a contact from a miss: that at which a mass arrives at its
+        plate, or that which its drive would turn back within half the contact; infinite without contacts.
     """
 
     contacts: tuple[tuple[str, int], ...]
     clear: float
     best: float
+    softest: float
 
 
 def passage(turn_map: TurnMap, state: np.ndarray, turns: int) -> Passage:
@@ -50,5 +56,25 @@ def passage(turn_map: TurnMap, state: np.ndarray, turns: int) -> Passage:
     occupied = np.flatnonzero(busy)
     clear = min(occupied.min(), CELLS - 1 - occupied.max()) / CELLS if len(occupied) else 1.0
     best, _ = middle_of_longest(~busy, free=True) if not busy.all() else (0.0, 0.0)
+    contacts = events[of_contact]
+    speeds = np.maximum(contacts["speed"] / turn_map.units.max(), 0.5 * TURN * contacts["duration"] / turn_map.period)
     return Passage(tuple(zip(kinds.tolist(), counts.tolist(), strict=True)), float(clear),
-                   float((turn_map.phase + best) % TURN))
+                   float((turn_map.phase + best) % TURN), float(speeds.min(initial=np.inf)))
+
+
+def nearest_miss(turn_map: TurnMap, state: np.ndarray, turns: int) -> float:
+    """Least distance [crank radii] by which a mass misses its plate where it turns back; infinite without a miss.
+
+    From samples, whose highest neighbours a parabola joins.
+    """
+    device, least = Simulator(turn_map.scene), np.inf
+    turn_map.put(device, state)
+    run = device.sample(np.linspace(0.0, turns * turn_map.period, turns * SAMPLES + 1))
+    for side in turn_map.scene.plates:
+        gap = getattr(run, f"{side}_plate_position") - getattr(run, f"{side}_position")
+        before, middle, after = gap[:-2], gap[1:-1], gap[2:]
+        turning = (middle > 0.0) & (middle <= before) & (middle < after) & (before > 0.0) & (after > 0.0)
+        curvature = (before - 2.0 * middle + after)[turning]
+        misses = middle[turning] - (after - before)[turning] ** 2 / (8.0 * curvature)
+        least = min(least, float(misses.min(initial=np.inf)))
+    return max(0.0, least) / turn_map.units.min()
