@@ -14,7 +14,7 @@ from vibro_ros.simulation.simulator import Simulator
 
 _MAPS = 8  # that are kept: those of a derivative by the parameter, and of a step
 _LEAST_STEP = 1e-9  # of the differences, which rounding then leaves five digits
-_PART = 0.1  # of the reach
+_PART = 0.1  # of the reach, and of the nearest miss
 _SHARE = 0.005  # of the square of the softest contact's speed
 
 
@@ -101,12 +101,12 @@ class Family:
         """Derivative of the residual by state and share, shape (n, n + 1); what is held stays, whatever else moves.
 
         A mass that arrives at its plate with the speed v would miss the plate from v² / 2 farther back, in units of the
-        machine. Central differences must stay far within that, because the map has the root of this distance there; and
-        within `reach`, the distance over which the branch is known to be straight.
+        machine. Central differences must stay far within that, because the map has the root of this distance there; they
+        must not let a mass touch that misses its plate; and they stay within `reach`, over which the branch is straight.
         """
         n, free = len(place.state), ~held
-        softest = passage(self.map_at(place.share), place.state, self.turns).softest
-        step = max(_LEAST_STEP, min(STEP, _SHARE * softest**2, _PART * reach))
+        seen = passage(self.map_at(place.share), place.state, self.turns)
+        step = max(_LEAST_STEP, min(STEP, _SHARE * seen.softest**2, _PART * seen.miss, _PART * reach))
         matrix = np.zeros((n, n + 1))
         by_state = derivative(self.map_at(place.share), place.state, self.turns, free, step)
         matrix[np.ix_(free, np.append(free, False))] = by_state

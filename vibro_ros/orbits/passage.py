@@ -30,12 +30,15 @@ class Passage:
     softest : float
         Least speed, in units of the machine, that separates a contact from a miss: that at which a mass arrives at its
         plate, or that which its drive would turn back within half the contact; infinite without contacts.
+    miss : float
+        Least distance [crank radii] by which a mass misses its plate where it turns back; infinite without a miss.
     """
 
     contacts: tuple[tuple[str, int], ...]
     clear: float
     best: float
     softest: float
+    miss: float
 
 
 def passage(turn_map: TurnMap, state: np.ndarray, turns: int) -> Passage:
@@ -59,14 +62,12 @@ def passage(turn_map: TurnMap, state: np.ndarray, turns: int) -> Passage:
     contacts = events[of_contact]
     speeds = np.maximum(contacts["speed"] / turn_map.units.max(), 0.5 * TURN * contacts["duration"] / turn_map.period)
     return Passage(tuple(zip(kinds.tolist(), counts.tolist(), strict=True)), float(clear),
-                   float((turn_map.phase + best) % TURN), float(speeds.min(initial=np.inf)))
+                   float((turn_map.phase + best) % TURN), float(speeds.min(initial=np.inf)),
+                   _nearest_miss(turn_map, state, turns))
 
 
-def nearest_miss(turn_map: TurnMap, state: np.ndarray, turns: int) -> float:
-    """Least distance [crank radii] by which a mass misses its plate where it turns back; infinite without a miss.
-
-    From samples, whose highest neighbours a parabola joins.
-    """
+def _nearest_miss(turn_map: TurnMap, state: np.ndarray, turns: int) -> float:
+    """`Passage.miss`, from samples: a parabola joins the highest with its neighbours."""
     device, least = Simulator(turn_map.scene), np.inf
     turn_map.put(device, state)
     run = device.sample(np.linspace(0.0, turns * turn_map.period, turns * SAMPLES + 1))
