@@ -125,8 +125,8 @@ def point_at(family: Family, vector: np.ndarray, along: np.ndarray, reach: float
                        advance / (family.turns * turn_map.period), passage(turn_map, place.state, family.turns))
 
 
-def follow(family: Family, state: np.ndarray, share: float, direction: float) -> Iterator[BranchPoint]:
-    """Points of the branch through a known orbit, until it leaves the parameter's range.
+def follow(family: Family, state: np.ndarray, share: float, direction: float) -> Iterator[tuple[BranchPoint, BranchPoint]]:
+    """Neighbours on the branch through a known orbit, until it leaves the parameter's range.
 
     Parameters
     ----------
@@ -141,8 +141,8 @@ def follow(family: Family, state: np.ndarray, share: float, direction: float) ->
 
     Yields
     ------
-    BranchPoint
-        The first is the known orbit.
+    BranchPoint, BranchPoint
+        A point and the next, with one cut; first the known orbit and itself.
 
     Raises
     ------

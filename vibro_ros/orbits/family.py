@@ -101,8 +101,8 @@ class Family:
         """Derivative of the residual by state and share, shape (n, n + 1); what is held stays, whatever else moves.
 
         A mass that arrives at its plate with the speed v would miss the plate from v² / 2 farther back, in units of the
-        machine. Central differences must stay far within that, because the map has the root of this distance there; they
-        must not let a mass touch that misses its plate; and they stay within `reach`, over which the branch is straight.
+        machine. Central differences stay far within that, because the map has the root of this distance there; they let
+        no mass touch that misses its plate; and they stay within `reach`, over which the branch is straight.
         """
         n, free = len(place.state), ~held
         seen = passage(self.map_at(place.share), place.state, self.turns)

@@ -3,15 +3,18 @@
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.optimize import brentq
 
 from vibro_ros.orbits.cut import middle_of_longest
 from vibro_ros.orbits.turn_map import TURN, TurnMap
+from vibro_ros.simulation.samples import Samples
 from vibro_ros.simulation.simulator import Simulator
 
 CELLS = 4096
 """Parts of a turn in which events are told apart."""
 SAMPLES = 1024
 """Of a turn, among which a mass is looked for that turns back before its plate."""
+_NEAR = 1e-3  # crank radii: a nearer miss is looked at closely
 _CONTACT = "_contact"
 
 
@@ -31,7 +34,8 @@ class Passage:
         Least speed, in units of the machine, that separates a contact from a miss: that at which a mass arrives at its
         plate, or that which its drive would turn back within half the contact; infinite without contacts.
     miss : float
-        Least distance [crank radii] by which a mass misses its plate where it turns back; infinite without a miss.
+        Least distance [crank radii] by which a mass misses its plate where it turns back, exact where it is below 1e-3;
+        infinite without a miss.
     """
 
     contacts: tuple[tuple[str, int], ...]
@@ -63,19 +67,40 @@ def passage(turn_map: TurnMap, state: np.ndarray, turns: int) -> Passage:
     speeds = np.maximum(contacts["speed"] / turn_map.units.max(), 0.5 * TURN * contacts["duration"] / turn_map.period)
     return Passage(tuple(zip(kinds.tolist(), counts.tolist(), strict=True)), float(clear),
                    float((turn_map.phase + best) % TURN), float(speeds.min(initial=np.inf)),
-                   _nearest_miss(turn_map, state, turns))
+                   _nearest_miss(turn_map, state, turns, contacts))
 
 
-def _nearest_miss(turn_map: TurnMap, state: np.ndarray, turns: int) -> float:
-    """`Passage.miss`, from samples: a parabola joins the highest with its neighbours."""
+def _nearest_miss(turn_map: TurnMap, state: np.ndarray, turns: int, contacts: np.ndarray) -> float:
+    """`Passage.miss`: the nearest turning points among samples, and between their neighbours the exact one."""
     device, least = Simulator(turn_map.scene), np.inf
     turn_map.put(device, state)
-    run = device.sample(np.linspace(0.0, turns * turn_map.period, turns * SAMPLES + 1))
+    times = np.linspace(0.0, turns * turn_map.period, turns * SAMPLES + 1)
+    run = device.sample(times)
     for side in turn_map.scene.plates:
         gap = getattr(run, f"{side}_plate_position") - getattr(run, f"{side}_position")
-        before, middle, after = gap[:-2], gap[1:-1], gap[2:]
-        turning = (middle > 0.0) & (middle <= before) & (middle < after) & (before > 0.0) & (after > 0.0)
-        curvature = (before - 2.0 * middle + after)[turning]
-        misses = middle[turning] - (after - before)[turning] ** 2 / (8.0 * curvature)
-        least = min(least, float(misses.min(initial=np.inf)))
+        of_side = contacts[contacts["kind"] == side + _CONTACT]
+        for number in np.flatnonzero((gap[1:-1] <= gap[:-2]) & (gap[1:-1] < gap[2:]) & (gap[1:-1] < least)):
+            first, last = times[number], times[number + 2]
+            touches = (of_side["time"] <= last) & (of_side["time"] + of_side["duration"] >= first)
+            if gap[number + 1] > 0.0 and not touches.any():
+                least = min(least, _least_gap(turn_map, state, side, first, last)
+                            if gap[number + 1] < _NEAR * turn_map.units.min() else float(gap[number + 1]))
     return max(0.0, least) / turn_map.units.min()
+
+
+def _least_gap(turn_map: TurnMap, state: np.ndarray, side: str, first: float, last: float) -> float:
+    """Distance [m] of a mass from its plate where it turns back between two instants [s]."""
+    device = Simulator(turn_map.scene)
+
+    def at(time: float) -> Samples[float]:
+        turn_map.put(device, state)
+        device.advance_to(time)
+        return device.state
+
+    def leaving(time: float) -> float:
+        now = at(time)
+        return getattr(now, f"{side}_plate_velocity") - getattr(now, f"{side}_velocity")
+
+    turn = brentq(leaving, first, last, xtol=1e-12) if leaving(first) < 0.0 < leaving(last) else first
+    now = at(turn)
+    return max(0.0, getattr(now, f"{side}_plate_position") - getattr(now, f"{side}_position"))

@@ -64,7 +64,8 @@ def special_points(before: BranchPoint, after: BranchPoint) -> Iterator[SpecialP
     A pair of special points of one kind between two neighbours is not seen: neighbours are at most
     `continuation.LONGEST_STEP` apart, and closer where the branch bends.
     """
-    for kind, test in ((FOLD, fold_test), (DOUBLING, doubling_test), (TORUS, torus_test), (GRAZING, _contacts_of(before))):
+    tests = {FOLD: fold_test, DOUBLING: doubling_test, TORUS: torus_test, GRAZING: _contacts_of(before)}
+    for kind, test in tests.items():
         if (test(before) > 0.0) != (test(after) > 0.0):
             point, width = located(before, after, test, TOLERANCE)
             if kind != TORUS or _has_unit_pair(point):
