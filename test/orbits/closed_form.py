@@ -1,8 +1,8 @@
 """One mass on a damped drive that strikes a rigid plate at rest once a turn: its orbits in closed form.
 
-Between blows the motion is linear, so that for each phase of the blow exactly one gap and one speed let it repeat itself:
-the branch of orbits is a curve that the phase of the blow parametrises. (The idea is that of S. W. Shaw and P. J. Holmes,
-J. Sound Vib. 90 (1983), for a sinusoidal drive; here the drive is the slider's, by its Fourier series.)
+Between blows the motion is linear, so that for each phase of the blow exactly one gap and one speed let it repeat
+itself: the branch of orbits is a curve that the phase of the blow parametrises. (The idea is that of S. W. Shaw and
+P. J. Holmes, J. Sound Vib. 90 (1983), for a sinusoidal drive; here the drive is the slider's, by its Fourier series.)
 """
 
 import math

@@ -16,6 +16,8 @@ from vibro_ros.simulation.motion import SimulationError
 
 FIRST_STEP, LONGEST_STEP, SHORTEST_STEP = 0.01, 0.05, 1e-10
 """Steps along the branch: in units of the machine and shares of the parameter's range."""
+GRAZES = 1e-6
+"""Nearest miss of a rigid plate [crank radii] that is followed."""
 NEAREST_EVENT = 0.01
 """Share of a turn that the cut keeps from all events; nearer, the branch is cut elsewhere."""
 _AHEAD = 1e-6  # along the branch: where its direction is looked for when the cut changes
@@ -105,7 +107,8 @@ def corrected(family: Family, guess: np.ndarray, normal: np.ndarray,
     raise LostError(f"Newton's method does not close an orbit near {family.name} = {family.value(guess[-1]):.9g}")
 
 
-def tangent_at(family: Family, place: Place, along: np.ndarray, reach: float) -> tuple[np.ndarray, np.ndarray]:
+def tangent_at(family: Family, place: Place, along: np.ndarray,
+               reach: float) -> tuple[np.ndarray, np.ndarray]:
     """Unit tangent of the branch in the direction of `along`, and the derivative of the map by the state, (n, n)."""
     held, n = family.held(place), len(place.state)
     matrix = family.jacobian(place, held, reach)
@@ -114,7 +117,8 @@ def tangent_at(family: Family, place: Place, along: np.ndarray, reach: float) ->
     return tangent, matrix[:, :n] + np.eye(n)
 
 
-def point_at(family: Family, vector: np.ndarray, along: np.ndarray, reach: float = LONGEST_STEP) -> BranchPoint:
+def point_at(family: Family, vector: np.ndarray, along: np.ndarray,
+             reach: float = LONGEST_STEP) -> BranchPoint:
     """The branch's point at a solution, shape (n + 1,)."""
     place = Place.of(vector)
     tangent, matrix = tangent_at(family, place, along, reach)
@@ -125,7 +129,8 @@ def point_at(family: Family, vector: np.ndarray, along: np.ndarray, reach: float
                        advance / (family.turns * turn_map.period), passage(turn_map, place.state, family.turns))
 
 
-def follow(family: Family, state: np.ndarray, share: float, direction: float) -> Iterator[tuple[BranchPoint, BranchPoint]]:
+def follow(family: Family, state: np.ndarray, share: float,
+           direction: float) -> Iterator[tuple[BranchPoint, BranchPoint]]:
     """Neighbours on the branch through a known orbit, until it leaves the parameter's range.
 
     Parameters
@@ -156,7 +161,21 @@ def follow(family: Family, state: np.ndarray, share: float, direction: float) ->
     while 0.0 <= point.place.share <= 1.0:
         after, step = _next(point, step)
         yield point, after
+        _stop_at_graze(point, after)
         point = _well_cut(after)
+
+
+def _stop_at_graze(point: BranchPoint, after: BranchPoint) -> None:
+    """Say where the branch ends because a mass that misses its rigid plate is about to touch it.
+
+    There the branch has a corner, and behind it the map has the root of the distance. A compliant plate rounds both.
+    """
+    scene, left = after.family.scene, after.passage.miss
+    rigid = any(scene[f"effects.{side}_contact"] == "restitution" for side in scene.plates)
+    if rigid and left < GRAZES and left < point.passage.miss:
+        rate = (after.value - point.value) / (point.passage.miss - left)
+        raise LostError(f"the branch ends at {after.family.name} = {after.value + rate * left:.9g}, where a mass "
+                        "grazes its rigid plate")
 
 
 def _next(point: BranchPoint, step: float) -> tuple[BranchPoint, float]:

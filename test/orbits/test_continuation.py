@@ -1,0 +1,97 @@
+"""Branches of orbits against closed forms, and against themselves from the other end."""
+
+import itertools
+
+import numpy as np
+import pytest
+from closed_form import ImpactOscillator
+
+import vibro_ros
+from vibro_ros.orbits.continuation import LostError, corrected, follow
+from vibro_ros.orbits.family import Family, Place
+from vibro_ros.orbits.special_points import DOUBLING, FOLD, GRAZING, special_points
+from vibro_ros.orbits.turn_map import TurnMap
+
+LOW, HIGH = -0.03, 0.06  # m, of the gap
+
+
+def oscillator(speed: float, restitution: float, gap: float) -> vibro_ros.Scene:
+    return vibro_ros.load_scene("unilateral").with_parameters({
+        "motor.speed": speed, "effects.inclined_mass": False, "upper.spring.damping": 1.0, "upper.gap": gap,
+        "effects.upper_contact": "restitution", "upper.plate.restitution": restitution})
+
+
+def branch(scene: vibro_ros.Scene, name: str, low: float, high: float, direction: float):
+    """Neighbours on the branch through the scene's own orbit."""
+    orbit = vibro_ros.find_orbit(scene)
+    turn_map = TurnMap(scene, orbit.state.crank_angle)
+    family = Family(scene, name, low, high, 1, turn_map.phase)
+    return follow(family, turn_map.read(orbit.state), family.share(scene[name]), direction)
+
+
+@pytest.mark.parametrize(("speed", "restitution", "gap", "direction", "kind"), [
+    (170.0, 0.5, 0.0, 1.0, FOLD), (170.0, 0.8, 0.005, 1.0, FOLD), (230.0, 0.5, -0.003, -1.0, FOLD),
+    (230.0, 0.5, -0.003, 1.0, DOUBLING), (130.0, 0.8, 0.01, -1.0, DOUBLING)])
+def test_folds_and_doublings_of_an_impact_oscillator_are_those_of_its_closed_form(speed, restitution, gap, direction,
+                                                                                kind):
+    scene = oscillator(speed, restitution, gap)
+    closed = ImpactOscillator(scene)
+    expected = [closed.blow(phase).gap for phase in (closed.folds() if kind == FOLD else closed.doublings())]
+    neighbours = branch(scene, "upper.gap", LOW, HIGH, direction)
+    found = next(special for pair in neighbours for special in special_points(*pair))
+    assert found.kind == kind
+    assert found.point.value == pytest.approx(expected[0], abs=1e-10)
+    assert found.width < 1e-9
+    critical = {FOLD: 1.0, DOUBLING: -1.0}[kind]
+    assert np.abs(found.point.multipliers - critical).min() < 1e-6
+
+
+def test_points_of_a_branch_lie_on_the_curve_of_its_closed_form():
+    scene = oscillator(170.0, 0.5, 0.0)
+    closed = ImpactOscillator(scene)
+    for _, point in itertools.islice(branch(scene, "upper.gap", LOW, HIGH, 1.0), 0, 40, 8):
+        sizes = sorted(np.abs(point.multipliers))
+        assert any(np.allclose(sorted(np.abs(closed.multipliers(phase))), sizes, rtol=1e-4)
+                   for phase in closed.phases_where(lambda phase, at=point.value: closed.blow(phase).gap - at))
+
+
+def test_a_branch_is_the_same_from_either_end():
+    """Through a fold, and back from beyond it."""
+    forwards = list(itertools.islice(branch(oscillator(170.0, 0.5, 0.0), "upper.gap", LOW, HIGH, 1.0), 45))
+    (_, start), (_, last) = forwards[0], forwards[-1]
+    assert max(point.value for _, point in forwards) > last.value  # beyond the fold
+    backwards = follow(last.family, last.place.state, last.place.share, -float(np.sign(last.tangent[-1])))
+    before, after = next((before, after) for before, after in backwards if after.value < start.value < before.value)
+    part = (start.value - before.value) / (after.value - before.value)
+    guess = before.place.vector + part * (after.place.vector - before.place.vector)
+    across = np.append(np.zeros(len(start.place.state)), 1.0)
+    found, _ = corrected(before.family, guess, across)
+    _, (there,) = before.family.recut(start.family.phase, iter([Place.of(found)]))
+    assert there.vector == pytest.approx(start.place.vector, abs=1e-9)
+
+
+def test_a_compliant_plate_is_grazed_and_passed():
+    """`damped` from 100 rad/s: a fold at 107.96, back to where a blow vanishes, and on with one blow less."""
+    scene = vibro_ros.load_scene("damped")
+    kinds, passed = [], False
+    for before, after in branch(scene, "motor.speed", 60.0, 130.0, 1.0):
+        kinds += [(special.kind, special.point.value) for special in special_points(before, after)]
+        passed = passed or (kinds and kinds[-1][0] == GRAZING and after.value > 110.0)
+    assert [kind for kind, _ in kinds] == [FOLD, FOLD, GRAZING]
+    assert kinds[0][1] == pytest.approx(107.9599109, abs=1e-6)
+    assert kinds[2][1] == pytest.approx(104.8526521, abs=1e-6) and passed
+    settled = vibro_ros.find_orbit(after.family.scene_at(after.place.share))  # which a long run comes to
+    assert after.stable and after.mean_speed == pytest.approx(settled.mean_speed, abs=1e-9)
+
+
+def test_a_rigid_plate_that_is_about_to_be_grazed_ends_a_branch():
+    scene = oscillator(170.0, 0.8, 0.005)
+    with pytest.raises(LostError, match=r"the branch ends at upper.gap = -0.007859\d+, where a mass grazes its rigid"):
+        for _ in branch(scene, "upper.gap", LOW, HIGH, -1.0):
+            pass
+
+
+def test_a_range_that_is_none_is_refused():
+    scene = oscillator(170.0, 0.5, 0.0)
+    with pytest.raises(ValueError, match="upper.gap: from 0.1 to 0 is no range; give the smaller value first"):
+        Family(scene, "upper.gap", 0.1, 0.0, 1, 0.0)
