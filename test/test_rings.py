@@ -185,7 +185,7 @@ def test_an_arrow_inwards_is_allowed(module, source):
     assert violations(module, source) == []
 
 
-@pytest.mark.parametrize("row", [" 2 process", "15 project"])
+@pytest.mark.parametrize("row", [" 2 process", "16 project"])
 def test_an_arrow_outwards_in_the_picture_is_seen(row):
     line = next(line for line in ARCHITECTURE.splitlines() if line.startswith(row))
     last = len(next(line for line in ARCHITECTURE.splitlines() if line.startswith(" imports →"))) - 1

@@ -1,1 +1,1 @@
-"""Periodic orbits of the turn map: where a motion repeats itself, and whether it comes back when disturbed."""
+"""Periodic orbits of the turn map, their multipliers, and branches of them as a parameter changes."""

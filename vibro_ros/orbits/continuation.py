@@ -79,7 +79,7 @@ def corrected(family: Family, guess: np.ndarray, normal: np.ndarray,
     guess, normal : ndarray, shape (n + 1,)
         State and share; the plane's normal.
     reach : float
-        See `Family.jacobian`.
+        See `Family.jacobian`; dimensionless.
 
     Raises
     ------
@@ -140,9 +140,9 @@ def follow(family: Family, state: np.ndarray, share: float,
     state : ndarray, shape (n,)
         An orbit at `share`.
     share : float
-        Where to begin.
+        Where to begin, dimensionless.
     direction : float
-        1.0 towards larger values of the parameter, -1.0 towards smaller.
+        1.0 towards larger values of the parameter, -1.0 towards smaller; dimensionless.
 
     Yields
     ------
@@ -221,7 +221,7 @@ def located(before: BranchPoint, after: BranchPoint, test: Callable[[BranchPoint
     test : callable
         Of different signs there; +-1 where only the sign is known, which is then bisected.
     tolerance : float
-        Of the parameter, as a share of its range.
+        Of the parameter, as a share of its range, dimensionless.
 
     Returns
     -------

@@ -26,7 +26,7 @@ class Place(NamedTuple):
     state : ndarray, shape (n,)
         In units of the machine.
     share : float
-        The parameter's place between the ends of its range: 0 at the one, 1 at the other.
+        The parameter's place between the ends of its range: 0 at the one, 1 at the other; dimensionless.
     """
 
     state: np.ndarray

@@ -27,7 +27,7 @@ class Passage:
     contacts : tuple of (str, int)
         Kinds of contacts, and how many there are of each.
     clear : float
-        Distance of the cut from the nearest event, as a share of a turn; 0 within a contact.
+        Distance of the cut from the nearest event, as a share of a turn, dimensionless; 0 within a contact.
     best : float
         Crank angle [rad] of the phase that is farthest from all events.
     softest : float

@@ -50,7 +50,7 @@ class TurnMap:
     scene : Scene
         The same.
     phase : float
-        The same.
+        The same [rad].
     names : tuple of str
         Names of the state's coordinates, fields of `Samples`.
     units : ndarray, shape (n,)
