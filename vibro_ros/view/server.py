@@ -28,8 +28,10 @@ MOST_PAGES = 8
 """Pages that may be open at once."""
 MOST_CONNECTIONS = 64
 """Connections that may be open at once, with those that have not yet asked for anything."""
-IDLE = 30.0
-"""Time [s] in which a connection must ask for something, or answer a ping."""
+IDLE = 10.0
+"""Time [s] in which a connection must ask for something."""
+PINGS = 15.0
+"""Time [s] between two pings of a page, each of which must be answered before the next."""
 MOST_UNSENT = 64_000_000
 """Bytes that may wait in one socket's buffer: the payload of a motion, and little else."""
 FAREWELL = 0.3
@@ -143,8 +145,8 @@ class Server:
         self._loop.set_exception_handler(_say_fault)
         application = Application(
             [("/", Page, {"server": self}), ("/live", Live, {"server": self})], default_handler_class=Nothing,
-            default_handler_args={"server": self}, log_function=lambda handler: None, websocket_ping_interval=IDLE / 2,
-            websocket_ping_timeout=IDLE / 2, websocket_max_message_size=LONGEST)
+            default_handler_args={"server": self}, log_function=lambda handler: None, websocket_ping_interval=PINGS,
+            websocket_ping_timeout=PINGS, websocket_max_message_size=LONGEST)
         http = _Http(application, max_header_size=16_384, max_body_size=LONGEST, idle_connection_timeout=IDLE,
                      body_timeout=IDLE)
         http.of_pages = lambda: [page.ws_connection.stream for page in self._pages.values() if page.ws_connection]

@@ -1,0 +1,116 @@
+"""A page of the live view without a browser: Tornado's own client, in a thread of its own."""
+
+import asyncio
+import json
+import re
+import threading
+import time
+from collections.abc import Callable
+from contextlib import suppress
+
+import numpy as np
+from tornado.httpclient import HTTPRequest
+from tornado.websocket import websocket_connect
+
+from vibro_ros.view.frames import COLUMNS
+
+PATIENCE = 60.0  # [s] deadline of what takes a second on an idle machine
+
+
+def address_of(view) -> str:
+    """The address that a view has printed."""
+    return re.search(r"http://\S+/\?token=\S+", view.wait_for("/?token="))[0]
+
+
+class PageVisitor:
+    """Connects as the page does, keeps what it is sent, and asks.
+
+    Attributes
+    ----------
+    texts : list of dict
+        Text frames.
+    rows : list of ndarray
+        Samples, each of shape (n, len(COLUMNS)).
+    motions : dict of int to bytes
+        Payloads.
+    """
+
+    def __init__(self, address: str):
+        self.texts: list[dict] = []
+        self.rows: list[np.ndarray] = []
+        self.motions: dict[int, bytes] = {}
+        self.closed = False
+        self._address, self._asked = address, 0
+        self._open = threading.Event()
+        self._thread = threading.Thread(target=lambda: asyncio.run(self._listen()))
+        self._thread.start()
+        assert self._open.wait(PATIENCE)
+
+    def ask(self, **request: object) -> dict:
+        """The answer to a request."""
+        self._asked += 1
+        id = self._asked
+        self._loop.call_soon_threadsafe(self._send, json.dumps({"id": id, **request}))
+        return self.wait(lambda: next((one for one in list(self.texts) if one.get("id") == id), None), f"{request}")
+
+    def last(self, *kinds: str) -> dict:
+        """The last text of these kinds; nothing without any."""
+        return next((one for one in reversed(list(self.texts)) if one["kind"] in kinds), {})
+
+    def wait(self, what: Callable[[], object], words: str, patience: float = PATIENCE):
+        """What `what` returns, once it is true."""
+        deadline = time.monotonic() + patience
+        while not (found := what()):
+            assert time.monotonic() < deadline, f"{words}: not within {patience} s; last: {self.texts[-3:]}"
+            time.sleep(0.01)
+        return found
+
+    def wait_for_robot(self, **fields: object) -> dict:
+        """The frame `robot`, once it is the last word on how things stand, and has an origin and these fields."""
+        def robot() -> dict | None:
+            standing = self.last("robot", "absent")
+            return standing if standing.get("kind") == "robot" and standing["origin"] != "0" and all(
+                standing[name] == value for name, value in fields.items()) else None
+        return self.wait(robot, f"a robot with {fields}")
+
+    def wait_for_absence(self, words: str) -> str:
+        """The words why there is no robot, once they hold `words` and are the last word on how things stand."""
+        def absence() -> str | None:
+            standing = self.last("robot", "absent")
+            return standing["words"] if standing.get("kind") == "absent" and words in standing["words"] else None
+        return self.wait(absence, f"absence for {words!r}")
+
+    def wait_for_rows(self, count: int) -> np.ndarray:
+        """So many more rows."""
+        begin = len(self.rows)
+        self.wait(lambda: sum(map(len, self.rows[begin:])) >= count, f"{count} rows")
+        return np.concatenate(self.rows[begin:])
+
+    def close(self) -> None:
+        """End the connection."""
+        with suppress(RuntimeError):  # the view has ended it already
+            self._loop.call_soon_threadsafe(self._connection.close)
+        self._thread.join()
+
+    def _send(self, text: str) -> None:
+        asyncio.ensure_future(self._connection.write_message(text))
+
+    async def _listen(self) -> None:
+        self._loop = asyncio.get_running_loop()
+        origin, _, query = self._address.partition("/?")
+        request = HTTPRequest(f"{origin.replace('http', 'ws', 1)}/live?{query}", headers={"Origin": origin})
+        self._connection = await websocket_connect(request, max_message_size=1 << 28)
+        self._open.set()
+        while (frame := await self._connection.read_message()) is not None:
+            self._take(frame)
+        self.closed = True
+
+    def _take(self, frame: str | bytes) -> None:
+        if isinstance(frame, str):
+            self.texts.append(json.loads(frame))
+            return
+        kind, number = np.frombuffer(frame[:8], "<u4").tolist()
+        if kind == 1:
+            self.rows.append(np.frombuffer(frame, "<f8", offset=8).reshape(number, len(COLUMNS)))
+        else:
+            self.motions[number] = frame[8:]

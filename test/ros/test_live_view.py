@@ -1,0 +1,189 @@
+"""The live view with real robots: what it shows of them, and what it hands to them."""
+
+import signal
+import time
+
+import numpy as np
+import pytest
+from asking import answer_of
+from page_visitor import PageVisitor, address_of
+from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
+from rcl_interfaces.srv import SetParameters
+
+import vibro_ros
+from vibro_ros.view.frames import COLUMNS
+from vibro_ros.view.motion import Motion
+
+CRAWL = ("--ros-args", "-p", "record.enabled:=false", "-p", "motor.speed:=100.0")
+AGAIN = 6.0  # [s] within which a robot that is started anew is shown again, its own start of a second included
+
+
+@pytest.fixture
+def view(start):
+    return start("live_view", "--port", "0")
+
+
+@pytest.fixture
+def visit(view):
+    """Open a page of a view, by default of the one that runs."""
+    visitors = []
+
+    def visit_one(of=None) -> PageVisitor:
+        visitors.append(PageVisitor(address_of(of or view)))
+        return visitors[-1]
+
+    yield visit_one
+    for one in visitors:
+        one.close()
+
+
+def column(rows: np.ndarray, name: str) -> np.ndarray:
+    return rows[:, COLUMNS.index(name)]
+
+
+def ends_well(view, number: signal.Signals = signal.SIGINT) -> None:
+    view.send(number)
+    assert view.end() == 0, view.text
+    assert "Traceback" not in view.text and "please report" not in view.text, view.text
+
+
+def test_what_is_sent_is_what_was_published_in_one_row_a_sample(start, view, visit):
+    page = visit()
+    start("robot", *CRAWL)
+    robot = page.wait_for_robot(name="/vibro_robot")
+    assert robot["columns"] == list(COLUMNS) and robot["machine"]["name"] == "device"
+    rows = page.wait_for_rows(400)
+    times = column(rows, "time")
+    assert np.allclose(np.diff(times), 0.005, rtol=0.0, atol=1e-9)  # none is missing
+    device = vibro_ros.Simulator(vibro_ros.load_scene("device").with_parameters({"motor.speed": 100.0}))
+    ticks = np.round(column(rows, "crank_angle") / 0.5)  # 100 rad/s and 200 Hz: half a radian a sample
+    device_rows = []
+    for tick in ticks:
+        device.advance_to(tick / 200.0)
+        device_rows.append([getattr(device.state, name) for name in COLUMNS])
+    for name in COLUMNS[1:]:
+        expected = np.array([row[COLUMNS.index(name)] for row in device_rows])
+        if name == "motor_power":  # of torque and speed, see `live_rows`
+            assert np.allclose(column(rows, name), expected, rtol=1e-12, atol=1e-12)
+        else:
+            assert np.array_equal(column(rows, name), expected), name
+    impacts = page.wait(lambda: page.last("impacts"), "impacts")["list"]
+    assert all(one["side"] in ("upper", "inclined") and one["peak_force"] > 0.0 for one in impacts)
+    status = page.wait(lambda: page.last("status"), "status")
+    assert status["recording"] == "not recording" and 0.0 <= status["dropped_share"] < 1.0 and status["refused"] == 0
+    ends_well(view)
+
+
+def test_commands_services_and_refusals_in_the_robot_s_words(start, view, visit):
+    start("robot", *CRAWL)
+    page = visit()
+    page.wait_for_robot(offers={"reset": True, "step": True, "pause": True, "record": True})
+    assert page.ask(command="motor_speed", value=1e6)["done"]
+    refusal = "command refused: motor.speed: 1e+06 is out of range; give a number from 0 to 500 rad/s"
+    page.wait(lambda: any(one["kind"] == "log" and one["words"].startswith(refusal) for one in list(page.texts)),
+              "the refusal")
+    assert page.ask(call="step") | {"id": 0} == {"kind": "answer", "id": 0, "done": False,
+                                                 "words": "the robot is not paused; call ~/pause with true first"}
+    assert page.ask(call="pause", on=True)["done"]
+    page.wait(lambda: page.last("status").get("paused"), "the pause")
+    assert page.ask(call="step")["words"].startswith("stepped 1 of 1 periods")
+    assert page.ask(call="pause", on=False)["done"]
+    assert page.ask(command="upper_gap", value=0.0005)["done"]
+    rows = page.wait_for_rows(100)
+    page.wait(lambda: column(page.rows[-1], "upper_plate_position")[-1] == 0.0605, "the gap")
+    late = visit()  # its knobs show what is, not what the scene began with
+    knobs = {knob["name"]: knob["value"] for knob in late.wait_for_robot()["machine"]["knobs"]}
+    assert knobs["motor_speed"] == column(rows, "motor_speed")[-1] and abs(knobs["upper_gap"] - 0.0005) < 1e-12
+    ends_well(view, signal.SIGTERM)
+
+
+def test_slow_motion_of_the_last_second(start, view, visit):
+    start("robot", *CRAWL)
+    page = visit()
+    page.wait_for_robot()
+    page.wait_for_rows(250)
+    answer = page.wait(lambda: (found := page.ask(slow_motion=1.0))["kind"] == "motion" and found, "the motion")
+    header = answer["header"]
+    assert header["end"] - header["begin"] == pytest.approx(1.0, abs=1e-6)
+    motion = Motion(header, page.wait(lambda: page.motions.get(answer["id"]), "the payload"))
+    rows = np.concatenate(page.rows)
+    rows = rows[(column(rows, "time") > header["begin"]) & (column(rows, "time") < header["end"])]
+    assert len(rows) >= 190 and header["exact"], header["why"]
+    found = motion.at(column(rows, "time"))
+    for name in ("body_position", "body_height", "upper_position", "inclined_position"):
+        assert np.abs(found[name] - column(rows, name)).max() < 1e-9, name
+    ends_well(view, signal.SIGHUP)
+
+
+def test_a_robot_that_is_started_anew_or_killed_is_picked_up_again(udp_only, start, view, visit):
+    page = visit()
+    page.wait_for_absence("no robot /vibro_robot; start one")
+    robot = start("robot", *CRAWL)
+    first = page.wait_for_robot()
+    robot.send(signal.SIGINT)
+    assert robot.end() == 0
+    page.wait_for_absence("no robot")
+    robot = start("robot", *CRAWL, "-p", "crank.radius:=0.015")
+    second = page.wait_for_robot()
+    assert second["machine"]["crank_radius"] == 0.015 and int(second["origin"]) > int(first["origin"])
+    page.wait_for_rows(50)
+    assert "crank_radius" not in first or first["machine"]["crank_radius"] == 0.02
+    robot.kill()
+    page.wait_for_absence("has not been heard for 3 s")
+    start("robot", *CRAWL)
+    begun = time.monotonic()
+    third = page.wait_for_robot()
+    assert third["machine"]["crank_radius"] == 0.02 and int(third["origin"]) > int(second["origin"])
+    assert column(page.wait_for_rows(100), "time")[0] < time.monotonic() - begun + 1.0  # counted from the new origin
+    ends_well(view)
+
+
+def test_two_robots_of_one_name_are_said_to_be_two_and_nothing_is_drawn(start, view, visit):
+    start("robot", *CRAWL)
+    page = visit()
+    page.wait_for_robot()
+    other = start("robot", *CRAWL)
+    page.wait_for_absence("two robots publish on /odom; give one of them a namespace")
+    other.send(signal.SIGINT)
+    assert other.end() == 0
+    page.wait_for_robot()
+    page.wait_for_rows(100)
+    ends_well(view)
+
+
+def test_a_robot_in_a_namespace_under_another_name(start, visit):
+    view = start("live_view", "--port", "0", "--robot", "crawler", "--ros-args", "-r", "__ns:=/r1", "-r",
+                 "odom:=there")
+    start("robot", *CRAWL, "-r", "__ns:=/r1", "-r", "__node:=crawler", "-r", "odom:=there", "-p", "frame_prefix:=r1/")
+    page = visit(view)
+    page.wait_for_robot(name="/r1/crawler")
+    page.wait_for_rows(50)
+    page.wait(lambda: page.last("impacts"), "impacts")
+    assert page.ask(call="reset")["done"]
+    assert page.ask(command="motor_speed", value=-1.0)["done"]
+    page.wait(lambda: any("command refused" in one.get("words", "") for one in list(page.texts)), "the refusal")
+    ends_well(view)
+
+
+def test_a_robot_that_starts_paused_can_be_let_go(start, view, visit):
+    start("robot", *CRAWL, "-p", "rate.start_paused:=true").wait_for("ready")
+    page = visit()
+    page.wait(lambda: page.last("robot", "absent").get("kind") == "robot", "a robot")
+    page.wait(lambda: page.last("status").get("paused"), "the pause")
+    assert page.ask(call="pause", on=False)["done"]
+    page.wait_for_robot()
+    page.wait_for_rows(50)
+    ends_well(view)
+
+
+def test_a_parameter_that_changes_while_the_robot_runs_changes_the_machine(start, bench, view, visit):
+    start("robot", *CRAWL)
+    page = visit()
+    before = page.wait_for_robot()
+    value = ParameterValue(type=ParameterType.PARAMETER_DOUBLE, double_value=150.0)
+    answer_of(bench, SetParameters, "/vibro_robot/set_parameters",
+              parameters=[Parameter(name="motor.max_speed", value=value)])
+    after = page.wait(lambda: (robot := page.last("robot"))["machine"]["knobs"][0]["to"] == 150.0 and robot,
+                      "the new limit")
+    assert after["origin"] == before["origin"]
+    ends_well(view)
