@@ -1,0 +1,86 @@
+"""How the live view begins and ends: signals at any instant, ports that are taken, words that are wrong."""
+
+import random
+import signal
+import socket
+import subprocess
+import sys
+import time
+
+import pytest
+from page_visitor import PageVisitor, address_of
+
+SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+PATIENCE = 60.0  # [s]
+
+
+def run(folder, *words: str) -> subprocess.CompletedProcess:
+    """The live view, which is expected to end by itself."""
+    return subprocess.run([sys.executable, "-m", "vibro_ros.ros.live_view", *words], cwd=folder, capture_output=True,
+                          text=True, timeout=PATIENCE)
+
+
+@pytest.mark.parametrize("number", SIGNALS)
+def test_a_signal_at_any_instant_of_the_start_ends_it_well(start, number):
+    chance = random.Random(int(number))
+    for _ in range(6):
+        view = start("live_view", "--port", "0")
+        time.sleep(chance.uniform(0.1, 1.5))  # the instant is by chance
+        view.send(number)
+        code = view.end()
+        if "front_door" in view.text or "<frozen" in view.text:
+            continue  # Python itself was still starting
+        assert code in (0, -number), view.text
+        assert "Traceback" not in view.text, view.text
+
+
+def test_many_signals_end_it_well_with_pages_open(start):
+    view = start("live_view", "--port", "0")
+    pages = [PageVisitor(address_of(view)) for _ in range(3)]
+    start("robot", "--ros-args", "-p", "record.enabled:=false", "-p", "motor.speed:=100.0")
+    for page in pages:
+        page.wait_for_rows(10)
+    for number in SIGNALS:
+        view.send(number)
+    assert view.end() == 0 and "Traceback" not in view.text, view.text
+    for page in pages:
+        page.close()
+        assert page.closed
+
+
+def test_a_port_that_is_taken_is_said_with_the_remedy(tmp_path, domain_id):
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        port = taken.getsockname()[1]
+        ended = run(tmp_path, "--port", str(port))
+    assert ended.returncode == 2 and ended.stdout == ""
+    assert ended.stderr == (f"view: --port {port}: something listens there already, perhaps another view; give another "
+                            "port, or --port 0 for any that is free\n")
+
+
+@pytest.mark.parametrize(("words", "line"), [
+    (["--port", "65536"], "argument --port: 65536 is no port; give a number from 0 to 65535, 0 for any that is free"),
+    (["--port", "x"], "argument --port: x is no port"),
+    (["--address", "192.0.2.1", "--port", "0"], "--address 192.0.2.1: nothing can listen there"),
+    (["--address", "no address", "--port", "0"], "--address no address: nothing can listen there"),
+    (["--robot", "1bad", "--port", "0"], "--robot 1bad: no node's name; give one such as /r1/vibro_robot"),
+    (["--robot", "", "--port", "0"], "--robot '': no node's name"),
+    (["--robt", "x"], "unrecognized arguments: --robt x"),
+    (["--port", "0", "--ros-args", "-p", "robt:=x"], "robt: unknown parameter; did you mean robot?"),
+    (["--port", "0", "--ros-args", "-r", "odom"], "-r odom: not a rule"),
+])
+def test_what_is_wrong_is_one_line(tmp_path, domain_id, words, line):
+    ended = run(tmp_path, *words)
+    assert ended.returncode == 2, ended.stderr
+    assert ended.stderr.startswith(f"view: {line}") and ended.stderr.count("\n") == 1, ended.stderr
+
+
+def test_it_may_serve_others_and_says_so(start):
+    view = start("live_view", "--port", "0", "--address", "0.0.0.0")
+    view.wait_for("other machines reach this page, and who has its whole address commands the robot")
+    page = PageVisitor(address_of(view))
+    page.wait_for_absence("no robot")
+    page.close()
+    view.send(signal.SIGINT)
+    assert view.end() == 0
