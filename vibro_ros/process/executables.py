@@ -52,6 +52,9 @@ EXECUTABLES = {
     "lateness": Executable(
         "vibro_ros.ros.lateness", False,
         "Measure how late the robot's ticks are with recording and without, in turn."),
+    "view_lateness": Executable(
+        "vibro_ros.ros.view_lateness", False,
+        "Measure how late the robot's ticks are with pages of the live view open and without, in turn."),
     "tick_cost": Executable(
         "vibro_ros.ros.tick_cost", False,
         "Measure what a tick of the robot's node costs."),

@@ -46,7 +46,7 @@ Seconds = dict[bool, list[dict[str, float]]]
 
 
 class Measurement:
-    """Talks to the robot in `namespace` and listens to what it says of its ticks.
+    """Listens to what the robot in `namespace` says of its ticks, while something is switched on and off.
 
     Parameters
     ----------
@@ -60,35 +60,32 @@ class Measurement:
         self._executor = executor
         self._robot = f"/{namespace}/vibro_robot"
         self._reports: list[dict[str, str]] = []
-        self._client = node.create_client(SetBool, f"{self._robot}/record")
         node.create_subscription(DiagnosticArray, TOPIC, self._hear, qos.DIAGNOSTICS)
 
     def run(self, robot: subprocess.Popen, rounds: int, length: int) -> Seconds:
-        """Switch recording on and off `rounds` times, for `length` counted reports each time.
+        """Switch on and off `rounds` times, for `length` counted reports each time.
 
         Raises
         ------
         RuntimeError
-            When the robot ends, or cannot record.
+            When the robot ends, or what is switched fails.
         """
-        self._wait(robot, self._client.service_is_ready)
+        self._wait(robot, lambda: bool(self._reports))
         print(f"measuring for about {2 * rounds * (NOT_COUNTED + length)} s ...", file=sys.stderr, flush=True)
         found: Seconds = {False: [], True: []}
         for number in range(2 * rounds):
             on = number % 2 == 1
-            self._switch(robot, on)
+            self.switch(robot, on)
             self._reports.clear()
             self._wait(robot, lambda: len(self._reports) >= NOT_COUNTED + length)
             found[on] += [{name: float(report[f"lateness {name} [us]"]) for name in FIGURES}
                           for report in self._reports[NOT_COUNTED:]]
-        self._switch(robot, False)
+        self.switch(robot, False)
         return found
 
-    def _switch(self, robot: subprocess.Popen, on: bool) -> None:
-        answer = self._client.call_async(SetBool.Request(data=on))
-        self._wait(robot, answer.done)
-        if not answer.result().success:
-            raise RuntimeError(answer.result().message)
+    def switch(self, robot: subprocess.Popen, on: bool) -> None:
+        """Switch on or off what is measured; it is off at first."""
+        raise NotImplementedError
 
     def _wait(self, robot: subprocess.Popen, done: Callable[[], bool]) -> None:
         deadline = time.monotonic() + PATIENCE
@@ -104,9 +101,25 @@ class Measurement:
                 self._reports.append(values)
 
 
-def table(found: Seconds) -> str:
-    """Medians over the seconds [us], and what recording changes, as Markdown."""
-    rows = [f"| lateness of a tick | without recording | with recording | ratio |\n|{'---|' * 4}"]
+class RecordingMeasurement(Measurement):
+    """Switches recording on and off."""
+
+    def __init__(self, node: Node, executor: Executor, namespace: str):
+        super().__init__(node, executor, namespace)
+        self._client = node.create_client(SetBool, f"{self._robot}/record")
+
+    def switch(self, robot: subprocess.Popen, on: bool) -> None:
+        """Have the robot begin or seal a bag."""
+        self._wait(robot, self._client.service_is_ready)
+        answer = self._client.call_async(SetBool.Request(data=on))
+        self._wait(robot, answer.done)
+        if not answer.result().success:
+            raise RuntimeError(answer.result().message)
+
+
+def table(found: Seconds, what: str = "recording") -> str:
+    """Medians over the seconds [us], and what that `what` is on changes, as Markdown."""
+    rows = [f"| lateness of a tick | without {what} | with {what} | ratio |\n|{'---|' * 4}"]
     for name in FIGURES:
         without, recorded = (statistics.median(second[name] for second in found[on]) for on in (False, True))
         rows.append(f"| {name} [µs] | {without:.0f} | {recorded:.0f} | {recorded / without:.2f} |")
@@ -124,13 +137,14 @@ def _run(argv: Sequence[str] | None) -> int:
     namespace = f"lateness_{os.getpid()}"
     with tempfile.TemporaryDirectory(dir=options.directory) as folder, \
             process.node_running(NODE_NAME, []) as (node, executor), \
-            _robot(namespace, folder, options.rate) as robot:
-        print(table(Measurement(node, executor, namespace).run(robot, options.rounds, options.length)))
+            robot_running(namespace, folder, options.rate) as robot:
+        print(table(RecordingMeasurement(node, executor, namespace).run(robot, options.rounds, options.length)))
     return 0
 
 
 @contextmanager
-def _robot(namespace: str, folder: str, rate: float) -> Iterator[subprocess.Popen]:
+def robot_running(namespace: str, folder: str, rate: float) -> Iterator[subprocess.Popen]:
+    """A robot that crawls in `namespace`, publishes at `rate` [Hz], and records into `folder` when asked."""
     settings = {"record.enabled": "false", "record.directory": f"'{folder}'", "rate.publish": rate,
                 "motor.speed": 100.0}
     words = [word for name, value in settings.items() for word in ("-p", f"{name}:={value}")]
