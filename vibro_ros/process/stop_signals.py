@@ -15,7 +15,8 @@ from types import FrameType
 from vibro_ros.process.streams import Forgiving
 
 STOPPED_BY_DESIGN = {"robot", "view", "live_view", "look"}
-"""Executables that a signal ends well, with exit code 0; the others exit with 128 + its number."""
+"""Executables that a signal ends well, with exit code 0; the others exit with 128 + its number. `view` is one of them
+unless it has a recording to read."""
 MOST_INTERRUPTS = 2
 """Signals that raise KeyboardInterrupt; the one after them ends the process at once, whatever has swallowed these."""
 
@@ -78,10 +79,13 @@ class Process:
         Stop signals that were not ignored when it began.
     signal : int or None
         Number of the signal that interrupted the process first.
+    has_an_end : bool
+        Whether the process ends by itself when its work is done, although its program is of `STOPPED_BY_DESIGN`.
     """
 
     def __init__(self):
         self.program = ""
+        self.has_an_end = False
         self.stage = " while starting"
         self.heard = _STOP_SIGNALS
         self.signal: int | None = None
@@ -89,7 +93,7 @@ class Process:
 
     def code_after(self, number: int) -> int:
         """Exit code of a process that the signal `number` ends."""
-        return 0 if self.program in STOPPED_BY_DESIGN else 128 + number
+        return 0 if self.program in STOPPED_BY_DESIGN and not self.has_an_end else 128 + number
 
     def leave(self, number: int, frame: FrameType | None) -> None:
         """End the process at once. An exception might be swallowed: by a finaliser, or a callback of C code."""
