@@ -33,8 +33,8 @@ class Assembly:
     ----------
     writer : MotionWriter
         Holds the pieces.
-    resolved : bool
-        Whether the exact pieces follow the simulator's positions everywhere.
+    exact : list of Stretch
+        Those stretches whose pieces follow the simulator's positions everywhere.
     end : float
         Instant [s] from which on pieces were left out; infinite if none were.
     """
@@ -48,7 +48,8 @@ class Assembly:
         self._parts: list[tuple[float, Stretch | Interpolated]] = [
             *((one.begin + one.offset, one) for one in stretches), *((float(one[0][0, 0]), one) for one in self._rest)]
         self._parts.sort(key=lambda part: part[0])
-        self.writer, self.resolved, self.end = MotionWriter(names, units(names, largest)), True, np.inf
+        self.writer, self.end = MotionWriter(names, units(names, largest)), np.inf
+        self.exact: list[Stretch] = []
 
     def write(self, limit: float = np.inf, progress: Callable[[float], object] = lambda share: None) -> None:
         """Write all pieces, or those that fit into `limit` bytes; `progress` is told the share that is done."""
@@ -59,7 +60,8 @@ class Assembly:
                 return
             if isinstance(part, Stretch):
                 borders, coefficients, resolved = self._exact.pieces(part, 0.5 * self.writer.units)
-                self.resolved &= bool(resolved[self._places].all())
+                if resolved[self._places].all():
+                    self.exact.append(part)
                 part = borders, coefficients
             self.writer.add(*part)
 

@@ -98,8 +98,9 @@ class _Making:
         scene = self._scene or load_scene(UNKNOWN_ROBOT)
         names = [name for name in shown(scene) if self._scene or name in self._tracks]
         made = self._assembled(names, between)
-        facts = {"exact": made.resolved and not between, "why": self._why(bool(between), made.resolved),
-                 "exact_spans": spans(self._stretches), "impacts": self._impacts(made.end), "resets": self._resets()}
+        resolved = made.end < math.inf or len(made.exact) == len(self._stretches)
+        facts = {"exact": resolved and not between, "why": self._why(bool(between), resolved),
+                 "exact_spans": spans(made.exact), "impacts": self._impacts(made.end), "resets": self._resets()}
         header, payload = made.writer.document(facts)
         self._progress(1.0)
         return {"title": self._stream.folder.resolve().name, "robot": scene.name, "machine": machine(scene),

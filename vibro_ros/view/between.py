@@ -53,9 +53,9 @@ class Between:
         rest = [interpolated(tracks, self._names, span, found.resets) for span in _not_exact(found.stretches, times)]
         made = Assembly(self._names, found.stretches, found.instants, rest)
         made.write()
-        exact = made.resolved and not any(len(borders) for borders, _ in rest)
+        exact = len(made.exact) == len(found.stretches) and not any(len(borders) for borders, _ in rest)
         return made.writer.document({
-            "exact": exact, "why": "" if exact else _why(missing, found.fault), "exact_spans": spans(found.stretches),
+            "exact": exact, "why": "" if exact else _why(missing, found.fault), "exact_spans": spans(made.exact),
             "impacts": as_json(found.impacts), "resets": found.resets})
 
 

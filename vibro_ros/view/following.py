@@ -19,7 +19,7 @@ from vibro_ros.simulation.simulator import Simulator
 from vibro_ros.view.contacts import Impact, impacts_of, instants_of
 from vibro_ros.view.machine import quantities
 from vibro_ros.view.recorded import Track
-from vibro_ros.view.resimulation import AGREEMENT
+from vibro_ros.view.resimulation import AGREEMENT, STRETCH
 from vibro_ros.view.stretch import Command, Stretch, quiet_device
 from vibro_ros.view.units import is_place
 
@@ -73,7 +73,7 @@ class Following:
         self.resets: list[float] = []
         self.failed, self._first_fault = 0, ""
         self._since: int | None = None  # the sample at which the device was put where it was published
-        self._start, self._commands = np.empty(0), list[Command]()
+        self._start, self._begin, self._commands = np.empty(0), 0.0, list[Command]()
         self._plates: dict[str, float] = {}  # where they were sent [m]
 
     def follow(self, progress: Callable[[float], object] = lambda share: None) -> None:
@@ -111,6 +111,9 @@ class Following:
         self.impacts += impacts_of(events, self._offset)
         if distance > DRIFT:
             self._end(k + 1)
+        elif self._device.time - self._begin >= STRETCH:
+            self._close(k + 1)
+            self._open()
 
     @property
     def _offset(self) -> float:
@@ -123,7 +126,12 @@ class Following:
         device.set_state(**{name: float(self._samples[name][k]) for name in self._state})
         scene = device.scene
         self._plates = {side: scene[f"crank.{side}_rod"] + scene[f"{side}.gap"] for side in scene.plates}
-        self._since, self._start, self._commands = k, device.checkpoint(), []
+        self._since = k
+        self._open()
+
+    def _open(self) -> None:
+        """Begin a stretch where the device is."""
+        self._start, self._begin, self._commands = self._device.checkpoint(), self._device.time, []
 
     def _go(self, k: int) -> float:
         """Go to the sample after k; the greatest distance from a published position [m, rad] there."""
@@ -155,12 +163,17 @@ class Following:
                 self._plates[side] = place
                 yield f"{side}_gap", place - self._device.scene[f"crank.{side}_rod"]
 
-    def _end(self, k: int) -> None:
+    def _close(self, k: int) -> None:
         """End the stretch at the sample k."""
-        if self._since is not None and k > self._since:
-            end, scene = float(self._times[k]) - self._offset, self._device.scene
+        end = float(self._times[k]) - self._offset
+        if end > self._begin:
             commands = tuple(one for one in self._commands if one[0] < end)
-            self.stretches.append(Stretch(scene, self._start, 0.0, end, self._offset, commands))
+            self.stretches.append(Stretch(self._device.scene, self._start, self._begin, end, self._offset, commands))
+
+    def _end(self, k: int) -> None:
+        """Let nothing be known from the sample k on."""
+        if self._since is not None:
+            self._close(k)
         self._since = None
         self._device.take_events()
 

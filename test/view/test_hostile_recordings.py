@@ -1,0 +1,143 @@
+"""Whatever stands in a bag: one document that a browser can read, or one line that says why not; soon, in any case."""
+
+import json
+import time
+
+import numpy as np
+import pytest
+from robot_bag import START, rewritten, robot_bag
+
+import vibro_ros
+from vibro_ros.bag.cdr import deserialised, serialised
+from vibro_ros.bag.stream import BagError
+from vibro_ros.messages.topics import ROBOT_TOPICS
+from vibro_ros.view.bag_motion import bag_motion
+from vibro_ros.view.motion import Motion
+
+RATE = 200.0
+END = START + 10**9  # ns
+DAYS = 10**15  # ns
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory):
+    return robot_bag(tmp_path_factory.mktemp("recorded") / "bag", "device", 201, {0: {"motor_speed": 100.0}}, RATE)
+
+
+def read(folder):
+    began = time.monotonic()
+    setting, header, payload = bag_motion(folder)
+    assert time.monotonic() - began < 60.0  # nobody asks for years of simulation
+    motion = Motion(json.loads(json.dumps(header, allow_nan=False)), payload)
+    json.dumps(setting, allow_nan=False)
+    assert "\n" not in header["why"] and (header["why"] == "") == header["exact"]
+    borders = motion.borders
+    assert (borders[:, 1] > borders[:, 0]).all() and (borders[1:, 0] >= borders[:-1, 1]).all()
+    assert header["impacts"] == sorted(header["impacts"], key=lambda one: one["time"])
+    return motion, setting
+
+
+def changed(topic, change, when=lambda stamp: True):
+    """Changes the messages of a topic that were recorded at some stamps [ns]."""
+    def of(message):
+        name, stamp, data = message
+        if name == f"/{topic}" and when(stamp):
+            content = deserialised(data, ROBOT_TOPICS[topic])
+            change(content)
+            data = serialised(content, ROBOT_TOPICS[topic])
+        return name, stamp, data
+    return of
+
+
+@pytest.mark.parametrize("custom", [None, {}])
+@pytest.mark.parametrize("from_stamp", [END, START + 5 * 10**8])
+def test_stamps_of_another_time(recorded, tmp_path, from_stamp, custom):
+    motion, _ = read(rewritten(recorded, tmp_path / "other", lambda one: (
+        one[0], one[1] + (DAYS if one[1] >= from_stamp else 0), one[2]), custom))
+    assert not np.isnan(motion.at(np.array([0.1]))["upper_position"]).any()
+
+
+@pytest.mark.parametrize("custom", [None, {}])
+@pytest.mark.parametrize("value", [np.nan, np.inf, -1e300])
+def test_a_position_that_is_none(recorded, tmp_path, value, custom):
+    def spoil(odometry):
+        odometry.pose.pose.position.x = value
+
+    motion, _ = read(rewritten(recorded, tmp_path / "other",
+                               changed("odom", spoil, lambda stamp: stamp == START + 5 * 10**8), custom))
+    x = motion.at(np.array([0.3, 0.9]))["body_position"]
+    assert np.isfinite(x).all() and (np.abs(x) < 1.0).all()
+
+
+@pytest.mark.parametrize("custom", [None, {}])
+def test_joints_of_another_machine(recorded, tmp_path, custom):
+    def rename(joints):
+        joints.name = [f"joint{number}" for number in range(len(joints.name))]
+
+    other = rewritten(recorded, tmp_path / "other", changed("joint_states", rename), custom)
+    motion, _ = read(other)
+    assert not np.isnan(motion.at(np.array([0.5]))["body_position"]).any()
+    without = rewritten(other, tmp_path / "without", lambda one: None if one[0] == "/odom" else one, custom)
+    with pytest.raises(BagError, match="holds no state to draw"):
+        bag_motion(without)
+
+
+def test_messages_that_cannot_be_read(recorded, tmp_path):
+    motion, setting = read(rewritten(recorded, tmp_path / "other", lambda one: (
+        one[0], one[1], one[2][:20] if one[0] in ("/odom", "/motor_speed") else one[2])))
+    assert any("/odom: 201 unreadable messages" in note for note in setting["notes"])
+    assert not np.isnan(motion.at(np.array([0.5]))["upper_position"]).any()
+
+
+def test_stamps_between_the_samples(recorded, tmp_path):
+    """As if another recorder had kept the robot's own words: the headers still tell the samples."""
+    motion, setting = read(rewritten(recorded, tmp_path / "other", lambda one: (one[0], one[1] + 3, one[2])))
+    assert motion.header["exact"] and setting["robot"] == "device"
+
+
+def test_a_reset_at_every_sample(tmp_path):
+    motion, _ = read(robot_bag(tmp_path / "bag", "device", 201, dict.fromkeys(range(201), "reset"), RATE))
+    assert motion.header["pieces"] == 0 and len(motion.header["resets"]) == 201
+
+
+def test_other_parameters_at_every_sample(tmp_path):
+    told = {tick: f'set {{"ground.friction": {0.1 + 0.001 * tick:g}}}' for tick in range(101)}
+    motion, _ = read(robot_bag(tmp_path / "bag", "device", 101, told, RATE))
+    assert motion.header["exact"] and motion.header["end"] == 100 / RATE
+
+
+@pytest.mark.parametrize("ticks", [1, 2])
+def test_hardly_any_samples(tmp_path, ticks):
+    motion, _ = read(robot_bag(tmp_path / "bag", "device", ticks, {}, RATE))
+    assert motion.header["exact"] and bool(motion.header["pieces"]) == (ticks == 2)
+
+
+@pytest.mark.parametrize("method, is_exact", [("auto", True), ("semi_implicit_euler", False), ("moreau", False)])
+def test_a_method_whose_steps_are_too_many_is_said_to_be_drawn_less_finely(tmp_path, method, is_exact):
+    scene = vibro_ros.load_scene("device").with_parameters({"solver.method": method})
+    motion, _ = read(robot_bag(tmp_path / "bag", scene, 101, {0: {"motor_speed": 100.0}}, RATE))
+    header = motion.header
+    assert header["exact"] == is_exact and (header["exact_spans"] == [[0.0, 0.5]]) == is_exact
+    times = np.sort(np.random.default_rng(0).uniform(0.0, 0.5, 5000))
+    run = vibro_ros.simulate(scene, times=times, commands=[(0.0, {"motor_speed": 100.0})])
+    found = motion.at(times)
+    for name in ("body_position", "upper_position", "inclined_position"):
+        assert np.abs(found[name] - getattr(run, name)).max() < (1e-9 if is_exact else 1e-5)
+
+
+@pytest.mark.filterwarnings("ignore::vibro_ros.simulation.simulator.ToleranceWarning")
+@pytest.mark.parametrize("changes", [
+    {"upper.plate.stiffness": 1e12, "inclined.plate.stiffness": 1e12}, {"crank.radius": 0.06},
+    {"motor.max_speed": 1e4, "motor.acceleration": 1e9}, {"effects.inclined_mass": False},
+    {"effects.upper_mass": False, "effects.inclined_mass": False}])
+def test_extreme_robots(tmp_path, changes):
+    """Forces full of rounding, kinks that no event announces, 1600 turns a second, no mass at all."""
+    scene = vibro_ros.load_scene("device").with_parameters(changes)
+    speed = min(scene["motor.max_speed"], 1e4) if "motor.max_speed" in changes else 100.0
+    motion, setting = read(robot_bag(tmp_path / "bag", scene, 41, {0: {"motor_speed": speed}}, RATE))
+    assert motion.header["exact"] and setting["machine"]["crank_radius"] == scene["crank.radius"]
+    times = np.sort(np.random.default_rng(0).uniform(0.0, 0.2, 3000))
+    run = vibro_ros.simulate(scene, times=times, commands=[(0.0, {"motor_speed": speed})])
+    for name, values in motion.at(times).items():
+        if name.endswith(("position", "height", "angle")):
+            assert np.abs(values - getattr(run, name)).max() <= 1e-9, name
