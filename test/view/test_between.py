@@ -57,6 +57,15 @@ def test_every_scene_under_commands(name, rate):
     assert_is_run(motion, scene, offset_times(START, START + 1.0, 10_000))
 
 
+@pytest.mark.parametrize("name", ["paper", "unilateral"])
+def test_chaos_does_not_grow_over_five_seconds(name):
+    """Rounding grows without dampers; the motion goes on from a published state where it has grown too much."""
+    scene = vibro_ros.load_scene(name)
+    motion = made(scene, published(scene, start=1.0, duration=5.0, commands=[]))
+    assert motion.header["exact"]
+    assert_is_run(motion, scene, offset_times(1.0, 6.0, 20_000), [])
+
+
 @pytest.mark.parametrize("rate", [120.0, 300.0, 700.0])
 def test_stamps_in_whole_nanoseconds_are_no_harm(rate):
     scene = vibro_ros.load_scene("device")

@@ -82,6 +82,16 @@ def test_joints_of_another_machine(recorded, tmp_path, custom):
         bag_motion(without)
 
 
+def test_joints_without_positions(recorded, tmp_path):
+    def forget(joints):
+        joints.position = joints.velocity = np.empty(0)
+
+    other = rewritten(recorded, tmp_path / "other", changed("joint_states", forget))
+    assert read(other)[0].header["exact"]  # the odometry is enough
+    with pytest.raises(BagError, match="holds no state to draw"):
+        bag_motion(rewritten(other, tmp_path / "without", lambda one: None if one[0] == "/odom" else one))
+
+
 def test_messages_that_cannot_be_read(recorded, tmp_path):
     motion, setting = read(rewritten(recorded, tmp_path / "other", lambda one: (
         one[0], one[1], one[2][:20] if one[0] in ("/odom", "/motor_speed") else one[2])))

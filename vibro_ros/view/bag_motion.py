@@ -25,6 +25,7 @@ from vibro_ros.view.machine import machine, shown
 from vibro_ros.view.recorded import Progress, Recorded
 from vibro_ros.view.resimulation import Resimulation
 from vibro_ros.view.stretch import Stretch, quiet_device
+from vibro_ros.view.units import is_place
 
 LARGEST = 64 * 2**20
 """Bytes of a motion's payload, half an hour of the busiest shipped scene; what comes later is left out."""
@@ -83,7 +84,7 @@ class _Making:
         if self._facts and not self._are_ticks(self._facts):
             self._scene, self._facts = self._facts.scene, None
         self._tracks = self._recorded.tracks(self._times)
-        if not any(len(track.times) for track in self._tracks.values()):
+        if not any(len(track.times) for name, track in self._tracks.items() if is_place(name)):
             raise BagError(f"{stream.folder}: holds no state to draw; give a bag with odom or joint_states")
 
     def result(self) -> tuple[dict[str, Any], dict[str, Any], bytes]:
@@ -118,7 +119,8 @@ class _Making:
         try:
             return run_facts(self._stream)
         except BagError as error:
-            self._faults.append(str(error).removeprefix(f"{self._stream.folder}: ").partition(";")[0])
+            said = str(error).removeprefix(f"{self._stream.folder}: ").partition(";")[0]
+            self._faults.append(f"the bag {said}" if said.startswith(("says", "cannot")) else said)
             return None
 
     def _nanoseconds(self, arrays: Arrays, start: int) -> np.ndarray:
@@ -131,7 +133,7 @@ class _Making:
             stamps = self._nanoseconds(arrays, facts.start)
             ticks = np.rint(stamps * 1e-9 * facts.rate)
             if (ticks < 0.0).any() or (np.rint(ticks / facts.rate * 1e9) != stamps).any():
-                self._faults.append("its stamps are not those of the robot's samples")
+                self._faults.append("the stamps in the bag are not those of the robot's samples")
                 return False
         return True
 
