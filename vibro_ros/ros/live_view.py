@@ -8,6 +8,7 @@ if __name__ == "__main__":  # before all imports: they take a second or two, in 
     sys.exit(enter("live_view"))
 
 import argparse
+import gc
 import os
 import socket
 import sys
@@ -69,6 +70,7 @@ def _run(words: Sequence[str]) -> int:
         with server:
             stop.hold()
             page.begin(server)
+            gc.freeze()  # all of this lasts: what comes and goes, such as pages, is then found sooner when it has gone
             _tell(node, options, server, sockets[0].getsockname()[1])
             process.spin_until(executor, lambda: bool(stop or server.error))
     if server.error:

@@ -178,6 +178,7 @@ class Live(_Visitor, WebSocketHandler):
         if number is not None:
             self._server.forget(number)
             self._sender.cancel()
+            self._outbox = Outbox()  # what waited may be megabytes, and Python may find that this object is gone late
 
     def _answer(self, id: int | None, words: str) -> None:
         self.outbox_add("add_text", "answer", frames.text("answer", id=id, done=False, words=words))
