@@ -109,7 +109,7 @@ export class Charts {
       context.strokeStyle = theme[series.colour];
       context.lineWidth = series.dashed ? 1 : 1.5;
       context.setLineDash(series.dashed ? [5, 4] : []);
-      drawLine(context, place, lines[k], y, present, this.#ahead);
+      drawLine(context, place, lines[k], y, this.#ahead);
     }
     context.setLineDash([]);
     if (strip.impacts) {
@@ -134,9 +134,10 @@ export class Charts {
   }
 }
 
-// The step of time that a curve is made of: a power of two, so that curves are kept while the window changes a little.
+// The step of time that a curve is made of, two pixels or so: finer ones cost frames and show no more. It is a power of
+// two, so that curves are kept while the window changes a little.
 function roundedStep(step) {
-  return 2 ** Math.round(Math.log2(step));
+  return 2 ** Math.ceil(Math.log2(1.5 * step));
 }
 
 function extent(lines) {
@@ -202,10 +203,36 @@ function labelWidth(context, series) {
   return series.label ? context.measureText(series.label).width + 4 : 0;
 }
 
-function drawLine(context, place, points, y, present, ahead) {
-  context.beginPath();
+function drawLine(context, place, points, y, ahead) {
+  const split = ahead ? firstAfter(points, place.time) : points.length;
+  context.lineJoin = "bevel"; // cheap, where a curve is dense
+  stroke(context, place, points, y, 0, split);
+  if (ahead) {
+    context.globalAlpha = PALE;
+    stroke(context, place, points, y, Math.max(0, split - 2), points.length);
+    context.globalAlpha = 1;
+  }
+}
+
+// Place of the first point that is later than a time.
+function firstAfter(points, time) {
+  let [low, high] = [0, points.length / 2];
+  while (low < high) {
+    const middle = (low + high) >> 1;
+    if (points[2 * middle] <= time) {
+      low = middle + 1;
+    } else {
+      high = middle;
+    }
+  }
+  return 2 * low;
+}
+
+// A curve through points, with a break where a value is no number.
+function stroke(context, place, points, y, first, end) {
   let pen = false;
-  for (let k = 0; k < points.length; k += 2) {
+  context.beginPath();
+  for (let k = first; k < end; k += 2) {
     const known = !Number.isNaN(points[k + 1]);
     if (known && pen) {
       context.lineTo(place.x(points[k]), y(points[k + 1]));
@@ -214,19 +241,7 @@ function drawLine(context, place, points, y, present, ahead) {
     }
     pen = known;
   }
-  if (!ahead) {
-    context.stroke();
-    return;
-  }
-  context.globalAlpha = PALE;
   context.stroke();
-  context.globalAlpha = 1;
-  context.save();
-  const path = new Path2D();
-  path.rect(place.left, place.top - 2, present - place.left, place.height + 4);
-  context.clip(path);
-  context.stroke();
-  context.restore();
 }
 
 function drawImpacts(context, place, impacts) {

@@ -104,7 +104,7 @@ function drawPlate(context, machine, guide, values, light) {
   if (glow > 0) {
     const shine = context.createRadialGradient(0, plate, 0, 0, plate, GLOW);
     shine.addColorStop(0, theme.flash);
-    shine.addColorStop(1, "transparent");
+    shine.addColorStop(1, `${theme.flash}00`); // the same colour, of which nothing is seen
     context.fillStyle = shine;
     context.globalAlpha = 0.9 * glow;
     disc(context, 0, plate, GLOW);

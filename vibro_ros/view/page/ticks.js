@@ -46,12 +46,12 @@ export function axisRange(kept, low, high, least) {
     return kept ?? {low: 0, high: least};
   }
   const serves = kept && kept.low <= low && kept.high >= high;
-  if (serves && (high - low > 0.4 * (kept.high - kept.low) || kept.high - kept.low <= least * 1.001)) {
+  if (serves && (high - low > 0.5 * (kept.high - kept.low) || kept.high - kept.low <= least * 1.001)) {
     return kept;
   }
   const lack = Math.max(0, least - (high - low)) / 2;
   const [from, to] = [low - lack, high + lack];
-  const step = roundStep((to - from) / 4);
+  const step = roundStep((to - from) / 6);
   return {low: Math.floor(from / step + 1e-9) * step, high: Math.ceil(to / step - 1e-9) * step};
 }
 
