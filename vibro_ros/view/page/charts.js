@@ -270,5 +270,5 @@ function drawTimeAxis(context, frame, bottom, timeTicks) {
     context.fillText(text, Math.min(x, frame.left + frame.width + RIGHT - half), bottom + 4);
   }
   context.textAlign = "right";
-  context.fillText("robot time [s]", frame.left + frame.width, bottom + 19);
+  context.fillText("time [s]", frame.left + frame.width, bottom + 19);
 }

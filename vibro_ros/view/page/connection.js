@@ -37,7 +37,7 @@ export class Connection {
   /**
    * Ask the server for something.
    * @param {object} request
-   * @param {function(object): void} [answered] is called with the answer
+   * @param {function(object): void} [answered] is called with the answer, instead of `hear.answer`
    */
   ask(request, answered) {
     if (this.#socket?.readyState !== WebSocket.OPEN) {
@@ -77,9 +77,9 @@ export class Connection {
     if (message.kind === "motion") {
       this.#header = message;
     } else if (message.kind === "answer") {
-      this.#waiting.get(message.id)?.(message);
+      const answered = this.#waiting.get(message.id) ?? this.#hear.answer;
       this.#waiting.delete(message.id);
-      this.#hear.answer(message);
+      answered(message);
     } else {
       this.#hear[message.kind]?.(message);
     }

@@ -37,7 +37,7 @@ class Live {
       samples: (rows) => this.#take(rows), motion: (header, payload) => this.#slow(header, payload),
       lost: (reason) => this.#miss(reason || "The view's server is away. The page comes back when the server does."),
     });
-    this.#knobs = new Knobs((command, value) => this.#connection.ask({command, value}));
+    this.#knobs = new Knobs((command, value) => this.#connection.ask({command, value}, sayFailure));
     this.#buttons = Object.fromEntries(["reset", "pause", "step", "record", "slow", "live"]
       .map((name) => [name, document.querySelector(`#${name}`)]));
     this.#wire();
@@ -159,6 +159,13 @@ class Live {
 // A number in other units as text; a dash for one that is not known.
 function number(value, factor, decimals, unit) {
   return typeof value === "number" ? fixed(value * factor, decimals) + unit : "–";
+}
+
+// A command that was taken shows in the picture; one that was not is said.
+function sayFailure({done, words}) {
+  if (!done) {
+    say("error", words);
+  }
 }
 
 function press(button, on) {

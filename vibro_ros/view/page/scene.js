@@ -10,6 +10,8 @@ import {scrub} from "vibro/scrub.js";
 import {View} from "vibro/view.js";
 
 const LONGEST = 0.1; // s between two pictures; a page that was hidden goes on where it was
+const LATE = 0.021; // s between two pictures, from which on the charts are drawn less often
+const SMOOTHING = 0.05; // weight of the last interval
 const LIVE_WINDOW = 6; // s
 
 export class Scene {
@@ -73,10 +75,13 @@ export class Scene {
   /** Begin; never ends. */
   run() {
     let before = performance.now();
+    let interval = 0; // s between pictures, as it is of late
     const frame = (now) => {
-      this.#advance(Math.min(LONGEST, Math.max(0, (now - before) / 1e3)));
+      const elapsed = Math.min(LONGEST, Math.max(0, (now - before) / 1e3));
       before = now;
-      this.#draw(now);
+      interval += (elapsed - interval) * SMOOTHING;
+      this.#advance(elapsed);
+      this.#draw(now, interval > LATE);
       requestAnimationFrame(frame);
     };
     requestAnimationFrame(frame);
@@ -94,7 +99,7 @@ export class Scene {
       this.#held = time;
     }
     this.view.change();
-    this.#draw(performance.now());
+    this.#draw(performance.now(), false);
     return this.view.drawn();
   }
 
@@ -117,9 +122,9 @@ export class Scene {
     return this.motion ? {speed: this.player.speed, window: this.player.window} : {speed: 1, window: LIVE_WINDOW};
   }
 
-  #draw(now) {
+  #draw(now, late) {
     const pace = this.#pace;
-    this.view.draw(this.#time, pace);
+    this.view.draw(this.#time, pace, late);
     this.view.describe(now);
     this.transport.show();
     if (this.motion) {

@@ -19,6 +19,7 @@ export class View {
   #changed;
   #spoken;
   #lit;
+  #skipped;
   #words;
   #picture;
   #strips;
@@ -74,8 +75,9 @@ export class View {
    * Draw an instant, if anything has changed.
    * @param {number} time [s]
    * @param {{speed: number, window: number}} pace robot time over time on the wall; what the charts show of it [s]
+   * @param {boolean} late whether pictures come too slowly: then the charts have every second one only
    */
-  draw(time, pace) {
+  draw(time, pace, late) {
     if (!this.source || !this.#stage || !Number.isFinite(time)) {
       return;
     }
@@ -84,11 +86,15 @@ export class View {
     if (this.values.time === before && !this.#changed && time === this.#time) {
       return;
     }
-    this.#changed = false;
+    const skip = late && !this.#skipped;
+    this.#skipped = skip;
+    this.#changed = skip;
     this.#time = time;
     this.#lit = this.#lights(this.values.time, pace.speed);
     this.#drawPicture(this.#lit);
-    this.#charts.draw(this.#strips, time, pace.window, this.values, this.impacts);
+    if (!skip) {
+      this.#charts.draw(this.#strips, time, pace.window, this.values, this.impacts);
+    }
   }
 
   #lights(time, speed) {
