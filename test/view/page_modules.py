@@ -1,9 +1,20 @@
-"""Modules of the page in a browser, without the page: what their functions return."""
+"""What tests of the page share: its modules without the page, and waiting for what a page shows."""
 
 import json
+import time
 from typing import Any
 
 from vibro_ros.view.page import import_map
+
+PATIENCE = 20.0  # s
+
+
+def wait_for(page, condition: str):
+    """Wait until JavaScript's `condition` holds; the page's policy forbids Playwright's own way."""
+    end = time.monotonic() + PATIENCE
+    while not page.evaluate(condition):
+        assert time.monotonic() < end, condition
+        page.wait_for_timeout(20)
 
 
 class Modules:

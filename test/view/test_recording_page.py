@@ -2,10 +2,10 @@
 
 import json
 import re
-import time
 
 import numpy as np
 import pytest
+from page_modules import wait_for
 from robot_bag import robot_bag
 
 import vibro_ros
@@ -15,7 +15,6 @@ from vibro_ros.view.page import MARK, page_text
 
 SECONDS = 2.0
 SPEED = 100.0  # rad/s
-PATIENCE = 20.0  # s
 CLOSE = 1e-9  # m
 
 
@@ -28,14 +27,6 @@ def bag(tmp_path_factory):
 @pytest.fixture(scope="module")
 def file(bag):
     return view.write_page(bag)
-
-
-def wait_for(page, condition: str):
-    """Wait until JavaScript's `condition` holds; the page's policy forbids Playwright's own way."""
-    end = time.monotonic() + PATIENCE
-    while not page.evaluate(condition):
-        assert time.monotonic() < end, condition
-        page.wait_for_timeout(20)
 
 
 @pytest.fixture

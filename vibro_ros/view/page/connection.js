@@ -3,11 +3,13 @@
 import {MOTION, SAMPLES, decode} from "vibro/frames.js";
 
 const AGAIN = 1000; // ms before another try
+const LONGEST = 10_000; // ms between two of many tries
 
 export class Connection {
   /** Numbers in a row of samples; 0 while they are not known. */
   columns = 0;
   #hear;
+  #pause = AGAIN;
   #number;
   #header;
   #waiting;
@@ -29,6 +31,9 @@ export class Connection {
     const token = new URLSearchParams(location.search).get("token") ?? "";
     const socket = new WebSocket(`${scheme}://${location.host}/live?token=${encodeURIComponent(token)}`);
     socket.binaryType = "arraybuffer";
+    socket.addEventListener("open", () => {
+      this.#pause = AGAIN;
+    });
     socket.addEventListener("message", (event) => this.#take(event.data));
     socket.addEventListener("close", (event) => this.#lost(event));
     this.#socket = socket;
@@ -56,7 +61,8 @@ export class Connection {
     this.#header = null;
     this.#waiting.clear();
     this.#hear.lost(event.reason);
-    setTimeout(() => this.open(), AGAIN);
+    this.#pause = Math.min(LONGEST, 1.5 * this.#pause);
+    setTimeout(() => this.open(), this.#pause);
   }
 
   #take(data) {

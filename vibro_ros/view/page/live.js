@@ -11,6 +11,7 @@ import {Scene} from "vibro/scene.js";
 import {fixed} from "vibro/ticks.js";
 
 const SAMPLES = 30_000; // that are kept: 6 s of a robot that publishes 5000 a second
+const AWAY = "The view is away. A view that is started anew prints a new address; open that one.";
 const IMPACTS = 2000;
 const SLOW = 1; // s of slow motion
 const SLOW_SPEED = "0.03"; // until somebody chooses another one: two seconds for a turn of the crank
@@ -35,7 +36,7 @@ class Live {
       impacts: ({list}) => this.#impacts?.add(list), status: (message) => this.#tell(message),
       log: ({level, words}) => say(level, words), answer: ({done, words}) => say(done ? "info" : "error", words),
       samples: (rows) => this.#take(rows), motion: (header, payload) => this.#slow(header, payload),
-      lost: (reason) => this.#miss(reason || "The view's server is away. The page comes back when the server does."),
+      lost: (reason) => this.#miss(reason || AWAY),
     });
     this.#knobs = new Knobs((command, value) => this.#connection.ask({command, value}, sayFailure));
     this.#buttons = Object.fromEntries(["reset", "pause", "step", "record", "slow", "live"]
