@@ -55,7 +55,7 @@ check: lint  ## the fast loop: the style, and the tests of model and solver; hal
 
 lint: $(READY) conflict-markers  ## check style, spelling and types, and that names and links in documents lead somewhere
 	@$(BIN)/ruff check
-	@$(BIN)/oxlint --silent --format=unix vibro_ros/view/page
+	@$(BIN)/oxlint --format=unix vibro_ros/view/page
 	@$(BIN)/codespell *.md Makefile setup.py config docs test vibro_ros
 	@$(BIN)/python -m vibro_ros.project.lint
 	@$(BIN)/mypy --no-error-summary

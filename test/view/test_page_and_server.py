@@ -147,7 +147,7 @@ def test_buttons_ask_for_what_the_robot_offers(live, robot, scene):
         assert (request.name, request.on) == (name, on)
         robot.server.answer(page, request.id, True, f"{name} done")
         wait_for(live, f"document.querySelector('#said').textContent.includes('{name} done')")
-    robot.tell("status", **{**STATUS, "paused": True, "recording": "not recording"})
+    robot.tell("status", **{**STATUS, "paused": True, "recording": ""})
     wait_for(live, "document.querySelector('#pause').ariaPressed === 'true'")
     assert live.get_attribute("#record", "aria-pressed") == "false"
     live.click("#step")

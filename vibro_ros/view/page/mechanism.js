@@ -135,8 +135,8 @@ function drawPeak(context, stage, guide, values, light) {
   if (!light?.told || !light.impact?.peak_force || light.glow < 0.05 || !guide.plate) {
     return;
   }
-  const along = plateFace(stage.machine, guide, values) + PLATE.height + (right ? 0.01 : 0);
   const right = guide.angle < 0.2;
+  const along = plateFace(stage.machine, guide, values) + PLATE.height + (right ? 0.01 : 0);
   const [x, y] = stage.point(guide.angle, right ? RAIL + 0.006 : -RAIL - 0.004, along);
   context.globalAlpha = Math.min(1, 3 * light.glow);
   context.fillStyle = theme[guide.side];
