@@ -246,3 +246,19 @@ def test_a_minute_of_the_device_is_small_and_progress_is_told(tmp_path):
     assert header["exact"] and header["end"] == 60.0
     assert len(zlib.compress(payload, 9)) * 4 / 3 < 5e6
     assert shares == sorted(shares) and shares[-1] == 1.0 and len(shares) > 20
+
+
+def test_what_does_not_fit_into_a_page_is_left_out_and_said(tmp_path, monkeypatch):
+    monkeypatch.setattr("vibro_ros.view.bag_motion.LARGEST", 30_000)
+    motion, setting = read(robot_bag(tmp_path / "bag", "device", 1001, {0: {"motor_speed": 100.0}}, RATE))
+    header = motion.header
+    assert header["exact"] and header["end"] in (1.0, 2.0) and header["exact_spans"] == [[0.0, header["end"]]]
+    assert setting["notes"] == [f"the motion after {header['end']:g} s is left out: it would not fit into a page"]
+    assert all(one["time"] <= header["end"] for one in header["impacts"])
+
+
+def test_the_longest_recording_that_is_read(tmp_path, monkeypatch):
+    monkeypatch.setattr("vibro_ros.view.recorded.MOST_SAMPLES", 100)
+    motion, setting = read(robot_bag(tmp_path / "bag", "device", 201, {0: {"motor_speed": 100.0}}, RATE))
+    assert motion.header["exact"] and motion.header["end"] == 99 / RATE
+    assert setting["notes"] == ["the end of the recording is left out: it is too long for a page"]

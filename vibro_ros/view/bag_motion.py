@@ -27,8 +27,9 @@ from vibro_ros.view.resimulation import Resimulation
 from vibro_ros.view.stretch import Stretch, quiet_device
 from vibro_ros.view.units import is_place
 
-LARGEST = 64 * 2**20
-"""Bytes of a motion's payload, half an hour of the busiest shipped scene; what comes later is left out."""
+LARGEST = 32 * 2**20
+"""Bytes of a motion's payload: ten minutes of the busiest shipped scene, which take a browser half a gigabyte. What
+comes later is left out."""
 MOST_IMPACTS = 50_000
 """Impacts in a header; of more, the hardest."""
 MOST_FAULTS = 5
@@ -101,7 +102,8 @@ class _Making:
         made = self._assembled(names, between)
         resolved = made.end < math.inf or len(made.exact) == len(self._stretches)
         facts = {"exact": resolved and not between, "why": self._why(bool(between), resolved),
-                 "exact_spans": spans(made.exact), "impacts": self._impacts(made.end), "resets": self._resets()}
+                 "exact_spans": spans(made.exact), "impacts": self._impacts(made.end),
+                 "resets": [time for time in self._resets() if time <= made.end]}
         header, payload = made.writer.document(facts)
         self._progress(1.0)
         return {"title": self._stream.folder.resolve().name, "robot": scene.name, "machine": machine(scene),
