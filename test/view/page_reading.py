@@ -45,3 +45,8 @@ def drawn_frames(page, count: int) -> list[dict]:
 def said(page) -> str:
     """The robot's words that the page shows."""
     return page.inner_text("#said")
+
+
+def exactness(page) -> str:
+    """What the page says of how exact its slow motion is."""
+    return page.inner_text("#exactness")

@@ -124,6 +124,12 @@ EXECUTABLES = {
     "animation": Executable(
         "vibro_ros.project.animation", False,
         "Draw the robot in slow motion as an animated GIF."),
+    "screenshot": Executable(
+        "vibro_ros.project.screenshot", False,
+        "Take pictures of the live view in a real browser: live, and in slow motion at a blow."),
+    "view_load": Executable(
+        "vibro_ros.project.view_load", False,
+        "Measure with real browsers what the live view takes of memory in minutes, and of the robot's clock."),
     "work_weights": Executable(
         "vibro_ros.project.work_weights", False,
         "Measure the weights of counted work, and print counted beside measured costs; a minute."),

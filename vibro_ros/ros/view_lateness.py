@@ -2,7 +2,8 @@
 
 One robot runs throughout. In turn nobody looks on, and then a view with three pages open; how late its ticks are, the
 robot says in /diagnostics once a second. So both halves share the machine's other load, and their ratio is the view's.
-A page here is a web socket that reads and unpacks everything, in a process for each; a browser draws besides.
+A page here is a web socket that reads and unpacks everything, in a process for each; a browser draws besides, and
+`--page` names a command that shows the page in one.
 """
 
 if __name__ == "__main__":  # before all imports: they take a second or two, in which a signal may come
@@ -14,6 +15,7 @@ if __name__ == "__main__":  # before all imports: they take a second or two, in 
 
 import argparse
 import os
+import shlex
 import signal
 import subprocess
 import sys
@@ -53,11 +55,24 @@ asyncio.run(read(origin, query))
 
 
 class ViewMeasurement(Measurement):
-    """Starts a view with some pages, and ends it."""
+    """Starts a view with some pages, and ends it.
 
-    def __init__(self, node: Node, executor: Executor, namespace: str, pages: int):
+    Parameters
+    ----------
+    node, executor : Node, Executor
+        Used from the calling thread alone.
+    namespace : str
+        The robot's.
+    pages : int
+        How many.
+    page : sequence of str
+        The command of a page; the address is its last word. It says a line when it shows the robot, and ends when the
+        view does.
+    """
+
+    def __init__(self, node: Node, executor: Executor, namespace: str, pages: int, page: Sequence[str]):
         super().__init__(node, executor, namespace)
-        self._namespace, self._pages = namespace, pages
+        self._namespace, self._pages, self._page = namespace, pages, page
         self._running: list[subprocess.Popen] = []
 
     def switch(self, robot: subprocess.Popen, on: bool) -> None:
@@ -72,7 +87,7 @@ class ViewMeasurement(Measurement):
         address = view.stdout.readline().removeprefix("view: ").strip() if view.stdout else ""
         if not address:
             raise RuntimeError("the view has ended; it says why above")
-        self._running += [subprocess.Popen([sys.executable, "-c", _PAGE, address], stdout=subprocess.PIPE, text=True)
+        self._running += [subprocess.Popen([*self._page, address], stdout=subprocess.PIPE, text=True)
                           for _ in range(self._pages)]
         for one in self._running[1:]:
             if one.stdout and not one.stdout.readline():
@@ -99,7 +114,8 @@ def _run(argv: Sequence[str] | None) -> int:
     namespace = f"view_lateness_{os.getpid()}"
     with tempfile.TemporaryDirectory() as folder, process.node_running("view_lateness", []) as (node, executor), \
             robot_running(namespace, folder, options.rate) as robot:
-        measurement = ViewMeasurement(node, executor, namespace, options.pages)
+        measurement = ViewMeasurement(node, executor, namespace, options.pages,
+                                      shlex.split(options.page) or [sys.executable, "-c", _PAGE])
         try:
             print(table(measurement.run(robot, options.rounds, options.length), f"{options.pages} pages"))
         finally:
@@ -114,4 +130,6 @@ def _parser() -> Parser:
     parser.add_argument("--length", type=int, default=8, help="seconds counted each time")
     parser.add_argument("--rate", type=float, default=200.0, help="rate.publish of the robot [Hz]")
     parser.add_argument("--pages", type=int, default=3, help="pages that are open")
+    parser.add_argument("--page", default="", metavar="COMMAND", help="shows a page, whose address is added to it; "
+                        "says a line when it does, and ends when the view does (default: reads without drawing)")
     return parser

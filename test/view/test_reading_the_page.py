@@ -1,0 +1,185 @@
+"""The page can be read and used: to scale, in two sizes and two themes, by keyboard and by screen reader."""
+
+import re
+
+import numpy as np
+import pytest
+from page_reading import drawn, shows_robot, until
+from robot_bag import robot_bag
+
+from vibro_ros.view.view import write_page
+
+SIZES = [(1280, 720, False), (390, 844, True)]
+CONTROLS = "button, input, select"
+SMALLEST_TARGET = 24  # px, WCAG 2.5.8
+LEAST_CONTRAST = 4.5  # WCAG 1.4.3
+COLOURED = """side => {  // middle and height [CSS px] of what has the colour of a mass in the drawing
+    const canvas = document.querySelector("#mechanism");
+    const ratio = canvas.width / canvas.clientWidth;
+    const copy = new OffscreenCanvas(canvas.width, canvas.height).getContext("2d", {willReadFrequently: true});
+    copy.drawImage(canvas, 0, 0);
+    const {width, height, data} = copy.getImageData(0, 0, canvas.width, canvas.height);
+    const wanted = getComputedStyle(document.documentElement).getPropertyValue(`--${side}`).trim();
+    const [red, green, blue] = [1, 3, 5].map(place => parseInt(wanted.slice(place, place + 2), 16));
+    let [count, x, y] = [0, 0, 0];
+    for (let row = 0; row < height; row += 1) {
+        for (let column = 0; column < width; column += 1) {
+            const place = 4 * (row * width + column);
+            if (data[place] === red && data[place + 1] === green && data[place + 2] === blue) {
+                count += 1; x += column; y += row;
+            }
+        }
+    }
+    return [x / count / ratio, y / count / ratio, count / ratio ** 2];
+}"""
+UNREADABLE = """least => {  // texts that are too small or too pale, or stand out of the window
+    const channel = value => value <= 0.03928 ? value / 12.92 : ((value + 0.055) / 1.055) ** 2.4;
+    const parse = text => text.match(/[\\d.]+/g).map(Number);
+    const light = ([r, g, b]) => 0.2126 * channel(r / 255) + 0.7152 * channel(g / 255) + 0.0722 * channel(b / 255);
+    const ground = element => {
+        for (let one = element; one; one = one.parentElement) {
+            const colour = parse(getComputedStyle(one).backgroundColor);
+            if (colour.length === 3 || colour[3] === 1) { return colour; }
+        }
+        return [255, 255, 255];
+    };
+    const found = [];
+    for (const element of document.querySelectorAll("body *")) {
+        const texts = [...element.childNodes].filter(one => one.nodeType === 3);
+        const text = texts.map(one => one.textContent.trim()).join("");
+        if (!text || !element.checkVisibility() || element.closest(".unseen, script, select, :disabled")) { continue; }
+        const style = getComputedStyle(element);
+        const box = element.getBoundingClientRect();
+        const [a, b] = [light(parse(style.color)), light(ground(element))];
+        const contrast = (Math.max(a, b) + 0.05) / (Math.min(a, b) + 0.05);
+        if (contrast < least) { found.push(`${text}: contrast ${contrast.toFixed(2)}`); }
+        if (parseFloat(style.fontSize) < 11) { found.push(`${text}: ${style.fontSize}`); }
+        if (box.left < -0.5 || box.right > innerWidth + 0.5) { found.push(`${text}: outside the window`); }
+        const flows = style.overflowX === "visible" && style.display !== "inline";
+        if (flows && element.scrollWidth > element.clientWidth + 1) {
+            found.push(`${text}: runs out of its box`);
+        }
+    }
+    return found;
+}"""
+BOXES = """selector => [...document.querySelectorAll(selector)].filter(one => one.checkVisibility()
+    && !one.closest(".unseen")).map(one => {
+    const label = one.closest("label") ?? one;
+    const box = (one.type === "checkbox" ? label : one).getBoundingClientRect();
+    return {name: one.id || one.getAttribute("aria-label"), left: box.left, right: box.right, top: box.top,
+        bottom: box.bottom};
+})"""
+
+
+@pytest.fixture(scope="module")
+def file(tmp_path_factory):
+    return write_page(robot_bag(tmp_path_factory.mktemp("bags") / "vibro_robot", "device", 401,
+                                {0: {"motor_speed": 100.0}}))
+
+
+def open_live(page, start, view) -> None:
+    start("robot", "--ros-args", "-p", "motor.speed:=100.0", "-p", "record.enabled:=false")
+    page.goto(view.address.url)
+    until(page, shows_robot)
+
+
+def test_masses_are_drawn_where_they_are_and_to_scale(page, file):
+    page.emulate_media(reduced_motion="reduce", color_scheme="light")
+    page.goto(file.as_uri())
+    until(page, lambda page: page.is_enabled("#timeline"))
+    page.select_option("#speed", "0.001")  # no flash, and no force beside it, outlasts 0.1 ms
+    machine = page.evaluate("JSON.parse(document.querySelector('#setting').textContent).machine")
+    header = page.evaluate("JSON.parse(document.querySelector('#motion-header').textContent)")
+    blows = np.array([(one["time"], one["end"]) for one in header["impacts"]])
+    times = [time for time in np.linspace(0.8, 1.9, 60)
+             if not ((blows[:, 0] - 1e-3 < time) & (time < blows[:, 1] + 1e-3)).any()]
+    for guide in machine["guides"]:
+        rows, seen = [], []
+        for time in times:
+            shown = page.evaluate("time => vibro.show(time)", float(time))["quantities"]
+            along = shown[f"{guide['side']}_position"]
+            rows.append((-along * np.sin(guide["angle"]), -along * np.cos(guide["angle"]) - shown["body_height"]))
+            seen.append(page.evaluate(COLOURED, guide["side"]))
+        expected, found = np.array(rows), np.array(seen)[:, :2]
+        centred = expected - expected.mean(axis=0), found - found.mean(axis=0)
+        scale = (centred[0] * centred[1]).sum() / (centred[0] ** 2).sum()  # px/m
+        assert np.abs(centred[1] - scale * centred[0]).max() < 0.75, guide["side"]  # px, of centres of pixels
+        area = 0.022 * machine["mass_height"] * scale**2
+        assert np.array(seen)[:, 2] == pytest.approx(area, rel=0.15)  # px², without the rim's mixed colours
+
+
+@pytest.mark.parametrize("theme", ["light", "dark"])
+@pytest.mark.parametrize(("width", "height", "touch"), SIZES)
+def test_it_can_be_read(start, view, open_page, width, height, touch, theme):
+    page = open_page(width, height, touch)
+    page.emulate_media(color_scheme=theme)
+    open_live(page, start, view)
+    page.fill("#motor_speed", "1e6")
+    page.press("#motor_speed", "Enter")
+    until(page, lambda page: "1e+06" in page.inner_text("#said"), "a refusal")
+    assert page.evaluate(UNREADABLE, LEAST_CONTRAST) == []
+    assert page.evaluate("document.scrollingElement.scrollWidth <= innerWidth")
+    if not touch:
+        assert page.evaluate("document.scrollingElement.scrollHeight <= innerHeight")  # all at a glance
+    boxes = page.evaluate(BOXES, CONTROLS)
+    assert {"motor_speed", "upper_gap", "reset", "pause", "step", "record", "slow"} <= {box["name"] for box in boxes}
+    for number, box in enumerate(boxes):
+        assert box["left"] >= 0.0 and box["right"] <= width, box
+        assert not touch or box["bottom"] - box["top"] >= SMALLEST_TARGET, box
+        assert not any(overlap(box, other) for other in boxes[:number]), box
+    labels = page.evaluate(BOXES, "#knobs label")
+    for label, name in zip(labels, ("motor_speed", "upper_gap", "inclined_gap"), strict=True):
+        knob = next(box for box in boxes if box["name"] == name)
+        below = [one["top"] for one in labels if one["top"] > label["top"] + 2]
+        assert knob["top"] < min(below, default=1e9)  # a number stands beside or below its own label
+
+
+def overlap(one: dict, other: dict) -> bool:
+    return (min(one["right"], other["right"]) - max(one["left"], other["left"]) > 1
+            and min(one["bottom"], other["bottom"]) - max(one["top"], other["top"]) > 1)
+
+
+def test_everything_can_be_reached_and_used_by_keyboard(start, view, page):
+    open_live(page, start, view)
+    until(page, lambda page: page.is_enabled("#pause") and page.is_enabled("#record"), "services")
+    wanted = set(page.evaluate(f"""[...document.querySelectorAll("{CONTROLS}")].filter(one => !one.disabled
+        && one.checkVisibility()).map(one => one.id || one.getAttribute("aria-label"))"""))
+    reached = set()
+    for _ in range(3 * len(wanted)):
+        page.keyboard.press("Tab")
+        name, outline = page.evaluate("""[document.activeElement].map(one =>
+            [one.id || one.getAttribute("aria-label"), getComputedStyle(one).outlineStyle])[0]""")
+        if name in wanted:
+            assert outline != "none", name  # the focus can be seen
+        reached.add(name)
+    assert wanted <= reached
+    page.focus("#motor_speed")
+    page.keyboard.press("Control+a")
+    page.keyboard.type("60")
+    page.keyboard.press("Enter")
+    until(page, lambda page: drawn(page)["quantities"]["motor_speed"] == 60.0, "the command")
+    page.keyboard.press("Shift+Tab")
+    if page.evaluate("document.activeElement.type") != "range":
+        page.focus("input[type=range]:enabled")
+    page.keyboard.press("ArrowUp")
+    until(page, lambda page: drawn(page)["quantities"]["motor_speed"] > 60.0, "the slider's command")
+    page.focus("#pause")
+    page.keyboard.press("Space")
+    until(page, lambda page: page.get_attribute("#pause", "aria-pressed") == "true", "paused")
+
+
+def test_a_screen_reader_hears_what_is_there(start, view, page):
+    open_live(page, start, view)
+    nodes = page.context.new_cdp_session(page).send("Accessibility.getFullAXTree")["nodes"]
+    heard = [(node["role"]["value"], node.get("name", {}).get("value", ""))
+             for node in nodes if not node["ignored"]]
+    for role, name in heard:
+        if role in ("button", "slider", "spinbutton", "checkbox", "combobox", "image"):
+            assert name.strip(), (role, heard)
+    roles = [role for role, _ in heard]
+    assert {"heading", "main", "log", "image", "spinbutton", "slider", "button", "checkbox"} <= set(roles)
+    assert page.get_attribute("html", "lang") == "en"
+    assert page.get_attribute("#said", "aria-live") == "polite"
+    until(page, lambda page: re.search("[0-9]", page.get_attribute("#mechanism", "aria-label")), "the state in words")
+    label = page.get_attribute("#mechanism", "aria-label")
+    until(page, lambda page: page.get_attribute("#mechanism", "aria-label") != label, "another state in words")
