@@ -8,6 +8,7 @@ from rclpy.serialization import serialize_message
 
 import vibro_ros
 from vibro_ros.bag.definitions import jazzy_types
+from vibro_ros.configuration.scene_file import shipped_scenes
 from vibro_ros.messages.topics import ROBOT_TOPICS
 from vibro_ros.ros.live_decoder import MOST_ODD, STAMPED, decoders
 from vibro_ros.ros.outputs import sample_makers
@@ -38,6 +39,17 @@ def test_every_number_is_found_where_rclpy_puts_it(prefix):
         read = found[topic].read([message(topic, *one, prefix) for one in zip(numbers, stamps, strict=True)])
         assert read.stamps.tolist() == stamps and read.chosen == list(range(40))
         assert read.values.tolist() == [[one[which] for which in found[topic].fields] for one in numbers]
+
+
+@pytest.mark.parametrize("name", shipped_scenes())
+def test_every_shipped_scene_s_samples_are_read(name):
+    scene, device = vibro_ros.load_scene(name), vibro_ros.Simulator(vibro_ros.load_scene(name))
+    device.advance_to(0.01)
+    made, found = sample_makers(scene, ""), decoders(scene, "")
+    for topic in STAMPED:
+        data = plain_bytes(made[topic](device.values.tolist(), STAMP), ROBOT_TOPICS[topic])
+        read = found[topic].read([data])
+        assert read.values.tolist() == [[device.values[which] for which in found[topic].fields]]
 
 
 def test_another_byte_order_and_padding_are_read_too():

@@ -39,9 +39,10 @@ class Settings:
 
 def check_names(names: Sequence[str]) -> None:
     """Refuse a node whose parameters are not those of this version's robots (ValueError)."""
-    if missing := [name for name in _NAMES if name not in set(names)]:
+    given = set(names)
+    if missing := [name for name in _NAMES if name not in given]:
         raise ValueError(f"it has no parameter {missing[0]}; name a robot of this version with --robot")
-    if unknown := sorted(name for name in names if name.partition(".")[0] in _GROUPS and name not in _NAMES):
+    if unknown := sorted(name for name in given if name.partition(".")[0] in _GROUPS and name not in _NAMES):
         raise ValueError(f"it has the parameter {peer_text(unknown[0])}, which this version does not know; use the "
                          "view of the robot's version")
 
