@@ -26,6 +26,7 @@ def open_robot(page, view) -> None:
 
 def test_what_is_drawn_is_what_was_published(start, published, view, page):
     start("robot", *CRAWL)
+    published.hear_until(0)  # from here on every sample is heard
     open_robot(page, view)
     with view.address.visit() as visit:
         origin = int(visit.wait_for("robot")["origin"])

@@ -108,19 +108,27 @@ def test_masses_are_drawn_where_they_are_and_to_scale(page, file):
         assert np.array(seen)[:, 2] == pytest.approx(area, rel=0.15)  # px², without the rim's mixed colours
 
 
-@pytest.mark.parametrize("theme", ["light", "dark"])
-@pytest.mark.parametrize(("width", "height", "touch"), SIZES)
-def test_it_can_be_read(start, view, open_page, width, height, touch, theme):
-    page = open_page(width, height, touch)
-    page.emulate_media(color_scheme=theme)
-    open_live(page, start, view)
-    page.fill("#motor_speed", "1e6")
-    page.press("#motor_speed", "Enter")
-    until(page, lambda page: "1e+06" in page.inner_text("#said"), "a refusal")
-    assert page.evaluate(UNREADABLE, LEAST_CONTRAST) == []
-    assert page.evaluate("document.scrollingElement.scrollWidth <= innerWidth")
-    if not touch:
-        assert page.evaluate("document.scrollingElement.scrollHeight <= innerHeight")  # all at a glance
+def test_it_can_be_read_in_both_sizes_and_themes(start, view, open_page):
+    start("robot", "--ros-args", "-p", "motor.speed:=100.0", "-p", "record.enabled:=false")
+    pages = [open_page(*size) for size in SIZES]
+    for page in pages:
+        page.goto(view.address.url)
+        until(page, shows_robot)
+    pages[0].fill("#motor_speed", "1e6")
+    pages[0].press("#motor_speed", "Enter")
+    for page, (width, _, touch) in zip(pages, SIZES, strict=True):
+        until(page, lambda page: "1e+06" in page.inner_text("#said"), "a refusal")
+        for theme in ("light", "dark"):
+            page.emulate_media(color_scheme=theme)
+            assert page.evaluate(UNREADABLE, LEAST_CONTRAST) == []
+        assert page.evaluate("document.scrollingElement.scrollWidth <= innerWidth")
+        if not touch:
+            assert page.evaluate("document.scrollingElement.scrollHeight <= innerHeight")  # all at a glance
+        check_places(page, width, touch)
+
+
+def check_places(page, width: int, touch: bool) -> None:
+    """Check that controls stand in the window and apart, large enough for a finger, and beside their own labels."""
     boxes = page.evaluate(BOXES, CONTROLS)
     assert {"motor_speed", "upper_gap", "reset", "pause", "step", "record", "slow"} <= {box["name"] for box in boxes}
     for number, box in enumerate(boxes):
@@ -131,7 +139,7 @@ def test_it_can_be_read(start, view, open_page, width, height, touch, theme):
     for label, name in zip(labels, ("motor_speed", "upper_gap", "inclined_gap"), strict=True):
         knob = next(box for box in boxes if box["name"] == name)
         below = [one["top"] for one in labels if one["top"] > label["top"] + 2]
-        assert knob["top"] < min(below, default=1e9)  # a number stands beside or below its own label
+        assert knob["top"] < min(below, default=1e9)
 
 
 def overlap(one: dict, other: dict) -> bool:
