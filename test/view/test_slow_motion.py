@@ -1,74 +1,90 @@
-"""Slow motion around one impact, live and of the recording of the same run, is where `simulate` says that it was."""
+"""Slow motions are computed one after the other, and what goes wrong with one is said to the page that asked."""
 
-import signal
+import threading
+import time
 
 import numpy as np
 import pytest
-from page_reading import drawn, exactness, shows_robot, until
 
 import vibro_ros
+from vibro_ros.view.frames import COLUMNS
+from vibro_ros.view.history import History
+from vibro_ros.view.requests import MOST_SECONDS
+from vibro_ros.view.slow_motion import MOST_WAITING, SlowMotions
 
-CLOSE = 1e-9  # m
-PICTURE = "time => (vibro.show(time), document.querySelector('#mechanism').toDataURL())"
-POSITIONS = ("body_position", "body_height", "upper_position", "inclined_position")
-AROUND = np.array([-2e-3, -1e-3, -2e-4, -1e-5, 0.0, 1e-5, 7e-5, 3e-4, 1e-3, 2e-3])  # s from the first contact
-HEADER = "JSON.parse(document.querySelector('#motion-header').textContent)"
-
-
-@pytest.fixture(scope="module")
-def scene():
-    return vibro_ros.load_scene("device").with_parameters({"motor.speed": 100.0})
+PATIENCE = 60.0  # [s] of what takes milliseconds once the kernels are there
+SCENE = vibro_ros.load_scene("device")
+SAMPLES = {"time": np.array([0.0, 0.005])}
 
 
-def compare_frames_around_an_impact(page, scene, begin: float) -> None:
-    """Compare ten frames around the second impact from here with `simulate`; at `begin` [s] the robot started."""
-    for _ in range(2):
-        page.click("#next")
-    times = drawn(page)["time"] + AROUND
-    run = vibro_ros.simulate(scene, times=times - begin)
-    for number, time in enumerate(times):
-        shown = page.evaluate("time => vibro.show(time)", float(time))
-        assert shown["time"] == pytest.approx(time, abs=1e-12)
-        for name in POSITIONS:
-            assert abs(shown["quantities"][name] - getattr(run, name)[number]) < CLOSE, (name, time)
-        assert exactness(page) == "exact between samples"
-    pictures = {page.evaluate(PICTURE, float(time)) for time in times}
-    assert len(pictures) == len(times)  # none is like another
-    contacts = run.events["time"][np.isin(run.events["kind"], ["upper_contact", "inclined_contact"])]
-    assert np.abs(contacts + begin - (times - AROUND)[0]).min() < CLOSE
+def prepared(compute) -> SlowMotions:
+    motions = SlowMotions(compute, lambda text: None)
+    motions.prepare("exact")
+    until(lambda: answer(motions) != "slow motion is being prepared; ask again in some seconds")
+    return motions
 
 
-def test_ten_frames_around_an_impact_live_and_recorded(start, view, page, tmp_path, scene):
-    robot = start("robot", "--ros-args", "-p", "motor.speed:=100.0")
-    page.emulate_media(reduced_motion="reduce")
-    page.goto(view.address.url)
-    until(page, lambda page: shows_robot(page) and page.is_enabled("#pause"), "a robot")
-    press(page, "#pause", "true")
-    page.click("#reset")
-    until(page, lambda page: drawn(page)["quantities"]["crank_angle"] == 0.0, "the start")
-    begin = drawn(page)["time"]
-    press(page, "#pause", "false")
-    until(page, lambda page: drawn(page)["time"] > begin + 1.3, "1.3 s of motion")
-    press(page, "#pause", "true")
-    page.click("#slow")
-    until(page, lambda page: page.is_enabled("#timeline"), "slow motion")
-    compare_frames_around_an_impact(page, scene, begin)
-
-    robot.send(signal.SIGINT)
-    assert robot.end() == 0
-    (bag,) = tmp_path.glob("vibro_robot_*")
-    made = start("view", str(bag))
-    assert made.end() == 0, made.text
-    file = bag.with_name(f"{bag.name}_view.html")
-    assert made.lines[-1] == str(file)
-    page.goto(file.as_uri())
-    until(page, lambda page: page.is_enabled("#timeline"), "the recording")
-    (begin,) = page.evaluate(HEADER)["resets"]
-    page.evaluate("time => vibro.show(time)", begin + 0.5)
-    compare_frames_around_an_impact(page, scene, begin)
+def until(done) -> None:
+    deadline = time.monotonic() + PATIENCE
+    while not done():
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
 
 
-def press(page, button: str, pressed: str) -> None:
-    """Click a button, and wait until the robot has done it."""
-    page.click(button)
-    until(page, lambda page: page.get_attribute(button, "aria-pressed") == pressed, f"{button} {pressed}")
+def answer(motions: SlowMotions, samples=SAMPLES) -> object:
+    found: list[object] = []
+    motions.ask(SCENE, samples, found.append)
+    until(lambda: found)
+    return found[0]
+
+
+def test_what_goes_wrong_is_said_and_the_next_one_is_computed():
+    outcomes = iter([("first", b""), ZeroDivisionError("by chance"), ("third", b"")])
+
+    def compute(scene, samples):
+        outcome = next(outcomes)
+        if isinstance(outcome, Exception):
+            raise outcome
+        return outcome
+
+    motions = prepared(compute)
+    assert answer(motions) == "there is no slow motion of these samples: ZeroDivisionError: by chance"
+    assert answer(motions) == ("third", b"")
+    assert answer(motions, {"time": np.array([1.0])}) == ("there are no samples of the last seconds; let the robot run")
+
+
+def test_before_the_first_robot_it_is_said_to_be_prepared():
+    motions = SlowMotions(lambda scene, samples: ({}, b""), lambda text: None)
+    assert answer(motions) == "slow motion is being prepared; ask again in some seconds"
+
+
+def test_more_than_a_few_do_not_wait():
+    going_on = threading.Event()
+    going_on.set()
+
+    def compute(scene, samples):
+        going_on.wait(PATIENCE)
+        return "done", b""
+
+    motions = prepared(compute)
+    going_on.clear()
+    found: list[object] = []
+    for _ in range(MOST_WAITING + 5):
+        motions.ask(SCENE, SAMPLES, found.append)
+    assert f"{MOST_WAITING} slow motions wait already; ask again later" in found
+    going_on.set()
+    until(lambda: len(found) == MOST_WAITING + 5)
+
+
+@pytest.mark.parametrize("rate", [10, 200, 1000])
+def test_the_history_is_of_the_last_seconds(rate):
+    history = History()
+    assert history.last() is None and history.samples(1.0)["time"].size == 0
+    for batch in range(300):
+        rows = np.zeros((rate // 10, len(COLUMNS)))
+        rows[:, 0] = batch / 10.0 + np.arange(1, rate // 10 + 1) / rate
+        history.add(rows)
+    assert history.last()[0] == pytest.approx(30.0)
+    times = history.samples(1.0)["time"]
+    assert times[0] >= 29.0 and len(times) in (rate, rate + 1)
+    assert MOST_SECONDS - 0.1 < np.ptp(history.samples(100.0)["time"]) < MOST_SECONDS + 0.2

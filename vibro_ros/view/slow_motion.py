@@ -68,7 +68,6 @@ class SlowMotions:
         while True:
             scene, samples, done = self._line.get()
             try:
-                found: tuple[dict[str, Any], bytes] | str = self._compute(scene, samples)
+                done(self._compute(scene, samples))
             except Exception as error:  # a page's wish ends nothing; the words say what was wrong
-                found = f"there is no slow motion of these samples: {type(error).__name__}: {error}"
-            done(found)
+                done(f"there is no slow motion of these samples: {type(error).__name__}: {error}")
