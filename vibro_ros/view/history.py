@@ -7,6 +7,8 @@ import numpy as np
 from vibro_ros.view.frames import COLUMNS
 from vibro_ros.view.requests import MOST_SECONDS
 
+STAMP = 1e-9
+"""Unit of stamps [s]: times that are nearer to each other differ by rounding."""
 _TIME = COLUMNS.index("time")
 
 
@@ -34,5 +36,5 @@ class History:
         """Every quantity over the last `seconds` [s]; empty arrays without any rows."""
         rows = np.concatenate([np.empty((0, len(COLUMNS))), *self._parts])
         if len(rows):
-            rows = rows[rows[:, _TIME] >= rows[-1, _TIME] - seconds]
+            rows = rows[rows[:, _TIME] > rows[-1, _TIME] - seconds - STAMP]
         return dict(zip(COLUMNS, np.ascontiguousarray(rows.T), strict=True))
