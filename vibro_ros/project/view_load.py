@@ -1,8 +1,9 @@
 """What the live view costs with real browsers: `python -m vibro_ros.project.view_load`.
 
-`memory` keeps pages open for minutes and tells how the memory of the view and of the pages grows. `lateness` tells how
-much later the robot's ticks are while browsers show it than while nobody looks on, in turn, in one robot; a machine
-that draws without a graphics card also measures its own lack of cores. `--nice` lets the browsers step back.
+`memory` keeps pages open for minutes and tells how the memory of the view and of the pages grows. `first` tells how
+long after a robot's first sample the page shows it. `lateness` tells how much later the robot's ticks are while
+browsers show it than while nobody looks on, in turn, in one robot; a machine that draws without a graphics card also
+measures its own lack of cores. `--nice` lets the browsers step back.
 """
 
 if __name__ == "__main__":  # before all imports: they take a second or two, in which a signal may come
@@ -13,6 +14,7 @@ if __name__ == "__main__":  # before all imports: they take a second or two, in 
     sys.exit(enter("view_load"))
 
 import argparse
+import json
 import shlex
 import socket
 import subprocess
@@ -29,7 +31,7 @@ from vibro_ros.process.command_line import Parser
 from vibro_ros.process.executables import EXECUTABLES
 from vibro_ros.process.front_door import exit_code
 from vibro_ros.project.browser import Session, chosen_engine
-from vibro_ros.project.watched_robot import WatchedRobot, show_robot, watched_robot
+from vibro_ros.project.watched_robot import WatchedRobot, show_robot, until, watched_robot
 
 if TYPE_CHECKING:
     from playwright.sync_api import CDPSession
@@ -96,6 +98,24 @@ def memory_table(found: Sequence[Memory]) -> str:
     return "\n".join(rows)
 
 
+def first_picture() -> float:
+    """Time [s] from the stamp of a robot's first sample to the page's first picture of it; the page is open already."""
+    origins: list[int] = []
+
+    def hear(data: str | bytes) -> None:
+        if isinstance(data, str) and (message := json.loads(data))["kind"] == "robot":
+            origins.append(int(message["origin"]))
+
+    with Session(chosen_engine()) as session:
+        page = session.page()  # before the robot, which takes a second to start
+        page.on("websocket", lambda socket: socket.on("framereceived", hear))
+        with watched_robot() as robot:
+            show_robot(page, robot)
+            shown = time.time_ns()
+            until(page, lambda: bool(origins), "the robot's origin")
+    return (shown - origins[0]) * 1e-9
+
+
 def show(address: str) -> None:
     """Show the page in a browser, and say so, until nobody serves it any more."""
     with Session(chosen_engine()) as session:
@@ -125,6 +145,8 @@ def _run(words: Sequence[str]) -> int:
     if options.what == "memory":
         bar = tqdm(memories(options.pages, options.duration), total=SAMPLES + 1, disable=None, leave=False)
         print(memory_table(list(bar)))
+    elif options.what == "first":
+        print(f"first picture {first_picture():.2f} s after the first sample")
     elif options.what == "lateness":
         page = shlex.join(["nice", "-n", str(options.nice), sys.executable, "-m", EXECUTABLES["view_load"].module,
                            "show", "--address"])
@@ -138,7 +160,7 @@ def _run(words: Sequence[str]) -> int:
 def _parser() -> Parser:
     parser = Parser(prog="view_load", description=EXECUTABLES["view_load"].does,
                     formatter_class=argparse.ArgumentDefaultsHelpFormatter)
-    parser.add_argument("what", choices=("memory", "lateness", "show"),
+    parser.add_argument("what", choices=("memory", "first", "lateness", "show"),
                         help="what to measure; or show the page of an --address while it is served")
     parser.add_argument("--pages", type=int, default=3, help="pages that are open, or browsers")
     parser.add_argument("--duration", type=float, default=600.0, help="of memory [s]")
