@@ -16,6 +16,7 @@ from vibro_ros.view import frames
 from vibro_ros.view.gate import Gate
 from vibro_ros.view.limits import RATE, Allowance
 from vibro_ros.view.outbox import Outbox
+from vibro_ros.view.page import policy
 from vibro_ros.view.requests import RefusedError, Request, read_request
 
 SOCKET_BUFFER = 131_072
@@ -112,10 +113,8 @@ class Page(_Visitor):
         self.check_token()
         nonce = secrets.token_urlsafe(16)
         host = self._header("Host")
-        self.set_header("Content-Security-Policy", "; ".join((
-            "default-src 'none'", f"script-src 'nonce-{nonce}'", f"style-src 'nonce-{nonce}'", "img-src data:",
-            f"connect-src ws://{host} wss://{host}", "base-uri 'none'", "form-action 'none'",
-            "frame-ancestors 'none'")))
+        rules = policy(nonce, connect=f"ws://{host} wss://{host}")
+        self.set_header("Content-Security-Policy", f"{rules}; frame-ancestors 'none'")
         self.set_header("Content-Type", "text/html; charset=utf-8")
         self.finish(self._server.page(nonce))
 
