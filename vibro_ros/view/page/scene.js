@@ -13,6 +13,7 @@ const LONGEST = 0.1; // s between two pictures; a page that was hidden goes on w
 const LATE = 0.021; // s between two pictures, from which on the charts are drawn less often
 const SMOOTHING = 0.05; // weight of the last interval
 const LIVE_WINDOW = 6; // s
+const LIVE_CHARTS = 6; // of so many pictures one has charts, so that a page takes little from the robot
 
 export class Scene {
   #clock;
@@ -81,7 +82,7 @@ export class Scene {
       before = now;
       interval += (elapsed - interval) * SMOOTHING;
       this.#advance(elapsed);
-      this.#draw(now, interval > LATE);
+      this.#draw(now, (this.motion ? 1 : LIVE_CHARTS) * (interval > LATE ? 2 : 1));
       requestAnimationFrame(frame);
     };
     requestAnimationFrame(frame);
@@ -99,7 +100,7 @@ export class Scene {
       this.#held = time;
     }
     this.view.change();
-    this.#draw(performance.now(), false);
+    this.#draw(performance.now(), 1);
     return this.view.drawn();
   }
 
@@ -122,9 +123,9 @@ export class Scene {
     return this.motion ? {speed: this.player.speed, window: this.player.window} : {speed: 1, window: LIVE_WINDOW};
   }
 
-  #draw(now, late) {
+  #draw(now, every) {
     const pace = this.#pace;
-    this.view.draw(this.#time, pace, late);
+    this.view.draw(this.#time, pace, every);
     this.view.describe(now);
     this.transport.show();
     if (this.motion) {

@@ -19,7 +19,7 @@ export class View {
   #changed;
   #spoken;
   #lit;
-  #skipped;
+  #skipped = 0; // pictures since the last that had charts
   #words;
   #picture;
   #strips;
@@ -75,9 +75,9 @@ export class View {
    * Draw an instant, if anything has changed.
    * @param {number} time [s]
    * @param {{speed: number, window: number}} pace robot time over time on the wall; what the charts show of it [s]
-   * @param {boolean} late whether pictures come too slowly: then the charts have every second one only
+   * @param {number} every of how many pictures one has charts: dense curves cost ten times what the mechanism does
    */
-  draw(time, pace, late) {
+  draw(time, pace, every) {
     if (!this.source || !this.#stage || !Number.isFinite(time)) {
       return;
     }
@@ -86,8 +86,8 @@ export class View {
     if (this.values.time === before && !this.#changed && time === this.#time) {
       return;
     }
-    const skip = late && !this.#skipped;
-    this.#skipped = skip;
+    const skip = this.#skipped + 1 < every;
+    this.#skipped = skip ? this.#skipped + 1 : 0;
     this.#changed = skip;
     this.#time = time;
     this.#lit = this.#lights(this.values.time, pace.speed);
