@@ -236,3 +236,14 @@ def test_words_tell_the_state(modules):
 def test_no_module_reaches_another_host():
     for name, text in module_texts().items():
         assert "http://" not in text and "https://" not in text, name
+
+
+def test_pictures_are_left_out_only_while_the_machine_is_behind(modules):
+    """Frames of 60 Hz, then of 25 Hz, then of 60 Hz again."""
+    drawn = modules.call("thrift", """
+        const thrift = new m.Thrift();
+        return v[0].map(([frames, elapsed]) => Array.from({length: frames}, () => thrift.draws(elapsed)));""",
+                         [[300, 1 / 60], [250, 0.04], [3000, 1 / 60]])
+    assert all(drawn[0])
+    assert sum(drawn[1][-50:]) == 10  # one of five at last
+    assert all(drawn[2][-300:])

@@ -4,16 +4,15 @@ import {Marks} from "vibro/marks.js";
 import {Player} from "vibro/player.js";
 import {Readings} from "vibro/readings.js";
 import {sayExactness} from "vibro/said.js";
+import {Thrift} from "vibro/thrift.js";
 import {clockDecimals, fixed} from "vibro/ticks.js";
 import {Transport} from "vibro/transport.js";
 import {scrub} from "vibro/scrub.js";
 import {View} from "vibro/view.js";
 
 const LONGEST = 0.1; // s between two pictures; a page that was hidden goes on where it was
-const LATE = 0.021; // s between two pictures, from which on the charts are drawn less often
-const SMOOTHING = 0.05; // weight of the last interval
 const LIVE_WINDOW = 6; // s
-const LIVE_CHARTS = 6; // of so many pictures one has charts, so that a page takes little from the robot
+const LIVE_CHARTS = 6; // of so many frames one has charts, so that a page takes little from the robot
 
 export class Scene {
   #clock;
@@ -75,14 +74,18 @@ export class Scene {
 
   /** Begin; never ends. */
   run() {
+    const thrift = new Thrift();
     let before = performance.now();
-    let interval = 0; // s between pictures, as it is of late
     const frame = (now) => {
       const elapsed = Math.min(LONGEST, Math.max(0, (now - before) / 1e3));
       before = now;
-      interval += (elapsed - interval) * SMOOTHING;
       this.#advance(elapsed);
-      this.#draw(now, (this.motion ? 1 : LIVE_CHARTS) * (interval > LATE ? 2 : 1));
+      const due = thrift.draws(elapsed);
+      if (this.motion) {
+        this.#draw(now, Math.min(2, thrift.every));
+      } else if (due) {
+        this.#draw(now, Math.max(1, Math.round(LIVE_CHARTS / thrift.every)));
+      }
       requestAnimationFrame(frame);
     };
     requestAnimationFrame(frame);
