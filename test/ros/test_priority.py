@@ -1,35 +1,48 @@
-"""A robot goes before programs that need not keep time, where the system lets it, and only a robot that keeps time does."""
+"""A robot that is paced goes before programs that need not keep time, where the system lets it; no other robot does."""
 
 import os
 from pathlib import Path
 
 import pytest
+from asking import answer_of
+from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
+from rcl_interfaces.srv import SetParameters
 
-from vibro_ros.ros.priority import NICENESS
+from vibro_ros.ros.priority import POLICY, PRIORITY
 
 
-def may_step_ahead() -> bool:
-    """Whether this user may; asked in a child, which cannot take it back."""
+def may_go_before_others() -> bool:
+    """Whether this user may; asked in a child, which is gone at once."""
     child = os.fork()
     if child == 0:
         try:
-            os.setpriority(os.PRIO_PROCESS, 0, NICENESS)
+            os.sched_setscheduler(0, POLICY, os.sched_param(PRIORITY))
         except OSError:
             os._exit(1)
         os._exit(0)
     return os.waitpid(child, 0)[1] == 0
 
 
-def niceness_of(robot) -> set[int]:
-    threads = Path(f"/proc/{robot.pid}/task").iterdir()
-    return {os.getpriority(os.PRIO_PROCESS, int(thread.name)) for thread in threads}
+def policies(robot) -> set[int]:
+    return {os.sched_getscheduler(int(thread.name)) for thread in Path(f"/proc/{robot.pid}/task").iterdir()}
 
 
 @pytest.mark.parametrize(("words", "before", "ahead"), [
     ((), (), True), (("-p", "rate.real_time_factor:=0.0"), (), False), ((), ("nice", "-n", "3"), False)])
-def test_who_keeps_time_goes_before_others(start, listener, words, before, ahead):
+def test_who_is_paced_goes_before_others(start, listener, words, before, ahead):
     robot = start("robot", "--ros-args", *words, before=before)
     listener.spin_for_samples(20)
-    own = os.getpriority(os.PRIO_PROCESS, 0)
-    expected = NICENESS if ahead and own == 0 and may_step_ahead() else own + (3 if before else 0)
-    assert niceness_of(robot) == {expected}
+    may = os.getpriority(os.PRIO_PROCESS, 0) == 0 and may_go_before_others()
+    assert policies(robot) == {POLICY if ahead and may else os.SCHED_OTHER}
+
+
+def test_a_robot_that_is_told_to_run_as_fast_as_it_can_steps_back_and_paced_again_goes_before(start, bench, listener):
+    robot = start("robot")
+    listener.spin_for_samples(20)
+    may = os.getpriority(os.PRIO_PROCESS, 0) == 0 and may_go_before_others()
+    for factor in (0.0, 1.0):
+        value = ParameterValue(type=ParameterType.PARAMETER_DOUBLE, double_value=factor)
+        parameters = [Parameter(name="rate.real_time_factor", value=value)]
+        answer = answer_of(bench, SetParameters, "/vibro_robot/set_parameters", parameters=parameters)
+        assert answer.results[0].successful
+        assert policies(robot) == {POLICY if factor and may else os.SCHED_OTHER}

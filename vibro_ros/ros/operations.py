@@ -16,6 +16,7 @@ from vibro_ros.ros import qos
 from vibro_ros.ros.lock_step import LockStep
 from vibro_ros.ros.outputs import Record
 from vibro_ros.ros.pacing import Pacing
+from vibro_ros.ros.priority import go_before_others
 from vibro_ros.ros.requests import Request
 from vibro_ros.ros.robot_time import RobotTime
 from vibro_ros.ros.waiting import MOST_WAITING, Waiting
@@ -191,6 +192,7 @@ class Operations:
         self.changed |= parameters
         if FACTOR in parameters:
             self._pacing.change_factor(parameters[FACTOR], self._robot_time.time)
+            go_before_others(self._pacing.follows_clock)
         request.set_result("set")
 
     def _done(self, operation: Operation) -> None:

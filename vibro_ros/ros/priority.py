@@ -4,18 +4,20 @@ import os
 from contextlib import suppress
 from pathlib import Path
 
-NICENESS = -10
-"""Of each thread. ros2_control asks for a real-time priority likewise; this one starves nobody."""
+POLICY, PRIORITY = os.SCHED_RR, 1
+"""Real time, in turn with others of that kind, and the lowest of its priorities. ros2_control asks for one likewise."""
 _THREADS = Path("/proc/self/task")
 
 
-def step_ahead() -> None:
-    """Let all threads, and those that they begin, go before other programs; nothing where the system does not let us.
+def go_before_others(paced: bool) -> None:
+    """Let all threads, and those that they begin, go before other programs while the robot is `paced`, and only then.
 
-    A user who has chosen another niceness knows why, and keeps it. All threads, because they share the interpreter's
-    lock: one that waits for a processor while it holds the lock would delay the others.
+    A robot that runs as fast as it can takes all that it gets, and is to leave others their share. Nothing changes
+    where the system does not allow it, nor for a user who has chosen a niceness. All threads, because they share the
+    interpreter's lock: one that waits for a processor while it holds the lock would delay the others.
     """
     with suppress(OSError):
         if os.getpriority(os.PRIO_PROCESS, 0) == 0:
+            policy, priority = (POLICY, PRIORITY) if paced else (os.SCHED_OTHER, 0)
             for thread in _THREADS.iterdir():
-                os.setpriority(os.PRIO_PROCESS, int(thread.name), NICENESS)
+                os.sched_setscheduler(int(thread.name), policy, os.sched_param(priority))
