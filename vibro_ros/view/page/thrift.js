@@ -7,13 +7,10 @@ const BETTER = 4; // s in time, after which one less is
 const MOST = 5; // of so many frames at least one is drawn: twelve a second
 
 export class Thrift {
+  every = 1; // of so many frames one is drawn
   #count = 0; // frames since the last that was drawn
   #interval = 0; // s between frames, as it is of late
   #since = 0; // s for which it has been late, or in time where below 0
-
-  constructor() {
-    this.every = 1;
-  }
 
   /**
    * Take note of a frame.
@@ -22,11 +19,7 @@ export class Thrift {
    */
   draws(elapsed) {
     this.#interval += (elapsed - this.#interval) * WEIGHT;
-    if (this.#interval > LATE) {
-      this.#since = Math.max(0, this.#since) + elapsed;
-    } else {
-      this.#since = Math.min(0, this.#since) - elapsed;
-    }
+    this.#since = this.#interval > LATE ? Math.max(0, this.#since) + elapsed : Math.min(0, this.#since) - elapsed;
     if (this.#since > WORSE || this.#since < -BETTER) {
       this.every = Math.min(MOST, Math.max(1, this.every + Math.sign(this.#since)));
       this.#since = 0;
