@@ -1,5 +1,6 @@
 """Robot, view and browser together: what the page shows is what the robot publishes, and what it asks is done."""
 
+import contextlib
 import signal
 import time
 
@@ -43,10 +44,7 @@ def test_a_knob_s_command_reaches_the_robot_and_a_refusal_is_shown_in_its_words(
     heard: list[float] = []
     bench.node.create_subscription(Float64, "motor_speed", lambda message: heard.append(message.data), 10)
     open_robot(page, view)
-    page.fill("#motor_speed", "50")
-    page.press("#motor_speed", "Enter")
-    bench.spin_until(lambda: heard == [50.0], "the command")
-    until(page, lambda page: drawn(page)["quantities"]["motor_speed"] == 50.0, "the motor's speed in the page")
+    speed = commanded_speed(page, bench, heard)
     page.fill("#upper_gap", "0.0005")
     page.press("#upper_gap", "Tab")
     until(page, lambda page: abs(drawn(page)["quantities"]["upper_plate_position"] - 0.0605) < 1e-12, "the gap")
@@ -54,8 +52,21 @@ def test_a_knob_s_command_reaches_the_robot_and_a_refusal_is_shown_in_its_words(
     page.press("#motor_speed", "Enter")
     refusal = robot.wait_for("1e+06").split("]: ", 1)[1]
     until(page, lambda page: refusal in said(page), refusal)
-    bench.spin_until(lambda: heard == [50.0, 1e6], "what was refused")
-    assert drawn(page)["quantities"]["motor_speed"] == 50.0
+    bench.spin_until(lambda: heard[-1] == 1e6, "what was refused")
+    assert drawn(page)["quantities"]["motor_speed"] == speed
+
+
+def commanded_speed(page, bench, heard: list[float]) -> float:
+    """A speed of the knob that robot and test have heard: DDS drops what is sent while only one side knows the other."""
+    for speed in map(float, range(50, 60)):
+        page.fill("#motor_speed", f"{speed:g}")
+        page.press("#motor_speed", "Enter")
+        with contextlib.suppress(AssertionError):
+            bench.spin_until(lambda speed=speed: speed in heard, "the command", patience=5.0)
+            bench.spin_until(lambda speed=speed: drawn(page)["quantities"]["motor_speed"] == speed, "the motor's speed",
+                             patience=5.0)
+            return speed
+    raise AssertionError(f"no command of the knob arrived; heard {heard}")
 
 
 def test_buttons_reset_pause_step_and_record(start, view, page, tmp_path):
