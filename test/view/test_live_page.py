@@ -57,7 +57,7 @@ def test_a_knob_s_command_reaches_the_robot_and_a_refusal_is_shown_in_its_words(
 
 
 def commanded_speed(page, bench, heard: list[float]) -> float:
-    """A speed of the knob that robot and test have heard: DDS drops what is sent while only one side knows the other."""
+    """A speed of the knob that robot and test have heard: DDS drops what only one side is ready for."""
     for speed in map(float, range(50, 60)):
         page.fill("#motor_speed", f"{speed:g}")
         page.press("#motor_speed", "Enter")
