@@ -86,7 +86,7 @@ def corrected(family: Family, guess: np.ndarray, normal: np.ndarray,
     LostError
         Where Newton's method does not converge.
     """
-    at, best = guess.copy(), np.inf
+    at, best, closest = guess.copy(), np.inf, guess
     for iteration in range(_MOST_ITERATIONS):
         try:
             place = Place.of(at)
@@ -94,7 +94,8 @@ def corrected(family: Family, guess: np.ndarray, normal: np.ndarray,
             size = float(np.abs(residual).max())
             if size <= CLOSED and size >= 0.25 * best:  # as good as rounding lets it become
                 return at, iteration
-            best = min(best, size)
+            if size < best:
+                best, closest = size, at
             matrix = np.vstack([family.jacobian(place, held, reach), normal])
             residual[held] = 0.0
             at = at - np.linalg.solve(matrix, np.append(residual, normal @ (at - guess)))
@@ -103,7 +104,7 @@ def corrected(family: Family, guess: np.ndarray, normal: np.ndarray,
         if not np.all(np.isfinite(at)) or np.abs(at - guess).max() > 10.0 * LONGEST_STEP:
             break
     if best <= CLOSED:
-        return at, _MOST_ITERATIONS
+        return closest, _MOST_ITERATIONS
     raise LostError(f"Newton's method does not close an orbit near {family.name} = {family.value(guess[-1]):.9g}")
 
 

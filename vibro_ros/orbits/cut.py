@@ -12,7 +12,8 @@ from vibro_ros.simulation.simulator import Simulator
 
 SEEN = 64
 """Turns that are looked at."""
-_CELLS = 4096  # of a turn; events closer to the cut than one of them are met by the next state in any case
+CELLS = 4096
+"""Parts of a turn in which events are told apart."""
 _CONTACT = "_contact"
 
 
@@ -38,12 +39,24 @@ def free_phase(scene: Scene, device: Simulator) -> tuple[float, float]:
     device.advance_to(begin + SEEN * period)
     events = device.take_events()
     phase = np.mod((events["time"] - begin) / period + angle / TURN, 1.0)
-    busy = np.zeros(_CELLS)
     of_contact = np.char.endswith(events["kind"], _CONTACT)
     lasting = np.where(of_contact, events["duration"], 0.0) / period
-    for first, last in zip(phase * _CELLS, (phase + np.minimum(lasting, 1.0)) * _CELLS, strict=True):
-        busy[np.arange(int(first), int(last) + 1) % _CELLS] += 1.0
+    busy = events_in_cells(phase, lasting)
     return middle_of_longest(busy == busy.min(), free=bool(busy.min() == 0.0))
+
+
+def events_in_cells(phase: np.ndarray, lasting: np.ndarray) -> np.ndarray:
+    """How many events fall on each of the `CELLS` of a turn, shape (CELLS,).
+
+    Parameters
+    ----------
+    phase, lasting : ndarray, shape (events,)
+        Where in a turn an event begins, from 0 to 1, and for how much of turns it lasts; dimensionless.
+    """
+    count = np.zeros(CELLS)
+    for first, last in zip(phase * CELLS, (phase + np.minimum(lasting, 1.0)) * CELLS, strict=True):
+        count[np.arange(int(first), int(last) + 1) % CELLS] += 1.0
+    return count
 
 
 def middle_of_longest(quiet: np.ndarray, free: bool) -> tuple[float, float]:

@@ -5,13 +5,11 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import brentq
 
-from vibro_ros.orbits.cut import middle_of_longest
+from vibro_ros.orbits.cut import CELLS, events_in_cells, middle_of_longest
 from vibro_ros.orbits.turn_map import TURN, TurnMap
 from vibro_ros.simulation.samples import Samples
 from vibro_ros.simulation.simulator import Simulator
 
-CELLS = 4096
-"""Parts of a turn in which events are told apart."""
 SAMPLES = 1024
 """Of a turn, among which a mass is looked for that turns back before its plate."""
 _NEAR = 1e-3  # crank radii: a nearer miss is looked at closely
@@ -55,11 +53,8 @@ def passage(turn_map: TurnMap, state: np.ndarray, turns: int) -> Passage:
     events = events[events["time"] < turns * turn_map.period]
     of_contact = np.char.endswith(events["kind"], _CONTACT)
     kinds, counts = np.unique(events["kind"][of_contact], return_counts=True)
-    begin = events["time"] / turn_map.period
-    end = begin + np.where(of_contact, events["duration"], 0.0) / turn_map.period
-    busy = np.zeros(CELLS, dtype=bool)
-    for first, last in zip(begin % 1.0 * CELLS, (begin % 1.0 + np.minimum(end - begin, 1.0)) * CELLS, strict=True):
-        busy[np.arange(int(first), int(last) + 1) % CELLS] = True
+    lasting = np.where(of_contact, events["duration"], 0.0) / turn_map.period
+    busy = events_in_cells(events["time"] / turn_map.period % 1.0, lasting) > 0.0
     occupied = np.flatnonzero(busy)
     clear = min(occupied.min(), CELLS - 1 - occupied.max()) / CELLS if len(occupied) else 1.0
     best, _ = middle_of_longest(~busy, free=True) if not busy.all() else (0.0, 0.0)
