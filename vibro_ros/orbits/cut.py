@@ -7,11 +7,13 @@ close could be in different modes there.
 import numpy as np
 
 from vibro_ros.model.scene import Scene
-from vibro_ros.orbits.turn_map import TURN
+from vibro_ros.orbits.turn_map import TURN, TurnMap
 from vibro_ros.simulation.simulator import Simulator
 
 SEEN = 64
 """Turns that are looked at."""
+SETTLED = 200
+"""Turns that a scene is given to settle, from its own start, before they are looked at."""
 CELLS = 4096
 """Parts of a turn in which events are told apart."""
 _CONTACT = "_contact"
@@ -43,6 +45,14 @@ def free_phase(scene: Scene, device: Simulator) -> tuple[float, float]:
     lasting = np.where(of_contact, events["duration"], 0.0) / period
     busy = events_in_cells(phase, lasting)
     return middle_of_longest(busy == busy.min(), free=bool(busy.min() == 0.0))
+
+
+def free_cut(scene: Scene) -> TurnMap:
+    """The turn map of a scene, cut where the motion from its own start is free (ValueError for a crank that stands)."""
+    TurnMap(scene)  # refuses a crank that stands
+    device = Simulator(scene)
+    device.advance_to(SETTLED * TURN / scene["motor.speed"])
+    return TurnMap(scene, free_phase(scene, device)[0])
 
 
 def events_in_cells(phase: np.ndarray, lasting: np.ndarray) -> np.ndarray:

@@ -1,0 +1,212 @@
+"""Which motion a start settles to, told by recurrence: the states at the cut come back.
+
+A motion that repeats itself after p turns is told by p and its p states, because a start comes as close to them as
+rounding lets it. Any other motion, quasi-periodic or chaotic, is told by a cloud of its states. A start has settled to
+it when the turns just gone have the same cloud as the turns before; two starts have the same motion when half of the
+states of the one are near the cloud of the other.
+
+The idea, that a motion is known as soon as its states come back to where it has been, is that of G. Datseris and
+A. Wagemakers, Effortless estimation of basins of attraction, Chaos 32 (2022) 023104. They divide the state space into
+cells and share what was visited among all starts. Here each start is judged for itself, so that it has the same motion
+whatever was computed before, on however many processes; and there are no cells, whose size would decide.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial import KDTree
+
+from vibro_ros.model.scene import Scene
+from vibro_ros.orbits.cut import free_cut
+from vibro_ros.orbits.stroboscope import Cuts, Stroboscope
+
+LONGEST_PERIOD = 64
+"""Turns after which a motion that counts as periodic repeats itself at most."""
+FIRST_TURNS, MOST_TURNS = 64, 4096
+"""Turns after which a start is judged for the first time, and after which it is given up."""
+CLOSE = 1e-6
+"""How far from its motion a periodic start that has settled still is, in units of the machine, as its approach says."""
+SAME = 1e-5
+"""How far apart the states of the same periodic motion may be, in units of the machine."""
+CLOUD = 256
+"""States that tell a motion which is not periodic; and turns of which its clouds are made, at least."""
+_ROUNDING = 1e-11  # in units of the machine: a motion that comes back so closely does not come back any closer
+_STANDS = 0.8  # a motion still settles whose returns shrink from quarter to quarter to less than this share
+# How near half of the states of a motion are to a cloud of it, in distances between neighbours of that cloud, and in
+# extents of the cloud; the first fails where the cloud lingers near a point, the second where it is thin.
+_NEIGHBOURS, _EXTENT = 3.0, 0.05
+_NO_EXTENT = 1e-3  # in units of the machine, at least, because a coordinate may be held
+
+
+class NotSettledError(RuntimeError):
+    """A start whose motion still changes; the message says after how many turns."""
+
+
+@dataclass(frozen=True)
+class SettledMotion:
+    """What a start has settled to.
+
+    Attributes
+    ----------
+    turns : int
+        Turns of the crank after which the motion repeats itself; 0 where it does not, within `LONGEST_PERIOD`.
+    states : ndarray, shape (m, n)
+        States at successive cuts, in units of the machine: one period, or `CLOUD` states of a motion without one. The
+        last one is the device's present state.
+    mean_speed : float
+        Of the body [m/s], forwards positive: over one period, or over the second half of all turns.
+    after : int
+        Turns of the crank that the start was watched for.
+    """
+
+    turns: int
+    states: np.ndarray
+    mean_speed: float
+    after: int
+
+    def is_same(self, other: "SettledMotion") -> bool:
+        """Whether two starts have settled to the same motion; of one turn map."""
+        if self.turns != other.turns:
+            return False
+        if self.turns:
+            return bool(np.abs(other.states - self.states[0]).max(axis=1).min() <= SAME)
+        return are_of_cloud(self.states, other.states) or are_of_cloud(other.states, self.states)
+
+
+def settle(stroboscope: Stroboscope, first: int = FIRST_TURNS, most: int = MOST_TURNS) -> SettledMotion | None:
+    """The motion that a device settles to which has begun.
+
+    Parameters
+    ----------
+    stroboscope : Stroboscope
+        At a cut; it goes on.
+    first, most : int
+        Turns after which the motion is looked at for the first time, at least 8; then after twice as many and so on, up
+        to `most`.
+
+    Returns
+    -------
+    SettledMotion or None
+        None for a start that has not settled within `most` turns.
+
+    Raises
+    ------
+    SimulationError
+        If the run cannot go on.
+
+    Notes
+    -----
+    A periodic start has settled when what is left of its approach, summed up as a geometric series from the last two
+    quarters of all turns, is below `CLOSE`. Chaos that lasts long and then ends cannot be told from chaos that stays.
+    """
+    seen = stroboscope.turns(first)
+    while True:
+        if turns := period_of(seen.states):
+            return _settled(stroboscope, seen, turns)
+        if len(seen.states) >= 4 * CLOUD and _is_stationary(seen.states):
+            return _settled(stroboscope, seen, 0)
+        more = min(2 * len(seen.states), most) - len(seen.states)
+        if more <= 0:
+            return None
+        ahead = stroboscope.turns(more)
+        seen = Cuts(np.concatenate([seen.states, ahead.states]), np.concatenate([seen.positions, ahead.positions]))
+
+
+def settled_motion(scene: Scene, **start: float) -> SettledMotion:
+    """The motion that a scene settles to from a start of your choice, at `motor.speed`.
+
+    Parameters
+    ----------
+    scene : Scene
+        Its motor turns at `motor.speed`, all the time.
+    start : float
+        What is other than at the scene's own start: fields of `Simulator.state`, as `Simulator.set_state` takes them.
+
+    Returns
+    -------
+    SettledMotion
+        With its period in turns of the crank, `turns`, and `mean_speed` [m/s].
+
+    Raises
+    ------
+    ValueError
+        For a start that cannot be, or a crank that stands.
+    NotSettledError
+        When nothing has settled within `MOST_TURNS` turns.
+    SimulationError
+        If the run cannot go on.
+
+    Examples
+    --------
+    >>> scene = vibro_ros.load_scene("device").with_parameters({"motor.speed": 160.0})
+    >>> for speed in (0.0, 1.0):
+    ...     motion = vibro_ros.settled_motion(scene, body_velocity=speed)
+    ...     print(f"{motion.mean_speed * 1e3:.4f} mm/s, the same again after {motion.turns} turns")
+    -79.8016 mm/s, the same again after 3 turns
+    -53.5766 mm/s, the same again after 3 turns
+    """
+    stroboscope = Stroboscope(free_cut(scene))
+    stroboscope.begin_as(**start)
+    if motion := settle(stroboscope):
+        return motion
+    raise NotSettledError(f"{scene.name}: at {scene['motor.speed']:g} rad/s nothing has settled within {MOST_TURNS} "
+                          "turns of the crank; without losses nothing ever does")
+
+
+def number_among(motion: SettledMotion, known: Sequence[SettledMotion]) -> int | None:
+    """Place of the first of `known` motions that is the same as `motion`; None without one."""
+    return next((number for number, other in enumerate(known) if motion.is_same(other)), None)
+
+
+def period_of(states: np.ndarray) -> int:
+    """Least number of turns after which settled states repeat themselves; 0 where they do not, or not yet.
+
+    Parameters
+    ----------
+    states : ndarray, shape (cuts, n)
+        At successive cuts, in units of the machine.
+    """
+    quarter = len(states) // 4
+    for turns in range(1, min(LONGEST_PERIOD, quarter) + 1):
+        now, before = _returns(states, turns)
+        if now <= _ROUNDING or (now < min(before, CLOSE) and quarter / turns * now * now / (before - now) <= CLOSE):
+            return next(part for part in range(1, turns + 1)
+                        if turns % part == 0 and np.abs(states[-turns:] - states[-turns - part:-part]).max() <= SAME)
+    return 0
+
+
+def are_of_cloud(states: np.ndarray, cloud: np.ndarray) -> bool:
+    """Whether `states` are of the motion that left a `cloud`: half of them are near it.
+
+    Parameters
+    ----------
+    states, cloud : ndarray, shapes (m, n) and (k, n)
+        In units of the machine.
+    """
+    extent = np.maximum(np.ptp(cloud, axis=0), _NO_EXTENT)
+    tree = KDTree(cloud / extent)
+    neighbours = float(np.median(tree.query(cloud / extent, k=2)[0][:, 1]))
+    return bool(np.median(tree.query(states / extent)[0]) <= max(_EXTENT, _NEIGHBOURS * neighbours))
+
+
+def _returns(states: np.ndarray, turns: int) -> tuple[float, float]:
+    """Largest distances between states `turns` apart: in the last quarter of all cuts, and in the quarter before."""
+    quarter = len(states) // 4
+    now = np.abs(states[-quarter:] - states[-quarter - turns:-turns]).max()
+    before = np.abs(states[-2 * quarter:-quarter] - states[-2 * quarter - turns:-quarter - turns]).max()
+    return float(now), float(before)
+
+
+def _is_stationary(states: np.ndarray) -> bool:
+    """Whether the motion no longer approaches another one: its returns do not shrink, and its cloud stays."""
+    now, before = min((_returns(states, turns) for turns in range(1, LONGEST_PERIOD + 1)), key=lambda pair: pair[0])
+    quarter = len(states) // 4
+    return now > _STANDS * before and are_of_cloud(states[-quarter:], states[-2 * quarter:-quarter])
+
+
+def _settled(stroboscope: Stroboscope, seen: Cuts, turns: int) -> SettledMotion:
+    over = turns or len(seen.states) // 2
+    gone = float(seen.positions[-1] - seen.positions[-1 - over])
+    return SettledMotion(turns, seen.states[-(turns or CLOUD):].copy(), gone / (over * stroboscope.turn_map.period),
+                         len(seen.states))
