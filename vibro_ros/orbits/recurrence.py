@@ -121,7 +121,7 @@ def settled_motion(scene: Scene, **start: float) -> SettledMotion:
     scene : Scene
         Its motor turns at `motor.speed`, all the time.
     start : float
-        What is other than at the scene's own start: fields of `Simulator.state`, as `Simulator.set_state` takes them.
+        What differs from the scene's own start: names and SI units [m, m/s, rad] of `Simulator.set_state`.
 
     Returns
     -------
