@@ -29,9 +29,10 @@ from vibro_ros.process.command_line import Parser
 from vibro_ros.process.executables import EXECUTABLES
 from vibro_ros.process.front_door import exit_code
 from vibro_ros.simulation.processes import core_count, in_processes
+from vibro_ros.study.running.runner import on_this_machine
 from vibro_ros.study.sweep.design import Design
 from vibro_ros.study.sweep.rows import pieces, work_of
-from vibro_ros.study.sweep.run import SweepRun, on_this_machine
+from vibro_ros.study.sweep.run import SweepRun
 from vibro_ros.study.sweep.variation import Range, sampling
 
 _MILLION = 1_000_000
@@ -66,7 +67,7 @@ def measured_cost(design: Design, repeats: int, cores: int) -> Cost:
     with tempfile.TemporaryDirectory() as folder:
         def sweep(workers: int) -> int:
             with tempfile.TemporaryDirectory(dir=folder) as own:
-                SweepRun(design, Path(own)).do_missing(on_this_machine(workers))
+                SweepRun(design, Path(own)).do_by(on_this_machine(workers))
                 return sum(file.stat().st_size for file in Path(own).iterdir())
 
         size = sweep(cores)

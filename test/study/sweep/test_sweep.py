@@ -19,9 +19,9 @@ import pytest
 import vibro_ros
 from vibro_ros.study.locked_folder import locked
 from vibro_ros.study.measures import MEASURES, measure
-from vibro_ros.study.sweep import blocks, local
+from vibro_ros.study.running import local, parquet_blocks
+from vibro_ros.study.running.pieces import Piece
 from vibro_ros.study.sweep.command import main
-from vibro_ros.study.sweep.rows import Piece
 
 # 24 points of 3 starts, in blocks of a second of work when the time of a block is shortened.
 LONG = ["--scene", "unilateral", "--vary", "guide.angle=0.7:1.5:24", "--starts", "3", "--settling", "4",
@@ -178,7 +178,7 @@ def test_a_folder_of_another_design_is_refused_and_stays(tmp_path, capsys, chang
 
 def test_a_folder_of_another_version_is_refused(tmp_path, capsys, monkeypatch):
     assert main([*SHORT, "--output", str(tmp_path)]) == 0
-    monkeypatch.setattr(blocks, "sources", lambda: {"version": "0.0.1", "sources": "0"})
+    monkeypatch.setattr(parquet_blocks, "sources", lambda study: {"version": "0.0.1", "sources": "0"})
     assert main([*SHORT, "--output", str(tmp_path)]) == 2
     assert "version is" in capsys.readouterr().err
 
@@ -228,14 +228,14 @@ def test_what_an_interrupted_write_left_is_cleared(tmp_path):
 
 
 def test_a_full_disk_keeps_what_is_done_and_says_so(tmp_path, small_blocks, monkeypatch, capsys):
-    words, real = [*LONG, "--output", str(tmp_path)], blocks.replace_file
+    words, real = [*LONG, "--output", str(tmp_path)], parquet_blocks.replace_file
 
     def full_after_two(path, data):
         if path.name.startswith("block_000002"):
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(path))
         real(path, data)
 
-    monkeypatch.setattr(blocks, "replace_file", full_after_two)
+    monkeypatch.setattr(parquet_blocks, "replace_file", full_after_two)
     assert main(words) == 1
     said = capsys.readouterr().err
     assert "No space left on device; free some room. 2 of 18 blocks are kept" in said and said.count("\n") == 1
@@ -262,7 +262,7 @@ def test_nowhere_to_write_is_refused(tmp_path, capsys):
 class KillingWork:
     """Work that kills its process at one of its pieces, as often as asked."""
 
-    settling, duration = 0.0, 64.0
+    study, run_time = "sweep", 64.0
 
     def __init__(self, at, folder, times):
         self._at, self._folder, self._times = at, folder, times
@@ -271,18 +271,18 @@ class KillingWork:
         if piece.changes["k"] == self._at and len(list(self._folder.iterdir())) < self._times:
             (self._folder / str(os.getpid())).touch()
             os.kill(os.getpid(), signal.SIGKILL)
-        return piece.changes["k"]
+        return [piece.changes["k"]]
 
 
 def test_a_killed_worker_is_replaced(tmp_path):
     items = iter([Piece({"k": k}, (0,)) for k in range(20)])
-    assert list(local.in_local_processes(KillingWork(3, tmp_path, 2), items, 2)) == list(range(20))
+    assert list(local.in_local_processes(KillingWork(3, tmp_path, 2), items, 2)) == [[k] for k in range(20)]
     assert len(list(tmp_path.iterdir())) == 2
 
 
 def test_a_worker_that_dies_again_and_again_is_told(tmp_path):
     found = local.in_local_processes(KillingWork(1, tmp_path, 9), iter([Piece({"k": k}, (0,)) for k in range(4)]), 2)
-    assert next(found) == 0
+    assert next(found) == [0]
     with pytest.raises(RuntimeError, match="3 processes ended at or after k = 1"):
         next(found)
 

@@ -12,6 +12,7 @@ from vibro_ros.simulation.processes import core_count
 from vibro_ros.study.locked_folder import locked
 from vibro_ros.study.measures import MEASURES
 from vibro_ros.study.progress import Progress
+from vibro_ros.study.running.runner import on_cluster, on_this_machine
 from vibro_ros.study.sweep.blocks import FOLDER
 from vibro_ros.study.sweep.design import Design
 from vibro_ros.study.sweep.design_file import (
@@ -23,7 +24,7 @@ from vibro_ros.study.sweep.design_file import (
     sweep_path,
 )
 from vibro_ros.study.sweep.picture import draw_sweep
-from vibro_ros.study.sweep.run import SweepRun, on_cluster, on_this_machine
+from vibro_ros.study.sweep.run import SweepRun
 from vibro_ros.study.sweep.summary import Summary, as_csv, in_words, summary
 from vibro_ros.study.sweep.variation import SAMPLERS, whole_number
 
@@ -50,7 +51,7 @@ def _sweep(options: argparse.Namespace) -> int:
         run = SweepRun(design, options.output / FOLDER)
         try:
             run.find_done()
-            run.do_missing(runner)
+            run.do_by(runner)
         except KeyboardInterrupt:
             say("study", f"interrupted; {run.in_words}")
             return interrupted_code()

@@ -7,33 +7,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vibro_ros.model.parameters import Value
 from vibro_ros.model.scene import Scene
 from vibro_ros.simulation.motion import SimulationError
 from vibro_ros.simulation.simulator import ToleranceWarning
 from vibro_ros.study.measures import measure
+from vibro_ros.study.running.pieces import PIECE, Piece
 from vibro_ros.study.sweep.design import Design
 
-#: Most rows of a piece: all of the same point, whose equations are compiled once.
-PIECE = 16
 #: How the error of a row begins whose point is no legal scene.
 NO_SCENE = "no such scene: "
-
-
-@dataclass(frozen=True)
-class Piece:
-    """Rows of one point.
-
-    Attributes
-    ----------
-    changes : dict
-        Values of the varied parameters.
-    starts : tuple of (int or None)
-        Numbers of the starts.
-    """
-
-    changes: dict[str, Value]
-    starts: tuple[int | None, ...]
 
 
 @dataclass(frozen=True)
@@ -51,6 +33,9 @@ class Rows:
     values: np.ndarray
     errors: tuple[str | None, ...]
     warnings: tuple[str | None, ...]
+
+    def __len__(self) -> int:
+        return len(self.errors)
 
 
 @dataclass(frozen=True)
@@ -71,6 +56,12 @@ class Work:
     measures: tuple[str, ...]
     settling: float
     duration: float
+    study = "sweep"
+
+    @property
+    def run_time(self) -> float:
+        """Robot time of a run [s]."""
+        return self.settling + self.duration
 
     def __call__(self, piece: Piece) -> Rows:
         """Run a piece."""
@@ -111,18 +102,3 @@ def pieces(design: Design, block: int) -> Iterator[Piece]:
         end = min(rows.stop, first + PIECE, (point + 1) * max(design.starts, 1))
         yield Piece(design.changes(point), tuple(map(design.start_of, range(first, end))))
         first = end
-
-
-def tasks(items: Iterator[Piece], work: Work, time: float, most: int) -> Iterator[tuple[Piece, ...]]:
-    """Pieces, together as long as their runs have at most `time` [s] of robot time and there are at most `most`."""
-    rows_of_task = max(1, min(most, int(time / (work.settling + work.duration))))
-    task: list[Piece] = []
-    rows = 0
-    for item in items:
-        if task and rows + len(item.starts) > rows_of_task:
-            yield tuple(task)
-            task, rows = [], 0
-        task.append(item)
-        rows += len(item.starts)
-    if task:
-        yield tuple(task)

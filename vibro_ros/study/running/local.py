@@ -1,4 +1,4 @@
-"""The runs of a sweep on this machine, in several processes."""
+"""The runs of a study on this machine, in several processes."""
 
 import itertools
 from collections import deque
@@ -8,7 +8,7 @@ from typing import cast
 
 from vibro_ros.simulation.processes import in_processes
 from vibro_ros.simulation.worker import WorkerError
-from vibro_ros.study.sweep.rows import Piece, Rows, Work, tasks
+from vibro_ros.study.running.pieces import Piece, Result, Work, tasks
 
 #: How often in a row a process may end before its work, such as by the system that lacks memory.
 MOST_DEATHS = 3
@@ -16,7 +16,7 @@ MOST_DEATHS = 3
 _TASK_TIME, _TASK_ROWS = 64.0, 64
 
 
-def in_local_processes(work: Work, items: Iterator[Piece], workers: int) -> Iterator[Rows]:
+def in_local_processes(work: Work[Result], items: Iterator[Piece], workers: int) -> Iterator[Result]:
     """What `work` makes of each piece, in order; a process that is killed is replaced, and its work done again.
 
     Raises
@@ -25,7 +25,7 @@ def in_local_processes(work: Work, items: Iterator[Piece], workers: int) -> Iter
         If `MOST_DEATHS` processes in a row end before the same task is done.
     """
     under_way: deque[tuple[Piece, ...]] = deque()
-    given: Iterator[tuple[Piece, ...]] = tasks(items, work, _TASK_TIME, _TASK_ROWS)
+    given: Iterator[tuple[Piece, ...]] = tasks(items, work.run_time, _TASK_TIME, _TASK_ROWS)
     deaths = 0
 
     def taken(source: Iterator[tuple[Piece, ...]]) -> Iterator[tuple[Piece, ...]]:
@@ -42,7 +42,7 @@ def in_local_processes(work: Work, items: Iterator[Piece], workers: int) -> Iter
                 if isinstance(job.error, WorkerError):
                     deaths += 1
                     break
-                found = cast(list[Rows], job.outcome())
+                found = cast(list[Result], job.outcome())
                 under_way.popleft()
                 deaths = 0
                 yield from found
@@ -55,5 +55,5 @@ def in_local_processes(work: Work, items: Iterator[Piece], workers: int) -> Iter
                        "is kept. Give fewer --workers and the same command again")
 
 
-def _all_of(work: Work, task: tuple[Piece, ...]) -> list[Rows]:
+def _all_of(work: Work[Result], task: tuple[Piece, ...]) -> list[Result]:
     return [work(piece) for piece in task]

@@ -1,4 +1,4 @@
-"""The runs of a sweep on the workers of a Dask cluster, with the numbers that this machine would find.
+"""The runs of a study on the workers of a Dask cluster, with the numbers that this machine would find.
 
 Every answer says what it was computed with. One that may differ in a bit is refused, because nobody could tell
 afterwards which rows it made.
@@ -12,8 +12,8 @@ from distributed import CancelledError, Client, Future, KilledWorker
 
 from vibro_ros.process.front_door import say
 from vibro_ros.simulation.preparation import provide_kernels
-from vibro_ros.study.sweep.origin import computes_with
-from vibro_ros.study.sweep.rows import Piece, Rows, Work, tasks
+from vibro_ros.study.running.origin import computes_with
+from vibro_ros.study.running.pieces import Piece, Result, Work, tasks
 
 # Robot time [s] of a task's runs, half a second of work, and most rows of a task: a scheduler hands out some thousand
 # tasks a second.
@@ -23,7 +23,8 @@ _PATIENCE = "10s"  # to find the scheduler
 _one_at_a_time = threading.Lock()
 
 
-def run_on_cluster(address: str, work: Work, methods: Sequence[str], items: Iterator[Piece]) -> Iterator[Rows]:
+def run_on_cluster(address: str, work: Work[Result], methods: Sequence[str],
+                   items: Iterator[Piece]) -> Iterator[Result]:
     """What `work` makes of each item, in order, computed by a cluster.
 
     Parameters
@@ -54,12 +55,12 @@ def run_on_cluster(address: str, work: Work, methods: Sequence[str], items: Iter
             say("study", f"{address} has no worker yet; waiting for `dask worker {address}`")
         futures: deque[Future] = deque()
         try:
-            for task in tasks(items, work, _TASK_TIME, _TASK_ROWS):
+            for task in tasks(items, work.run_time, _TASK_TIME, _TASK_ROWS):
                 futures.append(client.submit(_run, work, task, pure=False))
                 if len(futures) > _AHEAD * max(1, sum(client.nthreads().values())):
-                    yield from _answer(futures.popleft())
+                    yield from _answer(work.study, futures.popleft())
             while futures:
-                yield from _answer(futures.popleft())
+                yield from _answer(work.study, futures.popleft())
         except KilledWorker as error:
             raise RuntimeError(f"workers of the cluster died again and again at the same task ({error}); what is done "
                                "is kept. Give them more memory and the same command again") from error
@@ -70,9 +71,9 @@ def run_on_cluster(address: str, work: Work, methods: Sequence[str], items: Iter
             client.cancel(list(futures))
 
 
-def _answer(future: Future) -> list[Rows]:
+def _answer(study: str, future: Future) -> list:
     theirs, found = future.result()
-    for key, ours in computes_with().items():
+    for key, ours in computes_with(study).items():
         if theirs.get(key) != ours:
             raise RuntimeError(f"a worker of the cluster has another {key} ({theirs.get(key)}) than this machine "
                                f"({ours}), so that bits may differ; start workers from the same environment on "
@@ -87,7 +88,7 @@ def _prepare(methods: Sequence[str]) -> None:
             provide_kernels(method)
 
 
-def _run(work: Work, task: Sequence[Piece]) -> tuple[dict[str, str], list[Rows]]:
+def _run(work: Work[Result], task: Sequence[Piece]) -> tuple[dict[str, str], list[Result]]:
     """Do a task; a worker's threads take turns, because a device is for one thread."""
     with _one_at_a_time:
-        return computes_with(), [work(piece) for piece in task]
+        return computes_with(work.study), [work(piece) for piece in task]
