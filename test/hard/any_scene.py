@@ -8,6 +8,7 @@ would hardly ever be drawn. The others are whatever comes. A draw depends on the
 import math
 
 import vibro_ros
+from vibro_ros.model.parameter_values import ParameterValues
 from vibro_ros.model.parameters import SCENE_PARAMETERS
 
 SIDES = ("upper", "inclined")
@@ -16,8 +17,10 @@ _TABLE = {parameter.name: parameter for parameter in SCENE_PARAMETERS}
 _DECADES = 3.0
 _OTHERWISE = {"effects.misprint", "guide.angle", "crank.radius", "upper.gap", "inclined.gap", "motor.speed",
               "ground.static_friction"}
+_STARTS = "start.state"
 _DRAWN_ALONE = [parameter for name, parameter in _TABLE.items()
-                if name not in _OTHERWISE and not name.startswith("solver.")]
+                if name not in _OTHERWISE and not name.startswith("solver.")
+                and (name == _STARTS or not name.startswith("start."))]
 _FIXED = {"solver.audit": True, "solver.accounts": True}
 # Values of a rich scene, each as likely; of a choice, all but `none`.
 _RICH = {"effects.upper_mass": [True], "effects.inclined_mass": [True], "effects.adhesion": [True, False],
@@ -71,7 +74,7 @@ def _values(rng):
     values["motor.speed"] = min(values["motor.max_speed"], _number(rng, _TABLE["motor.speed"], wild))
     values["effects.misprint"] = _may_be_misprinted(values) and _one_of(rng, [False, True])
     values["ground.static_friction"] = min(1e3, values["ground.friction"] * _one_of(rng, [1.0, 1.2, 3.0]))
-    return values
+    return values | _given_start(rng, values) if values[_STARTS] == "given" else values
 
 
 def _value(rng, parameter, wild, rich):
@@ -131,6 +134,24 @@ def _gap(rng, lengths):
     if _one_of(rng, [False, True]):
         return 0.0
     return _between(rng, -1.0, 1.0) * _one_of(rng, [0.0, 1e-9, 0.1, 0.5, 1.0]) * _one_of(rng, lengths)
+
+
+def _given_start(rng, values):
+    """Where a given start puts what the scene has: masses about their plates, not deep in them, in any direction."""
+    speed, start = values["crank.radius"] * values["motor.speed"], {"start.crank_angle": _between(rng, 0.0, 50.0)}
+    for side in SIDES:
+        if values[f"effects.{side}_mass"]:
+            plate, rigid = values[f"crank.{side}_rod"] + values[f"{side}.gap"], values[f"effects.{side}_contact"]
+            beyond = 0.0 if rigid == "restitution" else 1e-3 * values["crank.radius"]
+            start[f"start.{side}_position"] = plate + _between(rng, -values["crank.radius"], beyond)
+            start[f"start.{side}_velocity"] = _between(rng, -speed, speed)
+    scene = ParameterValues("any", values)
+    if scene.body_moves:
+        start |= {"start.body_position": _between(rng, -1.0, 1.0), "start.body_velocity": _between(rng, -speed, speed)}
+    if scene.body_hops:
+        start |= {"start.body_height": _between(rng, 0.0, values["crank.radius"]),
+                  "start.body_vertical_velocity": _between(rng, -speed, speed)}
+    return start
 
 
 def _between(rng, low, high):

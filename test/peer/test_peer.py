@@ -40,6 +40,9 @@ MISPRINT = {"effects.misprint": True, "inclined.plate.stiffness": 1e4}
 HEAVY = {"effects.reaction": True, "effects.mass_weight": True}
 SPEED_UP = ((0.03, {"motor_speed": 140.0}), (0.11, {"motor_speed": 60.0}))
 GAPS = ((0.02, {"upper_gap": 0.0004, "inclined_gap": -0.0003}), (0.1, {"upper_gap": 0.0}))
+THROWN = {"start.state": "given", "start.crank_angle": 20.0, "start.body_position": 0.3, "start.body_velocity": 0.2,
+          "start.upper_position": 0.0601, "start.upper_velocity": 0.5, "start.inclined_position": 0.05,
+          "start.inclined_velocity": -1.0}
 
 EFFECTS = {
     "no plates, no friction": (WITHOUT_FRICTION_AND_PLATES, ()),
@@ -61,6 +64,12 @@ EFFECTS = {
     "Stribeck friction, rigid plates and a lag motor": (
         UNILATERAL | STRIBECK | RIGID | {"effects.motor": "lag", "motor.time_constant": 0.03}, SPEED_UP),
     "start at zero": (UNILATERAL | {"start.state": "zero"}, ()),
+    "given start with a mass in its plate, backwards": (UNILATERAL | THROWN | {"start.body_velocity": -0.2}, ()),
+    "given start in the air": (HOP | DAMPERS | HEAVY | THROWN | {
+        "start.body_height": 0.01, "start.body_vertical_velocity": 0.3}, ()),
+    "given start of a crank as long as the rods": (
+        UNILATERAL | DAMPERS | THROWN | {"crank.radius": 0.06, "start.crank_angle": 2.0}, ()),
+    "given start before rigid plates": (UNILATERAL | RIGID | THROWN | {"start.upper_position": 0.055}, SPEED_UP),
     "dampers and adhesion": (UNILATERAL | DAMPERS, ()),
     "dampers without tension": (UNILATERAL | DAMPERS | {"effects.adhesion": False}, ()),
     "rigid plates": (UNILATERAL | RIGID, ()),
@@ -261,12 +270,12 @@ def test_an_effect_that_the_peer_does_not_know_is_refused(name, value):
 def test_every_effect_that_a_scene_may_have_is_compared():
     """By name and value: who adds one to the model is told here to add it to the peer and to `EFFECTS`."""
     default = vibro_ros.load_scene("paper")
-    compared = {name: {default[name]} for name in default.parameters if name.startswith("effects.")}
+    compared = {name: {default[name]} for name in default.parameters if name.startswith(("effects.", "start.state"))}
     for changes, _ in EFFECTS.values():
         for name in compared.keys() & changes.keys():
             compared[name].add(changes[name])
     choices = {parameter.name: set(parameter.choices or (True, False)) for parameter in SCENE_PARAMETERS
-               if parameter.name.startswith("effects.")}
+               if parameter.name in compared}
     assert compared == choices
 
 

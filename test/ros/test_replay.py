@@ -65,6 +65,17 @@ def test_a_killed_robots_bag_is_replayed_as_far_as_it_goes(udp_only, start, benc
     assert float(out.split(" messages to ")[1].split()[0]) > 2.0  # [s]
 
 
+def test_a_start_in_flight_is_recorded_and_replayed(start, bench, tmp_path, capsys):
+    thrown = [f"start.{name}:={value}" for name, value in (
+        ("state", "given"), ("body_height", 0.02), ("body_velocity", 0.5), ("upper_position", 0.05),
+        ("inclined_position", 0.06), ("inclined_velocity", -0.25), ("crank_angle", 1.0))]
+    bag = record_run(start, bench, tmp_path, *thrown, seconds=0.5)
+    assert read_bag(bag)["odom"]["position"][0, 2] == pytest.approx(0.02)
+    assert read_bag(bag)["joint_states"]["crank.position"][0] == 1.0
+    assert replay.main([str(bag)]) == 0
+    assert capsys.readouterr().out.startswith("identical: ")
+
+
 def test_other_parameters_are_written_to_a_new_bag(recorded, capsys):
     before = {path.name: path.read_bytes() for path in recorded.iterdir()}
     folders = [recorded.with_name(f"{recorded.name}_replay{suffix}") for suffix in ("", "_2")]

@@ -123,7 +123,7 @@ def by_scipy(name: str, integrate: Callable, scene: Scene, times: np.ndarray, se
     It gives up after `most_evaluations` a second of the run, and not before as many in all.
     """
     tables = scipy_tables.Tables(scene, drive_speed(scene))
-    tables.slope(0.0, tables.start, tables.model.initial_mode)
+    tables.slope(0.0, tables.start, tables.first_mode)
     work = scipy_tables.Work(most_evaluations * max(1.0, times[-1]))
     began = wall_clock.perf_counter()
     with np.errstate(all="ignore"):  # what overflows fails, or is refused by the step control

@@ -72,6 +72,7 @@ class Tables:
 
     def __init__(self, scene: Scene, motor_speed: float | None = None):
         motion = Motion(scene.with_parameters({"solver.method": "exact"}))
+        self.first_mode = int(motion.state.now["automaton"]["mode"][0])
         if motor_speed is not None:
             motion.command(scene.checked_motor_speed(motor_speed), {})
         self.model: Model = motion.model
@@ -141,7 +142,7 @@ class _Located:
         self.events: list[tuple[float, str]] = []
 
     def integrate(self):
-        tables, time, y, mode = self._tables, 0.0, self._tables.start, self._tables.model.initial_mode
+        tables, time, y, mode = self._tables, 0.0, self._tables.start, self._tables.first_mode
         done = 0
         while done < len(self._times):
             stop = self._times[-1] if time >= tables.motor_settled else min(self._times[-1], tables.motor_settled)
@@ -272,7 +273,7 @@ def _mode_by_state(tables: Tables) -> Callable[[float, np.ndarray], int]:
         return slipping if tables.broken_guard(m, tables.point(time, y, m)) != NOTHING else "unloaded"
 
     def choose(time: float, y: np.ndarray) -> int:
-        z = tables.point(time, y, model.initial_mode)
+        z = tables.point(time, y, tables.first_mode)
         contacts = tuple(contact(k, z) for k in range(len(depths)))
         return number[(*contacts, "grounded" if names == {"grounded"} else friction(time, y, contacts))]
 

@@ -151,6 +151,8 @@ class _Description:
         effects = self._guarded_effects()
         counts = " × ".join(f"{len(states)} ({name})" for name, states in effects.items())
         initial = ", ".join(self._model.modes[self._model.initial_mode].states[:len(effects)])
+        if self._scene["start.state"] == "given":
+            initial = "that of the given start"
         yield f"{len(self._model.modes)}{' = ' if effects else ''}{counts}{'; first ' if effects else ''}{initial}"
 
     def _guarded_effects(self) -> dict[str, tuple[str, ...]]:

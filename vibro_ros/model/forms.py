@@ -95,8 +95,7 @@ class Forms:
         self._scene = scene
         self.guides = scene.guides
         self.plates = scene.plates
-        self.body_moves = "inclined" in self.guides and self._scene.direction("inclined")[0] != 0.0
-        self.body_hops = scene["effects.normal_force"] == "hop" and bool(self.guides)
+        self.body_moves, self.body_hops = scene.body_moves, scene.body_hops
         self.pressed_only = scene["effects.normal_force"] in ("unilateral", "hop")
         self.has_misprint = scene["effects.misprint"]
         self.friction_decays = self.body_moves and scene.has_friction and scene["effects.friction"] == "stribeck" and (

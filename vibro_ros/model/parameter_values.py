@@ -68,6 +68,16 @@ class ParameterValues:
         """
         return _direction(self.guide_angle(side))
 
+    @property
+    def body_moves(self) -> bool:
+        """Whether anything drives the body along the ground: not an upper mass, nor a mass on an upright guide."""
+        return "inclined" in self.guides and self.direction("inclined")[0] != 0.0
+
+    @property
+    def body_hops(self) -> bool:
+        """Whether the body may leave the ground."""
+        return self["effects.normal_force"] == "hop" and bool(self.guides)
+
     @functools.cached_property
     def plates(self) -> tuple[str, ...]:
         """The guides with a plate; a compliant plate without stiffness and damping is no plate."""

@@ -141,6 +141,11 @@ def _guide(side: str, spring: str, plate: str, plate_at: str) -> tuple[Parameter
     )
 
 
+def _start(name: str, unit: str, what: str, minimum: float = -1e6, maximum: float = 1e6) -> Parameter:
+    """A coordinate of the start `given`; what is beyond 1e6 is a mistake, and its square would drown the rest."""
+    return Parameter(f"start.{name}", 0.0, unit, f"at t = 0 with start.state given: {what}", minimum, maximum)
+
+
 _TABLE: tuple[Parameter, ...] = (
     _mass("mass.body", 1.0, "the body, m1"),
     _mass("mass.upper", 0.1, "the upper impact mass, m2"),
@@ -170,7 +175,18 @@ _TABLE: tuple[Parameter, ...] = (
     Parameter("gap_actuator.speed", 0.005, "m/s", "speed at which a plate moves to a commanded gap",
               minimum=0.0, maximum=10.0, positive=True, while_running=True),
     Parameter("start.state", "rest", "", "rest: each mass at rest on its slider or, if that would penetrate, "
-              "on its plate; zero: every coordinate 0", choices=("rest", "zero")),
+              "on its plate; zero: every coordinate 0; given: the parameters start.* say where everything is",
+              choices=("rest", "zero", "given")),
+    _start("body_position", "m", "the body's place on the ground"),
+    _start("body_velocity", "m/s", "the body's speed, forwards positive"),
+    _start("body_height", "m", "how high the body is above the ground, by the rule hop", minimum=0.0),
+    _start("body_vertical_velocity", "m/s", "the body's speed upwards, by the rule hop"),
+    _start("upper_position", "m", "the upper mass's place on its guide, from the crank's centre"),
+    _start("upper_velocity", "m/s", "the upper mass's speed along its guide, outwards positive"),
+    _start("inclined_position", "m", "the inclined mass's place on its guide, from the crank's centre"),
+    _start("inclined_velocity", "m/s", "the inclined mass's speed along its guide, outwards positive"),
+    # Beyond 1e9 rad an angle in double precision is coarser than 1e-7 rad.
+    _start("crank_angle", "rad", "the crank's angle", minimum=0.0, maximum=1e9),
     Parameter("effects.upper_mass", True, "", "simulate the upper mass"),
     Parameter("effects.inclined_mass", True, "", "simulate the inclined mass; without it nothing drives the body"),
     Parameter("effects.upper_contact", "compliant", "", "contact of the upper mass with its plate",

@@ -8,11 +8,13 @@ from typing import ClassVar
 from vibro_ros.model.parameter_checks import check_together
 from vibro_ros.model.parameter_values import ParameterValues
 from vibro_ros.model.parameters import BY_NAME, SCENE_PARAMETERS, Value, checked_parameters
+from vibro_ros.model.possible_state import given_start
 
 # Parameters of how a machine is started, driven and solved. They enter no equation, so that a sweep over them needs the
 # machine compiled only once.
 _OPERATION = frozenset({
-    "effects.motor", "motor.speed", "motor.max_speed", "motor.acceleration", "motor.time_constant", "start.state",
+    *(parameter.name for parameter in SCENE_PARAMETERS if parameter.name.startswith("start.")),
+    "effects.motor", "motor.speed", "motor.max_speed", "motor.acceleration", "motor.time_constant",
     "upper.gap", "inclined.gap", "gap_actuator.speed",
     "solver.method", "solver.step", "solver.tolerance", "solver.accuracy"})
 
@@ -53,6 +55,8 @@ class Scene(ParameterValues):
         self.checked_motor_speed(self["motor.speed"])
         for side in ("upper", "inclined"):
             self.checked_gap(side, self[f"{side}.gap"])
+        if self["start.state"] == "given":
+            given_start(self)
 
     def __reduce__(self):
         return _scene_once_checked, (self.name, dict(self.parameters))

@@ -123,6 +123,5 @@ class TurnMap:
 def coordinates(scene: Scene) -> tuple[str, ...]:
     """Fields of `Samples` that make up a state at the cut."""
     masses = [f"{side}_{what}" for side in scene.guides for what in ("position", "velocity")]
-    driven = "inclined" in scene.guides and scene.direction("inclined")[0] != 0.0
-    hops = scene["effects.normal_force"] == "hop" and bool(scene.guides)
-    return (*masses, *["body_velocity"] * driven, *["body_height", "body_vertical_velocity"] * hops)
+    return (*masses, *["body_velocity"] * scene.body_moves,
+            *["body_height", "body_vertical_velocity"] * scene.body_hops)

@@ -118,8 +118,11 @@ class Body:
         """Decide the state from the motion, also where a guard is exactly zero."""
         if self.friction == "airborne" or not (self._equations.body_moves or self._equations.hops):
             return
-        before, known = self.friction or self._initial, len(self._run.events)
         self._run.set_parameter("normal_offset", 0.0)
+        if not self.friction and self._equations.hops and np.any(self._state[self._height:self._height + 2]):
+            self._enter(time, "airborne")  # a start in the air
+            return
+        before, known = self.friction or self._initial, len(self._run.events)
         if self._equations.has_friction:
             self._settle_friction(time)
         else:

@@ -149,21 +149,36 @@ class Peer:
             self._integrator.reset_cooldowns()
         self._parameters[:] = 0.0
         self._state[:] = 0.0
-        self._angle, self._speed, self._target = 0.0, scene["motor.speed"], scene["motor.speed"]
+        given = scene["start.state"] == "given"
+        self._angle = scene["start.crank_angle"] if given else 0.0
+        self._speed = self._target = scene["motor.speed"]
         self._set_motor()
         self._plates, self._goals, self._plate_speeds = dict[str, float](), dict[str, float](), dict[str, float]()
         for i, guide in enumerate(self._equations.guides):
             side = guide.side
             plate = guide.rod + scene[f"{side}.gap"] if guide.kind != "none" else 0.0
-            crank = math.cos(guide.angle)
+            crank = math.cos(self._angle - guide.angle)
             slider = scene["crank.radius"] * crank + math.sqrt(guide.rod**2 - (scene["crank.radius"] * math.sin(
-                guide.angle))**2)
+                self._angle - guide.angle))**2)
             automaton.run.set_parameter(f"{side}.free", 1.0)
             automaton.run.set_parameter(f"{side}.sign", math.copysign(1.0, crank))
             self._plates[side] = self._goals[side] = plate
             self._set_plate(side, 0.0)
             rest = min(slider - plate, 0.0) if guide.kind != "none" else slider
             self._state[2 * i] = rest if scene["start.state"] == "rest" else -plate
+            if given:
+                self._state[2 * i] += scene[f"start.{side}_position"]
+                self._state[2 * i + 1] = scene[f"start.{side}_velocity"]
+        if given:
+            self._start_body()
+
+    def _start_body(self) -> None:
+        equations, scene = self._equations, self.scene
+        if equations.body_moves:
+            self._state[equations.body:equations.body + 2] = scene["start.body_position"], scene["start.body_velocity"]
+        if equations.hops:
+            self._state[equations.height:equations.height + 2] = (
+                scene["start.body_height"], scene["start.body_vertical_velocity"])
 
     def _set_motor(self) -> None:
         change = {"ideal": 0.0, "lag": self._speed - self._target,

@@ -10,7 +10,7 @@ KNOWN = {
     "effects.friction": ("coulomb", "static", "stribeck", "none"),
     "effects.normal_force": ("weight", "unilateral", "printed", "hop"),
     "effects.reaction": (True, False), "effects.misprint": (True, False), "effects.mass_weight": (True, False),
-    "effects.motor": ("ideal", "ramp", "lag"), "start.state": ("rest", "zero"),
+    "effects.motor": ("ideal", "ramp", "lag"), "start.state": ("rest", "zero", "given"),
 }
 
 

@@ -6,13 +6,12 @@ from vibro_ros.model.accounts import ACCOUNTS, LOSSES
 from vibro_ros.model.tables import Model
 from vibro_ros.solver import event_loop
 from vibro_ros.solver.accounts import SPLIT, stored_energy
-from vibro_ros.solver.forcing import read_signals
 from vibro_ros.solver.kept import Kept
 from vibro_ros.solver.state import State
 
 
-def open_accounts(model: Model, state: State, position: np.ndarray) -> None:
-    """Note the energy that is stored at the start, where everything rests.
+def open_accounts(model: Model, state: State, point: np.ndarray) -> None:
+    """Note the energy that is stored at the start.
 
     Parameters
     ----------
@@ -20,16 +19,11 @@ def open_accounts(model: Model, state: State, position: np.ndarray) -> None:
         A compiled scene with `solver.accounts`.
     state : State
         Its state before the first segment.
-    position : ndarray, shape (coordinates,)
-        The coordinates [m].
+    point : ndarray, shape (channels,)
+        All channels at the start.
     """
-    channels, sliders = model.forms.channels, np.zeros(len(model.sliders))
-    read_signals(model.system, state, sliders)
-    point = np.zeros(channels.count)
-    point[:len(position)], point[channels.one] = position, 1.0
-    point[channels.signal(0):channels.signal(len(sliders))] = sliders
-    point[channels.ramp(0):channels.ramp(channels.ramps)] = state.ramp["value"]
-    state.now["accounts"]["stored"] = stored_energy(model.system, model.initial_mode, point)
+    mode = int(state.now["automaton"]["mode"][0])
+    state.now["accounts"]["stored"] = stored_energy(model.system, mode, point)
 
 
 def energy_accounts(model: Model, state: State, time: float) -> dict[str, float]:

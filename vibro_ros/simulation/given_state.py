@@ -9,36 +9,27 @@ from collections.abc import Mapping
 import numpy as np
 
 from vibro_ros.model.contact import REST_SPEED
+from vibro_ros.model.parameters import Parameter
+from vibro_ros.model.possible_state import NUMBERS, check_parts, outside_plates
 from vibro_ros.model.scene import Scene
 from vibro_ros.model.tables import Model
 from vibro_ros.solver.accounts import stored_energy as accounted_energy
 from vibro_ros.solver.audit import stored_energy
 from vibro_ros.solver.state import State
 
-UNITS = {
-    "body_position": "m", "body_velocity": "m/s", "body_height": "m", "body_vertical_velocity": "m/s",
-    "upper_position": "m", "upper_velocity": "m/s", "inclined_position": "m", "inclined_velocity": "m/s",
-    "crank_angle": "rad", "motor_speed": "rad/s", "upper_plate_position": "m", "inclined_plate_position": "m",
-}
+UNITS = {name: number.unit for name, number in NUMBERS.items()} | {
+    "motor_speed": "rad/s", "upper_plate_position": "m", "inclined_plate_position": "m"}
 """What may be given, fields of `Samples`, with their units; all other fields follow from these."""
-LARGEST_ANGLE = 1e9
-"""Crank angle [rad], beyond which an angle in double precision is coarser than 1e-7 rad."""
-ROUNDING = 1e-12
-"""How far [m] beyond its rigid plate a mass may be given, as a sum that was rounded; it is put on the plate."""
-_LARGEST = 1e6  # [m], [m/s]: what is larger is a mistake, and its square would drown the rest
 _TURN = 2.0 * math.pi
 
 
-def checked_state(scene: Scene, model: Model, given: Mapping[str, object],
-                  now: Mapping[str, float]) -> dict[str, float]:
+def checked_state(scene: Scene, given: Mapping[str, object], now: Mapping[str, float]) -> dict[str, float]:
     """All of `UNITS`, as `given` or else as it is `now`.
 
     Parameters
     ----------
     scene : Scene
         What is simulated.
-    model : Model
-        The scene, compiled.
     given : mapping of str to number
         By the names of `UNITS`.
     now : mapping of str to float
@@ -54,59 +45,22 @@ def checked_state(scene: Scene, model: Model, given: Mapping[str, object],
         if name not in UNITS:
             raise ValueError(f"{name}: cannot be given; give any of {', '.join(UNITS)}")
     numbers = {name: _number(scene, name, value) for name, value in given.items()}
-    for name, value in numbers.items():
-        if value != 0.0 and name in _absent(model):
-            raise ValueError(f"{name}: {value:g} {UNITS[name]}, but it stays 0 in this scene; leave it out, or give 0")
-    state = {name: now[name] for name in UNITS} | numbers
-    for side in model.forms.plates:
-        if scene[f"effects.{side}_contact"] == "restitution":
-            _check_rigid(state, side)
-    return state
+    check_parts(scene, numbers)
+    return outside_plates(scene, {name: now[name] for name in UNITS} | numbers)
 
 
 def _number(scene: Scene, name: str, value: object) -> float:
     if name == "motor_speed":
         return scene.checked_motor_speed(value)
-    if isinstance(value, bool) or not isinstance(value, int | float | np.integer | np.floating):
-        raise ValueError(f"{name}: {value!r} is no number; give one in {UNITS[name]}")
-    low, high = _limits(scene, name)
-    if not low <= value <= high:
-        raise ValueError(f"{name}: {value:g} is out of range; give a number from {low:g} to {high:g} {UNITS[name]}")
-    return float(value)
-
-
-def _limits(scene: Scene, name: str) -> tuple[float, float]:
-    if name == "crank_angle":
-        return 0.0, LARGEST_ANGLE
-    if name.endswith("plate_position"):
-        return 0.0, 2.0 * scene[f"crank.{name.split('_')[0]}_rod"]  # as `Scene.checked_gap` has it
-    return (0.0 if name == "body_height" else -_LARGEST), _LARGEST
-
-
-def _absent(model: Model) -> set[str]:
-    """What stays 0 in this scene."""
-    forms = model.forms
-    absent = {f"{side}_{what}" for side in ("upper", "inclined") if side not in forms.guides
-              for what in ("position", "velocity")}
-    absent |= {f"{side}_plate_position" for side in ("upper", "inclined") if side not in forms.plates}
-    if not forms.body_moves:
-        absent |= {"body_position", "body_velocity"}
-    if not forms.body_hops:
-        absent |= {"body_height", "body_vertical_velocity"}
-    return absent
-
-
-def _check_rigid(state: dict[str, float], side: str) -> None:
-    mass, plate = state[f"{side}_position"], state[f"{side}_plate_position"]
-    if mass > plate + ROUNDING:
-        raise ValueError(f"{side}_position: {mass:.9g} m lies beyond the rigid plate at {plate:.9g} m; give at most "
-                         "that")
-    state[f"{side}_position"] = min(mass, plate)
+    if name in NUMBERS:
+        return NUMBERS[name].checked(value)
+    longest = 2.0 * scene[f"crank.{name.split('_')[0]}_rod"]  # as `Scene.checked_gap` has it
+    return Parameter(name, 0.0, UNITS[name], "where a plate stands", minimum=0.0, maximum=longest).checked(value)
 
 
 def place(scene: Scene, model: Model, state: State, point: np.ndarray, values: Mapping[str, float],
           turned: bool) -> None:
-    """Put everything where `values`, of `checked_state`, say, in the mode that holds there; a segment begins next.
+    """Put everything where `values` say, in the mode that holds there; a segment begins next.
 
     Parameters
     ----------
@@ -117,11 +71,10 @@ def place(scene: Scene, model: Model, state: State, point: np.ndarray, values: M
     point : ndarray, shape (channels,)
         All channels now, overwritten.
     values : mapping of str to float
-        All of `UNITS`.
+        All of `UNITS`, as a scene can have them.
     turned : bool
         Whether the crank's angle is given; else it keeps its bits, which a sum of turns and an angle has lost.
     """
-    before, old_mode = point.copy(), int(state.now["automaton"]["mode"][0])
     _place_coordinates(model, point, values)
     if turned:
         _place_crank(model, state, values["crank_angle"])
@@ -134,10 +87,27 @@ def place(scene: Scene, model: Model, state: State, point: np.ndarray, values: M
     mode = _mode(scene, model, point)
     state.now["automaton"]["mode"] = mode
     _begin_contacts(model, state, point, mode)
-    coordinates = 2 * channels.coordinates
+
+
+def book(scene: Scene, model: Model, state: State, before: np.ndarray, old_mode: int, point: np.ndarray) -> None:
+    """Let audit and accounts take the change of energy from `before`, in `old_mode`, to `point` as one from outside.
+
+    Parameters
+    ----------
+    scene, model : Scene, Model
+        What is simulated.
+    state : State
+        Put at `point`; its balances are changed in place.
+    before, point : ndarray, shape (channels,)
+        All channels, before and after.
+    old_mode : int
+        The mode before.
+    """
+    coordinates = 2 * model.forms.channels.coordinates
     state.now["audit"]["energy"] += (stored_energy(model.system, point[:coordinates])
                                      - stored_energy(model.system, before[:coordinates]))
     if scene["solver.accounts"]:
+        mode = int(state.now["automaton"]["mode"][0])
         state.now["accounts"]["stored"] += (accounted_energy(model.system, mode, point)
                                             - accounted_energy(model.system, old_mode, before))
 

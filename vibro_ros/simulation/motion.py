@@ -14,18 +14,18 @@ from vibro_ros.model.moreau_laws import contact_laws
 from vibro_ros.model.scene import Scene
 from vibro_ros.model.tables import Model, compile_scene
 from vibro_ros.simulation.change_of_ground import carried_over
-from vibro_ros.simulation.energy_accounts import energy_accounts, open_accounts
+from vibro_ros.simulation.energy_accounts import energy_accounts
 from vibro_ros.simulation.event_log import EventLog
-from vibro_ros.simulation.given_state import checked_state, place
+from vibro_ros.simulation.given_state import book, checked_state, place
 from vibro_ros.simulation.readout import Readout
 from vibro_ros.simulation.samples import FIELDS, Trace
+from vibro_ros.simulation.start import started
 from vibro_ros.solver import event_loop
-from vibro_ros.solver.audit import residual, stored_energy
+from vibro_ros.solver.audit import residual
 from vibro_ros.solver.events import EVENT_COLUMNS
-from vibro_ros.solver.forcing import read_signals
 from vibro_ros.solver.methods import SCHEMES, Exact, FixedStep, Stepper
 from vibro_ros.solver.segment import LONGEST_SEGMENT
-from vibro_ros.solver.state import State, lasting, new_state
+from vibro_ros.solver.state import State, lasting
 from vibro_ros.solver.system import NOTHING
 from vibro_ros.solver.transition import leave_for_ramp
 
@@ -97,7 +97,8 @@ class Motion:
         self._room = np.empty((EVENTS_AT_ONCE, EVENT_COLUMNS))
         self._set_up(scene)
         self.point = np.zeros(self.model.forms.channels.count)
-        self.state = self._start()
+        self.state = started(scene, self.model, self.point)
+        self._begin_segment(self.state)
         self.events = EventLog(self.model.forms.plates)
 
     def _set_up(self, scene: Scene) -> None:
@@ -108,25 +109,6 @@ class Motion:
         self._readout = Readout(self.model)
         self._instant, self._trace = np.empty(1), self.new_trace(1)
         self._sampled = False  # whether they are of `time`, and nothing was commanded since
-
-    def _start(self) -> State:
-        model, scene = self.model, self.scene
-        system, forms = model.system, model.forms
-        plates = {side: scene[f"crank.{side}_rod"] + scene[f"{side}.gap"] for side in forms.plates}
-        state = new_state(system, scene["motor.speed"], np.array([plates[side] for side in forms.plates]),
-                          model.initial_mode)
-        position = np.zeros(forms.channels.coordinates)
-        if scene["start.state"] == "rest":
-            # The very bits that the flow uses: a mass at rest on its slider must feel no force at all.
-            read_signals(system, state, position)
-            for i, side in enumerate(forms.guides):
-                position[i] = min(position[i], plates.get(side, math.inf))
-        self.point[:len(position)] = position
-        state.now["audit"]["energy"] = stored_energy(system, position)
-        if scene["solver.accounts"]:
-            open_accounts(model, state, position)
-        self._begin_segment(state)
-        return state
 
     def command(self, speed: float | None, gaps: Mapping[str, float]) -> None:
         """Ask for a motor speed [rad/s] and, by side, for gaps [m], from now on; gaps without a plate change nothing.
@@ -177,11 +159,13 @@ class Motion:
         SimulationError
             If the motion cannot go on.
         """
-        values = checked_state(self.scene, self.model, given, dict(zip(FIELDS, self.now().tolist(), strict=True)))
+        values = checked_state(self.scene, given, dict(zip(FIELDS, self.now().tolist(), strict=True)))
         target = values["motor_speed"] if self.scene["effects.motor"] == "ideal" else self.motor_target
         self._sampled = False
         self._stepper.interrupt(self.state, self.time, self.point)
+        before, mode = self.point.copy(), int(self.state.now["automaton"]["mode"][0])
         place(self.scene, self.model, self.state, self.point, values, turned="crank_angle" in given)
+        book(self.scene, self.model, self.state, before, mode, self.point)
         if "motor_speed" in given:
             self._command_speed(target)
         for side in self.model.forms.plates:

@@ -1,0 +1,128 @@
+"""`start.state: given`: the device begins where the parameters say, and what cannot be is refused."""
+
+import math
+
+import numpy as np
+import pytest
+
+import vibro_ros
+from vibro_ros.configuration.scene_file import shipped_scenes
+from vibro_ros.model.possible_state import NUMBERS
+from vibro_ros.simulation.given_state import UNITS
+
+
+def scene_of(name, **start):
+    return vibro_ros.load_scene(name).with_parameters(
+        {"start.state": "given", "motor.speed": 100.0, **{f"start.{field}": value for field, value in start.items()}})
+
+
+@pytest.mark.parametrize("name", shipped_scenes())
+def test_with_every_number_0_it_is_the_start_zero_bit_for_bit(name):
+    given, zero = (vibro_ros.Simulator(scene_of(name).with_parameters({
+        "start.state": state})) for state in ("given", "zero"))
+    for device in (given, zero):
+        device.advance_to(0.5)
+    assert given.state == zero.state and given.statistics["steps"] == zero.statistics["steps"]
+    assert np.array_equal(given.take_events(), zero.take_events())
+
+
+@pytest.mark.parametrize("name", shipped_scenes())
+def test_a_run_goes_on_from_the_state_that_another_was_in(name):
+    """At eight instants of steady motion: 20 ms later both are in one place, to rounding."""
+    device = vibro_ros.Simulator(scene_of(name).with_parameters({"effects.motor": "ideal"}))
+    for number in range(8):
+        device.advance_to(0.3 + 0.0457 * number)
+        state = device.state
+        plates = {f"{side}.gap": getattr(state, f"{side}_plate_position") - device.scene[f"crank.{side}_rod"]
+                  for side in device.scene.plates}
+        other = vibro_ros.Simulator(scene_of(name, **{field: getattr(state, field) for field in NUMBERS})
+                                    .with_parameters({"effects.motor": "ideal", **plates}))
+        for field in NUMBERS:
+            assert getattr(other.state, field) == pytest.approx(getattr(state, field), abs=1e-12), field
+        there = vibro_ros.Simulator(device.scene)
+        there.restore(device.checkpoint())
+        there.advance_to(device.time + 0.02)
+        other.advance_to(0.02)
+        for field in NUMBERS:
+            limit = {"m/s": 1e-9, "m": 1e-11, "rad": 1e-11}[UNITS[field]]
+            assert getattr(other.state, field) == pytest.approx(getattr(there.state, field), abs=limit), field
+
+
+@pytest.mark.parametrize("method", ["exact", "rk4", "moreau"])
+def test_every_method_begins_there(method):
+    """A mass of the frequency W off its slider by d with speed v, the crank standing: d cos Wt + v/W sin Wt."""
+    start = {"crank_angle": math.pi, "upper_position": 0.02, "upper_velocity": -0.3, "body_position": 0.7}
+    scene = scene_of("no_impact", **start).with_parameters({
+        "motor.speed": 0.0, "solver.method": method, "solver.step": 1e-5})
+    device = vibro_ros.Simulator(scene)
+    assert device.state.crank_angle == math.pi and device.state.body_position == 0.7
+    device.advance_to(0.05)
+    slider, rate = 0.04, math.sqrt(scene["upper.spring.stiffness"] / scene["mass.upper"])
+    expected = slider - 0.02 * math.cos(rate * 0.05) - 0.3 / rate * math.sin(rate * 0.05)
+    error = {"exact": 1e-12, "rk4": 1e-9, "moreau": 2e-5}[method]
+    assert device.state.upper_position == pytest.approx(expected, abs=error)
+
+
+def test_a_body_thrown_up_flies_a_parabola_and_reset_throws_it_again():
+    device = vibro_ros.Simulator(scene_of("device", body_height=0.5, body_vertical_velocity=1.0, body_velocity=0.3)
+                                 .with_parameters({"effects.upper_mass": False, "motor.speed": 0.0,
+                                                   "start.inclined_position": 0.05, "effects.inclined_contact": "none",
+                                                   "inclined.spring.stiffness": 0.0, "inclined.spring.damping": 0.0}))
+    for _ in range(2):
+        assert (device.state.body_height, device.state.body_velocity) == (0.5, 0.3)
+        device.advance_to(0.3)
+        assert device.state.body_height == pytest.approx(0.5 + 0.3 - 0.5 * 9.81 * 0.09, abs=1e-12)
+        assert device.state.body_position == pytest.approx(0.09, abs=1e-12)
+        device.reset()
+
+
+def test_the_accounts_change_no_bit():
+    """Also where the crank starts on the way through a cell of the solver's signals."""
+    scene = scene_of("damped", upper_position=0.05, inclined_position=0.0599, inclined_velocity=1.0, crank_angle=40.25)
+    booked, plain = (vibro_ros.Simulator(scene.with_parameters({"solver.accounts": accounts}))
+                     for accounts in (True, False))
+    for device in (booked, plain):
+        device.advance_to(0.1)
+    assert booked.state == plain.state
+    assert np.array_equal(booked.take_events(), plain.take_events())
+
+
+def test_energy_is_balanced_from_a_start_in_motion():
+    scene = scene_of("device", upper_position=0.0601, upper_velocity=1.0, inclined_position=0.05, body_velocity=0.2,
+                     body_height=0.01, crank_angle=2.0).with_parameters({"solver.audit": True, "solver.accounts": True})
+    device = vibro_ros.Simulator(scene)
+    device.advance_to(0.5)
+    found = device.statistics
+    assert abs(found["energy_residual"]) < 1e-12 * found["energy_exchanged"]
+    assert abs(found["energy_accounts"]["residual"]) < 1e-12 * found["energy_exchanged"]
+
+
+@pytest.mark.parametrize(("start", "words"), [
+    ({"upper_position": 0.07}, "start.upper_position: 0.07 m lies beyond the rigid plate at 0.06 m; give at most that"),
+    ({"body_height": -1.0}, "start.body_height: -1 is out of range; give a number from 0 to 1e+06 m"),
+    ({"body_height": 0.1}, "start.body_height: 0.1 m, but it stays 0 in this scene; leave it out, or give 0"),
+    ({"crank_angle": -0.1}, "start.crank_angle: -0.1 is out of range; give a number from 0 to 1e+09 rad"),
+    ({"body_velocity": math.nan}, "start.body_velocity: nan is not finite"),
+    ({"body_velocity": "fast"}, "start.body_velocity: 'fast' is not a number"),
+    ({"upper_postion": 0.05}, "start.upper_postion: unknown parameter; did you mean start.upper_position?"),
+])
+def test_what_cannot_be_is_refused(start, words):
+    with pytest.raises(ValueError, match=".") as refusal:
+        scene_of("rigid", **start)
+    assert words in str(refusal.value)
+
+
+def test_of_a_part_that_the_scene_lacks_only_0_may_be_given():
+    lacking = {"effects.upper_mass": False, "start.state": "given"}
+    vibro_ros.load_scene("damped").with_parameters(lacking)
+    with pytest.raises(ValueError, match="start.upper_velocity: 1 m/s, but it stays 0"):
+        vibro_ros.load_scene("damped").with_parameters({**lacking, "start.upper_velocity": 1.0})
+
+
+def test_a_mass_on_a_rigid_plate_as_far_as_rounding_goes_is_put_on_it():
+    assert vibro_ros.Simulator(scene_of("rigid", upper_position=0.06 + 1e-15)).state.upper_position == 0.06
+
+
+def test_the_numbers_of_a_start_that_is_not_given_change_nothing():
+    scene = vibro_ros.load_scene("rigid").with_parameters({"start.upper_position": 9.0, "start.body_height": 1.0})
+    assert vibro_ros.Simulator(scene).state == vibro_ros.Simulator(vibro_ros.load_scene("rigid")).state
