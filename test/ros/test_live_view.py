@@ -132,7 +132,7 @@ def test_a_robot_that_is_started_anew_or_killed_is_picked_up_again(udp_only, sta
     page.wait_for_absence("has not been heard for 3 s")
     start("robot", *CRAWL)
     begun = time.monotonic()
-    third = page.wait_for_robot()
+    third = page.wait_for_robot()  # and not the killed one again, whatever of the new one is heard first
     assert third["machine"]["crank_radius"] == 0.02 and int(third["origin"]) > int(second["origin"])
     assert column(page.wait_for_rows(100), "time")[0] < time.monotonic() - begun + 1.0  # counted from the new origin
     ends_well(view)

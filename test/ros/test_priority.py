@@ -7,6 +7,7 @@ import pytest
 from asking import answer_of
 from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
 from rcl_interfaces.srv import SetParameters
+from std_srvs.srv import SetBool
 
 from vibro_ros.ros.priority import POLICY, PRIORITY
 
@@ -28,7 +29,8 @@ def policies(robot) -> set[int]:
 
 
 @pytest.mark.parametrize(("words", "before", "ahead"), [
-    ((), (), True), (("-p", "rate.real_time_factor:=0.0"), (), False), ((), ("nice", "-n", "3"), False)])
+    ((), (), True), (("-p", "rate.real_time_factor:=0.0"), (), False),
+    (("-p", "rate.real_time_factor:=1.5"), (), False), ((), ("nice", "-n", "3"), False)])
 def test_who_is_paced_goes_before_others(start, listener, words, before, ahead):
     robot = start("robot", "--ros-args", *words, before=before)
     listener.spin_for_samples(20)
@@ -46,3 +48,12 @@ def test_a_robot_that_is_told_to_run_as_fast_as_it_can_steps_back_and_paced_agai
         answer = answer_of(bench, SetParameters, "/vibro_robot/set_parameters", parameters=parameters)
         assert answer.results[0].successful
         assert policies(robot) == {POLICY if factor and may else os.SCHED_OTHER}
+
+
+def test_a_paused_robot_steps_back_because_it_takes_steps_as_fast_as_it_can(start, bench, listener):
+    robot = start("robot")
+    listener.spin_for_samples(20)
+    may = os.getpriority(os.PRIO_PROCESS, 0) == 0 and may_go_before_others()
+    for paused in (True, False):
+        assert answer_of(bench, SetBool, "/vibro_robot/pause", data=paused).success
+        assert policies(robot) == {POLICY if may and not paused else os.SCHED_OTHER}

@@ -57,7 +57,7 @@ class LiveRobot:
         self._runs, self._joining, self._decoders = Runs(), Joining(), dict[str, Decoder]()
         self._fault, self._publishers = "", frozenset[bytes]()
         self._heard = self._row_heard = self._read_at = float("-inf")
-        self._unread = False
+        self._unread = self._doubtful = False
         self._last = -1
         self.reader = SceneReader(node, robot, self._take_settings)  # last, see `live_requests`
 
@@ -82,8 +82,11 @@ class LiveRobot:
         return self._taken(self._joining.join(readings, {name: one.fields for name, one in self._decoders.items()}))
 
     def hear(self) -> None:
-        """Take note that the robot has said something of itself."""
-        self._heard = time.monotonic()
+        """Take note that the robot has said something of itself; after a silence it may be another robot."""
+        now = time.monotonic()
+        if float("-inf") < self._heard < now - SILENCE:
+            self._doubt()
+        self._heard = now
 
     def look(self) -> None:
         """Look who publishes, and ask anew where that has changed or is not explained; to be called now and then."""
@@ -91,7 +94,9 @@ class LiveRobot:
                           for one in self._node.get_publishers_info_by_topic(self._topics["odom"].topic))
         now = time.monotonic()
         unexplained = (self._fault or self._unread) and now > max(self._read_at, self._row_heard) + READ_AGAIN
-        if found - self._publishers or (unexplained and not self.reader.reading):
+        if found - self._publishers:
+            self._doubt()
+        elif unexplained and not self.reader.reading:
             self.reader.read()
         if self._publishers and not found:  # it has gone, and who comes next is to be asked what it is
             self.settings, self.origin, self._fault = None, None, ""
@@ -113,13 +118,14 @@ class LiveRobot:
         if not self._publishers and not (self.reader.sees_robot and self.settings is None):
             return (f"no robot {self._robot}; start one (ros2 run vibro_ros robot) in the same ROS domain and "
                     "namespace, or give its node's name with --robot")
-        if self.settings is None:
+        silent = now > self._heard + SILENCE
+        if self.settings is None or (self._doubtful and not silent):
             return f"{self._robot} is there; waiting for its parameters"
-        if self.origin is None and now > self._heard + SILENCE:
+        if self.origin is None and silent:
             return f"{self._robot} is starting; the first start compiles for a quarter of a minute"
         if self.origin is None and now < self._read_at + FIRST:
             return f"{self._robot} is there; waiting for its first sample"
-        if now > self._heard + SILENCE:
+        if silent:
             return f"{self._robot} has not been heard for {SILENCE:g} s; it was killed, or something keeps it"
         return ""
 
@@ -133,7 +139,10 @@ class LiveRobot:
             self.settings = None
         if not len(rows.stamps) or self._runs.rivals or self.settings is None:
             return nothing
-        self._heard = self._row_heard = time.monotonic()
+        self.hear()
+        if self._doubtful:
+            return nothing
+        self._row_heard = time.monotonic()
         if self.origin is None:
             self.origin, self._last = int(rows.stamps[0]), -1
         later = rows.stamps > np.maximum.accumulate(np.concatenate([[self._last], rows.stamps[:-1]]))
@@ -146,9 +155,14 @@ class LiveRobot:
         self._last = int(rows.stamps[later][-1])
         return values
 
+    def _doubt(self) -> None:
+        """Ask who it is that is heard, and show nothing of it before it has told."""
+        self._doubtful = True
+        self.reader.read()
+
     def _take_settings(self, found: Settings | str) -> None:
         """Take what was read; samples of another machine than before are those of another run."""
-        self._read_at = time.monotonic()
+        self._read_at, self._doubtful = time.monotonic(), False
         self._fault = found if isinstance(found, str) else ""
         settings = None if isinstance(found, str) else found
         try:

@@ -16,7 +16,7 @@ from vibro_ros.ros import qos
 from vibro_ros.ros.lock_step import LockStep
 from vibro_ros.ros.outputs import Record
 from vibro_ros.ros.pacing import Pacing
-from vibro_ros.ros.priority import go_before_others
+from vibro_ros.ros.priority import find_place
 from vibro_ros.ros.requests import Request
 from vibro_ros.ros.robot_time import RobotTime
 from vibro_ros.ros.waiting import MOST_WAITING, Waiting
@@ -158,6 +158,7 @@ class Operations:
         if not self.paused:
             self._done(request.operation)
             self.paused = True
+            find_place(self._pacing.factor, self.paused)
         request.set_result(f"paused at {self._robot_time.time:.9g} s of robot time")
 
     def _resume(self, request: Request) -> None:
@@ -176,6 +177,7 @@ class Operations:
         self._end_steps()
         self._done(Operation(RESUME))
         self.paused = False
+        find_place(self._pacing.factor, self.paused)
         self._pacing.follow(self._robot_time.time)
 
     def _step(self, request: Request) -> None:
@@ -192,7 +194,7 @@ class Operations:
         self.changed |= parameters
         if FACTOR in parameters:
             self._pacing.change_factor(parameters[FACTOR], self._robot_time.time)
-            go_before_others(self._pacing.follows_clock)
+            find_place(self._pacing.factor, self.paused)
         request.set_result("set")
 
     def _done(self, operation: Operation) -> None:

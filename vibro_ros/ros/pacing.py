@@ -28,6 +28,8 @@ class Pacing:
 
     Attributes
     ----------
+    factor : float
+        As given, or as changed since.
     missed : int
         How often the next deadline had passed before anybody waited for it.
     stalls : int
@@ -46,7 +48,7 @@ class Pacing:
         self.missed = 0
         self.stalls = 0
         self.dropped = 0.0
-        self._factor = factor
+        self.factor = factor
         self._max_catch_up = max_catch_up
         self._now = now
         self._sleep = sleep
@@ -56,7 +58,7 @@ class Pacing:
     @property
     def follows_clock(self) -> bool:
         """Whether samples are due by the wall clock, not as soon as they can be had."""
-        return self._factor != 0.0
+        return self.factor != 0.0
 
     def start(self, instant: float | None = None) -> None:
         """Let simulated time 0 be an `instant` [s] of the wall clock; now unless given."""
@@ -64,11 +66,11 @@ class Pacing:
 
     def follow(self, simulated_time: float) -> None:
         """Let `simulated_time` [s] be now, after a pause: time that was not asked for is not late."""
-        self._origin = self._now() - (simulated_time / self._factor if self._factor else 0.0)
+        self._origin = self._now() - (simulated_time / self.factor if self.factor else 0.0)
 
     def change_factor(self, factor: float, simulated_time: float) -> None:
         """Go on at another factor from `simulated_time` [s], which is now."""
-        self._factor = factor
+        self.factor = factor
         self.follow(simulated_time)
 
     def take_lateness(self) -> list[float]:
@@ -84,7 +86,7 @@ class Pacing:
         float
             Simulated time [s] dropped because the deadline passed more than `max_catch_up` ago; else 0.
         """
-        if self._factor == 0.0:
+        if self.factor == 0.0:
             self._sleep(0.0)  # lets the executor's thread in
             return 0.0
         self.missed += self._ahead(simulated_time) < 0.0
@@ -97,9 +99,9 @@ class Pacing:
             return 0.0
         self._origin -= ahead
         self.stalls += 1
-        self.dropped += -ahead * self._factor
-        return -ahead * self._factor
+        self.dropped += -ahead * self.factor
+        return -ahead * self.factor
 
     def _ahead(self, simulated_time: float) -> float:
         """Wall time [s] until `simulated_time` [s] is due."""
-        return self._origin + (simulated_time / self._factor if self._factor else 0.0) - self._now()
+        return self._origin + (simulated_time / self.factor if self.factor else 0.0) - self._now()

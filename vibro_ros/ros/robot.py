@@ -36,7 +36,7 @@ from vibro_ros.ros.lock_step import checked_nodes
 from vibro_ros.ros.node import SteadyNode
 from vibro_ros.ros.outputs import PUBLISHED, Outputs
 from vibro_ros.ros.parameters import declare, parameter_lines, take_overrides
-from vibro_ros.ros.priority import go_before_others
+from vibro_ros.ros.priority import find_place
 from vibro_ros.ros.recording import open_recording
 from vibro_ros.ros.recording_plan import Plan, check_directory, plan_recording
 from vibro_ros.ros.remapping import check_names
@@ -85,7 +85,7 @@ def _run(words: Sequence[str]) -> int:
             say("robot", "stopped while starting")
             return 0
         gc.freeze()  # all of this lasts: to go through it again and again would delay ticks, and the process's end
-        go_before_others(settings["rate.real_time_factor"] > 0.0)
+        find_place(settings["rate.real_time_factor"], settings["rate.start_paused"])
         return _operate(node, executor, settings, device, outputs, plan, stop)
 
 
