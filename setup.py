@@ -68,6 +68,7 @@ setup(
             "playwright",  # steers a browser
             "polars",
             "pytest",
+            "pytest-rerunfailures",
             "pytest-xdist",
             "python-flint",
             "ruff",
