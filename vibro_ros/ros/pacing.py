@@ -29,7 +29,7 @@ class Pacing:
     Attributes
     ----------
     factor : float
-        As given, or as changed since.
+        As given, or as changed since; dimensionless.
     missed : int
         How often the next deadline had passed before anybody waited for it.
     stalls : int
