@@ -10,9 +10,9 @@ from vibro_ros.orbits.cut import free_cut
 from vibro_ros.orbits.newton import close
 from vibro_ros.orbits.recurrence import (
     CLOSE,
+    Cloud,
     NotSettledError,
     SettledMotion,
-    are_of_cloud,
     number_among,
     period_of,
     settle,
@@ -145,8 +145,8 @@ def henon(x: float, y: float, a: float) -> np.ndarray:
 
 def test_a_strange_attractor_is_known_from_any_start_and_told_from_what_is_not_it():
     one, other = henon(0.1, 0.1, 1.4), henon(-0.2, 0.05, 1.4)
-    assert are_of_cloud(one, other) and are_of_cloud(other, one)
-    assert not are_of_cloud(one + [0.0, 0.1], other) and not are_of_cloud(one * [-1.0, 1.0], other)
+    assert Cloud(other).holds(one) and Cloud(one).holds(other)
+    assert Cloud(other).holds(np.stack([one + [0.0, 0.1], one, one * [-1.0, 1.0]])).tolist() == [False, True, False]
 
 
 def test_a_crank_that_stands_is_refused():

@@ -31,7 +31,7 @@ SAME = 1e-5
 """How far apart the states of the same periodic motion may be, in units of the machine."""
 CLOUD = 256
 """States that tell a motion which is not periodic; and turns of which its clouds are made, at least."""
-_ROUNDING = 1e-11  # in units of the machine: a motion that comes back so closely does not come back any closer
+_ROUNDING = 1e-9  # in units of the machine: fifty times that with which a motion of many turns comes back by rounding
 _STANDS = 0.8  # a motion still settles whose returns shrink from quarter to quarter to less than this share
 # How near half of the states of a motion are to a cloud of it, in distances between neighbours of that cloud, and in
 # extents of the cloud; the first fails where the cloud lingers near a point, the second where it is thin.
@@ -71,7 +71,7 @@ class SettledMotion:
             return False
         if self.turns:
             return bool(np.abs(other.states - self.states[0]).max(axis=1).min() <= SAME)
-        return are_of_cloud(self.states, other.states) or are_of_cloud(other.states, self.states)
+        return bool(Cloud(other.states).holds(self.states) or Cloud(self.states).holds(other.states))
 
 
 def settle(stroboscope: Stroboscope, first: int = FIRST_TURNS, most: int = MOST_TURNS) -> SettledMotion | None:
@@ -176,18 +176,24 @@ def period_of(states: np.ndarray) -> int:
     return 0
 
 
-def are_of_cloud(states: np.ndarray, cloud: np.ndarray) -> bool:
-    """Whether `states` are of the motion that left a `cloud`: half of them are near it.
+class Cloud:
+    """States of a motion that does not repeat itself, and what is near them.
 
     Parameters
     ----------
-    states, cloud : ndarray, shapes (m, n) and (k, n)
-        In units of the machine.
+    states : ndarray, shape (k, n)
+        At cuts, in units of the machine.
     """
-    extent = np.maximum(np.ptp(cloud, axis=0), _NO_EXTENT)
-    tree = KDTree(cloud / extent)
-    neighbours = float(np.median(tree.query(cloud / extent, k=2)[0][:, 1]))
-    return bool(np.median(tree.query(states / extent)[0]) <= max(_EXTENT, _NEIGHBOURS * neighbours))
+
+    def __init__(self, states: np.ndarray):
+        self._extent = np.maximum(np.ptp(states, axis=0), _NO_EXTENT)
+        self._tree = KDTree(states / self._extent)
+        neighbours = float(np.median(self._tree.query(states / self._extent, k=2)[0][:, 1]))
+        self._reach = max(_EXTENT, _NEIGHBOURS * neighbours)
+
+    def holds(self, states: np.ndarray) -> np.ndarray:
+        """Whether `states` of other starts, shape (..., m, n), are of the same motion: half of them are near."""
+        return np.median(self._tree.query(states / self._extent)[0], axis=-1) <= self._reach
 
 
 def _returns(states: np.ndarray, turns: int) -> tuple[float, float]:
@@ -202,7 +208,7 @@ def _is_stationary(states: np.ndarray) -> bool:
     """Whether the motion no longer approaches another one: its returns do not shrink, and its cloud stays."""
     now, before = min((_returns(states, turns) for turns in range(1, LONGEST_PERIOD + 1)), key=lambda pair: pair[0])
     quarter = len(states) // 4
-    return now > _STANDS * before and are_of_cloud(states[-quarter:], states[-2 * quarter:-quarter])
+    return now > _STANDS * before and bool(Cloud(states[-2 * quarter:-quarter]).holds(states[-quarter:]))
 
 
 def _settled(stroboscope: Stroboscope, seen: Cuts, turns: int) -> SettledMotion:

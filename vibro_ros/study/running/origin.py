@@ -11,6 +11,8 @@ MODULES = {
     "sweep": (("accuracy", "starts"),
               *(("study", name) for name in ("lyapunov", "measures", "observation", "standing", "window")),
               *(("study.sweep", name) for name in ("design", "rows", "variation"))),
+    "basins": (*(("orbits", name) for name in ("cut", "fatal_shock", "recurrence", "stroboscope", "turn_map")),
+               *(("study.basins", name) for name in ("rows", "shocks", "starts"))),
 }
 
 

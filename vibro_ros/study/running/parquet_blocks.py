@@ -77,7 +77,7 @@ class ParquetBlocks(ABC, Generic[Result]):
     def write(self, block: int, found: Sequence[Result]) -> pa.Table:
         """Put a block on the disk (OSError), in the place of what there was; returns its table."""
         columns = self.columns(block, found)
-        schema = pa.schema([_field(column) for column in columns], metadata={KEY: self._metadata(block)})
+        schema = pa.schema([field(column) for column in columns], metadata={KEY: self._metadata(block)})
         table = pa.Table.from_arrays([column.values for column in columns], schema=schema)
         replace_file(self.path(block), self._bytes(table))
         folder = os.open(self._folder, os.O_RDONLY | os.O_DIRECTORY)
@@ -126,7 +126,8 @@ class ParquetBlocks(ABC, Generic[Result]):
         return sink.getvalue()
 
 
-def _field(column: Column) -> pa.Field:
+def field(column: Column) -> pa.Field:
+    """The field of a schema that says unit and meaning."""
     return pa.field(column.name, column.values.type, metadata={"unit": column.unit, "meaning": column.meaning})
 
 

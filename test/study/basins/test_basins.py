@@ -1,0 +1,197 @@
+"""The study of basins: known motions, the same bytes however it is interrupted or shared, nothing foreign mixed in."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pandas
+import pyarrow.parquet as pq
+import pytest
+
+import vibro_ros
+from vibro_ros.orbits.cut import free_cut
+from vibro_ros.study.basins.command import main
+from vibro_ros.study.basins.starts import Draws, Over, Plane, everywhere
+
+RARE = ["--scene", "damped", "--set", "effects.normal_force=printed", "--set", "mass.inclined=0.25", "--set",
+        "guide.angle=1.3962634015954636"]
+GRID = [*RARE, "--over", "body_velocity=-2:2:20", "--over", "crank_angle=0:6:15", "--workers", "1"]
+
+
+def bytes_of(folder):
+    """Names and bytes of everything that was written."""
+    return {str(file.relative_to(folder)): file.read_bytes() for file in sorted(folder.rglob("*")) if file.is_file()}
+
+
+def told(schema: bytes) -> dict:
+    return json.loads(schema.metadata[b"vibro_ros"])
+
+
+def test_the_rare_motion_is_found_among_300_starts(tmp_path, capsys):
+    """-35 mm/s and, seldom, -236 mm/s; both orbits close, and each start's motion is what a plain run settles to."""
+    assert main([*RARE, "--quick", "--output", str(tmp_path)]) == 0
+    motions, starts = (pandas.read_parquet(tmp_path / name) for name in ("attractors.parquet", "starts.parquet"))
+    assert (motions["mean_speed"] * 1e3).round(1).tolist() == [-34.8, -236.5] and motions["turns"].tolist() == [1, 1]
+    assert motions["starts"].sum() == 300 == len(starts) and motions["starts"][1] < 100
+    assert (starts["attractor"].value_counts().sort_index().tolist() == motions["starts"].tolist())
+    scene = vibro_ros.load_scene("damped").with_parameters({
+        "effects.normal_force": "printed", "mass.inclined": 0.25, "guide.angle": 1.3962634015954636})
+    for number in (1, 2):
+        start = starts[starts["attractor"] == number].iloc[0]
+        device = vibro_ros.Simulator(scene)
+        device.set_state(**{name: float(start[name]) for name in starts.columns[:6]})
+        device.advance_to(10.0)
+        begun = device.state.body_position
+        device.advance_to(10.0 + 20 * 2.0 * np.pi / 100.0)
+        speed = (device.state.body_position - begun) / (device.time - 10.0)
+        assert speed == pytest.approx(motions["mean_speed"][number - 1], abs=1e-6)
+    largest = [complex(real[0], imaginary[0]) for real, imaginary in zip(
+        motions["multipliers_real"], motions["multipliers_imaginary"], strict=True)]
+    assert all(0.0 < abs(one) < 1.0 for one in largest)
+    rate = np.log(np.abs(largest)) / (2.0 * np.pi / 100.0)
+    assert motions["lyapunov_exponent"].tolist() == pytest.approx(rate.tolist())
+    assert motions["shock_leads_to"].tolist() == [2, 1] and (motions["shock_size"] < 0.2).all()
+    said = capsys.readouterr()
+    assert "motion 2: -236.5 mm/s, again after 1 turn" in said.out and "s of core time" in said.err
+
+
+def test_a_grid_gives_a_map_whose_files_tell_units_and_design(tmp_path, capsys):
+    assert main([*GRID, "--shocks", "0", "--output", str(tmp_path)]) == 0
+    table = pandas.read_parquet(tmp_path / "starts.parquet")
+    numbers = table["attractor"].to_numpy().reshape(20, 15)
+    assert table["body_velocity"].to_numpy().reshape(20, 15)[:, 0] == pytest.approx(np.linspace(-2.0, 2.0, 20))
+    assert set(numbers[0]) != set(numbers[-1]) and np.all(numbers[-1] == 1)  # backwards is where the rare one is
+    assert "basin entropy" in capsys.readouterr().out
+    schema = pq.read_schema(tmp_path / "blocks" / "block_000000.parquet")
+    assert schema.field("body_velocity").metadata[b"unit"] == b"m/s"
+    design = told(schema)["design"]
+    assert design["starts"] == {"grid": [["body_velocity", -2.0, 2.0, 20], ["crank_angle", 0.0, 6.0, 15]]}
+    assert design["set"]["mass.inclined"] == 0.25 and set(design["set"]) == set(
+        vibro_ros.load_scene("damped").parameters)
+
+
+def test_workers_and_interruptions_change_no_byte(tmp_path, monkeypatch):
+    monkeypatch.setattr("vibro_ros.study.basins.design.BLOCK_ROWS", 64)
+    words = [*GRID[:-2], "--shocks", "20"]
+    assert main([*words, "--workers", "1", "--output", str(tmp_path / "one")]) == 0
+    assert main([*words, "--workers", "2", "--output", str(tmp_path / "two")]) == 0
+    whole = bytes_of(tmp_path / "one")
+    assert bytes_of(tmp_path / "two") == whole and len(whole) == 5 + 2 + 3
+    for name in ("blocks/block_000003.parquet", "shocks/block_000001.parquet", "starts.parquet"):
+        (tmp_path / "two" / name).unlink()
+    (tmp_path / "two" / "blocks" / "block_000001.parquet").write_bytes(b"PAR1")
+    assert main([*words, "--workers", "1", "--output", str(tmp_path / "two")]) == 0
+    assert bytes_of(tmp_path / "two") == whole
+
+
+def test_a_signal_keeps_what_is_done(tmp_path):
+    words = [*RARE, "--starts", "20000", "--shocks", "0", "--workers", "1", "--output", str(tmp_path)]
+    command = [sys.executable, "-m", "vibro_ros.study.study", "basins", *words]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    deadline = time.monotonic() + 60.0
+    while not list(tmp_path.glob("blocks/block_*")) and time.monotonic() < deadline and process.poll() is None:
+        time.sleep(0.02)
+    process.send_signal(signal.SIGTERM)
+    out, err = process.communicate(timeout=30.0)
+    assert (process.returncode, out) == (143, "")
+    assert "of 20 blocks are kept; the same command goes on from there" in err and "Traceback" not in err
+    assert pq.read_table(tmp_path / "blocks" / "block_000000.parquet").num_rows == 1024
+
+
+def test_starts_that_cannot_be_are_counted_and_have_no_motion(tmp_path, capsys):
+    words = ["--scene", "rigid", "--set", "motor.speed=100", "--over", "upper_position=0.05:0.07:4", "--over",
+             "body_velocity=0:1:2", "--workers", "1", "--output", str(tmp_path)]
+    assert main(words) == 0
+    table = pandas.read_parquet(tmp_path / "starts.parquet")
+    beyond = table["upper_position"] > 0.06
+    assert beyond.sum() == 4 and ((table["attractor"] == -1) == beyond).all()
+    assert "4 starts cannot be, or could not go on, such as: no such start: upper_position" in capsys.readouterr().out
+
+
+def test_a_scene_without_losses_settles_nowhere(tmp_path, capsys):
+    words = ["--scene", "no_impact", "--starts", "3", "--workers", "1", "--output", str(tmp_path)]
+    assert main(words) == 0
+    said = capsys.readouterr().out
+    assert "3 starts had not settled within 4096 turns" in said
+    assert pandas.read_parquet(tmp_path / "starts.parquet")["attractor"].tolist() == [0, 0, 0]
+    assert len(pandas.read_parquet(tmp_path / "attractors.parquet")) == 0
+
+
+def test_draws_depend_on_seed_and_number_alone():
+    over = (Over("body_velocity", -1.0, 1.0), Over("crank_angle", 0.0, 6.0))
+    few, many, others = Draws(over, 10, 0, False), Draws(over, 100, 0, False), Draws(over, 10, 1, False)
+    assert [few.start(k) for k in range(10)] == [many.start(k) for k in range(10)]
+    assert few.start(0) != others.start(0)
+    inside = np.array([list(many.start(k).values()) for k in range(100)])
+    assert np.all(inside.min(axis=0) >= [-1.0, 0.0]) and np.all(inside.max(axis=0) <= [1.0, 6.0])
+
+
+def test_a_ball_is_filled_evenly():
+    """In four dimensions one sixteenth of the starts lie within half of its radius."""
+    over = tuple(Over(name, -3.0, 3.0) for name in ("upper_position", "upper_velocity", "inclined_velocity",
+                                                    "body_velocity"))
+    draws = Draws(over, 4000, 0, True)
+    radius = np.linalg.norm([list(draws.start(k).values()) for k in range(4000)], axis=1) / 3.0
+    assert radius.max() <= 1.0
+    assert np.mean(radius < 0.5) == pytest.approx(1.0 / 16.0, abs=0.015)
+
+
+def test_the_last_coordinate_of_a_grid_changes_fastest():
+    plane = Plane((Over("body_velocity", 0.0, 1.0, 2), Over("crank_angle", 0.0, 2.0, 3)))
+    assert plane.count == 6 and [tuple(plane.start(k).values()) for k in range(4)] == [
+        (0.0, 0.0), (0.0, 1.0), (0.0, 2.0), (1.0, 0.0)]
+
+
+@pytest.mark.parametrize("name", ["damped", "rigid", "device", "frictionless"])
+def test_the_box_that_is_drawn_from_unless_said_otherwise_holds_no_impossible_start(name):
+    scene = vibro_ros.load_scene(name).with_parameters({"motor.speed": 100.0})
+    device, draws = vibro_ros.Simulator(scene), Draws(everywhere(scene), 50, 0, False)
+    for number in range(50):
+        device.reset()
+        device.set_state(**draws.start(number))
+    assert {*(one.name for one in draws.over), "body_height", "body_vertical_velocity"} >= set(free_cut(scene).names)
+
+
+@pytest.mark.parametrize(("change", "words"), [
+    (["--turns", "60"], "design.turns is 64 there, 60 here"), (["--set", "ground.friction=0.3"], "ground.friction"),
+    (["--seed", "1"], "design.starts.seed is 0 there, 1 here")])
+def test_a_folder_of_another_study_is_refused_and_stays(tmp_path, capsys, change, words):
+    small = [*RARE, "--starts", "5", "--shocks", "0", "--workers", "1", "--output", str(tmp_path)]
+    assert main(small) == 0
+    before = bytes_of(tmp_path)
+    assert main([*small, *change]) == 2
+    said = capsys.readouterr().err
+    assert words in said and said.count("\n") == 1 and bytes_of(tmp_path) == before
+
+
+def test_links_and_pipes_in_the_place_of_a_block_are_refused(tmp_path, capsys):
+    (tmp_path / "blocks").mkdir()
+    os.mkfifo(tmp_path / "blocks" / "block_000000.parquet")
+    assert main([*RARE, "--starts", "5", "--output", str(tmp_path)]) in (1, 2)
+    said = capsys.readouterr().err
+    assert "is a named pipe" in said and said.count("\n") == 1
+
+
+@pytest.mark.parametrize(("words", "said"), [
+    (["--over", "speed=0:1"], "--over speed: is no coordinate of this scene's start; give one of upper_position"),
+    (["--over", "body_height=0:1"], "is no coordinate of this scene's start"),
+    (["--over", "body_velocity"], "give NAME=LOW:HIGH:COUNT for a grid"),
+    (["--over", "body_velocity=1:0"], "from 1 to 0 is no range; give the smaller number first"),
+    (["--over", "body_velocity=0:x"], "'x' is no number"), (["--over", "body_velocity=0:.nan"], "is no number"),
+    (["--over", "crank_angle=-1:1"], "-1 rad is out of range; give at least 0"),
+    (["--over", "body_velocity=0:1:1"], "count: 1 is out of range; give a whole number from 2"),
+    (["--over", "body_velocity=0:1:3"], "1 coordinates, of which 1 have a count; a grid has two"),
+    (["--over", "body_velocity=0:1", "--over", "body_velocity=0:2"], "given twice; keep one"),
+    (["--over", "body_velocity=0:1:9", "--over", "crank_angle=0:1:9", "--starts", "5"], "a grid draws no starts"),
+    (["--starts", "0"], "--starts: 0 is out of range"), (["--turns", "4"], "--turns 4 and --most-turns 4096"),
+    (["--shocks", "-1"], "--shocks: -1 is out of range"), (["--workers", "0"], "--workers: 0 is out of range"),
+    (["--set", "motor.speed=0"], "motor.speed: 0 rad/s turns no crank"), (["--set", "x=1"], "x"),
+    (["--scene", "nothing"], "nothing")])
+def test_bad_words_are_refused_in_one_line(tmp_path, capsys, words, said):
+    assert main([*RARE, *words, "--output", str(tmp_path / "none")]) == 2
+    err = capsys.readouterr().err
+    assert said in err and err.count("\n") == 1 and not (tmp_path / "none").exists()

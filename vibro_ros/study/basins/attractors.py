@@ -1,0 +1,197 @@
+"""The motions that the starts of a study lead to: told apart, numbered by how many starts they have, and looked at."""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+import pyarrow as pa
+
+from vibro_ros.orbits.cut import free_phase
+from vibro_ros.orbits.newton import close
+from vibro_ros.orbits.orbit import orbit_at
+from vibro_ros.orbits.recurrence import SAME, Cloud, SettledMotion, number_among, settle
+from vibro_ros.orbits.stroboscope import Stroboscope
+from vibro_ros.orbits.turn_map import TurnMap
+from vibro_ros.simulation.motion import SimulationError
+from vibro_ros.simulation.simulator import Simulator
+from vibro_ros.study.basins.fractions import Fraction, wilson
+from vibro_ros.study.lyapunov import lyapunov_exponent
+from vibro_ros.study.progress import Progress
+from vibro_ros.study.window import Window
+
+#: Numbers of starts that have none of the motions: nothing had settled; the start cannot be, or could not go on; the
+#: motion is none of the first `MOST_MOTIONS`.
+UNSETTLED, NOWHERE, UNTOLD = 0, -1, -2
+#: Motions that are told apart. Without losses every start has one of its own.
+MOST_MOTIONS = 64
+_CLOUD = 4096  # states that tell a motion which does not repeat itself, and turns before them
+_MEASURED = 2000  # turns over which its Lyapunov exponent is measured
+_SPEED = 1e-6  # relative: a motion and its orbit have the same mean speed
+
+
+@dataclass(frozen=True)
+class Attractor:
+    """A motion and the starts that lead to it.
+
+    Attributes
+    ----------
+    motion : SettledMotion
+        The motion, with all states of its period, or a cloud of them.
+    count : int
+        Starts that lead to it.
+    fraction : Fraction
+        Their share of all starts that can be.
+    multipliers : ndarray of complex, shape (n,)
+        Floquet multipliers of its orbit, the largest first; none of a motion that does not repeat itself, or whose
+        orbit Newton's method does not close.
+    lyapunov : float
+        Largest Lyapunov exponent [1/s]: of the multipliers, or else measured.
+    """
+
+    motion: SettledMotion
+    count: int
+    fraction: Fraction
+    multipliers: np.ndarray
+    lyapunov: float
+
+
+@dataclass(frozen=True)
+class Found:
+    """What all starts lead to.
+
+    Attributes
+    ----------
+    attractors : list of Attractor
+        The motion with most starts first; of equal ones the one that was met first.
+    numbers : ndarray of int, shape (starts,)
+        Place of each start's attractor, counted from 1; or `UNSETTLED`, `NOWHERE`, `UNTOLD`.
+    """
+
+    attractors: list[Attractor]
+    numbers: np.ndarray
+
+
+def found_in(table: pa.Table, stroboscope: Stroboscope) -> Found:
+    """The attractors of all rows, which `blocks.Blocks` has written.
+
+    Rows are judged in their order, so that the outcome does not depend on who computed them.
+    """
+    numbers, motions = _told_apart(table, stroboscope)
+    count = np.array([np.sum(numbers == number) for number in range(1, len(motions) + 1)], dtype=int)
+    order, possible = np.argsort(-count, kind="stable"), int(np.sum(numbers != NOWHERE))
+    renumbered, attractors = numbers.copy(), []
+    with Progress("motions looked at", "motion", len(motions)) as progress:
+        for place, old in enumerate(order, 1):
+            renumbered[numbers == old + 1] = place
+            attractors.append(_looked_at(motions[old], int(count[old]), possible, stroboscope.turn_map))
+            progress.add(1)
+    return Found(attractors, renumbered)
+
+
+def _told_apart(table: pa.Table, stroboscope: Stroboscope) -> tuple[np.ndarray, list[SettledMotion]]:
+    """A number for each row, counted from 1, and the motions in the order of these numbers: periodic ones first."""
+    turns, dimension = table["turns"].to_pylist(), len(stroboscope.turn_map.names)
+    numbers = np.array([UNTOLD if period is not None else UNSETTLED for period in turns])
+    numbers[np.array([error is not None for error in table["error"].to_pylist()])] = NOWHERE
+    lists = table["states"].combine_chunks()
+    first, values = lists.offsets.to_numpy(), lists.values.to_numpy().reshape(-1, dimension)
+    met: list[SettledMotion] = []
+    for period in sorted({period for period in turns if period is not None}, key=lambda period: (period == 0, period)):
+        rows = np.flatnonzero([one == period for one in turns])
+        width = (first[rows[0] + 1] - first[rows[0]]) // dimension
+        states = values[(first[rows] // dimension)[:, None] + np.arange(width)]
+        with Progress("starts told apart", "start", len(rows)) as progress:
+            for chosen, motion in _groups(states, period, stroboscope):
+                numbers[rows[chosen]] = UNSETTLED if motion is None else _numbered(motion, met)
+                progress.add(len(chosen))
+    return numbers, met
+
+
+def _numbered(motion: SettledMotion, met: list[SettledMotion]) -> int:
+    """Number of a motion among those that were `met`, to which it is added if it is new."""
+    known = number_among(motion, met)
+    if known is not None:
+        return known + 1
+    if len(met) == MOST_MOTIONS:
+        return UNTOLD
+    met.append(motion)
+    return len(met)
+
+
+def _groups(states: np.ndarray, period: int,
+            stroboscope: Stroboscope) -> Iterator[tuple[np.ndarray, SettledMotion | None]]:
+    """Places of rows with the same motion, and the motion; `states` has shape (rows, m, n).
+
+    After `MOST_MOTIONS` groups all that is left comes as one, with the motion of its first row.
+    """
+    left = np.arange(len(states))
+    for group in range(MOST_MOTIONS + 1):
+        if not len(left):
+            return
+        state = states[left[0], -1]
+        motion = _periodic(state, period, stroboscope) if period else _wandering(state, stroboscope)
+        if group == MOST_MOTIONS:
+            same = np.ones(len(left), dtype=bool)
+        elif period and motion:
+            same = np.any([np.abs(states[left, 0] - one).max(axis=1) <= SAME for one in motion.states], axis=0)
+        else:
+            same = _near(motion, states[left])
+        same[0] = True
+        yield left[same], motion
+        left = left[~same]
+
+
+def _near(motion: SettledMotion | None, states: np.ndarray) -> np.ndarray:
+    """Which rows of states, shape (rows, m, n), wander as `motion` does."""
+    return Cloud(motion.states).holds(states) if motion and not motion.turns else np.zeros(len(states), dtype=bool)
+
+
+def _periodic(state: np.ndarray, period: int, stroboscope: Stroboscope) -> SettledMotion:
+    """The orbit that goes on from a settled state."""
+    stroboscope.begin(state)
+    seen = stroboscope.turns(period)
+    speed = float(seen.positions[-1]) / (period * stroboscope.turn_map.period)
+    return SettledMotion(period, seen.states, speed, period)
+
+
+def _wandering(state: np.ndarray, stroboscope: Stroboscope) -> SettledMotion | None:
+    """The motion that goes on from a state of one without a period, once more as long: chaos may end late."""
+    stroboscope.begin(state)
+    motion = settle(stroboscope, _CLOUD, _CLOUD)
+    if motion is None or motion.turns:
+        return motion
+    seen = stroboscope.turns(_CLOUD)
+    gone = float(seen.positions[-1] - seen.positions[0])
+    return SettledMotion(0, seen.states, gone / ((_CLOUD - 1) * stroboscope.turn_map.period), _CLOUD)
+
+
+def _looked_at(motion: SettledMotion, count: int, possible: int, turn_map: TurnMap) -> Attractor:
+    device, fraction = Simulator(turn_map.scene), wilson(count, possible)
+    turn_map.put(device, motion.states[-1])
+    none = np.empty(0, dtype=complex)
+    if not motion.turns:
+        window = Window(device.time, turn_map.period, _MEASURED, _MEASURED * turn_map.period)
+        return Attractor(motion, count, fraction, none, lyapunov_exponent(device, window))
+    multipliers = _multipliers(motion, device, turn_map)
+    largest = float(np.abs(multipliers).max(initial=0.0))
+    rate = math.log(largest) / (motion.turns * turn_map.period) if largest > 0.0 else math.nan
+    return Attractor(motion, count, fraction, multipliers, rate)
+
+
+def _multipliers(motion: SettledMotion, device: Simulator, turn_map: TurnMap) -> np.ndarray:
+    """Floquet multipliers of a motion, cut where it is free; none where Newton's method leads elsewhere."""
+    phase, _ = free_phase(turn_map.scene, device)
+    own = TurnMap(turn_map.scene, phase)
+    stroboscope = Stroboscope(own)
+    start = dict(zip(turn_map.names, (motion.states[-1] * turn_map.units).tolist(), strict=True))
+    state = stroboscope.begin_as(crank_angle=turn_map.phase, **start).states[-1]
+    try:
+        closed = close(own, state, motion.turns)
+        orbit = closed and orbit_at(own, closed, motion.turns)
+    except (SimulationError, ValueError):
+        orbit = None
+    if orbit and abs(orbit.mean_speed - motion.mean_speed) <= _SPEED * abs(motion.mean_speed) + 1e-9:
+        return orbit.multipliers
+    return np.empty(0, dtype=complex)
+

@@ -1,0 +1,211 @@
+"""The starts of a study of basins: a grid over two coordinates, or draws from a box or a ball.
+
+Coordinates are those of the state at the cut and the crank's angle, by the names and in the units of
+`Simulator.set_state`; the others are as the scene starts.
+"""
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Protocol
+
+import numpy as np
+
+from vibro_ros.configuration.strict_yaml import read_scalar
+from vibro_ros.model.scene import Scene
+from vibro_ros.orbits.turn_map import TURN, coordinates
+from vibro_ros.simulation.given_state import UNITS
+from vibro_ros.study.sweep.variation import whole_number
+
+ANGLE = "crank_angle"
+#: Most starts of a study.
+MOST_STARTS = 10_000_000
+_MOST_VALUES = 10_000  # of a coordinate of a grid
+
+
+@dataclass(frozen=True)
+class Over:
+    """A coordinate of the start that varies.
+
+    Attributes
+    ----------
+    name : str
+        As `Simulator.set_state` has it.
+    low, high : float
+        Its range [m, m/s or rad].
+    count : int
+        Values on a grid, both ends among them; 0 where starts are drawn.
+    """
+
+    name: str
+    low: float
+    high: float
+    count: int = 0
+
+    @property
+    def unit(self) -> str:
+        """Its unit."""
+        return UNITS[self.name]
+
+    @property
+    def values(self) -> np.ndarray:
+        """Values on the grid, shape (count,)."""
+        return np.linspace(self.low, self.high, self.count)
+
+    def document(self) -> list:
+        """What a file says of it."""
+        return [self.name, self.low, self.high, self.count]
+
+
+class Starts(Protocol):
+    """Starts by number."""
+
+    @property
+    def over(self) -> tuple[Over, ...]:
+        """What varies."""
+
+    @property
+    def count(self) -> int:
+        """How many starts there are."""
+
+    def start(self, number: int) -> dict[str, float]:
+        """What a start gives to `Simulator.set_state`."""
+
+    def document(self) -> dict:
+        """All that decides the starts, as JSON has it."""
+
+
+@dataclass(frozen=True)
+class Plane:
+    """A grid over two coordinates; the second changes fastest."""
+
+    over: tuple[Over, ...]
+
+    @property
+    def count(self) -> int:
+        """How many starts there are."""
+        return math.prod(one.count for one in self.over)
+
+    def start(self, number: int) -> dict[str, float]:
+        """What a start gives to `Simulator.set_state`."""
+        places = divmod(number, self.over[1].count)
+        return {one.name: float(values[place])
+                for one, values, place in zip(self.over, self._values, places, strict=True)}
+
+    def document(self) -> dict:
+        """All that decides the starts, as JSON has it."""
+        return {"grid": [one.document() for one in self.over]}
+
+    @cached_property
+    def _values(self) -> list[np.ndarray]:
+        return [one.values for one in self.over]
+
+
+@dataclass(frozen=True)
+class Draws:
+    """Starts that are drawn evenly from a box, or from the ellipsoid that touches its sides.
+
+    A start depends on seed and number alone: more starts are the same starts and others.
+
+    Attributes
+    ----------
+    over : tuple of Over
+        The sides of the box.
+    count, seed : int
+        Starts, and what else their random numbers depend on.
+    ball : bool
+        Whether they are drawn from the ellipsoid.
+    """
+
+    over: tuple[Over, ...]
+    count: int
+    seed: int
+    ball: bool
+
+    def start(self, number: int) -> dict[str, float]:
+        """What a start gives to `Simulator.set_state`."""
+        draw = np.random.default_rng((self.seed, number))
+        if self.ball:
+            direction = draw.normal(size=len(self.over))
+            radius = draw.uniform() ** (1.0 / len(self.over))
+            shares = 0.5 + 0.5 * radius * direction / np.linalg.norm(direction)
+        else:
+            shares = draw.uniform(size=len(self.over))
+        return {one.name: float(one.low + share * (one.high - one.low))
+                for one, share in zip(self.over, shares, strict=True)}
+
+    def document(self) -> dict:
+        """All that decides the starts, as JSON has it."""
+        return {"ball" if self.ball else "box": [one.document() for one in self.over], "count": self.count,
+                "seed": self.seed}
+
+
+def over_in_words(scene: Scene, text: str) -> Over:
+    """A coordinate from ``NAME=LOW:HIGH`` or ``NAME=LOW:HIGH:COUNT``.
+
+    Raises
+    ------
+    ValueError
+        Naming the value, the limit and the remedy.
+    """
+    name, equals, values = text.partition("=")
+    parts = [read_scalar(part) for part in values.split(":")]
+    if not equals or len(parts) not in (2, 3):
+        raise ValueError(f"--over {text}: give NAME=LOW:HIGH:COUNT for a grid, NAME=LOW:HIGH for draws")
+    known = (*coordinates(scene), ANGLE)
+    if name not in known:
+        raise ValueError(f"--over {name or repr(name)}: is no coordinate of this scene's start; give one of "
+                         f"{', '.join(known)}")
+    low, high = (_number(name, part) for part in parts[:2])
+    if not low < high:
+        raise ValueError(f"--over {name}: from {low:g} to {high:g} is no range; give the smaller number first")
+    least = 0.0 if name in (ANGLE, "body_height") else -math.inf
+    if low < least:
+        raise ValueError(f"--over {name}: {low:g} {UNITS[name]} is out of range; give at least 0")
+    count = whole_number(f"--over {name}: count", parts[2], 2, _MOST_VALUES) if len(parts) == 3 else 0
+    return Over(name, low, high, count)
+
+
+def chosen_starts(scene: Scene, over: tuple[Over, ...], count: int, seed: int, ball: bool) -> Starts:
+    """The starts that the command line asks for.
+
+    Raises
+    ------
+    ValueError
+        For what contradicts itself or is too much.
+    """
+    if len({one.name for one in over}) < len(over):
+        raise ValueError("--over: a coordinate is given twice; keep one")
+    if not any(one.count for one in over):
+        return Draws(over or everywhere(scene), whole_number("--starts", count, 1, MOST_STARTS), seed, ball)
+    if len(over) != 2 or not all(one.count for one in over):
+        raise ValueError(f"--over: {len(over)} coordinates, of which {sum(one.count > 0 for one in over)} have a "
+                         "count; a grid has two, both with a count; draws have none with a count")
+    plane = Plane(over)
+    if plane.count > MOST_STARTS:
+        raise ValueError(f"--over: {plane.count} starts are more than {MOST_STARTS}; give smaller counts")
+    return plane
+
+
+def everywhere(scene: Scene) -> tuple[Over, ...]:
+    """All coordinates, each within one unit of the machine of rest: a crank radius l, and l omega.
+
+    Masses start this side of a rigid plate, and the body on the ground.
+    """
+    reach = scene["crank.radius"]
+    speed, sides = reach * scene["motor.speed"], []
+    for name in coordinates(scene):
+        side = name.split("_")[0]
+        if name.endswith("velocity") and name != "body_vertical_velocity":
+            sides.append(Over(name, -speed, speed))
+        elif side != "body":
+            middle = scene[f"crank.{side}_rod"]
+            rigid = side in scene.plates and scene[f"effects.{side}_contact"] == "restitution"
+            sides.append(Over(name, middle - reach, middle + (min(reach, scene[f"{side}.gap"]) if rigid else reach)))
+    return (*sides, Over(ANGLE, 0.0, TURN))
+
+
+def _number(name: str, value: object) -> float:
+    if isinstance(value, bool) or not isinstance(value, (int, float)) or not abs(value) <= 1e6:
+        raise ValueError(f"--over {name}: {value!r} is no number up to 1e6; give one in {UNITS[name]}")
+    return float(value)
