@@ -163,6 +163,7 @@ def test_a_folder_of_another_study_is_refused_and_stays(tmp_path, capsys, change
     small = [*RARE, "--starts", "5", "--shocks", "0", "--workers", "1", "--output", str(tmp_path)]
     assert main(small) == 0
     before = bytes_of(tmp_path)
+    capsys.readouterr()
     assert main([*small, *change]) == 2
     said = capsys.readouterr().err
     assert words in said and said.count("\n") == 1 and bytes_of(tmp_path) == before

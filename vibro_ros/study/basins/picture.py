@@ -76,7 +76,7 @@ def _draw_shares(axes: Axes, found: Found) -> None:
     places, shares = np.arange(1, len(shown) + 1), [one.fraction for one in shown]
     spread = [[100.0 * (one.share - one.low) for one in shares], [100.0 * (one.high - one.share) for one in shares]]
     axes.bar(places, [100.0 * one.share for one in shares], yerr=spread, capsize=4,
-             color=[_colour(place) for place in places])
+             color=_COLOURS[:len(shown)])
     axes.set(xlabel="motion", ylabel="share of the starts, with 95 % interval [%]", xticks=places)
     tidy(axes)
 

@@ -39,8 +39,8 @@ def attractors_table(found: Found, upsets: list[pa.Table]) -> bytes:
         *(_column(f"multipliers_{name}", [part(one.multipliers).tolist() for one in each], NUMBERS, "1",
                   f"{name} parts of its Floquet multipliers, the largest first")
           for name, part in (("real", np.real), ("imaginary", np.imag))),
-        _column("states", [one.motion.states.ravel() for one in each], NUMBERS, "1", "at successive cuts, one after the "
-                "other, in crank radii and crank radii times motor speed"),
+        _column("states", [one.motion.states.ravel() for one in each], NUMBERS, "1", "at successive cuts, one after "
+                "the other, in crank radii and crank radii times motor speed"),
     ]
     shocks = pa.concat_tables([one.replace_schema_metadata() for one in upsets]) if upsets else None
     if shocks is not None:

@@ -81,7 +81,7 @@ class ShockWork:
         alone = [shocked.along(k, -(-self.tries // _ALONG)) for k in range(len(units))]
         smallest = min((shock for shock in alone if shock), key=lambda shock: shock.size, default=None)
         best: Shock | None = shocked.anywhere(smallest, self.tries)
-        sizes = tuple(shock and float(shock.change[k] * units[k]) for k, shock in enumerate(alone))
+        sizes = tuple(float(shock.change[k] * units[k]) if shock else None for k, shock in enumerate(alone))
         if best is None:
             return Upset(None, None, (None,) * len(units), None, sizes)
         other = number_among(best.leads_to, self.motions)
