@@ -9,7 +9,7 @@ import numpy as np
 
 from vibro_ros.model.parameters import Value
 from vibro_ros.model.scene import Scene
-from vibro_ros.orbits.recurrence import settle
+from vibro_ros.orbits.recurrence import SettledMotion, settle
 from vibro_ros.orbits.stroboscope import Stroboscope
 from vibro_ros.orbits.turn_map import TurnMap
 from vibro_ros.simulation.motion import SimulationError
@@ -89,20 +89,24 @@ class Work:
         return found
 
     def _add(self, found: Rows, stroboscope: Stroboscope, start: dict[str, float]) -> None:
-        turns, after, speed, error = None, self.most_turns, math.nan, None
-        states = np.empty((0, len(stroboscope.turn_map.names)))
+        motion, after, error = None, self.most_turns, None
         try:
             stroboscope.begin_as(**start)
-            if motion := settle(stroboscope, self.turns, self.most_turns):
-                turns, after, speed = motion.turns, motion.after, motion.mean_speed
-                states = motion.states[-1:] if turns else motion.states[::len(motion.states) // KEPT_STATES]
+            motion = settle(stroboscope, self.turns, self.most_turns)
         except ValueError as refused:
             after, error = 0, f"{NO_START}{refused}"
         except SimulationError as failed:
             after, error = 0, str(failed)
-        for column, value in zip((found.turns, found.after, found.mean_speed, found.states, found.errors),
-                                 (turns, after, speed, states, error), strict=True):
-            column.append(value)  # type: ignore[attr-defined]
+        found.turns.append(motion.turns if motion else None)
+        found.after.append(motion.after if motion else after)
+        found.mean_speed.append(motion.mean_speed if motion else math.nan)
+        found.states.append(_kept(motion) if motion else np.empty((0, len(stroboscope.turn_map.names))))
+        found.errors.append(error)
+
+
+def _kept(motion: SettledMotion) -> np.ndarray:
+    """The states that tell a motion, shape (m, n)."""
+    return motion.states[-1:] if motion.turns else motion.states[::len(motion.states) // KEPT_STATES]
 
 
 def stroboscope_of(scene: Scene, phase: float) -> Stroboscope:
