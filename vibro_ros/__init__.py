@@ -7,15 +7,17 @@ if TYPE_CHECKING:
     from vibro_ros.bag.reader import read_bag
     from vibro_ros.configuration.scene_file import load_scene
     from vibro_ros.model.scene import Scene
+    from vibro_ros.orbits.lyapunov_spectrum import lyapunov_spectrum
     from vibro_ros.orbits.orbit import find_orbit
     from vibro_ros.orbits.recurrence import settled_motion
+    from vibro_ros.orbits.zero_one import zero_one_test
     from vibro_ros.simulation.many_runs import simulate_many
     from vibro_ros.simulation.motion import SimulationError
     from vibro_ros.simulation.one_run import simulate
     from vibro_ros.simulation.simulator import Simulator
 
-__all__ = ["Scene", "SimulationError", "Simulator", "find_orbit", "load_scene", "read_bag",
-           "settled_motion", "simulate", "simulate_many"]
+__all__ = ["Scene", "SimulationError", "Simulator", "find_orbit", "load_scene", "lyapunov_spectrum", "read_bag",
+           "settled_motion", "simulate", "simulate_many", "zero_one_test"]
 
 _HOMES = {
     "Scene": "model.scene",
@@ -23,10 +25,12 @@ _HOMES = {
     "Simulator": "simulation.simulator",
     "find_orbit": "orbits.orbit",
     "load_scene": "configuration.scene_file",
+    "lyapunov_spectrum": "orbits.lyapunov_spectrum",
     "read_bag": "bag.reader",
     "settled_motion": "orbits.recurrence",
     "simulate": "simulation.one_run",
     "simulate_many": "simulation.many_runs",
+    "zero_one_test": "orbits.zero_one",
 }
 
 

@@ -1,0 +1,110 @@
+"""Lyapunov exponents against closed forms, Floquet multipliers, determinants, and an independent measurement."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy.linalg import eigvals
+
+import vibro_ros
+from vibro_ros.orbits.cut import free_cut
+from vibro_ros.orbits.lyapunov_spectrum import spectrum_from, spectrum_of_cycle, turn_derivative
+from vibro_ros.orbits.stroboscope import Stroboscope
+from vibro_ros.study.lyapunov import lyapunov_exponent
+from vibro_ros.study.window import window
+
+
+def scene(name, **changes):
+    return vibro_ros.load_scene(name).with_parameters({"motor.speed": 100.0} | changes)
+
+
+@pytest.mark.parametrize("damping", [0.5, 3.0, 21.0])
+def test_a_linear_mass_has_the_real_parts_of_its_eigenvalues(damping):
+    """A pair of complex ones shares its real part, -c / 2m, but for the phase that the run ends in: 1 / (turns T)."""
+    alone = scene("unilateral", **{"effects.inclined_mass": False, "upper.spring.damping": damping, "upper.gap": 0.03})
+    mass, stiffness = alone["mass.upper"], alone["upper.spring.stiffness"]
+    expected = np.sort(np.roots([mass, damping, stiffness]).real)[::-1]
+    found = vibro_ros.lyapunov_spectrum(alone, turns=200, settling=20).exponents
+    assert found == pytest.approx(expected, abs=2.0 / (200 * 0.0628))
+    assert found.sum() == pytest.approx(-damping / mass, abs=1e-4)
+
+
+def test_masses_that_yield_to_each_other_have_the_eigenvalues_of_their_matrices():
+    """Both masses and the body without plates, friction and hop, with the reaction: M q'' + C q' + K q = forcing, and
+    the body's speed, by which nothing changes, the exponent 0."""
+    coupled = scene("no_impact", **{
+        "effects.friction": "none", "effects.normal_force": "weight", "effects.reaction": True,
+        "upper.spring.damping": 6.0, "inclined.spring.damping": 4.0, "inclined.spring.stiffness": 2e3})
+    sine, m3 = math.sin(coupled["guide.angle"]), coupled["mass.inclined"]
+    mass = np.array([[coupled["mass.upper"], 0.0, 0.0], [0.0, m3, -m3 * sine], [0.0, -m3 * sine, coupled.total_mass]])
+    damping, stiffness = np.diag([6.0, 4.0, 0.0]), np.diag([1e3, 2e3, 0.0])
+    rates = eigvals(np.block([[np.zeros((3, 3)), np.eye(3)],
+                              [-np.linalg.solve(mass, stiffness), -np.linalg.solve(mass, damping)]])).real
+    expected = np.delete(np.sort(rates)[::-1], 0)  # of the two zeros, that of the body's place is no coordinate
+    found = vibro_ros.lyapunov_spectrum(coupled, turns=100, settling=0)
+    assert found.exponents == pytest.approx(expected, abs=2.0 / (100 * 0.0628))
+    assert found.exponents.sum() == pytest.approx(expected.sum(), abs=1e-5)
+
+
+@pytest.mark.parametrize(("name", "changes", "turns"), [
+    ("damped", {}, 1), ("device", {}, 4), ("device", {"motor.speed": 160.0}, 3), ("rigid", {}, 1)])
+def test_of_a_periodic_motion_they_are_the_logarithms_of_its_multipliers(name, changes, turns):
+    """A direction that is gone within a turn has a multiplier of rounding. Pairs of complex ones, but for the phase that
+    the run ends in: by their sum."""
+    machine = scene(name, **changes)
+    orbit, motion = vibro_ros.find_orbit(machine, turns), vibro_ros.settled_motion(machine)
+    assert motion.turns == turns
+    period = turns * 2.0 * math.pi / machine["motor.speed"]
+    with np.errstate(divide="ignore"):
+        expected = np.log(np.abs(orbit.multipliers)) / period
+    along_run = vibro_ros.lyapunov_spectrum(machine, turns=40 * turns, settling=1000)
+    of_cycle = spectrum_of_cycle(free_cut(machine), motion.states)
+    for found, error in ((along_run, 6.0 / (40 * period)), (of_cycle, 0.05)):
+        lasting = np.isfinite(found.exponents)
+        assert found.exponents[lasting] == pytest.approx(expected[lasting], abs=error)
+        assert found.exponents[lasting].sum() == pytest.approx(expected[lasting].sum(), abs=1e-3)
+        assert (orbit.multipliers[~lasting] < 1e-7).all()
+
+
+def test_the_sum_is_the_mean_logarithm_of_the_determinant():
+    """Of a chaotic motion whose body rubs but never sticks, so that no direction is gone."""
+    chaotic = scene("unilateral", **{"effects.friction": "none"})
+    turn_map = free_cut(chaotic)
+    state = Stroboscope(turn_map).begin_as().states[-1]
+    found = spectrum_from(turn_map, state, 50)
+    logarithms = []
+    for turn in range(55):
+        matrix, state = turn_derivative(turn_map, state)
+        if turn >= 5:
+            logarithms.append(np.linalg.slogdet(matrix)[1])
+    assert found.exponents.sum() == pytest.approx(np.mean(logarithms) / turn_map.period, abs=1e-6)
+
+
+def test_the_largest_is_that_of_two_runs_that_part():
+    """`study/lyapunov.py` watches two devices over 20 s; both measure means of chaos, each with its spread."""
+    chaotic = scene("unilateral")
+    spectrum = vibro_ros.lyapunov_spectrum(chaotic, turns=320, settling=64)
+    device = vibro_ros.Simulator(chaotic)
+    other = lyapunov_exponent(device, window(chaotic, 4.0, 20.0))
+    assert spectrum.exponents[0] > 3.0
+    assert spectrum.exponents[0] == pytest.approx(other, abs=2.0 * spectrum.spread[0])
+
+
+def test_a_body_that_sticks_and_a_landing_forget_directions():
+    spectrum = vibro_ros.lyapunov_spectrum(scene("device"), turns=20, settling=200)
+    assert np.isneginf(spectrum.exponents).tolist() == 4 * [False] + 3 * [True]
+    assert spectrum.spread[4:].tolist() == [0.0] * 3
+
+
+@pytest.mark.parametrize(("arguments", "words"), [
+    ({"turns": 5}, "turns: 5 is out of range; give a whole number from 20 to 1000000"),
+    ({"turns": 50.0}, "turns: 50.0 is out of range"),
+    ({"settling": -1}, "settling: -1 is out of range; give a whole number from 0 to 1000000")])
+def test_numbers_out_of_range_are_refused(arguments, words):
+    with pytest.raises(ValueError, match=words):
+        vibro_ros.lyapunov_spectrum(scene("damped"), **arguments)
+
+
+def test_a_crank_that_stands_is_refused():
+    with pytest.raises(ValueError, match=r"motor\.speed: 0 rad/s turns no crank"):
+        vibro_ros.lyapunov_spectrum(vibro_ros.load_scene("device"))

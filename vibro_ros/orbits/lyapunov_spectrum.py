@@ -1,0 +1,175 @@
+"""All Lyapunov exponents of a motion, from derivatives of the turn map along it.
+
+A small sphere of states becomes an ellipsoid; the exponents are the rates at which its axes grow. The axes are kept
+apart by a QR decomposition after every turn: G. Benettin, L. Galgani, A. Giorgilli and J.-M. Strelcyn, Meccanica 15
+(1980) 9-20 and 21-30; J.-P. Eckmann and D. Ruelle, Reviews of Modern Physics 57 (1985) 617-656, section V.
+
+The derivatives are central differences of a map that is exact to rounding, seven digits; where a mass grazes a plate
+within a difference, the difference is the chord of the map's root there. A body that sticks, a landing and a mass that
+comes to rest make states equal that were not: such a direction is gone within a turn, and its exponent is -inf.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.stats import sem
+from scipy.stats import t as student
+
+from vibro_ros.model.scene import Scene
+from vibro_ros.orbits.cut import free_cut
+from vibro_ros.orbits.newton import STEP
+from vibro_ros.orbits.stroboscope import Stroboscope
+from vibro_ros.orbits.turn_map import TurnMap
+
+LEAST_TURNS, MOST_TURNS = 20, 1_000_000
+"""Turns that are measured, at least and at most."""
+RESOLVED = 1e-7
+"""What a direction shrinks to within a turn, in parts of the largest derivative, below which it counts as gone."""
+REPEATED = 1024
+"""Turns, about, for which the derivatives of a periodic motion are repeated."""
+_PARTS = 10  # of a run, whose means give the interval
+_ALIGNING = 10  # part of a run in which the axes turn to where they grow
+
+
+@dataclass(frozen=True)
+class LyapunovSpectrum:
+    """Exponents of a motion.
+
+    Attributes
+    ----------
+    exponents : ndarray, shape (n,)
+        [1/s], the largest first, one for each coordinate of `TurnMap`; -inf for a direction that is gone within a turn.
+        The crank's angle and the body's place along the ground are no coordinates; their exponents would be 0.
+    spread : ndarray, shape (n,)
+        Half the width of 95 % confidence intervals [1/s], from the means of ten parts of the run; 0 for -inf.
+    turns : int
+        Turns of the crank that were measured.
+    """
+
+    exponents: np.ndarray
+    spread: np.ndarray
+    turns: int
+
+
+def lyapunov_spectrum(scene: Scene, turns: int = 500, settling: int = 500) -> LyapunovSpectrum:
+    """All Lyapunov exponents of the motion that a scene settles to at `motor.speed`.
+
+    Parameters
+    ----------
+    scene : Scene
+        Its motor turns at `motor.speed`, all the time; it begins as `start.state` has it.
+    turns : int
+        Turns of the crank that are measured, from `LEAST_TURNS` to `MOST_TURNS`; 1000 take about 4 s.
+    settling : int
+        Turns before them, from 0 to `MOST_TURNS`.
+
+    Returns
+    -------
+    LyapunovSpectrum
+        Exponents [1/s] with their intervals. A chaotic motion has a largest exponent above 0; a periodic one has the
+        logarithms of its Floquet multipliers' magnitudes over its period.
+
+    Raises
+    ------
+    ValueError
+        For numbers of turns out of range, or a crank that stands.
+    SimulationError
+        If the run cannot go on.
+
+    Examples
+    --------
+    >>> for name in ("damped", "unilateral"):
+    ...     spectrum = vibro_ros.lyapunov_spectrum(vibro_ros.load_scene(name), turns=100)
+    ...     print(f"{name}: the largest is {'above' if spectrum.exponents[0] > 0.0 else 'below'} 0")
+    damped: the largest is below 0
+    unilateral: the largest is above 0
+    """
+    for name, value, least in (("turns", turns, LEAST_TURNS), ("settling", settling, 0)):
+        if isinstance(value, bool) or not isinstance(value, int | np.integer) or not least <= value <= MOST_TURNS:
+            raise ValueError(f"{name}: {value!r} is out of range; give a whole number from {least} to {MOST_TURNS}")
+    turn_map = free_cut(scene)
+    stroboscope = Stroboscope(turn_map)
+    state = stroboscope.begin_as().states[-1]
+    if settling:
+        state = stroboscope.turns(settling).states[-1]
+    return spectrum_from(turn_map, state, turns)
+
+
+def spectrum_from(turn_map: TurnMap, state: np.ndarray, turns: int) -> LyapunovSpectrum:
+    """Exponents of the motion that goes on from a state at the cut, shape (n,), over so many turns."""
+    aligning = turns // _ALIGNING
+    logarithms = np.empty((aligning + turns, len(state)))
+    axes = _first_axes(len(state))
+    for turn in range(aligning + turns):
+        matrix, state = turn_derivative(turn_map, state)
+        axes, logarithms[turn] = _stretched(matrix, axes)
+    return _of_logarithms(logarithms[aligning:], turn_map.period)
+
+
+def spectrum_of_cycle(turn_map: TurnMap, states: Sequence[np.ndarray]) -> LyapunovSpectrum:
+    """Exponents of a periodic motion whose states at successive cuts are `states`, shape (turns, n).
+
+    Its derivatives repeat themselves, so that each is computed once and used for `REPEATED` turns. What axes of complex
+    multipliers are stretched by goes to and fro for ever; its mean is a weighted one, which converges faster than any
+    power of the number of turns: S. Das, Y. Saiki, E. Sander and J. A. Yorke, Nonlinearity 30 (2017) 4111-4140.
+    """
+    matrices = [turn_derivative(turn_map, state)[0] for state in states]
+    laps = max(64, REPEATED // len(matrices))
+    axes, logarithms = _first_axes(len(states[0])), []
+    for matrix in laps * matrices:
+        axes, stretched = _stretched(matrix, axes)
+        logarithms.append(stretched)
+    of_laps = np.array(logarithms).reshape(laps, len(matrices), -1).mean(axis=1)
+    places = np.linspace(0.0, 1.0, laps - laps // 4 + 2)[1:-1]
+    weights = np.exp(-1.0 / (places * (1.0 - places)))
+    found = np.average(of_laps[laps // 4:], axis=0, weights=weights) / turn_map.period
+    return LyapunovSpectrum(np.sort(found)[::-1], np.zeros_like(found), len(matrices))
+
+
+def turn_derivative(turn_map: TurnMap, state: np.ndarray, step: float = STEP) -> tuple[np.ndarray, np.ndarray]:
+    """Derivative of one turn, shape (n, n), and the state after it, shape (n,).
+
+    The column of a coordinate that something holds is 0. Where a coordinate cannot be moved one way, because a rigid
+    plate or the ground is there, the difference is one-sided.
+    """
+    after, held = turn_map(state).state, turn_map.held(state)
+    matrix = np.zeros((len(state), len(state)))
+    for i in np.flatnonzero(~held):
+        ends, reach = [], 0.0
+        for moved in (step, -step):
+            there = state.copy()
+            there[i] += moved
+            try:
+                ends.append(turn_map(there).state)
+                reach += step
+            except ValueError:
+                ends.append(after)
+        if reach:
+            matrix[:, i] = (ends[0] - ends[1]) / reach
+    return matrix, after
+
+
+def _first_axes(count: int) -> np.ndarray:
+    """Orthonormal axes in general directions, shape (count, count): along a coordinate that others do not feel, an axis
+    would never turn to where it grows."""
+    return np.linalg.qr(np.random.default_rng(0).normal(size=(count, count)))[0]
+
+
+def _stretched(matrix: np.ndarray, axes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The axes after a turn, orthonormal, shape (n, n), and the logarithms of what each was stretched by, (n,)."""
+    axes, triangle = np.linalg.qr(matrix @ axes)
+    stretch = np.abs(np.diag(triangle))
+    gone = stretch <= RESOLVED * np.abs(matrix).max(initial=0.0)
+    return axes, np.where(gone, -np.inf, np.log(np.where(gone, 1.0, stretch)))
+
+
+def _of_logarithms(logarithms: np.ndarray, period: float) -> LyapunovSpectrum:
+    """Exponents from the logarithms of all turns, shape (turns, n), of `period` [s] each."""
+    found = logarithms.mean(axis=0) / period
+    order = np.argsort(-found, kind="stable")
+    spread = np.zeros_like(found)
+    lasting = np.isfinite(found)
+    means = np.array([part[:, lasting].mean(axis=0) for part in np.array_split(logarithms, _PARTS)]) / period
+    spread[lasting] = student.ppf(0.975, _PARTS - 1) * sem(means, axis=0)
+    return LyapunovSpectrum(found[order], spread[order], len(logarithms))
