@@ -123,7 +123,9 @@ def spectrum_of_cycle(turn_map: TurnMap, states: Sequence[np.ndarray]) -> Lyapun
     of_laps = np.array(logarithms).reshape(laps, len(matrices), -1).mean(axis=1)
     places = np.linspace(0.0, 1.0, laps - laps // 4 + 2)[1:-1]
     weights = np.exp(-1.0 / (places * (1.0 - places)))
-    found = np.average(of_laps[laps // 4:], axis=0, weights=weights) / turn_map.period
+    lasting = np.isfinite(of_laps).all(axis=0)
+    found = np.full(len(lasting), -np.inf)
+    found[lasting] = np.average(of_laps[laps // 4:, lasting], axis=0, weights=weights) / turn_map.period
     return LyapunovSpectrum(np.sort(found)[::-1], np.zeros_like(found), len(matrices))
 
 

@@ -11,6 +11,9 @@ MODULES = {
     "sweep": (("accuracy", "starts"),
               *(("study", name) for name in ("lyapunov", "measures", "observation", "standing", "window")),
               *(("study.sweep", name) for name in ("design", "rows", "variation"))),
+    "diagram": (*(("orbits", name) for name in ("cut", "lyapunov_spectrum", "newton", "recurrence", "stroboscope",
+                                                "turn_map", "zero_one")),
+                *(("study.diagram", name) for name in ("chain", "design", "nature"))),
     "basins": (*(("orbits", name) for name in ("cut", "fatal_shock", "recurrence", "stroboscope", "turn_map")),
                *(("study.basins", name) for name in ("rows", "shocks", "starts"))),
 }

@@ -1,0 +1,175 @@
+"""`study diagram`: hysteresis where it is known to be, states of known orbits, the same bytes after interruptions."""
+
+import json
+import math
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+
+import vibro_ros
+from vibro_ros.study.diagram import command
+from vibro_ros.study.diagram.command import main
+
+#: Of `damped`: the branch from 100 rad/s folds at 107.959911, and ends at 104.852651 on its way back.
+FOLD = ["--scene", "damped", "--vary", "motor.speed=104,104.8,105.2,106,107,107.9,108.1,109", "--workers", "1"]
+
+
+@pytest.fixture(scope="module")
+def fold(tmp_path_factory):
+    """The folder of a diagram over the fold, and what was said."""
+    folder = tmp_path_factory.mktemp("fold")
+    words = [*FOLD, "--output", str(folder)]
+    said = subprocess.run([sys.executable, "-m", "vibro_ros.study.study", "diagram", *words], capture_output=True,
+                          text=True, check=True, timeout=120.0)
+    return folder, said.stdout
+
+
+def column(folder, name):
+    return pq.read_table(folder / command.VALUES)[name].to_numpy()
+
+
+def test_hysteresis_is_between_the_fold_and_the_end_of_the_branch(fold):
+    folder, said = fold
+    two = column(folder, "two_motions")
+    assert column(folder, "motor.speed")[two].tolist() == [105.2, 106.0, 107.0, 107.9, 107.9, 107.0, 106.0, 105.2]
+    line, = [line for line in said.splitlines() if line.startswith("hysteresis")]
+    assert line.startswith("hysteresis: 105.2 to 107.9 rad/s (4 values): up every turn at -")
+
+
+def test_each_way_finds_its_orbit_its_speed_and_its_multipliers(fold):
+    """Upwards, the orbit that Newton's method finds from the scene's own start."""
+    folder, _ = fold
+    for visit, speed in enumerate(column(folder, "motor.speed")[:6]):
+        orbit = vibro_ros.find_orbit(vibro_ros.load_scene("damped").with_parameters({"motor.speed": float(speed)}))
+        assert column(folder, "period")[visit] == 1
+        if not column(folder, "two_motions")[visit]:
+            assert column(folder, "mean_speed")[visit] == pytest.approx(orbit.mean_speed, abs=1e-7)
+            expected = math.log(abs(orbit.multipliers[0])) * speed / (2.0 * math.pi)
+            assert column(folder, "exponent_1")[visit] == pytest.approx(expected, abs=1e-3)
+    assert np.abs(column(folder, "zero_one")).max() < 0.05
+    up, down = column(folder, "mean_speed")[:8], column(folder, "mean_speed")[:7:-1]
+    assert (up[2:6] < -0.05).all() and (down[2:6] > -0.03).all()
+
+
+def test_the_files_tell_units_design_and_every_state(fold):
+    folder, _ = fold
+    table = pq.read_table(folder / command.STATES)
+    assert table.num_rows == 16 and set(table["direction"].to_pylist()) == {"up", "down"}
+    assert table.schema.field("upper_position").metadata[b"unit"] == b"m"
+    assert table.schema.field("motor.speed").metadata[b"unit"] == b"rad/s"
+    told = json.loads(table.schema.metadata[b"vibro_ros"])
+    assert told["design"]["scene"] == "damped" and told["design"]["set"]["upper.plate.damping"] == 100.0
+    assert pq.read_schema(folder / command.VALUES).metadata[b"vibro_ros"] == table.schema.metadata[b"vibro_ros"]
+    assert (folder / command.PICTURE).read_bytes().startswith(b"\x89PNG")
+
+
+def test_a_state_that_was_left_is_where_the_next_value_begins(fold):
+    """Settled, it comes back a turn later: by a device put there."""
+    folder, _ = fold
+    table = pq.read_table(folder / command.STATES)
+    phase = json.loads(table.schema.metadata[b"vibro_ros"])["design"]["phase"]
+    row = {name: table[name][9].as_py() for name in table.column_names}
+    scene = vibro_ros.load_scene("damped").with_parameters({
+        "motor.speed": row["motor.speed"], "start.state": "given", "start.crank_angle": phase,
+        **{f"start.{name}": row[name] for name in ("upper_position", "upper_velocity", "inclined_position",
+                                                   "inclined_velocity", "body_velocity")}})
+    device = vibro_ros.Simulator(scene)
+    device.advance_to(2.0 * math.pi / row["motor.speed"])
+    assert device.state.upper_velocity == pytest.approx(row["upper_velocity"], abs=1e-5)
+
+
+def bytes_of(folder):
+    return {str(file.relative_to(folder)): file.read_bytes() for file in folder.rglob("*") if file.is_file()}
+
+
+SHORT = ["--scene", "device", "--vary", "motor.speed=96:112:9", "--exponents", "20", "--cuts", "200"]
+
+
+def test_interruptions_and_the_number_of_workers_change_no_byte(tmp_path):
+    assert main([*SHORT, "--workers", "2", "--output", str(tmp_path / "whole")]) == 0
+    words = [sys.executable, "-m", "vibro_ros.study.study", "diagram", *SHORT, "--workers", "1", "--output",
+             str(tmp_path / "cut")]
+    for number, awaited in ((signal.SIGINT, "visits/block_000001.p*"), (signal.SIGKILL, "natures/block_000000.p*")):
+        process = subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+        deadline = time.monotonic() + 120.0
+        while not list((tmp_path / "cut").glob(awaited)) and time.monotonic() < deadline and process.poll() is None:
+            time.sleep(0.01)
+        process.send_signal(number)
+        _, err = process.communicate(timeout=60.0)
+        assert "Traceback" not in err
+        assert process.returncode in (128 + number, -number, 0), err
+    assert subprocess.run(words, capture_output=True, check=False).returncode == 0
+    assert bytes_of(tmp_path / "cut") == bytes_of(tmp_path / "whole")
+
+
+def test_blocks_of_another_design_are_refused_and_a_damaged_one_is_done_again(tmp_path, capsys):
+    words = [*FOLD, "--exponents", "0", "--cuts", "0", "--output", str(tmp_path)]
+    assert main(words) == 0
+    before = bytes_of(tmp_path)
+    assert main([*words, "--set", "ground.friction=0.3"]) == 2
+    assert "is of another study (design.set.ground.friction is 0.2 there, 0.3 here)" in capsys.readouterr().err
+    (tmp_path / "visits" / "block_000001.parquet").write_bytes(b"PAR1 and then nothing")
+    assert main(words) == 0
+    assert "is damaged" in capsys.readouterr().err
+    assert bytes_of(tmp_path) == before
+    stranger = tmp_path / "visits" / "mine.txt"
+    stranger.write_text("mine")
+    assert main(words) == 2
+    assert "mine.txt: is no block of this study" in capsys.readouterr().err and stranger.read_text() == "mine"
+
+
+def test_a_motion_that_never_settles_says_so(tmp_path, capsys):
+    words = ["--scene", "unilateral", "--vary", "motor.speed=90,100", "--most-turns", "64", "--exponents", "20",
+             "--cuts", "0", "--output", str(tmp_path)]
+    assert main(words) == 0
+    out = capsys.readouterr().out
+    assert "not settled: 4 of 4 visits within 64 turns" in out and "hysteresis: none" in out
+    assert not column(tmp_path, "settled").any() and (column(tmp_path, "exponent_1") > 0.0).any()
+
+
+def test_a_plate_that_moves_into_a_mass_takes_it_along(tmp_path):
+    """Rigid plates from far to near: where the mass was, there is now the plate."""
+    words = ["--scene", "rigid", "--vary", "upper.gap=-0.01:0.01:3", "--exponents", "0", "--cuts", "0", "--output",
+             str(tmp_path)]
+    assert main(words) == 0
+    assert np.isfinite(column(tmp_path, "mean_speed")).all()
+
+
+@pytest.mark.parametrize(("words", "reason"), [
+    (["--vary", "motor.speed=60:240"], "a range needs a count here; give NAME=LOW:HIGH:COUNT"),
+    (["--vary", "effects.reaction=true,false"], "is true or false; choose a number, which can go up and down"),
+    (["--vary", "motor.speed=60"], "one value goes neither up nor down; give at least 2"),
+    (["--vary", "motor.speed=0,60"], "motor.speed: 0 rad/s turns no crank"),
+    (["--vary", "motor.sped=60:90:3"], "motor.sped: unknown parameter; did you mean motor.speed?"),
+    (["--scene", "damped", "--vary", "crank.radius=0.05,0.07"], "at 0.07 there is no scene"),
+    (["--scene", "damped", "--vary", "guide.angle=0,1"], "at 1 the state has other coordinates than at 0"),
+    (["--coordinate", "crank_angle"], "--coordinate crank_angle: is none of the state; choose one of upper_position"),
+    (["--phase", "7"], "--phase: 7 is out of range; give a number from 0 to 6.28318 rad"),
+    (["--phase", "nan"], "--phase: nan is out of range"),
+    (["--exponents", "3"], "--exponents (0: none): 3 is out of range; give a whole number from 20"),
+    (["--cuts", "20"], "--cuts (0: none): 20 is out of range; give a whole number from 200"),
+    (["--most-turns", "1"], "--most-turns: 1 is out of range"),
+    (["--workers", "0"], "--workers: 0 is out of range"),
+    (["--set", "guide.angle"], "--set guide.angle: give NAME=VALUE"),
+    (["--scene", "nowhere"], "nowhere")])
+def test_bad_input_is_refused_in_one_line_and_writes_nothing(tmp_path, capsys, words, reason):
+    assert main([*words, "--output", str(tmp_path / "none")]) == 2
+    err = capsys.readouterr().err
+    assert reason in err and err.count("\n") == 1
+    assert not (tmp_path / "none").exists()
+
+
+def test_another_study_in_the_folder_is_waited_for_and_refused(tmp_path, capsys, monkeypatch):
+    from vibro_ros.study import locked_folder
+
+    monkeypatch.setattr(locked_folder, "_PATIENCE", 0.1)
+    with locked_folder.locked(tmp_path):
+        assert main([*FOLD, "--output", str(tmp_path)]) == 2
+    assert "another study writes here" in capsys.readouterr().err
+    assert os.listdir(tmp_path) == []

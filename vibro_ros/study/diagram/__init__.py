@@ -1,0 +1,1 @@
+"""Orbit diagrams: the states once a turn over a parameter, swept up and down."""

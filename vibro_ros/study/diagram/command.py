@@ -1,0 +1,166 @@
+"""``study diagram``: the states once a turn over a parameter, swept up and down, and what kind of motion they are."""
+
+import argparse
+from collections.abc import Sequence
+from pathlib import Path
+
+import pyarrow as pa
+
+from vibro_ros.configuration.scene_file import load_scene
+from vibro_ros.configuration.strict_yaml import read_scalar
+from vibro_ros.model.parameters import BY_NAME, parameter_named
+from vibro_ros.model.scene import Scene
+from vibro_ros.orbits.cut import free_cut
+from vibro_ros.orbits.turn_map import TURN, coordinates
+from vibro_ros.process.command_line import Parser
+from vibro_ros.process.front_door import exit_code, say
+from vibro_ros.process.regular_file import replace_file
+from vibro_ros.process.stop_signals import interrupted_code
+from vibro_ros.simulation.preparation import prepare_kernels
+from vibro_ros.simulation.processes import core_count
+from vibro_ros.study.diagram.chain import Visit, VisitBlocks, visits, visits_in
+from vibro_ros.study.diagram.design import Design
+from vibro_ros.study.diagram.nature import Nature, NatureBlocks, nature_work, pieces
+from vibro_ros.study.diagram.picture import draw_diagram
+from vibro_ros.study.diagram.result import Diagram, states_table, values_table
+from vibro_ros.study.diagram.words import in_words
+from vibro_ros.study.locked_folder import locked
+from vibro_ros.study.running.block_run import BlockRun
+from vibro_ros.study.running.runner import Runner, on_cluster, on_this_machine
+from vibro_ros.study.sweep.variation import Axis, varied_in_words, whole_number
+
+VISITS, NATURES = "visits", "natures"
+STATES, VALUES, PICTURE = "states.parquet", "values.parquet", "diagram.png"
+_SCENE, _VARY, _COUNT, _QUICK_COUNT = "device", "motor.speed=60:240", 181, 31
+_MOST_TURNS, _EXPONENTS, _CUTS = 4096, 200, 1000
+_QUICK_EXPONENTS = 40
+_MOST_WORKERS = 4096
+
+
+def main(words: Sequence[str]) -> int:
+    """Run the study; returns its exit code."""
+    return exit_code("study", lambda: _diagram(_parser().parse_args(words)))
+
+
+def _diagram(options: argparse.Namespace) -> int:
+    workers = core_count() if options.workers is None else whole_number("--workers", options.workers, 1, _MOST_WORKERS)
+    runner = on_cluster(options.scheduler) if options.scheduler else on_this_machine(workers)
+    axis = _axis(options)
+    scene = load_scene(options.scene).with_parameters(dict(map(_setting, options.set)))
+    try:
+        design = _design(options, scene, axis)
+    except KeyboardInterrupt:
+        say("study", "interrupted before the first value")
+        return interrupted_code()
+    with locked(options.output):
+        for name in (VISITS, NATURES):
+            (options.output / name).mkdir(exist_ok=True)
+        run = _run_of("values", VisitBlocks(options.output / VISITS, design), design)
+        try:
+            run.find_done()
+            run.do_missing(lambda missing: visits(design, missing, run.tables))
+            seen = tuple(one for block in range(design.blocks) for one in visits_in(design, run.tables[block]))
+            natures = _natures(design, seen, options.output / NATURES, runner)
+        except KeyboardInterrupt:
+            say("study", f"interrupted; {run.in_words}")
+            return interrupted_code()
+        found = Diagram(design, seen, natures)
+        _write(found, [run.tables[block] for block in range(design.blocks)], options.output)
+    print("\n".join(in_words(found)))
+    return 0
+
+
+def _run_of(what: str, blocks, design: Design) -> BlockRun:
+    return BlockRun(what, blocks, [len(design.visits_of_block(block)) for block in range(design.blocks)])
+
+
+def _natures(design: Design, seen: tuple[Visit, ...], folder: Path, runner: Runner) -> pa.Table | None:
+    """What is measured of each visit."""
+    if not (design.exponents or design.cuts):
+        return None
+    run: BlockRun[Nature] = _run_of("motions measured", NatureBlocks(folder, design), design)
+    run.find_done()
+    work, methods = nature_work(design, seen), (design.scene["solver.method"],)
+    run.do_missing(lambda missing: runner(work, methods, pieces(design, seen, missing)))
+    return pa.concat_tables([run.tables[block].replace_schema_metadata() for block in range(design.blocks)])
+
+
+def _write(found: Diagram, blocks: Sequence[pa.Table], folder: Path) -> None:
+    replace_file(folder / STATES, states_table(found.design, blocks))
+    replace_file(folder / VALUES, values_table(found))
+    replace_file(folder / PICTURE, draw_diagram(found))
+    print("\n".join(map(str, (folder / STATES, folder / VALUES, folder / PICTURE))))
+
+
+def _axis(options: argparse.Namespace) -> Axis:
+    """The parameter that varies, and its values, ascending."""
+    default = f"{_VARY}:{_QUICK_COUNT if options.quick else _COUNT}"
+    name, axis = varied_in_words(options.vary or default)
+    if not isinstance(axis, Axis):
+        raise ValueError(f"--vary {options.vary}: a range needs a count here; give NAME=LOW:HIGH:COUNT")
+    if not isinstance(BY_NAME[name].default, float):
+        raise ValueError(f"--vary {name}: is {BY_NAME[name].type_name}; choose a number, which can go up and down")
+    if len(axis.values) < 2:
+        raise ValueError(f"--vary {options.vary}: one value goes neither up nor down; give at least 2")
+    return Axis(name, tuple(sorted(axis.values)))
+
+
+def _design(options: argparse.Namespace, scene: Scene, axis: Axis) -> Design:
+    """The design; the cut is that of the first value unless it is given."""
+    first = scene.with_parameters({axis.name: axis.values[0]})
+    if options.phase is None:
+        prepare_kernels("study", scene["solver.method"])
+        phase = free_cut(first).phase
+    elif 0.0 <= options.phase < TURN:
+        phase = options.phase
+    else:
+        raise ValueError(f"--phase: {options.phase:g} is out of range; give a number from 0 to 6.28318 rad")
+    names = coordinates(first)
+    if not names:
+        raise ValueError(f"{scene.name}: has no mass whose motion could be shown; give one with effects.upper_mass")
+    exponents = options.exponents if options.exponents is not None else (
+        _QUICK_EXPONENTS if options.quick else _EXPONENTS)
+    return Design(scene, axis, phase, options.coordinate or names[-1 if len(names) < 4 else 3], options.most_turns,
+                  exponents, options.cuts)
+
+
+def _setting(text: str) -> tuple[str, object]:
+    name, equals, value = text.partition("=")
+    if not equals:
+        raise ValueError(f"--set {text}: give NAME=VALUE")
+    return name, parameter_named(name, BY_NAME).checked(read_scalar(value))
+
+
+def _parser() -> Parser:
+    parser = Parser(
+        prog="study diagram",
+        description="Sweep a parameter up and down, each value beginning where the one before has ended; show the "
+        "states once a turn, where the two ways lead to two motions, all Lyapunov exponents and the 0-1 test. Writes "
+        "two Parquet files and a picture. Ctrl-C keeps what is done; the same command goes on from there.",
+        epilog="Exit code 0: done; 1: a run failed, or the disk is full; 2: bad input, or nowhere to write; 129, 130, "
+        "143: stopped by SIGHUP, SIGINT, SIGTERM, finished blocks are kept.")
+    parser.add_argument("--scene", default=_SCENE, metavar="NAME", help="shipped scene or scene file (default: "
+                        "%(default)s)")
+    parser.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", help="a parameter's value at every "
+                        "point, SI units, angles in rad; repeatable")
+    parser.add_argument("--vary", metavar="NAME=VALUES", help="LOW:HIGH:COUNT, a grid; A,B,C, a list; `:log` behind a "
+                        f"grid spreads it by its logarithm (default: {_VARY}:{_COUNT})")
+    parser.add_argument("--coordinate", metavar="NAME", help="of the state, in the picture and for the 0-1 test "
+                        "(default: inclined_velocity, or the last there is)")
+    parser.add_argument("--phase", type=float, metavar="RAD", help="crank angle at which the states are seen (default: "
+                        "where nothing touches at the first value)")
+    parser.add_argument("--most-turns", type=int, default=_MOST_TURNS, metavar="N", help="turns of the crank that a "
+                        "motion has to settle (default: %(default)d)")
+    parser.add_argument("--exponents", type=int, metavar="TURNS", help="turns over which the exponents of a motion "
+                        f"that is not periodic are measured; 0: no exponents (default: {_EXPONENTS})")
+    parser.add_argument("--cuts", type=int, default=_CUTS, metavar="TURNS", help="turns that the 0-1 test hears; 0: no "
+                        "test (default: %(default)d)")
+    parser.add_argument("--quick", action="store_true", help=f"{_QUICK_COUNT} values and {_QUICK_EXPONENTS} turns, "
+                        "where these are not given")
+    where = parser.add_mutually_exclusive_group()
+    where.add_argument("--workers", type=int, metavar="N", help="processes on this machine (default: one a core)")
+    where.add_argument("--scheduler", metavar="ADDRESS", help="measure on the Dask cluster of this scheduler, such as "
+                       "tcp://host:8786; the numbers are the same to the last bit")
+    parser.add_argument("--output", type=Path, default=Path("out/study/diagram"), metavar="DIR",
+                        help="where to write (default: out/study/diagram)")
+    return parser
