@@ -9,7 +9,6 @@ within a difference, the difference is the chord of the map's root there. A body
 comes to rest make states equal that were not: such a direction is gone within a turn, and its exponent is -inf.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -107,7 +106,7 @@ def spectrum_from(turn_map: TurnMap, state: np.ndarray, turns: int) -> LyapunovS
     return _of_logarithms(logarithms[aligning:], turn_map.period)
 
 
-def spectrum_of_cycle(turn_map: TurnMap, states: Sequence[np.ndarray]) -> LyapunovSpectrum:
+def spectrum_of_cycle(turn_map: TurnMap, states: np.ndarray) -> LyapunovSpectrum:
     """Exponents of a periodic motion whose states at successive cuts are `states`, shape (turns, n).
 
     Its derivatives repeat themselves, so that each is computed once and used for `REPEATED` turns. What axes of complex
