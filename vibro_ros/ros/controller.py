@@ -10,12 +10,15 @@ if __name__ == "__main__":  # before all imports: they take a second or two, in 
 import argparse
 import sys
 from collections.abc import Mapping, Sequence
+from functools import partial
 from pathlib import Path
 
 from rclpy.executors import Executor
 from rclpy.node import Node
 from std_msgs.msg import Float64
 
+from vibro_ros.configuration.command_map import CommandMap
+from vibro_ros.configuration.command_map_file import find_map, read_map, shipped_maps
 from vibro_ros.model.parameters import Parameter, Value, checked_parameters
 from vibro_ros.process.command_line import Parser
 from vibro_ros.process.executables import EXECUTABLES
@@ -23,6 +26,7 @@ from vibro_ros.process.front_door import exit_code
 from vibro_ros.process.stop_signals import StopRequest
 from vibro_ros.ros import process
 from vibro_ros.ros.goals import check_reach
+from vibro_ros.ros.map_adviser import MapAdviser
 from vibro_ros.ros.parameters import declare, parameter_lines, take_overrides
 from vibro_ros.ros.player import Player
 from vibro_ros.ros.qos import COMMANDS
@@ -40,6 +44,8 @@ PARAMETERS = (
     Parameter("rate", 50.0, "Hz", "commands a second along a ramp", minimum=0.0, maximum=1e4, positive=True),
     Parameter("reach", -0.06, "m/s", "mean speed that the robot holds at most where feedback asks for a speed or a "
               "position; negative for a robot that goes backwards", minimum=-1e3, maximum=1e3),
+    Parameter("map", "device", "", "command map, a shipped scene's name or a path: gives the commands for a speed over "
+              "ground, and says when commands cross into another motion, if it is the robot's"),
 )
 
 
@@ -65,11 +71,13 @@ def _run(argv: Sequence[str] | None) -> int:
         settings["script"] = arguments.script or settings["script"]
         declare(node, PARAMETERS, settings)
         path = find_script(settings["script"])
-        script = read_script(path)
+        map_path = find_map(settings["map"])
+        command_map = read_map(map_path)
+        script = read_script(path, command_map)
         _check_goals(path, script, settings["reach"])
         longest = " at most" if script.goals else ""
         node.get_logger().info(f"script {path}: {script.duration:g} s{longest}, {', '.join(script.commands)}")
-        return _play(script, settings, node, executor, stop)
+        return _play(script, (command_map, map_path), settings, node, executor, stop)
 
 
 def _check_goals(path: Path, script: Script, reach: float) -> None:
@@ -83,11 +91,15 @@ def _check_goals(path: Path, script: Script, reach: float) -> None:
         raise ValueError(f"{path}: {error}") from None
 
 
-def _play(script: Script, settings: Mapping[str, Value], node: Node, executor: Executor, stop: StopRequest) -> int:
+def _play(script: Script, known: tuple[CommandMap, Path], settings: Mapping[str, Value], node: Node, executor: Executor,
+          stop: StopRequest) -> int:
     publishers = {name: node.create_publisher(Float64, name, COMMANDS) for name in script.commands}
-    player = Player(node, executor, publishers, script.commands, MOTOR, timeline=timeline(node))
+    adviser = MapAdviser(node, *known, publishers[script.commands[0]])
+    prepare = partial(adviser.require, executor) if script.needs_map else lambda stop: None
+    player = Player(node, executor, publishers, script.commands, MOTOR, lambda elapsed: adviser.tick(), prepare=prepare,
+                    timeline=timeline(node))
     odometer = Odometer(node) if script.goals else None
-    played = ScriptPlayer(script, settings["reach"], odometer, player.send, node.get_logger().info)
+    played = ScriptPlayer(script, settings["reach"], odometer, player.send, node.get_logger().info, adviser.advise)
     code = player.run(played.moments(settings["rate"]), settings["wait"], stop)
     if not code:
         node.get_logger().info("script done")
@@ -97,11 +109,13 @@ def _play(script: Script, settings: Mapping[str, Value], node: Node, executor: E
 def _parser() -> Parser:
     parser = Parser(
         prog="controller",
-        description=f"{EXECUTABLES['controller'].does} Shipped scripts: " + ", ".join(shipped_scripts()),
+        description=f"{EXECUTABLES['controller'].does} Shipped scripts: " + ", ".join(shipped_scripts())
+        + "; maps: " + ", ".join(shipped_maps()),
         epilog="ROS parameters (--ros-args -p name:=value):\n"
         + parameter_lines(PARAMETERS, {parameter.name: parameter.default for parameter in PARAMETERS})
-        + "\n\nExit code 0: played to the end; 1: no robot, it went away, /clock jumped back, or a speed or a\n"
-        "position was not held or reached, with the motor told to stop; 2: bad script or parameter, or out of reach;\n"
+        + "\n\nExit code 0: played to the end; 1: no robot, it is not that of the map, it went away, /clock jumped\n"
+        "back, or a speed or a position was not held or reached, with the motor told to stop; 2: bad script,\n"
+        "parameter or map, or out of reach;\n"
         "129, 130, 143: aborted by SIGHUP, SIGINT or SIGTERM, and the motor told to stop.",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )

@@ -44,6 +44,8 @@ class Player:
         only with times before it.
     period : float
         Longest wall time [s] between two looks at the time.
+    prepare : callable
+        Called with the stop request when a robot listens, before time begins to count.
     timeline : Timeline
         The time that instants count in. Whatever is due is done after the callback that brings the time, before the
         executor runs another: a simulator that waits for this node's answer in lock-step relies on it.
@@ -51,11 +53,12 @@ class Player:
 
     def __init__(self, node: Node, executor: Executor, publishers: Mapping[str, Publisher], needed: Sequence[str],
                  motor: str, meanwhile: Callable[[float], None] = lambda elapsed: None, period: float = process.POLL,
-                 timeline: Timeline | None = None):
+                 prepare: Callable[[StopRequest], None] = lambda stop: None, timeline: Timeline | None = None):
         self._node, self._executor, self._publishers = node, executor, publishers
         self._needed = [publishers[name] for name in needed]
         self._motor, self._moved = motor, False
         self._meanwhile, self._period, self._timeline = meanwhile, period, timeline or WallTime()
+        self._prepare = prepare
 
     def run(self, moments: Moments, patience: float, stop: StopRequest) -> int:
         """Wait for a robot, up to `patience` [s] or, if 0, without end; then play `moments`.
@@ -68,10 +71,12 @@ class Player:
         Raises
         ------
         RuntimeError
-            Without a robot; and, with the motor told to stop, when the robot goes away or time jumps back.
+            Without a robot, or as `prepare` raises it; and, with the motor told to stop, when the robot goes away or
+            time jumps back.
         """
         if self._needed:
             wait_for_listeners(self._node, self._executor, self._needed, patience, stop)
+        self._prepare(stop)
         stop.hold()  # the motor must be told to stop
         done = False
         try:

@@ -43,6 +43,8 @@ class Segment:
         What the author says of it.
     goal : Goal or None
         What feedback is to reach meanwhile by the motor's speed.
+    speed_over_ground : float or None
+        Mean speed [m/s] for which a command map gave the commands.
     """
 
     entry: str
@@ -52,6 +54,7 @@ class Segment:
     given: tuple[str, ...]
     note: str
     goal: Goal | None = None
+    speed_over_ground: float | None = None
 
     @property
     def end(self) -> float:
@@ -74,6 +77,8 @@ class Segment:
     def describe(self) -> str:
         """What the segment commands, for people."""
         words = [self.goal.describe()] if self.goal else []
+        if self.speed_over_ground is not None:
+            words = [f"{self.speed_over_ground:g} m/s over ground"]
         words = words + [_course_text(name, self.courses[name]) for name in self.given] or ["as before"]
         note = f" ({self.note})" if self.note else ""
         return f"entry {self.entry}, {self.duration:g} s: {', '.join(words)}{note}"
@@ -104,6 +109,11 @@ class Script:
     def goals(self) -> tuple[tuple[str, Goal], ...]:
         """The goals, each with the number of its entry, in order."""
         return tuple((segment.entry, segment.goal) for segment in self.segments if segment.goal)
+
+    @property
+    def needs_map(self) -> bool:
+        """Whether a command map gave any command."""
+        return any(segment.speed_over_ground is not None for segment in self.segments)
 
     def segment_at(self, time: float) -> Segment | None:
         """The segment that began last at `time` [s]; None before the first."""

@@ -2,15 +2,17 @@
 
 A script is a block: a list of `entries`, played `repeat` times. An entry says for how long (`for`) each command
 is held (`motor_speed: 100.0`) or ramped (`motor_speed: {from: 0.0, to: 100.0}`; without `from`, from where it
-is), or what feedback is to reach (`hold_speed: -0.05`, `go_to: -0.5`). It begins when the entry before it ends, or
-`at` a time counted from the start of its block. An entry may itself be a block. A command keeps its value until
-another entry changes it.
+is), what feedback is to reach (`hold_speed: -0.05`, `go_to: -0.5`), or which mean speed the commands are to give that
+a command map knows (`speed_over_ground: -0.05`). It begins when the entry before it ends, or `at` a time counted from
+the start of its block. An entry may itself be a block. A command keeps its value until another entry changes it.
 """
 
 import os
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
+from vibro_ros.configuration.command_choice import CommandChoice
+from vibro_ros.configuration.command_map import CommandMap
 from vibro_ros.configuration.shipped import config_folder
 from vibro_ros.configuration.strict_yaml import read_yaml
 from vibro_ros.messages.topics import COMMAND_UNITS
@@ -24,6 +26,7 @@ LONGEST_SCRIPT = 100_000
 DEEPEST_BLOCK = 10
 """Most blocks inside each other."""
 _GAPS = tuple(name for name in COMMAND_UNITS if name != MOTOR)
+_OVER_GROUND = "speed_over_ground"
 
 
 def shipped_scripts() -> tuple[str, ...]:
@@ -51,8 +54,15 @@ def _shipped_folder() -> Path:
     return config_folder() / "controller"
 
 
-def read_script(path: Path) -> Script:
+def read_script(path: Path, command_map: CommandMap | None = None) -> Script:
     """Read and check the script at `path`.
+
+    Parameters
+    ----------
+    path : Path
+        Of a YAML file.
+    command_map : CommandMap, optional
+        Gives the commands where an entry asks for a speed over ground; without it such an entry is refused.
 
     Raises
     ------
@@ -63,7 +73,7 @@ def read_script(path: Path) -> Script:
     try:
         if document is None:
             raise ValueError("the file is empty; give a list of `entries`")
-        script = Script(tuple(_Unfolding().block(document, start=0.0, prefix="")))
+        script = Script(tuple(_Unfolding(command_map).block(document, start=0.0, prefix="")))
         if not script.commands:
             raise ValueError(f"no entry gives a command; give {', '.join(COMMAND_UNITS)}")
     except ValueError as error:
@@ -74,7 +84,9 @@ def read_script(path: Path) -> Script:
 class _Unfolding:
     """Unfolds blocks to segments while it remembers where each command stands."""
 
-    def __init__(self):
+    def __init__(self, command_map: CommandMap | None):
+        self._map = command_map
+        self._choice: CommandChoice | None = None
         self._last: dict[str, float] = {}
         self._count = 0
         self._open_ends = 0  # entries so far that may end sooner than they say
@@ -122,12 +134,27 @@ class _Unfolding:
         if any(key in entry for key in GOAL_KEYS):
             yield self._pursuit(entry, later, block_start, start, number)
             return
-        refuse_unknown(entry, ("at", "for", "note", *COMMAND_UNITS, *GOAL_KEYS), where)
+        over_ground = _OVER_GROUND in entry
+        allowed = () if over_ground else (*COMMAND_UNITS, *GOAL_KEYS)
+        refuse_unknown(entry, ("at", "for", "note", _OVER_GROUND, *allowed), where)
         duration = _duration(entry, later, start - block_start, where)
-        given = {name: self._course(name, entry[name], where) for name in COMMAND_UNITS if name in entry}
+        speed = finite_number(entry[_OVER_GROUND], f"{where}{_OVER_GROUND}", "m/s") if over_ground else None
+        given = self._chosen(speed, where) if speed is not None else {
+            name: self._course(name, entry[name], where) for name in COMMAND_UNITS if name in entry}
         courses = {name: Course(value, value) for name, value in self._last.items()} | given
         self._last = {name: course.end for name, course in courses.items()}
-        yield Segment(number, start, duration, courses, tuple(given), str(entry.get("note", "")))
+        yield Segment(number, start, duration, courses, tuple(given), str(entry.get("note", "")),
+                      speed_over_ground=speed)
+
+    def _chosen(self, speed: float, where: str) -> dict[str, Course]:
+        """The commands that give a mean speed [m/s], by the command map."""
+        try:
+            if self._map is None:
+                raise ValueError("there is no command map here; give motor_speed and gaps")
+            self._choice = self._choice or CommandChoice(self._map)
+            return {name: Course(level, level) for name, level in self._choice.commands_for(speed).commands.items()}
+        except ValueError as error:
+            raise ValueError(f"{where}{_OVER_GROUND}: {error}") from None
 
     def _pursuit(self, entry: Mapping, later: list[object], block_start: float, start: float, number: str) -> Segment:
         """The segment of an entry with a goal; what the motor does at its end is known only if it stands then."""

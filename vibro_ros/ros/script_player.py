@@ -2,7 +2,7 @@
 
 import math
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import partial
 from itertools import count
 
@@ -67,12 +67,16 @@ class ScriptPlayer:
         Publishes a message under a command's name.
     say : callable
         Is told what comes, and what came of it.
+    advise : callable
+        Is told, before they are sent, the number of the entry and all commands that stand then; NaN for a motor speed
+        that feedback has given.
     """
 
     def __init__(self, script: Script, reach: float, odometer: Odometer | None,
-                 send: Callable[[str, Float64], None], say: Callable[[str], object]):
+                 send: Callable[[str, Float64], None], say: Callable[[str], object],
+                 advise: Callable[[str, Mapping[str, float]], object]):
         self._script, self._reach, self._odometer = script, reach, odometer
-        self._send, self._say = send, say
+        self._send, self._say, self._advise = send, say, advise
         self._sent: dict[str, float] = {}
         self._segment: Segment | None = None
         self._saved = 0.0
@@ -95,7 +99,10 @@ class ScriptPlayer:
         segment = self._script.segment_at(instant)
         if segment and segment is not self._segment:
             self._begin(segment)
-        for name, value in self._script.command_at(instant).items():
+        commands = self._script.command_at(instant)
+        if segment:
+            self._advise(f"entry {segment.entry}", {MOTOR: math.nan, **commands} if self._script.goals else commands)
+        for name, value in commands.items():
             self._send_change(name, value)
 
     def _begin(self, segment: Segment) -> None:

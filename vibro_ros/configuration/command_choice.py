@@ -1,0 +1,133 @@
+"""Which motor speed and gap to command for a mean speed: a place of the map where nothing else can happen.
+
+A cell is safe where only one motion was found, whichever way the commands came there, and where this motion repeats
+itself. Between neighbouring safe cells of one motion the mean speed is interpolated. Of all places with the wanted mean
+speed that one is taken which is farthest from any cell that is not safe or has another motion; of equally far ones,
+that between the cells whose mean speeds differ least, because there the map is most exact.
+"""
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+
+from vibro_ros.configuration.command_map import PATCHWORK, CommandMap
+
+FAR = 4
+"""Cells from the border of a motion beyond which a place is not better any more."""
+_UNSAFE = -2
+_NEIGHBOURS = tuple((i, j) for i in (-1, 0, 1) for j in (-1, 0, 1) if (i, j) != (0, 0))
+
+
+class Choice(NamedTuple):
+    """Commands for a mean speed.
+
+    Attributes
+    ----------
+    commands : mapping of str to float
+        In the units of the topics.
+    row : int
+        Of the map: the motion in the nearer of the two cells between which the place lies.
+    clearance : int
+        How many cells from a border of the motion the place is, 1 to `FAR`.
+    """
+
+    commands: Mapping[str, float]
+    row: int
+    clearance: int
+
+
+class CommandChoice:
+    """Chooses commands from a map.
+
+    Parameters
+    ----------
+    command_map : CommandMap
+        Of the machine.
+
+    Attributes
+    ----------
+    slowest, fastest : float
+        Least and largest mean speed [m/s] in magnitude that safe cells have, with their signs.
+    """
+
+    def __init__(self, command_map: CommandMap):
+        self._map = command_map
+        rows = _safe_rows(command_map)
+        clearance = _clearance(np.where(rows >= 0, command_map.found.motion[rows], _UNSAFE))
+        self._first, self._last, self._clear = _edges(rows, clearance, command_map)
+        speeds = command_map.found.mean_speed
+        self._from, self._to = speeds[self._first], speeds[self._last]
+        ends = np.concatenate([self._from, self._to])
+        if not len(ends):
+            raise ValueError(f"the map of {command_map.scene} has no two neighbouring cells with one and the same "
+                             "motion; give motor_speed and gaps")
+        self.slowest, self.fastest = (float(ends[find(np.abs(ends))]) for find in (np.argmin, np.argmax))
+
+    def commands_for(self, speed: float) -> Choice:
+        """Commands for a mean speed [m/s] of the body.
+
+        Raises
+        ------
+        ValueError
+            For a mean speed that no safe place has; the message names those that there are.
+        """
+        span = self._to - self._from
+        share = np.where(span == 0.0, 0.0, (speed - self._from) / np.where(span == 0.0, 1.0, span))
+        within = np.flatnonzero((share >= 0.0) & (share <= 1.0) & ((span != 0.0) | (self._from == speed)))
+        if not len(within):
+            raise ValueError(self._refusal(speed))
+        best = within[np.lexsort([np.abs(span[within]), -self._clear[within]])[0]]
+        first, last, at = self._first[best], self._last[best], share[best]
+        motor, gap = (axis.values[index[first]] + at * (axis.values[index[last]] - axis.values[index[first]])
+                      for axis, index in ((self._map.speeds, self._map.found.speed_index),
+                                          (self._map.gaps, self._map.found.gap_index)))
+        values = (float(f"{motor:.6g}"), *[round(float(gap), 8)] * len(self._map.sides))
+        return Choice(dict(zip(self._map.commands, values, strict=True)), int(first if at < 0.5 else last),
+                      int(self._clear[best]))
+
+    def _refusal(self, speed: float) -> str:
+        low, high = sorted((self.slowest, self.fastest))
+        if not low <= speed <= high:
+            return (f"{speed:g} m/s is out of range of the map of {self._map.scene}; give a mean speed from {low:.4g} "
+                    f"to {high:.4g} m/s")
+        ends = np.concatenate([self._from, self._to])
+        return (f"no command of the map of {self._map.scene} surely gives {speed:g} m/s; the nearest that one gives "
+                f"are {ends[ends < speed].max():.4g} and {ends[ends > speed].min():.4g} m/s")
+
+
+def _safe_rows(command_map: CommandMap) -> np.ndarray:
+    """Row of each safe cell, -1 for the others; shape (speeds, gaps)."""
+    found, shape = command_map.found, (command_map.speeds.count, command_map.gaps.count)
+    motions = np.zeros(shape, dtype=int)
+    np.add.at(motions, (found.speed_index, found.gap_index), 1)
+    rows = np.full(shape, -1)
+    safe = np.flatnonzero((found.turns > 0) & (found.motion > PATCHWORK)
+                          & (motions[found.speed_index, found.gap_index] == 1))
+    rows[found.speed_index[safe], found.gap_index[safe]] = safe
+    return rows
+
+
+def _clearance(motion: np.ndarray) -> np.ndarray:
+    """Of each cell, after how many steps to any side, obliquely too, the motion may be another one, up to `FAR`."""
+    far = np.zeros(motion.shape, dtype=int)
+    inside = motion != _UNSAFE
+    for _ in range(FAR):
+        far += inside
+        padded, motions = np.pad(inside, 1), np.pad(motion, 1, constant_values=_UNSAFE)
+        for i, j in _NEIGHBOURS:
+            beside = np.s_[1 + i:1 + i + motion.shape[0], 1 + j:1 + j + motion.shape[1]]
+            inside = inside & padded[beside] & (motions[beside] == motion)
+    return far
+
+
+def _edges(rows: np.ndarray, clearance: np.ndarray, command_map: CommandMap) -> tuple[np.ndarray, ...]:
+    """Rows of both ends of each pair of neighbouring safe cells of one motion, and the smaller clearance of the two."""
+    found = []
+    for here, there in ((np.s_[:-1, :], np.s_[1:, :]), (np.s_[:, :-1], np.s_[:, 1:])):
+        first, last = rows[here].ravel(), rows[there].ravel()
+        clear = np.minimum(clearance[here], clearance[there]).ravel()
+        motion = command_map.found.motion
+        pairs = (first >= 0) & (last >= 0) & (motion[first] == motion[last])
+        found.append((first[pairs], last[pairs], clear[pairs]))
+    return tuple(np.concatenate(column) for column in zip(*found, strict=True))

@@ -1,0 +1,115 @@
+"""The command map as pictures: mean speed and period, with coexistence and curves; and what the motion costs."""
+
+import io
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import BoundaryNorm, ListedColormap
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+
+from vibro_ros.configuration.command_map import Axis, CommandMap
+
+WIDTH, HEIGHT = 9.6, 8.4  # in
+DPI = 110
+#: Colours of periods (Okabe and Ito's, which the colour-blind tell apart) and what they say.
+_PERIODS = (("#f0f0f0", "no period up to 8"), ("#0072b2", "1 turn"), ("#56b4e9", "2"), ("#009e73", "3"),
+            ("#f0e442", "4"), ("#e69f00", "5 to 8"))
+_STYLES = {"fold": ("black", "-"), "period doubling": ("black", "--"), "Neimark-Sacker": ("black", ":"),
+           "grazing": ("#d55e00", "-")}
+
+
+def draw_map(command_map: CommandMap) -> bytes:
+    """Mean speed, and period, over motor speed and gap: a PNG."""
+    figure = Figure((WIDTH, HEIGHT), layout="constrained")
+    upper, lower = figure.subplots(2, 1, sharex=True)
+    _draw_quantity(figure, upper, command_map, command_map.found.mean_speed * 1e3, "mean speed [mm/s]", "viridis")
+    _draw_periods(figure, lower, command_map)
+    for axes in (upper, lower):
+        _draw_curves(axes, command_map)
+    _draw_coexistence(upper, command_map)
+    _legend(upper, command_map)
+    upper.set_title(f"{command_map.scene}: motions over motor speed and gap of {_sides(command_map)}")
+    lower.set_xlabel("motor speed [rad/s]")
+    return _png(figure)
+
+
+def draw_costs(command_map: CommandMap) -> bytes:
+    """Cost of transport, and shares of standing and flight, over motor speed and gap: a PNG."""
+    figure, found = Figure((WIDTH, 1.3 * HEIGHT), layout="constrained"), command_map.found
+    rows = figure.subplots(3, 1, sharex=True)
+    _draw_quantity(figure, rows[0], command_map, np.log10(found.cost_of_transport), "cost of transport [log10]",
+                   "viridis_r")
+    _draw_quantity(figure, rows[1], command_map, found.stick_share * 100.0, "standing on the ground [% of time]",
+                   "cividis")
+    _draw_quantity(figure, rows[2], command_map, found.air_share * 100.0, "in the air [% of time]", "cividis")
+    rows[0].set_title(f"{command_map.scene}: what the motions cost, and how they go; where two exist, the faster one")
+    rows[2].set_xlabel("motor speed [rad/s]")
+    return _png(figure)
+
+
+def _fastest(command_map: CommandMap, values: np.ndarray) -> np.ndarray:
+    """Of each cell the value of its fastest motion, whichever way it goes."""
+    order = np.argsort(np.abs(command_map.found.mean_speed), kind="stable")
+    cells = np.full((command_map.gaps.count, command_map.speeds.count), np.nan)
+    cells[command_map.found.gap_index[order], command_map.found.speed_index[order]] = values[order]
+    return cells
+
+
+def _edges(axis: Axis, factor: float = 1.0) -> np.ndarray:
+    return factor * np.linspace(axis.low - axis.step / 2.0, axis.high + axis.step / 2.0, axis.count + 1)
+
+
+def _draw_quantity(figure: Figure, axes: Axes, command_map: CommandMap, values: np.ndarray, name: str,
+                   colours: str) -> None:
+    mesh = axes.pcolormesh(_edges(command_map.speeds), _edges(command_map.gaps, 1e3), _fastest(command_map, values),
+                           cmap=colours, rasterized=True)
+    figure.colorbar(mesh, ax=axes, label=name, pad=0.01)
+    axes.set_ylabel("gap [mm]")
+    axes.set_facecolor("white")
+
+
+def _draw_periods(figure: Figure, axes: Axes, command_map: CommandMap) -> None:
+    turns = command_map.found.turns
+    classes = _fastest(command_map, np.where(turns > 4, 5, turns).astype(float))
+    colours = ListedColormap([colour for colour, _ in _PERIODS])
+    axes.pcolormesh(_edges(command_map.speeds), _edges(command_map.gaps, 1e3), classes, cmap=colours,
+                    norm=BoundaryNorm(np.arange(-0.5, len(_PERIODS)), len(_PERIODS)), rasterized=True)
+    axes.set_ylabel("gap [mm]")
+    axes.legend(handles=[Patch(facecolor=colour, edgecolor="grey", label=words) for colour, words in _PERIODS],
+                title="period", loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
+
+
+def _draw_curves(axes: Axes, command_map: CommandMap) -> None:
+    for curve in command_map.curves:
+        colour, style = _STYLES[curve.kind]
+        axes.plot(curve.motor_speed, np.array(curve.gap) * 1e3, color=colour, linestyle=style, linewidth=1.1)
+    axes.set_xlim(*_edges(command_map.speeds)[[0, -1]])
+    axes.set_ylim(*_edges(command_map.gaps, 1e3)[[0, -1]])
+
+
+def _draw_coexistence(axes: Axes, command_map: CommandMap) -> None:
+    """A dot in each cell with more than one motion."""
+    found = command_map.found
+    cells, counts = np.unique(np.column_stack([found.speed_index, found.gap_index]), axis=0, return_counts=True)
+    several = cells[counts > 1]
+    axes.plot(command_map.speeds.values[several[:, 0]], command_map.gaps.values[several[:, 1]] * 1e3, ".", color="white",
+              markersize=2.5, markeredgewidth=0.0)
+
+
+def _legend(axes: Axes, command_map: CommandMap) -> None:
+    handles = [Line2D([], [], color=colour, linestyle=style, label=kind) for kind, (colour, style) in _STYLES.items()
+               if any(curve.kind == kind for curve in command_map.curves)]
+    handles.append(Line2D([], [], color="white", marker=".", linestyle="", label="more than one motion"))
+    axes.legend(handles=handles, loc="upper left", fontsize="small", facecolor="#808080", labelcolor="white")
+
+
+def _sides(command_map: CommandMap) -> str:
+    return "both plates" if len(command_map.sides) > 1 else f"the {command_map.sides[0]} plate"
+
+
+def _png(figure: Figure) -> bytes:
+    sink = io.BytesIO()
+    figure.savefig(sink, format="png", dpi=DPI, metadata={"Software": None})
+    return sink.getvalue()
