@@ -79,6 +79,7 @@ study: $(READY) $(STUDY)  ## short versions of all studies, figures and tables i
 	@$(BIN)/study literature --quick --output out/study/short/literature
 	@$(BIN)/study diagram --quick --output out/study/short/diagram
 	@$(BIN)/study basins --quick --set motor.speed=160 --output out/study/short/basins
+	@$(BIN)/study map --quick --output out/study/short/map
 
 paper: $(READY)  ## run every claim of the paper under each reading and write docs/paper.md; a quarter of an hour
 	@$(BIN)/python -m vibro_ros.project.paper_report

@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import pytest
+from known_map import known_map, mean_speed
 
 from vibro_ros.ros.goals import PositionGoal, SpeedGoal, check_reach
 from vibro_ros.ros.script_file import find_script, read_script
@@ -218,3 +219,47 @@ def test_crawl_crawls_speeds_up_stops_and_crawls_again():
     crawl = read_script(find_script("crawl"))
     assert crawl.duration == 18.0
     assert [crawl.command_at(time)["motor_speed"] for time in (3.0, 9.0, 12.0, 15.0)] == [100.0, 130.0, 0.0, 100.0]
+
+
+def test_a_speed_over_ground_becomes_the_commands_of_the_map_and_keeps_them(tmp_path):
+    path = tmp_path / "script.yaml"
+    path.write_text("""
+entries:
+  - {for: 2.0, motor_speed: 10.0}
+  - {for: 3.0, speed_over_ground: -0.03, note: slowly}
+  - {for: 1.0, motor_speed: {to: 0.0}}
+""")
+    played = read_script(path, known_map())
+    assert played.needs_map
+    assert played.commands == ("motor_speed", "upper_gap", "inclined_gap")
+    commands = played.command_at(2.0)
+    assert commands["upper_gap"] == commands["inclined_gap"]
+    assert mean_speed(commands["motor_speed"], commands["upper_gap"]) == pytest.approx(-0.03, abs=1e-7)
+    assert played.command_at(5.5) == {**commands, "motor_speed": commands["motor_speed"] / 2.0}
+    assert played.segments[1].describe().startswith("entry 2, 3 s: -0.03 m/s over ground, motor_speed ")
+    assert not script(tmp_path, "entries: [{for: 1.0, motor_speed: 5.0}]").needs_map
+
+
+@pytest.mark.parametrize("entry, reason", [
+    ("speed_over_ground: -0.5", "entry 1: speed_over_ground: -0.5 m/s is out of range of the map of device; give a "
+     "mean speed from -0.108 to -0.01 m/s"),
+    ("speed_over_ground: fast", "entry 1: speed_over_ground: 'fast' is not a number; give a number in m/s"),
+    ("speed_over_ground: .nan", "entry 1: speed_over_ground: nan is not finite; give a number in m/s"),
+    ("speed_over_ground: -0.03, motor_speed: 5.0", "entry 1: motor_speed: unknown key; give at, for, note, "
+     "speed_over_ground"),
+    ("speed_over_ground: {to: -0.03}", "entry 1: speed_over_ground: {'to': -0.03} is not a number; give a number in "
+     "m/s"),
+    ("speed_over_ground: -0.03, hold_speed: -0.03", "entry 1: speed_over_ground: unknown key; give at, for, note, "
+     "hold_speed, within, motor_speed, upper_gap, inclined_gap"),
+])
+def test_a_speed_over_ground_that_cannot_be_is_refused(tmp_path, entry, reason):
+    path = tmp_path / "script.yaml"
+    path.write_text(f"entries: [{{for: 5.0, {entry}}}]\n")
+    with pytest.raises(ValueError) as caught:
+        read_script(path, known_map())
+    assert str(caught.value) == f"{path}: {reason}"
+
+
+def test_a_speed_over_ground_without_a_map_is_refused(tmp_path):
+    with pytest.raises(ValueError, match="entry 1: speed_over_ground: there is no command map here; give motor_speed"):
+        script(tmp_path, "entries: [{for: 5.0, speed_over_ground: -0.03}]")

@@ -2,6 +2,7 @@
 
 import math
 import time
+from collections import deque
 from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
@@ -21,6 +22,8 @@ PATIENCE = 5.0
 """Longest wait [s] for the robot's parameters, where a script needs to know that the map is the robot's."""
 LOOKS = 0.2
 """Time [s] between two looks for nodes that hear the commands."""
+MOST_UNJUDGED = 1000
+"""Commands that are kept while the robot has not answered; of a robot that never does, the latest."""
 
 
 class MapAdviser:
@@ -44,6 +47,7 @@ class MapAdviser:
         self._watch: MotionWatch | None = None
         self._fault = ""  # why the map is not the robot's
         self._looked = -math.inf
+        self._unjudged: deque[tuple[str, Mapping[str, float], Mapping[str, float]]] = deque(maxlen=MOST_UNJUDGED)
 
     def tick(self) -> None:
         """Ask the robot, if that is due; to be called often."""
@@ -80,10 +84,25 @@ class MapAdviser:
                                f"{PATIENCE:g} s which machine it is; give motor_speed and gaps, or start a robot of "
                                "this package")
 
-    def advise(self, where: str, commands: Mapping[str, float]) -> None:
-        """Warn if commands, which are about to be sent, cross into another motion; `where` names the script's entry."""
-        if self._watch and (words := self._watch.warning(commands)):
-            self._node.get_logger().warning(f"{where}: {words}")
+    def advise(self, where: str, commands: Mapping[str, float], later: Mapping[str, float]) -> None:
+        """Warn if commands, which are about to be sent, cross into another motion.
+
+        Parameters
+        ----------
+        where : str
+            Names the script's entry.
+        commands, later : mapping of str to float
+            As `MotionWatch.warning` takes them.
+        """
+        self._unjudged.append((where, commands, later))
+        self._judge()
+
+    def _judge(self) -> None:
+        """Say what there is to say, late only of what was sent before the robot has answered."""
+        while self._watch and self._unjudged:
+            where, commands, later = self._unjudged.popleft()
+            if words := self._watch.warning(commands, later):
+                self._node.get_logger().warning(f"{where}: {words}")
 
     def _take(self, name: str, found: Settings | str) -> None:
         """What a node has answered; one that is no robot, as a recorder, says nothing."""
@@ -95,6 +114,7 @@ class MapAdviser:
             self._node.get_logger().info(f"no warnings of other motions: {self._fault}")
         else:
             self._watch = MotionWatch(self._map, _initial(found.scene))
+            self._judge()
 
 
 def _initial(scene: Scene) -> dict[str, float]:

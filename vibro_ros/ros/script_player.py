@@ -13,6 +13,7 @@ from std_msgs.msg import Float64
 
 from vibro_ros.ros.feedback import RATE, Pursuit
 from vibro_ros.ros.goals import GoalError
+from vibro_ros.ros.motion_watch import STAY
 from vibro_ros.ros.player import Moments
 from vibro_ros.ros.script import MOTOR, Script, Segment
 from vibro_ros.ros.track import Track
@@ -68,13 +69,13 @@ class ScriptPlayer:
     say : callable
         Is told what comes, and what came of it.
     advise : callable
-        Is told, before they are sent, the number of the entry and all commands that stand then; NaN for a motor speed
-        that feedback has given.
+        Is told, before they are sent, the number of the entry, all commands that stand then, and those that stand
+        `STAY` later; NaN for a motor speed that feedback has given.
     """
 
     def __init__(self, script: Script, reach: float, odometer: Odometer | None,
                  send: Callable[[str, Float64], None], say: Callable[[str], object],
-                 advise: Callable[[str, Mapping[str, float]], object]):
+                 advise: Callable[[str, Mapping[str, float], Mapping[str, float]], object]):
         self._script, self._reach, self._odometer = script, reach, odometer
         self._send, self._say, self._advise = send, say, advise
         self._sent: dict[str, float] = {}
@@ -101,7 +102,9 @@ class ScriptPlayer:
             self._begin(segment)
         commands = self._script.command_at(instant)
         if segment:
-            self._advise(f"entry {segment.entry}", {MOTOR: math.nan, **commands} if self._script.goals else commands)
+            unknown = {MOTOR: math.nan} if self._script.goals else {}
+            later = self._script.command_at(instant + STAY)
+            self._advise(f"entry {segment.entry}", {**unknown, **commands}, {**unknown, **later})
         for name, value in commands.items():
             self._send_change(name, value)
 

@@ -35,6 +35,8 @@ STUDIES = {
     "diagram": Study("vibro_ros.study.diagram.command",
                      "Sweep a parameter up and down: states once a turn, hysteresis, exponents, chaos."),
     "basins": Study("vibro_ros.study.basins.command", "Tell which start leads to which motion, and what upsets it."),
+    "map": Study("vibro_ros.study.map.command",
+                 "Find every motion over motor speed and gap: the command map that `controller` reads."),
 }
 """Every study by its name."""
 

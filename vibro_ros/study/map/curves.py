@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from vibro_ros.configuration.command_map import PATCHWORK, Curve, Found
+from vibro_ros.configuration.command_map import PATCHWORK, Axis, Curve, Found
 from vibro_ros.orbits.continuation import LostError, follow
 from vibro_ros.orbits.family import Family
 from vibro_ros.orbits.special_points import special_points
@@ -54,12 +54,12 @@ class End(NamedTuple):
 
 
 class Point(NamedTuple):
-    """A special point.
+    """What was found beyond the end of a motion.
 
     Attributes
     ----------
-    kind : str
-        As `orbits.special_points` names it.
+    kind : str or None
+        The special point, as `orbits.special_points` names it; None where the branch goes on, or is lost.
     turns, motion, direction : int
         Of the `End`.
     gap_index : int
@@ -68,7 +68,7 @@ class Point(NamedTuple):
         [rad/s]
     """
 
-    kind: str
+    kind: str | None
     turns: int
     motion: int
     direction: int
@@ -76,8 +76,8 @@ class Point(NamedTuple):
     motor_speed: float
 
 
-def ends(found: Found, rows: list[Visit], gap_indices: range) -> list[End]:
-    """Where the motions of some rows of the grid end, in both directions of the motor speed."""
+def ends(found: Found, rows: list[Visit], speeds: Axis, gap_indices: range) -> list[End]:
+    """Where the motions of some rows of the grid end within it, in both directions of the motor speed."""
     listed = []
     for gap_index in gap_indices:
         for motion in np.unique(found.motion[(found.gap_index == gap_index) & (found.motion > PATCHWORK)]).tolist():
@@ -88,12 +88,13 @@ def ends(found: Found, rows: list[Visit], gap_indices: range) -> list[End]:
             for run in np.split(own, np.flatnonzero(np.diff(found.speed_index[own]) > 1) + 1):
                 if len(run) >= _LEAST_RUN:
                     listed += [End(gap_index, turns, motion, int(found.speed_index[row]), direction, rows[row].state)
-                               for row, direction in ((run[0], -1), (run[-1], 1))]
+                               for row, direction, border in ((run[0], -1, 0), (run[-1], 1, speeds.count - 1))
+                               if found.speed_index[row] != border]
     return listed
 
 
-def end_point(design: MapDesign, end: End) -> Point | None:
-    """The special point at which a motion ends; None where its branch is lost before, or goes on."""
+def end_point(design: MapDesign, end: End) -> Point:
+    """The special point at which a motion ends, if its branch leads to one within `BEYOND`."""
     span = BEYOND * design.speeds.step
     here = float(design.speeds.values[end.speed_index])
     low, high = (here, here + span) if end.direction > 0 else (max(here - span, 0.1 * here), here)
@@ -105,7 +106,7 @@ def end_point(design: MapDesign, end: End) -> Point | None:
                 return Point(special.kind, end.turns, end.motion, end.direction, end.gap_index, special.point.value)
     except (LostError, SimulationError, ValueError):
         pass
-    return None
+    return Point(None, end.turns, end.motion, end.direction, end.gap_index, here)
 
 
 def curves(design: MapDesign, points: list[Point], gap_indices: range) -> tuple[Curve, ...]:
@@ -125,7 +126,7 @@ def curves(design: MapDesign, points: list[Point], gap_indices: range) -> tuple[
         lines += fresh
         open_lines = still_open + fresh
     values = design.gaps.values
-    return tuple(Curve(line[0].kind, line[0].turns, tuple(float(f"{point.motor_speed:.9g}") for point in line),
+    return tuple(Curve(str(line[0].kind), line[0].turns, tuple(float(f"{point.motor_speed:.9g}") for point in line),
                        tuple(float(f"{values[point.gap_index]:.9g}") for point in line))
                  for line in lines if len(line) > 1)
 
@@ -134,5 +135,5 @@ def _near(lines: list[list[Point]], points: list[Point]) -> Iterator[tuple[float
     """Each line and each point that may continue it, with their distance [rad/s]."""
     for line in lines:
         for point in points:
-            if (line[-1].kind, line[-1].turns, line[-1].direction) == (point.kind, point.turns, point.direction):
+            if (line[-1].kind, line[-1].motion, line[-1].direction) == (point.kind, point.motion, point.direction):
                 yield abs(line[-1].motor_speed - point.motor_speed), line, point

@@ -94,8 +94,8 @@ def _draw_coexistence(axes: Axes, command_map: CommandMap) -> None:
     found = command_map.found
     cells, counts = np.unique(np.column_stack([found.speed_index, found.gap_index]), axis=0, return_counts=True)
     several = cells[counts > 1]
-    axes.plot(command_map.speeds.values[several[:, 0]], command_map.gaps.values[several[:, 1]] * 1e3, ".", color="white",
-              markersize=2.5, markeredgewidth=0.0)
+    axes.plot(command_map.speeds.values[several[:, 0]], command_map.gaps.values[several[:, 1]] * 1e3, ".",
+              color="white", markersize=2.5, markeredgewidth=0.0)
 
 
 def _legend(axes: Axes, command_map: CommandMap) -> None:

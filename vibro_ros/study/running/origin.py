@@ -6,6 +6,7 @@ import pkgutil
 
 from vibro_ros.simulation.provenance import software
 
+_TURNS = tuple(("orbits", name) for name in ("turn_map", "stroboscope", "recurrence"))
 #: By study, the modules whose text decides what is measured, beside those of the robot (`provenance`).
 MODULES = {
     "sweep": (("accuracy", "starts"),
@@ -16,6 +17,9 @@ MODULES = {
                 *(("study.diagram", name) for name in ("chain", "design", "nature"))),
     "basins": (*(("orbits", name) for name in ("cut", "fatal_shock", "recurrence", "stroboscope", "turn_map")),
                *(("study.basins", name) for name in ("rows", "shocks", "starts"))),
+    "map": (*_TURNS, ("study", "standing"), ("study.map", "design"), ("study.map", "visit")),
+    "map_curves": (*_TURNS, *(("orbits", name) for name in ("continuation", "family", "newton", "passage",
+                                                             "special_points")), ("study.map", "curves")),
 }
 
 

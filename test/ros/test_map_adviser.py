@@ -1,0 +1,85 @@
+"""The controller with a command map, and a real robot: speeds over ground are met, crossings are said before."""
+
+import json
+import signal
+
+import pytest
+from known_map import known_map
+
+from vibro_ros.bag.reader import read_bag
+from vibro_ros.configuration.command_map_file import find_map, written
+
+FASTER = 4.0
+"""Robot seconds per second."""
+SHARE = 0.05
+"""Within which a speed over ground is met."""
+
+
+def write(folder, text):
+    (folder / "script.yaml").write_text(text)
+    return "script.yaml"
+
+
+def test_a_speed_over_ground_is_met(start, tmp_path):
+    asked, hold = (-0.05, -0.02, -0.3), 4.0
+    entries = "\n".join(f"  - {{speed_over_ground: {speed}, for: {hold}}}" for speed in asked)
+    robot = start("robot", "--ros-args", "-p", f"rate.real_time_factor:={FASTER}")
+    controller = start("controller", write(tmp_path, f"entries:\n{entries}\n  - {{for: 0.1, motor_speed: 0.0}}\n"))
+    assert controller.end() == 0, controller.text
+    robot.send(signal.SIGINT)
+    assert robot.end() == 0, robot.text
+    (bag,) = (read_bag(folder) for folder in tmp_path.glob("vibro_robot_*"))
+    time, position = bag["odom"]["time"], bag["odom"]["position"][:, 0]
+    begins = bag["motor_speed"]["time"][bag["motor_speed"]["value"] > 0.0]
+    ends = bag["motor_speed"]["time"][1:][-len(asked):]
+    for speed, begin, end in zip(asked, begins, ends, strict=True):
+        second_half = (time >= begin + (end - begin) / 2.0) & (time <= end)
+        gone = position[second_half]
+        mean = (gone[-1] - gone[0]) / (time[second_half][-1] - time[second_half][0])
+        assert abs(mean / speed - 1.0) < SHARE, (speed, mean)
+
+
+def test_a_crossing_is_said_before_the_command_is_sent(start, tmp_path):
+    (tmp_path / "known.json").write_text(written(known_map(), "a test"))
+    robot = start("robot", "--ros-args", "-p", "record.enabled:=false")
+    controller = start("controller", write(tmp_path, """
+entries:
+  - {for: 2.0, motor_speed: 50.0, upper_gap: 0.0, inclined_gap: 0.0}
+  - {for: 1.5, motor_speed: 70.0}
+  - {for: 1.5, motor_speed: 75.0}
+  - {for: 0.1, motor_speed: 0.0}
+"""), "--ros-args", "-p", "map:=known.json")
+    assert controller.end() == 0, controller.text
+    robot.send(signal.SIGINT)
+    assert robot.end() == 0
+    warnings = [line.split("]: ")[1] for line in controller.lines if "[WARN]" in line]
+    assert warnings == ["entry 2: motor_speed 70 rad/s at gap 0 mm crosses into another motion: from -50 mm/s, period "
+                        "1 turn, 1 landing to -90 mm/s, period 2 turns, 2 landings"]
+
+
+def test_the_map_of_another_machine_gives_no_commands(start, tmp_path):
+    robot = start("robot", "--ros-args", "-p", "record.enabled:=false", "-p", "mass.body:=1.25")
+    controller = start("controller", write(tmp_path, "entries: [{for: 5.0, speed_over_ground: -0.05}]\n"))
+    assert controller.end() == 1
+    assert controller.lines[-1] == (
+        f"controller: speed_over_ground: {find_map('device')} is the map of another machine than /vibro_robot: "
+        "mass.body is 1 there, 1.25 here; make one with `study map` and give it as the parameter `map`")
+    entries = "entries: [{for: 1, motor_speed: 20}, {for: 1, motor_speed: 0}]\n"
+    plain = start("controller", write(tmp_path, entries))
+    assert plain.end() == 0, plain.text
+    assert "no warnings of other motions: " in plain.text
+    robot.send(signal.SIGINT)
+    assert robot.end() == 0
+    assert "Traceback" not in controller.text + plain.text
+
+
+@pytest.mark.parametrize("words, reason", [
+    (["-p", "map:=none.json"], "map: 'none.json' is no such file; give a path or one of device"),
+    (["-p", "map:=bad.json"], "bad.json: no command map: type: 'x' is not 'vibro_ros command map, version 1'; make one "
+     "with `study map`")])
+def test_a_bad_map_is_one_line_and_nothing_is_sent(start, tmp_path, words, reason):
+    document = json.loads(written(known_map(), "a test"))
+    (tmp_path / "bad.json").write_text(json.dumps(document | {"type": "x"}))
+    controller = start("controller", "crawl", "--ros-args", *words)
+    assert controller.end() == 2
+    assert controller.lines[-1] == f"controller: {reason}"
