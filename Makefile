@@ -31,7 +31,7 @@ CHROMIUM := chromium chromium-browser google-chrome google-chrome-stable
 NEEDS_QT = $(if $(filter-out qt,$(VIBRO_ROS_BROWSER)),,$(if $(VIBRO_ROS_BROWSER),qt,$(shell \
 	for name in $(CHROMIUM); do $$name --version >/dev/null 2>&1 && exit; done; echo qt)))
 
-.PHONY: help setup demo view test check lint conflict-markers bench accuracy study paper literature optimum docs picture clean another-python
+.PHONY: help setup demo view test check lint conflict-markers bench accuracy study paper literature optimum map docs picture clean another-python
 
 help:  ## list these commands
 	@sed -n 's/^\([a-z]*\):[^#]*## /  make \1\t/p' $(MAKEFILE_LIST) | expand -t 18
@@ -89,6 +89,10 @@ literature: $(READY)  ## hold published results of other machines against the mo
 
 optimum: $(READY) $(STUDY)  ## search for the fastest and the thriftiest robots and write docs/optimum.md; half an hour
 	@$(BIN)/python -m vibro_ros.project.optimum_report
+
+map: $(READY) $(STUDY)  ## find every motion of the device over motor speed and gap; write config/maps and docs/map.png; ten minutes
+	@$(BIN)/study map --output out/study/map
+	@mkdir -p config/maps && cp out/study/map/device.json config/maps/device.json && cp out/study/map/map.png docs/map.png
 
 docs: $(READY)  ## write config/urdf, and measure and write the tables in docs/guide/parameters.md and docs/robot.md; some minutes
 	@$(BIN)/python -m vibro_ros.project.parameter_table

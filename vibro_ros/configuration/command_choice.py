@@ -64,6 +64,17 @@ class CommandChoice:
                              "motion; give motor_speed and gaps")
         self.slowest, self.fastest = (float(ends[find(np.abs(ends))]) for find in (np.argmin, np.argmax))
 
+    @property
+    def covered(self) -> float:
+        """Share of the mean speeds from `slowest` to `fastest` for which there are commands, dimensionless."""
+        if self.slowest == self.fastest:
+            return 1.0
+        reached, covered = -np.inf, 0.0
+        for low, high in sorted(zip(np.minimum(self._from, self._to), np.maximum(self._from, self._to), strict=True)):
+            covered += max(0.0, high - max(low, reached))
+            reached = max(reached, high)
+        return float(covered / abs(self.fastest - self.slowest))
+
     def commands_for(self, speed: float) -> Choice:
         """Commands for a mean speed [m/s] of the body.
 

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from vibro_ros.configuration.command_choice import CommandChoice
 from vibro_ros.configuration.command_map import PATCHWORK, CommandMap
 from vibro_ros.study.map.trial import Trial
 from vibro_ros.study.map.visit import UNSETTLED, Visit
@@ -15,6 +16,7 @@ def map_in_words(command_map: CommandMap, visits: list[Visit]) -> list[str]:
     numbered = np.unique(found.motion[found.motion > PATCHWORK])
     periodic = float(np.mean(found.turns > 0))
     fastest, slowest = int(np.argmax(np.abs(found.mean_speed))), int(np.argmin(np.abs(found.mean_speed)))
+    choice = CommandChoice(command_map)
     forwards = int(np.sum(found.mean_speed > 0.0))
     return [
         f"{len(cells)} of {command_map.speeds.count * command_map.gaps.count} cells have a motion, "
@@ -24,6 +26,8 @@ def map_in_words(command_map: CommandMap, visits: list[Visit]) -> list[str]:
         f"mean speeds from {found.mean_speed[slowest] * 1e3:.1f} to {found.mean_speed[fastest] * 1e3:.1f} mm/s "
         f"({_place(command_map, fastest)}); {forwards} go forwards",
         f"curves: {', '.join(_curves(command_map)) or 'none'}",
+        f"sure commands for {choice.covered:.0%} of the mean speeds from {choice.slowest * 1e3:.1f} to "
+        f"{choice.fastest * 1e3:.1f} mm/s",
     ]
 
 
