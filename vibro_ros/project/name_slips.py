@@ -17,7 +17,7 @@ _INSTALLED = frozenset(name for name, one in EXECUTABLES.items() if one.installe
 _PARAMETERS = frozenset(parameter.name for parameter in (*SCENE_PARAMETERS, *DEVICE_PARAMETERS))
 _GROUPS = frozenset(name.partition(".")[0] for name in _PARAMETERS if "." in name)
 _TOPICS = frozenset({*ROBOT_TOPICS, "diagnostics", "clock"})
-_FILE = re.compile(r"([\w.-]+/)*[\w.-]+\.(py|md|yaml|toml|svg|png|gif|csv|txt|xml|cfg|json)")
+_FILE = re.compile(r"([\w.-]+/)*[\w.-]+\.(py|md|yaml|toml|svg|png|gif|csv|txt|xml|cfg|json|parquet)")
 _DOTTED = re.compile(r"([^\W\d]\w*(?:\.[^\W\d]\w*)+)(?=$|[([=])")
 
 #: Commands that a document shows: pattern, what the name in it is, and which names there are.
