@@ -9,6 +9,7 @@ import time
 
 import numpy as np
 import pandas
+import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
@@ -81,7 +82,7 @@ def test_workers_and_interruptions_change_no_byte(tmp_path, monkeypatch):
     assert main([*words, "--workers", "2", "--output", str(tmp_path / "two")]) == 0
     whole = bytes_of(tmp_path / "one")
     assert bytes_of(tmp_path / "two") == whole and len(whole) == 5 + 2 + 3
-    for name in ("blocks/block_000003.parquet", "shocks/block_000001.parquet", "starts.parquet"):
+    for name in ("blocks/block_000003.parquet", "shocks_20/block_000001.parquet", "starts.parquet"):
         (tmp_path / "two" / name).unlink()
     (tmp_path / "two" / "blocks" / "block_000001.parquet").write_bytes(b"PAR1")
     assert main([*words, "--workers", "1", "--output", str(tmp_path / "two")]) == 0
@@ -167,6 +168,56 @@ def test_a_folder_of_another_study_is_refused_and_stays(tmp_path, capsys, change
     assert main([*small, *change]) == 2
     said = capsys.readouterr().err
     assert words in said and said.count("\n") == 1 and bytes_of(tmp_path) == before
+
+
+def forged(path, **columns):
+    """Write a file again with other values, as somebody might who knows what the metadata must say."""
+    table = pq.read_table(path)
+    for name, values in columns.items():
+        place = table.column_names.index(name)
+        table = table.set_column(place, table.schema.field(name), pa.array(values, table.schema.field(name).type))
+    pq.write_table(table, path, compression="zstd", write_page_checksum=True)
+
+
+@pytest.mark.parametrize(("folder", "columns"), [
+    ("blocks", {"turns": [-3, 1, 1, 1, 1]}), ("blocks", {"turns": [0, 1, 1, 1, 1]}),
+    ("blocks", {"states": [[]] * 5}), ("blocks", {"error": ["so"] * 5}), ("blocks", {"crank_angle": [0.0] * 5}),
+    ("shocks_5", {"attractor": [7]}), ("shocks_5", {"size": [0.1]}), ("shocks_5", {"leads_to": [9]})])
+def test_contents_that_the_study_never_writes_are_refused(tmp_path, capsys, folder, columns):
+    small = [*RARE, "--over", "body_velocity=-2:2", "--over", "crank_angle=0:6", "--starts", "5", "--shocks", "5",
+             "--workers", "1", "--output", str(tmp_path)]
+    assert main(small) == 0
+    forged(tmp_path / folder / "block_000000.parquet", **columns)
+    capsys.readouterr()
+    assert main(small) == 2
+    said = capsys.readouterr().err
+    assert "holds what this study does not write; delete it" in said and said.count("\n") == 1
+
+
+def test_other_shocks_use_the_same_starts(tmp_path, capsys):
+    small = [*RARE, "--starts", "20", "--workers", "1", "--output", str(tmp_path)]
+    assert main([*small, "--shocks", "0"]) == 0
+    before = (tmp_path / "blocks" / "block_000000.parquet").stat().st_mtime_ns
+    assert main([*small, "--shocks", "20"]) == main([*small, "--shocks", "30"]) == 0
+    assert (tmp_path / "blocks" / "block_000000.parquet").stat().st_mtime_ns == before
+    assert "smallest shock found" in capsys.readouterr().out
+
+
+def test_chaos_is_one_motion_beside_a_periodic_one(tmp_path):
+    """`device` at 120 rad/s."""
+    words = ["--scene", "device", "--set", "motor.speed=120", "--starts", "40", "--shocks", "0", "--workers", "1",
+             "--output", str(tmp_path)]
+    assert main(words) == 0
+    motions = pandas.read_parquet(tmp_path / "attractors.parquet")
+    assert motions["turns"].tolist() == [0, 2] and motions["lyapunov_exponent"][0] > 0.2
+    assert motions["lyapunov_exponent"][1] < 0.0 and motions["starts"].sum() == 40
+    assert [len(row) for row in motions["multipliers_real"]] == [0, 7]
+
+
+def test_a_tolerance_that_rounding_breaks_is_said_once(tmp_path, capsys):
+    words = [*RARE, "--set", "upper.plate.stiffness=1e12", "--starts", "3", "--shocks", "0", "--workers", "1"]
+    assert main([*words, "--output", str(tmp_path)]) == 0
+    assert capsys.readouterr().err.count("solver.tolerance") == 1
 
 
 def test_links_and_pipes_in_the_place_of_a_block_are_refused(tmp_path, capsys):

@@ -5,9 +5,11 @@ from pathlib import Path
 
 import pyarrow as pa
 
+from vibro_ros.orbits.recurrence import LONGEST_PERIOD
+from vibro_ros.orbits.turn_map import coordinates
 from vibro_ros.study.basins.design import Design
-from vibro_ros.study.basins.rows import Rows
-from vibro_ros.study.running.parquet_blocks import Column, ParquetBlocks
+from vibro_ros.study.basins.rows import KEPT_STATES, Rows
+from vibro_ros.study.running.parquet_blocks import Column, ParquetBlocks, has_columns
 
 FOLDER = "blocks"
 #: A list of numbers. Parquet calls its items so; by another name a file is not written again to the same bytes.
@@ -28,6 +30,19 @@ class Blocks(ParquetBlocks[Rows]):
     def __init__(self, folder: Path, design: Design):
         super().__init__(folder, "basins", design.document(), design.blocks)
         self._design = design
+
+    def is_own(self, block: int, table: pa.Table) -> bool:
+        """Whether a block holds these starts, and of each as many states as its motion has."""
+        own = self.columns(block, [Rows([], [], [], [], [])])
+        starts = own[:len(self._design.starts.over)]
+        if not has_columns(table, own) or any(
+                not table[one.name].combine_chunks().equals(one.values) for one in starts):
+            return False
+        dimension = len(coordinates(self._design.scene))
+        kept = {None: 0, 0: KEPT_STATES * dimension} | dict.fromkeys(range(1, LONGEST_PERIOD + 1), dimension)
+        return all(kept.get(turns) == len(states) and None not in states and (turns is None or error is None)
+                   for turns, states, error in zip(*(table[name].to_pylist() for name in ("turns", "states", "error")),
+                                                   strict=True))
 
     def columns(self, block: int, found: Sequence[Rows]) -> list[Column]:
         """The columns of a block."""

@@ -3,6 +3,7 @@
 import argparse
 import itertools
 import os
+import warnings
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
@@ -13,17 +14,18 @@ from vibro_ros.configuration.strict_yaml import read_scalar
 from vibro_ros.model.parameters import BY_NAME, parameter_named
 from vibro_ros.orbits.cut import free_cut
 from vibro_ros.process.command_line import Parser
-from vibro_ros.process.front_door import exit_code, say
+from vibro_ros.process.front_door import FAILURE, exit_code, say
 from vibro_ros.process.regular_file import replace_file
 from vibro_ros.process.stop_signals import interrupted_code
 from vibro_ros.simulation.processes import core_count
+from vibro_ros.simulation.simulator import ToleranceWarning
 from vibro_ros.study.basins.attractors import NOWHERE, Found, found_in
 from vibro_ros.study.basins.blocks import FOLDER, Blocks
 from vibro_ros.study.basins.design import Design
 from vibro_ros.study.basins.fractions import BasinEntropy, basin_entropy
 from vibro_ros.study.basins.picture import draw_basins
 from vibro_ros.study.basins.result import attractors_table, starts_table
-from vibro_ros.study.basins.rows import Rows, pieces, stroboscope_of, work_of
+from vibro_ros.study.basins.rows import NO_START, Rows, pieces, stroboscope_of, work_of
 from vibro_ros.study.basins.shocks import FOLDER as SHOCKS
 from vibro_ros.study.basins.shocks import ShockBlocks, ShockWork, Upset
 from vibro_ros.study.basins.starts import Plane, chosen_starts, over_in_words
@@ -42,7 +44,9 @@ _MOST_WORKERS, _MOST_TRIES = 4096, 1_000_000
 
 def main(words: Sequence[str]) -> int:
     """Run the study; returns its exit code."""
-    return exit_code("study", lambda: _basins(_parser().parse_args(words)))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", ToleranceWarning)  # `_design` says it once
+        return exit_code("study", lambda: _basins(_parser().parse_args(words)))
 
 
 def _basins(options: argparse.Namespace) -> int:
@@ -50,22 +54,22 @@ def _basins(options: argparse.Namespace) -> int:
     runner = on_cluster(options.scheduler) if options.scheduler else on_this_machine(workers)
     design, begun = _design(options), _core_time()
     with locked(options.output):
-        for folder in (FOLDER, SHOCKS):
-            (options.output / folder).mkdir(exist_ok=True)
+        (options.output / FOLDER).mkdir(exist_ok=True)
         run = _StartsRun(design, options.output / FOLDER)
         try:
             run.find_done()
             run.do_by(runner)
             table = pa.concat_tables([run.tables[block].replace_schema_metadata() for block in range(design.blocks)])
             found = found_in(table, stroboscope_of(design.scene, design.phase))
-            upsets = _upsets(design, found, options.output / SHOCKS, runner)
+            upsets = _upsets(design, found, options.output, runner)
         except KeyboardInterrupt:
             say("study", f"interrupted; {run.in_words}")
             return interrupted_code()
         _write(design, run.tables[0].schema, table, found, upsets, options.output)
     if not options.scheduler:
         say("study", f"{_core_time() - begun:.1f} s of core time")
-    return 0
+    failed = any(text and not text.startswith(NO_START) for text in table["error"].to_pylist())
+    return FAILURE if failed else 0
 
 
 class _StartsRun(BlockRun[Rows]):
@@ -91,7 +95,9 @@ def _upsets(design: Design, found: Found, folder: Path, runner: Runner) -> list[
     motions = tuple(one.motion for one in found.attractors)
     if not design.shocks or len(motions) < 2:
         return []
-    run: BlockRun[list[Upset]] = BlockRun("shocks", ShockBlocks(folder, design, len(motions)), [1] * len(motions))
+    own = folder / f"{SHOCKS}_{design.shocks}"
+    own.mkdir(exist_ok=True)
+    run: BlockRun[list[Upset]] = BlockRun("shocks", ShockBlocks(own, design, len(motions)), [1] * len(motions))
     run.find_done()
     work = ShockWork(design.scene, design.phase, motions, design.shocks, design.shocks * design.run_time)
     run.do_missing(lambda missing: runner(work, (design.scene["solver.method"],),
@@ -114,13 +120,15 @@ def _write(design: Design, schema: pa.Schema, table: pa.Table, found: Found, ups
 def _entropy(design: Design, found: Found) -> BasinEntropy | None:
     if not isinstance(design.starts, Plane):
         return None
-    return basin_entropy(found.numbers.reshape([one.count for one in design.starts.over]))
+    return basin_entropy(found.numbers.reshape([one.count for one in design.starts.over]), outside=NOWHERE)
 
 
 def _design(options: argparse.Namespace) -> Design:
     scene = load_scene(options.scene).with_parameters(dict(map(_setting, options.set)))
     if len({text.partition("=")[0] for text in options.set}) < len(options.set):
         raise ValueError("--set: a parameter is given twice; keep one")
+    if scene.broken_promise:
+        say("study", f"warning: {scene.broken_promise}")
     quick = _QUICK if options.quick else {}
     count = options.starts if options.starts is not None else quick.get("starts", STARTS_DRAWN)
     tries = options.shocks if options.shocks is not None else quick.get("shocks", TRIES)
@@ -151,7 +159,7 @@ def _parser() -> Parser:
         description="Let a machine begin from many states, tell the motions apart that it settles to, and say how many "
         "starts lead to each, how mixed they are, and which smallest shock turns one motion into another. Writes "
         "Parquet files and a picture. Ctrl-C keeps what is done; the same command goes on from there.",
-        epilog="Exit code 0: done; 1: the disk is full, or a process died again and again; 2: bad input, or nowhere to "
+        epilog="Exit code 0: done; 1: a start could not go on, or the disk is full; 2: bad input, or nowhere to "
         "write; 129, 130, 143: stopped by SIGHUP, SIGINT, SIGTERM, finished blocks are kept.")
     parser.add_argument("--scene", default="device", metavar="NAME", help="shipped scene or scene file (default: "
                         "%(default)s)")

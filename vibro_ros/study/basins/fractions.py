@@ -57,7 +57,7 @@ def wilson(found: int, of: int) -> Fraction:
     return Fraction(share, max(0.0, middle - half) if found else 0.0, min(1.0, middle + half) if found < of else 1.0)
 
 
-def basin_entropy(numbers: np.ndarray, side: int = BOX) -> BasinEntropy | None:
+def basin_entropy(numbers: np.ndarray, outside: int, side: int = BOX) -> BasinEntropy | None:
     """Basin entropy and boundary basin entropy of a grid of starts; None for a grid without a whole box.
 
     Both, and the criterion of log 2, are those of A. Daza, A. Wagemakers, B. Georgeot, D. Guery-Odelin and
@@ -67,14 +67,16 @@ def basin_entropy(numbers: np.ndarray, side: int = BOX) -> BasinEntropy | None:
     ----------
     numbers : ndarray of int, shape (rows, columns)
         Where each start leads.
+    outside : int
+        What stands where nothing can start; a box with such a start is left out.
     side : int
         Starts along a side of a box, dimensionless; what is left over at the ends of the grid is left out.
     """
     rows, columns = (count // side for count in numbers.shape)
-    if not rows * columns:
-        return None
     boxes = numbers[:rows * side, :columns * side].reshape(rows, side, columns, side).swapaxes(1, 2)
-    entropies = np.array([_entropy(box) for box in boxes.reshape(rows * columns, side * side)])
+    entropies = np.array([_entropy(box) for box in boxes.reshape(rows * columns, side * side) if outside not in box])
+    if not len(entropies):
+        return None
     mixed = entropies > 0.0
     boundary = float(entropies[mixed].mean()) if mixed.any() else math.nan
     return BasinEntropy(float(entropies.mean()), boundary, len(entropies), int(mixed.sum()))

@@ -1,6 +1,7 @@
 """Where starts lead: pieces of starts, each judged for itself, by whoever gets them."""
 
 import math
+import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import lru_cache
@@ -13,6 +14,7 @@ from vibro_ros.orbits.recurrence import SettledMotion, settle
 from vibro_ros.orbits.stroboscope import Stroboscope
 from vibro_ros.orbits.turn_map import TurnMap
 from vibro_ros.simulation.motion import SimulationError
+from vibro_ros.simulation.simulator import ToleranceWarning
 from vibro_ros.study.basins.design import Design
 from vibro_ros.study.basins.starts import Starts
 from vibro_ros.study.running.pieces import Piece
@@ -116,7 +118,9 @@ def stroboscope_of(scene: Scene, phase: float) -> Stroboscope:
 
 @lru_cache(maxsize=1)
 def _stroboscope(name: str, parameters: tuple[tuple[str, Value], ...], phase: float) -> Stroboscope:
-    return Stroboscope(TurnMap(Scene(name, dict(parameters)), phase))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", ToleranceWarning)  # the command says it once
+        return Stroboscope(TurnMap(Scene(name, dict(parameters)), phase))
 
 
 def work_of(design: Design) -> Work:

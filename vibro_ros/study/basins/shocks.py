@@ -14,7 +14,7 @@ from vibro_ros.simulation.given_state import UNITS
 from vibro_ros.study.basins.attractors import UNTOLD
 from vibro_ros.study.basins.design import Design
 from vibro_ros.study.basins.rows import stroboscope_of
-from vibro_ros.study.running.parquet_blocks import Column, ParquetBlocks
+from vibro_ros.study.running.parquet_blocks import Column, ParquetBlocks, has_columns
 from vibro_ros.study.running.pieces import Piece
 
 FOLDER = "shocks"
@@ -105,6 +105,16 @@ class ShockBlocks(ParquetBlocks[list[Upset]]):
     def __init__(self, folder: Path, design: Design, count: int):
         super().__init__(folder, "basins", {**design.document(), "shocks": design.shocks}, count)
         self._names = coordinates(design.scene)
+
+    def is_own(self, block: int, table: pa.Table) -> bool:
+        """Whether a file tells of its one motion a whole shock, or none."""
+        if len(table) != 1 or not has_columns(table, self.columns(block, [])):
+            return False
+        row = table.to_pylist()[0]
+        shock = [value for name, value in row.items() if name != "attractor" and not name.startswith("alone.")]
+        whole = all(value is None for value in shock) or (
+            None not in shock and (row["leads_to"] == UNTOLD or 1 <= row["leads_to"] <= self._count))
+        return whole and row["attractor"] == block + 1
 
     def columns(self, block: int, found: Sequence[list[Upset]]) -> list[Column]:
         """The columns of a motion's file."""

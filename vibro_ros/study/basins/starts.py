@@ -19,7 +19,7 @@ from vibro_ros.study.sweep.variation import whole_number
 
 ANGLE = "crank_angle"
 #: Most starts of a study.
-MOST_STARTS = 10_000_000
+MOST_STARTS = 1_000_000
 _MOST_VALUES = 10_000  # of a coordinate of a grid
 
 

@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pyarrow as pa
 
+from vibro_ros.orbits.recurrence import LONGEST_PERIOD
 from vibro_ros.orbits.turn_map import coordinates
 from vibro_ros.simulation.given_state import UNITS
 from vibro_ros.study.basins.attractors import MOST_MOTIONS, NOWHERE, UNSETTLED, UNTOLD, Attractor, Found
@@ -36,7 +37,7 @@ def in_words(design: Design, table: pa.Table, found: Found, entropy: BasinEntrop
 def motion_in_words(attractor: Attractor) -> str:
     """Mean speed and period."""
     turns = attractor.motion.turns
-    again = f"again after {turns} turn{'s' * (turns > 1)}" if turns else "never the same again"
+    again = f"again after {turns} turn{'s' * (turns > 1)}" if turns else f"not again within {LONGEST_PERIOD} turns"
     return f"{attractor.motion.mean_speed * 1e3:.4g} mm/s, {again}"
 
 

@@ -95,7 +95,8 @@ class ParquetBlocks(ABC, Generic[Result]):
         Raises
         ------
         ForeignBlockError
-            For a whole file of another design or version; the message names the first difference.
+            For a whole file of another design or version, of which the message names the first difference, or with
+        contents that are not this study's.
         OSError
             For one that cannot be read.
         """
@@ -114,7 +115,13 @@ class ParquetBlocks(ABC, Generic[Result]):
         if metadata != json.loads(self._metadata(block)):
             raise ForeignBlockError(f"{path}: is of another study ({_difference(metadata, self._study)}); give another "
                                     "--output, or delete that folder")
+        if not self.is_own(block, table):
+            raise ForeignBlockError(f"{path}: holds what this study does not write; delete it")
         return table
+
+    def is_own(self, block: int, table: pa.Table) -> bool:  # noqa: ARG002
+        """Whether the contents of a whole file can be this study's: somebody may have written them after its words."""
+        return True
 
     def _metadata(self, block: int) -> bytes:
         return json.dumps({**self._study, "block": block}, ensure_ascii=False).encode()
@@ -124,6 +131,11 @@ class ParquetBlocks(ABC, Generic[Result]):
         sink = io.BytesIO()
         pq.write_table(table, sink, compression="zstd", write_page_checksum=True)
         return sink.getvalue()
+
+
+def has_columns(table: pa.Table, columns: Sequence[Column]) -> bool:
+    """Whether a table has these columns, by names and types."""
+    return [(one.name, one.type) for one in table.schema] == [(one.name, one.values.type) for one in columns]
 
 
 def field(column: Column) -> pa.Field:
