@@ -77,6 +77,7 @@ study: $(READY) $(STUDY)  ## short versions of all studies, figures and tables i
 	@$(BIN)/study sweep guide_angle --output out/study/short/sweep
 	@$(BIN)/study optimise --quick --output out/study/short/optimise
 	@$(BIN)/study literature --quick --output out/study/short/literature
+	@$(BIN)/study orbits --quick --output out/study/short/orbits
 	@$(BIN)/study diagram --quick --output out/study/short/diagram
 	@$(BIN)/study basins --quick --set motor.speed=160 --output out/study/short/basins
 	@$(BIN)/study map --quick --output out/study/short/map

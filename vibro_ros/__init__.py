@@ -7,6 +7,7 @@ if TYPE_CHECKING:
     from vibro_ros.bag.reader import read_bag
     from vibro_ros.configuration.scene_file import load_scene
     from vibro_ros.model.scene import Scene
+    from vibro_ros.orbits.follow_orbit import follow_orbit
     from vibro_ros.orbits.lyapunov_spectrum import lyapunov_spectrum
     from vibro_ros.orbits.orbit import find_orbit
     from vibro_ros.orbits.recurrence import settled_motion
@@ -16,14 +17,15 @@ if TYPE_CHECKING:
     from vibro_ros.simulation.one_run import simulate
     from vibro_ros.simulation.simulator import Simulator
 
-__all__ = ["Scene", "SimulationError", "Simulator", "find_orbit", "load_scene", "lyapunov_spectrum", "read_bag",
-           "settled_motion", "simulate", "simulate_many", "zero_one_test"]
+__all__ = ["Scene", "SimulationError", "Simulator", "find_orbit", "follow_orbit", "load_scene", "lyapunov_spectrum",
+           "read_bag", "settled_motion", "simulate", "simulate_many", "zero_one_test"]
 
 _HOMES = {
     "Scene": "model.scene",
     "SimulationError": "simulation.motion",
     "Simulator": "simulation.simulator",
     "find_orbit": "orbits.orbit",
+    "follow_orbit": "orbits.follow_orbit",
     "load_scene": "configuration.scene_file",
     "lyapunov_spectrum": "orbits.lyapunov_spectrum",
     "read_bag": "bag.reader",

@@ -5,129 +5,24 @@ along the branch's tangent, then Newton's method on the plane across its end.
 """
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 
 import numpy as np
 
+from vibro_ros.orbits.branch_point import LONGEST_STEP, BranchPoint, LostError, corrected, point_at
+from vibro_ros.orbits.crossing import STRAIGHT, beyond, edge
+from vibro_ros.orbits.event_order import same_order
 from vibro_ros.orbits.family import Family, Place
-from vibro_ros.orbits.newton import CLOSED
-from vibro_ros.orbits.passage import Passage, passage
 from vibro_ros.simulation.motion import SimulationError
 
-FIRST_STEP, LONGEST_STEP, SHORTEST_STEP = 0.01, 0.05, 1e-10
+FIRST_STEP, SHORTEST_STEP = 0.01, 1e-10
 """Steps along the branch: in units of the machine and shares of the parameter's range."""
-GRAZES = 1e-6
-"""Nearest miss of a rigid plate [crank radii] that is followed."""
 NEAREST_EVENT = 0.01
 """Share of a turn that the cut keeps from all events; nearer, the branch is cut elsewhere."""
+_ARC = 1e-6  # in which a special point is, where the parameter alone would tell no more, as at a fold
 _AHEAD = 1e-6  # along the branch: where its direction is looked for when the cut changes
-_MOST_ITERATIONS = 12
-_FEW_ITERATIONS = 4  # after which the next step is longer
-_STRAIGHT = 0.9  # cosine between tangents of neighbours, at least: else the corner is rounded by a shorter step
-
-
-@dataclass(frozen=True)
-class BranchPoint:
-    """One orbit of a branch.
-
-    Attributes
-    ----------
-    family : Family
-        The equations, with the cut that was used.
-    place : Place
-        State and parameter.
-    tangent : ndarray, shape (n + 1,)
-        Unit vector along the branch.
-    multipliers : ndarray of complex, shape (n,)
-        Floquet multipliers, the largest first.
-    mean_speed : float
-        Of the body [m/s].
-    passage : Passage
-        Its contacts.
-    """
-
-    family: Family
-    place: Place
-    tangent: np.ndarray
-    multipliers: np.ndarray
-    mean_speed: float
-    passage: Passage
-
-    @property
-    def value(self) -> float:
-        """The parameter, in its unit."""
-        return self.family.value(self.place.share)
-
-    @property
-    def stable(self) -> bool:
-        """Whether small disturbances die out."""
-        return bool(np.abs(self.multipliers).max(initial=0.0) < 1.0)
-
-
-class LostError(RuntimeError):
-    """A branch cannot be followed further; the message says why."""
-
-
-def corrected(family: Family, guess: np.ndarray, normal: np.ndarray,
-              reach: float = LONGEST_STEP) -> tuple[np.ndarray, int]:
-    """The orbit on the plane through `guess` that is perpendicular to `normal`, and Newton's iterations.
-
-    Parameters
-    ----------
-    family : Family
-        The equations.
-    guess, normal : ndarray, shape (n + 1,)
-        State and share; the plane's normal.
-    reach : float
-        See `Family.jacobian`; dimensionless.
-
-    Raises
-    ------
-    LostError
-        Where Newton's method does not converge.
-    """
-    at, best, closest = guess.copy(), np.inf, guess
-    for iteration in range(_MOST_ITERATIONS):
-        try:
-            place = Place.of(at)
-            held, residual = family.held(place), family.residual(place)
-            size = float(np.abs(residual).max())
-            if size <= CLOSED and size >= 0.25 * best:  # as good as rounding lets it become
-                return at, iteration
-            if size < best:
-                best, closest = size, at
-            matrix = np.vstack([family.jacobian(place, held, reach), normal])
-            residual[held] = 0.0
-            at = at - np.linalg.solve(matrix, np.append(residual, normal @ (at - guess)))
-        except (np.linalg.LinAlgError, SimulationError, ValueError) as error:
-            raise LostError(str(error)) from error
-        if not np.all(np.isfinite(at)) or np.abs(at - guess).max() > 10.0 * LONGEST_STEP:
-            break
-    if best <= CLOSED:
-        return closest, _MOST_ITERATIONS
-    raise LostError(f"Newton's method does not close an orbit near {family.name} = {family.value(guess[-1]):.9g}")
-
-
-def tangent_at(family: Family, place: Place, along: np.ndarray,
-               reach: float) -> tuple[np.ndarray, np.ndarray]:
-    """Unit tangent of the branch in the direction of `along`, and the derivative of the map by the state, (n, n)."""
-    held, n = family.held(place), len(place.state)
-    matrix = family.jacobian(place, held, reach)
-    *_, rows = np.linalg.svd(matrix)
-    tangent = rows[-1] if rows[-1] @ along >= 0.0 else -rows[-1]
-    return tangent, matrix[:, :n] + np.eye(n)
-
-
-def point_at(family: Family, vector: np.ndarray, along: np.ndarray,
-             reach: float = LONGEST_STEP) -> BranchPoint:
-    """The branch's point at a solution, shape (n + 1,)."""
-    place = Place.of(vector)
-    tangent, matrix = tangent_at(family, place, along, reach)
-    found = np.linalg.eigvals(matrix)
-    turn_map = family.map_at(place.share)
-    advance = turn_map(place.state, family.turns).advance
-    return BranchPoint(family, place, tangent, found[np.argsort(-np.abs(found), kind="stable")],
-                       advance / (family.turns * turn_map.period), passage(turn_map, place.state, family.turns))
+_FEW = 2  # derivatives that Newton's method takes at most before a step that is longer
+_CREEP, _WILD = 1e-4, 1e3  # shortest step, and largest multiplier, of orbits that are followed in spite of the other
+_SHORT = 1e-5  # a step that fails: the branch may have an edge within it
 
 
 def follow(family: Family, state: np.ndarray, share: float,
@@ -157,44 +52,52 @@ def follow(family: Family, state: np.ndarray, share: float,
     """
     along = np.append(np.zeros_like(state), direction)
     vector, _ = corrected(family, np.append(state, share), along)
-    point, step = _well_cut(point_at(family, vector, along)), FIRST_STEP
+    yield from follow_on(point_at(family, vector, along))
+
+
+def follow_on(point: BranchPoint) -> Iterator[tuple[BranchPoint, BranchPoint]]:
+    """Neighbours on the branch from a point on, along its tangent; as `follow`, which see."""
+    point, step = _well_cut(point), FIRST_STEP
     yield point, point
     while 0.0 <= point.place.share <= 1.0:
-        after, step = _next(point, step)
-        yield point, after
-        _stop_at_graze(point, after)
-        point = _well_cut(after)
+        neighbours, step = _next(point, step)
+        for after in neighbours:
+            yield point, after
+            point = after
+        point = _well_cut(point)
 
 
-def _stop_at_graze(point: BranchPoint, after: BranchPoint) -> None:
-    """Say where the branch ends because a mass that misses its rigid plate is about to touch it.
-
-    There the branch has a corner, and behind it the map has the root of the distance. A compliant plate rounds both.
-    """
-    scene, left = after.family.scene, after.passage.miss
-    rigid = any(scene[f"effects.{side}_contact"] == "restitution" for side in scene.plates)
-    if rigid and left < GRAZES and left < point.passage.miss:
-        rate = (after.value - point.value) / (point.passage.miss - left)
-        raise LostError(f"the branch ends at {after.family.name} = {after.value + rate * left:.9g}, where a mass "
-                        "grazes its rigid plate")
-
-
-def _next(point: BranchPoint, step: float) -> tuple[BranchPoint, float]:
-    """The next point, and the step after it."""
+def _next(point: BranchPoint, step: float) -> tuple[list[BranchPoint], float]:
+    """The next point, or an edge and the first point beyond it; and the step after it."""
     family, reason = point.family, ""
     while step >= SHORTEST_STEP:
         guess = point.place.vector + step * point.tangent
+        crosses = False
         try:
-            vector, iterations = corrected(family, guess, point.tangent, step)
+            vector, derivatives = corrected(family, guess, point.tangent, step)
             after = point_at(family, vector, point.tangent, step)
-            if after.tangent @ point.tangent >= _STRAIGHT:
-                longer = 1.5 if iterations <= _FEW_ITERATIONS else 1.0
-                return after, min(LONGEST_STEP, step * longer)
+            crosses = not same_order(after.passage.order, point.passage.order)
+            if not crosses and after.tangent @ point.tangent >= STRAIGHT:
+                longer = 1.5 if derivatives <= _FEW else 1.0
+                return [after], min(LONGEST_STEP, step * longer)
             reason = f"the branch bends too sharply near {family.name} = {after.value:.9g}"
         except LostError as error:
-            reason = str(error)
+            reason, crosses = str(error), _differs(point, guess)
+        if (crosses or step < _SHORT) and (last := edge(point, step)):
+            return [last, beyond(last)], FIRST_STEP
         step *= 0.5
+        if step < _CREEP and abs(point.multipliers[0]) > _WILD:
+            raise LostError(f"too unstable to be followed beyond {family.name} = {point.value:.9g}: a disturbance "
+                            f"grows {abs(point.multipliers[0]):.4g}-fold until the motion repeats itself")
     raise LostError(reason)
+
+
+def _differs(point: BranchPoint, guess: np.ndarray) -> bool:
+    """Whether the events of a guess come in another order than those of a point."""
+    try:
+        return not same_order(point.family.order(Place.of(guess)), point.passage.order)
+    except (SimulationError, ValueError):
+        return False
 
 
 def _well_cut(point: BranchPoint) -> BranchPoint:
@@ -235,7 +138,7 @@ def located(before: BranchPoint, after: BranchPoint, test: Callable[[BranchPoint
     normal = span / length
     low, high, at_low, at_high = 0.0, 1.0, test(before), test(after)
     low_point, high_point = before, after
-    while (high - low) * length > 0.1 * tolerance:
+    while (high - low) * length > 0.1 * tolerance and _width(low_point, high_point, (high - low) * length) > tolerance:
         middle = _between(low, high, at_low, at_high)
         vector, _ = corrected(family, start + middle * span, normal, length)
         point = point_at(family, vector, before.tangent, length)
@@ -247,7 +150,14 @@ def located(before: BranchPoint, after: BranchPoint, test: Callable[[BranchPoint
         if at == 0.0 or abs(low_point.place.share - high_point.place.share) < 1e-15:
             break
     best = low_point if abs(test(low_point)) < abs(test(high_point)) else high_point
-    return best, abs(high_point.value - low_point.value)
+    width = _width(low_point, high_point, (high - low) * length)
+    return best, width * (family.high - family.low)
+
+
+def _width(low: BranchPoint, high: BranchPoint, arc: float) -> float:
+    """How much of the parameter's range lies between two points; at a fold the tangents tell, not the difference."""
+    within = max(abs(low.tangent[-1]), abs(high.tangent[-1])) * arc
+    return float(max(within, abs(low.place.share - high.place.share), 0.0 if arc < _ARC else arc))
 
 
 def _between(low: float, high: float, at_low: float, at_high: float) -> float:

@@ -7,7 +7,8 @@ from typing import NamedTuple
 import numpy as np
 
 from vibro_ros.model.scene import Scene
-from vibro_ros.orbits.newton import STEP, derivative
+from vibro_ros.orbits.event_order import EventOrder
+from vibro_ros.orbits.newton import STEP
 from vibro_ros.orbits.passage import passage
 from vibro_ros.orbits.turn_map import TURN, TurnMap
 from vibro_ros.simulation.simulator import Simulator
@@ -59,6 +60,13 @@ class Family:
     phase : float
         Crank angle at the cut [rad].
 
+    Attributes
+    ----------
+    scene, name, low, high, turns, phase
+        The parameters.
+    units : ndarray, shape (n,)
+        What 1 is of each coordinate [m or m/s], all along the branch.
+
     Raises
     ------
     ValueError
@@ -69,7 +77,7 @@ class Family:
         if not low < high:
             raise ValueError(f"{name}: from {low:g} to {high:g} is no range; give the smaller value first")
         self.scene, self.name, self.low, self.high, self.turns, self.phase = scene, name, low, high, turns, phase
-        self._units = TurnMap(scene, phase).units
+        self.units = self.units_of(scene)
         self.map_at = lru_cache(_MAPS)(self._map_at)
 
     def value(self, share: float) -> float:
@@ -84,9 +92,14 @@ class Family:
         """The machine there (ValueError where the scene refuses the value)."""
         return self.scene.with_parameters({self.name: self.value(share)})
 
+    @staticmethod
+    def units_of(scene: Scene) -> np.ndarray:
+        """What 1 is of each coordinate of a scene's own turn map [m or m/s], shape (n,)."""
+        return TurnMap(scene, 0.0).units
+
     def _map_at(self, share: float) -> TurnMap:
         turn_map = TurnMap(self.scene_at(share), self.phase)
-        turn_map.units = self._units  # the same all along the branch
+        turn_map.units = self.units  # the same all along the branch
         return turn_map
 
     def residual(self, place: Place) -> np.ndarray:
@@ -97,27 +110,56 @@ class Family:
         """Coordinates that something holds at the cut, shape (n,) of bool."""
         return self.map_at(place.share).held(place.state)
 
+    def order(self, place: Place) -> EventOrder:
+        """The order of the events between the cut and `turns` turns later."""
+        return self.map_at(place.share).ordered(place.state, self.turns)[1]
+
     def jacobian(self, place: Place, held: np.ndarray, reach: float = 1.0) -> np.ndarray:
         """Derivative of the residual by state and share, shape (n, n + 1); what is held stays, whatever else moves.
 
         A mass that arrives at its plate with the speed v would miss the plate from v² / 2 farther back, in units of the
         machine. Central differences stay far within that, because the map has the root of this distance there; they let
-        no mass touch that misses its plate; and they stay within `reach`, over which the branch is straight.
+        no mass touch that misses its plate; they stay within `reach`, over which the branch is straight; and they are
+        shortened, down to 1e-9, until all their ends have the same events in the same order, because elsewhere the map
+        has other derivatives.
         """
-        n, free = len(place.state), ~held
         seen = passage(self.map_at(place.share), place.state, self.turns)
+        order = self.order(place)
         step = max(_LEAST_STEP, min(STEP, _SHARE * seen.softest**2, _PART * seen.miss, _PART * reach))
-        matrix = np.zeros((n, n + 1))
-        by_state = derivative(self.map_at(place.share), place.state, self.turns, free, step)
-        matrix[np.ix_(free, np.append(free, False))] = by_state
+        while True:
+            matrix, same = self._differences(place, ~held, order, step)
+            if same or step <= _LEAST_STEP:
+                return matrix
+            step = max(_LEAST_STEP, 0.1 * step)
+
+    def _differences(self, place: Place, free: np.ndarray, order: EventOrder, step: float) -> tuple[np.ndarray, bool]:
+        """The derivative by central differences, and whether all their ends have the events of `order`."""
+        n, vector = len(place.state), place.vector
+        matrix, same = np.zeros((n, n + 1)), True
+        for i in np.flatnonzero(np.append(free, True)):
+            ends = []
+            for sign in (step, -step):
+                moved = vector.copy()
+                moved[i] += sign
+                there = Place.of(moved)
+                end, along = self.map_at(there.share).ordered(there.state, self.turns)
+                ends.append(end.state)
+                same = same and along == order
+            matrix[free, i] = (ends[0] - ends[1])[free] / (2.0 * step)
         matrix[:, :n] -= np.eye(n)
-        ends = [self.map_at(place.share + sign)(place.state, self.turns).state for sign in (step, -step)]
-        matrix[free, n] = (ends[0] - ends[1])[free] / (2.0 * step)
-        return matrix
+        return matrix, same
+
+    def with_turns(self, turns: int) -> "Family":
+        """The same family for orbits that repeat themselves after another number of turns."""
+        return Family(self.scene, self.name, self.low, self.high, turns, self.phase)
+
+    def with_phase(self, phase: float) -> "Family":
+        """The same family cut at another crank angle [rad]."""
+        return Family(self.scene, self.name, self.low, self.high, self.turns, phase)
 
     def recut(self, phase: float, places: Iterator[Place]) -> tuple["Family", list[Place]]:
         """The same family cut at another phase, and there the states to which the given ones lead."""
-        other = Family(self.scene, self.name, self.low, self.high, self.turns, phase)
+        other = self.with_phase(phase)
         ahead, found = (phase - self.phase) % TURN / TURN, []
         for place in places:
             here, there = self.map_at(place.share), other.map_at(place.share)

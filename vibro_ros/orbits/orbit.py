@@ -102,11 +102,11 @@ def find_orbit(scene: Scene, turns: int = 1) -> Orbit:
         device.advance_to(max(device.time, settled * period))
         phase, _ = free_phase(scene, device)
         turn_map = TurnMap(scene, phase)
-        history = _history(turn_map, device)
-        for guess in _guesses(history, turns):
+        seen = _history(turn_map, device)
+        for guess in _guesses(seen, turns):
             if closed := close(turn_map, guess, turns):
                 return orbit_at(turn_map, closed, turns)
-        repeats = repeats or _repeats_after(history)
+        repeats = repeats or _repeats_after(seen)
     found = f"; it repeats itself after {repeats} turns: give turns={repeats}" if repeats else (
         f", nor one that repeats itself within {MOST_TURNS} turns")
     raise OrbitNotFoundError(f"{scene.name}: at {scene['motor.speed']:g} rad/s no motion was found that repeats itself "

@@ -6,6 +6,7 @@ import numpy as np
 from scipy.optimize import brentq
 
 from vibro_ros.orbits.cut import CELLS, events_in_cells, middle_of_longest
+from vibro_ros.orbits.event_order import EventOrder
 from vibro_ros.orbits.turn_map import TURN, TurnMap
 from vibro_ros.simulation.samples import Samples
 from vibro_ros.simulation.simulator import Simulator
@@ -34,6 +35,8 @@ class Passage:
     miss : float
         Least distance [crank radii] by which a mass misses its plate where it turns back, exact where it is below 1e-3;
         infinite without a miss.
+    order : tuple of str
+        Its events in their order, counted from the cut; see `event_order`.
     """
 
     contacts: tuple[tuple[str, int], ...]
@@ -41,6 +44,7 @@ class Passage:
     best: float
     softest: float
     miss: float
+    order: EventOrder
 
 
 def passage(turn_map: TurnMap, state: np.ndarray, turns: int) -> Passage:
@@ -62,7 +66,7 @@ def passage(turn_map: TurnMap, state: np.ndarray, turns: int) -> Passage:
     speeds = np.maximum(contacts["speed"] / turn_map.units.max(), 0.5 * TURN * contacts["duration"] / turn_map.period)
     return Passage(tuple(zip(kinds.tolist(), counts.tolist(), strict=True)), float(clear),
                    float((turn_map.phase + best) % TURN), float(speeds.min(initial=np.inf)),
-                   _nearest_miss(turn_map, state, turns, contacts))
+                   _nearest_miss(turn_map, state, turns, contacts), turn_map.ordered(state, turns)[1])
 
 
 def _nearest_miss(turn_map: TurnMap, state: np.ndarray, turns: int, contacts: np.ndarray) -> float:

@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from vibro_ros.model.scene import Scene
+from vibro_ros.orbits.event_order import LANDING, EventOrder, event_order
 from vibro_ros.simulation.samples import Samples
 from vibro_ros.simulation.simulator import Simulator
 
@@ -89,6 +90,21 @@ class TurnMap:
         self.put(self._device, state)
         self._device.advance_to(turns * self.period)
         return TurnEnd(self.read(self._device.state), self._device.state.body_position)
+
+    def ordered(self, state: np.ndarray, turns: int = 1) -> tuple[TurnEnd, EventOrder]:
+        """The same as a call, with the order of the events that have ended on the way."""
+        device, end = self._device, turns * self.period
+        self.put(device, state)
+        start = device.checkpoint()
+        device.take_events()
+        device.advance_to(end)
+        now, events = device.state, device.take_events()
+        landings = events["time"][events["kind"] == LANDING]
+        speeds = np.zeros(len(landings))
+        if len(landings):  # what a landing has made of the body's speed is not in its event
+            device.restore(start)
+            speeds = device.sample(landings + 2.0 * np.spacing(landings)).body_velocity
+        return TurnEnd(self.read(now), now.body_position), event_order(events, end, speeds)
 
     def put(self, device: Simulator, state: np.ndarray) -> None:
         """Put a device of the scene at its time 0 into a state at the cut, the body at 0."""

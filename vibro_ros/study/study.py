@@ -32,6 +32,8 @@ STUDIES = {
     "sweep": Study("vibro_ros.study.sweep.command", "Vary parameters and tabulate what the robot does."),
     "optimise": Study("vibro_ros.study.optimise.command", "Search for the fastest or thriftiest robot."),
     "literature": Study("vibro_ros.study.literature", "Hold published results of other machines against the model."),
+    "orbits": Study("vibro_ros.study.orbits.command",
+                    "Follow branches of periodic orbits over a parameter, and locate where they change."),
     "diagram": Study("vibro_ros.study.diagram.command",
                      "Sweep a parameter up and down: states once a turn, hysteresis, exponents, chaos."),
     "basins": Study("vibro_ros.study.basins.command", "Tell which start leads to which motion, and what upsets it."),

@@ -7,6 +7,8 @@ import pkgutil
 from vibro_ros.simulation.provenance import software
 
 _TURNS = tuple(("orbits", name) for name in ("turn_map", "stroboscope", "recurrence"))
+_BRANCHES = (*_TURNS, *(("orbits", name) for name in (
+    "branch_point", "continuation", "crossing", "event_order", "family", "newton", "passage", "special_points")))
 #: By study, the modules whose text decides what is measured, beside those of the robot (`provenance`).
 MODULES = {
     "sweep": (("accuracy", "starts"),
@@ -15,11 +17,13 @@ MODULES = {
     "diagram": (*(("orbits", name) for name in ("cut", "lyapunov_spectrum", "newton", "recurrence", "stroboscope",
                                                 "turn_map", "zero_one")),
                 *(("study.diagram", name) for name in ("chain", "design", "nature"))),
+    "orbits": (*_BRANCHES, *(("orbits", name) for name in ("branch", "cut", "follow_orbit", "orbit", "search",
+                                                           "whole_branch")),
+               *(("study.orbits", name) for name in ("branch_files", "plan", "run"))),
     "basins": (*(("orbits", name) for name in ("cut", "fatal_shock", "recurrence", "stroboscope", "turn_map")),
                *(("study.basins", name) for name in ("rows", "shocks", "starts"))),
     "map": (*_TURNS, ("study", "standing"), ("study.map", "design"), ("study.map", "visit")),
-    "map_curves": (*_TURNS, *(("orbits", name) for name in ("continuation", "family", "newton", "passage",
-                                                             "special_points")), ("study.map", "curves")),
+    "map_curves": (*_BRANCHES, ("study.map", "curves")),
 }
 
 

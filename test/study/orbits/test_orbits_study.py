@@ -1,0 +1,151 @@
+"""`study orbits`: the same numbers however often it is interrupted, nothing mixed, bad input refused in one line."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pandas
+import pyarrow.parquet as pq
+import pytest
+
+import vibro_ros
+from vibro_ros.orbits.branch import Branch, Special
+from vibro_ros.study.locked_folder import locked
+from vibro_ros.study.orbits.branch_files import BranchFiles, branch_of
+from vibro_ros.study.orbits.command import main, parser, plan_of
+
+SHORT = ["--scene", "damped", "--vary", "motor.speed=99.5:101", "--from", "100", "--starts", "1", "--turns", "2"]
+
+
+def bytes_of(folder):
+    return {path.name: path.read_bytes() for path in sorted(folder.glob("**/*")) if path.is_file()}
+
+
+@pytest.fixture(scope="module")
+def short(tmp_path_factory):
+    """A folder with a short study."""
+    folder = tmp_path_factory.mktemp("orbits")
+    assert main([*SHORT, "--workers", "1", "--output", str(folder)]) == 0
+    return folder
+
+
+def test_branches_are_those_that_python_follows(short):
+    table = pandas.read_parquet(short / "branches.parquet")
+    orbit = vibro_ros.find_orbit(vibro_ros.load_scene("damped"))
+    for number, upwards in enumerate((True, False)):
+        own = table[table["branch"] == number]
+        branch = vibro_ros.follow_orbit(orbit, "motor.speed", 99.5, 101.0, upwards)
+        assert own["mean_speed"].to_numpy() == pytest.approx(branch.mean_speeds, abs=1e-9)
+        assert own["motor.speed"].to_numpy() == pytest.approx(branch.values, abs=1e-6)
+        assert np.stack(own["multipliers_real"]) == pytest.approx(branch.multipliers.real, abs=1e-5)
+        assert own["stable"].tolist() == branch.stable.tolist()
+        assert own["end"].iloc[-1] == branch.end and own["end"].iloc[:-1].isna().all()
+    assert table["motor.speed"].min() == 99.5 and table["motor.speed"].max() == 101.0
+
+
+def test_columns_say_their_units_and_the_file_its_origin(short):
+    schema = pq.read_schema(short / "branches" / "block_000000.parquet")
+    assert schema.field("mean_speed").metadata[b"unit"] == b"m/s"
+    assert schema.field("upper_position").metadata[b"unit"] == b"m"
+    origin = json.loads(schema.metadata[b"vibro_ros"])
+    assert origin["design"]["scene"] == "damped" and origin["version"] and origin["sources"]
+
+
+def test_more_processes_change_no_byte(short, tmp_path, capsys):
+    assert main([*SHORT, "--workers", "2", "--output", str(tmp_path)]) == 0
+    assert bytes_of(tmp_path) == bytes_of(short)
+    assert "branch 1, 1 turn" in capsys.readouterr().out
+
+
+def test_the_same_command_goes_on_where_it_was(short, tmp_path, capsys):
+    """What is missing or damaged is followed again; what is there is not."""
+    (tmp_path / "branches").mkdir()
+    for name in ("block_000000.parquet", "block_000001.parquet"):
+        (tmp_path / "branches" / name).write_bytes((short / "branches" / name).read_bytes())
+    (tmp_path / "branches" / "block_000001.parquet").write_bytes(b"PAR1 nonsense")
+    assert main([*SHORT, "--workers", "1", "--output", str(tmp_path)]) == 0
+    said = capsys.readouterr().err
+    assert "block_000001.parquet: is damaged" in said
+    assert "branch 1: 1 turn" in said and "branch 0: 1 turn" not in said
+    assert bytes_of(tmp_path) == bytes_of(short)
+
+
+def test_branches_of_another_study_are_refused(short, capsys):
+    before = bytes_of(short)
+    assert main([*SHORT, "--set", "ground.friction=0.3", "--output", str(short)]) == 2
+    said = capsys.readouterr().err
+    assert "is of another study (design.set.ground.friction is 0.2 there, 0.3 here); give another --output" in said
+    assert len(said.strip().splitlines()) == 1 and bytes_of(short) == before
+
+
+def test_two_studies_do_not_share_a_folder(short, capsys):
+    with locked(short / "branches"):
+        assert main([*SHORT, "--output", str(short)]) == 2
+    assert "another study writes here" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(("words", "message"), [
+    ([], "--vary: is missing; give NAME=LOW:HIGH"),
+    (["--vary", "motor.speed=100"], "--vary motor.speed=100: is no range"),
+    (["--vary", "motor.speed=60:130:8"], "--vary motor.speed=60:130:8: is no range"),
+    (["--vary", "motor.speed=130:60"], "motor.speed: from 130 to 60 is no range; give the smaller number first"),
+    (["--vary", "motor.sped=60:130"], "motor.sped: unknown parameter; did you mean motor.speed?"),
+    (["--vary", "effects.friction=0:1"], "effects.friction: is a text, which has no range"),
+    (["--vary", "motor.speed=60:nan"], "motor.speed: "),
+    (["--vary", "motor.speed=0:100", "--from", "0"], "motor.speed: 0 rad/s turns no crank; give the speed"),
+    (["--vary", "motor.speed=60:130", "--from", "140"], "--from 140: is not from 60 to 130; give a value of the"),
+    (["--vary", "motor.speed=60:130", "--from", "fast"], "motor.speed: 'fast' is not a number"),
+    (["--vary", "motor.speed=60:130", "--turns", "33"], "--turns: 33 is out of range; give a whole number from"),
+    (["--vary", "motor.speed=60:130", "--starts", "0"], "--starts: 0 is out of range"),
+    (["--vary", "motor.speed=60:130", "--points", "1"], "--points: 1 is out of range"),
+    (["--vary", "motor.speed=60:130", "--set", "mass.body"], "--set mass.body: give NAME=VALUE"),
+    (["--vary", "motor.speed=60:130", "--set", "solver.method=rk4"], "solver.method: 'rk4' is not exact to rounding"),
+    (["--vary", "motor.speed=60:130", "--scene", "nowhere"], "nowhere"),
+])
+def test_bad_input_is_refused_in_one_line(words, message, capsys, tmp_path):
+    assert main([*words, "--output", str(tmp_path / "out")]) == 2
+    said = capsys.readouterr().err
+    assert message in said and len(said.strip().splitlines()) == 1
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_branch_is_read_as_it_was_written(tmp_path):
+    """Special points stand between the orbits that they lie between."""
+    plan = plan_of(parser().parse_args(["--quick"]))
+    random = np.random.default_rng(7)
+    names = ("upper_position", "upper_velocity", "inclined_position", "inclined_velocity", "body_velocity")
+    multipliers = random.normal(size=(4, 5)) + 1j * random.normal(size=(4, 5))
+    special = tuple(Special(kind, 100.0 + at, 1e-9, 0.1 * at, multipliers[0], change, 0.5, random.normal(size=5), at)
+                    for kind, change, at in (("fold", "", 0), ("grazing", "landing appears", 2), ("fold", "", 2),
+                                             ("corner", "stick vanishes", 4)))
+    branch = Branch("motor.speed", 2, random.normal(size=4), random.normal(size=4), multipliers, random.normal(size=4),
+                    random.normal(size=(4, 5)), {name: random.normal(size=(4, 2)) for name in names}, special, "an end")
+    files = BranchFiles(tmp_path, plan)
+    files.write(3, [branch])
+    found = branch_of(files.read(3), "motor.speed", names)
+    assert found.end == "an end" and found.turns == 2
+    for key in ("values", "mean_speeds", "multipliers", "phases", "states"):
+        np.testing.assert_array_equal(getattr(found, key), getattr(branch, key))
+    for name in names:
+        np.testing.assert_array_equal(found.strobe[name], branch.strobe[name])
+    assert [(one.kind, one.value, one.change, one.at) for one in found.special_points] == [
+        (one.kind, one.value, one.change, one.at) for one in special]
+
+
+def test_a_signal_keeps_the_branches_that_are_done(tmp_path):
+    """The second branch, of many orbits, is under way when the signal comes."""
+    words = ["--vary", "motor.speed=60:100.2", "--from", "100", "--starts", "1", "--turns", "1", "--workers", "1"]
+    process = subprocess.Popen([sys.executable, "-m", "vibro_ros.study.study", "orbits", *words, "--output",
+                                str(tmp_path)], stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+    first = tmp_path / "branches" / "block_000000.parquet"
+    deadline = time.monotonic() + 120.0
+    while not first.exists() and time.monotonic() < deadline and process.poll() is None:
+        time.sleep(0.02)
+    os.kill(process.pid, signal.SIGTERM)
+    _, said = process.communicate(timeout=60)
+    assert process.returncode == 143 and "Traceback" not in said
+    assert "kept; the same command goes on from there" in said and first.exists()

@@ -1,0 +1,1 @@
+"""Study `orbits`: branches of periodic orbits over a parameter, and where they change their nature."""

@@ -1,0 +1,157 @@
+"""``study orbits``: branches of periodic orbits over a parameter, as Parquet files, a picture and tables."""
+
+import argparse
+from collections.abc import Sequence
+from pathlib import Path
+from typing import cast
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.compute as pc
+import pyarrow.parquet as pq
+
+from vibro_ros.accuracy.precision import running
+from vibro_ros.configuration.scene_file import load_scene
+from vibro_ros.configuration.strict_yaml import read_scalar
+from vibro_ros.model.parameters import BY_NAME
+from vibro_ros.orbits.turn_map import TurnMap
+from vibro_ros.process.command_line import Parser
+from vibro_ros.process.front_door import exit_code, say
+from vibro_ros.process.regular_file import replace_file
+from vibro_ros.process.stop_signals import interrupted_code
+from vibro_ros.simulation.preparation import prepare_kernels
+from vibro_ros.simulation.processes import core_count
+from vibro_ros.study.locked_folder import locked
+from vibro_ros.study.orbits.branch_files import FOLDER, columns_of
+from vibro_ros.study.orbits.drawing import draw_orbits
+from vibro_ros.study.orbits.plan import Plan
+from vibro_ros.study.orbits.run import OrbitsRun
+from vibro_ros.study.orbits.words import document, in_words, names_of
+from vibro_ros.study.sweep.variation import Range, varied_in_words, whole_number
+
+BRANCHES, SPECIAL, PICTURE, TEXT = "branches.parquet", "special_points.parquet", "orbits.png", "orbits.md"
+MOST_TURNS = 32
+_QUICK_VARY, _QUICK_FROM = "motor.speed=98:112", 100.0
+# Default, default with --quick, least and most of the numbers that an option gives.
+_COUNTS = {"turns": (8, 2, 1, MOST_TURNS), "starts": (4, 2, 1, 1000), "points": (400, 120, 2, 100_000)}
+
+
+def main(words: Sequence[str]) -> int:
+    """Run the study; returns its exit code."""
+    return exit_code("study", lambda: _orbits(parser().parse_args(words)))
+
+
+def _orbits(options: argparse.Namespace) -> int:
+    plan = plan_of(options)
+    workers = whole_number("--workers", options.workers, 1, 4096)
+    with locked(options.output / FOLDER):
+        prepare_kernels("study", plan.scene["solver.method"])
+        run = OrbitsRun(plan, options.output / FOLDER, workers)
+        try:
+            run.do()
+        except KeyboardInterrupt:
+            say("study", f"interrupted; {run.in_words}")
+            return interrupted_code()
+        print("\n".join(map(str, _written(plan, run, options.output))))
+    print("\n".join(in_words(run.done)) or "no orbit was found; give more --starts, --turns, or another --from")
+    return 0
+
+
+def plan_of(options: argparse.Namespace) -> Plan:
+    """What the command line asks for.
+
+    Raises
+    ------
+    ValueError
+        For an option that makes no sense, or a range that the scene refuses.
+    """
+    vary = options.vary or (_QUICK_VARY if options.quick else None)
+    if vary is None:
+        raise ValueError("--vary: is missing; give NAME=LOW:HIGH, such as motor.speed=60:130")
+    name, over = varied_in_words(vary)
+    if not isinstance(over, Range) or over.log:
+        raise ValueError(f"--vary {vary}: is no range; give NAME=LOW:HIGH, such as motor.speed=60:130")
+    scene = running(load_scene(options.scene).with_parameters(_set(options.set)))
+    if scene["solver.method"] not in ("exact", "auto"):
+        raise ValueError(f"solver.method: {scene['solver.method']!r} is not exact to rounding, which derivatives of "
+                         "orbits need; leave it at 'exact'")
+    given = tuple(cast(float, BY_NAME[name].checked(read_scalar(word))) for word in options.begin)
+    begin = given or ((_QUICK_FROM,) if options.quick and not options.vary else _spread(over))
+    for value in begin:
+        if not over.low <= value <= over.high:
+            raise ValueError(f"--from {value:g}: is not from {over.low:g} to {over.high:g}; give a value of the range")
+        TurnMap(scene.with_parameters({name: value}))  # refuses a crank that stands
+    turns, starts, points = (_count(options, key) for key in _COUNTS)
+    plan = Plan(scene.with_parameters({name: begin[0]}), name, over.low, over.high, begin, turns, starts, points)
+    plan.family(1, 0.0)  # refuses a range that the scene refuses
+    return plan
+
+
+def _spread(over: Range) -> tuple[float, ...]:
+    return tuple(over.at(np.array([0.25, 0.5, 0.75])).tolist())
+
+
+def _count(options: argparse.Namespace, key: str) -> int:
+    given, (usual, quick, least, most) = getattr(options, key), _COUNTS[key]
+    return whole_number(f"--{key}", (quick if options.quick else usual) if given is None else given, least, most)
+
+
+def _set(words: Sequence[str]) -> dict[str, object]:
+    found = {}
+    for word in words:
+        name, equals, value = word.partition("=")
+        if not equals:
+            raise ValueError(f"--set {word}: give NAME=VALUE, such as ground.friction=0.3")
+        found[name] = read_scalar(value)
+    return found
+
+
+def _written(plan: Plan, run: OrbitsRun, folder: Path) -> list[Path]:
+    """Write tables, text and picture; returns the files (OSError)."""
+    branches = [branch for _, branch in run.done]
+    tables = []
+    for number, (branch, names) in enumerate(zip(branches, names_of(branches), strict=True)):
+        columns, left = columns_of(branch), iter(names)
+        kinds = columns[0].values.to_pylist()
+        own = {"branch": pa.array([number] * len(kinds), pa.int64()),
+               "name": pa.array([next(left) if kind else None for kind in kinds], pa.string())}
+        tables.append(pa.table({**own, **{column.name: column.values for column in columns}}))
+    if tables:
+        whole = pa.concat_tables(tables)
+        for name, table in ((BRANCHES, whole), (SPECIAL, whole.filter(pc.is_valid(whole["kind"])))):
+            sink = pa.BufferOutputStream()
+            pq.write_table(table, sink, compression="zstd")
+            replace_file(folder / name, sink.getvalue().to_pybytes())
+    replace_file(folder / TEXT, document(plan, run.done).encode())
+    replace_file(folder / PICTURE, draw_orbits(plan, branches))
+    return [folder / name for name in (*((BRANCHES, SPECIAL) if tables else ()), TEXT, PICTURE)]
+
+
+def parser() -> Parser:
+    """The command line of the study."""
+    own = Parser(
+        prog="study orbits",
+        description="Look for periodic orbits, stable and unstable, follow their branches over a parameter, through "
+        "folds, grazings and corners, and from period doublings on; locate and name special points. Ctrl-C keeps the "
+        "branches that are done; the same command goes on from there.",
+        epilog="Exit code 0: done; 1: a run failed, or the disk is full; 2: bad input, or nowhere to write; 129, 130, "
+        "143: stopped by SIGHUP, SIGINT, SIGTERM.")
+    own.add_argument("--scene", default="damped", metavar="NAME", help="shipped scene or scene file (default: "
+                     "%(default)s)")
+    own.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", help="another value of the scene, SI "
+                     "units, angles in rad; repeatable")
+    own.add_argument("--vary", metavar="NAME=LOW:HIGH", help="the parameter that changes, and its range")
+    own.add_argument("--from", dest="begin", action="append", default=[], metavar="VALUE", help="where orbits are "
+                     "looked for; repeatable (default: at a quarter, a half and three quarters of the range)")
+    own.add_argument("--turns", type=int, metavar="N", help="most turns of the crank after which an orbit repeats "
+                     f"itself, up to {MOST_TURNS} (default: 8)")
+    own.add_argument("--starts", type=int, metavar="N", help="starts from which orbits are looked for, at each VALUE "
+                     "(default: 4)")
+    own.add_argument("--points", type=int, metavar="N", help="most orbits of a branch (default: 400)")
+    own.add_argument("--workers", type=int, default=core_count(), metavar="N", help="processes; change no number "
+                     "(default: %(default)s)")
+    own.add_argument("--quick", action="store_true", help="the fold of `damped` between 98 and 112 rad/s, in half a "
+                     "minute; options that are given win")
+    own.add_argument("--output", type=Path, default=Path("out/study/orbits"), metavar="DIR", help="where to write "
+                     "(default: %(default)s)")
+    return own

@@ -1,0 +1,102 @@
+"""What a study of orbits is asked for, and the tasks that it consists of: a branch each."""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from vibro_ros.model.scene import Scene
+from vibro_ros.orbits.branch import Branch
+from vibro_ros.orbits.family import Family
+from vibro_ros.orbits.follow_orbit import branch_from, doubled_branch_from, family_of
+from vibro_ros.orbits.search import Seed, seeds_of
+
+UP, DOWN, DOUBLED = "upwards", "downwards", "doubled"
+
+
+class Task(NamedTuple):
+    """One branch to follow.
+
+    Attributes
+    ----------
+    way : str
+        `UP` or `DOWN` from an orbit, or `DOUBLED` from a period doubling.
+    turns : int
+        Of the orbit that it begins with.
+    phase : float
+        Crank angle at the cut [rad].
+    state : ndarray, shape (n,)
+        At the cut, in units of the machine.
+    value : float
+        The parameter there, in its unit.
+    parent : int or None
+        Number of the branch whose period doubles.
+    """
+
+    way: str
+    turns: int
+    phase: float
+    state: np.ndarray
+    value: float
+    parent: int | None
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What is asked for.
+
+    Attributes
+    ----------
+    scene : Scene
+        The machine, its motor running.
+    name : str
+        The parameter that changes.
+    low, high : float
+        Its range, in its unit.
+    begin : tuple of float
+        Values at which orbits are looked for, in its unit.
+    turns : int
+        Turns after which orbits repeat themselves at most.
+    starts : int
+        Starts at each of these values.
+    points : int
+        Most orbits of a branch.
+    """
+
+    scene: Scene
+    name: str
+    low: float
+    high: float
+    begin: tuple[float, ...]
+    turns: int
+    starts: int
+    points: int
+
+    def document(self) -> dict[str, object]:
+        """All that decides the branches."""
+        fixed = {name: value for name, value in self.scene.parameters.items() if name != self.name}
+        return {"scene": self.scene.name, "set": fixed, "vary": {self.name: {"from": self.low, "to": self.high}},
+                "units_at": self.scene[self.name], "begin": list(self.begin), "turns": self.turns,
+                "starts": self.starts, "points": self.points}
+
+    def family(self, turns: int, phase: float) -> Family:
+        """The orbits over the range; ValueError for a range that the scene refuses."""
+        return family_of(self.scene, self.name, self.low, self.high, turns, phase)
+
+    def seeds(self, value: float) -> list[Seed]:
+        """Orbits at a value of the parameter; their states in the units of the family."""
+        scene = self.scene.with_parameters({self.name: value})
+        found = []
+        for seed in seeds_of(scene, self.starts, self.turns):
+            family = self.family(seed.turns, seed.phase)
+            ratio = family.units_of(scene) / family.units
+            found.append(Seed(seed.turns, float(seed.phase), seed.state * ratio))
+        return found
+
+    def branch(self, task: Task) -> Branch:
+        """Follow a branch."""
+        family = self.family(task.turns, task.phase)
+        share = family.share(task.value)
+        if task.way == DOUBLED:
+            return doubled_branch_from(family, task.state, share, self.points)
+        return branch_from(family, task.state, share, 1.0 if task.way == UP else -1.0, self.points)
