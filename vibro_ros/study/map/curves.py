@@ -12,9 +12,10 @@ from typing import NamedTuple
 import numpy as np
 
 from vibro_ros.configuration.command_map import PATCHWORK, Axis, Curve, Found
-from vibro_ros.orbits.continuation import LostError, follow
+from vibro_ros.orbits.branch_point import LostError
+from vibro_ros.orbits.continuation import follow
 from vibro_ros.orbits.family import Family
-from vibro_ros.orbits.special_points import special_points
+from vibro_ros.orbits.special_points import CORNER, special_points
 from vibro_ros.simulation.motion import SimulationError
 from vibro_ros.study.map.design import MapDesign
 from vibro_ros.study.map.visit import PHASE, Visit
@@ -103,6 +104,8 @@ def end_point(design: MapDesign, end: End) -> Point:
         branch = follow(family, np.array(end.state), family.share(here), float(end.direction))
         for _, (before, after) in zip(range(_MOST_STEPS), branch, strict=False):
             for special in special_points(before, after):
+                if special.kind == CORNER:  # the motion goes on
+                    continue
                 return Point(special.kind, end.turns, end.motion, end.direction, end.gap_index, special.point.value)
     except (LostError, SimulationError, ValueError):
         pass
