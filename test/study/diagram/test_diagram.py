@@ -3,14 +3,17 @@
 import json
 import math
 import os
+import shutil
 import signal
 import subprocess
 import sys
 import time
 
 import numpy as np
+import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
+from distributed import LocalCluster
 
 import vibro_ros
 from vibro_ros.study.diagram import command
@@ -124,6 +127,30 @@ def test_blocks_of_another_design_are_refused_and_a_damaged_one_is_done_again(tm
     assert "mine.txt: is no block of this study" in capsys.readouterr().err and stranger.read_text() == "mine"
 
 
+@pytest.mark.parametrize(("name", "strange"), [
+    ("upper_velocity", [math.nan]), ("upper_velocity", ["fast"]), ("period", [99]), ("visit", [77]),
+    ("settled", [2]), ("mean_speed", [None])])
+def test_a_strangers_rows_with_our_metadata_are_done_again(fold, tmp_path, capsys, name, strange):
+    folder = tmp_path / "strange"
+    shutil.copytree(fold[0], folder)
+    file = folder / "visits" / "block_000001.parquet"
+    before, table = file.read_bytes(), pq.read_table(file)
+    place = table.column_names.index(name)
+    table = table.set_column(place, table.field(place).with_type(pa.array(strange).type),
+                             pa.array(strange * table.num_rows))
+    pq.write_table(table, file, compression="zstd", write_page_checksum=True)
+    assert main([*FOLD, "--output", str(folder)]) == 0
+    assert "block_000001.parquet: is damaged" in capsys.readouterr().err
+    assert file.read_bytes() == before
+
+
+def test_a_cluster_finds_the_same_bytes(fold, tmp_path):
+    with LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address=None) as cluster:
+        words = [*FOLD[:-2], "--scheduler", cluster.scheduler_address, "--output", str(tmp_path)]
+        assert main(words) == 0
+    assert bytes_of(tmp_path) == bytes_of(fold[0])
+
+
 def test_a_motion_that_never_settles_says_so(tmp_path, capsys):
     words = ["--scene", "unilateral", "--vary", "motor.speed=90,100", "--most-turns", "64", "--exponents", "20",
              "--cuts", "0", "--output", str(tmp_path)]
@@ -144,6 +171,8 @@ def test_a_plate_that_moves_into_a_mass_takes_it_along(tmp_path):
 @pytest.mark.parametrize(("words", "reason"), [
     (["--vary", "motor.speed=60:240"], "a range needs a count here; give NAME=LOW:HIGH:COUNT"),
     (["--vary", "effects.reaction=true,false"], "is true or false; choose a number, which can go up and down"),
+    (["--vary", "start.body_velocity=0:1:3"], "is no part of the machine"),
+    (["--vary", "solver.step=1e-5:1e-4:3"], "is no part of the machine"),
     (["--vary", "motor.speed=60"], "one value goes neither up nor down; give at least 2"),
     (["--vary", "motor.speed=0,60"], "motor.speed: 0 rad/s turns no crank"),
     (["--vary", "motor.sped=60:90:3"], "motor.sped: unknown parameter; did you mean motor.speed?"),

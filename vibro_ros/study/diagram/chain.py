@@ -104,6 +104,18 @@ class VisitBlocks(ParquetBlocks[Visit]):
         super().__init__(folder, "diagram", design.document(), design.blocks)
         self._design = design
 
+    def read(self, block: int) -> pa.Table | None:
+        """See `ParquetBlocks`; None, too, where the rows are no visits of this block: a stranger's file may have our
+        metadata."""
+        table = super().read(block)
+        try:
+            found = visits_in(self._design, table) if table is not None else []
+            possible = all(len(one.states) == (one.motion.turns or CLOUD) and np.isfinite(one.states).all()
+                           for one in found)
+            return table if possible and table == self.table(block, found) else None
+        except (LookupError, TypeError, ValueError, OverflowError):
+            return None
+
     def columns(self, block: int, found: Sequence[Visit]) -> list[Column]:
         """See `ParquetBlocks`."""
         design = self._design

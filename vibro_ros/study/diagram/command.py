@@ -9,6 +9,7 @@ import pyarrow as pa
 from vibro_ros.configuration.scene_file import load_scene
 from vibro_ros.configuration.strict_yaml import read_scalar
 from vibro_ros.model.parameters import BY_NAME, parameter_named
+from vibro_ros.model.possible_state import PREFIX
 from vibro_ros.model.scene import Scene
 from vibro_ros.orbits.cut import free_cut
 from vibro_ros.orbits.turn_map import TURN, coordinates
@@ -60,9 +61,14 @@ def _diagram(options: argparse.Namespace) -> int:
             run.find_done()
             run.do_missing(lambda missing: visits(design, missing, run.tables))
             seen = tuple(one for block in range(design.blocks) for one in visits_in(design, run.tables[block]))
-            natures = _natures(design, seen, options.output / NATURES, runner)
         except KeyboardInterrupt:
-            say("study", f"interrupted; {run.in_words}")
+            say("study", f"interrupted on the way through the values; {run.in_words}")
+            return interrupted_code()
+        measuring = _run_of("motions measured", NatureBlocks(options.output / NATURES, design), design)
+        try:
+            natures = _natures(design, seen, measuring, runner)
+        except KeyboardInterrupt:
+            say("study", f"interrupted while motions were measured; {measuring.in_words}")
             return interrupted_code()
         found = Diagram(design, seen, natures)
         _write(found, [run.tables[block] for block in range(design.blocks)], options.output)
@@ -74,11 +80,10 @@ def _run_of(what: str, blocks, design: Design) -> BlockRun:
     return BlockRun(what, blocks, [len(design.visits_of_block(block)) for block in range(design.blocks)])
 
 
-def _natures(design: Design, seen: tuple[Visit, ...], folder: Path, runner: Runner) -> pa.Table | None:
-    """What is measured of each visit."""
+def _natures(design: Design, seen: tuple[Visit, ...], run: BlockRun[Nature], runner: Runner) -> pa.Table | None:
+    """What is measured of each visit; None where nothing is asked for."""
     if not (design.exponents or design.cuts):
         return None
-    run: BlockRun[Nature] = _run_of("motions measured", NatureBlocks(folder, design), design)
     run.find_done()
     work, methods = nature_work(design, seen), (design.scene["solver.method"],)
     run.do_missing(lambda missing: runner(work, methods, pieces(design, seen, missing)))
@@ -98,6 +103,8 @@ def _axis(options: argparse.Namespace) -> Axis:
     name, axis = varied_in_words(options.vary or default)
     if not isinstance(axis, Axis):
         raise ValueError(f"--vary {options.vary}: a range needs a count here; give NAME=LOW:HIGH:COUNT")
+    if name.startswith(PREFIX) or name.startswith("solver."):
+        raise ValueError(f"--vary {name}: is no part of the machine, whose motions would stay the same; choose another")
     if not isinstance(BY_NAME[name].default, float):
         raise ValueError(f"--vary {name}: is {BY_NAME[name].type_name}; choose a number, which can go up and down")
     if len(axis.values) < 2:
@@ -108,9 +115,9 @@ def _axis(options: argparse.Namespace) -> Axis:
 def _design(options: argparse.Namespace, scene: Scene, axis: Axis) -> Design:
     """The design; the cut is that of the first value unless it is given."""
     first = scene.with_parameters({axis.name: axis.values[0]})
+    prepare_kernels("study", scene["solver.method"])
     if options.phase is None:
-        prepare_kernels("study", scene["solver.method"])
-        phase = free_cut(first).phase
+        phase = float(free_cut(first).phase)
     elif 0.0 <= options.phase < TURN:
         phase = options.phase
     else:

@@ -130,11 +130,21 @@ class NatureBlocks(ParquetBlocks[Nature]):
 
     def __init__(self, folder, design: Design):
         super().__init__(folder, "diagram", design.document(), design.blocks)
-        self._count_of_exponents = len(design.names)
+        self._design = design
+
+    def read(self, block: int) -> pa.Table | None:
+        """See `ParquetBlocks`; None, too, where the rows are no measurements of this block's visits."""
+        table = super().read(block)
+        try:
+            found = natures_in(self._design, table) if table is not None else []
+            asked = [one.number for one in found] == list(self._design.visits_of_block(block))
+            return table if asked and table == self.table(block, found) else None
+        except (LookupError, TypeError, ValueError, OverflowError):
+            return None
 
     def columns(self, block: int, found: Sequence[Nature]) -> list[Column]:
         """See `ParquetBlocks`."""
-        numbers = range(self._count_of_exponents)
+        numbers = range(len(self._design.names))
         return [
             Column("visit", pa.array([one.number for one in found], pa.int64()), "1", "number of the visit"),
             *(Column(f"exponent_{k + 1}", pa.array([float(one.exponents[k]) for one in found], pa.float64()), "1/s",
@@ -143,3 +153,11 @@ class NatureBlocks(ParquetBlocks[Nature]):
                      "half the width of the exponent's 95 % interval; 0 for a periodic motion") for k in numbers),
             Column("zero_one", pa.array([one.chaos for one in found], pa.float64()), "1",
                    "K of the 0-1 test: near 0 regular, near 1 chaotic")]
+
+
+def natures_in(design: Design, table: pa.Table) -> list[Nature]:
+    """What a block's table holds."""
+    exponents, spread = (np.column_stack([table[f"{what}_{k + 1}"].to_numpy() for k in range(len(design.names))])
+                         for what in ("exponent", "spread"))
+    return [Nature(number, exponents[row], spread[row], chaos) for row, (number, chaos) in enumerate(
+        zip(table["visit"].to_pylist(), table["zero_one"].to_pylist(), strict=True))]

@@ -74,11 +74,15 @@ class ParquetBlocks(ABC, Generic[Result]):
                 raise ForeignBlockError(f"{self._folder / name}: is no block of this study; give another --output, or "
                                         "delete that folder")
 
-    def write(self, block: int, found: Sequence[Result]) -> pa.Table:
-        """Put a block on the disk (OSError), in the place of what there was; returns its table."""
+    def table(self, block: int, found: Sequence[Result]) -> pa.Table:
+        """The table of a block, from what was found for all of its pieces."""
         columns = self.columns(block, found)
         schema = pa.schema([field(column) for column in columns], metadata={KEY: self._metadata(block)})
-        table = pa.Table.from_arrays([column.values for column in columns], schema=schema)
+        return pa.Table.from_arrays([column.values for column in columns], schema=schema)
+
+    def write(self, block: int, found: Sequence[Result]) -> pa.Table:
+        """Put a block on the disk (OSError), in the place of what there was; returns its table."""
+        table = self.table(block, found)
         replace_file(self.path(block), self._bytes(table))
         folder = os.open(self._folder, os.O_RDONLY | os.O_DIRECTORY)
         try:
