@@ -91,9 +91,10 @@ literature: $(READY)  ## hold published results of other machines against the mo
 optimum: $(READY) $(STUDY)  ## search for the fastest and the thriftiest robots and write docs/optimum.md; half an hour
 	@$(BIN)/python -m vibro_ros.project.optimum_report
 
-map: $(READY) $(STUDY)  ## find every motion of the device over motor speed and gap; write config/maps and docs/map.png; ten minutes
+map: $(READY) $(STUDY)  ## find every motion of the device over motor speed and gap; write config/maps, docs/map.png and docs/map_costs.png; ten minutes
 	@$(BIN)/study map --output out/study/map
 	@mkdir -p config/maps && cp out/study/map/device.json config/maps/device.json && cp out/study/map/map.png docs/map.png
+	@cp out/study/map/costs.png docs/map_costs.png
 
 docs: $(READY)  ## write config/urdf, and measure and write the tables in docs/guide/parameters.md and docs/robot.md; some minutes
 	@$(BIN)/python -m vibro_ros.project.parameter_table

@@ -1,6 +1,7 @@
 """The command map in the controller's hands: whether it is the robot's, and what it says before commands are sent."""
 
 import math
+import re
 import time
 from collections import deque
 from collections.abc import Mapping
@@ -22,6 +23,10 @@ PATIENCE = 5.0
 """Longest wait [s] for the robot's parameters, where a script needs to know that the map is the robot's."""
 LOOKS = 0.2
 """Time [s] between two looks for nodes that hear the commands."""
+MOST_ASKED = 16
+"""Nodes that are asked, of those that hear the commands."""
+LONGEST_NAME = 200
+"""Characters of a node's full name."""
 MOST_UNJUDGED = 1000
 """Commands that are kept while the robot has not answered; of a robot that never does, the latest."""
 
@@ -57,7 +62,7 @@ class MapAdviser:
         self._looked = now
         for info in self._node.get_subscriptions_info_by_topic(self._publisher.topic_name):
             name = f"{info.node_namespace.rstrip('/')}/{info.node_name}"
-            if name not in self._readers and not info.node_name.startswith("_"):  # else it is not known yet
+            if name not in self._readers and len(self._readers) < MOST_ASKED and _can_be_asked(name):
                 self._readers[name] = SceneReader(self._node, name, partial(self._take, name))
         for reader in self._readers.values():
             reader.tick()
@@ -115,6 +120,12 @@ class MapAdviser:
         else:
             self._watch = MotionWatch(self._map, _initial(found.scene))
             self._judge()
+
+
+def _can_be_asked(name: str) -> bool:
+    """Whether the name that a peer gives itself is one that ROS makes services of; a name not yet known begins with _.
+    """
+    return bool(re.fullmatch(r"(/[A-Za-z][A-Za-z0-9_]*)+", name)) and "__" not in name and len(name) < LONGEST_NAME
 
 
 def _initial(scene: Scene) -> dict[str, float]:

@@ -2,6 +2,7 @@
 
 import json
 import os
+import pickle
 from pathlib import Path
 
 import numpy as np
@@ -15,8 +16,10 @@ from vibro_ros.configuration.command_map_file import read_map
 from vibro_ros.study.map.command import main
 from vibro_ros.study.map.design import GAP, SPEED, Line, MapDesign
 from vibro_ros.study.map.motions import LEAST_CELLS, motions
+from vibro_ros.study.map.record import LineWork
 from vibro_ros.study.map.visit import UNSETTLED, Visit, visits
 from vibro_ros.study.measures import measure
+from vibro_ros.study.running.pieces import Piece
 
 SIDES = ("upper", "inclined")
 FOLD, BACK = 107.959911, 104.85265
@@ -83,6 +86,13 @@ def test_a_sweep_goes_on_from_cell_to_cell():
     assert [one.gap_index for one in down] == [2, 1, 0]
     for one, other in zip(up, reversed(down), strict=True):  # one motion, whichever way
         assert one.mean_speed == pytest.approx(other.mean_speed, abs=1e-6)
+
+
+def test_other_machines_get_the_work_as_it_is():
+    design = MapDesign(vibro_ros.load_scene("device"), SIDES, Axis(110.0, 120.0, 2), Axis(0.003, 0.004, 2))
+    work = pickle.loads(pickle.dumps(LineWork(design)))
+    found = work(Piece({"line": 3}, (None, None)))
+    assert found == visits(design, design.lines()[3]) and len(found) == 2
 
 
 def test_a_cell_has_each_motion_once():

@@ -44,8 +44,8 @@ def motions(visits: Iterable[Visit], speeds: Axis, gaps: Axis) -> tuple[Found, l
     numbers = _numbers(rows, (speeds.count, gaps.count))
     columns = {name: np.array([getattr(visit, name) for visit in rows]) for name in Found.__dataclass_fields__
                if name != "motion"}
-    for name in ("turns", "landings"):
-        columns[name] = np.where(columns["turns"] <= LONG, columns[name], 0)
+    short = columns["turns"] <= LONG
+    columns |= {name: np.where(short, columns[name], 0) for name in ("turns", "landings")}
     return Found(motion=numbers, **columns), rows
 
 

@@ -7,14 +7,13 @@ from matplotlib.axes import Axes
 from matplotlib.colors import BoundaryNorm, ListedColormap
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.patches import Patch
 
 from vibro_ros.configuration.command_map import Axis, CommandMap
 
 WIDTH, HEIGHT = 9.6, 8.4  # in
 DPI = 110
 #: Colours of periods (Okabe and Ito's, which the colour-blind tell apart) and what they say.
-_PERIODS = (("#f0f0f0", "no period up to 8"), ("#0072b2", "1 turn"), ("#56b4e9", "2"), ("#009e73", "3"),
+_PERIODS = (("#dddddd", "none up to 8"), ("#0072b2", "1"), ("#56b4e9", "2"), ("#009e73", "3"),
             ("#f0e442", "4"), ("#e69f00", "5 to 8"))
 _STYLES = {"fold": ("black", "-"), "period doubling": ("black", "--"), "Neimark-Sacker": ("black", ":"),
            "grazing": ("#d55e00", "-")}
@@ -23,13 +22,13 @@ _STYLES = {"fold": ("black", "-"), "period doubling": ("black", "--"), "Neimark-
 def draw_map(command_map: CommandMap) -> bytes:
     """Mean speed, and period, over motor speed and gap: a PNG."""
     figure = Figure((WIDTH, HEIGHT), layout="constrained")
-    upper, lower = figure.subplots(2, 1, sharex=True)
+    upper, lower = figure.subplots(2, 1, sharex=True, sharey=True)
     _draw_quantity(figure, upper, command_map, command_map.found.mean_speed * 1e3, "mean speed [mm/s]", "viridis")
     _draw_periods(figure, lower, command_map)
     for axes in (upper, lower):
         _draw_curves(axes, command_map)
     _draw_coexistence(upper, command_map)
-    _legend(upper, command_map)
+    figure.legend(handles=_legend(command_map), loc="outside lower center", ncols=5, frameon=False)
     upper.set_title(f"{command_map.scene}: motions over motor speed and gap of {_sides(command_map)}")
     lower.set_xlabel("motor speed [rad/s]")
     return _png(figure)
@@ -74,11 +73,11 @@ def _draw_periods(figure: Figure, axes: Axes, command_map: CommandMap) -> None:
     turns = command_map.found.turns
     classes = _fastest(command_map, np.where(turns > 4, 5, turns).astype(float))
     colours = ListedColormap([colour for colour, _ in _PERIODS])
-    axes.pcolormesh(_edges(command_map.speeds), _edges(command_map.gaps, 1e3), classes, cmap=colours,
-                    norm=BoundaryNorm(np.arange(-0.5, len(_PERIODS)), len(_PERIODS)), rasterized=True)
+    mesh = axes.pcolormesh(_edges(command_map.speeds), _edges(command_map.gaps, 1e3), classes, cmap=colours,
+                           norm=BoundaryNorm(np.arange(-0.5, len(_PERIODS)), len(_PERIODS)), rasterized=True)
     axes.set_ylabel("gap [mm]")
-    axes.legend(handles=[Patch(facecolor=colour, edgecolor="grey", label=words) for colour, words in _PERIODS],
-                title="period", loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
+    bar = figure.colorbar(mesh, ax=axes, pad=0.01, ticks=range(len(_PERIODS)), label="period [turns]")
+    bar.ax.set_yticklabels([words for _, words in _PERIODS])
 
 
 def _draw_curves(axes: Axes, command_map: CommandMap) -> None:
@@ -98,11 +97,11 @@ def _draw_coexistence(axes: Axes, command_map: CommandMap) -> None:
               color="white", markersize=2.5, markeredgewidth=0.0)
 
 
-def _legend(axes: Axes, command_map: CommandMap) -> None:
+def _legend(command_map: CommandMap) -> list[Line2D]:
     handles = [Line2D([], [], color=colour, linestyle=style, label=kind) for kind, (colour, style) in _STYLES.items()
                if any(curve.kind == kind for curve in command_map.curves)]
-    handles.append(Line2D([], [], color="white", marker=".", linestyle="", label="more than one motion"))
-    axes.legend(handles=handles, loc="upper left", fontsize="small", facecolor="#808080", labelcolor="white")
+    return [*handles, Line2D([], [], color="white", markeredgecolor="grey", marker="o", markersize=5, linestyle="",
+                             label="more than one motion")]
 
 
 def _sides(command_map: CommandMap) -> str:
