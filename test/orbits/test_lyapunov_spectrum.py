@@ -8,8 +8,9 @@ from scipy.linalg import eigvals
 
 import vibro_ros
 from vibro_ros.orbits.cut import free_cut
-from vibro_ros.orbits.lyapunov_spectrum import spectrum_from, spectrum_of_cycle, turn_derivative
+from vibro_ros.orbits.lyapunov_spectrum import spectrum_from, turn_derivative
 from vibro_ros.orbits.stroboscope import Stroboscope
+from vibro_ros.orbits.turn_map import TurnMap
 from vibro_ros.study.lyapunov import lyapunov_exponent
 from vibro_ros.study.window import window
 
@@ -20,13 +21,19 @@ def scene(name, **changes):
 
 @pytest.mark.parametrize("damping", [0.5, 3.0, 21.0])
 def test_a_linear_mass_has_the_real_parts_of_its_eigenvalues(damping):
-    """A pair of complex ones shares its real part, -c / 2m, but for the phase that the run ends in: 1 / (turns T)."""
     alone = scene("unilateral", **{"effects.inclined_mass": False, "upper.spring.damping": damping, "upper.gap": 0.03})
-    mass, stiffness = alone["mass.upper"], alone["upper.spring.stiffness"]
-    expected = np.sort(np.roots([mass, damping, stiffness]).real)[::-1]
-    found = vibro_ros.lyapunov_spectrum(alone, turns=200, settling=20).exponents
-    assert found == pytest.approx(expected, abs=2.0 / (200 * 0.0628))
-    assert found.sum() == pytest.approx(-damping / mass, abs=1e-4)
+    expected = np.sort(np.roots([alone["mass.upper"], damping, alone["upper.spring.stiffness"]]).real)[::-1]
+    found = vibro_ros.lyapunov_spectrum(alone)
+    assert found.exponents == pytest.approx(expected, abs=1e-4)
+    assert (found.turns, found.spread.tolist()) == (1, [0.0, 0.0])
+
+
+def test_a_run_finds_the_same_but_for_the_phase_that_a_complex_pair_ends_in():
+    """Which is 1 / (turns T) or so; their sum is exact."""
+    alone = scene("unilateral", **{"effects.inclined_mass": False, "upper.spring.damping": 3.0, "upper.gap": 0.03})
+    found = spectrum_from(TurnMap(alone), np.array([3.0, 0.1]), 200).exponents
+    assert found == pytest.approx([-15.0, -15.0], abs=1.0 / (200 * 0.0628))
+    assert found.sum() == pytest.approx(-30.0, abs=1e-6)
 
 
 def test_masses_that_yield_to_each_other_have_the_eigenvalues_of_their_matrices():
@@ -41,9 +48,7 @@ def test_masses_that_yield_to_each_other_have_the_eigenvalues_of_their_matrices(
     rates = eigvals(np.block([[np.zeros((3, 3)), np.eye(3)],
                               [-np.linalg.solve(mass, stiffness), -np.linalg.solve(mass, damping)]])).real
     expected = np.delete(np.sort(rates)[::-1], 0)  # of the two zeros, that of the body's place is no coordinate
-    found = vibro_ros.lyapunov_spectrum(coupled, turns=100, settling=0)
-    assert found.exponents == pytest.approx(expected, abs=2.0 / (100 * 0.0628))
-    assert found.exponents.sum() == pytest.approx(expected.sum(), abs=1e-5)
+    assert vibro_ros.lyapunov_spectrum(coupled).exponents == pytest.approx(expected, abs=1e-5)
 
 
 @pytest.mark.parametrize(("name", "changes", "turns"), [
@@ -58,8 +63,8 @@ def test_of_a_periodic_motion_they_are_its_multipliers_logarithms(name, changes,
     period = turns * 2.0 * math.pi / machine["motor.speed"]
     with np.errstate(divide="ignore"):
         expected = np.log(np.abs(orbit.multipliers)) / period
-    along_run = vibro_ros.lyapunov_spectrum(machine, turns=40 * turns, settling=1000)
-    of_cycle = spectrum_of_cycle(free_cut(machine), motion.states)
+    along_run = spectrum_from(free_cut(machine), motion.states[-1], 40 * turns)
+    of_cycle = vibro_ros.lyapunov_spectrum(machine)
     for found, error in ((along_run, 6.0 / (40 * period)), (of_cycle, 0.05)):
         lasting = ~np.isneginf(found.exponents)
         assert found.exponents[lasting] == pytest.approx(expected[lasting], abs=error)
@@ -92,7 +97,7 @@ def test_the_largest_is_that_of_two_runs_that_part():
 
 
 def test_a_body_that_sticks_and_a_landing_forget_directions():
-    spectrum = vibro_ros.lyapunov_spectrum(scene("device"), turns=20, settling=200)
+    spectrum = vibro_ros.lyapunov_spectrum(scene("device"))
     assert np.isneginf(spectrum.exponents).tolist() == 4 * [False] + 3 * [True]
     assert spectrum.spread[4:].tolist() == [0.0] * 3
 
@@ -100,7 +105,7 @@ def test_a_body_that_sticks_and_a_landing_forget_directions():
 @pytest.mark.parametrize(("arguments", "words"), [
     ({"turns": 5}, "turns: 5 is out of range; give a whole number from 20 to 1000000"),
     ({"turns": 50.0}, "turns: 50.0 is out of range"),
-    ({"settling": -1}, "settling: -1 is out of range; give a whole number from 0 to 1000000")])
+    ({"settling": 0}, "settling: 0 is out of range; give a whole number from 64 to 1000000")])
 def test_numbers_out_of_range_are_refused(arguments, words):
     with pytest.raises(ValueError, match=words):
         vibro_ros.lyapunov_spectrum(scene("damped"), **arguments)

@@ -112,6 +112,7 @@ REFUSED = [
     ({"upper_position": math.inf}, "upper_position: inf is not finite"),
     ({"upper_position": "0.05"}, "upper_position: '0.05' is not a number; give a number from -1e+06 to 1e+06 m"),
     ({"upper_position": True}, "upper_position: True is not a number"),
+    ({"upper_position": np.zeros(2)}, "upper_position: array([0., 0.]) is not a number"),
     ({"body_velocity": 1e7}, "give a number from -1e+06 to 1e+06 m/s"),
     ({"crank_angle": -0.1}, "crank_angle: -0.1 is out of range"),
     ({"motor_speed": 1e6}, "motor.max_speed"),

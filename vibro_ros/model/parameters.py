@@ -94,6 +94,8 @@ class Parameter:
             number = float(value)
         except OverflowError:
             number = math.inf if value > 0 else -math.inf
+        except (TypeError, ValueError):  # an array of several numbers has __float__, too
+            raise ValueError(f"{self.name}: {value!r} is not a number; give a number{self._hint()}") from None
         if not math.isfinite(number):
             raise ValueError(f"{self.name}: {number} is not finite; give a number{self._hint()}")
         counted = 0.0 if abs(number) < self.negligible else number + 0.0  # no -0.0

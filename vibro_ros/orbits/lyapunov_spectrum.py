@@ -18,6 +18,8 @@ from scipy.stats import t as student
 from vibro_ros.model.scene import Scene
 from vibro_ros.orbits.cut import free_cut
 from vibro_ros.orbits.newton import STEP
+from vibro_ros.orbits.recurrence import FIRST_TURNS, settle
+from vibro_ros.orbits.recurrence import MOST_TURNS as MOST_SETTLING
 from vibro_ros.orbits.stroboscope import Stroboscope
 from vibro_ros.orbits.turn_map import TurnMap
 
@@ -41,9 +43,10 @@ class LyapunovSpectrum:
         [1/s], the largest first, one for each coordinate of `TurnMap`; -inf for a direction that is gone within a turn.
         The crank's angle and the body's place along the ground are no coordinates; their exponents would be 0.
     spread : ndarray, shape (n,)
-        Half the width of 95 % confidence intervals [1/s], from the means of ten parts of the run; 0 for -inf.
+        Half the width of 95 % confidence intervals [1/s], from the means of ten parts of the run; 0 for -inf, and for a
+        motion that repeats itself.
     turns : int
-        Turns of the crank that were measured.
+        Turns of the crank that were measured: the period of a motion that repeats itself.
     """
 
     exponents: np.ndarray
@@ -51,7 +54,7 @@ class LyapunovSpectrum:
     turns: int
 
 
-def lyapunov_spectrum(scene: Scene, turns: int = 500, settling: int = 500) -> LyapunovSpectrum:
+def lyapunov_spectrum(scene: Scene, turns: int = 500, settling: int = MOST_SETTLING) -> LyapunovSpectrum:
     """All Lyapunov exponents of the motion that a scene settles to at `motor.speed`.
 
     Parameters
@@ -59,15 +62,17 @@ def lyapunov_spectrum(scene: Scene, turns: int = 500, settling: int = 500) -> Ly
     scene : Scene
         Its motor turns at `motor.speed`, all the time; it begins as `start.state` has it.
     turns : int
-        Turns of the crank that are measured, from `LEAST_TURNS` to `MOST_TURNS`; 1000 take about 4 s.
+        Turns of the crank over which a motion is measured that does not repeat itself, from `LEAST_TURNS` to
+        `MOST_TURNS`; 1000 take about 4 s. Of one that repeats itself, its period is enough.
     settling : int
-        Turns before them, from 0 to `MOST_TURNS`.
+        Turns that the motion may take to settle, from `FIRST_TURNS` to `MOST_TURNS`. What has not settled by then is
+        measured as it is.
 
     Returns
     -------
     LyapunovSpectrum
         Exponents [1/s] with their intervals. A chaotic motion has a largest exponent above 0; a periodic one has the
-        logarithms of its Floquet multipliers' magnitudes over its period.
+        logarithms of its Floquet multipliers' magnitudes over its period, to about 1e-6 1/s.
 
     Raises
     ------
@@ -84,15 +89,16 @@ def lyapunov_spectrum(scene: Scene, turns: int = 500, settling: int = 500) -> Ly
     damped: the largest is below 0
     unilateral: the largest is above 0
     """
-    for name, value, least in (("turns", turns, LEAST_TURNS), ("settling", settling, 0)):
+    for name, value, least in (("turns", turns, LEAST_TURNS), ("settling", settling, FIRST_TURNS)):
         if isinstance(value, bool) or not isinstance(value, int | np.integer) or not least <= value <= MOST_TURNS:
             raise ValueError(f"{name}: {value!r} is out of range; give a whole number from {least} to {MOST_TURNS}")
     turn_map = free_cut(scene)
     stroboscope = Stroboscope(turn_map)
-    state = stroboscope.begin_as().states[-1]
-    if settling:
-        state = stroboscope.turns(settling).states[-1]
-    return spectrum_from(turn_map, state, turns)
+    stroboscope.begin_as()
+    motion = settle(stroboscope, most=int(settling))
+    if motion is not None and motion.turns:
+        return spectrum_of_cycle(turn_map, motion.states)
+    return spectrum_from(turn_map, stroboscope.turns(1).states[-1], turns)
 
 
 def spectrum_from(turn_map: TurnMap, state: np.ndarray, turns: int) -> LyapunovSpectrum:

@@ -127,21 +127,23 @@ def test_blocks_of_another_design_are_refused_and_a_damaged_one_is_done_again(tm
     assert "mine.txt: is no block of this study" in capsys.readouterr().err and stranger.read_text() == "mine"
 
 
-@pytest.mark.parametrize(("name", "strange"), [
-    ("upper_velocity", [math.nan]), ("upper_velocity", ["fast"]), ("period", [99]), ("visit", [77]),
-    ("settled", [2]), ("mean_speed", [None])])
-def test_a_strangers_rows_with_our_metadata_are_done_again(fold, tmp_path, capsys, name, strange):
+@pytest.mark.parametrize(("kind", "name", "strange"), [
+    ("visits", "upper_velocity", [math.nan]), ("visits", "upper_velocity", ["fast"]), ("visits", "period", [99]),
+    ("visits", "visit", [77]), ("visits", "settled", [2]), ("visits", "mean_speed", [None]),
+    ("natures", "visit", [3]), ("natures", "zero_one", ["high"]), ("natures", "exponent_2", [None])])
+def test_a_strangers_rows_with_our_metadata_are_refused(fold, tmp_path, capsys, kind, name, strange):
     folder = tmp_path / "strange"
     shutil.copytree(fold[0], folder)
-    file = folder / "visits" / "block_000001.parquet"
-    before, table = file.read_bytes(), pq.read_table(file)
+    file = folder / kind / "block_000001.parquet"
+    table = pq.read_table(file)
     place = table.column_names.index(name)
     table = table.set_column(place, table.field(place).with_type(pa.array(strange).type),
                              pa.array(strange * table.num_rows))
     pq.write_table(table, file, compression="zstd", write_page_checksum=True)
-    assert main([*FOLD, "--output", str(folder)]) == 0
-    assert "block_000001.parquet: is damaged" in capsys.readouterr().err
-    assert file.read_bytes() == before
+    before = bytes_of(folder)
+    assert main([*FOLD, "--output", str(folder)]) == 2
+    assert "block_000001.parquet: holds what this study does not write; delete it" in capsys.readouterr().err
+    assert bytes_of(folder) == before
 
 
 def test_a_cluster_finds_the_same_bytes(fold, tmp_path):

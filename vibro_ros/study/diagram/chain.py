@@ -104,17 +104,15 @@ class VisitBlocks(ParquetBlocks[Visit]):
         super().__init__(folder, "diagram", design.document(), design.blocks)
         self._design = design
 
-    def read(self, block: int) -> pa.Table | None:
-        """See `ParquetBlocks`; None, too, where the rows are no visits of this block: a stranger's file may have our
-        metadata."""
-        table = super().read(block)
+    def is_own(self, block: int, table: pa.Table) -> bool:
+        """Whether the rows can be the visits of this block."""
         try:
-            found = visits_in(self._design, table) if table is not None else []
+            found = visits_in(self._design, table)
             possible = all(len(one.states) == (one.motion.turns or CLOUD) and np.isfinite(one.states).all()
                            for one in found)
-            return table if possible and table == self.table(block, found) else None
+            return possible and table == self.table(block, found)
         except (LookupError, TypeError, ValueError, OverflowError):
-            return None
+            return False
 
     def columns(self, block: int, found: Sequence[Visit]) -> list[Column]:
         """See `ParquetBlocks`."""

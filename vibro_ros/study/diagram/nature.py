@@ -132,15 +132,14 @@ class NatureBlocks(ParquetBlocks[Nature]):
         super().__init__(folder, "diagram", design.document(), design.blocks)
         self._design = design
 
-    def read(self, block: int) -> pa.Table | None:
-        """See `ParquetBlocks`; None, too, where the rows are no measurements of this block's visits."""
-        table = super().read(block)
+    def is_own(self, block: int, table: pa.Table) -> bool:
+        """Whether the rows can be what was measured of the visits of this block."""
         try:
-            found = natures_in(self._design, table) if table is not None else []
+            found = natures_in(self._design, table)
             asked = [one.number for one in found] == list(self._design.visits_of_block(block))
-            return table if asked and table == self.table(block, found) else None
+            return asked and table == self.table(block, found)
         except (LookupError, TypeError, ValueError, OverflowError):
-            return None
+            return False
 
     def columns(self, block: int, found: Sequence[Nature]) -> list[Column]:
         """See `ParquetBlocks`."""
