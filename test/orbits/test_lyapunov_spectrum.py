@@ -21,6 +21,7 @@ def scene(name, **changes):
 
 @pytest.mark.parametrize("damping", [0.5, 3.0, 21.0])
 def test_a_linear_mass_has_the_real_parts_of_its_eigenvalues(damping):
+    """A43. Whether it swings or creeps."""
     alone = scene("unilateral", **{"effects.inclined_mass": False, "upper.spring.damping": damping, "upper.gap": 0.03})
     expected = np.sort(np.roots([alone["mass.upper"], damping, alone["upper.spring.stiffness"]]).real)[::-1]
     found = vibro_ros.lyapunov_spectrum(alone)
@@ -37,8 +38,8 @@ def test_a_run_finds_the_same_but_for_the_phase_that_a_complex_pair_ends_in():
 
 
 def test_masses_that_yield_to_each_other_have_the_eigenvalues_of_their_matrices():
-    """Both masses and the body without plates, friction and hop, with the reaction: M q'' + C q' + K q = forcing, and
-    the body's speed, by which nothing changes, the exponent 0."""
+    """A43. Both masses and the body without plates, friction and hop, with the reaction: M q'' + C q' + K q = forcing.
+    The body's speed, by which nothing changes, has the exponent 0."""
     coupled = scene("no_impact", **{
         "effects.friction": "none", "effects.normal_force": "weight", "effects.reaction": True,
         "upper.spring.damping": 6.0, "inclined.spring.damping": 4.0, "inclined.spring.stiffness": 2e3})
@@ -55,8 +56,8 @@ def test_masses_that_yield_to_each_other_have_the_eigenvalues_of_their_matrices(
     ("damped", {}, 1), ("device", {}, 4), ("device", {"motor.speed": 160.0}, 3), ("rigid", {}, 1),
     ("device", {"motor.speed": 60.0}, 1)])
 def test_of_a_periodic_motion_they_are_its_multipliers_logarithms(name, changes, turns):
-    """A direction that is gone within a turn has a multiplier of rounding. Of a pair of complex ones a run finds the
-    sum, and each but for the phase that the run ends in."""
+    """A44. A direction that is gone within a turn has a multiplier of rounding. Of a pair of complex ones a run finds
+    the sum, and each but for the phase that the run ends in."""
     machine = scene(name, **changes)
     orbit, motion = vibro_ros.find_orbit(machine, turns), vibro_ros.settled_motion(machine)
     assert motion.turns == turns
@@ -73,7 +74,7 @@ def test_of_a_periodic_motion_they_are_its_multipliers_logarithms(name, changes,
 
 
 def test_the_sum_is_the_mean_logarithm_of_the_determinant():
-    """Of a chaotic motion whose body rubs but never sticks, so that no direction is gone."""
+    """A45. Of a chaotic motion whose body rubs but never sticks, so that no direction is gone."""
     chaotic = scene("unilateral", **{"effects.friction": "none"})
     turn_map = free_cut(chaotic)
     state = Stroboscope(turn_map).begin_as().states[-1]

@@ -1,1 +1,1 @@
-"""Periodic orbits of the turn map, their multipliers, and branches of them as a parameter changes."""
+"""Motions as the turn map has them: periodic orbits, their branches, where a start leads, exponents, chaos."""
