@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from closed_form import ImpactOscillator
 
 import vibro_ros
 from vibro_ros.orbits.cut import free_cut
@@ -96,6 +97,30 @@ def test_the_rare_motion_is_found():
     found = sorted((round(motion.mean_speed * 1e3), motion.turns, count) for motion, count in motions(of, 60))
     assert [entry[:2] for entry in found] == [(-237, 1), (-35, 1)]
     assert found[0][2] < 20 and found[0][2] + found[1][2] == 60
+
+
+@pytest.mark.parametrize(("speed", "restitution", "gap"), [(170.0, 0.5, 0.01), (170.0, 0.8, 0.018), (130.0, 0.8, 0.03)])
+def test_an_unstable_orbit_of_closed_form_parts_the_basins_of_two_stable_ones(speed, restitution, gap):
+    """The saddle lies on the border of the basins: a blow a thousandth faster or slower decides between the orbit with
+    one blow a turn and the steady motion that misses the plate."""
+    of = scene("unilateral", **{
+        "motor.speed": speed, "effects.inclined_mass": False, "upper.spring.damping": 1.0, "upper.gap": gap,
+        "effects.upper_contact": "restitution", "upper.plate.restitution": restitution})
+    closed = ImpactOscillator(of)
+    phases = closed.phases_where(lambda phase: closed.blow(phase).gap - gap)
+    stable, saddle = sorted(phases, key=lambda phase: np.abs(closed.multipliers(phase)).max())
+    assert np.abs(closed.multipliers(stable)).max() < 1.0 < closed.multipliers(saddle).real.max()
+
+    def after_blow(phase: float, part: float) -> SettledMotion:
+        return settled_motion(of, crank_angle=phase, upper_position=closed.rod + gap,
+                              upper_velocity=-restitution * closed.blow(phase).speed * part)
+
+    struck, missed = sorted((after_blow(saddle, part) for part in (0.999, 1.001)),
+                            key=lambda motion: not motion.is_same(after_blow(stable, 1.0)))
+    assert struck.is_same(after_blow(stable, 1.0)) and not missed.is_same(struck)
+    turn_map = free_cut(of)
+    steady = np.array(closed.steady(turn_map.phase)[:2]) / turn_map.units
+    assert missed.turns == 1 and missed.states[0] == pytest.approx(steady, abs=1e-5)
 
 
 def test_motions_with_the_same_period_are_told_apart():

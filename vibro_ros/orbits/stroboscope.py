@@ -39,9 +39,17 @@ class Stroboscope:
     ----------
     turn_map : TurnMap
         The same.
+
+    Raises
+    ------
+    ValueError
+        For a scene in which nothing moves but the crank.
     """
 
     def __init__(self, turn_map: TurnMap):
+        if not turn_map.names:
+            raise ValueError(f"{turn_map.scene.name or 'scene'}: nothing moves in it but the crank; give it "
+                             "effects.upper_mass or effects.inclined_mass")
         self.turn_map = turn_map
         self._device = Simulator(turn_map.scene)
         self._start = self._device.checkpoint()

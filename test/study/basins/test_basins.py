@@ -147,9 +147,10 @@ def test_the_last_coordinate_of_a_grid_changes_fastest():
         (0.0, 0.0), (0.0, 1.0), (0.0, 2.0), (1.0, 0.0)]
 
 
-@pytest.mark.parametrize("name", ["damped", "rigid", "device", "frictionless"])
-def test_the_box_that_is_drawn_from_unless_said_otherwise_holds_no_impossible_start(name):
-    scene = vibro_ros.load_scene(name).with_parameters({"motor.speed": 100.0})
+@pytest.mark.parametrize(("name", "gap"), [("damped", 0.0), ("rigid", 0.0), ("rigid", -0.03), ("rigid", 0.03),
+                                          ("device", 0.001), ("frictionless", 0.0)])
+def test_the_box_that_is_drawn_from_unless_said_otherwise_holds_no_impossible_start(name, gap):
+    scene = vibro_ros.load_scene(name).with_parameters({"motor.speed": 100.0, "upper.gap": gap})
     device, draws = vibro_ros.Simulator(scene), Draws(everywhere(scene), 50, 0, False)
     for number in range(50):
         device.reset()
@@ -241,6 +242,7 @@ def test_links_and_pipes_in_the_place_of_a_block_are_refused(tmp_path, capsys):
     (["--over", "body_velocity=0:1:9", "--over", "crank_angle=0:1:9", "--starts", "5"], "a grid draws no starts"),
     (["--starts", "0"], "--starts: 0 is out of range"), (["--turns", "4"], "--turns 4 and --most-turns 4096"),
     (["--shocks", "-1"], "--shocks: -1 is out of range"), (["--workers", "0"], "--workers: 0 is out of range"),
+    (["--set", "effects.upper_mass=false", "--set", "effects.inclined_mass=false"], "nothing moves in it but"),
     (["--set", "motor.speed=0"], "motor.speed: 0 rad/s turns no crank"), (["--set", "x=1"], "x"),
     (["--scene", "nothing"], "nothing")])
 def test_bad_words_are_refused_in_one_line(tmp_path, capsys, words, said):

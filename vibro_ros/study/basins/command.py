@@ -13,6 +13,7 @@ from vibro_ros.configuration.scene_file import load_scene
 from vibro_ros.configuration.strict_yaml import read_scalar
 from vibro_ros.model.parameters import BY_NAME, parameter_named
 from vibro_ros.orbits.cut import free_cut
+from vibro_ros.orbits.stroboscope import Stroboscope
 from vibro_ros.process.command_line import Parser
 from vibro_ros.process.front_door import FAILURE, exit_code, say
 from vibro_ros.process.regular_file import replace_file
@@ -132,12 +133,12 @@ def _design(options: argparse.Namespace) -> Design:
     quick = _QUICK if options.quick else {}
     count = options.starts if options.starts is not None else quick.get("starts", STARTS_DRAWN)
     tries = options.shocks if options.shocks is not None else quick.get("shocks", TRIES)
-    cut = free_cut(scene)
+    phase = Stroboscope(free_cut(scene)).turn_map.phase  # refuses a scene in which nothing moves
     starts = chosen_starts(scene, tuple(over_in_words(scene, text) for text in options.over), count,
                            whole_number("--seed", options.seed, 0, 2**63 - 1), options.ball)
     if isinstance(starts, Plane) and (options.starts is not None or options.ball):
         raise ValueError("--starts and --ball: a grid draws no starts; leave them out, or the counts of --over")
-    return Design(scene, cut.phase, starts, options.turns, options.most_turns,
+    return Design(scene, phase, starts, options.turns, options.most_turns,
                   whole_number("--shocks", tries, 0, _MOST_TRIES))
 
 

@@ -190,7 +190,7 @@ def chosen_starts(scene: Scene, over: tuple[Over, ...], count: int, seed: int, b
 def everywhere(scene: Scene) -> tuple[Over, ...]:
     """All coordinates, each within one unit of the machine of rest: a crank radius l, and l omega.
 
-    Masses start this side of a rigid plate, and the body on the ground.
+    The body starts on the ground. Where a rigid plate is nearer, the range of its mass ends at the plate.
     """
     reach = scene["crank.radius"]
     speed, sides = reach * scene["motor.speed"], []
@@ -199,9 +199,9 @@ def everywhere(scene: Scene) -> tuple[Over, ...]:
         if name.endswith("velocity") and name != "body_vertical_velocity":
             sides.append(Over(name, -speed, speed))
         elif side != "body":
-            middle = scene[f"crank.{side}_rod"]
             rigid = side in scene.plates and scene[f"effects.{side}_contact"] == "restitution"
-            sides.append(Over(name, middle - reach, middle + (min(reach, scene[f"{side}.gap"]) if rigid else reach)))
+            high = scene[f"crank.{side}_rod"] + (min(reach, scene[f"{side}.gap"]) if rigid else reach)
+            sides.append(Over(name, high - 2.0 * reach, high))
     return (*sides, Over(ANGLE, 0.0, TURN))
 
 
