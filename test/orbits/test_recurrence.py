@@ -79,6 +79,7 @@ ATTRACTING = [("damped", 100.0, 1), ("device", 60.0, 1), ("device", 100.0, 4), (
 
 @pytest.mark.parametrize(("name", "speed", "turns"), ATTRACTING)
 def test_what_a_start_settles_to_is_the_orbit_that_newton_finds(name, speed, turns):
+    """A48. From the scene's own start."""
     of = scene(name, **{"motor.speed": speed})
     stroboscope = Stroboscope(free_cut(of))
     stroboscope.begin_as()
@@ -101,8 +102,8 @@ def test_the_rare_motion_is_found():
 
 @pytest.mark.parametrize(("speed", "restitution", "gap"), [(170.0, 0.5, 0.01), (170.0, 0.8, 0.018), (130.0, 0.8, 0.03)])
 def test_an_unstable_orbit_of_closed_form_parts_the_basins_of_two_stable_ones(speed, restitution, gap):
-    """The saddle lies on the border of the basins: a blow a thousandth faster or slower decides between the orbit with
-    one blow a turn and the steady motion that misses the plate."""
+    """A49. The saddle lies on the border of the basins: a blow a thousandth faster or slower decides between the orbit
+    with one blow a turn and the steady motion that misses the plate."""
     of = scene("unilateral", **{
         "motor.speed": speed, "effects.inclined_mass": False, "upper.spring.damping": 1.0, "upper.gap": gap,
         "effects.upper_contact": "restitution", "upper.plate.restitution": restitution})

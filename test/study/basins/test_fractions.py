@@ -11,7 +11,7 @@ from vibro_ros.study.basins.fractions import basin_entropy, wilson
 @pytest.mark.parametrize(("found", "of", "low", "high"), [
     (81, 263, 0.2553, 0.3662), (15, 148, 0.0624, 0.1605), (0, 20, 0.0, 0.1611), (1, 29, 0.0061, 0.1718)])
 def test_intervals_are_those_of_a_published_table(found, of, low, high):
-    """R. G. Newcombe, Stat. Med. 17 (1998) 857, table I, method 3."""
+    """A50. R. G. Newcombe, Stat. Med. 17 (1998) 857, table I, method 3."""
     share = wilson(found, of)
     assert share.share == found / of
     assert (share.low, share.high) == pytest.approx((low, high), abs=5e-5)
@@ -29,7 +29,7 @@ def test_one_motion_has_no_entropy():
 
 
 def test_a_straight_boundary_has_the_entropy_of_its_boxes():
-    """Columns 0 to 6 lead to 1, the others to 2: of the boxes 5 to 9, two fifths are of one motion."""
+    """A51. Columns 0 to 6 lead to 1, the others to 2: of the boxes 5 to 9, two fifths are of one motion."""
     numbers = np.where(np.arange(20)[None, :] < 7, 1, 2) * np.ones((10, 1), dtype=int)
     entropy, mixed = basin_entropy(numbers, -1), -0.4 * math.log(0.4) - 0.6 * math.log(0.6)
     assert (entropy.boxes, entropy.mixed) == (8, 2)
