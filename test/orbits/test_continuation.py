@@ -56,13 +56,24 @@ def test_points_of_a_branch_lie_on_the_curve_of_its_closed_form():
                    for phase in closed.phases_where(lambda phase, at=point.value: closed.blow(phase).gap - at))
 
 
-def test_a_branch_is_the_same_from_either_end():
-    """Through a fold, and back from beyond it."""
-    forwards = list(itertools.islice(branch(oscillator(170.0, 0.5, 0.0), "upper.gap", LOW, HIGH, 1.0), 45))
+@pytest.mark.parametrize(("scene", "name", "low", "high", "direction", "special"), [
+    (oscillator(170.0, 0.5, 0.0), "upper.gap", LOW, HIGH, 1.0, [FOLD]),
+    (vibro_ros.load_scene("device").with_parameters({"motor.speed": 62.64}), "motor.speed", 60.0, 65.0, -1.0,
+     [CORNER, GRAZING, TORUS])])
+def test_a_branch_is_the_same_from_either_end(scene, name, low, high, direction, special):
+    """Through its special points, and back from beyond them."""
+    forwards, kinds = [], []
+    for pair in branch(scene, name, low, high, direction):
+        kinds += [one.kind for one in special_points(*pair)]
+        forwards.append(pair)
+        if kinds == special:
+            break
     (_, start), (_, last) = forwards[0], forwards[-1]
-    assert max(point.value for _, point in forwards) > last.value  # beyond the fold
     backwards = follow(last.family, last.place.state, last.place.share, -float(np.sign(last.tangent[-1])))
-    before, after = next((before, after) for before, after in backwards if after.value < start.value < before.value)
+    _ = next(backwards)
+    before, after = next((before, after) for before, after in backwards
+                         if (after.value - start.value) * (before.value - start.value) < 0.0 and
+                         np.linalg.norm(after.place.vector - start.place.vector) < 1.0)
     part = (start.value - before.value) / (after.value - before.value)
     guess = before.place.vector + part * (after.place.vector - before.place.vector)
     across = np.append(np.zeros(len(start.place.state)), 1.0)
@@ -98,17 +109,15 @@ def test_a_rigid_plate_is_grazed_and_passed():
     assert not after.stable and np.abs(after.multipliers[0]) > 10.0 * np.abs(grazing.point.multipliers[0])
 
 
-def test_a_branch_goes_on_where_events_change_their_order():
-    """`device` from 63.75 rad/s down: lost before at 63.633, where a landing begins to stop the body."""
-    scene = vibro_ros.load_scene("device").with_parameters({"motor.speed": 62.1})
-    kinds, values = [], []
-    for before, after in itertools.islice(branch(scene, "motor.speed", 40.0, 130.0, 1.0), 20):
-        for special in special_points(before, after):
-            kinds.append(special.kind)
-            values.append(special.point.value)
-            assert special.width < 1e-8
-    assert kinds[:2] == [CORNER, TORUS]
-    assert values[:2] == pytest.approx([62.208519643, 62.625888569], abs=1e-8)
+def test_a_landing_that_no_longer_stops_the_body_is_a_corner():
+    scene = vibro_ros.load_scene("device").with_parameters({"motor.speed": 62.19})
+    for before, after in branch(scene, "motor.speed", 60.0, 65.0, 1.0):
+        if found := list(special_points(before, after)):
+            break
+    assert [one.kind for one in found] == [CORNER]
+    assert found[0].change == "landing_stops vanishes, landing_slips_backward appears"
+    assert found[0].point.value == pytest.approx(62.208519643, abs=1e-8) and found[0].width < 1e-8
+    assert np.abs(before.multipliers[0]) < 2.01 and np.abs(after.multipliers[0]) > 2.3
 
 
 def test_a_range_that_is_none_is_refused():

@@ -111,21 +111,21 @@ def corrected(family: Family, guess: np.ndarray, normal: np.ndarray,
     raise LostError(f"Newton's method does not close an orbit near {family.name} = {family.value(guess[-1]):.9g}")
 
 
-def tangent_at(family: Family, place: Place, along: np.ndarray,
-               reach: float) -> tuple[np.ndarray, np.ndarray]:
+def tangent_at(family: Family, place: Place, along: np.ndarray, reach: float,
+               fine: bool = False) -> tuple[np.ndarray, np.ndarray]:
     """Unit tangent of the branch in the direction of `along`, and the derivative of the map by the state, (n, n)."""
     held, n = family.held(place), len(place.state)
-    matrix = family.jacobian(place, held, reach)
+    matrix = family.jacobian(place, held, reach, fine)
     *_, rows = np.linalg.svd(matrix)
     tangent = rows[-1] if rows[-1] @ along >= 0.0 else -rows[-1]
     return tangent, matrix[:, :n] + np.eye(n)
 
 
 def point_at(family: Family, vector: np.ndarray, along: np.ndarray,
-             reach: float = LONGEST_STEP) -> BranchPoint:
-    """The branch's point at a solution, shape (n + 1,)."""
+             reach: float = LONGEST_STEP, fine: bool = False) -> BranchPoint:
+    """The branch's point at a solution, shape (n + 1,); `reach` and `fine` as for `Family.jacobian`."""
     here = orbit_of(family, Place.of(vector))
-    tangent, matrix = tangent_at(family, here.place, along, reach)
+    tangent, matrix = tangent_at(family, here.place, along, reach, fine)
     found = np.linalg.eigvals(matrix)
     return BranchPoint(family, here.place, tangent, found[np.argsort(-np.abs(found), kind="stable")], here.mean_speed,
                        here.passage)

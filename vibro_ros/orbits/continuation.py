@@ -141,7 +141,7 @@ def located(before: BranchPoint, after: BranchPoint, test: Callable[[BranchPoint
     while (high - low) * length > 0.1 * tolerance and _width(low_point, high_point, (high - low) * length) > tolerance:
         middle = _between(low, high, at_low, at_high)
         vector, _ = corrected(family, start + middle * span, normal, length)
-        point = point_at(family, vector, before.tangent, length)
+        point = point_at(family, vector, before.tangent, length, fine=True)
         at = test(point)
         if (at > 0.0) == (at_low > 0.0):
             low, at_low, at_high, low_point = middle, at, 0.5 * at_high, point

@@ -24,7 +24,7 @@ _CLEAR = 1e-9  # arc behind the edge at which events are others
 _MOST_ROUNDS = 8
 _BACK = 1e-6  # arc before the edge at which its multipliers are taken
 _PROBES = (1e-6, 1e-5, 1e-4, 1e-3)  # arcs beyond the edge at which the other side's derivative is taken
-_ENTRIES = (1e-3, 1e-4, 1e-5, 1e-6)  # arcs to the first point of the other side
+_ENTRIES = (1e-4, 1e-5, 1e-3, 1e-6)  # arcs to the first point of the other side
 _DEPTHS = (0.0, 1.0, 10.0, 0.1)
 _MOST_CHORDS = 40
 

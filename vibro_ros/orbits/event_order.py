@@ -27,15 +27,15 @@ def event_order(events: np.ndarray, until: float, speeds: np.ndarray) -> EventOr
         As `Simulator.take_events` gives them.
     until : float
         Time [s].
-    speeds : ndarray, shape (landings,)
-        Of the body along the ground after each landing [m/s]: a landing that stops the body is another event than one
-        after which it slips on.
+    speeds : ndarray, shape (landings, 2)
+        Of the body along the ground before and after each landing [m/s]: a landing after which the body slips on is
+        another event than one that stops it, or turns it round.
     """
     happened = list(zip(events["time"].tolist(), events["kind"].tolist(), strict=True))
     ends = [(time + duration, kind + _ENDS) for (time, kind), duration in
             zip(happened, events["duration"].tolist(), strict=True) if kind.endswith(_CONTACT)]
     left = iter(speeds.tolist())
-    happened = [(time, _landing(next(left)) if kind == LANDING else kind) for time, kind in happened]
+    happened = [(time, _landing(*next(left)) if kind == LANDING else kind) for time, kind in happened]
     at_once: list[list[tuple[float, str]]] = [[(-math.inf, "")]]
     for time, kind in sorted(happened + ends):
         if time >= until:
@@ -46,8 +46,10 @@ def event_order(events: np.ndarray, until: float, speeds: np.ndarray) -> EventOr
     return tuple(kind for group in at_once[1:] for kind in sorted(kind for _, kind in group))
 
 
-def _landing(speed: float) -> str:
-    return f"{LANDING}_{'stops' if abs(speed) < _STOPPED else 'slips_forward' if speed > 0.0 else 'slips_backward'}"
+def _landing(before: float, after: float) -> str:
+    if abs(after) < _STOPPED:
+        return f"{LANDING}_stops"
+    return f"{LANDING}_{'turns' if before * after < 0.0 else 'slips'}_{'forward' if after > 0.0 else 'backward'}"
 
 
 def same_order(one: EventOrder, other: EventOrder) -> bool:

@@ -114,14 +114,16 @@ class Family:
         """The order of the events between the cut and `turns` turns later."""
         return self.map_at(place.share).ordered(place.state, self.turns)[1]
 
-    def jacobian(self, place: Place, held: np.ndarray, reach: float = 1.0) -> np.ndarray:
+    def jacobian(self, place: Place, held: np.ndarray, reach: float = 1.0,
+                 fine: bool = False) -> np.ndarray:
         """Derivative of the residual by state and share, shape (n, n + 1); what is held stays, whatever else moves.
 
         A mass that arrives at its plate with the speed v would miss the plate from v² / 2 farther back, in units of the
         machine. Central differences stay far within that, because the map has the root of this distance there; they let
         no mass touch that misses its plate; they stay within `reach`, over which the branch is straight; and they are
         shortened, down to 1e-9, until all their ends have the same events in the same order, because elsewhere the map
-        has other derivatives.
+        has other derivatives. With `fine`, differences over half the step cancel the leading error of the step
+        (L. F. Richardson's extrapolation).
         """
         seen = passage(self.map_at(place.share), place.state, self.turns)
         order = self.order(place)
@@ -129,8 +131,9 @@ class Family:
         while True:
             matrix, same = self._differences(place, ~held, order, step)
             if same or step <= _LEAST_STEP:
-                return matrix
+                break
             step = max(_LEAST_STEP, 0.1 * step)
+        return (4.0 * self._differences(place, ~held, order, 0.5 * step)[0] - matrix) / 3.0 if fine else matrix
 
     def _differences(self, place: Place, free: np.ndarray, order: EventOrder, step: float) -> tuple[np.ndarray, bool]:
         """The derivative by central differences, and whether all their ends have the events of `order`."""

@@ -9,7 +9,7 @@ from vibro_ros.orbits.branch_point import LostError, corrected, point_at
 from vibro_ros.orbits.family import Family, Place
 from vibro_ros.orbits.orbit import Orbit
 from vibro_ros.orbits.turn_map import TurnMap
-from vibro_ros.orbits.whole_branch import gathered, whole_branch
+from vibro_ros.orbits.whole_branch import Notice, gathered, whole_branch
 from vibro_ros.simulation.motion import SimulationError
 
 MOST_POINTS = 100_000
@@ -75,7 +75,8 @@ def family_of(scene: Scene, name: str, low: float, high: float, turns: int, phas
     return family
 
 
-def branch_from(family: Family, state: np.ndarray, share: float, direction: float, points: int) -> Branch:
+def branch_from(family: Family, state: np.ndarray, share: float, direction: float, points: int,
+                notice: Notice | None = None) -> Branch:
     """The branch through a known orbit, towards larger values of the parameter with `direction` 1.0, else -1.0."""
     along = np.append(np.zeros_like(state), direction)
     try:
@@ -83,10 +84,11 @@ def branch_from(family: Family, state: np.ndarray, share: float, direction: floa
         start = point_at(family, vector, along)
     except (LostError, SimulationError, ValueError) as error:
         return gathered(family, [], [], str(error))
-    return whole_branch(start, points)
+    return whole_branch(start, points, notice)
 
 
-def doubled_branch_from(family: Family, state: np.ndarray, share: float, points: int) -> Branch:
+def doubled_branch_from(family: Family, state: np.ndarray, share: float, points: int,
+                        notice: Notice | None = None) -> Branch:
     """The branch of orbits of twice the period that begins at a period doubling of `family`.
 
     Its orbits leave along the eigenvector of the multiplier -1. The other side of the eigenvector holds the same
@@ -103,5 +105,5 @@ def doubled_branch_from(family: Family, state: np.ndarray, share: float, points:
             start = point_at(twice, vector, vector - place.vector, amplitude)
         except (LostError, SimulationError, ValueError):
             continue
-        return whole_branch(start, points)
+        return whole_branch(start, points, notice)
     return gathered(twice, [], [], "no orbit of doubled period was found beside the period doubling")

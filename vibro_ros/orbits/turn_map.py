@@ -19,6 +19,7 @@ from vibro_ros.simulation.samples import Samples
 from vibro_ros.simulation.simulator import Simulator
 
 TURN = 2.0 * math.pi
+_BESIDE = np.array([-2.0, 2.0])  # spacings of floats before and after a landing, whose instant is rounded
 
 
 class TurnEnd(NamedTuple):
@@ -100,10 +101,11 @@ class TurnMap:
         device.advance_to(end)
         now, events = device.state, device.take_events()
         landings = events["time"][events["kind"] == LANDING]
-        speeds = np.zeros(len(landings))
+        speeds = np.zeros((len(landings), 2))
         if len(landings):  # what a landing has made of the body's speed is not in its event
             device.restore(start)
-            speeds = device.sample(landings + 2.0 * np.spacing(landings)).body_velocity
+            beside = landings[:, None] + _BESIDE * np.spacing(landings)[:, None]
+            speeds = device.sample(beside.ravel()).body_velocity.reshape(-1, 2)
         return TurnEnd(self.read(now), now.body_position), event_order(events, end, speeds)
 
     def put(self, device: Simulator, state: np.ndarray) -> None:

@@ -1,5 +1,7 @@
 """A branch from its first orbit to its end: the range is left, the branch closes, joins another one, or is lost."""
 
+from collections.abc import Callable
+
 import numpy as np
 
 from vibro_ros.model.parameters import BY_NAME
@@ -18,8 +20,12 @@ _JOINED = 1e-6  # in units of the machine: an orbit that repeats itself so close
 _CLOSES = 0.75  # of a step: a branch that comes so near to its begin is closed
 
 
-def whole_branch(start: BranchPoint, points: int) -> Branch:
-    """The branch from `start` along its tangent, of at most so many orbits."""
+#: Is told how many orbits of a branch are found, and the value of the parameter [its unit] at the last one.
+Notice = Callable[[int, float], object]
+
+
+def whole_branch(start: BranchPoint, points: int, notice: Notice | None = None) -> Branch:
+    """The branch from `start` along its tangent, of at most so many orbits; `notice` hears of each."""
     found: list[BranchPoint] = []
     special: list[tuple[int, SpecialPoint]] = []
     family, end = start.family, f"{points} orbits, the most that were asked for"
@@ -37,6 +43,8 @@ def whole_branch(start: BranchPoint, points: int) -> Branch:
                 break
             special += [(len(found), one) for one in special_points(before, after)]
             found.append(after)
+            if notice:
+                notice(len(found), after.value)
             if len(found) >= points:
                 break
     except (LostError, SimulationError, ValueError) as error:

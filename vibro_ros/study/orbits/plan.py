@@ -10,6 +10,7 @@ from vibro_ros.orbits.branch import Branch
 from vibro_ros.orbits.family import Family
 from vibro_ros.orbits.follow_orbit import branch_from, doubled_branch_from, family_of
 from vibro_ros.orbits.search import Seed, seeds_of
+from vibro_ros.orbits.whole_branch import Notice
 
 UP, DOWN, DOUBLED = "upwards", "downwards", "doubled"
 
@@ -93,10 +94,11 @@ class Plan:
             found.append(Seed(seed.turns, float(seed.phase), seed.state * ratio))
         return found
 
-    def branch(self, task: Task) -> Branch:
-        """Follow a branch."""
+    def branch(self, task: Task, notice: Notice | None = None) -> Branch:
+        """Follow a branch; `notice` hears of each orbit."""
         family = self.family(task.turns, task.phase)
         share = family.share(task.value)
         if task.way == DOUBLED:
-            return doubled_branch_from(family, task.state, share, self.points)
-        return branch_from(family, task.state, share, 1.0 if task.way == UP else -1.0, self.points)
+            return doubled_branch_from(family, task.state, share, self.points, notice)
+        direction = 1.0 if task.way == UP else -1.0
+        return branch_from(family, task.state, share, direction, self.points, notice)

@@ -2,6 +2,7 @@
 
 import contextlib
 import errno
+import time
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import cast
@@ -16,6 +17,7 @@ from vibro_ros.study.orbits.branch_files import MOST_BRANCHES, BranchFiles, bran
 from vibro_ros.study.orbits.plan import DOUBLED, DOWN, UP, Plan, Task
 from vibro_ros.study.progress import Progress
 
+_LINES = 10.0  # s between lines that say how far a branch is
 _SAME = 1e-6  # share of the range within which a period doubling that two branches have is one
 _JOINS = 0.05  # share of the range within which a branch that joins another one ends at its period doubling
 
@@ -87,12 +89,25 @@ class OrbitsRun:
         for number, task in missing:
             say("study", f"branch {number}: {task.turns} turn{'s' * (task.turns > 1)}, {task.way} from "
                          f"{self._plan.name} = {task.value:.9g}, at most {self._plan.points} orbits")
-        jobs = in_processes(self._plan.branch, [task for _, task in missing], max(1, min(self._workers, len(missing))))
+        jobs = in_processes(self._branch, missing, max(1, min(self._workers, len(missing))))
         with contextlib.closing(jobs):
             for (number, _), job in zip(missing, jobs, strict=True):
                 known[number] = branch = cast(Branch, job.outcome())
                 self._keep(number, branch)
         self.done += [(task, branch) for task, branch in zip(tasks, known.values(), strict=True) if branch is not None]
+
+    def _branch(self, numbered: tuple[int, Task]) -> Branch:
+        """Follow a branch and say now and then how far it is, in whatever process this is."""
+        number, task = numbered
+        said = time.monotonic()
+
+        def notice(orbits: int, value: float) -> None:
+            nonlocal said
+            if time.monotonic() - said > _LINES:
+                said = time.monotonic()
+                say("study", f"branch {number}: {orbits} orbits, {self._plan.name} = {value:.6g}")
+
+        return self._plan.branch(task, notice)
 
     def _kept(self, number: int) -> Branch | None:
         table = self._files.read(number)
