@@ -22,7 +22,8 @@ RADIUS, RODS = 1e-3, (1.0, 2.0)  # m; much longer ones cost digits of the positi
 def special_place(oscillator: Oscillator, kind: str, expected: float, rod: float) -> float:
     """Place s of the first special point of a kind on the branch of the (1, 1) orbit."""
     scene = oscillator_scene(oscillator).with_parameters({
-    """Place s of the first special point of a kind on the branch of the (1, 1) orbit; the rod has a length [m]."""
+        "crank.radius": RADIUS, "crank.upper_rod": rod, "crank.inclined_rod": rod,
+        "upper.gap": 0.6 * expected * RADIUS})
     reach = 2.0 * abs(expected) * RADIUS
     orbit = vibro_ros.find_orbit(scene)
     branch = vibro_ros.follow_orbit(orbit, "upper.gap", -reach, reach, expected > 0.0, points=60)
