@@ -27,7 +27,8 @@ def known_map() -> CommandMap:
             kinds += [(2, 0)] if speed == 100.0 else [(PATCHWORK, 3)] if speed > 100.0 else []
             for motion, turns in kinds:
                 value = mean_speed(speed, gap) - (0.02 if motion == 1 else 0.0)
-                rows.append((i, j, motion, turns, turns, value, np.nan if j == 0 else 10.0 + j, 0.125, 0.5))
+                sure = int(len(kinds) == 1 and motion in (0, 1))
+                rows.append((i, j, motion, turns, turns, sure, value, np.nan if j == 0 else 10.0 + j, 0.125, 0.5))
     columns = [np.array(column) for column in zip(*rows, strict=True)]
     scene = vibro_ros.load_scene("device")
     curve = Curve("fold", 1, (61.25, 62.5), (0.0, 0.004))

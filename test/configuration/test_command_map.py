@@ -93,7 +93,7 @@ def test_commands_keep_away_from_borders():
     grid = np.array([(i, j) for i in range(12) for j in range(5)]).T
     one = np.ones(60, dtype=int)
     speeds = mean_speed(SPEEDS.values[grid[0]], GAPS.values[grid[1]])
-    found = Found(*grid, 0 * one, one, one, speeds, *[np.zeros(60)] * 3)
+    found = Found(*grid, 0 * one, one, one, one, speeds, *[np.zeros(60)] * 3)
     inner = CommandChoice(replace(wide, found=found))
     assert max(inner.commands_for(speed).clearance for speed in speeds[20:40]) == min(FAR, 3)
 
@@ -112,7 +112,7 @@ def test_a_speed_that_nothing_surely_gives_is_refused_with_those_that_there_are(
 
 def test_a_map_without_a_sure_place_is_refused():
     command_map = known_map()
-    found = replace(command_map.found, turns=np.zeros_like(command_map.found.turns))
+    found = replace(command_map.found, sure=np.zeros_like(command_map.found.sure))
     with pytest.raises(ValueError, match="no two neighbouring cells"):
         CommandChoice(replace(command_map, found=found))
 
@@ -136,6 +136,7 @@ def test_a_file_that_is_no_map_is_refused(file, change, reason):
 
 @pytest.mark.parametrize("column, value", [
     ("speed_index", 12), ("speed_index", -1), ("gap_index", 5), ("turns", 1.0), ("turns", True), ("turns", -1),
+    ("sure", 2), ("sure", True),
     ("motion", -2), ("motion", 10**20), ("mean_speed", None), ("mean_speed", "0"), ("mean_speed", 1e10),
     ("mean_speed", True), ("air_share", None), ("landings", None)])
 def test_a_row_that_cannot_be_is_refused(file, column, value):

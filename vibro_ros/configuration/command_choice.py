@@ -1,9 +1,8 @@
 """Which motor speed and gap to command for a mean speed: a place of the map where nothing else can happen.
 
-A cell is safe where only one motion was found, whichever way the commands came there, and where this motion repeats
-itself. Between neighbouring safe cells of one motion the mean speed is interpolated. Of all places with the wanted mean
-speed that one is taken which is farthest from any cell that is not safe or has another motion; of equally far ones,
-that between the cells whose mean speeds differ least, because there the map is most exact.
+Between neighbouring cells whose motion is one and sure (`Found.sure`) the mean speed is interpolated. Of all places
+with the wanted mean speed that one is taken which is farthest from any cell that is not sure or has another motion; of
+equally far ones, that between the cells whose mean speeds differ least, because there the map is most exact.
 """
 
 from collections.abc import Mapping
@@ -11,11 +10,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from vibro_ros.configuration.command_map import PATCHWORK, CommandMap
+from vibro_ros.configuration.command_map import CommandMap
 
 FAR = 4
 """Cells from the border of a motion beyond which a place is not better any more."""
-_UNSAFE = -2
+_NOT_SURE = -2
 _NEIGHBOURS = tuple((i, j) for i in (-1, 0, 1) for j in (-1, 0, 1) if (i, j) != (0, 0))
 
 
@@ -28,12 +27,15 @@ class Choice(NamedTuple):
         In the units of the topics.
     row : int
         Of the map: the motion in the nearer of the two cells between which the place lies.
+    rows : tuple of (int, int)
+        Of both cells.
     clearance : int
         How many cells from a border of the motion the place is, 1 to `FAR`.
     """
 
     commands: Mapping[str, float]
     row: int
+    rows: tuple[int, int]
     clearance: int
 
 
@@ -48,20 +50,20 @@ class CommandChoice:
     Attributes
     ----------
     slowest, fastest : float
-        Least and largest mean speed [m/s] in magnitude that safe cells have, with their signs.
+        Least and largest mean speed [m/s] in magnitude that sure cells have, with their signs.
     """
 
     def __init__(self, command_map: CommandMap):
         self._map = command_map
-        rows = _safe_rows(command_map)
-        clearance = _clearance(np.where(rows >= 0, command_map.found.motion[rows], _UNSAFE))
+        if not has_choice(command_map):
+            raise ValueError(f"the map of {command_map.scene} has no two neighbouring cells with one and the same sure "
+                             "motion; give motor_speed and gaps")
+        rows = _sure_rows(command_map)
+        clearance = _clearance(np.where(rows >= 0, command_map.found.motion[rows], _NOT_SURE))
         self._first, self._last, self._clear = _edges(rows, clearance, command_map)
         speeds = command_map.found.mean_speed
         self._from, self._to = speeds[self._first], speeds[self._last]
         ends = np.concatenate([self._from, self._to])
-        if not len(ends):
-            raise ValueError(f"the map of {command_map.scene} has no two neighbouring cells with one and the same "
-                             "motion; give motor_speed and gaps")
         self.slowest, self.fastest = (float(ends[find(np.abs(ends))]) for find in (np.argmin, np.argmax))
 
     @property
@@ -81,7 +83,7 @@ class CommandChoice:
         Raises
         ------
         ValueError
-            For a mean speed that no safe place has; the message names those that there are.
+            For a mean speed that no sure place has; the message names those that there are.
         """
         span = self._to - self._from
         share = np.where(span == 0.0, 0.0, (speed - self._from) / np.where(span == 0.0, 1.0, span))
@@ -95,7 +97,7 @@ class CommandChoice:
                                           (self._map.gaps, self._map.found.gap_index)))
         values = (float(f"{motor:.6g}"), *[round(float(gap), 8)] * len(self._map.sides))
         return Choice(dict(zip(self._map.commands, values, strict=True)), int(first if at < 0.5 else last),
-                      int(self._clear[best]))
+                      (int(first), int(last)), int(self._clear[best]))
 
     def _refusal(self, speed: float) -> str:
         low, high = sorted((self.slowest, self.fastest))
@@ -107,25 +109,28 @@ class CommandChoice:
                 f"are {ends[ends < speed].max():.4g} and {ends[ends > speed].min():.4g} m/s")
 
 
-def _safe_rows(command_map: CommandMap) -> np.ndarray:
-    """Row of each safe cell, -1 for the others; shape (speeds, gaps)."""
-    found, shape = command_map.found, (command_map.speeds.count, command_map.gaps.count)
-    motions = np.zeros(shape, dtype=int)
-    np.add.at(motions, (found.speed_index, found.gap_index), 1)
-    rows = np.full(shape, -1)
-    safe = np.flatnonzero((found.turns > 0) & (found.motion > PATCHWORK)
-                          & (motions[found.speed_index, found.gap_index] == 1))
-    rows[found.speed_index[safe], found.gap_index[safe]] = safe
+def has_choice(command_map: CommandMap) -> bool:
+    """Whether there are two neighbouring cells with one sure motion, between which commands can be chosen."""
+    rows = _sure_rows(command_map)
+    return bool(len(_edges(rows, np.zeros(rows.shape, dtype=int), command_map)[0]))
+
+
+def _sure_rows(command_map: CommandMap) -> np.ndarray:
+    """Row of each sure cell, -1 for the others; shape (speeds, gaps)."""
+    found = command_map.found
+    rows = np.full((command_map.speeds.count, command_map.gaps.count), -1)
+    sure = np.flatnonzero(found.sure)
+    rows[found.speed_index[sure], found.gap_index[sure]] = sure
     return rows
 
 
 def _clearance(motion: np.ndarray) -> np.ndarray:
     """Of each cell, after how many steps to any side, obliquely too, the motion may be another one, up to `FAR`."""
     far = np.zeros(motion.shape, dtype=int)
-    inside = motion != _UNSAFE
+    inside = motion != _NOT_SURE
     for _ in range(FAR):
         far += inside
-        padded, motions = np.pad(inside, 1), np.pad(motion, 1, constant_values=_UNSAFE)
+        padded, motions = np.pad(inside, 1), np.pad(motion, 1, constant_values=_NOT_SURE)
         for i, j in _NEIGHBOURS:
             beside = np.s_[1 + i:1 + i + motion.shape[0], 1 + j:1 + j + motion.shape[1]]
             inside = inside & padded[beside] & (motions[beside] == motion)
@@ -133,7 +138,7 @@ def _clearance(motion: np.ndarray) -> np.ndarray:
 
 
 def _edges(rows: np.ndarray, clearance: np.ndarray, command_map: CommandMap) -> tuple[np.ndarray, ...]:
-    """Rows of both ends of each pair of neighbouring safe cells of one motion, and the smaller clearance of the two."""
+    """Rows of both ends of each pair of neighbouring sure cells of one motion, and the smaller clearance of the two."""
     found = []
     for here, there in ((np.s_[:-1, :], np.s_[1:, :]), (np.s_[:, :-1], np.s_[:, 1:])):
         first, last = rows[here].ravel(), rows[there].ravel()

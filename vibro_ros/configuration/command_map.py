@@ -67,6 +67,9 @@ class Found:
         Turns of the crank after which it repeats itself; 0 where it does not.
     landings : ndarray of int
         Landings of the body within these turns; 0 where it does not repeat itself.
+    sure : ndarray of int
+        1 where the robot surely gets into this motion, whatever it did before: it is the only one that was found,
+        repeats itself and has a number, and no trial has led to another one; else 0.
     mean_speed : ndarray
         Of the body [m/s], forwards positive.
     cost_of_transport : ndarray
@@ -80,6 +83,7 @@ class Found:
     motion: np.ndarray
     turns: np.ndarray
     landings: np.ndarray
+    sure: np.ndarray
     mean_speed: np.ndarray
     cost_of_transport: np.ndarray
     stick_share: np.ndarray

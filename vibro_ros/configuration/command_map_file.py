@@ -24,9 +24,9 @@ SIDES = ("upper", "inclined")
 """Sides whose gaps a map may vary."""
 CURVES = ("fold", "period doubling", "Neimark-Sacker", "grazing")
 """Kinds of curves on which a motion changes its nature."""
-_COLUMNS = ("speed_index", "gap_index", "motion", "turns", "landings", "mean_speed", "cost_of_transport", "stick_share",
-            "air_share")
-_WHOLE = frozenset(_COLUMNS[:5])
+_COLUMNS = ("speed_index", "gap_index", "motion", "turns", "landings", "sure", "mean_speed", "cost_of_transport",
+            "stick_share", "air_share")
+_WHOLE = frozenset(_COLUMNS[:6])
 _KEYS = ("type", "made_by", "scene", "parameters", "gaps", "motor_speed", "gap", "found", "curves")
 
 
@@ -130,7 +130,7 @@ def _found(given: Any, speeds: int, gaps: int) -> Found:
     if len({len(column) for column in columns.values()}) > 1:
         raise ValueError("found: its columns have not the same length")
     for name, least, most in (("speed_index", 0, speeds - 1), ("gap_index", 0, gaps - 1), ("motion", PATCHWORK, 10**6),
-                              ("turns", 0, 10**6), ("landings", 0, 10**9)):
+                              ("turns", 0, 10**6), ("landings", 0, 10**9), ("sure", 0, 1)):
         if len(columns[name]) and not least <= columns[name].min() <= columns[name].max() <= most:
             raise ValueError(f"found.{name}: holds a number that is not from {least} to {most}")
     return Found(**columns)

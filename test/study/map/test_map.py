@@ -3,16 +3,19 @@
 import json
 import os
 import pickle
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pandas
 import pytest
+from known_map import known_map
 
 import vibro_ros
 from vibro_ros.configuration.command_choice import CommandChoice
 from vibro_ros.configuration.command_map import PATCHWORK, Axis
 from vibro_ros.configuration.command_map_file import read_map
+from vibro_ros.study.map import proof
 from vibro_ros.study.map.command import main
 from vibro_ros.study.map.design import GAP, SPEED, Line, MapDesign
 from vibro_ros.study.map.motions import LEAST_CELLS, motions
@@ -25,9 +28,9 @@ SIDES = ("upper", "inclined")
 FOLD, BACK = 107.959911, 104.85265
 """Motor speeds [rad/s] between which `damped` has two motions, by continuation (see test/orbits)."""
 #: Eleven motor speeds around these, and two gaps of which one is almost 0.
-FOLDED = ["--scene", "damped", "--motor-speed", "100:110:11", "--gap=-1e-6:0:2"]
+FOLDED = ["--scene", "damped", "--motor-speed", "100:110:11", "--gap=-1e-6:0:2", "--quick"]
 TINY = ["--motor-speed", "110:120:3", "--gap", "0.003:0.005:3", "--workers", "1",
-        "--curves", "2"]
+        "--curves", "2", "--quick"]
 
 
 def visit(i=0, j=0, turns=1, landings=1, speed=-0.05):
@@ -93,6 +96,24 @@ def test_other_machines_get_the_work_as_it_is():
     work = pickle.loads(pickle.dumps(LineWork(design)))
     found = work(Piece({"line": 3}, (None, None)))
     assert found == visits(design, design.lines()[3]) and len(found) == 2
+
+
+def test_cells_from_which_a_trial_leads_elsewhere_are_not_sure(monkeypatch):
+    """The known map is of no machine: all that it says of the device is refuted, cell by cell."""
+    monkeypatch.setattr(proof, "STARTS", 1)
+    monkeypatch.setattr(proof, "SETTLING", 2.0)
+    command_map = known_map()
+    few = replace(command_map.found, sure=command_map.found.sure * (command_map.found.speed_index < 2))
+    left, trials = proof.proved(replace(command_map, found=few), MapDesign(
+        vibro_ros.load_scene("device"), SIDES, command_map.speeds, command_map.gaps), 3)
+    assert trials == [] and left.found.sure.sum() < few.sure.sum()
+
+
+def test_a_map_without_sure_commands_is_still_a_map(tmp_path, capsys):
+    words = ["--motor-speed", "110:120:2", "--gap", "0.003:0.005:2", "--curves", "0", "--output", str(tmp_path)]
+    assert main(words) == 0
+    assert "no sure commands for any mean speed" in capsys.readouterr().out
+    assert len(read_map(tmp_path / "device.json").found.turns) == 4
 
 
 def test_a_cell_has_each_motion_once():
@@ -199,3 +220,16 @@ def test_the_shipped_map_is_what_the_device_does():
                       ("mean_speed",), 10.0, 10.0, start=18)["mean_speed"]
         assert got == pytest.approx(asked, rel=0.1), chosen
     assert json.loads(path.read_text())["made_by"].startswith("vibro_ros ")
+
+
+def test_an_interruption_keeps_what_is_done_and_says_so(tmp_path, capsys, monkeypatch):
+    def interrupted(*_):
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as context:
+        context.setattr("vibro_ros.study.map.command.proved", interrupted)
+        assert main([*TINY, "--curves", "0", "--output", str(tmp_path)]) != 0
+    assert capsys.readouterr().err.endswith("study: interrupted; 12 of 12 blocks are kept; the same command goes on "
+                                            "from there\n")
+    assert not (tmp_path / "device.json").exists()
+    assert main([*TINY, "--curves", "0", "--output", str(tmp_path)]) == 0

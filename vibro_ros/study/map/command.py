@@ -22,12 +22,12 @@ from vibro_ros.study.map.design import MapDesign
 from vibro_ros.study.map.motions import motions
 from vibro_ros.study.map.options import BOTH, add_grid, design_of
 from vibro_ros.study.map.picture import draw_costs, draw_map
+from vibro_ros.study.map.proof import PROOFS, QUICK_PROOFS, proved
 from vibro_ros.study.map.record import ENDS, LINES, STUDY, end_run, follow_ends, line_run, sweep_lines
-from vibro_ros.study.map.trial import trials
 from vibro_ros.study.map.visit import Visit
 from vibro_ros.study.map.words import map_in_words, trials_in_words
 from vibro_ros.study.running.origin import sources
-from vibro_ros.study.running.runner import Runner, on_cluster, on_this_machine
+from vibro_ros.study.running.runner import on_cluster, on_this_machine
 from vibro_ros.study.sweep.variation import whole_number
 
 TABLE, PICTURE, COSTS = "motions.parquet", "map.png", "costs.png"
@@ -49,19 +49,23 @@ def _map(options: argparse.Namespace) -> int:
     with locked(options.output):
         for folder in (LINES, ENDS):
             (options.output / folder).mkdir(exist_ok=True)
-        run = line_run(design, options.output / LINES)
+        under_way = [line_run(design, options.output / LINES)]
         try:
-            run.find_done()
-            visits = sweep_lines(run, design, runner)
+            under_way[0].find_done()
+            visits = sweep_lines(under_way[0], design, runner)
             command_map, rows = _without_curves(design, visits)
             if gap_indices:
-                command_map = _with_curves(design, command_map, rows, gap_indices, options.output / ENDS, runner)
+                all_ends = ends(command_map.found, rows, design.speeds, gap_indices)
+                under_way.append(end_run(design, all_ends, options.output / ENDS))
+                under_way[1].find_done()
+                points = follow_ends(under_way[1], design, all_ends, runner)
+                command_map = replace(command_map, curves=curves(design, points, gap_indices))
+            command_map, trials = proved(command_map, design, QUICK_PROOFS if options.quick else PROOFS)
         except KeyboardInterrupt:
-            say("study", f"interrupted; {run.in_words}")
+            say("study", f"interrupted; {under_way[-1].in_words}")
             return interrupted_code()
-        tried = trials(command_map, design.scene)
         _write(command_map, rows, options.output)
-    print("\n".join([*map_in_words(command_map, visits), *trials_in_words(tried)]))
+    print("\n".join([*map_in_words(command_map, visits), *trials_in_words(trials)]))
     return 0
 
 
@@ -78,15 +82,6 @@ def _rows_of_curves(design: MapDesign, count: int) -> range:
     if not 0 <= count <= design.gaps.count:
         raise ValueError(f"--curves: {count} is out of range; give a number from 0 to {design.gaps.count}, the gaps")
     return range(0, design.gaps.count, max(1, (design.gaps.count - 1) // max(1, count - 1))) if count else range(0)
-
-
-def _with_curves(design: MapDesign, command_map: CommandMap, rows: list[Visit], gap_indices: range, folder: Path,
-                 runner: Runner) -> CommandMap:
-    all_ends = ends(command_map.found, rows, design.speeds, gap_indices)
-    run = end_run(design, all_ends, folder)
-    run.find_done()
-    points = follow_ends(run, design, all_ends, runner)
-    return replace(command_map, curves=curves(design, points, gap_indices))
 
 
 def _write(command_map: CommandMap, rows: list[Visit], folder: Path) -> None:

@@ -54,9 +54,11 @@ class MapDesign:
 
     def scene_at(self, speed_index: int, gap_index: int) -> Scene:
         """The machine in a cell (ValueError where the scene refuses the values)."""
-        gap = float(self.gaps.values[gap_index])
-        return self.scene.with_parameters({"motor.speed": float(self.speeds.values[speed_index]),
-                                           **{f"{side}.gap": gap for side in self.sides}})
+        return self.scene_with(float(self.speeds.values[speed_index]), float(self.gaps.values[gap_index]))
+
+    def scene_with(self, motor_speed: float, gap: float) -> Scene:
+        """The machine at a motor speed [rad/s] and a gap [m] (ValueError where the scene refuses the values)."""
+        return self.scene.with_parameters({"motor.speed": motor_speed, **{f"{side}.gap": gap for side in self.sides}})
 
     def check(self) -> None:
         """Refuse a grid with values that the scene refuses (ValueError)."""

@@ -43,10 +43,12 @@ def motions(visits: Iterable[Visit], speeds: Axis, gaps: Axis) -> tuple[Found, l
     rows = [visit for _, cell in sorted(in_cell.items()) for visit in cell]
     numbers = _numbers(rows, (speeds.count, gaps.count))
     columns = {name: np.array([getattr(visit, name) for visit in rows]) for name in Found.__dataclass_fields__
-               if name != "motion"}
+               if name not in ("motion", "sure")}
     short = columns["turns"] <= LONG
     columns |= {name: np.where(short, columns[name], 0) for name in ("turns", "landings")}
-    return Found(motion=numbers, **columns), rows
+    alone = np.array([len(in_cell[visit.speed_index, visit.gap_index]) == 1 for visit in rows])
+    sure = alone & (columns["turns"] > 0) & (numbers > PATCHWORK)
+    return Found(motion=numbers, sure=sure.astype(int), **columns), rows
 
 
 def _close(one: Visit, other: Visit, tolerance: tuple[float, float]) -> bool:

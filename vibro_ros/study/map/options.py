@@ -26,8 +26,8 @@ def add_grid(parser: Parser) -> None:
     parser.add_argument("--motor-speed", metavar="LOW:HIGH:COUNT",
                         help=f"motor speeds [rad/s] (default: {MOTOR_SPEEDS})")
     parser.add_argument("--gap", metavar="LOW:HIGH:COUNT", help=f"gaps [m] (default: {GAPS})")
-    parser.add_argument("--quick", action="store_true", help=f"a coarse grid, {QUICK[0]} rad/s and {QUICK[1]} m: a "
-                        "look within half a minute")
+    parser.add_argument("--quick", action="store_true", help=f"a coarse grid, {QUICK[0]} rad/s and {QUICK[1]} m, with "
+                        "few trials: a look within a minute")
 
 
 def design_of(options: argparse.Namespace) -> MapDesign:

@@ -2,10 +2,13 @@
 
 import numpy as np
 
-from vibro_ros.configuration.command_choice import CommandChoice
+from vibro_ros.configuration.command_choice import CommandChoice, has_choice
 from vibro_ros.configuration.command_map import PATCHWORK, CommandMap
-from vibro_ros.study.map.trial import Trial
+from vibro_ros.study.map.proof import STARTS, Trial
 from vibro_ros.study.map.visit import UNSETTLED, Visit
+
+SHOWN = 22
+"""Rows of the table of trials, about."""
 
 
 def map_in_words(command_map: CommandMap, visits: list[Visit]) -> list[str]:
@@ -16,7 +19,6 @@ def map_in_words(command_map: CommandMap, visits: list[Visit]) -> list[str]:
     numbered = np.unique(found.motion[found.motion > PATCHWORK])
     periodic = float(np.mean(found.turns > 0))
     fastest, slowest = int(np.argmax(np.abs(found.mean_speed))), int(np.argmin(np.abs(found.mean_speed)))
-    choice = CommandChoice(command_map)
     forwards = int(np.sum(found.mean_speed > 0.0))
     return [
         f"{len(cells)} of {command_map.speeds.count * command_map.gaps.count} cells have a motion, "
@@ -26,23 +28,31 @@ def map_in_words(command_map: CommandMap, visits: list[Visit]) -> list[str]:
         f"mean speeds from {found.mean_speed[slowest] * 1e3:.1f} to {found.mean_speed[fastest] * 1e3:.1f} mm/s "
         f"({_place(command_map, fastest)}); {forwards} go forwards",
         f"curves: {', '.join(_curves(command_map)) or 'none'}",
-        f"sure commands for {choice.covered:.0%} of the mean speeds from {choice.slowest * 1e3:.1f} to "
-        f"{choice.fastest * 1e3:.1f} mm/s",
+        _sure(command_map),
     ]
 
 
 def trials_in_words(trials: list[Trial]) -> list[str]:
-    """A table of the mean speeds asked for, what they were met with, and the largest deviation."""
+    """A table of mean speeds asked for, with the start that is farthest off, and the largest deviation of all."""
+    if not trials:
+        return []
     lines = ["asked [mm/s]  motor speed [rad/s]  gap [mm]  got [mm/s]  off [%]"]
-    for trial in trials:
+    for trial in trials[::max(1, len(trials) // SHOWN)]:
         motor, gap = list(trial.choice.commands.values())[:2]
         lines.append(f"{trial.asked * 1e3:12.1f}  {motor:19.2f}  {gap * 1e3:8.2f}  {trial.got * 1e3:10.1f}  "
                      f"{trial.error * 100.0:7.1f}")
-    if trials:
-        worst = max(trials, key=lambda trial: trial.error)
-        lines.append(f"asked and got differ by {worst.error:.1%} at most, and by "
-                     f"{np.median([trial.error for trial in trials]):.1%} in the median")
-    return lines
+    worst = max(trials, key=lambda trial: trial.error)
+    median = np.median([trial.error for trial in trials])
+    return [*lines, f"{len(trials)} mean speeds from {STARTS} starts each: asked and got differ by {worst.error:.1%} "
+            f"at most, and by {median:.1%} in the median"]
+
+
+def _sure(command_map: CommandMap) -> str:
+    if not has_choice(command_map):
+        return "no sure commands for any mean speed"
+    choice = CommandChoice(command_map)
+    return (f"sure commands for {choice.covered:.0%} of the mean speeds from {choice.slowest * 1e3:.1f} to "
+            f"{choice.fastest * 1e3:.1f} mm/s")
 
 
 def _place(command_map: CommandMap, row: int) -> str:
