@@ -9,16 +9,12 @@ from pathlib import Path
 
 import pyarrow as pa
 
-from vibro_ros.configuration.scene_file import load_scene
-from vibro_ros.configuration.strict_yaml import read_scalar
-from vibro_ros.model.parameters import BY_NAME, parameter_named
 from vibro_ros.orbits.cut import free_cut
 from vibro_ros.orbits.stroboscope import Stroboscope
 from vibro_ros.process.command_line import Parser
 from vibro_ros.process.front_door import FAILURE, exit_code, say
 from vibro_ros.process.regular_file import replace_file
 from vibro_ros.process.stop_signals import interrupted_code
-from vibro_ros.simulation.processes import core_count
 from vibro_ros.simulation.simulator import ToleranceWarning
 from vibro_ros.study.basins.attractors import NOWHERE, Found, found_in
 from vibro_ros.study.basins.blocks import FOLDER, Blocks
@@ -32,15 +28,16 @@ from vibro_ros.study.basins.shocks import ShockBlocks, ShockWork, Upset
 from vibro_ros.study.basins.starts import Plane, chosen_starts, over_in_words
 from vibro_ros.study.basins.words import in_words
 from vibro_ros.study.locked_folder import locked
+from vibro_ros.study.options import add_machine, add_runner, machine_of, runner_of
 from vibro_ros.study.running.block_run import BlockRun
 from vibro_ros.study.running.pieces import Piece
-from vibro_ros.study.running.runner import Runner, on_cluster, on_this_machine
+from vibro_ros.study.running.runner import Runner
 from vibro_ros.study.sweep.variation import whole_number
 
 STARTS, ATTRACTORS, PICTURE = "starts.parquet", "attractors.parquet", "basins.png"
 TURNS, MOST_TURNS, STARTS_DRAWN, TRIES = 64, 4096, 1000, 600
 _QUICK = {"starts": 300, "shocks": 100}
-_MOST_WORKERS, _MOST_TRIES = 4096, 1_000_000
+_MOST_TRIES = 1_000_000
 
 
 def main(words: Sequence[str]) -> int:
@@ -51,8 +48,7 @@ def main(words: Sequence[str]) -> int:
 
 
 def _basins(options: argparse.Namespace) -> int:
-    workers = core_count() if options.workers is None else whole_number("--workers", options.workers, 1, _MOST_WORKERS)
-    runner = on_cluster(options.scheduler) if options.scheduler else on_this_machine(workers)
+    runner = runner_of(options)
     design, begun = _design(options), _core_time()
     with locked(options.output):
         (options.output / FOLDER).mkdir(exist_ok=True)
@@ -125,9 +121,7 @@ def _entropy(design: Design, found: Found) -> BasinEntropy | None:
 
 
 def _design(options: argparse.Namespace) -> Design:
-    scene = load_scene(options.scene).with_parameters(dict(map(_setting, options.set)))
-    if len({text.partition("=")[0] for text in options.set}) < len(options.set):
-        raise ValueError("--set: a parameter is given twice; keep one")
+    scene = machine_of(options)
     if scene.broken_promise:
         say("study", f"warning: {scene.broken_promise}")
     quick = _QUICK if options.quick else {}
@@ -140,13 +134,6 @@ def _design(options: argparse.Namespace) -> Design:
         raise ValueError("--starts and --ball: a grid draws no starts; leave them out, or the counts of --over")
     return Design(scene, phase, starts, options.turns, options.most_turns,
                   whole_number("--shocks", tries, 0, _MOST_TRIES))
-
-
-def _setting(text: str) -> tuple[str, object]:
-    name, equals, value = text.partition("=")
-    if not equals:
-        raise ValueError(f"--set {text}: give NAME=VALUE")
-    return name, parameter_named(name, BY_NAME).checked(read_scalar(value))
 
 
 def _core_time() -> float:
@@ -162,10 +149,7 @@ def _parser() -> Parser:
         "Parquet files and a picture. Ctrl-C keeps what is done; the same command goes on from there.",
         epilog="Exit code 0: done; 1: a start could not go on, or the disk is full; 2: bad input, or nowhere to "
         "write; 129, 130, 143: stopped by SIGHUP, SIGINT, SIGTERM, finished blocks are kept.")
-    parser.add_argument("--scene", default="device", metavar="NAME", help="shipped scene or scene file (default: "
-                        "%(default)s)")
-    parser.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", help="a parameter of the scene, SI "
-                        "units, angles in rad; repeatable; device needs a motor.speed")
+    add_machine(parser, "device")
     parser.add_argument("--over", action="append", default=[], metavar="NAME=LOW:HIGH[:COUNT]", help="a coordinate of "
                         "the start, SI units: with counts two of them, a grid; without counts, from which starts are "
                         "drawn (default: all, within a crank radius l of rest, and l times motor speed)")
@@ -180,10 +164,7 @@ def _parser() -> Parser:
                         f"(default: {TRIES})")
     parser.add_argument("--quick", action="store_true", help=f"{_QUICK['starts']} starts and {_QUICK['shocks']} shocks "
                         "unless you say otherwise")
-    where = parser.add_mutually_exclusive_group()
-    where.add_argument("--workers", type=int, metavar="N", help="processes on this machine (default: one a core)")
-    where.add_argument("--scheduler", metavar="ADDRESS", help="run on the Dask cluster of this scheduler; the numbers "
-                       "are the same to the last bit")
+    add_runner(parser)
     parser.add_argument("--output", type=Path, default=Path("out/study/basins"), metavar="DIR",
                         help="where to write (default: %(default)s)")
     return parser

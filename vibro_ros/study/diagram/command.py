@@ -6,9 +6,7 @@ from pathlib import Path
 
 import pyarrow as pa
 
-from vibro_ros.configuration.scene_file import load_scene
-from vibro_ros.configuration.strict_yaml import read_scalar
-from vibro_ros.model.parameters import BY_NAME, parameter_named
+from vibro_ros.model.parameters import BY_NAME
 from vibro_ros.model.possible_state import PREFIX
 from vibro_ros.model.scene import Scene
 from vibro_ros.orbits.cut import free_cut
@@ -18,7 +16,6 @@ from vibro_ros.process.front_door import exit_code, say
 from vibro_ros.process.regular_file import replace_file
 from vibro_ros.process.stop_signals import interrupted_code
 from vibro_ros.simulation.preparation import prepare_kernels
-from vibro_ros.simulation.processes import core_count
 from vibro_ros.study.diagram.chain import Visit, VisitBlocks, visits, visits_in
 from vibro_ros.study.diagram.design import Design
 from vibro_ros.study.diagram.nature import Nature, NatureBlocks, nature_work, pieces
@@ -26,16 +23,16 @@ from vibro_ros.study.diagram.picture import draw_diagram
 from vibro_ros.study.diagram.result import Diagram, states_table, values_table
 from vibro_ros.study.diagram.words import in_words
 from vibro_ros.study.locked_folder import locked
+from vibro_ros.study.options import add_machine, add_runner, machine_of, runner_of
 from vibro_ros.study.running.block_run import BlockRun
-from vibro_ros.study.running.runner import Runner, on_cluster, on_this_machine
-from vibro_ros.study.sweep.variation import Axis, varied_in_words, whole_number
+from vibro_ros.study.running.runner import Runner
+from vibro_ros.study.sweep.variation import Axis, varied_in_words
 
 VISITS, NATURES = "visits", "natures"
 STATES, VALUES, PICTURE = "states.parquet", "values.parquet", "diagram.png"
 _SCENE, _VARY, _COUNT, _QUICK_COUNT = "device", "motor.speed=60:240", 181, 31
 _MOST_TURNS, _EXPONENTS, _CUTS = 4096, 200, 1000
 _QUICK_EXPONENTS = 40
-_MOST_WORKERS = 4096
 
 
 def main(words: Sequence[str]) -> int:
@@ -44,10 +41,9 @@ def main(words: Sequence[str]) -> int:
 
 
 def _diagram(options: argparse.Namespace) -> int:
-    workers = core_count() if options.workers is None else whole_number("--workers", options.workers, 1, _MOST_WORKERS)
-    runner = on_cluster(options.scheduler) if options.scheduler else on_this_machine(workers)
+    runner = runner_of(options)
     axis = _axis(options)
-    scene = load_scene(options.scene).with_parameters(dict(map(_setting, options.set)))
+    scene = machine_of(options)
     try:
         design = _design(options, scene, axis)
     except KeyboardInterrupt:
@@ -131,13 +127,6 @@ def _design(options: argparse.Namespace, scene: Scene, axis: Axis) -> Design:
                   exponents, options.cuts)
 
 
-def _setting(text: str) -> tuple[str, object]:
-    name, equals, value = text.partition("=")
-    if not equals:
-        raise ValueError(f"--set {text}: give NAME=VALUE")
-    return name, parameter_named(name, BY_NAME).checked(read_scalar(value))
-
-
 def _parser() -> Parser:
     parser = Parser(
         prog="study diagram",
@@ -146,10 +135,7 @@ def _parser() -> Parser:
         "two Parquet files and a picture. Ctrl-C keeps what is done; the same command goes on from there.",
         epilog="Exit code 0: done; 1: a run failed, or the disk is full; 2: bad input, or nowhere to write; 129, 130, "
         "143: stopped by SIGHUP, SIGINT, SIGTERM, finished blocks are kept.")
-    parser.add_argument("--scene", default=_SCENE, metavar="NAME", help="shipped scene or scene file (default: "
-                        "%(default)s)")
-    parser.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", help="a parameter's value at every "
-                        "point, SI units, angles in rad; repeatable")
+    add_machine(parser, _SCENE)
     parser.add_argument("--vary", metavar="NAME=VALUES", help="LOW:HIGH:COUNT, a grid; A,B,C, a list; `:log` behind a "
                         f"grid spreads it by its logarithm (default: {_VARY}:{_COUNT})")
     parser.add_argument("--coordinate", metavar="NAME", help="of the state, in the picture and for the 0-1 test "
@@ -164,10 +150,7 @@ def _parser() -> Parser:
                         "test (default: %(default)d)")
     parser.add_argument("--quick", action="store_true", help=f"{_QUICK_COUNT} values and {_QUICK_EXPONENTS} turns, "
                         "where these are not given")
-    where = parser.add_mutually_exclusive_group()
-    where.add_argument("--workers", type=int, metavar="N", help="processes on this machine (default: one a core)")
-    where.add_argument("--scheduler", metavar="ADDRESS", help="measure on the Dask cluster of this scheduler, such as "
-                       "tcp://host:8786; the numbers are the same to the last bit")
+    add_runner(parser)
     parser.add_argument("--output", type=Path, default=Path("out/study/diagram"), metavar="DIR",
                         help="where to write (default: out/study/diagram)")
     return parser

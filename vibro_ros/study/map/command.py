@@ -15,7 +15,6 @@ from vibro_ros.process.command_line import Parser
 from vibro_ros.process.front_door import exit_code, say
 from vibro_ros.process.regular_file import replace_file
 from vibro_ros.process.stop_signals import interrupted_code
-from vibro_ros.simulation.processes import core_count
 from vibro_ros.study.locked_folder import locked
 from vibro_ros.study.map.curves import curves, ends
 from vibro_ros.study.map.design import MapDesign
@@ -26,14 +25,12 @@ from vibro_ros.study.map.proof import PROOFS, QUICK_PROOFS, proved
 from vibro_ros.study.map.record import ENDS, LINES, STUDY, end_run, follow_ends, line_run, sweep_lines
 from vibro_ros.study.map.visit import Visit
 from vibro_ros.study.map.words import map_in_words, trials_in_words
+from vibro_ros.study.options import add_runner, runner_of
 from vibro_ros.study.running.origin import sources
-from vibro_ros.study.running.runner import on_cluster, on_this_machine
-from vibro_ros.study.sweep.variation import whole_number
 
 TABLE, PICTURE, COSTS = "motions.parquet", "map.png", "costs.png"
 CURVES = 11
 """Gaps at which motions are followed to their ends, unless another number is given."""
-_MOST_WORKERS = 4096
 
 
 def main(words: Sequence[str]) -> int:
@@ -42,8 +39,7 @@ def main(words: Sequence[str]) -> int:
 
 
 def _map(options: argparse.Namespace) -> int:
-    workers = core_count() if options.workers is None else whole_number("--workers", options.workers, 1, _MOST_WORKERS)
-    runner = on_cluster(options.scheduler) if options.scheduler else on_this_machine(workers)
+    runner = runner_of(options)
     design = design_of(options)
     gap_indices = _rows_of_curves(design, min(CURVES, design.gaps.count) if options.curves is None else options.curves)
     with locked(options.output):
@@ -126,10 +122,7 @@ def _parser() -> Parser:
                         f"alike, or of one (default: {BOTH})")
     parser.add_argument("--curves", type=int, metavar="N", help="gaps at which folds, doublings, Neimark-Sacker points "
                         "and grazings are located, which takes the longest; 0: none (default: 11, or all if fewer)")
-    where = parser.add_mutually_exclusive_group()
-    where.add_argument("--workers", type=int, metavar="N", help="processes on this machine (default: one a core)")
-    where.add_argument("--scheduler", metavar="ADDRESS", help="run on the Dask cluster of this scheduler, such as "
-                       "tcp://host:8786; the numbers are the same to the last bit")
+    add_runner(parser)
     parser.add_argument("--output", type=Path, default=Path("out/study/map"), metavar="DIR",
                         help="where to write (default: out/study/map)")
     return parser

@@ -4,11 +4,10 @@ import argparse
 
 from vibro_ros.configuration.command_map import Axis
 from vibro_ros.configuration.command_map_file import MOST_ROWS, SIDES
-from vibro_ros.configuration.scene_file import load_scene
 from vibro_ros.configuration.strict_yaml import read_scalar
-from vibro_ros.model.parameters import BY_NAME, parameter_named
 from vibro_ros.process.command_line import Parser
 from vibro_ros.study.map.design import MapDesign
+from vibro_ros.study.options import add_machine, machine_of
 from vibro_ros.study.sweep.variation import whole_number
 
 BOTH = "both"
@@ -19,10 +18,7 @@ QUICK = "60:180:13", "0:0.006:4"
 
 def add_grid(parser: Parser) -> None:
     """The options that name machine and grid."""
-    parser.add_argument("--scene", default="device", metavar="NAME", help="shipped scene or scene file (default: "
-                        "device)")
-    parser.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", help="another value of the scene, "
-                        "SI units, angles in rad; repeatable")
+    add_machine(parser, "device")
     parser.add_argument("--motor-speed", metavar="LOW:HIGH:COUNT",
                         help=f"motor speeds [rad/s] (default: {MOTOR_SPEEDS})")
     parser.add_argument("--gap", metavar="LOW:HIGH:COUNT", help=f"gaps [m] (default: {GAPS})")
@@ -38,10 +34,7 @@ def design_of(options: argparse.Namespace) -> MapDesign:
     ValueError
         For what is no grid or no scene; the message names value, limit and remedy.
     """
-    changes = dict(_setting(text) for text in options.set)
-    if len(changes) < len(options.set):
-        raise ValueError("--set: a parameter is given twice; keep one")
-    scene = load_scene(options.scene).with_parameters(changes)
+    scene = machine_of(options)
     if scene["solver.method"] != "exact":
         raise ValueError(f"solver.method: {scene['solver.method']} has no map; take exact, whose states repeat to "
                          "rounding")
@@ -70,10 +63,3 @@ def _axis(option: str, text: str) -> Axis:
     if not (-1e9 < low < high < 1e9):
         raise ValueError(f"{option} {text}: is no range; give the smaller number first")
     return Axis(low, high, whole_number(f"{option}: count", parts[2], 2, 10_000))
-
-
-def _setting(text: str) -> tuple[str, object]:
-    name, equals, value = text.partition("=")
-    if not equals:
-        raise ValueError(f"--set {text}: give NAME=VALUE")
-    return name, parameter_named(name, BY_NAME).checked(read_scalar(value))

@@ -9,7 +9,6 @@ from pathlib import Path
 
 from vibro_ros.accuracy.precision import running
 from vibro_ros.configuration.scene_file import load_scene
-from vibro_ros.configuration.strict_yaml import read_scalar
 from vibro_ros.model.parameters import BY_NAME, parameter_named
 from vibro_ros.model.scene import Scene
 from vibro_ros.process.command_line import Parser
@@ -27,6 +26,7 @@ from vibro_ros.study.optimise.scene_of_optimum import write_scene
 from vibro_ros.study.optimise.search import METHODS, Candidates
 from vibro_ros.study.optimise.space import Space, chosen_variables
 from vibro_ros.study.optimise.words import document, title
+from vibro_ros.study.options import settings_of
 from vibro_ros.study.progress import Progress
 
 RECORD, TEXT, SCENE, NUMBERS = "evaluations.jsonl", "optimum.md", "optimum.yaml", "optimum.json"
@@ -72,7 +72,7 @@ def plan_of(options: argparse.Namespace) -> Plan:
     if not 0.0 <= options.least_speed <= 100.0:
         raise ValueError(f"--least-speed {options.least_speed:g}: give a number from 0 to 100 m/s")
     fixed, varied = _fixed(options.fix), _varied(options.vary)
-    scene = sought(load_scene(options.scene).with_parameters(_set(options.set) | {
+    scene = sought(load_scene(options.scene).with_parameters(settings_of(options.set) | {
         name: value for name, value in fixed.items() if value is not None}))
     effort = QUICK if options.quick else Effort()
     starts = options.starts or effort.trials.starts
@@ -107,16 +107,6 @@ def written(result: Result, candidates: Candidates, folder: Path) -> list[Path]:
     for name, figure in pictures.items():
         figure.savefig(folder / name)
     return [folder / name for name in (TEXT, SCENE, NUMBERS, *pictures, RECORD)]
-
-
-def _set(words: Sequence[str]) -> dict[str, object]:
-    found = {}
-    for word in words:
-        name, equals, value = word.partition("=")
-        if not equals:
-            raise ValueError(f"--set {word}: give NAME=VALUE, such as start.state=zero")
-        found[name] = read_scalar(value)
-    return found
 
 
 def _fixed(words: Sequence[str]) -> dict[str, float | None]:

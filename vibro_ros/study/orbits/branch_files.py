@@ -9,6 +9,7 @@ import pyarrow as pa
 
 from vibro_ros.model.parameters import BY_NAME
 from vibro_ros.orbits.branch import Branch, Special
+from vibro_ros.orbits.turn_map import coordinates
 from vibro_ros.study.orbits.plan import Plan
 from vibro_ros.study.running.parquet_blocks import Column, ParquetBlocks
 
@@ -30,6 +31,15 @@ class BranchFiles(ParquetBlocks[Branch]):
 
     def __init__(self, folder: Path, plan: Plan):
         super().__init__(folder, "orbits", plan.document(), MOST_BRANCHES)
+        self._plan = plan
+
+    def is_own(self, block: int, table: pa.Table) -> bool:
+        """Whether the rows are those of a branch that this plan may have."""
+        try:
+            branch = branch_of(table, self._plan.name, coordinates(self._plan.scene))
+            return table == self.table(block, [branch])
+        except (LookupError, TypeError, ValueError, OverflowError):
+            return False
 
     def columns(self, block: int, found: Sequence[Branch]) -> list[Column]:
         """The columns of a branch."""
@@ -80,8 +90,9 @@ def columns_of(branch: Branch) -> list[Column]:
 
 
 def branch_of(table: pa.Table, name: str, names: Sequence[str]) -> Branch:
-    """The branch that a file holds, of the parameter `name` and with the coordinates `names`."""
+    """The branch of at least one row that a file holds, of the parameter `name` and with the coordinates `names`."""
     rows = table.to_pylist()
+    turns, end = int(rows[0]["turns"]), rows[-1]["end"]
     orbits = [row for row in rows if row["kind"] is None]
     special, before = [], 0
     for row in rows:
@@ -92,11 +103,10 @@ def branch_of(table: pa.Table, name: str, names: Sequence[str]) -> Branch:
                                    row["change"] or "", row["phase"], np.array(row["state"]), before))
     n = len(names)
     return Branch(
-        name, rows[0]["turns"] if rows else 0, _array(orbits, name), _array(orbits, "mean_speed"),
+        name, turns, _array(orbits, name), _array(orbits, "mean_speed"),
         np.array([_complex(row) for row in orbits], dtype=complex).reshape(-1, n), _array(orbits, "phase"),
         _array(orbits, "state").reshape(-1, n),
-        {one: _array(orbits, one).reshape(len(orbits), -1) for one in names}, tuple(special),
-        rows[-1]["end"] if rows else "no orbit was found where the branch should begin")
+        {one: _array(orbits, one).reshape(-1, turns) for one in names}, tuple(special), end)
 
 
 def _rows(branch: Branch) -> list[int | Special]:

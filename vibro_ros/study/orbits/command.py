@@ -11,7 +11,6 @@ import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
 from vibro_ros.accuracy.precision import running
-from vibro_ros.configuration.scene_file import load_scene
 from vibro_ros.configuration.strict_yaml import read_scalar
 from vibro_ros.model.parameters import BY_NAME
 from vibro_ros.orbits.turn_map import TurnMap
@@ -19,9 +18,8 @@ from vibro_ros.process.command_line import Parser
 from vibro_ros.process.front_door import exit_code, say
 from vibro_ros.process.regular_file import replace_file
 from vibro_ros.process.stop_signals import interrupted_code
-from vibro_ros.simulation.preparation import prepare_kernels
-from vibro_ros.simulation.processes import core_count
 from vibro_ros.study.locked_folder import locked
+from vibro_ros.study.options import add_machine, add_runner, machine_of, runner_of
 from vibro_ros.study.orbits.branch_files import FOLDER, columns_of
 from vibro_ros.study.orbits.drawing import draw_orbits
 from vibro_ros.study.orbits.plan import Plan
@@ -43,10 +41,9 @@ def main(words: Sequence[str]) -> int:
 
 def _orbits(options: argparse.Namespace) -> int:
     plan = plan_of(options)
-    workers = whole_number("--workers", options.workers, 1, 4096)
+    runner = runner_of(options)
     with locked(options.output / FOLDER):
-        prepare_kernels("study", plan.scene["solver.method"])
-        run = OrbitsRun(plan, options.output / FOLDER, workers)
+        run = OrbitsRun(plan, options.output / FOLDER, runner)
         try:
             run.do()
         except KeyboardInterrupt:
@@ -71,7 +68,7 @@ def plan_of(options: argparse.Namespace) -> Plan:
     name, over = varied_in_words(vary)
     if not isinstance(over, Range) or over.log:
         raise ValueError(f"--vary {vary}: is no range; give NAME=LOW:HIGH, such as motor.speed=60:130")
-    scene = running(load_scene(options.scene).with_parameters(_set(options.set)))
+    scene = running(machine_of(options))
     if scene["solver.method"] not in ("exact", "auto"):
         raise ValueError(f"solver.method: {scene['solver.method']!r} is not exact to rounding, which derivatives of "
                          "orbits need; leave it at 'exact'")
@@ -94,16 +91,6 @@ def _spread(over: Range) -> tuple[float, ...]:
 def _count(options: argparse.Namespace, key: str) -> int:
     given, (usual, quick, least, most) = getattr(options, key), _COUNTS[key]
     return whole_number(f"--{key}", (quick if options.quick else usual) if given is None else given, least, most)
-
-
-def _set(words: Sequence[str]) -> dict[str, object]:
-    found = {}
-    for word in words:
-        name, equals, value = word.partition("=")
-        if not equals:
-            raise ValueError(f"--set {word}: give NAME=VALUE, such as ground.friction=0.3")
-        found[name] = read_scalar(value)
-    return found
 
 
 def _written(plan: Plan, run: OrbitsRun, folder: Path) -> list[Path]:
@@ -136,10 +123,7 @@ def parser() -> Parser:
         "branches that are done; the same command goes on from there.",
         epilog="Exit code 0: done; 1: a run failed, or the disk is full; 2: bad input, or nowhere to write; 129, 130, "
         "143: stopped by SIGHUP, SIGINT, SIGTERM.")
-    own.add_argument("--scene", default="damped", metavar="NAME", help="shipped scene or scene file (default: "
-                     "%(default)s)")
-    own.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", help="another value of the scene, SI "
-                     "units, angles in rad; repeatable")
+    add_machine(own, "damped")
     own.add_argument("--vary", metavar="NAME=LOW:HIGH", help="the parameter that changes, and its range")
     own.add_argument("--from", dest="begin", action="append", default=[], metavar="VALUE", help="where orbits are "
                      "looked for; repeatable (default: at a quarter, a half and three quarters of the range)")
@@ -148,8 +132,7 @@ def parser() -> Parser:
     own.add_argument("--starts", type=int, metavar="N", help="starts from which orbits are looked for, at each VALUE "
                      "(default: 4)")
     own.add_argument("--points", type=int, metavar="N", help="most orbits of a branch (default: 400)")
-    own.add_argument("--workers", type=int, default=core_count(), metavar="N", help="processes; change no number "
-                     "(default: %(default)s)")
+    add_runner(own)
     own.add_argument("--quick", action="store_true", help="the fold of `damped` between 98 and 112 rad/s, in half a "
                      "minute; options that are given win")
     own.add_argument("--output", type=Path, default=Path("out/study/orbits"), metavar="DIR", help="where to write "

@@ -2,8 +2,7 @@
 
 import contextlib
 import errno
-import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Generator, Iterator, Sequence
 from pathlib import Path
 from typing import cast
 
@@ -12,12 +11,13 @@ from vibro_ros.orbits.search import Seed, lies_on
 from vibro_ros.orbits.special_points import DOUBLING
 from vibro_ros.orbits.turn_map import coordinates
 from vibro_ros.process.front_door import say
-from vibro_ros.simulation.processes import in_processes
 from vibro_ros.study.orbits.branch_files import MOST_BRANCHES, BranchFiles, branch_of
 from vibro_ros.study.orbits.plan import DOUBLED, DOWN, UP, Plan, Task
+from vibro_ros.study.orbits.work import Following, Search
 from vibro_ros.study.progress import Progress
+from vibro_ros.study.running.pieces import Piece, Result, Work
+from vibro_ros.study.running.runner import Runner
 
-_LINES = 10.0  # s between lines that say how far a branch is
 _SAME = 1e-6  # share of the range within which a period doubling that two branches have is one
 _JOINS = 0.05  # share of the range within which a branch that joins another one ends at its period doubling
 
@@ -31,8 +31,8 @@ class OrbitsRun:
         What is asked for.
     folder : Path
         Of the branches' files.
-    workers : int
-        Processes.
+    runner : Runner
+        Who computes.
 
     Attributes
     ----------
@@ -40,8 +40,8 @@ class OrbitsRun:
         The branches so far, by their numbers.
     """
 
-    def __init__(self, plan: Plan, folder: Path, workers: int):
-        self._plan, self._files, self._workers = plan, BranchFiles(folder, plan), workers
+    def __init__(self, plan: Plan, folder: Path, runner: Runner):
+        self._plan, self._files, self._runner = plan, BranchFiles(folder, plan), runner
         self._doubled: set[tuple[int, int]] = set()  # number of a branch and of its special point
         self.done: list[tuple[Task, Branch]] = []
 
@@ -70,12 +70,12 @@ class OrbitsRun:
             self._follow(tasks)
 
     def _seeds(self) -> Iterator[tuple[float, list[Seed]]]:
-        plan = self._plan
-        with contextlib.closing(in_processes(plan.seeds, plan.begin, min(self._workers, len(plan.begin)))) as jobs, \
-                Progress("orbits looked for", "value", len(plan.begin)) as progress:
+        begin, search = self._plan.begin, Search(self._plan)
+        with contextlib.closing(self._computed(search, map(search.piece, range(len(begin))))) as results, \
+                Progress("orbits looked for", "value", len(begin)) as progress:
             found = list[tuple[float, list[Seed]]]()
-            for value, job in zip(plan.begin, jobs, strict=True):
-                found.append((value, cast(list[Seed], job.outcome())))
+            for value, (seeds,) in zip(begin, results, strict=True):
+                found.append((value, seeds))
                 progress.add(1)
         yield from found
 
@@ -85,29 +85,22 @@ class OrbitsRun:
         if numbers.stop > MOST_BRANCHES:
             raise RuntimeError(f"there are more than {MOST_BRANCHES} branches; give fewer --turns or a smaller range")
         known = {number: self._kept(number) for number in numbers}
-        missing = [(number, task) for number, task in zip(numbers, tasks, strict=True) if known[number] is None]
-        for number, task in missing:
+        missing = {number: task for number, task in zip(numbers, tasks, strict=True) if known[number] is None}
+        for number, task in missing.items():
             say("study", f"branch {number}: {task.turns} turn{'s' * (task.turns > 1)}, {task.way} from "
                          f"{self._plan.name} = {task.value:.9g}, at most {self._plan.points} orbits")
-        jobs = in_processes(self._branch, missing, max(1, min(self._workers, len(missing))))
-        with contextlib.closing(jobs):
-            for (number, _), job in zip(missing, jobs, strict=True):
-                known[number] = branch = cast(Branch, job.outcome())
-                self._keep(number, branch)
+        following = Following(self._plan, missing)
+        with contextlib.closing(self._computed(following, map(following.piece, missing))) as results:
+            for number, (branch,) in zip(missing, results, strict=True):
+                known[number] = branch
+                if len(branch):  # a branch that does not begin is tried again, which is soon done
+                    self._keep(number, branch)
         self.done += [(task, branch) for task, branch in zip(tasks, known.values(), strict=True) if branch is not None]
 
-    def _branch(self, numbered: tuple[int, Task]) -> Branch:
-        """Follow a branch and say now and then how far it is, in whatever process this is."""
-        number, task = numbered
-        said = time.monotonic()
-
-        def notice(orbits: int, value: float) -> None:
-            nonlocal said
-            if time.monotonic() - said > _LINES:
-                said = time.monotonic()
-                say("study", f"branch {number}: {orbits} orbits, {self._plan.name} = {value:.6g}")
-
-        return self._plan.branch(task, notice)
+    def _computed(self, work: Work[Result], pieces: Iterator[Piece]) -> Generator[Result, None, None]:
+        """What the runner makes of the pieces, in order."""
+        return cast("Generator[Result, None, None]",
+                    self._runner(work, (self._plan.scene["solver.method"],), pieces))
 
     def _kept(self, number: int) -> Branch | None:
         table = self._files.read(number)

@@ -19,7 +19,7 @@ MODULES = {
                 *(("study.diagram", name) for name in ("chain", "design", "nature"))),
     "orbits": (*_BRANCHES, *(("orbits", name) for name in ("branch", "cut", "follow_orbit", "orbit", "search",
                                                            "whole_branch")),
-               *(("study.orbits", name) for name in ("branch_files", "plan", "run"))),
+               *(("study.orbits", name) for name in ("branch_files", "plan", "run", "work"))),
     "basins": (*(("orbits", name) for name in ("cut", "fatal_shock", "recurrence", "stroboscope", "turn_map")),
                *(("study.basins", name) for name in ("rows", "shocks", "starts"))),
     "map": (*_TURNS, ("study", "standing"), ("study.map", "design"), ("study.map", "visit")),

@@ -8,11 +8,10 @@ from vibro_ros.process.command_line import Parser
 from vibro_ros.process.front_door import FAILURE, exit_code, say
 from vibro_ros.process.regular_file import replace_file
 from vibro_ros.process.stop_signals import interrupted_code
-from vibro_ros.simulation.processes import core_count
 from vibro_ros.study.locked_folder import locked
 from vibro_ros.study.measures import MEASURES
+from vibro_ros.study.options import add_runner, runner_of
 from vibro_ros.study.progress import Progress
-from vibro_ros.study.running.runner import on_cluster, on_this_machine
 from vibro_ros.study.sweep.blocks import FOLDER
 from vibro_ros.study.sweep.design import Design
 from vibro_ros.study.sweep.design_file import (
@@ -26,10 +25,9 @@ from vibro_ros.study.sweep.design_file import (
 from vibro_ros.study.sweep.picture import draw_sweep
 from vibro_ros.study.sweep.run import SweepRun
 from vibro_ros.study.sweep.summary import Summary, as_csv, in_words, summary
-from vibro_ros.study.sweep.variation import SAMPLERS, whole_number
+from vibro_ros.study.sweep.variation import SAMPLERS
 
 TABLE, PICTURE = "summary.csv", "sweep.png"
-_MOST_WORKERS = 4096
 
 
 def main(words: Sequence[str]) -> int:
@@ -38,8 +36,7 @@ def main(words: Sequence[str]) -> int:
 
 
 def _sweep(options: argparse.Namespace) -> int:
-    workers = core_count() if options.workers is None else whole_number("--workers", options.workers, 1, _MOST_WORKERS)
-    runner = on_cluster(options.scheduler) if options.scheduler else on_this_machine(workers)
+    runner = runner_of(options)
     file = {} if options.file is None else read_sweep(sweep_path(options.file))
     design = design_of(file, given_in_words(options))
     try:
@@ -109,10 +106,7 @@ def _parser() -> Parser:
                         f"{DEFAULTS['settling']:g})")
     parser.add_argument("--duration", type=float, metavar="S", help="time that counts, cut to whole turns (default: "
                         f"{DEFAULTS['duration']:g})")
-    where = parser.add_mutually_exclusive_group()
-    where.add_argument("--workers", type=int, metavar="N", help="processes on this machine (default: one a core)")
-    where.add_argument("--scheduler", metavar="ADDRESS", help="run on the Dask cluster of this scheduler, such as "
-                       "tcp://host:8786; the numbers are the same to the last bit")
+    add_runner(parser)
     parser.add_argument("--output", type=Path, default=Path("out/study/sweep"), metavar="DIR",
                         help="where to write (default: out/study/sweep)")
     return parser

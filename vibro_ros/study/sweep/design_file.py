@@ -11,9 +11,10 @@ from typing import Any
 from vibro_ros.accuracy.starts import SETTLING
 from vibro_ros.configuration.scene_file import load_scene, scene_origin
 from vibro_ros.configuration.shipped import config_folder
-from vibro_ros.configuration.strict_yaml import read_scalar, read_yaml
+from vibro_ros.configuration.strict_yaml import read_yaml
 from vibro_ros.model.parameters import BY_NAME, parameter_named
 from vibro_ros.study.measures import checked_names
+from vibro_ros.study.options import settings_of
 from vibro_ros.study.sweep.design import MOST_STARTS, Design
 from vibro_ros.study.sweep.variation import sampling, sampling_in_words, varied, varied_in_words, whole_number
 
@@ -95,20 +96,11 @@ def given_in_words(options: argparse.Namespace) -> dict[str, Any]:
     given["starts"] = None if options.starts is None else whole_number("--starts", options.starts, 0, MOST_STARTS)
     given["sample"] = sampling_in_words(options.sample) if options.sample else None
     said = {key: value for key, value in given.items() if value is not None}
-    said["set"] = dict(_setting(text) for text in options.set)
-    if len(said["set"]) < len(options.set):
-        raise ValueError("--set: a parameter is given twice; keep one")
+    said["set"] = settings_of(options.set)
     said["vary"] = dict(varied_in_words(text) for text in options.vary)
     if len(said["vary"]) < len(options.vary):
         raise ValueError("--vary: a parameter is given twice; keep one")
     return said
-
-
-def _setting(text: str) -> tuple[str, object]:
-    name, equals, value = text.partition("=")
-    if not equals:
-        raise ValueError(f"--set {text}: give NAME=VALUE")
-    return name, parameter_named(name, BY_NAME).checked(read_scalar(value))
 
 
 def design_of(file: Mapping[str, Any], words: Mapping[str, Any]) -> Design:
