@@ -57,6 +57,7 @@ def test_strangers_change_nothing(start, bench):
     publishers = {topic: bench.node.create_publisher(kind, topic, 10) for topic, kind in KINDS.items()}
     start("robot", *CRAWL)
     page.wait_for_robot()
+    bench.spin_until(lambda: all(one.get_subscription_count() for one in publishers.values()), "a view that listens")
     begin = len(page.rows)
     page.wait_for_rows(50)
     for _ in range(ROUNDS):

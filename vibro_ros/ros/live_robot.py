@@ -82,10 +82,12 @@ class LiveRobot:
         return self._taken(self._joining.join(readings, {name: one.fields for name, one in self._decoders.items()}))
 
     def hear(self) -> None:
-        """Take note that the robot has said something of itself; after a silence it may be another robot."""
+        """Take note that the robot has said something; after a silence it may be another one, and is shown when it has
+        told who it is."""
         now = time.monotonic()
         if float("-inf") < self._heard < now - SILENCE:
-            self._doubt()
+            self._doubtful = True
+            self.reader.read()
         self._heard = now
 
     def look(self) -> None:
@@ -94,9 +96,7 @@ class LiveRobot:
                           for one in self._node.get_publishers_info_by_topic(self._topics["odom"].topic))
         now = time.monotonic()
         unexplained = (self._fault or self._unread) and now > max(self._read_at, self._row_heard) + READ_AGAIN
-        if found - self._publishers:
-            self._doubt()
-        elif unexplained and not self.reader.reading:
+        if found - self._publishers or (unexplained and not self.reader.reading):
             self.reader.read()
         if self._publishers and not found:  # it has gone, and who comes next is to be asked what it is
             self.settings, self.origin, self._fault = None, None, ""
@@ -154,11 +154,6 @@ class LiveRobot:
         values[:, TIME] = (rows.stamps[later] - self.origin) * 1e-9
         self._last = int(rows.stamps[later][-1])
         return values
-
-    def _doubt(self) -> None:
-        """Ask who it is that is heard, and show nothing of it before it has told."""
-        self._doubtful = True
-        self.reader.read()
 
     def _take_settings(self, found: Settings | str) -> None:
         """Take what was read; samples of another machine than before are those of another run."""
