@@ -1,1 +1,1 @@
-"""What the machine can do: the paper's claims, sweeps, the optimum, results from the literature."""
+"""What the machine can do: the paper's claims, sweeps, the optimum, published results, orbits, basins, command maps."""
