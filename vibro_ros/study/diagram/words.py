@@ -46,7 +46,7 @@ def _of_region(found: Diagram, region: Region) -> str:
         speeds = _between(extent([1e3 * one.motion.mean_speed for one in visits]), ".2f")
         ways.append(f"{direction} {kinds} at {speeds} mm/s")
     where = f"{_between((region.low, region.high), '.6g')}{f' {unit}' if unit else ''}"
-    return f"hysteresis: {where} ({len(region.places)} values): {'; '.join(ways)}"
+    return f"hysteresis: {where} ({len(region.places)} value{'s' * (len(region.places) > 1)}): {'; '.join(ways)}"
 
 
 def _between(ends: tuple[float, float], form: str) -> str:
