@@ -163,6 +163,16 @@ def test_a_motion_that_never_settles_says_so(tmp_path, capsys):
     assert not column(tmp_path, "settled").any() and (column(tmp_path, "exponent_1") > 0.0).any()
 
 
+@pytest.mark.parametrize("without", [["--exponents", "0", "--cuts", "200"], ["--exponents", "20", "--cuts", "0"]])
+def test_what_was_not_measured_is_no_stranger_s_when_the_command_goes_on(tmp_path, without):
+    """NaN differs from itself, and a row that holds one is still our own."""
+    words = ["--scene", "unilateral", "--vary", "motor.speed=90,100", "--most-turns", "64", *without, "--workers", "1",
+             "--output", str(tmp_path)]
+    assert main(words) == 0
+    before = bytes_of(tmp_path)
+    assert main(words) == 0 and bytes_of(tmp_path) == before
+
+
 def test_a_plate_that_moves_into_a_mass_takes_it_along(tmp_path):
     """Rigid plates from far to near: where the mass was, there is now the plate."""
     words = ["--scene", "rigid", "--vary", "upper.gap=-0.01:0.01:3", "--exponents", "0", "--cuts", "0", "--output",

@@ -3,11 +3,14 @@
 import json
 import os
 import pickle
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pandas
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 from known_map import known_map
 
@@ -199,6 +202,18 @@ def test_the_lines_of_another_map_are_refused_and_left_alone(tmp_path, capsys):
     assert main([*TINY, "--set", "mass.body=1.25", "--output", str(tmp_path)]) == 2
     assert "is of another study (design.parameters.mass.body is 1.0 there, 1.25 here)" in capsys.readouterr().err
     assert {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()} == files
+
+
+@pytest.mark.parametrize("folder", ["lines", "ends"])
+@pytest.mark.parametrize("spoil", [lambda table: table.slice(0, 0), lambda table: table.drop_columns(["turns"]),
+                                   lambda table: pa.concat_tables([table, table])])
+def test_a_stranger_s_rows_under_our_metadata_are_refused(folded, tmp_path, capsys, folder, spoil):
+    shutil.copytree(folded, tmp_path / "map")
+    block = tmp_path / "map" / folder / "block_000000.parquet"
+    pq.write_table(spoil(pq.read_table(block)), block, compression="zstd", write_page_checksum=True)
+    assert main([*FOLDED, "--output", str(tmp_path / "map")]) == 2
+    said = capsys.readouterr().err.strip().splitlines()
+    assert said[-1] == f"study: {block}: holds what this study does not write; delete it"
 
 
 def test_a_folder_of_strangers_is_refused(tmp_path, capsys):

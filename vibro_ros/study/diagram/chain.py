@@ -110,7 +110,7 @@ class VisitBlocks(ParquetBlocks[Visit]):
             found = visits_in(self._design, table)
             possible = all(len(one.states) == (one.motion.turns or CLOUD) and np.isfinite(one.states).all()
                            for one in found)
-            return possible and table == self.table(block, found)
+            return possible and self.is_of(block, table, found)
         except (LookupError, TypeError, ValueError, OverflowError):
             return False
 

@@ -137,7 +137,7 @@ class NatureBlocks(ParquetBlocks[Nature]):
         try:
             found = natures_in(self._design, table)
             asked = [one.number for one in found] == list(self._design.visits_of_block(block))
-            return asked and table == self.table(block, found)
+            return asked and self.is_of(block, table, found)
         except (LookupError, TypeError, ValueError, OverflowError):
             return False
 

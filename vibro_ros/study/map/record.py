@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pyarrow as pa
 
+from vibro_ros.configuration.command_map_file import CURVES as CURVE_KINDS
 from vibro_ros.orbits.turn_map import coordinates
 from vibro_ros.study.map.curves import End, Point, end_point
 from vibro_ros.study.map.design import MapDesign
@@ -73,7 +74,16 @@ class _LineBlocks(ParquetBlocks[list]):
 
     def __init__(self, folder: Path, design: MapDesign):
         super().__init__(folder, STUDY, design.document(), len(design.lines()))
-        self._coordinates = coordinates(design.scene)
+        self._design, self._coordinates = design, coordinates(design.scene)
+
+    def is_own(self, block: int, table: pa.Table) -> bool:
+        """Whether the rows can be the visits of this line."""
+        try:
+            rows = [_visit(row) for row in table.to_pylist()]
+            cells = list(self._design.cells(self._design.lines()[block]))
+            return [(row.speed_index, row.gap_index) for row in rows] == cells and self.is_of(block, table, [rows])
+        except (LookupError, TypeError, ValueError, OverflowError):
+            return False
 
     def columns(self, block: int, found: Sequence[list]) -> list[Column]:
         rows = [row for piece in found for row in piece]
@@ -87,6 +97,14 @@ class _LineBlocks(ParquetBlocks[list]):
 
 class _EndBlocks(ParquetBlocks[list]):
     """A row an end."""
+
+    def is_own(self, block: int, table: pa.Table) -> bool:
+        """Whether the row can be an end."""
+        try:
+            rows = [Point(**row) for row in table.to_pylist()]
+            return len(rows) == 1 and rows[0].kind in (None, *CURVE_KINDS) and self.is_of(block, table, [rows])
+        except (LookupError, TypeError, ValueError, OverflowError):
+            return False
 
     def columns(self, block: int, found: Sequence[list]) -> list[Column]:
         return _columns([row for piece in found for row in piece], _POINT)

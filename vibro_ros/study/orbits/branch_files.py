@@ -37,7 +37,7 @@ class BranchFiles(ParquetBlocks[Branch]):
         """Whether the rows are those of a branch that this plan may have."""
         try:
             branch = branch_of(table, self._plan.name, coordinates(self._plan.scene))
-            return table == self.table(block, [branch])
+            return self.is_of(block, table, [branch])
         except (LookupError, TypeError, ValueError, OverflowError):
             return False
 

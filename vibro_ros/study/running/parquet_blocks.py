@@ -127,6 +127,10 @@ class ParquetBlocks(ABC, Generic[Result]):
         """Whether the contents of a whole file can be this study's: somebody may have written them after its words."""
         return True
 
+    def is_of(self, block: int, table: pa.Table, found: Sequence[Result]) -> bool:
+        """Whether a table holds what `found` is written as, to the last bit; NaN is then the same as NaN."""
+        return self._bytes(table) == self._bytes(self.table(block, found))
+
     def _metadata(self, block: int) -> bytes:
         return json.dumps({**self._study, "block": block}, ensure_ascii=False).encode()
 
