@@ -26,7 +26,7 @@ $(PACKAGES): another-python
 endif
 endif
 
-# Chromium or Chrome on PATH, as vibro_ros/project/browser.py finds it; where there is none, Qt WebEngine comes from PyPI.
+# Chromium or Chrome on PATH, as tools/browser.py finds it; where there is none, Qt WebEngine comes from PyPI.
 CHROMIUM := chromium chromium-browser google-chrome google-chrome-stable
 NEEDS_QT = $(if $(filter-out qt,$(VIBRO_ROS_BROWSER)),,$(if $(VIBRO_ROS_BROWSER),qt,$(shell \
 	for name in $(CHROMIUM); do $$name --version >/dev/null 2>&1 && exit; done; echo qt)))
@@ -40,10 +40,10 @@ setup: $(READY) $(TYPES)  ## make .venv with every pinned package; quick when no
 	@echo "setup: $(VENV) is ready, with Python $$(cat $(PACKAGES))"
 
 demo: $(READY) $(TYPES)  ## run robot and controller for about 20 s, record, report into out/
-	@$(BIN)/python -m vibro_ros.project.demo
+	@$(BIN)/python -m tools.demo
 
 view: $(READY) $(TYPES)  ## run a robot and show it in the browser, at the address that is printed; VIEW="--open --port 0" gives options
-	@$(BIN)/python -m vibro_ros.project.look $(VIEW)
+	@$(BIN)/python -m tools.look $(VIEW)
 
 test: $(READY) $(TYPES) $(PEER) $(STUDY) $(BROWSER)  ## run every test, two at a time; those that need a quiet machine one after the other
 	@$(if $(NEEDS_QT),$(MAKE) --no-print-directory $(QT))
@@ -56,8 +56,7 @@ check: lint  ## the fast loop: the style, and the tests of model and solver; hal
 lint: $(READY) conflict-markers  ## check style, spelling and types, and that names and links in documents lead somewhere
 	@$(BIN)/ruff check
 	@$(BIN)/oxlint --format=unix vibro_ros/view/page
-	@$(BIN)/codespell *.md Makefile setup.py config docs test vibro_ros
-	@$(BIN)/python -m vibro_ros.project.lint
+	@$(BIN)/codespell *.md Makefile setup.py config docs research test tools vibro_ros
 	@$(BIN)/mypy --no-error-summary
 
 # 1 of git's exit codes is "found nothing"; without a repository it looks at all files that .gitignore does not name.
@@ -67,29 +66,29 @@ conflict-markers:
 		exit 1; }
 
 bench: $(READY) $(PEER)  ## compare the exact solver's cost with fixed-step Runge-Kutta and heyoka
-	@$(BIN)/python -m vibro_ros.project.bench
+	@$(BIN)/python -m tools.bench
 
 accuracy: $(READY) $(PEER)  ## measure what accuracy costs in every shipped scene and write docs/accuracy.md; a quarter of an hour
-	@$(BIN)/python -m vibro_ros.project.accuracy_report
+	@$(BIN)/python -m tools.accuracy_report
 
 study: $(READY) $(STUDY)  ## short versions of all studies, figures and tables in out/study/short; ten minutes at most
-	@$(BIN)/study paper --quick --output out/study/short/paper
+	@$(BIN)/python -m research.paper.command --quick --output out/study/short/paper
 	@$(BIN)/study sweep guide_angle --output out/study/short/sweep
 	@$(BIN)/study optimise --quick --output out/study/short/optimise
-	@$(BIN)/study literature --quick --output out/study/short/literature
+	@$(BIN)/python -m research.literature.command --quick --output out/study/short/literature
 	@$(BIN)/study orbits --quick --output out/study/short/orbits
 	@$(BIN)/study diagram --quick --output out/study/short/diagram
 	@$(BIN)/study basins --quick --set motor.speed=160 --output out/study/short/basins
 	@$(BIN)/study map --quick --output out/study/short/map
 
 paper: $(READY)  ## run every claim of the paper under each reading and write docs/paper.md; a quarter of an hour
-	@$(BIN)/python -m vibro_ros.project.paper_report
+	@$(BIN)/python -m research.paper.report
 
 literature: $(READY)  ## hold published results of other machines against the model and write docs/literature.md; four minutes
-	@$(BIN)/python -m vibro_ros.project.literature_report
+	@$(BIN)/python -m research.literature.report
 
 optimum: $(READY) $(STUDY)  ## search for the fastest and the thriftiest robots and write docs/optimum.md; half an hour
-	@$(BIN)/python -m vibro_ros.project.optimum_report
+	@$(BIN)/python -m research.optimum.report
 
 map: $(READY) $(STUDY)  ## find every motion of the device over motor speed and gap; write config/maps, docs/map.png and docs/map_costs.png; ten minutes
 	@$(BIN)/study map --output out/study/map
@@ -97,13 +96,13 @@ map: $(READY) $(STUDY)  ## find every motion of the device over motor speed and 
 	@cp out/study/map/costs.png docs/map_costs.png
 
 docs: $(READY)  ## write config/urdf, and measure and write the tables in docs/guide/parameters.md and docs/robot.md; some minutes
-	@$(BIN)/python -m vibro_ros.project.parameter_table
-	@$(BIN)/python -m vibro_ros.project.urdf_files
-	@$(BIN)/python -m vibro_ros.project.effects
+	@$(BIN)/python -m tools.parameter_table
+	@$(BIN)/python -m tools.urdf_files
+	@$(BIN)/python -m tools.effects
 
 picture: $(READY)  ## simulate and draw docs/robot.svg, the parts by name, and docs/robot.gif, the robot in slow motion
-	@$(BIN)/python -m vibro_ros.project.drawing
-	@$(BIN)/python -m vibro_ros.project.animation
+	@$(BIN)/python -m tools.drawing
+	@$(BIN)/python -m tools.animation
 
 clean:  ## remove .venv and all that is built; out/ stays
 	@rm -rf $(VENV) build install log *.egg-info .pytest_cache .ruff_cache .mypy_cache
@@ -141,8 +140,8 @@ $(READY): $(PACKAGES) setup.py setup.cfg package.xml vibro_ros/process/executabl
 	@touch $@
 
 # The command writes the stamp, unless there is no compiler that works: it then says so, and the robot runs without.
-$(TYPES): $(PACKAGES) $(shell find vibro_ros/project/interfaces -name '*.py' -o -path '*/declared/*' -type f)
-	@$(BIN)/python -m vibro_ros.project.interfaces.command
+$(TYPES): $(PACKAGES) $(shell find tools/interfaces -name '*.py' -o -path '*/declared/*' -type f)
+	@$(BIN)/python -m tools.interfaces.command
 
 # Only the studies need them.
 $(STUDY): requirements-study.txt $(PACKAGES)

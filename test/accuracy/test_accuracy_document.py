@@ -9,6 +9,7 @@ import pytest
 from document_advice import advised, complaints, error_of, left_out, rows_of
 
 import vibro_ros
+from tools import accuracy_report
 from vibro_ros.accuracy.advice import NEEDS
 from vibro_ros.accuracy.errors import errors
 from vibro_ros.accuracy.measurement import NEED, Measurement
@@ -17,7 +18,6 @@ from vibro_ros.accuracy.precision import COMPILED, SHORT, running
 from vibro_ros.accuracy.price import baseline_in_words, prices_in_words
 from vibro_ros.accuracy.words import finding
 from vibro_ros.configuration.scene_file import shipped_scenes
-from vibro_ros.project import accuracy_report
 
 ROOT = Path(__file__).resolve().parents[2]
 TEXT = (ROOT / "docs" / "accuracy.md").read_text(encoding="utf-8")

@@ -3,6 +3,7 @@
 import pytest
 from quick_study import QUICK
 
+from tools import accuracy_report
 from vibro_ros.accuracy import accuracy
 from vibro_ros.accuracy.advice import MEAN_SPEED, NEEDS, advice, cheapest
 from vibro_ros.accuracy.chaos import Growth
@@ -10,7 +11,6 @@ from vibro_ros.accuracy.measurement import AVERAGE, NEED, REFERENCE, Measurement
 from vibro_ros.accuracy.precision import SHORT
 from vibro_ros.accuracy.price import baseline_in_words, price_of_a_digit, price_over_scenes, prices_in_words
 from vibro_ros.accuracy.words import finding, speeds_table
-from vibro_ros.project import accuracy_report
 
 
 def test_advice_is_what_was_measured_within_the_horizon_of_each_need(rows):

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from tools import bench, bench_runs
 from vibro_ros import load_scene
 from vibro_ros.accuracy import baseline
-from vibro_ros.project import bench, bench_runs
 
 DURATION = {"rigid": 0.2, "device": 0.6}  # s; the device's motor takes 0.5 s to its speed; 0.3 s for the others
 

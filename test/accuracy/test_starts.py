@@ -5,7 +5,7 @@ import pytest
 from scipy.stats import ttest_1samp
 
 import vibro_ros
-from vibro_ros.accuracy.coverage import covered
+from tools.coverage import covered
 from vibro_ros.accuracy.starts import average, speed_of_start, speeds_of_starts, started
 
 

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 import vibro_ros
-from vibro_ros.study.impact_oscillator import Oscillator, doubling, oscillator_scene
+from research.literature.impact_oscillator import Oscillator, doubling, oscillator_scene
 
 RADIUS, RODS = 1e-3, (1.0, 2.0)  # m; much longer ones cost digits of the position
 

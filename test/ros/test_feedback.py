@@ -7,7 +7,7 @@ from collections.abc import Callable
 import pytest
 
 import vibro_ros
-from vibro_ros.ros.goal_accuracy import Samples, Trial
+from tools.goal_accuracy import Samples, Trial
 from vibro_ros.ros.goals import MOTOR_RANGE, Goal, GoalError, PositionGoal, SpeedGoal, check_reach
 
 RAMP = {"effects.motor": "ramp", "motor.speed": 0.0}  # as the shipped device has it

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import vibro_ros
+from tools.work_weights import UNKEPT, known_scenes
 from vibro_ros.configuration.scene_file import shipped_scenes
-from vibro_ros.project.work_weights import UNKEPT, known_scenes
 from vibro_ros.simulation import accuracy_in_force as in_force
 from vibro_ros.simulation.accuracy_in_force import KNOWN, KNOWN_SPEED, accuracy_in_force, next_cheaper_choice
 from vibro_ros.simulation.auto import HORIZON, choose_method

@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 
 import vibro_ros
+from tools import work_weights
 from vibro_ros.accuracy.methods import METHODS, UnableError
 from vibro_ros.configuration.scene_file import shipped_scenes
 from vibro_ros.model.scene import Scene
-from vibro_ros.project import work_weights
 from vibro_ros.simulation import auto
 from vibro_ros.simulation.auto import choose_method
 from vibro_ros.simulation.counted_work import EXACT_WEIGHTS

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from vibro_ros.project.browser import Engine, Session, running
+from tools.browser import Engine, Session, running
 
 sys.path.insert(0, str(Path(__file__).parent))
 

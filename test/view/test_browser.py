@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 from watched_page import Watch, engine_or_outcome
 
-from vibro_ros.project import browser
-from vibro_ros.project.browser import CHOICE, Engine, NoBrowserError, Session, chosen_engine, running
+from tools import browser
+from tools.browser import CHOICE, Engine, NoBrowserError, Session, chosen_engine, running
 
 PAGE = """<!doctype html><meta name="viewport" content="width=device-width"><title>tiny</title>
 <link rel="icon" href="data:,">

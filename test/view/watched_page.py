@@ -5,7 +5,7 @@ from urllib.parse import urlsplit
 
 import pytest
 
-from vibro_ros.project.browser import Engine, NoBrowserError, chosen_engine
+from tools.browser import Engine, NoBrowserError, chosen_engine
 
 HERE = {"127.0.0.1", "localhost", "[::1]", "::1"}
 NO_HOST = {"about", "blob", "data", "file"}  # schemes by which nothing leaves the machine

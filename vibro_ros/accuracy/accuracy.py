@@ -148,7 +148,7 @@ class Accuracy:
                 f"scene whose motor stands still at first is studied running, at {RUNNING_SPEED:g} rad/s from the "
                 f"start. A mean speed is that of {self._effort.duration:g} s, after {SETTLING:g} s to settle; its "
                 "starts are independent: in the first second motor speed and gaps are drawn at random. "
-                "`.venv/bin/python -m vibro_ros.accuracy.coverage` repeats intervals from other starts and counts how "
+                "`.venv/bin/python -m tools.coverage` repeats intervals from other starts and counts how "
                 "many hold: fewer than 95 of 100 where a rare start goes far astray, as by `rk4` at 0.0001 s in "
                 "`paper`.")
 

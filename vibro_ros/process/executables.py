@@ -50,88 +50,88 @@ EXECUTABLES = {
         "vibro_ros.ros.live_view", False,
         "Show a live robot in the browser, with its knobs and buttons, until SIGINT, SIGTERM or SIGHUP."),
     "lateness": Executable(
-        "vibro_ros.ros.lateness", False,
+        "tools.lateness", False,
         "Measure how late the robot's ticks are with recording and without, in turn."),
     "view_lateness": Executable(
-        "vibro_ros.ros.view_lateness", False,
+        "tools.view_lateness", False,
         "Measure how late the robot's ticks are with pages of the live view open and without, in turn."),
     "tick_cost": Executable(
-        "vibro_ros.ros.tick_cost", False,
+        "tools.tick_cost", False,
         "Measure what a tick of the robot's node costs."),
     "node_cost": Executable(
-        "vibro_ros.ros.node_cost", False,
+        "tools.node_cost", False,
         "Measure the processor time of the whole robot against a bare rclpy node that publishes as much."),
     "load": Executable(
-        "vibro_ros.ros.load", False,
+        "tools.load", False,
         "Measure what a flood of commands, many listeners and many robots do to rates, memory and delays."),
     "bare_node": Executable(
-        "vibro_ros.ros.bare_node", False,
+        "tools.bare_node", False,
         "Publish messages that lie ready, as large as the robot's, and do nothing else."),
     "goal_accuracy": Executable(
-        "vibro_ros.ros.goal_accuracy", False,
+        "tools.goal_accuracy", False,
         "Measure how well the controller's feedback holds speeds and reaches positions, in simulated time."),
     "start_time": Executable(
-        "vibro_ros.ros.start_time", False,
+        "tools.start_time", False,
         "Measure how long robot and Python take to start, with an empty cache of kernels and a full one."),
     "coverage": Executable(
-        "vibro_ros.accuracy.coverage", False,
+        "tools.coverage", False,
         "Count how often intervals of mean speeds hold."),
     "demo": Executable(
-        "vibro_ros.project.demo", False,
+        "tools.demo", False,
         "Run the robot and its controller as two processes, record a bag, write a report."),
     "look": Executable(
-        "vibro_ros.project.look", False,
+        "tools.look", False,
         "Run a robot that crawls and its page in the browser as two processes, until Ctrl-C."),
     "bench": Executable(
-        "vibro_ros.project.bench", False,
+        "tools.bench", False,
         "Compare the exact solver's cost with fixed-step Runge-Kutta 4 and heyoka."),
     "interface_types": Executable(
-        "vibro_ros.project.interfaces.command", False,
+        "tools.interfaces.command", False,
         "Build the Python types of ROS packages that PyPI lacks into an environment."),
     "lint": Executable(
-        "vibro_ros.project.lint", False,
+        "tools.lint", False,
         "Find slips in documents and docstrings: names and links that lead nowhere, missing units."),
     "accuracy_report": Executable(
-        "vibro_ros.project.accuracy_report", False,
+        "tools.accuracy_report", False,
         "Measure every shipped scene and write accuracy.md with its diagrams; a quarter of an hour."),
     "paper_report": Executable(
-        "vibro_ros.project.paper_report", False,
+        "research.paper.report", False,
         "Run every claim of the paper under each reading and write paper.md; a quarter of an hour."),
     "literature_report": Executable(
-        "vibro_ros.project.literature_report", False,
+        "research.literature.report", False,
         "Hold published results of other machines against the model and write literature.md; four minutes."),
     "optimum_report": Executable(
-        "vibro_ros.project.optimum_report", False,
+        "research.optimum.report", False,
         "Search for the fastest and the thriftiest robots and write optimum.md; half an hour."),
     "effects": Executable(
-        "vibro_ros.project.effects", False,
+        "tools.effects", False,
         "Write the tables of effects into a Markdown file."),
     "effect_cost": Executable(
-        "vibro_ros.project.effect_cost", False,
+        "tools.effect_cost", False,
         "Measure what effects cost, as ratios of runs with them and without, in turn."),
     "study_cost": Executable(
-        "vibro_ros.project.study_cost", False,
+        "tools.study_cost", False,
         "Measure what a sweep's run costs in time and bytes, and how much faster all cores are than one."),
     "parameter_table": Executable(
-        "vibro_ros.project.parameter_table", False,
+        "tools.parameter_table", False,
         "Write the parameters' table into a Markdown file."),
     "urdf_files": Executable(
-        "vibro_ros.project.urdf_files", False,
+        "tools.urdf_files", False,
         "Write the robots of scenes as URDF files, by default those of all shipped scenes into config/urdf."),
     "drawing": Executable(
-        "vibro_ros.project.drawing", False,
+        "tools.drawing", False,
         "Draw the robot with the names of its parts as SVG."),
     "animation": Executable(
-        "vibro_ros.project.animation", False,
+        "tools.animation", False,
         "Draw the robot in slow motion as an animated GIF."),
     "screenshot": Executable(
-        "vibro_ros.project.screenshot", False,
+        "tools.screenshot", False,
         "Take pictures of the live view in a real browser: live, and in slow motion at a blow."),
     "view_load": Executable(
-        "vibro_ros.project.view_load", False,
+        "tools.view_load", False,
         "Measure with real browsers what the live view takes of memory in minutes, and of the robot's clock."),
     "work_weights": Executable(
-        "vibro_ros.project.work_weights", False,
+        "tools.work_weights", False,
         "Measure the weights of counted work, and print counted beside measured costs; a minute."),
 }
 """Every executable by its name; those that are installed first."""

@@ -24,7 +24,7 @@ class Known(NamedTuple):
 
 
 #: Shipped scene to what is known of its first 0.2 s at `KNOWN_SPEED`; printed by `python -m
-#: vibro_ros.project.work_weights`.
+#: tools.work_weights`.
 KNOWN: Mapping[str, Known] = {
     "damped": Known(0.0008883, Candidate("moreau", 0.003162, 0.016, 0.0001017)),
     "device": Known(0.001435, Candidate("moreau", 0.003162, 0.015, 0.0001137)),

@@ -2,7 +2,7 @@
 
 A clock gives another answer in every process; the counts of a run are the same in each, so that whatever is decided by
 them is, too. The weights are those of one machine, and only their ratios matter:
-`python -m vibro_ros.project.work_weights` measures them, and how far counted work is from measured time.
+`python -m tools.work_weights` measures them, and how far counted work is from measured time.
 """
 
 from collections.abc import Mapping

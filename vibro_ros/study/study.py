@@ -27,11 +27,8 @@ does : str
 """
 
 STUDIES = {
-    "paper": Study("vibro_ros.study.paper.command",
-                   "Run every figure and claim of the paper under each of its readings."),
     "sweep": Study("vibro_ros.study.sweep.command", "Vary parameters and tabulate what the robot does."),
     "optimise": Study("vibro_ros.study.optimise.command", "Search for the fastest or thriftiest robot."),
-    "literature": Study("vibro_ros.study.literature", "Hold published results of other machines against the model."),
     "orbits": Study("vibro_ros.study.orbits.command",
                     "Follow branches of periodic orbits over a parameter, and locate where they change."),
     "diagram": Study("vibro_ros.study.diagram.command",

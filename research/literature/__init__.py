@@ -1,0 +1,1 @@
+"""Published results of other machines, held against the model."""

@@ -1,0 +1,95 @@
+"""docs/optimum.md: what `study optimise` finds, and why V/P has no bound by the paper's equations.
+
+Each search is a command line that a reader can run. A search that was interrupted goes on when the report is made
+again.
+"""
+
+if __name__ == "__main__":  # before all imports, as in every executable
+    import sys
+
+    from vibro_ros.process.front_door import enter
+
+    sys.exit(enter("optimum_report"))
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+from pathlib import Path
+
+from matplotlib.figure import Figure
+
+from research.optimum.text import (
+    FOLDER,
+    FRONTS,
+    LASTING_TRIALS,
+    SEARCHES,
+    document,
+    front_of_all,
+    of_device,
+    plan,
+)
+from vibro_ros.accuracy.starts import Average
+from vibro_ros.configuration.scene_file import load_scene
+from vibro_ros.process.command_line import Parser
+from vibro_ros.process.executables import EXECUTABLES
+from vibro_ros.process.front_door import exit_code
+from vibro_ros.simulation.preparation import prepare_kernels
+from vibro_ros.simulation.processes import core_count
+from vibro_ros.study.optimise.command import NUMBERS, RECORD, SCENE, shown, written
+from vibro_ros.study.optimise.drawing import draw_fronts
+from vibro_ros.study.optimise.lasting import DURATIONS, Lasting, lasting
+from vibro_ros.study.optimise.result import Result, studied
+from vibro_ros.study.optimise.result_file import read_result
+
+TEXT, LASTING = "optimum.md", "lasting.json"
+
+
+def main(words: Sequence[str]) -> int:
+    """Search and write; 0 when done; see `front_door.exit_code` for errors."""
+    return exit_code("optimum_report", lambda: _report(words))
+
+
+def _report(words: Sequence[str]) -> int:
+    own = Parser(prog="optimum_report", description=EXECUTABLES["optimum_report"].does)
+    own.add_argument("docs", type=Path, nargs="?", default=Path("docs"), help="where (default: %(default)s)")
+    own.add_argument("--work", type=Path, default=Path("out/study/optimum"), help="records of the searches, from which "
+                     "they go on (default: %(default)s)")
+    options = own.parse_args(words)
+    folder = options.docs / FOLDER
+    folder.mkdir(parents=True, exist_ok=True)
+    prepare_kernels("optimum_report", "exact")
+    results = {name: _search(name, options.work / name, folder) for name in SEARCHES}
+    scenes = {"paper": load_scene("paper"), **{name: result.robot for name, result in results.items()
+                                               if not result.robot["effects.reaction"]}}
+    watched = {}
+    for name, scene in scenes.items():
+        with shown(f"{name} for long", len(DURATIONS)) as progress:
+            watched[name] = lasting(scene, LASTING_TRIALS, DURATIONS, progress)
+    (folder / LASTING).write_text(json.dumps({name: [asdict(row) for row in rows] for name, rows in watched.items()},
+                                             indent=1) + "\n", encoding="utf-8")
+    draw_all_fronts(results).savefig(folder / FRONTS)
+    (options.docs / TEXT).write_text(document(results, watched), encoding="utf-8")
+    print(options.docs / TEXT)
+    return 0
+
+
+def _search(name: str, work: Path, folder: Path) -> Result:
+    """Search, or go on; what the document needs goes into `folder`."""
+    work.mkdir(parents=True, exist_ok=True)
+    result, candidates = studied(plan(name), work / RECORD, core_count(), shown)
+    written(result, candidates, work)
+    for file, ending in ((NUMBERS, ".json"), (SCENE, ".yaml")):
+        (folder / f"{name}{ending}").write_bytes((work / file).read_bytes())
+    return read_result(work / NUMBERS, plan(name))
+
+
+def draw_all_fronts(results: Mapping[str, Result]) -> Figure:
+    """The picture of `about_front`."""
+    return draw_fronts({name: result.front for name, result in of_device(results).items()}, front_of_all(results),
+                       results["front"].verified[1:3])
+
+
+def watched_of(path: Path) -> dict[str, list[Lasting]]:
+    """Rows of `lasting` by robot, from a file of this report."""
+    return {name: [Lasting(**{**row, "speed": Average(**row["speed"]), "delivered": Average(**row["delivered"])})
+                   for row in rows] for name, rows in json.loads(path.read_text(encoding="utf-8")).items()}

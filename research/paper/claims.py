@@ -1,0 +1,181 @@
+"""The paper's claims as comparisons of mean speeds, and the rules that settle them.
+
+A claim is a list of pairs of robots, the first of which is said to be faster. The *named* pairs have values that the
+paper's text gives; other pairs have values between and beyond, of which the text says the same.
+
+*One run* compares the named start alone, as the paper does. The *mean* over the starts compares the mean speeds from
+the same starts: the mean of their differences, by Student's test on one side. The level of a claim, 5 %, is shared
+equally among its pairs (Bonferroni). A claim *holds* if every pair's first robot is faster beyond that level, *does
+not* if any pair's second robot is, and is within *noise* else. It holds *at named values* if it holds for the named
+pairs, and not for all pairs.
+"""
+
+from collections.abc import Callable, Mapping
+from typing import NamedTuple
+
+import numpy as np
+from scipy.stats import sem
+from scipy.stats import t as student
+
+from research.paper.readings import INSTANTS, SERIES, Point, Reading, Span, spans
+
+HOLDS, NAMED, DOES_NOT, NOISE, DIVERGES = "holds", "at named values", "does not", "noise", "diverges"
+#: Level of the test of a claim.
+LEVEL = 0.05
+#: A difference of speeds [m/s] that only a numerical explosion makes: light is no faster.
+EXPLODED = 3e8
+Pairs = tuple[tuple[float, float], ...]
+
+
+class Claim(NamedTuple):
+    """One claim of the paper.
+
+    Attributes
+    ----------
+    name : str
+        What the tables call it.
+    words : str
+        What the paper says.
+    series : str
+        The series of robots that it speaks of.
+    named, others : tuple of (float, float)
+        Values of that series: the faster robot's, the slower one's.
+    """
+
+    name: str
+    words: str
+    series: str
+    named: Pairs
+    others: Pairs
+
+
+def _faster(value: float, *slower: float) -> Pairs:
+    return tuple((value, other) for other in slower)
+
+
+def _rising(*values: float) -> Pairs:
+    """Each value's robot is slower than the next one's."""
+    return tuple(zip(values[1:], values[:-1], strict=True))
+
+
+CLAIMS = (
+    Claim("80° is best", "of 40°, 50°, … 90°, the mean speed is greatest at φ = 80°", "angle",
+          _faster(80.0, 40.0, 50.0, 60.0, 70.0, 90.0), _faster(80.0, 85.0)),
+    Claim("falls beyond 85°", "a further increase of φ over 85…90° reduces the mean speed", "angle",
+          _rising(90.0, 85.0), _rising(100.0, 95.0, 90.0)),
+    Claim("heavier is slower", "from m3 = 0.08 to 0.25 kg the mean speed falls gradually", "mass",
+          _rising(0.25, 0.08), _rising(0.25, 0.18, 0.12, 0.08)),
+    Claim("0.02 kg is best", "a decrease of m3 to 0.02 kg gives the greatest mean speed", "mass",
+          _faster(0.02, 0.08, 0.25), _faster(0.02, 0.05, 0.12, 0.18)),
+    Claim("longer is faster", "the longer the crank, the greater the mean speed, up to l = 0.06 m", "crank",
+          _rising(0.02, 0.06), _rising(*SERIES["crank"])),
+)
+"""Every claim, in the paper's order. Of the crank's lengths the text names the first robot's, 0.02 m, and 0.06 m."""
+
+#: Displacements by robot [m], shape (starts, instants), of one reading.
+Displacements = Mapping[Point, np.ndarray]
+
+
+class Mean(NamedTuple):
+    """A mean over starts, and half the width of its 95 % confidence interval, in the same unit."""
+
+    mean: float
+    spread: float
+
+
+class Verdict(NamedTuple):
+    """What came of every claim under one reading, over one span; each tuple is in the order of `CLAIMS`.
+
+    Attributes
+    ----------
+    reading : Reading
+        The reading.
+    span : Span
+        The span.
+    one_run : tuple of str
+        By the speed along Ox of the first start alone.
+    along_ox, size : tuple of str
+        By the means over the starts of the speed along Ox, and of its size.
+    means : dict of Point to Mean
+        Mean speed along Ox of each robot [m/s].
+    """
+
+    reading: Reading
+    span: Span
+    one_run: tuple[str, ...]
+    along_ox: tuple[str, ...]
+    size: tuple[str, ...]
+    means: dict[Point, Mean]
+
+    @property
+    def forwards(self) -> tuple[int, int]:
+        """Numbers of robots that go forwards and backwards beyond their intervals."""
+        ahead = sum(mean.mean > mean.spread for mean in self.means.values())
+        return ahead, sum(mean.mean < -mean.spread for mean in self.means.values())
+
+    def fastest(self, series: str) -> float:
+        """Value of the robot of a series with the greatest mean speed along Ox."""
+        own = {point: mean.mean for point, mean in self.means.items() if point.series == series}
+        return max(own, key=lambda point: own[point]).value
+
+
+def score(outcomes: tuple[str, ...]) -> int:
+    """Number of claims that hold, at the named values at least."""
+    return sum(outcome in (HOLDS, NAMED) for outcome in outcomes)
+
+
+def speeds(displacement: np.ndarray, span: Span) -> np.ndarray:
+    """Mean speed [m/s] of each start over a span, shape (starts,), from displacements, shape (starts, instants)."""
+    end = displacement[:, INSTANTS.index(span.end)]
+    begin = displacement[:, INSTANTS.index(span.begin)] if span.begin else 0.0
+    return (end - begin) / (span.end - span.begin)
+
+
+def mean_of(values: np.ndarray) -> Mean:
+    """Mean of independent values, and its interval by Student's distribution."""
+    spread = student.ppf(0.975, len(values) - 1) * sem(values)
+    return Mean(float(np.mean(values)), float(spread))
+
+
+def judged_pairs(differences: np.ndarray) -> str:
+    """Whether pairs differ as claimed; `differences` of speeds [m/s], first minus second, shape (pairs, starts)."""
+    if not (np.abs(differences) < EXPLODED).all():  # nor NaN
+        return DIVERGES
+    pairs, starts = differences.shape
+    bound = student.ppf(1.0 - LEVEL / pairs, starts - 1) * sem(differences, axis=1)
+    means = differences.mean(axis=1)
+    if (means > bound).all():
+        return HOLDS
+    return DOES_NOT if (means < -bound).any() else NOISE
+
+
+def one_run_pairs(differences: np.ndarray) -> str:
+    """As `judged_pairs`, of the first start alone, whose differences are taken as they are."""
+    if not (np.abs(differences[:, 0]) < EXPLODED).all():
+        return DIVERGES
+    return HOLDS if (differences[:, 0] > 0.0).all() else DOES_NOT
+
+
+def settled(claim: Claim, speed: Mapping[Point, np.ndarray], judge: Callable[[np.ndarray], str]) -> str:
+    """Whether a claim holds, by a `judge` of differences; `speed` [m/s] by robot, shape (starts,)."""
+    def of(pairs: Pairs) -> str:
+        return judge(np.array([speed[Point(claim.series, fast)] - speed[Point(claim.series, slow)]
+                               for fast, slow in pairs]))
+
+    named = of(claim.named)
+    return NAMED if named == HOLDS and of((*claim.named, *claim.others)) != HOLDS else named
+
+
+def verdicts(reading: Reading, found: Displacements) -> list[Verdict]:
+    """What came of every claim under a reading, over each of its spans."""
+    told = []
+    for span in spans(reading):
+        with np.errstate(invalid="ignore", over="ignore"):
+            speed = {point: speeds(values, span) for point, values in found.items()}
+            size = {point: np.abs(values) for point, values in speed.items()}
+            one_run, along_ox, by_size = (
+                tuple(settled(claim, values, judge) for claim in CLAIMS)
+                for values, judge in ((speed, one_run_pairs), (speed, judged_pairs), (size, judged_pairs)))
+            means = {point: mean_of(values) for point, values in speed.items()}
+            told.append(Verdict(reading, span, one_run, along_ox, by_size, means))
+    return told

@@ -1,0 +1,60 @@
+"""The definitions from which types are built: type hashes, by which ROS peers tell whether they mean the same type."""
+
+import json
+import sys
+from pathlib import Path
+
+import pytest
+from official_hashes import OFFICIAL
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+from tools.interfaces.definitions import DECLARED, InterfacePackage, interface_packages
+from tools.interfaces.fingerprint import fingerprint
+from tools.interfaces.generation import Sources
+
+
+@pytest.fixture(scope="module", params=interface_packages(), ids=lambda package: package.name)
+def package(request) -> InterfacePackage:
+    return request.param
+
+
+@pytest.fixture(scope="module")
+def described(package, tmp_path_factory) -> dict[str, str]:
+    """Hash by type, as the wheels' generator computes them."""
+    folder = tmp_path_factory.mktemp(package.name)
+    sources = Sources(package, folder, Path(sys.prefix))
+    sources.describe()
+    files = [json.loads(file.read_text()) for file in sources.share.glob("*/*.json")]
+    return {one["type_name"]: one["hash_string"] for file in files for one in file["type_hashes"]}
+
+
+def test_hashes_are_the_official_ones(package, described):
+    kinds = {f"{package.name}/{path.rpartition('.')[0]}" for path in package.texts}
+    assert kinds == {name for name in OFFICIAL if name.startswith(package.name)}
+    assert {name: described[name] for name in kinds} == {name: f"RIHS01_{OFFICIAL[name]}" for name in kinds}
+
+
+def test_rosbags_computes_the_same_hashes_of_messages(package, described):
+    store, names = get_typestore(Stores.ROS2_JAZZY), []
+    for path, text in package.texts.items():
+        kind, file = path.split("/")
+        if kind == "msg":
+            names.append(f"{package.name}/msg/{file.removesuffix('.msg')}")
+            if names[-1] not in store.types:
+                store.register(get_types_from_msg(text, names[-1]))
+    assert names
+    assert {name: store.hash_rihs01(name) for name in names} == {name: described[name] for name in names}
+
+
+def test_every_declared_file_is_used():
+    files = {str(file.relative_to(DECLARED)) for file in DECLARED.rglob("*") if file.is_file()}
+    assert files == {f"{package.name}/{path}" for package in interface_packages() for path in package.texts
+                     if package.name == "simulation_interfaces"}
+
+
+def test_the_fingerprint_changes_with_a_definition():
+    tf2_msgs, simulation_interfaces = interface_packages()
+    before = fingerprint((tf2_msgs, simulation_interfaces))
+    assert before == fingerprint(interface_packages())
+    simulation_interfaces.texts["msg/Result.msg"] += "string more\n"
+    assert before != fingerprint((tf2_msgs, simulation_interfaces))

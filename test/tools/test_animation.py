@@ -1,0 +1,124 @@
+"""The animation is the simulation, to scale."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+from matplotlib.patches import Polygon
+from PIL import Image
+
+import vibro_ros
+from tools import animation
+from tools.mechanism import FREE_LENGTH, HUB_HEIGHT, MASS_HEIGHT, Mechanism, legend
+
+PICTURE = Path(__file__).resolve().parents[2] / "docs" / "robot.gif"
+
+
+@pytest.fixture
+def device():
+    made = vibro_ros.Simulator(vibro_ros.load_scene("damped"))
+    made.advance_to(0.123)
+    return made
+
+
+@pytest.fixture
+def drawn(device):
+    """The axes of a drawing at the device's state; 1 mm is 1 data unit."""
+    axes = Figure().add_subplot()
+    Mechanism(axes, device.scene).show(device.state, {"upper": 1.0})
+    return axes
+
+
+def data_points(axes, line):
+    """Points of a line in data units [mm], through its own transform."""
+    return (line.get_transform() - axes.transData).transform(line.get_xydata())
+
+
+def test_crank_and_rods_have_their_lengths_and_meet(drawn, device):
+    """Crank and rods are the lines of two points that differ: 20 mm, 60 mm, 60 mm."""
+    links = [points for line in drawn.get_lines() if len(points := data_points(drawn, line)) == 2]
+    crank, = [link for link in links if np.ptp(link, axis=0) @ np.ptp(link, axis=0) < 30.0**2]
+    rods = [link for link in links if link is not crank]
+    assert np.linalg.norm(crank[1] - crank[0]) == pytest.approx(20.0, abs=1e-9)
+    assert crank[0] == pytest.approx([device.state.body_position * 1e3, 0.0], abs=1e-9)
+    assert len(rods) == 2
+    for rod in rods:
+        assert np.linalg.norm(rod[1] - rod[0]) == pytest.approx(60.0, abs=1e-9)
+        assert rod[0] == pytest.approx(crank[1], abs=1e-9)
+
+
+def test_masses_are_where_the_simulation_has_them(drawn, device):
+    """A mass's lower face is its position plus the drawn length of its spring, along its guide."""
+    state = device.state
+    for colour, position, angle in (("upper", state.upper_position, 0.0),
+                                    ("inclined", state.inclined_position, device.scene["guide.angle"])):
+        body = [patch for patch in drawn.patches
+                if patch.get_facecolor()[:3] == pytest.approx(_rgb(colour)) and patch.get_height() == MASS_HEIGHT]
+        assert len(body) == 1
+        to_data = body[0].get_transform() - drawn.transData
+        foot = to_data.transform([0.0, body[0].get_y()])
+        along = position * 1e3 + FREE_LENGTH
+        expected = [state.body_position * 1e3 - along * np.sin(angle), along * np.cos(angle)]
+        assert foot == pytest.approx(expected, abs=1e-9)
+
+
+def test_the_whole_robot_hops(device):
+    """What stands in the air in the simulation stands in the air in the picture, to scale."""
+    scene = vibro_ros.load_scene("device").with_parameters({"motor.speed": 100.0})
+    hopping = vibro_ros.Simulator(scene)
+    lowest = []
+    axes = Figure().add_subplot()
+    mechanism = Mechanism(axes, scene)
+    [sled] = [patch for patch in axes.patches if isinstance(patch, Polygon) and len(patch.get_xy()) == 5
+              and patch.get_xy()[:, 1].min() == -HUB_HEIGHT]
+    for instant in np.linspace(2.0, 2.3, 31):
+        hopping.advance_to(instant)
+        mechanism.show(hopping.state, {})
+        corners = (sled.get_transform() - axes.transData).transform(sled.get_xy())
+        lowest.append(corners[:, 1].min() + HUB_HEIGHT)
+        assert lowest[-1] == pytest.approx(hopping.state.body_height * 1e3, abs=1e-9)
+    assert max(lowest) > 5.0 and min(lowest) == pytest.approx(0.0, abs=1e-9)
+
+
+@pytest.mark.parametrize("part", [
+    "body", "crank", "connecting rod", "spring", "upper mass", "inclined mass", "plate", "contact", "angle", "50°"])
+def test_the_legend_names_every_part(device, part):
+    assert [handle for handle in legend(device.scene) if part in handle.get_label()]
+
+
+def _rgb(side):
+    return tuple(int(animation.COLOURS[side][k:k + 2], 16) / 255 for k in (1, 3, 5))
+
+
+def test_a_frame_lights_the_plates_that_were_struck_just_before(monkeypatch):
+    lights = []
+    monkeypatch.setattr(Mechanism, "show", lambda self, state, glow: lights.append((state.time, glow)))
+    shown = animation.Animation("damped", turns=1)
+    assert sum(1 for _ in shown.images()) == shown.frames == len(lights)
+    scene = vibro_ros.load_scene("damped")
+    events = vibro_ros.simulate(scene, times=[0.0, lights[-1][0]]).events
+    for time, glow in lights:
+        for side, brightness in glow.items():
+            struck = events["time"][(events["kind"] == f"{side}_contact") & (events["time"] <= time)]
+            assert (brightness > np.exp(-1.0)) == (time - struck.max() < animation.GLOW), (time, side)
+
+
+def test_the_gif_moves_and_the_committed_one_is_small(tmp_path):
+    file = tmp_path / "new" / "robot.gif"
+    assert animation.main(["--turns", "1", "--output", str(file)]) == 0
+    with Image.open(file) as made, Image.open(PICTURE) as committed:
+        assert made.n_frames == animation.FRAMES_PER_TURN
+        assert committed.n_frames == 4 * animation.FRAMES_PER_TURN
+        assert made.size == committed.size
+    assert PICTURE.stat().st_size < 2e6
+
+
+@pytest.mark.parametrize(("arguments", "named"), [
+    (["--scene", "no_impact"], "plate"), (["--scene", "nowhere"], "nowhere"),
+    (["--turns", "0"], "from 1 to 20")])
+def test_what_cannot_be_shown_is_refused_in_one_line(arguments, named, capsys, tmp_path):
+    assert animation.main([*arguments, "--output", str(tmp_path / "robot.gif")]) == 2
+    error = capsys.readouterr().err
+    assert named in error and error.count("\n") == 1
+    assert not list(tmp_path.iterdir())

@@ -1,0 +1,233 @@
+"""What README and docs say holds: their Python runs, their tables are the code's. Names and links: `make lint`."""
+
+import contextlib
+import dataclasses
+import io
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import guide
+import pytest
+import yaml
+
+import vibro_ros
+from tools import accuracy_report, bench, effects, parameter_table
+from tools.generated_text import replaced
+from vibro_ros.accuracy.advice import MEAN_SPEED, NEEDS
+from vibro_ros.configuration.command_map_file import find_map, read_map
+from vibro_ros.configuration.scene_file import DEVICE_PARAMETERS, load_scene, shipped_scenes
+from vibro_ros.messages.topics import COMMAND_UNITS, ROBOT_TOPICS
+from vibro_ros.model.parameters import SCENE_PARAMETERS
+from vibro_ros.process.executables import EXECUTABLES
+from vibro_ros.ros import outputs, qos
+from vibro_ros.ros.messages import JOINTS
+from vibro_ros.ros.script_file import read_script
+from vibro_ros.simulation.event_log import EventLog
+from vibro_ros.simulation.samples import Samples
+from vibro_ros.study.measures import MEASURES
+from vibro_ros.study.sweep.design_file import design_of, read_sweep
+
+INSTALLED = {name for name, one in EXECUTABLES.items() if one.installed}
+OTHER_STATISTICS = ("steps", "solver.method", "solver.step", "energy_residual", "energy_exchanged")
+ROOT = Path(__file__).resolve().parents[2]
+DOCUMENTS = {path.name: path.read_text(encoding="utf-8") for path in (ROOT / "README.md", *ROOT.glob("docs/**/*.md"))}
+FENCE = re.compile(r"^```(\w+)\n(.*?)^```\n(?:```text\n(.*?)^```\n)?", re.MULTILINE | re.DOTALL)
+BLOCKS = [(name, language, text, output) for name, document in DOCUMENTS.items() if name != "tutorial.md"
+          for language, text, output in FENCE.findall(document)]  # the tutorial is one whole, see test_tutorial.py
+
+
+def blocks(language):
+    """Each fenced block of a language and the output shown below it, as test parameters."""
+    found = [(text, output) for _, of, text, output in BLOCKS if of == language]
+    names = [f"{name}-{k}" for k, name in enumerate(name for name, of, _, _ in BLOCKS if of == language)]
+    assert found
+    return pytest.mark.parametrize(("text", "output"), found, ids=names)
+
+
+@blocks("python")
+def test_python_runs_and_prints_what_is_shown(text, output, tmp_path, monkeypatch, record_run):
+    record_run("out/vibro_robot_2026_01_02-03_04_05")
+    (tmp_path / "out" / "vibro_robot_2026_01_02-03_04_05_report").mkdir()
+    monkeypatch.chdir(tmp_path)
+    with contextlib.redirect_stdout(io.StringIO()) as printed:
+        exec(text, {})
+    assert printed.getvalue()
+    assert output in ("", printed.getvalue())
+
+
+@blocks("yaml")
+def test_yaml_is_a_script_a_sweep_or_a_scene(text, output, tmp_path):
+    file = tmp_path / "file.yaml"
+    file.write_text(text)
+    if "entries" in yaml.safe_load(text):
+        assert read_script(file, read_map(find_map("device"))).duration > 0.0
+    elif "vary" in yaml.safe_load(text):
+        assert design_of(read_sweep(file), {"set": {}, "vary": {}}).points > 1
+    else:
+        assert load_scene(file).parameters != load_scene("paper").parameters
+
+
+@pytest.mark.parametrize("line", [line for _, language, text, _ in BLOCKS if language == "console"
+                                  for line in text.splitlines()])
+def test_errors_are_the_ones_shown(line, tmp_path, domain_id):
+    """The words of the command stand for each shown error."""
+    (tmp_path / "bad.yaml").write_text("entries:\n  - for: 1.0\n    motor_speed: -5\n")
+    (tmp_path / "forwards.yaml").write_text("entries: [{hold_speed: 0.05, for: 10.0}]\n")
+    (tmp_path / "itself.yaml").write_text("/**:\n  ros__parameters:\n    scene: itself.yaml\n")
+    (tmp_path / "other.yaml").write_text("vibro_robt:\n  ros__parameters:\n    gravity: 9.81\n")
+    words = {"guide.angel": "ros.robot --ros-args -p guide.angel:=1.0", "bad.yaml": "ros.controller bad.yaml",
+             "forwards.yaml": "ros.controller forwards.yaml",
+             "mass.body": "ros.robot --ros-args -p mass.body:=0.0", "/tmp/nobag": "recordings.report /tmp/nobag",
+             "/tmp/none": "recordings.recover /tmp/none", "/tmp/norun": "recordings.replay /tmp/norun",
+             "papper": "ros.robot --ros-args -p scene:=papper", "--clock": "recordings.replay bag --clock",
+             "itself.yaml": "accuracy.accuracy --scene itself.yaml",
+             "other.yaml": "ros.robot --ros-args --params-file other.yaml"}[line.split(": ")[1]].split()
+    done = subprocess.run([sys.executable, "-m", f"vibro_ros.{words[0]}", *words[1:]], cwd=tmp_path,
+                          capture_output=True, text=True, timeout=60)
+    assert (done.returncode, done.stderr) == (2, f"{line}\n")
+
+
+@pytest.mark.parametrize("page", guide.PAGES.values(), ids=guide.PAGES)
+def test_a_page_of_the_guide_begins_with_its_readers_question(page):
+    assert re.match(r"# .+\n\n\*[^*]+\?\* [A-Z`]", page)
+
+
+def test_choices_of_every_effect_are_in_the_model():
+    rows = re.findall(r"^\| (`effects[^|]*) \| ([^|]*) \|", DOCUMENTS["robot.md"], re.MULTILINE)
+    told = {name: set(re.findall(r"`([\w.]+)`", choices)) for names, choices in rows
+            for name in re.findall(r"`([\w.]+)`", names)}
+    real = {parameter.name: set(parameter.choices) or {"true", "false"} for parameter in SCENE_PARAMETERS
+            if parameter.name.startswith("effects.")}
+    assert told == real
+
+
+def test_topics_are_the_robots():
+    rows = re.findall(r"^\| `/?(\w+)` \| (in|out) \| (\S+) \| (\d+) \|", DOCUMENTS["node.md"], re.MULTILINE)
+    told = {name: (direction, kind, int(depth)) for name, direction, kind, depth in rows if name != "clock"}
+    real = {name: ("in", ROBOT_TOPICS[name], qos.COMMANDS.depth) for name in COMMAND_UNITS}
+    real |= {name: ("out", ROBOT_TOPICS[name], profile.depth) for name, profile in outputs.PUBLISHED.items()}
+    assert told == real
+
+
+def test_joints_and_fields_of_a_run_are_complete():
+    assert guide.first_column("joint", "position", "velocity", "effort") == list(JOINTS)
+    fields = [name for row in guide.table("field", "unit", "meaning") for name in guide.names(row[0])]
+    assert sorted(fields) == sorted(field.name for field in dataclasses.fields(Samples))
+
+
+def test_kinds_of_events_are_those_that_a_device_can_have():
+    kinds = {str(kind) for kind in EventLog(("upper", "inclined"))._kinds}
+    assert sorted(guide.first_column("kind", "when")) == sorted(kinds - {""})
+    passage = guide.PAGES["python.md"].partition("`Run.statistics` and `Simulator.statistics`")[2].partition("\n\n")[0]
+    told = {name for name in guide.names(passage) if "." not in name or name.startswith("solver.")}
+    assert told - {"exact", "solver.audit", "solver.accounts"} == {*OTHER_STATISTICS, "energy_accounts", "wall_time"}
+
+
+def test_accounts_are_those_of_a_run():
+    booked = load_scene("damped").with_parameters({"solver.accounts": True})
+    accounts = vibro_ros.simulate(booked, duration=0.1, rate=10.0).statistics["energy_accounts"]
+    assert sorted(guide.first_column("account", "meaning")) == sorted(accounts)
+
+
+def test_the_public_names_are_all_told():
+    told = {name.partition("(")[0] for row in guide.table("name", "does") for name in guide.names(row[0])}
+    assert {name for name in told if "." not in name and "[" not in name} == set(vibro_ros.__all__)
+    for name in told - set(vibro_ros.__all__):
+        owner, attribute = load_scene("paper"), name.partition(".")[2].partition("[")[0]
+        assert "[" in name or hasattr(owner, attribute), name
+    [row] = [row for row in guide.table("name", "does") if row[0] == "`Simulator(scene)`"]
+    device = vibro_ros.Simulator(load_scene("paper"))
+    for name in guide.names(row[1]):
+        assert hasattr(device, name.partition("(")[0]), name
+
+
+def test_measures_are_those_of_the_studies():
+    rows = {guide.names(name)[0]: (unit, meaning) for name, unit, meaning in guide.table("measure", "unit", "meaning")}
+    assert rows == {name: (measure.unit, measure.meaning) for name, measure in MEASURES.items()}
+
+
+def test_keys_of_a_script_are_those_that_are_read(tmp_path):
+    keys = guide.first_column("key of an entry", "meaning")
+    assert sorted(keys) == sorted(["for", "at", *COMMAND_UNITS, "speed_over_ground", "note", "entries", "repeat"])
+    file = tmp_path / "script.yaml"
+    file.write_text("repeat: 2\nentries:\n  - {note: a, at: 0.0, for: 1.0, motor_speed: 5.0, upper_gap: 0.0, "
+                    "inclined_gap: {from: 0.0, to: 0.001}}\n  - {note: b, at: 1.0, repeat: 2, entries: [{for: 1.0}]}\n")
+    assert read_script(file).duration == 6.0
+
+
+def codes(text):
+    """Exit codes of a list such as `0 done; 1 not done; 130, 143 stopped`, with or without colons."""
+    starts = [re.match(r"[\d, ]*", part.strip())[0] for part in text.split(";")]
+    return {int(code) for start in starts for code in start.replace(",", " ").split()}
+
+
+def test_executables_and_their_exit_codes_are_those_of_their_help():
+    rows = {name: cells for *cells, name in ((row[2], guide.names(row[0])[0]) for row in guide.table(
+        "executable", "does", "exit codes"))}
+    assert {name.split()[0] for name in rows} == INSTALLED
+    for name, [told] in rows.items():
+        words = [sys.executable, "-m", EXECUTABLES[name.split()[0]].module, *re.findall("--publish", name), "--help"]
+        done = subprocess.run(words, capture_output=True, text=True, timeout=120)
+        said = " ".join(done.stdout.partition("Exit code")[2].split())
+        assert done.returncode == 0 and codes(said) == codes(told), (name, said, told)
+
+
+def test_shipped_scenes_are_described():
+    paragraph = DOCUMENTS["robot.md"].partition("Shipped scenes: ")[2].partition("\n\n")[0]
+    assert set(re.findall(r"`(\w+)`", paragraph)) == set(shipped_scenes())
+
+
+def test_bench_table_has_the_benchmarks_scenes():
+    table = DOCUMENTS["README.md"].partition("<!-- bench")[2].partition("<!-- end of bench")[0]
+    assert re.findall(r"^\| `(\w+)` \|", table, re.MULTILINE) == list(bench.SCENES)
+
+
+def test_parameter_table_is_up_to_date():
+    text, marks = DOCUMENTS["parameters.md"], (parameter_table.BEGIN, parameter_table.END)
+    assert replaced(text, *marks, parameter_table.parameter_table()) == text, "run `make docs`"
+
+
+def test_parameter_table_has_every_parameter_once():
+    rows = re.findall(r"^\| `([\w.]+)` \|", parameter_table.parameter_table(), re.MULTILINE)
+    assert rows == [parameter.name for parameter in (*DEVICE_PARAMETERS, *SCENE_PARAMETERS)]
+
+
+def test_a_document_without_a_place_for_the_table_is_refused(tmp_path, capsys):
+    file = tmp_path / "page.md"
+    for text in ("no place", f"{parameter_table.END}\n{parameter_table.BEGIN}\n", f"{parameter_table.BEGIN}\n" * 2):
+        file.write_text(text)
+        assert parameter_table.main([str(file)]) == 2
+        assert file.read_text() == text
+        assert capsys.readouterr().err.count("\n") == 1
+    assert parameter_table.main([str(tmp_path / "missing.md")]) == 2
+    assert "missing.md" in capsys.readouterr().err
+
+
+def test_effects_tables_have_every_effect_and_count_what_is_compiled():
+    """Times and speeds are measured; what an effect adds to the tables is not."""
+    text = DOCUMENTS["robot.md"].partition(effects.BEGIN)[2].partition(effects.END)[0]
+    tables = dict(re.findall(r"^The scene `(\w+)` (.*?)(?=\nThe scene|\Z)", text, re.MULTILINE | re.DOTALL))
+    assert list(tables) == list(dict.fromkeys(effect.scene for effect in effects.EFFECTS)), "run `make docs`"
+    for name, table in tables.items():
+        lines = table.strip().splitlines()
+        expected = [effects.counted(effect, *map(effects.size, effect.scenes())) for effect in effects.EFFECTS
+                    if effect.scene == name]
+        assert lines[2:4] == effects.heading()
+        starts = [line[:len(start)] for line, start in zip(lines[4:], expected, strict=True)]
+        assert starts == expected, "run `make docs`"
+        whole = effects.size(load_scene(name))
+        numbers = f"{whole.states} states, {whole.modes} modes, at most {whole.terms} terms and {whole.guards} guards"
+        assert numbers in lines[0]
+
+
+def test_accuracy_is_told_for_every_scene_and_every_need():
+    """Its numbers are measured by `make accuracy`; what it tells of is not."""
+    text = DOCUMENTS["accuracy.md"]
+    assert re.findall(r"^## (\w+)$", text, re.MULTILINE)[-len(shipped_scenes()):] == list(shipped_scenes())
+    heads = ["scene", "Lyapunov time", *(need.words for need in NEEDS), MEAN_SPEED]
+    assert f"| {' | '.join(heads)} |" in text, "run `make accuracy`"
+    assert f"({accuracy_report.FOLDER}/{accuracy_report.WAYS})" in text
+    assert "](docs/accuracy.md)" in DOCUMENTS["README.md"]
+    assert f"](docs/{accuracy_report.FOLDER}/" in DOCUMENTS["README.md"]

@@ -1,0 +1,35 @@
+"""The shipped URDF files are those of the shipped scenes."""
+
+from pathlib import Path
+
+import pytest
+
+from tools.urdf_files import main
+from vibro_ros.configuration.scene_file import load_scene, shipped_scenes
+from vibro_ros.messages.urdf import robot_description
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def test_each_shipped_scene_has_its_file():
+    files = sorted(file.name for file in (ROOT / "config" / "urdf").iterdir())
+    assert files == [f"{name}.urdf" for name in shipped_scenes()]
+
+
+@pytest.mark.parametrize("name", shipped_scenes())
+def test_a_file_is_what_make_docs_writes(name):
+    shipped = (ROOT / "config" / "urdf" / f"{name}.urdf").read_text(encoding="utf-8")
+    assert shipped == robot_description(load_scene(name)), "run `make docs`"
+
+
+def test_any_scene_is_written_where_it_is_asked_for(tmp_path, capsys):
+    scene = tmp_path / "steep.yaml"
+    scene.write_text("/**:\n  ros__parameters:\n    guide.angle: 1.4\n")
+    assert main([str(scene), "--output", str(tmp_path / "new")]) == 0
+    assert (tmp_path / "new" / "steep.urdf").read_text() == robot_description(load_scene(scene))
+
+
+@pytest.mark.parametrize("words", [["papper"], ["paper", "--output", "/proc/none"]])
+def test_what_cannot_be_written_is_said_in_one_line(words, capsys):
+    assert main(words) == 2
+    assert len(capsys.readouterr().err.splitlines()) == 1

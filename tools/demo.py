@@ -1,0 +1,161 @@
+"""The demonstration: robot and controller as two processes for about 20 s, a bag, a report."""
+
+if __name__ == "__main__":  # before all imports: they take a second or two, in which a signal may come
+    import sys
+
+    from vibro_ros.process.front_door import enter
+
+    sys.exit(enter("demo"))
+
+import json
+import os
+import random
+import signal
+import socket
+import time
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from tools.child import Child
+from vibro_ros.bag.reader import Bag, BagError, read_bag
+from vibro_ros.messages.topics import ROBOT_TOPICS, TF_TOPICS
+from vibro_ros.process.command_line import Parser
+from vibro_ros.process.executables import EXECUTABLES
+from vibro_ros.process.front_door import exit_code, say
+from vibro_ros.process.stop_signals import StopRequest
+from vibro_ros.recordings.report import write_report
+from vibro_ros.view.view import write_page
+
+MOVED = 0.01
+"""Least way [m] from the start that counts as motion; the shipped script makes more than ten times that."""
+ALWAYS_THERE = ("odom", "joint_states", "ground_contact", "impacts", "motor_power", "motor_speed")
+"""Topics that hold messages after every script that makes the robot move."""
+
+
+class DemoError(RuntimeError):
+    """The demonstration failed; the message says why in one line."""
+
+
+def main(words: Sequence[str]) -> int:
+    """Run the demonstration; 0 when all went well, 1 with a reason when not, 130 when stopped."""
+    return exit_code("demo", lambda: _demonstrate(words))
+
+
+def _demonstrate(words: Sequence[str]) -> int:
+    options = _parser().parse_args(words)
+    try:
+        folder = _run(options.script, options.output)
+        if folder is None:
+            say("demo", "stopped")
+            return 128 + signal.SIGINT
+        text, files = write_report(folder)
+        page = write_page(folder)
+    except BagError as error:
+        raise DemoError(str(error)) from error
+    print(f"\n{text}")
+    for label, path in zip(("bag", "summary", "numbers", "picture", "page"), (folder, *files, page), strict=True):
+        _say(_shown(path), label)
+    return 0
+
+
+def _run(script: str, output: Path) -> Path | None:
+    """Let the robot crawl; its checked bag, or None when a signal stopped it."""
+    output.mkdir(parents=True, exist_ok=True)
+    earlier = set(output.iterdir())
+    environment = ros_environment()
+    _say(f"look on with ROS_DOMAIN_ID={environment['ROS_DOMAIN_ID']}, for example: ros2 topic echo /odom")
+    with StopRequest() as stop:
+        stop.hold()  # neither process may be left behind
+        _play(script, output, environment, stop)
+        if stop:
+            return None
+    new = [path for path in set(output.iterdir()) - earlier if path.is_dir()]
+    if len(new) != 1:
+        raise DemoError(f"{output}: {len(new)} new bags in it where the robot should have made one")
+    check_bag(read_bag(new[0]))
+    return new[0]
+
+
+def _play(script: str, output: Path, environment: Mapping[str, str], stop: StopRequest) -> None:
+    """Run both processes until the script ends or `stop`; neither is left behind."""
+    record_to = f"record.directory:={json.dumps(str(output))}"  # quoted, or a folder named 2026 would be a number
+    robot_words = ("vibro_ros.ros.robot", "--ros-args", "-p", record_to)
+    controller_words = ("vibro_ros.ros.controller", script)  # waits without end: the robot may have to compile
+    with (
+        Child(*robot_words, environment=environment) as robot,
+        Child(*controller_words, environment=environment) as controller,
+    ):
+        while not stop and controller.exit_code is None and robot.exit_code is None:
+            time.sleep(0.05)
+        if stop:
+            return
+        if robot.exit_code is not None:
+            raise DemoError(f"the robot ended before the script, with exit code {robot.stop()}; it says why above")
+        if controller.exit_code != 0:
+            raise DemoError(f"the controller failed with exit code {controller.stop()}; it says why above")
+        if robot.stop() != 0:
+            raise DemoError(f"the robot did not end well, exit code {robot.exit_code}; it says why above")
+
+
+def check_bag(bag: Bag) -> None:
+    """Refuse a recording that does not show a robot in motion.
+
+    Raises
+    ------
+    DemoError
+        When a topic is missing or empty, or the body stayed within `MOVED` of its start.
+    """
+    names = {topic.rpartition("/")[2] for topic in bag.topics}
+    missing = [name for name in ROBOT_TOPICS if name not in (*names, *TF_TOPICS)]
+    if missing:
+        raise DemoError(f"{bag.path}: topics missing: {', '.join(missing)}")
+    x = bag["odom"]["position"][:, 0]
+    way = float(np.abs(x - x[0]).max()) if len(x) else 0.0
+    if way < MOVED:
+        raise DemoError(f"the robot did not move: {way * 1e3:.3f} mm from its start; {MOVED * 1e3:g} mm are the least")
+    empty = [name for name in ALWAYS_THERE if not len(bag[name]["time"])]
+    if empty:
+        raise DemoError(f"{bag.path}: no messages on {', '.join(empty)}")
+
+
+def ros_environment() -> dict[str, str]:
+    """This process's environment: ROS on this machine alone and in a free domain, unless the user has chosen.
+
+    On this machine alone, because two students in one network may get the same domain, and each robot would then obey
+    both controllers.
+    """
+    environment = {"ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST", **os.environ}
+    return {"ROS_DOMAIN_ID": str(_free_domain()), **environment} if "ROS_DOMAIN_ID" not in environment else environment
+
+
+def _free_domain() -> int:
+    """A domain of which no participant on this machine holds the first discovery port (DDSI-RTPS 9.6.1)."""
+    domains = range(1, 102)  # above 101 the ports meet Linux's ephemeral ones
+    for domain in random.sample(domains, len(domains)):  # two demonstrations that start together seldom meet
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+            try:
+                probe.bind(("", 7400 + 250 * domain + 10))
+            except OSError:
+                continue
+            return domain
+    raise DemoError("every ROS domain from 1 to 101 is in use; set ROS_DOMAIN_ID to share one")
+
+
+def _say(text: object, name: str = "demo") -> None:
+    print(f"{name:>10} | {text}", flush=True)
+
+
+def _shown(path: Path) -> Path:
+    """`path`, short when it lies below the current folder."""
+    here, path = Path.cwd(), Path(path).resolve()
+    return path.relative_to(here) if path.is_relative_to(here) else path
+
+
+def _parser() -> Parser:
+    parser = Parser(prog="demo", description=EXECUTABLES["demo"].does)
+    parser.add_argument("--script", default="crawl", help="controller script to play (default: %(default)s, 18 s)")
+    parser.add_argument("--output", type=Path, default=Path("out"), metavar="DIR",
+                        help="where the bag and the report go (default: %(default)s)")
+    return parser

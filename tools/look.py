@@ -1,0 +1,67 @@
+"""Robot and view as two processes, until Ctrl-C: what `make view` starts."""
+
+if __name__ == "__main__":  # before all imports: they take a second or two, in which a signal may come
+    import sys
+
+    from vibro_ros.process.front_door import enter
+
+    sys.exit(enter("look"))
+
+import json
+import sys
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+from tools.child import Child
+from tools.demo import ros_environment
+from vibro_ros.process.command_line import Parser
+from vibro_ros.process.executables import EXECUTABLES
+from vibro_ros.process.front_door import exit_code
+from vibro_ros.process.stop_signals import StopRequest
+
+SPEED = 60.0
+"""Motor speed [rad/s] with which the robot starts: it crawls at once, and there is room for a knob to be turned up."""
+_POLL = 0.05  # s
+
+
+def main(words: Sequence[str] | None = None) -> int:
+    """Run both until a signal; 0 then, 1 when one of them failed, 2 for a bad argument."""
+    return exit_code("look", lambda: _run(sys.argv[1:] if words is None else words))
+
+
+def _run(words: Sequence[str]) -> int:
+    options = _parser().parse_args(words)
+    options.output.mkdir(parents=True, exist_ok=True)
+    environment = ros_environment()
+    settings = {"motor.speed": SPEED, "record.enabled": "false",  # the page's button begins a recording
+                "record.directory": json.dumps(str(options.output))}
+    robot_words = [word for name, value in settings.items() for word in ("-p", f"{name}:={value}")]
+    view_words = ["--port", options.port, "--address", options.address, *["--open"] * options.open]
+    with (
+        StopRequest() as stop,
+        Child("vibro_ros.ros.live_view", *view_words, environment=environment) as view,
+        Child("vibro_ros.ros.robot", "--ros-args", *robot_words, environment=environment) as robot,
+    ):
+        stop.hold()  # neither process may be left behind
+        print(f"      look | ROS_DOMAIN_ID={environment['ROS_DOMAIN_ID']}; open the address below in a browser; "
+              "Ctrl-C ends all", flush=True)
+        while not stop and view.exit_code is None and robot.exit_code is None:
+            time.sleep(_POLL)
+        if not stop:
+            ended = view if view.exit_code is not None else robot
+            raise RuntimeError(f"{ended.name} has ended with exit code {ended.stop()}; it says why above")
+        for one in (view, robot):
+            if one.stop():
+                raise RuntimeError(f"{one.name} did not end well, exit code {one.exit_code}; it says why above")
+    return 0
+
+
+def _parser() -> Parser:
+    parser = Parser(prog="look", description=EXECUTABLES["look"].does)
+    parser.add_argument("--output", type=Path, default=Path("out"), metavar="DIR",
+                        help="where recordings go that the page asks for (default: %(default)s)")
+    parser.add_argument("--port", default="8742", help="of the page; 0 for any that is free (default: %(default)s)")
+    parser.add_argument("--address", default="127.0.0.1", help="where the page is served (default: %(default)s)")
+    parser.add_argument("--open", action="store_true", help="open the page in the browser")
+    return parser

@@ -1,0 +1,86 @@
+"""`make docs`: the tables of all parameters in docs/guide/parameters.md, from those that the program itself uses."""
+
+if __name__ == "__main__":  # before all imports, as in every executable
+    import sys
+
+    from vibro_ros.process.front_door import enter
+
+    sys.exit(enter("parameter_table"))
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+
+from tools.generated_text import write_between
+from vibro_ros.configuration.scene_file import DEVICE_PARAMETERS, load_scene
+from vibro_ros.model.parameters import SCENE_PARAMETERS, Parameter, Value
+from vibro_ros.process.command_line import Parser
+from vibro_ros.process.executables import EXECUTABLES
+from vibro_ros.process.front_door import exit_code
+
+BEGIN = "<!-- parameters: written by `make docs` -->"
+END = "<!-- end of parameters -->"
+
+
+def parameter_table() -> str:
+    """Markdown: the device's parameters, then the scene's, which have a column for the shipped scene `device`."""
+    device = load_scene("device").parameters
+    return "\n".join([
+        "Of the node, which scenes do not contain:", "", *_rows(DEVICE_PARAMETERS, {}), "",
+        "Of the scene. The default is the paper's; the node starts with the scene `device`, whose value is given "
+        "where it differs:", "", *_rows(SCENE_PARAMETERS, device)])
+
+
+def _rows(table: Iterable[Parameter], device: Mapping[str, Value]) -> list[str]:
+    heads = ["name", "default", *(["`device`"] if device else []), "unit", "allowed", "meaning"]
+    rows = [heads, ["---"] * len(heads)]
+    for parameter in table:
+        own = device.get(parameter.name, parameter.default)
+        in_device = [_shown(own) if own != parameter.default else ""] if device else []
+        rows.append([f"`{parameter.name}`", _shown(parameter.default), *in_device, parameter.unit,
+                     _allowed(parameter), f"{parameter.description}{'; *live*' * parameter.while_running}"])
+    return ["| " + " | ".join(row) + " |" for row in rows]
+
+
+def _shown(value: Value) -> str:
+    if isinstance(value, bool):
+        return f"`{str(value).lower()}`"
+    if isinstance(value, tuple):
+        return f"`[{', '.join(value)}]`"
+    if isinstance(value, str):
+        return f"`{value}`" if value else "empty"
+    return _number(value)
+
+
+def _number(value: float) -> str:
+    """Six digits, with a point, as a ROS parameter needs it to be a double."""
+    text = f"{value:.6g}"
+    mantissa, exponent, power = text.partition("e")
+    return f"{mantissa}{'' if '.' in mantissa else '.0'}{exponent}{power}"
+
+
+def _allowed(parameter: Parameter) -> str:
+    if isinstance(parameter.default, bool):
+        return "`true`, `false`"
+    if isinstance(parameter.default, tuple):
+        return "list of texts"
+    if isinstance(parameter.default, str):
+        return ", ".join(f"`{choice}`" for choice in parameter.choices) or "text"
+    if math.isinf(parameter.minimum) and math.isinf(parameter.maximum):
+        return "any"
+    return f"{'above' if parameter.positive else 'from'} {parameter.minimum:g} to {parameter.maximum:g}"
+
+
+def main(words: Sequence[str]) -> int:
+    """Write the table; 2 when the file cannot be read or written, or has no place for it."""
+    return exit_code("parameter_table", lambda: _write(words))
+
+
+def _write(words: Sequence[str]) -> int:
+    parser = Parser(prog="parameter_table", description=EXECUTABLES["parameter_table"].does)
+    parser.add_argument("file", type=Path, nargs="?", default=Path("docs/guide/parameters.md"),
+                        help="default: %(default)s")
+    file = parser.parse_args(words).file
+    write_between(file, BEGIN, END, parameter_table)
+    print(f"{file}: parameters written")
+    return 0
