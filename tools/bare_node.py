@@ -31,7 +31,7 @@ from vibro_ros.process.command_line import Parser
 from vibro_ros.process.executables import EXECUTABLES
 from vibro_ros.process.front_door import exit_code
 from vibro_ros.process.stop_signals import StopRequest
-from vibro_ros.ros import qos
+from vibro_ros.ros.node import qos
 
 NODE_NAME = "bare_node"
 READY = "ready"

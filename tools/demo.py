@@ -81,8 +81,8 @@ def _run(script: str, output: Path) -> Path | None:
 def _play(script: str, output: Path, environment: Mapping[str, str], stop: StopRequest) -> None:
     """Run both processes until the script ends or `stop`; neither is left behind."""
     record_to = f"record.directory:={json.dumps(str(output))}"  # quoted, or a folder named 2026 would be a number
-    robot_words = ("vibro_ros.ros.robot", "--ros-args", "-p", record_to)
-    controller_words = ("vibro_ros.ros.controller", script)  # waits without end: the robot may have to compile
+    robot_words = ("vibro_ros.ros.robot.robot", "--ros-args", "-p", record_to)
+    controller_words = ("vibro_ros.ros.controller.controller", script)  # it waits: the robot may compile
     with (
         Child(*robot_words, environment=environment) as robot,
         Child(*controller_words, environment=environment) as controller,

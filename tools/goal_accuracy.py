@@ -17,9 +17,9 @@ from vibro_ros.model.scene import Scene
 from vibro_ros.process.command_line import Parser
 from vibro_ros.process.executables import EXECUTABLES
 from vibro_ros.process.front_door import exit_code
-from vibro_ros.ros.feedback import RATE, Pursuit
-from vibro_ros.ros.goals import MOTOR_RANGE, WITHIN, Goal, GoalError, PositionGoal, SpeedGoal
-from vibro_ros.ros.track import Track
+from vibro_ros.ros.controller.feedback import RATE, Pursuit
+from vibro_ros.ros.controller.goals import MOTOR_RANGE, WITHIN, Goal, GoalError, PositionGoal, SpeedGoal
+from vibro_ros.ros.controller.track import Track
 from vibro_ros.simulation.kernels import compile_kernels
 from vibro_ros.simulation.simulator import Simulator
 

@@ -31,8 +31,8 @@ from std_srvs.srv import SetBool
 from vibro_ros.process.command_line import Parser
 from vibro_ros.process.executables import EXECUTABLES
 from vibro_ros.process.front_door import exit_code
-from vibro_ros.ros import process, qos
-from vibro_ros.ros.diagnostics import TOPIC
+from vibro_ros.ros.node import process, qos
+from vibro_ros.ros.robot.diagnostics import TOPIC
 
 NODE_NAME = "lateness"
 PATIENCE = 600.0
@@ -148,7 +148,8 @@ def robot_running(namespace: str, folder: str, rate: float) -> Iterator[subproce
     settings = {"record.enabled": "false", "record.directory": f"'{folder}'", "rate.publish": rate,
                 "motor.speed": 100.0}
     words = [word for name, value in settings.items() for word in ("-p", f"{name}:={value}")]
-    robot = subprocess.Popen([sys.executable, "-m", "vibro_ros.ros.robot", "--ros-args", "-r", f"__ns:=/{namespace}",
+    robot = subprocess.Popen([sys.executable, "-m", "vibro_ros.ros.robot.robot", "--ros-args", "-r",
+                              f"__ns:=/{namespace}",
                               "--log-level", "warn", *words])
     try:
         yield robot

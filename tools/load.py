@@ -34,7 +34,7 @@ from vibro_ros.process.command_line import Parser
 from vibro_ros.process.executables import EXECUTABLES
 from vibro_ros.process.front_door import exit_code
 from vibro_ros.process.stop_signals import StopRequest
-from vibro_ros.ros.ready_process import ready_process, sleep_unless
+from vibro_ros.ros.node.ready_process import ready_process, sleep_unless
 
 
 @dataclass(frozen=True)
@@ -162,7 +162,7 @@ def _spin(executor: SingleThreadedExecutor, duration: float, stop: StopRequest) 
 def _words(space: str, rate: float, folder: str) -> list[str]:
     """The command of a robot."""
     settings = {"record.directory": f"'{folder}'", "rate.publish": rate, "effects.motor": "ideal"}
-    return ["vibro_ros.ros.robot", "--ros-args", "-r", f"__ns:={space}",
+    return ["vibro_ros.ros.robot.robot", "--ros-args", "-r", f"__ns:={space}",
             *(word for name, value in settings.items() for word in ("-p", f"{name}:={value}"))]
 
 

@@ -26,7 +26,7 @@ from vibro_ros.process.command_line import Parser
 from vibro_ros.process.executables import EXECUTABLES
 from vibro_ros.process.front_door import exit_code
 from vibro_ros.process.stop_signals import StopRequest
-from vibro_ros.ros.ready_process import ready_process, sleep_unless
+from vibro_ros.ros.node.ready_process import ready_process, sleep_unless
 
 RATES = (1000.0, 200.0)  # Hz
 BARE = "bare node"
@@ -100,7 +100,7 @@ def _words(rate: float, case: str, folder: str) -> list[str]:
     if case == BARE:
         return ["tools.bare_node", "--rate", f"{rate}"]
     settings = {"record.directory": f"'{folder}'", "rate.publish": rate, "motor.speed": SPEEDS[case]}
-    return ["vibro_ros.ros.robot", "--ros-args",
+    return ["vibro_ros.ros.robot.robot", "--ros-args",
             *(word for name, value in settings.items() for word in ("-p", f"{name}:={value}"))]
 
 

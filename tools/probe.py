@@ -17,8 +17,8 @@ from rclpy.qos import QoSProfile
 from rclpy.serialization import deserialize_message, serialize_message
 from std_msgs.msg import Float64
 
-from vibro_ros.ros import qos
-from vibro_ros.ros.gathering import Gathering
+from vibro_ros.ros.node import qos
+from vibro_ros.ros.node.gathering import Gathering
 
 SPEED = 400.0
 """Speed [rad/s] of a command: within one period the crank turns so far that the springs tear the body off."""

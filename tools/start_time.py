@@ -31,7 +31,7 @@ from rclpy.node import Node
 from vibro_ros.process.command_line import Parser
 from vibro_ros.process.executables import EXECUTABLES
 from vibro_ros.process.front_door import exit_code, say
-from vibro_ros.ros import process, qos
+from vibro_ros.ros.node import process, qos
 
 PATIENCE = 600.0
 """Longest wait [s] for a start."""
@@ -94,7 +94,7 @@ class Starts:
         return taken
 
     def _robot(self) -> list[str]:
-        return ["-m", "vibro_ros.ros.robot", "--ros-args", "--log-level", "warn", "-p",
+        return ["-m", "vibro_ros.ros.robot.robot", "--ros-args", "--log-level", "warn", "-p",
                 f"record.directory:='{self._folder}'"]
 
     def _wait(self, done: Callable[[], bool]) -> None:

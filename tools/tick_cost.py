@@ -29,9 +29,9 @@ from vibro_ros.model.scene import Scene
 from vibro_ros.process.command_line import Parser
 from vibro_ros.process.executables import EXECUTABLES
 from vibro_ros.process.front_door import exit_code
-from vibro_ros.ros.messages import transforms
-from vibro_ros.ros.outputs import Outputs, makers
-from vibro_ros.ros.pacing import Pacing
+from vibro_ros.ros.robot.pacing import Pacing
+from vibro_ros.ros.topics.messages import transforms
+from vibro_ros.ros.topics.outputs import Outputs, makers
 from vibro_ros.simulation.kernels import compile_kernels
 from vibro_ros.simulation.samples import TIME
 from vibro_ros.simulation.simulator import Simulator

@@ -29,7 +29,7 @@ from tools.lateness import Measurement, robot_running, table
 from vibro_ros.process.command_line import Parser
 from vibro_ros.process.executables import EXECUTABLES
 from vibro_ros.process.front_door import exit_code
-from vibro_ros.ros import process
+from vibro_ros.ros.node import process
 
 SETTLING = 3
 """Reports of the robot while the view, whose pages are open, loads the kernels of slow motion."""
@@ -81,7 +81,7 @@ class ViewMeasurement(Measurement):
         if not on:
             return
         view = subprocess.Popen(
-            [sys.executable, "-m", "vibro_ros.ros.live_view", "--port", "0", "--ros-args", "-r",
+            [sys.executable, "-m", "vibro_ros.ros.live.live_view", "--port", "0", "--ros-args", "-r",
              f"__ns:=/{self._namespace}", "--log-level", "warn"], stdout=subprocess.PIPE, text=True)
         self._running.append(view)
         address = view.stdout.readline().removeprefix("view: ").strip() if view.stdout else ""

@@ -53,7 +53,7 @@ def watched_robot(settings: Mapping[str, object] | None = None) -> Iterator[Watc
                     **(settings or {})}
         words = [word for name, value in settings.items() for word in ("-p", f"{name}:={value}")]
         view = stack.enter_context(_View(environment))
-        stack.enter_context(Child("vibro_ros.ros.robot", "--ros-args", *words, environment=environment))
+        stack.enter_context(Child("vibro_ros.ros.robot.robot", "--ros-args", *words, environment=environment))
         yield WatchedRobot(view.address, view.pid)
 
 
@@ -61,7 +61,7 @@ class _View:
     """The view as a process; says its address."""
 
     def __init__(self, environment: Mapping[str, str]):
-        self._process = subprocess.Popen([sys.executable, "-m", "vibro_ros.ros.live_view", "--port", "0"],
+        self._process = subprocess.Popen([sys.executable, "-m", "vibro_ros.ros.live.live_view", "--port", "0"],
                                          env=environment, stdout=subprocess.PIPE, text=True)
         self.pid = self._process.pid
         self.address = ""

@@ -90,7 +90,8 @@ def _computed(rows: RowFile, effort: Effort, first: int) -> Iterator[np.ndarray]
 
 def _parser() -> Parser:
     parser = Parser(
-        prog="study paper", description="Run every figure and claim of the paper under each of its readings. Ctrl-C keeps what is done; the same command goes on.",
+        prog="study paper", description="Run every figure and claim of the paper under each of its readings. "
+        "Ctrl-C keeps what is done; the same command goes on.",
         epilog="Exit code 0: done; 1: a run failed; 2: bad input, or rows of another study; 129, 130, 143: stopped by "
         "SIGHUP, SIGINT, SIGTERM, what was done is kept.")
     parser.add_argument("--output", type=Path, default=Path("out/study/paper"), metavar="DIR",

@@ -6,9 +6,9 @@ from asking import wait_until_known
 from rclpy.action import ActionClient
 from rclpy.qos import QoSProfile
 
-from vibro_ros.ros.simulation_action import FEEDBACK_DEPTH
-from vibro_ros.ros.simulation_rules import Code
-from vibro_ros.ros.simulation_services import NAMES
+from vibro_ros.ros.robot.simulation_action import FEEDBACK_DEPTH
+from vibro_ros.ros.robot.simulation_rules import Code
+from vibro_ros.ros.robot.simulation_services import NAMES
 
 MOST = 2**64 - 1
 STILL_ON_THE_WAY = 200  # samples, of a second, that may come although the robot has paused

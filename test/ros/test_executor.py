@@ -7,8 +7,8 @@ import rclpy
 from rclpy.node import Node
 from std_msgs.msg import Float64
 
-from vibro_ros.ros.executor import SteadyExecutor
-from vibro_ros.ros.refusals import Refusals
+from vibro_ros.ros.node.executor import SteadyExecutor
+from vibro_ros.ros.node.refusals import Refusals
 
 PATIENCE = 10.0  # [s]
 

@@ -18,7 +18,7 @@ from rclpy.qos import QoSProfile
 from std_srvs.srv import SetBool, Trigger
 from type_description_interfaces.srv import GetTypeDescription
 
-from vibro_ros.ros.node import LONGEST_NAME
+from vibro_ros.ros.node.node import LONGEST_NAME
 
 ROUNDS = 4000 if "VIBRO_ROS_HOSTILE" in os.environ else 40
 AT_ONCE = 25

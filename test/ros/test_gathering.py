@@ -6,7 +6,7 @@ from rclpy.qos import QoSProfile
 from rclpy.serialization import deserialize_message
 from std_msgs.msg import Float64
 
-from vibro_ros.ros.gathering import Gathering
+from vibro_ros.ros.node.gathering import Gathering
 
 SENT = {"a": 300, "b": 200, "c": 1}
 """How many messages go to each topic: 0.0, 1.0, …"""

@@ -10,9 +10,9 @@ import vibro_ros
 from vibro_ros.bag.definitions import jazzy_types
 from vibro_ros.configuration.scene_file import shipped_scenes
 from vibro_ros.messages.topics import ROBOT_TOPICS
-from vibro_ros.ros.live_decoder import MOST_ODD, STAMPED, decoders
-from vibro_ros.ros.outputs import sample_makers
-from vibro_ros.ros.template import plain_bytes
+from vibro_ros.ros.live.live_decoder import MOST_ODD, STAMPED, decoders
+from vibro_ros.ros.topics.outputs import sample_makers
+from vibro_ros.ros.topics.template import plain_bytes
 from vibro_ros.simulation.samples import FIELDS
 
 STAMP = 1_763_700_000_123_456_789

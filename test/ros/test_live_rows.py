@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from vibro_ros.ros.live_decoder import STAMPED, Readings
-from vibro_ros.ros.live_rows import PATIENCE, Joining, Runs
+from vibro_ros.ros.live.live_decoder import STAMPED, Readings
+from vibro_ros.ros.live.live_rows import PATIENCE, Joining, Runs
 from vibro_ros.simulation.samples import FIELDS
 
 PLACES = {"odom": [1, 2], "joint_states": [10, 12], "ground_contact": [13]}  # speed and torque among the second

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from rclpy.serialization import deserialize_message, serialize_message
 
-from vibro_ros.ros import messages
+from vibro_ros.ros.topics import messages
 from vibro_ros.simulation.samples import EVENT_DTYPE, Samples
 
 STAMP = 1_763_700_000_123_456_789  # [ns]

@@ -2,7 +2,7 @@
 
 import pytest
 
-from vibro_ros.ros.pacing import LONGEST_SLEEP, Pacing
+from vibro_ros.ros.robot.pacing import LONGEST_SLEEP, Pacing
 
 TICK = 0.005  # [s]
 

@@ -8,7 +8,7 @@ from rcl_interfaces.srv import DescribeParameters, GetParameters, ListParameters
 
 from vibro_ros.configuration.scene_file import DEVICE_PARAMETERS, load_scene
 from vibro_ros.model.parameters import SCENE_PARAMETERS
-from vibro_ros.ros.parameters import descriptor
+from vibro_ros.ros.node.parameters import descriptor
 
 KINDS = {
     bool: (ParameterType.PARAMETER_BOOL, "bool_value"),

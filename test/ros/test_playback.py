@@ -15,7 +15,7 @@ from std_msgs.msg import Float64, String
 
 from vibro_ros.bag.reader import read_bag
 from vibro_ros.bag.stream import BagStream
-from vibro_ros.ros import playback
+from vibro_ros.ros.controller import playback
 
 
 @pytest.fixture

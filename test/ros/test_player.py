@@ -6,7 +6,7 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 
 from vibro_ros.process.stop_signals import StopRequest
-from vibro_ros.ros.player import Player
+from vibro_ros.ros.controller.player import Player
 
 
 def test_time_between_two_instants_is_never_beyond_the_second(domain_id: int):

@@ -6,7 +6,7 @@ from threading import Timer
 
 import pytest
 
-from vibro_ros.ros import process
+from vibro_ros.ros.node import process
 
 PATIENCE = 30.0  # [s]
 

@@ -13,10 +13,10 @@ from vibro_ros.bag.reader import read_bag
 from vibro_ros.bag.writer import BagWriter, Storage
 from vibro_ros.configuration.scene_file import DEVICE_PARAMETERS
 from vibro_ros.messages.topics import COMMAND_UNITS
-from vibro_ros.ros.outputs import Outputs
-from vibro_ros.ros.recording import open_recording
-from vibro_ros.ros.recording_plan import Plan, plan_recording
-from vibro_ros.ros.unsealed import offer_recovery
+from vibro_ros.ros.robot.recording import open_recording
+from vibro_ros.ros.robot.recording_plan import Plan, plan_recording
+from vibro_ros.ros.robot.unsealed import offer_recovery
+from vibro_ros.ros.topics.outputs import Outputs
 
 RECEIVED = {name: f"/{name}" for name in COMMAND_UNITS}
 SETTINGS = {parameter.name: parameter.default for parameter in DEVICE_PARAMETERS}

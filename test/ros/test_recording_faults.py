@@ -105,7 +105,7 @@ def test_a_removed_folder_is_told_once_and_the_robot_goes_on(start, listener, re
 SLOW = """
 import sys, time
 from vibro_ros.bag.mcap_segment import McapSegment
-from vibro_ros.ros import robot
+from vibro_ros.ros.robot import robot
 append, stalled = McapSegment._append, []
 def slow(self, data):  # waits for the disk as a write does: without the interpreter lock
     if not stalled and self.stored > 1000:

@@ -2,7 +2,7 @@
 
 import pytest
 
-from vibro_ros.ros.refusals import LONGEST_SHOWN, Refusals, peer_text
+from vibro_ros.ros.node.refusals import LONGEST_SHOWN, Refusals, peer_text
 
 
 class Log:
@@ -40,7 +40,7 @@ def test_what_this_packages_own_code_raises_is_an_error_to_report():
     assert (refusals.count, refusals.failures) == (0, 1)
     ((kind, text),) = log.lines
     assert kind == "error"
-    assert text.startswith("/lab/motor_speed: failed in vibro_ros.ros.refusals, line ")
+    assert text.startswith("/lab/motor_speed: failed in vibro_ros.ros.node.refusals, line ")
     assert "AttributeError: 'NoneType' object has no attribute 'split'; please report it" in text
 
 

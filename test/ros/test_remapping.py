@@ -5,8 +5,8 @@ import rclpy
 from rclpy.context import Context
 from rclpy.node import Node
 
-from vibro_ros.ros.remapping import NAMESPACE_LENGTH, TOPIC_LENGTH, check_names, check_remapping
-from vibro_ros.ros.ros_arguments import check_arguments
+from vibro_ros.ros.node.remapping import NAMESPACE_LENGTH, TOPIC_LENGTH, check_names, check_remapping
+from vibro_ros.ros.node.ros_arguments import check_arguments
 
 GOOD = ("odom:=body/odom", "odom:=/lab/odom", "odom:=~/odom", "vibro_robot:odom:=x", "rostopic://odom:=x", "_a:=_b2",
         "rosservice://~/record:=tape", "~/record:=/tape", "/clock:=/sim/clock", "__ns:=/", "__ns:=/r1", "__ns:=/lab/r1",

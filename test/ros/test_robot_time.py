@@ -5,8 +5,8 @@ from collections import Counter
 import pytest
 
 import vibro_ros
-from vibro_ros.ros.command_timeout import CommandTimeout
-from vibro_ros.ros.robot_time import RobotTime
+from vibro_ros.ros.robot.command_timeout import CommandTimeout
+from vibro_ros.ros.robot.robot_time import RobotTime
 
 
 @pytest.mark.parametrize("rate", [0.1, 3.0, 200.0, 300.0, 1e4])

@@ -5,7 +5,7 @@ import rclpy
 from rclpy.context import Context
 from rclpy.node import Node
 
-from vibro_ros.ros.ros_arguments import check_addressed, check_arguments, own_arguments
+from vibro_ros.ros.node.ros_arguments import check_addressed, check_arguments, own_arguments
 
 
 def params_file(folder: Path, text: str) -> Path:

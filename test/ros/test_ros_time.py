@@ -8,7 +8,7 @@ from observation import bags, stop, value_of
 from rosgraph_msgs.msg import Clock
 
 from vibro_ros.bag.reader import read_bag
-from vibro_ros.ros.node import LAST_SECOND
+from vibro_ros.ros.node.node import LAST_SECOND
 
 SIMULATED = ("--ros-args", "-p", "use_sim_time:=true")
 NO_TIME = ((-5, 0), (-2**31, 0), (LAST_SECOND + 1, 0), (2**31 - 1, 999_999_999), (5, 1_000_000_000), (5, 2**32 - 1))

@@ -5,9 +5,9 @@ from types import SimpleNamespace
 import pytest
 
 from vibro_ros.messages.operations import Operation
-from vibro_ros.ros.requests import Request
-from vibro_ros.ros.simulation_control import SimulationControl
-from vibro_ros.ros.simulation_rules import Code, RefusalError, State
+from vibro_ros.ros.node.requests import Request
+from vibro_ros.ros.robot.simulation_control import SimulationControl
+from vibro_ros.ros.robot.simulation_rules import Code, RefusalError, State
 
 
 class FailingOperations:

@@ -3,7 +3,7 @@
 import pytest
 
 from vibro_ros.messages.operations import PAUSE, RESET, RESUME
-from vibro_ros.ros.simulation_rules import (
+from vibro_ros.ros.robot.simulation_rules import (
     FEATURES,
     TRANSITIONS,
     Code,

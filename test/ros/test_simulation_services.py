@@ -11,9 +11,9 @@ from observation import bags
 from simulator_user import Simulator, ended
 from std_srvs.srv import SetBool, Trigger
 
-from vibro_ros.ros.node import SteadyNode
-from vibro_ros.ros.simulation_rules import FEATURES, Code, State
-from vibro_ros.ros.simulation_services import NAMES
+from vibro_ros.ros.node.node import SteadyNode
+from vibro_ros.ros.robot.simulation_rules import FEATURES, Code, State
+from vibro_ros.ros.robot.simulation_services import NAMES
 
 
 def test_the_features_are_those_of_what_is_offered(simulator):

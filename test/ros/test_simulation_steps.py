@@ -11,7 +11,7 @@ from rosbags.rosbag2 import Reader
 from simulator_user import MOST, ended
 
 from vibro_ros.bag.cdr import deserialised
-from vibro_ros.ros.simulation_rules import Code, State
+from vibro_ros.ros.robot.simulation_rules import Code, State
 
 STEPS = 12
 

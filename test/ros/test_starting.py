@@ -21,7 +21,7 @@ from std_msgs.msg import Float64
 from vibro_ros.bag.reader import read_bag
 from vibro_ros.configuration.scene_file import NODE_NAME
 from vibro_ros.process.stop_signals import StopRequest
-from vibro_ros.ros import listeners
+from vibro_ros.ros.node import listeners
 
 PROMPT = 10.0  # [s] deadline of what takes 0.1 s on an idle machine
 LATE = 0.03  # [s] of the promptest of the first messages; opening a bag alone took 0.07 s when stamps lagged by it
@@ -169,7 +169,7 @@ def test_under_nohup_the_robot_outlives_its_terminal(start, bench, tmp_path):
 
 
 def test_a_reader_that_goes_does_not_end_the_robot(compiled, domain_id, tmp_path, bench):
-    robot = subprocess.Popen([sys.executable, "-m", "vibro_ros.ros.robot"], cwd=tmp_path, stdout=subprocess.PIPE,
+    robot = subprocess.Popen([sys.executable, "-m", "vibro_ros.ros.robot.robot"], cwd=tmp_path, stdout=subprocess.PIPE,
                              stderr=subprocess.STDOUT, text=True)
     try:
         with closing(robot.stdout):

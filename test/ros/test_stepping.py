@@ -4,15 +4,15 @@ from types import SimpleNamespace
 
 import vibro_ros
 from vibro_ros.messages.operations import RESET, RESUME, STEP, Operation
-from vibro_ros.ros.inputs import Inputs
-from vibro_ros.ros.operations import Operations
-from vibro_ros.ros.outputs import Outputs
-from vibro_ros.ros.pacing import Pacing
-from vibro_ros.ros.robot_time import RobotTime
-from vibro_ros.ros.run import Run
-from vibro_ros.ros.run_services import outcome
-from vibro_ros.ros.simulation_control import SimulationControl
-from vibro_ros.ros.stepping import Stepping
+from vibro_ros.ros.robot.operations import Operations
+from vibro_ros.ros.robot.pacing import Pacing
+from vibro_ros.ros.robot.robot_time import RobotTime
+from vibro_ros.ros.robot.run import Run
+from vibro_ros.ros.robot.run_services import outcome
+from vibro_ros.ros.robot.simulation_control import SimulationControl
+from vibro_ros.ros.robot.stepping import Stepping
+from vibro_ros.ros.topics.inputs import Inputs
+from vibro_ros.ros.topics.outputs import Outputs
 
 
 def test_an_error_ends_the_thread_and_is_kept_for_the_main_thread(bench):

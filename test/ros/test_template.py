@@ -17,11 +17,11 @@ from vibro_ros.bag.together import Together
 from vibro_ros.configuration.scene_file import load_scene, shipped_scenes
 from vibro_ros.messages.frames import ALL, ONLY_BASE, Frames
 from vibro_ros.messages.topics import ROBOT_TOPICS
-from vibro_ros.ros import messages, outputs
-from vibro_ros.ros.outputs import Outputs, makers
-from vibro_ros.ros.raw_publisher import RawPublisher
-from vibro_ros.ros.sheet import Sheet, checked_template
-from vibro_ros.ros.template import Template
+from vibro_ros.ros.topics import messages, outputs
+from vibro_ros.ros.topics.outputs import Outputs, makers
+from vibro_ros.ros.topics.raw_publisher import RawPublisher
+from vibro_ros.ros.topics.sheet import Sheet, checked_template
+from vibro_ros.ros.topics.template import Template
 from vibro_ros.simulation.samples import EVENT_DTYPE, FIELDS, TIME, Samples
 
 NO_EVENTS = np.empty(0, dtype=EVENT_DTYPE)

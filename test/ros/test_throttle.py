@@ -1,4 +1,4 @@
-from vibro_ros.ros.throttle import Throttle
+from vibro_ros.ros.node.throttle import Throttle
 
 
 def test_a_burst_passes_then_one_a_period_with_the_number_withheld():

@@ -2,7 +2,7 @@
 
 import threading
 
-from vibro_ros.ros.waiting import MOST_WAITING, Waiting
+from vibro_ros.ros.topics.waiting import MOST_WAITING, Waiting
 
 
 def test_it_hands_over_all_in_the_order_of_arrival_across_topics():

@@ -21,9 +21,10 @@ from vibro_ros.configuration.scene_file import DEVICE_PARAMETERS, load_scene, sh
 from vibro_ros.messages.topics import COMMAND_UNITS, ROBOT_TOPICS
 from vibro_ros.model.parameters import SCENE_PARAMETERS
 from vibro_ros.process.executables import EXECUTABLES
-from vibro_ros.ros import outputs, qos
-from vibro_ros.ros.messages import JOINTS
-from vibro_ros.ros.script_file import read_script
+from vibro_ros.ros.controller.script_file import read_script
+from vibro_ros.ros.node import qos
+from vibro_ros.ros.topics import outputs
+from vibro_ros.ros.topics.messages import JOINTS
 from vibro_ros.simulation.event_log import EventLog
 from vibro_ros.simulation.samples import Samples
 from vibro_ros.study.measures import MEASURES

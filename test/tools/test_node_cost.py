@@ -13,8 +13,8 @@ from tools.node_cost import BARE, table
 from vibro_ros.configuration.scene_file import load_scene
 from vibro_ros.messages.frames import Frames
 from vibro_ros.messages.topics import ROBOT_TOPICS
-from vibro_ros.ros.messages import message_class, transforms
-from vibro_ros.ros.outputs import makers
+from vibro_ros.ros.topics.messages import message_class, transforms
+from vibro_ros.ros.topics.outputs import makers
 from vibro_ros.simulation.simulator import Simulator
 
 PATIENCE = 60.0  # [s]

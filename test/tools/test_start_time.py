@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from tools.start_time import BARE, PYTHON, ROBOT, Starts, table
-from vibro_ros.ros import process
+from vibro_ros.ros.node import process
 
 
 @pytest.mark.parametrize("what", [ROBOT, BARE, PYTHON])

@@ -20,10 +20,10 @@ does : str
 
 EXECUTABLES = {
     "robot": Executable(
-        "vibro_ros.ros.robot", True,
+        "vibro_ros.ros.robot.robot", True,
         "Run the vibro-impact robot as a ROS 2 device, until SIGINT, SIGTERM or SIGHUP."),
     "controller": Executable(
-        "vibro_ros.ros.controller", True,
+        "vibro_ros.ros.controller.controller", True,
         "Play a script of commands to the robot."),
     "report": Executable(
         "vibro_ros.recordings.report", True,
@@ -44,10 +44,10 @@ EXECUTABLES = {
         "vibro_ros.study.study", True,
         "Study the machine: the paper's claims, sweeps, the optimum, the literature."),
     "playback": Executable(
-        "vibro_ros.ros.playback", False,
+        "vibro_ros.ros.controller.playback", False,
         "Play a bag's commands to a live robot, at the instants at which the recorded one took them."),
     "live_view": Executable(
-        "vibro_ros.ros.live_view", False,
+        "vibro_ros.ros.live.live_view", False,
         "Show a live robot in the browser, with its knobs and buttons, until SIGINT, SIGTERM or SIGHUP."),
     "lateness": Executable(
         "tools.lateness", False,

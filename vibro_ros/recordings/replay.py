@@ -27,7 +27,7 @@ from vibro_ros.recordings.variation import write_variation
 
 IDENTICAL, DIFFERENT = 0, 1
 """Exit codes; a changed run that was written is `IDENTICAL`, one that could not go on is `DIFFERENT`."""
-PLAYBACK = "vibro_ros.ros.playback"
+PLAYBACK = "vibro_ros.ros.controller.playback"
 """Module that plays a bag to ROS; named only, because nothing else here needs ROS."""
 OF_PUBLISH = ("--all-topics", "--rate", "--clock", "--wait", "--ros-args")
 """Options that only `PLAYBACK` has."""

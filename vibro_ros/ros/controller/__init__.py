@@ -1,0 +1,1 @@
+"""The controller executable: scripts, feedback, and a bag's commands played again."""

@@ -1,0 +1,132 @@
+"""The command map in the controller's hands: whether it is the robot's, and what it says before commands are sent."""
+
+import math
+import re
+import time
+from collections import deque
+from collections.abc import Mapping
+from functools import partial
+from pathlib import Path
+
+from rclpy.executors import Executor
+from rclpy.node import Node
+from rclpy.publisher import Publisher
+
+from vibro_ros.configuration.command_map import CommandMap
+from vibro_ros.model.scene import Scene
+from vibro_ros.process.stop_signals import StopRequest
+from vibro_ros.ros.controller.motion_watch import MotionWatch
+from vibro_ros.ros.live.live_scene import SceneReader, Settings
+from vibro_ros.ros.node import process
+
+PATIENCE = 5.0
+"""Longest wait [s] for the robot's parameters, where a script needs to know that the map is the robot's."""
+LOOKS = 0.2
+"""Time [s] between two looks for nodes that hear the commands."""
+MOST_ASKED = 16
+"""Nodes that are asked, of those that hear the commands."""
+LONGEST_NAME = 200
+"""Characters of a node's full name."""
+MOST_UNJUDGED = 1000
+"""Commands that are kept while the robot has not answered; of a robot that never does, the latest."""
+
+
+class MapAdviser:
+    """Learns from the nodes that hear the commands which robot they are, and warns.
+
+    Parameters
+    ----------
+    node : Node
+        Asks, and logs.
+    command_map : CommandMap
+        What is known of the commands.
+    path : Path
+        The map's file, for words.
+    publisher : Publisher
+        Of a command: who subscribes to it is asked for its scene.
+    """
+
+    def __init__(self, node: Node, command_map: CommandMap, path: Path, publisher: Publisher):
+        self._node, self._map, self._path, self._publisher = node, command_map, path, publisher
+        self._readers: dict[str, SceneReader] = {}
+        self._watch: MotionWatch | None = None
+        self._fault = ""  # why the map is not the robot's
+        self._looked = -math.inf
+        self._unjudged: deque[tuple[str, Mapping[str, float], Mapping[str, float]]] = deque(maxlen=MOST_UNJUDGED)
+
+    def tick(self) -> None:
+        """Ask the robot, if that is due; to be called often."""
+        now = time.monotonic()
+        if self._watch or self._fault or now < self._looked + LOOKS:
+            return
+        self._looked = now
+        for info in self._node.get_subscriptions_info_by_topic(self._publisher.topic_name):
+            name = f"{info.node_namespace.rstrip('/')}/{info.node_name}"
+            if name not in self._readers and len(self._readers) < MOST_ASKED and _can_be_asked(name):
+                self._readers[name] = SceneReader(self._node, name, partial(self._take, name))
+        for reader in self._readers.values():
+            reader.tick()
+
+    def require(self, executor: Executor, stop: StopRequest) -> None:
+        """Return when the map is known to be the robot's, or on `stop`.
+
+        Raises
+        ------
+        RuntimeError
+            When it is another's, or the robot does not say which machine it is.
+        """
+        deadline = time.monotonic() + PATIENCE
+
+        def over() -> bool:
+            self.tick()
+            return bool(stop or self._watch or self._fault or time.monotonic() > deadline)
+
+        process.spin_until(executor, over)
+        if self._fault:
+            raise RuntimeError(f"speed_over_ground: {self._fault}")
+        if not (stop or self._watch):
+            raise RuntimeError(f"speed_over_ground: {', '.join(self._readers) or 'the robot'} does not say in "
+                               f"{PATIENCE:g} s which machine it is; give motor_speed and gaps, or start a robot of "
+                               "this package")
+
+    def advise(self, where: str, commands: Mapping[str, float], later: Mapping[str, float]) -> None:
+        """Warn if commands, which are about to be sent, cross into another motion.
+
+        Parameters
+        ----------
+        where : str
+            Names the script's entry.
+        commands, later : mapping of str to float
+            As `MotionWatch.warning` takes them.
+        """
+        self._unjudged.append((where, commands, later))
+        self._judge()
+
+    def _judge(self) -> None:
+        """Say what there is to say, late only of what was sent before the robot has answered."""
+        while self._watch and self._unjudged:
+            where, commands, later = self._unjudged.popleft()
+            if words := self._watch.warning(commands, later):
+                self._node.get_logger().warning(f"{where}: {words}")
+
+    def _take(self, name: str, found: Settings | str) -> None:
+        """What a node has answered; one that is no robot, as a recorder, says nothing."""
+        if isinstance(found, str) or self._watch or self._fault:
+            return
+        if words := self._map.difference(found.scene):
+            self._fault = (f"{self._path} is the map of another machine than {name}: {words}; make one with "
+                           "`study map` and give it as the parameter `map`")
+            self._node.get_logger().info(f"no warnings of other motions: {self._fault}")
+        else:
+            self._watch = MotionWatch(self._map, _initial(found.scene))
+            self._judge()
+
+
+def _can_be_asked(name: str) -> bool:
+    """Whether the name that a peer gives itself is one that ROS makes services of; a name not yet known begins with _.
+    """
+    return bool(re.fullmatch(r"(/[A-Za-z][A-Za-z0-9_]*)+", name)) and "__" not in name and len(name) < LONGEST_NAME
+
+
+def _initial(scene: Scene) -> dict[str, float]:
+    return {"motor_speed": scene["motor.speed"], "upper_gap": scene["upper.gap"], "inclined_gap": scene["inclined.gap"]}

@@ -1,0 +1,215 @@
+"""A controller script read from YAML, checked as a whole before anything is sent.
+
+A script is a block: a list of `entries`, played `repeat` times. An entry says for how long (`for`) each command
+is held (`motor_speed: 100.0`) or ramped (`motor_speed: {from: 0.0, to: 100.0}`; without `from`, from where it
+is), what feedback is to reach (`hold_speed: -0.05`, `go_to: -0.5`), or which mean speed the commands are to give that
+a command map knows (`speed_over_ground: -0.05`). It begins when the entry before it ends, or `at` a time counted from
+the start of its block. An entry may itself be a block. A command keeps its value until another entry changes it.
+"""
+
+import os
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+
+from vibro_ros.configuration.command_choice import CommandChoice
+from vibro_ros.configuration.command_map import CommandMap
+from vibro_ros.configuration.shipped import config_folder
+from vibro_ros.configuration.strict_yaml import read_yaml
+from vibro_ros.messages.topics import COMMAND_UNITS
+from vibro_ros.ros.controller.goals import PositionGoal
+from vibro_ros.ros.controller.script import MOTOR, Course, Script, Segment
+from vibro_ros.ros.controller.script_goal import GOAL_KEYS, check_shortest, longest_time, read_goal
+from vibro_ros.ros.controller.script_values import command_value, finite_number, refuse_unknown, shown
+
+LONGEST_SCRIPT = 100_000
+"""Most segments that a script may unfold to; nested repeats multiply."""
+DEEPEST_BLOCK = 10
+"""Most blocks inside each other."""
+_GAPS = tuple(name for name in COMMAND_UNITS if name != MOTOR)
+_OVER_GROUND = "speed_over_ground"
+
+
+def shipped_scripts() -> tuple[str, ...]:
+    """Names of the scripts that come with the package."""
+    return tuple(sorted(path.stem for path in _shipped_folder().glob("*.yaml")))
+
+
+def find_script(name_or_path: str) -> Path:
+    """The file of a shipped script's name, or `name_or_path` as a path.
+
+    Raises
+    ------
+    ValueError
+        When there is neither.
+    """
+    if name_or_path in shipped_scripts():
+        return _shipped_folder() / f"{name_or_path}.yaml"
+    if not os.path.isfile(name_or_path):  # which is false, not an error, for a name that no file can have
+        missing = f"{name_or_path}: no such script" if name_or_path else "no script given"
+        raise ValueError(f"{missing}; give a path or one of {', '.join(shipped_scripts())}")
+    return Path(name_or_path)
+
+
+def _shipped_folder() -> Path:
+    return config_folder() / "controller"
+
+
+def read_script(path: Path, command_map: CommandMap | None = None) -> Script:
+    """Read and check the script at `path`.
+
+    Parameters
+    ----------
+    path : Path
+        Of a YAML file.
+    command_map : CommandMap, optional
+        Gives the commands where an entry asks for a speed over ground; without it such an entry is refused.
+
+    Raises
+    ------
+    ValueError
+        Naming the file, the entry and the reason.
+    """
+    document = read_yaml(path)
+    try:
+        if document is None:
+            raise ValueError("the file is empty; give a list of `entries`")
+        script = Script(tuple(_Unfolding(command_map).block(document, start=0.0, prefix="")))
+        if not script.commands:
+            raise ValueError(f"no entry gives a command; give {', '.join(COMMAND_UNITS)}")
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from error
+    return script
+
+
+class _Unfolding:
+    """Unfolds blocks to segments while it remembers where each command stands."""
+
+    def __init__(self, command_map: CommandMap | None):
+        self._map = command_map
+        self._choice: CommandChoice | None = None
+        self._last: dict[str, float] = {}
+        self._count = 0
+        self._open_ends = 0  # entries so far that may end sooner than they say
+
+    def block(self, block: object, start: float, prefix: str) -> Iterator[Segment]:
+        where = f"entry {prefix[:-1]}: " if prefix else ""
+        if not isinstance(block, Mapping):
+            raise ValueError(f"{where}{shown(block)} is not a mapping; give `entries`, a list")
+        if prefix.count(".") > DEEPEST_BLOCK:
+            raise ValueError(f"{where}more than {DEEPEST_BLOCK} blocks inside each other; use fewer")
+        refuse_unknown(block, ("entries", "repeat", "at", "note") if prefix else ("entries", "repeat", "note"), where)
+        entries = block.get("entries")
+        if not isinstance(entries, list) or not entries:
+            raise ValueError(f"{where}entries is {shown(entries)}; give a list with at least one entry")
+        for _ in range(_repeats(block.get("repeat", 1), where)):
+            for segment in self._entries(entries, start, prefix):
+                yield segment
+                start_of_next = segment.end
+            start = start_of_next
+
+    def _entries(self, entries: list[object], start: float, prefix: str) -> Iterator[Segment]:
+        clock, fixed = start, self._open_ends
+        for index, entry in enumerate(entries):
+            number = f"{prefix}{index + 1}"
+            where = f"entry {number}: "
+            if not isinstance(entry, Mapping):
+                raise ValueError(f"{where}{shown(entry)} is not a mapping; give `for` and commands")
+            if "at" in entry and self._open_ends > fixed:
+                raise ValueError(f"{where}at: when the go_to before it in this list ends is not known; leave `at` out, "
+                                 "or put the entries after the go_to into a list of their own")
+            clock = _start_of(entry, start, clock, where)
+            for segment in self._entry(entry, entries[index + 1 :], start, clock, number):
+                self._count += 1
+                if self._count > LONGEST_SCRIPT:
+                    raise ValueError(f"{where}unfolds to more than {LONGEST_SCRIPT} entries; repeat less often")
+                yield segment
+                clock = segment.end
+
+    def _entry(self, entry: Mapping, later: list[object], block_start: float, start: float, number: str
+               ) -> Iterator[Segment]:
+        where = f"entry {number}: "
+        if "entries" in entry or "repeat" in entry:
+            yield from self.block(entry, start, f"{number}.")
+            return
+        if any(key in entry for key in GOAL_KEYS):
+            yield self._pursuit(entry, later, block_start, start, number)
+            return
+        over_ground = _OVER_GROUND in entry
+        allowed = () if over_ground else (*COMMAND_UNITS, *GOAL_KEYS)
+        refuse_unknown(entry, ("at", "for", "note", _OVER_GROUND, *allowed), where)
+        duration = _duration(entry, later, start - block_start, where)
+        speed = finite_number(entry[_OVER_GROUND], f"{where}{_OVER_GROUND}", "m/s") if over_ground else None
+        given = self._chosen(speed, where) if speed is not None else {
+            name: self._course(name, entry[name], where) for name in COMMAND_UNITS if name in entry}
+        courses = {name: Course(value, value) for name, value in self._last.items()} | given
+        self._last = {name: course.end for name, course in courses.items()}
+        yield Segment(number, start, duration, courses, tuple(given), str(entry.get("note", "")),
+                      speed_over_ground=speed)
+
+    def _chosen(self, speed: float, where: str) -> dict[str, Course]:
+        """The commands that give a mean speed [m/s], by the command map."""
+        try:
+            if self._map is None:
+                raise ValueError("there is no command map here; give motor_speed and gaps")
+            self._choice = self._choice or CommandChoice(self._map)
+            return {name: Course(level, level) for name, level in self._choice.commands_for(speed).commands.items()}
+        except ValueError as error:
+            raise ValueError(f"{where}{_OVER_GROUND}: {error}") from None
+
+    def _pursuit(self, entry: Mapping, later: list[object], block_start: float, start: float, number: str) -> Segment:
+        """The segment of an entry with a goal; what the motor does at its end is known only if it stands then."""
+        where = f"entry {number}: "
+        goal = read_goal(entry, _GAPS, where)
+        reaches = isinstance(goal, PositionGoal)
+        duration = longest_time(entry, where) if reaches else _duration(entry, later, start - block_start, where)
+        self._open_ends += reaches
+        if not reaches:
+            check_shortest(duration, where)
+        given = {name: Course(level, level) for name in _GAPS if name in entry
+                 for level in (command_value(name, entry[name], where),)}
+        courses = {name: Course(value, value) for name, value in self._last.items() if name != MOTOR} | given
+        self._last = {name: course.end for name, course in courses.items()} | ({MOTOR: 0.0} if reaches else {})
+        return Segment(number, start, duration, courses, tuple(given), str(entry.get("note", "")), goal)
+
+    def _course(self, name: str, value: object, where: str) -> Course:
+        if not isinstance(value, Mapping):
+            level = command_value(name, value, where)
+            return Course(level, level)
+        refuse_unknown(value, ("from", "to"), f"{where}{name}: ")
+        if "to" not in value:
+            raise ValueError(f"{where}{name}: a ramp needs `to`; give {{from: …, to: …}}")
+        if "from" not in value and name not in self._last:
+            raise ValueError(f"{where}{name}: no value to start the ramp from; give `from`")
+        start = command_value(name, value["from"], where) if "from" in value else self._last[name]
+        return Course(start, command_value(name, value["to"], where))
+
+
+def _start_of(entry: Mapping, block_start: float, clock: float, where: str) -> float:
+    if "at" not in entry:
+        return clock
+    at = finite_number(entry["at"], f"{where}at", "s")
+    if at < 0.0:
+        raise ValueError(f"{where}at: {at:g} is negative; give a time of at least 0 s")
+    # a block's start plus `at` is rounded; the end of the entry before it as well
+    if block_start + at < clock - 1e-9 * max(1.0, clock):
+        raise ValueError(f"{where}at: {at:g} s lies before the end of the entry before it, {clock - block_start:g} s")
+    return max(block_start + at, clock)
+
+
+def _duration(entry: Mapping, later: list[object], start: float, where: str) -> float:
+    """`for`, or the time until the next entry's `at`."""
+    if "for" in entry:
+        duration, key = finite_number(entry["for"], f"{where}for", "s"), "for"
+    elif later and isinstance(later[0], Mapping) and "at" in later[0]:
+        duration, key = finite_number(later[0]["at"], "at of the entry after it", "s") - start, "at of the next entry"
+    else:
+        raise ValueError(f"{where}no duration; give `for: <seconds>`, or `at` in the entry after it")
+    if duration <= 0.0:
+        raise ValueError(f"{where}{key}: leaves {duration:g} s; give a duration above 0 s")
+    return duration
+
+
+def _repeats(value: object, where: str) -> int:
+    if type(value) is not int or value < 1:
+        raise ValueError(f"{where}repeat: {shown(value)} is not a count; give a whole number of at least 1")
+    return value

@@ -1,0 +1,1 @@
+"""The live view of a robot in the browser: what it hears, and what it asks."""

@@ -1,0 +1,194 @@
+"""The live view's node: what of the robot goes to the pages, and what of the pages goes to the robot."""
+
+from collections import deque
+from collections.abc import Mapping
+from functools import lru_cache, partial
+from time import monotonic
+from typing import Any, NamedTuple
+
+import numpy as np
+from rclpy.clock import Clock
+from rclpy.clock_type import ClockType
+from rclpy.executors import Executor
+
+from vibro_ros.messages.topics import COMMAND_UNITS
+from vibro_ros.model.scene import Scene
+from vibro_ros.ros.live.live_requests import Requests
+from vibro_ros.ros.live.live_robot import LiveRobot
+from vibro_ros.ros.live.live_scene import Settings
+from vibro_ros.ros.live.live_words import Words, is_change
+from vibro_ros.ros.node.node import SteadyNode
+from vibro_ros.view import frames
+from vibro_ros.view.between import Between
+from vibro_ros.view.history import History
+from vibro_ros.view.machine import machine
+from vibro_ros.view.requests import Call, Command, Request, SlowMotion
+from vibro_ros.view.server import Server
+from vibro_ros.view.slow_motion import SlowMotions
+
+PERIOD = 1.0 / 30.0
+"""Time [s] between two batches of samples."""
+LOOKS = 0.5
+"""Time [s] between two looks who publishes and who offers services."""
+MOST_ORDERS = 400
+"""Requests of pages that wait for the node."""
+AROUND = 1.0
+"""Time [s] by which an impact may lie outside of the samples that were seen."""
+STATUS = {"real_time_factor": 0.0, "dropped_share": 0.0, "refused": 0, "paused": False, "recording": ""}
+_between = lru_cache(maxsize=1)(Between)  # of the present scene; called in one thread alone
+_TIME = frames.COLUMNS.index("time")
+
+
+class Standing(NamedTuple):
+    """How things stand: why there is no robot, or which one, since when, and what it offers."""
+
+    absence: str
+    settings: Settings | None
+    origin: int | None
+    offers: Mapping[str, bool]
+
+
+class LivePage:
+    """Stands between a robot and the server of its pages.
+
+    Parameters
+    ----------
+    node : SteadyNode
+        Listens, publishes and calls.
+    executor : Executor
+        Of the node.
+    robot : str
+        Full name of the robot's node.
+    """
+
+    def __init__(self, node: SteadyNode, executor: Executor, robot: str):
+        self._node, self._executor, self._name = node, executor, robot
+        self._requests, self._words = Requests(node, robot), Words(node, robot)
+        self._robot = LiveRobot(node, robot)  # last, so that a robot which has told its parameters knows all clients
+        self._slow_motions = SlowMotions(_motion, node.get_logger().info)
+        self._history, self._orders = History(), deque[tuple[int, Request]](maxlen=MOST_ORDERS)
+        self._standing = Standing("the view is starting", None, None, {})
+        self._looked = float("-inf")
+        self._server: Server | None = None
+
+    def begin(self, server: Server) -> None:
+        """Begin to serve the server's pages."""
+        self._server = server
+        self._node.create_timer(PERIOD, partial(self._poll, server), clock=Clock(clock_type=ClockType.STEADY_TIME))
+
+    def ask(self, page: int, request: Request) -> None:
+        """Take a page's request; for the server's thread."""
+        self._orders.append((page, request))
+        self._executor.create_task(self._obey)
+
+    def greeting(self) -> list[tuple[str, str]]:
+        """What a page that has just opened is told; for the server's thread."""
+        standing = self._standing
+        told = [(kind, self._text(standing)) for kind in [_kind(standing)]]
+        return [*told, ("status", self._status())] if self._words.status else told
+
+    def _poll(self, server: Server) -> None:
+        origin = self._robot.origin
+        rows = self._robot.poll()
+        if self._robot.origin != origin:
+            self._history.clear()
+        if self._words.diagnostics():
+            self._robot.hear()
+            server.send("status", self._status())
+        if (now := monotonic()) > self._looked + LOOKS:
+            self._looked = now
+            self._robot.look()
+        self._stand(server)
+        if len(rows):
+            self._history.add(rows)
+            server.send_samples(rows.tobytes())
+        self._tell(server)
+        self._requests.tick()
+        self._slow_motions.watch()
+
+    def _stand(self, server: Server) -> None:
+        """Tell the pages how things stand, if that has changed."""
+        robot = self._robot
+        standing = Standing(robot.absence, robot.settings, robot.origin, self._requests.offers)
+        if standing.absence:
+            standing = Standing(standing.absence, None, None, {})
+        before, self._standing = self._standing, standing
+        if standing == before:
+            return
+        if standing.settings and standing.settings != before.settings:
+            self._words.begin(standing.settings.prefix)
+            self._slow_motions.prepare(standing.settings.scene["solver.method"])
+        server.send(_kind(standing), self._text(standing))
+
+    def _tell(self, server: Server) -> None:
+        """Hand on what the robot says beside its samples."""
+        operations = self._words.operations()
+        if is_change(operations):
+            self._robot.read_again()
+        if operations and self._words.status:
+            server.send("status", self._status())
+        last, origin = self._history.last(), self._standing.origin
+        impacts = [((one.stamp - origin) * 1e-9, one) for one in self._words.impacts() if origin is not None]
+        if last is not None and (near := [{"time": time, "side": one.side, "peak_force": one.peak_force}
+                                          for time, one in impacts if -AROUND < time < last[_TIME] + AROUND]):
+            server.send("impacts", frames.text("impacts", list=near))
+        for level, words in self._words.log():
+            server.send("log", frames.text("log", level=level, words=words))
+
+    def _obey(self) -> None:
+        """Do what the pages have asked for."""
+        while self._orders and self._server:
+            page, request = self._orders.popleft()
+            answer = partial(self._server.answer, page, request.id)
+            if isinstance(request, Command):
+                self._requests.command(request, answer)
+            elif isinstance(request, Call):
+                self._requests.call(request, answer)
+            else:
+                self._slow_motion(page, request, self._server)
+
+    def _slow_motion(self, page: int, request: SlowMotion, server: Server) -> None:
+        def done(found: tuple[dict[str, Any], bytes] | str) -> None:
+            if isinstance(found, str):
+                server.answer(page, request.id, False, found)
+            else:
+                server.send_motion(page, request.id, *found)
+
+        if self._standing.settings is None:
+            done(f"there is no robot: {self._standing.absence}")
+        else:
+            self._slow_motions.ask(self._standing.settings.scene, self._history.samples(request.seconds), done)
+
+    def _status(self) -> str:
+        return frames.text("status", **{**STATUS, **self._words.status})
+
+    def _text(self, standing: Standing) -> str:
+        """The frame that says how things stand."""
+        if standing.settings is None:
+            return frames.text("absent", words=standing.absence)
+        drawn = _with_values(standing.settings.scene, self._history.last())
+        return frames.text("robot", name=self._name, machine=drawn, columns=list(frames.COLUMNS),
+                           origin=str(standing.origin or 0), offers=dict(standing.offers))
+
+
+def _motion(scene: Scene, samples: Mapping[str, np.ndarray]) -> tuple[dict[str, Any], bytes]:
+    return _between(scene).motion(samples)
+
+
+def _kind(standing: Standing) -> str:
+    return "absent" if standing.settings is None else "robot"
+
+
+def _with_values(scene: Scene, last: np.ndarray | None) -> dict[str, Any]:
+    """The machine of a scene, whose knobs show what the robot does now instead of what its scene begins with."""
+    drawn = machine(scene)
+    if last is None:
+        return drawn
+    now = dict(zip(frames.COLUMNS, last.tolist(), strict=True))
+    for knob in drawn["knobs"]:
+        if knob["name"] == "motor_speed":
+            knob["value"] = now["motor_speed"]
+        elif knob["name"] in COMMAND_UNITS:
+            side = knob["name"].removesuffix("_gap")
+            knob["value"] = now[f"{side}_plate_position"] - scene[f"crank.{side}_rod"]
+    return drawn

@@ -1,0 +1,175 @@
+"""One live robot as the view sees it: its scene, its samples since it began, and in words why there are none."""
+
+import time
+from typing import Any
+
+import numpy as np
+from geometry_msgs.msg import WrenchStamped
+from nav_msgs.msg import Odometry
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from sensor_msgs.msg import JointState
+
+from vibro_ros.model.parameters import BY_NAME
+from vibro_ros.ros.live.live_decoder import STAMPED, Decoder, decoders
+from vibro_ros.ros.live.live_rows import Joining, Rows, Runs
+from vibro_ros.ros.live.live_scene import SceneReader, Settings
+from vibro_ros.ros.live.quiet import QuietSubscription
+from vibro_ros.ros.node.node import SteadyNode
+from vibro_ros.simulation.samples import FIELDS, TIME
+
+SAMPLES = QoSProfile(depth=2000, reliability=ReliabilityPolicy.RELIABLE)
+"""Deep, so that none is lost between two looks, or while something else takes long: 2 s at 1 kHz."""
+MOST = 2000
+"""Messages of one topic that are taken at once."""
+SILENCE = 3.0
+"""Time [s] without a sample and without diagnostics, which come each second, after which a robot is not heard."""
+READ_AGAIN = 2.0
+"""Time [s] after which the parameters are asked for once more where they do not explain what is published."""
+FIRST = 1.5
+"""Time [s] that the first sample may take; of a robot that has said something by then and sent none, time stands still.
+"""
+_KINDS = {"odom": Odometry, "joint_states": JointState, "ground_contact": WrenchStamped}
+
+
+class LiveRobot:
+    """Follows one robot through its starts and ends.
+
+    Parameters
+    ----------
+    node : SteadyNode
+        Listens; counts and says what it refuses.
+    robot : str
+        Full name of the robot's node.
+
+    Attributes
+    ----------
+    settings : Settings or None
+        What is known of the robot that publishes now.
+    origin : int or None
+        Stamp [ns] of its first sample that was seen.
+    """
+
+    def __init__(self, node: SteadyNode, robot: str):
+        self.settings: Settings | None = None
+        self.origin: int | None = None
+        self._node, self._robot = node, robot
+        self._topics = {topic: QuietSubscription(node, _KINDS[topic], topic, SAMPLES) for topic in STAMPED}
+        self._runs, self._joining, self._decoders = Runs(), Joining(), dict[str, Decoder]()
+        self._fault, self._publishers = "", frozenset[bytes]()
+        self._heard = self._row_heard = self._read_at = float("-inf")
+        self._unread = self._doubtful = False
+        self._last = -1
+        self.reader = SceneReader(node, robot, self._take_settings)  # last, see `live_requests`
+
+    def poll(self) -> np.ndarray:
+        """Rows of `FIELDS` that have come since the last call, `time` counted from `origin` [s]; shape (n, fields)."""
+        if self.settings is None and not (self._fault or self.reader.reading):
+            self.reader.read()
+        self.reader.tick()
+        taken = {topic: one.take(MOST) for topic, one in self._topics.items()}
+        if self.settings is None:
+            return np.empty((0, len(FIELDS)))
+        readings = {}
+        for topic, messages in taken.items():
+            reading = self._decoders[topic].read([data for data, _ in messages])
+            if left := len(messages) - len(reading.chosen):
+                self._unread = True
+                self._node.refusals.refuse(self._topics[topic].topic, f"{left} messages that are no samples of "
+                                           f"{self._robot}: torn, not finite, or of other frames or joints")
+            counts = [messages[number][1] for number in reading.chosen]
+            known = all(count is not None for count in counts)
+            readings[topic] = reading, np.array(counts, np.int64) if known else reading.stamps
+        return self._taken(self._joining.join(readings, {name: one.fields for name, one in self._decoders.items()}))
+
+    def hear(self) -> None:
+        """Take note that the robot has said something; after a silence it may be another one, and is shown when it has
+        told who it is."""
+        now = time.monotonic()
+        if float("-inf") < self._heard < now - SILENCE:
+            self._doubtful = True
+            self.reader.read()
+        self._heard = now
+
+    def look(self) -> None:
+        """Look who publishes, and ask anew where that has changed or is not explained; to be called now and then."""
+        found = frozenset(bytes(one.endpoint_gid)
+                          for one in self._node.get_publishers_info_by_topic(self._topics["odom"].topic))
+        now = time.monotonic()
+        unexplained = (self._fault or self._unread) and now > max(self._read_at, self._row_heard) + READ_AGAIN
+        if found - self._publishers or (unexplained and not self.reader.reading):
+            self.reader.read()
+        if self._publishers and not found:  # it has gone, and who comes next is to be asked what it is
+            self.settings, self.origin, self._fault = None, None, ""
+        self._publishers, self._unread = found, False
+
+    def read_again(self) -> None:
+        """Ask for the parameters once more: some have changed."""
+        self.reader.read()
+
+    @property
+    def absence(self) -> str:
+        """Why there is nothing to show, in words; empty if there is."""
+        now = time.monotonic()
+        if self._runs.rivals:
+            return (f"two robots publish on {self._topics['odom'].topic}; give one of them a namespace, such as "
+                    "--ros-args -r __ns:=/r1")
+        if self._fault:
+            return f"{self._robot} cannot be shown: {self._fault}"
+        if not self._publishers and not (self.reader.sees_robot and self.settings is None):
+            return (f"no robot {self._robot}; start one (ros2 run vibro_ros robot) in the same ROS domain and "
+                    "namespace, or give its node's name with --robot")
+        silent = now > self._heard + SILENCE
+        if self.settings is None or (self._doubtful and not silent):
+            return f"{self._robot} is there; waiting for its parameters"
+        if self.origin is None and silent:
+            return f"{self._robot} is starting; the first start compiles for a quarter of a minute"
+        if self.origin is None and now < self._read_at + FIRST:
+            return f"{self._robot} is there; waiting for its first sample"
+        if silent:
+            return f"{self._robot} has not been heard for {SILENCE:g} s; it was killed, or something keeps it"
+        return ""
+
+    def _taken(self, rows: Rows) -> np.ndarray:
+        """The rows of the present run, by its own clock."""
+        nothing, rivals = np.empty((0, len(FIELDS))), self._runs.rivals
+        anew = self._runs.begins_anew(rows.counts)
+        if anew:
+            self.origin = None
+        if not self._runs.rivals and (anew or rivals):  # who is heard from now on is to be asked what it is
+            self.settings = None
+        if not len(rows.stamps) or self._runs.rivals or self.settings is None:
+            return nothing
+        self.hear()
+        if self._doubtful:
+            return nothing
+        self._row_heard = time.monotonic()
+        if self.origin is None:
+            self.origin, self._last = int(rows.stamps[0]), -1
+        later = rows.stamps > np.maximum.accumulate(np.concatenate([[self._last], rows.stamps[:-1]]))
+        if not later.all():
+            self._node.refusals.refuse(self._topics["odom"].topic, f"{(~later).sum()} samples with stamps that go back")
+        if not later.any():
+            return nothing
+        values = rows.values[later]
+        values[:, TIME] = (rows.stamps[later] - self.origin) * 1e-9
+        self._last = int(rows.stamps[later][-1])
+        return values
+
+    def _take_settings(self, found: Settings | str) -> None:
+        """Take what was read; samples of another machine than before are those of another run."""
+        self._read_at, self._doubtful = time.monotonic(), False
+        self._fault = found if isinstance(found, str) else ""
+        settings = None if isinstance(found, str) else found
+        try:
+            made: dict[str, Any] = decoders(settings.scene, settings.prefix) if settings else {}
+        except ValueError as error:
+            self._fault, settings, made = str(error), None, {}
+        if self.settings is None or settings is None or _differ(self.settings, settings):
+            self.origin, self._joining, self._last = None, Joining(), -1
+        self.settings, self._decoders = settings, made
+
+
+def _differ(one: Settings, other: Settings) -> bool:
+    """Whether two settings are of machines that one run cannot turn into each other."""
+    return one.prefix != other.prefix or any(value != other.scene[name] and not BY_NAME[name].while_running
+                                             for name, value in one.scene.parameters.items())

@@ -1,0 +1,132 @@
+"""The live half of the `view` executable: a robot in the browser, with its knobs and buttons."""
+
+if __name__ == "__main__":  # before all imports: they take a second or two, in which a signal may come
+    import sys
+
+    from vibro_ros.process.front_door import enter
+
+    sys.exit(enter("live_view"))
+
+import argparse
+import gc
+import os
+import socket
+import sys
+import webbrowser
+from collections.abc import Sequence
+from importlib import metadata
+from typing import Any
+
+from vibro_ros.configuration.scene_file import NODE_NAME as ROBOT
+from vibro_ros.model.parameters import Parameter, checked_parameters
+from vibro_ros.process.command_line import Parser
+from vibro_ros.process.executables import EXECUTABLES
+from vibro_ros.process.front_door import exit_code
+from vibro_ros.process.stop_signals import StopRequest
+from vibro_ros.ros.live.live_page import LivePage
+from vibro_ros.ros.node import process
+from vibro_ros.ros.node.node import SteadyNode
+from vibro_ros.ros.node.parameters import declare, parameter_lines, take_overrides
+from vibro_ros.ros.node.refusals import peer_text
+from vibro_ros.ros.node.remapping import check_names
+from vibro_ros.ros.node.ros_arguments import check_addressed, check_arguments, own_arguments
+from vibro_ros.view.gate import Gate, is_loopback
+from vibro_ros.view.page import page_text
+from vibro_ros.view.server import Server, listening
+
+NODE_NAME = "vibro_view"
+PORT = 8742
+NICENESS = 5
+"""By how much the view steps back behind the robot, which must keep time."""
+PARAMETERS = (
+    Parameter("robot", ROBOT, "", "name of the robot's node, with its namespace if that is another than the view's"),
+)
+
+
+def main(words: Sequence[str] | None = None) -> int:
+    """Serve the page until SIGINT, SIGTERM or SIGHUP.
+
+    Returns
+    -------
+    int
+        0 after a signal; 1 when the server failed; 2 for bad input, or a port that is taken.
+    """
+    return exit_code("view", lambda: _run(sys.argv[1:] if words is None else words))
+
+
+def _run(words: Sequence[str]) -> int:
+    options = _parser().parse_args(own_arguments(words))
+    files = check_arguments(words)
+    sockets = listening(options.address, options.port)
+    os.nice(NICENESS)
+    with StopRequest() as stop, process.node_running(NODE_NAME, words) as (node, executor):
+        check_addressed(files, node.get_fully_qualified_name())
+        robot = _robot(node, options.robot)
+        gate = Gate(options.address, [socket.gethostname()])
+        setting: dict[str, Any] = {"mode": "live", "title": f"{robot} live", "robot": robot,
+                                   "version": metadata.version("vibro_ros")}
+        page = LivePage(node, executor, robot)
+        server = Server(sockets, gate, lambda nonce: page_text(setting, None, nonce), page.ask, page.greeting)
+        with server:
+            stop.hold()
+            page.begin(server)
+            gc.freeze()  # all of this lasts: what comes and goes, such as pages, is then found sooner when it has gone
+            _tell(node, options, server, sockets[0].getsockname()[1])
+            process.spin_until(executor, lambda: bool(stop or server.error))
+    if server.error:
+        raise RuntimeError(f"the server ended: {server.error}")
+    return 0
+
+
+def _robot(node: SteadyNode, given: str | None) -> str:
+    """Full name of the robot's node."""
+    settings = {parameter.name: parameter.default for parameter in PARAMETERS}
+    settings |= checked_parameters(take_overrides(node), PARAMETERS)
+    name = given if given is not None else settings["robot"]
+    declare(node, PARAMETERS, {"robot": name})
+    full = name if name.startswith("/") else f"{node.get_namespace().rstrip('/')}/{name}"
+    try:
+        node.resolve_service_name(f"{full}/get_parameters")
+        check_names(node, ())
+    except Exception:
+        raise ValueError(f"--robot {peer_text(name)}: no node's name; give one such as /r1/vibro_robot") from None
+    return full
+
+
+def _tell(node: SteadyNode, options: argparse.Namespace, server: Server, port: int) -> None:
+    """Say where the page is, and open it if that was asked for."""
+    everywhere = options.address in ("", "0.0.0.0", "::")
+    name = "127.0.0.1" if everywhere else options.address
+    address = f"http://{f'[{name}]' if ':' in name else name}:{port}/?token={server.gate.token}"
+    print(f"view: {address}", flush=True)
+    if not is_loopback(options.address):
+        node.get_logger().warning("other machines reach this page, and who has its whole address commands the robot; "
+                                  f"they write this machine's address or name, {socket.gethostname()}, in it")
+    if options.open and not webbrowser.open(address):
+        node.get_logger().warning("no browser could be opened; open the address above")
+
+
+def _port(text: str) -> int:
+    try:
+        port = int(text)
+    except ValueError:
+        port = -1
+    if not 0 <= port <= 65535:
+        raise argparse.ArgumentTypeError(f"{text} is no port; give a number from 0 to 65535, 0 for any that is free")
+    return port
+
+
+def _parser() -> Parser:
+    parser = Parser(
+        prog="view", description=EXECUTABLES["live_view"].does,
+        epilog="ROS parameters (--ros-args -p name:=value):\n"
+        + parameter_lines(PARAMETERS, {parameter.name: parameter.default for parameter in PARAMETERS})
+        + "\n\nTopics can be remapped with --ros-args -r.\n\n"
+        "Exit code 0: ended by SIGINT, SIGTERM or SIGHUP; 1: the server failed; 2: bad argument, or the port is taken.",
+        formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--robot", metavar="NODE", help=f"the robot's node (default: the parameter robot, {ROBOT})")
+    parser.add_argument("--address", default="127.0.0.1", help="where the page is served (default: %(default)s, which "
+                        "only this machine reaches)")
+    parser.add_argument("--port", type=_port, default=PORT, help="0 for any that is free (default: %(default)s)")
+    parser.add_argument("--open", action="store_true", help="open the page in the browser")
+    return parser

@@ -1,0 +1,1 @@
+"""What every ROS node of this package stands on: start, spin, parameters, arguments, refusals."""

@@ -1,0 +1,189 @@
+"""A node that goes on, whatever its peers send.
+
+rclpy raises out of a callback whatever a request makes it meet: an unknown type number in `set_parameters`, a negative
+second on `/clock`. Here such a request is answered with words, because a caller without an answer waits for ever, and
+such a message is refused.
+"""
+
+import re
+from collections.abc import Callable
+from functools import partial
+from inspect import iscoroutinefunction
+from typing import Any
+
+from builtin_interfaces.msg import Time
+from rcl_interfaces.msg import ParameterDescriptor, ParameterType, SetParametersResult
+from rcl_interfaces.srv import SetParameters, SetParametersAtomically
+from rclpy.exceptions import InvalidParameterValueException
+from rclpy.node import Node
+from rclpy.service import Service
+from rclpy.subscription import Subscription
+from rosgraph_msgs.msg import Clock
+from std_srvs.srv import SetBool, Trigger
+from type_description_interfaces.srv import GetTypeDescription
+
+from vibro_ros.configuration.parameter_file import FIXED_OF_RCLPY
+from vibro_ros.ros.node.parameters import change_of, set_refusal
+from vibro_ros.ros.node.refusals import Refusals, peer_text
+from vibro_ros.ros.robot.simulation_rules import Code
+
+LAST_SECOND = 2**31 - 1 - 10**7
+"""Latest ROS time [s] at which a node starts: a stamp's seconds end at 2**31 - 1, and it is to run for some months."""
+MOST_NAMES = 1000
+"""Names in one request to a parameter service; nobody has to ask for a parameter twice."""
+LONGEST_NAME = 1000
+"""Characters of such a name."""
+_HASH = re.compile(r"RIHS01_[0-9a-f]{64}")
+
+
+class SteadyNode(Node):
+    """A node whose callbacks refuse what they cannot take.
+
+    Parameters
+    ----------
+    name : str
+        The node's name, which ROS arguments may change.
+
+    Attributes
+    ----------
+    refusals : Refusals
+        What was refused.
+    clock_heard : bool
+        Whether a time came on /clock, which may be 0.
+
+    Raises
+    ------
+    ValueError
+        When one of rclpy's own parameters was given another type than true or false.
+    """
+
+    def __init__(self, name: str):
+        self.refusals = Refusals(self.get_logger)
+        self.clock_heard = False
+        super().__init__(name, automatically_declare_parameters_from_overrides=True)
+        for own, meaning in FIXED_OF_RCLPY.items():
+            _fix(self, own, meaning)
+        for service in self.services:
+            if service.srv_type is GetTypeDescription:  # made by rclpy without `create_service`
+                service.callback = partial(self._answer, service.service_name, service.callback)
+
+    def create_service(self, srv_type: type, srv_name: str, callback: Callable, **options: Any) -> Service:
+        """As in `Node`; `callback` or the coroutine may raise: the request is then answered and counted as refused."""
+        answer = self._answer_later if iscoroutinefunction(callback) else self._answer
+        callback = partial(answer, self.resolve_service_name(srv_name), callback)
+        return super().create_service(srv_type, srv_name, callback, **options)
+
+    def create_subscription(self, msg_type: type, topic: str, callback: Callable, *options: Any,
+                            **more: Any) -> Subscription:
+        """As in `Node`; a message on `/clock` that is no time does not reach `callback`."""
+        if msg_type is Clock:
+            callback = partial(self._take_clock, self.resolve_topic_name(topic), callback)
+        return super().create_subscription(msg_type, topic, callback, *options, **more)
+
+    def _answer(self, name: str, callback: Callable, request: Any, response: Any) -> Any:
+        try:
+            if reason := _fault(request):
+                self.refusals.refuse(name, reason)
+                return _refused(request, response, reason)
+            if isinstance(request, SetParameters.Request | SetParametersAtomically.Request):
+                return self._set_parameters(name, request, response)
+            return self._counted(name, callback(request, response))
+        except Exception as error:  # whatever it is, the caller waits for an answer
+            self.refusals.catch(name, error)
+            return _refused(request, response, f"{type(error).__name__}; the node's log says more")
+
+    async def _answer_later(self, name: str, callback: Callable, request: Any, response: Any) -> Any:
+        try:
+            return self._counted(name, await callback(request, response))
+        except Exception as error:  # whatever it is, the caller waits for an answer
+            self.refusals.catch(name, error)
+            return _refused(request, response, f"{type(error).__name__}; the node's log says more")
+
+    def _counted(self, name: str, response: Any) -> Any:
+        """`response`, counted as a refusal if it is one."""
+        if reason := _reason_of(response):
+            self.refusals.refuse(name, reason)
+        return response
+
+    def _set_parameters(self, name: str, request: Any, response: Any) -> Any:
+        """Set all parameters of a request, or none; those that have their value already need not be settable."""
+        reasons = [set_refusal(self, one) for one in request.parameters]
+        refused = next(filter(None, reasons), "")
+        if not refused:
+            changes = [change for one in request.parameters if (change := change_of(self, one))]
+            result = self.set_parameters_atomically(changes) if changes else SetParametersResult(successful=True)
+            refused = "" if result.successful else result.reason
+        if refused:
+            self.refusals.refuse(name, refused)
+        if isinstance(request, SetParametersAtomically.Request):
+            response.result = _answer_to_set(refused)
+        else:
+            response.results = [_answer_to_set(refused and (reason or f"not set, because of another: {refused}"))
+                                for reason in reasons]
+        return response
+
+    def _take_clock(self, name: str, callback: Callable, message: Clock) -> None:
+        if fault := _clock_fault(message.clock):
+            self.refusals.refuse(name, fault)
+        else:
+            callback(message)
+            self.clock_heard = True
+
+
+def _fix(node: Node, name: str, meaning: str) -> None:
+    """Make a parameter that rclpy has declared one of true or false that cannot change while the node runs."""
+    if node.describe_parameter(name).read_only:
+        return
+    try:
+        node.set_descriptor(name, ParameterDescriptor(description=meaning, type=ParameterType.PARAMETER_BOOL,
+                                                      read_only=True))
+    except InvalidParameterValueException:
+        value = node.get_parameter(name).value
+        raise ValueError(f"{name}: {value!r} is not true or false; give true or false") from None
+
+
+def _fault(request: Any) -> str:
+    """Why a request of any service cannot mean anything; empty when it may."""
+    if isinstance(request, GetTypeDescription.Request):  # rcl answers a malformed hash with lines of its own on stderr
+        return "" if _HASH.fullmatch(request.type_hash) else f"{peer_text(request.type_hash)}: no hash of a type"
+    parameters = [one.name for one in getattr(request, "parameters", ())]
+    names = [*parameters, *getattr(request, "names", ()), *getattr(request, "prefixes", ())]
+    if len(names) > MOST_NAMES:
+        return f"{len(names)} names in one request; give at most {MOST_NAMES}"
+    longest = max(map(len, names), default=0)
+    return f"a name of {longest} characters; give at most {LONGEST_NAME}" if longest > LONGEST_NAME else ""
+
+
+def _answer_to_set(reason: str) -> SetParametersResult:
+    return SetParametersResult(successful=not reason, reason=reason)
+
+
+def _reason_of(response: Any) -> str:
+    """Why an answer says no; empty when it says yes, or when its type cannot say either."""
+    if isinstance(response, SetBool.Response | Trigger.Response):
+        return "" if response.success else response.message
+    if isinstance(response, GetTypeDescription.Response):
+        return "" if response.successful else response.failure_reason
+    return getattr(getattr(response, "result", None), "error_message", "")  # of simulation_interfaces
+
+
+def _refused(request: Any, response: Any, reason: str) -> Any:
+    """`response` as the refusal of `request`, with words where its type has room for them."""
+    if isinstance(request, SetParameters.Request):
+        response.results = [_answer_to_set(reason)] * len(request.parameters)
+    elif isinstance(request, SetParametersAtomically.Request):
+        response.result = _answer_to_set(reason)
+    elif isinstance(request, SetBool.Request | Trigger.Request):
+        response.success, response.message = False, reason
+    elif isinstance(request, GetTypeDescription.Request):
+        response.successful, response.failure_reason = False, reason
+    elif hasattr(getattr(response, "result", None), "error_message"):  # of simulation_interfaces
+        response.result.result, response.result.error_message = Code.OPERATION_FAILED, reason
+    return response
+
+
+def _clock_fault(message: Time) -> str:
+    """Why `message` is no time for /clock; empty when it is one."""
+    if not (0 <= message.sec <= LAST_SECOND and message.nanosec < 1_000_000_000):
+        return f"{message.sec} s and {message.nanosec} ns is no time; give 0 to {LAST_SECOND} s and below 1000000000 ns"
+    return ""

@@ -1,0 +1,133 @@
+"""ROS parameters derived from the package's parameter tables."""
+
+import math
+import sys
+from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
+from typing import Any
+
+from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor
+from rcl_interfaces.msg import Parameter as ParameterMessage
+from rclpy.node import Node
+from rclpy.parameter import Parameter as ParameterOfRclpy
+
+from vibro_ros.configuration.parameter_file import own_parameters
+from vibro_ros.configuration.scene_file import DEVICE_PARAMETERS
+from vibro_ros.model.parameters import SCENE_PARAMETERS, Parameter, Value, checked_parameters
+from vibro_ros.process.one_line import one_line
+from vibro_ros.ros.node.refusals import peer_text
+
+TABLE = (*DEVICE_PARAMETERS, *SCENE_PARAMETERS)
+"""All parameters of the robot."""
+_TYPES = frozenset(one.value for one in ParameterOfRclpy.Type)
+_MAY_BE_NUMBERS = (ParameterOfRclpy.Type.INTEGER, ParameterOfRclpy.Type.STRING)
+
+
+def take_overrides(node: Node) -> dict[str, object]:
+    """Every parameter override that `node` was given, undeclared again.
+
+    rclpy ignores an override that nobody declares; a misspelt name shows only by taking them all. The
+    node must declare parameters from overrides automatically.
+    """
+    given = {name: parameter.value for name, parameter in node.get_parameters_by_prefix("").items()}
+    overrides = own_parameters(given)
+    for name in overrides:
+        node.undeclare_parameter(name)
+    return overrides
+
+
+def declare(node: Node, table: Iterable[Parameter], values: Mapping[str, Value]) -> None:
+    """Declare every parameter of `table` on `node` with its checked value of `values`."""
+    for parameter in table:
+        node.declare_parameter(parameter.name, values[parameter.name], descriptor(parameter), ignore_override=True)
+
+
+def descriptor(parameter: Parameter) -> ParameterDescriptor:
+    """A new descriptor (`declare_parameter` changes the one it is given)."""
+    return ParameterDescriptor(
+        name=parameter.name,
+        description=f"{parameter.description} [{parameter.unit}]" if parameter.unit else parameter.description,
+        additional_constraints=constraints(parameter),
+        read_only=not parameter.while_running,
+        floating_point_range=_ranges(parameter),
+    )
+
+
+def constraints(parameter: Parameter) -> str:
+    """What a range cannot say: the choices, or that zero is excluded."""
+    if parameter.choices:
+        return f"one of {', '.join(parameter.choices)}"
+    return "above 0" if parameter.positive else ""
+
+
+def set_refusal(node: Node, asked: ParameterMessage) -> str:
+    """Why a parameter cannot be set as a peer has `asked`; empty when it can, or when it has this value already."""
+    shown = peer_text(asked.name)
+    if not node.has_parameter(asked.name):
+        return f"{shown}: unknown parameter; `ros2 param list` shows what there is"
+    if asked.value.type not in _TYPES:
+        return f"{shown}: type {asked.value.type} does not exist; rcl_interfaces/msg/ParameterType lists the types"
+    change = change_of(node, asked)
+    if not change:
+        return ""
+    if node.describe_parameter(asked.name).read_only:
+        return f"{shown}: read-only while the node runs; start it with -p {shown}:=VALUE"
+    try:
+        checked_parameters({asked.name: _plain(change.value)}, TABLE)
+    except ValueError as error:
+        return one_line(error)
+    return ""
+
+
+def change_of(node: Node, asked: ParameterMessage) -> ParameterOfRclpy | None:
+    """What a peer has `asked` for, as a number where the parameter is one; None if it is so already.
+
+    `ros2 param set` makes an integer of 300 and a text of 1e-6, and so does `ros2 param load` of what `ros2 param dump`
+    has written; the robot takes both for numbers in files and on its command line, too.
+    """
+    present, wanted = node.get_parameter(asked.name), ParameterOfRclpy.from_parameter_msg(asked)
+    if present.type_ is ParameterOfRclpy.Type.DOUBLE and wanted.type_ in _MAY_BE_NUMBERS:
+        with suppress(ValueError, OverflowError):  # a text that is no number is refused as it is
+            wanted = ParameterOfRclpy(asked.name, ParameterOfRclpy.Type.DOUBLE, float(wanted.value))
+    return None if (present.type_, _plain(present.value)) == (wanted.type_, _plain(wanted.value)) else wanted
+
+
+def _plain(value: Any) -> Any:
+    """A value that equals every other that says the same: rclpy makes lists, tuples and arrays of lists."""
+    return list(value) if isinstance(value, Sequence) and not isinstance(value, str) else value
+
+
+def parameter_lines(table: Iterable[Parameter], values: Mapping[str, Value]) -> str:
+    """One line for each parameter of `table`: name, default in `values`, meaning; for --help."""
+    return "\n".join(
+        f"  {parameter.name} = {_yaml(values[parameter.name])}{' ' * bool(parameter.unit)}{parameter.unit}: "
+        f"{parameter.description}{_limits(parameter)}"
+        for parameter in table
+    )
+
+
+def _ranges(parameter: Parameter) -> list[FloatingPointRange]:
+    if not isinstance(parameter.default, float) or _unlimited(parameter):
+        return []
+    largest = sys.float_info.max
+    low, high = max(parameter.minimum, -largest), min(parameter.maximum, largest)
+    return [FloatingPointRange(from_value=low, to_value=high, step=0.0)]
+
+
+def _unlimited(parameter: Parameter) -> bool:
+    return math.isinf(parameter.minimum) and math.isinf(parameter.maximum)
+
+
+def _limits(parameter: Parameter) -> str:
+    words = [constraints(parameter)] if constraints(parameter) else []
+    if isinstance(parameter.default, float) and not _unlimited(parameter):
+        words.append(f"{parameter.minimum:g} to {parameter.maximum:g}")
+    return f" ({', '.join(words)})" if words else ""
+
+
+def _yaml(value: Value) -> str:
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, tuple):
+        return f"[{', '.join(value)}]"
+    return f'"{value}"' if isinstance(value, str) else repr(value)

@@ -1,0 +1,1 @@
+"""The robot executable: steps the device in real time, serves requests, records."""

@@ -1,0 +1,141 @@
+"""What the robot says of itself on /diagnostics, once a second (REP-107)."""
+
+import time
+from collections.abc import Callable, Mapping
+
+import numpy as np
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from rclpy.clock import Clock
+from rclpy.clock_type import ClockType
+from rclpy.duration import Duration
+
+from vibro_ros.ros.node import qos
+from vibro_ros.ros.node.node import SteadyNode
+from vibro_ros.ros.robot.run import Run
+from vibro_ros.ros.robot.stepping import Stepping
+from vibro_ros.ros.topics.template import SECOND
+from vibro_ros.simulation.accuracy_in_force import accuracy_in_force, next_cheaper_choice
+
+PERIOD = 1.0  # s
+LAST_WORD = 0.5  # s; Fast DDS asks for acknowledgements every 3 s only
+TOPIC = "/diagnostics"
+NOT_EVENTS = ("steps", "energy_residual", "energy_exchanged", "solver.method", "solver.step")
+"""Keys of `Simulator.statistics` that do not count events."""
+
+REFUSED = {"refused": "commands refused", "displaced": "commands dropped", "requests": "requests refused",
+           "failures": "callbacks failed"}
+"""What is said of counters that have grown within a period."""
+
+
+class Diagnostics:
+    """Publishes the state of simulation and recorder; runs in the executor's thread.
+
+    Parameters
+    ----------
+    node : SteadyNode
+        Publishes, and gives the name.
+    run, stepping : Run, Stepping
+        What is reported.
+    now : callable
+        ROS time [ns], for stamps.
+    """
+
+    def __init__(self, node: SteadyNode, run: Run, stepping: Stepping, now: Callable[[], int]):
+        self._node, self._run, self._stepping, self._now = node, run, stepping, now
+        self._publisher = node.create_publisher(DiagnosticArray, TOPIC, qos.DIAGNOSTICS)
+        self._before = self._counters()
+        self._accuracy = {"accuracy in force": accuracy_in_force(run.device.scene, run.device.choice),
+                          "next cheaper choice": next_cheaper_choice(run.device.scene, run.device.choice)}
+        # a clock that runs whatever drives the stamps
+        node.create_timer(PERIOD, self.publish, clock=Clock(clock_type=ClockType.STEADY_TIME))
+
+    def publish(self) -> None:
+        """Publish once."""
+        now = self._counters()
+        # a reset begins to count events anew
+        change = {name: value - self._before[name] if value >= self._before[name] else value
+                  for name, value in now.items()}
+        self._before = now
+        message = DiagnosticArray(status=[self._simulation(change), self._recorder()])
+        message.header.stamp.sec, message.header.stamp.nanosec = divmod(self._now(), SECOND)
+        self._publisher.publish(message)
+
+    def publish_last(self) -> None:
+        """Publish once more and wait up to `LAST_WORD` until it has arrived: the process is about to end."""
+        self.publish()
+        self._publisher.wait_for_all_acked(Duration(seconds=LAST_WORD))
+
+    def _counters(self) -> dict[str, float]:
+        """What only grows; numbers that the stepping thread may change meanwhile, each of them whole."""
+        statistics = self._run.device.statistics
+        return {"wall": time.monotonic(), "simulated": self._run.robot_time.time, "ticks": self._stepping.ticks,
+                "busy": self._stepping.busy, "unloaded": self._stepping.unloaded, "dropped": self._run.pacing.dropped,
+                "missed": self._run.pacing.missed, "refused": self._run.inputs.refused,
+                "displaced": self._run.inputs.dropped, "requests": self._node.refusals.count,
+                "failures": self._node.refusals.failures,
+                "events": sum(count for kind, count in statistics.items() if kind not in NOT_EVENTS)}
+
+    def _simulation(self, change: Mapping[str, float]) -> DiagnosticStatus:
+        device, wall = self._run.device, max(change["wall"], 1e-9)
+        complaints = []
+        if change["dropped"] > 0.0:
+            complaints.append(f"{change['dropped']:.3f} s of simulated time dropped")
+        complaints += [f"{change[name]:.0f} {what}" for name, what in REFUSED.items() if change[name]]
+        level, text = (DiagnosticStatus.WARN, ", ".join(complaints)) if complaints else (
+            DiagnosticStatus.OK, "paused" if self._run.operations.paused else "running")
+        if self._stepping.error:
+            level, text = DiagnosticStatus.ERROR, str(self._stepping.error)
+        values = {
+            "simulated time [s]": f"{self._run.robot_time.time:.6f}",
+            "real-time factor": f"{change['simulated'] / wall:.4f}",
+            "missed deadlines": f"{self._run.pacing.missed}",
+            **self._lateness(),
+            "dropped time [s]": f"{self._run.pacing.dropped:.6f}",
+            "stalls": f"{self._run.pacing.stalls}",
+            "cost of a step [us]": f"{1e6 * change['busy'] / max(change['ticks'], 1):.1f}",
+            "share of time spent simulating": f"{change['busy'] / wall:.4f}",
+            "events per second": f"{change['events'] / wall:.1f}",
+            "share of time with N<0": f"{min(1.0, change['unloaded'] / max(change['ticks'], 1)):.4f}",
+            "stops by command.timeout": f"{self._run.timeout.count if self._run.timeout else 0}",
+            "rejected commands": f"{self._run.inputs.refused}",
+            "dropped commands": f"{self._run.inputs.dropped}",
+            "refused requests": f"{self._node.refusals.count}",
+            "failed callbacks": f"{self._node.refusals.failures}",
+            "solver method": device.scene["solver.method"],
+            **self._accuracy,
+        }
+        if "solver.step" in device.statistics:
+            values["solver step [s]"] = f"{device.scene['solver.step']:g}"
+        if device.choice:
+            values["solver accuracy asked for [m]"] = f"{device.scene['solver.accuracy']:g}"
+            values["solver choice"] = str(device.choice)
+        residual = device.statistics.get("energy_residual")
+        if residual is not None:
+            values["energy residual [J]"] = f"{residual:.3e}"
+        return self._status("simulation", level, text, values)
+
+    def _lateness(self) -> dict[str, str]:
+        """How late the ticks since the last report began; nothing of a device that never waits."""
+        late = self._run.pacing.take_lateness()
+        if not late:
+            return {}
+        of_ticks = zip(("median", "p99", "max"), np.quantile(late, (0.5, 0.99, 1.0)), strict=True)
+        return {f"lateness {name} [us]": f"{1e6 * value:.1f}" for name, value in of_ticks}
+
+    def _recorder(self) -> DiagnosticStatus:
+        recording, recorder = self._run.recording, self._run.recording.latest
+        level, text, values = DiagnosticStatus.OK, recording.destination(), {}
+        if recorder:
+            values = {"folder": str(recorder.folder), "backlog": f"{recorder.backlog}",
+                      "written": f"{recorder.written}", "dropped": f"{recorder.dropped}", "lost": f"{recorder.lost}",
+                      "fault": recorder.fault or ""}
+            if recorder.dropped or recorder.lost:
+                level, text = DiagnosticStatus.WARN, f"{text}; {recorder.dropped + recorder.lost} messages lost"
+            if recorder.fault:
+                level, text = DiagnosticStatus.ERROR, recorder.fault
+        return self._status("recorder", level, text, values)
+
+    def _status(self, part: str, level: bytes, text: str, values: Mapping[str, str]) -> DiagnosticStatus:
+        robot = self._node.get_fully_qualified_name()
+        return DiagnosticStatus(level=level, name=f"{robot.lstrip('/')}: {part}", message=text, hardware_id=robot,
+                                values=[KeyValue(key=key, value=value) for key, value in values.items()])

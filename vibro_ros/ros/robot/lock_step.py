@@ -1,0 +1,113 @@
+"""Lock-step: each sample waits until the nodes that follow the robot have done what the sample before set off.
+
+ROS has no message that says so, but every node of rclpy and rclcpp answers its parameter service, in the thread that
+runs its callbacks. The robot publishes a sample and then /clock, and calls that service of each node `ROUNDS` times in
+a row. A node takes requests after the messages that have come before them. So the first answer says that it has taken
+the sample and /clock, and what these callbacks publish is out; the second that the timers have run which that time has
+made due; and the third that what these set off has run. What a node publishes before an answer arrives before it.
+"""
+
+import re
+import time
+from collections.abc import Sequence
+from functools import partial
+from threading import Event
+
+from rcl_interfaces.srv import GetParameters
+from rclpy.clock import Clock
+from rclpy.clock_type import ClockType
+from rclpy.node import Node
+from rclpy.task import Future
+
+from vibro_ros.configuration.scene_file import NOBODY
+from vibro_ros.ros.node.refusals import peer_text
+
+ROUNDS = 3
+PATIENCE = 2.0
+"""Time [s] without an answer after which the robot says for whom it waits, and asks once more."""
+_NAME = re.compile(r"(?:/[A-Za-z_][A-Za-z0-9_]*)+")
+
+
+class LockStep:
+    """Waits for nodes after each sample.
+
+    Parameters
+    ----------
+    node : Node
+        Asks, in its executor's thread.
+    names : sequence of str
+        Nodes that are waited for, with their namespaces.
+
+    Attributes
+    ----------
+    answered : Event
+        Set when all have answered.
+    settled : bool
+        Whether all have answered since the last `ask`.
+    """
+
+    def __init__(self, node: Node, names: Sequence[str]):
+        self.settled, self.answered = True, Event()
+        self._log = node.get_logger()
+        self._clients = {name: node.create_client(GetParameters, f"{name}/get_parameters") for name in names}
+        self._awaited: set[str] = set()
+        self._tokens = dict.fromkeys(names, 0)  # of the last call of each node, for answers that come too late
+        self._asked = self._told = time.monotonic()
+        node.create_timer(PATIENCE / 4.0, self._remind, clock=Clock(clock_type=ClockType.STEADY_TIME))
+
+    def ask(self) -> None:
+        """Let the next sample wait for all nodes; for the stepping thread."""
+        self._asked = self._told = time.monotonic()
+        self._awaited, self.settled = set(self._clients), False
+        for name in self._clients:
+            self._call(name, ROUNDS)
+
+    def _call(self, name: str, rounds: int) -> None:
+        """Call a node so many times in a row, if it is there; else `_remind` does so when it is."""
+        self._tokens[name] += 1
+        client = self._clients[name]
+        if client.service_is_ready():
+            future = client.call_async(GetParameters.Request())
+            future.add_done_callback(partial(self._answered, name, self._tokens[name], rounds))
+
+    def _answered(self, name: str, token: int, rounds: int, _: Future) -> None:
+        if token != self._tokens[name]:
+            return
+        if rounds > 1:
+            self._call(name, rounds - 1)
+            return
+        self._awaited.discard(name)
+        if not self._awaited:
+            self.settled = True
+            self.answered.set()
+
+    def _remind(self) -> None:
+        """Say for whom the robot waits, and ask once more: an answer may be lost where a node was started anew."""
+        now = time.monotonic()
+        if self.settled or now - self._told < PATIENCE:
+            return
+        self._told = now
+        for name in sorted(self._awaited):
+            lack = "does not answer" if self._clients[name].service_is_ready() else "is not there"
+            self._log.warning(f"clock.lock_step: waiting for {name} for {now - self._asked:.0f} s: it {lack}; robot "
+                              "time stands still. Start the node, or start the robot without its name")
+            self._call(name, ROUNDS)
+
+
+def checked_nodes(node: Node, names: Sequence[str]) -> tuple[str, ...]:
+    """Full names of the nodes in `clock.lock_step`; none for the default.
+
+    Raises
+    ------
+    ValueError
+        For what is no node's name, and for the robot's own.
+    """
+    if tuple(names) == NOBODY:
+        return ()
+    full = tuple(name if name.startswith("/") else f"{node.get_namespace().rstrip('/')}/{name}" for name in names)
+    for name in full:
+        if not _NAME.fullmatch(name):
+            raise ValueError(f"clock.lock_step: {peer_text(name)} is no node's name; give one as /vibro_controller")
+    if node.get_fully_qualified_name() in full:
+        raise ValueError("clock.lock_step: the robot cannot wait for itself; give the nodes that command it")
+    return tuple(dict.fromkeys(full))

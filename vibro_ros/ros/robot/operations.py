@@ -1,0 +1,219 @@
+"""Reset, pause, step and other parameters: asked for by any thread, performed by the stepping thread."""
+
+from collections.abc import Callable
+from concurrent.futures import InvalidStateError
+from contextlib import suppress
+from threading import Event
+
+from rclpy.node import Node
+from rclpy.serialization import serialize_message
+from std_msgs.msg import String
+
+from vibro_ros.messages.operations import PAUSE, RESET, RESUME, SET, STEP, TIMEOUT, Operation, perform
+from vibro_ros.messages.topics import OPERATIONS
+from vibro_ros.model.parameters import Value
+from vibro_ros.ros.node import qos
+from vibro_ros.ros.node.requests import Request
+from vibro_ros.ros.robot.lock_step import LockStep
+from vibro_ros.ros.robot.pacing import Pacing
+from vibro_ros.ros.robot.priority import find_place
+from vibro_ros.ros.robot.robot_time import RobotTime
+from vibro_ros.ros.topics.outputs import Record
+from vibro_ros.ros.topics.waiting import MOST_WAITING, Waiting
+from vibro_ros.simulation.simulator import Simulator
+
+FACTOR = "rate.real_time_factor"
+"""The one parameter of the node that may change while it runs."""
+
+
+class Operations:
+    """The operations of one run; each that is performed is published and recorded.
+
+    `ask`, `end` and the attributes are for any thread, the other functions for the stepping thread.
+
+    Parameters
+    ----------
+    node : Node
+        Publishes what was done.
+    device : Simulator
+        To which it is done.
+    pacing : Pacing
+        What holds robot time to the wall clock.
+    robot_time : RobotTime
+        Robot time.
+    waiting : Waiting
+        Where operations and commands wait, in one order of arrival.
+    record : callable
+        The bag.
+    lock_step : LockStep or None
+        Nodes that must be ready before robot time goes on after a pause.
+    paused : bool
+        Whether robot time stands still at first.
+
+    Attributes
+    ----------
+    paused : bool
+        Whether robot time stands still.
+    changed : dict of str to value
+        Parameters that were changed since the start.
+    topic : str
+        Resolved name of the topic.
+    woken : Event
+        Set when somebody asks for something, for a stepping thread that has nothing to do.
+    """
+
+    def __init__(self, node: Node, device: Simulator, pacing: Pacing, robot_time: RobotTime, waiting: Waiting,
+                 record: Record, lock_step: LockStep | None = None, paused: bool = False):
+        self.paused = paused
+        self.changed: dict[str, Value] = {}
+        self.woken = lock_step.answered if lock_step else Event()
+        self._publisher = node.create_publisher(String, f"~/{OPERATIONS}", qos.OPERATIONS)
+        self.topic = self._publisher.topic_name
+        self._device, self._pacing, self._robot_time = device, pacing, robot_time
+        self._waiting, self._record, self._lock_step = waiting, record, lock_step
+        self._counted: Request | None = None  # the one that waits for samples
+        self._left = 0  # samples that may be taken while paused
+        self._resuming = False  # as soon as the nodes of the lock-step have said all that they have to say
+        self._ended = ""
+        self._does = {RESET: self._reset, PAUSE: self._pause, RESUME: self._resume, STEP: self._step, SET: self._set}
+
+    @property
+    def held(self) -> bool:
+        """Whether no sample may be taken now."""
+        if self._counted and self._counted.given_up:
+            self._end_steps()
+        return self.paused and self._left == 0
+
+    @property
+    def may_resume(self) -> bool:
+        """Whether robot time is to go on, once what has arrived so far is taken."""
+        return self._resuming and bool(self._lock_step and self._lock_step.settled)
+
+    def ask(self, operation: Operation, counted: Callable[[int], object] | None = None) -> Request:
+        """Ask for an operation, which follows all that was asked and commanded before; `counted` as in `Request`."""
+        request = Request(operation, counted)
+        if self._waiting.is_full(OPERATIONS):
+            request.set_exception(ValueError(f"{MOST_WAITING} operations wait already; ask again later"))
+            return request
+        self._waiting.add(OPERATIONS, request)
+        self.woken.set()
+        if self._ended:
+            self.end(self._ended)
+        return request
+
+    def end(self, reason: str) -> None:
+        """Refuse what waits, and whatever is asked from now on, because the run is over."""
+        self._ended = reason
+        for request in [self._counted, *(item for name, item in self._waiting.take() if name == OPERATIONS)]:
+            if request and not request.done():
+                with suppress(InvalidStateError):  # whoever asked has just given up
+                    request.set_exception(RuntimeError(reason))
+
+    def perform(self, request: Request) -> None:
+        """Do what was asked for, unless its asker waits no more; answer it, unless samples are to be taken first.
+
+        Raises
+        ------
+        SimulationError
+            When the run cannot go on, which the asker is told as well.
+        """
+        if not request.set_running_or_notify_cancel():
+            return
+        try:
+            self._does[request.operation.name](request)
+        except ValueError as error:
+            request.set_exception(error)
+        except Exception as error:
+            request.set_exception(RuntimeError(str(error)))
+            raise
+
+    def stop_motor(self) -> None:
+        """Stop the motor, because no command has come for too long."""
+        self._done(Operation(TIMEOUT))
+
+    def count_sample(self) -> None:
+        """Take note that a sample is out."""
+        if self._left:
+            self._left -= 1
+            if self._counted:
+                self._counted.count()
+            if not self._left:
+                self._end_steps()
+
+    def changes(self) -> bytes:
+        """What was changed since the start, as the operation that changes it, serialised; empty without any."""
+        return _serialised(Operation(SET, parameters=self.changed)) if self.changed else b""
+
+    def _reset(self, request: Request) -> None:
+        self._done(request.operation)
+        self._robot_time.restart()
+        answer = f"reset: the sample at {self._robot_time.due:.9g} s of robot time is the start"
+        if self.paused and not self._left:  # a sample takes a period of robot time, and the start is to be seen
+            self._take_samples(request, 1, answer)
+        else:
+            request.set_result(answer)
+
+    def _pause(self, request: Request) -> None:
+        self._resuming = False
+        if not self.paused:
+            self._done(request.operation)
+            self.paused = True
+            find_place(self._pacing.factor, self.paused)
+        request.set_result(f"paused at {self._robot_time.time:.9g} s of robot time")
+
+    def _resume(self, request: Request) -> None:
+        if self.paused and self._lock_step:
+            self._lock_step.ask()
+            self._resuming = True
+            request.set_result("running, as soon as the nodes of clock.lock_step are ready")
+            return
+        if self.paused:
+            self.resume()
+        request.set_result("running")
+
+    def resume(self) -> None:
+        """Let robot time go on."""
+        self._left, self._resuming = 0, False
+        self._end_steps()
+        self._done(Operation(RESUME))
+        self.paused = False
+        find_place(self._pacing.factor, self.paused)
+        self._pacing.follow(self._robot_time.time)
+
+    def _step(self, request: Request) -> None:
+        if not self.paused:
+            raise ValueError("the robot is not paused; call ~/pause with true first")
+        if self._left:
+            raise ValueError(f"{self._left} steps that were asked for before are still to be taken; ask again later")
+        self._done(request.operation)
+        self._take_samples(request, request.operation.steps)
+
+    def _set(self, request: Request) -> None:
+        parameters = request.operation.parameters
+        self._done(request.operation)
+        self.changed |= parameters
+        if FACTOR in parameters:
+            self._pacing.change_factor(parameters[FACTOR], self._robot_time.time)
+            find_place(self._pacing.factor, self.paused)
+        request.set_result("set")
+
+    def _done(self, operation: Operation) -> None:
+        """Perform an operation (ValueError: refused), publish and record it."""
+        perform(operation, self._device)
+        data = _serialised(operation)
+        self._publisher.publish(data)
+        self._record(self.topic, self._robot_time.stamp, data)
+
+    def _take_samples(self, request: Request, count: int, answer: str = "") -> None:
+        self._counted, self._left, self._answer = request, count, answer
+
+    def _end_steps(self) -> None:
+        """Answer the request that waited for samples, as many as there were."""
+        request, self._counted, self._left = self._counted, None, 0
+        if request:
+            request.set_result(self._answer or f"stepped {request.completed} of {request.operation.steps} periods, to "
+                                               f"{self._robot_time.time:.9g} s of robot time")
+
+
+def _serialised(operation: Operation) -> bytes:
+    return serialize_message(String(data=str(operation)))

@@ -1,0 +1,289 @@
+"""The robot's bags: which topics, when they begin and end, and what is said when one fails."""
+
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import replace
+from datetime import datetime
+
+from rclpy.impl.rcutils_logger import RcutilsLogger
+
+from vibro_ros.bag.folders import bag_folders
+from vibro_ros.bag.recorder import Recorder
+from vibro_ros.bag.snapshot import Snapshot
+from vibro_ros.bag.together import Together
+from vibro_ros.process.one_line import one_line
+from vibro_ros.ros.node.throttle import Throttle
+from vibro_ros.ros.robot.recording_plan import Plan
+
+SEALING = 5.0
+"""Longest time [s] that the answer of `~/record` waits for the disk; commands wait with it."""
+
+CHECKPOINT_PERIOD = 500_000_000
+"""Longest robot time [ns] between two checkpoints, about 6 kB each."""
+
+CHECKPOINTS_A_FILE = 4
+"""Checkpoints in a file of a limited bag, or more: what is left when older files are deleted must hold one early."""
+
+MOST_BAGS = 5
+"""Bags that `~/record` begins one right after the other; from then on it begins at most one a second."""
+
+
+class Recording:
+    """The bags of one run; a context manager that seals the last one.
+
+    `record` is for the stepping thread, everything else for the main thread.
+
+    Parameters
+    ----------
+    plan : Plan
+        How to record.
+    log : logger
+        Where lost messages are reported.
+
+    Attributes
+    ----------
+    faults : list of str
+        Why recordings stopped, in order.
+    """
+
+    def __init__(self, plan: Plan, log: RcutilsLogger):
+        self.faults: list[str] = []
+        self._plan = plan
+        self._log = log
+        self._lasting: list[tuple[str, bytes]] = []
+        self._names = {topic.name for topic in (*plan.topics, *filter(None, [plan.checkpoint]))}
+        self._whole: Recorder | None = None  # the one that holds the run's beginning, whatever comes
+        self._checkpointed: Recorder | Snapshot | None = None  # where the last checkpoint is
+        self._checkpoint_due = 0
+        self._since_checkpoint = 0  # bytes of samples
+        self._checkpoint_bytes = plan.storage.segment_size / CHECKPOINTS_A_FILE or math.inf
+        self._snapshot: Snapshot | None = None
+        self._recorder: Recorder | None = None  # the one that messages go to
+        self._latest: Recorder | None = None
+        self._watched: list[Recorder] = []
+        self._dropped = 0
+        self._throttle = Throttle(burst=1)
+        self._begun = Throttle(burst=MOST_BAGS)
+        self._told_missing = 0
+        self._saved = -1  # stamp [ns] of the last message of the last snapshot
+
+    def __enter__(self) -> "Recording":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        for recorder in self._watched:
+            recorder.close()
+        self.watch()
+
+    @property
+    def latest(self) -> Recorder | None:
+        """The bag that is being written, or was written last; None when there was none."""
+        return self._latest
+
+    @property
+    def active(self) -> bool:
+        """Whether messages are being recorded, or kept for a snapshot."""
+        return bool(self._snapshot or (self._recorder and not self._recorder.ended))
+
+    @property
+    def crowded(self) -> bool:
+        """Whether the next messages had better wait, if they can, for the disk to write those before."""
+        recorder = self._recorder
+        return recorder is not None and recorder.crowded
+
+    @property
+    def checkpoint_topic(self) -> str:
+        """Resolved name of the topic of checkpoints; empty without any."""
+        return self._plan.checkpoint.name if self._plan.checkpoint else ""
+
+    def begin(self) -> None:
+        """Record from now on, or keep what a snapshot will need (ValueError, OSError: see `Recorder`)."""
+        if self._plan.snapshot:
+            self._plan.directory.mkdir(parents=True, exist_ok=True)  # better now than when it matters
+            self._snapshot = Snapshot(self._plan.snapshot)
+        else:
+            self._recorder = self._new_bag(whole=not self._plan.storage.max_bytes)
+            self._whole = None if self._plan.storage.max_bytes else self._recorder
+
+    def begin_files_with(self, lasting: Sequence[tuple[str, bytes]]) -> None:
+        """Let each file of every bag begin with these, resolved topic name and message; before the first `record`."""
+        self._lasting = [(topic, data) for topic, data in lasting if topic in self._names]
+        if self._recorder is not None:
+            self._recorder.begin_files_with(self._lasting)
+
+    def describe(self, custom: Mapping[str, str]) -> None:
+        """Add to what each bag says of itself, before the messages that come from now on."""
+        self._plan = replace(self._plan, metadata={**self._plan.metadata, **custom})
+        if self._recorder is not None:
+            self._recorder.describe(custom)
+
+    def record(self, topic: str | Together, stamp: int, data: bytes) -> None:
+        """Queue one message, or several that come together, for the bag: resolved topic name, ROS time [ns], serialised
+        message. Never blocks."""
+        if isinstance(topic, Together):
+            self._record_together(topic, stamp, data)
+        elif topic in self._names:
+            recorder, snapshot = self._recorder, self._snapshot
+            if recorder is not None:
+                recorder.write(topic, stamp, data)
+            elif snapshot is not None:
+                snapshot.write(topic, stamp, data)
+
+    def _record_together(self, together: Together, stamp: int, data: bytes) -> None:
+        recorder = self._recorder
+        self._since_checkpoint += len(data)
+        if recorder is not None:
+            recorder.write_together(together, stamp, data)
+        elif self._snapshot is not None:
+            for topic, message in together.split(data):
+                self.record(topic, stamp, message)
+
+    def checkpoint(self, stamp: int, messages: Callable[[], Iterable[tuple[str, bytes]]]) -> None:
+        """Record the device's whole state, `messages` of topics and bytes, if the bag needs it; in the stepping thread.
+
+        So a bag that was begun late, or whose beginning was deleted, can be replayed.
+        """
+        target = self._recorder or self._snapshot
+        if self._plan.checkpoint is None or target is None or target is self._whole:
+            return
+        if (target is not self._checkpointed or stamp >= self._checkpoint_due
+                or self._since_checkpoint >= self._checkpoint_bytes):
+            self._checkpointed, self._checkpoint_due = target, stamp + CHECKPOINT_PERIOD
+            self._since_checkpoint = 0
+            for topic, data in messages():
+                self.record(topic, stamp, data)
+
+    def switch(self, on: bool) -> tuple[bool, str]:
+        """Begin a new bag, or seal the one that is written: what `~/record` asks for.
+
+        Returns
+        -------
+        bool, str
+            Whether it was done; where the bag is, or why not.
+        """
+        try:
+            if self._plan.snapshot:
+                return self._snapshot_asked() if on else (False, "record.snapshot keeps the last seconds always")
+            return self._start() if on else self._stop()
+        except (OSError, ValueError) as error:
+            return False, str(error)
+
+    def save(self, error: Exception) -> None:
+        """Write the snapshot, if one is kept, because the device failed."""
+        if self._snapshot:
+            try:
+                self._log.error(self._write_snapshot({"error": str(error)})[1])
+            except (OSError, ValueError) as failure:
+                self.faults.append(f"the last seconds are lost: {failure}")
+                self._log.error(self.faults[-1])
+
+    def watch(self) -> None:
+        """Say what has gone wrong since the last call."""
+        self._tell_missing()
+        for recorder in [recorder for recorder in self._watched if recorder.ended]:
+            self._watched.remove(recorder)
+            if recorder.fault:
+                self.faults.append(recorder.fault)
+                self._log.error(f"not recorded: {recorder.fault}. The robot goes on; the service ~/record begins "
+                                "another bag")
+        dropped = self._recorder.dropped if self._recorder else 0
+        # Asked last: one that stops refuses everything.
+        if self._recorder and dropped > self._dropped and self._recorder.accepting:
+            self._dropped = dropped
+            text = self._throttle.admit(f"not recorded: the disk is too slow, {self._dropped} messages dropped")
+            if text:
+                self._log.error(text)
+
+    def destination(self) -> str:
+        """Where the bag is, for people."""
+        if self._snapshot:
+            return f"keeping the last {self._plan.snapshot:g} s"
+        return f"recording to {self._recorder.folder}" if self._recorder else "not recording"
+
+    def summary(self) -> str:
+        """Where the last bag is and what is in it, for people."""
+        return f"bag {_contents(self._latest)}" if self._latest else "nothing recorded"
+
+    def _start(self) -> tuple[bool, str]:
+        if self._recorder and not self._recorder.ended:
+            return True, f"already recording to {self._recorder.folder}"
+        if not self._begun.admit("a bag"):
+            return False, f"more than {MOST_BAGS} bags were asked for at once; one a second can be begun, ask again"
+        self._recorder = self._new_bag()
+        self._log.info(self.destination())
+        return True, self.destination()
+
+    def _stop(self) -> tuple[bool, str]:
+        recorder, self._recorder = self._recorder, None
+        if recorder is None or recorder.fault:
+            return True, f"not recording: {recorder.fault}" if recorder else "not recording"
+        if not recorder.close(SEALING):
+            return False, f"{recorder.folder}: the disk does not answer; the bag will be sealed when it does"
+        self.watch()
+        done = recorder.fault or f"sealed {_contents(recorder)}"
+        self._log.info(done)
+        return recorder.fault is None, done
+
+    def _snapshot_asked(self) -> tuple[bool, str]:
+        """Write a snapshot unless it would be for the most part what the one before holds.
+
+        So callers make the robot write no more than a recording from its start would.
+        """
+        if self._snapshot is None:
+            return self._write_snapshot({})
+        ahead = self._saved + self._plan.snapshot * 1e9 - self._snapshot.latest
+        if self._saved >= 0 and ahead > 0:
+            return False, (f"the last snapshot ended less than the {self._plan.snapshot:g} s ago that one holds; ask "
+                           f"again in {ahead * 1e-9:.3g} s of robot time: nothing between the two is lost")
+        return self._write_snapshot({})
+
+    def _write_snapshot(self, reason: Mapping[str, str]) -> tuple[bool, str]:
+        if self._snapshot is None:
+            return False, "record.enabled is false: nothing was kept"
+        messages = self._snapshot.messages()
+        recorder = self._new_bag(messages, reason)
+        recorder.close(patience=0.0)
+        self._saved = messages[-1][1] if messages else self._saved
+        count = len(messages) + len(self._lasting)
+        return True, f"writing the last {self._plan.snapshot:g} s, {count} messages, to {recorder.folder}"
+
+    def _new_bag(self, earlier: Sequence = (), more: Mapping[str, str] = {},  # noqa: B006 (never changed)
+                 whole: bool = False) -> Recorder:
+        checkpoint = [] if whole or self._plan.checkpoint is None else [self._plan.checkpoint]
+        for folder in bag_folders(self._plan.directory, datetime.now(), self._plan.namespace):
+            with suppress(FileExistsError):  # another bag of this second, or another robot's
+                recorder = Recorder(folder, (*self._plan.topics, *checkpoint), {**self._plan.metadata, **more},
+                                    storage=self._plan.storage, earlier=earlier, lasting=self._lasting)
+                break
+        self._latest, self._dropped, self._told_missing = recorder, 0, 0
+        self._watched.append(recorder)
+        return recorder
+
+    def _tell_missing(self) -> None:
+        """Say which files of the bag are gone; the recording goes on with the others."""
+        recorder = self._latest
+        if recorder is None or recorder.fault or not (recorder.accepting or recorder.ended):
+            return  # what stopped it is said, and is more
+        missing = recorder.missing[self._told_missing:]
+        self._told_missing += len(missing)
+        for sentence in missing:
+            self.faults.append(one_line(sentence))
+            self._log.error(f"not recorded: {self.faults[-1]}")
+
+
+def open_recording(plan: Plan, enabled: bool, log: RcutilsLogger) -> Recording:
+    """A recording, begun if `enabled` (ValueError when the folder cannot be written)."""
+    recording = Recording(plan, log)
+    try:
+        if enabled:
+            recording.begin()
+    except OSError as error:
+        raise ValueError(f"record.directory: {error}") from error
+    return recording
+
+
+def _contents(recorder: Recorder) -> str:
+    """Where a bag is and what is in it, for people."""
+    lost = f"{recorder.lost} lost, " if recorder.lost else ""
+    return f"{recorder.folder}: {recorder.written} messages, {lost}{recorder.dropped} dropped"

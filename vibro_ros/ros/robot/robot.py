@@ -1,0 +1,212 @@
+"""The `robot` executable: the virtual device behind its ROS interface."""
+
+if __name__ == "__main__":  # before all imports: they take a second or two, in which a signal may come
+    import sys
+
+    from vibro_ros.process.front_door import enter
+
+    sys.exit(enter("robot"))
+
+import argparse
+import gc
+import json
+import sys
+import time
+import warnings
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from functools import partial
+
+from rclpy.executors import Executor
+from rclpy.node import Node
+
+from vibro_ros.bag.definitions import Topic
+from vibro_ros.configuration.scene_file import DEVICE_PARAMETERS, NODE_NAME, load_scene, scene_origin, shipped_scenes
+from vibro_ros.messages.topics import CHECKPOINT, CHECKPOINT_TYPE, COMMAND_UNITS, OPERATIONS, published_name
+from vibro_ros.model.parameters import SCENE_PARAMETERS, Value, checked_parameters
+from vibro_ros.model.scene import Scene
+from vibro_ros.process.command_line import Parser
+from vibro_ros.process.executables import EXECUTABLES
+from vibro_ros.process.front_door import exit_code, say
+from vibro_ros.process.stop_signals import StopRequest
+from vibro_ros.ros.node import process
+from vibro_ros.ros.node.node import SteadyNode
+from vibro_ros.ros.node.parameters import declare, parameter_lines, take_overrides
+from vibro_ros.ros.node.remapping import check_names
+from vibro_ros.ros.node.ros_arguments import check_addressed, check_arguments, folder_of, own_arguments
+from vibro_ros.ros.node.ros_time import wait_for_time
+from vibro_ros.ros.robot.diagnostics import Diagnostics
+from vibro_ros.ros.robot.live_parameters import refuse_while_starting
+from vibro_ros.ros.robot.lock_step import checked_nodes
+from vibro_ros.ros.robot.priority import find_place
+from vibro_ros.ros.robot.recording import open_recording
+from vibro_ros.ros.robot.recording_plan import Plan, check_directory, plan_recording
+from vibro_ros.ros.robot.run import Run, new_run
+from vibro_ros.ros.robot.stepping import Stepping
+from vibro_ros.ros.robot.unsealed import offer_recovery
+from vibro_ros.ros.topics.outputs import PUBLISHED, Outputs
+from vibro_ros.simulation.kernels import compile_kernels
+from vibro_ros.simulation.preparation import Preparation
+from vibro_ros.simulation.provenance import provenance
+from vibro_ros.simulation.simulator import Simulator, ToleranceWarning
+
+CHECKPOINT_DEPTH = 1
+WATCH = 0.5
+"""Longest time [s] from a failure of the device or the recording until the node says so."""
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the robot until SIGINT, SIGTERM or SIGHUP.
+
+    Returns
+    -------
+    int
+        0 after a signal; 2 for bad input; 1 when the simulation or the recording failed.
+    """
+    return exit_code("robot", lambda: _run(sys.argv[1:] if argv is None else argv))
+
+
+def _run(words: Sequence[str]) -> int:
+    _parser().parse_args(own_arguments(words))
+    files = check_arguments(words)
+    with StopRequest() as stop, process.node_running(NODE_NAME, words) as (node, executor):
+        check_addressed(files, node.get_fully_qualified_name())
+        check_names(node, (*COMMAND_UNITS, *map(published_name, PUBLISHED)))
+        settings, scene = _configure(node, words)
+        outputs = Outputs(node, scene, settings["frame_prefix"], settings["tf.publish"])
+        plan = _plan(node, settings, scene, outputs)
+        node.get_logger().info(f"scene {settings['scene']}")
+        preparation = Preparation(partial(_prepare, node, settings, scene, plan), node.get_logger().info)
+        process.spin_until(executor, lambda: bool(stop) or preparation.done())
+        device = None if stop else preparation.result()
+        if not settings["clock.publish"]:  # else the robot itself says what time it is
+            wait_for_time(node, executor, lambda: bool(stop))
+        if stop or device is None:
+            say("robot", "stopped while starting")
+            return 0
+        gc.freeze()  # all of this lasts: to go through it again and again would delay ticks, and the process's end
+        find_place(settings["rate.real_time_factor"], settings["rate.start_paused"])
+        return _operate(node, executor, settings, device, outputs, plan, stop)
+
+
+def _configure(node: SteadyNode, words: Sequence[str]) -> tuple[dict[str, Value], Scene]:
+    """The node's settings and scene, from its overrides in the command's `words`; each parameter declared on `node`."""
+    overrides = checked_parameters(take_overrides(node), (*DEVICE_PARAMETERS, *SCENE_PARAMETERS))
+    settings = {parameter.name: overrides.pop(parameter.name, parameter.default) for parameter in DEVICE_PARAMETERS}
+    own_name = node.get_fully_qualified_name()
+    settings["scene"] = scene_origin(settings["scene"], folder_of("scene", words, own_name))
+    scene = load_scene(settings["scene"], own_name).with_parameters(overrides)
+    declare(node, DEVICE_PARAMETERS, settings)
+    declare(node, SCENE_PARAMETERS, scene.parameters)
+    node.add_on_set_parameters_callback(refuse_while_starting)
+    if checked_nodes(node, settings["clock.lock_step"]) and not settings["clock.publish"]:
+        raise ValueError("clock.lock_step: has no effect without robot time on /clock; set clock.publish to true")
+    return settings, scene
+
+
+def _plan(node: SteadyNode, settings: Mapping[str, Value], scene: Scene, outputs: Outputs) -> Plan:
+    """How to record, as far as it is known before the start; whatever is wrong with it is found here."""
+    checkpoint = Topic(f"{node.get_fully_qualified_name()}/{CHECKPOINT}", CHECKPOINT_TYPE, CHECKPOINT_DEPTH)
+    received = {**{name: node.resolve_topic_name(name) for name in COMMAND_UNITS},
+                OPERATIONS: node.resolve_topic_name(f"~/{OPERATIONS}")}
+    topics = {**received, **outputs.topics, CHECKPOINT: checkpoint.name}
+    plan = plan_recording(settings, received, outputs, _metadata(settings, scene, topics))
+    if settings["record.enabled"]:
+        check_directory(plan.directory)
+    return replace(plan, checkpoint=checkpoint, namespace=node.get_namespace())
+
+
+def _prepare(node: SteadyNode, settings: Mapping[str, Value], scene: Scene, plan: Plan) -> Simulator:
+    """The device, ready to be stepped; and whatever else takes long, so that a signal need not wait for it."""
+    log = node.get_logger()
+    compile_kernels(scene["solver.method"])
+    if fault := scene.broken_promise:
+        warnings.simplefilter("ignore", ToleranceWarning)  # said here, in the log's form
+        log.warning(fault)
+    device = Simulator(scene)
+    if device.choice:
+        log.info(f"solver.method auto: {device.choice}")
+    offer_recovery(plan.directory, settings["record.recover"], log)
+    return device
+
+
+def _operate(node: SteadyNode, executor: Executor, settings: Mapping[str, Value], device: Simulator, outputs: Outputs,
+             plan: Plan, stop: StopRequest) -> int:
+    """Step, publish, record and listen until a signal or a failure."""
+    log, parameters = node.get_logger(), {**settings, **device.scene.parameters}
+    plan = replace(plan, metadata={**plan.metadata, **provenance(parameters, _now(node, settings))})
+    stop.hold()  # before the bag is opened, so that no signal can come between its opening and its sealing
+    with open_recording(plan, settings["record.enabled"], log) as recording:
+        run = new_run(node, settings, device, outputs, recording)  # not before: commands would wait and come in a burst
+        begin = _start(node, settings, run)
+        recording.begin_files_with(outputs.begin(run.robot_time.start))
+        with Stepping(run, log, begin) as stepping:
+            log.info(f"ready: {settings['rate.publish']:g} Hz, real-time factor "
+                     f"{settings['rate.real_time_factor']:g}, {recording.destination()}{_waits(node, run)}")
+            diagnostics = Diagnostics(node, run, stepping, partial(_now, node, settings, run))
+
+            def over() -> bool:
+                recording.watch()
+                return bool(stop or stepping.error or run.control.quitting)
+
+            process.spin_until(executor, over, WATCH)
+        run.control.quitting = True  # nothing is stepped any more: whoever still waits has an answer, and is to get it
+        process.spin_until(executor, lambda: not run.control.waiting)
+        if stepping.error:
+            recording.save(stepping.error)
+    if stepping.error or recording.faults:
+        diagnostics.publish_last()
+    log.info(_summary(run))
+    if stepping.error:
+        raise stepping.error
+    if recording.faults:
+        raise RuntimeError(recording.faults[0])
+    return 0
+
+
+def _summary(run: Run) -> str:
+    """What the run was, for people."""
+    return (f"{run.recording.summary()}; {run.robot_time.time:.3f} s simulated, {run.pacing.dropped:.3f} s dropped in "
+            f"{run.pacing.stalls} stalls, {run.inputs.refused} commands refused, {run.inputs.dropped} dropped")
+
+
+def _waits(node: Node, run: Run) -> str:
+    """What a robot that starts paused waits for, for people."""
+    return (f"; paused until ros2 service call {node.get_fully_qualified_name()}/pause std_srvs/srv/SetBool "
+            "'{data: false}'" if run.operations.paused else "")
+
+
+def _now(node: Node, settings: Mapping[str, Value], run: Run | None = None) -> int:
+    """ROS time [ns]: robot time where that is published, because it then drives every stamp."""
+    if settings["clock.publish"]:
+        return run.robot_time.stamp if run else 0
+    return node.get_clock().now().nanoseconds
+
+
+def _start(node: Node, settings: Mapping[str, Value], run: Run) -> float:
+    """Let robot time 0 be now; the instant by the monotonic clock [s].
+
+    The clocks are read last, when all that takes time is done; the bag is open by then and hears of it now.
+    """
+    run.robot_time.start, begin = _now(node, settings, run), time.monotonic()
+    run.recording.describe({"start": str(run.robot_time.start)})
+    return begin
+
+
+def _metadata(settings: Mapping[str, Value], scene: Scene, topics: Mapping[str, str]) -> dict[str, str]:
+    """What the bag says of itself beside its `provenance`: `scene`, and the `topics` by the robot's own names."""
+    return {"scene": str(settings["scene"]), "topics": json.dumps(topics)}
+
+
+def _parser() -> Parser:
+    device = {parameter.name: parameter.default for parameter in DEVICE_PARAMETERS}
+    scene = load_scene(device["scene"]).parameters
+    return Parser(
+        prog="robot",
+        description=f"{EXECUTABLES['robot'].does} Shipped scenes: " + ", ".join(shipped_scenes()),
+        epilog="ROS parameters (--ros-args -p name:=value, or --params-file):\n"
+        + parameter_lines(DEVICE_PARAMETERS, device) + "\n"
+        + parameter_lines(SCENE_PARAMETERS, scene)
+        + "\n\nExit code 0: ended by a signal; 1: simulation or recording failed; 2: bad parameter.",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
