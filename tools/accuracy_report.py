@@ -1,12 +1,6 @@
 """`make accuracy`: docs/accuracy.md, what a digit of accuracy costs in every shipped scene, measured by `accuracy`."""
 
-if __name__ == "__main__":  # before all imports, as in every executable
-    import sys
-
-    from vibro_ros.process.front_door import enter
-
-    sys.exit(enter("accuracy_report"))
-
+import argparse
 import math
 import os
 import subprocess
@@ -24,9 +18,6 @@ from vibro_ros.accuracy.studied import STUDIED
 from vibro_ros.accuracy.words import finding, reference_of
 from vibro_ros.accuracy.wrong_speed import draw_ways
 from vibro_ros.configuration.scene_file import load_scene, shipped_scenes
-from vibro_ros.process.command_line import Parser
-from vibro_ros.process.executables import EXECUTABLES
-from vibro_ros.process.front_door import exit_code
 from vibro_ros.solver.methods import SCHEMES
 
 FOLDER, WAYS = "accuracy", "ways.png"
@@ -128,12 +119,8 @@ def tick_cost() -> str:
 
 
 def main(words: Sequence[str]) -> int:
-    """Measure and write; 0 when done; see `front_door.exit_code` for errors."""
-    return exit_code("accuracy_report", lambda: _report(words))
-
-
-def _report(words: Sequence[str]) -> int:
-    parser = Parser(prog="accuracy_report", description=EXECUTABLES["accuracy_report"].does)
+    """Run the command line `words`; the exit code."""
+    parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("docs", type=Path, nargs="?", default=Path("docs"), help="where (default: %(default)s)")
     docs = parser.parse_args(words).docs
     _write(docs)
@@ -152,3 +139,7 @@ def _write(docs: Path) -> None:
     study.draw(folder)
     draw_ways(load_scene(CLOSER), STEPS).savefig(folder / WAYS)
     (docs / TEXT).write_text(document(study, ticks), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

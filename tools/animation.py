@@ -1,14 +1,9 @@
 """`make picture`: the robot in slow motion, from a simulation, as an animated GIF."""
 
-if __name__ == "__main__":  # before all imports, as in every executable
-    import sys
-
-    from vibro_ros.process.front_door import enter
-
-    sys.exit(enter("animation"))
-
+import argparse
 import dataclasses
 import math
+import sys
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
@@ -20,9 +15,7 @@ from PIL import Image
 
 from tools.mechanism import COLOURS, DARK, EDGE, HUB_HEIGHT, MM, Mechanism, legend
 from vibro_ros.configuration.scene_file import load_scene
-from vibro_ros.process.command_line import Parser, given_file
-from vibro_ros.process.executables import EXECUTABLES
-from vibro_ros.process.front_door import exit_code
+from vibro_ros.process.front_door import given_file
 from vibro_ros.simulation.one_run import simulate
 from vibro_ros.simulation.samples import Run, Samples
 
@@ -191,12 +184,8 @@ def write_gif(name: str, turns: int, path: Path) -> int:
 
 
 def main(words: Sequence[str]) -> int:
-    """Write the picture; 2 when the scene cannot be shown or the file not be written."""
-    return exit_code("animation", lambda: _draw(words))
-
-
-def _draw(words: Sequence[str]) -> int:
-    parser = Parser(prog="animation", description=EXECUTABLES["animation"].does)
+    """Run the command line `words`; the exit code."""
+    parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--scene", default="device",
                         help=f"scene to show; a motor that stands turns with {SPEED:g} rad/s (default: %(default)s)")
     parser.add_argument("--turns", type=int, default=4, help="crank turns to show (default: %(default)s)")
@@ -206,3 +195,7 @@ def _draw(words: Sequence[str]) -> int:
         size = write_gif(options.scene, options.turns, options.output)
     print(f"{options.output}: {size / 1e6:.2f} MB")
     return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

@@ -5,13 +5,7 @@ until each deadline and publishes messages that lie ready, and an executor in th
 neither simulates nor records, and its messages are never changed.
 """
 
-if __name__ == "__main__":  # before all imports: they take a second or two, in which a signal may come
-    import sys
-
-    from vibro_ros.process.front_door import enter
-
-    sys.exit(enter("bare_node"))
-
+import argparse
 import sys
 import threading
 import time
@@ -27,9 +21,6 @@ from rclpy.signals import SignalHandlerOptions
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64
 
-from vibro_ros.process.command_line import Parser
-from vibro_ros.process.executables import EXECUTABLES
-from vibro_ros.process.front_door import exit_code
 from vibro_ros.process.stop_signals import StopRequest
 from vibro_ros.ros.node import qos
 
@@ -94,13 +85,9 @@ class Publishing:
             time.sleep(max(0.0, start + tick / self._rate - time.monotonic()))
 
 
-def main(argv: Sequence[str] | None = None) -> int:
-    """Publish until a signal comes; 128 + its number."""
-    return exit_code("bare_node", lambda: _run(sys.argv[1:] if argv is None else argv))
-
-
-def _run(words: Sequence[str]) -> int:
-    parser = Parser(prog="bare_node", description=EXECUTABLES["bare_node"].does)
+def main(words: Sequence[str]) -> int:
+    """Run the command line `words`; the exit code."""
+    parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--rate", type=float, default=200.0, help="of publishing [Hz] (default %(default)g)")
     rate = parser.parse_args(words).rate
     with StopRequest() as stop:
@@ -115,3 +102,7 @@ def _run(words: Sequence[str]) -> int:
         node.destroy_node()
         rclpy.try_shutdown()
     return stop.exit_code
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

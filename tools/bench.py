@@ -1,31 +1,27 @@
 """`make bench`: what the exact solver and its peer heyoka cost, as ratios to the fixed-step baseline of one run."""
 
-if __name__ == "__main__":  # before all imports, as in every executable
-    import sys
-
-    from vibro_ros.process.front_door import enter
-
-    sys.exit(enter("bench"))
-
+import argparse
+import itertools
+import math
 import os
 import platform
 import statistics
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from importlib import metadata
 
 import numpy as np
 
-from tools.bench_runs import SHORT, SPEED, STEP, baseline_error, run_baseline, run_exact
-from tools.cost_shares import about_shares
-from tools.sweep_cost import TEN_TIMES, compiling_seconds, measure_many
-from vibro_ros.accuracy.timing import LEAST_TIME, RATE, seconds, typical_seconds
+from vibro_ros.accuracy.baseline import integrate_rk4
+from vibro_ros.accuracy.timing import LEAST_TIME, RATE, seconds, typical, typical_seconds
 from vibro_ros.configuration.scene_file import load_scene
 from vibro_ros.model.scene import Scene
-from vibro_ros.process.command_line import Parser
-from vibro_ros.process.executables import EXECUTABLES
-from vibro_ros.process.front_door import exit_code
+from vibro_ros.model.tables import compile_scene
+from vibro_ros.simulation.many_runs import simulate_many
+from vibro_ros.simulation.one_run import simulate
+from vibro_ros.simulation.processes import in_processes
+from vibro_ros.simulation.samples import Samples
 from vibro_ros.simulation.simulator import Simulator
 
 SCENES = ("unilateral", "paper", "damped", "frictionless", "no_impact", "rigid", "device")
@@ -39,39 +35,39 @@ COLUMNS = {
     "1 ms of robot time": "{tick:.1f} µs",
     "RK4, 1 s": "{baseline:.1f} ms",
 }
+#: Step of the baseline [s].
+STEP = 1e-5
+#: Motor speed [rad/s] commanded at t = 0 of a scene whose motor stands still.
+SPEED = 100.0
+#: Time [s] from the start over which the baseline's own error is measured.
+SHORT = 0.2
 _PACKAGES = ("numpy", "numba", "heyoka")
 _TOLERANCE = 1e-9  # heyoka's: over 10 s of each scene, its errors are below the baseline's
-_MANY = 200
 _COMPILED = ("no_impact", "unilateral", "device")
+_SAMPLED = ("no_impact", "frictionless", "device")
+_GOLDEN = (math.sqrt(5.0) - 1.0) / 2.0
 
 
-def about_the_baseline() -> str:
-    """How far off the baseline is itself, and why `make accuracy` has other costs; a line of words."""
-    off = {baseline_error(load_scene(name)): name for name in SCENES}
-    told = " to ".join(f"{error:.1e} m ({off[error]})" for error in sorted(off)[::max(1, len(off) - 1)])
-    return (f"RK4 itself is off by {told} within {SHORT:g} s. `make accuracy` samples at 1000 Hz, where exact costs "
-            "more: it reads more samples off each segment.")
-
-
-def about_compiling() -> str:
-    """What a new geometry costs in a sweep; a line of words."""
-    told = ", ".join(f"{1e3 * compiling_seconds(name):.2f} ms (`{name}`)" for name in _COMPILED)
-    return f"A scene with another guide angle is compiled in {told}."
-
-
-def compiled_peer(scene: Scene) -> Callable[[np.ndarray], np.ndarray]:
-    """The same by heyoka, compiled: a function of the times that returns u, u', w, w', x, x', ... for each of them.
-
-    Raises
-    ------
-    ModuleNotFoundError
-        Without the extra `bench`.
-    """
-    from vibro_ros.peer import Peer
-
-    peer = Peer(scene, _TOLERANCE)
-    commands = ((0.0, {"motor_speed": SPEED}),) if scene["motor.speed"] == 0.0 else ()
-    return lambda times: peer.integrate(times, commands).samples
+def main(words: Sequence[str]) -> int:
+    """Print the table, as README has it."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--duration", type=float, default=10.0, help="robot time [s] (default 10)")
+    parser.add_argument("--repeats", type=int, default=7, help="rounds (default 7)")
+    parser.add_argument("--many", type=int, default=200, help="scenes of `simulate_many` (default 200)")
+    options = parser.parse_args(words)
+    print(f"{options.duration:g} s of robot time sampled at {RATE:g} Hz, medians of {options.repeats}, each over "
+          f"{LEAST_TIME:g} s of runs; "
+          f"RK4: dt = {STEP:g} s, compiled by numba, and heyoka: tolerance {_TOLERANCE:g}, in the same run")
+    print(f"{machine()}\n{about_the_baseline()}\n")
+    print(f"| {' | '.join(COLUMNS)} |\n{'|---' * len(COLUMNS)}|")
+    for name in SCENES:
+        values = measure(name, options.duration, options.repeats)
+        print(f"| {' | '.join(shown.format(**values) for shown in COLUMNS.values())} |", flush=True)
+    print(f"\n{about_shares(options.duration, options.repeats)}\n\n{about_compiling()}\n")
+    gain, possible = measure_many(options.many, options.duration, options.repeats)
+    print(f"`simulate_many`, {options.many} scenes of {options.duration:g} s: two workers are {gain:.2f} times as fast "
+          f"as one; two processes that share nothing, {possible:.2f} times.")
+    return 0
 
 
 def measure(name: str, duration: float, repeats: int) -> dict[str, str | float]:
@@ -103,6 +99,28 @@ def measure(name: str, duration: float, repeats: int) -> dict[str, str | float]:
     }
 
 
+def moving(scene: Scene) -> Simulator:
+    """The scene at t = 0, its motor turning, on command if not by itself."""
+    device = Simulator(scene)
+    if scene["motor.speed"] == 0.0:
+        device.command(motor_speed=SPEED)
+    return device
+
+
+def run_exact(scene: Scene, times: np.ndarray) -> tuple[Samples, np.ndarray]:
+    """Samples and events of a scene whose motor turns from t = 0."""
+    device = moving(scene)
+    return device.sample(times), device.take_events()
+
+
+def run_baseline(scene: Scene, times: np.ndarray, step: float = STEP) -> np.ndarray:
+    """The same by `integrate_rk4`; `times` are those of one rate, from 0."""
+    first = simulate(scene, times=np.zeros(1))
+    start = np.array([first.upper_position[0], 0.0, first.inclined_position[0], 0.0])
+    speed = SPEED if scene["motor.speed"] == 0.0 else None
+    return integrate_rk4(scene, start, times[-1], 1.0 / times[1], step, speed)
+
+
 def _peer_runs(scene: Scene, times: np.ndarray) -> list[Callable[[], np.ndarray]]:
     """The peer's run if it can be measured; if it is not installed or fails, none, and the reason on stderr."""
     try:
@@ -112,6 +130,21 @@ def _peer_runs(scene: Scene, times: np.ndarray) -> list[Callable[[], np.ndarray]
         print(f"bench: {scene.name} without heyoka: {error}", file=sys.stderr)
         return []
     return [run]
+
+
+def compiled_peer(scene: Scene) -> Callable[[np.ndarray], np.ndarray]:
+    """The same by heyoka, compiled: a function of the times that returns u, u', w, w', x, x', ... for each of them.
+
+    Raises
+    ------
+    ModuleNotFoundError
+        Without the extra `bench`.
+    """
+    from vibro_ros.peer import Peer
+
+    peer = Peer(scene, _TOLERANCE)
+    commands = ((0.0, {"motor_speed": SPEED}),) if scene["motor.speed"] == 0.0 else ()
+    return lambda times: peer.integrate(times, commands).samples
 
 
 def _tick(scene: Scene) -> float:
@@ -132,38 +165,98 @@ def machine() -> str:
     return f"{', '.join(versions)}; {platform.machine()}, {os.cpu_count()} cores"
 
 
-def heading() -> str:
-    """First two lines of the table, in Markdown."""
-    return f"| {' | '.join(COLUMNS)} |\n{'|---' * len(COLUMNS)}|"
+def about_the_baseline() -> str:
+    """How far off the baseline is itself, and why `make accuracy` has other costs; a line of words."""
+    off = {baseline_error(load_scene(name)): name for name in SCENES}
+    told = " to ".join(f"{error:.1e} m ({off[error]})" for error in sorted(off)[::max(1, len(off) - 1)])
+    return (f"RK4 itself is off by {told} within {SHORT:g} s. `make accuracy` samples at 1000 Hz, where exact costs "
+            "more: it reads more samples off each segment.")
 
 
-def row(values: dict[str, str | float]) -> str:
-    """One line of the table."""
-    return f"| {' | '.join(shown.format(**values) for shown in COLUMNS.values())} |"
+def baseline_error(scene: Scene) -> float:
+    """How far the baseline is off itself [m]: the largest error of a position within `SHORT`, the motor running."""
+    scene = scene.with_parameters({"motor.speed": scene["motor.speed"] or SPEED})
+    times = 2.0 * STEP * np.arange(round(SHORT / (2.0 * STEP)) + 1)
+    exact, found = run_exact(scene, times)[0], run_baseline(scene, times)
+    places = (exact.upper_position, exact.inclined_position, exact.body_position, exact.body_height)
+    return float(np.abs(found[:, ::2] - np.stack(places, axis=1)).max())
 
 
-def main(words: Sequence[str]) -> int:
-    """Print the table, as README has it; 0 when done; see `front_door.exit_code` for errors."""
-    return exit_code("bench", lambda: _measure_all(words))
+def about_shares(duration: float, repeats: int) -> str:
+    """Shares of a run's cost, in words: its start, the energy's audit and accounts, the samples."""
+    samples = (f"{100.0 * sampling(load_scene(name), duration, repeats):.0f} % (`{name}`)" for name in _SAMPLED)
+    audit, accounts = (keeping(f"solver.{name}", duration, repeats) for name in ("audit", "accounts"))
+    return (f"The first {SHORT:g} s of `device` cost {first_moments(repeats):.3f} of RK4's. With the energy audit "
+            f"`device` costs {audit:.2f} of what it costs without, with the energy accounts {accounts:.2f}. Of a run, "
+            f"{', '.join(samples)} goes into its samples.")
 
 
-def _measure_all(words: Sequence[str]) -> int:
-    parser = Parser(prog="bench", description=EXECUTABLES["bench"].does)
-    parser.add_argument("--duration", type=float, default=10.0, help="robot time [s] (default 10)")
-    parser.add_argument("--repeats", type=int, default=7, help="rounds (default 7)")
-    options = parser.parse_args(words)
-    print(f"{options.duration:g} s of robot time sampled at {RATE:g} Hz, medians of {options.repeats}, each over "
-          f"{LEAST_TIME:g} s of runs; "
-          f"RK4: dt = {STEP:g} s, compiled by numba, and heyoka: tolerance {_TOLERANCE:g}, in the same run")
-    print(f"{machine()}\n{about_the_baseline()}\n")
-    print(heading())
-    for name in SCENES:
-        print(row(measure(name, options.duration, options.repeats)), flush=True)
-    print(f"\n{about_shares(options.duration, options.repeats)}\n\n{about_compiling()}\n")
-    gain, possible = measure_many(_MANY, options.duration, options.repeats, TEN_TIMES)
-    print(f"If every tenth run takes ten times as long, two workers of `simulate_many` are {gain:.2f} times as fast as "
-          f"one; two processes that share nothing, {possible:.2f} times.")
-    gain, possible = measure_many(_MANY, options.duration, options.repeats)
-    print(f"`simulate_many`, {_MANY} scenes of {options.duration:g} s: two workers are {gain:.2f} times as fast as "
-          f"one; two processes that share nothing, {possible:.2f} times.")
-    return 0
+def first_moments(repeats: int) -> float:
+    """Cost of the first 0.2 s of `device`, RK4 = 1: its masses ring on their plates, and its motor speeds up."""
+    scene, times = load_scene("device"), np.arange(round(SHORT * RATE) + 1) / RATE
+    run_baseline(scene, times)
+    return ratio(lambda: run_exact(scene, times), lambda: run_baseline(scene, times), repeats)
+
+
+def keeping(parameter: str, duration: float, repeats: int) -> float:
+    """Cost of `device` with the audit or the accounts that `parameter` switches on, 1 without both."""
+    times, neither = np.arange(round(duration * RATE) + 1) / RATE, {"solver.audit": False, "solver.accounts": False}
+    with_one, without = (load_scene("device").with_parameters(neither | {parameter: on}) for on in (True, False))
+    return ratio(lambda: run_exact(with_one, times), lambda: run_exact(without, times), repeats)
+
+
+def sampling(scene: Scene, duration: float, repeats: int) -> float:
+    """Part of a run's cost that goes into its samples."""
+    times = np.arange(round(duration * RATE) + 1) / RATE
+    return 1.0 - ratio(lambda: moving(scene).advance_to(duration), lambda: run_exact(scene, times), repeats)
+
+
+def ratio(one: Callable, other: Callable, repeats: int) -> float:
+    """Cost of a run as ratio to that of another, in turn with it; the median of so many rounds."""
+    return float(np.median([typical_seconds(one) / typical_seconds(other) for _ in range(repeats)]))
+
+
+def about_compiling() -> str:
+    """What a new geometry costs in a sweep; a line of words."""
+    told = ", ".join(f"{1e3 * compiling_seconds(name):.2f} ms (`{name}`)" for name in _COMPILED)
+    return f"A scene with another guide angle is compiled in {told}."
+
+
+def compiling_seconds(name: str) -> float:
+    """Median time [s] to compile a shipped scene for another guide angle, with tables of other angles in the cache."""
+    scene = load_scene(name)
+    angles = (0.3 + k * _GOLDEN % 1.0 for k in itertools.count(1))
+    compile_scene(scene)
+    return typical(lambda: seconds(compile_scene, scene.with_parameters({"guide.angle": next(angles)})))
+
+
+def measure_many(count: int, duration: float, repeats: int) -> tuple[float, float]:
+    """How many times faster two workers of `simulate_many` are than one; and what the machine allows: two processes
+    that simulate half of the scenes each and hand nothing over.
+
+    `count` scenes of `duration` [s] that differ in the guide's angle, each compiled by itself. Medians over rounds.
+    """
+    base = load_scene("unilateral")
+    scenes = [base.with_parameters({"guide.angle": 0.3 + k / count}) for k in range(count)]
+
+    def run(workers: int) -> None:
+        for _ in simulate_many(scenes, duration=duration, rate=RATE, workers=workers):
+            pass
+
+    def run_apart() -> None:
+        for job in in_processes(lambda half: _simulate_all(half, duration), [scenes[::2], scenes[1::2]], 2):
+            job.outcome()
+
+    run(2)
+    rounds = np.array([[seconds(run, 1), seconds(run, 2), seconds(run_apart)] for _ in range(repeats)])
+    gain, possible = np.median(rounds[:, :1] / rounds[:, 1:], axis=0)
+    return gain, possible
+
+
+def _simulate_all(scenes: Iterable[Scene], duration: float) -> None:
+    for scene in scenes:
+        simulate(scene, duration=duration, rate=RATE)
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

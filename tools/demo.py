@@ -1,17 +1,11 @@
 """The demonstration: robot and controller as two processes for about 20 s, a bag, a report."""
 
-if __name__ == "__main__":  # before all imports: they take a second or two, in which a signal may come
-    import sys
-
-    from vibro_ros.process.front_door import enter
-
-    sys.exit(enter("demo"))
-
 import json
 import os
 import random
 import signal
 import socket
+import sys
 import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -21,9 +15,7 @@ import numpy as np
 from tools.child import Child
 from vibro_ros.bag.reader import Bag, BagError, read_bag
 from vibro_ros.messages.topics import ROBOT_TOPICS, TF_TOPICS
-from vibro_ros.process.command_line import Parser
-from vibro_ros.process.executables import EXECUTABLES
-from vibro_ros.process.front_door import exit_code, say
+from vibro_ros.process.front_door import Parser, exit_code, say
 from vibro_ros.process.stop_signals import StopRequest
 from vibro_ros.recordings.report import write_report
 from vibro_ros.view.view import write_page
@@ -154,8 +146,12 @@ def _shown(path: Path) -> Path:
 
 
 def _parser() -> Parser:
-    parser = Parser(prog="demo", description=EXECUTABLES["demo"].does)
+    parser = Parser(prog="demo", description=__doc__)
     parser.add_argument("--script", default="crawl", help="controller script to play (default: %(default)s, 18 s)")
     parser.add_argument("--output", type=Path, default=Path("out"), metavar="DIR",
                         help="where the bag and the report go (default: %(default)s)")
     return parser
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

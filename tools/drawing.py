@@ -1,14 +1,9 @@
 """`make picture`: the robot to scale with the names of its parts, the first picture of docs/robot.md."""
 
-if __name__ == "__main__":  # before all imports, as in every executable
-    import sys
-
-    from vibro_ros.process.front_door import enter
-
-    sys.exit(enter("drawing"))
-
+import argparse
 import dataclasses
 import math
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -21,9 +16,7 @@ from tools.mechanism import COLOURS, DARK, FREE_LENGTH, HUB_HEIGHT, MASS_HEIGHT,
 from vibro_ros.configuration.scene_file import load_scene
 from vibro_ros.model.scene import Scene
 from vibro_ros.model.slider import Slider
-from vibro_ros.process.command_line import Parser, given_file
-from vibro_ros.process.executables import EXECUTABLES
-from vibro_ros.process.front_door import exit_code
+from vibro_ros.process.front_door import given_file
 from vibro_ros.simulation.samples import Samples
 from vibro_ros.simulation.simulator import Simulator
 
@@ -178,12 +171,8 @@ def _slow_state(scene: Scene) -> Samples:
 
 
 def main(words: Sequence[str]) -> int:
-    """Write the picture; 2 when the scene cannot be drawn or the file not be written."""
-    return exit_code("drawing", lambda: _draw(words))
-
-
-def _draw(words: Sequence[str]) -> int:
-    parser = Parser(prog="drawing", description=EXECUTABLES["drawing"].does)
+    """Run the command line `words`; the exit code."""
+    parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--scene", default="device", help="scene to draw (default: %(default)s)")
     parser.add_argument("--output", type=Path, default=Path("docs/robot.svg"), help="file (default: %(default)s)")
     options = parser.parse_args(words)
@@ -191,3 +180,7 @@ def _draw(words: Sequence[str]) -> int:
         size = Drawing(load_scene(options.scene)).write(options.output)
     print(f"{options.output}: {size / 1e3:.0f} kB")
     return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

@@ -4,21 +4,17 @@ Each row compares two runs that differ in one effect alone, of the scene `device
 not have.
 """
 
-if __name__ == "__main__":  # before all imports, as in every executable
-    import sys
-
-    from vibro_ros.process.front_door import enter
-
-    sys.exit(enter("effects"))
-
+import argparse
 import functools
 import itertools
 import statistics
+import sys
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
+from tqdm import tqdm
 
 from tools.generated_text import write_between
 from vibro_ros.accuracy.starts import SETTLING, started_at_share
@@ -27,9 +23,6 @@ from vibro_ros.configuration.scene_file import load_scene
 from vibro_ros.model.parameters import Value
 from vibro_ros.model.scene import Scene
 from vibro_ros.model.tables import compile_scene
-from vibro_ros.process.command_line import Parser
-from vibro_ros.process.executables import EXECUTABLES
-from vibro_ros.process.front_door import exit_code
 from vibro_ros.simulation.simulator import Simulator
 from vibro_ros.solver.system import NOTHING
 
@@ -283,19 +276,23 @@ def _table(scene: Scene, rows: Iterable[Row], duration: float, starts: int) -> s
 
 
 def main(words: Sequence[str]) -> int:
-    """Measure, and write the tables; 2 when the file cannot be read or written, or has no place for it."""
-    return exit_code("effects", lambda: _write(words))
-
-
-def _write(words: Sequence[str]) -> int:
-    parser = Parser(prog="effects", description=EXECUTABLES["effects"].does)
+    """Measure, and write the tables, or print the costs of some effects."""
+    parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("file", type=Path, nargs="?", default=Path("docs/robot.md"), help="default: %(default)s")
     parser.add_argument("--duration", type=float, default=20.0, help="robot time [s] (default %(default)g)")
     parser.add_argument("--starts", type=int, default=8, help="starts for each mean speed (default %(default)d)")
     parser.add_argument("--repeats", type=int, default=25, help="pairs of timed runs (default %(default)d)")
+    parser.add_argument("--cost", metavar="WORD", help="only print the costs of effects with this word in their names")
     options = parser.parse_args(words)
+    if options.cost:
+        for effect in (effect for effect in EFFECTS if options.cost in effect.name):
+            print(f"{effect.scene}, {effect.name}: {cost_ratio(effect, options.duration / 2.0, options.repeats):.2f}")
+        return 0
     write_between(options.file, BEGIN, END, lambda: effects_tables(
-        [measure(effect, options.duration, options.starts, options.repeats) for effect in EFFECTS],
+        [measure(effect, options.duration, options.starts, options.repeats) for effect in tqdm(EFFECTS, disable=None)],
         options.duration, options.starts))
-    print(f"{options.file}: effects written")
     return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

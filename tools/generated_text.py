@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from pathlib import Path
 
-from vibro_ros.process.command_line import given_file
+from vibro_ros.process.front_door import given_file
 
 
 def replaced(document: str, begin: str, end: str, text: str) -> str:

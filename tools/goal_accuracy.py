@@ -1,12 +1,6 @@
 """How well feedback holds speeds and reaches positions: many runs on the exact simulator, in simulated time, no ROS."""
 
-if __name__ == "__main__":  # before all imports: they take a second or two, in which a signal may come
-    import sys
-
-    from vibro_ros.process.front_door import enter
-
-    sys.exit(enter("goal_accuracy"))
-
+import argparse
 import sys
 from collections.abc import Callable, Iterable, Sequence
 
@@ -14,9 +8,6 @@ import numpy as np
 
 from vibro_ros.configuration.scene_file import load_scene
 from vibro_ros.model.scene import Scene
-from vibro_ros.process.command_line import Parser
-from vibro_ros.process.executables import EXECUTABLES
-from vibro_ros.process.front_door import exit_code
 from vibro_ros.ros.controller.feedback import RATE, Pursuit
 from vibro_ros.ros.controller.goals import MOTOR_RANGE, WITHIN, Goal, GoalError, PositionGoal, SpeedGoal
 from vibro_ros.ros.controller.track import Track
@@ -102,12 +93,8 @@ class Trial:
             self.device.command(motor_speed=speed)
 
 
-def main(argv: Sequence[str] | None = None) -> int:
-    """Print both tables."""
-    return exit_code("goal_accuracy", lambda: _run(sys.argv[1:] if argv is None else argv))
-
-
-def _run(words: Sequence[str]) -> int:
+def main(words: Sequence[str]) -> int:
+    """Run the command line `words`; the exit code."""
     options = _parser().parse_args(words)
     if options.runs < 1 or options.reach == 0.0:
         raise ValueError(f"--runs {options.runs} --reach {options.reach:g}: give a run at least, and no reach of 0")
@@ -165,10 +152,14 @@ def _started(scene: Scene, runs: int) -> Iterable[Trial]:
         yield trial
 
 
-def _parser() -> Parser:
-    parser = Parser(prog="goal_accuracy", description=EXECUTABLES["goal_accuracy"].does)
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--scene", default="device", help="a shipped scene's name or a path (default %(default)s)")
     parser.add_argument("--reach", type=float, default=-0.06, metavar="SPEED",
                         help="the controller's parameter [m/s] (default %(default)g)")
     parser.add_argument("--runs", type=int, default=50, help="of each row (default %(default)d)")
     return parser
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

@@ -4,13 +4,7 @@ Real robots with their recording, each a process of its own, and a probe in this
 was asked for, and delays are counted in publish periods, so that both mean the same on every machine.
 """
 
-if __name__ == "__main__":  # before all imports: they take a second or two, in which a signal may come
-    import sys
-
-    from vibro_ros.process.front_door import enter
-
-    sys.exit(enter("load"))
-
+import argparse
 import sys
 import tempfile
 import time
@@ -30,9 +24,6 @@ from std_msgs.msg import Float64
 from tqdm import tqdm
 
 from tools.probe import Commanding, Listening, Probe
-from vibro_ros.process.command_line import Parser
-from vibro_ros.process.executables import EXECUTABLES
-from vibro_ros.process.front_door import exit_code
 from vibro_ros.process.stop_signals import StopRequest
 from vibro_ros.ros.node.ready_process import ready_process, sleep_unless
 
@@ -184,13 +175,9 @@ def table(found: Mapping[str, Outcome]) -> str:
     return "\n".join(rows)
 
 
-def main(argv: Sequence[str] | None = None) -> int:
-    """Measure and print; 0 when done, 1 when a process failed, 2 for a bad argument, 130 when interrupted."""
-    return exit_code("load", lambda: _run(sys.argv[1:] if argv is None else argv))
-
-
-def _run(words: Sequence[str]) -> int:
-    parser = Parser(prog="load", description=EXECUTABLES["load"].does)
+def main(words: Sequence[str]) -> int:
+    """Run the command line `words`; the exit code."""
+    parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("loads", nargs="*", choices=[[], *LOADS], metavar="LOAD", help=f"of {', '.join(LOADS)}")
     parser.add_argument("--duration", type=float, default=60.0, help="of each measurement [s] (default %(default)g)")
     parser.add_argument("--settling", type=float, default=10.0,
@@ -210,3 +197,7 @@ def _run(words: Sequence[str]) -> int:
         finally:
             rclpy.try_shutdown()
     return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

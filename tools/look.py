@@ -1,12 +1,5 @@
 """Robot and view as two processes, until Ctrl-C: what `make view` starts."""
 
-if __name__ == "__main__":  # before all imports: they take a second or two, in which a signal may come
-    import sys
-
-    from vibro_ros.process.front_door import enter
-
-    sys.exit(enter("look"))
-
 import json
 import sys
 import time
@@ -15,9 +8,7 @@ from pathlib import Path
 
 from tools.child import Child
 from tools.demo import ros_environment
-from vibro_ros.process.command_line import Parser
-from vibro_ros.process.executables import EXECUTABLES
-from vibro_ros.process.front_door import exit_code
+from vibro_ros.process.front_door import Parser, exit_code
 from vibro_ros.process.stop_signals import StopRequest
 
 SPEED = 60.0
@@ -25,9 +16,9 @@ SPEED = 60.0
 _POLL = 0.05  # s
 
 
-def main(words: Sequence[str] | None = None) -> int:
+def main(words: Sequence[str]) -> int:
     """Run both until a signal; 0 then, 1 when one of them failed, 2 for a bad argument."""
-    return exit_code("look", lambda: _run(sys.argv[1:] if words is None else words))
+    return exit_code("look", lambda: _run(words))
 
 
 def _run(words: Sequence[str]) -> int:
@@ -58,10 +49,14 @@ def _run(words: Sequence[str]) -> int:
 
 
 def _parser() -> Parser:
-    parser = Parser(prog="look", description=EXECUTABLES["look"].does)
+    parser = Parser(prog="look", description=__doc__)
     parser.add_argument("--output", type=Path, default=Path("out"), metavar="DIR",
                         help="where recordings go that the page asks for (default: %(default)s)")
     parser.add_argument("--port", default="8742", help="of the page; 0 for any that is free (default: %(default)s)")
     parser.add_argument("--address", default="127.0.0.1", help="where the page is served (default: %(default)s)")
     parser.add_argument("--open", action="store_true", help="open the page in the browser")
     return parser
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

@@ -5,13 +5,7 @@ Robot and bare node are processes of their own and take turns, so that the machi
 measured is processor time, of all threads, once a process has settled.
 """
 
-if __name__ == "__main__":  # before all imports: they take a second or two, in which a signal may come
-    import sys
-
-    from vibro_ros.process.front_door import enter
-
-    sys.exit(enter("node_cost"))
-
+import argparse
 import statistics
 import subprocess
 import sys
@@ -22,9 +16,6 @@ from functools import partial
 
 from tqdm import tqdm
 
-from vibro_ros.process.command_line import Parser
-from vibro_ros.process.executables import EXECUTABLES
-from vibro_ros.process.front_door import exit_code
 from vibro_ros.process.stop_signals import StopRequest
 from vibro_ros.ros.node.ready_process import ready_process, sleep_unless
 
@@ -109,13 +100,9 @@ def _processor_time(child: subprocess.Popen) -> float:
     return time.clock_gettime(~child.pid << 3 | _SCHEDULED)
 
 
-def main(argv: Sequence[str] | None = None) -> int:
-    """Measure and print; 0 when done, 1 when a process failed, 2 for a bad argument, 130 when interrupted."""
-    return exit_code("node_cost", lambda: _run(sys.argv[1:] if argv is None else argv))
-
-
-def _run(words: Sequence[str]) -> int:
-    parser = Parser(prog="node_cost", description=EXECUTABLES["node_cost"].does)
+def main(words: Sequence[str]) -> int:
+    """Run the command line `words`; the exit code."""
+    parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--rates", type=float, nargs="+", default=RATES, help="of publishing [Hz] (default 1000 200)")
     parser.add_argument("--rounds", type=int, default=5, help="how often each is started (default %(default)d)")
     parser.add_argument("--settling", type=float, default=3.0, help="before each measurement [s] (default %(default)g)")
@@ -128,3 +115,7 @@ def _run(words: Sequence[str]) -> int:
         except KeyboardInterrupt:
             return stop.exit_code
     return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

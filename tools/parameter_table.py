@@ -1,22 +1,14 @@
 """`make docs`: the tables of all parameters in docs/guide/parameters.md, from those that the program itself uses."""
 
-if __name__ == "__main__":  # before all imports, as in every executable
-    import sys
-
-    from vibro_ros.process.front_door import enter
-
-    sys.exit(enter("parameter_table"))
-
+import argparse
 import math
+import sys
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 from tools.generated_text import write_between
 from vibro_ros.configuration.scene_file import DEVICE_PARAMETERS, load_scene
 from vibro_ros.model.parameters import SCENE_PARAMETERS, Parameter, Value
-from vibro_ros.process.command_line import Parser
-from vibro_ros.process.executables import EXECUTABLES
-from vibro_ros.process.front_door import exit_code
 
 BEGIN = "<!-- parameters: written by `make docs` -->"
 END = "<!-- end of parameters -->"
@@ -72,15 +64,15 @@ def _allowed(parameter: Parameter) -> str:
 
 
 def main(words: Sequence[str]) -> int:
-    """Write the table; 2 when the file cannot be read or written, or has no place for it."""
-    return exit_code("parameter_table", lambda: _write(words))
-
-
-def _write(words: Sequence[str]) -> int:
-    parser = Parser(prog="parameter_table", description=EXECUTABLES["parameter_table"].does)
+    """Run the command line `words`; the exit code."""
+    parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("file", type=Path, nargs="?", default=Path("docs/guide/parameters.md"),
                         help="default: %(default)s")
     file = parser.parse_args(words).file
     write_between(file, BEGIN, END, parameter_table)
     print(f"{file}: parameters written")
     return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

@@ -1,12 +1,6 @@
 """Pictures of the live view for the documents: `python -m tools.screenshot`."""
 
-if __name__ == "__main__":  # before all imports: they take a second or two, in which a signal may come
-    import sys
-
-    from vibro_ros.process.front_door import enter
-
-    sys.exit(enter("screenshot"))
-
+import argparse
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -14,9 +8,6 @@ from typing import TYPE_CHECKING
 
 from tools.browser import Session, chosen_engine
 from tools.watched_robot import show_robot, wait_for, watched_robot
-from vibro_ros.process.command_line import Parser
-from vibro_ros.process.executables import EXECUTABLES
-from vibro_ros.process.front_door import exit_code
 
 if TYPE_CHECKING:
     from playwright.sync_api import Page
@@ -28,12 +19,8 @@ BLOWS = 12
 SLOWNESS = "1/33"
 
 
-def main(words: Sequence[str] | None = None) -> int:
-    """Write the pictures; 0 when done, 1 when a process failed, 2 for a bad argument, 130 when interrupted."""
-    return exit_code("screenshot", lambda: _run(sys.argv[1:] if words is None else words))
-
-
-def _run(words: Sequence[str]) -> int:
+def main(words: Sequence[str]) -> int:
+    """Run the command line `words`; the exit code."""
     output = _parser().parse_args(words).output
     # A machine that draws without a graphics card is slow: the robot is to catch up, and not to tell of stalls.
     with Session(chosen_engine()) as session, watched_robot({"rate.max_catch_up": 10.0}) as robot:
@@ -63,8 +50,12 @@ def _save(page: "Page", path: Path) -> None:
     print(path)
 
 
-def _parser() -> Parser:
-    parser = Parser(prog="screenshot", description=EXECUTABLES["screenshot"].does)
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--output", type=Path, default=Path("docs"), metavar="DIR",
                         help="where view.png and view_live.png are written (default: %(default)s)")
     return parser
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

@@ -4,13 +4,7 @@
 does. A bare rclpy node that publishes odometry is started in turn with them: what it takes is not ours to save.
 """
 
-if __name__ == "__main__":  # before all imports: they take a second or two, in which a signal may come
-    import sys
-
-    from vibro_ros.process.front_door import enter
-
-    sys.exit(enter("start_time"))
-
+import argparse
 import os
 import platform
 import signal
@@ -28,9 +22,7 @@ from nav_msgs.msg import Odometry
 from rclpy.executors import Executor
 from rclpy.node import Node
 
-from vibro_ros.process.command_line import Parser
-from vibro_ros.process.executables import EXECUTABLES
-from vibro_ros.process.front_door import exit_code, say
+from vibro_ros.process.front_door import say
 from vibro_ros.ros.node import process, qos
 
 PATIENCE = 600.0
@@ -138,13 +130,9 @@ def _median(values: Sequence[float]) -> str:
     return f"{statistics.median(values):.1f} s" if values else "-"
 
 
-def main(argv: Sequence[str] | None = None) -> int:
-    """Measure and print; 0 when done, 1 when a start failed, 2 for a bad argument, 130 when interrupted."""
-    return exit_code("start_time", lambda: _run(argv))
-
-
-def _run(argv: Sequence[str] | None) -> int:
-    parser = Parser(prog="start_time", description=EXECUTABLES["start_time"].does)
+def main(argv: Sequence[str]) -> int:
+    """Run the command line `argv`; the exit code."""
+    parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--rounds", type=int, default=3, help="how often everything is started (default 3)")
     rounds = parser.parse_args(argv).rounds
     if rounds < 1:
@@ -155,3 +143,7 @@ def _run(argv: Sequence[str] | None) -> int:
     print(f"Python {platform.python_version()}, {versions}; {os.cpu_count()} cores; medians of {rounds}\n")
     print(table(found))
     return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

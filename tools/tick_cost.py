@@ -4,13 +4,7 @@ and what publishing costs against rclpy with ready messages.
 `make accuracy` runs it as a process of its own and puts what it prints into docs/accuracy.md.
 """
 
-if __name__ == "__main__":  # before all imports: they take a second or two, in which a signal may come
-    import sys
-
-    from vibro_ros.process.front_door import enter
-
-    sys.exit(enter("tick_cost"))
-
+import argparse
 import sys
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -26,9 +20,6 @@ from vibro_ros.messages.fields import stamp_at
 from vibro_ros.messages.frames import ALL
 from vibro_ros.model.parameters import Value
 from vibro_ros.model.scene import Scene
-from vibro_ros.process.command_line import Parser
-from vibro_ros.process.executables import EXECUTABLES
-from vibro_ros.process.front_door import exit_code
 from vibro_ros.ros.robot.pacing import Pacing
 from vibro_ros.ros.topics.messages import transforms
 from vibro_ros.ros.topics.outputs import Outputs, makers
@@ -150,13 +141,9 @@ def _line(*cells: str) -> str:
     return f"| {' | '.join(cells)} |"
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Print the tables in Markdown; returns the exit code."""
-    return exit_code("tick_cost", lambda: _measure(sys.argv[1:] if arguments is None else arguments))
-
-
-def _measure(words: Sequence[str]) -> int:
-    parser = Parser(prog="tick_cost", description=EXECUTABLES["tick_cost"].does)
+def main(words: Sequence[str]) -> int:
+    """Run the command line `words`; the exit code."""
+    parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--duration", type=float, default=1.5, help="of each measurement [s] (default %(default)g)")
     duration = parser.parse_args(words).duration
     scene, context = load_scene("device").with_parameters({"motor.speed": _SPEED}), Context()
@@ -168,3 +155,7 @@ def _measure(words: Sequence[str]) -> int:
         node.destroy_node()
         rclpy.try_shutdown(context=context)
     return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

@@ -1,20 +1,13 @@
 """`make docs`: the shipped scenes' robots as URDF, in config/urdf, which is installed to the package's share folder."""
 
-if __name__ == "__main__":  # before all imports, as in every executable
-    import sys
-
-    from vibro_ros.process.front_door import enter
-
-    sys.exit(enter("urdf_files"))
-
+import argparse
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 
 from vibro_ros.configuration.scene_file import load_scene, shipped_scenes
 from vibro_ros.messages.urdf import robot_description
-from vibro_ros.process.command_line import Parser, given_file
-from vibro_ros.process.executables import EXECUTABLES
-from vibro_ros.process.front_door import exit_code
+from vibro_ros.process.front_door import given_file
 
 
 def write_urdf(scene: str, folder: Path) -> Path:
@@ -28,12 +21,8 @@ def write_urdf(scene: str, folder: Path) -> Path:
 
 
 def main(words: Sequence[str]) -> int:
-    """Write the files; 2 when a scene or a file is bad."""
-    return exit_code("urdf_files", lambda: _write(words))
-
-
-def _write(words: Sequence[str]) -> int:
-    parser = Parser(prog="urdf_files", description=EXECUTABLES["urdf_files"].does)
+    """Run the command line `words`; the exit code."""
+    parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("scenes", nargs="*", default=shipped_scenes(), metavar="SCENE",
                         help="a shipped scene's name, or a scene file (default: every shipped scene)")
     parser.add_argument("--output", type=Path, default=Path("config/urdf"), help="folder (default: %(default)s)")
@@ -41,3 +30,7 @@ def _write(words: Sequence[str]) -> int:
     for scene in options.scenes:
         print(f"{write_urdf(scene, options.output)}: written")
     return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

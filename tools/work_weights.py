@@ -6,13 +6,8 @@ prints the weights that fit this machine best, and for each shipped scene the co
 ratios to the steps of rk4: counted by the weights of `counted_work`, and measured.
 """
 
-if __name__ == "__main__":  # before all imports, as in every executable
-    import sys
-
-    from vibro_ros.process.front_door import enter
-
-    sys.exit(enter("work_weights"))
-
+import argparse
+import sys
 import time
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -23,9 +18,6 @@ from scipy.optimize import nnls
 from vibro_ros.configuration.scene_file import load_scene, shipped_scenes
 from vibro_ros.model.scene import Scene
 from vibro_ros.model.tables import compile_scene
-from vibro_ros.process.command_line import Parser
-from vibro_ros.process.executables import EXECUTABLES
-from vibro_ros.process.front_door import exit_code
 from vibro_ros.simulation.accuracy_in_force import KNOWN_SPEED
 from vibro_ros.simulation.auto import HORIZON, choose_method, promised_commands
 from vibro_ros.simulation.counted_work import EXACT_WEIGHTS, STEP_WEIGHTS, counted_work, counts_of_exact
@@ -136,12 +128,8 @@ def known_scenes() -> str:
 
 
 def main(words: Sequence[str]) -> int:
-    """Measure and print; 0 when done; see `front_door.exit_code` for errors."""
-    return exit_code("work_weights", lambda: _measure(words))
-
-
-def _measure(words: Sequence[str]) -> int:
-    Parser(prog="work_weights", description=EXECUTABLES["work_weights"].does).parse_args(words)
+    """Run the command line `words`; the exit code."""
+    argparse.ArgumentParser(description=__doc__).parse_args(words)
     shipped = {name: {method: timed_by(load_scene(name), method) for method in ("exact", *STEP_WEIGHTS)}
                for name in shipped_scenes()}
     exact = [run for of_scene in shipped.values() for run in of_scene["exact"]]
@@ -158,3 +146,7 @@ def _measure(words: Sequence[str]) -> int:
           f"stands still:\n\n{ratio_table(shipped)}\n")
     print(f"What accuracy_in_force.KNOWN has, by the weights in use:\n{known_scenes()}")
     return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

@@ -7,8 +7,7 @@ from pathlib import Path
 
 from research.literature import capsule_finding, gap_speed_finding, impact_oscillator_finding, two_phase_finding
 from research.literature.published import VERDICTS, Finding, Studied, as_data, from_data, in_lines, overview, section
-from vibro_ros.process.command_line import Parser
-from vibro_ros.process.front_door import FAILURE, exit_code, say
+from vibro_ros.process.front_door import FAILURE, Parser, exit_code, say
 from vibro_ros.process.stop_signals import interrupted_code
 from vibro_ros.simulation.preparation import prepare_kernels
 

@@ -4,14 +4,8 @@ Each search is a command line that a reader can run. A search that was interrupt
 again.
 """
 
-if __name__ == "__main__":  # before all imports, as in every executable
-    import sys
-
-    from vibro_ros.process.front_door import enter
-
-    sys.exit(enter("optimum_report"))
-
 import json
+import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
@@ -30,9 +24,7 @@ from research.optimum.text import (
 )
 from vibro_ros.accuracy.starts import Average
 from vibro_ros.configuration.scene_file import load_scene
-from vibro_ros.process.command_line import Parser
-from vibro_ros.process.executables import EXECUTABLES
-from vibro_ros.process.front_door import exit_code
+from vibro_ros.process.front_door import Parser, exit_code
 from vibro_ros.simulation.preparation import prepare_kernels
 from vibro_ros.simulation.processes import core_count
 from vibro_ros.study.optimise.command import NUMBERS, RECORD, SCENE, shown, written
@@ -50,7 +42,7 @@ def main(words: Sequence[str]) -> int:
 
 
 def _report(words: Sequence[str]) -> int:
-    own = Parser(prog="optimum_report", description=EXECUTABLES["optimum_report"].does)
+    own = Parser(prog="optimum_report", description=__doc__)
     own.add_argument("docs", type=Path, nargs="?", default=Path("docs"), help="where (default: %(default)s)")
     own.add_argument("--work", type=Path, default=Path("out/study/optimum"), help="records of the searches, from which "
                      "they go on (default: %(default)s)")
@@ -93,3 +85,7 @@ def watched_of(path: Path) -> dict[str, list[Lasting]]:
     """Rows of `lasting` by robot, from a file of this report."""
     return {name: [Lasting(**{**row, "speed": Average(**row["speed"]), "delivered": Average(**row["delivered"])})
                    for row in rows] for name, rows in json.loads(path.read_text(encoding="utf-8")).items()}
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

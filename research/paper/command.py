@@ -14,10 +14,9 @@ from research.paper.runs import Effort, RowFile, batches, full_effort, quick_eff
 from research.paper.verdicts import read_verdicts, write_verdicts
 from research.paper.words import page
 from research.paper.work import work_of_a_second
-from vibro_ros.process.command_line import Parser
-from vibro_ros.process.front_door import exit_code, say
-from vibro_ros.process.regular_file import replace_file
+from vibro_ros.process.front_door import Parser, exit_code, say
 from vibro_ros.process.stop_signals import interrupted_code
+from vibro_ros.process.untrusted import replace_file
 from vibro_ros.simulation.preparation import prepare_kernels
 from vibro_ros.study.locked_folder import locked
 from vibro_ros.study.progress import Progress

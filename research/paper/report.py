@@ -1,12 +1,6 @@
 """`make paper`: docs/paper.md, the paper's claims under every reading, from a full run of `study paper`."""
 
-if __name__ == "__main__":  # before all imports, as in every executable
-    import sys
-
-    from vibro_ros.process.front_door import enter
-
-    sys.exit(enter("paper_report"))
-
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -18,9 +12,7 @@ from research.paper.runs import full_effort
 from research.paper.verdicts import read_verdicts, write_verdicts
 from research.paper.words import page
 from research.paper.work import work_of_a_second
-from vibro_ros.process.command_line import Parser
-from vibro_ros.process.executables import EXECUTABLES
-from vibro_ros.process.front_door import exit_code
+from vibro_ros.process.front_door import Parser, exit_code
 from vibro_ros.study.locked_folder import locked
 
 TEXT, FOLDER = "paper.md", "paper"
@@ -54,7 +46,7 @@ def main(words: Sequence[str]) -> int:
 
 
 def _report(words: Sequence[str]) -> int:
-    parser = Parser(prog="paper_report", description=EXECUTABLES["paper_report"].does)
+    parser = Parser(prog="paper_report", description=__doc__)
     parser.add_argument("docs", type=Path, nargs="?", default=Path("docs"), help="where (default: %(default)s)")
     parser.add_argument("--rows", type=Path, default=Path("out/study/paper"), metavar="DIR",
                         help="where runs are kept, and gone on with (default: %(default)s)")
@@ -68,3 +60,7 @@ def _report(words: Sequence[str]) -> int:
     (options.docs / TEXT).write_text(document(read_verdicts(folder / VERDICTS)), encoding="utf-8")
     print(options.docs / TEXT)
     return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

@@ -18,7 +18,7 @@ import numpy as np
 
 from research.paper import readings, worksheet
 from research.paper.readings import INSTANTS, STEPS, Point, Reading, instants, points
-from vibro_ros.process.regular_file import content, opened, replace_file, write_all
+from vibro_ros.process.untrusted import content, opened, replace_file, write_all
 from vibro_ros.simulation.processes import core_count, in_processes
 from vibro_ros.simulation.provenance import software
 from vibro_ros.simulation.simulator import Simulator

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from research.paper.claims import CLAIMS, Mean, Verdict
 from research.paper.readings import UNITS, Reading, Span, points
-from vibro_ros.process.regular_file import replace_file
+from vibro_ros.process.untrusted import replace_file
 
 _OUTCOMES = ("one_run", "along_ox", "size")
 _POINTS = tuple(points())

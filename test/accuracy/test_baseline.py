@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tools import bench, bench_runs
+from tools import bench
 from vibro_ros import load_scene
 from vibro_ros.accuracy import baseline
 
@@ -13,9 +13,9 @@ DURATION = {"rigid": 0.2, "device": 0.6}  # s; the device's motor takes 0.5 s to
 def errors(name, steps):
     """Largest errors [m] of a mass and of the body, its height included, for each step [s]."""
     times = np.arange(round(200 * DURATION.get(name, 0.3)) + 1) / 200.0
-    exact, _ = bench_runs.run_exact(load_scene(name), times)
+    exact, _ = bench.run_exact(load_scene(name), times)
     places = np.array([exact.upper_position, exact.inclined_position, exact.body_position, exact.body_height]).T
-    return [np.abs(bench_runs.run_baseline(load_scene(name), times, step)[:, ::2] - places).max() for step in steps]
+    return [np.abs(bench.run_baseline(load_scene(name), times, step)[:, ::2] - places).max() for step in steps]
 
 
 @pytest.mark.parametrize("name", bench.SCENES)
@@ -33,8 +33,8 @@ def test_without_events_the_baseline_is_of_fourth_order():
         "effects.upper_contact": "none", "effects.inclined_contact": "none", "effects.friction": "none",
         "motor.acceleration": 50.0})  # the ramp lasts longer than the run: its end would be an event
     times = np.arange(41) / 200.0
-    exact, _ = bench_runs.run_exact(scene, times)
-    coarse, fine = (np.abs(bench_runs.run_baseline(scene, times, step)[:, 2] - exact.inclined_position).max()
+    exact, _ = bench.run_exact(scene, times)
+    coarse, fine = (np.abs(bench.run_baseline(scene, times, step)[:, 2] - exact.inclined_position).max()
                     for step in (1e-3, 5e-4))
     assert 14.0 < coarse / fine < 18.0
 

@@ -2,12 +2,20 @@
 
 import json
 import math
+import shutil
 from pathlib import Path
 
 import pytest
 
-from vibro_ros.configuration.scene_file import DEVICE_PARAMETERS, MOST_SCENES, load_scene, scene_origin, shipped_scenes
-from vibro_ros.configuration.shipped import config_folder
+from vibro_ros.configuration import scene_file as scene_file_module
+from vibro_ros.configuration.scene_file import (
+    DEVICE_PARAMETERS,
+    MOST_SCENES,
+    config_folder,
+    load_scene,
+    scene_origin,
+    shipped_scenes,
+)
 from vibro_ros.model.parameters import SCENE_PARAMETERS
 from vibro_ros.model.scene import Scene
 
@@ -67,11 +75,10 @@ def test_device_parameters_are_checked_and_left_aside(scene_file):
     assert "rate.publish" in refusal(scene_file(below_head("rate.publish: -1.0")))
 
 
-@pytest.mark.parametrize("value", ["odom", "[1, 2]", "{a: b}", "true"])
-def test_a_list_of_texts_that_is_none_is_refused(scene_file, value):
-    said = refusal(scene_file(below_head(f"record.topics: {value}")))
-    assert "record.topics" in said
-    assert value == "{a: b}" or "is not a list of texts; write [one, another]" in said
+@pytest.mark.parametrize("value", ["odom", "[1, 2]"])
+def test_another_value_than_a_list_of_texts_is_refused(scene_file, value):
+    assert "record.topics" in (said := refusal(scene_file(below_head(f"record.topics: {value}"))))
+    assert "is not a list of texts; write [one, another]" in said
 
 
 def test_every_scene_parameter_can_be_given_its_default(scene_file):
@@ -82,54 +89,44 @@ def test_every_scene_parameter_can_be_given_its_default(scene_file):
 
 @pytest.mark.parametrize(("line", "named"), [
     ("guide.angel: 1.0", ["guide.angel", "did you mean guide.angle?"]),
-    ("motor.sped: 1.0", ["did you mean motor.speed?"]),
-    ("rate.publsh: 1.0", ["did you mean rate.publish?"]),
     ("xyzzy: 1.0", ["xyzzy", "--help"]),
-    ("1: 2", ["1", "unknown"]),
     ('"a\\nb": 1.0', ["unknown"]),
     ("mass: 1.0", ["mass", "unknown"]),
     ("mass.body: heavy", ["mass.body", "heavy", "number", "kg"]),
-    ("mass.body: '1.0'", ["mass.body", "'1.0'", "number"]),
-    ("mass.body: true", ["mass.body", "True", "number"]),
     ("mass.body: [1.0]", ["mass.body", "[1.0]", "number"]),
     ("mass.body:", ["mass.body", "no value"]),
-    ("mass.body: 2020-01-01", ["mass.body", "number"]),
     ("mass.body: .nan", ["mass.body", "nan", "finite"]),
-    ("mass.body: -.inf", ["mass.body", "-inf", "finite"]),
     ("mass.body: 1" + "0" * 400, ["mass.body", "number"]),
-    ("mass.body: 1" + "0" * 5000, ["mass.body", "number"]),
-    ("mass.body: inf", ["mass.body", "inf", "finite"]),
-    ("mass.body: 1_0", ["mass.body", "1_0", "number"]),
-    ("mass.body: {}", ["mass.body", "no value"]),
     ("mass.body: &a 1.0\n    mass.upper: *a", ["line 4", "alias", "write the value out"]),
-    ("record.topics: []", ["a list"]),
     ("mass.body: 0.0", ["mass.body", "0", "above 0"]),
-    ("mass.body: -1.0", ["mass.body", "-1", "above 0"]),
     ("guide.angle: 3.2", ["guide.angle", "3.2", "3.14159"]),
     ("crank.radius: 0.07", ["crank.radius", "0.07", "0.06", "longer rod"]),
     ("motor.speed: 600.0", ["motor.speed", "600", "500", "motor.max_speed"]),
     ("upper.gap: 0.1", ["upper.gap", "0.1", "0.06"]),
-    ("effects.adhesion: 1", ["effects.adhesion", "1", "true or false"]),
-    ("effects.motor: rampp", ["effects.motor", "rampp", "ideal, ramp"]),
     ('effects.motor: "a\\nb"', ["effects.motor", "ideal, ramp"]),
     ("mass.body: 1.0\n    mass.body: 2.0", ["mass.body", "twice"]),
     ("mass.body: 1.0\n    mass: {body: 2.0}", ["mass.body", "twice"]),
-    ("mass.body: !!python/object:os.system x", ["mass.body", "'x'", "number"])], ids=lambda value: str(value)[:40])
+    ("mass.body: !!python/object:os.system x", ["line 3", "python/object"])], ids=lambda value: str(value)[:40])
 def test_a_wrong_line_is_refused(scene_file, line, named):
     message = refusal(scene_file(below_head(line)))
     assert not [text for text in named if text not in message]
 
 
 @pytest.mark.parametrize(("content", "named"), [
-    ("", "parameter file"), ("5", "parameter file"), ("- 1", "parameter file"), ("&a [*a]", "itself"),
+    ("", "parameter file"), ("5", "parameter file"), ("- 1", "parameter file"), ("&a [*a]", "alias"),
     ("/**:\n  mass.body: 1.0\n", "ros__parameters"), ("/**:\n  ros__parameters:\n", "ros__parameters"),
     ("mass.body: 1.0\n", "ros__parameters"), ("/**:\n  ros__parameters: {}\n  other: 1\n", "ros__parameters"),
     ("/**:\n\tros__parameters: {}", "line 2"), ("a: 1\n---\nb: 2", "YAML"), ("a: [1, 2", "YAML"),
     ("{a: 1, a: 2}", "twice"),
-    (b"\xff\xfe\x00", "YAML"), ("a: \x00", "YAML"), (HEAD + "    ? [a]\n    : 1.0\n", "no name"),
-    ("/**: &x\n  ros__parameters: *x\n", "itself"), ("a: " + "{a: " * 3000 + "1" + "}" * 3000, "nested")])
+    (b"\xff\xfe\x00", "YAML"), (HEAD + "    ? [a]\n    : 1.0\n", "a key that is"),
+    ("a: " + "{a: " * 3000 + "1" + "}" * 3000, "nested")])
 def test_a_file_of_another_structure_is_refused(scene_file, content, named):
     assert named in refusal(scene_file(content))
+
+
+def test_a_long_value_or_name_makes_no_long_message(scene_file):
+    for line in (f"mass.body: {'x' * 300_000}", f"effects.motor: {'x' * 300_000}", f"{'x' * 300}: 1.0"):
+        assert len(refusal(scene_file(below_head(line)))) < 600
 
 
 def test_a_missing_file_or_scene_is_refused(tmp_path):
@@ -237,3 +234,56 @@ def test_a_scenes_origin_means_the_same_from_everywhere(tmp_path, monkeypatch):
     assert scene_origin("mine.yaml", Path()) == str(tmp_path / "mine.yaml")
     with pytest.raises(ValueError, match="neither a shipped scene nor a file"):
         scene_origin("other.yaml", tmp_path)
+
+
+@pytest.fixture
+def installed_at(tmp_path, monkeypatch):
+    """Return a function that pretends the package was installed into a folder of `tmp_path`."""
+    monkeypatch.delenv("AMENT_PREFIX_PATH", raising=False)
+
+    def install(folder: str) -> None:
+        file = tmp_path / folder / "vibro_ros" / "configuration" / "scene_file.py"
+        file.parent.mkdir(parents=True)
+        shutil.copy(scene_file_module.__file__, file)
+        monkeypatch.setattr(scene_file_module, "__file__", str(file))
+
+    return install
+
+
+def make_config(prefix: Path) -> Path:
+    """Make an empty config folder below an installation prefix and return it."""
+    folder = prefix / "share" / "vibro_ros" / "config"
+    folder.mkdir(parents=True)
+    return folder
+
+
+def test_checkout_uses_its_own_config(tmp_path, installed_at):
+    installed_at("checkout")
+    make_config(tmp_path)
+    (tmp_path / "checkout" / "package.xml").touch()
+    own = tmp_path / "checkout" / "config"
+    own.mkdir()
+    assert scene_file_module.config_folder() == own
+
+
+@pytest.mark.parametrize("folder", ["lib/python3.12/site-packages", "local/lib/python3.12/dist-packages"])
+def test_installation_uses_its_prefix(tmp_path, installed_at, folder):
+    installed_at(folder)
+    (tmp_path / folder / "config").mkdir()  # another package's
+    config = make_config(tmp_path)
+    assert scene_file_module.config_folder() == config
+
+
+def test_ament_prefix_is_the_last_resort(tmp_path, installed_at, monkeypatch):
+    installed_at("elsewhere")
+    monkeypatch.setenv("AMENT_PREFIX_PATH", f"{tmp_path / 'missing'}:{tmp_path / 'underlay'}")
+    config = make_config(tmp_path / "underlay")
+    assert scene_file_module.config_folder() == config
+
+
+def test_missing_config_says_where_it_looked(tmp_path, installed_at):
+    installed_at("lib/python3.12/site-packages")
+    with pytest.raises(FileNotFoundError) as error:
+        scene_file_module.config_folder()
+    assert str(tmp_path / "share" / "vibro_ros" / "config") in str(error.value)
+    assert "\n" not in str(error.value)

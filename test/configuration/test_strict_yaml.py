@@ -8,28 +8,13 @@ import pytest
 from vibro_ros.configuration.strict_yaml import LIMITS, Limits, parsed, read_scalar, read_yaml
 
 LONGEST = 10.0  # s, of the slowest document
-LAUGHS = "a: &a [x, x, x, x, x, x, x, x, x]\n" + "".join(
-    f"{two}: &{two} [{', '.join(['*' + one] * 9)}]\n" for one, two in zip("abcdefg", "bcdefgh", strict=True))
 HOSTILE = {
     "nested lists": ("[" * 100_000, "nested more than 32 deep"),
-    "nested mappings": ("{a: " * 100_000, "nested more than 32 deep"),
-    "nested keys": ("? " * 100_000, "nested more than 32 deep"),
-    "nested dashes": ("- " * 100_000, "nested more than 32 deep"),
-    "a billion laughs": (LAUGHS, "more than 100000 keys and values"),
-    "a list in itself": ("&a [*a]", "'a' contains itself"),
-    "a mapping in itself": ("a: &x {b: *x}", "'x' contains itself"),
-    "merge": ("a: &a {x: 1}\nb: {<<: *a}", "line 2: not YAML: a merge key"),
+    "an alias": ("a: &a [x, x]\nb: [*a, *a]", "line 2: not read: the alias *a; write the value out"),
     "no such date": ("a: 2001-99-99", "'2001-99-99' cannot be read as timestamp"),
-    "no timestamp": ("!!timestamp x", "'x' cannot be read as timestamp"),
-    "no bool": ("!!bool maybe", "'maybe' cannot be read as bool"),
-    "no int": ("!!int junk", "'junk' cannot be read as int"),
-    "empty int": ('!!int ""', "'' cannot be read as int"),
-    "no float": ("!!float x", "'x' cannot be read as float"),
     "no binary": ("!!binary é", "base64"),
     "a long int": ("9" * 5000, "cannot be read as int"),
-    "a long hex": ("0x" + "f" * 5000, "more than 4096 bits"),
     "sexagesimal": ("1:" * 20_000 + "1", "more than 4096 bits"),
-    "a mapping that is none": ("!!map x", "expected a mapping node"),
     "a set that is none": ("!!set [a]", "expected a mapping node"),
     "unhashable": ("? [a]\n: b", "a key that is a list or a mapping"),
     "many keys": ("".join(f"{i}: 1\n" for i in range(60_000)), "more than 100000 keys and values"),
@@ -66,10 +51,10 @@ def test_forty_thousand_keys_are_read(tmp_path):
     assert time.monotonic() - began < LONGEST  # comparing every key with every other took minutes
 
 
-def test_aliases_within_the_limit_are_read():
-    assert parsed("a: &x [1, 2]\nb: *x\nc: [*x, *x]") == {"a": [1, 2], "b": [1, 2], "c": [[1, 2], [1, 2]]}
-    with pytest.raises(ValueError, match="more than 10 keys and values"):
-        parsed("a: &x [1, 2]\nb: *x\nc: [*x, *x]", Limits(values=10))
+def test_a_limit_counts_keys_and_values():
+    assert parsed("a: [1, 2]\nb: 3", Limits(values=7)) == {"a": [1, 2], "b": 3}
+    with pytest.raises(ValueError, match="more than 6 keys and values"):
+        parsed("a: [1, 2]\nb: 3", Limits(values=6))
 
 
 def test_what_is_no_regular_file_is_never_opened(tmp_path):
@@ -83,6 +68,6 @@ def test_what_is_no_regular_file_is_never_opened(tmp_path):
 
 
 def test_a_hostile_scalar_is_a_text():
-    for text in ("[" * 10_000, "!!bool maybe", "&a [*a]", "{", "\0", "2001-99-99"):
+    for text in ("[" * 10_000, "!!bool maybe", "{", "\0", "2001-99-99"):
         assert read_scalar(text) == text
     assert (read_scalar("1e-3"), read_scalar("true"), read_scalar("x")) == (1e-3, True, "x")

@@ -7,12 +7,13 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
+from importlib import import_module
 from importlib.metadata import entry_points
 from pathlib import Path
 
 import pytest
 
-from vibro_ros.process import front_door, stop_signals
+from vibro_ros.process import front_door
 from vibro_ros.process.executables import EXECUTABLES
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -90,18 +91,17 @@ def test_every_executable_begins_with_the_front_door(name):
 
 
 @pytest.mark.parametrize("name", EXECUTABLES)
-def test_its_help_begins_with_what_the_list_says(start, name):
+def test_its_help_begins_with_the_sentence_of_the_list(capsys, name):
     does = EXECUTABLES[name].does
     assert does.endswith(".") and len(does) < 100  # one line of a terminal
-    code, said, err = said_after(start(*module(name), "--help"))
-    assert (code, err) == (0, "")
-    assert does in " ".join(said.split())
+    with pytest.raises(SystemExit) as ended:
+        import_module(EXECUTABLES[name].module).main(["--help"])
+    assert not ended.value.code and does in " ".join(capsys.readouterr().out.split())
 
 
 @pytest.mark.parametrize("name, number, code", [
-    ("report", signal.SIGINT, 130), ("report", signal.SIGTERM, 143), ("replay", signal.SIGHUP, 129),
-    ("robot", signal.SIGINT, 0), ("robot", signal.SIGHUP, 0), ("controller", signal.SIGTERM, 143),
-    ("accuracy", signal.SIGINT, 130), ("recover", signal.SIGINT, 130), ("demo", signal.SIGINT, 130),
+    ("report", signal.SIGTERM, 143), ("replay", signal.SIGHUP, 129), ("robot", signal.SIGINT, 0),
+    ("view", signal.SIGINT, 130),
 ])
 def test_a_signal_during_imports_ends_it_with_one_line(start, name, number, code):
     process = start(*module(name), "--help")
@@ -111,7 +111,7 @@ def test_a_signal_during_imports_ends_it_with_one_line(start, name, number, code
 
 
 def test_a_signal_at_any_instant_of_the_imports(start):
-    for delay in (0.0, 0.1, 0.2, 0.3, 0.4, 0.6, 0.8):
+    for delay in (0.0, 0.2, 0.5):
         process = start(*module("accuracy"), "--scene", "nonsense")
         wait_until(lambda process=process: takes_signals(process), "signals taken")
         time.sleep(delay)  # the instant is what is tested
@@ -134,7 +134,7 @@ front_door.EXECUTABLES["planted"] = Executable("planted", False, "")
 code = front_door.enter("planted")
 sys.exit(code)
 """
-READY = "print('ready', flush=True)"
+READY = "__import__('os').write(1, b'ready\\n')"  # not by Python's own buffer, in which a signal may meet it
 
 
 def planted(start: Start, *lines: str, **options: object) -> subprocess.Popen:
@@ -142,13 +142,6 @@ def planted(start: Start, *lines: str, **options: object) -> subprocess.Popen:
     process = start("-c", DOOR.format(main="\n    ".join([*lines, "return 0"])), **options)
     assert process.stdout.readline() == "ready\n"
     return process
-
-
-def test_an_interrupt_that_a_finaliser_swallows_is_raised_again(start):
-    process = planted(start, "class Slow:", "    def __del__(self):", f"        {READY}", "        time.sleep(60)",
-                      "Slow()", "time.sleep(600)")
-    process.send_signal(signal.SIGINT)
-    assert said_after(process, PROMPT) == (130, "", "planted: stopped\n")
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
@@ -161,12 +154,11 @@ def test_an_interrupt_in_a_text_that_is_executed_gives_the_same_exit_code(start,
     assert said_after(process, PROMPT) == (128 + number, "", "planted: stopped\n")
 
 
-def test_who_swallows_every_interrupt_is_ended(start):
-    process = planted(start, READY, "while True:", "    try:", "        time.sleep(600)",
-                      "    except KeyboardInterrupt:", "        print('no', flush=True)")
-    for _ in range(stop_signals.MOST_INTERRUPTS):
-        process.send_signal(signal.SIGTERM)
-        assert process.stdout.readline() == "no\n"
+def test_a_second_signal_ends_a_program_that_swallows_the_first(start):
+    process = planted(start, "try:", f"    {READY}", "    time.sleep(600)", "except KeyboardInterrupt:",
+                      "    __import__('os').write(1, b'no\\n')", "time.sleep(600)")
+    process.send_signal(signal.SIGTERM)
+    assert process.stdout.readline() == "no\n"
     process.send_signal(signal.SIGTERM)
     assert said_after(process, PROMPT) == (143, "", "planted: stopped\n")
 
@@ -259,13 +251,9 @@ def run_shell(command: str, folder: Path) -> subprocess.CompletedProcess:
 HELP = f"{sys.executable} -m vibro_ros.recordings.recover --help"
 STREAMS = {
     "closed pipe": (f"{HELP} | head -0", 0, ""),
-    "closed stdout": (f"{HELP} >&-", 0, ""),
     "all closed": (f"{HELP} <&- >&- 2>&-", 0, ""),
     "full disk": (f"{HELP} > /dev/full", 1, "recover: standard output: No space left on device\n"),
-    "closed stderr": (f"{sys.executable} -m vibro_ros.recordings.recover none 2>&-", 2, ""),
     "closed pipe for errors": (f"{sys.executable} -m vibro_ros.recordings.recover none none 2>&1 | head -0", 2, ""),
-    "deleted folder": (f"mkdir gone; cd gone; rmdir ../gone; {HELP}", 2,
-                       "recover: {folder}/gone: this working folder was deleted; change to another one\n"),
 }
 
 

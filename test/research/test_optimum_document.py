@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 import vibro_ros
+from research.optimum import text as optimum_text
 from research.optimum.report import LASTING, TEXT, watched_of
 from research.optimum.text import FOLDER, SEARCHES, plan
-from tools import optimum_text
 from vibro_ros.study.optimise.evaluation import VERIFYING, Trials, values_of
 from vibro_ros.study.optimise.objective import Reading, directed
 from vibro_ros.study.optimise.result_file import read_result

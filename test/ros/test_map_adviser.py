@@ -7,7 +7,7 @@ import pytest
 from known_map import known_map
 
 from vibro_ros.bag.reader import read_bag
-from vibro_ros.configuration.command_map_file import find_map, written
+from vibro_ros.configuration.command_map import find_map, written
 
 FASTER = 4.0
 """Robot seconds per second."""

@@ -16,7 +16,7 @@ import vibro_ros
 from tools import accuracy_report, bench, effects, parameter_table
 from tools.generated_text import replaced
 from vibro_ros.accuracy.advice import MEAN_SPEED, NEEDS
-from vibro_ros.configuration.command_map_file import find_map, read_map
+from vibro_ros.configuration.command_map import find_map, read_map
 from vibro_ros.configuration.scene_file import DEVICE_PARAMETERS, load_scene, shipped_scenes
 from vibro_ros.messages.topics import COMMAND_UNITS, ROBOT_TOPICS
 from vibro_ros.model.parameters import SCENE_PARAMETERS

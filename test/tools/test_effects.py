@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tools import effect_cost, effects
-from tools.effects import Effect, mean_speeds, measure, size
+from tools import effects
+from tools.effects import mean_speeds, measure, size
 from vibro_ros.configuration.scene_file import load_scene
 from vibro_ros.model.parameters import SCENE_PARAMETERS
 from vibro_ros.simulation.simulator import Simulator
@@ -79,31 +79,3 @@ def test_the_documents_mean_speeds_are_still_the_robots():
     for name, speed in steady.items():
         _, without = EFFECTS[name].scenes()
         assert mean_speeds(without, 20.0, 1)[0] * 1e3 == pytest.approx(speed, abs=0.5), name
-
-
-def test_a_row_says_what_the_spread_can_explain():
-    one, other = effects.Size(4, 2, 3, 1), effects.Size(2, 2, 4, 1)
-    for speeds, words in (([1.0, 1.1], "+1049.0"), ([0.0, 0.01], "+4.0, within the spread"), ([0.0, 0.002], "none")):
-        row = effects.Row(Effect("e", {}), one, other, 1.5, np.array(speeds), np.array([0.0, 0.002]))
-        assert effects.as_line(row) == f"| e | +2 |  | -1 |  | 1.50 | +1.0 ± 1.0 | {words} |"
-
-
-def test_a_document_without_a_place_for_the_table_is_refused_before_anything_is_measured(tmp_path, capsys):
-    file = tmp_path / "page.md"
-    file.write_text("no place")
-    assert effects.main([str(file)]) == 2
-    assert file.read_text() == "no place"
-    assert capsys.readouterr().err.count("\n") == 1
-
-
-def test_the_cost_of_single_effects_is_printed(capsys):
-    assert effect_cost.main(["lag", "energy", "--duration", "0.1", "--repeats", "1"]) == 0
-    head, _, *rows = capsys.readouterr().out.splitlines()
-    assert head == "| scene | effect | cost |"
-    assert [row.split(" | ")[1] for row in rows] == ["`lag` motor, not `ideal`", "energy audit"]
-    assert all(float(row.split(" | ")[2].rstrip("| ")) > 0.0 for row in rows)
-
-
-def test_an_effect_that_does_not_exist_is_refused(capsys):
-    assert effect_cost.main(["magnet"]) == 2
-    assert "magnet: no effect has it in its name" in capsys.readouterr().err

@@ -115,7 +115,7 @@ def test_configuration_is_installed_and_found(installation, tmp_path):
     assert CONFIG
     for file in CONFIG:
         assert (share / file).read_bytes() == (ROOT / file).read_bytes()
-    program = "from vibro_ros.configuration import shipped; print(shipped.config_folder())"
+    program = "from vibro_ros.configuration.scene_file import config_folder; print(config_folder())"
     found = installation.run(f'"{sys.executable}" -c "{program}"', tmp_path)
     assert Path(found.strip()) == share / "config"
 
@@ -126,8 +126,3 @@ def test_ament_index_knows_the_package(installation, monkeypatch):
     assert Path(get_package_share_directory("vibro_ros"), "package.xml").read_bytes() == (
         ROOT / "package.xml"
     ).read_bytes()
-
-
-def test_every_executable_explains_itself(installation, tmp_path):
-    for entry in installation.entry_points:
-        assert "usage" in installation.run(f"{installation.executables / entry.name} --help", tmp_path).lower()

@@ -4,13 +4,6 @@ Nothing happens where the types are there already and nothing has changed from w
 without them, so that a missing or broken compiler is said in one line and is no failure.
 """
 
-if __name__ == "__main__":  # before all imports, as in every executable
-    import sys
-
-    from vibro_ros.process.front_door import enter
-
-    sys.exit(enter("interface_types"))
-
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -20,9 +13,7 @@ from tools.interfaces.definitions import InterfacePackage, interface_packages
 from tools.interfaces.fingerprint import fingerprint
 from tools.interfaces.generation import Sources
 from tools.interfaces.installation import install, workshop
-from vibro_ros.process.command_line import Parser
-from vibro_ros.process.executables import EXECUTABLES
-from vibro_ros.process.front_door import exit_code
+from vibro_ros.process.front_door import Parser, exit_code
 
 STAMP = "interface_types.done"
 """File in the environment that holds the fingerprint of what its types were made from; written last."""
@@ -63,7 +54,11 @@ def _build(package: InterfacePackage, folder: Path, prefix: Path, compiler: Sequ
 
 
 def _parser() -> Parser:
-    parser = Parser(prog="interface_types", description=EXECUTABLES["interface_types"].does)
+    parser = Parser(prog="interface_types", description=__doc__)
     parser.add_argument("--prefix", type=Path, default=Path(sys.prefix), metavar="FOLDER",
                         help="the environment that gets them (default: the one of this Python)")
     return parser
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

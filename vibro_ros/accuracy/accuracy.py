@@ -34,9 +34,8 @@ from vibro_ros.accuracy.timing import LEAST_TIME
 from vibro_ros.accuracy.timing import RATE as BENCH_RATE
 from vibro_ros.accuracy.words import findings, markdown, reference_in_words, reference_of, speeds_table
 from vibro_ros.configuration.scene_file import load_scene, shipped_scenes
-from vibro_ros.process.command_line import Parser
 from vibro_ros.process.executables import EXECUTABLES
-from vibro_ros.process.front_door import FAILURE, exit_code, say
+from vibro_ros.process.front_door import FAILURE, Parser, exit_code, say
 from vibro_ros.process.stop_signals import interrupted_code
 from vibro_ros.simulation.motion import SimulationError
 from vibro_ros.simulation.preparation import prepare_kernels
@@ -148,8 +147,7 @@ class Accuracy:
                 f"scene whose motor stands still at first is studied running, at {RUNNING_SPEED:g} rad/s from the "
                 f"start. A mean speed is that of {self._effort.duration:g} s, after {SETTLING:g} s to settle; its "
                 "starts are independent: in the first second motor speed and gaps are drawn at random. "
-                "`.venv/bin/python -m tools.coverage` repeats intervals from other starts and counts how "
-                "many hold: fewer than 95 of 100 where a rare start goes far astray, as by `rk4` at 0.0001 s in "
+                "Fewer than 95 of 100 intervals hold where a rare start goes far astray, as by `rk4` at 0.0001 s in "
                 "`paper`.")
 
     def draw(self, folder: Path) -> dict[str, Path]:

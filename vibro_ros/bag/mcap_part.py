@@ -22,7 +22,7 @@ from vibro_ros.bag.mcap_records import (
 from vibro_ros.bag.mcap_scan import scan
 from vibro_ros.bag.metadata import FileInformation, TopicInformation, custom_data, qos_profiles
 from vibro_ros.bag.part import CDR, Message, PartContents
-from vibro_ros.process.regular_file import open_to_read
+from vibro_ros.process.untrusted import open_to_read
 
 
 class McapPart:

@@ -7,7 +7,7 @@ from pathlib import Path
 import yaml
 
 from vibro_ros.configuration.strict_yaml import Limits, parsed, read_yaml
-from vibro_ros.process.regular_file import content, replace_file
+from vibro_ros.process.untrusted import content, replace_file
 
 BAG_VERSION = 9
 FILE_NAME = "metadata.yaml"

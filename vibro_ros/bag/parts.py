@@ -15,7 +15,7 @@ from vibro_ros.bag.mcap_scan import ForeignFileError
 from vibro_ros.bag.metadata import FILE_NAME, custom_of, read_metadata
 from vibro_ros.bag.part import Part
 from vibro_ros.bag.sqlite_part import DatabaseError, SqlitePart
-from vibro_ros.process.regular_file import kind_of, open_to_read
+from vibro_ros.process.untrusted import kind_of, open_to_read
 
 STORAGES = {".mcap": "mcap", ".db3": "sqlite3"}
 """What a file's ending says of its format."""

@@ -30,7 +30,7 @@ from vibro_ros.bag.sealing import remove_leftovers, seal_mcap, set_aside, settle
 from vibro_ros.bag.sqlite_part import JOURNALS, DatabaseError, is_hot
 from vibro_ros.bag.stream import BagError, BagStream
 from vibro_ros.bag.unreadable import not_read
-from vibro_ros.process.one_line import one_line
+from vibro_ros.process.untrusted import one_line
 
 
 class RecoveryError(Exception):

@@ -19,7 +19,7 @@ from vibro_ros.bag.mcap_scan import scan
 from vibro_ros.bag.mcap_segment import METADATA_KEY, METADATA_NAME
 from vibro_ros.bag.sqlite_part import JOURNALS, DatabaseError, SqlitePart, is_hot
 from vibro_ros.bag.torn import copy_bytes, keep_tail, put_back, torn_name
-from vibro_ros.process.regular_file import is_temporary, opened, temporary_name, write_all
+from vibro_ros.process.untrusted import is_temporary, opened, temporary_name, write_all
 
 _SUPER_JOURNAL = bytes.fromhex("d9d505f920a163d7")
 """At the end of a journal that names another file, which SQLite would look into and delete."""

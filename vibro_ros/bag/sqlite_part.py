@@ -14,7 +14,7 @@ from pathlib import Path
 from vibro_ros.bag.mcap_records import LARGEST_RECORD
 from vibro_ros.bag.metadata import LAST_STAMP, FileInformation, TopicInformation, custom_data, qos_profiles
 from vibro_ros.bag.part import CDR, Message, PartContents
-from vibro_ros.process.regular_file import opened
+from vibro_ros.process.untrusted import opened
 
 MOST_TOPICS = 10_000
 """Of a database; further ones are not read."""

@@ -14,7 +14,7 @@ from vibro_ros.bag.metadata import FILE_NAME, depth_of, is_lasting
 from vibro_ros.bag.part import Message, Part
 from vibro_ros.bag.parts import bag_files, chosen_files, opened_parts, told
 from vibro_ros.bag.unreadable import Unreadable
-from vibro_ros.process.one_line import one_line
+from vibro_ros.process.untrusted import one_line
 
 QOS_DEPTH = 10
 """Of a topic of which the bag does not say it."""

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from vibro_ros.process.one_line import one_line
+from vibro_ros.process.untrusted import one_line
 
 MOST_FLAWS = 20
 """Sentences on what cannot be read that people are shown."""

@@ -1,21 +1,37 @@
 """The command map of a machine: which motions it has at each motor speed and gap.
 
 The map is a grid of cells over the motor's speed and the gap of the sides that are commanded together, and a row for
-each motion that was found in a cell. `study map` makes maps, `controller` reads them.
+each motion that was found in a cell. `study map` makes maps, `controller` reads them. A map's file is strict JSON with
+exactly the keys that are written here, checked to the last number.
 """
 
+import json
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any, NoReturn
 
 import numpy as np
 
-from vibro_ros.model.parameters import BY_NAME, Value
+from vibro_ros.configuration.scene_file import config_folder
+from vibro_ros.model.parameters import BY_NAME, Value, checked_parameters, quoted
 from vibro_ros.model.scene import Scene
+from vibro_ros.process.untrusted import content
 
 PATCHWORK = -1
 """Number of no motion: of cells that are too few together to make one, where what is found changes from cell to cell.
 """
+TYPE = "vibro_ros command map, version 1"
+"""What the key `type` of a file says; a file of another form says another version."""
+LARGEST = 2**20
+"""Bytes of a file, at most."""
+MOST_ROWS = 100_000
+"""Motions of a file, at most."""
+SIDES = ("upper", "inclined")
+"""Sides whose gaps a map may vary."""
+CURVES = ("fold", "period doubling", "Neimark-Sacker", "grazing")
+"""Kinds of curves on which a motion changes its nature."""
 # Where a motion settles does not depend on how motor and plates get to where they are commanded.
 _FREE = ("start.", "solver.", "motor.", "effects.motor", "gap_actuator.")
 
@@ -97,6 +113,11 @@ class Found:
         return f"{self.mean_speed[row] * 1e3:.0f} mm/s, {kind}"
 
 
+_COLUMNS = tuple(field.name for field in fields(Found))
+_WHOLE = frozenset(_COLUMNS[:6])
+_KEYS = ("type", "made_by", "scene", "parameters", "gaps", "motor_speed", "gap", "found", "curves")
+
+
 @dataclass(frozen=True)
 class Curve:
     """Where motions change their nature.
@@ -172,6 +193,170 @@ def parameters_that_count(scene: Scene, sides: tuple[str, ...]) -> dict[str, Val
     """Parameters of a scene that its motions depend on: without commands, their actuators, the start and the solver."""
     free = (*_FREE, *(f"{side}.gap" for side in sides))
     return {name: scene[name] for name in BY_NAME if not name.startswith(free)}
+
+
+def shipped_maps() -> tuple[str, ...]:
+    """Names of the maps that come with the package: those of the shipped scenes."""
+    return tuple(sorted(path.stem for path in (config_folder() / "maps").glob("*.json")))
+
+
+def find_map(name_or_path: str) -> Path:
+    """The file of a shipped map's name, or `name_or_path` as a path (ValueError when there is neither)."""
+    if name_or_path in shipped_maps():
+        return (config_folder() / "maps") / f"{name_or_path}.json"
+    path = Path(name_or_path)
+    if "\0" in name_or_path or not name_or_path or not path.exists():
+        raise ValueError(f"map: {quoted(name_or_path)} is no such file; give a path or one of "
+                         f"{', '.join(shipped_maps())}")
+    return path
+
+
+def read_map(path: Path) -> CommandMap:
+    """Read and check a file.
+
+    Raises
+    ------
+    ValueError
+        For what is no command map of this version, in one line that names the file and the place in it.
+    """
+    try:
+        document = json.loads(content(path, LARGEST), parse_constant=_refuse, object_pairs_hook=_once)
+        return _command_map(document)
+    except OSError as error:
+        raise ValueError(f"{path}: {error.strerror}; give the path of a command map") from error
+    except RecursionError:
+        raise ValueError(f"{path}: no command map: its lists are nested too deep") from None
+    except (ValueError, OverflowError) as error:
+        raise ValueError(f"{path}: no command map: {error}; make one with `study map`") from error
+
+
+def written(command_map: CommandMap, made_by: str) -> str:
+    """The text of a map's file, of as many digits as its meaning needs."""
+    found = command_map.found
+    columns = {name: [_rounded(value) for value in getattr(found, name).tolist()] for name in _COLUMNS}
+    document = {
+        "type": TYPE, "made_by": made_by, "scene": command_map.scene, "parameters": dict(command_map.parameters),
+        "gaps": list(command_map.sides),
+        "motor_speed": _axis_document(command_map.speeds), "gap": _axis_document(command_map.gaps), "found": columns,
+        "curves": [{"kind": curve.kind, "turns": curve.turns, "motor_speed": list(curve.motor_speed),
+                    "gap": list(curve.gap)} for curve in command_map.curves]}
+    lines = ",\n".join(f" {json.dumps(key)}: {json.dumps(value, allow_nan=False)}" for key, value in document.items())
+    return f"{{\n{lines}\n}}\n"
+
+
+def _axis_document(axis: Axis) -> dict[str, float]:
+    return {"from": axis.low, "to": axis.high, "count": axis.count}
+
+
+def _rounded(value: float) -> float | None:
+    if isinstance(value, int):
+        return value
+    return float(f"{value:.5g}") if math.isfinite(value) else None
+
+
+def _refuse(name: str) -> NoReturn:
+    raise ValueError(f"{name} is no number")
+
+
+def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    found = dict(pairs)
+    if len(found) < len(pairs):
+        raise ValueError("a key is given twice")
+    return found
+
+
+def _command_map(document: Any) -> CommandMap:
+    document = _mapping(document, "the document", _KEYS)
+    if document["type"] != TYPE:
+        raise ValueError(f"type: {quoted(document['type'])} is not {TYPE!r}")
+    sides = tuple(str(side) for side in _list(document["gaps"], "gaps", 2))
+    if not sides or len(set(sides)) < len(sides) or any(side not in SIDES for side in sides):
+        raise ValueError(f"gaps: {quoted(sides)} are no sides; give {', '.join(SIDES)}")
+    speeds, gaps = (_axis(document[name], name) for name in ("motor_speed", "gap"))
+    if speeds.low <= 0.0:
+        raise ValueError(f"motor_speed: from {speeds.low:g} rad/s; give speeds above 0")
+    return CommandMap(_text(document["scene"], "scene"), _parameters(document["parameters"], sides), sides, speeds,
+                      gaps, _found(document["found"], speeds.count, gaps.count),
+                      tuple(_curve(curve, f"curves[{number}]")
+                            for number, curve in enumerate(_list(document["curves"], "curves", 10_000))))
+
+
+def _parameters(given: Any, sides: tuple[str, ...]) -> Mapping[str, Value]:
+    wanted = tuple(parameters_that_count(Scene("paper", {}), sides))
+    return checked_parameters(_mapping(given, "parameters", wanted), tuple(BY_NAME.values()))
+
+
+def _found(given: Any, speeds: int, gaps: int) -> Found:
+    given = _mapping(given, "found", _COLUMNS)
+    columns = {name: _column(given[name], name) for name in _COLUMNS}
+    if len({len(column) for column in columns.values()}) > 1:
+        raise ValueError("found: its columns have not the same length")
+    for name, least, most in (("speed_index", 0, speeds - 1), ("gap_index", 0, gaps - 1), ("motion", PATCHWORK, 10**6),
+                              ("turns", 0, 10**6), ("landings", 0, 10**9), ("sure", 0, 1)):
+        if len(columns[name]) and not least <= columns[name].min() <= columns[name].max() <= most:
+            raise ValueError(f"found.{name}: holds a number that is not from {least} to {most}")
+    return Found(**columns)
+
+
+def _column(given: Any, name: str) -> np.ndarray:
+    rows = _list(given, f"found.{name}", MOST_ROWS)
+    if name in _WHOLE:
+        if not all(type(value) is int and abs(value) < 2**53 for value in rows):
+            raise ValueError(f"found.{name}: holds what is no whole number")
+        return np.array(rows, dtype=int)
+    may_lack = name == "cost_of_transport"
+    return np.array([math.nan if value is None and may_lack else _number(value, f"found.{name}") for value in rows])
+
+
+def _curve(given: Any, where: str) -> Curve:
+    given = _mapping(given, where, ("kind", "turns", "motor_speed", "gap"))
+    if given["kind"] not in CURVES:
+        raise ValueError(f"{where}.kind: is none of {', '.join(CURVES)}")
+    if type(given["turns"]) is not int or not 1 <= given["turns"] <= 10**6:
+        raise ValueError(f"{where}.turns: is no whole number above 0")
+    speeds, gaps = (tuple(_number(value, f"{where}.{name}") for value in _list(given[name], f"{where}.{name}", 10_000))
+                    for name in ("motor_speed", "gap"))
+    if len(speeds) != len(gaps):
+        raise ValueError(f"{where}: {len(speeds)} motor speeds and {len(gaps)} gaps")
+    return Curve(given["kind"], given["turns"], speeds, gaps)
+
+
+def _axis(given: Any, name: str) -> Axis:
+    given = _mapping(given, name, ("from", "to", "count"))
+    low, high, count = _number(given["from"], name), _number(given["to"], name), given["count"]
+    if type(count) is not int or not 2 <= count <= 10_000 or not low < high:
+        raise ValueError(f"{name}: is no grid of at least 2 ascending values")
+    return Axis(low, high, count)
+
+
+def _mapping(given: Any, where: str, keys: tuple[str, ...]) -> dict[str, Any]:
+    if not isinstance(given, dict):
+        raise ValueError(f"{where}: is no mapping")
+    for key in keys:
+        if key not in given:
+            raise ValueError(f"{where}: {key} is missing")
+    for key in given:
+        if key not in keys:
+            raise ValueError(f"{where}: {quoted(key)} is unknown")
+    return given
+
+
+def _list(given: Any, where: str, most: int) -> list[Any]:
+    if not isinstance(given, list) or len(given) > most:
+        raise ValueError(f"{where}: is no list of at most {most} values")
+    return given
+
+
+def _text(given: Any, where: str) -> str:
+    if not isinstance(given, str) or not given.isprintable() or len(given) > 200:
+        raise ValueError(f"{where}: is no text of at most 200 characters")
+    return given
+
+
+def _number(given: Any, where: str) -> float:
+    if isinstance(given, bool) or not isinstance(given, (int, float)) or not abs(given) <= 1e9:
+        raise ValueError(f"{where}: holds what is no number up to 1e9 in magnitude")
+    return float(given)
 
 
 def _shown(value: Value) -> str:

@@ -9,9 +9,10 @@ from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import TypeVar
 
-from vibro_ros.configuration.rcl_yaml import SECTION, rcl_document
 from vibro_ros.configuration.strict_yaml import read_yaml
 
+SECTION = "ros__parameters"
+"""Key above the parameters of a node."""
 FIXED_OF_RCLPY = {
     "use_sim_time": "take the time of stamps from /clock instead of the computer's clock",
     "start_type_description_service": "offer the service ~/get_type_description",
@@ -19,8 +20,6 @@ FIXED_OF_RCLPY = {
 """Parameters, true or false, that rclpy declares for every node, and what they mean."""
 OF_RCLPY = (*FIXED_OF_RCLPY, "qos_overrides")
 """Parameters, or beginnings of their names, that rclpy itself declares; `ros2 param dump` writes them, too."""
-
-_NODE = re.compile(r"/?{0}(?:/{0})*".format(r"(?:\*\*?|[A-Za-z_][A-Za-z0-9_]*)"))
 
 V = TypeVar("V")
 Sections = list[tuple[str, dict[str, object]]]
@@ -35,11 +34,9 @@ def sections(path: Path) -> Sections:
     ValueError
         If the file is missing, is not YAML, or is no parameter file; one line that names the file and the remedy.
     """
-    tree = read_yaml(path, document=rcl_document)
+    tree = read_yaml(path)
     try:
         found = list(_sections(tree, ""))
-    except RecursionError:
-        raise ValueError(f"{path}: a mapping contains itself; write it out") from None
     except ValueError as error:
         raise ValueError(f"{path}: {' '.join(str(error).split())}") from None
     if not found:
@@ -100,9 +97,6 @@ def _sections(tree: object, above: str) -> Iterator[tuple[str, dict[str, object]
         if key != SECTION:
             yield from _sections(value, f"{above}{'/' * (above != '' and not above.endswith('/'))}{key}")
         elif above and isinstance(value, Mapping):
-            if not _NODE.fullmatch(above):
-                raise ValueError(f"{above!r}: is no node's name; write names of letters, digits and _, * or **, and / "
-                                 "between them")
             yield above, _flat(value)
         else:
             raise ValueError(f"{above}: {_NONE}" if above else _NONE)
@@ -119,6 +113,8 @@ def _flat(tree: Mapping) -> dict[str, object]:
 
 def _leaves(tree: Mapping, prefix: str) -> Iterator[tuple[str, object]]:
     for key, value in tree.items():
+        if value is None or value == {}:
+            raise ValueError(f"{prefix}{key}: has no value; give one, or leave it out")
         if isinstance(value, Mapping):
             yield from _leaves(value, f"{prefix}{key}.")
         else:

@@ -1,10 +1,10 @@
-"""Scenes and device parameters from ordinary ROS parameter files."""
+"""Scenes and device parameters from ordinary ROS parameter files, and where the shipped ones lie."""
 
 import os
+from collections.abc import Iterator
 from pathlib import Path
 
 from vibro_ros.configuration.parameter_file import Sections, absolute, check_addressed, merged, own_parameters, sections
-from vibro_ros.configuration.shipped import config_folder
 from vibro_ros.model.parameters import SCENE_PARAMETERS, Parameter, checked_parameters
 from vibro_ros.model.scene import Scene
 
@@ -139,3 +139,36 @@ def _scene_path(name: str, folder: Path) -> Path:
     if os.path.isfile(path):  # which is false, not an error, for a name that no file can have
         return path
     raise ValueError(f"{name}: neither a shipped scene nor a file; shipped scenes are {', '.join(shipped_scenes())}")
+
+
+def config_folder() -> Path:
+    """The folder of the shipped configuration: scenes, maps, controller scripts and the robot's parameter file.
+
+    The same call serves a source checkout, a pip installation and a colcon workspace.
+
+    Returns
+    -------
+    Path
+        Absolute; holds `robot.yaml`, `scenes/` and `controller/`.
+
+    Raises
+    ------
+    FileNotFoundError
+        If the package was installed without its data; one line that names where it was looked for.
+    """
+    candidates = list(_candidates(Path(__file__).resolve().parents[1]))
+    for folder in candidates:
+        if folder.is_dir():
+            return folder
+    looked_for = ", ".join(map(str, candidates))
+    raise FileNotFoundError(f"vibro_ros is installed without its config folder (looked for {looked_for}); reinstall it")
+
+
+def _candidates(package: Path) -> Iterator[Path]:
+    """The folders that config/ may be, the most specific first, for the folder of the imported package."""
+    if (package.parent / "package.xml").is_file():
+        yield package.parent / "config"
+    # <prefix>/lib/python3.x/site-packages/vibro_ros; Debian puts `local/` before `lib/`.
+    underlays = filter(None, os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep))
+    for prefix in [*package.parents[:5], *map(Path, underlays)]:
+        yield prefix / "share" / "vibro_ros" / "config"

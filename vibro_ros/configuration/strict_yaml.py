@@ -1,29 +1,29 @@
 """YAML read as its authors mean it, and within limits: no key twice, 1e-3 is a number, no file hangs or kills.
 
-A document is looked through, event by event, before anything is made of it: how deep it is nested and how many values
-it unfolds to. An alias counts with all that it stands for, so that a few lines cannot become a billion values.
+A document is scanned, event by event, before anything is made of it: how deep it is nested and how many values it has.
+Aliases are refused, because a few lines of them can become a billion values, and because rcl refuses them, too.
 """
 
 import re
-from collections.abc import Callable, Hashable
+from collections.abc import Hashable
 from dataclasses import dataclass
 from pathlib import Path
 
 import yaml
 
-from vibro_ros.process.regular_file import content
+from vibro_ros.process.untrusted import content
 
 
 @dataclass(frozen=True)
 class Limits:
-    """What a document may be at most.
+    """The largest document that is read.
 
     Attributes
     ----------
     size : int
         Bytes of the file.
     values : int
-        Keys and values, each alias counted with all that it stands for.
+        Keys and values.
     depth : int
         Lists and mappings inside each other.
     """
@@ -38,8 +38,6 @@ LIMITS = Limits()
 
 INTEGER_BITS = 4096
 """Longest integer: Python refuses to print one of some thousand digits, even into a message that refuses it."""
-
-_MERGE = "tag:yaml.org,2002:merge"
 
 
 class _LimitError(yaml.MarkedYAMLError):
@@ -58,9 +56,6 @@ class _Loader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):  # type: ignore[mi
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Hashable, object]:
         seen = set()
         for key_node, _ in node.value if isinstance(node, yaml.MappingNode) else ():
-            if key_node.tag == _MERGE:
-                raise yaml.MarkedYAMLError(problem="a merge key (<<); write the values out",
-                                           problem_mark=key_node.start_mark)
             key = self.construct_object(key_node, deep=True)
             if not isinstance(key, Hashable):
                 raise yaml.MarkedYAMLError(problem="a key that is a list or a mapping; give a text",
@@ -88,11 +83,7 @@ _Loader.add_implicit_resolver(
 )
 
 
-def _strict_document(text: str) -> object:
-    return yaml.load(text, _Loader)
-
-
-def parsed(text: str, limits: Limits = LIMITS, document: Callable[[str], object] = _strict_document) -> object:
+def parsed(text: str, limits: Limits = LIMITS) -> object:
     """The document that `text` is; None when it is empty.
 
     Parameters
@@ -100,9 +91,7 @@ def parsed(text: str, limits: Limits = LIMITS, document: Callable[[str], object]
     text : str
         YAML.
     limits : Limits
-        What is not read.
-    document : callable
-        Makes the document of a text within the limits; raises yaml.YAMLError.
+        Larger documents are refused.
 
     Raises
     ------
@@ -111,7 +100,7 @@ def parsed(text: str, limits: Limits = LIMITS, document: Callable[[str], object]
     """
     try:
         _check(text, limits)
-        return document(text)
+        return yaml.load(text, _Loader)
     except yaml.MarkedYAMLError as error:
         line = f"line {error.problem_mark.line + 1}: " if error.problem_mark else ""
         raise ValueError(f"{line}{getattr(error, 'kind', 'not YAML')}: {error.problem or error.context}") from error
@@ -128,8 +117,7 @@ def read_scalar(text: str) -> object:
     return value if isinstance(value, (bool, int, float, str)) else text
 
 
-def read_yaml(path: Path, limits: Limits = LIMITS, follow: bool = True,
-              document: Callable[[str], object] = _strict_document) -> object:
+def read_yaml(path: Path, limits: Limits = LIMITS, follow: bool = True) -> object:
     """The document in the file at `path`; None when it is empty.
 
     Parameters
@@ -137,11 +125,9 @@ def read_yaml(path: Path, limits: Limits = LIMITS, follow: bool = True,
     path : Path
         Of a regular file.
     limits : Limits
-        What is not read.
+        Larger documents are refused.
     follow : bool
         Whether `path` may be a symbolic link.
-    document : callable
-        As for `parsed`.
 
     Raises
     ------
@@ -149,7 +135,7 @@ def read_yaml(path: Path, limits: Limits = LIMITS, follow: bool = True,
         Naming the file, for one that cannot be read, is not YAML, or exceeds the limits.
     """
     try:
-        return parsed(content(path, limits.size, follow).decode(), limits, document)
+        return parsed(content(path, limits.size, follow).decode(), limits)
     except OSError as error:
         raise ValueError(f"{path}: {error.strerror}; give the path of a YAML file") from error
     except UnicodeDecodeError as error:
@@ -161,31 +147,17 @@ def read_yaml(path: Path, limits: Limits = LIMITS, follow: bool = True,
 
 
 def _check(text: str, limits: Limits) -> None:
-    """Look through the events of `text` (YAMLError for one that exceeds a limit)."""
-    sizes: dict[str, int] = {}  # of what an anchor names
-    within: list[str | None] = []  # anchors of the lists and mappings that are open
-    counts = [0]  # values of each that is open
+    """Scan the events of `text` (YAMLError for a document that exceeds a limit)."""
+    depth = values = 0
     for event in yaml.parse(text, _Loader):
-        size, anchor = 0, None
-        if isinstance(event, (yaml.SequenceStartEvent, yaml.MappingStartEvent)):
-            within.append(event.anchor)
-            counts.append(1)
-        elif isinstance(event, (yaml.SequenceEndEvent, yaml.MappingEndEvent)):
-            size, anchor = counts.pop(), within.pop()
-        elif isinstance(event, yaml.ScalarEvent):
-            size, anchor = 1, event.anchor
-        elif isinstance(event, yaml.AliasEvent):
-            if event.anchor in within:
-                raise _LimitError(problem=f"{event.anchor!r} contains itself; write it out",
-                                  problem_mark=event.start_mark)
-            size = sizes.get(event.anchor, 1)
-        if anchor is not None:
-            sizes[anchor] = size
-        counts[-1] += size
-        if len(within) > limits.depth:
+        depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
+        values += isinstance(event, yaml.NodeEvent)
+        if isinstance(event, yaml.AliasEvent):
+            raise _LimitError(problem=f"the alias *{event.anchor}; write the value out", problem_mark=event.start_mark)
+        if depth > limits.depth:
             raise _LimitError(problem=f"lists and mappings nested more than {limits.depth} deep",
                               problem_mark=event.start_mark)
-        if counts[-1] > limits.values:
+        if values > limits.values:
             raise _LimitError(problem=f"more than {limits.values} keys and values", problem_mark=event.start_mark)
 
 

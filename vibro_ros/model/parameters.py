@@ -19,6 +19,16 @@ Value = Any
 NEGLIGIBLE = 1e-30
 
 
+LONGEST_QUOTE = 200
+"""Characters of a given value that a message repeats."""
+
+
+def quoted(value: object) -> str:
+    """`value` as Python writes it, for a message: in one line, and without its middle if it is long."""
+    text = repr(value)
+    return text if len(text) <= LONGEST_QUOTE else f"{text[:LONGEST_QUOTE // 2]}…{text[-LONGEST_QUOTE // 2:]}"
+
+
 @dataclass(frozen=True)
 class Parameter:
     """One parameter.
@@ -75,27 +85,28 @@ class Parameter:
         if isinstance(self.default, tuple):
             return self._checked_texts(value)
         if type(value) is not type(self.default):
-            raise ValueError(f"{self.name}: {value!r} is not {self.type_name}; give {self.type_name}{self._hint()}")
+            raise ValueError(f"{self.name}: {quoted(value)} is not {self.type_name}; "
+                             f"give {self.type_name}{self._hint()}")
         if self.choices and value not in self.choices:
-            raise ValueError(f"{self.name}: {value!r} is unknown; choose one of {', '.join(self.choices)}")
+            raise ValueError(f"{self.name}: {quoted(value)} is unknown; choose one of {', '.join(self.choices)}")
         return value
 
     def _checked_texts(self, value: object) -> tuple[str, ...]:
         """`value` as a tuple of texts; the default in place of an empty list."""
         if not isinstance(value, (list, tuple)) or not all(isinstance(text, str) for text in value):
-            raise ValueError(f"{self.name}: {value!r} is not {self.type_name}; write [one, another]")
+            raise ValueError(f"{self.name}: {quoted(value)} is not {self.type_name}; write [one, another]")
         return tuple(value) or self.default
 
     def _checked_number(self, value: Any) -> float:
         """`value` as a number within the limits, or as 0 if its magnitude is negligible."""
         if isinstance(value, (bool, str)) or not hasattr(value, "__float__"):
-            raise ValueError(f"{self.name}: {value!r} is not a number; give a number{self._hint()}")
+            raise ValueError(f"{self.name}: {quoted(value)} is not a number; give a number{self._hint()}")
         try:
             number = float(value)
         except OverflowError:
             number = math.inf if value > 0 else -math.inf
         except (TypeError, ValueError):  # an array of several numbers has __float__, too
-            raise ValueError(f"{self.name}: {value!r} is not a number; give a number{self._hint()}") from None
+            raise ValueError(f"{self.name}: {quoted(value)} is not a number; give a number{self._hint()}") from None
         if not math.isfinite(number):
             raise ValueError(f"{self.name}: {number} is not finite; give a number{self._hint()}")
         counted = 0.0 if abs(number) < self.negligible else number + 0.0  # no -0.0
@@ -248,5 +259,5 @@ def parameter_named(name: str, by_name: Mapping[str, Parameter]) -> Parameter:
         return by_name[name]
     near = difflib.get_close_matches(name, by_name, n=1)
     remedy = f"did you mean {near[0]}?" if near else "`robot --help` lists the parameters"
-    shown = name if name.isprintable() else repr(name)
+    shown = name if name.isprintable() and len(name) <= LONGEST_QUOTE else quoted(name)
     raise ValueError(f"{shown}: unknown parameter; {remedy}")

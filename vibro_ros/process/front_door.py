@@ -1,4 +1,4 @@
-"""How every executable is entered and left: signals, streams, errors and exit codes.
+"""How every executable is entered and left: signals, streams, arguments, errors and exit codes.
 
 `enter` runs before anything that takes long to import, so that Ctrl-C at any instant ends the process with one line and
 the documented exit code. Three stages:
@@ -8,19 +8,32 @@ the documented exit code. Three stages:
 - when `main` is over, it changes nothing any more.
 """
 
+import argparse
 import atexit
+import errno
+import io
 import os
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from functools import partial
 from importlib import import_module
+from pathlib import Path
+from typing import Any, NoReturn
 
 from vibro_ros.process.executables import EXECUTABLES
-from vibro_ros.process.one_line import one_line
 from vibro_ros.process.stop_signals import change_nothing, end_at_once, interrupt_what_runs, interrupted_code
-from vibro_ros.process.streams import open_streams
+from vibro_ros.process.untrusted import one_line
 
 FAILURE, BAD_INPUT = 1, 2
+
+
+class Parser(argparse.ArgumentParser):
+    """An argument parser whose errors are one line, written by `exit_code`."""
+
+    def error(self, message: str) -> NoReturn:
+        """Raise `message` as the ValueError that bad input is everywhere else."""
+        raise ValueError(f"{message}; `{self.prog} --help` shows what there is")
 
 
 def enter(program: str) -> int:
@@ -41,7 +54,7 @@ def enter(program: str) -> int:
     interrupted: list[int] = []
     atexit.register(_leave, interrupted)  # before all others, so that it comes after them
     try:
-        code = _run(program) if _has_folder(program) else BAD_INPUT
+        code = _run(program)
     except KeyboardInterrupt:
         code = interrupted_code()
         interrupted.append(code)
@@ -88,6 +101,15 @@ def say(program: str, text: str) -> None:
     print(f"{program}: {one_line(' '.join(text.split()))}", file=sys.stderr, flush=True)
 
 
+@contextmanager
+def given_file(path: Path) -> Iterator[None]:
+    """Raise an OSError about the file that the command line names as the ValueError that bad input is."""
+    try:
+        yield
+    except OSError as error:
+        raise ValueError(f"{path}: {error.strerror or error}") from error
+
+
 def _run(program: str) -> int:
     try:
         main = import_module(EXECUTABLES[program].module).main
@@ -106,17 +128,6 @@ def _remedy(module: str) -> str:
     if module == "rclpy" or module.endswith(("_msgs", "_srvs")):
         return "source a ROS 2 Jazzy installation, or use the environment that `make setup` makes"
     return "install what setup.py names"
-
-
-def _has_folder(program: str) -> bool:
-    """Whether the working folder exists: where it does not, libraries fail as they are imported."""
-    try:
-        os.getcwd()
-    except OSError:
-        folder = os.readlink("/proc/self/cwd").removesuffix(" (deleted)")
-        say(program, f"{folder}: this working folder was deleted; change to another one")
-        return False
-    return True
 
 
 def _flushed(program: str, code: int) -> int:
@@ -139,6 +150,52 @@ def _works_on() -> bool:
     """Whether a thread still works that was left alone, such as a compilation: it would crash the interpreter's end."""
     threading = sys.modules.get("threading")
     return threading is not None and any(thread.daemon for thread in threading.enumerate())
+
+
+class Forgiving(io.FileIO):
+    """A file descriptor to which writing succeeds also when nobody reads any more.
+
+    A reader that has gone, be it `head` or a closed terminal, must not end a robot that seals its bag, nor a `recover`
+    at the first of its bags. Any other error, such as that of a full disk, is raised once; later output is dropped.
+    """
+
+    _UNREAD = (errno.EPIPE, errno.EIO, errno.ECONNRESET)  # a pipe without reader, a closed terminal, a lost connection
+
+    def __init__(self, descriptor: int):
+        super().__init__(descriptor, "w", closefd=False)
+        self._dropping = False
+
+    def write(self, data: Any) -> int:
+        """Write `data`; the number of bytes written, or dropped."""
+        try:
+            return memoryview(data).nbytes if self._dropping else super().write(data)
+        except OSError as error:
+            self._dropping = True
+            if error.errno in self._UNREAD:
+                return memoryview(data).nbytes
+            name = ("standard input", "standard output", "standard error")[self.fileno()]
+            raise OSError(error.errno, error.strerror, name) from None
+
+
+def open_streams() -> None:
+    """Renew `sys.stdout` and `sys.stderr`, and take every closed standard descriptor.
+
+    A descriptor below 3 that is left closed goes to the next file that is opened: a log line would land in a bag.
+    A character that the stream's encoding lacks is written as `\\u03c6`.
+    """
+    for descriptor in range(3):
+        try:
+            os.fstat(descriptor)
+        except OSError:
+            os.open(os.devnull, os.O_RDWR)  # gets the lowest free number, which is this one
+    sys.stdout, sys.stderr = _stream(1, sys.stdout), _stream(2, sys.stderr)
+
+
+def _stream(descriptor: int, before: Any) -> io.TextIOWrapper:
+    file = io.BufferedWriter(Forgiving(descriptor))
+    encoding = before.encoding if before else "utf-8"
+    return io.TextIOWrapper(file, encoding, errors="backslashreplace",
+                            line_buffering=descriptor == 2 or os.isatty(descriptor))
 
 
 def __getattr__(name: str) -> Callable[[], int]:

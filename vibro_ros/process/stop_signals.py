@@ -7,21 +7,13 @@ other ROS nodes do. SIGQUIT (Ctrl-\\) always ends the process where it stands.
 
 import os
 import signal
-import sys
 from collections.abc import Callable
 from functools import partial
 from types import FrameType
 
-from vibro_ros.process.streams import Forgiving
-
-STOPPED_BY_DESIGN = {"robot", "view", "live_view", "look"}
-"""Executables that a signal ends well, with exit code 0; the others exit with 128 + its number. `view` is one of them
-unless it has a recording to read."""
-MOST_INTERRUPTS = 2
-"""Signals that raise KeyboardInterrupt; the one after them ends the process at once, whatever has swallowed these."""
-
+ENDLESS = {"robot", "live_view"}
+"""Executables that a signal ends well, with exit code 0; the others exit with 128 + its number."""
 _STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-_AGAIN = 0.05  # s, after which a KeyboardInterrupt that was swallowed, or came at a bad moment, is raised again
 
 
 class StopRequest:
@@ -67,33 +59,32 @@ class StopRequest:
 
 
 class Process:
-    """What is known of this process: its program, and the signals that came.
+    """This process: its program, and the signals that came.
 
     Attributes
     ----------
     program : str
         Name of the executable.
+    endless : bool
+        Whether the program runs until a signal ends it, so that the signal is no failure.
     stage : str
         Words that say when a signal came.
     heard : tuple of int
-        Stop signals that were not ignored when it began.
+        Stop signals that were not ignored when the process began.
     signal : int or None
         Number of the signal that interrupted the process first.
-    has_an_end : bool
-        Whether the process ends by itself when its work is done, although its program is of `STOPPED_BY_DESIGN`.
     """
 
     def __init__(self):
         self.program = ""
-        self.has_an_end = False
+        self.endless = False
         self.stage = " while starting"
         self.heard = _STOP_SIGNALS
         self.signal: int | None = None
-        self._interrupts = 0
 
     def code_after(self, number: int) -> int:
         """Exit code of a process that the signal `number` ends."""
-        return 0 if self.program in STOPPED_BY_DESIGN and not self.has_an_end else 128 + number
+        return 0 if self.endless else 128 + number
 
     def leave(self, number: int, frame: FrameType | None) -> None:
         """End the process at once. An exception might be swallowed: by a finaliser, or a callback of C code."""
@@ -104,23 +95,12 @@ class Process:
         os._exit(self.code_after(number))
 
     def interrupt(self, number: int, frame: FrameType | None) -> None:
-        """Raise KeyboardInterrupt in what runs; a little later if it writes, or it would write the same again."""
+        """Raise KeyboardInterrupt at the first signal; end at the second, which comes if the first was swallowed."""
         self.stage = ""
-        if number != signal.SIGALRM:
-            self.signal, self._interrupts = self.signal or number, self._interrupts + 1
-        if self._interrupts > MOST_INTERRUPTS:
+        if self.signal is not None:
             self.leave(number, frame)
-        if frame is not None and frame.f_code is Forgiving.write.__code__:
-            signal.setitimer(signal.ITIMER_REAL, _AGAIN)
-            return
+        self.signal = number
         raise KeyboardInterrupt
-
-    def notice_swallowed(self, unraisable) -> None:
-        """Raise a KeyboardInterrupt anew that Python has dropped, because it met a finaliser or a callback."""
-        if issubclass(unraisable.exc_type, KeyboardInterrupt):
-            signal.setitimer(signal.ITIMER_REAL, _AGAIN)
-        else:
-            sys.__unraisablehook__(unraisable)
 
 
 process = Process()
@@ -129,7 +109,7 @@ process = Process()
 
 def end_at_once(program: str) -> None:
     """Let stop signals end the process from now on: an executable `program` that has nothing open yet."""
-    process.program = program
+    process.program, process.endless = program, program in ENDLESS
     process.heard = tuple(number for number in _STOP_SIGNALS
                           if number != signal.SIGHUP or signal.getsignal(number) is not signal.SIG_IGN)
     _on_stop_signals(process.leave)
@@ -139,15 +119,12 @@ def end_at_once(program: str) -> None:
 
 def interrupt_what_runs() -> None:
     """Let stop signals raise KeyboardInterrupt from now on."""
-    signal.signal(signal.SIGALRM, process.interrupt)
-    sys.unraisablehook = process.notice_swallowed
     _on_stop_signals(process.interrupt)
 
 
 def change_nothing() -> None:
     """Let stop signals do nothing any more: the process is at its end."""
     _on_stop_signals(signal.SIG_IGN)
-    signal.signal(signal.SIGALRM, signal.SIG_IGN)
 
 
 def interrupted_code() -> int:
@@ -156,7 +133,10 @@ def interrupted_code() -> int:
 
 
 def _give_signals_back() -> None:
-    """In a forked process, which others end by signals: let them do what they usually do."""
+    """In a forked process, which others end by signals: let them do what they usually do.
+
+    Blocked while it forks, because a signal in between would find no handler of Python's and be lost.
+    """
     _on_stop_signals(signal.SIG_DFL)
     signal.signal(signal.SIGINT, signal.default_int_handler)
     _unblock()

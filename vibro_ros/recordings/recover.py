@@ -11,9 +11,8 @@ from collections.abc import Sequence
 from datetime import datetime, timezone
 
 from vibro_ros.bag.recovery import RecoveryError, described, recover
-from vibro_ros.process.command_line import Parser
 from vibro_ros.process.executables import EXECUTABLES
-from vibro_ros.process.front_door import BAD_INPUT, exit_code, say
+from vibro_ros.process.front_door import BAD_INPUT, Parser, exit_code, say
 
 
 def main(words: Sequence[str]) -> int:

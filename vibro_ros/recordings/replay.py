@@ -16,10 +16,9 @@ from vibro_ros.bag.reader import load_bag
 from vibro_ros.bag.stream import BagError, BagStream
 from vibro_ros.bag.unreadable import not_read
 from vibro_ros.configuration.strict_yaml import read_scalar
-from vibro_ros.process.command_line import Parser
 from vibro_ros.process.executables import EXECUTABLES
-from vibro_ros.process.front_door import exit_code, say
-from vibro_ros.process.one_line import one_line
+from vibro_ros.process.front_door import Parser, exit_code, say
+from vibro_ros.process.untrusted import one_line
 from vibro_ros.recordings.comparison import Comparison, compare
 from vibro_ros.recordings.report import COLUMNS
 from vibro_ros.recordings.summary import as_text, summarise

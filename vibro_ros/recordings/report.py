@@ -12,10 +12,9 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from vibro_ros.bag.reader import BagError, load_bag
-from vibro_ros.process.command_line import Parser
 from vibro_ros.process.executables import EXECUTABLES
-from vibro_ros.process.front_door import exit_code
-from vibro_ros.process.one_line import one_line
+from vibro_ros.process.front_door import Parser, exit_code
+from vibro_ros.process.untrusted import one_line
 from vibro_ros.recordings.energy import energy_of
 from vibro_ros.recordings.plots import plot_run
 from vibro_ros.recordings.summary import as_caption, as_text, summarise

@@ -24,7 +24,7 @@ from vibro_ros.messages.operations import RESET, perform, read_operation
 from vibro_ros.messages.topics import CHECKPOINT_TYPE, OPERATIONS, OPERATIONS_TYPE, ROBOT_TOPICS
 from vibro_ros.model.parameters import SCENE_PARAMETERS, Value, checked_parameters
 from vibro_ros.model.scene import Scene
-from vibro_ros.process.one_line import one_line
+from vibro_ros.process.untrusted import one_line
 from vibro_ros.simulation.preparation import prepare_kernels
 from vibro_ros.simulation.simulator import Simulator
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from vibro_ros.bag.reader import Arrays, Bag, BagError
 from vibro_ros.bag.unreadable import not_read
-from vibro_ros.process.one_line import one_line
+from vibro_ros.process.untrusted import one_line
 from vibro_ros.recordings.energy import energy_as_lines
 from vibro_ros.recordings.resets import changes, reset_times
 

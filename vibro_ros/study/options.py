@@ -7,7 +7,7 @@ from vibro_ros.configuration.scene_file import load_scene
 from vibro_ros.configuration.strict_yaml import read_scalar
 from vibro_ros.model.parameters import BY_NAME, Value, parameter_named
 from vibro_ros.model.scene import Scene
-from vibro_ros.process.command_line import Parser
+from vibro_ros.process.front_door import Parser
 from vibro_ros.simulation.processes import core_count
 from vibro_ros.study.running.runner import Runner, on_cluster, on_this_machine
 from vibro_ros.study.sweep.variation import whole_number

@@ -11,9 +11,8 @@ from collections import namedtuple
 from collections.abc import Sequence
 from importlib import import_module
 
-from vibro_ros.process.command_line import Parser
 from vibro_ros.process.executables import EXECUTABLES
-from vibro_ros.process.front_door import exit_code
+from vibro_ros.process.front_door import Parser, exit_code
 
 Study = namedtuple("Study", ["module", "does"])
 Study.__doc__ = """One study.

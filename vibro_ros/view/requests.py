@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any, NoReturn
 
 from vibro_ros.messages.topics import COMMAND_UNITS
-from vibro_ros.process.one_line import one_line
+from vibro_ros.process.untrusted import one_line
 
 LONGEST = 4096
 """Bytes of the longest text that a page may send."""

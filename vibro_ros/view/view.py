@@ -15,12 +15,10 @@ from pathlib import Path
 from tqdm import tqdm
 
 from vibro_ros.bag.stream import BagError
-from vibro_ros.process.command_line import Parser
 from vibro_ros.process.executables import EXECUTABLES
-from vibro_ros.process.front_door import exit_code
-from vibro_ros.process.one_line import one_line
-from vibro_ros.process.regular_file import open_to_read, replace_file
+from vibro_ros.process.front_door import Parser, exit_code
 from vibro_ros.process.stop_signals import process
+from vibro_ros.process.untrusted import one_line, open_to_read, replace_file
 from vibro_ros.view.bag_motion import bag_motion
 from vibro_ros.view.page import MARK, page_text
 
@@ -39,6 +37,7 @@ def main(words: Sequence[str]) -> int:
 
 
 def _live(words: Sequence[str]) -> int:
+    process.endless = True
     try:
         live = import_module(LIVE)
     except ModuleNotFoundError as error:
@@ -49,7 +48,6 @@ def _live(words: Sequence[str]) -> int:
 
 
 def _run(words: Sequence[str]) -> int:
-    process.has_an_end = True
     options = _parser().parse_args(words)
     try:
         print(one_line(write_page(options.bag, options.output)))

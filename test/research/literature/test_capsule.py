@@ -6,9 +6,9 @@ import math
 import numpy as np
 import pytest
 
+from research.literature import capsule
 from research.literature.capsule_equations import Capsule, Drive, harmonic, integrate
 from vibro_ros.simulation.simulator import Simulator
-from vibro_ros.study import capsule
 
 QUIET = dataclasses.replace(capsule.REFERENCE, alpha=0.05)
 

@@ -2,9 +2,9 @@
 
 import pytest
 
+from research.literature import gap_speed, gap_speed_finding
 from research.literature.published import FAILS, HOLDS, NOISE
 from vibro_ros.accuracy.starts import Average
-from vibro_ros.study import gap_speed, gap_speed_finding
 
 
 @pytest.mark.parametrize(("gap", "motor"), [(0.0, 100.0), (0.03, 80.0), (-0.003, 120.0)])

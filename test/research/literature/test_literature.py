@@ -5,10 +5,11 @@ from pathlib import Path
 
 import pytest
 
+from research.literature import command as literature
+from research.literature import report as literature_report
+from research.literature import two_phase_finding
+from research.literature.command import main
 from research.literature.published import OUTSIDE, VERDICTS, Check, Claim, Finding, Mapped, Studied
-from tools import literature_report
-from vibro_ros.study import literature, two_phase_finding
-from vibro_ros.study.study import main
 
 DOCS = Path(__file__).resolve().parents[3] / "docs"
 FINDINGS = literature.read_findings(DOCS / literature_report.FOLDER / literature.DATA)

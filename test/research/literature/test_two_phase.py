@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from vibro_ros.study import two_phase
+from research.literature import two_phase
 
 
 def test_the_closed_form_has_the_fixed_point_of_the_cosine_as_its_limit():

@@ -6,13 +6,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from research.paper import report as paper_report
 from research.paper.claims import HOLDS, NAMED, mean_of, speeds
 from research.paper.readings import SPANS, Point, Reading, exact_readings, spans
 from research.paper.runs import Batch, displacements, full_effort
 from research.paper.tables import MARKS
 from research.paper.verdicts import read_verdicts, write_verdicts
 from research.paper.words import all_and_forwards
-from tools import paper_report
 
 DOCS = Path(__file__).resolve().parents[3] / "docs"
 TEXT = (DOCS / paper_report.TEXT).read_text(encoding="utf-8")

@@ -16,8 +16,7 @@ from known_map import known_map
 
 import vibro_ros
 from vibro_ros.configuration.command_choice import CommandChoice
-from vibro_ros.configuration.command_map import PATCHWORK, Axis
-from vibro_ros.configuration.command_map_file import read_map
+from vibro_ros.configuration.command_map import PATCHWORK, Axis, read_map
 from vibro_ros.study.map import proof
 from vibro_ros.study.map.command import main
 from vibro_ros.study.map.design import GAP, SPEED, Line, MapDesign

@@ -17,12 +17,10 @@ from rclpy.executors import Executor
 from rclpy.node import Node
 from std_msgs.msg import Float64
 
-from vibro_ros.configuration.command_map import CommandMap
-from vibro_ros.configuration.command_map_file import find_map, read_map, shipped_maps
+from vibro_ros.configuration.command_map import CommandMap, find_map, read_map, shipped_maps
 from vibro_ros.model.parameters import Parameter, Value, checked_parameters
-from vibro_ros.process.command_line import Parser
 from vibro_ros.process.executables import EXECUTABLES
-from vibro_ros.process.front_door import exit_code
+from vibro_ros.process.front_door import Parser, exit_code
 from vibro_ros.process.stop_signals import StopRequest
 from vibro_ros.ros.controller.goals import check_reach
 from vibro_ros.ros.controller.map_adviser import MapAdviser

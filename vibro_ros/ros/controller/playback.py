@@ -24,9 +24,8 @@ from vibro_ros.bag.robot_topics import robot_topics
 from vibro_ros.bag.stream import BagError, BagStream, RecordedTopic
 from vibro_ros.bag.unreadable import not_read
 from vibro_ros.messages.topics import COMMAND_UNITS
-from vibro_ros.process.command_line import Parser
 from vibro_ros.process.executables import EXECUTABLES
-from vibro_ros.process.front_door import exit_code
+from vibro_ros.process.front_door import Parser, exit_code
 from vibro_ros.process.stop_signals import StopRequest
 from vibro_ros.ros.controller.player import Moments, Player
 from vibro_ros.ros.node import process

@@ -13,7 +13,7 @@ from pathlib import Path
 
 from vibro_ros.configuration.command_choice import CommandChoice
 from vibro_ros.configuration.command_map import CommandMap
-from vibro_ros.configuration.shipped import config_folder
+from vibro_ros.configuration.scene_file import config_folder
 from vibro_ros.configuration.strict_yaml import read_yaml
 from vibro_ros.messages.topics import COMMAND_UNITS
 from vibro_ros.ros.controller.goals import PositionGoal

@@ -12,7 +12,7 @@ from std_msgs.msg import Float64
 from std_srvs.srv import SetBool, Trigger
 
 from vibro_ros.messages.topics import COMMAND_UNITS
-from vibro_ros.process.one_line import one_line
+from vibro_ros.process.untrusted import one_line
 from vibro_ros.ros.node import qos
 from vibro_ros.view.requests import PLAIN_CALLS, SWITCHES, Call, Command
 

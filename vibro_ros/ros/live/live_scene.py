@@ -15,7 +15,7 @@ from rclpy.task import Future
 
 from vibro_ros.model.parameters import SCENE_PARAMETERS, checked_parameters
 from vibro_ros.model.scene import Scene
-from vibro_ros.process.one_line import one_line
+from vibro_ros.process.untrusted import one_line
 from vibro_ros.ros.node.refusals import peer_text
 
 AGAIN = 1.0

@@ -19,9 +19,8 @@ from typing import Any
 
 from vibro_ros.configuration.scene_file import NODE_NAME as ROBOT
 from vibro_ros.model.parameters import Parameter, checked_parameters
-from vibro_ros.process.command_line import Parser
 from vibro_ros.process.executables import EXECUTABLES
-from vibro_ros.process.front_door import exit_code
+from vibro_ros.process.front_door import Parser, exit_code
 from vibro_ros.process.stop_signals import StopRequest
 from vibro_ros.ros.live.live_page import LivePage
 from vibro_ros.ros.node import process

@@ -19,7 +19,7 @@ from vibro_ros.bag.cdr import deserialised
 from vibro_ros.messages.fields import PLATES
 from vibro_ros.messages.operations import PAUSE, RESUME, SET, Operation, read_operation
 from vibro_ros.messages.topics import OPERATIONS, OPERATIONS_TYPE, ROBOT_TOPICS
-from vibro_ros.process.one_line import one_line
+from vibro_ros.process.untrusted import one_line
 from vibro_ros.ros.live.quiet import QuietSubscription
 from vibro_ros.ros.node import qos
 from vibro_ros.ros.robot import diagnostics

@@ -5,7 +5,7 @@ from types import TracebackType
 
 from rclpy.impl.rcutils_logger import RcutilsLogger
 
-from vibro_ros.process.one_line import one_line
+from vibro_ros.process.untrusted import one_line
 from vibro_ros.ros.node.throttle import Throttle
 
 LONGEST_SHOWN = 60

@@ -12,7 +12,7 @@ from vibro_ros.bag.folders import bag_folders
 from vibro_ros.bag.recorder import Recorder
 from vibro_ros.bag.snapshot import Snapshot
 from vibro_ros.bag.together import Together
-from vibro_ros.process.one_line import one_line
+from vibro_ros.process.untrusted import one_line
 from vibro_ros.ros.node.throttle import Throttle
 from vibro_ros.ros.robot.recording_plan import Plan
 

@@ -25,9 +25,8 @@ from vibro_ros.configuration.scene_file import DEVICE_PARAMETERS, NODE_NAME, loa
 from vibro_ros.messages.topics import CHECKPOINT, CHECKPOINT_TYPE, COMMAND_UNITS, OPERATIONS, published_name
 from vibro_ros.model.parameters import SCENE_PARAMETERS, Value, checked_parameters
 from vibro_ros.model.scene import Scene
-from vibro_ros.process.command_line import Parser
 from vibro_ros.process.executables import EXECUTABLES
-from vibro_ros.process.front_door import exit_code, say
+from vibro_ros.process.front_door import Parser, exit_code, say
 from vibro_ros.process.stop_signals import StopRequest
 from vibro_ros.ros.node import process
 from vibro_ros.ros.node.node import SteadyNode

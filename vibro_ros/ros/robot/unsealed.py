@@ -7,7 +7,7 @@ from rclpy.impl.rcutils_logger import RcutilsLogger
 from vibro_ros.bag.folders import BAG_PATTERN
 from vibro_ros.bag.recovery import RecoveryError, described, recover
 from vibro_ros.bag.unsealed import unsealed_bags
-from vibro_ros.process.one_line import one_line
+from vibro_ros.process.untrusted import one_line
 
 MOST_UNSEALED = 10
 """Unsealed bags that are named at the start; how many more there are is said."""

@@ -11,10 +11,9 @@ import pyarrow as pa
 
 from vibro_ros.orbits.cut import free_cut
 from vibro_ros.orbits.stroboscope import Stroboscope
-from vibro_ros.process.command_line import Parser
-from vibro_ros.process.front_door import FAILURE, exit_code, say
-from vibro_ros.process.regular_file import replace_file
+from vibro_ros.process.front_door import FAILURE, Parser, exit_code, say
 from vibro_ros.process.stop_signals import interrupted_code
+from vibro_ros.process.untrusted import replace_file
 from vibro_ros.simulation.simulator import ToleranceWarning
 from vibro_ros.study.basins.attractors import NOWHERE, Found, found_in
 from vibro_ros.study.basins.blocks import FOLDER, Blocks

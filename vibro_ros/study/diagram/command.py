@@ -11,10 +11,9 @@ from vibro_ros.model.possible_state import PREFIX
 from vibro_ros.model.scene import Scene
 from vibro_ros.orbits.cut import free_cut
 from vibro_ros.orbits.turn_map import TURN, coordinates
-from vibro_ros.process.command_line import Parser
-from vibro_ros.process.front_door import exit_code, say
-from vibro_ros.process.regular_file import replace_file
+from vibro_ros.process.front_door import Parser, exit_code, say
 from vibro_ros.process.stop_signals import interrupted_code
+from vibro_ros.process.untrusted import replace_file
 from vibro_ros.simulation.preparation import prepare_kernels
 from vibro_ros.study.diagram.chain import Visit, VisitBlocks, visits, visits_in
 from vibro_ros.study.diagram.design import Design

@@ -9,12 +9,10 @@ from pathlib import Path
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from vibro_ros.configuration.command_map import CommandMap, parameters_that_count
-from vibro_ros.configuration.command_map_file import LARGEST, SIDES, written
-from vibro_ros.process.command_line import Parser
-from vibro_ros.process.front_door import exit_code, say
-from vibro_ros.process.regular_file import replace_file
+from vibro_ros.configuration.command_map import LARGEST, SIDES, CommandMap, parameters_that_count, written
+from vibro_ros.process.front_door import Parser, exit_code, say
 from vibro_ros.process.stop_signals import interrupted_code
+from vibro_ros.process.untrusted import replace_file
 from vibro_ros.study.locked_folder import locked
 from vibro_ros.study.map.curves import curves, ends
 from vibro_ros.study.map.design import MapDesign

@@ -2,10 +2,9 @@
 
 import argparse
 
-from vibro_ros.configuration.command_map import Axis
-from vibro_ros.configuration.command_map_file import MOST_ROWS, SIDES
+from vibro_ros.configuration.command_map import MOST_ROWS, SIDES, Axis
 from vibro_ros.configuration.strict_yaml import read_scalar
-from vibro_ros.process.command_line import Parser
+from vibro_ros.process.front_door import Parser
 from vibro_ros.study.map.design import MapDesign
 from vibro_ros.study.options import add_machine, machine_of
 from vibro_ros.study.sweep.variation import whole_number

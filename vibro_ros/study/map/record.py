@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pyarrow as pa
 
-from vibro_ros.configuration.command_map_file import CURVES as CURVE_KINDS
+from vibro_ros.configuration.command_map import CURVES as CURVE_KINDS
 from vibro_ros.orbits.turn_map import coordinates
 from vibro_ros.study.map.curves import End, Point, end_point
 from vibro_ros.study.map.design import MapDesign

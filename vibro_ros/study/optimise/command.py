@@ -11,10 +11,9 @@ from vibro_ros.accuracy.precision import running
 from vibro_ros.configuration.scene_file import load_scene
 from vibro_ros.model.parameters import BY_NAME, parameter_named
 from vibro_ros.model.scene import Scene
-from vibro_ros.process.command_line import Parser
-from vibro_ros.process.front_door import exit_code, say
-from vibro_ros.process.regular_file import replace_file
+from vibro_ros.process.front_door import Parser, exit_code, say
 from vibro_ros.process.stop_signals import interrupted_code
+from vibro_ros.process.untrusted import replace_file
 from vibro_ros.simulation.preparation import prepare_kernels
 from vibro_ros.simulation.processes import core_count
 from vibro_ros.study.optimise.drawing import draw_convergence, draw_front, draw_sensitivity

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from vibro_ros.process.regular_file import content, opened, replace_file, write_all
+from vibro_ros.process.untrusted import content, opened, replace_file, write_all
 from vibro_ros.study.locked_folder import lock
 
 #: Largest file that is read [B]: a million candidates with 17 coordinates and 4 starts.

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from vibro_ros.accuracy.starts import Average
-from vibro_ros.process.regular_file import content, replace_file
+from vibro_ros.process.untrusted import content, replace_file
 from vibro_ros.study.optimise.behaviour import Behaviour
 from vibro_ros.study.optimise.front import FrontRobot
 from vibro_ros.study.optimise.plan import Plan

@@ -5,7 +5,7 @@ from pathlib import Path
 import yaml
 
 from vibro_ros.model.scene import Scene
-from vibro_ros.process.regular_file import replace_file
+from vibro_ros.process.untrusted import replace_file
 
 
 def write_scene(path: Path, scene: Scene, comment: str) -> None:

@@ -14,10 +14,9 @@ from vibro_ros.accuracy.precision import running
 from vibro_ros.configuration.strict_yaml import read_scalar
 from vibro_ros.model.parameters import BY_NAME
 from vibro_ros.orbits.turn_map import TurnMap
-from vibro_ros.process.command_line import Parser
-from vibro_ros.process.front_door import exit_code, say
-from vibro_ros.process.regular_file import replace_file
+from vibro_ros.process.front_door import Parser, exit_code, say
 from vibro_ros.process.stop_signals import interrupted_code
+from vibro_ros.process.untrusted import replace_file
 from vibro_ros.study.locked_folder import locked
 from vibro_ros.study.options import add_machine, add_runner, machine_of, runner_of
 from vibro_ros.study.orbits.branch_files import FOLDER, columns_of

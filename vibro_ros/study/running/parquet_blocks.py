@@ -16,7 +16,7 @@ from typing import Generic, NamedTuple
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from vibro_ros.process.regular_file import content, is_temporary, replace_file
+from vibro_ros.process.untrusted import content, is_temporary, replace_file
 from vibro_ros.study.running.origin import sources
 from vibro_ros.study.running.pieces import Result
 

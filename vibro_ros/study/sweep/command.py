@@ -4,10 +4,9 @@ import argparse
 from collections.abc import Sequence
 from pathlib import Path
 
-from vibro_ros.process.command_line import Parser
-from vibro_ros.process.front_door import FAILURE, exit_code, say
-from vibro_ros.process.regular_file import replace_file
+from vibro_ros.process.front_door import FAILURE, Parser, exit_code, say
 from vibro_ros.process.stop_signals import interrupted_code
+from vibro_ros.process.untrusted import replace_file
 from vibro_ros.study.locked_folder import locked
 from vibro_ros.study.measures import MEASURES
 from vibro_ros.study.options import add_runner, runner_of

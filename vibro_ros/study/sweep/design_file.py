@@ -9,8 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from vibro_ros.accuracy.starts import SETTLING
-from vibro_ros.configuration.scene_file import load_scene, scene_origin
-from vibro_ros.configuration.shipped import config_folder
+from vibro_ros.configuration.scene_file import config_folder, load_scene, scene_origin
 from vibro_ros.configuration.strict_yaml import read_yaml
 from vibro_ros.model.parameters import BY_NAME, parameter_named
 from vibro_ros.study.measures import checked_names

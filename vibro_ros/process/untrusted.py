@@ -1,4 +1,8 @@
-"""Open files that another hand may have put there: regular files only, so that no open waits and no read is endless."""
+"""Text and files that another hand may have written, taken so that they can do no harm.
+
+Text is shown in one line of bounded length. Files are opened only if they are regular files, so that no open waits and
+no read is endless, and read up to a limit.
+"""
 
 import errno
 import os
@@ -8,8 +12,23 @@ import stat
 from pathlib import Path
 from typing import BinaryIO
 
+LONGEST = 2000
+"""Characters of a text that are shown, unless the caller wants fewer."""
+
 _KINDS = {stat.S_IFIFO: "a named pipe", stat.S_IFCHR: "a device", stat.S_IFBLK: "a device", stat.S_IFDIR: "a folder",
           stat.S_IFSOCK: "a socket", stat.S_IFLNK: "a symbolic link"}
+
+
+def one_line(text: object, longest: int = LONGEST) -> str:
+    """`text` without line breaks: what cannot be printed is escaped, and beyond `longest` its middle is left out.
+
+    A file's name may hold any byte but two. Printed as it is, one would end the program (bytes that are no UTF-8),
+    feign another message (a line break), or change the terminal's colours (escape sequences).
+    """
+    shown = str(text)
+    if len(shown) > longest:
+        shown = f"{shown[:longest // 2]}…{shown[-(longest // 2):]}"
+    return "".join(one if one.isprintable() else one.encode("unicode_escape").decode() for one in shown)
 
 
 def kind_of(mode: int) -> str:
