@@ -6,7 +6,6 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from vibro_ros.solver import event_loop
-from vibro_ros.solver.channels import size_of
 from vibro_ros.solver.events import EVENT_COLUMNS
 from vibro_ros.solver.kept import Kept
 from vibro_ros.solver.methods import Exact
@@ -21,6 +20,7 @@ from vibro_ros.solver.system import (
     couplings,
     flow_numbers,
     longest_segments,
+    size_of,
     terms,
 )
 from vibro_ros.solver.vector import LENGTH

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from small_system import Guard, Integration, build, cosine_table
 
-from vibro_ros.solver.channels import Channels
 from vibro_ros.solver.events import MONITOR_KIND
+from vibro_ros.solver.system import Channels
 
 FLYING, RESTING = 0, 1
 

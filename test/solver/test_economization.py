@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.polynomial import Chebyshev, Polynomial
 
-from vibro_ros.solver.economization import economized_powers
+from vibro_ros.solver.polynomial import economized_powers
 from vibro_ros.solver.vector import LENGTH
 
 

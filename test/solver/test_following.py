@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from small_system import Integration, build, cosine_table
 
-from vibro_ros.solver.channels import Channels
+from vibro_ros.solver.system import Channels
 
 SPEED = 5.0  # rad/s
 CHANNELS = Channels(coordinates=2, dynamic=2, signals=1, ramps=0)

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from from_python import FromPython
 
-from vibro_ros.solver import roots
-from vibro_ros.solver.roots import NO_ROOT
+from vibro_ros.solver import guards
+from vibro_ros.solver.guards import NO_ROOT
 from vibro_ros.solver.vector import LENGTH
 
-first_root, maximum = FromPython(roots).first_root, FromPython(roots).maximum
+first_root, maximum = FromPython(guards).first_root, FromPython(guards).maximum
 
 ROUNDING = 4e-15  # of an instant in [0, 1] where the guard's slope is of its coefficients' order
 

@@ -20,10 +20,10 @@ from vibro_ros.model.scene import Scene
 from vibro_ros.model.tables import Model
 from vibro_ros.simulation.motion import Motion
 from vibro_ros.solver.compilation import entry_kernel
+from vibro_ros.solver.events import choose_candidate
 from vibro_ros.solver.guards import NOISE
 from vibro_ros.solver.right_hand_side import accelerate, fill_forcing_at
 from vibro_ros.solver.system import NOTHING
-from vibro_ros.solver.transition import choose_candidate
 
 SOLVERS: dict[str, type[OdeSolver]] = {"DOP853": DOP853, "Radau": Radau, "LSODA": LSODA}
 # Points between a step's ends at which its guards are evaluated, too.

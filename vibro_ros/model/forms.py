@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from vibro_ros.model.scene import Scene
-from vibro_ros.solver.channels import Channels
+from vibro_ros.solver.system import Channels
 
 Form = np.ndarray
 

@@ -15,7 +15,7 @@ import numpy as np
 from vibro_ros.model.forms import Forms
 from vibro_ros.model.mode_set import Mode
 from vibro_ros.model.scene import Scene
-from vibro_ros.solver.laws import BACKWARD, FORWARD, STICK, WITHOUT_LOAD, Laws
+from vibro_ros.solver.moreau import BACKWARD, FORWARD, STICK, WITHOUT_LOAD, Laws
 from vibro_ros.solver.system import NOTHING
 
 # States of the friction by the outcome of its law: the first of these states that a scene has.

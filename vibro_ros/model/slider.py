@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from vibro_ros.solver.economization import economized_powers
+from vibro_ros.solver.polynomial import economized_powers
 from vibro_ros.solver.system import CELL_STRIDE, SignalTable
 from vibro_ros.solver.vector import LENGTH
 

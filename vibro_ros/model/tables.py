@@ -13,7 +13,6 @@ from vibro_ros.model.mode_set import MODE_EVENTS, Mode
 from vibro_ros.model.modes import ModeBuilder
 from vibro_ros.model.scene import Scene
 from vibro_ros.model.slider import Slider, signal_table
-from vibro_ros.solver.channels import size_of
 from vibro_ros.solver.kept import Kept
 from vibro_ros.solver.system import (
     Decay,
@@ -22,6 +21,7 @@ from vibro_ros.solver.system import (
     couplings,
     flow_numbers,
     longest_segments,
+    size_of,
     terms,
 )
 

@@ -5,7 +5,7 @@ import numpy as np
 from vibro_ros.model.accounts import ACCOUNTS, LOSSES
 from vibro_ros.model.tables import Model
 from vibro_ros.solver import event_loop
-from vibro_ros.solver.accounts import SPLIT, stored_energy
+from vibro_ros.solver.energy import SPLIT, stored_on_accounts
 from vibro_ros.solver.kept import Kept
 from vibro_ros.solver.state import State
 
@@ -23,7 +23,7 @@ def open_accounts(model: Model, state: State, point: np.ndarray) -> None:
         All channels at the start.
     """
     mode = int(state.now["automaton"]["mode"][0])
-    state.now["accounts"]["stored"] = stored_energy(model.system, mode, point)
+    state.now["accounts"]["stored"] = stored_on_accounts(model.system, mode, point)
 
 
 def energy_accounts(model: Model, state: State, time: float) -> dict[str, float]:
@@ -50,7 +50,7 @@ def energy_accounts(model: Model, state: State, time: float) -> dict[str, float]
     event_loop.interrupt(model.kept.layout, Kept(ended).layout, time, point)
     accounts, mode = ended.now["accounts"][0], int(ended.now["automaton"]["mode"][0])
     work, magnitude = dict(zip(ACCOUNTS, map(float, accounts["work"]), strict=False)), float(accounts["magnitude"])
-    stored = stored_energy(model.system, mode, point) - float(accounts["stored"])
+    stored = stored_on_accounts(model.system, mode, point) - float(accounts["stored"])
     net = work.pop(ACCOUNTS[SPLIT])
     return {"motor_delivered": 0.5 * (magnitude + net), "motor_taken_back": 0.5 * (magnitude - net),
             **{name: 0.0 - amount if name in LOSSES else amount for name, amount in work.items()},

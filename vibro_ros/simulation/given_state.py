@@ -13,8 +13,7 @@ from vibro_ros.model.parameters import Parameter
 from vibro_ros.model.possible_state import NUMBERS, check_parts, outside_plates
 from vibro_ros.model.scene import Scene
 from vibro_ros.model.tables import Model
-from vibro_ros.solver.accounts import stored_energy as accounted_energy
-from vibro_ros.solver.audit import stored_energy
+from vibro_ros.solver.energy import stored_energy, stored_on_accounts
 from vibro_ros.solver.state import State
 
 UNITS = {name: number.unit for name, number in NUMBERS.items()} | {
@@ -108,8 +107,8 @@ def book(scene: Scene, model: Model, state: State, before: np.ndarray, old_mode:
                                      - stored_energy(model.system, before[:coordinates]))
     if scene["solver.accounts"]:
         mode = int(state.now["automaton"]["mode"][0])
-        state.now["accounts"]["stored"] += (accounted_energy(model.system, mode, point)
-                                            - accounted_energy(model.system, old_mode, before))
+        state.now["accounts"]["stored"] += (stored_on_accounts(model.system, mode, point)
+                                            - stored_on_accounts(model.system, old_mode, before))
 
 
 def _place_coordinates(model: Model, point: np.ndarray, values: Mapping[str, float]) -> None:

@@ -19,11 +19,10 @@ from vibro_ros.simulation.readout import Readout
 from vibro_ros.simulation.samples import Trace
 from vibro_ros.simulation.second_process import SecondProcess
 from vibro_ros.solver.compilation import entry_types
-from vibro_ros.solver.events import EVENT_COLUMNS
-from vibro_ros.solver.forcing import read_signals
+from vibro_ros.solver.events import EVENT_COLUMNS, leave_for_ramp
 from vibro_ros.solver.progress import progress
+from vibro_ros.solver.segment import read_signals
 from vibro_ros.solver.state import new_state
-from vibro_ros.solver.transition import leave_for_ramp
 
 # The compiler makes millions of objects, of which hardly any is garbage: searched as often as usual, they take a tenth
 # of its time; never searched, they take 80 MB.

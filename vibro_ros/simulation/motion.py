@@ -21,13 +21,12 @@ from vibro_ros.simulation.readout import Readout
 from vibro_ros.simulation.samples import FIELDS, Trace
 from vibro_ros.simulation.start import started
 from vibro_ros.solver import event_loop
-from vibro_ros.solver.audit import residual
-from vibro_ros.solver.events import EVENT_COLUMNS
+from vibro_ros.solver.energy import residual
+from vibro_ros.solver.events import EVENT_COLUMNS, leave_for_ramp
 from vibro_ros.solver.methods import SCHEMES, Exact, FixedStep, Stepper
 from vibro_ros.solver.segment import LONGEST_SEGMENT
 from vibro_ros.solver.state import State, lasting
 from vibro_ros.solver.system import NOTHING
-from vibro_ros.solver.transition import leave_for_ramp
 
 EVENTS_AT_ONCE = 4096
 #: After so many of its time constants a lagging motor has reached its speed, to rounding.

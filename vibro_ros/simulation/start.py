@@ -9,8 +9,8 @@ from vibro_ros.model.scene import Scene
 from vibro_ros.model.tables import Model
 from vibro_ros.simulation.energy_accounts import open_accounts
 from vibro_ros.simulation.given_state import place
-from vibro_ros.solver.audit import stored_energy
-from vibro_ros.solver.forcing import read_signals
+from vibro_ros.solver.energy import stored_energy
+from vibro_ros.solver.segment import read_signals
 from vibro_ros.solver.state import State, new_state
 
 

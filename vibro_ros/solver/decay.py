@@ -19,12 +19,10 @@ import numpy as np
 from numpy.polynomial import chebyshev
 
 from vibro_ros.solver.compilation import called_kernel, kernel
-from vibro_ros.solver.guards import EPSILON, NOISE
-from vibro_ros.solver.linear_forms import form_magnitude
+from vibro_ros.solver.guards import EPSILON, NO_ROOT, NOISE, first_root
 from vibro_ros.solver.polynomial import fill_form, integrate_through, recentre, scale_argument, value
-from vibro_ros.solver.roots import NO_ROOT, first_root
 from vibro_ros.solver.segment import set_piece
-from vibro_ros.solver.system import CELL_STRIDE
+from vibro_ros.solver.system import CELL_STRIDE, form_magnitude
 from vibro_ros.solver.vector import LENGTH, store, vector
 
 #: Bound of the change of r x' about the middle of a piece; the rest of exp(5 x) after 24 terms is 4e-17 of exp(5).

@@ -8,23 +8,27 @@ import math
 
 import numpy as np
 
-from vibro_ros.solver.accounts import book_jump, book_work
-from vibro_ros.solver.audit import audit_jump, audit_work
-from vibro_ros.solver.channels import first_ramp
 from vibro_ros.solver.compilation import entry_kernel, kernel
 from vibro_ros.solver.decay import resolve_piece, wanted_duration
-from vibro_ros.solver.events import EVENT_COLUMNS, record_mode_change, update_peaks
+from vibro_ros.solver.energy import audit_jump, audit_work, book_jump, book_work
+from vibro_ros.solver.events import (
+    EVENT_COLUMNS,
+    FLOW_ENDS,
+    FLOW_GOES_ON,
+    SEGMENT_ENDS,
+    record_mode_change,
+    record_reached,
+    transition,
+    update_peaks,
+)
 from vibro_ros.solver.flow import hold_dynamic, solve_driven, solve_dynamic
-from vibro_ros.solver.following import follow_forcing, lengthen_to_follow, stiff_ones_follow
-from vibro_ros.solver.forcing import advance_forcing, fill_forcing, phase_at
 from vibro_ros.solver.guards import find_next_event
 from vibro_ros.solver.kept import Kept
 from vibro_ros.solver.polynomial import value
-from vibro_ros.solver.rest import is_at_rest, lengthen_segment
-from vibro_ros.solver.segment import choose_segment, local_time, local_to_piece
+from vibro_ros.solver.rest import follow_forcing, is_at_rest, lengthen_segment, lengthen_to_follow, stiff_ones_follow
+from vibro_ros.solver.segment import advance_forcing, choose_segment, fill_forcing, local_time, local_to_piece, phase_at
 from vibro_ros.solver.state import UNKNOWN
-from vibro_ros.solver.system import NOTHING
-from vibro_ros.solver.transition import FLOW_ENDS, FLOW_GOES_ON, SEGMENT_ENDS, record_reached, transition
+from vibro_ros.solver.system import NOTHING, first_ramp
 
 #: `AUTOMATON.begins`: nothing begins; a mode does, while the flow goes on; a flow does, and a mode with it.
 UNDER_WAY = 0

@@ -1,13 +1,166 @@
-"""What is recorded of a trajectory beside its samples: events, and the peaks of monitored quantities."""
+"""Events: the mode that follows an event, the jump on the way to it, and what is recorded of it.
+
+An event is the end of a segment, or the root of a guard. `transition` decides what follows; `record_mode_change`
+records it, and switches the *monitors*, which watch the peak of a quantity, such as a contact force, in some modes.
+"""
 
 import math
 
-from vibro_ros.solver.compilation import kernel
-from vibro_ros.solver.linear_forms import form_value
+import numpy as np
+
+from vibro_ros.solver.compilation import entry_kernel, kernel
+from vibro_ros.solver.guards import guard_value, maximum
 from vibro_ros.solver.polynomial import fill_form
-from vibro_ros.solver.roots import maximum
 from vibro_ros.solver.segment import instant
-from vibro_ros.solver.system import NOTHING
+from vibro_ros.solver.system import NOTHING, first_acceleration, form_value
+
+#: What `transition` decides: no guard fires, and the mode goes on in the next segment; ...
+SEGMENT_ENDS = 0
+#: ... a guard fires, and the dynamic coordinates move on as they did; or a guard fires, and another flow starts.
+FLOW_GOES_ON = 1
+FLOW_ENDS = 2
+
+
+@kernel
+def _fill_magnitude(state, point):
+    """Magnitude of the terms that make up each channel at `point`."""
+    for channel in range(len(point)):
+        state.scratch.magnitude[channel] = abs(point[channel]) + state.scale[channel]
+
+
+@kernel
+def _holds(system, state, row, point):
+    """Whether a guard row is not negative at `point`, to rounding."""
+    total, noise = guard_value(system, row, point, state.scratch.magnitude)
+    return total >= -noise
+
+
+@kernel
+def _may_enter(system, state, candidate, point):
+    """Whether the rows that the candidate needs before its jump are not negative at `point`."""
+    mode, guard = state.now[0].automaton.mode, state.now[0].automaton.guard
+    _fill_magnitude(state, point)
+    for entry in system.entry[mode, guard, candidate]:
+        if entry != NOTHING and not _holds(system, state, entry, point):
+            return False
+    return True
+
+
+@kernel
+def _accelerate(system, state, mode, point):
+    """Set the accelerations of the dynamic coordinates at `point` to those of `mode`, and all magnitudes."""
+    first, magnitude = first_acceleration(system.size[0]), state.scratch.magnitude
+    _fill_magnitude(state, point)
+    for i in range(system.size[0].dynamic):
+        total = 0.0
+        scale = 0.0
+        for channel in range(len(point)):
+            factor = system.acceleration[mode, i, channel]
+            total += factor * point[channel]
+            scale += abs(factor) * magnitude[channel]
+        point[first + i] = total
+        magnitude[first + i] = scale
+
+
+@kernel
+def jump(system, state, candidate, point, after):
+    """Fill `after` with the channels that follow `point` by the jump to a candidate of the firing guard."""
+    for channel in range(len(point)):
+        after[channel] = point[channel]
+    matrix = system.jump[state.now[0].automaton.mode, state.now[0].automaton.guard, candidate]
+    if matrix != NOTHING:
+        for channel in range(2 * system.size[0].coordinates):
+            after[channel] = form_value(system.jump_matrix[matrix, channel], point)
+
+
+@kernel
+def _is_valid(system, state, candidate, point, after):
+    """Whether a candidate of the firing guard may be entered from `point`; fills `after`, as `jump` does."""
+    mode, guard = state.now[0].automaton.mode, state.now[0].automaton.guard
+    if not _may_enter(system, state, candidate, point):
+        return False
+    jump(system, state, candidate, point, after)
+    target = system.candidate[mode, guard, candidate]
+    _accelerate(system, state, target, after)
+    for g in range(system.guard.shape[1]):
+        if system.guard_effect[target, g] == system.guard_effect[mode, guard]:
+            if not _holds(system, state, system.guard[target, g], after):
+                return False
+    return True
+
+
+@kernel
+def choose_candidate(system, state, point, after):
+    """Number of the firing guard's first valid candidate, else of its last; fills `after`, as `jump` does."""
+    candidates = system.candidate[state.now[0].automaton.mode, state.now[0].automaton.guard]
+    last = np.int64(0)  # a literal would be one more signature to compile
+    while last + 1 < len(candidates) and candidates[last + 1] != NOTHING:
+        if _is_valid(system, state, last, point, after):
+            return last
+        last += 1
+    jump(system, state, last, point, after)
+    return last
+
+
+@kernel
+def _keeps_flow(system, state, mode, point, after):
+    """Whether `mode`, entered at `after`, continues the dynamic coordinates' motion as it is at `point`."""
+    if system.flow[state.now[0].automaton.mode] != system.flow[mode]:
+        return False
+    coordinates = system.size[0].coordinates
+    for i in range(system.size[0].dynamic):
+        if after[i] != point[i] or after[coordinates + i] != point[coordinates + i]:
+            return False
+    return True
+
+
+@kernel
+def transition(system, state, point, after):
+    """Decide what follows the next event, where all channels have the values of `point`.
+
+    Returns
+    -------
+    (int, int)
+        `SEGMENT_ENDS`, `FLOW_GOES_ON` or `FLOW_ENDS`, and the mode that follows. If a guard fires, `after` receives
+        the channels that the mode starts with.
+    """
+    mode, guard = state.now[0].automaton.mode, state.now[0].automaton.guard
+    if guard == NOTHING:
+        return SEGMENT_ENDS, mode
+    target = system.candidate[mode, guard, choose_candidate(system, state, point, after)]
+    if state.now[0].segment.next_event < 1.0 and _keeps_flow(system, state, target, point, after):
+        return FLOW_GOES_ON, target
+    return FLOW_ENDS, target
+
+
+@kernel
+def _enter_after_ramp(system, state, ramp, point, events, count):
+    """At the segment's start, enter the mode that follows when the rate of a ramp changes; returns the number of
+    events."""
+    mode = system.mode_after_ramp_change[state.now[0].automaton.mode, ramp]
+    count = switch_monitors(system, state, mode, instant(state, -1.0), point, events, count)
+    state.now[0].automaton.mode = mode
+    return count
+
+
+@entry_kernel
+def leave_for_ramp(system, state, ramp, point, events, count):
+    """Enter the mode that follows a command to a ramp: `_enter_after_ramp`, for Python."""
+    return _enter_after_ramp(system, state, ramp, point, events, count)
+
+
+@kernel
+def record_reached(system, state, reached, point, events, count):
+    """Record at the segment's start what `forcing.advance_forcing` has `reached`; returns the number of events."""
+    time = instant(state, -1.0)
+    for k in range(len(state.ramp)):
+        if reached & (1 << k):
+            count = record(events, count, time, RAMP_KIND + k, 0.0, 0.0, 0.0)
+            count = _enter_after_ramp(system, state, k, point, events, count)
+    if reached & (1 << len(state.ramp)):
+        count = record(events, count, time, PHASE_KIND, 0.0, 0.0, 0.0)
+    return count
+
 
 #: Kinds of recorded events: changes of mode have the system's own, from 0; then the end of monitor k, of ramp k,
 #: and of a change of the phase's speed.

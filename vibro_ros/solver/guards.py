@@ -1,12 +1,25 @@
-"""Guards: how much of their value is rounding, and which of them turns negative first."""
+"""Guards: which guard of the mode turns negative first, and where.
+
+`find_next_event` makes a polynomial of each guard and keeps the earliest root. `first_root` proves that its root is the
+first: no crossing is stepped over, and a graze is told from a hit.
+"""
+
+import numpy as np
 
 from vibro_ros.solver.compilation import kernel
-from vibro_ros.solver.linear_forms import sparse_magnitude, value_and_magnitude
-from vibro_ros.solver.polynomial import fill_form
-from vibro_ros.solver.roots import NO_ROOT, SEARCH_FAILED, first_root
+from vibro_ros.solver.polynomial import (
+    SECOND,
+    differentiate,
+    divide_by_root,
+    fill_form,
+    sum_of_magnitudes,
+    value,
+    value_and_derivatives,
+)
 from vibro_ros.solver.segment import local_to_piece
 from vibro_ros.solver.state import UNKNOWN
-from vibro_ros.solver.system import NOTHING
+from vibro_ros.solver.system import NOTHING, sparse_magnitude, value_and_magnitude
+from vibro_ros.solver.vector import LENGTH, first_index, indices_above, store, total, vector
 
 EPSILON = 2.220446049250313e-16
 #: A guard's rounding error beside the magnitude of its terms: a sum of products, through the series' first terms.
@@ -77,3 +90,272 @@ def find_next_event(system, state):
         segment.next_event = segment.piece_end
         automaton.guard = NOTHING
     return True
+
+
+#: Returned when a guard stays non-negative to the end of the segment.
+NO_ROOT = 2.0
+#: Returned when the search does not end, which a finite polynomial cannot cause.
+SEARCH_FAILED = -3.0
+
+_MOST_STEPS = 100_000
+# A guard that touches zero is a graze, not a hit: rounding, in parts of the sum of its terms, has no say.
+_TOUCH = 4.0 * 2.2e-16
+_ULP_OF_ONE = 2.3e-16
+#: A guard that starts at zero to this order, at a rest or a release, is zero for good, because nothing moves it.
+_DEEPEST_ZERO = 5
+# A zero is known up to the noise, and the noise stands up to four times as large in the next coefficients, because a
+# flow's series falls no faster than 2^n / n!. If it were read there, a mass at rest on its plate would be pushed off by
+# nothing.
+_ECHO = 4.0
+# Guards of a motion that has died away: their squares would be lost below the smallest number.
+_VANISHING = 1e-100
+
+# A guard is evaluated at these nodes first, by one row of their powers after the other.
+_NODES = np.linspace(-1.0, 1.0, LENGTH)
+_SPACING = 2.0 / (LENGTH - 1)
+_POWERS_OF_NODES = _NODES ** np.arange(LENGTH)[:, None]
+# The slope between two nodes differs from the mean slope by at most 4 bends over their distance, so with this drop, and
+# not by a hair, the slope has one sign.
+_FALLS = 5.0
+# Halley's step cubes the distance to the root, times (p''/2p')² - p'''/6p', about 2000 at most where `_search` asks for
+# it: after a step so short the distance is below rounding.
+_LAST_STEP = 2e-7
+_MOST_HALLEY_STEPS = 20
+
+_ORDER = np.arange(LENGTH)
+_THIRD = (_ORDER * (_ORDER - 1) * (_ORDER - 2)).astype(float)
+# On [-1, 1] an odd term is at least -|p|, an even one at least min(p, 0) = (p - |p|) / 2, and the constant is p.
+_SHARE_OF_VALUE = np.where(_ORDER == 0, 1.0, np.where(_ORDER % 2 == 0, 0.5, 0.0))
+_SHARE_OF_MAGNITUDE = np.where(_ORDER == 0, 0.0, np.where(_ORDER % 2 == 0, 0.5, 1.0))
+
+
+@kernel
+def _safe_step(f, d, dd, third, reach):
+    """How far f + d s + dd s²/2 - third s³/6, a lower bound of the guard, stays positive within `reach`.
+
+    On [0, reach] the cubic term is at least -(third reach / 6) s², which leaves a quadratic.
+    """
+    m = 0.5 * dd - third * reach / 6.0
+    if m >= 0.0 and d >= 0.0:
+        return reach
+    discriminant = d * d - 4.0 * m * f
+    if discriminant < 0.0:
+        return reach
+    root = discriminant**0.5
+    # Of the two ways to write the quadratic's root, the one that does not cancel.
+    if d < 0.0:
+        return min(reach, 2.0 * f / (root - d))
+    return min(reach, (d + root) / (-2.0 * m)) if root > 0.0 else reach  # 0: squares below the smallest number
+
+
+@kernel
+def _lower_bound(p):
+    """A value below p everywhere on [-1, 1]."""
+    return total(vector(_SHARE_OF_VALUE) * vector(p) - vector(_SHARE_OF_MAGNITUDE) * abs(vector(p)))
+
+
+@kernel
+def _upper_bound(p):
+    """A value above p everywhere on [-1, 1]."""
+    return total(vector(_SHARE_OF_VALUE) * vector(p) + vector(_SHARE_OF_MAGNITUDE) * abs(vector(p)))
+
+
+@kernel
+def _third_derivative_bound(p):
+    """Bound of |p'''| on [-1, 1]."""
+    return total(vector(_THIRD) * abs(vector(p)))
+
+
+@kernel
+def _passed_touch(p, f, d, dd):
+    """How far to go from f <= 0 to pass a minimum that is zero to rounding; 0 if p falls below that."""
+    doubt = _TOUCH * sum_of_magnitudes(p)
+    if dd <= 0.0 or 2.0 * dd * (f + doubt) < d * d:
+        return 0.0
+    return ((d * d + 2.0 * dd * (2.0 * doubt - f))**0.5 - d) / dd
+
+
+@kernel
+def _march(p, a, limit):
+    """First root of p, positive at a, in (a, limit], by steps that a bound on p''' proves to be free of roots.
+
+    Near a simple root the steps converge faster than Newton's, from the safe side; a near miss
+    (p > 0 at its minimum) is passed in a few steps, because its curvature is in the bound.
+    """
+    third = _third_derivative_bound(p)
+    x = a
+    reach = limit - x
+    for _ in range(_MOST_STEPS):
+        f, d, dd = value_and_derivatives(p, x)
+        if f <= 0.0:
+            beyond = _passed_touch(p, f, d, dd)
+            if beyond == 0.0:
+                return x
+            x += beyond
+            reach = limit - x
+            if reach < 0.0:
+                return NO_ROOT
+            continue
+        # A shorter reach bends the bound less; a root is hardly farther than twice where the tangent has it.
+        if x > a and 2.0 * f < -d * reach:
+            reach = -2.0 * f / d
+        step = _safe_step(f, d, dd, third, reach)
+        if step >= limit - x:
+            return NO_ROOT
+        # Where it bends the bound too much, twice as far as has been proved, as long as all of that proves safe.
+        proved = step
+        while proved == step and 2.0 * step < reach:
+            proved = 2.0 * step
+            step = max(step, _safe_step(f, d, dd, third, proved))
+        x += max(step, _ULP_OF_ONE)
+        reach = limit - x
+        if reach < 0.0:
+            return NO_ROOT
+    return SEARCH_FAILED
+
+
+@kernel
+def _second_derivative_bound(p):
+    """Bound of |p''| on [-1, 1]."""
+    return total(vector(SECOND) * abs(vector(p)))
+
+
+@kernel
+def _evaluate_at_nodes(p, noise, values):
+    """Fill `values` with p at all nodes; return how far p may lie beyond both its values between two neighbours."""
+    even, odd = p[0] * vector(_POWERS_OF_NODES[0]), p[1] * vector(_POWERS_OF_NODES[1])
+    for n in range(2, LENGTH, 2):
+        even = even + p[n] * vector(_POWERS_OF_NODES[n])
+        odd = odd + p[n + 1] * vector(_POWERS_OF_NODES[n + 1])
+    store(values, even + odd)
+    return 0.125 * _SPACING * _SPACING * _second_derivative_bound(p) + noise
+
+
+@kernel
+def _next_node(x):
+    """Index of the first node beyond x < 1."""
+    k = int((x + 1.0) / _SPACING)
+    while _NODES[k] <= x:
+        k += 1
+    return k
+
+
+@kernel
+def _only_root(p, left, right, start):
+    """Root of p in [left, right], where p falls all the way, by Halley's method from `start`; `NO_ROOT` if the steps
+    do not settle."""
+    x = start
+    for _ in range(_MOST_HALLEY_STEPS):
+        f, d, dd = value_and_derivatives(p, x)
+        step = 2.0 * f * d / (2.0 * d * d - f * dd)
+        x = min(max(x - step, left), right)
+        if abs(step) < _LAST_STEP:
+            return x
+    return NO_ROOT
+
+
+@kernel
+def _search(p, a, f, limit, noise, values):
+    """First root of p, which is f > 0 at a, in (a, limit]."""
+    bend = _evaluate_at_nodes(p, noise, values)
+    first = _next_node(a)
+    # Up to node k p stays positive.
+    k = first if f <= bend else first_index(~indices_above(vector(values), bend) >> first << first)
+    left, before = (a, f) if k == first else (_NODES[k - 1], values[k - 1])
+    if k >= LENGTH or left >= limit:
+        return NO_ROOT
+    right, drop = _NODES[k], before - values[k]
+    if values[k] < 0.0 and drop > _FALLS * bend:
+        root = _only_root(p, left, right, left + (right - left) * before / drop)
+        if root != NO_ROOT:
+            return root if root <= limit else NO_ROOT
+    return _march(p, left, limit)
+
+
+@kernel
+def first_root(p, a, limit, noise, work):
+    """First local time in [a, limit] at which the guard p turns negative.
+
+    A zero at `a` itself is divided out, as often as it takes, so that the sign of the first coefficient that differs
+    from zero decides. A guard whose mode has just been left, or that starts at rest on its boundary, therefore neither
+    fires for ever nor hides its next root.
+
+    Parameters
+    ----------
+    p : ndarray, shape (LENGTH,)
+        The guard, which a valid mode keeps non-negative.
+    a : float
+        Local time (dimensionless) at which the mode starts, -1 <= a < 1.
+    limit : float
+        Local time (dimensionless) at which the search ends, a < limit <= 1.
+    noise : float
+        Rounding error of the guard, in the guard's unit; smaller values count as zero.
+    work : ndarray, shape (2, LENGTH)
+        Overwritten.
+
+    Returns
+    -------
+    float
+        The local time (dimensionless); `a` when the guard is negative from the start; `NO_ROOT`; or `SEARCH_FAILED`.
+    """
+    noise = max(noise, _VANISHING)
+    if _lower_bound(p) > noise:
+        return NO_ROOT
+    guard, values = work[0], work[1]
+    store(guard, vector(p))
+    f = value(guard, a)
+    hidden = noise
+    for _ in range(_DEEPEST_ZERO):
+        if f > hidden:
+            return _search(guard, a, f, limit, noise, values)
+        if f < -hidden:
+            return a
+        divide_by_root(guard, a)
+        f = value(guard, a)
+        hidden = _ECHO * noise
+    return NO_ROOT
+
+
+@kernel
+def _highest_turning_point(p, slope, a, b, noise, work):
+    """Largest value of p at a and at its turning points in (a, b), one after the other."""
+    best = -np.inf
+    x = a
+    while True:
+        best = max(best, value(p, x))
+        x = first_root(slope, x, b, noise, work)
+        if x < a or x >= b:
+            return best
+        store(slope, -1.0 * vector(slope))
+
+
+@kernel
+def maximum(p, a, b, work):
+    """Largest value of p on [a, b]: the ends and every turning point between them.
+
+    `work`, shape (3, LENGTH), is overwritten.
+    """
+    slope, values = work[0], work[1]
+    differentiate(p, 1.0, slope)
+    best = max(value(p, a), value(p, b))
+    if _lower_bound(slope) > 0.0 or _upper_bound(slope) < 0.0:
+        return best
+    noise = 1e-15 * sum_of_magnitudes(slope)
+    bend = _evaluate_at_nodes(slope, noise, values)
+    rises, falls = indices_above(vector(values), bend), indices_above(-1.0 * vector(values), bend)
+    first = _next_node(a)
+    # Between two nodes of the same kind, `rises` or `falls`, the slope keeps its sign.
+    turns = ~(rises & rises << 1 | falls & falls << 1) >> first << first
+    while True:
+        k = first_index(turns)
+        if k >= LENGTH or _NODES[k - 1] >= b:
+            return best
+        turns &= turns - 1
+        left, right, before, behind = _NODES[k - 1], _NODES[k], values[k - 1], values[k]
+        drop, x = before - behind, NO_ROOT
+        if before > 0.0 and behind < 0.0 and drop > _FALLS * bend:
+            x = _only_root(slope, left, right, left + _SPACING * before / drop)
+        if x == NO_ROOT:
+            return max(best, _highest_turning_point(p, slope, a, b, noise, work[1:]))
+        if a < x < b:
+            best = max(best, value(p, x))

@@ -36,9 +36,9 @@ from typing import Protocol
 import numpy as np
 
 from vibro_ros.solver import event_loop, fixed_step
+from vibro_ros.solver.fixed_step import MOREAU, RK4, SEMI_IMPLICIT_EULER, new_step
 from vibro_ros.solver.kept import Kept
-from vibro_ros.solver.laws import Laws
-from vibro_ros.solver.one_step import MOREAU, RK4, SEMI_IMPLICIT_EULER, new_step
+from vibro_ros.solver.moreau import Laws
 from vibro_ros.solver.state import State, numbers_of
 from vibro_ros.solver.system import System
 

@@ -6,12 +6,11 @@ the phase's speed.
 
 import math
 
-from vibro_ros.solver.channels import first_acceleration, first_ramp, first_signal
 from vibro_ros.solver.compilation import kernel
 from vibro_ros.solver.drive import advance_speed
-from vibro_ros.solver.forcing import advance_ramps, phase_at
-from vibro_ros.solver.linear_forms import form_value
 from vibro_ros.solver.polynomial import value_and_derivatives
+from vibro_ros.solver.segment import advance_ramps, phase_at
+from vibro_ros.solver.system import first_acceleration, first_ramp, first_signal, form_value
 
 
 @kernel

@@ -3,11 +3,28 @@
 A segment is a whole cell of the signals where the flow's series reaches so far and the speed hardly changes, so that
 the series of the cell serve again; the flow then starts on the way. Elsewhere the segment starts with the flow and ends
 with the cell, with a ramp, or where a series no longer reaches rounding.
+
+The known forcing, which is periodic signals of the phase and ramps, is written as polynomials over the segment.
 """
 
-from vibro_ros.solver.compilation import kernel
-from vibro_ros.solver.drive import enter_next_cell, measure_cell, resolved_time, time_to_advance
-from vibro_ros.solver.system import CELL_RATE
+import math
+
+import numpy as np
+
+from vibro_ros.solver.compilation import called_kernel, entry_kernel, kernel
+from vibro_ros.solver.drive import (
+    advance_speed,
+    enter_next_cell,
+    fill_cell_shift,
+    fill_shift,
+    measure_cell,
+    phase_advance,
+    resolved_time,
+    time_to_advance,
+)
+from vibro_ros.solver.polynomial import differentiate, displace, recentre, scale_argument, value
+from vibro_ros.solver.system import CELL_RATE, first_signal
+from vibro_ros.solver.vector import LENGTH, store, vector
 
 #: A segment without a fast motion, a signal or a ramp to end it ends after this time [s].
 LONGEST_SEGMENT = 1.0
@@ -105,7 +122,7 @@ def part_of_cell(system, state, longest):
 
 
 @kernel
-def _width(system, drive):
+def _cell_width(system, drive):
     """Width [rad] of the present cell."""
     return system.signals.start[drive.cell + 1] - system.signals.start[drive.cell]
 
@@ -120,10 +137,10 @@ def _is_cell_over(drive, width):
 def choose_segment(system, state, longest):
     """Set the segment's extent, at most `longest` [s], and the local time at which flow and mode start."""
     segment, drive = state.now[0].segment, state.now[0].drive
-    width = _width(system, drive)
+    width = _cell_width(system, drive)
     if _is_cell_over(drive, width):
         enter_next_cell(system, drive)
-        width = _width(system, drive)
+        width = _cell_width(system, drive)
     if drive.offset == 0.0 and drive.time_left > 0.0:
         measure_cell(drive, width)
     segment.mode_start = -1.0
@@ -143,3 +160,182 @@ def choose_segment(system, state, longest):
         segment.slot = len(system.signals.start) - 1
     segment.flow_start = segment.mode_start
     segment.half = 0.5 * duration
+
+
+# Logarithm of what may be neglected beside 1.
+_ROUNDING = math.log(1e-18)
+
+
+@kernel
+def _significant_terms(ratio):
+    """Number of terms of a signal's series that matter over a segment.
+
+    `ratio` is half the segment's span of the phase over the distance to the signal's nearest singularity.
+    """
+    if ratio <= 0.0:
+        return 1
+    return min(LENGTH, int(_ROUNDING / math.log(ratio)) + 2) if ratio < 0.17 else LENGTH
+
+
+@kernel
+def _copy(polynomials, targets):
+    for k in range(len(polynomials)):
+        store(targets[k], vector(polynomials[k]))
+
+
+@kernel
+def _fill_parts(system, state, polynomials, middle, slope, shift_size):
+    """Polynomials of the signals over a part of the cell, from those over all of it."""
+    drive, first = state.now[0].drive, first_signal(system.size[0])
+    targets = state.z[first:first + len(polynomials)]
+    ratio = 0.5 * _cell_width(system, drive) * slope * (1.0 + shift_size) / system.signals.reach[drive.cell]
+    recentre(polynomials, middle, _significant_terms(ratio), targets)
+    for k in range(len(targets)):
+        scale_argument(targets[k], slope, targets[k])
+
+
+@kernel
+def _displace_all(state, polynomials, ratio, terms, size, targets):
+    """Shift the argument of each of `polynomials`, whose coefficients shrink by `ratio`, by the scratch's shift."""
+    room, order = state.scratch.room[0], _significant_terms(ratio * size) - 1
+    for k in range(len(targets)):
+        displace(polynomials[k], room.shift[:], terms, order, room.displaced[:], targets[k])
+
+
+@kernel
+def _size(shift, terms):
+    """Bound of the shift on [-1, 1]."""
+    size = 0.0
+    for n in range(2, terms):
+        size += abs(shift[n])
+    return size
+
+
+@kernel
+def _provide_cell_signals(system, state):
+    """Polynomials in time of the signals over the present cell, at a changing speed, if the library lacks them."""
+    drive, library, shift = state.now[0].drive, state.library, state.scratch.room[0].shift[:]
+    if library.signal_cells[0] == drive.cells:
+        return
+    library.signal_cells[0] = drive.cells
+    width = _cell_width(system, drive)
+    terms = fill_cell_shift(drive, width, shift)
+    ratio = 0.5 * width / system.signals.reach[drive.cell]
+    _displace_all(state, system.signals.series[drive.cell], ratio, terms, _size(shift, terms), library.signal)
+
+
+@called_kernel
+def _fill_changing_signals(system, state):
+    """Polynomials of the signals while the speed changes."""
+    segment, drive, library = state.now[0].segment, state.now[0].drive, state.library
+    shift, width, cell = state.scratch.room[0].shift[:], _cell_width(system, drive), drive.cell
+    first, terms = first_signal(system.size[0]), np.int64(2)
+    targets = state.z[first:first + len(library.signal)]
+    if drive.cell_time > 0.0:
+        _provide_cell_signals(system, state)
+        if segment.slot == cell:
+            _copy(library.signal, targets)
+            return
+        middle, slope = 2.0 * (drive.since + segment.half) / drive.cell_time - 1.0, 2.0 * segment.half / drive.cell_time
+    else:
+        middle, slope, terms = fill_shift(drive, segment.half, width, shift)
+        _copy(system.signals.series[cell], library.signal)
+        library.signal_cells[0] = 0
+    size = _size(shift, terms)
+    _fill_parts(system, state, library.signal, middle, slope, size)
+    if terms > 2:
+        ratio = 0.5 * width * slope / system.signals.reach[cell]
+        _displace_all(state, targets, ratio, terms, size, targets)
+
+
+@kernel
+def _fill_signals(system, state):
+    """Polynomials of the signals over the segment."""
+    segment, drive, first = state.now[0].segment, state.now[0].drive, first_signal(system.size[0])
+    if drive.time_left > 0.0:
+        _fill_changing_signals(system, state)
+    elif segment.slot == drive.cell:
+        _copy(system.signals.series[drive.cell], state.z[first:])
+    else:
+        slope = 2.0 * drive.speed * segment.half / _cell_width(system, drive)
+        middle = 2.0 * (drive.offset + drive.speed * segment.half) / _cell_width(system, drive) - 1.0
+        _fill_parts(system, state, system.signals.series[drive.cell], middle, slope, 0.0)
+
+
+@kernel
+def fill_forcing(system, state):
+    """Polynomials of the signals, the ramps, their rates and the constant over the segment."""
+    half, z, drive = state.now[0].segment.half, state.z, state.now[0].drive
+    first, signals, ramps = first_signal(system.size[0]), system.size[0].signals, system.size[0].ramps
+    _fill_signals(system, state)
+    for channel in range(first, first + signals):
+        differentiate(z[channel], half, z[channel + signals])
+    for k in range(ramps):
+        ramp = state.ramp[k]
+        if ramp.rate != 0.0:
+            drive.version += 1
+        channel = first + 2 * signals + k
+        z[channel, 0] = ramp.value + ramp.rate * half
+        z[channel, 1] = ramp.rate * half
+        z[channel + ramps, 0] = ramp.rate
+    z[len(z) - 1, 0] = 1.0
+    for channel in range(first, len(z)):
+        state.scale[channel] = abs(z[channel, 0]) + abs(z[channel, 1])
+
+
+@entry_kernel
+def read_signals(system, state, values):
+    """Values of the signals now, before the first segment: the very bits that the segment's flow starts with."""
+    choose_segment(system, state, math.inf)
+    fill_forcing(system, state)
+    for k in range(system.size[0].signals):
+        values[k] = value(state.z[first_signal(system.size[0]) + k], -1.0)
+
+
+@kernel
+def advance_ramps(state, elapsed):
+    """Move the ramps by `elapsed` [s]; bit k of the result is set when ramp k has reached its target."""
+    reached = 0
+    for k in range(len(state.ramp)):
+        ramp = state.ramp[k]
+        if ramp.rate != 0.0:
+            ramp.value += ramp.rate * elapsed
+            ramp.time_left -= elapsed
+            if ramp.time_left <= 0.0:
+                ramp.value = ramp.target
+                ramp.rate = 0.0
+                reached |= 1 << k
+    return reached
+
+
+@kernel
+def advance_forcing(system, state, x):
+    """Let the next segment start at the local time `x`: move the clock, the phase and the ramps.
+
+    Returns
+    -------
+    int
+        Bit k is set when ramp k has reached its target, the bit after the last ramp when the speed has.
+    """
+    drive = state.now[0].drive
+    elapsed = state.now[0].segment.half * (x + 1.0)
+    advance, speed = phase_advance(drive, elapsed)
+    drive.since += elapsed
+    if x == 1.0 and elapsed == state.now[0].segment.cell_left:
+        enter_next_cell(system, drive)
+    else:
+        drive.offset += advance
+    reached = 1 << len(state.ramp) if advance_speed(drive, elapsed, speed) else 0
+    reached |= advance_ramps(state, elapsed)
+    if reached:
+        drive.version += 1
+    advance_clock(state, elapsed)
+    return reached
+
+
+@kernel
+def phase_at(system, state, x):
+    """Phase past the start of the turn [rad] and its rate [rad/s] at the local time `x`."""
+    drive = state.now[0].drive
+    advance, speed = phase_advance(drive, state.now[0].segment.half * (x + 1.0))
+    return system.signals.start[drive.cell] + drive.offset + advance, speed

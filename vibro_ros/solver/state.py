@@ -23,8 +23,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from vibro_ros.solver.channels import channels_of
-from vibro_ros.solver.system import System
+from vibro_ros.solver.system import System, channels_of
 from vibro_ros.solver.vector import LENGTH
 
 #: Dynamic coordinates that a system has at most.
