@@ -7,7 +7,7 @@ import pytest
 from any_scene import draw_scenario
 
 import vibro_ros
-from vibro_ros.model.mode_set import MODE_EVENTS
+from vibro_ros.model.modes import MODE_EVENTS
 from vibro_ros.model.parameters import SCENE_PARAMETERS
 
 ROUNDING = 2.3e-16
@@ -170,7 +170,7 @@ def check_height(scene, device, rows):
         return
     steps = np.minimum(device._motion.model.system.longest_segment, 1.0)
     moved = [force_rounding(scene, rows, mode.closed).max() / scene["mass.body"] * 0.5 * step**2
-             for mode, step in zip(device._motion.model.modes, steps, strict=True) if mode.friction == "airborne"]
+             for mode, step in zip(device._motion.model.modes, steps, strict=True) if mode.ground == "airborne"]
     assert height.min() >= -max(moved, default=0.0)
     assert not rows["normal_force"][height > 0.0].any() and not rows["friction_force"][height > 0.0].any()
 

@@ -5,7 +5,7 @@ import re
 import pytest
 
 import vibro_ros
-from vibro_ros.model.rates import fastest_rate
+from vibro_ros.model.parameter_checks import fastest_rate
 from vibro_ros.model.tables import compile_scene
 from vibro_ros.solver.system import RATE_LIMIT
 
@@ -52,7 +52,7 @@ def test_the_rate_that_is_limited_is_that_of_the_compiled_tables(rule, friction,
     scene = vibro_ros.load_scene("device").with_parameters({
         "effects.normal_force": rule, "effects.friction": friction, "mass.body": body, "ground.friction": 0.05})
     shortest = compile_scene(scene).system.longest_segment.min()
-    assert fastest_rate(scene.yielding_masses()) == pytest.approx(2.0 * RATE_LIMIT / shortest, rel=1e-9)
+    assert fastest_rate(scene) == pytest.approx(2.0 * RATE_LIMIT / shortest, rel=1e-9)
 
 
 @pytest.mark.parametrize("changes", [

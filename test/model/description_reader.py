@@ -5,7 +5,7 @@ import re
 import numpy as np
 
 from vibro_ros.model.forms import Forms
-from vibro_ros.model.mode_set import Mode
+from vibro_ros.model.modes import Mode
 
 
 def sections(scene) -> dict[str, list[str]]:
@@ -66,7 +66,7 @@ def guard_lines(told: dict[str, list[str]], mode: Mode, plates: tuple[str, ...])
     """What is told of the guards of a mode: the places of their effects among its states, and the text after them."""
     told = [line for line in told.get("guards", []) if holds_in(line, mode.states, plates)]
     heads = [(f"{side} contact {state}: ",) for side, state in zip(plates, mode.states, strict=False)]
-    heads.append((f"friction {mode.friction}: ", f"ground {mode.friction}: "))
+    heads.append((f"friction {mode.ground}: ", f"ground {mode.ground}: "))
     return [(place, line.partition(": ")[2]) for place, head in enumerate(heads) for line in told
             if line.startswith(head)]
 

@@ -72,7 +72,7 @@ def test_the_described_first_mode_is_the_compiled_one(scene):
     model = compile_scene(scene)
     _, _, first = sections(scene)["modes"][0].partition("; first ")
     states = model.modes[model.initial_mode].states
-    alone = len({mode.friction for mode in model.modes}) == 1
+    alone = len({mode.ground for mode in model.modes}) == 1
     assert first == ", ".join(states[:-1] if alone else states)
 
 

@@ -1,32 +1,34 @@
-"""The rules for a new effect name files, functions and parameters that exist."""
+"""A new effect has at most twelve places, which exist under the names that the head of `model/modes.py` gives them."""
 
 import re
 from pathlib import Path
 
-import pytest
-
 import vibro_ros.model.modes
+from vibro_ros.model.ground import GROUND_FORCES, GROUND_STATES, Ground
+from vibro_ros.model.modes import MODE_EVENTS
 
 ROOT = Path(__file__).resolve().parents[2]
-RULES = vibro_ros.model.modes.__doc__.partition("Rules for a new effect")[2]
-SOURCES = "\n".join(path.read_text(encoding="utf-8") for folder in ("vibro_ros", "test")
-                    for path in (ROOT / folder).rglob("*.py") if path != Path(__file__)).replace(RULES, "")
+PLACES = vibro_ros.model.modes.__doc__.partition("Places of a new effect")[2]
+FILES = re.findall(r"`([\w/]+\.py)`", PLACES)
 
 
-def test_rules_are_numbered_from_one():
-    numbers = [int(number) for number in re.findall(r"^(\d+)\. ", RULES, re.MULTILINE)]
-    assert numbers == list(range(1, len(numbers) + 1)) and len(numbers) > 8
+def test_a_new_effect_has_at_most_twelve_places():
+    numbers = [int(number) for number in re.findall(r"^(\d+)\. ", PLACES, re.MULTILINE)]
+    assert numbers == list(range(1, len(numbers) + 1)) and len(numbers) <= 12
 
 
-@pytest.mark.parametrize("name", sorted(set(re.findall(r"`([\w/]+\.py)`", RULES))))
-def test_files_of_the_rules_exist(name):
-    own = [path for folder in ("vibro_ros", "vibro_ros/model") if (path := ROOT / folder / name).is_file()]
-    assert own or list((ROOT / "test").rglob(name))
+def test_the_places_exist():
+    for name in FILES:
+        assert any((ROOT / folder / name).is_file() for folder in (".", "vibro_ros", "vibro_ros/model")) or any(
+            folder.rglob(name) for folder in (ROOT / "test", ROOT / "vibro_ros")), name
+    sources = "\n".join(path.read_text(encoding="utf-8") for folder in ("vibro_ros", "test", "tools")
+                        for path in (ROOT / folder).rglob("*.py")).replace(PLACES, "")
+    for name in set(re.findall(r"`([A-Za-z_][\w.]*)(?:\(\))?`", PLACES)) - set(FILES):
+        for part in filter(None, name.split(".")):
+            assert re.search(rf"\b{part}\b", sources), name
 
 
-@pytest.mark.parametrize("name", sorted(set(re.findall(r"`([A-Za-z_][\w.]*)(?:\(\))?`", RULES))
-                                        - set(re.findall(r"`(\w+\.py)`", RULES))))
-def test_names_of_the_rules_are_in_the_code(name):
-    """Of `Class.method` both; `effects.` is the beginning of names."""
-    for part in filter(None, name.split(".")):
-        assert re.search(rf"\b{part}\b|[\"']{part}\.", SOURCES), part
+def test_every_force_of_the_ground_has_its_law_and_every_event_of_a_state_its_number():
+    assert all(callable(getattr(Ground, force.name)) for force in GROUND_FORCES)
+    events = {event for state in GROUND_STATES.values() for event in (state.begins, state.ends) if event}
+    assert events == set(MODE_EVENTS)

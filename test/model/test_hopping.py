@@ -7,7 +7,7 @@ from hopping_body import HoppingBody
 import vibro_ros
 from vibro_ros.configuration.scene_file import shipped_scenes
 from vibro_ros.model.forms import Forms
-from vibro_ros.model.landing import Landing
+from vibro_ros.model.shock import Landing
 
 BODY, UPPER, INCLINED = 1.0, 0.1, 0.08
 TOTAL, GRAVITY = BODY + UPPER + INCLINED, 9.81

@@ -130,13 +130,17 @@ def test_methods_of_fixed_step_converge(method):
     ({"effects.inclined_contact": "none"}, "choose compliant"),
     ({"effects.inclined_contact": "restitution", "effects.normal_force": "weight"}, "choose compliant"),
     ({"inclined.plate.stiffness": 0.0}, "inclined.plate.stiffness is 0 N/m"),
-    ({"effects.reaction": True}, "give false for effects.reaction"),
-    ({"solver.method": "moreau"}, "choose exact, auto, rk4 or semi_implicit_euler")])
+    ({"effects.reaction": True}, "give false for effects.reaction")])
 def test_what_makes_no_sense_with_it_is_refused(changes, named):
     remedy = r"^effects\.misprint: true .*; (give|choose) .*, or set effects\.misprint to false$"
     with pytest.raises(ValueError, match=remedy) as caught:
         vibro_ros.load_scene("paper").with_parameters(MISPRINT | changes)
     assert named in str(caught.value)
+
+
+def test_moreau_refuses_it():
+    with pytest.raises(ValueError, match="^effects.misprint: true is not simulated by moreau; give false, or"):
+        vibro_ros.load_scene("paper").with_parameters(MISPRINT | {"solver.method": "moreau"})
 
 
 def test_a_scene_without_the_misprint_has_the_modes_guards_and_forms_that_it_had():

@@ -5,7 +5,7 @@ import pytest
 
 import vibro_ros
 from vibro_ros.configuration.scene_file import shipped_scenes
-from vibro_ros.model.promise import rounded_up
+from vibro_ros.model.parameter_values import rounded_up
 from vibro_ros.simulation.simulator import ToleranceWarning
 
 TIMES = np.linspace(0.0, 0.2, 1001)

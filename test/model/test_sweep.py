@@ -5,9 +5,8 @@ import pytest
 
 import vibro_ros
 from vibro_ros.configuration.scene_file import shipped_scenes
-from vibro_ros.model.guard_tables import _places
-from vibro_ros.model.mode_set import mode_set
-from vibro_ros.model.tables import _compile_machine, compile_scene
+from vibro_ros.model.modes import mode_set
+from vibro_ros.model.tables import _compile_machine, _places, compile_scene
 from vibro_ros.solver.system import _terms_by_zeros
 
 SHARED = ("guard", "guard_effect", "candidate", "entry", "jump", "event_kind", "mode_after_ramp_change", "row_terms")

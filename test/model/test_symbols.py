@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import vibro_ros
+from vibro_ros.model.description import Symbols, ratio
 from vibro_ros.model.forms import Forms
-from vibro_ros.model.symbols import Symbols, ratio
 
 
 def test_forms_are_written_as_the_paper_does():

@@ -7,7 +7,7 @@ import pytest
 
 import vibro_ros
 from vibro_ros.configuration.scene_file import shipped_scenes
-from vibro_ros.model.possible_state import NUMBERS
+from vibro_ros.model.scene import NUMBERS
 from vibro_ros.simulation.given_state import UNITS
 
 

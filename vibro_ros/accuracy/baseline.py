@@ -11,12 +11,11 @@ import numba
 import numpy as np
 
 from vibro_ros.model.scene import Scene
+from vibro_ros.model.support import unsupported
 from vibro_ros.solver.compilation import cached
 
 _RULES = {"weight": 0, "unilateral": 1, "printed": 2, "hop": 1}  # hop: on the ground, where N cannot pull
-#: Values that it has of the effects that it does not have all values of, and those that it has with rigid plates.
-_KNOWN = {"effects.friction": ("none", "coulomb"), "effects.motor": ("ideal", "ramp"), "effects.upper_mass": (True,),
-          "effects.inclined_mass": (True,), "effects.misprint": (False,)}
+#: Values that it has with rigid plates, beside `model.support`.
 _KNOWN_WHERE_RIGID = {"effects.reaction": (False,), "effects.normal_force": ("weight", "unilateral", "printed")}
 _inlined = numba.njit(error_model="numpy", inline="always")
 
@@ -261,10 +260,10 @@ def integrate_rk4(scene: Scene, start: np.ndarray, duration: float, rate: float,
     Raises
     ------
     ValueError
-        For effects that it does not have: a missing mass, static or Stribeck friction, a lagging motor, and rigid
-        plates together with the reaction on the masses or a body that hops.
+        For a parameter that it does not have (`model.support`), and for rigid plates together with the reaction on the
+        masses or a body that hops.
     """
-    _refuse_unknown(scene)
+    _refuse_unsupported(scene)
     per_sample = max(1, round(1.0 / (rate * step)))
     samples = np.empty((round(duration * rate) + 1, 8))
     _integrate(tuple(start), _guide(scene, "upper", 0.0), _guide(scene, "inclined", scene["guide.angle"]),
@@ -272,13 +271,15 @@ def integrate_rk4(scene: Scene, start: np.ndarray, duration: float, rate: float,
     return samples
 
 
-def _refuse_unknown(scene: Scene) -> None:
-    """Raise ValueError for an effect that would be left out or taken for another."""
-    rigid = any(scene[f"effects.{side}_contact"] == "restitution" for side in scene.guides)
-    for known, where in ((_KNOWN, ""), (_KNOWN_WHERE_RIGID if rigid else {}, " with rigid plates")):
-        for name, values in known.items():
+def _refuse_unsupported(scene: Scene) -> None:
+    """Raise ValueError for a parameter that would be left out, or taken for another."""
+    if fault := unsupported(scene, "baseline"):
+        raise ValueError(f"scene {scene.name}: {fault}")
+    if any(scene[f"effects.{side}_contact"] == "restitution" for side in scene.guides):
+        for name, values in _KNOWN_WHERE_RIGID.items():
             if scene[name] not in values:
-                raise ValueError(f"scene {scene.name}: the baseline has no {name} {scene[name]!r}{where}")
+                raise ValueError(f"scene {scene.name}: {name}: {scene[name]!r} is not simulated by baseline with rigid "
+                                 "plates")
 
 
 def _guide(scene: Scene, side: str, angle: float) -> Guide:

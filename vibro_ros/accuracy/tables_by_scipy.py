@@ -15,7 +15,7 @@ import numpy as np
 from scipy.integrate import DOP853, LSODA, OdeSolver, Radau
 from scipy.optimize import brentq
 
-from vibro_ros.model.mode_set import MODE_EVENTS
+from vibro_ros.model.modes import MODE_EVENTS
 from vibro_ros.model.scene import Scene
 from vibro_ros.model.tables import Model
 from vibro_ros.simulation.motion import Motion
@@ -245,7 +245,7 @@ def _counted(slope: Callable, work: Work) -> Callable:
 def _mode_by_state(tables: Tables) -> Callable[[float, np.ndarray], int]:
     """The mode that positions and speeds alone tell, eqs. (4) and (5)."""
     model, forms = tables.model, tables.model.forms
-    names = {mode.friction for mode in model.modes}
+    names = {mode.ground for mode in model.modes}
     if forms.body_hops or any("resting" in mode.states for mode in model.modes):
         raise UnableError("without events no speed can jump: no rigid plates and no landing")
     number = {mode.states: m for m, mode in enumerate(model.modes)}
@@ -265,7 +265,7 @@ def _mode_by_state(tables: Tables) -> Callable[[float, np.ndarray], int]:
             guard = tables.broken_guard(m, tables.point(time, y, m))
             if guard == NOTHING:
                 return "stick"
-            return model.modes[tables.change(m, guard, tables.point(time, y, m))[0]].friction
+            return model.modes[tables.change(m, guard, tables.point(time, y, m))[0]].ground
         slipping = "slip_forward" if speed > 0.0 else "slip_backward"
         if "unloaded" not in names:
             return slipping

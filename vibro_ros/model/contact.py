@@ -1,17 +1,12 @@
 """Contacts of a mass with its plate: compliant, eq. (4), or rigid with restitution.
 
-A contact gives its states, the state in which the mass presses on the plate, and the guards of each state.
+A contact gives its states and the guards of each state.
 """
 
-from vibro_ros.model.automaton import Guard, Target, without_jump
-from vibro_ros.model.forms import Form, Forms
+from vibro_ros.model.forms import MASS, PLATE, Form, Forms, Guard, Target, without_jump
 from vibro_ros.model.scene import Scene
-from vibro_ros.model.shock import Blow
-from vibro_ros.model.symbols import MASS, PLATE
+from vibro_ros.model.shock import REST_SPEED, Blow
 
-#: A mass that arrives more slowly [m/s] stays on its plate: the bounces that are left out last about 1e-11 s. A mass
-#: that arrives faster strikes a blow even if its restitution is 0, because the blow moves the body, and rests then.
-REST_SPEED = 1e-9
 #: With a restitution above `ALMOST_LOSSLESS`, a mass also stays whose spring would end the next bounce sooner than
 #: `SHORTEST_BOUNCE` [s]: the mass would rise by F/m T²/8, for 100 g and 20 N 3e-13 m. Without this rule, bounces that
 #: only a damper of the drive makes shorter would become too many ever to be simulated.
@@ -28,7 +23,6 @@ class CompliantContact:
     """
 
     initial = "open"
-    pressing = "closed"
 
     def __init__(self, scene: Scene, forms: Forms, side: str):
         self.side = side
@@ -41,11 +35,11 @@ class CompliantContact:
         return ("open", "closed") if self._may_pull else ("open", "closed", "released")
 
     @staticmethod
-    def context(friction: str, resting: frozenset[str]) -> tuple:
+    def context(ground: str, resting: frozenset[str]) -> tuple:
         """What the guards of a state depend on besides the state: nothing."""
         return ()
 
-    def guards(self, state: str, friction: str, resting: frozenset[str], body: tuple[Form, Form]) -> list[Guard]:
+    def guards(self, state: str, ground: str, resting: frozenset[str], body: tuple[Form, Form]) -> list[Guard]:
         """Guards of `state`."""
         depth, _ = self._forms.penetration(self.side)
         force = self._forms.plate_force(self.side)
@@ -70,7 +64,6 @@ class RigidContact:
     """
 
     initial = "open"
-    pressing = "resting"
     states = ("open", "resting")
 
     def __init__(self, scene: Scene, forms: Forms, side: str):
@@ -82,19 +75,19 @@ class RigidContact:
         self._masses_feel_body = scene["effects.reaction"]
 
     @staticmethod
-    def context(friction: str, resting: frozenset[str]) -> tuple:
+    def context(ground: str, resting: frozenset[str]) -> tuple:
         """What the guards of a state depend on besides the state: a body in the air moves with the masses at rest."""
-        return friction, resting if friction == "airborne" else frozenset()
+        return ground, resting if ground == "airborne" else frozenset()
 
-    def guards(self, state: str, friction: str, resting: frozenset[str], body: tuple[Form, Form]) -> list[Guard]:
+    def guards(self, state: str, ground: str, resting: frozenset[str], body: tuple[Form, Form]) -> list[Guard]:
         """Guards of `state`.
 
         Parameters
         ----------
         state : str
             One of `states`.
-        friction : str
-            State of the friction.
+        ground : str
+            State of the body on the ground.
         resting : frozenset of str
             Guides whose masses rest on rigid plates.
         body : tuple of ndarray, each shape (channels,)
@@ -105,15 +98,15 @@ class RigidContact:
             force = self._forms.resting_force(self.side, body)
             return [Guard(force, without_jump("open"), f"force on {plate} >= 0")]
         depth, _ = self._forms.penetration(self.side)
-        targets = *self._rests(friction, resting), *self._rebounds(friction)
+        targets = *self._rests(ground, resting), *self._rebounds(ground)
         return [Guard(-depth, targets, f"{mass} <= {plate}", is_blow=True)]
 
-    def _rests(self, friction: str, resting: frozenset[str]) -> list[Target]:
+    def _rests(self, ground: str, resting: frozenset[str]) -> list[Target]:
         """Targets of a mass that is too slow to bounce."""
-        if friction == "airborne":
+        if ground == "airborne":
             body = self._blow.thrown_body_jumps(0.0, resting)
         else:
-            body = () if friction == "stick" else self._blow.sliding_body_jumps(0.0)
+            body = () if ground == "stick" else self._blow.sliding_body_jumps(0.0)
         return [Target("resting", self._blow.mass_jumps(0.0) + body, entries=(slow,)) for slow in self._too_slow()]
 
     def _too_slow(self) -> list[Form]:
@@ -126,18 +119,18 @@ class RigidContact:
             slow.append(SHORTEST_BOUNCE / 2.0 / self._mass * push - approach)
         return slow
 
-    def _rebounds(self, friction: str) -> list[Target]:
+    def _rebounds(self, ground: str) -> list[Target]:
         """Targets of a mass that bounces, by what the blow does to the body."""
         mass = self._blow.mass_jumps(self._restitution)
         if self._forms.body_hops:
             jumps = mass + self._blow.thrown_body_jumps(self._restitution)
-            return [Target("open", jumps, friction="airborne", frees_resting_masses=self._masses_feel_body)]
+            return [Target("open", jumps, ground="airborne", frees_resting_masses=self._masses_feel_body)]
         body = self._blow.sliding_body_jumps(self._restitution)
-        if not body or friction in ("grounded", "unloaded"):
+        if not body or ground in ("grounded", "unloaded"):
             return [Target("open", mass + body)]
         ((_, speed),) = body
-        return [Target("open", mass + body, entries=(speed,), friction="slip_forward"),
-                Target("open", mass + body, entries=(-speed,), friction="slip_backward")]
+        return [Target("open", mass + body, entries=(speed,), ground="slip_forward"),
+                Target("open", mass + body, entries=(-speed,), ground="slip_backward")]
 
 
 def make_contact(scene: Scene, forms: Forms, side: str) -> CompliantContact | RigidContact:

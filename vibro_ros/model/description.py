@@ -4,14 +4,15 @@ from collections.abc import Iterable, Iterator
 
 import numpy as np
 
-from vibro_ros.model.automaton import Guard, Target
-from vibro_ros.model.mode_set import MODE_EVENTS, Mode
-from vibro_ros.model.modes import OUTPUTS, ModeBuilder
+from vibro_ros.model.forms import MASS, PLATE, SLIDER, Form, Forms, Guard, Target
+from vibro_ros.model.modes import MODE_EVENTS, OUTPUTS, Mode, ModeBuilder
 from vibro_ros.model.scene import Scene
 from vibro_ros.model.slider import Slider
-from vibro_ros.model.symbols import MASS, PLATE, SLIDER, Symbols, ratio, total
 from vibro_ros.model.tables import Model, compile_scene
 from vibro_ros.solver.system import NOTHING
+
+#: A coefficient smaller than this part of the terms that cancel in it is rounding.
+_ROUNDING = 1e-12
 
 
 def describe(scene: Scene) -> str:
@@ -39,8 +40,9 @@ class _Description:
         self._model: Model = compile_scene(scene)
         self._builder = ModeBuilder(scene)
         self._symbols = Symbols(self._model.forms)
-        self._has_friction = "slip_forward" in self._builder.friction.states
-        # Without friction the states of `Friction` only say whether the body is on the ground.
+        self._ground = self._builder.ground
+        self._has_friction = self._ground.has_dry_friction
+        # Without dry friction the states only say whether the body is on the ground.
         self._friction_name = "friction" if self._has_friction else "ground"
 
     def states(self) -> Iterator[str]:
@@ -92,7 +94,7 @@ class _Description:
         Only of the modes with the state `friction`, if it is given.
         """
         return {mode.states: self._symbols.text(row) for mode, row in zip(self._model.modes, rows, strict=True)
-                if friction in (None, mode.friction)}
+                if friction in (None, mode.ground)}
 
     def _cases(self, head: str, texts: dict[tuple[str, ...], str]) -> Iterator[str]:
         """A line for each different text, with the states in which the text holds of the effects that matter."""
@@ -116,12 +118,18 @@ class _Description:
         return [f"{contact.side} contact" for contact in self._builder.contacts] + [self._friction_name]
 
     def _equations_along_the_ground(self) -> Iterator[str]:
-        """Lines for x'' and F_in."""
+        """Lines for x'', F_in and each force of the ground whose law is a form."""
         total, body = self._scene.total_mass, self._model.forms.body
-        inertial = total * self._model.system.acceleration[:, body] + self._output("friction_force")
-        first = self._builder.friction.states[0]
-        yield f"{total:g} x'' = F_in{' - F_fr' if self._has_friction else ''}"
+        inertial = total * self._model.system.acceleration[:, body]
+        for force in self._ground.along:
+            inertial = inertial - force.sign * self._builder.ground_force(force.name)
+        first = self._ground.states[0]
+        forces = [(1.0, "F_in"), *((force.sign, force.symbol) for force in self._ground.along)]
+        yield f"{total:g} x'' = {_sum(forces)}"
         yield from self._with_remark("F_in = ", self._texts(inertial, first), "eq. (7)")
+        for force in self._ground.along:
+            if not force.set_valued:
+                yield from self._cases(f"{force.symbol} = ", self._texts(self._builder.ground_force(force.name)))
 
     def _output(self, name: str) -> np.ndarray:
         """Forms of an output, shape (modes, channels); from mode to mode the state of the friction changes first."""
@@ -129,7 +137,7 @@ class _Description:
 
     def _normal_force(self) -> Iterator[str]:
         """Lines for N."""
-        normal, states = self._output("normal_force"), self._builder.friction.states
+        normal, states = self._output("normal_force"), self._ground.states
         source = "eq. (6)" if normal[0, :self._model.forms.channels.one].any() else "weight"
         reported = "; reported as 0 where it is negative" * ("unloaded" in states)
         airborne = "; 0 while airborne" * ("airborne" in states)
@@ -140,11 +148,11 @@ class _Description:
         normal, friction = self._output("normal_force")[0], self._output("friction_force")
         decayed = self._model.forms.decayed_normal_force()
         law = f"N exp(-|x'|/{self._scene['ground.stribeck_speed']:g})"
-        for m, state in enumerate(self._builder.friction.states):
+        for m, state in enumerate(self._ground.states):
             falling = float(decayed @ friction[m])
             factor = ratio(friction[m] - falling * decayed, normal)
             sliding = [(part, symbol) for part, symbol in ((factor, "N"), (falling, law)) if part]
-            yield f"F_fr = {'F_in' if factor is None else total(sliding)}    while {state}"
+            yield f"F_fr = {'F_in' if factor is None else _sum(sliding)}    while {state}"
 
     def modes(self) -> Iterator[str]:
         """A line for the number of modes, a product of numbers of states, and for the first mode."""
@@ -157,7 +165,7 @@ class _Description:
 
     def _guarded_effects(self) -> dict[str, tuple[str, ...]]:
         """States of each effect that has more than one state, by the effect's name."""
-        states = [contact.states for contact in self._builder.contacts] + [self._builder.friction.states]
+        states = [contact.states for contact in self._builder.contacts] + [self._ground.states]
         effects = dict(zip(self._effect_names(), states, strict=True))
         return effects if len(states[-1]) > 1 else {name: effects[name] for name in self._effect_names()[:-1]}
 
@@ -187,7 +195,7 @@ class _Description:
 
     def _target(self, mode: Mode, effect: int, target: Target) -> str:
         """The target state of the guard's effect, and of the friction and the plates that a shock changes."""
-        words = [target.state] if target.friction is None else [target.state, target.friction]
+        words = [target.state] if target.ground is None else [target.state, target.ground]
         if target.frees_resting_masses:
             others = enumerate(zip(self._effect_names(), mode.states, strict=True))
             words += [f"{name} open" for other, (name, state) in others if other != effect and state == "resting"]
@@ -258,3 +266,83 @@ def _columns(lines: list[str]) -> Iterator[str]:
     for line in lines:
         head, _, remark = line.partition("    ")
         yield f"  {head:<{width}}    {remark}".rstrip()
+
+
+class Symbols:
+    """Writes the forms of one scene.
+
+    Parameters
+    ----------
+    forms : Forms
+        The forms of the scene.
+    """
+
+    def __init__(self, forms: Forms):
+        self._channels = forms.channels
+        self._coordinates = [MASS[side] for side in forms.guides] + ["x"] * forms.body_moves + (
+            ["y"] * forms.body_hops)
+        self._guides, self._plates = forms.guides, forms.plates
+
+    @property
+    def coordinates(self) -> list[str]:
+        """Symbols of the coordinates, in their order."""
+        return self._coordinates
+
+    def text(self, form: Form) -> str:
+        """The form with its coefficients, such as ``-1000 (u - s_B) - 1e+07 (u - E)``; ``0`` when it is empty."""
+        return _sum(self._terms(form))
+
+    def _terms(self, form: Form) -> Iterator[tuple[float, str]]:
+        """Coefficients and symbols: first differences to sliders and plates, then other channels, the constant last."""
+        left = dict(enumerate(map(float, form)))
+        largest = {channel: abs(factor) for channel, factor in left.items()}
+        for own, other, text in self._differences():
+            factor = left.pop(other)
+            if factor:
+                left[own] += factor
+                largest[own] = max(largest[own], abs(factor))
+                yield -factor, text
+        names = self._names()
+        for channel, factor in left.items():
+            if abs(factor) > _ROUNDING * largest[channel]:
+                yield factor, names[channel]
+
+    def _differences(self) -> Iterator[tuple[int, int, str]]:
+        """Channel of a mass, channel of its slider or plate, and the text of their difference; also of the rates."""
+        at = self._channels
+        for i, side in enumerate(self._guides):
+            mass, slider = MASS[side], SLIDER[side]
+            yield at.position(i), at.signal(i), f"({mass} - {slider})"
+            yield at.velocity(i), at.signal_rate(i), f"({mass}' - {slider}')"
+        for k, side in enumerate(self._plates):
+            i, mass, plate = self._guides.index(side), MASS[side], PLATE[side]
+            yield at.position(i), at.ramp(k), f"({mass} - {plate})"
+            yield at.velocity(i), at.ramp_rate(k), f"({mass}' - {plate}')"
+
+    def _names(self) -> dict[int, str]:
+        """Symbols of the channels that may stand alone in a text."""
+        at = self._channels
+        names = {at.one: ""}
+        for i, symbol in enumerate(self._coordinates):
+            names |= {at.position(i): symbol, at.velocity(i): f"{symbol}'"}
+            if i < at.dynamic:
+                names[at.acceleration(i)] = f"{symbol}''"
+        return names
+
+
+def ratio(form: Form, other: Form) -> float | None:
+    """The factor c with form = c `other`, exactly or to rounding; None if there is no such factor."""
+    size = float(other @ other)
+    factor = float(form @ other) / size if size else 0.0
+    return factor if abs(form - factor * other).max() <= _ROUNDING * abs(form).max() else None
+
+
+def _sum(terms: Iterable[tuple[float, str]]) -> str:
+    """Text of a sum of factors times symbols; ``0`` when it is empty."""
+    text = ""
+    for factor, symbol in terms:
+        sign = "-" if factor < 0.0 else "+"
+        number = "" if abs(factor) == 1.0 and symbol else f"{abs(factor):.6g}"
+        term = f"{number} {symbol}".strip()
+        text += f" {sign} {term}" if text else f"{sign.replace('+', '')}{term}"
+    return text or "0"

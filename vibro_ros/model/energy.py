@@ -1,5 +1,7 @@
-"""What the energy audit balances: the energy of the masses, and the power that the masses receive.
+"""Where energy comes from and goes: the audit that a scene may ask for on every segment, and the accounts.
 
+The audit
+---------
 In the paper's model the masses' equations depend on nothing else, so that the energy of each guide balances alone. The
 drive's spring is taken as if it were fixed where the slider is a rod's length l from the crank; what the slider adds by
 its motion is part of the power, as are dampers, plates and weight:
@@ -8,7 +10,21 @@ its motion is part of the power, as are dampers, plates and weight:
 
 where `drive` and `plate` are the forces of the drive on the slider and of the mass on the plate. One product a guide is
 all that the balance costs. With the reaction the masses exchange energy with the body, so that the audit includes the
-body's kinetic energy, the work of friction and, for a body that hops, its height.
+body's kinetic energy, the work of the forces along the ground and, for a body that hops, its height.
+
+The accounts
+------------
+Positive is what the robot receives. Over any time,
+
+    motor + plates + unpaid + drive dampers + plate dampers + friction + blows + landings = change of stored energy
+
+The stored energy is that of the moving masses and body, of the springs of drives and closed plates, and of heights.
+Where a plate without tension lets go (`contact.CompliantContact`), what its spring still holds is lost to its damper.
+
+`unpaid` is an artefact of the paper's equations: without the reaction the masses push the body and do not feel it, so
+that the body receives work that nobody gives. With `effects.reaction` nothing is unpaid. The kinetic energy of the body
+is then m1 V² / 2 and that of the masses includes the body's motion; without the reaction the body's equation is that of
+a body of the total mass M.
 """
 
 from collections.abc import Iterator
@@ -18,47 +34,86 @@ import numpy as np
 from vibro_ros.model.forms import Form, Forms
 from vibro_ros.model.modes import ModeBuilder, ModeForms
 from vibro_ros.model.scene import Scene
-from vibro_ros.solver.system import terms
+from vibro_ros.solver.system import NOTHING, AccountTable, terms
+
+#: The accounts, by their numbers in the solver: `solver.accounts.SPLIT` and `RAMPS` come first.
+ACCOUNTS = ("motor", "plates", "drive_dampers", "plate_dampers", "friction", "blows", "landings", "unpaid")
+#: Those on which the robot loses energy.
+LOSSES = ACCOUNTS[2:7]
+_MOTOR, _PLATES, _DRIVE_DAMPERS, _PLATE_DAMPERS, _FRICTION, _BLOWS, _LANDINGS, _UNPAID = range(len(ACCOUNTS))
+
+#: A power: its account, force and the channel of the velocity; and a stored energy: form, weight by mode, and account
+#: of its change by a blow.
+Power = tuple[int, Form | ModeForms, int]
+Stored = tuple[Form, np.ndarray | float, int]
 
 
 def audit_tables(builder: ModeBuilder, scene: Scene) -> dict[str, np.ndarray]:
     """The fields of `solver.system.System` for the audit; empty unless the scene asks for the audit."""
     forms, audited = builder.forms, scene["solver.audit"]
-    stored = list(_stored_energy(forms, scene)) if audited else []
-    powers = list(_powers(builder, scene)) if audited else []
+    with_body = scene["effects.reaction"] and (forms.body_moves or forms.body_hops)
+    stored = [*_kinetic_energies(forms, scene, with_body)] if audited else []
+    stored += [(_distance_from_rod(forms, scene, side), scene[f"{side}.spring.stiffness"])
+               for side in forms.guides if audited]
+    if audited and with_body:
+        stored += [(rate, scene["mass.body"]) for rate in forms.body_velocity()]
+    potential = _height(forms, scene) if audited and with_body else forms.zero
+    powers = list(_audited_powers(builder, scene, with_body)) if audited else []
     force = np.empty((len(builder.modes), len(powers), forms.channels.count))
-    rate = np.empty(force.shape[:2], dtype=np.int64)
-    for p, (form, velocity) in enumerate(powers):
-        force[:, p], rate[:, p] = form, velocity
-    return {"stretch": np.array([form for _, form in stored]).reshape(len(stored), forms.channels.count),
-            "stiffness": np.array([weight for weight, _ in stored]),
-            "potential": np.array(_potential(forms, scene) if audited else forms.zero),  # zero cannot be written
+    for p, (form, _) in enumerate(powers):
+        force[:, p] = form
+    rate = np.tile(np.array([rate for _, rate in powers], dtype=np.int64), (len(builder.modes), 1))
+    return {"stretch": np.array([form for form, _ in stored]).reshape(len(stored), forms.channels.count),
+            "stiffness": np.array([weight for _, weight in stored]),
+            "potential": np.array(potential),  # a copy, because `forms.zero` cannot be written
             "power": force, "power_terms": terms(force), "power_rate": rate}
 
 
-def _body_takes_part(forms: Forms, scene: Scene) -> bool:
-    return scene["effects.reaction"] and (forms.body_moves or forms.body_hops)
+def account_table(builder: ModeBuilder, scene: Scene, guards: dict[str, np.ndarray]) -> AccountTable:
+    """The accounts of a scene; empty unless the scene asks for them.
+
+    Parameters
+    ----------
+    builder : ModeBuilder
+        The scene's modes.
+    scene : Scene
+        The scene.
+    guards : dict of str to ndarray
+        The tables of guards (`guard_tables`).
+    """
+    forms, modes, booked = builder.forms, len(builder.modes), scene["solver.accounts"]
+    powers = list(_powers(builder, scene)) if booked else []
+    stored = list(_stored(builder, scene)) if booked else []
+    force = np.zeros((modes, len(powers), forms.channels.count))
+    stiffness = np.zeros((modes, len(stored)))
+    for p, (_, form, _) in enumerate(powers):
+        force[:, p] = form
+    for e, (_, weight, _) in enumerate(stored):
+        stiffness[:, e] = weight
+    struck = [(k, _momentum(forms, scene, side)) for k, side in enumerate(forms.plates) if booked]
+    decay = forms.channels.decay if forms.channels.decays else NOTHING
+    driven = range(forms.channels.velocity(forms.channels.dynamic), forms.channels.velocity(forms.channels.coordinates))
+    return AccountTable(
+        force=force, terms=terms(force),
+        rate=np.array([rate for *_, rate in powers], dtype=np.int64),
+        account=np.array([account for account, *_ in powers], dtype=np.int64),
+        force_in_piece=np.array([decay != NOTHING and form[:, decay].any() for form in force.swapaxes(0, 1)],
+                                dtype=bool),
+        rate_in_piece=np.array([rate in driven for *_, rate in powers], dtype=bool),
+        stretch=np.array([form for form, *_ in stored]).reshape(len(stored), forms.channels.count),
+        stiffness=stiffness,
+        potential=np.array(_potential(forms, scene) if booked else forms.zero),
+        jump=_jump_accounts(builder, guards, np.array([account for *_, account in stored], dtype=np.int64)),
+        momentum=np.array([form for _, form in struck]).reshape(len(struck), forms.channels.count),
+        struck=np.array([k for k, _ in struck], dtype=np.int64))
 
 
-def _stored_energy(forms: Forms, scene: Scene) -> Iterator[tuple[float, Form]]:
-    """Weights w and forms e of the stored energy, sum of w e² / 2."""
+def _kinetic_energies(forms: Forms, scene: Scene, with_body: bool) -> Iterator[tuple[Form, float]]:
+    """Velocities of the masses, of a mass that moves with the body along x and y, each with the mass [kg]."""
     for i, side in enumerate(forms.guides):
-        mass, velocity = scene[f"mass.{side}"], forms.velocity(i)
-        if _body_takes_part(forms, scene):
-            for part, rate in zip(scene.direction(side), forms.body_velocity(), strict=True):
-                yield mass, part * velocity + rate
-        else:
-            yield mass, velocity
-        yield scene[f"{side}.spring.stiffness"], _distance_from_rod(forms, scene, side)
-    if _body_takes_part(forms, scene):
-        yield from ((scene["mass.body"], rate) for rate in forms.body_velocity())
-
-
-def _potential(forms: Forms, scene: Scene) -> Form:
-    """Energy [J] of the height of a body that hops, with its masses."""
-    if _body_takes_part(forms, scene) and forms.body_hops:
-        return scene.total_mass * scene["gravity"] * forms.position(forms.height)
-    return forms.zero
+        parts = zip(scene.direction(side), forms.body_velocity(), strict=True)
+        velocities = [part * forms.velocity(i) + rate for part, rate in parts] if with_body else [forms.velocity(i)]
+        yield from ((velocity, scene[f"mass.{side}"]) for velocity in velocities)
 
 
 def _distance_from_rod(forms: Forms, scene: Scene, side: str) -> Form:
@@ -66,7 +121,12 @@ def _distance_from_rod(forms: Forms, scene: Scene, side: str) -> Form:
     return forms.position(forms.guides.index(side)) - scene[f"crank.{side}_rod"] * forms.one
 
 
-def _powers(builder: ModeBuilder, scene: Scene) -> Iterator[tuple[Form | ModeForms, int]]:
+def _height(forms: Forms, scene: Scene) -> Form:
+    """Energy [J] of the height of a body that hops, with its masses."""
+    return scene.total_mass * scene["gravity"] * forms.position(forms.height) if forms.body_hops else forms.zero
+
+
+def _audited_powers(builder: ModeBuilder, scene: Scene, with_body: bool) -> Iterator[tuple[Form | ModeForms, int]]:
     """Forces [N] whose power changes the stored energy, and the channels of the velocities along them."""
     forms = builder.forms
     for i, side in enumerate(forms.guides):
@@ -75,5 +135,81 @@ def _powers(builder: ModeBuilder, scene: Scene) -> Iterator[tuple[Form | ModeFor
         if side in forms.plates:
             force = force - builder.while_pressing(side, builder.contact_force(side))
         yield force, forms.channels.velocity(i)
-    if _body_takes_part(forms, scene) and forms.body_moves:
-        yield -builder.friction_force(), forms.channels.velocity(forms.body)
+    for force in builder.ground.along if with_body else ():
+        yield force.sign * builder.ground_force(force.name), forms.channels.velocity(forms.body)
+
+
+def _powers(builder: ModeBuilder, scene: Scene) -> Iterator[Power]:
+    """Every force that does work, as the force on what moves with the velocity."""
+    forms, channels = builder.forms, builder.forms.channels
+    for i, side in enumerate(forms.guides):
+        slider, mass = channels.signal_rate(i), channels.velocity(i)
+        yield _MOTOR, -forms.drive_force(side), slider
+        yield from _damper(_DRIVE_DAMPERS, scene[f"{side}.spring.damping"], forms.stretch(side)[1], mass, slider)
+    for k, side in enumerate(forms.plates):
+        plate, mass = channels.ramp_rate(k), channels.velocity(forms.guides.index(side))
+        yield _PLATES, builder.while_pressing(side, -builder.contact_force(side)), plate
+        if builder.has_compliant_plate(side):
+            rate = builder.while_pressing(side, forms.penetration(side)[1])
+            yield from _damper(_PLATE_DAMPERS, scene[f"{side}.plate.damping"], rate, mass, plate)
+    yield from _powers_on_the_body(builder, scene)
+
+
+def _damper(account: int, damping: float, rate: Form | ModeForms, mass: int, other: int) -> Iterator[Power]:
+    """-c (q' - s')², as two forces -c (q' - s') and c (q' - s') on the damper's ends."""
+    if damping > 0.0:
+        yield account, -damping * rate, mass
+        yield account, damping * rate, other
+
+
+def _powers_on_the_body(builder: ModeBuilder, scene: Scene) -> Iterator[Power]:
+    """The forces along the ground, and without the reaction what drives and lifts the body."""
+    forms, paid = builder.forms, scene["effects.reaction"]
+    if forms.body_moves:
+        speed, decayed = forms.channels.velocity(forms.body), forms.decayed_normal_force()
+        for law in builder.ground.along:
+            force = law.sign * builder.ground_force(law.name)
+            if forms.friction_decays:  # the decaying part by itself, which is a series in the pieces of a segment
+                yield ACCOUNTS.index(law.account), force * decayed, speed
+                force = force * (1.0 - decayed)
+            yield ACCOUNTS.index(law.account), force, speed
+        if not paid:
+            yield _UNPAID, builder.at_contact(forms.inertial_force), speed
+    if forms.body_hops and not paid:
+        lift = scene.total_mass * scene["gravity"] * forms.one - builder.at_contact(forms.normal_force)
+        yield _UNPAID, np.where(builder.mode_set.airborne[:, None], lift, 0.0), forms.channels.velocity(forms.height)
+
+
+def _stored(builder: ModeBuilder, scene: Scene) -> Iterator[Stored]:
+    """Kinetic energies of the masses first, as `AccountTable.momentum` wants them."""
+    forms, paid = builder.forms, scene["effects.reaction"]
+    yield from ((velocity, mass, _BLOWS) for velocity, mass in _kinetic_energies(forms, scene, paid))
+    for rate in forms.body_velocity():
+        yield rate, scene["mass.body"] if paid else scene.total_mass, _BLOWS if paid else _UNPAID
+    for side in forms.guides:
+        yield forms.stretch(side)[0], scene[f"{side}.spring.stiffness"], _BLOWS
+    for side in filter(builder.has_compliant_plate, forms.plates):
+        weight = np.where(builder.mode_set.pressing[side], scene[f"{side}.plate.stiffness"], 0.0)
+        yield forms.penetration(side)[0], weight, _BLOWS
+
+
+def _potential(forms: Forms, scene: Scene) -> Form:
+    """Energy [J] of the heights of a body that hops, with its masses, and of masses that feel their weight."""
+    weights = (forms.weight(side) @ forms.one * forms.position(i) for i, side in enumerate(forms.guides))
+    return sum(weights, _height(forms, scene))
+
+
+def _momentum(forms: Forms, scene: Scene, side: str) -> Form:
+    """Momentum of a mass along its guide [N s], by which a shock of its plate is known."""
+    velocity = forms.velocity(forms.guides.index(side))
+    if scene["effects.reaction"]:
+        velocity = velocity + forms.along(side, forms.body_velocity())
+    return scene[f"mass.{side}"] * velocity
+
+
+def _jump_accounts(builder: ModeBuilder, guards: dict[str, np.ndarray], at_blows: np.ndarray) -> np.ndarray:
+    """Accounts of what a guard's jump changes, shape (modes, guards, stored energies)."""
+    effect, plates = guards["guard_effect"][:, :, None], len(builder.forms.plates)
+    others = np.where(builder.mode_set.airborne[:, None, None], _LANDINGS, _FRICTION)
+    others = np.where((0 <= effect) & (effect < plates), _PLATE_DAMPERS, others)
+    return np.where(guards["blow_monitor"][:, :, None] != NOTHING, at_blows, others)

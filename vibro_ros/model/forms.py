@@ -1,4 +1,4 @@
-"""Linear forms over the channels of a scene, written as the paper writes its terms.
+"""Linear forms over the channels of a scene, written as the paper writes its terms; guards and targets made of them.
 
 A form is an array, shape (channels,). The value of a form is its scalar product with the channels z (`solver.system`).
 The symbols, with eq. numbers of the paper: u = zeta_2, w = xi_3 (positions of the masses), s = zeta_B or
@@ -13,7 +13,7 @@ k1 (zeta_2 - xi_H) for k1 (xi_3 - xi_H), so that the body feels k1 (u - H) in pl
 
 import functools
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -21,6 +21,16 @@ from vibro_ros.model.scene import Scene
 from vibro_ros.solver.system import Channels
 
 Form = np.ndarray
+
+#: Symbols of the coordinates of the masses, of their sliders and of their plates.
+MASS = {"upper": "u", "inclined": "w"}
+SLIDER = {"upper": "s_B", "inclined": "s_C"}
+PLATE = {"upper": "E", "inclined": "H"}
+
+
+def pressed_only(scene: Scene) -> bool:
+    """Whether N below zero counts as zero: by the rule `unilateral`, and by `hop`, where only rounding makes N so."""
+    return scene["effects.normal_force"] in ("unilateral", "hop")
 
 
 def cached(method: Callable) -> Callable:
@@ -76,8 +86,7 @@ class Forms:
     body_hops : bool
         Whether y, the body's height, is a coordinate, the last one: by the rule `hop` a mass can lift the body.
     pressed_only : bool
-        Whether a normal force below zero counts as zero: by the rule `unilateral`, and by `hop`, where rounding alone
-        makes N negative.
+        Whether a normal force below zero counts as zero.
     has_misprint : bool
         Whether the body feels the upper mass's position where the inclined plate is in contact.
     friction_decays : bool
@@ -96,10 +105,11 @@ class Forms:
         self.guides = scene.guides
         self.plates = scene.plates
         self.body_moves, self.body_hops = scene.body_moves, scene.body_hops
-        self.pressed_only = scene["effects.normal_force"] in ("unilateral", "hop")
+        self.pressed_only = pressed_only(scene)
         self.has_misprint = scene["effects.misprint"]
-        self.friction_decays = self.body_moves and scene.has_friction and scene["effects.friction"] == "stribeck" and (
-            scene["ground.static_friction"] > scene["ground.friction"])
+        self.friction_decays = (
+            self.body_moves and scene.has_dry_friction and scene["effects.friction"] == "stribeck"
+            and scene["ground.static_friction"] > scene["ground.friction"])
         self.channels = Channels(len(self.guides) + self.body_moves + self.body_hops, len(self.guides),
                                  len(self.guides), len(self.plates), int(self.friction_decays))
 
@@ -230,3 +240,58 @@ class Forms:
             return self.zero
         acceleration = self.units[self.channels.acceleration(self.guides.index(side))]
         return self._scene[f"mass.{side}"] * acceleration
+
+
+class Target(NamedTuple):
+    """A state that a guard may lead to.
+
+    Attributes
+    ----------
+    state : str
+        State of the guard's own effect.
+    jumps : tuple of (int, ndarray)
+        Channels of the positions and velocities that change on the way to the target, each with a form, shape
+        (channels,), that gives the new value from the channels before the jump.
+    entries : tuple of ndarray
+        Forms, shape (channels,), that must not be negative before the jump for the target to be entered.
+    ground : str or None
+        State of the body on the ground, where a blow changes that as well.
+    frees_resting_masses : bool
+        Whether the jump is a shock in which masses that rest on other plates part from these plates.
+    """
+
+    state: str
+    jumps: tuple[tuple[int, np.ndarray], ...] = ()
+    entries: tuple[np.ndarray, ...] = ()
+    ground: str | None = None
+    frees_resting_masses: bool = False
+
+
+class Guard(NamedTuple):
+    """A condition that holds while a state lasts: form >= 0.
+
+    Attributes
+    ----------
+    form : ndarray, shape (channels,)
+        The linear form.
+    targets : tuple of Target
+        The targets to try, in order, when the form turns negative; the last one is entered if none is valid.
+    text : str
+        The condition in the paper's symbols, with `{force}` for the force of a compliant plate.
+    is_blow : bool
+        Whether the guard ends in a blow without duration, which is recorded as a contact at once.
+    entries_decide : bool
+        Whether a target is valid by its entries alone, even if its own guards fail after the jump. A landing is such a
+        guard, because the body has landed even if it lifts off again at once.
+    """
+
+    form: np.ndarray
+    targets: tuple[Target, ...]
+    text: str
+    is_blow: bool = False
+    entries_decide: bool = False
+
+
+def without_jump(*states: str) -> tuple[Target, ...]:
+    """Targets for these states, in their order, whose positions and velocities do not change."""
+    return tuple(Target(state) for state in states)

@@ -3,74 +3,105 @@
 A *form* is a linear combination of the channels of z (`solver.system`); a *state* is what an effect can be in, such as
 `stick` or `open`; a *mode* is one state of each effect. What is off leaves no coordinate, term, guard or mode behind.
 
-Rules for a new effect
+Places of a new effect
 ----------------------
-Each effect needs rules 1 to 3 and 10 to 12. A motor law needs rule 9 besides; a contact, a friction law and a rule of
-the normal force need those of rules 4 to 8 that concern them.
+Every effect needs places 1 to 3, 10 and 11. The others are for the effects that they name.
 
-1. Parameters. The choice is a word among the `choices` of an `effects.` parameter in `parameters.py`, and each number
-   that the effect needs is a parameter with unit, limits and description. A default leaves the paper's robot as it is.
-   A number that enters no equation, such as a motor's, is listed in `_OPERATION` of `scene.py`, so that it does not
-   compile the scene anew.
-2. Refusals. What has no meaning together with another choice is refused by a method of `Scene` such as `_check_blows`,
-   with a ValueError "parameter: value ...; give ..." (or "choose ...").
-3. Absence. `Scene` (`guides`, `plates`, `has_friction`, `resting_friction`) says which parts the robot has, and
-   `Forms.__init__` (`forms.py`) which coordinates, ramps and other channels exist. A scene without the effect compiles
-   to the tables that it had before the effect was written.
-4. States. The effect's class, `Friction` (`friction.py`) or one that `make_contact` (`contact.py`) picks, names its
-   states: `states`, the `initial` one, and of a contact the one that is `pressing`. Every mode has one state of the
-   friction, and one of each plate's contact.
-5. Guards. The class's `guards` give, for each state, forms that are not negative while the state lasts, each with the
-   `Target` states to try, in order, when the form turns negative; the last target is entered if none is valid. A
-   target brings its jumps of positions and velocities: `Blow` (`shock.py`) makes those of a blow, `Landing`
-   (`landing.py`) those of a landing. `Friction._normal_force_guards` says what follows where N turns negative.
-6. Forces. Each state has its force as a form: `Friction.force`, `ModeBuilder.contact_force`, `Forms.normal_force`. A
-   contact whose state is called `closed` puts `Forms.plate_force` on its mass. A force that is no linear form needs a
-   channel of its own in the solver, as Stribeck's friction has with `Forms.friction_decays` and `solver/decay.py`.
-7. Energy. Audit and accounts must see what the effect stores and the power of its forces: `_stored_energy`,
-   `_potential` and `_powers` in `energy.py`, `_stored`, `_potential` and `_powers` in `accounts.py`. What makes the
-   masses lighter or stiffer enters `rates.py` by `Scene.yielding_masses`.
-8. Steps of fixed length. `moreau` needs the law as numbers: `_plates`, `_coefficients`, `_swing` in `moreau_laws.py`.
-   What a step publishes of an event that it has not seen is cut in `force_limits.py`; `Forms.pressed_only` says
-   whether a negative N is reported as 0.
-9. Motors. A motor law gives the crank's clock its speed in `Motion._command_speed` (`simulation/motion.py`), and
-   `solver/drive.py` moves the clock: series, time to an angle, longest segment. `forcing` in `description.py`
-   describes the law.
-10. Events and words. A new kind of event belongs into `MODE_EVENTS` (`mode_set.py`) and the table of kinds in
-    docs/guide/python.md. `Scene.describe()` reads the tables; only `effects` in `description.py` names effects itself.
-11. Who else simulates scenes must have the effect or refuse it. `KNOWN` in `peer/known.py` lists what the peer has,
-    and the peer refuses the rest. `_KNOWN` in `accuracy/baseline.py` does the same, but only for the parameters that
-    it lists. `accuracy/tables_by_scipy.py` reads the compiled tables, and refuses modes that need jumps where the
-    search for events is off. The method `auto` needs a weight in `simulation/counted_work.py` for a motor law or a
-    term that makes segments more expensive; `VARIED` in `project/work_weights.py` gets a scene, and that module
-    measures the weight.
-12. Tests and documents. `test_thousand_random_scenes.py` draws every choice by itself. These fail until the choice has
-    its place: `test_peer.py` (`KNOWN` and a scene), `test_effects.py` (a row of `EFFECTS` in `project/effects.py`) and
-    `test_documents.py` (the table of effects in docs/robot.md, and `make docs`). By hand the choice goes into
-    `VARIANTS` of `test_description.py` and the scenes of `test_every_effect_converges_to_the_exact_motion`, and its
-    known answer into docs/known_answers.md.
+1. `model/parameters.py`: the choice, or each number with unit, limits and description. A default leaves the paper's
+   robot as it is. A number that enters no equation is listed in `_OPERATION` of `model/scene.py` as well.
+2. `model/parameter_checks.py`: a check refuses what has no meaning together with another choice, by a ValueError
+   "parameter: value ...; give ...". `ParameterValues` says which parts the robot has.
+3. `model/support.py`: a row of `SUPPORT` says whether Moreau's time stepping, the peer and the baseline have the
+   parameter. They refuse what has no row. Their equations: `fixed_steps.py`, `peer/equations.py`, `baseline.py`.
+4. `model/ground.py`, for a force of the ground: a row of `GROUND_FORCES`, and the method of `Ground` that gives the
+   force as a form. Equations, stick, energy, Moreau's laws and `Scene.describe()` read that row. A force with states
+   of its own adds them to `GROUND_STATES`, and their guards to `Ground.guards`; a shock is a matter of `shock.py`.
+5. `model/contact.py`, for a contact: a class as `RigidContact`, with the states of the plate, and with guards whose
+   targets bring the jumps on the way.
+6. `model/forms.py`, for a force along a guide (`Forms.guide_force`, `Forms.weight`) and for a coordinate, ramp or other
+   channel (`Forms.channels`). A force that is a linear form needs no more, -c x' included; a force that is not, such as
+   Stribeck's friction, needs a channel of its own in the solver (`Forms.friction_decays`).
+7. `model/energy.py`, for what stores energy, and for the power of a force along a guide.
+8. `model/fixed_steps.py`, for a contact or a friction law: the law as numbers, and the limits of what a step publishes.
+9. `simulation/motion.py` and `solver/drive.py`, for a motor law: the speed of the crank's clock; `description.py`
+   describes it. A law that makes segments more expensive has a weight in `simulation/counted_work.py`.
+10. `tools/effects.py` and the tables of docs/robot.md: a row of `EFFECTS`. A new kind of event belongs into
+    `MODE_EVENTS` and docs/guide/python.md.
+11. Tests: the known answer (docs/known_answers.md), a scene of `EFFECTS` in `test_peer.py`, `VARIANTS` of
+    `test_description.py`. `test_thousand_random_scenes.py` draws every choice by itself.
 """
 
+import functools
+import itertools
 from collections.abc import Callable, Iterator
-from typing import Any
+from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from vibro_ros.model.automaton import Guard
-from vibro_ros.model.contact import make_contact
-from vibro_ros.model.forms import Form, Forms, cached
-from vibro_ros.model.friction import Friction
-from vibro_ros.model.mode_set import Context, Mode, mode_set
+from vibro_ros.model.contact import CompliantContact, RigidContact, make_contact
+from vibro_ros.model.forms import Form, Forms, Guard, Target, cached
+from vibro_ros.model.ground import GROUND_FORCES, GROUND_STATES, Ground
 from vibro_ros.model.scene import Scene
+from vibro_ros.solver.system import NOTHING
 
 #: Outputs of a mode that are linear forms, in the order of the rows of `Model.output`.
 OUTPUTS = ("body_position", "body_velocity", "body_height", "body_vertical_velocity", "upper_position",
            "upper_velocity", "inclined_position", "inclined_velocity", "upper_drive_force", "inclined_drive_force",
            "upper_plate_force", "inclined_plate_force", "upper_plate_position", "upper_plate_velocity",
            "inclined_plate_position", "inclined_plate_velocity", "normal_force", "friction_force")
+#: Kinds of events that a change of mode records, by their number.
+MODE_EVENTS = ("stick", "slip_forward", "slip_backward", "unloaded", "loaded", "lift_off", "landing")
 #: A form for each mode, shape (modes, channels).
 ModeForms = np.ndarray
 _OUTPUT_ROWS = {name: row for row, name in enumerate(OUTPUTS)}
+
+
+@dataclass(frozen=True)
+class Mode:
+    """One state of every effect.
+
+    Attributes
+    ----------
+    states : tuple of str
+        States of the contacts, in the order of `Forms.plates`, then that of the ground.
+    closed : frozenset of str
+        Guides whose compliant plates are in contact.
+    resting : frozenset of str
+        Guides whose masses rest on rigid plates.
+    """
+
+    states: tuple[str, ...]
+    closed: frozenset[str]
+    resting: frozenset[str]
+
+    @property
+    def ground(self) -> str:
+        """State of the body on the ground (`ground.GROUND_STATES`)."""
+        return self.states[-1]
+
+    @property
+    def pressing(self) -> frozenset[str]:
+        """Guides whose masses press on their plates."""
+        return self.closed | self.resting
+
+
+class Context(NamedTuple):
+    """What the guards of an effect's state depend on; modes with the same context have the same guards.
+
+    Attributes
+    ----------
+    effect : int
+        Index of the effect in `Mode.states`.
+    state : str
+        Its state.
+    others : tuple
+        What counts of the states of the other effects.
+    """
+
+    effect: int
+    state: str
+    others: tuple[Any, ...]
 
 
 class ModeBuilder:
@@ -90,8 +121,8 @@ class ModeBuilder:
         The forms of the scene.
     contacts : list of CompliantContact or RigidContact
         One contact a plate, in the order of `Forms.plates`.
-    friction : Friction
-        The friction.
+    ground : Ground
+        The ground.
     mode_set : ModeSet
         What depends on the effects alone.
     modes : tuple of Mode
@@ -103,8 +134,8 @@ class ModeBuilder:
         self._scene = scene
         self.forms = Forms(scene)
         self.contacts = [make_contact(scene, self.forms, side) for side in self.forms.plates]
-        self.friction = Friction(scene, self.forms)
-        states = (*(contact.states for contact in self.contacts), self.friction.states)
+        self.ground = Ground(scene, self.forms)
+        states = (*(contact.states for contact in self.contacts), self.ground.states)
         self.mode_set = mode_set(self.forms.guides, self.forms.plates, tuple(map(type, self.contacts)), states,
                                  self.forms.has_misprint)
         self.modes = self.mode_set.modes
@@ -113,10 +144,13 @@ class ModeBuilder:
     @property
     def initial_mode(self) -> int:
         """Number of the mode in which a run starts."""
-        return self.mode_set.number((*(contact.initial for contact in self.contacts), self.friction.initial))
+        return self.mode_set.number((*(contact.initial for contact in self.contacts), self.ground.initial))
 
     def equations(self) -> np.ndarray:
         """Accelerations of the coordinates [m/s²]: those of the masses, then x'' and y'' of the body.
+
+        The rows of the solver's dynamic coordinates read no acceleration; the rows of the others may read those of the
+        dynamic coordinates.
 
         Returns
         -------
@@ -135,12 +169,16 @@ class ModeBuilder:
     def body_acceleration(self) -> tuple[ModeForms, ModeForms]:
         """x'' and y'' [m/s²] as forms of the masses' accelerations; y'' is zero on the ground.
 
-        M x'' = F_in - F_fr (eq. 1). In the air, where N = 0, M y'' = -M g - m2 u'' - m3 w'' cos(phi).
+        M x'' = F_in - F_fr (eq. 1), and every other force along the ground. In the air, where N = 0,
+        M y'' = -M g - m2 u'' - m3 w'' cos(phi).
         """
         forms, total = self.forms, self._scene.total_mass
         along_x, upwards = np.zeros(self._shape), np.zeros(self._shape)
         if forms.body_moves:
-            along_x = (self.at_contact(forms.inertial_force) - self.friction_force()) / total
+            along_x += self.at_contact(forms.inertial_force)
+            for force in self.ground.along:
+                along_x += force.sign * self.ground_force(force.name)
+            along_x /= total
         airborne = self.mode_set.airborne
         upwards[airborne] = -self.at_contact(forms.normal_force)[airborne] / total
         return along_x, upwards
@@ -153,21 +191,27 @@ class ModeBuilder:
         of u'' and w'', are eliminated.
         """
         scene, forms, body, n = self._scene, self.forms, self.body_acceleration(), len(self.forms.guides)
-        accelerations = slice(forms.channels.acceleration(0), forms.channels.acceleration(n))
         inertia, loads = np.zeros((len(self.modes), n, n)), np.empty((len(self.modes), n, forms.channels.count))
         for i, side in enumerate(forms.guides):
             mass = scene[f"mass.{side}"]
             inertia[:, i, i] = mass
             loads[:, i] = -self._guide_force(side) - forms.weight(side)
             if scene["effects.reaction"]:
-                along = mass * forms.along(side, body)
-                inertia[:, i] += along[:, accelerations]
-                loads[:, i] -= along[:, forms.channels.one, None] * forms.one
+                by_masses, rest = self._split(mass * forms.along(side, body))
+                inertia[:, i] += by_masses
+                loads[:, i] -= rest
         # Only moving masses are solved for, because an elimination that pivots leaves rounding in a resting mass's row.
         solved = np.zeros_like(loads)
         for rows, blocks in self.mode_set.moving:
             solved[rows] = np.linalg.solve(inertia[blocks], loads[rows])
         return solved
+
+    def _split(self, form: ModeForms) -> tuple[np.ndarray, ModeForms]:
+        """The factors of the masses' accelerations in a form, shape (modes, guides), and the form without them."""
+        first = self.forms.channels.acceleration(0)
+        accelerations, rest = slice(first, first + len(self.forms.guides)), form.copy()
+        rest[:, accelerations] = 0.0
+        return form[:, accelerations], rest
 
     def _guide_force(self, side: str) -> Form | ModeForms:
         """F2 or F3 [N]."""
@@ -185,16 +229,12 @@ class ModeBuilder:
         return np.where(self.mode_set.pressing[side][:, None], form, 0.0)
 
     @cached
-    def normal_force(self) -> ModeForms:
-        """N [N]."""
-        return np.where(self.mode_set.airborne[:, None], 0.0, self.at_contact(self.forms.normal_force))
-
-    @cached
-    def friction_force(self) -> ModeForms:
-        """F_fr [N]."""
+    def ground_force(self, name: str) -> ModeForms:
+        """A force of `ground.GROUND_FORCES` [N], by its name."""
         normal, inertial = self.at_contact(self.forms.normal_force), self.at_contact(self.forms.inertial_force)
-        by_state = np.array([self.friction.force(state, normal, inertial) for state in self.friction.states])
-        return by_state[self.mode_set.friction, np.arange(len(self.modes))]
+        by_state = np.array([np.broadcast_to(getattr(self.ground, name)(state, normal, inertial), self._shape)
+                             for state in self.ground.states])
+        return by_state[self.mode_set.ground, np.arange(len(self.modes))]
 
     def at_contact(self, force: Callable[[bool], Form]) -> ModeForms:
         """N or F_in [N] in every mode; `force` makes it for an inclined plate that is not, or is, in contact."""
@@ -220,10 +260,10 @@ class ModeBuilder:
         mode, (along_x, upwards) = self.modes[m], self.body_acceleration()
         if context.effect < len(self.contacts):
             plate = self.contacts[context.effect]
-            return plate.guards(context.state, mode.friction, mode.resting, (along_x[m], upwards[m]))
+            return plate.guards(context.state, mode.ground, mode.resting, (along_x[m], upwards[m]))
         closed = "inclined" in mode.closed
         normal, inertial = self.forms.normal_force(closed), self.forms.inertial_force(closed)
-        return self.friction.guards(context.state, normal, inertial, mode.resting)
+        return self.ground.guards(context.state, normal, inertial, mode.resting)
 
     def outputs(self) -> np.ndarray:
         """Forms of the `OUTPUTS`, shape (modes, len(OUTPUTS), channels); zero for what the scene does not have."""
@@ -239,8 +279,110 @@ class ModeBuilder:
         for side in forms.plates:
             rows[f"{side}_plate_position"], rows[f"{side}_plate_velocity"] = forms.plate(side)
             rows[f"{side}_plate_force"] = self.while_pressing(side, self.contact_force(side))
-        rows |= {"normal_force": self.normal_force(), "friction_force": self.friction_force()}
+        rows |= {force.name: self.ground_force(force.name) for force in GROUND_FORCES if force.name in _OUTPUT_ROWS}
         outputs = np.zeros((len(self.modes), len(OUTPUTS), forms.channels.count))
         for name, form in rows.items():
             outputs[:, _OUTPUT_ROWS[name]] = form
         return outputs
+
+
+class ModeSet:
+    """The modes of a choice of effects; made by `mode_set`, once for all scenes with these effects.
+
+    Attributes
+    ----------
+    modes : tuple of Mode
+        All modes, by their numbers.
+    pressing : dict of str to ndarray of bool, shape (modes,)
+        By guide with a plate: the modes in which its mass presses on the plate.
+    ground : ndarray of int, shape (modes,)
+        State of the ground, as an index in the ground's states.
+    airborne : ndarray of bool, shape (modes,)
+        The modes in which the body is in the air.
+    inclined_closed : ndarray of int, shape (modes,)
+        1 in the modes in which the inclined mass presses on its compliant plate, else 0.
+    moving : tuple of (tuple, tuple)
+        For each set of masses that move together in some modes, as indices of arrays by mode and guide: the rows of
+        these masses, shape (modes, masses), and the blocks that couple them, shape (modes, masses, masses).
+    contexts : tuple of tuple of Context
+        By mode, the context of each effect.
+    first_with : dict of Context to int
+        The first mode with a context.
+    event_kind : ndarray, shape (modes before, modes after)
+        Kinds of events, by the states of the ground before and after.
+    mode_after_ramp_change : ndarray, shape (modes, plates)
+        Modes that follow when a plate's speed changes, because a mass may part from the plate.
+    """
+
+    def __init__(self, guides: tuple[str, ...], plates: tuple[str, ...],
+                 kinds: tuple[type[CompliantContact | RigidContact], ...], states: tuple[tuple[str, ...], ...],
+                 contact_changes_ground_force: bool):
+        self.modes = tuple(Mode(of_mode, _sides_in("closed", plates, of_mode), _sides_in("resting", plates, of_mode))
+                           for of_mode in itertools.product(*states))
+        self._number_by_states = {mode.states: m for m, mode in enumerate(self.modes)}
+        self.pressing = {side: np.array([side in mode.pressing for mode in self.modes]) for side in plates}
+        self.ground = np.array([states[-1].index(mode.ground) for mode in self.modes])
+        self.airborne = np.array([mode.ground == "airborne" for mode in self.modes])
+        self.inclined_closed = np.array([int("inclined" in mode.closed) for mode in self.modes])
+        self.moving = tuple(self._moving(guides))
+        self.contexts = tuple(tuple(_contexts(mode, kinds, contact_changes_ground_force)) for mode in self.modes)
+        self.first_with = {context: m for m, contexts in reversed(list(enumerate(self.contexts)))
+                           for context in contexts}
+        self.event_kind = self._event_kinds()
+        self.mode_after_ramp_change = self._modes_after_ramp_changes(len(plates))
+
+    def number(self, states: tuple[str, ...]) -> int:
+        """Number of the mode with these states."""
+        return self._number_by_states[states]
+
+    def target_mode(self, mode: Mode, effect: int, target: Target) -> int:
+        """Number of the mode to which a target of an effect leads from `mode`."""
+        states = ["open" if target.frees_resting_masses and state == "resting" else state for state in mode.states]
+        states[effect] = target.state
+        if target.ground:
+            states[-1] = target.ground
+        return self.number(tuple(states))
+
+    def _moving(self, guides: tuple[str, ...]) -> Iterator[tuple[tuple, tuple]]:
+        """The groups of `moving`; a mode in which every mass rests is in none."""
+        for resting in dict.fromkeys(mode.resting for mode in self.modes):
+            moving = [i for i, side in enumerate(guides) if side not in resting]
+            modes = [m for m, mode in enumerate(self.modes) if mode.resting == resting]
+            if moving:
+                yield np.ix_(modes, moving), np.ix_(modes, moving, moving)
+
+    def _event_kinds(self) -> np.ndarray:
+        table = np.full((len(self.modes), len(self.modes)), NOTHING)
+        for before, after in itertools.permutations(range(len(self.modes)), 2):
+            old, new = self.modes[before].ground, self.modes[after].ground
+            event = GROUND_STATES[old].ends or GROUND_STATES[new].begins
+            if old != new and event:
+                table[before, after] = MODE_EVENTS.index(event)
+        return table
+
+    def _modes_after_ramp_changes(self, plates: int) -> np.ndarray:
+        table = np.empty((len(self.modes), plates), dtype=np.int64)
+        for m, mode in enumerate(self.modes):
+            for k in range(plates):
+                new = list(mode.states)
+                new[k] = "open" if mode.states[k] == "resting" else mode.states[k]
+                table[m, k] = self.number(tuple(new))
+        return table
+
+
+def _sides_in(wanted: str, plates: tuple[str, ...], states: tuple[str, ...]) -> frozenset[str]:
+    """Guides whose contacts are in the state `wanted`."""
+    return frozenset(side for side, state in zip(plates, states, strict=False) if state == wanted)
+
+
+def _contexts(mode: Mode, kinds: tuple[type[CompliantContact | RigidContact], ...],
+              contact_changes_ground_force: bool) -> Iterator[Context]:
+    for k, kind in enumerate(kinds):
+        yield Context(k, mode.states[k], kind.context(mode.ground, mode.resting))
+    closed = mode.closed & {"inclined"} if contact_changes_ground_force else frozenset[str]()
+    yield Context(len(kinds), mode.ground, Ground.context(mode.ground, mode.resting, closed))
+
+
+#: The `ModeSet` of guides, plates, classes of their contacts, states (those of each contact, then of the friction), and
+#: whether the forms of N and F_in depend on the contact of the inclined plate.
+mode_set = functools.lru_cache(maxsize=64)(ModeSet)

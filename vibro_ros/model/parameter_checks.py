@@ -1,11 +1,21 @@
 """What a scene's parameters must not be together, each with the value, the limit and the remedy."""
 
+import itertools
 import math
+from collections.abc import Iterator
 
-from vibro_ros.model.parameter_values import ParameterValues
+import numpy as np
+
+from vibro_ros.model.parameter_values import LEAST_SHARE, ParameterValues
 from vibro_ros.model.parameters import BY_NAME
-from vibro_ros.model.promise import LEAST_SHARE
-from vibro_ros.model.rates import FASTEST_RATE, LEAST_INERTIA, fastest_rate, least_inertia
+from vibro_ros.model.support import unsupported
+
+#: Fastest rate [1/s] of a mass on its springs and dampers that is simulated. A step lasts two of the mass's time
+#: constants, so at this rate a simulated second takes 5e6 steps, some ten seconds. 1 g on 1e9 N/m reaches 1e6 1/s.
+FASTEST_RATE = 1e7
+
+#: Part of a mass's inertia that a yielding body must leave to the mass, so that rounding leaves ten digits of it.
+LEAST_INERTIA = 1e-6
 
 
 def check_together(values: ParameterValues) -> None:
@@ -17,7 +27,7 @@ def check_together(values: ParameterValues) -> None:
         One sentence that names the parameter, its value, the limit and the remedy.
     """
     for check in (_check_mechanism, _check_friction, _check_blows, _check_rates, _check_reaction, _check_misprint,
-                  _check_tolerance, _check_accounts):
+                  _check_tolerance, _check_method, _check_accounts):
         check(values)
 
 
@@ -37,7 +47,7 @@ def _check_friction(values: ParameterValues) -> None:
                          f"{kinetic:g}; give at least {kinetic:g}")
     _check_stribeck(values)
     highest = _highest_friction(values)
-    if values.has_friction and kinetic >= highest:
+    if values.has_dry_friction and kinetic >= highest:
         raise ValueError(f"ground.friction: at {kinetic:g} the reaction on the masses has no unique solution while "
                          f"the body slips (Painlevé's paradox); give less than {highest:g}, or set "
                          "effects.reaction to false")
@@ -68,7 +78,7 @@ def _highest_friction(values: ParameterValues) -> float:
 
 def _check_blows(values: ParameterValues) -> None:
     """Refuse rigid plates where a rule of the normal force gives the friction of a blow no meaning."""
-    rule, angle, friction = values["effects.normal_force"], values["guide.angle"], values.has_friction
+    rule, angle, friction = values["effects.normal_force"], values["guide.angle"], values.has_dry_friction
     rigid = [side for side in values.guides if values[f"effects.{side}_contact"] == "restitution"]
     if rigid and friction and rule == "printed":
         raise ValueError("effects.normal_force: 'printed' makes friction drive the body infinitely hard in a blow "
@@ -98,8 +108,7 @@ def _check_reaction(values: ParameterValues) -> None:
     """Refuse a body that yields so much that the masses become too fast or lose digits of their inertia."""
     if not (values["effects.reaction"] and values.guides):
         return
-    masses = values.yielding_masses()
-    share, rate = least_inertia(masses), fastest_rate(masses)
+    share, rate = least_inertia(values), fastest_rate(values)
     if share < LEAST_INERTIA:
         found = (f"leaves the masses {share:.2g} of their inertia, less than the {LEAST_INERTIA:g} that rounding "
                  "allows")
@@ -117,7 +126,7 @@ def _heavier_body(values: ParameterValues) -> str:
     """The least mass of the body, to a factor of two, that passes, as part of a sentence; empty if none does."""
     mass = values["mass.body"]
     while (mass := 2.0 * mass) <= BY_NAME["mass.body"].maximum:
-        heavier = ParameterValues("", {**values.parameters, "mass.body": mass}).yielding_masses()
+        heavier = ParameterValues("", {**values.parameters, "mass.body": mass})
         if least_inertia(heavier) >= LEAST_INERTIA and fastest_rate(heavier) <= FASTEST_RATE:
             return f"at least {mass:.2g} kg, "
     return ""
@@ -141,9 +150,6 @@ def _check_misprint(values: ParameterValues) -> None:
     if values["effects.reaction"]:
         raise ValueError("effects.misprint: true gives the body a force that no mass gives back, against "
                          f"effects.reaction true; give false for effects.reaction, {false}")
-    if values.parameters.get("solver.method") == "moreau":
-        raise ValueError("effects.misprint: true has no law in solver.method 'moreau', whose contacts push mass and "
-                         f"body alike; choose exact, auto, rk4 or semi_implicit_euler, {false}")
 
 
 def _check_tolerance(values: ParameterValues) -> None:
@@ -156,7 +162,66 @@ def _check_tolerance(values: ParameterValues) -> None:
                          f"of {values.longest_rod:g} m; give at least {least:g} m")
 
 
+def _check_method(values: ParameterValues) -> None:
+    if values["solver.method"] == "moreau" and (fault := unsupported(values, "moreau")):
+        raise ValueError(f"{fault}, or choose exact, auto, rk4 or semi_implicit_euler for solver.method")
+
+
 def _check_accounts(values: ParameterValues) -> None:
     if values["solver.accounts"] and values["solver.method"] != "exact":
         raise ValueError(f"solver.accounts: true needs solver.method exact, not {values['solver.method']}, whose "
                          "errors no account would hold; give false, or choose exact")
+
+
+# With `effects.reaction` a mass feels the body's acceleration, so that it moves as if it were lighter: in the air, on
+# ground that does not hold the body, and most of all where friction nearly jams the body (Painlevé's paradox). Rows
+# x and y of the equations give the body's acceleration from the accelerations of the masses, x'' = sum X_j q_j'' and
+# y'' = sum Y_j q_j'', plus terms that do not depend on them. So the masses' own rows are I q'' = -C q' - K q with
+# I = m (1 + e_x X + e_y Y).
+
+
+def fastest_rate(values: ParameterValues) -> float:
+    """Largest eigenvalue [1/s] of the masses that the body yields to, over all states of plates and body.
+
+    Infinite where the body leaves the masses no inertia.
+    """
+    inertias, loads, n = np.array(list(_inertias(values))), np.array(list(_loads(values))), len(values.guides)
+    companions = np.zeros((len(inertias), len(loads), 2 * n, 2 * n))
+    companions[..., :n, n:] = np.eye(n)
+    try:
+        companions[..., n:, :] = -np.linalg.solve(inertias[:, None], loads)
+    except np.linalg.LinAlgError:
+        return np.inf
+    return float(abs(np.linalg.eigvals(companions)).max(initial=0.0))
+
+
+def least_inertia(values: ParameterValues) -> float:
+    """Least part of its own inertia that the body leaves to a mass, or to a combination of the masses.
+
+    The part is 1 where the body does not yield, and 0 where the body yields without resistance.
+    """
+    masses = np.array([values[f"mass.{side}"] for side in values.guides])
+    shares = np.array(list(_inertias(values))) / masses[:, None]
+    return float(np.linalg.svd(shares, compute_uv=False).min(initial=1.0))
+
+
+def _inertias(values: ParameterValues) -> Iterator[np.ndarray]:
+    """I [kg], shape (n, n), of a body that slides without friction, that slips either way, and that is in the air."""
+    rule, total = values["effects.normal_force"], values.total_mass
+    masses = np.array([values[f"mass.{side}"] for side in values.guides])
+    across, up = np.reshape([values.direction(side) for side in values.guides], (-1, 2)).T
+    slip = values["ground.friction"] if values.has_dry_friction and rule != "weight" else 0.0
+    for friction in (0.0, slip, -slip):
+        yield np.diag(masses) - np.outer(masses * across, masses * (across + friction * up)) / total
+    if rule == "hop":
+        yield np.diag(masses) - sum(np.outer(masses * part, masses * part) for part in (across, up)) / total
+
+
+def _loads(values: ParameterValues) -> Iterator[np.ndarray]:
+    """K and C side by side, shape (n, 2 n), for every set of compliant plates that press."""
+    compliant = [side for side in values.plates if values[f"effects.{side}_contact"] == "compliant"]
+    for count in range(len(compliant) + 1):
+        for pressing in itertools.combinations(compliant, count):
+            yield np.hstack([np.diag([
+                values[f"{side}.spring.{part}"] + (side in pressing) * values[f"{side}.plate.{part}"]
+                for side in values.guides]) for part in ("stiffness", "damping")])

@@ -14,6 +14,24 @@ plate (eps the restitution). The blow's impulse on the mass, and the opposite im
 A body on the ground gets this change along x alone if the blow is too slow to count, or by a rule that keeps the body
 on the ground. Otherwise dy' >= 0 while no guide points down: the ground, which cannot pull, gives no impulse and no
 friction, and the body lifts off.
+
+A landing is an inelastic shock with friction: the ground gives the body the impulse (P_x, P_y) that ends the fall, so
+that y' is 0 afterwards. The elements of A are M_xx, M_xy and M_yy,
+
+    P_x = M_xx dx' + M_xy dy'        P_y = M_xy dx' + M_yy dy'
+
+While the body slips, P_x = -sigma mu P_y with sigma = sign(x'), so that
+
+    dx' = -c dy',    c(sigma) = (M_xy + sigma mu M_yy) / (M_xx + sigma mu M_xy)
+
+(Routh's law: friction opposes the speed that the body has, at every instant of the shock.) A body whose speed along the
+ground vanishes before the fall has ended sticks if abs(M_xy) <= mu_s M_yy; otherwise the body slips the other way for
+the rest of the shock.
+
+A mass that rests on a rigid plate and feels the body move parts from the plate: the mass goes on falling or, where
+friction throws the body against the mass, strikes the plate at once. If the fall is slower than `REST_SPEED`,
+the mass stays at rest and lands with the body as one, because otherwise hops and bounces that belong together would
+follow each other without end.
 """
 
 from collections.abc import Iterable
@@ -21,9 +39,12 @@ from typing import Any
 
 import numpy as np
 
-from vibro_ros.model.forms import Form, Forms, cached
+from vibro_ros.model.forms import Form, Forms, Target, cached
 from vibro_ros.model.scene import Scene
 
+#: A mass that arrives more slowly [m/s] stays on its plate: the bounces that are left out last about 1e-11 s. A mass
+#: that arrives faster strikes a blow even if its restitution is 0, because the blow moves the body, and rests then.
+REST_SPEED = 1e-9
 #: Channels of positions and velocities, each with the form of the value after the shock, shape (channels,).
 Jumps = tuple[tuple[int, Form], ...]
 
@@ -112,3 +133,61 @@ class Blow:
         """(1 + eps) a [m/s]."""
         _, approach = self._forms.penetration(self._side)
         return (1.0 + restitution) * approach
+
+
+class Landing:
+    """The states to which a landing leads, with the jumps on the way.
+
+    Parameters
+    ----------
+    scene : Scene
+        The scene whose masses, guides and reaction count.
+    forms : Forms
+        The forms of the scene.
+    kinetic, static : float
+        Friction coefficients while the body slips and while it sticks.
+    resting : frozenset of str
+        Guides whose masses rest on rigid plates and stay there.
+    """
+
+    def __init__(self, scene: Scene, forms: Forms, kinetic: float, static: float,
+                 resting: frozenset[str] = frozenset()):
+        self._forms = forms
+        self._shock = Shock(scene, forms, resting)
+        (along, across), (_, up) = self._shock.inertia
+        self._forwards, self._backwards = ((across + sign * kinetic * up) / (along + sign * kinetic * across)
+                                           for sign in (1.0, -1.0))
+        self._sticks = abs(across) <= static * up
+
+    def targets_without_friction(self, state: str) -> tuple[Target, ...]:
+        """The one target without friction: `state`."""
+        speed, fall = self._forms.body_velocity()
+        return (Target(state, self._jumps(speed + self._forwards * fall)),)
+
+    def targets_with_friction(self) -> tuple[Target, ...]:
+        """Targets in the order to try them: the body slips on as before, or has stopped during the shock."""
+        forms = self._forms
+        speed, fall = forms.body_velocity()
+        forwards, backwards = speed + self._forwards * fall, speed + self._backwards * fall
+        # A shock that drives the body on never stops it. Then the speed before the shock decides, else the speed after.
+        entries = forwards if self._forwards >= 0.0 else speed, backwards if self._backwards <= 0.0 else speed
+        return (Target("slip_forward", self._jumps(forwards), entries=(entries[0],)),
+                Target("slip_backward", self._jumps(backwards), entries=(-entries[1],)),
+                self._after_a_stop(speed, fall))
+
+    def _after_a_stop(self, speed: Form, fall: Form) -> Target:
+        """The body sticks or, if friction is too weak, slips back after speed / c of the fall has been ended."""
+        if self._sticks:
+            return Target("stick", self._jumps(self._forms.zero))
+        if self._backwards > 0.0:
+            return Target("slip_backward", self._jumps(self._backwards * (speed / self._forwards + fall)))
+        return Target("slip_forward", self._jumps(self._forwards * (speed / self._backwards + fall)))
+
+    def _jumps(self, speed_after: Form) -> Jumps:
+        """Jumps of a landing that leaves the body with the speed `speed_after` [m/s] along the ground."""
+        forms, at = self._forms, self._forms.channels
+        speed, fall = forms.body_velocity()
+        jumps = [(at.position(forms.height), forms.zero), (at.velocity(forms.height), forms.zero)]
+        if forms.body_moves:
+            jumps.append((at.velocity(forms.body), speed_after))
+        return (*jumps, *self._shock.free_mass_jumps((speed_after - speed, -fall)))

@@ -1,20 +1,26 @@
-"""A scene compiled to the tables that the event loop reads (`solver.system.System`)."""
+"""A scene compiled to the tables that the event loop reads (`solver.system.System`).
+
+A guard has numbers, which are its forms and jumps, and places in the tables. The places are the same in all scenes of a
+sweep, as long as the guards lead to the same states and have equal forms in the same places. So the places are found
+once for the guards' *outlines*, which are guards with numbers of rows and matrices instead of forms and jumps.
+"""
 
 import functools
+from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
-from vibro_ros.model.accounts import account_table
-from vibro_ros.model.energy import audit_tables
-from vibro_ros.model.forms import Forms
-from vibro_ros.model.guard_tables import guard_tables
-from vibro_ros.model.mode_set import MODE_EVENTS, Mode
-from vibro_ros.model.modes import ModeBuilder
+from vibro_ros.model.energy import account_table, audit_tables
+from vibro_ros.model.forms import Form, Forms, Guard, Target
+from vibro_ros.model.modes import MODE_EVENTS, Mode, ModeBuilder, ModeSet
 from vibro_ros.model.scene import Scene
 from vibro_ros.model.slider import Slider, signal_table
 from vibro_ros.solver.kept import Kept
 from vibro_ros.solver.system import (
+    NOTHING,
+    UNCHECKED,
     Decay,
     System,
     acceleration_terms,
@@ -78,7 +84,7 @@ def _compile_machine(scene: Scene) -> Model:
     own = channels.coordinates if scene["effects.reaction"] else channels.dynamic
     flow = flow_numbers(acceleration, own)
     first = np.unique(flow, return_index=True)[1]  # mode of each flow
-    guards = guard_tables(builder)
+    guards = _guard_tables(builder)
     system = System(
         size=size_of(channels),
         acceleration=acceleration,
@@ -103,8 +109,8 @@ def _compile_machine(scene: Scene) -> Model:
 def _decay_table(builder: ModeBuilder) -> Decay:
     """The decaying term of Stribeck's law: the normal force of a slipping body times exp(-abs(x') / v_s)."""
     modes = builder.modes if builder.forms.friction_decays else ()
-    rate = np.array([builder.friction.decay_rate(mode.friction) for mode in modes])
-    factor = builder.normal_force()[:len(modes)].copy()
+    rate = np.array([builder.ground.decay_rate(mode.ground) for mode in modes])
+    factor = builder.ground_force("normal_force")[:len(modes)].copy()
     return Decay(factor, terms(factor), rate)
 
 
@@ -126,3 +132,109 @@ def _monitor_tables(builder: ModeBuilder) -> dict[str, np.ndarray]:
         monitored[:, k] = builder.mode_set.pressing[side]
         approach[k] = forms.penetration(side)[1]
     return {"monitor": monitor, "monitor_terms": terms(monitor), "monitored": monitored, "approach": approach}
+
+
+def _guard_tables(builder: ModeBuilder) -> dict[str, np.ndarray]:
+    """Fields of `System` for guards, their candidates and the jumps on the way; equal forms share a row."""
+    rows, matrices, forms = _Numbering(), _Numbering(), builder.forms
+    outlines = tuple(tuple(_outline(guard, rows, matrices, forms) for guard in builder.guards_in(context))
+                     for context in builder.mode_set.first_with)
+    places = _places(builder.mode_set, outlines)
+    channels = forms.channels
+    row = np.array([rows.arrays[number] for number in places.rows]).reshape(len(places.rows), channels.count)
+    matrix = np.array([matrices.arrays[number] for number in places.matrices])
+    return {**places.tables, "row": row, "row_terms": terms(row), "driven": _reads_driven(row, forms),
+            "jump_matrix": matrix.reshape(len(matrix), 2 * channels.coordinates, channels.count)}
+
+
+class _Numbering:
+    """Different arrays, numbered as they come."""
+
+    def __init__(self) -> None:
+        self.arrays: list[np.ndarray] = []
+        self._number_by_bytes: dict[bytes, int] = {}
+
+    def number(self, array: np.ndarray) -> int:
+        """Return the number of `array`."""
+        number = self._number_by_bytes.setdefault(array.tobytes(), len(self.arrays))
+        if number == len(self.arrays):
+            self.arrays.append(array)
+        return number
+
+
+class _TargetOutline(NamedTuple):
+    target: Target  # without forms
+    entries: tuple[int, ...]
+    jump: int
+
+
+class _GuardOutline(NamedTuple):
+    row: int
+    targets: tuple[_TargetOutline, ...]
+    is_blow: bool
+    entries_decide: bool
+
+
+def _outline(guard: Guard, rows: _Numbering, matrices: _Numbering, forms: Forms) -> _GuardOutline:
+    row, targets = _row(guard.form, rows), []
+    for target in guard.targets:
+        jump = matrices.number(_jump_matrix(target.jumps, forms)) if target.jumps else NOTHING
+        entries = tuple([_row(form, rows) for form in target.entries])
+        without_forms = target._replace(jumps=(), entries=())
+        targets.append(_TargetOutline(without_forms, entries, jump))
+    return _GuardOutline(row, tuple(targets), guard.is_blow, guard.entries_decide)
+
+
+def _row(form: Form, rows: _Numbering) -> int:
+    return rows.number(form + 0.0)  # no -0.0, whose bytes differ
+
+
+def _jump_matrix(jumps: Iterable[tuple[int, Form]], forms: Forms) -> np.ndarray:
+    """Matrix of positions and velocities after a jump, shape (2 coordinates, channels), times the channels before."""
+    rows = forms.units[:2 * forms.channels.coordinates].copy()
+    for channel, form in jumps:
+        rows[channel] = form
+    return rows
+
+
+class _Places(NamedTuple):
+    """Tables with numbers of rows and matrices; and these, by their numbers in the outlines, in the tables' order."""
+
+    tables: dict[str, np.ndarray]
+    rows: list[int]
+    matrices: list[int]
+
+
+@functools.lru_cache(maxsize=64)
+def _places(mode_set: ModeSet, outlines: tuple[tuple[_GuardOutline, ...], ...]) -> _Places:
+    """Places of guards in the tables; `outlines` are in the order of `ModeSet.first_with`."""
+    by_context = dict(zip(mode_set.first_with, outlines, strict=True))
+    guards = [[(context.effect, guard) for context in contexts for guard in by_context[context]]
+              for contexts in mode_set.contexts]
+    targets = [target for of_mode in guards for _, guard in of_mode for target in guard.targets]
+    most_targets = max((len(guard.targets) for of_mode in guards for _, guard in of_mode), default=1)
+    shape = (len(guards), max(1, max(map(len, guards))))
+    guard_row, guard_effect, blow_monitor = (np.full(shape, NOTHING) for _ in range(3))
+    candidate, jump = (np.full((*shape, most_targets), NOTHING) for _ in range(2))
+    entry = np.full((*shape, most_targets, max((len(target.entries) for target in targets), default=0)), NOTHING)
+    rows, matrices = dict[int, int](), dict[int, int]()
+    for m, of_mode in enumerate(guards):
+        for g, (effect, guard) in enumerate(of_mode):
+            guard_row[m, g] = rows.setdefault(guard.row, len(rows))
+            guard_effect[m, g] = UNCHECKED if guard.entries_decide else effect
+            blow_monitor[m, g] = effect if guard.is_blow else NOTHING
+            for c, outline in enumerate(guard.targets):
+                candidate[m, g, c] = mode_set.target_mode(mode_set.modes[m], effect, outline.target)
+                for e, row in enumerate(outline.entries):
+                    entry[m, g, c, e] = rows.setdefault(row, len(rows))
+                if outline.jump != NOTHING:
+                    jump[m, g, c] = matrices.setdefault(outline.jump, len(matrices))
+    tables = {"guard": guard_row, "guard_effect": guard_effect, "candidate": candidate, "entry": entry, "jump": jump,
+              "blow_monitor": blow_monitor}
+    return _Places(tables, list(rows), list(matrices))
+
+
+def _reads_driven(row: np.ndarray, forms: Forms) -> np.ndarray:
+    """Whether each row reads a coordinate of the body, shape (rows,)."""
+    at, driven = forms.channels, range(forms.channels.dynamic, forms.channels.coordinates)
+    return np.any(row[:, [channel(i) for channel in (at.position, at.velocity) for i in driven]], axis=1)

@@ -43,8 +43,9 @@ class Body:
     def __init__(self, equations: Equations, run: RunState, series: Series):
         self._equations, self._run, self._series = equations, run, series
         self._state, self._speed, self._height = run.state, equations.body + 1, equations.height
-        self._static_friction, self._initial = equations.static_friction, "stick" if equations.has_friction else "free"
-        self._without_load = _WITHOUT_LOAD.get(equations.rule, "") if equations.has_friction or equations.hops else ""
+        rubs, self._static_friction = equations.has_dry_friction, equations.static_friction
+        self._initial = "stick" if rubs else "free"
+        self._without_load = _WITHOUT_LOAD.get(equations.rule, "") if rubs or equations.hops else ""
         self._modes = {(state, resting): np.array(equations.body_parameters(state, resting))
                        for resting in map(frozenset, ((), ("upper",), ("inclined",), ("upper", "inclined")))
                        for state in ("free", "stick", "slip_forward", "slip_backward", "unloaded", "airborne")}
@@ -123,7 +124,7 @@ class Body:
             self._enter(time, "airborne")  # a start in the air
             return
         before, known = self.friction or self._initial, len(self._run.events)
-        if self._equations.has_friction:
+        if self._equations.has_dry_friction:
             self._settle_friction(time)
         else:
             self._enter(time, "free")
@@ -155,7 +156,7 @@ class Body:
         if self.friction == "airborne" or not (equations.body_moves or equations.hops):
             return
         self._run.set_parameter("normal_offset", 0.0)
-        if equations.has_friction:
+        if equations.has_dry_friction:
             if self.friction == "stick":
                 self._stop(time)
             else:
@@ -203,7 +204,7 @@ class Body:
             return
         if direction < 0:
             self._unload(time)
-        elif not self._equations.has_friction:
+        elif not self._equations.has_dry_friction:
             self._enter(time, "free")
         else:
             self._settle_friction(time)
@@ -250,7 +251,7 @@ class Body:
         if equations.body_moves:
             state[self._speed] = after
         self._move_free_masses(after - before, -fall, staying)
-        if not equations.has_friction:
+        if not equations.has_dry_friction:
             self._enter(time, "free")
         elif sticks:
             self._enter(time, "stick")

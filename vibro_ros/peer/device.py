@@ -67,7 +67,7 @@ class Peer:
     Raises
     ------
     ValueError
-        For an effect that the peer does not know (`known.KNOWN`).
+        For a parameter that the peer does not have (`model.support`).
     """
 
     def __init__(self, scene: Scene, tolerance: float = 1e-15):

@@ -10,8 +10,8 @@ from collections.abc import Collection, Mapping
 import heyoka as hy
 
 from vibro_ros.model.scene import Scene
+from vibro_ros.model.support import unsupported
 from vibro_ros.peer.guide import Guide, RunTimeParameters
-from vibro_ros.peer.known import refuse_unknown
 
 #: Speed, in multiples of v_s, above which exp(-abs(x')/v_s) is less than 4e-18 and shows in no Taylor coefficient. A
 #: step must end at this speed, because heyoka would otherwise step over the stop of the body that follows.
@@ -56,11 +56,12 @@ class Equations:
     Raises
     ------
     ValueError
-        For an effect, or a value of one, that is not among `known.KNOWN`.
+        For a parameter that the peer does not have (`model.support`).
     """
 
     def __init__(self, scene: Scene):
-        refuse_unknown(scene)
+        if fault := unsupported(scene, "peer"):
+            raise ValueError(f"scene {scene.name}: {fault}")
         self.scene, self.parameters = scene, RunTimeParameters()
         self._motor()
         tilt = {"upper": 0.0, "inclined": scene["guide.angle"]}
@@ -70,7 +71,7 @@ class Equations:
         self.body_moves = "inclined" in sides and self.sine != 0.0
         law = scene["effects.friction"]
         self.static_friction = scene["ground.static_friction" if law in ("static", "stribeck") else "ground.friction"]
-        self.has_friction = self.body_moves and law != "none" and self.static_friction > 0.0
+        self.has_dry_friction = self.body_moves and law != "none" and self.static_friction > 0.0
         self.rule = scene["effects.normal_force"]
         self.hops = self.rule == "hop" and bool(sides)
         self.blow_share = scene["mass.inclined"] * self.sine / self.total if self.body_moves else 0.0
@@ -137,7 +138,7 @@ class Equations:
         else:
             self.normal += self.cosine * misread
         x, self.velocity = hy.make_vars("x", "x_v")
-        along_x = at["mobility"] * (inward - (self._friction() * ground if self.has_friction or self.hops else 0.0))
+        along_x = at["mobility"] * (inward - (self._friction() * ground if self.has_dry_friction or self.hops else 0.0))
         along, across, up = self.body_inertia({guide.side: self._unless_resting(guide, 1.0) for guide in self.guides})
         self.rise = (across * inward + along * ground) / (across**2 - along * up)
         self.system, self.forces = [], {}
@@ -235,7 +236,7 @@ class Equations:
         changes of x' and y' by `body_inertia`. If the body stops, the rest of the fall meets a body at rest.
         """
         along, across, up = self.body_inertia(dict.fromkeys(resting, 0.0))
-        mu = self.scene["ground.friction"] if self.has_friction else 0.0
+        mu = self.scene["ground.friction"] if self.has_dry_friction else 0.0
 
         def per_fall(direction: float) -> float:
             return (across + direction * mu * up) / (along + direction * mu * across)
@@ -243,10 +244,10 @@ class Equations:
         after = speed
         if speed != 0.0:
             after = speed + per_fall(math.copysign(1.0, speed)) * fall
-            if not self.has_friction or after * speed > 0.0:
+            if not self.has_dry_friction or after * speed > 0.0:
                 return after, False
             fall *= after / (after - speed)
-        if self.has_friction and abs(across) <= self.static_friction * up:
+        if self.has_dry_friction and abs(across) <= self.static_friction * up:
             return 0.0, True
         return per_fall(-math.copysign(1.0, across)) * fall, False
 
@@ -272,7 +273,7 @@ class Equations:
                 found[f"{side} plate"] = free * guide.depth - (1.0 - free) * self.forces[side]
             if guide.has_kink:
                 found[f"{side} kink"] = guide.crank
-        if self.has_friction:
+        if self.has_dry_friction:
             stick, slip, bound = at["stick"], at["slip"], self.static_friction * self.normal
             found["body forward"] = (stick * (bound - self.inertial) + slip * self.velocity
                                      + (1.0 - stick - slip))
@@ -282,6 +283,6 @@ class Equations:
             found["body backward"] = stick * (bound + self.inertial) + (1.0 - stick)
         if self.hops:
             found["normal"] = at["air"] * self.altitude + (1.0 - at["air"]) * (self.normal + at["normal_offset"])
-        elif self.has_friction and self.rule == "unilateral":
+        elif self.has_dry_friction and self.rule == "unilateral":
             found["normal"] = self.normal + at["normal_offset"]
         return found

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from vibro_ros.model.accounts import ACCOUNTS, LOSSES
+from vibro_ros.model.energy import ACCOUNTS, LOSSES
 from vibro_ros.model.tables import Model
 from vibro_ros.solver import event_loop
 from vibro_ros.solver.energy import SPLIT, stored_on_accounts

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from vibro_ros.model.mode_set import MODE_EVENTS
+from vibro_ros.model.modes import MODE_EVENTS
 from vibro_ros.simulation.samples import EVENT_DTYPE
 from vibro_ros.solver.events import MONITOR_KIND, PHASE_KIND, RAMP_KIND
 

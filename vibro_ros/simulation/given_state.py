@@ -8,10 +8,9 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from vibro_ros.model.contact import REST_SPEED
 from vibro_ros.model.parameters import Parameter
-from vibro_ros.model.possible_state import NUMBERS, check_parts, outside_plates
-from vibro_ros.model.scene import Scene
+from vibro_ros.model.scene import NUMBERS, Scene, check_parts, outside_plates
+from vibro_ros.model.shock import REST_SPEED
 from vibro_ros.model.tables import Model
 from vibro_ros.solver.energy import stored_energy, stored_on_accounts
 from vibro_ros.solver.state import State
@@ -135,7 +134,7 @@ def _mode(scene: Scene, model: Model, point: np.ndarray) -> int:
     """Number of the mode that holds at `point`, but for what forces decide: that follows at the first event."""
     states = tuple(_contact(scene, model, side, point) for side in model.forms.plates)
     return next(number for number, mode in enumerate(model.modes)
-                if mode.states == (*states, _friction(model, mode.friction, point)))
+                if mode.states == (*states, _friction(model, mode.ground, point)))
 
 
 def _contact(scene: Scene, model: Model, side: str, point: np.ndarray) -> str:

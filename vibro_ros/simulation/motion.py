@@ -9,8 +9,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from vibro_ros.model.force_limits import cut_to_laws
-from vibro_ros.model.moreau_laws import contact_laws
+from vibro_ros.model.fixed_steps import contact_laws, cut_to_laws
 from vibro_ros.model.scene import Scene
 from vibro_ros.model.tables import Model, compile_scene
 from vibro_ros.simulation.change_of_ground import carried_over

@@ -4,8 +4,7 @@ import math
 
 import numpy as np
 
-from vibro_ros.model.possible_state import given_start
-from vibro_ros.model.scene import Scene
+from vibro_ros.model.scene import Scene, given_start
 from vibro_ros.model.tables import Model
 from vibro_ros.simulation.energy_accounts import open_accounts
 from vibro_ros.simulation.given_state import place

@@ -7,8 +7,7 @@ from pathlib import Path
 import pyarrow as pa
 
 from vibro_ros.model.parameters import BY_NAME
-from vibro_ros.model.possible_state import PREFIX
-from vibro_ros.model.scene import Scene
+from vibro_ros.model.scene import PREFIX, Scene
 from vibro_ros.orbits.cut import free_cut
 from vibro_ros.orbits.turn_map import TURN, coordinates
 from vibro_ros.process.front_door import Parser, exit_code, say

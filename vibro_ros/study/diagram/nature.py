@@ -7,8 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import pyarrow as pa
 
-from vibro_ros.model.possible_state import PREFIX
-from vibro_ros.model.scene import Scene
+from vibro_ros.model.scene import PREFIX, Scene
 from vibro_ros.orbits.lyapunov_spectrum import spectrum_from, spectrum_of_cycle
 from vibro_ros.orbits.recurrence import SAME
 from vibro_ros.orbits.stroboscope import Stroboscope

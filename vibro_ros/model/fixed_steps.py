@@ -1,23 +1,31 @@
-"""A scene's contacts and friction as laws for Moreau's time stepping (`solver.laws`).
+"""What methods of fixed step need of a scene besides its compiled tables.
 
-The rows are those of the model, multiplied by their masses, with r = 1 with the reaction on the masses and else 0:
+Contacts and friction as laws for Moreau's time stepping (`solver.laws`). The rows are those of the model, multiplied by
+their masses, with r = 1 with the reaction on the masses and else 0:
 
     u: m2 (u'' + r y'') = -k2 (u - s_B) - c2 (u' - s_B') - m2 g - P        x: M x'' + m3 e_x w'' = -F_fr
     w: m3 (w'' + r (e_x x'' + e_y y'')) = ... - P                          y: M y'' + m2 u'' + m3 e_y w'' = N - M g
 
 The row y is there for the rule `hop` alone; by the other rules its N is the normal force of the friction.
+
+Limits of the published forces. A step that does not see an event goes on in the old mode, whose forces may break the
+laws: a plate that cannot pull would pull, and ground that the body has left would push.
 """
 
+from collections.abc import MutableMapping
 from typing import Any
 
 import numpy as np
 
-from vibro_ros.model.forms import Forms
-from vibro_ros.model.mode_set import Mode
+from vibro_ros.model.forms import Forms, pressed_only
+from vibro_ros.model.ground import Ground
+from vibro_ros.model.modes import Mode
 from vibro_ros.model.scene import Scene
 from vibro_ros.solver.moreau import BACKWARD, FORWARD, STICK, WITHOUT_LOAD, Laws
 from vibro_ros.solver.system import NOTHING
 
+#: Height [m] that rounding may give to a body that stands on the ground.
+_STANDING = 1e-15
 # States of the friction by the outcome of its law: the first of these states that a scene has.
 _STATES = {STICK: ("stick", "grounded"), FORWARD: ("slip_forward", "grounded"),
            BACKWARD: ("slip_backward", "grounded"), WITHOUT_LOAD: ("unloaded", "airborne", "rest", "stick", "grounded")}
@@ -46,6 +54,19 @@ def contact_laws(scene: Scene, forms: Forms, modes: tuple[Mode, ...], step: floa
         negative=scene["effects.normal_force"] == "printed", mode=_mode_numbers(forms, modes))
 
 
+def cut_to_laws(scene: Scene, quantities: MutableMapping[str, np.ndarray]) -> None:
+    """Cut the forces among `quantities`, fields of `Samples` by name, to what the laws of `scene` allow."""
+    if pressed_only(scene):
+        normal = np.maximum(quantities["normal_force"], 0.0)
+        quantities["normal_force"] = np.where(quantities["body_height"] > _STANDING, 0.0, normal)
+    bound = scene.resting_friction * np.abs(quantities["normal_force"])
+    quantities["friction_force"] = np.clip(quantities["friction_force"], -bound, bound) + 0.0  # no -0.0
+    for side in scene.plates:
+        if scene[f"effects.{side}_contact"] == "restitution" or not (
+                scene["effects.adhesion"] and scene[f"{side}.plate.damping"]):
+            quantities[f"{side}_plate_force"] = np.maximum(quantities[f"{side}_plate_force"], 0.0)
+
+
 def _inertia(scene: Scene, forms: Forms) -> np.ndarray:
     """Mass matrix of the rows [kg], shape (coordinates, coordinates)."""
     n = forms.channels.coordinates
@@ -68,6 +89,8 @@ def _forces(scene: Scene, forms: Forms) -> np.ndarray:
     force = np.zeros((forms.channels.coordinates, forms.channels.count))
     for i, side in enumerate(forms.guides):
         force[i] = -forms.drive_force(side) - forms.weight(side)
+    if forms.body_moves:
+        force[forms.body] = Ground(scene, forms).driving_force("slip_forward", forms.zero, forms.zero)
     if forms.body_hops:
         force[forms.height] = -scene.total_mass * scene["gravity"] * forms.one
     return force
@@ -89,7 +112,7 @@ def _plates(scene: Scene, forms: Forms) -> dict[str, Any]:
 def _coefficients(scene: Scene, forms: Forms) -> dict[str, Any]:
     """Friction coefficients of the slipping body, which may fall with its speed, and of the body at rest."""
     kinetic = scene["ground.friction"]
-    if not scene.has_friction:
+    if not scene.has_dry_friction:
         return {"sliding": 0.0, "rise": 0.0, "fading": 0.0, "holding": 0.0}
     static, falls = scene.resting_friction, float(forms.friction_decays)
     return {"sliding": kinetic, "rise": falls * (static - kinetic), "fading": falls / scene["ground.stribeck_speed"],
@@ -107,8 +130,8 @@ def _swing(scene: Scene, forms: Forms) -> np.ndarray:
 
 def _mode_numbers(forms: Forms, modes: tuple[Mode, ...]) -> np.ndarray:
     """Numbers of the modes by the outcomes of the laws: which contacts press, as bits, then that of the friction."""
-    by_state = {(mode.pressing, mode.friction): m for m, mode in reversed(list(enumerate(modes)))}
-    frictions = {mode.friction for mode in modes}
+    by_state = {(mode.pressing, mode.ground): m for m, mode in reversed(list(enumerate(modes)))}
+    frictions = {mode.ground for mode in modes}
     numbers = []
     for code in range(2 ** len(forms.plates)):
         bits = [code >> (len(forms.plates) - 1 - k) & 1 for k in range(len(forms.plates))]

@@ -1,0 +1,234 @@
+"""The ground: its forces on the body, and the states of the body on it and above it.
+
+Every force of the ground is a row of `GROUND_FORCES`, and every state a row of `GROUND_STATES`. The equations, the
+energy, Moreau's laws and the description of a scene read both.
+
+Coulomb's law is eq. (5). The law `static` holds a body at rest with the coefficient mu_s instead of mu. By Stribeck's
+law the coefficient falls from mu_s to mu as the speed rises,
+
+    mu(v) = mu + (mu_s - mu) exp(-|v| / v_s).
+
+This form is A. Tustin's, J. IEE 94 (1947), and the general form with exponent 1 (B. Armstrong-Hélouvry, P. Dupont and
+C. Canudas de Wit, Automatica 30 (1994), 1083-1138).
+"""
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+from vibro_ros.model.forms import Form, Forms, Guard, Target, without_jump
+from vibro_ros.model.scene import Scene
+from vibro_ros.model.shock import REST_SPEED, Landing
+
+ALONG, UPWARDS = 0, 1
+
+
+class GroundForce(NamedTuple):
+    """A force of the ground on the body.
+
+    Attributes
+    ----------
+    name : str
+        Name of the method of `Ground` that gives the force in a state, and of the output if it is published.
+    symbol : str
+        Symbol in `Scene.describe()`.
+    row : int
+        The body's equation in which the force stands: `ALONG` (x) or `UPWARDS` (y).
+    sign : float
+        Sign of the force in that equation.
+    account : str
+        The energy account of the force's work; empty for a force that does no work.
+    parameter : str
+        The choice or the number that decides the force.
+    set_valued : bool
+        Whether states and guards decide the force, as those of dry friction and of N. A force whose law is a linear
+        form, such as -c x', makes none, and is absent where its parameter is 0.
+    """
+
+    name: str
+    symbol: str
+    row: int
+    sign: float
+    account: str
+    parameter: str
+    set_valued: bool
+
+
+#: Every force of the ground on the body.
+GROUND_FORCES = (
+    GroundForce("normal_force", "N", UPWARDS, 1.0, "", "effects.normal_force", set_valued=True),
+    GroundForce("friction_force", "F_fr", ALONG, -1.0, "friction", "effects.friction", set_valued=True),
+)
+
+
+class GroundState(NamedTuple):
+    """A state of the body on the ground.
+
+    Attributes
+    ----------
+    friction : float or None
+        F_fr as a multiple of mu(v) N; None where F_fr balances the other forces along the ground.
+    begins, ends : str
+        Kinds of the events that are recorded when the state begins, or ends; empty for none.
+    """
+
+    friction: float | None
+    begins: str
+    ends: str = ""
+
+
+GROUND_STATES = {
+    "stick": GroundState(None, "stick"),
+    "slip_forward": GroundState(1.0, "slip_forward"),
+    "slip_backward": GroundState(-1.0, "slip_backward"),
+    "unloaded": GroundState(0.0, "unloaded", "loaded"),
+    "rest": GroundState(None, ""),
+    "airborne": GroundState(0.0, "lift_off", "landing"),
+    "grounded": GroundState(0.0, ""),
+}
+"""The states of the body.
+
+`stick`: x' = 0 while the forces along the ground, F_in without others, are at most mu_s N.
+`slip_forward`, `slip_backward`: F_fr = mu(v) N sign(x').
+`unloaded` (rule `unilateral`): N < 0, so that there is no friction and x' = 0 is no event.
+`rest` (rule `printed`): N < 0 and x' = 0. There eq. (5) starts the body in the direction of F_in, and leaves the body
+at rest while F_in is exactly zero.
+`airborne` (rule `hop`): N = 0 and y > 0, from lift-off to landing.
+`grounded`: the body is on the ground, without dry friction or without a force along the ground.
+"""
+#: States of the body while N is negative, by the rule of the normal force.
+WITHOUT_LOAD = {"weight": (), "unilateral": ("unloaded",), "printed": ("rest",), "hop": ("airborne",)}
+
+
+class Ground:
+    """The forces, states and guards of one scene's ground.
+
+    Parameters
+    ----------
+    scene : Scene
+        The scene whose friction law, coefficients and rule of the normal force count.
+    forms : Forms
+        The forms of the scene.
+
+    Attributes
+    ----------
+    has_dry_friction : bool
+        Whether friction can hold the body.
+    states : tuple of str
+        The names of `GROUND_STATES` that the scene can be in.
+    along : tuple of GroundForce
+        The forces along the ground that the scene has.
+    driving_symbol : str
+        Symbol of F_in and the forces along the ground but dry friction.
+    """
+
+    def __init__(self, scene: Scene, forms: Forms):
+        self._scene = scene
+        self._forms = forms
+        self._kinetic = scene["ground.friction"]
+        self._static = scene.resting_friction
+        self._rule = scene["effects.normal_force"]
+        self.has_dry_friction = scene.has_dry_friction and forms.body_moves
+        self.along = tuple(force for force in GROUND_FORCES if force.row == ALONG and forms.body_moves and (
+            self.has_dry_friction if force.set_valued else scene[force.parameter] != 0.0))
+        terms = [f" {'+' if force.sign > 0.0 else '-'} {force.symbol}" for force in self.along if not force.set_valued]
+        self.driving_symbol = f"(F_in{''.join(terms)})" if terms else "F_in"
+        without_load = WITHOUT_LOAD[self._rule]
+        if self.has_dry_friction:
+            self.states = ("stick", "slip_forward", "slip_backward", *without_load)
+        else:
+            self.states = ("grounded", *(("airborne",) if forms.body_hops else ()))
+
+    @property
+    def initial(self) -> str:
+        """State to start in; if its guards do not hold, another state follows at once."""
+        return self.states[0]
+
+    def normal_force(self, state: str, normal: Form, inertial: Form) -> Form:
+        """N [N] in `state`, from the forms of N on the ground and of F_in."""
+        return self._forms.zero if state == "airborne" else normal
+
+    def friction_force(self, state: str, normal: Form, inertial: Form) -> Form:
+        """F_fr [N] in `state`, positive when F_fr opposes forward motion."""
+        multiple = GROUND_STATES[state].friction
+        if multiple is None:
+            return self.driving_force(state, normal, inertial)
+        return multiple * (self._kinetic * normal + (self._static - self._kinetic) * self._forms.decayed_normal_force())
+
+    def driving_force(self, state: str, normal: Form, inertial: Form) -> Form:
+        """F_in and every force along the ground but dry friction [N] in `state`."""
+        for force in self.along:
+            if not force.set_valued:
+                inertial = inertial + force.sign * getattr(self, force.name)(state, normal, inertial)
+        return inertial
+
+    def decay_rate(self, state: str) -> float:
+        """Rate [s/m] at which ln(exp(-abs(x') / v_s)) changes with x' in `state`; 0 where no friction decays."""
+        if not self._forms.friction_decays:
+            return 0.0
+        return -(GROUND_STATES[state].friction or 0.0) / self._scene["ground.stribeck_speed"]
+
+    @staticmethod
+    def context(state: str, resting: frozenset[str], closed: frozenset[str]) -> tuple:
+        """Which states of other effects change the guards of `state`.
+
+        A landing depends on the masses at rest alone. Every other guard depends on the plates in contact that change
+        the forms of N and F_in, `closed`.
+        """
+        return (resting,) if state == "airborne" else (closed,)
+
+    def guards(self, state: str, normal: Form, inertial: Form, resting: frozenset[str] = frozenset()) -> list[Guard]:
+        """Guards of `state`, from the forms of N and F_in and the guides whose masses rest on rigid plates."""
+        driving = self.driving_force(state, normal, inertial)
+        if state == "airborne":
+            height = self._forms.position(self._forms.height)
+            return [Guard(height, tuple(self._landings(resting)), "y >= 0", entries_decide=True)]
+        if state == "stick":
+            bound = f"{self.driving_symbol} <= {self._static:g} N"
+            return self._normal_force_guards(state, normal) + [
+                Guard(self._static * normal - driving, without_jump("slip_forward"), bound),
+                Guard(self._static * normal + driving, without_jump("slip_backward"), f"-{bound}"),
+            ]
+        if state == "rest":
+            return [Guard(-normal, without_jump("stick"), "N <= 0"),
+                    Guard(-driving, without_jump("slip_forward"), f"{self.driving_symbol} <= 0"),
+                    Guard(driving, without_jump("slip_backward"), f"{self.driving_symbol} >= 0")]
+        if state == "unloaded":
+            return [Guard(-normal, without_jump("slip_forward", "slip_backward", "stick"), "N <= 0")]
+        if state == "grounded":
+            return self._normal_force_guards(state, normal)
+        body = self._forms.body
+        velocity, stopped = self._forms.velocity(body), ((self._forms.channels.velocity(body), self._forms.zero),)
+        sign, other, text = (1.0, "slip_backward", "x' >= 0") if state == "slip_forward" else (
+            -1.0, "slip_forward", "x' <= 0")
+        moving = Guard(sign * velocity, (Target("stick", stopped), Target(other, stopped)), text)
+        return [moving, *self._normal_force_guards(state, normal)]
+
+    def _normal_force_guards(self, state: str, normal: Form) -> list[Guard]:
+        """The guard N >= 0 if the rule of the normal force ends `state` where N turns negative, else none.
+
+        In `stick` this guard stands before the bounds of F_in, because N may fall below 0 at a blow. A body that
+        slips instead has another N and may still be pressed on the ground, so that slipping is tried first.
+        """
+        if self._rule == "printed" and state != "stick":
+            return []
+        slipping = ("slip_forward", "slip_backward") if self._rule == "hop" and state == "stick" else ()
+        targets = tuple(name for name in WITHOUT_LOAD[self._rule] if name in self.states)
+        return [Guard(normal, without_jump(*slipping, *targets), "N >= 0")] if targets else []
+
+    def _landings(self, resting: frozenset[str]) -> Iterator[Target]:
+        """Targets of a landing. Masses at rest that feel the landing stay on their plates if the landing is slow."""
+        if not (resting and self._scene["effects.reaction"]):
+            yield from self._landing(frozenset())
+            return
+        _, rise = self._forms.body_velocity()
+        slow = REST_SPEED * self._forms.one + rise
+        for target in self._landing(resting):
+            yield target._replace(entries=(slow, *target.entries))
+        for target in self._landing(frozenset()):
+            yield target._replace(frees_resting_masses=True)
+
+    def _landing(self, resting: frozenset[str]) -> tuple[Target, ...]:
+        """Targets of a landing in which the masses of `resting` stay on their plates."""
+        if not self.has_dry_friction:
+            return Landing(self._scene, self._forms, 0.0, 0.0, resting).targets_without_friction("grounded")
+        return Landing(self._scene, self._forms, self._kinetic, self._static, resting).targets_with_friction()

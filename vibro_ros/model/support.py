@@ -1,0 +1,69 @@
+"""Which simulators have which parameters.
+
+The methods `exact`, `auto`, `rk4` and `semi_implicit_euler` integrate the compiled equations, so that they have every
+parameter. Three simulators hold equations of their own: Moreau's time stepping (`model.fixed_steps`), the peer
+(`peer.equations`) and the baseline (`accuracy.baseline`). `SUPPORT` says of every parameter which values each of the
+three has. Of a parameter that the table lacks they have only the default, with which a new parameter has no effect, so
+that a new choice or number is refused until its equations are written.
+"""
+
+from collections.abc import Mapping
+
+from vibro_ros.model.parameter_values import ParameterValues
+from vibro_ros.model.parameters import BY_NAME, Value
+
+SIMULATORS = ("moreau", "peer", "baseline")
+ANY = None
+_SWITCH = (True, False)
+_CONTACTS = ("none", "restitution", "compliant")
+_FRICTIONS = ("none", "coulomb", "static", "stribeck")
+_RULES = ("weight", "unilateral", "printed", "hop")
+
+#: By parameter, the values that each of `SIMULATORS` has, in their order, or `ANY`. A number that enters only with a
+#: choice that a simulator refuses counts as one that the simulator has.
+SUPPORT: Mapping[str, tuple[tuple[Value, ...] | None, ...]] = {
+    **dict.fromkeys((
+        "mass.body", "mass.upper", "mass.inclined", "crank.radius", "crank.upper_rod", "crank.inclined_rod",
+        "guide.angle", "upper.spring.stiffness", "upper.spring.damping", "upper.plate.stiffness",
+        "upper.plate.damping", "upper.plate.restitution", "upper.gap", "inclined.spring.stiffness",
+        "inclined.spring.damping", "inclined.plate.stiffness", "inclined.plate.damping", "inclined.plate.restitution",
+        "inclined.gap", "ground.friction", "ground.static_friction", "ground.stribeck_speed", "gravity", "motor.speed",
+        "motor.max_speed", "motor.acceleration", "motor.time_constant", "gap_actuator.speed", "start.body_position",
+        "start.body_velocity", "start.body_height", "start.body_vertical_velocity", "start.upper_position",
+        "start.upper_velocity", "start.inclined_position", "start.inclined_velocity", "start.crank_angle"),
+        (ANY, ANY, ANY)),
+    "start.state": (("rest", "zero", "given"), ("rest", "zero", "given"), ("rest", "zero")),
+    "effects.upper_mass": (_SWITCH, _SWITCH, (True,)),
+    "effects.inclined_mass": (_SWITCH, _SWITCH, (True,)),
+    "effects.upper_contact": (_CONTACTS, _CONTACTS, _CONTACTS),
+    "effects.inclined_contact": (_CONTACTS, _CONTACTS, _CONTACTS),
+    "effects.adhesion": (_SWITCH, _SWITCH, _SWITCH),
+    "effects.friction": (_FRICTIONS, _FRICTIONS, ("none", "coulomb")),
+    "effects.normal_force": (_RULES, _RULES, _RULES),
+    "effects.reaction": (_SWITCH, _SWITCH, _SWITCH),
+    "effects.misprint": ((False,), _SWITCH, (False,)),
+    "effects.mass_weight": (_SWITCH, _SWITCH, _SWITCH),
+    "effects.motor": (("ideal", "ramp", "lag"), ("ideal", "ramp", "lag"), ("ideal", "ramp")),
+}
+
+
+def unsupported(values: ParameterValues, simulator: str) -> str:
+    """The first parameter whose value `simulator` does not have, with the value and the default; empty without any.
+
+    Parameters
+    ----------
+    values : ParameterValues
+        The scene.
+    simulator : str
+        One of `SIMULATORS`.
+    """
+    for name, value in values.parameters.items():
+        default = BY_NAME[name].default
+        known = SUPPORT[name][SIMULATORS.index(simulator)] if name in SUPPORT else (default,)
+        if known is not ANY and value not in known and not name.startswith("solver."):
+            return f"{name}: {_shown(value)} is not simulated by {simulator}; give {_shown(default)}"
+    return ""
+
+
+def _shown(value: Value) -> str:
+    return str(value).lower() if isinstance(value, bool) else repr(value)
