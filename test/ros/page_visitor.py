@@ -12,7 +12,7 @@ import numpy as np
 from tornado.httpclient import HTTPRequest
 from tornado.websocket import websocket_connect
 
-from vibro_ros.view.frames import COLUMNS
+from vibro_ros.view.protocol import COLUMNS
 
 PATIENCE = 60.0  # [s] deadline of what takes a second on an idle machine
 

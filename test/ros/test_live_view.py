@@ -11,8 +11,8 @@ from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
 from rcl_interfaces.srv import SetParameters
 
 import vibro_ros
-from vibro_ros.view.frames import COLUMNS
 from vibro_ros.view.motion import Motion
+from vibro_ros.view.protocol import COLUMNS
 
 CRAWL = ("--ros-args", "-p", "record.enabled:=false", "-p", "motor.speed:=100.0")
 AGAIN = 6.0  # [s] within which a robot that is started anew is shown again, its own start of a second included

@@ -15,7 +15,7 @@ from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
-from vibro_ros.view.frames import COLUMNS
+from vibro_ros.view.protocol import COLUMNS
 
 KINDS = {"odom": Odometry, "joint_states": JointState, "ground_contact": WrenchStamped, "impacts": WrenchStamped,
          "/diagnostics": DiagnosticArray, "/rosout": Log, "/vibro_robot/operations": String}

@@ -240,11 +240,11 @@ def test_a_bag_without_state_is_refused_in_one_line(tmp_path):
 
 
 def test_a_minute_of_the_device_is_small_and_progress_is_told(tmp_path):
-    """The limit leaves nine tenths of the 10 MB of a page to the page."""
+    """The page of a minute of chaos, the busiest that is shipped, stays below 10 MB."""
     folder, shares = robot_bag(tmp_path / "bag", "unilateral", 60 * 50 + 1, {}, 50.0), []
     _, header, payload = bag_motion(folder, shares.append)
     assert header["exact"] and header["end"] == 60.0
-    assert len(zlib.compress(payload, 9)) * 4 / 3 < 5e6
+    assert len(zlib.compress(payload)) * 4 / 3 < 9e6
     assert shares == sorted(shares) and shares[-1] == 1.0 and len(shares) > 20
 
 

@@ -9,8 +9,8 @@ from robot_bag import offset_times
 import vibro_ros
 from vibro_ros.configuration.scene_file import shipped_scenes
 from vibro_ros.simulation.samples import Samples
-from vibro_ros.view.between import Between
 from vibro_ros.view.motion import Motion
+from vibro_ros.view.slow_motion import motion_between
 
 PLACES = ("position", "height", "angle")
 NEAR, PART = 1e-9, 1e-6  # m or rad; of the largest value of the rest
@@ -34,7 +34,7 @@ def published(scene, rate=200.0, start=START, duration=1.0, commands=COMMANDS):
 
 
 def made(scene, samples):
-    header, payload = Between(scene).motion(samples)
+    header, payload = motion_between(scene, samples)
     return Motion(json.loads(json.dumps(header, allow_nan=False)), payload)
 
 

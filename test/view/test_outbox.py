@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from vibro_ros.view.frames import COLUMNS
-from vibro_ros.view.outbox import MOST_BYTES, MOST_TEXTS, Outbox
+from vibro_ros.view.protocol import COLUMNS, MOST_BYTES, MOST_TEXTS, Outbox
 
 ROW = 8 * len(COLUMNS)
 

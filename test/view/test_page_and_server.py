@@ -9,13 +9,12 @@ from page_modules import wait_for
 
 import vibro_ros
 from vibro_ros.simulation.samples import FIELDS
-from vibro_ros.view import frames
-from vibro_ros.view.between import Between
 from vibro_ros.view.gate import Gate
 from vibro_ros.view.machine import machine
 from vibro_ros.view.page import page_text
-from vibro_ros.view.requests import Call, Command, SlowMotion
+from vibro_ros.view.protocol import Call, Command, SlowMotion, text_frame
 from vibro_ros.view.server import Server, listening
+from vibro_ros.view.slow_motion import motion_between
 
 RATE = 200.0  # Hz
 PATIENCE = 20.0  # s
@@ -39,7 +38,7 @@ class Played:
     """The other side of the page: what the robot tells, and what it was asked for."""
 
     def __init__(self):
-        self.asked, self.told = [], [("absent", frames.text("absent", words="no robot named /vibro_robot here"))]
+        self.asked, self.told = [], [("absent", text_frame("absent", words="no robot named /vibro_robot here"))]
         self.gate = Gate("127.0.0.1", [])
         self._sockets = listening("127.0.0.1", 0)
         self.address = f"http://127.0.0.1:{self._sockets[0].getsockname()[1]}/?token={self.gate.token}"
@@ -48,7 +47,7 @@ class Played:
                              lambda page, request: self.asked.append((page, request)), lambda: self.told)
 
     def tell(self, kind, **what):
-        self.server.send(kind, frames.text(kind, **what))
+        self.server.send(kind, text_frame(kind, **what))
 
     def tell_robot(self, scene, origin="1", offers=OFFERS):
         self.tell("robot", name="/vibro_robot", machine=machine(scene), columns=list(FIELDS), origin=origin,
@@ -160,8 +159,8 @@ def test_slow_motion_of_the_last_second_and_back(live, robot, scene, rows):
     live.keyboard.press("s")
     page, request = robot.wait_for(SlowMotion)
     assert request.seconds == 1.0
-    header, payload = Between(scene).motion(dict(zip(FIELDS, rows[-201:].T, strict=True)))
-    robot.server.send_motion(page, request.id, header, payload)
+    motion = motion_between(scene, dict(zip(FIELDS, rows[-201:].T, strict=True)))
+    robot.server.send_motion(page, request.id, motion)
     wait_for(live, "!document.querySelector('#live').hidden")
     wait_for(live, "document.querySelector('#exactness').textContent === 'exact between samples'")
     for row in rows[-150:-1:40]:

@@ -9,7 +9,6 @@ from numpy.polynomial import chebyshev
 from page_modules import Modules
 
 from vibro_ros.model.slider import Slider
-from vibro_ros.view import varints
 from vibro_ros.view.motion import Motion, MotionWriter
 from vibro_ros.view.page import modules as module_texts
 
@@ -31,23 +30,10 @@ BUFFER = "const buffer = Uint8Array.from(atob(v[0]), (one) => one.codePointAt(0)
 def test_chebyshev_series_are_those_of_numpy(modules):
     coefficients = np.random.default_rng(3).normal(size=20)
     s = np.linspace(-1.0, 1.0, 101)
-    found = modules.call("series", "return v[1].map((s) => m.chebyshev(v[0], 0, v[0].length - 1, s));",
+    found = modules.call("motion", "return v[1].map((s) => m.chebyshev(v[0], 0, v[0].length - 1, s));",
                          coefficients.tolist(), s.tolist())
     # the recurrence adds up 20 roundings of numbers of size 10
     assert np.max(np.abs(np.array(found) - chebyshev.chebval(s, coefficients))) < 1e-14
-
-
-def test_integers_of_the_payload_are_read_as_written(modules):
-    numbers = np.array([0, -1, 1, 63, -64, 64, 300, -70000, 2**40 + 1, 1 - 2**52, 2**52 - 1])
-    found = modules.call("series", BUFFER + "return Array.from(m.varints(new Uint8Array(buffer), v[1]));",
-                         binary(varints.encoded(numbers)), len(numbers))
-    assert found == numbers.tolist()
-
-
-def test_a_payload_that_ends_too_early_is_refused(modules):
-    words = modules.call("series", """
-        try { m.varints(new Uint8Array([1, 128]), 2); } catch (error) { return error.message; }""")
-    assert "damaged" in words
 
 
 def random_motion(pieces=40, quantities=3, gap_after=20):
@@ -168,10 +154,10 @@ def test_frames_are_taken_apart(modules):
         view.setUint32(0, v[1], true); view.setUint32(4, v[2], true);
         const frame = m.decode(bytes.buffer, 3);
         return frame && {type: frame.type, rows: frame.rows?.length, payload: frame.payload?.byteLength};"""
-    assert modules.call("frames", body, 8 + 48, 1, 2) == {"type": 1, "rows": 6, "payload": None}
-    assert modules.call("frames", body, 8 + 40, 2, 7) == {"type": 2, "rows": None, "payload": 40}
+    assert modules.call("connection", body, 8 + 48, 1, 2) == {"type": 1, "rows": 6, "payload": None}
+    assert modules.call("connection", body, 8 + 40, 2, 7) == {"type": 2, "rows": None, "payload": 40}
     for size, kind, number in ((8 + 40, 1, 2), (8 + 48, 3, 2), (8, 1, 1)):
-        assert modules.call("frames", body, size, kind, number) is None
+        assert modules.call("connection", body, size, kind, number) is None
 
 
 def test_impacts_are_found_by_time_and_side(modules):
@@ -188,7 +174,7 @@ def test_impacts_are_found_by_time_and_side(modules):
 
 
 def test_the_player_stays_within_its_motion(modules):
-    found = modules.call("player", """
+    found = modules.call("clocks", """
         const player = new m.Player();
         player.load(1, 2); player.speed = 0.1; player.toggle(); player.advance(2);
         const on = player.time;
@@ -203,7 +189,7 @@ def test_the_player_stays_within_its_motion(modules):
 
 
 def test_the_live_clock_follows_the_samples_evenly(modules):
-    drawn = np.array(modules.call("live_clock", """
+    drawn = np.array(modules.call("clocks", """
         const clock = new m.LiveClock();
         const drawn = [];
         for (let frame = 0; frame < 300; frame += 1) {
@@ -228,7 +214,7 @@ def test_a_throttled_command_ends_with_the_last_value(modules):
 
 def test_words_tell_the_state(modules):
     state = {"time": 1.5, "body_position": -0.1234, "body_height": 0.001, "normal_force": 0.0, "motor_speed": 100.0}
-    assert modules.call("words", 'return m.stateWords(v[0], ["upper"]);', state) == (
+    assert modules.call("said", 'return m.stateWords(v[0], ["upper"]);', state) == (
         "At 1.50 seconds the body is at \u2212123.4 millimetres, body in the air, the motor turns at 100.0 radians per "
         "second. The upper mass strikes its plate.")
 
@@ -240,7 +226,7 @@ def test_no_module_reaches_another_host():
 
 def test_pictures_are_left_out_only_while_the_machine_is_behind(modules):
     """Frames of 60 Hz, then of 25 Hz, then of 60 Hz again."""
-    drawn = modules.call("thrift", """
+    drawn = modules.call("scene", """
         const thrift = new m.Thrift();
         return v[0].map(([frames, elapsed]) => Array.from({length: frames}, () => thrift.draws(elapsed)));""",
                          [[300, 1 / 60], [250, 0.04], [3000, 1 / 60]])

@@ -17,17 +17,15 @@ from vibro_ros.model.scene import Scene
 from vibro_ros.recordings.comparison import notes
 from vibro_ros.recordings.rerun import RunFacts, run_facts
 from vibro_ros.simulation.preparation import prepare_kernels
-from vibro_ros.view.assembly import Assembly, Span, spans
-from vibro_ros.view.contacts import Impact, as_json
 from vibro_ros.view.following import Following, common_samples, recognised, regular, state_of
-from vibro_ros.view.interpolation import interpolated, lowered
 from vibro_ros.view.machine import machine, shown
-from vibro_ros.view.recorded import Progress, Recorded
+from vibro_ros.view.motion import Impact, impacts_as_json, is_place
+from vibro_ros.view.pieces import Assembly
+from vibro_ros.view.recorded import Recorded, interpolated, lowered
 from vibro_ros.view.resimulation import Resimulation
-from vibro_ros.view.stretch import Stretch, quiet_device
-from vibro_ros.view.units import is_place
+from vibro_ros.view.stretch import ExactRun, Progress, Span, Stretch, quiet_device, spans
 
-LARGEST = 32 * 2**20
+LARGEST = 96 * 2**20
 """Bytes of a motion's payload: ten minutes of the busiest shipped scene, which take a browser half a gigabyte. What
 comes later is left out."""
 MOST_IMPACTS = 50_000
@@ -40,7 +38,6 @@ UNKNOWN_ROBOT = "device"
 _SILENT: Progress = lambda share: None  # noqa: E731
 #: Shares of the work that are done when the samples are read, simulated again, and followed.
 _READ, _SIMULATED, _FOLLOWED = 0.5, 0.6, 0.7
-
 
 
 def bag_motion(folder: Path, progress: Progress = _SILENT) -> tuple[dict[str, Any], dict[str, Any], bytes]:
@@ -67,7 +64,7 @@ def bag_motion(folder: Path, progress: Progress = _SILENT) -> tuple[dict[str, An
     BagError
         When the recording cannot be read, or holds no state.
     """
-    with BagStream(folder) as stream:
+    with BagStream(folder) as stream, np.errstate(over="ignore", invalid="ignore"):  # a bag may hold any number
         return _Making(stream, progress).result()
 
 
@@ -78,7 +75,7 @@ class _Making:
         self._stream, self._progress = stream, progress
         self._faults: list[str] = []  # why it could not be simulated again from its commands
         self._notes: list[str] = []
-        self._exact: list[Resimulation | Following] = []  # what is exact
+        self._exact: list[ExactRun] = []
         self._scene: Scene | None = None
         self._facts = self._known_facts()
         self._recorded = Recorded(stream, self._part(0.0, _READ))
@@ -95,7 +92,7 @@ class _Making:
         self._follow(self._open_spans())
         between = self._open_spans()
         if between:
-            self._recorded.read_forces(_SILENT)
+            self._recorded.read_forces()
             self._tracks = self._recorded.tracks(self._times)
         scene = self._scene or load_scene(UNKNOWN_ROBOT)
         names = [name for name in shown(scene) if self._scene or name in self._tracks]
@@ -112,7 +109,7 @@ class _Making:
     @property
     def _stretches(self) -> list[Stretch]:
         found = [stretch for one in self._exact for stretch in one.stretches]
-        return sorted(found, key=lambda stretch: stretch.begin + stretch.offset)
+        return sorted(found, key=lambda stretch: stretch.span)
 
     def _part(self, begin: float, end: float) -> Progress:
         return lambda share: self._progress(begin + (end - begin) * share)
@@ -147,14 +144,14 @@ class _Making:
         return arrays.get("stamp", arrays["time"])
 
     def _simulate(self, facts: RunFacts) -> None:
-        """Simulate the run again, from what the robot was told."""
+        """Simulate the run again, from the commands that the robot received."""
         is_late = self._stream.start > facts.start
         prepare_kernels("view", facts.scene["solver.method"])
         run = Resimulation(facts, self._tracks, not is_late)
         run.run(self._recorded.inputs, self._part(_READ, _SIMULATED))
         self._exact.append(run)
         self._scene = run.scene
-        if is_late and not (run.stretches and run.stretches[0].begin + run.stretches[0].offset <= self._ends[0]):
+        if is_late and not (run.stretches and run.stretches[0].span[0] <= self._ends[0]):
             self._faults.append(f"the recording begins {(self._stream.start - facts.start) * 1e-9:.6g} s after the "
                                 "robot's start and what it had been told is unknown")
         self._faults += run.faults
@@ -179,7 +176,7 @@ class _Making:
             one = Following(device, {name: column[inside] for name, column in samples.items()}, even[inside])
             one.follow(self._part(*share.tolist()))
             self._exact.append(one)
-            self._faults += [one.fault] if one.failed else []
+            self._faults += one.faults
 
     @property
     def _ends(self) -> Span:
@@ -209,7 +206,7 @@ class _Making:
         return made
 
     def _why(self, is_open: bool, resolved: bool) -> str:
-        """Why not everything is exact; empty when it is. What the samples alone have told is only a note."""
+        """Why not everything is exact; empty when it is. That the samples had to be followed is only a note."""
         faults = self._faults
         if faults and self._facts:
             faults = [*faults[:MOST_FAULTS], *notes(self._stream, self._facts)]
@@ -232,7 +229,7 @@ class _Making:
         if len(found) > MOST_IMPACTS:
             found = sorted(found, key=lambda one: one.peak_force)[-MOST_IMPACTS:]
             self._notes.append(f"of the impacts, only the hardest {MOST_IMPACTS} are marked")
-        return as_json(found)
+        return impacts_as_json(found)
 
     def _resets(self) -> list[float]:
         """Instants [s] of samples at which the robot stood at its start again."""

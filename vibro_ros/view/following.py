@@ -1,13 +1,13 @@
-"""Samples followed by the simulator, when nobody knows what the robot was told.
+"""Samples followed by the simulator, when the commands that the robot received are unknown.
 
 A sample says where everything is and how fast, so that the simulator goes on from it and says where everything was
-until the next sample. It counts as exact if it lands on that sample to within `AGREEMENT`. What the robot was told need
-not be known: the motor's speed and the plates' places at the next sample tell where they were sent.
+until the next sample. It counts as exact if it lands on that sample to within `AGREEMENT`. The commands need not be
+known: the motor's speed and the plates' places at the next sample say where they were sent.
 """
 
 import functools
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 import numpy as np
 
@@ -16,12 +16,10 @@ from vibro_ros.recordings.rerun import LONGEST_PAUSE
 from vibro_ros.simulation.given_state import UNITS
 from vibro_ros.simulation.motion import SimulationError
 from vibro_ros.simulation.simulator import Simulator
-from vibro_ros.view.contacts import Impact, impacts_of, instants_of
 from vibro_ros.view.machine import quantities
+from vibro_ros.view.motion import is_place
 from vibro_ros.view.recorded import Track
-from vibro_ros.view.resimulation import AGREEMENT, STRETCH
-from vibro_ros.view.stretch import Command, Stretch, quiet_device
-from vibro_ros.view.units import is_place
+from vibro_ros.view.stretch import AGREEMENT, LONGEST, ExactRun, Progress, quiet_device
 
 DRIFT = 2e-11
 """Distance [m, rad] from a recorded position, beyond which the simulation goes on from what was recorded."""
@@ -37,7 +35,7 @@ def state_of(scene: Scene) -> list[str]:
     return [name for name in UNITS if name in known]
 
 
-class Following:
+class Following(ExactRun):
     """Follows samples with a device, from sample to sample; the device's own time is 0 where it was last put.
 
     Parameters
@@ -48,35 +46,18 @@ class Following:
         All that `state_of` names, finite.
     times : ndarray, shape (n,)
         Instants [s] of the samples, ascending.
-
-    Attributes
-    ----------
-    stretches : list of Stretch
-        What is exact, by time.
-    instants : list of ndarray, each of shape (n,)
-        Events in them [s].
-    impacts : list of Impact
-        In them.
-    resets : list of float
-        Instants [s] of samples at which the robot stood at its start again.
-    failed : int
-        Intervals between two samples that are not exact.
     """
 
     def __init__(self, device: Simulator, samples: Mapping[str, np.ndarray], times: np.ndarray):
+        super().__init__()
         self._device, self._samples, self._times = device, samples, times
         self._state = state_of(device.scene)
         self._positions = [name for name in self._state if is_place(name)]
-        self.stretches: list[Stretch] = []
-        self.instants: list[np.ndarray] = []
-        self.impacts: list[Impact] = []
-        self.resets: list[float] = []
-        self.failed, self._first_fault = 0, ""
+        self._failed, self._first_fault = 0, ""
         self._since: int | None = None  # the sample at which the device was put where it was published
-        self._start, self._begin, self._commands = np.empty(0), 0.0, list[Command]()
         self._plates: dict[str, float] = {}  # where they were sent [m]
 
-    def follow(self, progress: Callable[[float], object] = lambda share: None) -> None:
+    def follow(self, progress: Progress = lambda share: None) -> None:
         """Go through all samples; `progress` is told the share that is done."""
         for k in range(len(self._times) - 1):
             if k % 200 == 0:
@@ -89,6 +70,9 @@ class Following:
             else:
                 self._pass(k)
         self._end(len(self._times) - 1)
+        if self._failed:
+            more = f" (and {self._failed - 1} intervals more)" if self._failed > 1 else ""
+            self.faults.append(self._first_fault + more)
 
     def _pass(self, k: int) -> None:
         """Go from the sample k to the next one; where that fails, from where sample k was published."""
@@ -106,14 +90,12 @@ class Following:
         if distance > AGREEMENT:
             self._fail(k, f"the simulator is {distance:.2g} m or rad off at the next sample")
             return
-        events = self._device.take_events()
-        self.instants.append(instants_of(events, self._offset))
-        self.impacts += impacts_of(events, self._offset)
+        self.note(self._device.take_events(), math.inf, self._offset)
         if distance > DRIFT:
             self._end(k + 1)
-        elif self._device.time - self._begin >= STRETCH:
+        elif self._device.time - self.begin >= LONGEST:
             self._close(k + 1)
-            self._open()
+            self.open(self._device)
 
     @property
     def _offset(self) -> float:
@@ -127,19 +109,14 @@ class Following:
         scene = device.scene
         self._plates = {side: scene[f"crank.{side}_rod"] + scene[f"{side}.gap"] for side in scene.plates}
         self._since = k
-        self._open()
-
-    def _open(self) -> None:
-        """Begin a stretch where the device is."""
-        self._start, self._begin, self._commands = self._device.checkpoint(), self._device.time, []
+        self.open(device)
 
     def _go(self, k: int) -> float:
         """Go to the sample after k; the greatest distance from a published position [m, rad] there."""
-        device, begin = self._device, float(self._times[self._since or 0])
+        device = self._device
         if command := {**self._motor(k), **dict(self._gaps(k))}:
-            self._commands.append((device.time, command))
-            device.command(**command)
-        device.advance_to(max(device.time, float(self._times[k + 1]) - begin))
+            self.command(device, command)
+        device.advance_to(max(device.time, float(self._times[k + 1]) - self._offset))
         state = device.state
         return max(abs(getattr(state, name) - float(self._samples[name][k + 1])) for name in self._positions)
 
@@ -165,10 +142,7 @@ class Following:
 
     def _close(self, k: int) -> None:
         """End the stretch at the sample k."""
-        end = float(self._times[k]) - self._offset
-        if end > self._begin:
-            commands = tuple(one for one in self._commands if one[0] < end)
-            self.stretches.append(Stretch(self._device.scene, self._start, self._begin, end, self._offset, commands))
+        self.close(self._device.scene, float(self._times[k]) - self._offset, self._offset)
 
     def _end(self, k: int) -> None:
         """Let nothing be known from the sample k on."""
@@ -179,13 +153,8 @@ class Following:
 
     def _fail(self, k: int, fault: str) -> None:
         self._first_fault = self._first_fault or f"from {self._times[k]:.6g} s to {self._times[k + 1]:.6g} s {fault}"
-        self.failed += 1
+        self._failed += 1
         self._end(k)
-
-    @property
-    def fault(self) -> str:
-        """Why the first interval that is not exact is not, and how many more there are; empty if there are none."""
-        return self._first_fault + (f" (and {self.failed - 1} intervals more)" if self.failed > 1 else "")
 
 
 def common_samples(tracks: Mapping[str, Track], names: Sequence[str]) -> tuple[dict[str, np.ndarray], np.ndarray]:

@@ -1,4 +1,4 @@
-"""Who may see the live page, and who may command through it: checks of hosts, origins and tokens.
+"""Who may see the live page and command through it, by checks of hosts, origins and tokens; and how much one may ask.
 
 The server listens on this machine's loopback address, but every page that the user's browser has open can send
 requests there. Three checks keep them out:
@@ -13,8 +13,16 @@ import hmac
 import ipaddress
 import re
 import secrets
-from collections.abc import Collection
+import time
+from collections.abc import Callable, Collection
 from urllib.parse import urlsplit
+
+RATE = 20.0
+"""Messages a second that a page may send."""
+BURST = 40.0
+"""Messages that it may send at once after a rest."""
+MOST_STRIKES = 100
+"""Messages that were too many or meant nothing, after which a page is sent away; good ones make up for them."""
 
 _HOST = re.compile(r"(?P<name>\[[0-9a-fA-F:.]{2,45}\]|[A-Za-z0-9._-]{1,253})(?::[0-9]{1,5})?")
 
@@ -74,3 +82,43 @@ def is_loopback(address: str) -> bool:
         return ipaddress.ip_address(address).is_loopback
     except ValueError:
         return address.lower() == "localhost"
+
+
+class Allowance:
+    """The allowance of one connection.
+
+    Parameters
+    ----------
+    now : callable
+        The clock [s].
+
+    Attributes
+    ----------
+    strikes : float
+        Messages that were refused lately, dimensionless.
+    """
+
+    def __init__(self, now: Callable[[], float] = time.monotonic):
+        self.strikes = 0.0
+        self._now, self._last, self._tokens = now, now(), BURST
+
+    @property
+    def over(self) -> bool:
+        """Whether the connection is to end."""
+        return self.strikes > MOST_STRIKES
+
+    def admits(self) -> bool:
+        """Whether a message that has come now may be looked at."""
+        now = self._now()
+        self._tokens = min(BURST, self._tokens + (now - self._last) * RATE)
+        self._last = now
+        if self._tokens < 1.0:
+            self.strikes += 1.0
+            return False
+        self._tokens -= 1.0
+        self.strikes = max(0.0, self.strikes - 0.1)
+        return True
+
+    def strike(self) -> None:
+        """Count a message that meant nothing."""
+        self.strikes += 1.0

@@ -2,53 +2,59 @@
 
 A motion is cut into pieces, at every event and wherever else it is needed. In a piece each quantity is a polynomial
 
-    value(t) = unit * sum over k of c_k T_k(s),    s = (t - begin) / (end - begin) * 2 - 1  in [-1, 1],
+    value(t) = sum over k of c_k T_k(s),    s = (t - begin) / (end - begin) * 2 - 1  in [-1, 1],
 
-with integers c_k and the Chebyshev polynomials T_k(s) = cos(k arccos(s)). A document is a header, which is ready for
-JSON, and a payload, in which the numbers of the arrays lie one after the other, little-endian, each array beginning at
-a multiple of 8 bytes.
-
-The header's ``arrays`` tell of each array ``[type, offset in bytes, number of entries]``:
+with the Chebyshev polynomials T_k(s) = cos(k arccos(s)). A document is a header, which is ready for JSON, and a
+payload: three arrays one behind the other, little-endian, P pieces and Q quantities:
 
 ``borders``, float64
     Begin and end [s] of each piece, 2 P numbers, ascending. The last instant of a piece is the first of the next one,
     except where nothing is known in between: there one piece ends earlier than the next begins. Where two pieces meet,
     the later one holds.
+``coefficients``, float64
+    For each piece and each of its known quantities c_0 to c_degree (SI), in the order of the degrees.
 ``degrees``, uint8
-    P x Q numbers, those of a piece one after the other: the degree of each quantity's polynomial, or `UNKNOWN`.
-``coefficients``, varint
-    Integers, for each piece and each of its known quantities degree + 1 of them, in the order of the degrees. Each
-    integer is some bytes, lowest bits first, seven bits a byte; a byte from 128 on says that another follows. An even
-    result r means r / 2, an odd one -(r + 1) / 2. Results stay below 2^53, so that a browser adds up
-    ``byte % 128 * 128**place`` without any rounding.
+    P x Q numbers, those of a piece one behind the other: the degree of each quantity's polynomial, or `UNKNOWN`.
 
-    The first integer of a polynomial is not c_0: most quantities go on where they were, so that it says by how much the
-    value at the piece's begin differs from that quantity's value at the end of the last piece that knew it (0 before
-    the first). With j for that integer and `before` for that value, both in units:
-
-        c_0   = j + before - sum over k > 0 of (-1)^k c_k
-        after = sum over all k of c_k,       the `before` of the next piece that knows the quantity.
-
-    The other integers are c_1, c_2, ...
-
-The rest of the header: ``exact``, whether all pieces are what the simulator computes, and ``why``, a sentence when they
-are not; ``exact_spans``, pairs of begin and end [s] of what is exact; ``begin`` and ``end`` [s] of the motion;
-``pieces``, P; ``quantities``, Q names of fields of `Samples`; ``units``, of each quantity (SI); ``impacts``, a list of
-``time`` and ``end`` [s], ``side``, ``peak_force`` [N] (none where a plate is rigid, where an impact is an instant);
+The header: ``pieces``, P; ``coefficients``, how many there are; ``quantities``, Q names of fields of `Samples`;
+``begin`` and ``end`` [s] of the motion; ``exact``, whether all pieces are what the simulator computes, and ``why``, a
+sentence when they are not; ``exact_spans``, pairs of begin and end [s] of what is exact; ``impacts``, a list of
+``time`` and ``end`` [s], ``side``, ``peak_force`` [N] (null where a plate is rigid, where an impact is an instant);
 ``resets``, the instants [s] at which the robot stood at its start again.
 """
 
+import math
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from vibro_ros.view import varints
+from vibro_ros.messages.fields import PLATES
 
 UNKNOWN = 255
 """Degree of a quantity of which nothing is known in a piece."""
 Document = tuple[dict[str, Any], bytes]
 """Header and payload."""
+
+#: Precision of a place [m] and of an angle [rad]: a polynomial of 20 coefficients is then off by 5e-10 m at most.
+_PLACE = 5e-11
+#: Precision of the rest, as parts of their largest value: off by 2e-7 of it at most.
+_PART = 2e-8
+#: A place's precision is never a smaller part of its largest value: rounding is no smaller either.
+_LEAST_PART = 1e-13
+
+
+def is_place(name: str) -> bool:
+    """Whether a field of `Samples` says where something is: in m, or the crank's angle in rad."""
+    return name.endswith(("position", "height", "angle"))
+
+
+def precisions(names: Sequence[str], largest: np.ndarray) -> np.ndarray:
+    """Precision of a coefficient of each quantity (SI), from its largest magnitude in the motion; shape (quantities,).
+    """
+    places = np.array([is_place(name) for name in names])
+    found = np.where(places, np.maximum(_PLACE, _LEAST_PART * largest), _PART * largest)
+    return np.where(found > 0.0, found, 1.0)  # of a quantity that is 0 throughout
 
 
 class MotionWriter:
@@ -58,8 +64,9 @@ class MotionWriter:
     ----------
     quantities : sequence of str
         Names.
-    units : sequence of float
-        Step of a coefficient of each quantity (SI).
+    precision : ndarray, shape (quantities,)
+        Step of a coefficient of each quantity (SI). Coefficients are rounded to a power of two below it, and zeros at a
+        polynomial's end are left out: both only make the document small.
 
     Attributes
     ----------
@@ -67,13 +74,13 @@ class MotionWriter:
         Bytes of the payload so far.
     """
 
-    def __init__(self, quantities: Sequence[str], units: Sequence[float] | np.ndarray):
-        self.quantities, self.units = tuple(quantities), np.array(units, dtype=float)
-        self._borders: list[np.ndarray] = []
-        self._degrees: list[np.ndarray] = []
-        self._coefficients: list[bytes] = []
-        self._integers = self.size = 0
-        self._before = np.zeros(len(self.quantities), dtype=np.int64)
+    def __init__(self, quantities: Sequence[str], precision: Sequence[float] | np.ndarray):
+        self.quantities, self.size = tuple(quantities), 0
+        self.precision = np.array(precision, dtype=float)
+        self._step = 2.0 ** np.floor(np.log2(self.precision))[:, None]
+        self._borders: list[np.ndarray] = [np.empty((0, 2))]
+        self._coefficients: list[np.ndarray] = [np.empty(0)]
+        self._degrees: list[np.ndarray] = [np.empty((0, len(self.quantities)), np.uint8)]
 
     def add(self, borders: np.ndarray, coefficients: np.ndarray) -> None:
         """Append pieces.
@@ -83,107 +90,94 @@ class MotionWriter:
         borders : ndarray, shape (p, 2)
             Begin and end [s] of each piece, none before the end of the last one.
         coefficients : ndarray, shape (p, quantities, n)
-            Of the Chebyshev polynomials (SI); NaN where nothing is known.
+            Of the Chebyshev polynomials (SI); not finite where nothing is known.
         """
-        known = ~np.isnan(coefficients[:, :, 0])
-        limit = (varints.LIMIT - 1.0) / (2.0 * coefficients.shape[2] + 2.0)  # sums and differences stay below `LIMIT`
-        with np.errstate(over="ignore"):
-            integers = np.clip(np.rint(coefficients / self.units[:, None]), -limit, limit)
-        integers = np.where(known[:, :, None], integers, 0.0).astype(np.int64)
-        orders = np.arange(integers.shape[2])
-        degrees = np.max(np.where(integers != 0, orders, 0), axis=2)
-        steps = self._steps(integers, known)
-        integers[:, :, 0] = steps
-        wanted = (orders <= degrees[:, :, None]) & known[:, :, None]
-        chosen = integers[wanted]
-        self._integers += len(chosen)
-        self._borders.append(np.ascontiguousarray(borders, dtype="<f8"))
+        rounded = np.rint(coefficients / self._step) * self._step
+        known, orders = np.isfinite(rounded).all(axis=2), np.arange(rounded.shape[2])
+        degrees = np.max(np.where(rounded != 0.0, orders, 0), axis=2)
+        chosen = rounded[(orders <= degrees[:, :, None]) & known[:, :, None]]
+        self._borders.append(borders)
+        self._coefficients.append(chosen)
         self._degrees.append(np.where(known, degrees, UNKNOWN).astype(np.uint8))
-        self._coefficients.append(varints.encoded(chosen))
-        self.size += sum(part[-1].nbytes for part in (self._borders, self._degrees)) + len(self._coefficients[-1])
-
-    def _steps(self, integers: np.ndarray, known: np.ndarray) -> np.ndarray:
-        """From the end of the last piece that knew the quantity to the begin of each; shape (p, quantities)."""
-        signs = 1 - 2 * (np.arange(integers.shape[2]) % 2)
-        begins, ends = integers @ signs, integers.sum(axis=2)
-        # Number of the last piece before that knew the quantity; 0 stands for what was before all of them.
-        numbers = np.where(known, np.arange(1, len(known) + 1)[:, None], 0)
-        last = np.maximum.accumulate(np.vstack([np.zeros_like(numbers[:1]), numbers]), axis=0)
-        ends = np.vstack([self._before, ends])
-        self._before = np.take_along_axis(ends, last[-1:], axis=0)[0]
-        return begins - np.take_along_axis(ends, last[:-1], axis=0)
+        self.size += borders.nbytes + chosen.nbytes + known.size
 
     def document(self, facts: Mapping[str, Any]) -> Document:
         """Header and payload; `facts` is what only the caller knows: ``exact``, ``why``, ``impacts``, ...
 
         ``begin`` and ``end`` are those of the pieces, where the facts do not say them.
         """
-        empty = np.empty((0, 2))
-        borders = np.concatenate([empty, *self._borders])
-        degrees = np.concatenate([np.empty((0, len(self.quantities)), np.uint8), *self._degrees])
-        parts, arrays, payload = {
-            "borders": ("float64", borders.size, borders.astype("<f8").tobytes()),
-            "degrees": ("uint8", degrees.size, degrees.tobytes()),
-            "coefficients": ("varint", self._integers, b"".join(self._coefficients))}, {}, bytearray()
-        for name, (kind, count, data) in parts.items():
-            arrays[name] = [kind, len(payload), count]
-            payload += data + bytes(-len(data) % 8)
+        borders, coefficients, degrees = (
+            np.concatenate(parts) for parts in (self._borders, self._coefficients, self._degrees))
         begin, end = (float(borders[0, 0]), float(borders[-1, 1])) if len(borders) else (0.0, 0.0)
-        return {"begin": begin, "end": end, "pieces": len(borders), "quantities": list(self.quantities),
-                "units": self.units.tolist(), "arrays": arrays, **facts}, bytes(payload)
+        header = {"begin": begin, "end": end, "pieces": len(borders), "coefficients": len(coefficients),
+                  "quantities": list(self.quantities), **facts}
+        return header, borders.astype("<f8").tobytes() + coefficients.astype("<f8").tobytes() + degrees.tobytes()
 
 
 class Motion:
-    """Reads a document, in place of a browser.
+    """Reads a document, as `page/motion.js` does in a browser.
 
     Parameters
     ----------
     header, payload : dict, bytes
         The document.
+
+    Attributes
+    ----------
+    borders : ndarray, shape (pieces, 2)
+        Begin and end [s] of each piece.
+    known : ndarray of bool, shape (pieces, quantities)
+        Where a quantity is known.
+    coefficients : ndarray, shape (pieces, quantities, n)
+        Of the Chebyshev polynomials (SI); 0 where nothing is known.
     """
 
     def __init__(self, header: Mapping[str, Any], payload: bytes):
-        self.header = header
-        pieces, self.quantities = header["pieces"], tuple(header["quantities"])
-        self._borders = self._array(payload, "borders", "<f8").reshape(pieces, 2)
-        degrees = self._array(payload, "degrees", np.uint8).reshape(pieces, len(self.quantities)).astype(np.int64)
+        self.header, self.quantities = header, tuple(header["quantities"])
+        pieces, count = header["pieces"], header["coefficients"]
+        self.borders = np.frombuffer(payload, "<f8", 2 * pieces).reshape(pieces, 2)
+        degrees = np.frombuffer(payload, np.uint8, pieces * len(self.quantities), 8 * (2 * pieces + count))
+        degrees = degrees.reshape(pieces, len(self.quantities))
         self.known = degrees != UNKNOWN
-        _, offset, count = header["arrays"]["coefficients"]
-        self.coefficients = self._scaled(varints.decoded(memoryview(payload)[offset:], count),
-                                         np.where(self.known, degrees, -1))
-
-    @property
-    def borders(self) -> np.ndarray:
-        """Begin and end [s] of each piece, shape (pieces, 2)."""
-        return self._borders
-
-    def _array(self, payload: bytes, name: str, kind: Any) -> np.ndarray:
-        _, offset, count = self.header["arrays"][name]
-        return np.frombuffer(payload, dtype=kind, count=count, offset=offset)
-
-    def _scaled(self, integers: np.ndarray, degrees: np.ndarray) -> np.ndarray:
-        """Coefficients (SI), shape (pieces, quantities, n)."""
-        orders = np.arange(int(degrees.max(initial=0)) + 1)
-        filled = np.zeros((*degrees.shape, len(orders)), dtype=np.int64)
-        filled[orders <= degrees[:, :, None]] = integers
-        signs = 1 - 2 * (orders % 2)
-        begin_to_end = np.where(orders % 2 == 1, 2 * filled, 0).sum(axis=2)
-        # `before` of each piece: all steps and all ways from begin to end that came earlier
-        begins = np.cumsum(filled[:, :, 0] + np.vstack([np.zeros_like(begin_to_end[:1]), begin_to_end[:-1]]), axis=0)
-        filled[:, :, 0] = begins - (filled[:, :, 1:] * signs[1:]).sum(axis=2)
-        return filled * np.array(self.header["units"])[:, None]
+        ends = np.where(self.known, degrees.astype(int) + 1, 0)[:, :, None]
+        orders = np.arange(int(ends.max(initial=1)))
+        self.coefficients = np.zeros((*degrees.shape, len(orders)))
+        self.coefficients[orders < ends] = np.frombuffer(payload, "<f8", count, 16 * pieces)
 
     def at(self, times: np.ndarray) -> dict[str, np.ndarray]:
         """Every quantity at `times` [s], each of shape (n,); NaN where nothing is known."""
         times = np.asarray(times, dtype=float)
-        found: dict[str, np.ndarray] = {name: np.full(len(times), np.nan) for name in self.quantities}
-        if not len(self._borders):
-            return found
-        piece = np.clip(np.searchsorted(self._borders[:, 0], times, side="right") - 1, 0, len(self._borders) - 1)
-        begin, end = self._borders[piece].T
+        if not len(self.borders):
+            return {name: np.full(len(times), np.nan) for name in self.quantities}
+        piece = np.clip(np.searchsorted(self.borders[:, 0], times, side="right") - 1, 0, len(self.borders) - 1)
+        begin, end = self.borders[piece].T
         inside = (times >= begin) & (times <= end)
         s = (times - begin) / (end - begin) * 2.0 - 1.0
-        for q, name in enumerate(self.quantities):
-            values = np.polynomial.chebyshev.chebval(s, self.coefficients[piece, q].T, tensor=False)
-            found[name] = np.where(inside & self.known[piece, q], values, np.nan)
-        return found
+        return {name: np.where(
+            inside & self.known[piece, q],
+            np.polynomial.chebyshev.chebval(s, self.coefficients[piece, q].T, tensor=False), np.nan)
+            for q, name in enumerate(self.quantities)}
+
+
+class Impact(NamedTuple):
+    """A contact: first and last instant [s], side, peak force [N]."""
+
+    time: float
+    end: float
+    side: str
+    peak_force: float
+
+
+def impacts_of(events: np.ndarray, offset: float) -> list[Impact]:
+    """The contacts among events, of dtype `EVENT_DTYPE`; `offset` [s] is added to their times."""
+    events = events[np.isin(events["kind"], list(PLATES))]
+    times = events["time"] + offset
+    return [Impact(time, end, kind.partition("_")[0], force) for time, end, kind, force in zip(
+        times.tolist(), (times + events["duration"]).tolist(), events["kind"].tolist(), events["peak_force"].tolist(),
+        strict=True)]
+
+
+def impacts_as_json(impacts: Sequence[Impact]) -> list[dict[str, Any]]:
+    """Impacts for a header, by time."""
+    return [{**one._asdict(), "peak_force": one.peak_force if math.isfinite(one.peak_force) else None}
+            for one in sorted(impacts)]

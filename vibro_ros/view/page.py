@@ -90,7 +90,7 @@ def _data(setting: Mapping[str, Any], motion: tuple[Mapping[str, Any], bytes] | 
     if motion:
         header, payload = motion
         yield f'<script id="motion-header" type="application/json">{_json(header)}</script>'
-        packed = base64.b64encode(zlib.compress(payload, 9)).decode()
+        packed = base64.b64encode(zlib.compress(payload)).decode()
         yield f'<script id="motion-payload" type="text/plain">{packed}</script>'
 
 

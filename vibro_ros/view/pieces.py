@@ -1,14 +1,20 @@
-"""Pieces of a motion in which polynomials hold every quantity: between events, and cut further where they must be.
+"""Pieces of a motion in which polynomials hold every quantity: exact stretches and interpolated samples put together.
 
 A piece is sampled at the nodes of Chebyshev's first kind, which lie inside it, so that what jumps at an event counts on
 neither side. Where the last coefficients of a quantity are still larger than may be neglected, the piece is halved:
 that also finds what jumps without having been announced.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from vibro_ros.simulation.simulator import Simulator
+from vibro_ros.view.motion import MotionWriter, is_place, precisions
+from vibro_ros.view.stretch import Progress, Stretch, quiet_device
+
+MOST_A_SECOND, MOST_OF_STEPS = 20_000, 2000
+"""Pieces of a second, by the method exact and by another one, whose every step may be a border that nobody sees."""
 #: Coefficients of a polynomial: of twelve to twenty-four, those that give the smallest documents.
 NODES = 20
 #: Longest piece [s], about a third of a turn of the crank at 100 rad/s.
@@ -25,14 +31,91 @@ _HELPED = 0.2
 #: Times in a row that halving has not helped, after which it will not: more jumps in a piece than are unannounced.
 _HOPELESS = 4
 
-_ANGLES = (np.arange(NODES)[::-1] + 0.5) * np.pi / NODES
-_PLACES = np.cos(_ANGLES)  # of the nodes in [-1, 1], ascending
-# Row k: what the values at the nodes add to the coefficient of the k-th Chebyshev polynomial.
-_COEFFICIENTS = 2.0 / NODES * np.cos(np.arange(NODES)[:, None] * _ANGLES)
-_COEFFICIENTS[0] *= 0.5
-
+#: Borders [s], shape (p, 2), and Chebyshev coefficients (SI), shape (p, quantities, n), of interpolated pieces.
+Interpolated = tuple[np.ndarray, np.ndarray]
 #: Samples every quantity at ascending instants [s], shape (n,), as an array of shape (n, quantities).
 Sampler = Callable[[np.ndarray], np.ndarray]
+
+
+class Assembly:
+    """A motion document put together: exact pieces and interpolated ones in the order of time.
+
+    Parameters
+    ----------
+    names : sequence of str
+        Quantities.
+    stretches : sequence of Stretch
+        What is exact, by time.
+    instants : sequence of ndarray, each of shape (n,)
+        Events in the stretches [s].
+    rest : sequence of Interpolated
+        What is not.
+
+    Attributes
+    ----------
+    writer : MotionWriter
+        Holds the pieces.
+    exact : list of Stretch
+        Those stretches whose pieces follow the simulator's positions everywhere.
+    end : float
+        Instant [s] from which on pieces were left out; infinite if none were.
+    """
+
+    def __init__(self, names: Sequence[str], stretches: Sequence[Stretch], instants: Sequence[np.ndarray],
+                 rest: Sequence[Interpolated]):
+        self._names, self._instants = names, np.sort(np.concatenate([np.empty(0), *instants]))
+        self._device: Simulator | None = None
+        self._places = [q for q, name in enumerate(names) if is_place(name)]
+        rest = [one for one in rest if len(one[0])]
+        largest = np.max([np.zeros(len(names)), *map(self._largest, stretches),
+                          *(_bound(coefficients) for _, coefficients in rest)], axis=0)
+        self._parts: list[tuple[float, Stretch | Interpolated]] = [
+            *((one.span[0], one) for one in stretches), *((float(one[0][0, 0]), one) for one in rest)]
+        self._parts.sort(key=lambda part: part[0])
+        self.writer, self.end = MotionWriter(names, precisions(names, largest)), np.inf
+        self.exact: list[Stretch] = []
+
+    def write(self, limit: float = np.inf, progress: Progress = lambda share: None) -> None:
+        """Write all pieces, or those that fit into `limit` bytes; `progress` is told the share that is done."""
+        for number, (begin, part) in enumerate(self._parts):
+            progress(number / len(self._parts))
+            if self.writer.size > limit:
+                self.end = begin
+                return
+            if isinstance(part, Stretch):
+                borders, coefficients, resolved = self._pieces(part)
+                if resolved[self._places].all():
+                    self.exact.append(part)
+                part = borders, coefficients
+            self.writer.add(*part)
+
+    def _pieces(self, stretch: Stretch) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Borders [s] by robot time, and coefficients, of a stretch, and which quantities they resolve: see `fitted`.
+        """
+        borders = self._borders(stretch)
+        a_second = MOST_A_SECOND if stretch.scene["solver.method"] == "exact" else MOST_OF_STEPS
+        most = len(borders) + a_second * (stretch.end - stretch.begin)
+        borders, coefficients, resolved = fitted(self._sampler(stretch), borders, 0.5 * self.writer.precision,
+                                                 int(most))
+        return borders + stretch.offset, coefficients, resolved
+
+    def _borders(self, stretch: Stretch) -> np.ndarray:
+        first, last = np.searchsorted(self._instants, stretch.span)
+        commands = [time for time, _ in stretch.commands]
+        return cut(stretch.begin, stretch.end,
+                   np.concatenate([self._instants[first:last] - stretch.offset, commands]))
+
+    def _largest(self, stretch: Stretch) -> np.ndarray:
+        """Largest magnitude of each quantity in a stretch, by samples within the pieces, shape (quantities,)."""
+        places = _PLACES[[0, NODES // 3, NODES // 2, -1]]
+        samples = self._sampler(stretch)(_instants(self._borders(stretch), places).ravel())
+        return np.abs(samples).max(axis=0, initial=0.0)
+
+    def _sampler(self, stretch: Stretch) -> Sampler:
+        if self._device is None or self._device.scene != stretch.scene:
+            self._device = quiet_device(stretch.scene)
+        device = self._device
+        return lambda times: stretch.values(device, times, self._names)
 
 
 def cut(begin: float, end: float, instants: np.ndarray) -> np.ndarray:
@@ -80,7 +163,8 @@ def fitted(sample: Sampler, borders: np.ndarray, allowed: np.ndarray,
     before: np.ndarray = np.empty(0)
     in_vain: np.ndarray = np.zeros(len(borders), dtype=int)
     while len(borders):
-        coefficients = _transformed(sample, borders)
+        values = sample(_instants(borders, _PLACES).ravel())
+        coefficients = np.einsum("kn,pnq->pqk", _TRANSFORM, values.reshape(len(borders), NODES, -1), optimize=True)
         tails = _tails(borders, coefficients, allowed)
         worst = tails.max(axis=1, initial=0.0)
         in_vain = np.where(_helped(worst, before), 0, in_vain + 1)
@@ -97,26 +181,24 @@ def fitted(sample: Sampler, borders: np.ndarray, allowed: np.ndarray,
     return found[order], polynomials[order], resolved
 
 
-def extremes(sample: Sampler, borders: np.ndarray) -> np.ndarray:
-    """Largest magnitude of every quantity, shape (quantities,), by samples within the pieces."""
-    places = _PLACES[[0, NODES // 3, NODES // 2, -1]]
-    return np.abs(sample(_instants(borders, places).ravel())).max(axis=0, initial=0.0)
-
-
 def polynomials_through(borders: np.ndarray, values: Callable[[np.ndarray], np.ndarray], count: int) -> np.ndarray:
     """Coefficients of the polynomials of degree `count` - 1 through values at as many nodes, shape (p, Q, count).
 
     `values` gives those at instants [s] of shape (p, count), of shape (p, count, Q).
     """
+    places, transform = _nodes(count)
+    return np.einsum("kn,pnq->pqk", transform, values(_instants(borders, places)))
+
+
+def _nodes(count: int) -> tuple[np.ndarray, np.ndarray]:
+    """The nodes in [-1, 1], ascending; and the matrix that makes Chebyshev coefficients of the values there."""
     angles = (np.arange(count)[::-1] + 0.5) * np.pi / count
     transform = 2.0 / count * np.cos(np.arange(count)[:, None] * angles)
     transform[0] *= 0.5
-    return np.einsum("kn,pnq->pqk", transform, values(_instants(borders, np.cos(angles))))
+    return np.cos(angles), transform
 
 
-def _transformed(sample: Sampler, borders: np.ndarray) -> np.ndarray:
-    values = sample(_instants(borders, _PLACES).ravel())
-    return np.einsum("kn,pnq->pqk", _COEFFICIENTS, values.reshape(len(borders), NODES, -1), optimize=True)
+_PLACES, _TRANSFORM = _nodes(NODES)
 
 
 def _instants(borders: np.ndarray, places: np.ndarray) -> np.ndarray:
@@ -147,3 +229,9 @@ def _helped(worst: np.ndarray, before: np.ndarray) -> np.ndarray:
 def _halves(borders: np.ndarray) -> np.ndarray:
     middle = borders.mean(axis=1)
     return np.column_stack([borders[:, 0], middle, middle, borders[:, 1]]).reshape(-1, 2)
+
+
+def _bound(coefficients: np.ndarray) -> np.ndarray:
+    """Bound of the magnitude of every quantity, from its coefficients of shape (p, quantities, n); 0 if unknown."""
+    bounds = np.abs(coefficients).sum(axis=2)
+    return np.where(np.isnan(bounds), 0.0, bounds).max(axis=0, initial=0.0)

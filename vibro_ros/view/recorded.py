@@ -1,6 +1,6 @@
-"""What a recording says of a motion: samples of its quantities, impacts, and what the robot was told."""
+"""A recording's samples, impacts and inputs; and the motion interpolated between samples, where it is not exact."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -11,6 +11,8 @@ from vibro_ros.bag.series import Series
 from vibro_ros.bag.stream import BagStream
 from vibro_ros.messages.fields import JOINTS, PLATES
 from vibro_ros.messages.topics import CHECKPOINT, INPUTS, ROBOT_TOPICS
+from vibro_ros.view.pieces import Interpolated, polynomials_through
+from vibro_ros.view.stretch import Progress, Span
 
 MOST_SAMPLES = 1_000_000
 """Samples of a topic that are read, an hour and a half at 200 Hz: more than a page can show."""
@@ -31,12 +33,15 @@ _COLUMNS = {"odom": ("position", "linear_velocity", "stamp"), "joint_states": ("
 STATE = ("odom", "joint_states")
 """Topics that say where everything is."""
 
-#: Says which share of the work is done, from 0 to 1.
-Progress = Callable[[float], object]
+GAP = 2.5
+"""Periods; two samples that are farther apart have a gap between them."""
+DEGREE = 3
+NEAR = 3e-9
+"""Instants [s] that are one: stamps are rounded to nanoseconds."""
 
 
 class Input(NamedTuple):
-    """What the robot was told, or a checkpoint: recorded stamp [ns], the robot's own name of the topic, message."""
+    """A command, an operation or a checkpoint: recorded stamp [ns], the robot's own name of the topic, message."""
 
     stamp: int
     name: str
@@ -81,21 +86,20 @@ class Recorded:
     def _read(self, wanted: tuple[str, ...], progress: Progress) -> None:
         """Read the samples of some topics and, with those of the state, the inputs."""
         names = {self.topics[name]: name for name in wanted if name in self.topics}
-        told = {self.topics[name]: name for name in (*INPUTS, CHECKPOINT) if name in self.topics}
+        inputs = {self.topics[name]: name for name in (*INPUTS, CHECKPOINT)
+                  if name in self.topics and wanted == STATE}
         series = {topic: Series(ROBOT_TOPICS[name], self._stream.start, _COLUMNS[name])
                   for topic, name in names.items()}
-        told = told if wanted == STATE else {}
-        read = {**dict.fromkeys(names, 0), **dict.fromkeys(told, 0)}
-        most = {**dict.fromkeys(names, MOST_SAMPLES), **dict.fromkeys(told, MOST_INPUTS)}
+        read = dict.fromkeys([*names, *inputs], 0)
         total = max(1, sum(self._stream.topics[topic].messages for topic in read if topic in self._stream.topics))
         for number, (topic, stamp, data) in enumerate(self._stream.messages(frozenset(read))):
             if number % 1000 == 0:
                 progress(min(1.0, number / total))
-            if read[topic] == most[topic]:
+            if read[topic] == (MOST_INPUTS if topic in inputs else MOST_SAMPLES):
                 self.cut_short = True
                 break
-            if topic in told:
-                self.inputs.append(Input(stamp, told[topic], bytes(data)))
+            if topic in inputs:
+                self.inputs.append(Input(stamp, inputs[topic], bytes(data)))
             else:
                 self._append(series[topic], topic, read[topic], stamp, data)
             read[topic] += 1
@@ -107,9 +111,9 @@ class Recorded:
         except ValueError as error:
             self._stream.unreadable.add(topic, index, stamp, error)
 
-    def read_forces(self, progress: Progress) -> None:
+    def read_forces(self) -> None:
         """Read the other topics as well, which only an interpolated motion needs."""
-        self._read(("ground_contact", "motor_power", "impacts"), progress)
+        self._read(("ground_contact", "motor_power", "impacts"), lambda share: None)
 
     def tracks(self, times_of: Callable[[Arrays], np.ndarray]) -> dict[str, Track]:
         """Every recorded quantity; `times_of` gives the instants [s] of a topic's samples."""
@@ -155,3 +159,72 @@ RATES = {"body_position": "body_velocity", "body_height": "body_vertical_velocit
 def _column(arrays: Arrays, name: str, part: int | None, sign: float) -> np.ndarray:
     column = arrays[name]
     return sign * (column if part is None else column[:, part])
+
+
+def interpolated(tracks: Mapping[str, Track], names: Sequence[str], span: Span,
+                 resets: Sequence[float]) -> Interpolated:
+    """Pieces between the samples in a span.
+
+    Parameters
+    ----------
+    tracks : mapping of str to Track
+        What was recorded.
+    names : sequence of str
+        Quantities wanted; what was not recorded of them is NaN.
+    span : (float, float)
+        Begin and end [s].
+    resets : sequence of float
+        Instants [s] of samples at which the robot stood at its start again.
+
+    Returns
+    -------
+    ndarray, ndarray, shapes (p, 2) and (p, names, DEGREE + 1)
+        Borders [s] and Chebyshev coefficients (SI).
+    """
+    times, longest = _grid(tracks)
+    times = times[(times >= span[0] - NEAR) & (times <= span[1] + NEAR)]
+    borders = np.column_stack([times[:-1], times[1:]])
+    after = np.searchsorted(np.sort(np.array(resets)), borders + NEAR)
+    borders = np.clip(borders[(np.diff(times) <= longest) & (after[:, 0] == after[:, 1])], *span)
+    borders = borders[np.diff(borders)[:, 0] > NEAR]
+    if not names:
+        return borders, np.empty((len(borders), 0, DEGREE + 1))
+    wanted = [tracks.get(name) for name in names]
+
+    def values(instants: np.ndarray) -> np.ndarray:
+        return np.stack([_at(track, instants) for track in wanted], axis=2)
+
+    return borders, polynomials_through(borders, values, DEGREE + 1)
+
+
+def lowered(crank: Track) -> list[float]:
+    """Instants [s] at which the crank's angle is less than before: only a reset does that."""
+    return crank.times[1:][np.diff(crank.values) < 0.0].tolist()
+
+
+def _grid(tracks: Mapping[str, Track]) -> tuple[np.ndarray, float]:
+    """Instants of the samples [s], those of the first track that has any, because what a robot publishes has one rate;
+    and the longest pause [s] that is no gap."""
+    times = next((track.times for track in tracks.values() if len(track.times) > 1), np.empty(0))
+    return times, _longest(times)
+
+
+def _longest(times: np.ndarray) -> float:
+    """Longest pause [s] between neighbours that is no gap."""
+    return GAP * float(np.median(np.diff(times))) if len(times) > 1 else 0.0
+
+
+def _at(track: Track | None, instants: np.ndarray) -> np.ndarray:
+    """A quantity at some instants [s], of their shape; NaN beyond its samples and in its gaps."""
+    if track is None or len(track.times) < 2:
+        return np.full(instants.shape, np.nan)
+    times, values, rates = track
+    left = np.clip(np.searchsorted(times, instants, side="right") - 1, 0, len(times) - 2)
+    pause = times[left + 1] - times[left]
+    s = (instants - times[left]) / pause
+    step = values[left + 1] - values[left]
+    found = values[left] + s * step
+    if rates is not None:  # Hermite's cubic: what the rates add to the straight line
+        found += s * (1.0 - s) * ((1.0 - s) * (rates[left] * pause - step) - s * (rates[left + 1] * pause - step))
+    known = (s >= 0.0) & (s <= 1.0) & (pause <= _longest(times))
+    return np.where(known, found, np.nan)

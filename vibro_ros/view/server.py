@@ -1,28 +1,33 @@
 """The server of the live page: HTTP and web sockets by Tornado, in a thread of its own.
 
-Of the machine it serves one page and one web socket, to who knows the token; whatever else is asked for gets a line of
-plain text. `Gate` says who is let in, `Allowance` and the numbers here limit what one who is in may ask, and each page
-has a sender that waits until the socket has taken what was sent before, so that a page that does not read costs the
-others nothing. Nothing that a page or a stranger sends ends the server.
+Of the machine it serves one page and one web socket, to visitors with the token; every other request gets a line of
+plain text. `Gate` says who is let in, `Allowance` and the numbers here limit what a page may ask, and each page has a
+sender that waits until the socket has taken what was sent before, so that a page that does not read costs the others
+nothing. Nothing that a page or a stranger sends ends the server.
 """
 
 import asyncio
+import json
 import logging
+import secrets
 import threading
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from errno import EADDRINUSE
-from socket import socket
+from socket import SO_SNDBUF, SOL_SOCKET, socket
 from typing import Any
 
 from tornado.httpserver import HTTPServer
+from tornado.iostream import StreamBufferFullError, StreamClosedError
 from tornado.netutil import bind_sockets
-from tornado.web import Application
+from tornado.web import Application, Finish, RequestHandler
+from tornado.websocket import WebSocketClosedError, WebSocketHandler
 
 from vibro_ros.process.front_door import say
-from vibro_ros.view import frames
-from vibro_ros.view.gate import Gate
-from vibro_ros.view.requests import LONGEST, Request
-from vibro_ros.view.visitors import Live, Nothing, Page
+from vibro_ros.view.gate import RATE, Allowance, Gate
+from vibro_ros.view.motion import Document
+from vibro_ros.view.page import policy
+from vibro_ros.view.protocol import LONGEST, Outbox, RefusedError, Request, motion_frame, read_request, text_frame
 
 MOST_PAGES = 8
 """Pages that may be open at once."""
@@ -36,6 +41,11 @@ MOST_UNSENT = 64_000_000
 """Bytes that may wait in one socket's buffer: the payload of a motion, and little else."""
 FAREWELL = 0.3
 """Time [s] that pages are given to take leave when the server ends."""
+SOCKET_BUFFER = 131_072
+"""Bytes that the system keeps for one socket, so that a slow page is not shown what is long past."""
+_TOKEN = "this page opens with the whole address that `view` has printed, its token included"
+_HOST = "the address names another host; open the address that `view` has printed"
+_ORIGIN = "only the page of this server may connect"
 
 
 class Server:
@@ -64,7 +74,7 @@ class Server:
                  asked: Callable[[int, Request], object], greeting: Callable[[], Sequence[tuple[str, str]]]):
         self.error: Exception | None = None
         self.gate, self.page, self.asked, self.greeting = gate, page, asked, greeting
-        self._sockets, self._pages = sockets, dict[int, Live]()
+        self._sockets, self._pages = sockets, dict[int, "Live"]()
         self._loop: asyncio.AbstractEventLoop | None = None
         self._stop = asyncio.Event()
         self._ready, self._count = threading.Event(), 0
@@ -88,23 +98,23 @@ class Server:
     def send(self, kind: str, text: str) -> None:
         """Send a text to all pages; for any thread, like all that follow."""
         if self._pages:
-            self._post(self._to_all, "add_text", kind, text)
+            self._post(self._to_all, Outbox.add_text, kind, text)
 
     def send_samples(self, rows: bytes) -> None:
-        """Send rows of samples, `frames.COLUMNS` as float64, to all pages."""
+        """Send rows of samples, `protocol.COLUMNS` as float64, to all pages."""
         if self._pages:
-            self._post(self._to_all, "add_samples", rows)
+            self._post(self._to_all, Outbox.add_samples, rows)
 
     def answer(self, page: int, id: int | None, done: bool, words: str) -> None:
         """Answer a page's request."""
-        self._post(self._to, page, "add_text", "answer", frames.text("answer", id=id, done=done, words=words))
+        self._post(self._to, page, Outbox.add_text, "answer", text_frame("answer", id=id, done=done, words=words))
 
-    def send_motion(self, page: int, id: int, header: dict[str, Any], payload: bytes) -> None:
+    def send_motion(self, page: int, id: int, motion: Document) -> None:
         """Answer a page's request for slow motion."""
-        text = frames.text("motion", id=id, header=header)
-        self._post(self._to, page, "add_motion", text, frames.motion(id, payload))
+        text = text_frame("motion", id=id, header=motion[0])
+        self._post(self._to, page, Outbox.add_motion, text, motion_frame(id, motion[1]))
 
-    def admit(self, page: Live) -> int | None:
+    def admit(self, page: "Live") -> int | None:
         """The number of a page that has just opened; None where there are too many. For the server's thread."""
         if len(self._pages) >= MOST_PAGES:
             return None
@@ -116,13 +126,13 @@ class Server:
         """Take note that a page has gone. For the server's thread."""
         self._pages.pop(number, None)
 
-    def _to_all(self, way: str, *what: object) -> None:
-        for page in self._pages.values():
-            page.outbox_add(way, *what)
+    def _to_all(self, add: Callable[..., None], *what: object) -> None:
+        for page in self._pages:
+            self._to(page, add, *what)
 
-    def _to(self, page: int, way: str, *what: object) -> None:
+    def _to(self, page: int, add: Callable[..., None], *what: object) -> None:
         if page in self._pages:
-            self._pages[page].outbox_add(way, *what)
+            self._pages[page].put(add, *what)
 
     def _post(self, call: Callable[..., object], *arguments: object) -> None:
         """Have the server's thread make a call; nothing once it has ended."""
@@ -162,6 +172,186 @@ class Server:
         http.close_streams()
 
 
+def listening(address: str, port: int) -> list[socket]:
+    """Sockets that listen on `address`, an address or a name, and `port`; 0 takes any port that is free.
+
+    Raises
+    ------
+    ValueError
+        Naming what is wrong and the remedy.
+    """
+    try:
+        return bind_sockets(port, address)
+    except PermissionError:
+        raise ValueError(f"--port {port}: this user may not listen there; give one of at least 1024") from None
+    except (OSError, UnicodeError) as error:
+        if getattr(error, "errno", None) == EADDRINUSE:
+            raise ValueError(f"--port {port}: something listens there already, perhaps another view; give another "
+                             "port, or --port 0 for any that is free") from None
+        raise ValueError(f"--address {address}: nothing can listen there ({error}); give 127.0.0.1, or an address of "
+                         "this machine") from None
+
+
+class _Visitor(RequestHandler):
+    """A request whose host is checked before anything else, and whose errors are one line of plain text."""
+
+    def initialize(self, server: Server) -> None:
+        self._server = server
+        self._stream: Any = self.request.connection.stream  # type: ignore[union-attr]
+
+    def set_default_headers(self) -> None:
+        """Say nothing of the server, and let browsers keep, guess, frame and pass on nothing."""
+        self.clear_header("Server")
+        for name, value in {"Cache-Control": "no-store", "X-Content-Type-Options": "nosniff", "X-Frame-Options": "DENY",
+                            "Referrer-Policy": "no-referrer", "Cross-Origin-Resource-Policy": "same-origin",
+                            "Cross-Origin-Opener-Policy": "same-origin",
+                            "Content-Security-Policy": "default-src 'none'; frame-ancestors 'none'"}.items():
+            self.set_header(name, value)
+
+    def prepare(self) -> None:
+        """Refuse a host that is not this machine."""
+        if not self._server.gate.knows_host(self._header("Host")):
+            self._refuse(403, _HOST)
+
+    def compute_etag(self) -> None:
+        """Nothing: what is not kept needs no mark by which it is known again."""
+
+    def check_token(self) -> None:
+        """Refuse who does not know the token."""
+        given = self.get_query_arguments("token")
+        if len(given) != 1 or not self._server.gate.knows_token(given[0]):
+            self._refuse(403, _TOKEN)
+
+    def write_error(self, status_code: int, **_: Any) -> None:
+        """One line, which tells nothing of the machine."""
+        self._tell(status_code, self._reason)
+
+    def _header(self, name: str) -> str:
+        """A header that comes exactly once; else nothing."""
+        given = self.request.headers.get_list(name)
+        return given[0] if len(given) == 1 else ""
+
+    def _refuse(self, code: int, words: str) -> None:
+        self._tell(code, words)
+        raise Finish
+
+    def _tell(self, code: int, words: str) -> None:
+        self.set_status(code)
+        self.set_header("Content-Type", "text/plain; charset=utf-8")
+        self.finish(f"{words}\n")
+
+
+class Nothing(_Visitor):
+    """Every other path."""
+
+    def prepare(self) -> None:
+        """Refuse."""
+        super().prepare()
+        self._refuse(404, "nothing is here")
+
+
+class Page(_Visitor):
+    """The page."""
+
+    def get(self) -> None:
+        """Send it; nothing but its own scripts, known by a nonce, can run in it, and it can talk to nobody else."""
+        self.check_token()
+        nonce = secrets.token_urlsafe(16)
+        host = self._header("Host")
+        rules = policy(nonce, connect=f"ws://{host} wss://{host}")
+        self.set_header("Content-Security-Policy", f"{rules}; frame-ancestors 'none'")
+        self.set_header("Content-Type", "text/html; charset=utf-8")
+        self.finish(self._server.page(nonce))
+
+
+class Live(_Visitor, WebSocketHandler):
+    """The web socket of one open page."""
+
+    def prepare(self) -> None:
+        """Refuse other hosts, other origins, and who does not know the token."""
+        super().prepare()
+        if not self._server.gate.knows_origin(self._header("Origin"), self._header("Host")):
+            self._refuse(403, _ORIGIN)
+        self.check_token()
+
+    def check_origin(self, origin: str) -> bool:
+        """True: `prepare` has checked it, also where there is none."""
+        return True
+
+    def open(self, *_: str, **__: str) -> None:
+        """Greet the page, unless there are too many."""
+        self._outbox, self._news, self._allowance = Outbox(), asyncio.Event(), Allowance()
+        self._number = self._server.admit(self)
+        if self._number is None:
+            self.close(1013, "too many pages are open already; close one")
+            return
+        self.set_nodelay(True)
+        self._stream.socket.setsockopt(SOL_SOCKET, SO_SNDBUF, SOCKET_BUFFER)
+        for kind, text in self._server.greeting():
+            self.put(Outbox.add_text, kind, text)
+        self._sender = asyncio.get_running_loop().create_task(self._send())
+
+    def put(self, add: Callable[..., None], *what: object) -> None:
+        """Put something into the page's outbox; `add` is the method of `Outbox` that takes it."""
+        add(self._outbox, *what)
+        self._news.set()
+
+    def on_message(self, message: str | bytes) -> None:
+        """Take what the page asks, unless it asks too much."""
+        if self._number is None:
+            return
+        if not self._allowance.admits():
+            self._answer(_id_in(message), f"more than {RATE:g} requests a second; ask again later")
+        else:
+            try:
+                self._server.asked(self._number, read_request(message))
+            except RefusedError as error:
+                self._allowance.strike()
+                self._answer(error.id, str(error))
+        self._watch()
+
+    def on_ping(self, data: bytes) -> None:
+        """Count it: each makes an answer that a page which does not read lets lie."""
+        if self._number is not None:
+            self._allowance.admits()
+            self._watch()
+
+    def on_close(self) -> None:
+        """Forget the page."""
+        number, self._number = getattr(self, "_number", None), None
+        if number is not None:
+            self._server.forget(number)
+            self._sender.cancel()
+            self._outbox = Outbox()  # what waited may be megabytes, and Python may find that this object is gone late
+
+    def _answer(self, id: int | None, words: str) -> None:
+        self.put(Outbox.add_text, "answer", text_frame("answer", id=id, done=False, words=words))
+
+    def _watch(self) -> None:
+        if self._allowance.over:
+            self.close(1008, "too many requests that are none")
+
+    async def _send(self) -> None:
+        """Send what is in the outbox, one frame after the other, each when the socket has taken the one before."""
+        with suppress(WebSocketClosedError, StreamClosedError, StreamBufferFullError):
+            while True:
+                await self._news.wait()
+                self._news.clear()
+                while self._outbox:
+                    frame = self._outbox.take()
+                    await self.write_message(frame, binary=isinstance(frame, bytes))
+        self.close()
+
+
+def _id_in(message: str | bytes) -> int | None:
+    """The id of a request that is not looked at further."""
+    with suppress(ValueError, RecursionError):
+        asked = json.loads(message)
+        if isinstance(asked, dict) and type(asked.get("id")) is int:
+            return asked["id"]
+    return None
+
+
 class _Http(HTTPServer):
     """Keeps at most `MOST_CONNECTIONS`, and limits what each may keep.
 
@@ -196,26 +386,6 @@ class _Http(HTTPServer):
         """Close every connection at once."""
         for stream in self._open:
             stream.close()
-
-
-def listening(address: str, port: int) -> list[socket]:
-    """Sockets that listen on `address`, an address or a name, and `port`; 0 takes any port that is free.
-
-    Raises
-    ------
-    ValueError
-        Naming what is wrong and the remedy.
-    """
-    try:
-        return bind_sockets(port, address)
-    except PermissionError:
-        raise ValueError(f"--port {port}: this user may not listen there; give one of at least 1024") from None
-    except (OSError, UnicodeError) as error:
-        if getattr(error, "errno", None) == EADDRINUSE:
-            raise ValueError(f"--port {port}: something listens there already, perhaps another view; give another "
-                             "port, or --port 0 for any that is free") from None
-        raise ValueError(f"--address {address}: nothing can listen there ({error}); give 127.0.0.1, or an address of "
-                         "this machine") from None
 
 
 def _quiet_tornado() -> None:

@@ -1,26 +1,36 @@
-"""Slow motions, computed in a thread of their own, so that the page goes on meanwhile.
+"""Slow motion of a live robot: its last seconds computed again between the samples that it has published.
 
-The kernels that compute them are compiled, or loaded, before the first one; that begins when the first robot is there,
-because a robot that has just been started on this machine has compiled the same ones, and one compilation is enough.
+Motions are computed in a thread of their own, so that the page goes on meanwhile. The kernels that compute them are
+compiled, or loaded, before the first one; that begins when the first robot is there, because a robot that has just been
+started on this machine has compiled the same ones, and one compilation is enough.
 """
 
 import threading
-from collections.abc import Callable, Mapping
+from collections import deque
+from collections.abc import Callable, Iterator, Mapping
 from queue import Full, Queue
-from typing import Any
 
 import numpy as np
 
 from vibro_ros.model.scene import Scene
+from vibro_ros.simulation.given_state import UNITS
 from vibro_ros.simulation.kernels import compile_kernels
 from vibro_ros.simulation.preparation import Preparation
+from vibro_ros.view.following import Following, regular, state_of
+from vibro_ros.view.machine import shown
+from vibro_ros.view.motion import Document, impacts_as_json
+from vibro_ros.view.pieces import Assembly
+from vibro_ros.view.protocol import COLUMNS, MOST_SECONDS
+from vibro_ros.view.recorded import RATES, Track, interpolated
+from vibro_ros.view.stretch import Span, Stretch, quiet_device, spans
 
 MOST_WAITING = 8
 """Motions that wait for those before them: one for each page."""
+STAMP = 1e-9
+"""Unit of stamps [s]: times that are nearer to each other differ by rounding."""
+_TIME = COLUMNS.index("time")
 
-Motion = Callable[[Scene, Mapping[str, np.ndarray]], tuple[dict[str, Any], bytes]]
-"""Computes the motion of a scene between samples: header and payload; ValueError says in words why it cannot."""
-Done = Callable[[tuple[dict[str, Any], bytes] | str], object]
+Done = Callable[[Document | str], object]
 """Is given the motion, or in words why there is none; called in the thread."""
 
 
@@ -29,14 +39,12 @@ class SlowMotions:
 
     Parameters
     ----------
-    compute : callable
-        Computes a motion.
     tell : callable
         Is given lines for people while kernels are compiled.
     """
 
-    def __init__(self, compute: Motion, tell: Callable[[str], object]):
-        self._compute, self._tell = compute, tell
+    def __init__(self, tell: Callable[[str], object]):
+        self._tell = tell
         self._preparation: Preparation[None] | None = None
         self._line: Queue[tuple[Scene, Mapping[str, np.ndarray], Done]] = Queue(MOST_WAITING)
 
@@ -68,6 +76,91 @@ class SlowMotions:
         while True:
             scene, samples, done = self._line.get()
             try:
-                done(self._compute(scene, samples))
-            except Exception as error:  # a page's wish ends nothing; the words say what was wrong
+                done(motion_between(scene, samples))
+            except Exception as error:  # a page's request ends nothing; the words say what was wrong
                 done(f"there is no slow motion of these samples: {type(error).__name__}: {error}")
+
+
+class History:
+    """Rows of `COLUMNS`, in the order of time; what is older than `MOST_SECONDS` is forgotten."""
+
+    def __init__(self):
+        self._parts: deque[np.ndarray] = deque()
+
+    def clear(self) -> None:
+        """Forget everything."""
+        self._parts.clear()
+
+    def add(self, rows: np.ndarray) -> None:
+        """Rows that are later than all before; shape (n, len(COLUMNS)), n above 0."""
+        self._parts.append(rows)
+        while self._parts[0][-1, _TIME] < rows[-1, _TIME] - MOST_SECONDS:
+            self._parts.popleft()
+
+    def last(self) -> np.ndarray | None:
+        """The latest row; None without any."""
+        return self._parts[-1][-1] if self._parts else None
+
+    def samples(self, seconds: float) -> dict[str, np.ndarray]:
+        """Every quantity over the last `seconds` [s]; empty arrays without any rows."""
+        rows = np.concatenate([np.empty((0, len(COLUMNS))), *self._parts])
+        if len(rows):
+            rows = rows[rows[:, _TIME] > rows[-1, _TIME] - seconds - STAMP]
+        return dict(zip(COLUMNS, np.ascontiguousarray(rows.T), strict=True))
+
+
+def motion_between(scene: Scene, samples: Mapping[str, np.ndarray]) -> Document:
+    """The motion of a robot from the first of some samples to the last, from these samples alone.
+
+    Parameters
+    ----------
+    scene : Scene
+        What the robot simulates, as its parameters are now.
+    samples : mapping of str to ndarray, each of shape (n,)
+        Fields of `Samples`: ``time`` [s], ascending, and what was published of the others, with NaN or without the
+        field where something was not.
+
+    Returns
+    -------
+    header, payload : dict, bytes
+        The document, see `motion`. ``why`` names the first reason why not all is exact.
+    """
+    samples, names = _finite(samples), shown(scene)
+    times = regular(samples["time"])
+    followed = Following(quiet_device(scene), samples, times)
+    missing = [name for name in state_of(scene) if name not in samples]
+    if not missing:
+        followed.follow()
+    tracks = {name: Track(times, values, samples.get(RATES.get(name, ""))) for name, values in samples.items()
+              if name != "time"}
+    rest = [interpolated(tracks, names, span, followed.resets) for span in _not_exact(followed.stretches, times)]
+    made = Assembly(names, followed.stretches, followed.instants, rest)
+    made.write()
+    why = ""
+    if len(made.exact) < len(followed.stretches) or any(len(borders) for borders, _ in rest):
+        faults = [*(f"{name} is not published" for name in missing), *followed.faults,
+                  "the motion changes too often to be drawn finely"]
+        why = f"{faults[0]}; there the motion is interpolated between the samples"
+    return made.writer.document({
+        "exact": not why, "why": why, "exact_spans": spans(made.exact), "impacts": impacts_as_json(followed.impacts),
+        "resets": followed.resets})
+
+
+def _finite(samples: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """The samples by ascending time, without fields that nobody published; every sample has the whole state."""
+    times = np.asarray(samples["time"], dtype=float)
+    columns = {name: np.asarray(column, dtype=float) for name, column in samples.items()}
+    columns = {name: column for name, column in columns.items() if np.isfinite(column).any()}
+    whole = np.isfinite(times)
+    for name in UNITS:
+        whole &= np.isfinite(columns.get(name, times))
+    order = np.flatnonzero(whole)
+    order = order[np.unique(times[order], return_index=True)[1]]
+    return {**{"time": times[order]}, **{name: column[order] for name, column in columns.items() if name != "time"}}
+
+
+def _not_exact(stretches: list[Stretch], times: np.ndarray) -> Iterator[Span]:
+    """Begin and end [s] of what no stretch covers."""
+    if len(times):
+        begins, ends = zip(*spans(stretches), strict=True) if stretches else ((), ())
+        yield from zip((float(times[0]), *ends), (*begins, float(times[-1])), strict=True)

@@ -1,7 +1,7 @@
-"""A device on its way from one instant to another, which can be sampled as often as wanted."""
+"""Stretches of a run that the simulator computes again, each of which can be sampled as often as wanted."""
 
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import NamedTuple
 
@@ -9,9 +9,22 @@ import numpy as np
 
 from vibro_ros.model.scene import Scene
 from vibro_ros.simulation.simulator import Simulator, ToleranceWarning
+from vibro_ros.view.motion import Impact, impacts_of
+
+AGREEMENT = 1e-9
+"""Distance [m, rad] from every recorded position within which a run computed again counts as the same; besides
+1e-12 of the position itself."""
+LONGEST = 1.0
+"""Longest stretch [s]: what is sampled of it fits in memory, and Ctrl-C is heard after each."""
+MOST_EVENTS = 20_000
+"""Events in a stretch, beyond which it is not cut at each of them: that would be more than a picture can show."""
 
 #: A command at an instant of the device's own time [s]: arguments of `Simulator.command`.
 Command = tuple[float, dict[str, float]]
+Span = tuple[float, float]
+"""Begin and end [s]."""
+Progress = Callable[[float], object]
+"""Is given the share of the work that is done, from 0 to 1."""
 
 
 class Stretch(NamedTuple):
@@ -38,6 +51,11 @@ class Stretch(NamedTuple):
     offset: float
     commands: tuple[Command, ...] = ()
 
+    @property
+    def span(self) -> Span:
+        """Begin and end in robot time [s]."""
+        return self.begin + self.offset, self.end + self.offset
+
     def values(self, device: Simulator, times: np.ndarray, names: Sequence[str]) -> np.ndarray:
         """Quantities `names` at ascending `times` [s] of the device's own, shape (n, names); overwrites `device`."""
         device.restore(self.start)
@@ -52,6 +70,64 @@ class Stretch(NamedTuple):
         parts.append(sampled(device, times[done:], names))
         device.take_events()
         return np.concatenate(parts)
+
+
+class ExactRun:
+    """Gathers the stretches of a device that passes through recorded samples, and the events in them.
+
+    Attributes
+    ----------
+    stretches : list of Stretch
+        All that is exact, by robot time.
+    instants : list of ndarray, each of shape (n,)
+        Robot time [s] of every event, and of both ends of a contact.
+    impacts : list of Impact
+        In exact stretches, by robot time.
+    resets : list of float
+        Robot time [s] of the samples at which the robot stood at its start again.
+    faults : list of str
+        What ended an exact stretch, in the order of robot time.
+    """
+
+    def __init__(self):
+        self.stretches: list[Stretch] = []
+        self.instants: list[np.ndarray] = []
+        self.impacts: list[Impact] = []
+        self.resets: list[float] = []
+        self.faults: list[str] = []
+
+    def open(self, device: Simulator) -> None:
+        """Begin a stretch where the device is."""
+        self._start, self.begin, self.commands = device.checkpoint(), device.time, list[Command]()
+
+    def command(self, device: Simulator, command: dict[str, float]) -> None:
+        """Give the device a command within the stretch."""
+        device.command(**command)
+        self.commands.append((device.time, command))
+
+    def close(self, scene: Scene, end: float, offset: float) -> None:
+        """End the stretch at a device's own time [s]."""
+        if end > self.begin:
+            commands = tuple(one for one in self.commands if one[0] < end)
+            self.stretches.append(Stretch(scene, self._start, self.begin, end, offset, commands))
+
+    def note(self, events: np.ndarray, end: float, offset: float) -> None:
+        """Keep the events, of dtype `EVENT_DTYPE`, that are over by a device's own time `end` [s]."""
+        durations = np.where(np.isfinite(events["duration"]), events["duration"], 0.0)
+        events = events[events["time"] + durations <= end][:MOST_EVENTS]
+        times = events["time"] + offset
+        self.instants.append(np.concatenate([times, (times + events["duration"])[events["duration"] > 0.0]]))
+        self.impacts += impacts_of(events, offset)
+
+
+def spans(stretches: Sequence[Stretch]) -> list[Span]:
+    """Begin and end [s] of what is exact, stretches that meet as one."""
+    found: list[Span] = []
+    for begin, end in (one.span for one in stretches):
+        if found and begin <= found[-1][1]:
+            begin = found.pop()[0]
+        found.append((begin, end))
+    return found
 
 
 @contextmanager

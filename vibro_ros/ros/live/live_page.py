@@ -2,7 +2,7 @@
 
 from collections import deque
 from collections.abc import Mapping
-from functools import lru_cache, partial
+from functools import partial
 from time import monotonic
 from typing import Any, NamedTuple
 
@@ -18,13 +18,11 @@ from vibro_ros.ros.live.live_robot import LiveRobot
 from vibro_ros.ros.live.live_scene import Settings
 from vibro_ros.ros.live.live_words import Words, is_change
 from vibro_ros.ros.node.node import SteadyNode
-from vibro_ros.view import frames
-from vibro_ros.view.between import Between
-from vibro_ros.view.history import History
 from vibro_ros.view.machine import machine
-from vibro_ros.view.requests import Call, Command, Request, SlowMotion
+from vibro_ros.view.motion import Document
+from vibro_ros.view.protocol import COLUMNS, Call, Command, Request, SlowMotion, text_frame
 from vibro_ros.view.server import Server
-from vibro_ros.view.slow_motion import SlowMotions
+from vibro_ros.view.slow_motion import History, SlowMotions
 
 PERIOD = 1.0 / 30.0
 """Time [s] between two batches of samples."""
@@ -35,8 +33,7 @@ MOST_ORDERS = 400
 AROUND = 1.0
 """Time [s] by which an impact may lie outside of the samples that were seen."""
 STATUS = {"real_time_factor": 0.0, "dropped_share": 0.0, "refused": 0, "paused": False, "recording": ""}
-_between = lru_cache(maxsize=1)(Between)  # of the present scene; called in one thread alone
-_TIME = frames.COLUMNS.index("time")
+_TIME = COLUMNS.index("time")
 
 
 class Standing(NamedTuple):
@@ -65,7 +62,7 @@ class LivePage:
         self._node, self._executor, self._name = node, executor, robot
         self._requests, self._words = Requests(node, robot), Words(node, robot)
         self._robot = LiveRobot(node, robot)  # last, so that a robot which has told its parameters knows all clients
-        self._slow_motions = SlowMotions(_motion, node.get_logger().info)
+        self._slow_motions = SlowMotions(node.get_logger().info)
         self._history, self._orders = History(), deque[tuple[int, Request]](maxlen=MOST_ORDERS)
         self._standing = Standing("the view is starting", None, None, {})
         self._looked = float("-inf")
@@ -131,9 +128,9 @@ class LivePage:
         impacts = [((one.stamp - origin) * 1e-9, one) for one in self._words.impacts() if origin is not None]
         if last is not None and (near := [{"time": time, "side": one.side, "peak_force": one.peak_force}
                                           for time, one in impacts if -AROUND < time < last[_TIME] + AROUND]):
-            server.send("impacts", frames.text("impacts", list=near))
+            server.send("impacts", text_frame("impacts", list=near))
         for level, words in self._words.log():
-            server.send("log", frames.text("log", level=level, words=words))
+            server.send("log", text_frame("log", level=level, words=words))
 
     def _obey(self) -> None:
         """Do what the pages have asked for."""
@@ -148,11 +145,11 @@ class LivePage:
                 self._slow_motion(page, request, self._server)
 
     def _slow_motion(self, page: int, request: SlowMotion, server: Server) -> None:
-        def done(found: tuple[dict[str, Any], bytes] | str) -> None:
+        def done(found: Document | str) -> None:
             if isinstance(found, str):
                 server.answer(page, request.id, False, found)
             else:
-                server.send_motion(page, request.id, *found)
+                server.send_motion(page, request.id, found)
 
         if self._standing.settings is None:
             done(f"there is no robot: {self._standing.absence}")
@@ -160,19 +157,15 @@ class LivePage:
             self._slow_motions.ask(self._standing.settings.scene, self._history.samples(request.seconds), done)
 
     def _status(self) -> str:
-        return frames.text("status", **{**STATUS, **self._words.status})
+        return text_frame("status", **{**STATUS, **self._words.status})
 
     def _text(self, standing: Standing) -> str:
         """The frame that says how things stand."""
         if standing.settings is None:
-            return frames.text("absent", words=standing.absence)
+            return text_frame("absent", words=standing.absence)
         drawn = _with_values(standing.settings.scene, self._history.last())
-        return frames.text("robot", name=self._name, machine=drawn, columns=list(frames.COLUMNS),
+        return text_frame("robot", name=self._name, machine=drawn, columns=list(COLUMNS),
                            origin=str(standing.origin or 0), offers=dict(standing.offers))
-
-
-def _motion(scene: Scene, samples: Mapping[str, np.ndarray]) -> tuple[dict[str, Any], bytes]:
-    return _between(scene).motion(samples)
 
 
 def _kind(standing: Standing) -> str:
@@ -184,7 +177,7 @@ def _with_values(scene: Scene, last: np.ndarray | None) -> dict[str, Any]:
     drawn = machine(scene)
     if last is None:
         return drawn
-    now = dict(zip(frames.COLUMNS, last.tolist(), strict=True))
+    now = dict(zip(COLUMNS, last.tolist(), strict=True))
     for knob in drawn["knobs"]:
         if knob["name"] == "motor_speed":
             knob["value"] = now["motor_speed"]

@@ -14,7 +14,7 @@ from std_srvs.srv import SetBool, Trigger
 from vibro_ros.messages.topics import COMMAND_UNITS
 from vibro_ros.process.untrusted import one_line
 from vibro_ros.ros.node import qos
-from vibro_ros.view.requests import PLAIN_CALLS, SWITCHES, Call, Command
+from vibro_ros.view.protocol import PLAIN_CALLS, SWITCHES, Call, Command
 
 PATIENCE = 5.0
 """Longest time [s] that an answer of the robot is waited for."""

@@ -2,7 +2,7 @@
 
 import {stripsOf} from "vibro/strips.js";
 import {line} from "vibro/stage.js";
-import {font, theme} from "vibro/theme.js";
+import {font, theme} from "vibro/surface.js";
 import {axisRange, fixed, tickText, ticks} from "vibro/ticks.js";
 
 const LEFT = 50; // px, for the numbers of the axes

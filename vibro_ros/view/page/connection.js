@@ -1,9 +1,10 @@
 /** The web socket to the server of the live view; it is opened again when it is lost. */
 
-import {MOTION, SAMPLES, decode} from "vibro/frames.js";
-
 const AGAIN = 1000; // ms before another try
 const LONGEST = 10_000; // ms between two of many tries
+const SAMPLES = 1; // a binary frame of rows of samples
+const MOTION = 2; // a binary frame of the payload of a motion
+const HEADER = 8; // bytes
 
 export class Connection {
   /** Numbers in a row of samples; 0 while they are not known. */
@@ -90,4 +91,25 @@ export class Connection {
       this.#hear[message.kind]?.(message);
     }
   }
+}
+
+/**
+ * Take a frame apart.
+ * @param {ArrayBuffer} buffer
+ * @param {number} columns how many numbers a row of samples has
+ * @returns {object | null} {type, number, rows or payload}; null for what is no frame
+ */
+export function decode(buffer, columns) {
+  if (buffer.byteLength < HEADER) {
+    return null;
+  }
+  const view = new DataView(buffer);
+  const [type, number] = [view.getUint32(0, true), view.getUint32(4, true)];
+  if (type === MOTION) {
+    return {type, number, payload: buffer.slice(HEADER)};
+  }
+  if (type === SAMPLES && columns > 0 && buffer.byteLength === HEADER + 8 * columns * number) {
+    return {type, number, rows: new Float64Array(buffer, HEADER)};
+  }
+  return null;
 }

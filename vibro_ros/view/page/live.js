@@ -3,7 +3,7 @@
 import {Connection} from "vibro/connection.js";
 import {Impacts} from "vibro/impacts.js";
 import {Knobs} from "vibro/knobs.js";
-import {LiveClock} from "vibro/live_clock.js";
+import {LiveClock} from "vibro/clocks.js";
 import {Motion} from "vibro/motion.js";
 import {Ring} from "vibro/ring.js";
 import {note, say, sayAbsent} from "vibro/said.js";

@@ -1,8 +1,12 @@
-/** A motion, exact at every instant: pieces of time, and on each piece each quantity as a Chebyshev series. */
+/**
+ * A motion, exact at every instant: pieces of time, and on each piece each quantity as a Chebyshev series.
+ * `vibro_ros/view/motion.py` says how a document holds them.
+ */
 
-import {Cell} from "vibro/cell.js";
-import {Kept} from "vibro/kept.js";
-import {UNKNOWN, chebyshev, places, sumConstants, varints} from "vibro/series.js";
+import {Cell} from "vibro/ring.js";
+
+/** Degree of a quantity about which nothing is known. */
+const UNKNOWN = 255;
 
 /** Steps of time that are computed and kept together. */
 const BLOCK = 64;
@@ -11,14 +15,8 @@ const LOOKS = 3;
 /** Between two pieces [s], from which on nothing is known in between. */
 const GAP = 1e-9;
 
-// An array of the payload; the browser's machine must be little-endian, as all are.
-function array(header, payload, name) {
-  const [kind, offset, count] = header.arrays[name];
-  if (kind === "varint") {
-    return varints(new Uint8Array(payload, offset), count);
-  }
-  return kind === "float64" ? new Float64Array(payload, offset, count) : new Uint8Array(payload, offset, count);
-}
+/** Blocks that are kept. */
+const MOST_BLOCKS = 2000;
 
 export class Motion {
   #borders;
@@ -28,7 +26,7 @@ export class Motion {
   #width;
   #index;
   #piece;
-  #kept;
+  #blocks;
 
   /**
    * @param {object} header of the motion document
@@ -38,15 +36,15 @@ export class Motion {
     this.header = header;
     this.begin = header.begin;
     this.end = header.end;
-    this.#borders = array(header, payload, "borders");
-    this.#degrees = array(header, payload, "degrees");
-    this.#coefficients = array(header, payload, "coefficients");
+    const {pieces, coefficients, quantities} = header;
+    this.#width = quantities.length;
+    this.#borders = new Float64Array(payload, 0, 2 * pieces); // little-endian, as all browsers' machines are
+    this.#coefficients = new Float64Array(payload, 16 * pieces, coefficients);
+    this.#degrees = new Uint8Array(payload, 8 * (2 * pieces + coefficients), pieces * this.#width);
     this.#places = places(this.#degrees);
-    this.#width = header.quantities.length;
-    sumConstants(this.#coefficients, this.#degrees, this.#places, this.#width);
-    this.#index = new Map(header.quantities.map((name, index) => [name, index]));
+    this.#index = new Map(quantities.map((name, index) => [name, index]));
     this.#piece = 0;
-    this.#kept = new Kept();
+    this.#blocks = new Map();
   }
 
   /**
@@ -114,7 +112,7 @@ export class Motion {
     }
     const [begin, end] = [this.#borders[2 * piece], this.#borders[2 * piece + 1]];
     const s = end > begin ? Math.min(1, Math.max(-1, ((time - begin) - (end - time)) / (end - begin))) : 0;
-    return this.header.units[index] * chebyshev(this.#coefficients, this.#places[place], degree, s);
+    return chebyshev(this.#coefficients, this.#places[place], degree, s);
   }
 
   /**
@@ -138,7 +136,7 @@ export class Motion {
     const length = BLOCK * step;
     const last = Math.floor(Math.min(to, this.end) / length);
     for (let number = Math.floor(Math.max(from, this.begin) / length); number <= last; number += 1) {
-      const points = this.#kept.get(`${name} ${step} ${number}`, () => this.#block(name, step, number));
+      const points = this.#block(name, step, number);
       for (let k = 0; k < points.length; k += 2) {
         point(points[k], points[k + 1]);
       }
@@ -147,6 +145,19 @@ export class Motion {
 
   // Points of one block of steps; the steps lie at fixed instants, so that a curve that moves by does not shimmer.
   #block(name, step, number) {
+    const key = `${name} ${step} ${number}`;
+    let found = this.#blocks.get(key);
+    if (!found) {
+      found = this.#computed(name, step, number);
+      if (this.#blocks.size >= MOST_BLOCKS) {
+        this.#blocks.delete(this.#blocks.keys().next().value); // the oldest
+      }
+      this.#blocks.set(key, found);
+    }
+    return found;
+  }
+
+  #computed(name, step, number) {
     const points = [];
     const hand = (time, value) => points.push(time, value);
     for (let k = number * BLOCK; k < (number + 1) * BLOCK; k += 1) {
@@ -177,4 +188,33 @@ export class Motion {
     }
     return cell;
   }
+}
+
+/**
+ * A Chebyshev series by Clenshaw's recurrence.
+ * @param {ArrayLike<number>} coefficients
+ * @param {number} first place of the first coefficient
+ * @param {number} degree
+ * @param {number} s where, from -1 to 1
+ * @returns {number}
+ */
+export function chebyshev(coefficients, first, degree, s) {
+  let [next, beyond] = [0, 0];
+  for (let k = degree; k >= 1; k -= 1) {
+    const value = 2 * s * next - beyond + coefficients[first + k];
+    beyond = next;
+    next = value;
+  }
+  return s * next - beyond + coefficients[first];
+}
+
+// The place of the first coefficient of each series.
+function places(degrees) {
+  const found = new Uint32Array(degrees.length);
+  let place = 0;
+  for (let k = 0; k < degrees.length; k += 1) {
+    found[k] = place;
+    place += degrees[k] === UNKNOWN ? 0 : degrees[k] + 1;
+  }
+  return found;
 }

@@ -1,19 +1,50 @@
 /** The loop: sixty times a second the clock goes on, and what it shows is drawn. */
 
-import {Marks} from "vibro/marks.js";
-import {Player} from "vibro/player.js";
-import {Readings} from "vibro/readings.js";
+import {Player} from "vibro/clocks.js";
+import {Readings} from "vibro/strips.js";
 import {sayExactness} from "vibro/said.js";
-import {Thrift} from "vibro/thrift.js";
 import {clockDecimals, fixed} from "vibro/ticks.js";
-import {Transport} from "vibro/transport.js";
-import {scrub} from "vibro/scrub.js";
+import {Marks, Transport, scrub} from "vibro/transport.js";
 import {View} from "vibro/view.js";
 
 const LONGEST = 0.1; // s between two pictures; a page that was hidden goes on where it was
 const LIVE_WINDOW = 6; // s
 const LIVE_CHARTS = 6; // of so many frames one has charts, so that a page takes little from the robot
+const LATE = 0.021; // s between two frames, from which on the machine is behind
+const WEIGHT = 0.05; // of the last interval
+const WORSE = 0.3; // s of lateness, after which one more of some pictures is left out
+const BETTER = 4; // s in time, after which one less is
+const MOST = 5; // of so many frames at least one is drawn: twelve a second
 
+/** How many pictures of a live robot are left out where the machine cannot draw them all: the robot on it keeps its time. */
+export class Thrift {
+  every = 1; // of so many frames one is drawn
+  #count = 0; // frames since the last that was drawn
+  #interval = 0; // s between frames, as it is of late
+  #since = 0; // s for which it has been late, or in time where below 0
+
+  /**
+   * Take note of a frame.
+   * @param {number} elapsed since the last one [s]
+   * @returns {boolean} whether it is to be drawn
+   */
+  draws(elapsed) {
+    this.#interval += (elapsed - this.#interval) * WEIGHT;
+    this.#since = this.#interval > LATE ? Math.max(0, this.#since) + elapsed : Math.min(0, this.#since) - elapsed;
+    if (this.#since > WORSE || this.#since < -BETTER) {
+      this.every = Math.min(MOST, Math.max(1, this.every + Math.sign(this.#since)));
+      this.#since = 0;
+    }
+    this.#count += 1;
+    if (this.#count < this.every) {
+      return false;
+    }
+    this.#count = 0;
+    return true;
+  }
+}
+
+/** What is drawn, and when. */
 export class Scene {
   #clock;
   #readings;

@@ -2,7 +2,7 @@
 
 import {SLED, bounds} from "vibro/geometry.js";
 import {fixed} from "vibro/ticks.js";
-import {font, theme} from "vibro/theme.js";
+import {font, theme} from "vibro/surface.js";
 
 const MARGIN = 14; // px, beside the mechanism
 const BELOW = 40; // px, for the ground's marks and the force from below

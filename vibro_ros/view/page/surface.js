@@ -1,7 +1,6 @@
-/** A canvas that is as large as the page makes it, with all the pixels that the screen has. */
+/** The canvases: their size in pixels of the screen, and colours and fonts of the style sheet, in light and in dark. */
 
 export class Surface {
-
   /**
    * @param {HTMLCanvasElement} canvas
    * @param {function(): void} resized is called when the size has changed
@@ -30,4 +29,37 @@ export class Surface {
     this.context.clearRect(0, 0, this.width, this.height);
     return this.context;
   }
+}
+
+const NAMES = ["ink", "soft", "faint", "line", "panel", "upper", "inclined", "metal", "body", "edge", "dark", "flash",
+  "force", "ground", "accent"];
+
+/** Colours by name; read again when the reader changes between light and dark. */
+export const theme = {};
+
+/**
+ * Read the colours from the style sheet, now and at each change.
+ * @param {function(): void} changed is called after each change
+ */
+export function followTheme(changed) {
+  const read = () => {
+    const style = getComputedStyle(document.documentElement);
+    for (const name of NAMES) {
+      theme[name] = style.getPropertyValue(`--${name}`).trim();
+    }
+    theme.font = style.getPropertyValue("--font").trim();
+    changed();
+  };
+  read();
+  globalThis.matchMedia("(prefers-color-scheme: dark)").addEventListener("change", read);
+}
+
+/**
+ * A font of the canvases.
+ * @param {number} size [px]
+ * @param {string} weight
+ * @returns {string}
+ */
+export function font(size, weight = "400") {
+  return `${weight} ${size}px ${theme.font}`;
 }

@@ -1,7 +1,10 @@
-/** Play, pause, speed, the time line, from impact to impact: the controls of a motion, by mouse and by keyboard. */
+/** The controls of a motion, by mouse and by keyboard: play, pause, speed, the time line, from impact to impact. */
 
+import {Surface, theme} from "vibro/surface.js";
 import {clockDecimals, fixed} from "vibro/ticks.js";
 
+const THUMB = 8; // px, half of the time line's handle, where its value begins
+const CLICK = 4; // px that a pointer may move within a click
 const KEYS = {" ": "play", "ArrowLeft": "previous", "ArrowRight": "next", ",": "back", ".": "on"};
 
 export class Transport {
@@ -122,4 +125,84 @@ function keeps(element, key) {
     return key !== "," && key !== ".";
   }
   return element.matches("input, textarea");
+}
+
+/** Impacts above the time line: in each pixel the hardest blow, its height the blow's force. */
+export class Marks {
+  #surface;
+  #source;
+  #impacts;
+
+  constructor() {
+    this.#surface = new Surface(document.querySelector("#marks"), () => this.draw());
+    this.#source = null;
+  }
+
+  /**
+   * @param {object | null} source with `begin` and `end` [s]; null for none
+   * @param {object} impacts to mark
+   */
+  load(source, impacts) {
+    this.#source = source;
+    this.#impacts = impacts;
+    this.draw();
+  }
+
+  /** Draw; called when size or colours change, too. */
+  draw() {
+    const context = this.#surface.begin();
+    const {width, height} = this.#surface;
+    if (!this.#source) {
+      return;
+    }
+    const {begin, end} = this.#source;
+    const hardest = new Map();
+    for (const impact of this.#impacts.list) {
+      const share = (impact.time - begin) / Math.max(1e-9, end - begin);
+      const x = Math.round(THUMB + share * (width - 2 * THUMB));
+      const so = hardest.get(x);
+      if (!so || (so.peak_force ?? 0) < impact.peak_force) {
+        hardest.set(x, impact);
+      }
+    }
+    for (const [x, impact] of hardest) {
+      const size = 3 + (height - 3) * Math.sqrt((impact.peak_force ?? this.#impacts.greatest) / this.#impacts.greatest);
+      context.fillStyle = theme[impact.side];
+      context.fillRect(x - 0.5, height - size, 1, size);
+    }
+  }
+}
+
+/**
+ * Let a pointer choose the instant on the charts, while a motion is played.
+ * @param {HTMLCanvasElement} canvas of the charts
+ * @param {object} scene whose player and view are meant
+ */
+export function scrub(canvas, scene) {
+  let grip = null; // where the pointer went down
+  canvas.addEventListener("pointerdown", (event) => {
+    if (scene.motion && event.button === 0) {
+      const [at, edge] = [scene.view.timeAt(event.offsetX), scene.view.timeAt(event.offsetX + 1)];
+      grip = {x: event.offsetX, time: scene.player.time, at, pace: edge - at, moved: false};
+      canvas.setPointerCapture(event.pointerId);
+    }
+  });
+  canvas.addEventListener("pointermove", (event) => {
+    if (grip && scene.motion) {
+      const way = event.offsetX - grip.x;
+      grip.moved ||= Math.abs(way) > CLICK;
+      if (grip.moved) {
+        scene.player.seek(grip.time - way * grip.pace);
+      }
+    }
+  });
+  canvas.addEventListener("pointerup", () => {
+    if (grip && !grip.moved && scene.motion) {
+      scene.player.seek(grip.at);
+    }
+    grip = null;
+  });
+  canvas.addEventListener("pointercancel", () => {
+    grip = null;
+  });
 }

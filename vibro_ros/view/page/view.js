@@ -1,13 +1,11 @@
 /** What is seen at an instant: reads a source, draws mechanism and charts, and says in words what it shows. */
 
-import {drawForces} from "vibro/arrows.js";
 import {Charts} from "vibro/charts.js";
 import {Impacts} from "vibro/impacts.js";
-import {drawMechanism} from "vibro/mechanism.js";
+import {drawForces, drawMechanism} from "vibro/mechanism.js";
 import {Stage} from "vibro/stage.js";
-import {Surface} from "vibro/surface.js";
-import {followTheme, font, theme} from "vibro/theme.js";
-import {bodyState, stateWords} from "vibro/words.js";
+import {Surface, followTheme, font, theme} from "vibro/surface.js";
+import {bodyState, stateWords} from "vibro/said.js";
 
 const FADE = 0.05; // s of watching, in which a flash fades
 const FAST = 0.5; // robot time over time on the wall, from which on peak forces would only flicker
