@@ -31,10 +31,10 @@ CHROMIUM := chromium chromium-browser google-chrome google-chrome-stable
 NEEDS_QT = $(if $(filter-out qt,$(VIBRO_ROS_BROWSER)),,$(if $(VIBRO_ROS_BROWSER),qt,$(shell \
 	for name in $(CHROMIUM); do $$name --version >/dev/null 2>&1 && exit; done; echo qt)))
 
-.PHONY: help setup demo view test check lint conflict-markers bench accuracy study paper literature optimum map docs picture clean another-python
+.PHONY: help setup demo view test check lint conflict-markers site bench study documents accuracy paper literature map picture clean another-python
 
 help:  ## list these commands
-	@sed -n 's/^\([a-z]*\):[^#]*## /  make \1\t/p' $(MAKEFILE_LIST) | expand -t 18
+	@sed -n 's/^\([a-z ]*\):[^#]*## /  make \1\t/p' $(MAKEFILE_LIST) | expand -t 18
 
 setup: $(READY) $(TYPES)  ## make .venv with every pinned package; quick when nothing has changed
 	@echo "setup: $(VENV) is ready, with Python $$(cat $(PACKAGES))"
@@ -50,14 +50,21 @@ test: $(READY) $(TYPES) $(PEER) $(STUDY) $(BROWSER)  ## run every test, two at a
 	@$(BIN)/python -m pytest --numprocesses 2 --dist worksteal -m "not quiet"
 	@$(BIN)/python -m pytest -m quiet $$(grep -rl --include='*.py' 'mark\.quiet' test)
 
-check: lint  ## the fast loop: the style, and the tests of model and solver; half a minute
-	@$(BIN)/python -m pytest --numprocesses 2 --quiet test/model test/solver
+# What needs no process of its own, of the rooms in which most changes are made.
+QUICK := $(addprefix test/,test_rings.py solver model configuration simulation orbits messages bag ros)
 
-lint: $(READY) conflict-markers  ## check style, spelling and types, and that names and links in documents lead somewhere
+check: lint  ## the fast loop, a minute: lint, and the tests that need no process, of the rooms from solver to ros
+	@$(BIN)/python -m pytest --numprocesses 2 --dist worksteal --quiet -m "not slow and not quiet" $(QUICK)
+
+lint: $(READY) conflict-markers site  ## check style, spelling, types and links; name generated pages that are older than their code
 	@$(BIN)/ruff check
 	@$(BIN)/oxlint --format=unix vibro_ros/view/page
 	@$(BIN)/codespell *.md Makefile setup.py config docs research test tools vibro_ros
 	@$(BIN)/mypy --no-error-summary
+	@$(BIN)/python -m tools.documents --check
+
+site: $(READY)  ## build the documents as web pages into out/site; a link that leads nowhere is an error
+	@$(BIN)/mkdocs build --strict --quiet || { $(BIN)/mkdocs build --strict; exit 1; }
 
 # 1 of git's exit codes is "found nothing"; without a repository it looks at all files that .gitignore does not name.
 conflict-markers:
@@ -68,41 +75,21 @@ conflict-markers:
 bench: $(READY) $(PEER)  ## compare the exact solver's cost with fixed-step Runge-Kutta and heyoka
 	@$(BIN)/python -m tools.bench
 
-accuracy: $(READY) $(PEER)  ## measure what accuracy costs in every shipped scene and write docs/accuracy.md; a quarter of an hour
-	@$(BIN)/python -m tools.accuracy_report
-
 study: $(READY) $(STUDY)  ## short versions of all studies, figures and tables in out/study/short; ten minutes at most
-	@$(BIN)/python -m research.paper.command --quick --output out/study/short/paper
+	@$(BIN)/python -m research.paper --quick --output out/study/short/paper
 	@$(BIN)/study sweep guide_angle --output out/study/short/sweep
 	@$(BIN)/study optimise --quick --output out/study/short/optimise
-	@$(BIN)/python -m research.literature.command --quick --output out/study/short/literature
+	@$(BIN)/python -m research.literature --quick --output out/study/short/literature
 	@$(BIN)/study orbits --quick --output out/study/short/orbits
 	@$(BIN)/study diagram --quick --output out/study/short/diagram
 	@$(BIN)/study basins --quick --set motor.speed=160 --output out/study/short/basins
 	@$(BIN)/study map --quick --output out/study/short/map
 
-paper: $(READY)  ## run every claim of the paper under each reading and write docs/paper.md; a quarter of an hour
-	@$(BIN)/python -m research.paper.report
+documents: $(READY) $(PEER) $(STUDY)  ## make every generated page and picture, an hour and a half; ONLY="effects map" makes some
+	@$(BIN)/python -m tools.documents $(ONLY)
 
-literature: $(READY)  ## hold published results of other machines against the model and write docs/literature.md; four minutes
-	@$(BIN)/python -m research.literature.report
-
-optimum: $(READY) $(STUDY)  ## search for the fastest and the thriftiest robots and write docs/optimum.md; half an hour
-	@$(BIN)/python -m research.optimum.report
-
-map: $(READY) $(STUDY)  ## find every motion of the device over motor speed and gap; write config/maps, docs/map.png and docs/map_costs.png; ten minutes
-	@$(BIN)/study map --output out/study/map
-	@mkdir -p config/maps && cp out/study/map/device.json config/maps/device.json && cp out/study/map/map.png docs/map.png
-	@cp out/study/map/costs.png docs/map_costs.png
-
-docs: $(READY)  ## write config/urdf, and measure and write the tables in docs/guide/parameters.md and docs/robot.md; some minutes
-	@$(BIN)/python -m tools.parameter_table
-	@$(BIN)/python -m tools.urdf_files
-	@$(BIN)/python -m tools.effects
-
-picture: $(READY)  ## simulate and draw docs/robot.svg, the parts by name, and docs/robot.gif, the robot in slow motion
-	@$(BIN)/python -m tools.drawing
-	@$(BIN)/python -m tools.animation
+accuracy paper literature map picture: $(READY) $(PEER) $(STUDY)  ## make one of them: the same as make documents ONLY=...
+	@$(BIN)/python -m tools.documents $@
 
 clean:  ## remove .venv and all that is built; out/ stays
 	@rm -rf $(VENV) build install log *.egg-info .pytest_cache .ruff_cache .mypy_cache

@@ -60,6 +60,7 @@ setup(
             "codespell",
             "colcon-common-extensions",
             "cyclonedds",  # a peer by another vendor's DDS
+            "mkdocs",
             "mpmath",
             "mypy",
             "oxlint",

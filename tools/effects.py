@@ -26,7 +26,7 @@ from vibro_ros.model.tables import compile_scene
 from vibro_ros.simulation.simulator import Simulator
 from vibro_ros.solver.system import NOTHING
 
-BEGIN = "<!-- effects: written by `make docs` -->"
+BEGIN = "<!-- effects: written by `make documents` -->"
 END = "<!-- end of effects -->"
 #: Motor speed of the runs [rad/s], the paper's.
 SPEED = 100.0

@@ -1,4 +1,4 @@
-"""`make docs`: the tables of all parameters in docs/guide/parameters.md, from those that the program itself uses."""
+"""The tables of all parameters in docs/guide/parameters.md, from those that the program itself uses."""
 
 import argparse
 import math
@@ -10,7 +10,7 @@ from tools.generated_text import write_between
 from vibro_ros.configuration.scene_file import DEVICE_PARAMETERS, load_scene
 from vibro_ros.model.parameters import SCENE_PARAMETERS, Parameter, Value
 
-BEGIN = "<!-- parameters: written by `make docs` -->"
+BEGIN = "<!-- parameters: written by `make documents` -->"
 END = "<!-- end of parameters -->"
 
 

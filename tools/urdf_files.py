@@ -1,4 +1,4 @@
-"""`make docs`: the shipped scenes' robots as URDF, in config/urdf, which is installed to the package's share folder."""
+"""The shipped scenes' robots as URDF, in config/urdf, which is installed to the package's share folder."""
 
 import argparse
 import sys

@@ -4,8 +4,7 @@ import contextlib
 import dataclasses
 import io
 import re
-import subprocess
-import sys
+from importlib import import_module
 from pathlib import Path
 
 import guide
@@ -13,7 +12,7 @@ import pytest
 import yaml
 
 import vibro_ros
-from tools import accuracy_report, bench, effects, parameter_table
+from tools import accuracy_report, bench, documents, effects, parameter_table
 from tools.generated_text import replaced
 from vibro_ros.accuracy.advice import MEAN_SPEED, NEEDS
 from vibro_ros.configuration.command_map import find_map, read_map
@@ -72,22 +71,23 @@ def test_yaml_is_a_script_a_sweep_or_a_scene(text, output, tmp_path):
 
 @pytest.mark.parametrize("line", [line for _, language, text, _ in BLOCKS if language == "console"
                                   for line in text.splitlines()])
-def test_errors_are_the_ones_shown(line, tmp_path, domain_id):
+def test_errors_are_the_ones_shown(line, tmp_path, domain_id, monkeypatch, capsys):
     """The words of the command stand for each shown error."""
     (tmp_path / "bad.yaml").write_text("entries:\n  - for: 1.0\n    motor_speed: -5\n")
     (tmp_path / "forwards.yaml").write_text("entries: [{hold_speed: 0.05, for: 10.0}]\n")
     (tmp_path / "itself.yaml").write_text("/**:\n  ros__parameters:\n    scene: itself.yaml\n")
     (tmp_path / "other.yaml").write_text("vibro_robt:\n  ros__parameters:\n    gravity: 9.81\n")
-    words = {"guide.angel": "ros.robot --ros-args -p guide.angel:=1.0", "bad.yaml": "ros.controller bad.yaml",
-             "forwards.yaml": "ros.controller forwards.yaml",
-             "mass.body": "ros.robot --ros-args -p mass.body:=0.0", "/tmp/nobag": "recordings.report /tmp/nobag",
+    words = {"guide.angel": "ros.robot.robot --ros-args -p guide.angel:=1.0",
+             "bad.yaml": "ros.controller.controller bad.yaml",
+             "forwards.yaml": "ros.controller.controller forwards.yaml",
+             "mass.body": "ros.robot.robot --ros-args -p mass.body:=0.0", "/tmp/nobag": "recordings.report /tmp/nobag",
              "/tmp/none": "recordings.recover /tmp/none", "/tmp/norun": "recordings.replay /tmp/norun",
-             "papper": "ros.robot --ros-args -p scene:=papper", "--clock": "recordings.replay bag --clock",
+             "papper": "ros.robot.robot --ros-args -p scene:=papper", "--clock": "recordings.replay bag --clock",
              "itself.yaml": "accuracy.accuracy --scene itself.yaml",
-             "other.yaml": "ros.robot --ros-args --params-file other.yaml"}[line.split(": ")[1]].split()
-    done = subprocess.run([sys.executable, "-m", f"vibro_ros.{words[0]}", *words[1:]], cwd=tmp_path,
-                          capture_output=True, text=True, timeout=60)
-    assert (done.returncode, done.stderr) == (2, f"{line}\n")
+             "other.yaml": "ros.robot.robot --ros-args --params-file other.yaml"}[line.split(": ")[1]].split()
+    monkeypatch.chdir(tmp_path)
+    assert import_module(f"vibro_ros.{words[0]}").main(words[1:]) == 2
+    assert capsys.readouterr().err == f"{line}\n"
 
 
 @pytest.mark.parametrize("page", guide.PAGES.values(), ids=guide.PAGES)
@@ -164,15 +164,15 @@ def codes(text):
     return {int(code) for start in starts for code in start.replace(",", " ").split()}
 
 
-def test_executables_and_their_exit_codes_are_those_of_their_help():
+def test_executables_and_their_exit_codes_are_those_of_their_help(capsys):
     rows = {name: cells for *cells, name in ((row[2], guide.names(row[0])[0]) for row in guide.table(
         "executable", "does", "exit codes"))}
     assert {name.split()[0] for name in rows} == INSTALLED
     for name, [told] in rows.items():
-        words = [sys.executable, "-m", EXECUTABLES[name.split()[0]].module, *re.findall("--publish", name), "--help"]
-        done = subprocess.run(words, capture_output=True, text=True, timeout=120)
-        said = " ".join(done.stdout.partition("Exit code")[2].split())
-        assert done.returncode == 0 and codes(said) == codes(told), (name, said, told)
+        with pytest.raises(SystemExit) as ended:
+            import_module(EXECUTABLES[name.split()[0]].module).main([*re.findall("--publish", name), "--help"])
+        said = " ".join(capsys.readouterr().out.partition("Exit code")[2].split())
+        assert not ended.value.code and codes(said) == codes(told), (name, said, told)
 
 
 def test_shipped_scenes_are_described():
@@ -187,7 +187,7 @@ def test_bench_table_has_the_benchmarks_scenes():
 
 def test_parameter_table_is_up_to_date():
     text, marks = DOCUMENTS["parameters.md"], (parameter_table.BEGIN, parameter_table.END)
-    assert replaced(text, *marks, parameter_table.parameter_table()) == text, "run `make docs`"
+    assert replaced(text, *marks, parameter_table.parameter_table()) == text, "run `make documents`"
 
 
 def test_parameter_table_has_every_parameter_once():
@@ -195,29 +195,36 @@ def test_parameter_table_has_every_parameter_once():
     assert rows == [parameter.name for parameter in (*DEVICE_PARAMETERS, *SCENE_PARAMETERS)]
 
 
-def test_a_document_without_a_place_for_the_table_is_refused(tmp_path, capsys):
+def test_a_document_without_a_place_for_the_table_is_refused(tmp_path):
     file = tmp_path / "page.md"
     for text in ("no place", f"{parameter_table.END}\n{parameter_table.BEGIN}\n", f"{parameter_table.BEGIN}\n" * 2):
         file.write_text(text)
-        assert parameter_table.main([str(file)]) == 2
+        with pytest.raises(ValueError, match="the table's place is not marked"):
+            parameter_table.main([str(file)])
         assert file.read_text() == text
-        assert capsys.readouterr().err.count("\n") == 1
-    assert parameter_table.main([str(tmp_path / "missing.md")]) == 2
-    assert "missing.md" in capsys.readouterr().err
+
+
+def test_a_page_carries_the_fingerprint_of_its_sources():
+    page = documents.marked("# A page\n", "effects", "0123")
+    assert documents.found_in(page, "effects") == "0123" and documents.found_in(page, "map") == ""
+    assert documents.found_in(documents.marked(page, "effects", "4567"), "effects") == "4567"
+    assert documents.without_marks(documents.marked(page, "map", "89")) == "# A page\n"
+    for document in documents.DOCUMENTS.values():
+        assert (ROOT / document.page).is_file() and all((ROOT / source).exists() for source in document.sources)
 
 
 def test_effects_tables_have_every_effect_and_count_what_is_compiled():
     """Times and speeds are measured; what an effect adds to the tables is not."""
     text = DOCUMENTS["robot.md"].partition(effects.BEGIN)[2].partition(effects.END)[0]
     tables = dict(re.findall(r"^The scene `(\w+)` (.*?)(?=\nThe scene|\Z)", text, re.MULTILINE | re.DOTALL))
-    assert list(tables) == list(dict.fromkeys(effect.scene for effect in effects.EFFECTS)), "run `make docs`"
+    assert list(tables) == list(dict.fromkeys(effect.scene for effect in effects.EFFECTS)), "run `make documents`"
     for name, table in tables.items():
         lines = table.strip().splitlines()
         expected = [effects.counted(effect, *map(effects.size, effect.scenes())) for effect in effects.EFFECTS
                     if effect.scene == name]
         assert lines[2:4] == effects.heading()
         starts = [line[:len(start)] for line, start in zip(lines[4:], expected, strict=True)]
-        assert starts == expected, "run `make docs`"
+        assert starts == expected, "run `make documents`"
         whole = effects.size(load_scene(name))
         numbers = f"{whole.states} states, {whole.modes} modes, at most {whole.terms} terms and {whole.guards} guards"
         assert numbers in lines[0]

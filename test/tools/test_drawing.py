@@ -53,12 +53,3 @@ def test_slider_and_clearance_are_to_scale(side):
     clearance = getattr(state, f"{side}_plate_position") - getattr(state, f"{side}_position")
     assert plate - mass - MASS_HEIGHT == pytest.approx(1e3 * clearance, abs=1e-12)
     assert clearance > 2e-3
-
-
-@pytest.mark.parametrize(("arguments", "named"), [
-    (["--scene", "no_impact"], "plate"), (["--scene", "nowhere"], "nowhere")])
-def test_what_cannot_be_drawn_is_refused_in_one_line(arguments, named, capsys, tmp_path):
-    assert drawing.main([*arguments, "--output", str(tmp_path / "robot.svg")]) == 2
-    error = capsys.readouterr().err
-    assert named in error and error.count("\n") == 1
-    assert not list(tmp_path.iterdir())

@@ -1,0 +1,150 @@
+"""Make the generated documents: `make documents`, or some of them, `make documents ONLY="effects map"`.
+
+Each page carries the fingerprint of the sources that decide its numbers, in a comment at its end. `--check`, of `make
+lint`, names the documents whose sources have changed since.
+"""
+
+import argparse
+import hashlib
+import re
+import shutil
+import subprocess
+import sys
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+_PHYSICS = ("vibro_ros/solver", "vibro_ros/model", "vibro_ros/simulation", "config/scenes")
+_SUFFIXES = {".py", ".yaml"}
+
+
+@dataclass(frozen=True)
+class Document:
+    """A generated document.
+
+    Attributes
+    ----------
+    page : str
+        Page that carries the fingerprint: the document, or the page that shows it.
+    commands : tuple of str
+        What makes it: each what follows `python -m`.
+    minutes : float
+        About how long that takes on two cores [min].
+    sources : tuple of str
+        Files and folders that decide its numbers.
+    copies : mapping of str to str
+        Files that are copied to their places when it is made.
+    """
+
+    page: str
+    commands: tuple[str, ...]
+    minutes: float
+    sources: tuple[str, ...]
+    copies: Mapping[str, str] = field(default_factory=dict)
+
+
+DOCUMENTS = {
+    "parameters": Document(
+        "docs/guide/parameters.md", ("tools.parameter_table",), 0.1,
+        ("tools/parameter_table.py", "vibro_ros/model/parameters.py", "vibro_ros/configuration/scene_file.py",
+         "config/scenes")),
+    "urdf": Document(
+        "docs/robot.md", ("tools.urdf_files",), 0.1, ("tools/urdf_files.py", "vibro_ros/messages", "config/scenes")),
+    "picture": Document(
+        "docs/robot.md", ("tools.drawing", "tools.animation"), 1.0,
+        ("tools/drawing.py", "tools/animation.py", "tools/mechanism.py", "vibro_ros/model", "config/scenes")),
+    "effects": Document(
+        "docs/robot.md", ("tools.effects",), 6.0, (*_PHYSICS, "tools/effects.py")),
+    "literature": Document(
+        "docs/literature.md", ("research.literature",), 4.0, (*_PHYSICS, "research/literature")),
+    "map": Document(
+        "docs/guide/command_map.md", ("vibro_ros.study.study map --output out/study/map",), 10.0,
+        (*_PHYSICS, "vibro_ros/orbits", "vibro_ros/study/map"),
+        {"out/study/map/device.json": "config/maps/device.json", "out/study/map/map.png": "docs/map.png",
+         "out/study/map/costs.png": "docs/map_costs.png"}),
+    "accuracy": Document(
+        "docs/accuracy.md", ("tools.accuracy_report",), 15.0,
+        (*_PHYSICS, "vibro_ros/accuracy", "vibro_ros/peer", "tools/accuracy_report.py", "tools/tick_cost.py")),
+    "paper": Document(
+        "docs/paper.md", ("research.paper",), 15.0, (*_PHYSICS, "research/paper")),
+    "optimum": Document(
+        "docs/optimum.md", ("research.optimum",), 30.0, (*_PHYSICS, "vibro_ros/study/optimise", "research/optimum")),
+}
+"""Every generated document by its name, the quick ones first."""
+
+
+def main(words: Sequence[str]) -> int:
+    """Make documents, or check them; 1 when one of them failed."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("names", nargs="*", choices=[[], *DOCUMENTS], metavar="NAME",
+                        help=f"of {', '.join(DOCUMENTS)} (default: all)")
+    parser.add_argument("--check", action="store_true", help="only name the documents that are older than their code")
+    options = parser.parse_args(words)
+    if options.check:
+        for name in older():
+            print(f"{DOCUMENTS[name].page}: {name} is older than its code; `make documents ONLY={name}` makes it")
+        return 0
+    return make(options.names or list(DOCUMENTS))
+
+
+def older() -> list[str]:
+    """Names of the documents whose sources are others than those of their fingerprints."""
+    return [name for name, document in DOCUMENTS.items()
+            if found_in((ROOT / document.page).read_text(encoding="utf-8"), name) != fingerprint(document.sources)]
+
+
+def make(names: Sequence[str]) -> int:
+    """Make the documents one after the other, and say what is left of time."""
+    planned, done, begun = sum(DOCUMENTS[name].minutes for name in names), 0.0, time.monotonic()
+    for number, name in enumerate(names):
+        document, passed = DOCUMENTS[name], (time.monotonic() - begun) / 60.0
+        pace = passed / done if done > 1.0 else 1.0  # minutes that a planned minute takes on this machine
+        print(f"documents: {name}, {number + 1} of {len(names)}; about {pace * (planned - done):.0f} min left",
+              flush=True)
+        for command in document.commands:
+            if subprocess.run([sys.executable, "-m", *command.split()], cwd=ROOT, check=False).returncode:
+                print(f"documents: {name} failed; `make documents ONLY={name}` tries it again", file=sys.stderr)
+                return 1
+        for made, place in document.copies.items():
+            shutil.copy(ROOT / made, ROOT / place)
+        page = ROOT / document.page
+        page.write_text(marked(page.read_text(encoding="utf-8"), name, fingerprint(document.sources)), encoding="utf-8")
+        done += document.minutes
+    print(f"documents: made in {(time.monotonic() - begun) / 60.0:.0f} min")
+    return 0
+
+
+def fingerprint(sources: Sequence[str]) -> str:
+    """Digest of files, and of all sources in folders; by their names and bytes."""
+    digest = hashlib.sha256()
+    for source in sources:
+        place = ROOT / source
+        files = sorted(place.rglob("*")) if place.is_dir() else [place]
+        for file in files:
+            if file.is_file() and (file.suffix in _SUFFIXES or file == place):
+                digest.update(f"{file.relative_to(ROOT)}\0".encode() + file.read_bytes() + b"\0")
+    return digest.hexdigest()[:16]
+
+
+def found_in(page: str, name: str) -> str:
+    """The fingerprint of a document on its page; empty if it was made before there were any."""
+    found = re.search(rf"^<!-- {name}: made from sources ([0-9a-f]+) -->$", page, re.MULTILINE)
+    return found[1] if found else ""
+
+
+def marked(page: str, name: str, digest: str) -> str:
+    """The page with the fingerprint of a document, in the place of an earlier one or at the end."""
+    line = f"<!-- {name}: made from sources {digest} -->"
+    text, count = re.subn(rf"^<!-- {name}: made from sources .* -->$", line, page, flags=re.MULTILINE)
+    return text if count else f"{page.rstrip()}\n\n{line}\n"
+
+
+def without_marks(page: str) -> str:
+    """The page without any fingerprints, as its generator has written it."""
+    return re.sub(r"\n*^<!-- \w+: made from sources .* -->\n", "", page, flags=re.MULTILINE).rstrip() + "\n"
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

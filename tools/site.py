@@ -1,0 +1,46 @@
+"""What mkdocs needs to know of this repository: pages outside docs/, and links to files that are no pages.
+
+`mkdocs.yml` names this file as its hook. README is the site's first page. A link to another file of the repository is
+checked, and becomes plain text on the site.
+"""
+
+import logging
+import os
+import re
+from pathlib import Path
+from typing import Any
+
+from mkdocs.structure.files import File, Files
+
+ROOT = Path(__file__).resolve().parents[1]
+#: Pages outside docs/, by their names on the site.
+OUTSIDE = {"README.md": "index.md", "CONTRIBUTING.md": "contributing.md", "CHANGELOG.md": "changelog.md"}
+_LINK = re.compile(r"(?P<shown>!?\[[^]]*\])\((?P<path>[^)#:\s]+)(?P<anchor>#[^)\s]*)?\)")
+_CODE = re.compile(r"(^```.*?^```|`[^`\n]+`)", re.MULTILINE | re.DOTALL)
+_log = logging.getLogger("mkdocs.hooks.site")
+
+
+def on_files(files: Files, config: Any) -> Files:
+    """Add the pages outside docs/."""
+    for name, page in OUTSIDE.items():
+        files.append(File.generated(config, page, content=(ROOT / name).read_text(encoding="utf-8")))
+    return files
+
+
+def on_page_markdown(markdown: str, page: Any, **_: Any) -> str:
+    """The page with the links of the repository turned into links of the site."""
+    outside = {site: name for name, site in OUTSIDE.items()}
+    source = Path(outside.get(page.file.src_uri, f"docs/{page.file.src_uri}"))
+
+    def of_site(link: re.Match) -> str:
+        target = Path(os.path.normpath(source.parent / link["path"]))
+        page_there = OUTSIDE.get(str(target)) or (str(target.relative_to("docs")) if target.parts[0] == "docs" else "")
+        if page_there:
+            here = Path(page.file.src_uri).parent
+            return f"{link['shown']}({os.path.relpath(page_there, here)}{link['anchor'] or ''})"
+        if not (ROOT / target).exists():
+            _log.warning("%s: the link to %s leads nowhere", source, link["path"])
+        return link["shown"].strip("![]")
+
+    parts = _CODE.split(markdown)
+    return "".join(part if number % 2 else _LINK.sub(of_site, part) for number, part in enumerate(parts))
