@@ -4,7 +4,7 @@ import json
 from pathlib import Path
 
 from vibro_ros.bag.cdr import blank, serialised
-from vibro_ros.bag.definitions import Topic, defined
+from vibro_ros.bag.metadata import Topic, defined
 from vibro_ros.bag.writer import BagWriter, Storage
 from vibro_ros.configuration.scene_file import DEVICE_PARAMETERS, load_scene
 from vibro_ros.messages.topics import COMMAND_UNITS, ROBOT_TOPICS, TF_TOPICS

@@ -18,7 +18,7 @@ from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64
 
-from vibro_ros.bag.definitions import defined
+from vibro_ros.bag.metadata import defined
 from vibro_ros.bag.writer import BagWriter, Storage
 
 sys.path.insert(0, str(Path(__file__).parent))

@@ -16,8 +16,7 @@ TOPICS = (
 )
 POWER = TOPICS[3:]
 METADATA = {"scene": "device", "parameters": "guide.angle: 0.87", "version": "0.1", "start": "2026-11-21T10:00:00"}
-STORAGES = {"mcap": Storage(), "zstd": Storage(compression="zstd"), "split": Storage(max_size=100_000),
-            "sqlite3": Storage("sqlite3"), "sqlite3 split": Storage("sqlite3", max_size=200_000)}
+STORAGES = {"mcap": Storage(), "zstd": Storage(compression="zstd"), "split": Storage(max_size=100_000)}
 
 
 def mcap_file(folder: Path) -> Path:

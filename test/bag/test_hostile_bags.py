@@ -2,7 +2,6 @@
 
 import json
 import os
-import re
 import shutil
 import stat
 import subprocess
@@ -11,19 +10,14 @@ from hashlib import sha256
 from pathlib import Path
 
 import pytest
-from hostile_mcap import OF_MCAP
-from hostile_metadata import OF_METADATA
-from hostile_sqlite import OF_SQLITE
+from hostile_bags import OF_MCAP, OF_METADATA
 from simulated_bag import simulated_bag
 
 from vibro_ros.bag.writer import Storage
 
-STORAGES = {"mcap": Storage(), "zstd": Storage(compression="zstd"), "sqlite3": Storage("sqlite3")}
+STORAGES = {"mcap": Storage(), "zstd": Storage("zstd")}
 CASES = [("mcap", name, make) for name, make in (OF_MCAP | OF_METADATA).items()]
-CASES += [("zstd", name, make) for name, make in list(OF_MCAP.items())[:30]]
-CASES += [("sqlite3", name, make) for name, make in OF_SQLITE.items()]
-WHOLE = "VIBRO_ROS_HOSTILE" in os.environ  # for every case; else the fourth part of those that chance has made
-CASES = [case for case in CASES if WHOLE or not (seed := re.search(r" (\d+)$", case[1])) or int(seed[1]) % 4 == 0]
+CASES += [("zstd", name, OF_MCAP[name]) for name in ("flip 1", "noise 9", "killed, cut 21", "spliced 2")]
 SLOWEST = 10.0  # s of processor time of one reader for one bag
 
 
@@ -65,13 +59,13 @@ def tree(folder: Path) -> dict[str, str]:
     return found
 
 
-def check(told: dict, reader: str) -> None:
+def check(answer: dict, reader: str) -> None:
     """One reader's answer: an exit code, and one line where it refuses."""
-    assert told["code"] in (0, 1, 2), f"{reader}: {told['code']}"
-    assert told["time"] < SLOWEST, f"{reader} took {told['time']} s"
-    assert "Traceback" not in told["err"] and "record it again" not in told["err"]
-    if told["code"] == 2:
-        assert told["err"].count("\n") == 1, f"{reader}: {told['err']}"
+    assert answer["code"] in (0, 1, 2), f"{reader}: {answer['code']}"
+    assert answer["time"] < SLOWEST, f"{reader} took {answer['time']} s"
+    assert "Traceback" not in answer["err"] and "record it again" not in answer["err"]
+    if answer["code"] == 2:
+        assert answer["err"].count("\n") == 1, f"{reader}: {answer['err']}"
 
 
 @pytest.mark.parametrize("storage, name, make", CASES, ids=[f"{storage} {name}" for storage, name, _ in CASES])

@@ -10,8 +10,7 @@ from recorded_bag import METADATA, POWER, TOPICS, mcap_file
 from rosbags.interfaces import QosReliability
 from rosbags.rosbag2 import Reader
 
-from vibro_ros.bag.recorder import FLUSH_PERIOD, LAST_STAMP, Recorder
-from vibro_ros.bag.together import Together
+from vibro_ros.bag.recorder import FLUSH_PERIOD, LAST_STAMP, Recorder, Together
 from vibro_ros.bag.writer import BagWriter
 
 

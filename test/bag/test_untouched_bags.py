@@ -8,13 +8,13 @@ import pytest
 from mcap.writer import Writer as ForeignWriter
 from recorded_bag import POWER, STORAGES, by_rosbags, content
 
+from vibro_ros.bag.folders import unsealed_bags
 from vibro_ros.bag.recorder import Recorder
 from vibro_ros.bag.recovery import RecoveryError, recover
-from vibro_ros.bag.unsealed import unsealed_bags
 from vibro_ros.recordings import recover as executable
 
 
-@pytest.mark.parametrize("name", ["run_0.mcap.torn", "metadata.yaml.tmp", "metadata.yaml", "run_1.mcap", ".reserve"])
+@pytest.mark.parametrize("name", ["run_0.mcap.torn", "metadata.yaml.tmp", "metadata.yaml", "run_1.mcap"])
 def test_no_link_is_followed(unsealed, tmp_path, name):
     folder, sent = unsealed()
     (path,) = folder.glob("*.mcap")
@@ -28,13 +28,16 @@ def test_no_link_is_followed(unsealed, tmp_path, name):
     assert by_rosbags(folder) == sent
 
 
-def test_a_file_with_another_name_elsewhere_is_replaced_not_changed(unsealed, tmp_path):
+def test_a_file_with_another_name_elsewhere_is_not_changed(unsealed, tmp_path):
     folder, sent = unsealed()
     (path,) = folder.glob("*.mcap")
     os.link(path, tmp_path / "same")
     before = path.read_bytes()
+    with pytest.raises(RecoveryError, match="has another name .a hard link.* give a copy"):
+        recover(folder)
+    assert path.read_bytes() == before
+    (tmp_path / "same").unlink()
     recover(folder)
-    assert (tmp_path / "same").read_bytes() == before
     assert by_rosbags(folder) == sent
 
 
@@ -97,12 +100,8 @@ def header_only(folder: Path) -> None:
     (folder / "run_0.mcap").write_bytes(b"\x89MCAP0\r\n\x01\x10")
 
 
-def empty_database(folder: Path) -> None:
-    (folder / "run_0.db3").write_bytes(b"")
-
-
-def foreign_database(folder: Path) -> None:
-    (folder / "run_0.db3").write_bytes(b"text" * 1000)
+def database(folder: Path) -> None:
+    (folder / "run_0.db3").write_bytes(b"SQLite format 3")
 
 
 def notes(folder: Path) -> None:
@@ -113,8 +112,8 @@ def notes(folder: Path) -> None:
     (empty, "run_0.mcap is empty (0 bytes), nothing was recorded"), (foreign, "run_0.mcap: not an MCAP file"),
     (of_another_robot, "run_0.mcap: an MCAP file, but not of ROS 2: its profile is 'ros1'"),
     (header_only, "run_0.mcap: the file ends within its header, nothing was recorded"),
-    (empty_database, "run_0.db3 is empty (0 bytes)"), (foreign_database, "run_0.db3: not a readable database"),
-    (notes, "not a bag, it holds no .mcap and no .db3 file"),
+    (database, "run_0.db3: is of the storage sqlite3; `ros2 bag convert` makes an MCAP bag of it"),
+    (notes, "not a bag, it holds no .mcap file"),
 ], ids=lambda value: getattr(value, "__name__", ""))
 def test_what_is_no_bag_is_one_line_and_untouched(tmp_path, capsys, make, reason):
     folder = tmp_path / "run"

@@ -8,7 +8,8 @@ import yaml
 from mcap.reader import make_reader
 from rosbags.rosbag2 import Reader
 
-from vibro_ros.bag.definitions import Topic, defined, jazzy_types
+from vibro_ros.bag.cdr import jazzy_types
+from vibro_ros.bag.metadata import Topic, defined
 from vibro_ros.bag.recorder import Recorder
 from vibro_ros.bag.recovery import recover
 from vibro_ros.bag.stream import BagStream
@@ -21,8 +22,6 @@ SPLITS = {
     "size": Storage(max_size=100_000),
     "duration": Storage(max_duration=0.5),
     "size and duration": Storage(max_size=150_000, max_duration=0.3),
-    "sqlite3 by size": Storage("sqlite3", max_size=200_000),
-    "sqlite3 by duration": Storage("sqlite3", max_duration=0.5),
 }
 
 
@@ -53,8 +52,7 @@ def test_a_split_bag_holds_every_message_in_files_that_do_not_overlap(tmp_path, 
         assert [(one.topic, stamp, bytes(data)) for one, stamp, data in reader.messages()] == sent
     files = metadata(folder)["files"]
     assert len(files) > 2
-    suffix = {"mcap": "mcap", "sqlite3": "db3"}[storage.kind]
-    assert [file["path"] for file in files] == [f"run_{i}.{suffix}" for i in range(len(files))]
+    assert [file["path"] for file in files] == [f"run_{i}.mcap" for i in range(len(files))]
     assert metadata(folder)["relative_file_paths"] == [file["path"] for file in files]
     end = 0
     for file in files:
@@ -113,10 +111,10 @@ def test_every_file_of_a_split_bag_says_what_it_is(tmp_path, published, start_ns
         assert inside["custom_data"]["scene"] == "device"
 
 
-@pytest.mark.parametrize("kind, given", [("mcap", {}), ("mcap", {"max_size": 400_000}), ("sqlite3", {})])
-def test_the_oldest_files_go_before_a_bag_exceeds_its_limit(tmp_path, published, start_ns, kind, given):
+@pytest.mark.parametrize("given", [{}, {"max_size": 400_000}], ids=str)
+def test_the_oldest_files_go_before_a_bag_exceeds_its_limit(tmp_path, published, start_ns, given):
     folder, limit = tmp_path / "run", 1_000_000
-    writer = BagWriter(folder, TOPICS, {}, Storage(kind, max_bytes=limit, **given))
+    writer = BagWriter(folder, TOPICS, {}, Storage(max_bytes=limit, **given))
     count = 2000  # about 1.6 MB
     for i in range(count):
         writer.write(1, start_ns + i * PERIOD, published["/odom"](i))
@@ -170,17 +168,15 @@ def test_messages_out_of_order_do_not_make_files_overlap(tmp_path, published, st
     ({"max_duration": 0.01}, "record.max_duration: 0.01 is too small; give 0 for no limit, or at least 0.1 s"),
     ({"max_bytes": 1000}, "record.max_bytes: 1000 is too small"),
     ({"max_bytes": 1_000_000, "max_size": 900_000}, "record.max_size: 900000 does not fit twice"),
-    ({"kind": "sqlite3", "compression": "zstd"}, "record.compression: zstd goes with record.storage mcap only"),
 ])
 def test_limits_that_make_no_sense_are_refused(wrong, reason):
     with pytest.raises(ValueError, match=reason):
         Storage(**wrong)
 
 
-@pytest.mark.parametrize("kind", ["mcap", "sqlite3"])
-def test_what_becomes_known_later_is_known_of_a_killed_and_of_a_sealed_bag(tmp_path, kind):
+def test_what_becomes_known_later_is_known_of_a_killed_and_of_a_sealed_bag(tmp_path):
     for name, killed in (("killed", True), ("sealed", False)):
-        writer = BagWriter(tmp_path / name, defined(POWER), {"scene": "device", "start": "1"}, Storage(kind))
+        writer = BagWriter(tmp_path / name, defined(POWER), {"scene": "device", "start": "1"}, Storage())
         writer.describe({"start": "5"})
         writer.write(1, 7, bytes(12))
         writer.flush()

@@ -10,7 +10,7 @@ import pytest
 import yaml
 from rosbags.interfaces import Nodetype
 
-from vibro_ros.bag.definitions import jazzy_types
+from vibro_ros.bag.cdr import jazzy_types
 from vibro_ros.configuration.scene_file import load_scene
 from vibro_ros.messages.fields import JOINTS, joints_of
 from vibro_ros.messages.joints import robot_joints

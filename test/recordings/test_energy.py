@@ -9,7 +9,7 @@ from simulated_bag import START, TICKS, simulated_bag
 
 import vibro_ros
 from vibro_ros.bag.cdr import blank, deserialised, serialised
-from vibro_ros.bag.definitions import Topic, defined
+from vibro_ros.bag.metadata import Topic, defined
 from vibro_ros.bag.reader import load_bag
 from vibro_ros.bag.stream import BagStream
 from vibro_ros.bag.writer import BagWriter, Storage

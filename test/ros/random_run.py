@@ -8,7 +8,7 @@ from types import MappingProxyType
 
 from std_msgs.msg import Float64
 
-from vibro_ros.bag.definitions import Topic, defined
+from vibro_ros.bag.metadata import Topic, defined
 from vibro_ros.bag.stream import BagStream
 from vibro_ros.bag.writer import BagWriter, Storage
 

@@ -7,7 +7,7 @@ import pytest
 from rclpy.serialization import serialize_message
 
 import vibro_ros
-from vibro_ros.bag.definitions import jazzy_types
+from vibro_ros.bag.cdr import jazzy_types
 from vibro_ros.configuration.scene_file import shipped_scenes
 from vibro_ros.messages.topics import ROBOT_TOPICS
 from vibro_ros.ros.live.live_decoder import MOST_ODD, STAMPED, decoders

@@ -38,11 +38,9 @@ def test_a_minute_of_random_commands_is_identical(start, bench, tmp_path, capsys
     assert capsys.readouterr().out.startswith("identical: ")
 
 
-@pytest.mark.parametrize("storage", [Storage("sqlite3"), Storage("mcap", "zstd", max_size=200_000),
-                                     Storage("sqlite3", max_size=400_000)], ids=["sqlite3", "zstd-split", "both"])
-def test_the_storage_makes_no_difference(recorded, tmp_path, capsys, storage):
-    folder = rewritten(recorded, tmp_path / "stored", storage=storage)
-    assert len(list(folder.glob("stored_*"))) > 3 or not storage.max_size
+def test_the_storage_makes_no_difference(recorded, tmp_path, capsys):
+    folder = rewritten(recorded, tmp_path / "stored", storage=Storage("zstd", max_size=200_000))
+    assert len(list(folder.glob("stored_*"))) > 3
     assert replay.main([str(folder)]) == 0
     again = capsys.readouterr().out
     assert replay.main([str(recorded)]) == 0

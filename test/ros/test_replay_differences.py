@@ -1,10 +1,9 @@
 """What a replay says of a recording in which a bit, a stamp, a message or a command is another."""
 
 import pytest
-from random_run import PLAIN, rewritten
+from random_run import rewritten
 
 from vibro_ros.bag.stream import BagStream
-from vibro_ros.bag.writer import Storage
 from vibro_ros.recordings import replay
 
 LAST_POSITION = -8 * (1 + 1 + 5 + 1 + 5)  # of joint_states: then lengths and numbers of velocity, effort
@@ -39,10 +38,9 @@ def test_a_spoilt_stamp_is_named_at_once(recorded, tmp_path, capsys):
     assert "recorded stamp: recorded " in capsys.readouterr().out
 
 
-@pytest.mark.parametrize("storage", [PLAIN, Storage("sqlite3")], ids=["mcap", "sqlite3"])
-def test_one_flipped_bit_in_the_file_is_caught(recorded, tmp_path, capsys, storage):
+def test_one_flipped_bit_in_the_file_is_caught(recorded, tmp_path, capsys):
     """MCAP's checksums find it before the comparison does: the chunk is named, and the rest compared."""
-    folder = rewritten(recorded, tmp_path / "flipped", storage=storage)
+    folder = rewritten(recorded, tmp_path / "flipped")
     with BagStream(folder) as stream:
         data = [bytes(data) for _, _, data in stream.messages(frozenset({"/odom"}))][321]
     (file,) = folder.glob("flipped_0.*")
@@ -50,13 +48,9 @@ def test_one_flipped_bit_in_the_file_is_caught(recorded, tmp_path, capsys, stora
     assert content.count(data) == 1
     content[content.index(data) + data.index(b"base_link") + 16] ^= 1  # in the position
     file.write_bytes(content)
-    code = replay.main([str(folder)])
-    captured = capsys.readouterr()
-    if storage is PLAIN:
-        assert code in (0, 1)  # 1 where the chunk had commands
-        assert "\nnot read: flipped_0.mcap: " in captured.out and "another checksum than it says" in captured.out
-    else:
-        assert code == 1 and "/odom message 321 at 1.605 s" in captured.out and "pose.pose.position." in captured.out
+    assert replay.main([str(folder)]) in (0, 1)  # 1 where the chunk had commands
+    said = capsys.readouterr().out
+    assert "\nnot read: flipped_0.mcap: " in said and "another checksum than it says" in said
 
 
 @pytest.mark.parametrize("way", ["dropped", "untold"])

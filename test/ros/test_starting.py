@@ -68,7 +68,6 @@ BAD = {
     "folder": (["-p", "record.directory:=/proc/none"], "robot: record.directory: cannot record to /proc/none: "),
     "topic": (["-p", "record.topics:=[odometry]"], "robot: record.topics: 'odometry' is not a topic of the robot"),
     "size": (["-p", "record.max_size:=1.0"], "robot: record.max_size: 1 is too small"),
-    "storage": (["-p", "record.storage:=sqlite3", "-p", "record.compression:=zstd"], "robot: record.compression: zstd"),
     "scene": (["-p", "scene:=moon"], "robot: moon: neither a shipped scene nor a file"),
 }
 

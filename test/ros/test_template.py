@@ -13,7 +13,7 @@ from rclpy.serialization import deserialize_message, serialize_message
 from std_msgs.msg import Float64, String
 
 from vibro_ros.bag.cdr import first_difference
-from vibro_ros.bag.together import Together
+from vibro_ros.bag.recorder import Together
 from vibro_ros.configuration.scene_file import load_scene, shipped_scenes
 from vibro_ros.messages.frames import ALL, ONLY_BASE, Frames
 from vibro_ros.messages.topics import ROBOT_TOPICS

@@ -8,7 +8,7 @@ import numpy as np
 
 import vibro_ros
 from vibro_ros.bag.cdr import blank, serialised
-from vibro_ros.bag.definitions import Topic, defined
+from vibro_ros.bag.metadata import Topic, defined
 from vibro_ros.bag.stream import BagStream
 from vibro_ros.bag.writer import BagWriter, Storage
 from vibro_ros.configuration.scene_file import DEVICE_PARAMETERS

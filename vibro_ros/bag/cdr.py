@@ -1,15 +1,22 @@
-"""Messages without ROS: blank ones to fill, their bytes, and where two of them differ."""
+"""Messages without ROS: their types, blank ones to fill, their bytes, and where two of them differ."""
 
 import struct
 from collections.abc import Iterator
+from functools import cache
 from typing import Any
 
 import numpy as np
 from rosbags.interfaces import Nodetype
-
-from vibro_ros.bag.definitions import jazzy_types
+from rosbags.typesys import Stores, get_typestore
+from rosbags.typesys.store import Typestore
 
 _ENCAPSULATION = 4  # bytes before the first field
+
+
+@cache
+def jazzy_types() -> Typestore:
+    """Message definitions of ROS 2 Jazzy, loaded once (about 60 ms)."""
+    return get_typestore(Stores.ROS2_JAZZY)
 
 
 def blank(type_name: str) -> Any:
@@ -29,9 +36,7 @@ def serialised(message: Any, type_name: str) -> bytes:
 
 
 def deserialised(data: bytes, type_name: str) -> Any:
-    """The message in `data`, whoever sent it.
-
-    The robot takes a command by this, and every reader of its bag: what one refuses, all refuse.
+    """The message in `data`, whoever sent it; the robot and all readers of its bag refuse the same messages.
 
     Raises
     ------

@@ -1,15 +1,29 @@
-"""Names of the folders that bags are written to."""
+"""The folders that bags are in: their names, their files, whether one is still recorded, and which are not sealed."""
 
-from collections.abc import Iterator
+import contextlib
+import fcntl
+import os
+import re
+from collections.abc import Iterable, Iterator
 from datetime import datetime
-from itertools import count
+from itertools import count, islice
 from pathlib import Path
+
+from vibro_ros.bag.metadata import FILE_NAME
+from vibro_ros.process.untrusted import kind_of
 
 BAG_PATTERN = "vibro_robot_*"
 """Of the names that `bag_folders` gives."""
 
 LONGEST_NAMESPACE = 150
 """Characters of a namespace in a folder's name; file systems allow 255 for the whole."""
+
+MOST_ENTRIES = 100_000
+"""Files of a folder that are looked at."""
+
+SUFFIX = ".mcap"
+_OTHERS = {".db3": "is of the storage sqlite3; `ros2 bag convert` makes an MCAP bag of it",
+           ".zstd": "is compressed as a whole; `zstd -d` unfolds it"}
 
 
 def bag_folders(directory: Path, now: datetime, namespace: str = "/") -> Iterator[Path]:
@@ -35,3 +49,114 @@ def bag_folders(directory: Path, now: datetime, namespace: str = "/") -> Iterato
     folder = Path(directory).expanduser() / now.strftime(f"vibro_robot{own}_%Y_%m_%d-%H_%M_%S")
     yield folder
     yield from (folder.with_name(f"{folder.name}_{number}") for number in count(2))
+
+
+def bag_files(folder: Path) -> tuple[list[Path], list[str]]:
+    """The MCAP files of a bag in the order of their numbers, and why others are not read (OSError)."""
+    files, flaws = [], []
+    with os.scandir(folder) as entries:
+        for entry in islice(entries, MOST_ENTRIES):
+            suffix = Path(entry.name).suffix
+            if suffix in _OTHERS:
+                flaws.append(f"{entry.name}: {_OTHERS[suffix]}")
+            elif suffix == SUFFIX and (kind := kind_of(entry.stat(follow_symlinks=False).st_mode)):
+                flaws.append(f"{entry.name}: is {kind}, and only regular files of the folder are read")
+            elif suffix == SUFFIX:
+                files.append(folder / entry.name)
+    return sorted(files, key=lambda file: (_number(file), file.name)), sorted(flaws)
+
+
+def lock(folder: Path) -> int:
+    """Mark a bag folder as in use until the returned descriptor is closed, at the latest by the process's end.
+
+    Where the file system knows no locks the folder stays unmarked.
+
+    Raises
+    ------
+    BlockingIOError
+        When another process has marked it.
+    """
+    descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        os.close(descriptor)
+        raise
+    except OSError:
+        pass
+    return descriptor
+
+
+@contextlib.contextmanager
+def locked(folder: Path) -> Iterator[None]:
+    """A context in which the folder is marked as in use (BlockingIOError when it is already)."""
+    descriptor = lock(folder)
+    try:
+        yield
+    finally:
+        os.close(descriptor)
+
+
+def writers(folders: Iterable[Path]) -> dict[Path, list[int]]:
+    """Of those folders in which files are open for writing, the ids of the processes, as far as this user may see them.
+
+    Finds recorders that do not lock, such as ``ros2 bag record``.
+    """
+    by_name = {str(folder.resolve()): folder for folder in folders}
+    found: dict[Path, set[int]] = {}
+    for process in Path("/proc").glob("[0-9]*"):
+        with contextlib.suppress(OSError):
+            for link in (process / "fd").iterdir():
+                with contextlib.suppress(OSError):
+                    folder = by_name.get(os.path.dirname(os.readlink(link)))
+                    if folder and _is_for_writing(process / "fdinfo" / link.name):
+                        found.setdefault(folder, set()).add(int(process.name))
+    return {folder: sorted(processes) for folder, processes in found.items()}
+
+
+def unsealed_bags(directory: Path, pattern: str = "*") -> list[Path]:
+    """Bag folders in `directory` that are not sealed, hold something, and are not being recorded.
+
+    Folders that this user may not look into belong to somebody else, and links lead elsewhere: neither is listed.
+
+    Parameters
+    ----------
+    directory : Path
+        Where recordings go; it may be missing.
+    pattern : str
+        Of the folders' names.
+    """
+    try:
+        folders = sorted(folder for folder in directory.glob(pattern) if _is_unsealed(folder))
+    except OSError:
+        return []
+    in_use = writers(folders) if folders else {}
+    return [folder for folder in folders if folder not in in_use and not _is_locked(folder)]
+
+
+def _number(file: Path) -> int:
+    found = re.search(r"_(\d{1,18})$", file.stem)
+    return int(found[1]) if found else 0
+
+
+def _is_for_writing(information: Path) -> bool:
+    flags = next(line.split()[1] for line in information.read_text().splitlines() if line.startswith("flags:"))
+    return int(flags, 8) & os.O_ACCMODE != os.O_RDONLY
+
+
+def _is_unsealed(folder: Path) -> bool:
+    try:
+        if folder.is_symlink() or not folder.is_dir() or os.path.lexists(folder / FILE_NAME):
+            return False
+        files, _ = bag_files(folder)
+        return any(file.stat().st_size for file in files)
+    except OSError:
+        return False
+
+
+def _is_locked(folder: Path) -> bool:
+    try:
+        with locked(folder):
+            return False
+    except OSError:
+        return True

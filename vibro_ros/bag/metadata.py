@@ -1,4 +1,4 @@
-"""metadata.yaml of a bag folder, as rosbag2 of Jazzy writes it (version 9)."""
+"""What a bag says of itself: metadata.yaml as rosbag2 of Jazzy writes it (version 9), and its topics."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -6,8 +6,9 @@ from pathlib import Path
 
 import yaml
 
+from vibro_ros.bag.cdr import jazzy_types
 from vibro_ros.configuration.strict_yaml import Limits, parsed, read_yaml
-from vibro_ros.process.untrusted import content, replace_file
+from vibro_ros.process.untrusted import replace_file
 
 BAG_VERSION = 9
 FILE_NAME = "metadata.yaml"
@@ -16,13 +17,35 @@ LIMITS = Limits(size=8 * 2**20, values=250_000)
 LABEL_LIMITS = Limits(size=50_000, values=2000, depth=8)
 """Of the QoS profiles with which a topic is labelled; a publisher's takes about 20 values."""
 
-_MOST_DEPTH = 2**31 - 1
-_LASTING = "transient_local"
-
 LAST_STAMP = 2**63 - 2
 """Greatest recorded stamp [ns]: rosbag2 keeps signed 64-bit stamps, and rosbags reserves the last one."""
 
+_COUNTED = ("message_count", "starting_time", "duration")
+_MOST_DEPTH = 2**31 - 1
+_LASTING = "transient_local"
 _FOREVER = {"sec": 9223372036, "nsec": 854775807}  # how ROS writes "no deadline"
+
+
+@dataclass(frozen=True)
+class Topic:
+    """A topic to record.
+
+    Attributes
+    ----------
+    name : str
+        Fully resolved name, such as ``/odom``.
+    type_name : str
+        ROS type, such as ``nav_msgs/msg/Odometry``; any type of ROS 2 Jazzy's common interfaces.
+    qos_depth : int
+        History depth that the publisher offers.
+    lasting : bool
+        Whether late subscribers get what was published before (transient local).
+    """
+
+    name: str
+    type_name: str
+    qos_depth: int
+    lasting: bool = False
 
 
 @dataclass(frozen=True)
@@ -49,6 +72,14 @@ class TopicInformation:
 
 
 @dataclass(frozen=True)
+class Definition:
+    """A topic with all that a bag's file holds of it; `text` is the message definition (ros2msg)."""
+
+    information: TopicInformation
+    text: str
+
+
+@dataclass(frozen=True)
 class FileInformation:
     """One file of a bag: its name, times of the first and last message [ns] (0 when empty), messages by topic."""
 
@@ -63,22 +94,29 @@ class FileInformation:
         return sum(self.counts.values())
 
 
-def reliable_qos(depth: int, lasting: bool = False) -> dict:
-    """The QoS profile that the robot offers: reliable, the last `depth` messages kept, if `lasting` for late ones."""
-    return {"history": "keep_last", "depth": depth, "reliability": "reliable",
-            "durability": _LASTING if lasting else "volatile",
-            "deadline": dict(_FOREVER), "lifespan": dict(_FOREVER), "liveliness": "automatic",
-            "liveliness_lease_duration": dict(_FOREVER), "avoid_ros_namespace_conventions": False}
+def defined(topics: Sequence[Topic]) -> list[Definition]:
+    """The definitions of `topics`.
+
+    Raises
+    ------
+    ValueError
+        For an unknown message type or a topic given twice.
+    """
+    names = [topic.name for topic in topics]
+    for topic in topics:
+        if topic.type_name not in jazzy_types().fielddefs:
+            raise ValueError(f"{topic.name}: unknown message type {topic.type_name!r}; give one of ROS 2 Jazzy's")
+        if names.count(topic.name) > 1:
+            raise ValueError(f"{topic.name}: given twice; a topic is recorded once")
+    return [_definition(topic) for topic in topics]
 
 
-def bag_information(storage: str, files: Sequence[FileInformation], topics: Iterable[TopicInformation],
+def bag_information(files: Sequence[FileInformation], topics: Iterable[TopicInformation],
                     custom: Mapping[str, str]) -> dict:
-    """What metadata.yaml tells of a bag, its files in the order of time.
+    """What metadata.yaml says of a bag.
 
     Parameters
     ----------
-    storage : str
-        ``mcap`` or ``sqlite3``.
     files : sequence of FileInformation
         In the order of time.
     topics : iterable of TopicInformation
@@ -91,7 +129,7 @@ def bag_information(storage: str, files: Sequence[FileInformation], topics: Iter
     last = max((file.last for file in filled), default=0)
     return {
         "version": BAG_VERSION,
-        "storage_identifier": storage,
+        "storage_identifier": "mcap",
         "duration": {"nanoseconds": last - first},
         "starting_time": {"nanoseconds_since_epoch": first},
         "message_count": sum(file.messages for file in files),
@@ -110,6 +148,18 @@ def bag_information(storage: str, files: Sequence[FileInformation], topics: Iter
     }
 
 
+def agrees(information: Mapping, expected: Mapping) -> bool:
+    """Whether metadata.yaml's `information` is what `bag_information` would say, as far as readers of ROS use it."""
+    try:
+        topics = {one["topic_metadata"]["name"]: one for one in information["topics_with_message_count"]}
+        return (sorted(information["relative_file_paths"]) == sorted(expected["relative_file_paths"])
+                and (not expected["message_count"] or all(information[key] == expected[key] for key in _COUNTED))
+                and all(_is_same_topic(topics[one["topic_metadata"]["name"]], one)
+                        for one in expected["topics_with_message_count"] if one["message_count"]))
+    except (KeyError, TypeError):
+        return False
+
+
 def as_text(information: object) -> str:
     """YAML of anything made of dicts, lists, texts and numbers."""
     return yaml.dump(information, Dumper=_Dumper, sort_keys=False, allow_unicode=True)
@@ -117,23 +167,11 @@ def as_text(information: object) -> str:
 
 def write_metadata(file: Path, information: dict) -> None:
     """Write a metadata.yaml, whole or not at all (OSError)."""
-    replace_file(file, _metadata(information))
-
-
-def is_beginning(file: Path, information: dict) -> bool:
-    """Whether a metadata.yaml tells no more than the beginning of what `write_metadata` would write, or nothing."""
-    try:
-        return _metadata(information).startswith(content(file, LIMITS.size, follow=False))
-    except OSError:
-        return False
-
-
-def _metadata(information: dict) -> bytes:
-    return as_text({"rosbag2_bagfile_information": information}).encode()
+    replace_file(file, as_text({"rosbag2_bagfile_information": information}).encode())
 
 
 def read_metadata(folder: Path) -> dict:
-    """What metadata.yaml of a bag folder tells (ValueError when it cannot be read, or is of a version beyond this)."""
+    """What metadata.yaml of a bag folder says (ValueError when it cannot be read, or is of a later version)."""
     document = read_yaml(folder / FILE_NAME, LIMITS, follow=False)
     information = document.get("rosbag2_bagfile_information") if isinstance(document, dict) else None
     if not isinstance(information, dict):
@@ -174,9 +212,25 @@ def is_lasting(profiles: Sequence[Mapping]) -> bool:
 
 
 def depth_of(profiles: Sequence[Mapping], otherwise: int) -> int:
-    """History depth of the first of QoS profiles; `otherwise` where they tell none that can be."""
+    """History depth of the first of QoS profiles; `otherwise` without a valid one."""
     depth = profiles[0].get("depth") if profiles else None
     return depth if type(depth) is int and 0 <= depth <= _MOST_DEPTH else otherwise
+
+
+def _definition(topic: Topic) -> Definition:
+    text, _ = jazzy_types().generate_msgdef(topic.type_name, ros_version=2)
+    qos = {"history": "keep_last", "depth": topic.qos_depth, "reliability": "reliable",
+           "durability": _LASTING if topic.lasting else "volatile",
+           "deadline": dict(_FOREVER), "lifespan": dict(_FOREVER), "liveliness": "automatic",
+           "liveliness_lease_duration": dict(_FOREVER), "avoid_ros_namespace_conventions": False}
+    digest = jazzy_types().hash_rihs01(topic.type_name)
+    return Definition(TopicInformation(topic.name, topic.type_name, [qos], digest), text)
+
+
+def _is_same_topic(said: Mapping, expected: Mapping) -> bool:
+    one, other = said["topic_metadata"], expected["topic_metadata"]
+    return (said["message_count"] == expected["message_count"]
+            and all(one[key] == other[key] for key in ("type", "serialization_format")))
 
 
 class _Dumper(getattr(yaml, "CSafeDumper", yaml.SafeDumper)):  # type: ignore[misc]

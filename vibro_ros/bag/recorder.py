@@ -13,14 +13,12 @@ import contextlib
 import math
 import time
 from collections import deque
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from queue import Empty, SimpleQueue
 from threading import Lock, Thread
 
-from vibro_ros.bag.definitions import Definition, Topic, defined
-from vibro_ros.bag.metadata import LAST_STAMP
-from vibro_ros.bag.together import Together
+from vibro_ros.bag.metadata import LAST_STAMP, Definition, Topic, defined
 from vibro_ros.bag.writer import BagWriter, Storage
 
 FLUSH_PERIOD = 0.05  # s, that a message stays in memory only; 0.1 is promised, and a busy machine is late
@@ -29,8 +27,30 @@ WAKING = 1000  # messages that wait and wake the thread before: a robot faster t
 BATCH = 50  # messages between two offers of the interpreter lock; about 60 us
 BACKLOG = 20_000  # messages waiting for the disk; about 4 s of a robot that publishes at 1 kHz
 
+Message = tuple[str, int, bytes]
+"""Topic, stamp [ns], serialised message."""
+
 _PLAIN = Storage()
 _Places = tuple[tuple[int, int, int], ...]  # number of the topic, begin and end of its message
+
+
+class Together:
+    """Where the messages of some topics stand in a piece of bytes, the same each time.
+
+    Messages that come together cost the caller of `Recorder.write_together` as much as one message.
+
+    Parameters
+    ----------
+    places : sequence of (str, int, int)
+        Of each message: its topic, and where it begins and ends.
+    """
+
+    def __init__(self, places: Sequence[tuple[str, int, int]]):
+        self.places = tuple(places)
+
+    def split(self, data: bytes) -> Iterator[tuple[str, bytes]]:
+        """Topic and message, one after the other."""
+        return ((topic, data[begin:end]) for topic, begin, end in self.places)
 
 
 class Recorder:
@@ -80,7 +100,7 @@ class Recorder:
         self._taken = 0
         self._due = time.monotonic() + FLUSH_PERIOD
         self._accepting = True
-        self._over = self._gone = False
+        self._over = self._gone = False  # no message is written any more; the folder is gone
         self._closing = False
         self._known: Mapping[str, str] = {}
         self._waking = self._due  # when a message wakes the thread; never while it is awake
@@ -168,12 +188,6 @@ class Recorder:
     def written(self) -> int:
         """Messages in the bag that a killed process would not lose; none when the folder was removed."""
         return 0 if self._gone else self._writer.stored
-
-    @property
-    def missing(self) -> tuple[str, ...]:
-        """Sentences on the bag's files that somebody else removed or replaced, with the messages that were in them."""
-        return tuple(f"{self.folder / file.name}: removed or replaced by another program, {file.messages} messages are "
-                     "lost" for file in list(self._writer.missing))
 
     @property
     def dropped(self) -> int:
@@ -311,14 +325,45 @@ class Recorder:
             return f"the bag is sealed with its {self.written} messages"
         if self._gone:
             return "the folder is gone"
-        if self._writer.missing:
-            return "nothing of it is left"
         return f"the bag is not sealed; `recover {self.folder}` seals it once it can be written"
 
     def _discard_queue(self) -> None:
         with contextlib.suppress(IndexError):
             while True:
                 self._taken += _count(self._queue.popleft()[0])
+
+
+class Snapshot:
+    """The last seconds of what would be recorded, in memory: messages whose stamps lie within `span` of the latest.
+
+    Parameters
+    ----------
+    span : float
+        Length [s].
+    """
+
+    def __init__(self, span: float):
+        self._span = round(span * 1e9)
+        self._messages: deque[Message] = deque()
+        self._lock = Lock()
+
+    def write(self, topic: str, stamp: int, data: bytes) -> None:
+        """Take a message; those that have become too old go."""
+        with self._lock:
+            self._messages.append((topic, stamp, data))
+            while self._messages[0][1] < stamp - self._span:
+                self._messages.popleft()
+
+    @property
+    def latest(self) -> int:
+        """Stamp [ns] of the last message; 0 before the first."""
+        with self._lock:
+            return self._messages[-1][1] if self._messages else 0
+
+    def messages(self) -> list[Message]:
+        """The messages in memory, oldest first."""
+        with self._lock:
+            return list(self._messages)
 
 
 def _count(topic: int | _Places) -> int:

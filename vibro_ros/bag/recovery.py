@@ -1,36 +1,26 @@
 """Seal a bag whose recorder was killed: cut what is torn, write index and metadata.
 
-A readable bag is never changed. Everything is read before anything is written: an MCAP file is only cut behind its last
-readable record, what is cut is kept beside it, and what was written is read back. metadata.yaml appears whole, at last.
-When a step fails (the disk is full), its file is as it was, and recovery can be repeated. No link is followed.
+A readable bag is never changed. Everything is read before anything is written. A file is only cut behind its last
+readable record, and its torn end is kept beside it before. metadata.yaml appears whole, at last. When a step fails (the
+disk is full), nothing readable is lost, and recovery can be repeated. No link is followed.
+
+Files are sealed in place: a copy of a long recording would take as much room again, and half an hour for each 10 GB.
 """
 
 import os
-from collections.abc import Callable, Iterable, Mapping
-from contextlib import ExitStack
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from itertools import chain, count
 from pathlib import Path
 
-from vibro_ros.bag import reserve
-from vibro_ros.bag.lock import locked, writers
-from vibro_ros.bag.mcap_part import McapPart
-from vibro_ros.bag.mcap_scan import ForeignFileError
-from vibro_ros.bag.metadata import FILE_NAME, TopicInformation, as_text, bag_information, is_beginning, write_metadata
-from vibro_ros.bag.metadata_check import tells
-from vibro_ros.bag.part import Part, PartContents
-from vibro_ros.bag.parts import (
-    COMPRESSED,
-    STORAGES,
-    bag_files,
-    opened_part,
-    suffix_of,
-    told,
-)
-from vibro_ros.bag.sealing import remove_leftovers, seal_mcap, set_aside, settle_sqlite
-from vibro_ros.bag.sqlite_part import JOURNALS, DatabaseError, is_hot
-from vibro_ros.bag.stream import BagError, BagStream
-from vibro_ros.bag.unreadable import not_read
-from vibro_ros.process.untrusted import one_line
+from vibro_ros.bag.folders import SUFFIX, bag_files, locked, writers
+from vibro_ros.bag.mcap_scan import McapFile
+from vibro_ros.bag.mcap_segment import metadata_record
+from vibro_ros.bag.metadata import FILE_NAME, agrees, as_text, bag_information, write_metadata
+from vibro_ros.bag.stream import BagContents, BagError, BagStream, not_read
+from vibro_ros.process.untrusted import one_line, opened, write_all
+
+_BLOCK = 2**20  # bytes that are copied at a time
 
 
 class RecoveryError(Exception):
@@ -59,7 +49,7 @@ class Recovery:
     kept : tuple of Path
         Where the bytes are that were cut.
     flaws : tuple of str
-        What of the bag still cannot be read, one line each.
+        Sentences on the parts of the bag that still cannot be read.
     """
 
     folder: Path
@@ -89,8 +79,10 @@ def recover(path: str | Path, keep_torn: bool = True) -> Recovery:
     try:
         folder = _folder_of(Path(path))
         with locked(folder):
-            _check_unused(folder)
-            return _Recovering(folder, keep_torn).result()
+            if found := writers([folder]):
+                processes = ", ".join(map(str, found[folder]))
+                raise RecoveryError(f"{folder}: the bag is in use, process {processes} writes to it; end the recorder")
+            return _recovered(folder, keep_torn)
     except BlockingIOError:
         raise RecoveryError(f"{path}: the bag is in use, its recorder still runs; end the recorder") from None
     except OSError as error:
@@ -98,176 +90,6 @@ def recover(path: str | Path, keep_torn: bool = True) -> Recovery:
                             "make room or give write permission and try again") from error
     except MemoryError:
         raise RecoveryError(f"{path}: cannot be sealed: not enough memory; nothing readable was lost") from None
-
-
-def is_bag_sealed(folder: Path) -> bool:
-    """Whether metadata.yaml tells what the bag's files hold, and each of them has its ending (OSError)."""
-    with ExitStack() as stack:
-        return _Looked(folder, stack).is_sealed()
-
-
-def _folder_of(path: Path) -> Path:
-    if not path.exists():
-        raise RecoveryError(f"{path}: no such folder; give the folder of a recording")
-    if path.is_dir():
-        return path
-    if suffix_of(path.name) not in STORAGES:
-        raise RecoveryError(f"{path}: a file, not a bag; give the folder of a recording")
-    return path.absolute().parent
-
-
-def _check_unused(folder: Path) -> None:
-    if found := writers([folder]):
-        processes = ", ".join(map(str, found[folder]))
-        raise RecoveryError(f"{folder}: the bag is in use, process {processes} writes to it; end the recorder")
-
-
-class _Looked:
-    """A bag folder that was looked through: its files, open, and what is wrong with them.
-
-    Parameters
-    ----------
-    folder : Path
-        The bag folder.
-    stack : ExitStack
-        Closes the files.
-    """
-
-    def __init__(self, folder: Path, stack: ExitStack):
-        self.folder = folder
-        self.told = told(folder)
-        self.files, self.flaws = bag_files(folder)
-        self.files = [file for file in self.files if file.stat().st_size]  # a recorder may just have made the last one
-        self.parts: dict[Path, Part] = {}
-        self.hot: list[Path] = []  # databases with an unfinished transaction
-        self.reasons: list[str] = []  # why files cannot be read
-        for file in self.files:
-            self._open(file, stack)
-
-    def is_sealed(self) -> bool:
-        """Whether readers find all of it that can be read."""
-        return (bool(self.parts) and not self.hot and not self.told.flaws
-                and all(part.is_sealed for part in self.parts.values())
-                and tells(self.told.information, self.contents()))
-
-    def contents(self) -> list[PartContents]:
-        """What the files hold, in the order of time."""
-        found = [part.contents for part in self.parts.values()]
-        return sorted(found, key=lambda one: one.information.first if one.information.messages else 0)
-
-    def _open(self, file: Path, stack: ExitStack) -> None:
-        if any(is_hot(file, ending) for ending in JOURNALS):
-            self.hot.append(file)
-            return
-        try:
-            self.parts[file] = opened_part(file, stack)
-        except (ForeignFileError, DatabaseError) as error:
-            self.reasons.append(f"{file.name}: {error}")
-
-
-class _Recovering:
-    """Goes through the steps of a recovery."""
-
-    def __init__(self, folder: Path, keep: bool):
-        self._folder, self._keep = folder, keep
-        self._cut = 0
-        self._kept: list[Path] = []
-
-    def result(self) -> Recovery:
-        with ExitStack() as stack:
-            looked = _Looked(self._folder, stack)
-            if looked.is_sealed():
-                return self._read_back(was_sealed=True)
-            self._check(looked)
-            reserve.remove(self._folder)
-            remove_leftovers(self._folder)
-            for file in looked.hot:
-                self._settle(file, looked, stack)
-            if not looked.parts:
-                raise RecoveryError(f"{self._folder}: {looked.reasons[0]}; give the folder of a recording")
-            self._check_readable(looked)
-            self._seal(looked)
-        return self._read_back()
-
-    def _check(self, looked: _Looked) -> None:
-        files, _ = bag_files(self._folder)
-        if not files:
-            reason = f"{looked.flaws[0]}" if looked.flaws else "not a bag, it holds no .mcap and no .db3 file"
-            raise RecoveryError(f"{self._folder}: {reason}; give the folder of a recording")
-        if not looked.files:
-            raise RecoveryError(f"{self._folder}: {files[0].name} is empty (0 bytes), nothing was recorded; "
-                                "delete the folder")
-        if len({STORAGES[suffix_of(file.name)] for file in looked.files}) > 1:
-            raise RecoveryError(f"{self._folder}: holds both .mcap and .db3 files; give the folder of one recording")
-        if not looked.parts and not looked.hot:
-            raise RecoveryError(f"{self._folder / looked.reasons[0]}; give the folder of a recording")
-
-    def _check_readable(self, looked: _Looked) -> None:
-        """Refuse a bag of which nothing is left to be read, as it is."""
-        contents = looked.contents()
-        damaged = [part.contents.flaws[0] for part in looked.parts.values()
-                   if part.damaged or (part.is_sealed and part.contents.flaws)]
-        if damaged and not any(one.information.messages for one in contents):
-            raise RecoveryError(f"{self._folder}: nothing in it can be read: {damaged[0]}")
-
-    def _settle(self, file: Path, looked: _Looked, stack: ExitStack) -> None:
-        try:
-            cut, kept = settle_sqlite(file, self._keep)
-            self._cut += cut
-            self._kept += kept
-            looked.parts[file] = opened_part(file, stack)
-        except DatabaseError as error:
-            looked.reasons.append(f"{file.name}: {error}")
-
-    def _seal(self, looked: _Looked) -> None:
-        contents = looked.contents()
-        custom = looked.told.custom or {key: value for one in contents for key, value in one.custom.items()}
-        for file, part in looked.parts.items():
-            self._cut += part.damaged
-            if isinstance(part, McapPart) and not part.is_sealed:
-                self._seal_file(file, part, custom)
-        storage = STORAGES[suffix_of(next(iter(looked.parts)).name)]
-        messages = sum(one.information.messages for one in contents)
-        custom = {**custom, "written": str(messages), "recovered": "true", "cut_bytes": str(self._cut)}
-        files = [one.information for one in contents]
-        self._write(bag_information(storage, files, _topics(contents), custom) | _compression(looked))
-
-    def _seal_file(self, file: Path, part: McapPart, custom: Mapping[str, str]) -> None:
-        if file.name.endswith(COMPRESSED):
-            raise RecoveryError(f"{file}: is torn and compressed; unfold it with `zstd -d`, and try again")
-        own = part.contents
-        text = as_text(bag_information("mcap", [own.information], own.topics, own.custom or custom))
-        kept = seal_mcap(file, part.scan, text, self._keep)
-        self._cut += 0 if part.scan.ended else part.scan.size - part.scan.end
-        self._kept += [kept] if kept else []
-
-    def _write(self, information: dict) -> None:
-        file = self._folder / FILE_NAME
-        if os.path.lexists(file) and not is_beginning(file, information):
-            self._kept += set_aside(file, self._keep)
-        write_metadata(file, information)
-
-    def _read_back(self, was_sealed: bool = False) -> Recovery:
-        """What a reader finds now."""
-        try:
-            with BagStream(self._folder) as stream:
-                messages = sum(topic.messages for topic in stream.topics.values())
-                return Recovery(self._folder, messages, self._cut, stream.end, was_sealed, tuple(self._kept),
-                                tuple(stream.flaws))
-        except BagError as error:
-            raise RecoveryError(f"{error}; it cannot be sealed") from error
-
-
-def _topics(contents: list[PartContents]) -> list[TopicInformation]:
-    """Each topic of the files once."""
-    return list({topic.name: topic for one in reversed(contents) for topic in one.topics}.values())
-
-
-def _compression(looked: _Looked) -> dict[str, str]:
-    """What metadata.yaml says of the compression of whole files, or of single messages."""
-    if any(file.name.endswith(COMPRESSED) for file in looked.parts):
-        return {"compression_format": "zstd", "compression_mode": "FILE"}
-    return {"compression_format": "zstd", "compression_mode": "MESSAGE"} if looked.told.compressed_messages else {}
 
 
 def described(recovery: Recovery, stamp: Callable[[int], str]) -> Iterable[str]:
@@ -280,3 +102,125 @@ def described(recovery: Recovery, stamp: Callable[[int], str]) -> Iterable[str]:
         last = f", the last of {stamp(recovery.last)}" if recovery.messages else ""
         yield one_line(f"{recovery.folder}: sealed, {recovery.messages} messages{last}; {lost}{kept}")
     yield from not_read(recovery.flaws)
+
+
+def _folder_of(path: Path) -> Path:
+    if not path.exists():
+        raise RecoveryError(f"{path}: no such folder; give the folder of a recording")
+    if path.is_dir():
+        return path
+    if path.suffix != SUFFIX:
+        raise RecoveryError(f"{path}: a file, not a bag; give the folder of a recording")
+    return path.absolute().parent
+
+
+def _recovered(folder: Path, keep_torn: bool) -> Recovery:
+    _check_files(folder)
+    bag = BagContents(folder, all_files=True)
+    _check_readable(folder, bag)
+    files = [file.information for file in bag.files]
+    topics = list({topic.name: topic for file in reversed(bag.files) for topic in file.topics}.values())
+    if (bag.information and all(file.sealed for file in bag.files)
+            and agrees(bag.information, bag_information(files, topics, {}))):
+        return _read_back(folder, was_sealed=True)
+    cut, kept = 0, []
+    for file in bag.files:
+        cut += file.damaged + (0 if file.ended else file.size - file.end)
+        if not file.sealed:
+            text = as_text(bag_information([file.information], file.topics, file.custom or bag.custom))
+            kept += _seal(file, text, keep_torn)
+    written = str(sum(file.messages for file in files))
+    custom = {**bag.custom, "written": written, "recovered": "true", "cut_bytes": str(cut)}
+    metadata = folder / FILE_NAME
+    if os.path.lexists(metadata) and (os.path.islink(metadata) or metadata.is_dir() or metadata.stat().st_size):
+        if keep_torn:
+            kept.append(metadata.rename(_torn_name(metadata)))
+        else:
+            metadata.unlink()
+    write_metadata(metadata, bag_information(files, topics, custom))
+    return _read_back(folder, cut, tuple(kept))
+
+
+def _check_files(folder: Path) -> None:
+    """Refuse a folder that is no bag, and one that is empty."""
+    files, flaws = bag_files(folder)
+    if not files:
+        reason = flaws[0] if flaws else "not a bag, it holds no .mcap file"
+        raise RecoveryError(f"{folder}: {reason}; give the folder of a recording")
+    if not any(file.stat().st_size for file in files):
+        raise RecoveryError(f"{folder}: {files[0].name} is empty (0 bytes), nothing was recorded; delete the folder")
+
+
+def _check_readable(folder: Path, bag: BagContents) -> None:
+    """Refuse a bag of which nothing is left to be read, as it is."""
+    if not bag.files:
+        raise RecoveryError(f"{folder / bag.flaws[-1]}; give the folder of a recording")
+    damaged = [file.flaws[0] for file in bag.files if file.damaged or (file.sealed and file.flaws)]
+    if damaged and not any(file.information.messages for file in bag.files):
+        raise RecoveryError(f"{folder}: nothing in it can be read: {damaged[0]}")
+
+
+def _seal(file: McapFile, metadata: str, keep_torn: bool) -> list[Path]:
+    """Cut a file behind its last readable record, and write metadata, index and footer there (OSError).
+
+    The torn end, or an index that is wrong, is on the disk under another name before it is overwritten; the names of
+    such files are returned.
+    """
+    record, index = metadata_record(metadata, file.end + len(file.tail))
+    file.summary.metadata.append(index)
+    ending = file.tail + record + file.summary.ending(file.end + len(file.tail) + len(record))
+    descriptor = opened(file.path, os.O_RDWR, follow=False)
+    try:
+        status = os.fstat(descriptor)
+        if status.st_size != file.size:
+            raise OSError(0, "the file changed while it was read")
+        if status.st_nlink > 1:
+            raise RecoveryError(f"{file.path}: has another name (a hard link) that would change, too; give a copy")
+        torn = file.size - file.end
+        kept = [_keep_tail(file, descriptor)] if keep_torn and torn else []
+        try:
+            os.posix_fallocate(descriptor, file.end, len(ending))  # before anything is overwritten: is there room?
+        except OSError:
+            os.ftruncate(descriptor, file.size)
+            for copy in kept:
+                copy.unlink()
+            raise
+        os.lseek(descriptor, file.end, os.SEEK_SET)
+        write_all(descriptor, ending)
+        os.ftruncate(descriptor, file.end + len(ending))
+        os.fsync(descriptor)
+        return kept
+    finally:
+        os.close(descriptor)
+
+
+def _keep_tail(file: McapFile, descriptor: int) -> Path:
+    """Copy the torn end of an open file to a new one beside it (OSError, and then nothing is left of the copy)."""
+    path = _torn_name(file.path)
+    copy = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC, 0o644)
+    try:
+        for at in range(file.end, file.size, _BLOCK):
+            write_all(copy, os.pread(descriptor, min(_BLOCK, file.size - at), at))
+        os.fsync(copy)
+    except BaseException:
+        path.unlink(missing_ok=True)
+        raise
+    finally:
+        os.close(copy)
+    return path
+
+
+def _torn_name(path: Path) -> Path:
+    """A free name beside `path` for what is cut from it: ``<file>.torn``, ``<file>.torn.2``, …"""
+    names = (path.with_name(f"{path.name}.torn{suffix}") for suffix in chain([""], (f".{i}" for i in count(2))))
+    return next(name for name in names if not os.path.lexists(name))
+
+
+def _read_back(folder: Path, cut: int = 0, kept: tuple[Path, ...] = (), was_sealed: bool = False) -> Recovery:
+    """What a reader finds now."""
+    try:
+        with BagStream(folder) as stream:
+            messages = sum(topic.messages for topic in stream.topics.values())
+            return Recovery(folder, messages, cut, stream.end, was_sealed, kept, tuple(stream.flaws))
+    except BagError as error:
+        raise RecoveryError(f"{error}; it cannot be sealed") from error

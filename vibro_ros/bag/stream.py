@@ -1,28 +1,31 @@
-"""A bag's messages one after the other, as bytes, whatever its size and storage, and whatever is damaged in it."""
+"""A bag's messages one after the other, as bytes, whatever its size, and whatever is damaged in it."""
 
+import errno
 import heapq
-from collections.abc import Iterator
-from contextlib import ExitStack
-from dataclasses import dataclass, replace
+import json
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
 from itertools import count
 from pathlib import Path
 
-from rosbags.rosbag2.storage_mcap import zstd
-
-from vibro_ros.bag.mcap_records import LARGEST_RECORD
-from vibro_ros.bag.metadata import FILE_NAME, depth_of, is_lasting
-from vibro_ros.bag.part import Message, Part
-from vibro_ros.bag.parts import bag_files, chosen_files, opened_parts, told
-from vibro_ros.bag.unreadable import Unreadable
+from vibro_ros.bag.folders import bag_files
+from vibro_ros.bag.mcap_scan import ForeignFileError, McapFile, Message
+from vibro_ros.bag.metadata import FILE_NAME, custom_of, depth_of, is_lasting, read_metadata
+from vibro_ros.messages.topics import CHECKPOINT, CHECKPOINT_TYPE, OPERATIONS, OPERATIONS_TYPE, ROBOT_TOPICS
 from vibro_ros.process.untrusted import one_line
 
 QOS_DEPTH = 10
 """Of a topic of which the bag does not say it."""
 
+MOST_FLAWS = 20
+"""Sentences on what cannot be read that people are shown."""
+
 MOST_HELD = 100_000
 """Messages of a file that wait to be put in the order of time, where they lie out of it."""
 MOST_HELD_BYTES = 64 * 2**20
 """Bytes of them."""
+
+_TYPES = {**ROBOT_TOPICS, CHECKPOINT: CHECKPOINT_TYPE, OPERATIONS: OPERATIONS_TYPE}
 
 
 class BagError(Exception):
@@ -57,8 +60,8 @@ class RecordedTopic:
 class BagStream:
     """A bag folder, opened for reading; a context manager.
 
-    Every file is looked through once before its messages are read, so that what the bag says of itself is what is
-    there. What cannot be read is left out and named; nothing is ever written into the folder, and no link in it
+    Every file is looked through once before its messages are read, so that the topics and counts are those of the
+    messages. What cannot be read is left out and named; nothing is ever written into the folder, and no link in it
     followed.
 
     Parameters
@@ -89,42 +92,33 @@ class BagStream:
     def __init__(self, path: str | Path):
         self.folder = Path(path)
         self.unreadable = Unreadable()
-        with ExitStack() as stack:
-            try:
-                _check_folder(self.folder)
-                self._open(stack)
-            except OSError as error:
-                raise BagError(f"{self.folder}: cannot be read: {error.strerror or error}") from error
-            self._stack = stack.pop_all()
-
-    def _open(self, stack: ExitStack) -> None:
-        known = told(self.folder)
-        files, wrong = chosen_files(self.folder, known.names)
-        self._parts, unopened = opened_parts(files, stack)
-        self._flaws = [*known.flaws, *wrong, *unopened]
-        self._compressed = known.compressed_messages
+        try:
+            _check_folder(self.folder)
+            contents = BagContents(self.folder)
+        except OSError as error:
+            raise BagError(f"{self.folder}: cannot be read: {error.strerror or error}") from error
+        self._files, self._flaws = contents.files, contents.flaws
         self.topics = self._merged_topics()
-        filled = [part.contents.information for part in self._parts if part.contents.information.messages]
+        filled = [file.information for file in self._files if file.information.messages]
         self.start = min((one.first for one in filled), default=0)
         self.end = max((one.last for one in filled), default=0)
-        self.metadata = known.custom or {
-            key: value for part in self._parts for key, value in part.contents.custom.items()}
+        self.metadata = contents.custom
         if not filled and (flaws := self.flaws):
-            raise BagError(f"{self.folder}: damaged bag: nothing in it can be read: {flaws[0]}")
+            raise BagError(f"{self.folder}: nothing in it can be read: {flaws[0]}")
 
     def __enter__(self) -> "BagStream":
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._stack.close()
+        """Files are open only while messages are read."""
 
     @property
     def flaws(self) -> list[str]:
         """What of the bag is not read, one line each: what is damaged, and what was counted as unreadable so far."""
-        found = [*self._flaws, *(flaw for part in self._parts for flaw in part.contents.flaws)]
+        found = [*self._flaws, *(flaw for file in self._files for flaw in file.flaws)]
         return [one_line(flaw) for flaw in (*found, *self.unreadable.lines())]
 
-    def messages(self, topics: frozenset[str] | None = None) -> Iterator[tuple[str, int, bytes]]:
+    def messages(self, topics: frozenset[str] | None = None) -> Iterator[Message]:
         """Topic, recorded stamp [ns] and serialised message of each message, in the order of recording.
 
         Messages of a file that lie out of the order of time are put in it as far as they lie within `MOST_HELD` of
@@ -142,42 +136,160 @@ class BagStream:
         """
         chosen = frozenset(self.topics) if topics is None else topics & self.topics.keys()
         try:
-            for part in self._parts if chosen else ():
-                found = self._unfolded(part.messages(self._agreed(part, chosen)))
-                yield from found if part.contents.ordered else _in_time(found)
+            for file in self._files:
+                agreed = frozenset(topic.name for topic in file.topics  # of the same type in the file as in the bag
+                                   if topic.name in chosen and topic.type_name == self.topics[topic.name].type_name)
+                found = file.messages(agreed)
+                yield from found if file.ordered else _in_time(found)
         except OSError as error:
             raise BagError(f"{self.folder}: cannot be read: {error.strerror or error}") from error
 
-    def _agreed(self, part: Part, chosen: frozenset[str]) -> frozenset[str]:
-        """Those topics that have the same type in a file as in the bag."""
-        return frozenset(topic.name for topic in part.contents.topics
-                         if topic.name in chosen and topic.type_name == self.topics[topic.name].type_name)
-
-    def _unfolded(self, messages: Iterator[Message]) -> Iterator[Message]:
-        if not self._compressed:
-            yield from messages
-            return
-        for index, (topic, stamp, data) in enumerate(messages):
-            try:
-                yield topic, stamp, zstd.ZstdDecompressor().decompress(data, max_length=LARGEST_RECORD)
-            except (zstd.ZstdError, EOFError):
-                self.unreadable.add(topic, index, stamp, "it cannot be unfolded")
-
     def _merged_topics(self) -> dict[str, RecordedTopic]:
         found: dict[str, RecordedTopic] = {}
-        for part in self._parts:
-            for topic in part.contents.topics:
+        for file in self._files:
+            for topic in file.topics:
                 before = found.get(topic.name)
-                number = part.contents.information.counts[topic.name]
+                number = file.information.counts[topic.name]
                 if before is None:
                     found[topic.name] = RecordedTopic(topic.type_name, number, depth_of(topic.qos, QOS_DEPTH),
                                                       is_lasting(topic.qos))
                 elif before.type_name == topic.type_name:
                     found[topic.name] = replace(before, messages=before.messages + number)
                 else:
-                    self._flaws.append(f"{part.contents.information.name}: {number} messages on {topic.name} are not "
+                    self._flaws.append(f"{file.information.name}: {number} messages on {topic.name} are not "
                                        f"read: there it is {topic.type_name}, before it was {before.type_name}")
         return found
+
+
+class BagContents:
+    """What lies in a bag folder: its metadata.yaml and its files, each looked through.
+
+    Parameters
+    ----------
+    folder : Path
+        The bag folder.
+    all_files : bool
+        Whether to read files as well that metadata.yaml does not name.
+
+    Attributes
+    ----------
+    information : dict
+        Of metadata.yaml; empty when it cannot be read.
+    files : list of McapFile
+        In the order of time.
+    custom : dict of str to str
+        The bag's custom data.
+    flaws : list of str
+        Sentences on metadata.yaml and on files that cannot be read at all.
+
+    Raises
+    ------
+    OSError
+        When the folder or a file in it cannot be opened for a reason that lies with the machine.
+    """
+
+    def __init__(self, folder: Path, all_files: bool = False):
+        self.information: dict = {}
+        self.files: list[McapFile] = []
+        paths, self.flaws = bag_files(folder)
+        try:
+            self.information = read_metadata(folder)
+        except ValueError as error:
+            reason = str(error).removeprefix(f"{folder}/").removesuffix("; give the path of a YAML file")
+            self.flaws.insert(0, reason)
+        for path in paths if all_files else self._named(paths):
+            try:
+                self.files.append(McapFile(path))
+            except ForeignFileError as error:
+                self.flaws.append(f"{path.name}: {error}")
+            except OSError as error:
+                if error.errno in (errno.EMFILE, errno.ENFILE):
+                    raise
+                self.flaws.append(f"{path.name}: {error.strerror or error}")
+        self.files.sort(key=lambda file: file.information.first)
+        self.custom = custom_of(self.information) or {
+            key: value for file in self.files for key, value in file.custom.items()}
+
+    def _named(self, paths: list[Path]) -> list[Path]:
+        """Those of the folder's files that metadata.yaml names; all of them when it names none of them."""
+        if str(self.information.get("compression_mode", "")).lower() == "message":
+            self.flaws.append(f"{FILE_NAME}: each message is compressed; `ros2 bag convert` unfolds them")
+            return []
+        names = self.information.get("relative_file_paths")
+        if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
+            return paths
+        here = {path.name for path in paths}
+        flawed = {flaw.partition(": ")[0] for flaw in self.flaws}
+        self.flaws += [f"{name}: {FILE_NAME} names this file, and it is not in the folder"
+                       for name in dict.fromkeys(names) if name not in here | flawed]
+        if here.isdisjoint(names):
+            return paths
+        self.flaws += [f"{path.name}: {FILE_NAME} does not name this file; it is not read" for path in paths
+                       if path.name not in names and path.stat().st_size]
+        return [path for path in paths if path.name in names]
+
+
+@dataclass
+class _Counted:
+    """Unreadable messages of one topic: how many, and number, stamp and reason of the first."""
+
+    index: int
+    stamp: int
+    reason: str
+    count: int = 0
+
+
+@dataclass
+class Unreadable:
+    """Counts unreadable messages, and keeps the first of each topic."""
+
+    _topics: dict[str, _Counted] = field(default_factory=dict)
+
+    def add(self, topic: str, index: int, stamp: int, reason: object) -> None:
+        """Count one: its topic, number on that topic in the bag from 0, recorded stamp [ns], and what is wrong."""
+        self._topics.setdefault(topic, _Counted(index, stamp, str(reason))).count += 1
+
+    def lines(self) -> list[str]:
+        """A sentence for each topic."""
+        return [f"{topic}: {one.count} unreadable message{'s' if one.count > 1 else ''}, the first is number "
+                f"{one.index} at {one.stamp} ns: {one.reason}" for topic, one in self._topics.items()]
+
+
+def not_read(flaws: Sequence[str]) -> list[str]:
+    """The first `MOST_FLAWS` sentences on what cannot be read, as lines for people, and how many more there are."""
+    more = [f"not read: {len(flaws) - MOST_FLAWS} more"] if len(flaws) > MOST_FLAWS else []
+    return [*(f"not read: {one_line(flaw)}" for flaw in flaws[:MOST_FLAWS]), *more]
+
+
+def robot_topics(stream: BagStream) -> dict[str, str]:
+    """Full names of the robot's topics, by its own names for them: from the bag's custom data, else by last parts.
+
+    Raises
+    ------
+    BagError
+        When a topic in the custom data has another type, and when two robots are in a bag without custom data.
+    """
+    try:
+        recorded_names = json.loads(stream.metadata.get("topics", "{}"))
+        found = {name: str(recorded_names[name]) for name in _TYPES if name in recorded_names}
+    except (ValueError, TypeError, RecursionError) as error:
+        raise BagError(f"{stream.folder}: its custom data `topics` cannot be read: {error}") from error
+    for name, topic in found.items():
+        recorded = stream.topics.get(topic)
+        if recorded and recorded.type_name != _TYPES[name]:
+            raise BagError(f"{stream.folder}: {topic} is {recorded.type_name}, not the robot's {_TYPES[name]}")
+    return found or _by_last_part(stream)
+
+
+def _by_last_part(stream: BagStream) -> dict[str, str]:
+    found: dict[str, str] = {}
+    for topic, recorded in stream.topics.items():
+        name = topic.rpartition("/")[2]
+        if ROBOT_TOPICS.get(name) == recorded.type_name:
+            if name in found:
+                raise BagError(f"{stream.folder}: {name} is ambiguous: {found[name]} and {topic}")
+            found[name] = topic
+    return found
 
 
 def _in_time(messages: Iterator[Message]) -> Iterator[Message]:
@@ -202,8 +314,10 @@ def _check_folder(folder: Path) -> None:
         raise BagError(f"{folder}: a file, not a bag; give the folder that holds metadata.yaml")
     if (folder / FILE_NAME).exists() or (folder / FILE_NAME).is_symlink():
         return
-    files, _ = bag_files(folder)
+    files, flaws = bag_files(folder)
     if files:
         raise BagError(f"{folder}: the bag is not sealed: its recorder still runs, or was killed; "
                        f"end the recorder, or seal it with `recover {folder}`")
+    if flaws:
+        raise BagError(f"{folder}: nothing in it can be read: {flaws[0]}")
     raise BagError(f"{folder}: not a bag, it holds no metadata.yaml; give the folder of a recording")

@@ -1,4 +1,4 @@
-"""A bag folder while it is written: one file, or several that follow each other in time."""
+"""A bag folder while it is written: one MCAP file, or several that follow each other in time."""
 
 import os
 from collections import deque
@@ -7,20 +7,16 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from vibro_ros.bag.definitions import Definition
-from vibro_ros.bag.identity import Identity, is_in_place
-from vibro_ros.bag.lock import lock
+from vibro_ros.bag.folders import SUFFIX, lock
 from vibro_ros.bag.mcap_segment import McapSegment
-from vibro_ros.bag.metadata import FILE_NAME, FileInformation, as_text, bag_information, write_metadata
-from vibro_ros.bag.reserve import Reserve
-from vibro_ros.bag.sqlite_segment import SqliteSegment
+from vibro_ros.bag.metadata import FILE_NAME, Definition, FileInformation, as_text, bag_information, write_metadata
 
 SMALLEST_SEGMENT = 100_000  # bytes; topics, index and metadata of a file take about a third of it
 SHORTEST_SEGMENT = 0.1  # s, that between two flushes
 FEWEST_SEGMENTS = 2  # of a bag that is limited: the one that is written, and one before it
 
-_SEGMENTS: dict[str, type[McapSegment] | type[SqliteSegment]] = {"mcap": McapSegment, "sqlite3": SqliteSegment}
 _PARTS = 10  # in how many segments a bag is cut when only its whole size is limited
+_METADATA_SIZE = 64 * 1024  # bytes, room for metadata.yaml in a bag that is limited
 
 
 @dataclass(frozen=True)
@@ -29,10 +25,8 @@ class Storage:
 
     Attributes
     ----------
-    kind : str
-        ``mcap`` or ``sqlite3``.
     compression : str
-        ``none`` or ``zstd``, of MCAP chunks.
+        ``none`` or ``zstd``, of chunks.
     max_size : int
         Largest file [bytes]; 0 is no limit. A file exceeds it only when one instant's messages do not fit.
     max_duration : float
@@ -46,15 +40,12 @@ class Storage:
         For values that are too small or do not go together; the message names the parameter of the node.
     """
 
-    kind: str = "mcap"
     compression: str = "none"
     max_size: int = 0
     max_duration: float = 0.0
     max_bytes: int = 0
 
     def __post_init__(self) -> None:
-        if self.kind != "mcap" and self.compression != "none":
-            raise ValueError(f"record.compression: {self.compression} goes with record.storage mcap only; give none")
         for name, value, least, unit in (("max_size", self.max_size, SMALLEST_SEGMENT, "bytes"),
                                          ("max_duration", self.max_duration, SHORTEST_SEGMENT, "s"),
                                          ("max_bytes", self.max_bytes, _PARTS * SMALLEST_SEGMENT, "bytes")):
@@ -69,15 +60,6 @@ class Storage:
     def segment_size(self) -> int:
         """Largest file [bytes]; 0 is no limit."""
         return self.max_size or self.max_bytes // _PARTS
-
-
-@dataclass(frozen=True)
-class _Finished:
-    """A sealed file of the bag."""
-
-    information: FileInformation
-    size: int
-    identity: Identity
 
 
 class BagWriter:
@@ -98,9 +80,6 @@ class BagWriter:
     ----------
     added : int
         Messages that the writer itself has put at the beginning of files.
-    missing : list of FileInformation
-        Files that somebody else removed or replaced while the bag was written, as far as that was noticed: at every
-        flush for the file that is written, when a file is finished for all.
 
     Raises
     ------
@@ -113,31 +92,28 @@ class BagWriter:
     def __init__(self, folder: Path, definitions: Sequence[Definition], custom: Mapping[str, str], storage: Storage):
         self.folder = folder
         self._definitions, self._custom, self._storage = definitions, dict(custom), storage
-        self.missing: list[FileInformation] = []
         self.added = 0
         self._lasting: tuple[tuple[int, bytes], ...] = ()
-        self._finished: deque[_Finished] = deque()
+        self._finished: deque[tuple[FileInformation, int]] = deque()  # sealed files, and their bytes
         self._number = 0
+        self._segment: Any = None  # a McapSegment while one is written
         self._discarded_files = self._discarded_messages = 0
-        self._segment: Any = None  # a McapSegment or SqliteSegment while one is written
         self._limited = bool(storage.segment_size or storage.max_duration)
-        self._first: int  # stamp in the file that is written, if files are limited
+        self._first: int  # stamps in the file that is written, if files are limited
         self._last: int
         folder.mkdir(parents=True)
         self._lock = lock(folder)
         try:
-            self._reserve = Reserve(folder)
-            self._segment = self._next_segment()
+            self._begin_segment()
         except OSError:
-            self.abandon()
-            self._clear()
+            os.close(self._lock)
+            folder.rmdir()  # a segment that could not be begun has left nothing
             raise
-        self._begin_segment()
 
     @property
     def stored(self) -> int:
         """Messages that the operating system has, those of files too that were deleted to make room."""
-        finished = sum(one.information.messages for one in list(self._finished))  # other threads ask, too
+        finished = sum(file.messages for file, _ in list(self._finished))  # other threads ask, too
         return finished + self._discarded_messages + (self._segment.stored if self._segment else 0)
 
     def begin_files_with(self, messages: Sequence[tuple[int, bytes]]) -> None:
@@ -154,13 +130,15 @@ class BagWriter:
                 self._split()
             self._first, self._last = min(self._first, stamp), max(self._last, stamp)
         if self._waiting:
-            self._write_waiting(stamp)
+            waiting, self._waiting = self._waiting, ()
+            for number, message in waiting:
+                self.added += 1
+                self._segment.write(number, stamp, message)
         self._segment.write(topic, stamp, data)
 
     def flush(self) -> None:
         """Make everything written so far survive the end of this process (OSError when the disk fails)."""
         self._segment.flush()
-        self._reserve.hold(self._segment.ending_size)
 
     def describe(self, custom: Mapping[str, str]) -> None:
         """Add to the bag's custom data, also for a reader of a bag that was killed (OSError when the disk fails)."""
@@ -173,16 +151,11 @@ class BagWriter:
             custom = {**custom, "discarded_files": str(self._discarded_files),
                       "discarded_messages": str(self._discarded_messages)}
         self._custom |= custom
-        self._reserve.release()
         try:
-            if self._segment and not is_in_place(self._segment.path, self._segment.identity):
-                self._lose_segment()
             if self._segment:
                 self._finish_segment()
-            self._look_for_missing()
-            if self.missing and not self._finished:
-                raise OSError(0, "no file of the bag is left")
-            write_metadata(self.folder / FILE_NAME, self._information([one.information for one in self._finished]))
+            files = [file for file, _ in self._finished if (self.folder / file.name).exists()]
+            write_metadata(self.folder / FILE_NAME, self._information(files))
         finally:
             self.abandon()
 
@@ -194,16 +167,6 @@ class BagWriter:
             os.close(self._lock)
             self._lock = -1
 
-    def _begin_segment(self) -> None:
-        self._first, self._last = 2**63 - 1, -1
-        self._waiting = self._lasting
-
-    def _write_waiting(self, stamp: int) -> None:
-        waiting, self._waiting = self._waiting, ()
-        for topic, data in waiting:
-            self.added += 1
-            self._segment.write(topic, stamp, data)
-
     def _is_full(self, stamp: int, size: int) -> bool:
         if self._last < 0:
             return False
@@ -214,52 +177,32 @@ class BagWriter:
     def _split(self) -> None:
         self._segment.flush()
         self._finish_segment()
-        self._look_for_missing()
         self._make_room()
-        self._segment = self._next_segment()
         self._begin_segment()
+
+    def _begin_segment(self) -> None:
+        path = self.folder / f"{self.folder.name}_{self._number}{SUFFIX}"
+        metadata = as_text(self._information([FileInformation(path.name, 0, 0)]))
+        self._segment = McapSegment(path, self._definitions, metadata, self._storage.compression)
+        self._number += 1
+        self._first, self._last = 2**63 - 1, -1
+        self._waiting = self._lasting
 
     def _finish_segment(self) -> None:
         """Seal the file that is written."""
-        segment = self._segment
-        file = segment.information
+        segment, file = self._segment, self._segment.information
         segment.seal(as_text(self._information([file])))
-        self._finished.append(_Finished(file, segment.path.stat().st_size, segment.identity))
+        self._finished.append((file, segment.path.stat().st_size))
         self._segment = None
-
-    def _lose_segment(self) -> None:
-        """Give up the file that is written: it is no longer in the folder."""
-        self.missing.append(self._segment.information)
-        self._segment.abandon()
-        self._segment = None
-
-    def _look_for_missing(self) -> None:
-        """Find the finished files that are no longer in the folder."""
-        for one in [one for one in self._finished if not is_in_place(self.folder / one.information.name, one.identity)]:
-            self._finished.remove(one)
-            self.missing.append(one.information)
 
     def _make_room(self) -> None:
         """Delete the oldest files until another one fits."""
-        room = self._storage.max_bytes - self._storage.segment_size - self._reserve.size
-        while self._storage.max_bytes and self._finished and sum(one.size for one in self._finished) > room:
-            file = self._finished.popleft().information
-            (self.folder / file.name).unlink()
+        room = self._storage.max_bytes - self._storage.segment_size - _METADATA_SIZE
+        while self._storage.max_bytes and self._finished and sum(size for _, size in self._finished) > room:
+            file, _ = self._finished.popleft()
+            (self.folder / file.name).unlink(missing_ok=True)
             self._discarded_files += 1
             self._discarded_messages += file.messages
 
-    def _next_segment(self) -> McapSegment | SqliteSegment:
-        kind = _SEGMENTS[self._storage.kind]
-        path = self.folder / f"{self.folder.name}_{self._number}{kind.SUFFIX}"
-        self._number += 1
-        return kind(path, self._definitions, as_text(self._information([FileInformation(path.name, 0, 0)])),
-                    self._storage.compression)
-
     def _information(self, files: Sequence[FileInformation]) -> dict:
-        return bag_information(self._storage.kind, files, [one.information for one in self._definitions], self._custom)
-
-    def _clear(self) -> None:
-        """Remove a folder that this made and in which nothing could be recorded."""
-        for path in self.folder.iterdir():
-            path.unlink()
-        self.folder.rmdir()
+        return bag_information(files, [one.information for one in self._definitions], self._custom)

@@ -13,8 +13,7 @@ from importlib import import_module
 from pathlib import Path
 
 from vibro_ros.bag.reader import load_bag
-from vibro_ros.bag.stream import BagError, BagStream
-from vibro_ros.bag.unreadable import not_read
+from vibro_ros.bag.stream import BagError, BagStream, not_read
 from vibro_ros.configuration.strict_yaml import read_scalar
 from vibro_ros.process.executables import EXECUTABLES
 from vibro_ros.process.front_door import Parser, exit_code, say

@@ -15,8 +15,7 @@ import numpy as np
 
 from vibro_ros.bag.cdr import blank, deserialised, serialised
 from vibro_ros.bag.metadata import LAST_STAMP
-from vibro_ros.bag.robot_topics import robot_topics
-from vibro_ros.bag.stream import BagError, BagStream
+from vibro_ros.bag.stream import BagError, BagStream, robot_topics
 from vibro_ros.configuration.scene_file import DEVICE_PARAMETERS
 from vibro_ros.messages import fields
 from vibro_ros.messages.frames import Frames

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from vibro_ros.bag.reader import Arrays, Bag, BagError
-from vibro_ros.bag.unreadable import not_read
+from vibro_ros.bag.stream import not_read
 from vibro_ros.process.untrusted import one_line
 from vibro_ros.recordings.energy import energy_as_lines
 from vibro_ros.recordings.resets import changes, reset_times

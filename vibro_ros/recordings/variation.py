@@ -5,7 +5,7 @@ from collections.abc import Iterator, Mapping
 from itertools import count
 from pathlib import Path
 
-from vibro_ros.bag.definitions import Topic, defined
+from vibro_ros.bag.metadata import Topic, defined
 from vibro_ros.bag.stream import QOS_DEPTH, BagError, BagStream
 from vibro_ros.bag.writer import BagWriter, Storage
 from vibro_ros.configuration.scene_file import DEVICE_PARAMETERS

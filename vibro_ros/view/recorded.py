@@ -5,10 +5,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from vibro_ros.bag.reader import Arrays
-from vibro_ros.bag.robot_topics import robot_topics
-from vibro_ros.bag.series import Series
-from vibro_ros.bag.stream import BagStream
+from vibro_ros.bag.reader import Arrays, Series
+from vibro_ros.bag.stream import BagStream, robot_topics
 from vibro_ros.messages.fields import JOINTS, PLATES
 from vibro_ros.messages.topics import CHECKPOINT, INPUTS, ROBOT_TOPICS
 from vibro_ros.view.pieces import Interpolated, polynomials_through

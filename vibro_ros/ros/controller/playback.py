@@ -20,9 +20,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rosgraph_msgs.msg import Clock
 
 from vibro_ros.bag.cdr import check
-from vibro_ros.bag.robot_topics import robot_topics
-from vibro_ros.bag.stream import BagError, BagStream, RecordedTopic
-from vibro_ros.bag.unreadable import not_read
+from vibro_ros.bag.stream import BagError, BagStream, RecordedTopic, not_read, robot_topics
 from vibro_ros.messages.topics import COMMAND_UNITS
 from vibro_ros.process.executables import EXECUTABLES
 from vibro_ros.process.front_door import Parser, exit_code

@@ -9,10 +9,7 @@ from datetime import datetime
 from rclpy.impl.rcutils_logger import RcutilsLogger
 
 from vibro_ros.bag.folders import bag_folders
-from vibro_ros.bag.recorder import Recorder
-from vibro_ros.bag.snapshot import Snapshot
-from vibro_ros.bag.together import Together
-from vibro_ros.process.untrusted import one_line
+from vibro_ros.bag.recorder import Recorder, Snapshot, Together
 from vibro_ros.ros.node.throttle import Throttle
 from vibro_ros.ros.robot.recording_plan import Plan
 
@@ -65,7 +62,6 @@ class Recording:
         self._dropped = 0
         self._throttle = Throttle(burst=1)
         self._begun = Throttle(burst=MOST_BAGS)
-        self._told_missing = 0
         self._saved = -1  # stamp [ns] of the last message of the last snapshot
 
     def __enter__(self) -> "Recording":
@@ -180,7 +176,6 @@ class Recording:
 
     def watch(self) -> None:
         """Say what has gone wrong since the last call."""
-        self._tell_missing()
         for recorder in [recorder for recorder in self._watched if recorder.ended]:
             self._watched.remove(recorder)
             if recorder.fault:
@@ -256,20 +251,9 @@ class Recording:
                 recorder = Recorder(folder, (*self._plan.topics, *checkpoint), {**self._plan.metadata, **more},
                                     storage=self._plan.storage, earlier=earlier, lasting=self._lasting)
                 break
-        self._latest, self._dropped, self._told_missing = recorder, 0, 0
+        self._latest, self._dropped = recorder, 0
         self._watched.append(recorder)
         return recorder
-
-    def _tell_missing(self) -> None:
-        """Say which files of the bag are gone; the recording goes on with the others."""
-        recorder = self._latest
-        if recorder is None or recorder.fault or not (recorder.accepting or recorder.ended):
-            return  # what stopped it is said, and is more
-        missing = recorder.missing[self._told_missing:]
-        self._told_missing += len(missing)
-        for sentence in missing:
-            self.faults.append(one_line(sentence))
-            self._log.error(f"not recorded: {self.faults[-1]}")
 
 
 def open_recording(plan: Plan, enabled: bool, log: RcutilsLogger) -> Recording:

@@ -66,7 +66,7 @@ def plan_recording(settings: Mapping[str, Value], received: Mapping[str, str], o
     ValueError
         For a topic that the robot does not have, and for limits that make no sense.
     """
-    storage = Storage(settings["record.storage"], settings["record.compression"], int(settings["record.max_size"]),
+    storage = Storage(settings["record.compression"], int(settings["record.max_size"]),
                       settings["record.max_duration"], int(settings["record.max_bytes"]))
     topics = _chosen(settings["record.topics"], {**_published(outputs), **_received(received)})
     return Plan(Path(settings["record.directory"]).expanduser(), topics, storage, metadata, settings["record.snapshot"])

@@ -20,7 +20,7 @@ from functools import partial
 from rclpy.executors import Executor
 from rclpy.node import Node
 
-from vibro_ros.bag.definitions import Topic
+from vibro_ros.bag.metadata import Topic
 from vibro_ros.configuration.scene_file import DEVICE_PARAMETERS, NODE_NAME, load_scene, scene_origin, shipped_scenes
 from vibro_ros.messages.topics import CHECKPOINT, CHECKPOINT_TYPE, COMMAND_UNITS, OPERATIONS, published_name
 from vibro_ros.model.parameters import SCENE_PARAMETERS, Value, checked_parameters

@@ -4,9 +4,8 @@ from pathlib import Path
 
 from rclpy.impl.rcutils_logger import RcutilsLogger
 
-from vibro_ros.bag.folders import BAG_PATTERN
+from vibro_ros.bag.folders import BAG_PATTERN, unsealed_bags
 from vibro_ros.bag.recovery import RecoveryError, described, recover
-from vibro_ros.bag.unsealed import unsealed_bags
 from vibro_ros.process.untrusted import one_line
 
 MOST_UNSEALED = 10

@@ -9,7 +9,7 @@ from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.serialization import serialize_message
 
-from vibro_ros.bag.together import Together
+from vibro_ros.bag.recorder import Together
 from vibro_ros.messages.fields import joints_of
 from vibro_ros.messages.frames import NONE, Frames
 from vibro_ros.messages.topics import ROBOT_TOPICS, TF_TOPICS, published_name

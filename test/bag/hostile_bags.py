@@ -1,0 +1,260 @@
+"""Changes of a bag's files by another hand; each makes a hostile bag of a good one, in place."""
+
+import os
+import random
+import struct
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import lz4.frame
+from mcap.records import Channel, Chunk, Message, Schema
+from rosbags.rosbag2.storage_mcap import zstd
+
+from vibro_ros.bag.mcap_segment import HEAD, MAGIC, packed
+
+Maker = Callable[[Path], None]
+"""Changes the bag folder that it is given; `folder.parent / "outside"` has files that nobody may change."""
+
+LAUGHS = "a: &a [x, x, x, x, x, x, x, x, x]\n" + "".join(
+    f"{two}: &{two} [{', '.join(['*' + one] * 9)}]\n" for one, two in zip("abcdefg", "bcdefgh", strict=True))
+DEEP = "[" * 100_000
+
+
+def part(folder: Path) -> Path:
+    """The bag's (first) file."""
+    return sorted(folder.glob("*.mcap"))[0]
+
+
+def edited(edit: Callable[[bytearray], bytes | bytearray | None]) -> Maker:
+    """Change the bytes of the bag's file."""
+    def make(folder: Path) -> None:
+        data = bytearray(part(folder).read_bytes())
+        part(folder).write_bytes(edit(data) or data)
+    return make
+
+
+def flipped(seed: int, name: str = "") -> Maker:
+    """Flip one bit somewhere, in the file or in `name`."""
+    def make(folder: Path) -> None:
+        path = folder / name if name else part(folder)
+        data = bytearray(path.read_bytes())
+        data[random.Random(seed).randrange(len(data))] ^= 1 << random.Random(seed + 1).randrange(8)
+        path.write_bytes(data)
+    return make
+
+
+def noise(seed: int, size: int) -> Maker:
+    """Overwrite a stretch with random bytes."""
+    def edit(data: bytearray) -> None:
+        at = random.Random(seed).randrange(len(data) - size)
+        data[at:at + size] = random.Random(seed).randbytes(size)
+    return edited(edit)
+
+
+def cut(seed: int) -> Maker:
+    """End the file early."""
+    return edited(lambda data: data[:random.Random(seed).randrange(1, len(data))])
+
+
+def without_metadata(then: Maker) -> Maker:
+    """As a killed recorder leaves it, and then something else."""
+    def make(folder: Path) -> None:
+        (folder / "metadata.yaml").unlink()
+        then(folder)
+    return make
+
+
+def torn(then: Maker) -> Maker:
+    """The file lacks its last 100 bytes, and then something else."""
+    def make(folder: Path) -> None:
+        os.truncate(part(folder), part(folder).stat().st_size - 100)
+        then(folder)
+    return make
+
+
+def linked(name: str, target: str) -> Maker:
+    """A symbolic link in the place of a file, or beside."""
+    def make(folder: Path) -> None:
+        path = part(folder) if name == "part" else folder / name
+        path.unlink(missing_ok=True)
+        path.symlink_to(str(folder.parent / "outside" / target) if "/" not in target else target)
+    return make
+
+
+def lying_length(seed: int, value: int) -> Maker:
+    """Give a record another length than it has."""
+    def edit(data: bytearray) -> None:
+        heads = list(_heads(data))
+        at = heads[random.Random(seed).randrange(len(heads))]
+        data[at + 1:at + 9] = struct.pack("<Q", value)
+    return edited(edit)
+
+
+def _heads(data: bytes) -> Iterator[int]:
+    at = len(MAGIC)
+    while at + HEAD.size <= len(data) - len(MAGIC):
+        yield at
+        at += HEAD.size + HEAD.unpack_from(data, at)[1]
+
+
+def spliced(seed: int) -> Maker:
+    """Copy some records to another place, which may be amid a record."""
+    def edit(data: bytearray) -> bytes:
+        chance = random.Random(seed)
+        heads = list(_heads(data))
+        begin, end = sorted(chance.sample(heads, 2))
+        at = chance.choice([chance.choice(heads), chance.randrange(len(data))])
+        return bytes(data[:at] + data[begin:end] + data[at:])
+    return edited(edit)
+
+
+def appended_chunk(chunk: Chunk) -> Maker:
+    """Put a chunk right behind the header."""
+    def edit(data: bytearray) -> bytes:
+        at = list(_heads(data))[1]
+        return bytes(data[:at]) + packed(chunk) + bytes(data[at:])
+    return edited(edit)
+
+
+def chunk(compression: str, data: bytes, size: int, crc: int = 0) -> Chunk:
+    """A chunk that says that it unfolds to `size` bytes."""
+    return Chunk(compression=compression, data=data, message_start_time=0, message_end_time=0, uncompressed_crc=crc,
+                 uncompressed_size=size)
+
+
+def zeros(size: int) -> bytes:
+    """So many zeros, packed by zstd, without ever being there."""
+    packer = zstd.ZstdCompressor()
+    return b"".join([*(packer.compress(bytes(2**20)) for _ in range(size // 2**20)), packer.flush()])
+
+
+def tiny_messages(count: int) -> bytes:
+    """A chunk's content: many messages without data on channel 1."""
+    return packed(Message(channel_id=1, log_time=5, publish_time=5, sequence=0, data=b"")) * count
+
+
+def label(text: str) -> Maker:
+    """Announce a topic whose QoS label is `text`."""
+    def edit(data: bytearray) -> bytes:
+        at = list(_heads(data))[1]
+        records = packed(Schema(id=99, data=b"float64 data", encoding="ros2msg", name="std_msgs/msg/Float64"), Channel(
+            id=99, topic="/x", message_encoding="cdr", schema_id=99, metadata={"offered_qos_profiles": text}))
+        return bytes(data[:at]) + records + bytes(data[at:])
+    return edited(edit)
+
+
+def custom(key: str, value: str) -> Maker:
+    """Replace a value of the custom data in metadata.yaml."""
+    def make(folder: Path) -> None:
+        lines = (folder / "metadata.yaml").read_text().splitlines()
+        at = next(i for i, line in enumerate(lines) if line.startswith(f"    {key}:"))
+        end = next(i for i in range(at + 1, len(lines)) if not lines[i].startswith("      "))
+        (folder / "metadata.yaml").write_text("\n".join([*lines[:at], f"    {key}: {value}", *lines[end:]]) + "\n")
+    return make
+
+
+def metadata(text: str | bytes) -> Maker:
+    """Replace metadata.yaml."""
+    data = text if isinstance(text, bytes) else text.encode()
+    return lambda folder: (folder / "metadata.yaml").write_bytes(data) and None
+
+
+def replaced(old: str, new: str) -> Maker:
+    """Replace text in metadata.yaml."""
+    def make(folder: Path) -> None:
+        text = (folder / "metadata.yaml").read_text()
+        assert old in text
+        (folder / "metadata.yaml").write_text(text.replace(old, new, 1))
+    return make
+
+
+def piped(name: str) -> Maker:
+    """A named pipe in the place of a file."""
+    def make(folder: Path) -> None:
+        path = part(folder) if name == "part" else folder / name
+        path.unlink(missing_ok=True)
+        os.mkfifo(path)
+    return make
+
+
+def hard_linked(folder: Path) -> None:
+    """The file has another name outside."""
+    os.link(part(folder), folder.parent / "outside" / "same")
+
+
+def foldered(name: str) -> Maker:
+    """A folder in the place of a file."""
+    def make(folder: Path) -> None:
+        path = part(folder) if name == "part" else folder / name
+        path.unlink(missing_ok=True)
+        (path / "x").mkdir(parents=True)
+    return make
+
+
+OF_MCAP: dict[str, Maker] = {
+    **{f"flip {seed}": flipped(seed) for seed in range(10)},
+    **{f"noise {seed}": noise(seed, 1 + 7 * seed ** 2) for seed in (0, 3, 6, 9)},
+    **{f"cut {seed}": cut(seed) for seed in range(4)},
+    **{f"killed, cut {seed}": without_metadata(cut(seed)) for seed in range(20, 24)},
+    **{f"killed, flip {seed}": without_metadata(torn(flipped(seed))) for seed in range(50, 54)},
+    **{f"spliced {seed}": spliced(seed) for seed in range(4)},
+    **{f"length {value:x} {seed}": lying_length(seed, value) for seed, value in enumerate((0, 50, 2**40, 2**64 - 1))},
+    "bomb": appended_chunk(chunk("zstd", zeros(2**30), 2**30)),
+    "bomb that lies": appended_chunk(chunk("zstd", zeros(2**30), 1000)),
+    "many bombs": edited(lambda data: bytes(data[:list(_heads(data))[1]]) + packed(chunk(
+        "zstd", zeros(100 * 2**20), 100 * 2**20)) * 200 + bytes(data[list(_heads(data))[1]:])),
+    "bomb of messages": appended_chunk(chunk("zstd", zstd.compress(tiny_messages(200_000)), 31 * 200_000)),
+    "bomb of lz4": appended_chunk(chunk("lz4", lz4.frame.compress(bytes(2**28)), 2**28)),
+    "a size of 2^63": appended_chunk(chunk("", b"", 2**63)),
+    "unknown compression": appended_chunk(chunk("bz2", b"x" * 100, 100)),
+    "many bad records": edited(lambda data: bytes(data[:list(_heads(data))[1]]) + b"\4\1" + bytes(8) + (
+        b"\4\1" + bytes(8)) * 20_000),
+    "twice": edited(lambda data: data + data),
+    "zeros at the end": edited(lambda data: data + bytes(100_000)),
+    "zeros": edited(lambda data: bytes(len(data))),
+    "empty": lambda folder: part(folder).write_bytes(b"") and None,
+    "magic": edited(lambda data: MAGIC),
+    "label of laughs": label(LAUGHS),
+    "label of depth": label(DEEP),
+    "label of numbers": label("[1, {depth: [1]}, {depth: -1}]"),
+    "killed, label of laughs": without_metadata(torn(label(LAUGHS))),
+}
+
+OF_METADATA: dict[str, Maker] = {
+    **{f"metadata flip {seed}": flipped(seed, "metadata.yaml") for seed in range(4)},
+    "metadata of laughs": metadata(LAUGHS),
+    "metadata of depth": metadata(DEEP),
+    "metadata in themselves": metadata("rosbag2_bagfile_information: &x {version: 9, custom_data: *x}"),
+    "metadata of many keys": metadata("".join(f"k{i}: 1\n" for i in range(20_000))),
+    "metadata of bytes": metadata(b"\xff\xfe" * 1000),
+    "metadata of size": metadata(b"#" * 2**24),
+    "empty metadata": metadata(b""),
+    "version of text": replaced("version: 9", "version: nine"),
+    "names passwd": replaced("- run_0", "- ../../etc/passwd\n  - run_0"),
+    "names nothing": lambda folder: replaced(f"- {part(folder).name}", "[]")(folder),
+    "names it twice": lambda folder: replaced(f"- {part(folder).name}",
+                                              f"- {part(folder).name}\n  - {part(folder).name}")(folder),
+    "names a number": lambda folder: replaced(f"- {part(folder).name}", "- 5")(folder),
+    "wrong count": replaced("message_count: ", "message_count: 9"),
+    "no duration": replaced("nanoseconds: ", "nanoseconds: .nan #"),
+    "compressed": replaced("compression_mode: ''", "compression_mode: message"),
+    "parameters of depth": custom("parameters", f"'{'[' * 50_000}'"),
+    "parameters of numbers": custom("parameters", "'5'"),
+    "parameters of lists": custom("parameters", "'{\"guide.angle\": [1, {}], \"rate.publish\": null}'"),
+    "parameters of digits": custom("parameters", f"'{{\"guide.angle\": {'9' * 5000}}}'"),
+    "a late start": custom("start", f"'{'9' * 4000}'"),
+    "a start of text": custom("start", "now"),
+    "topics of depth": custom("topics", f"'{'[' * 50_000}'"),
+    "topics of another": custom("topics", "'{\"odom\": \"/motor_power\"}'"),
+    "a scene of lines": custom("scene", '"a\\nb\\e[31m"'),
+    "link to metadata": linked("metadata.yaml", "precious"),
+    "link to zero as metadata": linked("metadata.yaml", "/dev/zero"),
+    "pipe as metadata": piped("metadata.yaml"),
+    "folder as metadata": foldered("metadata.yaml"),
+    "link as part": linked("part", "precious"),
+    "link to zero as part": linked("part", "/dev/zero"),
+    "pipe as part": piped("part"),
+    "folder as part": foldered("part"),
+    "link as torn": without_metadata(torn(linked("run_0.mcap.torn", "precious"))),
+    "another name outside": without_metadata(torn(hard_linked)),
+}
