@@ -9,14 +9,22 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
+from tools.wrong_speed import draw_ways
 from vibro_ros.accuracy.accuracy import TABLE, TEXT, Accuracy, row_writer
-from vibro_ros.accuracy.advice import NEEDS, Need, advice, cheapest
+from vibro_ros.accuracy.findings import (
+    NEEDS,
+    Need,
+    advice,
+    baseline_in_words,
+    cheapest,
+    cost_range,
+    finding,
+    prices_in_words,
+    reference_of,
+)
 from vibro_ros.accuracy.measurement import Measurement
+from vibro_ros.accuracy.methods import STUDIED
 from vibro_ros.accuracy.precision import Effort
-from vibro_ros.accuracy.price import baseline_in_words, cost_range, prices_in_words
-from vibro_ros.accuracy.studied import STUDIED
-from vibro_ros.accuracy.words import finding, reference_of
-from vibro_ros.accuracy.wrong_speed import draw_ways
 from vibro_ros.configuration.scene_file import load_scene, shipped_scenes
 from vibro_ros.solver.methods import SCHEMES
 

@@ -21,7 +21,7 @@ from research.literature.capsule import (
     surveyed,
 )
 from research.literature.published import FAILS, HOLDS, NOISE, OUTSIDE, Check, Claim, Finding, Mapped, Studied
-from vibro_ros.study.jobs import computed
+from vibro_ros.study.progress import computed
 
 NAME = "capsule"
 # Spring and plate enlarge the rod's harmonics: some ten times; nothing else may differ.

@@ -17,7 +17,7 @@ from research.literature.gap_speed import (
 )
 from research.literature.published import FAILS, HOLDS, NOISE, OUTSIDE, Check, Claim, Finding, Mapped, Studied
 from vibro_ros.accuracy.starts import Average
-from vibro_ros.study.jobs import computed
+from vibro_ros.study.progress import computed
 
 NAME = "gap"
 _BOUND = 1e-8  # m

@@ -10,7 +10,7 @@ from scipy.stats import binomtest
 
 from research.literature.impact_oscillator import Motion, Oscillator, difference, doubling, followed, settled, started
 from research.literature.published import FAILS, HOLDS, Check, Claim, Finding, Mapped, Studied
-from vibro_ros.study.jobs import computed
+from vibro_ros.study.progress import computed
 
 NAME = "impact_oscillator"
 _RESTITUTIONS = (0.8, 0.6)

@@ -20,7 +20,7 @@ from research.literature.two_phase import (
     speed_share,
     switch_speed,
 )
-from vibro_ros.study.jobs import computed
+from vibro_ros.study.progress import computed
 
 NAME = "two_phase"
 _MARGIN = 3.0 * WEAKNESS  # what the averaging leaves out is of the order of the weakness

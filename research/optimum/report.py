@@ -12,6 +12,8 @@ from pathlib import Path
 
 from matplotlib.figure import Figure
 
+from research.optimum.lasting import DURATIONS, Lasting, lasting
+from research.optimum.result_file import read_result
 from research.optimum.text import (
     FOLDER,
     FRONTS,
@@ -22,16 +24,15 @@ from research.optimum.text import (
     of_device,
     plan,
 )
+from vibro_ros.accuracy.figures import new_figure, tidy
 from vibro_ros.accuracy.starts import Average
 from vibro_ros.configuration.scene_file import load_scene
 from vibro_ros.process.front_door import Parser, exit_code
 from vibro_ros.simulation.preparation import prepare_kernels
 from vibro_ros.simulation.processes import core_count
-from vibro_ros.study.optimise.command import NUMBERS, RECORD, SCENE, shown, written
-from vibro_ros.study.optimise.drawing import draw_fronts
-from vibro_ros.study.optimise.lasting import DURATIONS, Lasting, lasting
+from vibro_ros.study.command import write_files
+from vibro_ros.study.optimise.command import NUMBERS, RECORD, SCENE, files_of, shown
 from vibro_ros.study.optimise.result import Result, studied
-from vibro_ros.study.optimise.result_file import read_result
 
 TEXT, LASTING = "optimum.md", "lasting.json"
 
@@ -69,16 +70,28 @@ def _search(name: str, work: Path, folder: Path) -> Result:
     """Search, or go on; what the document needs goes into `folder`."""
     work.mkdir(parents=True, exist_ok=True)
     result, candidates = studied(plan(name), work / RECORD, core_count(), shown)
-    written(result, candidates, work)
+    write_files(work, files_of(result, candidates))
     for file, ending in ((NUMBERS, ".json"), (SCENE, ".yaml")):
         (folder / f"{name}{ending}").write_bytes((work / file).read_bytes())
     return read_result(work / NUMBERS, plan(name))
 
 
 def draw_all_fronts(results: Mapping[str, Result]) -> Figure:
-    """The picture of `about_front`."""
-    return draw_fronts({name: result.front for name, result in of_device(results).items()}, front_of_all(results),
-                       results["front"].verified[1:3])
+    """The picture of `about_front`: the front of each search, the front of them all, and the paper's robots."""
+    figure = new_figure(8.0, 5.5)
+    axes = figure.subplots()
+    tidy(axes)
+    for name, result in of_device(results).items():
+        speeds, costs = [1e3 * one.speed for one in result.front], [one.cost for one in result.front]
+        axes.plot(speeds, costs, "o", ms=4.0, label=name)
+    whole = front_of_all(results)
+    axes.plot([1e3 * one.speed for one in whole], [one.cost for one in whole], "-o", ms=3.0, color="#000000",
+              label="front, from fresh starts")
+    for row, mark in zip(results["front"].verified[1:3], "sD", strict=True):
+        axes.plot(1e3 * row.speed.mean, row.cost, mark, ms=8.0, color="#009e73", label=row.robot)
+    axes.set(xscale="log", yscale="log", xlabel="mean speed [mm/s]", ylabel="cost of transport P / (M g V) [-]")
+    axes.legend(frameon=False, fontsize=8)
+    return figure
 
 
 def watched_of(path: Path) -> dict[str, list[Lasting]]:

@@ -6,14 +6,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from research.optimum.lasting import DURATIONS, Lasting
 from vibro_ros.study.optimise.command import parser, plan_of
-from vibro_ros.study.optimise.evaluation import Trials
-from vibro_ros.study.optimise.front import FrontRobot, non_dominated
-from vibro_ros.study.optimise.lasting import DURATIONS, Lasting
-from vibro_ros.study.optimise.plan import Plan
+from vibro_ros.study.optimise.plan import Plan, Trials
 from vibro_ros.study.optimise.result import Result
-from vibro_ros.study.optimise.verification import OPTIMUM
-from vibro_ros.study.optimise.words import (
+from vibro_ros.study.optimise.search import FrontRobot, non_dominated
+from vibro_ros.study.optimise.text import (
     behaviour_in_words,
     bounds_in_words,
     energy_table,
@@ -30,6 +28,7 @@ from vibro_ros.study.optimise.words import (
     verification_table,
     with_spread,
 )
+from vibro_ros.study.optimise.verification import OPTIMUM
 
 FOLDER, FRONTS = "optimum", "fronts.png"
 

@@ -18,7 +18,7 @@ from vibro_ros.process.front_door import Parser, exit_code, say
 from vibro_ros.process.stop_signals import interrupted_code
 from vibro_ros.process.untrusted import replace_file
 from vibro_ros.simulation.preparation import prepare_kernels
-from vibro_ros.study.locked_folder import locked
+from vibro_ros.study.command import locked
 from vibro_ros.study.progress import Progress
 
 ROWS, VERDICTS, TEXT = "rows.csv", "verdicts.csv", "paper.md"

@@ -13,7 +13,7 @@ from research.paper.verdicts import read_verdicts, write_verdicts
 from research.paper.words import page
 from research.paper.work import work_of_a_second
 from vibro_ros.process.front_door import Parser, exit_code
-from vibro_ros.study.locked_folder import locked
+from vibro_ros.study.command import locked
 
 TEXT, FOLDER = "paper.md", "paper"
 #: Readings whose figures the page shows.

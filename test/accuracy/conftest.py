@@ -7,9 +7,8 @@ import pytest
 
 import vibro_ros
 from vibro_ros.accuracy.measurement import Measurement
-from vibro_ros.accuracy.methods import METHODS, ComparedMethod
+from vibro_ros.accuracy.methods import METHODS, STUDIED, ComparedMethod
 from vibro_ros.accuracy.precision import SceneStudy
-from vibro_ros.accuracy.studied import STUDIED
 
 sys.path.insert(0, str(Path(__file__).parent))
 

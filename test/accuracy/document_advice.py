@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
 
-from vibro_ros.accuracy.advice import NEEDS, Need
+from vibro_ros.accuracy.findings import NEEDS, Need
 from vibro_ros.accuracy.measurement import NEED, Measurement
 from vibro_ros.accuracy.precision import COMPILED
 

@@ -10,13 +10,10 @@ from document_advice import advised, complaints, error_of, left_out, rows_of
 
 import vibro_ros
 from tools import accuracy_report
-from vibro_ros.accuracy.advice import NEEDS
-from vibro_ros.accuracy.errors import errors
-from vibro_ros.accuracy.measurement import NEED, Measurement
+from vibro_ros.accuracy.findings import NEEDS, baseline_in_words, finding, prices_in_words
+from vibro_ros.accuracy.measurement import NEED, Measurement, errors
 from vibro_ros.accuracy.methods import METHODS
 from vibro_ros.accuracy.precision import COMPILED, SHORT, running
-from vibro_ros.accuracy.price import baseline_in_words, prices_in_words
-from vibro_ros.accuracy.words import finding
 from vibro_ros.configuration.scene_file import shipped_scenes
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -5,12 +5,20 @@ from quick_study import QUICK
 
 from tools import accuracy_report
 from vibro_ros.accuracy import accuracy
-from vibro_ros.accuracy.advice import MEAN_SPEED, NEEDS, advice, cheapest
-from vibro_ros.accuracy.chaos import Growth
+from vibro_ros.accuracy.findings import (
+    MEAN_SPEED,
+    NEEDS,
+    advice,
+    baseline_in_words,
+    cheapest,
+    finding,
+    price_of_a_digit,
+    price_over_scenes,
+    prices_in_words,
+    speeds_table,
+)
 from vibro_ros.accuracy.measurement import AVERAGE, NEED, REFERENCE, Measurement
-from vibro_ros.accuracy.precision import SHORT
-from vibro_ros.accuracy.price import baseline_in_words, price_of_a_digit, price_over_scenes, prices_in_words
-from vibro_ros.accuracy.words import finding, speeds_table
+from vibro_ros.accuracy.precision import SHORT, Growth
 
 
 def test_advice_is_what_was_measured_within_the_horizon_of_each_need(rows):

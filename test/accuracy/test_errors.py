@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from vibro_ros.accuracy.errors import errors
+from vibro_ros.accuracy.measurement import errors
 from vibro_ros.accuracy.methods import COLUMNS, EVENT_DTYPE, Answer
 
 TIMES = np.linspace(0.0, 1.0, 11)

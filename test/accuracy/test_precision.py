@@ -8,13 +8,11 @@ from quick_study import QUICK, unable
 
 import vibro_ros
 from vibro_ros.accuracy import precision
-from vibro_ros.accuracy.chaos import growth
-from vibro_ros.accuracy.errors import errors
-from vibro_ros.accuracy.measurement import AVERAGE, REFERENCE, TRAJECTORY
+from vibro_ros.accuracy.findings import BELOW, markdown
+from vibro_ros.accuracy.measurement import AVERAGE, REFERENCE, TRAJECTORY, errors
 from vibro_ros.accuracy.methods import METHODS, Answer, ComparedMethod
-from vibro_ros.accuracy.precision import LONG, SHORT, Comparison, SceneStudy
+from vibro_ros.accuracy.precision import LONG, SHORT, Comparison, SceneStudy, growth
 from vibro_ros.accuracy.starts import Average
-from vibro_ros.accuracy.words import BELOW, markdown
 
 
 def of(rows, method, compared=TRAJECTORY):

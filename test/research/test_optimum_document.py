@@ -9,10 +9,9 @@ import pytest
 import vibro_ros
 from research.optimum import text as optimum_text
 from research.optimum.report import LASTING, TEXT, watched_of
+from research.optimum.result_file import read_result
 from research.optimum.text import FOLDER, SEARCHES, plan
-from vibro_ros.study.optimise.evaluation import VERIFYING, Trials, values_of
-from vibro_ros.study.optimise.objective import Reading, directed
-from vibro_ros.study.optimise.result_file import read_result
+from vibro_ros.study.optimise.plan import VERIFYING, Reading, Trials, directed, values_of
 from vibro_ros.study.optimise.verification import OPTIMUM, PAPER
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"

@@ -14,7 +14,7 @@ import yaml
 import vibro_ros
 from tools import accuracy_report, bench, documents, effects, parameter_table
 from tools.generated_text import replaced
-from vibro_ros.accuracy.advice import MEAN_SPEED, NEEDS
+from vibro_ros.accuracy.findings import MEAN_SPEED, NEEDS
 from vibro_ros.configuration.command_map import find_map, read_map
 from vibro_ros.configuration.scene_file import DEVICE_PARAMETERS, load_scene, shipped_scenes
 from vibro_ros.messages.topics import COMMAND_UNITS, ROBOT_TOPICS
@@ -27,7 +27,7 @@ from vibro_ros.ros.topics.messages import JOINTS
 from vibro_ros.simulation.event_log import EventLog
 from vibro_ros.simulation.samples import Samples
 from vibro_ros.study.measures import MEASURES
-from vibro_ros.study.sweep.design_file import design_of, read_sweep
+from vibro_ros.study.sweep.design import design_of, read_sweep
 
 INSTALLED = {name for name, one in EXECUTABLES.items() if one.installed}
 OTHER_STATISTICS = ("steps", "solver.method", "solver.step", "energy_residual", "energy_exchanged")

@@ -21,18 +21,23 @@ from pathlib import Path
 
 from tqdm import tqdm
 
-from vibro_ros.accuracy.advice import advice
-from vibro_ros.accuracy.chaos import Growth
 from vibro_ros.accuracy.diagram import draw_precision
+from vibro_ros.accuracy.findings import (
+    advice,
+    baseline_in_words,
+    findings,
+    markdown,
+    prices_in_words,
+    reference_in_words,
+    reference_of,
+    speeds_table,
+)
 from vibro_ros.accuracy.measurement import Measurement
-from vibro_ros.accuracy.methods import ComparedMethod, UnableError
-from vibro_ros.accuracy.precision import INSTANTS, RATE, RUNNING_SPEED, Effort, SceneStudy
-from vibro_ros.accuracy.price import baseline_in_words, prices_in_words
+from vibro_ros.accuracy.methods import STUDIED, ComparedMethod, UnableError
+from vibro_ros.accuracy.precision import INSTANTS, RATE, RUNNING_SPEED, Effort, Growth, SceneStudy
 from vibro_ros.accuracy.starts import SETTLING
-from vibro_ros.accuracy.studied import STUDIED
 from vibro_ros.accuracy.timing import LEAST_TIME
 from vibro_ros.accuracy.timing import RATE as BENCH_RATE
-from vibro_ros.accuracy.words import findings, markdown, reference_in_words, reference_of, speeds_table
 from vibro_ros.configuration.scene_file import load_scene, shipped_scenes
 from vibro_ros.process.executables import EXECUTABLES
 from vibro_ros.process.front_door import FAILURE, Parser, exit_code, say

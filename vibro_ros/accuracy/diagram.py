@@ -4,9 +4,9 @@ import math
 from collections.abc import Sequence
 
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
+from vibro_ros.accuracy.figures import new_figure, tidy
 from vibro_ros.accuracy.measurement import AVERAGE, REFERENCE, TRAJECTORY, Measurement
 from vibro_ros.accuracy.precision import RATE
 
@@ -15,7 +15,7 @@ _STYLES = {"exact": ("#000000", "*"), "rk4": ("#0072b2", "o"), "semi_implicit_eu
            "moreau": ("#d55e00", "^"), "DOP853": ("#cc79a7", "v"), "Radau": ("#e69f00", "<"), "LSODA": ("#56b4e9", ">"),
            "heyoka": ("#5b2c83", "D"), "baseline": ("#777777", "X")}
 _OTHER = ("#a00000", "P")
-_GRID, _BAND, _NEAR = "#e8e8e8", "#dddddd", "#f6e58d"
+_BAND, _NEAR = "#dddddd", "#f6e58d"
 # m or s, longer than the robot and the horizon: a method that is off by more has diverged, and leaves the panel.
 _LARGEST_ERROR = 1.0
 _PANELS = (("body_error", "error of the body's position [m]"), ("mass_error", "error of the masses' positions [m]"),
@@ -41,8 +41,7 @@ def draw_precision(rows: Sequence[Measurement], caption: str) -> Figure:
     Figure
         Three panels of errors of trajectories, and one of mean speeds with 95 % intervals.
     """
-    figure = Figure(figsize=(13.0, 9.3), dpi=100, layout="constrained", facecolor="white")
-    FigureCanvasAgg(figure)
+    figure = new_figure(13.0, 9.3, 100)
     axes = figure.subplots(2, 2)
     for axis, (column, label) in zip(axes.flat, _PANELS, strict=False):
         _draw_errors(axis, rows, column, label)
@@ -118,10 +117,3 @@ def _limits(speeds: Sequence[float], exact: Measurement) -> tuple[float, float]:
     shown = [0.0, *(speed for speed in speeds if abs(speed - exact.mean_speed) <= reach)]
     margin = 0.12 * (max(shown) - min(shown)) or 1.0
     return min(shown) - margin, max(shown) + margin
-
-
-def tidy(axes: Axes) -> None:
-    """Grid and spines of every diagram."""
-    axes.grid(color=_GRID, lw=0.8)
-    axes.set_axisbelow(True)
-    axes.spines[["top", "right"]].set_visible(False)

@@ -1,9 +1,94 @@
-"""What a work–precision study measures: one setting of one method in one scene, a line of the study's table."""
+"""What a study of accuracy measures: distances from a reference, and the row of a table that holds them."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 
-from vibro_ros.accuracy.errors import Errors
+import numpy as np
+from scipy.spatial.distance import directed_hausdorff
+
+from vibro_ros.accuracy.methods import COLUMNS, Answer
+
+_BODY, _HEIGHT = COLUMNS.index("body_position"), COLUMNS.index("body_height")
+_MASSES = [COLUMNS.index("upper_position"), COLUMNS.index("inclined_position")]
+# Contacts that a scene begins with may count as events or not [s].
+_BEGINNING = 1e-3
+
+
+@dataclass(frozen=True)
+class Errors:
+    """Distances of an answer from a reference.
+
+    Attributes
+    ----------
+    body : float
+        Largest error of the body's position along the ground [m].
+    height : float
+        Largest error of its height above it [m].
+    masses : float
+        Largest error of a mass's position along its guide [m].
+    events : float
+        Largest distance in time [s] of a contact from the nearest of its kind in the other answer, both ways, so that
+        a contact too many or too few counts too; infinite where one answer has none of a kind; NaN where the
+        method has no events at all or nothing touches.
+    speed : float
+        Error of the mean speed from t = 0 to the end [m/s].
+    """
+
+    body: float
+    height: float
+    masses: float
+    events: float
+    speed: float
+
+    @property
+    def path(self) -> float:
+        """Largest error [m] of the body's path: along the ground or above it."""
+        return float(np.maximum(self.body, self.height))
+
+    @property
+    def positions(self) -> float:
+        """Largest error of any position [m]: of the body, its height or a mass; NaN if one is no number."""
+        return float(np.maximum(self.path, self.masses))
+
+    @property
+    def finite(self) -> bool:
+        """Whether the positions are numbers at all."""
+        return math.isfinite(self.positions)
+
+    def __iter__(self):
+        return iter(astuple(self))
+
+
+def errors(answer: Answer, reference: Answer) -> Errors:
+    """Errors of `answer` at the instants that it shares with `reference`."""
+    off = np.abs(answer.samples - reference.samples)
+    ends = answer.samples[[0, -1], _BODY] - reference.samples[[0, -1], _BODY]
+    duration = reference.times[-1] - reference.times[0]
+    return Errors(float(off[:, _BODY].max()), float(off[:, _HEIGHT].max()), float(off[:, _MASSES].max()),
+                  _event_error(answer, reference), float(abs(ends[1] - ends[0]) / duration))
+
+
+def _event_error(answer: Answer, reference: Answer) -> float:
+    found, expected = _contacts(answer), _contacts(reference)
+    if len(answer.events) == 0 or not expected:
+        return math.nan
+    if found.keys() != expected.keys():
+        return math.inf
+    return max(_distance(found[kind], expected[kind]) for kind in expected)
+
+
+def _contacts(answer: Answer) -> dict[str, np.ndarray]:
+    """Instants [s] of contacts by kind, ascending; kinds without one are left out."""
+    events = answer.events[answer.events["time"] > _BEGINNING]
+    kinds = (kind for kind in np.unique(events["kind"]) if kind.endswith("_contact"))
+    return {str(kind): np.sort(events["time"][events["kind"] == kind]) for kind in kinds}
+
+
+def _distance(some: np.ndarray, others: np.ndarray) -> float:
+    """Return the Hausdorff distance of two sets of instants [s], shapes (n,) and (m,)."""
+    some, others = some[:, None], others[:, None]
+    return max(directed_hausdorff(some, others)[0], directed_hausdorff(others, some)[0])
+
 
 TRAJECTORY, NEED, AVERAGE, REFERENCE = "trajectory", "need", "mean speed", "reference"
 

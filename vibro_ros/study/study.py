@@ -50,7 +50,7 @@ def _run(words: Sequence[str]) -> int:
         study = import_module(STUDIES[options.study].module)
     except ModuleNotFoundError as error:
         raise ValueError(f"{error.name}: not installed; `make study` installs what the studies need, as does "
-                         "`pip install vibro_ros[study]`") from error
+                         '`pip install ".[study]"`') from error
     return study.main(words[1:])
 
 

@@ -1,15 +1,9 @@
 """The study of basins: known motions, the same bytes however it is interrupted or shared, nothing foreign mixed in."""
 
 import json
-import os
-import signal
-import subprocess
-import sys
-import time
 
 import numpy as np
 import pandas
-import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
@@ -75,34 +69,6 @@ def test_a_grid_gives_a_map_whose_files_tell_units_and_design(tmp_path, capsys):
         vibro_ros.load_scene("damped").parameters)
 
 
-def test_workers_and_interruptions_change_no_byte(tmp_path, monkeypatch):
-    monkeypatch.setattr("vibro_ros.study.basins.design.BLOCK_ROWS", 64)
-    words = [*GRID[:-2], "--shocks", "20"]
-    assert main([*words, "--workers", "1", "--output", str(tmp_path / "one")]) == 0
-    assert main([*words, "--workers", "2", "--output", str(tmp_path / "two")]) == 0
-    whole = bytes_of(tmp_path / "one")
-    assert bytes_of(tmp_path / "two") == whole and len(whole) == 5 + 2 + 3
-    for name in ("blocks/block_000003.parquet", "shocks_20/block_000001.parquet", "starts.parquet"):
-        (tmp_path / "two" / name).unlink()
-    (tmp_path / "two" / "blocks" / "block_000001.parquet").write_bytes(b"PAR1")
-    assert main([*words, "--workers", "1", "--output", str(tmp_path / "two")]) == 0
-    assert bytes_of(tmp_path / "two") == whole
-
-
-def test_a_signal_keeps_what_is_done(tmp_path):
-    words = [*RARE, "--starts", "20000", "--shocks", "0", "--workers", "1", "--output", str(tmp_path)]
-    command = [sys.executable, "-m", "vibro_ros.study.study", "basins", *words]
-    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-    deadline = time.monotonic() + 60.0
-    while not list(tmp_path.glob("blocks/block_*")) and time.monotonic() < deadline and process.poll() is None:
-        time.sleep(0.02)
-    process.send_signal(signal.SIGTERM)
-    out, err = process.communicate(timeout=30.0)
-    assert (process.returncode, out) == (143, "")
-    assert "of 20 blocks are kept; the same command goes on from there" in err and "Traceback" not in err
-    assert pq.read_table(tmp_path / "blocks" / "block_000000.parquet").num_rows == 1024
-
-
 def test_starts_that_cannot_be_are_counted_and_have_no_motion(tmp_path, capsys):
     words = ["--scene", "rigid", "--set", "motor.speed=100", "--over", "upper_position=0.05:0.07:4", "--over",
              "body_velocity=0:1:2", "--workers", "1", "--output", str(tmp_path)]
@@ -158,43 +124,6 @@ def test_the_box_that_is_drawn_from_unless_said_otherwise_holds_no_impossible_st
     assert {*(one.name for one in draws.over), "body_height", "body_vertical_velocity"} >= set(free_cut(scene).names)
 
 
-@pytest.mark.parametrize(("change", "words"), [
-    (["--turns", "60"], "design.turns is 64 there, 60 here"), (["--set", "ground.friction=0.3"], "ground.friction"),
-    (["--seed", "1"], "design.starts.seed is 0 there, 1 here")])
-def test_a_folder_of_another_study_is_refused_and_stays(tmp_path, capsys, change, words):
-    small = [*RARE, "--starts", "5", "--shocks", "0", "--workers", "1", "--output", str(tmp_path)]
-    assert main(small) == 0
-    before = bytes_of(tmp_path)
-    capsys.readouterr()
-    assert main([*small, *change]) == 2
-    said = capsys.readouterr().err
-    assert words in said and said.count("\n") == 1 and bytes_of(tmp_path) == before
-
-
-def forged(path, **columns):
-    """Write a file again with other values, as somebody might who knows what the metadata must say."""
-    table = pq.read_table(path)
-    for name, values in columns.items():
-        place = table.column_names.index(name)
-        table = table.set_column(place, table.schema.field(name), pa.array(values, table.schema.field(name).type))
-    pq.write_table(table, path, compression="zstd", write_page_checksum=True)
-
-
-@pytest.mark.parametrize(("folder", "columns"), [
-    ("blocks", {"turns": [-3, 1, 1, 1, 1]}), ("blocks", {"turns": [0, 1, 1, 1, 1]}),
-    ("blocks", {"states": [[]] * 5}), ("blocks", {"error": ["so"] * 5}), ("blocks", {"crank_angle": [0.0] * 5}),
-    ("shocks_5", {"attractor": [7]}), ("shocks_5", {"size": [0.1]}), ("shocks_5", {"leads_to": [9]})])
-def test_contents_that_the_study_never_writes_are_refused(tmp_path, capsys, folder, columns):
-    small = [*RARE, "--over", "body_velocity=-2:2", "--over", "crank_angle=0:6", "--starts", "5", "--shocks", "5",
-             "--workers", "1", "--output", str(tmp_path)]
-    assert main(small) == 0
-    forged(tmp_path / folder / "block_000000.parquet", **columns)
-    capsys.readouterr()
-    assert main(small) == 2
-    said = capsys.readouterr().err
-    assert "holds what this study does not write; delete it" in said and said.count("\n") == 1
-
-
 def test_other_shocks_use_the_same_starts(tmp_path, capsys):
     small = [*RARE, "--starts", "20", "--workers", "1", "--output", str(tmp_path)]
     assert main([*small, "--shocks", "0"]) == 0
@@ -219,14 +148,6 @@ def test_a_tolerance_that_rounding_breaks_is_said_once(tmp_path, capsys):
     words = [*RARE, "--set", "upper.plate.stiffness=1e12", "--starts", "3", "--shocks", "0", "--workers", "1"]
     assert main([*words, "--output", str(tmp_path)]) == 0
     assert capsys.readouterr().err.count("solver.tolerance") == 1
-
-
-def test_links_and_pipes_in_the_place_of_a_block_are_refused(tmp_path, capsys):
-    (tmp_path / "blocks").mkdir()
-    os.mkfifo(tmp_path / "blocks" / "block_000000.parquet")
-    assert main([*RARE, "--starts", "5", "--output", str(tmp_path)]) in (1, 2)
-    said = capsys.readouterr().err
-    assert "is a named pipe" in said and said.count("\n") == 1
 
 
 @pytest.mark.parametrize(("words", "said"), [

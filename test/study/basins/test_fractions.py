@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from vibro_ros.study.basins.fractions import basin_entropy, wilson
+from vibro_ros.study.basins.attractors import basin_entropy, wilson
 
 
 @pytest.mark.parametrize(("found", "of", "low", "high"), [

@@ -2,18 +2,12 @@
 
 import json
 import math
-import os
-import shutil
-import signal
 import subprocess
 import sys
-import time
 
 import numpy as np
-import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
-from distributed import LocalCluster
 
 import vibro_ros
 from vibro_ros.study.diagram import command
@@ -92,68 +86,6 @@ def bytes_of(folder):
     return {str(file.relative_to(folder)): file.read_bytes() for file in folder.rglob("*") if file.is_file()}
 
 
-SHORT = ["--scene", "device", "--vary", "motor.speed=96:112:9", "--exponents", "20", "--cuts", "200"]
-
-
-def test_interruptions_and_the_number_of_workers_change_no_byte(tmp_path):
-    assert main([*SHORT, "--workers", "2", "--output", str(tmp_path / "whole")]) == 0
-    words = [sys.executable, "-m", "vibro_ros.study.study", "diagram", *SHORT, "--workers", "1", "--output",
-             str(tmp_path / "cut")]
-    for number, awaited in ((signal.SIGINT, "visits/block_000001.p*"), (signal.SIGKILL, "natures/block_000000.p*")):
-        process = subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-        deadline = time.monotonic() + 120.0
-        while not list((tmp_path / "cut").glob(awaited)) and time.monotonic() < deadline and process.poll() is None:
-            time.sleep(0.01)
-        process.send_signal(number)
-        _, err = process.communicate(timeout=60.0)
-        assert "Traceback" not in err
-        assert process.returncode in (128 + number, -number, 0), err
-    assert subprocess.run(words, capture_output=True, check=False).returncode == 0
-    assert bytes_of(tmp_path / "cut") == bytes_of(tmp_path / "whole")
-
-
-def test_blocks_of_another_design_are_refused_and_a_damaged_one_is_done_again(tmp_path, capsys):
-    words = [*FOLD, "--exponents", "0", "--cuts", "0", "--output", str(tmp_path)]
-    assert main(words) == 0
-    before = bytes_of(tmp_path)
-    assert main([*words, "--set", "ground.friction=0.3"]) == 2
-    assert "is of another study (design.set.ground.friction is 0.2 there, 0.3 here)" in capsys.readouterr().err
-    (tmp_path / "visits" / "block_000001.parquet").write_bytes(b"PAR1 and then nothing")
-    assert main(words) == 0
-    assert "is damaged" in capsys.readouterr().err
-    assert bytes_of(tmp_path) == before
-    stranger = tmp_path / "visits" / "mine.txt"
-    stranger.write_text("mine")
-    assert main(words) == 2
-    assert "mine.txt: is no block of this study" in capsys.readouterr().err and stranger.read_text() == "mine"
-
-
-@pytest.mark.parametrize(("kind", "name", "strange"), [
-    ("visits", "upper_velocity", [math.nan]), ("visits", "upper_velocity", ["fast"]), ("visits", "period", [99]),
-    ("visits", "visit", [77]), ("visits", "settled", [2]), ("visits", "mean_speed", [None]),
-    ("natures", "visit", [3]), ("natures", "zero_one", ["high"]), ("natures", "exponent_2", [None])])
-def test_a_strangers_rows_with_our_metadata_are_refused(fold, tmp_path, capsys, kind, name, strange):
-    folder = tmp_path / "strange"
-    shutil.copytree(fold[0], folder)
-    file = folder / kind / "block_000001.parquet"
-    table = pq.read_table(file)
-    place = table.column_names.index(name)
-    table = table.set_column(place, table.field(place).with_type(pa.array(strange).type),
-                             pa.array(strange * table.num_rows))
-    pq.write_table(table, file, compression="zstd", write_page_checksum=True)
-    before = bytes_of(folder)
-    assert main([*FOLD, "--output", str(folder)]) == 2
-    assert "block_000001.parquet: holds what this study does not write; delete it" in capsys.readouterr().err
-    assert bytes_of(folder) == before
-
-
-def test_a_cluster_finds_the_same_bytes(fold, tmp_path):
-    with LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address=None) as cluster:
-        words = [*FOLD[:-2], "--scheduler", cluster.scheduler_address, "--output", str(tmp_path)]
-        assert main(words) == 0
-    assert bytes_of(tmp_path) == bytes_of(fold[0])
-
-
 def test_a_motion_that_never_settles_says_so(tmp_path, capsys):
     words = ["--scene", "unilateral", "--vary", "motor.speed=90,100", "--most-turns", "64", "--exponents", "20",
              "--cuts", "0", "--output", str(tmp_path)]
@@ -164,7 +96,7 @@ def test_a_motion_that_never_settles_says_so(tmp_path, capsys):
 
 
 @pytest.mark.parametrize("without", [["--exponents", "0", "--cuts", "200"], ["--exponents", "20", "--cuts", "0"]])
-def test_what_was_not_measured_is_no_stranger_s_when_the_command_goes_on(tmp_path, without):
+def test_a_block_with_values_that_were_not_measured_is_read_again(tmp_path, without):
     """NaN differs from itself, and a row that holds one is still our own."""
     words = ["--scene", "unilateral", "--vary", "motor.speed=90,100", "--most-turns", "64", *without, "--workers", "1",
              "--output", str(tmp_path)]
@@ -205,13 +137,3 @@ def test_bad_input_is_refused_in_one_line_and_writes_nothing(tmp_path, capsys, w
     err = capsys.readouterr().err
     assert reason in err and err.count("\n") == 1
     assert not (tmp_path / "none").exists()
-
-
-def test_another_study_in_the_folder_is_waited_for_and_refused(tmp_path, capsys, monkeypatch):
-    from vibro_ros.study import locked_folder
-
-    monkeypatch.setattr(locked_folder, "_PATIENCE", 0.1)
-    with locked_folder.locked(tmp_path):
-        assert main([*FOLD, "--output", str(tmp_path)]) == 2
-    assert "another study writes here" in capsys.readouterr().err
-    assert os.listdir(tmp_path) == []

@@ -1,16 +1,13 @@
 """A map: motions that are known from elsewhere, where they coexist and end, resumed to the same bytes."""
 
 import json
-import os
 import pickle
-import shutil
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pandas
-import pyarrow as pa
-import pyarrow.parquet as pq
 import pytest
 from known_map import known_map
 
@@ -21,10 +18,10 @@ from vibro_ros.study.map import proof
 from vibro_ros.study.map.command import main
 from vibro_ros.study.map.design import GAP, SPEED, Line, MapDesign
 from vibro_ros.study.map.motions import LEAST_CELLS, motions
-from vibro_ros.study.map.record import LineWork
-from vibro_ros.study.map.visit import UNSETTLED, Visit, visits
+from vibro_ros.study.map.record import visits_of_piece
+from vibro_ros.study.map.visits import UNSETTLED, Visit, visits
 from vibro_ros.study.measures import measure
-from vibro_ros.study.running.pieces import Piece
+from vibro_ros.study.running.runner import Piece
 
 SIDES = ("upper", "inclined")
 FOLD, BACK = 107.959911, 104.85265
@@ -95,7 +92,7 @@ def test_a_sweep_goes_on_from_cell_to_cell():
 
 def test_other_machines_get_the_work_as_it_is():
     design = MapDesign(vibro_ros.load_scene("device"), SIDES, Axis(110.0, 120.0, 2), Axis(0.003, 0.004, 2))
-    work = pickle.loads(pickle.dumps(LineWork(design)))
+    work = pickle.loads(pickle.dumps(partial(visits_of_piece, design)))
     found = work(Piece({"line": 3}, (None, None)))
     assert found == visits(design, design.lines()[3]) and len(found) == 2
 
@@ -195,33 +192,6 @@ def test_bad_input_is_one_line(tmp_path, capsys, words, reason):
     assert not (tmp_path / "map").exists()
 
 
-def test_the_lines_of_another_map_are_refused_and_left_alone(tmp_path, capsys):
-    assert main([*TINY, "--output", str(tmp_path)]) == 0
-    files = {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()}
-    assert main([*TINY, "--set", "mass.body=1.25", "--output", str(tmp_path)]) == 2
-    assert "is of another study (design.parameters.mass.body is 1.0 there, 1.25 here)" in capsys.readouterr().err
-    assert {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()} == files
-
-
-@pytest.mark.parametrize("folder", ["lines", "ends"])
-@pytest.mark.parametrize("spoil", [lambda table: table.slice(0, 0), lambda table: table.drop_columns(["turns"]),
-                                   lambda table: pa.concat_tables([table, table])])
-def test_a_stranger_s_rows_under_our_metadata_are_refused(folded, tmp_path, capsys, folder, spoil):
-    shutil.copytree(folded, tmp_path / "map")
-    block = tmp_path / "map" / folder / "block_000000.parquet"
-    pq.write_table(spoil(pq.read_table(block)), block, compression="zstd", write_page_checksum=True)
-    assert main([*FOLDED, "--output", str(tmp_path / "map")]) == 2
-    said = capsys.readouterr().err.strip().splitlines()
-    assert said[-1] == f"study: {block}: holds what this study does not write; delete it"
-
-
-def test_a_folder_of_strangers_is_refused(tmp_path, capsys):
-    (tmp_path / "lines").mkdir()
-    os.symlink("/dev/zero", tmp_path / "lines" / "block_000000.parquet")
-    assert main([*TINY, "--output", str(tmp_path)]) in (1, 2)
-    assert capsys.readouterr().err.count("\n") == 1
-
-
 def test_the_shipped_map_is_what_the_device_does():
     """Some cells of the file that ships, simulated anew by another measure and from another start."""
     path = Path(__file__).resolve().parents[3] / "config" / "maps" / "device.json"
@@ -234,16 +204,3 @@ def test_the_shipped_map_is_what_the_device_does():
                       ("mean_speed",), 10.0, 10.0, start=18)["mean_speed"]
         assert got == pytest.approx(asked, rel=0.1), chosen
     assert json.loads(path.read_text())["made_by"].startswith("vibro_ros ")
-
-
-def test_an_interruption_keeps_what_is_done_and_says_so(tmp_path, capsys, monkeypatch):
-    def interrupted(*_):
-        raise KeyboardInterrupt
-
-    with monkeypatch.context() as context:
-        context.setattr("vibro_ros.study.map.command.proved", interrupted)
-        assert main([*TINY, "--curves", "0", "--output", str(tmp_path)]) != 0
-    assert capsys.readouterr().err.endswith("study: interrupted; 12 of 12 blocks are kept; the same command goes on "
-                                            "from there\n")
-    assert not (tmp_path / "device.json").exists()
-    assert main([*TINY, "--curves", "0", "--output", str(tmp_path)]) == 0

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from vibro_ros.configuration.scene_file import load_scene
-from vibro_ros.study.optimise.objective import (
+from vibro_ros.study.optimise.plan import (
     FAILED,
     Reading,
     check_reaction,

@@ -5,7 +5,7 @@ import os
 import numpy as np
 import pytest
 
-from vibro_ros.study.optimise.record import Record
+from vibro_ros.study.optimise.search import Record
 
 SEARCH = {"seed": 3, "scene": {"guide.angle": 0.1}}
 POINTS = np.array([[0.1, 0.2], [0.3, 1.0 / 3.0]])

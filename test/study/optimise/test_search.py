@@ -11,11 +11,8 @@ import numpy as np
 import pytest
 
 from vibro_ros.study.optimise import search as module
-from vibro_ros.study.optimise.evaluation import Trials
-from vibro_ros.study.optimise.front import by_weights, non_dominated
-from vibro_ros.study.optimise.plan import FRONT
-from vibro_ros.study.optimise.record import Record
-from vibro_ros.study.optimise.search import METHODS, Evaluations, SpentError, search
+from vibro_ros.study.optimise.plan import FRONT, Trials
+from vibro_ros.study.optimise.search import METHODS, Evaluations, Record, SpentError, by_weights, non_dominated, search
 
 PATIENCE = 120.0  # [s] deadline of what takes a few seconds on an idle machine
 BEST = np.array([0.2, 0.9, 0.6])

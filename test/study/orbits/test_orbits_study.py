@@ -9,16 +9,13 @@ import time
 
 import numpy as np
 import pandas
-import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
-from distributed import LocalCluster
 
 import vibro_ros
 from vibro_ros.orbits.branch import Branch, Special
-from vibro_ros.study.locked_folder import locked
-from vibro_ros.study.orbits.branch_files import BranchFiles, branch_of
 from vibro_ros.study.orbits.command import main, parser, plan_of
+from vibro_ros.study.orbits.run import BranchFiles, branch_of
 
 SHORT = ["--scene", "damped", "--vary", "motor.speed=99.5:101", "--from", "100", "--starts", "1", "--turns", "2"]
 
@@ -76,41 +73,12 @@ def test_the_same_command_goes_on_where_it_was(short, tmp_path, capsys):
     assert bytes_of(tmp_path) == bytes_of(short)
 
 
-def test_a_cluster_writes_the_bytes_of_one_machine(short, tmp_path):
-    with LocalCluster(n_workers=1, threads_per_worker=1, processes=True, dashboard_address=None) as cluster:
-        assert main([*SHORT, "--scheduler", cluster.scheduler_address, "--output", str(tmp_path)]) == 0
-    assert bytes_of(tmp_path) == bytes_of(short)
-
-
-@pytest.mark.parametrize("spoil", [
-    lambda table: table.slice(0, 0), lambda table: table.drop_columns(["end"]),
-    lambda table: table.set_column(table.column_names.index("turns"), table.schema.field("turns"),
-                                   pa.array([None] * len(table), pa.int64())),
-    lambda table: table.set_column(table.column_names.index("state"), table.schema.field("state"),
-                                   pa.array([[1.0]] * len(table), table.schema.field("state").type)),
-])
-def test_a_stranger_s_rows_under_our_metadata_are_refused(short, tmp_path, capsys, spoil):
-    (tmp_path / "branches").mkdir()
-    block = tmp_path / "branches" / "block_000000.parquet"
-    table = spoil(pq.read_table(short / "branches" / block.name))
-    pq.write_table(table, block, compression="zstd", write_page_checksum=True)
-    assert main([*SHORT, "--workers", "1", "--output", str(tmp_path)]) == 2
-    said = capsys.readouterr().err.strip().splitlines()
-    assert said[-1].endswith("block_000000.parquet: holds what this study does not write; delete it")
-
-
 def test_branches_of_another_study_are_refused(short, capsys):
     before = bytes_of(short)
     assert main([*SHORT, "--set", "ground.friction=0.3", "--output", str(short)]) == 2
     said = capsys.readouterr().err
     assert "is of another study (design.set.ground.friction is 0.2 there, 0.3 here); give another --output" in said
     assert len(said.strip().splitlines()) == 1 and bytes_of(short) == before
-
-
-def test_two_studies_do_not_share_a_folder(short, capsys):
-    with locked(short / "branches"):
-        assert main([*SHORT, "--output", str(short)]) == 2
-    assert "another study writes here" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(("words", "message"), [

@@ -111,7 +111,7 @@ def test_a_sweep_begun_here_goes_on_there(started, address, tmp_path, monkeypatc
 
 def test_workers_that_compute_otherwise_are_refused(started, address, tmp_path, monkeypatch, capsys):
     add_worker(started, address)
-    monkeypatch.setattr(cluster, "computes_with", lambda study: {"processor": "another"})
+    monkeypatch.setattr(cluster, "computes_with", lambda: {"processor": "another"})
     assert main([*WORDS, "--duration", "1", "--scheduler", address, "--output", str(tmp_path)]) == 1
     said = capsys.readouterr().err
     assert "a worker of the cluster has another processor" in said and "bits may differ" in said

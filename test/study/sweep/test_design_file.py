@@ -4,7 +4,7 @@ import argparse
 
 import pytest
 
-from vibro_ros.study.sweep.design_file import design_of, given_in_words, read_sweep, shipped_sweeps, sweep_path
+from vibro_ros.study.sweep.design import design_of, given_in_words, read_sweep, shipped_sweeps, sweep_path
 
 WORDS = {"scene": None, "set": [], "vary": [], "sample": None, "measure": None, "starts": None, "settling": None,
          "duration": None}

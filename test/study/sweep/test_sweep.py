@@ -13,14 +13,15 @@ import time
 import numpy as np
 import pandas
 import polars
+import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
 import vibro_ros
-from vibro_ros.study.locked_folder import locked
+from vibro_ros.study.command import locked
 from vibro_ros.study.measures import MEASURES, measure
-from vibro_ros.study.running import local, parquet_blocks
-from vibro_ros.study.running.pieces import Piece
+from vibro_ros.study.running import blocks
+from vibro_ros.study.running.runner import Piece, on_this_machine
 from vibro_ros.study.sweep.command import main
 
 # 24 points of 3 starts, in blocks of a second of work when the time of a block is shortened.
@@ -87,7 +88,7 @@ def test_a_signal_ends_the_program_and_it_goes_on(tmp_path):
     process.send_signal(signal.SIGINT)
     out, err = process.communicate(timeout=30.0)
     assert (process.returncode, out) == (130, "")
-    assert "blocks are kept; the same command goes on from there" in err and "Traceback" not in err
+    assert "finished work is kept, and the same command goes on from there" in err and "Traceback" not in err
     assert pq.read_table(tmp_path / "blocks" / "block_000000.parquet").num_rows > 0
 
 
@@ -178,7 +179,7 @@ def test_a_folder_of_another_design_is_refused_and_stays(tmp_path, capsys, chang
 
 def test_a_folder_of_another_version_is_refused(tmp_path, capsys, monkeypatch):
     assert main([*SHORT, "--output", str(tmp_path)]) == 0
-    monkeypatch.setattr(parquet_blocks, "sources", lambda study: {"version": "0.0.1", "sources": "0"})
+    monkeypatch.setattr(blocks, "fingerprint", lambda: {"version": "0.0.1", "sources": "0"})
     assert main([*SHORT, "--output", str(tmp_path)]) == 2
     assert "version is" in capsys.readouterr().err
 
@@ -201,23 +202,44 @@ def test_a_block_that_is_no_file_is_refused(tmp_path, capsys, kind):
 
 
 def test_two_studies_in_one_folder_are_refused(tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr("vibro_ros.study.locked_folder._PATIENCE", 0.1)
+    monkeypatch.setattr("vibro_ros.study.command._PATIENCE", 0.1)
     with locked(tmp_path / "blocks"):
         assert main([*SHORT, "--output", str(tmp_path)]) == 2
     assert "another study writes here" in capsys.readouterr().err
 
 
-def test_any_damaged_byte_is_noticed_and_the_block_run_again(tmp_path, capsys):
+def test_a_damaged_file_is_computed_again_or_has_its_values(tmp_path, capsys):
+    """A byte that no value depends on may change unseen."""
     assert main([*SHORT, "--output", str(tmp_path)]) == 0
     path, draw = tmp_path / "blocks" / "block_000000.parquet", random.Random(3)
-    whole = path.read_bytes()
-    for place in [0, len(whole) - 1, *(draw.randrange(len(whole)) for _ in range(6))]:
+    whole, table = path.read_bytes(), pq.read_table(path)
+    design = json.loads(table.schema.metadata[b"vibro_ros"])["design"]
+    files = blocks.ParquetBlocks.__new__(type("Files", (blocks.ParquetBlocks,), {"columns": None}))
+    blocks.ParquetBlocks.__init__(files, path.parent, design, 1)
+    damaged = 0
+    for place in [0, len(whole) - 1, *(draw.randrange(len(whole)) for _ in range(600))]:
         path.write_bytes(whole[:place] + bytes([whole[place] ^ 1 << draw.randrange(8)]) + whole[place + 1:])
-        assert main([*SHORT, "--output", str(tmp_path)]) == 0
-        assert path.read_bytes() == whole and "is damaged" in capsys.readouterr().err
-    for data in (b"", whole[:100], whole[:-1], whole * 2):
+        found = files.read(0)
+        damaged += found is None
+        assert found is None or found.equals(table, check_metadata=True)
+    assert damaged > 400
+    capsys.readouterr()
+    for data in (b"", whole[:100], whole[:-1]):
         path.write_bytes(data)
         assert main([*SHORT, "--output", str(tmp_path)]) == 0 and path.read_bytes() == whole
+        assert "is damaged; it is computed again" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("forge", [
+    lambda table: table.slice(0, 2), lambda table: table.drop_columns(["error"]),
+    lambda table: table.set_column(3, table.field(3), pa.array([0.1] * len(table)))])
+def test_rows_that_somebody_else_has_written_are_computed_again(tmp_path, capsys, forge):
+    assert main([*SHORT, "--output", str(tmp_path)]) == 0
+    path = tmp_path / "blocks" / "block_000000.parquet"
+    whole = path.read_bytes()
+    pq.write_table(forge(pq.read_table(path)), path, compression="zstd", write_page_checksum=True)
+    assert main([*SHORT, "--output", str(tmp_path)]) == 0 and path.read_bytes() == whole
+    assert "is damaged; it is computed again" in capsys.readouterr().err
 
 
 def test_what_an_interrupted_write_left_is_cleared(tmp_path):
@@ -228,17 +250,17 @@ def test_what_an_interrupted_write_left_is_cleared(tmp_path):
 
 
 def test_a_full_disk_keeps_what_is_done_and_says_so(tmp_path, small_blocks, monkeypatch, capsys):
-    words, real = [*LONG, "--output", str(tmp_path)], parquet_blocks.replace_file
+    words, real = [*LONG, "--output", str(tmp_path)], blocks.replace_file
 
     def full_after_two(path, data):
         if path.name.startswith("block_000002"):
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(path))
         real(path, data)
 
-    monkeypatch.setattr(parquet_blocks, "replace_file", full_after_two)
+    monkeypatch.setattr(blocks, "replace_file", full_after_two)
     assert main(words) == 1
     said = capsys.readouterr().err
-    assert "No space left on device; free some room. 2 of 18 blocks are kept" in said and said.count("\n") == 1
+    assert "No space left on device; free some room. The blocks before it are kept" in said and said.count("\n") == 1
     assert len(list((tmp_path / "blocks").iterdir())) == 2
 
 
@@ -262,8 +284,6 @@ def test_nowhere_to_write_is_refused(tmp_path, capsys):
 class KillingWork:
     """Work that kills its process at one of its pieces, as often as asked."""
 
-    study, run_time = "sweep", 64.0
-
     def __init__(self, at, folder, times):
         self._at, self._folder, self._times = at, folder, times
 
@@ -274,14 +294,18 @@ class KillingWork:
         return [piece.changes["k"]]
 
 
+def killing(at, folder, times, count):
+    """Results of `count` pieces of `KillingWork`, on two processes."""
+    return on_this_machine(2)(KillingWork(at, folder, times), 64.0, (), (Piece({"k": k}, (0,)) for k in range(count)))
+
+
 def test_a_killed_worker_is_replaced(tmp_path):
-    items = iter([Piece({"k": k}, (0,)) for k in range(20)])
-    assert list(local.in_local_processes(KillingWork(3, tmp_path, 2), items, 2)) == [[k] for k in range(20)]
+    assert list(killing(3, tmp_path, 2, 20)) == [[k] for k in range(20)]
     assert len(list(tmp_path.iterdir())) == 2
 
 
-def test_a_worker_that_dies_again_and_again_is_told(tmp_path):
-    found = local.in_local_processes(KillingWork(1, tmp_path, 9), iter([Piece({"k": k}, (0,)) for k in range(4)]), 2)
+def test_a_worker_that_dies_again_and_again_is_an_error(tmp_path):
+    found = killing(1, tmp_path, 9, 4)
     assert next(found) == [0]
     with pytest.raises(RuntimeError, match="3 processes ended at or after k = 1"):
         next(found)

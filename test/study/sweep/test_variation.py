@@ -8,7 +8,7 @@ from scipy.stats import qmc
 
 import vibro_ros
 from vibro_ros.study.sweep.design import Design
-from vibro_ros.study.sweep.variation import Axis, Range, sampling, sampling_in_words, varied, varied_in_words
+from vibro_ros.study.variation import Axis, Range, sampling, sampling_in_words, varied, varied_in_words
 
 
 def design(varied_ones, sampled=None, starts=2, **changes):

@@ -1,15 +1,22 @@
-"""The result of a study of basins as tables: where each start leads, and what the motions are."""
+"""The result of a study of basins: tables, sentences and a picture."""
 
-import io
+import math
 from collections.abc import Iterable
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.parquet as pq
+from matplotlib.axes import Axes
+from matplotlib.colors import BoundaryNorm, ListedColormap
+from matplotlib.patches import Patch
 
-from vibro_ros.study.basins.attractors import Found
-from vibro_ros.study.basins.blocks import NUMBERS
-from vibro_ros.study.running.parquet_blocks import Column, field
+from vibro_ros.accuracy.figures import new_figure, png, tidy
+from vibro_ros.orbits.recurrence import LONGEST_PERIOD
+from vibro_ros.orbits.turn_map import coordinates
+from vibro_ros.simulation.given_state import UNITS
+from vibro_ros.study.basins.attractors import MOST_MOTIONS, NOWHERE, UNSETTLED, UNTOLD, Attractor, BasinEntropy, Found
+from vibro_ros.study.basins.rows import NUMBERS
+from vibro_ros.study.basins.starts import Design, Over, Plane
+from vibro_ros.study.running.blocks import Column, file_of, table_of
 
 
 def starts_table(table: pa.Table, found: Found) -> bytes:
@@ -18,7 +25,7 @@ def starts_table(table: pa.Table, found: Found) -> bytes:
     columns.insert(-4, Column("attractor", pa.array(found.numbers, pa.int64()), "1", "number of the motion that the "
                               "start leads to; 0: nothing had settled; -1: it cannot start, or not go on; -2: another "
                               "motion than those that are told apart"))
-    return _file(columns)
+    return file_of(table_of(columns))
 
 
 def attractors_table(found: Found, upsets: list[pa.Table]) -> bytes:
@@ -45,7 +52,7 @@ def attractors_table(found: Found, upsets: list[pa.Table]) -> bytes:
     shocks = pa.concat_tables([one.replace_schema_metadata() for one in upsets]) if upsets else None
     if shocks is not None:
         columns += [column(shocks, name)._replace(name=f"shock_{name}") for name in shocks.column_names[1:]]
-    return _file(columns)
+    return file_of(table_of(columns))
 
 
 def column(table: pa.Table, name: str) -> Column:
@@ -58,8 +65,156 @@ def _column(name: str, values: Iterable, kind: pa.DataType, unit: str, meaning: 
     return Column(name, pa.array(list(values), kind), unit, meaning)
 
 
-def _file(columns: list[Column]) -> bytes:
-    sink = io.BytesIO()
-    schema = pa.schema([field(one) for one in columns])
-    pq.write_table(pa.Table.from_arrays([one.values for one in columns], schema=schema), sink, compression="zstd")
-    return sink.getvalue()
+
+_TOLD = 12  # motions
+_PART = 0.05  # of the largest part of a shock: smaller parts are not told
+
+
+def in_words(design: Design, table: pa.Table, found: Found, entropy: BasinEntropy | None,
+             upsets: list[pa.Table]) -> list[str]:
+    """What was found, a line each."""
+    over = ", ".join(f"{one.name} {one.low:g} to {one.high:g} {one.unit}" for one in design.starts.over)
+    watched = float(np.mean(table["after"].to_numpy()))
+    lines = [f"{design.starts.count} starts over {over}; watched for {watched:.1f} turns on average, cut at "
+             f"{design.phase:.4f} rad"]
+    for number, attractor in enumerate(found.attractors[:_TOLD], 1):
+        lines.append(f"motion {number}: {motion_in_words(attractor)}; {_share(attractor)}; {_stability(attractor)}")
+    if len(found.attractors) > _TOLD:
+        lines.append(f"{len(found.attractors) - _TOLD} more motions; without losses every start has one of its own")
+    for row in (row for one in upsets[:_TOLD] for row in one.to_pylist()):
+        lines.append(f"motion {row['attractor']}: {_upset(design, row)}")
+    if entropy:
+        lines.append(entropy_in_words(entropy))
+    return lines + _left_over(design, table, found)
+
+
+def motion_in_words(attractor: Attractor) -> str:
+    """Mean speed and period."""
+    turns = attractor.motion.turns
+    again = f"again after {turns} turn{'s' * (turns > 1)}" if turns else f"not again within {LONGEST_PERIOD} turns"
+    return f"{attractor.motion.mean_speed * 1e3:.4g} mm/s, {again}"
+
+
+def entropy_in_words(entropy: BasinEntropy) -> str:
+    """The basin entropies and what they say about the boundary."""
+    if not entropy.mixed:
+        return f"basin entropy 0: each of {entropy.boxes} boxes has one motion"
+    says = "so the boundary is fractal" if entropy.fractal else (
+        f"not above log 2 = {math.log(2.0):.3f}, which leaves open whether the boundary is fractal")
+    return (f"basin entropy {entropy.entropy:.4f}, of the {entropy.mixed} of {entropy.boxes} boxes with more than one "
+            f"motion {entropy.boundary:.4f}, {says}")
+
+
+def _share(attractor: Attractor) -> str:
+    share = attractor.fraction
+    return (f"{attractor.count} start{'s' * (attractor.count > 1)}, {100.0 * share.share:.2f} % (95 % interval "
+            f"{100.0 * share.low:.2f} to {100.0 * share.high:.2f} %)")
+
+
+def _stability(attractor: Attractor) -> str:
+    if not attractor.motion.turns:
+        return f"largest Lyapunov exponent {attractor.lyapunov:.3g} 1/s"
+    if not len(attractor.multipliers):
+        return "no orbit closes by Newton's method"
+    return f"largest Floquet multiplier {abs(attractor.multipliers[0]):.4f}"
+
+
+def _upset(design: Design, row: dict) -> str:
+    names = coordinates(design.scene)
+    if row["size"] is None:
+        return "no shock was found that changes it"
+    parts = np.array([row[f"change.{name}"] for name in names])
+    scale = np.array([design.scene["crank.radius"] * (design.scene["motor.speed"] if UNITS[name] == "m/s" else 1.0)
+                      for name in names])
+    told = np.abs(parts / scale) >= _PART * np.abs(parts / scale).max()
+    change = ", ".join(f"{name} {part:+.3g} {UNITS[name]}" for name, part, tell in zip(names, parts, told, strict=True)
+                       if tell)
+    alone = ", ".join(f"{name} {row[f'alone.{name}']:+.3g} {UNITS[name]}" for name in names
+                      if row[f"alone.{name}"] is not None)
+    after = f"motion {row['leads_to']}" if row["leads_to"] != UNTOLD else "another motion"
+    return (f"smallest shock found {row['size']:.3g}: at {row['crank_angle']:.3f} rad {change}, to {after}; "
+            f"one coordinate alone: {alone}")
+
+
+def _left_over(design: Design, table: pa.Table, found: Found) -> list[str]:
+    lines = []
+    for number, what in ((UNSETTLED, f"starts had not settled within {design.most_turns} turns"),
+                         (UNTOLD, f"starts have other motions than the first {MOST_MOTIONS}"),
+                         (NOWHERE, "starts cannot be, or could not go on")):
+        if count := int(np.sum(found.numbers == number)):
+            reason = next(text for text in table["error"].to_pylist() if text) if number == NOWHERE else ""
+            lines.append(f"{count} {what}{f', such as: {reason}' if reason else ''}")
+    return lines
+
+
+# Okabe and Ito's colours, which the colour-blind can tell apart; further motions share the last one.
+_COLOURS = ("#0072b2", "#e69f00", "#009e73", "#cc79a7", "#56b4e9", "#d55e00", "#f0e442", "#000000")
+_UNSETTLED, _NOWHERE = "#a0a0a0", "#ffffff"
+
+
+def draw_basins(design: Design, table: pa.Table, found: Found) -> bytes:
+    """Draw where the starts lead; returns a PNG file."""
+    figure = new_figure(9.0, 5.0)
+    over = design.starts.over
+    if isinstance(design.starts, Plane):
+        axes = figure.subplots()
+        _draw_map(axes, over, found.numbers)
+    elif len(over) > 1:
+        shares, axes = figure.subplots(1, 2)
+        _draw_shares(shares, found)
+        _draw_dots(axes, table, over, found.numbers)
+    else:
+        axes = figure.subplots()
+        _draw_shares(axes, found)
+    figure.suptitle(f"{design.scene.name} at {design.scene['motor.speed']:g} rad/s: where {design.starts.count} starts "
+                    "lead", fontsize=11)
+    figure.legend(handles=_legend(found), loc="outside lower center", fontsize=8, frameon=False, ncols=2)
+    return png(figure)
+
+
+def _colour(number: int) -> str:
+    if number > 0:
+        return _COLOURS[min(number, len(_COLOURS)) - 1]
+    return _NOWHERE if number == NOWHERE else _UNSETTLED
+
+
+def _draw_map(axes: Axes, over: tuple[Over, ...], numbers: np.ndarray) -> None:
+    first, second = over
+    kinds = np.unique(numbers)
+    colours = ListedColormap([_colour(int(number)) for number in kinds])
+    places = np.searchsorted(kinds, numbers).reshape(first.count, second.count)
+    axes.pcolormesh(second.values, first.values, places, shading="nearest", cmap=colours,
+                    norm=BoundaryNorm(np.arange(len(kinds) + 1) - 0.5, len(kinds)), rasterized=True)
+    axes.set(xlabel=f"{second.name} [{second.unit}]", ylabel=f"{first.name} [{first.unit}]")
+
+
+def _draw_dots(axes: Axes, table: pa.Table, over: tuple[Over, ...], numbers: np.ndarray) -> None:
+    first, second = over[:2]
+    # The motions with fewer starts lie on top.
+    for number in sorted(set(numbers.tolist()) - {NOWHERE}):
+        chosen = numbers == number
+        axes.plot(table[second.name].to_numpy()[chosen], table[first.name].to_numpy()[chosen], ".", ms=3.0,
+                  color=_colour(number), alpha=0.8)
+    axes.set(xlabel=f"{second.name} [{second.unit}]", ylabel=f"{first.name} [{first.unit}]")
+    tidy(axes)
+
+
+def _draw_shares(axes: Axes, found: Found) -> None:
+    shown = found.attractors[:len(_COLOURS)]
+    places, shares = np.arange(1, len(shown) + 1), [one.fraction for one in shown]
+    spread = [[100.0 * (one.share - one.low) for one in shares], [100.0 * (one.high - one.share) for one in shares]]
+    axes.bar(places, [100.0 * one.share for one in shares], yerr=spread, capsize=4,
+             color=_COLOURS[:len(shown)])
+    axes.set(xlabel="motion", ylabel="share of the starts, with 95 % interval [%]", xticks=places)
+    tidy(axes)
+
+
+def _legend(found: Found) -> list[Patch]:
+    shown = [Patch(color=_colour(number), label=f"{number}: {motion_in_words(one)}, "
+                   f"{100.0 * one.fraction.share:.3g} % of the starts")
+             for number, one in enumerate(found.attractors[:len(_COLOURS)], 1)]
+    if np.any((found.numbers < 1) & (found.numbers != NOWHERE)):
+        shown.append(Patch(color=_UNSETTLED, label="not settled, or not told apart"))
+    if np.any(found.numbers == NOWHERE):
+        shown.append(Patch(facecolor=_NOWHERE, edgecolor="black", label="cannot start"))
+    return shown

@@ -1,8 +1,4 @@
-"""The starts of a study of basins: a grid over two coordinates, or draws from a box or a ball.
-
-Coordinates are those of the state at the cut and the crank's angle, by the names and in the units of
-`Simulator.set_state`; the others are as the scene starts.
-"""
+"""The starts of a study of basins, and all else that decides where they lead."""
 
 import math
 from dataclasses import dataclass
@@ -15,7 +11,7 @@ from vibro_ros.configuration.strict_yaml import read_scalar
 from vibro_ros.model.scene import Scene
 from vibro_ros.orbits.turn_map import TURN, coordinates
 from vibro_ros.simulation.given_state import UNITS
-from vibro_ros.study.sweep.variation import whole_number
+from vibro_ros.study.variation import whole_number
 
 ANGLE = "crank_angle"
 #: Most starts of a study.
@@ -209,3 +205,65 @@ def _number(name: str, value: object) -> float:
     if isinstance(value, bool) or not isinstance(value, (int, float)) or not abs(value) <= 1e6:
         raise ValueError(f"--over {name}: {value!r} is no number up to 1e6; give one in {UNITS[name]}")
     return float(value)
+
+
+#: Rows of a block, some seconds of work: what an interruption can lose.
+BLOCK_ROWS = 1024
+FIRST, MOST = 8, 1_000_000  # limits of turns
+
+
+@dataclass(frozen=True)
+class Design:
+    """A study of basins, checked.
+
+    Attributes
+    ----------
+    scene : Scene
+        What starts.
+    phase : float
+        Crank angle at the cut [rad].
+    starts : Starts
+        From where.
+    turns : int
+        Turns of the crank after which a start is looked at for the first time.
+    most_turns : int
+        Turns after which a start is given up.
+    shocks : int
+        Disturbances that are tried to find the smallest which changes a motion; 0 for none.
+
+    Raises
+    ------
+    ValueError
+        For numbers of turns that make no sense.
+    """
+
+    scene: Scene
+    phase: float
+    starts: Starts
+    turns: int
+    most_turns: int
+    shocks: int
+
+    def __post_init__(self) -> None:
+        if not FIRST <= self.turns <= self.most_turns <= MOST:
+            raise ValueError(f"--turns {self.turns} and --most-turns {self.most_turns}: give numbers from {FIRST} to "
+                             f"{MOST}, the smaller one first")
+
+    @property
+    def run_time(self) -> float:
+        """Robot time [s] of a start that settles at once."""
+        return self.turns * TURN / self.scene["motor.speed"]
+
+    @property
+    def blocks(self) -> int:
+        """Blocks of starts."""
+        return -(-self.starts.count // BLOCK_ROWS)
+
+    def rows_of_block(self, block: int) -> range:
+        """Numbers of the starts of a block."""
+        return range(block * BLOCK_ROWS, min((block + 1) * BLOCK_ROWS, self.starts.count))
+
+    def document(self) -> dict:
+        """All that decides where the starts lead, as JSON has it."""
+        return {"scene": self.scene.name, "set": dict(self.scene.parameters), "phase": self.phase,
+                "starts": self.starts.document(), "turns": self.turns, "most_turns": self.most_turns}

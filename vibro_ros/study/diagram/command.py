@@ -2,29 +2,30 @@
 
 import argparse
 from collections.abc import Sequence
-from pathlib import Path
-
-import pyarrow as pa
+from functools import partial
 
 from vibro_ros.model.parameters import BY_NAME
 from vibro_ros.model.scene import PREFIX, Scene
 from vibro_ros.orbits.cut import free_cut
 from vibro_ros.orbits.turn_map import TURN, coordinates
-from vibro_ros.process.front_door import Parser, exit_code, say
-from vibro_ros.process.stop_signals import interrupted_code
-from vibro_ros.process.untrusted import replace_file
+from vibro_ros.process.front_door import Parser
 from vibro_ros.simulation.preparation import prepare_kernels
-from vibro_ros.study.diagram.chain import Visit, VisitBlocks, visits, visits_in
+from vibro_ros.study.command import (
+    add_machine,
+    add_runner,
+    locked,
+    machine_of,
+    run_study,
+    runner_of,
+    study_parser,
+    write_files,
+)
 from vibro_ros.study.diagram.design import Design
-from vibro_ros.study.diagram.nature import Nature, NatureBlocks, nature_work, pieces
-from vibro_ros.study.diagram.picture import draw_diagram
-from vibro_ros.study.diagram.result import Diagram, states_table, values_table
-from vibro_ros.study.diagram.words import in_words
-from vibro_ros.study.locked_folder import locked
-from vibro_ros.study.options import add_machine, add_runner, machine_of, runner_of
-from vibro_ros.study.running.block_run import BlockRun
-from vibro_ros.study.running.runner import Runner
-from vibro_ros.study.sweep.variation import Axis, varied_in_words
+from vibro_ros.study.diagram.nature import NatureBlocks, nature_of, pieces, run_time
+from vibro_ros.study.diagram.result import Diagram, draw_diagram, in_words, states_table, values_table
+from vibro_ros.study.diagram.visits import VisitBlocks, visits, visits_in
+from vibro_ros.study.running.blocks import BlockRun
+from vibro_ros.study.variation import Axis, varied_in_words
 
 VISITS, NATURES = "visits", "natures"
 STATES, VALUES, PICTURE = "states.parquet", "values.parquet", "diagram.png"
@@ -35,60 +36,32 @@ _QUICK_EXPONENTS = 40
 
 def main(words: Sequence[str]) -> int:
     """Run the study; returns its exit code."""
-    return exit_code("study", lambda: _diagram(_parser().parse_args(words)))
+    return run_study(_diagram, _parser(), words)
 
 
 def _diagram(options: argparse.Namespace) -> int:
     runner = runner_of(options)
     axis = _axis(options)
-    scene = machine_of(options)
-    try:
-        design = _design(options, scene, axis)
-    except KeyboardInterrupt:
-        say("study", "interrupted before the first value")
-        return interrupted_code()
+    design = _design(options, machine_of(options), axis)
     with locked(options.output):
         for name in (VISITS, NATURES):
             (options.output / name).mkdir(exist_ok=True)
-        run = _run_of("values", VisitBlocks(options.output / VISITS, design), design)
-        try:
-            run.find_done()
-            run.do_missing(lambda missing: visits(design, missing, run.tables))
-            seen = tuple(one for block in range(design.blocks) for one in visits_in(design, run.tables[block]))
-        except KeyboardInterrupt:
-            say("study", f"interrupted on the way through the values; {run.in_words}")
-            return interrupted_code()
-        measuring = _run_of("motions measured", NatureBlocks(options.output / NATURES, design), design)
-        try:
-            natures = _natures(design, seen, measuring, runner)
-        except KeyboardInterrupt:
-            say("study", f"interrupted while motions were measured; {measuring.in_words}")
-            return interrupted_code()
+        rows = [len(design.visits_of_block(block)) for block in range(design.blocks)]
+        run = BlockRun("values", VisitBlocks(options.output / VISITS, design), rows)
+        run.do(lambda missing: visits(design, missing, run.tables))
+        seen = tuple(one for block in range(design.blocks) for one in visits_in(design, run.tables[block]))
+        natures = None
+        if design.exponents or design.cuts:
+            measuring = BlockRun("motions measured", NatureBlocks(options.output / NATURES, design), rows)
+            work = partial(nature_of, design, tuple(one.motion.turns for one in seen))
+            measuring.do(lambda missing: runner(work, run_time(design), (design.scene["solver.method"],),
+                                                pieces(design, seen, missing)))
+            natures = measuring.whole
         found = Diagram(design, seen, natures)
-        _write(found, [run.tables[block] for block in range(design.blocks)], options.output)
+        write_files(options.output, {STATES: states_table(design, run.whole), VALUES: values_table(found),
+                                     PICTURE: draw_diagram(found)})
     print("\n".join(in_words(found)))
     return 0
-
-
-def _run_of(what: str, blocks, design: Design) -> BlockRun:
-    return BlockRun(what, blocks, [len(design.visits_of_block(block)) for block in range(design.blocks)])
-
-
-def _natures(design: Design, seen: tuple[Visit, ...], run: BlockRun[Nature], runner: Runner) -> pa.Table | None:
-    """What is measured of each visit; None where nothing is asked for."""
-    if not (design.exponents or design.cuts):
-        return None
-    run.find_done()
-    work, methods = nature_work(design, seen), (design.scene["solver.method"],)
-    run.do_missing(lambda missing: runner(work, methods, pieces(design, seen, missing)))
-    return pa.concat_tables([run.tables[block].replace_schema_metadata() for block in range(design.blocks)])
-
-
-def _write(found: Diagram, blocks: Sequence[pa.Table], folder: Path) -> None:
-    replace_file(folder / STATES, states_table(found.design, blocks))
-    replace_file(folder / VALUES, values_table(found))
-    replace_file(folder / PICTURE, draw_diagram(found))
-    print("\n".join(map(str, (folder / STATES, folder / VALUES, folder / PICTURE))))
 
 
 def _axis(options: argparse.Namespace) -> Axis:
@@ -126,13 +99,10 @@ def _design(options: argparse.Namespace, scene: Scene, axis: Axis) -> Design:
 
 
 def _parser() -> Parser:
-    parser = Parser(
-        prog="study diagram",
-        description="Sweep a parameter up and down, each value beginning where the one before has ended; show the "
+    parser = study_parser(
+        "diagram", "Sweep a parameter up and down, each value beginning where the one before has ended; show the "
         "states once a turn, where the two ways lead to two motions, all Lyapunov exponents and the 0-1 test. Writes "
-        "two Parquet files and a picture. Ctrl-C keeps what is done; the same command goes on from there.",
-        epilog="Exit code 0: done; 1: a run failed, or the disk is full; 2: bad input, or nowhere to write; 129, 130, "
-        "143: stopped by SIGHUP, SIGINT, SIGTERM, finished blocks are kept.")
+        "two Parquet files and a picture.")
     add_machine(parser, _SCENE)
     parser.add_argument("--vary", metavar="NAME=VALUES", help="LOW:HIGH:COUNT, a grid; A,B,C, a list; `:log` behind a "
                         f"grid spreads it by its logarithm (default: {_VARY}:{_COUNT})")
@@ -149,6 +119,4 @@ def _parser() -> Parser:
     parser.add_argument("--quick", action="store_true", help=f"{_QUICK_COUNT} values and {_QUICK_EXPONENTS} turns, "
                         "where these are not given")
     add_runner(parser)
-    parser.add_argument("--output", type=Path, default=Path("out/study/diagram"), metavar="DIR",
-                        help="where to write (default: out/study/diagram)")
     return parser

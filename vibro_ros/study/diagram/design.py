@@ -11,7 +11,7 @@ from vibro_ros.orbits.lyapunov_spectrum import MOST_TURNS as MOST_MEASURED
 from vibro_ros.orbits.recurrence import FIRST_TURNS
 from vibro_ros.orbits.turn_map import TurnMap, coordinates
 from vibro_ros.orbits.zero_one import LEAST as LEAST_CUTS
-from vibro_ros.study.sweep.variation import Axis, whole_number
+from vibro_ros.study.variation import Axis, whole_number
 
 UP, DOWN = "up", "down"
 #: Most turns that a motion may be given to settle.

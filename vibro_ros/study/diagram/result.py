@@ -1,20 +1,22 @@
 """What a diagram has found: a row a visit, ranges of one kind of motion, and regions of hysteresis."""
 
-import io
 import itertools
 import json
+import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.parquet as pq
+from matplotlib.axes import Axes
 
-from vibro_ros.study.diagram.chain import Visit
+from vibro_ros.accuracy.figures import new_figure, png, tidy, with_unit
+from vibro_ros.model.parameters import BY_NAME
+from vibro_ros.simulation.given_state import UNITS
 from vibro_ros.study.diagram.design import DOWN, UP, Design
-from vibro_ros.study.running.origin import sources
-from vibro_ros.study.running.parquet_blocks import KEY
+from vibro_ros.study.diagram.visits import Visit
+from vibro_ros.study.running.blocks import KEY, file_of, fingerprint
 
 
 class Range(NamedTuple):
@@ -113,9 +115,9 @@ def kind(visit: Visit) -> str:
     return "not periodic" if not turns else "every turn" if turns == 1 else f"every {turns} turns"
 
 
-def states_table(design: Design, blocks: Sequence[pa.Table]) -> bytes:
+def states_table(design: Design, table: pa.Table) -> bytes:
     """All states, as one Parquet file."""
-    return _file(pa.concat_tables([block.replace_schema_metadata() for block in blocks]), design)
+    return _file(table, design)
 
 
 def values_table(found: Diagram) -> bytes:
@@ -137,10 +139,8 @@ def values_table(found: Diagram) -> bytes:
 
 
 def _file(table: pa.Table, design: Design) -> bytes:
-    about = json.dumps({**sources("diagram"), "design": design.document()}, ensure_ascii=False).encode()
-    sink = io.BytesIO()
-    pq.write_table(table.replace_schema_metadata({KEY: about}), sink, compression="zstd", write_page_checksum=True)
-    return sink.getvalue()
+    about = json.dumps({**fingerprint(), "design": design.document()}, ensure_ascii=False).encode()
+    return file_of(table.replace_schema_metadata({KEY: about}))
 
 
 def _runs(places: Sequence[int], key: Callable[[int], object]) -> Iterator[tuple[object, list[int]]]:
@@ -153,3 +153,139 @@ def extent(values: Sequence[float]) -> tuple[float, float]:
     """Least and largest of some values, of which none need be finite: NaN then."""
     finite = [value for value in values if np.isfinite(value)]
     return (min(finite), max(finite)) if finite else (float("nan"), float("nan"))
+
+
+_MOST_RANGES = 40  # of a table that is read; the files hold all
+
+
+def in_words(found: Diagram) -> Iterator[str]:
+    """Lines: a table of ranges, then the regions of hysteresis."""
+    design, name = found.design, found.design.axis.name
+    unit = BY_NAME[name].unit
+    head = f"{name} [{unit}]" if unit else name
+    yield f"{'':5} {head:>24}  {'repeats itself':16} {'mean speed [mm/s]':>18} {'largest exponent [1/s]':>23} {'K':>13}"
+    ranges = found.ranges()
+    for one in ranges[:_MOST_RANGES]:
+        exponents = [found.nature("exponent_1", visit) for visit in one.visits]
+        speeds = [1e3 * found.visits[visit].motion.mean_speed for visit in one.visits]
+        chaos = [found.nature("zero_one", visit) for visit in one.visits]
+        yield (f"{one.direction:5} {_between((one.low, one.high), '.6g'):>24}  {kind(found.visits[one.visits[0]]):16} "
+               f"{_between(extent(speeds), '.2f'):>18} {_between(extent(exponents), '.2f'):>23} "
+               f"{_between(extent(chaos), '.2f'):>13}").rstrip()
+    if len(ranges) > _MOST_RANGES:
+        yield f"and {len(ranges) - _MOST_RANGES} ranges more; the files hold all"
+    regions = found.hysteresis()
+    for region in regions:
+        yield _of_region(found, region)
+    if not regions:
+        yield f"hysteresis: none at the {len(design.axis.values)} values; both ways lead to the same motions"
+    unsettled = sum(not one.settled for one in found.visits)
+    if unsettled:
+        yield (f"not settled: {unsettled} of {design.visits} visits within {design.most_turns} turns, of which nothing "
+               "is said about hysteresis; give more --most-turns, or dampers")
+
+
+def _of_region(found: Diagram, region: Region) -> str:
+    unit = BY_NAME[found.design.axis.name].unit
+    ways = []
+    for direction in (UP, DOWN):
+        visits = [found.of(direction)[place] for place in region.places]
+        kinds = ", ".join(dict.fromkeys(map(kind, visits)))
+        speeds = _between(extent([1e3 * one.motion.mean_speed for one in visits]), ".2f")
+        ways.append(f"{direction} {kinds} at {speeds} mm/s")
+    where = f"{_between((region.low, region.high), '.6g')}{f' {unit}' if unit else ''}"
+    return f"hysteresis: {where} ({len(region.places)} value{'s' * (len(region.places) > 1)}): {'; '.join(ways)}"
+
+
+def _between(ends: tuple[float, float], form: str) -> str:
+    low, high = (f"{end:{form}}" for end in ends)
+    if math.isnan(ends[0]):
+        return ""
+    return low if low == high else f"{low} to {high}"
+
+
+# Okabe and Ito's blue and vermilion, which the colour-blind can tell apart. Where both ways lead to one motion, the dot
+# of the way down stands within the ring of the way up.
+_COLOURS = {UP: "#0072b2", DOWN: "#d55e00"}
+_MARKS: dict[str, dict[str, Any]] = {
+    UP: {"marker": "o", "markerfacecolor": "none", "markeredgewidth": 0.8},
+    DOWN: {"marker": ".", "markeredgewidth": 0.0}}
+_SHADE = "#e4e4e4"
+_FAINT = 0.3  # of the many states of a motion that does not repeat itself
+_WIDTH, _STATES, _PANEL = 9.0, 3.8, 1.8  # in
+_MOST, _LEAST, _CROWD = 5.0, 2.0, 450.0  # size of a ring [pt]: a share of the crowd, among so many values
+
+
+def draw_diagram(found: Diagram) -> bytes:
+    """Draw a diagram; returns a PNG file."""
+    design = found.design
+    panels = [_draw_states, _draw_speed]
+    panels += [_draw_exponents] * bool(design.exponents) + [_draw_chaos] * bool(design.cuts)
+    heights = [_STATES, *[_PANEL] * (len(panels) - 1)]
+    figure = new_figure(_WIDTH, sum(heights), 100)
+    rows = figure.subplots(len(panels), 1, sharex=True, height_ratios=heights, squeeze=False)[:, 0]
+    for axes, draw in zip(rows, panels, strict=True):
+        draw(axes, found)
+        _shade(axes, found)
+        tidy(axes)
+    rows[-1].set_xlabel(with_unit(design.axis.name, BY_NAME[design.axis.name].unit))
+    figure.suptitle(f"{design.scene.name}: once a turn, at the crank angle {design.phase:.3f} rad; "
+                    f"{len(design.axis.values)} values up and down", fontsize=11)
+    return png(figure)
+
+
+def _draw_states(axes: Axes, found: Diagram) -> None:
+    design = found.design
+    column, size = design.names.index(design.coordinate), _size(found)
+    for direction in (UP, DOWN):
+        for is_periodic, opacity in ((False, _FAINT), (True, 1.0)):
+            visits = [one for one in found.of(direction) if bool(one.motion.turns) == is_periodic]
+            places = [design.value(one.number) for one in visits for _ in one.states]
+            states = [1e3 * value for one in visits for value in one.states[:, column]]
+            share = 1.0 if is_periodic and direction == UP else 0.8
+            axes.plot(places, states, linestyle="none", ms=share * size, alpha=opacity, color=_COLOURS[direction],
+                      **_MARKS[direction if is_periodic else DOWN])
+        axes.plot([], [], linestyle="none", ms=6, label=f"{direction}wards", color=_COLOURS[direction],
+                  **_MARKS[direction])
+    axes.set_ylabel(f"{design.coordinate.replace('_', ' ')} [m{UNITS[design.coordinate]}]")
+    axes.legend(fontsize=9, frameon=False, ncols=2, loc="best")
+
+
+def _size(found: Diagram) -> float:
+    return min(_MOST, max(_LEAST, _CROWD / len(found.design.axis.values)))
+
+
+def _draw_speed(axes: Axes, found: Diagram) -> None:
+    for direction in (UP, DOWN):
+        _draw_line(axes, found, direction, [1e3 * one.motion.mean_speed for one in found.of(direction)])
+    axes.set_ylabel("mean speed [mm/s]")
+
+
+def _draw_exponents(axes: Axes, found: Diagram) -> None:
+    """The largest exponent, and the second one as a thin line."""
+    for direction in (UP, DOWN):
+        for column, share in (("exponent_1", 1.0), ("exponent_2", 0.4)):
+            if found.natures is not None and column in found.natures.column_names:
+                values = [found.nature(column, one.number) for one in found.of(direction)]
+                _draw_line(axes, found, direction, [v if np.isfinite(v) else np.nan for v in values], share)
+    axes.axhline(0.0, color="black", lw=0.8)
+    axes.set_ylabel("two largest exponents\n[1/s]")
+
+
+def _draw_chaos(axes: Axes, found: Diagram) -> None:
+    for direction in (UP, DOWN):
+        _draw_line(axes, found, direction, [found.nature("zero_one", one.number) for one in found.of(direction)])
+    axes.set(ylabel="0-1 test, K\n[dimensionless]", ylim=(-0.2, 1.1))
+
+
+def _draw_line(axes: Axes, found: Diagram, direction: str, values: list[float], share: float = 1.0) -> None:
+    axes.plot(found.design.axis.values, values, ms=share * _size(found), lw=0.8 * share, alpha=0.4 + 0.6 * share,
+              color=_COLOURS[direction], **_MARKS[direction])
+
+
+def _shade(axes: Axes, found: Diagram) -> None:
+    """Grey where both ways lead to two motions, from halfway to the values beside."""
+    values = np.array(found.design.axis.values, dtype=float)
+    middles = np.concatenate([values[:1], 0.5 * (values[1:] + values[:-1]), values[-1:]])
+    for region in found.hysteresis():
+        axes.axvspan(middles[region.places[0]], middles[region.places[-1] + 1], color=_SHADE, zorder=0, lw=0.0)

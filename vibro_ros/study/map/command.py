@@ -1,30 +1,22 @@
 """``study map``: the motions of a machine over motor speed and gap, as Parquet, pictures, and a file to command by."""
 
 import argparse
-import io
 from collections.abc import Sequence
 from dataclasses import replace
-from pathlib import Path
 
 import pyarrow as pa
-import pyarrow.parquet as pq
 
 from vibro_ros.configuration.command_map import LARGEST, SIDES, CommandMap, parameters_that_count, written
-from vibro_ros.process.front_door import Parser, exit_code, say
-from vibro_ros.process.stop_signals import interrupted_code
-from vibro_ros.process.untrusted import replace_file
-from vibro_ros.study.locked_folder import locked
-from vibro_ros.study.map.curves import curves, ends
-from vibro_ros.study.map.design import MapDesign
-from vibro_ros.study.map.motions import motions
-from vibro_ros.study.map.options import BOTH, add_grid, design_of
-from vibro_ros.study.map.picture import draw_costs, draw_map
+from vibro_ros.process.front_door import Parser
+from vibro_ros.simulation.provenance import software
+from vibro_ros.study.command import add_runner, locked, run_study, runner_of, study_parser, write_files
+from vibro_ros.study.map.design import BOTH, MapDesign, add_grid, design_of
+from vibro_ros.study.map.motions import curves, ends, motions
 from vibro_ros.study.map.proof import PROOFS, QUICK_PROOFS, proved
-from vibro_ros.study.map.record import ENDS, LINES, STUDY, end_run, follow_ends, line_run, sweep_lines
-from vibro_ros.study.map.visit import Visit
-from vibro_ros.study.map.words import map_in_words, trials_in_words
-from vibro_ros.study.options import add_runner, runner_of
-from vibro_ros.study.running.origin import sources
+from vibro_ros.study.map.record import ENDS, LINES, points_of, visits_of
+from vibro_ros.study.map.result import draw_costs, draw_map, map_in_words, trials_in_words
+from vibro_ros.study.map.visits import Visit
+from vibro_ros.study.running.blocks import file_of
 
 TABLE, PICTURE, COSTS = "motions.parquet", "map.png", "costs.png"
 CURVES = 11
@@ -33,7 +25,7 @@ CURVES = 11
 
 def main(words: Sequence[str]) -> int:
     """Run the study; returns its exit code."""
-    return exit_code("study", lambda: _map(_parser().parse_args(words)))
+    return run_study(_map, _parser(), words)
 
 
 def _map(options: argparse.Namespace) -> int:
@@ -43,22 +35,14 @@ def _map(options: argparse.Namespace) -> int:
     with locked(options.output):
         for folder in (LINES, ENDS):
             (options.output / folder).mkdir(exist_ok=True)
-        under_way = [line_run(design, options.output / LINES)]
-        try:
-            under_way[0].find_done()
-            visits = sweep_lines(under_way[0], design, runner)
-            command_map, rows = _without_curves(design, visits)
-            if gap_indices:
-                all_ends = ends(command_map.found, rows, design.speeds, gap_indices)
-                under_way.append(end_run(design, all_ends, options.output / ENDS))
-                under_way[1].find_done()
-                points = follow_ends(under_way[1], design, all_ends, runner)
-                command_map = replace(command_map, curves=curves(design, points, gap_indices))
-            command_map, trials = proved(command_map, design, QUICK_PROOFS if options.quick else PROOFS)
-        except KeyboardInterrupt:
-            say("study", f"interrupted; {under_way[-1].in_words}")
-            return interrupted_code()
-        _write(command_map, rows, options.output)
+        visits = visits_of(design, options.output / LINES, runner)
+        command_map, rows = _without_curves(design, visits)
+        if gap_indices:
+            all_ends = tuple(ends(command_map.found, rows, design.speeds, gap_indices))
+            points = points_of(design, all_ends, options.output / ENDS, runner)
+            command_map = replace(command_map, curves=curves(design, points, gap_indices))
+        command_map, trials = proved(command_map, design, QUICK_PROOFS if options.quick else PROOFS)
+        write_files(options.output, _files(command_map, rows))
     print("\n".join([*map_in_words(command_map, visits), *trials_in_words(trials)]))
     return 0
 
@@ -78,16 +62,14 @@ def _rows_of_curves(design: MapDesign, count: int) -> range:
     return range(0, design.gaps.count, max(1, (design.gaps.count - 1) // max(1, count - 1))) if count else range(0)
 
 
-def _write(command_map: CommandMap, rows: list[Visit], folder: Path) -> None:
-    file = folder / f"{command_map.scene}.json"
-    text = written(command_map, f"vibro_ros {sources(STUDY)['version']}").encode()
+def _files(command_map: CommandMap, rows: list[Visit]) -> dict[str, bytes]:
+    """Command map, table and pictures by the names of their files."""
+    name, text = f"{command_map.scene}.json", written(command_map, f"vibro_ros {software()['version']}").encode()
     if len(text) > LARGEST:
-        raise RuntimeError(f"{file}: {len(text)} bytes are more than the {LARGEST} that a controller reads; give a "
+        raise RuntimeError(f"{name}: {len(text)} bytes are more than the {LARGEST} that a controller reads; give a "
                            "coarser grid")
-    for path, content in ((file, text), (folder / TABLE, _table(command_map, rows)),
-                          (folder / PICTURE, draw_map(command_map)), (folder / COSTS, draw_costs(command_map))):
-        replace_file(path, content)
-        print(path)
+    return {name: text, TABLE: _table(command_map, rows), PICTURE: draw_map(command_map),
+            COSTS: draw_costs(command_map)}
 
 
 def _table(command_map: CommandMap, rows: list[Visit]) -> bytes:
@@ -101,26 +83,19 @@ def _table(command_map: CommandMap, rows: list[Visit]) -> bytes:
     arrays = [pa.array(values) for values, _ in columns.values()]
     fields = [pa.field(name, array.type, metadata={"unit": unit})
               for (name, (_, unit)), array in zip(columns.items(), arrays, strict=True)]
-    sink = io.BytesIO()
-    pq.write_table(pa.Table.from_arrays(arrays, schema=pa.schema(fields)), sink, compression="zstd")
-    return sink.getvalue()
+    return file_of(pa.Table.from_arrays(arrays, schema=pa.schema(fields)))
 
 
 def _parser() -> Parser:
-    parser = Parser(
-        prog="study map",
-        description="Which motions a machine has at each motor speed and gap: rows and columns of a grid are swept up "
-        "and down, each cell beginning with the state of the one before, so that motions that exist together are "
-        "found. Writes the motions as Parquet, two pictures, and a command map for `controller`. Ctrl-C keeps what is "
-        "done; the same command goes on from there.",
-        epilog="Exit code 0: done; 1: the disk is full, or nothing settles; 2: bad input, or nowhere to write; 129, "
-        "130, 143: stopped by SIGHUP, SIGINT, SIGTERM, finished lines are kept.")
+    parser = study_parser(
+        "map", "Find the motions of a machine at each motor speed and gap: rows and columns of a grid are swept up and "
+        "down, each cell beginning with the state of the one before, so that motions that exist together are found. "
+        "Writes the motions as Parquet, two pictures, and a command map for `controller`.",
+        "the disk is full, or nothing settles")
     add_grid(parser)
     parser.add_argument("--gaps", choices=(BOTH, *SIDES), default=BOTH, help="gaps that are varied: of both plates "
                         f"alike, or of one (default: {BOTH})")
     parser.add_argument("--curves", type=int, metavar="N", help="gaps at which folds, doublings, Neimark-Sacker points "
                         "and grazings are located, which takes the longest; 0: none (default: 11, or all if fewer)")
     add_runner(parser)
-    parser.add_argument("--output", type=Path, default=Path("out/study/map"), metavar="DIR",
-                        help="where to write (default: out/study/map)")
     return parser

@@ -16,8 +16,8 @@ from vibro_ros.accuracy.starts import started
 from vibro_ros.configuration.command_choice import Choice, CommandChoice, has_choice
 from vibro_ros.configuration.command_map import CommandMap
 from vibro_ros.orbits.turn_map import TURN
-from vibro_ros.study.jobs import computed
 from vibro_ros.study.map.design import MapDesign
+from vibro_ros.study.progress import computed
 
 PROOFS, QUICK_PROOFS = 185, 16
 """Mean speeds that are tried, equally spaced over what a map offers, or a quick one."""

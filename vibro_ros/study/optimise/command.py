@@ -5,27 +5,21 @@ import re
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
-from pathlib import Path
 
+from vibro_ros.accuracy.figures import png
 from vibro_ros.accuracy.precision import running
 from vibro_ros.configuration.scene_file import load_scene
 from vibro_ros.model.parameters import BY_NAME, parameter_named
 from vibro_ros.model.scene import Scene
-from vibro_ros.process.front_door import Parser, exit_code, say
-from vibro_ros.process.stop_signals import interrupted_code
-from vibro_ros.process.untrusted import replace_file
+from vibro_ros.process.front_door import Parser, say
 from vibro_ros.simulation.preparation import prepare_kernels
 from vibro_ros.simulation.processes import core_count
-from vibro_ros.study.optimise.drawing import draw_convergence, draw_front, draw_sensitivity
-from vibro_ros.study.optimise.objective import DIRECTIONS, OBJECTIVES, POWERS, Reading
-from vibro_ros.study.optimise.plan import FRONT, QUICK, Effort, Plan
-from vibro_ros.study.optimise.result import Result, studied
-from vibro_ros.study.optimise.result_file import write_result
-from vibro_ros.study.optimise.scene_of_optimum import write_scene
+from vibro_ros.study.command import run_study, settings_of, study_parser, write_files
+from vibro_ros.study.optimise.plan import DIRECTIONS, FRONT, OBJECTIVES, POWERS, QUICK, Effort, Plan, Reading
+from vibro_ros.study.optimise.result import Result, result_file, scene_file, studied
 from vibro_ros.study.optimise.search import METHODS, Candidates
 from vibro_ros.study.optimise.space import Space, chosen_variables
-from vibro_ros.study.optimise.words import document, title
-from vibro_ros.study.options import settings_of
+from vibro_ros.study.optimise.text import document, draw_convergence, draw_front, draw_sensitivity, title
 from vibro_ros.study.progress import Progress
 
 RECORD, TEXT, SCENE, NUMBERS = "evaluations.jsonl", "optimum.md", "optimum.yaml", "optimum.json"
@@ -36,23 +30,19 @@ _VARIED = re.compile(r"([^=]+)=([^:]+):([^:]+)")
 
 def main(words: Sequence[str]) -> int:
     """Run the study; returns the exit code."""
-    return exit_code("study", lambda: _run(words))
+    return run_study(_optimise, parser(), words)
 
 
-def _run(words: Sequence[str]) -> int:
-    options = parser().parse_args(words)
+def _optimise(options: argparse.Namespace) -> int:
     plan, folder = plan_of(options), options.output
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise ValueError(f"{error.filename}: {error.strerror}; give a writable --output") from error
     prepare_kernels("study", plan.space.scene["solver.method"])
-    try:
-        result, candidates = studied(plan, folder / RECORD, options.workers, shown)
-    except KeyboardInterrupt:
-        say("study", f"interrupted; what was evaluated is in {folder / RECORD}; the same command goes on from there")
-        return interrupted_code()
-    print("\n".join(map(str, written(result, candidates, folder))))
+    result, candidates = studied(plan, folder / RECORD, options.workers, shown)
+    write_files(folder, files_of(result, candidates))
+    print(folder / RECORD)
     return 0
 
 
@@ -93,19 +83,15 @@ def shown(stage: str, robots: int) -> Iterator[Progress]:
         yield progress
 
 
-def written(result: Result, candidates: Candidates, folder: Path) -> list[Path]:
-    """Write text, numbers, scene and pictures of a result; returns the files (OSError)."""
+def files_of(result: Result, candidates: Candidates) -> dict[str, bytes]:
+    """Text, scene, numbers and pictures of a result, by the names of their files."""
     head = title(result.plan)
     pictures = {"convergence.png": draw_convergence(result.plan, candidates, head),
                 "sensitivity.png": draw_sensitivity(result.around, head)}
     if result.front:
         pictures["front.png"] = draw_front(result, candidates, head)
-    write_scene(folder / SCENE, result.robot, f"{head}; found by `study optimise`.")
-    write_result(folder / NUMBERS, result)
-    replace_file(folder / TEXT, document(result).encode())
-    for name, figure in pictures.items():
-        figure.savefig(folder / name)
-    return [folder / name for name in (TEXT, SCENE, NUMBERS, *pictures, RECORD)]
+    return {TEXT: document(result).encode(), SCENE: scene_file(result.robot, f"{head}; found by `study optimise`."),
+            NUMBERS: result_file(result), **{name: png(figure) for name, figure in pictures.items()}}
 
 
 def _fixed(words: Sequence[str]) -> dict[str, float | None]:
@@ -137,12 +123,9 @@ def _number(option: str, word: str, text: str) -> float:
 def parser() -> Parser:
     """The command line of the study."""
     default = Effort()
-    own = Parser(
-        prog="study optimise",
-        description="Search for the fastest or thriftiest robot, verify the optimum from fresh starts "
-        "and beside the paper's, perturb it, and write text, pictures and a scene file. Ctrl-C keeps what is done; the "
-        "same command goes on.",
-        epilog="Exit code 0: done; 1: a run failed; 2: bad input; 129, 130, 143: stopped by SIGHUP, SIGINT, SIGTERM.")
+    own = study_parser(
+        "optimise", "Search for the fastest or thriftiest robot, verify the optimum from fresh starts and beside the "
+        "paper's, perturb it, and write text, pictures and a scene file.", "a run failed")
     own.add_argument("--scene", default="device", metavar="NAME", help="shipped scene or scene file that gives "
                         "everything that is not varied (default: %(default)s)")
     objectives = "; ".join(f"{name}: {one.does}" for name, one in OBJECTIVES.items())
@@ -168,6 +151,4 @@ def parser() -> Parser:
     own.add_argument("--workers", type=int, default=core_count(), metavar="N", help="processes; change no number "
                         "(default: %(default)s)")
     own.add_argument("--quick", action="store_true", help="a look at everything within two minutes, not an optimum")
-    own.add_argument("--output", type=Path, default=Path("out/study/optimise"), metavar="DIR",
-                        help="where to write (default: %(default)s)")
     return own

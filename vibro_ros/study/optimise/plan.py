@@ -1,20 +1,172 @@
-"""What a search is asked for: scene, space, objective, effort; and what its record depends on."""
+"""What a search is asked for: objective, effort and runs of a robot; and the values that come of these runs."""
 
-import hashlib
-import pkgutil
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
+from functools import partial
+from typing import NamedTuple, cast
 
 import numpy as np
 
-from vibro_ros.simulation.provenance import software
-from vibro_ros.study.optimise.evaluation import Trials
-from vibro_ros.study.optimise.objective import FAILED, OBJECTIVES, Reading, check_reaction, cost_of_transport, speed
+from vibro_ros.model.scene import Scene
+from vibro_ros.simulation.motion import SimulationError
+from vibro_ros.simulation.preparation import provide_kernels
+from vibro_ros.simulation.processes import in_processes
+from vibro_ros.study.measures import measure
 from vibro_ros.study.optimise.space import Space
+from vibro_ros.study.running.blocks import computes_with
 
-# Modules whose text decides the values of a candidate, beside those that `software` looks at.
-_MEASURING = (("vibro_ros.accuracy", "starts"), *(("vibro_ros.study", name) for name in (
-    "measures", "observation", "window")), ("vibro_ros.study.optimise", "evaluation"))
+#: Measures that every score is made of, the columns of the values of a robot.
+MEASURED = ("mean_speed", "mean_power", "delivered_power")
+#: Quantile of the starts that counts.
+QUANTILE = 0.25
+#: Score of a robot that cannot be simulated: below every other.
+FAILED = -1e3
+#: Column of `MEASURED` that each reading of P takes.
+POWERS = {"net": 1, "delivered": 2}
+#: Sign of the mean speed that counts; 0 for either.
+DIRECTIONS = {"either": 0.0, "forward": 1.0, "backward": -1.0}
+
+
+class Reading(NamedTuple):
+    """How speeds and powers are read.
+
+    Attributes
+    ----------
+    power : str
+        Of `POWERS`.
+    direction : str
+        Of `DIRECTIONS`.
+    """
+
+    power: str = "net"
+    direction: str = "either"
+
+
+def directed(speeds: np.ndarray, direction: str) -> np.ndarray:
+    """Speeds [m/s], shape (starts,), counted positive in the direction asked for, or in that of their mean."""
+    sign = DIRECTIONS[direction] or float(np.sign(np.mean(speeds))) or 1.0
+    return sign * speeds
+
+
+def speed(values: np.ndarray, reading: Reading) -> float:
+    """Lower quartile [m/s] of the speeds of a robot; `values` of shape (starts, measures), columns `MEASURED`."""
+    if not np.isfinite(values).all():
+        return FAILED
+    speeds = directed(values[:, 0], reading.direction)
+    return float(speeds.min() if speeds.min() <= 0.0 else np.quantile(speeds, QUANTILE))
+
+
+def speed_per_power(values: np.ndarray, reading: Reading) -> float:
+    """Lower quartile of V/P [m/J]; not above 0 where starts disagree or a power is not above 0."""
+    pace = speed(values, reading)
+    if pace <= 0.0:
+        return pace
+    power = values[:, POWERS[reading.power]]
+    if power.min() <= 0.0:
+        return 0.0  # springs returned stored energy: the time was too short to tell a mean
+    return float(np.quantile(directed(values[:, 0], reading.direction) / power, QUANTILE))
+
+
+def cost_of_transport(values: np.ndarray, reading: Reading, weight: float) -> float:
+    """P / (M g V) [-] with means over the starts, and M g = `weight` [N]; inf where there is no such cost."""
+    if speed(values, reading) <= 0.0 or values[:, POWERS[reading.power]].mean() <= 0.0 or weight <= 0.0:
+        return np.inf
+    return float(values[:, POWERS[reading.power]].mean() / (weight * abs(values[:, 0].mean())))
+
+
+class Objective(NamedTuple):
+    """What a search maximises.
+
+    Attributes
+    ----------
+    unit : str
+        Of the score.
+    does : str
+        In words, for users.
+    score : callable
+        Score from values and reading.
+    needs_reaction : bool
+        Whether it has a meaning only where energy balances.
+    """
+
+    unit: str
+    does: str
+    score: Callable[[np.ndarray, Reading], float]
+    needs_reaction: bool
+
+
+OBJECTIVES = {
+    "speed": Objective("m/s", "mean speed", speed, False),
+    "speed_per_power": Objective("m/J", "mean speed over mean power, the paper's F_opt = V/P", speed_per_power, True),
+}
+"""Every objective of one number by its name."""
+
+
+def check_reaction(scene: Scene, what: str) -> None:
+    """Refuse a scene in which the masses do not pay for the body's friction, so that power measures nothing.
+
+    Raises
+    ------
+    ValueError
+        Naming the remedy.
+    """
+    if not scene["effects.reaction"]:
+        raise ValueError(f"--scene {scene.name}: has effects.reaction false, by which the masses do not pay for the "
+                         f"body's friction, so that the mean power can be 0 and {what} has no bound; give a scene "
+                         "with effects.reaction true such as device, or --objective speed")
+
+
+#: First of the starts that choose among the best candidates, and of those that verify: no search has seen them.
+CHOOSING, VERIFYING = 10_000, 20_000
+
+
+@dataclass(frozen=True)
+class Trials:
+    """The runs of a robot.
+
+    Attributes
+    ----------
+    starts : int
+        Number of drawn starts.
+    settling, duration : float
+        Time of a run that does not count, and time that does [s].
+    first : int
+        Number of the first start; those of a search begin at 0.
+    """
+
+    starts: int = 4
+    settling: float = 2.0
+    duration: float = 4.0
+    first: int = 0
+
+
+def values_of(scene: Scene | None, trials: Trials) -> np.ndarray:
+    """Measures of a robot from each start, shape (starts, measures), columns `MEASURED`.
+
+    NaN if a run cannot go on, and for a robot that cannot be built (None).
+    """
+    nothing = np.full((trials.starts, len(MEASURED)), np.nan)
+    if scene is None:
+        return nothing
+    try:
+        rows = [measure(scene, MEASURED, trials.settling, trials.duration, trials.first + number)
+                for number in range(trials.starts)]
+    except SimulationError:
+        return nothing
+    return np.array([[row[name] for name in MEASURED] for row in rows])
+
+
+def values_of_many(scenes: Sequence[Scene | None], trials: Trials, workers: int) -> Iterator[np.ndarray]:
+    """Yield `values_of` of each of `scenes`, in their order, from so many processes."""
+    for method in {scene["solver.method"] for scene in scenes if scene is not None}:
+        provide_kernels(method)  # once for all that are forked
+    jobs = in_processes(partial(values_of, trials=trials), scenes, min(workers, max(len(scenes), 1)))
+    try:
+        for job in jobs:
+            yield cast(np.ndarray, job.outcome())
+    finally:
+        jobs.close()
+
 
 #: The objective of two numbers, beside those of `OBJECTIVES`.
 FRONT = "front"
@@ -120,12 +272,4 @@ class Plan:
         return {"objective": self.objective, "method": self.method, "reading": dict(self.reading._asdict()),
                 "least_speed": self.least_speed, "seed": self.seed, "trials": asdict(self.effort.trials),
                 "variables": [[one.name, one.low, one.high, one.logarithmic] for one in self.space.variables],
-                "scene": dict(self.space.scene.parameters), "software": software(), "measures": _measures()}
-
-
-def _measures() -> str:
-    """Digest of the modules that make values of runs: a record of other values must not be continued."""
-    digest = hashlib.sha256()
-    for package, name in _MEASURING:
-        digest.update(b"\n".join((pkgutil.get_data(package, f"{name}.py") or b"").splitlines()))
-    return digest.hexdigest()[:16]
+                "scene": dict(self.space.scene.parameters), "computed_with": computes_with()}

@@ -1,21 +1,38 @@
 """The course of a study: search, choice among the best by fresh starts, verification, perturbation."""
 
+import json
+import math
 from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager, closing
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+import yaml
 
 from vibro_ros.model.scene import Scene
-from vibro_ros.study.optimise.behaviour import Behaviour, behaviour_of
-from vibro_ros.study.optimise.evaluation import CHOOSING, values_of_many
-from vibro_ros.study.optimise.front import SHOWN, FrontRobot, by_weights, front_of
-from vibro_ros.study.optimise.plan import FRONT, Plan
-from vibro_ros.study.optimise.record import Record
-from vibro_ros.study.optimise.search import Candidates, Evaluations, search
-from vibro_ros.study.optimise.sensitivity import Neighbourhood, neighbourhood, robot_count
-from vibro_ros.study.optimise.verification import Verified, case_count, verified
+from vibro_ros.study.optimise.plan import CHOOSING, FRONT, Plan, values_of_many
+from vibro_ros.study.optimise.search import (
+    SHOWN,
+    Candidates,
+    Evaluations,
+    FrontRobot,
+    Record,
+    by_weights,
+    front_of,
+    search,
+)
+from vibro_ros.study.optimise.verification import (
+    Behaviour,
+    Neighbourhood,
+    Verified,
+    behaviour_of,
+    case_count,
+    neighbourhood,
+    robot_count,
+    verified,
+)
 from vibro_ros.study.progress import Progress
 
 #: Parts of a search after which its best score is noted.
@@ -145,3 +162,31 @@ def _apart(points: np.ndarray, scores: np.ndarray, count: int, distance: float =
 def _front(plan: Plan, candidates: Candidates, workers: int, bar: Bar) -> list[FrontRobot]:
     with bar("front", SHOWN) as progress:
         return front_of(plan, candidates, workers, progress)
+
+
+
+
+def result_file(result: Result) -> bytes:
+    """A result as JSON: what its tables and sentences are made of, without its plan."""
+    front = [{"speed": one.speed, "cost": one.cost, "power": one.power,
+              "parameters": {variable.name: one.robot[variable.name] for variable in result.plan.space.variables}}
+             for one in result.front]
+    whole = {"robots": result.robots, "best_scores": list(result.best_scores), "optimum": dict(result.optimum),
+             "behaviour": asdict(result.behaviour), "verified": [asdict(row) for row in result.verified],
+             "around": asdict(result.around), "front": front}
+    return (json.dumps(_finite(whole), indent=1, allow_nan=False) + "\n").encode()
+
+
+def _finite(value: Any) -> Any:
+    """`value` with None for numbers that are not finite, which JSON does not know."""
+    if isinstance(value, dict):
+        return {name: _finite(one) for name, one in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_finite(one) for one in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def scene_file(scene: Scene, comment: str) -> bytes:
+    """A scene file with every parameter of `scene`, which depends on no other scene; `comment` is its first line."""
+    text = yaml.safe_dump({"/**": {"ros__parameters": {"scene": "paper", **scene.parameters}}}, sort_keys=False)
+    return f"# {comment}\n{text}".encode()

@@ -1,21 +1,119 @@
-"""The search for the best robot: candidates in groups, proposed by a library and evaluated or replayed here.
-
-Thousands of candidates of seventeen numbers, scores that chaos makes noisy, and several hills: CMA-ES with restarts in
-two sizes of population (BIPOP, Hansen 2009) is made for this. Differential evolution is the baseline to be beaten.
-"""
+"""The search for the best robot: candidates in groups, proposed by a library, evaluated here and recorded."""
 
 import itertools
-from collections.abc import Callable, Iterator
-from typing import NamedTuple
+import json
+import math
+import os
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, NamedTuple
 
 import cma
 import numpy as np
 from scipy.optimize import differential_evolution
 
-from vibro_ros.study.optimise.evaluation import Trials, values_of_many
-from vibro_ros.study.optimise.record import Record
+from vibro_ros.model.scene import Scene
+from vibro_ros.process.untrusted import content, opened, replace_file, write_all
+from vibro_ros.study.command import lock
+from vibro_ros.study.optimise.plan import CHOOSING, FAILED, POWERS, Plan, Trials, values_of_many
 from vibro_ros.study.optimise.space import Space
 from vibro_ros.study.progress import Progress
+
+#: Largest file that is read [B]: a million candidates with 17 coordinates and 4 starts.
+LARGEST = 10**9
+
+
+class Record:
+    """The groups of one search.
+
+    Parameters
+    ----------
+    path : Path
+        The file; made if there is none.
+    search : mapping
+        What the search depends on, of numbers, texts, and lists and mappings of these.
+
+    Raises
+    ------
+    ValueError
+        If the file is another search's, no record at all, damaged before its end, or in use.
+    OSError
+        If it cannot be read or written.
+    """
+
+    def __init__(self, path: Path, search: Mapping[str, object]):
+        self._path, self._head = path, _line({"search": search})
+        if not os.path.lexists(path):
+            replace_file(path, self._head)
+        self._descriptor = opened(path, os.O_RDWR | os.O_APPEND, follow=False)
+        try:
+            lock(self._descriptor, path)
+            self._groups = self._read()
+        except BaseException:
+            os.close(self._descriptor)
+            raise
+
+    @property
+    def evaluations(self) -> int:
+        """Number of candidates in the groups that it held when it was opened."""
+        return sum(len(points) for points, _ in self._groups)
+
+    def recorded(self, number: int, points: np.ndarray) -> np.ndarray | None:
+        """Values of the group `number`, from 0, which has to be of `points`; None if there is no such group.
+
+        Raises
+        ------
+        ValueError
+            If the group is of other candidates.
+        """
+        if number >= len(self._groups):
+            return None
+        known, values = self._groups[number]
+        if not np.array_equal(known, points):
+            raise ValueError(f"{self._path}: its group {number} is of other candidates than this version proposes on "
+                             "this machine; give another --output")
+        return values
+
+    def append(self, points: np.ndarray, values: np.ndarray) -> None:
+        """Write a group: shape (n, dimension) and (n, starts, measures); on disk before it returns (OSError)."""
+        rows = [[[number if math.isfinite(number) else None for number in start] for start in one]
+                for one in values.tolist()]
+        write_all(self._descriptor, _line({"points": points.tolist(), "values": rows}))
+        os.fdatasync(self._descriptor)
+
+    def close(self) -> None:
+        """Let another search have the file."""
+        os.close(self._descriptor)
+
+    def _read(self) -> list[tuple[np.ndarray, np.ndarray]]:
+        data = content(self._path, LARGEST, follow=False)
+        whole = data[:data.rfind(b"\n") + 1]
+        head, *lines = whole.splitlines(keepends=True) or [b""]
+        if head != self._head:
+            raise ValueError(f"{self._path}: is not the record of this search, but of one with other options, another "
+                             "scene or another version; give another --output, or delete it")
+        if len(whole) < len(data):
+            os.ftruncate(self._descriptor, len(whole))
+        return [self._group(number, line) for number, line in enumerate(lines)]
+
+    def _group(self, number: int, line: bytes) -> tuple[np.ndarray, np.ndarray]:
+        try:
+            group: Any = json.loads(line)
+            points = np.array(group["points"], dtype=float)
+            values = np.array(group["values"], dtype=float)  # None becomes NaN
+        except (ValueError, TypeError, KeyError, RecursionError, OverflowError):
+            points = values = np.empty(0)
+        if points.ndim != 2 or values.ndim != 3 or len(points) != len(values) or not np.isfinite(points).all():
+            raise ValueError(f"{self._path}: line {number + 2} is no group of candidates; delete this line and all "
+                             "after it, or give another --output")
+        return points, values
+
+
+def _line(content: Mapping[str, object]) -> bytes:
+    return (json.dumps(content, allow_nan=False, sort_keys=True, ensure_ascii=True) + "\n").encode()
+
 
 #: First standard deviation of CMA-ES in parts of the cube's edge.
 SIGMA = 0.3
@@ -154,3 +252,126 @@ def search(method: str, evaluations: Evaluations, score: Callable[[np.ndarray], 
         METHODS[method](scores, dimension, seed)
     except SpentError:
         pass
+
+
+#: Most robots of a front that are shown.
+SHOWN = 24
+#: Weights of the logarithm of the speed against that of the cost, in the order in which they are sought.
+WEIGHTS = (0.5, 0.0, 1.0, 0.25, 0.75)
+# Robots of a weight's turn; first standard deviation of a later turn, which begins at the best robot so far.
+_TURN, _NARROW = 300, 0.1
+
+
+@dataclass(frozen=True)
+class FrontRobot:
+    """A robot of the front, from starts that the search has not seen.
+
+    Attributes
+    ----------
+    speed : float
+        Lower quartile of the mean speeds [m/s].
+    cost : float
+        Cost of transport [-].
+    power : float
+        Mean power that is read [W].
+    robot : Scene
+        The robot.
+    """
+
+    speed: float
+    cost: float
+    power: float
+    robot: Scene
+
+
+def by_weights(evaluations: Evaluations, plan: Plan) -> None:
+    """Seek one of `WEIGHTS` after the other, again and again, until the budget is spent."""
+    with suppress(SpentError):
+        for number, weight in enumerate(itertools.cycle(WEIGHTS)):
+            turn, again = _Turn(evaluations, plan, weight), number >= len(WEIGHTS)
+            begin = turn.best() if again else np.full(plan.space.dimension, 0.5)
+            with suppress(_TurnOverError):
+                descend(turn, begin, _NARROW if again else SIGMA, plan.seed + number)
+
+
+class _TurnOverError(Exception):
+    """It is the next weight's turn: ends the library's loop."""
+
+
+class _Turn:
+    """Scores of candidates by one weight, for `_TURN` candidates."""
+
+    def __init__(self, evaluations: Evaluations, plan: Plan, weight: float):
+        self._evaluations, self._plan, self._weight, self._left = evaluations, plan, weight, _TURN
+
+    def __call__(self, points: np.ndarray) -> np.ndarray:
+        if self._left <= 0:
+            raise _TurnOverError
+        self._left -= len(points)
+        return self._scores(points, self._evaluations(points))
+
+    def best(self) -> np.ndarray:
+        """The best point so far of all candidates."""
+        candidates = self._evaluations.gathered()
+        return candidates.points[int(np.argmax(self._scores(candidates.points, candidates.values)))]
+
+    def _scores(self, points: np.ndarray, values: np.ndarray) -> np.ndarray:
+        return np.array([self._score(*self._plan.speed_and_cost(point, one))
+                         for point, one in zip(points, values, strict=True)])
+
+    def _score(self, pace: float, cost: float) -> float:
+        if pace <= 0.0 or not np.isfinite(cost):
+            return FAILED + max(pace, FAILED)
+        return float(self._weight * np.log(pace) - (1.0 - self._weight) * np.log(cost))
+
+
+def front_of(plan: Plan, candidates: Candidates, workers: int, progress: Progress) -> list[FrontRobot]:
+    """The front of a search's candidates, the slowest first, verified from other starts.
+
+    Parameters
+    ----------
+    plan : Plan
+        Of the search.
+    candidates : Candidates
+        All that it has evaluated.
+    workers : int
+        Processes.
+    progress : Progress
+        Is told of every robot.
+    """
+    pairs = [plan.speed_and_cost(*one) for one in zip(candidates.points, candidates.values, strict=True)]
+    points = candidates.points[_spread(non_dominated(np.array(pairs)), pairs)]
+    robots, found = [plan.space.robot(point) for point in points], []
+    fresh = values_of_many(robots, replace(plan.effort.choosing, first=CHOOSING), workers)
+    for point, robot, values in zip(points, robots, fresh, strict=True):
+        power = float(values[:, POWERS[plan.reading.power]].mean())
+        found.append(FrontRobot(*plan.speed_and_cost(point, values), power, robot))
+        progress.add(1)
+    still = non_dominated(np.array([(one.speed, one.cost) for one in found]).reshape(-1, 2))
+    return [found[number] for number in still]
+
+
+def non_dominated(pairs: np.ndarray) -> list[int]:
+    """Numbers of the rows (speed, cost) that no other row beats in both, the slowest first.
+
+    Parameters
+    ----------
+    pairs : ndarray, shape (n, 2)
+        Speeds that are not positive, and costs that are not finite, do not count.
+    """
+    counted = [number for number, (pace, cost) in enumerate(pairs) if pace > 0.0 and np.isfinite(cost)]
+    found, cheapest = [], np.inf
+    for number in sorted(counted, key=lambda one: (-pairs[one][0], pairs[one][1])):
+        if pairs[number][1] < cheapest:
+            found.append(number)
+            cheapest = pairs[number][1]
+    return found[::-1]
+
+
+def _spread(numbers: list[int], pairs: list[tuple[float, float]]) -> list[int]:
+    """At most `SHOWN` of `numbers`, spread evenly over the logarithm of their speeds."""
+    if len(numbers) <= SHOWN:
+        return numbers
+    logs = np.log([pairs[number][0] for number in numbers])
+    nearest = {int(np.argmin(np.abs(logs - wanted))) for wanted in np.linspace(logs[0], logs[-1], SHOWN)}
+    return [numbers[place] for place in sorted(nearest)]

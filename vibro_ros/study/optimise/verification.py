@@ -1,17 +1,19 @@
-"""The optimum from starts that no search has seen, beside the paper's optimum, under every reading of the forces."""
+"""What an optimum is worth: fresh starts beside the paper's robots, its motion and energy, and its neighbourhood."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from SALib.analyze import sobol as sobol_analysis
+from SALib.sample import sobol as sobol_sample
 
 from vibro_ros.accuracy.starts import Average, average
 from vibro_ros.configuration.scene_file import load_scene
 from vibro_ros.model.parameters import BY_NAME
 from vibro_ros.model.scene import Scene
-from vibro_ros.study.optimise.evaluation import VERIFYING, Trials, values_of_many
-from vibro_ros.study.optimise.objective import POWERS, Reading, directed
+from vibro_ros.study.measures import device_at_start, measure
+from vibro_ros.study.optimise.plan import POWERS, VERIFYING, Reading, Trials, directed, values_of_many
 from vibro_ros.study.optimise.space import Space, Variable
 from vibro_ros.study.progress import Progress
 
@@ -172,3 +174,146 @@ def one_at_a_time(space: Space, parameters: Mapping[str, float]) -> Sequence[tup
     """Each varied parameter perturbed downwards and upwards: its name, the shift, the robot."""
     return [(variable.name, shift, perturbed(space, parameters, {variable.name: shift}))
             for variable in space.variables for shift in (-1.0, 1.0)]
+
+
+_QUANTILES = (0.05, 0.5)
+
+
+@dataclass(frozen=True)
+class Sensitivity:
+    """What a parameter of the optimum does to the score.
+
+    Attributes
+    ----------
+    name : str
+        Of the parameter.
+    lower, upper : float
+        Score with this parameter alone perturbed downwards and upwards, over that of the optimum; dimensionless.
+    first, first_spread : float
+        First-order index, and half the width of its 95 % interval; dimensionless.
+    total, total_spread : float
+        Total index, and half the width of its 95 % interval; dimensionless.
+    """
+
+    name: str
+    lower: float
+    upper: float
+    first: float
+    first_spread: float
+    total: float
+    total_spread: float
+
+
+@dataclass(frozen=True)
+class Neighbourhood:
+    """The robots around an optimum.
+
+    Attributes
+    ----------
+    score : float
+        Of the optimum from the same starts, in the objective's unit.
+    sensitivities : tuple of Sensitivity
+        One a varied parameter.
+    robots : int
+        Number of robots that were drawn.
+    poorest, median : float
+        Score that 95 %, and half, of the robots around exceed, over that of the optimum; dimensionless.
+    """
+
+    score: float
+    sensitivities: tuple[Sensitivity, ...]
+    robots: int
+    poorest: float
+    median: float
+
+
+def robot_count(space: Space, samples: int) -> int:
+    """Number of robots that `neighbourhood` simulates."""
+    return 1 + 2 * space.dimension + samples * (space.dimension + 2)
+
+
+def neighbourhood(space: Space, optimum: Mapping[str, float], score: Callable[[np.ndarray], float], trials: Trials,
+                  samples: int, seed: int, workers: int, progress: Progress) -> Neighbourhood:
+    """Perturb an optimum.
+
+    Parameters
+    ----------
+    space : Space
+        What is varied.
+    optimum : mapping
+        Values of the varied parameters.
+    score : callable
+        Of a robot's values; a robot that cannot be built, or whose score is below 0, counts as 0.
+    trials : Trials
+        Its starts are counted from `VERIFYING` on.
+    samples : int
+        Points of a Sobol sequence, a power of two; each makes dimension + 2 robots.
+    seed : int
+        Of the sequence's scrambling.
+    workers : int
+        Processes.
+    progress : Progress
+        Is told of every robot.
+    """
+    names = [variable.name for variable in space.variables]
+    problem = {"num_vars": space.dimension, "names": names, "bounds": [[-1.0, 1.0]] * space.dimension}
+    shifts = sobol_sample.sample(problem, samples, calc_second_order=False, seed=seed)
+    robots = [perturbed(space, optimum, {}), *(robot for _, _, robot in one_at_a_time(space, optimum)),
+              *(perturbed(space, optimum, dict(zip(names, shift, strict=True))) for shift in shifts)]
+    scores = []
+    for values in values_of_many(robots, replace(trials, first=VERIFYING), workers):
+        scores.append(max(score(values), 0.0))
+        progress.add(1)
+    alone, together = np.array(scores[1:1 + 2 * space.dimension]), np.array(scores[1 + 2 * space.dimension:])
+    indices = sobol_analysis.analyze(problem, together, calc_second_order=False, seed=seed)
+    rows = zip(names, alone.reshape(-1, 2) / scores[0], indices["S1"], indices["S1_conf"], indices["ST"],
+               indices["ST_conf"], strict=True)
+    poorest, median = np.quantile(together, _QUANTILES) / scores[0]
+    return Neighbourhood(
+        float(scores[0]), tuple(Sensitivity(name, *map(float, (*pair, *index))) for name, pair, *index in rows),
+        len(together), float(poorest), float(median))
+
+
+_MEASURES = ("upper_impacts", "inclined_impacts", "upper_peak_force", "inclined_peak_force", "stick_share", "air_share")
+#: The accounts of energy that are told, in the words of the tables.
+ACCOUNTS = {"motor_delivered": "motor delivers", "motor_taken_back": "springs return to the motor",
+            "unpaid": "unpaid (artefact without reaction)", "drive_dampers": "lost in drive dampers",
+            "plate_dampers": "lost in plate dampers", "friction": "lost by ground friction", "blows": "lost in blows",
+            "landings": "lost in landings", "stored": "stored"}
+
+
+@dataclass(frozen=True)
+class Behaviour:
+    """A robot from one start.
+
+    Attributes
+    ----------
+    measures : mapping
+        Values of `study.measures` by name.
+    powers : mapping
+        Mean power [W] of each of `ACCOUNTS`; empty where the scene's method keeps no accounts.
+    """
+
+    measures: Mapping[str, float]
+    powers: Mapping[str, float]
+
+
+def behaviour_of(scene: Scene, trials: Trials) -> Behaviour:
+    """Behaviour of a robot from the first start of `VERIFYING`; times as in `trials`.
+
+    Raises
+    ------
+    SimulationError
+        If a run cannot go on.
+    """
+    measures = measure(scene, _MEASURES, trials.settling, trials.duration, VERIFYING)
+    return Behaviour(measures, _powers(scene, trials) if scene["solver.method"] == "exact" else {})
+
+
+def _powers(scene: Scene, trials: Trials) -> dict[str, float]:
+    device = device_at_start(scene.with_parameters({"solver.accounts": True}), VERIFYING)
+    booked = []
+    for time in (trials.settling, trials.settling + trials.duration):
+        device.advance_to(time)
+        booked.append(device.statistics["energy_accounts"])
+    return {name: (booked[1][name] - booked[0][name]) / trials.duration for name in ACCOUNTS}

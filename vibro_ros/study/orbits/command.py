@@ -2,29 +2,32 @@
 
 import argparse
 from collections.abc import Sequence
-from pathlib import Path
 from typing import cast
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
-import pyarrow.parquet as pq
 
 from vibro_ros.accuracy.precision import running
 from vibro_ros.configuration.strict_yaml import read_scalar
 from vibro_ros.model.parameters import BY_NAME
 from vibro_ros.orbits.turn_map import TurnMap
-from vibro_ros.process.front_door import Parser, exit_code, say
-from vibro_ros.process.stop_signals import interrupted_code
-from vibro_ros.process.untrusted import replace_file
-from vibro_ros.study.locked_folder import locked
-from vibro_ros.study.options import add_machine, add_runner, machine_of, runner_of
-from vibro_ros.study.orbits.branch_files import FOLDER, columns_of
-from vibro_ros.study.orbits.drawing import draw_orbits
+from vibro_ros.process.front_door import Parser
+from vibro_ros.study.command import (
+    add_machine,
+    add_runner,
+    locked,
+    machine_of,
+    run_study,
+    runner_of,
+    study_parser,
+    write_files,
+)
 from vibro_ros.study.orbits.plan import Plan
-from vibro_ros.study.orbits.run import OrbitsRun
-from vibro_ros.study.orbits.words import document, in_words, names_of
-from vibro_ros.study.sweep.variation import Range, varied_in_words, whole_number
+from vibro_ros.study.orbits.result import document, draw_orbits, in_words, names_of
+from vibro_ros.study.orbits.run import FOLDER, OrbitsRun, columns_of
+from vibro_ros.study.running.blocks import file_of
+from vibro_ros.study.variation import Range, varied_in_words, whole_number
 
 BRANCHES, SPECIAL, PICTURE, TEXT = "branches.parquet", "special_points.parquet", "orbits.png", "orbits.md"
 MOST_TURNS = 32
@@ -35,7 +38,7 @@ _COUNTS = {"turns": (8, 2, 1, MOST_TURNS), "starts": (4, 2, 1, 1000), "points": 
 
 def main(words: Sequence[str]) -> int:
     """Run the study; returns its exit code."""
-    return exit_code("study", lambda: _orbits(parser().parse_args(words)))
+    return run_study(_orbits, parser(), words)
 
 
 def _orbits(options: argparse.Namespace) -> int:
@@ -43,12 +46,8 @@ def _orbits(options: argparse.Namespace) -> int:
     runner = runner_of(options)
     with locked(options.output / FOLDER):
         run = OrbitsRun(plan, options.output / FOLDER, runner)
-        try:
-            run.do()
-        except KeyboardInterrupt:
-            say("study", f"interrupted; {run.in_words}")
-            return interrupted_code()
-        print("\n".join(map(str, _written(plan, run, options.output))))
+        run.do()
+        write_files(options.output, _files(plan, run))
     print("\n".join(in_words(run.done)) or "no orbit was found; give more --starts, --turns, or another --from")
     return 0
 
@@ -92,10 +91,9 @@ def _count(options: argparse.Namespace, key: str) -> int:
     return whole_number(f"--{key}", (quick if options.quick else usual) if given is None else given, least, most)
 
 
-def _written(plan: Plan, run: OrbitsRun, folder: Path) -> list[Path]:
-    """Write tables, text and picture; returns the files (OSError)."""
-    branches = [branch for _, branch in run.done]
-    tables = []
+def _files(plan: Plan, run: OrbitsRun) -> dict[str, bytes]:
+    """Tables, text and picture by the names of their files; no tables without a branch."""
+    branches, tables, files = [branch for _, branch in run.done], [], {}
     for number, (branch, names) in enumerate(zip(branches, names_of(branches), strict=True)):
         columns, left = columns_of(branch), iter(names)
         kinds = columns[0].values.to_pylist()
@@ -104,24 +102,15 @@ def _written(plan: Plan, run: OrbitsRun, folder: Path) -> list[Path]:
         tables.append(pa.table({**own, **{column.name: column.values for column in columns}}))
     if tables:
         whole = pa.concat_tables(tables)
-        for name, table in ((BRANCHES, whole), (SPECIAL, whole.filter(pc.is_valid(whole["kind"])))):
-            sink = pa.BufferOutputStream()
-            pq.write_table(table, sink, compression="zstd")
-            replace_file(folder / name, sink.getvalue().to_pybytes())
-    replace_file(folder / TEXT, document(plan, run.done).encode())
-    replace_file(folder / PICTURE, draw_orbits(plan, branches))
-    return [folder / name for name in (*((BRANCHES, SPECIAL) if tables else ()), TEXT, PICTURE)]
+        files = {BRANCHES: file_of(whole), SPECIAL: file_of(whole.filter(pc.is_valid(whole["kind"])))}
+    return {**files, TEXT: document(plan, run.done).encode(), PICTURE: draw_orbits(plan, branches)}
 
 
 def parser() -> Parser:
     """The command line of the study."""
-    own = Parser(
-        prog="study orbits",
-        description="Look for periodic orbits, stable and unstable, follow their branches over a parameter, through "
-        "folds, grazings and corners, and from period doublings on; locate and name special points. Ctrl-C keeps the "
-        "branches that are done; the same command goes on from there.",
-        epilog="Exit code 0: done; 1: a run failed, or the disk is full; 2: bad input, or nowhere to write; 129, 130, "
-        "143: stopped by SIGHUP, SIGINT, SIGTERM.")
+    own = study_parser(
+        "orbits", "Look for periodic orbits, stable and unstable, follow their branches over a parameter, through "
+        "folds, grazings and corners, and from period doublings on; locate and name special points.")
     add_machine(own, "damped")
     own.add_argument("--vary", metavar="NAME=LOW:HIGH", help="the parameter that changes, and its range")
     own.add_argument("--from", dest="begin", action="append", default=[], metavar="VALUE", help="where orbits are "
@@ -134,6 +123,4 @@ def parser() -> Parser:
     add_runner(own)
     own.add_argument("--quick", action="store_true", help="the fold of `damped` between 98 and 112 rad/s, in half a "
                      "minute; options that are given win")
-    own.add_argument("--output", type=Path, default=Path("out/study/orbits"), metavar="DIR", help="where to write "
-                     "(default: %(default)s)")
     return own

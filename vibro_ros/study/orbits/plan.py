@@ -1,5 +1,6 @@
 """What a study of orbits is asked for, and the tasks that it consists of: a branch each."""
 
+import time
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -11,8 +12,11 @@ from vibro_ros.orbits.family import Family
 from vibro_ros.orbits.follow_orbit import branch_from, doubled_branch_from, family_of
 from vibro_ros.orbits.search import Seed, seeds_of
 from vibro_ros.orbits.whole_branch import Notice
+from vibro_ros.process.front_door import say
+from vibro_ros.study.running.runner import Piece
 
 UP, DOWN, DOUBLED = "upwards", "downwards", "doubled"
+_LINES = 10.0  # s between lines that say how far a branch is
 
 
 class Task(NamedTuple):
@@ -102,3 +106,25 @@ class Plan:
             return doubled_branch_from(family, task.state, share, self.points, notice)
         direction = 1.0 if task.way == UP else -1.0
         return branch_from(family, task.state, share, direction, self.points, notice)
+
+
+def seeds_of_piece(plan: Plan, piece: Piece) -> list[list[Seed]]:
+    """The orbits at each value of a piece, whose starts are the places of these values in `plan.begin`."""
+    return [plan.seeds(plan.begin[number]) for number in piece.starts if number is not None]
+
+
+def branches_of_piece(plan: Plan, tasks: dict[int, Task], piece: Piece) -> list[Branch]:
+    """The branches of a piece, whose starts are their numbers; now and then a line says how far a branch is."""
+    return [plan.branch(tasks[number], _notice(plan, number)) for number in piece.starts if number is not None]
+
+
+def _notice(plan: Plan, number: int) -> Notice:
+    said = time.monotonic()
+
+    def notice(orbits: int, value: float) -> None:
+        nonlocal said
+        if time.monotonic() - said > _LINES:
+            said = time.monotonic()
+            say("study", f"branch {number}: {orbits} orbits, {plan.name} = {value:.6g}")
+
+    return notice

@@ -1,24 +1,129 @@
-"""A study of orbits at work: it looks for orbits, follows their branches, then those of doubled period."""
+"""A study of orbits at work: it looks for orbits, follows and keeps their branches, then those of doubled period."""
 
 import contextlib
-import errno
-from collections.abc import Generator, Iterator, Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
-from typing import cast
+from typing import Any
 
-from vibro_ros.orbits.branch import Branch
+import numpy as np
+import pyarrow as pa
+
+from vibro_ros.model.parameters import BY_NAME
+from vibro_ros.orbits.branch import Branch, Special
 from vibro_ros.orbits.search import Seed, lies_on
 from vibro_ros.orbits.special_points import DOUBLING
 from vibro_ros.orbits.turn_map import coordinates
 from vibro_ros.process.front_door import say
-from vibro_ros.study.orbits.branch_files import MOST_BRANCHES, BranchFiles, branch_of
-from vibro_ros.study.orbits.plan import DOUBLED, DOWN, UP, Plan, Task
-from vibro_ros.study.orbits.work import Following, Search
+from vibro_ros.study.orbits.plan import DOUBLED, DOWN, UP, Plan, Task, branches_of_piece, seeds_of_piece
 from vibro_ros.study.progress import Progress
-from vibro_ros.study.running.pieces import Piece, Result, Work
-from vibro_ros.study.running.runner import Runner
+from vibro_ros.study.running.blocks import NUMBERS, Column, ParquetBlocks
+from vibro_ros.study.running.runner import Piece, Runner
+
+FOLDER = "branches"
+MOST_BRANCHES = 10_000
+
+
+class BranchFiles(ParquetBlocks[Branch]):
+    """The files of a plan in a folder.
+
+    Parameters
+    ----------
+    folder : Path
+        Where they are; it exists.
+    plan : Plan
+        What they hold.
+    """
+
+    def __init__(self, folder: Path, plan: Plan):
+        super().__init__(folder, plan.document(), MOST_BRANCHES)
+        self._plan = plan
+
+    def columns(self, block: int, found: Sequence[Branch]) -> list[Column]:
+        """The columns of a branch."""
+        return columns_of(*found)
+
+
+def columns_of(branch: Branch) -> list[Column]:
+    """A row an orbit or special point, in the order of the branch."""
+    rows = _rows(branch)
+
+    def column(name: str, kind: pa.DataType, unit: str, meaning: str, value: Callable[[int | Special], Any]) -> Column:
+        return Column(name, pa.array([value(row) for row in rows], kind), unit, meaning)
+
+    def either(of_orbit: np.ndarray, of_special: Callable[[Special], Any]) -> Callable[[int | Special], Any]:
+        return lambda row: of_special(row) if isinstance(row, Special) else of_orbit[row].tolist()
+
+    def special(value: Callable[[Special], Any]) -> Callable[[int | Special], Any]:
+        return lambda row: value(row) if isinstance(row, Special) else None
+
+    parameter, multipliers = BY_NAME[branch.name], branch.multipliers
+    return [
+        column("kind", pa.string(), "1", "of a special point; null for an orbit between them",
+               special(lambda s: s.kind)),
+        column(branch.name, pa.float64(), parameter.unit or "1", parameter.description,
+               either(branch.values, lambda s: s.value)),
+        column("width", pa.float64(), parameter.unit or "1", "of the interval that holds the special point",
+               special(lambda s: s.width)),
+        column("turns", pa.int64(), "1", "of the crank, after which the motion repeats itself", lambda _: branch.turns),
+        column("mean_speed", pa.float64(), "m/s", "of the body, forwards positive",
+               either(branch.mean_speeds, lambda s: s.mean_speed)),
+        column("stable", pa.bool_(), "1", "whether small disturbances die out; null for a special point",
+               either(branch.stable, lambda _: None)),
+        column("multipliers_real", NUMBERS, "1", "Floquet multipliers, the largest first",
+               either(multipliers.real, lambda s: s.multipliers.real.tolist())),
+        column("multipliers_imag", NUMBERS, "1", "their imaginary parts",
+               either(multipliers.imag, lambda s: s.multipliers.imag.tolist())),
+        column("phase", pa.float64(), "rad", "crank angle at the cut", either(branch.phases, lambda s: s.phase)),
+        column("state", NUMBERS, "1", "at the cut, in units of the machine",
+               either(branch.states, lambda s: s.state.tolist())),
+        *(column(name, NUMBERS, "m/s" if name.endswith("velocity") else "m",
+                 "each time the crank passes the angle 0; null for a special point", either(values, lambda _: None))
+          for name, values in branch.strobe.items()),
+        column("change", pa.string(), "1", "of the events, at a grazing or corner",
+               special(lambda s: s.change or None)),
+        column("end", pa.string(), "1", "why the branch was not followed further; in its last row",
+               lambda row: branch.end if row is rows[-1] else None),
+    ]
+
+
+def branch_of(table: pa.Table, name: str, names: Sequence[str]) -> Branch:
+    """The branch of at least one row that a file holds, of the parameter `name` and with the coordinates `names`."""
+    rows = table.to_pylist()
+    turns, end = int(rows[0]["turns"]), rows[-1]["end"]
+    orbits = [row for row in rows if row["kind"] is None]
+    special, before = [], 0
+    for row in rows:
+        if row["kind"] is None:
+            before += 1
+        else:
+            special.append(Special(row["kind"], row[name], row["width"], row["mean_speed"], _complex(row),
+                                   row["change"] or "", row["phase"], np.array(row["state"]), before))
+    n = len(names)
+    return Branch(
+        name, turns, _array(orbits, name), _array(orbits, "mean_speed"),
+        np.array([_complex(row) for row in orbits], dtype=complex).reshape(-1, n), _array(orbits, "phase"),
+        _array(orbits, "state").reshape(-1, n),
+        {one: _array(orbits, one).reshape(-1, turns) for one in names}, tuple(special), end)
+
+
+def _rows(branch: Branch) -> list[int | Special]:
+    rows: list[int | Special] = list(range(len(branch)))
+    for number, special in enumerate(branch.special_points):
+        rows.insert(special.at + number, special)
+    return rows
+
+
+def _array(rows: Sequence[dict[str, Any]], key: str) -> np.ndarray:
+    return np.array([row[key] for row in rows], dtype=float)
+
+
+def _complex(row: dict[str, Any]) -> np.ndarray:
+    return np.array(row["multipliers_real"]) + 1j * np.array(row["multipliers_imag"])
+
 
 _SAME = 1e-6  # share of the range within which a period doubling that two branches have is one
+_RUN_TIME = 1000.0  # robot time [s] of a search or a branch, about: so long that each is handed out alone
 _JOINS = 0.05  # share of the range within which a branch that joins another one ends at its period doubling
 
 
@@ -41,14 +146,10 @@ class OrbitsRun:
     """
 
     def __init__(self, plan: Plan, folder: Path, runner: Runner):
-        self._plan, self._files, self._runner = plan, BranchFiles(folder, plan), runner
+        self._plan, self._files = plan, BranchFiles(folder, plan)
+        self._compute = partial(runner, run_time=_RUN_TIME, methods=(plan.scene["solver.method"],))
         self._doubled: set[tuple[int, int]] = set()  # number of a branch and of its special point
         self.done: list[tuple[Task, Branch]] = []
-
-    @property
-    def in_words(self) -> str:
-        """How much is done."""
-        return f"{len(self.done)} branches are kept; the same command goes on from there"
 
     def do(self) -> None:
         """Follow every branch.
@@ -69,53 +170,39 @@ class OrbitsRun:
         while tasks := self._doublings():
             self._follow(tasks)
 
-    def _seeds(self) -> Iterator[tuple[float, list[Seed]]]:
-        begin, search = self._plan.begin, Search(self._plan)
-        with contextlib.closing(self._computed(search, map(search.piece, range(len(begin))))) as results, \
+    def _seeds(self) -> list[tuple[float, list[Seed]]]:
+        begin = self._plan.begin
+        pieces = (Piece({self._plan.name: value}, (number,)) for number, value in enumerate(begin))
+        found = list[tuple[float, list[Seed]]]()
+        with contextlib.closing(self._compute(partial(seeds_of_piece, self._plan), items=pieces)) as results, \
                 Progress("orbits looked for", "value", len(begin)) as progress:
-            found = list[tuple[float, list[Seed]]]()
             for value, (seeds,) in zip(begin, results, strict=True):
                 found.append((value, seeds))
                 progress.add(1)
-        yield from found
+        return found
 
     def _follow(self, tasks: Sequence[Task]) -> None:
         """Do the tasks, or read what was done before; their branches come in the order of the tasks."""
         numbers = range(len(self.done), len(self.done) + len(tasks))
         if numbers.stop > MOST_BRANCHES:
             raise RuntimeError(f"there are more than {MOST_BRANCHES} branches; give fewer --turns or a smaller range")
-        known = {number: self._kept(number) for number in numbers}
+        known = {number: self._read(number) for number in numbers}
         missing = {number: task for number, task in zip(numbers, tasks, strict=True) if known[number] is None}
         for number, task in missing.items():
             say("study", f"branch {number}: {task.turns} turn{'s' * (task.turns > 1)}, {task.way} from "
                          f"{self._plan.name} = {task.value:.9g}, at most {self._plan.points} orbits")
-        following = Following(self._plan, missing)
-        with contextlib.closing(self._computed(following, map(following.piece, missing))) as results:
+        pieces = (Piece({self._plan.name: task.value}, (number,)) for number, task in missing.items())
+        work = partial(branches_of_piece, self._plan, missing)
+        with contextlib.closing(self._compute(work, items=pieces)) as results:
             for number, (branch,) in zip(missing, results, strict=True):
                 known[number] = branch
                 if len(branch):  # a branch that does not begin is tried again, which is soon done
-                    self._keep(number, branch)
+                    self._files.write(number, [branch])
         self.done += [(task, branch) for task, branch in zip(tasks, known.values(), strict=True) if branch is not None]
 
-    def _computed(self, work: Work[Result], pieces: Iterator[Piece]) -> Generator[Result, None, None]:
-        """What the runner makes of the pieces, in order."""
-        return cast("Generator[Result, None, None]",
-                    self._runner(work, (self._plan.scene["solver.method"],), pieces))
-
-    def _kept(self, number: int) -> Branch | None:
+    def _read(self, number: int) -> Branch | None:
         table = self._files.read(number)
-        if table is None:
-            if self._files.path(number).exists():
-                say("study", f"{self._files.path(number)}: is damaged, or of another pyarrow; it is done again")
-            return None
-        return branch_of(table, self._plan.name, coordinates(self._plan.scene))
-
-    def _keep(self, number: int, branch: Branch) -> None:
-        try:
-            self._files.write(number, [branch])
-        except OSError as error:
-            remedy = "free some room" if error.errno in (errno.ENOSPC, errno.EDQUOT) else "let it be written"
-            raise RuntimeError(f"{self._files.path(number)}: {error.strerror}; {remedy}. {self.in_words}") from error
+        return None if table is None else branch_of(table, self._plan.name, coordinates(self._plan.scene))
 
     def _doublings(self) -> list[Task]:
         """The first period doubling of each branch whose branch of doubled period is not known yet."""

@@ -6,14 +6,14 @@ afterwards which rows it made.
 
 import threading
 from collections import deque
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 
 from distributed import CancelledError, Client, Future, KilledWorker
 
 from vibro_ros.process.front_door import say
 from vibro_ros.simulation.preparation import provide_kernels
-from vibro_ros.study.running.origin import computes_with
-from vibro_ros.study.running.pieces import Piece, Result, Work, tasks
+from vibro_ros.study.running.blocks import computes_with
+from vibro_ros.study.running.runner import Piece, Result, Results, tasks
 
 # Robot time [s] of a task's runs, half a second of work, and most rows of a task: a scheduler hands out some thousand
 # tasks a second.
@@ -23,20 +23,9 @@ _PATIENCE = "10s"  # to find the scheduler
 _one_at_a_time = threading.Lock()
 
 
-def run_on_cluster(address: str, work: Work[Result], methods: Sequence[str],
-                   items: Iterator[Piece]) -> Iterator[Result]:
-    """What `work` makes of each item, in order, computed by a cluster.
-
-    Parameters
-    ----------
-    address : str
-        Of the scheduler, such as ``tcp://host:8786``.
-    work : Work
-        What is done with each item.
-    methods : sequence of str
-        Each `solver.method` that occurs, whose kernels the workers load first.
-    items : iterator of Piece
-        Taken as they are needed.
+def run_on_cluster(address: str, work: Callable[[Piece], Result], run_time: float, methods: Sequence[str],
+                   items: Iterator[Piece]) -> Results[Result]:
+    """The results of all pieces, in order, as `Runner` has it, from the scheduler at ``tcp://host:8786`` or the like.
 
     Raises
     ------
@@ -55,25 +44,25 @@ def run_on_cluster(address: str, work: Work[Result], methods: Sequence[str],
             say("study", f"{address} has no worker yet; waiting for `dask worker {address}`")
         futures: deque[Future] = deque()
         try:
-            for task in tasks(items, work.run_time, _TASK_TIME, _TASK_ROWS):
+            for task in tasks(items, run_time, _TASK_TIME, _TASK_ROWS):
                 futures.append(client.submit(_run, work, task, pure=False))
                 if len(futures) > _AHEAD * max(1, sum(client.nthreads().values())):
-                    yield from _answer(work.study, futures.popleft())
+                    yield from _answer(futures.popleft())
             while futures:
-                yield from _answer(work.study, futures.popleft())
+                yield from _answer(futures.popleft())
         except KilledWorker as error:
-            raise RuntimeError(f"workers of the cluster died again and again at the same task ({error}); what is done "
+            raise RuntimeError(f"workers of the cluster died again and again at the same task ({error}); finished work "
                                "is kept. Give them more memory and the same command again") from error
         except (CancelledError, OSError) as error:
-            raise RuntimeError(f"{address}: the scheduler went away ({error}); what is done is kept. Start it and "
+            raise RuntimeError(f"{address}: the scheduler went away ({error}); finished work is kept. Start it and "
                                "give the same command again") from error
         finally:
             client.cancel(list(futures))
 
 
-def _answer(study: str, future: Future) -> list:
+def _answer(future: Future) -> list:
     theirs, found = future.result()
-    for key, ours in computes_with(study).items():
+    for key, ours in computes_with().items():
         if theirs.get(key) != ours:
             raise RuntimeError(f"a worker of the cluster has another {key} ({theirs.get(key)}) than this machine "
                                f"({ours}), so that bits may differ; start workers from the same environment on "
@@ -88,7 +77,7 @@ def _prepare(methods: Sequence[str]) -> None:
             provide_kernels(method)
 
 
-def _run(work: Work[Result], task: Sequence[Piece]) -> tuple[dict[str, str], list[Result]]:
+def _run(work: Callable[[Piece], Result], task: Sequence[Piece]) -> tuple[dict[str, str], list[Result]]:
     """Do a task; a worker's threads take turns, because a device is for one thread."""
     with _one_at_a_time:
-        return computes_with(work.study), [work(piece) for piece in task]
+        return computes_with(), [work(piece) for piece in task]

@@ -1,38 +1,138 @@
-"""Who computes the pieces of a study: processes of this machine, or the workers of a cluster."""
+"""Who computes the pieces of a study, with the same numbers everywhere: processes of this machine, or a cluster."""
 
-from collections.abc import Iterator
-from typing import Protocol
+import itertools
+from collections import deque
+from collections.abc import Callable, Generator, Iterator, Sized
+from dataclasses import dataclass
+from functools import partial
+from typing import Protocol, TypeVar, cast
 
+from vibro_ros.model.parameters import Value
 from vibro_ros.simulation.preparation import prepare_kernels
-from vibro_ros.study.running.local import in_local_processes
-from vibro_ros.study.running.pieces import Piece, Result, Work
+from vibro_ros.simulation.processes import in_processes
+from vibro_ros.simulation.worker import WorkerError
+
+#: Most rows of a piece: all of the same machine, whose equations are compiled once.
+PIECE = 16
+#: How often in a row a process may end before its work, such as by the system that lacks memory.
+MOST_DEATHS = 3
+# Robot time [s] of the runs that a process gets at a time, some hundredths of a second of work, and most of them.
+_TASK_TIME, _TASK_ROWS = 64.0, 64
+
+Result = TypeVar("Result", bound=Sized)
+Results = Generator[Result, None, None]
+
+
+@dataclass(frozen=True)
+class Piece:
+    """Rows of one machine.
+
+    Attributes
+    ----------
+    changes : dict
+        Values of the parameters that vary.
+    starts : tuple of (int or None)
+        Numbers of the starts.
+    """
+
+    changes: dict[str, Value]
+    starts: tuple[int | None, ...]
 
 
 class Runner(Protocol):
     """Who computes."""
 
-    def __call__(self, work: Work[Result], methods: tuple[str, ...], items: Iterator[Piece]) -> Iterator[Result]:
-        """What `work` makes of each piece, in order; `methods` are those whose kernels are needed."""
+    def __call__(self, work: Callable[[Piece], Result], run_time: float, methods: tuple[str, ...],
+                 items: Iterator[Piece]) -> Results[Result]:
+        """The results of all pieces, in order.
+
+        Parameters
+        ----------
+        work : callable
+            Runs a piece, and returns as many rows as it has starts; other processes get it pickled.
+        run_time : float
+            Robot time of a run [s], about.
+        methods : tuple of str
+            Each `solver.method` whose kernels are needed.
+        items : iterator of Piece
+            Taken as they are needed.
+        """
 
 
 def on_this_machine(workers: int) -> Runner:
     """A runner with so many processes."""
-    def run(work: Work[Result], methods: tuple[str, ...], items: Iterator[Piece]) -> Iterator[Result]:
+    def run(work: Callable[[Piece], Result], run_time: float, methods: tuple[str, ...],
+            items: Iterator[Piece]) -> Results[Result]:
         for method in methods:
             prepare_kernels("study", method)
-        return in_local_processes(work, items, workers)
+        return _in_local_processes(work, tasks(items, run_time, _TASK_TIME, _TASK_ROWS), workers)
 
     return run
 
 
 def on_cluster(address: str) -> Runner:
     """A runner on the Dask cluster at `address` (ValueError where `distributed` is not installed)."""
-    def run(work: Work[Result], methods: tuple[str, ...], items: Iterator[Piece]) -> Iterator[Result]:
-        return cluster.run_on_cluster(address, work, methods, items)
-
     try:
         from vibro_ros.study.running import cluster  # needs a package that only clusters need
     except ModuleNotFoundError as error:
-        raise ValueError(f"{error.name}: not installed; `pip install vibro_ros[cluster]` brings what --scheduler "
+        raise ValueError(f"{error.name}: not installed; `pip install \".[cluster]\"` brings what --scheduler "
                          "needs") from error
-    return run
+    return partial(cluster.run_on_cluster, address)
+
+
+def tasks(items: Iterator[Piece], run_time: float, time: float, most: int) -> Iterator[tuple[Piece, ...]]:
+    """Pieces in groups: as many as have at most `most` runs, of `run_time` [s] each and `time` [s] together."""
+    rows_of_task = max(1, min(most, int(time / run_time)))
+    task: list[Piece] = []
+    rows = 0
+    for item in items:
+        if task and rows + len(item.starts) > rows_of_task:
+            yield tuple(task)
+            task, rows = [], 0
+        task.append(item)
+        rows += len(item.starts)
+    if task:
+        yield tuple(task)
+
+
+def _in_local_processes(work: Callable[[Piece], Result], given: Iterator[tuple[Piece, ...]],
+                        workers: int) -> Results[Result]:
+    """The results of all pieces, in order; a process that is killed is replaced, and its work done again.
+
+    Raises
+    ------
+    RuntimeError
+        If `MOST_DEATHS` processes in a row end before the same task is done.
+    """
+    under_way: deque[tuple[Piece, ...]] = deque()
+    deaths = 0
+
+    def taken(source: Iterator[tuple[Piece, ...]]) -> Iterator[tuple[Piece, ...]]:
+        for task in source:
+            under_way.append(task)  # before it is given away: whatever happens then, it is done or in here
+            yield task
+
+    while deaths < MOST_DEATHS:
+        given = itertools.chain(tuple(under_way), given)
+        under_way.clear()
+        jobs = in_processes(partial(_all_of, work), taken(given), workers)
+        try:
+            for job in jobs:
+                if isinstance(job.error, WorkerError):
+                    deaths += 1
+                    break
+                found = cast(list[Result], job.outcome())
+                under_way.popleft()
+                deaths = 0
+                yield from found
+            else:
+                return
+        finally:
+            jobs.close()
+    changes = ", ".join(f"{name} = {value}" for name, value in under_way[0][0].changes.items())
+    raise RuntimeError(f"{MOST_DEATHS} processes ended at or after {changes}, perhaps for want of memory; finished "
+                       "work is kept. Give fewer --workers and the same command again")
+
+
+def _all_of(work: Callable[[Piece], Result], task: tuple[Piece, ...]) -> list[Result]:
+    return [work(piece) for piece in task]

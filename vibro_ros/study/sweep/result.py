@@ -1,14 +1,18 @@
-"""What the starts of each point of a sweep say together: means, 95 % intervals, and how many runs have a value."""
+"""What a sweep has found: means and intervals of every point, as CSV, sentences and a picture."""
 
 import csv
 import io
-from collections.abc import Sequence
+import itertools
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import pyarrow as pa
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 from scipy.stats import t as student
 
+from vibro_ros.accuracy.figures import new_figure, png, tidy, with_unit
 from vibro_ros.model.parameters import BY_NAME
 from vibro_ros.study.measures import MEASURES
 from vibro_ros.study.sweep.design import Design
@@ -47,9 +51,9 @@ class Summary:
     warnings: list[str]
 
 
-def summary(design: Design, tables: Sequence[pa.Table]) -> Summary:
-    """Sum up all blocks of a design."""
-    table, shape = pa.concat_tables([one.replace_schema_metadata() for one in tables]), (design.points, -1)
+def summary(design: Design, table: pa.Table) -> Summary:
+    """Sum up the rows of a design."""
+    shape = (design.points, -1)
     mean, spread, count = {}, {}, {}
     for name in design.measures:
         values = table[name].to_numpy().reshape(shape)
@@ -122,3 +126,78 @@ def _at(found: Summary, name: str, point: int) -> str:
     interval = "" if np.isnan(spread) else f" ± {spread:.2g}"
     unit = "" if MEASURES[name].unit == "1" else f" {MEASURES[name].unit}"
     return f"{found.mean[name][point]:.4g}{interval}{unit} ({where})"
+
+
+#: Most lines of a panel; further combinations are left to the table.
+MOST_LINES = 6
+# Okabe and Ito's colours, which the colour-blind can tell apart, and markers for everybody else who cannot.
+_STYLES = (("#0072b2", "o"), ("#d55e00", "^"), ("#009e73", "s"), ("#cc79a7", "v"), ("#000000", "D"), ("#e69f00", "x"))
+_WIDTH, _HEIGHT = 5.2, 3.6  # in, of a panel
+
+
+def draw_sweep(found: Summary) -> bytes:
+    """Draw every measure of a sweep, a row a measure; returns a PNG file."""
+    numbers = [name for name in found.design.names if isinstance(BY_NAME[name].default, float)]
+    on_grid = not found.design.ranges
+    is_map = on_grid and len(numbers) == 2 and len(found.design.names) == 2
+    columns = [tuple(numbers)] if is_map else [(name,) for name in numbers] or [(found.design.names[0],)]
+    measures = found.design.measures
+    figure = new_figure(_WIDTH * len(columns), _HEIGHT * len(measures), 100)
+    axes = figure.subplots(len(measures), len(columns), squeeze=False)
+    for row, measure in zip(axes, measures, strict=True):
+        for axis, over in zip(row, columns, strict=True):
+            if is_map:
+                _draw_map(figure, axis, found, measure, over)
+            elif on_grid and len(columns) == 1:
+                _draw_lines(axis, found, measure, over[0], measure == measures[0])
+            else:
+                _draw_dots(axis, found, measure, over[0])
+    starts = f"{found.design.starts} starts, 95 % intervals" if found.design.starts > 1 else "one start"
+    figure.suptitle(f"{found.design.scene.name}: {starts}, {found.design.duration:g} s after "
+                    f"{found.design.settling:g} s", fontsize=11)
+    return png(figure)
+
+
+def _draw_lines(axes: Axes, found: Summary, measure: str, over: str, legend: bool) -> None:
+    for (label, chosen), (colour, marker) in zip(_combinations(found, over), itertools.cycle(_STYLES), strict=False):
+        places = [found.parameters[over][point] for point in chosen]
+        spread = np.nan_to_num(found.spread[measure][chosen])
+        axes.errorbar(places, found.mean[measure][chosen], yerr=spread, color=colour, marker=marker, ms=4, lw=1.2,
+                      capsize=2, label=label)
+    if legend and len(found.design.names) > 1:
+        axes.legend(fontsize=8, frameon=False)
+    _label(axes, over, measure)
+
+
+def _combinations(found: Summary, over: str) -> Iterator[tuple[str, np.ndarray]]:
+    """Label and points of each combination of all parameters but one, at most `MOST_LINES`."""
+    others = [name for name in found.design.names if name != over]
+    keys = list(zip(*(found.parameters[name] for name in others), strict=True)) or [()] * found.design.points
+    for key in list(dict.fromkeys(keys))[:MOST_LINES]:
+        label = ", ".join(f"{name} = {_short(value)}" for name, value in zip(others, key, strict=True))
+        yield label, np.array([point for point, own in enumerate(keys) if own == key])
+
+
+def _draw_dots(axes: Axes, found: Summary, measure: str, over: str) -> None:
+    axes.plot(found.parameters[over], found.mean[measure], ".", color=_STYLES[0][0], ms=4, alpha=0.6)
+    _label(axes, over, measure)
+
+
+def _draw_map(figure: Figure, axes: Axes, found: Summary, measure: str, over: tuple[str, ...]) -> None:
+    first, second = found.design.axes
+    values = found.mean[measure].reshape(len(first.values), len(second.values))
+    order = np.ix_(np.argsort(first.values), np.argsort(second.values))
+    mesh = axes.pcolormesh(np.sort(second.values), np.sort(first.values), values[order], shading="nearest",
+                           cmap="viridis")
+    figure.colorbar(mesh, ax=axes, label=with_unit(measure, MEASURES[measure].unit))
+    axes.set(xlabel=with_unit(second.name, BY_NAME[second.name].unit),
+             ylabel=with_unit(first.name, BY_NAME[first.name].unit))
+
+
+def _label(axes: Axes, over: str, measure: str) -> None:
+    axes.set(xlabel=with_unit(over, BY_NAME[over].unit), ylabel=with_unit(measure, MEASURES[measure].unit))
+    tidy(axes)
+
+
+def _short(value: object) -> str:
+    return f"{value:.4g}" if isinstance(value, float) else str(value)

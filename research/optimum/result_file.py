@@ -1,32 +1,18 @@
-"""A result as a file: what its tables and sentences are made of, so that both can be made again from it."""
+"""A result read again from the file that `study optimise` has written."""
 
 import json
 import math
-from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 from vibro_ros.accuracy.starts import Average
-from vibro_ros.process.untrusted import content, replace_file
-from vibro_ros.study.optimise.behaviour import Behaviour
-from vibro_ros.study.optimise.front import FrontRobot
+from vibro_ros.process.untrusted import content
 from vibro_ros.study.optimise.plan import Plan
 from vibro_ros.study.optimise.result import Result
-from vibro_ros.study.optimise.sensitivity import Neighbourhood, Sensitivity
-from vibro_ros.study.optimise.verification import Verified
+from vibro_ros.study.optimise.search import FrontRobot
+from vibro_ros.study.optimise.verification import Behaviour, Neighbourhood, Sensitivity, Verified
 
 _LARGEST = 2**20  # B
-
-
-def write_result(path: Path, result: Result) -> None:
-    """Write a result as JSON, without the plan that it is of (OSError)."""
-    front = [{"speed": one.speed, "cost": one.cost, "power": one.power,
-              "parameters": {variable.name: one.robot[variable.name] for variable in result.plan.space.variables}}
-             for one in result.front]
-    whole = {"robots": result.robots, "best_scores": list(result.best_scores), "optimum": dict(result.optimum),
-             "behaviour": asdict(result.behaviour), "verified": [asdict(row) for row in result.verified],
-             "around": asdict(result.around), "front": front}
-    replace_file(path, (json.dumps(_finite(whole), indent=1, allow_nan=False) + "\n").encode())
 
 
 def read_result(path: Path, plan: Plan) -> Result:
@@ -58,12 +44,3 @@ def _behaviour(whole: dict[str, Any]) -> Behaviour:
 def _verified(row: dict[str, Any]) -> Verified:
     averages = {name: Average(**value) for name, value in row.items() if isinstance(value, dict)}
     return Verified(**{**row, "cost": math.nan if row["cost"] is None else row["cost"], **averages})
-
-
-def _finite(value: Any) -> Any:
-    """`value` with None for numbers that are not finite, which JSON does not know."""
-    if isinstance(value, dict):
-        return {name: _finite(one) for name, one in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_finite(one) for one in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value

@@ -4,11 +4,11 @@ from collections.abc import Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from vibro_ros.accuracy.chaos import cruising_speed
-from vibro_ros.accuracy.diagram import style, tidy
+from vibro_ros.accuracy.diagram import style
+from vibro_ros.accuracy.figures import new_figure, tidy
+from vibro_ros.accuracy.precision import cruising_speed
 from vibro_ros.accuracy.starts import STARTING, from_start
 from vibro_ros.model.scene import Scene
 
@@ -23,8 +23,7 @@ def draw_ways(scene: Scene, steps: Sequence[float]) -> Figure:
     SimulationError
         If rk4 cannot go on with one of the steps.
     """
-    figure = Figure(figsize=(3.0 * (len(steps) + 1), 3.6), dpi=110, layout="constrained", facecolor="white")
-    FigureCanvasAgg(figure)
+    figure = new_figure(3.0 * (len(steps) + 1), 3.6)
     panels = figure.subplots(1, len(steps) + 1, sharey=True)
     for axes, step in zip(panels[:-1], steps, strict=True):
         _draw(axes, scene.with_parameters({"solver.method": "rk4", "solver.step": step}), f"rk4, step {step:g} s")

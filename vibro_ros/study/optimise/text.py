@@ -1,17 +1,27 @@
-"""What a search has found, in Markdown: every number comes from a `Result`."""
+"""What a search has found, in Markdown and as pictures: every number comes from a `Result`."""
 
 import math
 from collections.abc import Iterable, Sequence
 
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from vibro_ros.accuracy.figures import GRID, new_figure
 from vibro_ros.accuracy.starts import Average
 from vibro_ros.model.parameters import BY_NAME
-from vibro_ros.study.optimise.behaviour import ACCOUNTS, Behaviour
-from vibro_ros.study.optimise.front import FrontRobot
-from vibro_ros.study.optimise.objective import OBJECTIVES
-from vibro_ros.study.optimise.plan import FRONT, Plan
+from vibro_ros.study.optimise.plan import FRONT, OBJECTIVES, Plan
 from vibro_ros.study.optimise.result import Result
-from vibro_ros.study.optimise.sensitivity import Neighbourhood
-from vibro_ros.study.optimise.verification import OPTIMUM, PAPER, PERTURBATION, Verified
+from vibro_ros.study.optimise.search import Candidates, FrontRobot
+from vibro_ros.study.optimise.verification import (
+    ACCOUNTS,
+    OPTIMUM,
+    PAPER,
+    PERTURBATION,
+    Behaviour,
+    Neighbourhood,
+    Verified,
+)
 
 POWER = {"net": "the work of the motor less what the springs return to it, over time",
          "delivered": "the work that the motor delivers, over time; what the springs return to it is lost"}
@@ -188,3 +198,68 @@ def front_table(front: Sequence[FrontRobot]) -> str:
                    number(one.robot["motor.speed"]), number(1e3 * one.robot["crank.radius"]),
                    number(math.degrees(one.robot["guide.angle"])), number(one.robot["mass.inclined"])]
                   for one in front))
+
+
+# Speed [m/s] below which a robot stands still for all that can be seen.
+_SLOWEST = 1e-4
+_COST = "cost of transport P / (M g V) [-]"
+# Okabe and Ito's colours, which the colour-blind can tell apart
+_ALL, _BEST, _OTHER, _THIRD = "#56b4e9", "#000000", "#d55e00", "#009e73"
+
+
+def _figure(width: float, height: float) -> tuple[Figure, Axes]:
+    figure = new_figure(width, height)
+    axes = figure.subplots()
+    axes.grid(color=GRID)
+    axes.set_axisbelow(True)
+    return figure, axes
+
+
+def draw_convergence(plan: Plan, candidates: Candidates, title: str) -> Figure:
+    """Score of every candidate in turn, and the best so far."""
+    figure, axes = _figure(8.0, 4.5)
+    scores = np.array([plan.score(values) for values in candidates.values])
+    scores, turns = np.where(scores > 0.0, scores, np.nan), np.arange(1, len(scores) + 1)
+    axes.plot(turns, scores, ".", ms=2.0, color=_ALL, label="a robot", rasterized=True)
+    axes.plot(turns, np.fmax.accumulate(scores), color=_BEST, label="best so far")
+    axes.set(xlabel="robots tried", ylabel=f"score [{plan.unit}]", title=title)
+    axes.legend(frameon=False)
+    return figure
+
+
+def draw_front(result: Result, candidates: Candidates, title: str) -> Figure:
+    """Cost of transport over speed: all candidates, the front from fresh starts, and the robots that were verified."""
+    figure, axes = _figure(8.0, 5.5)
+    plan = result.plan
+    every = np.array([plan.speed_and_cost(point, values)
+                      for point, values in zip(candidates.points, candidates.values, strict=True)])
+    every = every[np.isfinite(every[:, 1]) & (every[:, 0] > _SLOWEST)]
+    axes.plot(1e3 * every[:, 0], every[:, 1], ".", ms=2.0, color=_ALL, label="a robot of the search", rasterized=True)
+    _draw_front_line(axes, result.front)
+    for row, mark in zip(result.verified, "*sD", strict=False):
+        if row.cost > 0.0:
+            axes.errorbar(1e3 * row.speed.mean, row.cost, xerr=1e3 * row.speed.spread, fmt=mark, ms=8.0,
+                          color=_OTHER if row.robot == OPTIMUM else _THIRD, label=row.robot)
+    axes.set(xscale="log", yscale="log", xlabel="mean speed [mm/s]", ylabel=_COST, title=title)
+    axes.legend(frameon=False)
+    return figure
+
+
+def _draw_front_line(axes: Axes, front: Sequence[FrontRobot]) -> None:
+    axes.plot([1e3 * one.speed for one in front], [one.cost for one in front], "-o", ms=3.0, color=_BEST,
+              label="front, from fresh starts")
+
+
+def draw_sensitivity(around: Neighbourhood, title: str) -> Figure:
+    """Sobol's indices of every parameter, the largest on top."""
+    rows = sorted(around.sensitivities, key=lambda one: one.total)
+    figure, axes = _figure(8.0, 1.5 + 0.3 * len(rows))
+    places = np.arange(len(rows))
+    axes.barh(places + 0.2, [one.total for one in rows], 0.4, xerr=[one.total_spread for one in rows], color=_OTHER,
+              label="total")
+    axes.barh(places - 0.2, [one.first for one in rows], 0.4, xerr=[one.first_spread for one in rows], color=_ALL,
+              label="first order")
+    axes.set_yticks(places, [one.name for one in rows])
+    axes.set(xlabel=f"Sobol index within {100 * PERTURBATION:g} % of the optimum, 95 % intervals", title=title)
+    axes.legend(frameon=False, loc="lower right")
+    return figure

@@ -4,8 +4,9 @@ So a motion is followed as far as it is stable, and where it ends depends on the
 cannot be shared among processes; a visit takes some hundredths of a second, unless nothing settles.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
@@ -16,7 +17,8 @@ from vibro_ros.orbits.stroboscope import Stroboscope
 from vibro_ros.orbits.turn_map import TurnMap
 from vibro_ros.simulation.given_state import UNITS
 from vibro_ros.study.diagram.design import Design
-from vibro_ros.study.running.parquet_blocks import Column, ParquetBlocks
+from vibro_ros.study.running.blocks import Column, ParquetBlocks
+from vibro_ros.study.running.runner import Results
 
 
 @dataclass(frozen=True)
@@ -45,7 +47,7 @@ class Visit:
         return 1
 
 
-def visits(design: Design, missing: Sequence[int], tables: Mapping[int, pa.Table]) -> Iterator[Visit]:
+def visits(design: Design, missing: Sequence[int], tables: Mapping[int, pa.Table]) -> Results[Visit]:
     """The visits of the blocks that are `missing`, in order; `tables` has each block by the time the next one begins.
 
     Raises
@@ -90,29 +92,11 @@ def _within_plates(turn_map: TurnMap, state: np.ndarray) -> np.ndarray:
 
 
 class VisitBlocks(ParquetBlocks[Visit]):
-    """The files of a diagram's visits, a row a cut.
+    """The files of a diagram's visits, a row a cut."""
 
-    Parameters
-    ----------
-    folder : Path
-        Where they are; it exists.
-    design : Design
-        What they hold.
-    """
-
-    def __init__(self, folder, design: Design):
-        super().__init__(folder, "diagram", design.document(), design.blocks)
+    def __init__(self, folder: Path, design: Design):
+        super().__init__(folder, design.document(), design.blocks)
         self._design = design
-
-    def is_own(self, block: int, table: pa.Table) -> bool:
-        """Whether the rows can be the visits of this block."""
-        try:
-            found = visits_in(self._design, table)
-            possible = all(len(one.states) == (one.motion.turns or CLOUD) and np.isfinite(one.states).all()
-                           for one in found)
-            return possible and self.is_of(block, table, found)
-        except (LookupError, TypeError, ValueError, OverflowError):
-            return False
 
     def columns(self, block: int, found: Sequence[Visit]) -> list[Column]:
         """See `ParquetBlocks`."""

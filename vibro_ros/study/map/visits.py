@@ -12,7 +12,7 @@ from vibro_ros.orbits.turn_map import TurnMap
 from vibro_ros.simulation.motion import SimulationError
 from vibro_ros.simulation.simulator import Simulator
 from vibro_ros.study.map.design import Line, MapDesign
-from vibro_ros.study.standing import standing_and_airborne
+from vibro_ros.study.measures import standing_and_airborne
 
 PHASE = math.pi
 """Crank angle [rad] at which states are looked at: both sliders are far from the plates there."""

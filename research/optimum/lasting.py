@@ -13,7 +13,7 @@ import numpy as np
 
 from vibro_ros.accuracy.starts import Average, average
 from vibro_ros.model.scene import Scene
-from vibro_ros.study.optimise.evaluation import VERIFYING, Trials, values_of
+from vibro_ros.study.optimise.plan import VERIFYING, Trials, values_of
 from vibro_ros.study.progress import Progress
 
 #: Times [s] over which means are taken.

@@ -1,6 +1,5 @@
-"""The command map as pictures: mean speed and period, with coexistence and curves; and what the motion costs."""
+"""What a map says, in words and as pictures."""
 
-import io
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -8,10 +7,72 @@ from matplotlib.colors import BoundaryNorm, ListedColormap
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from vibro_ros.configuration.command_map import Axis, CommandMap
+from vibro_ros.accuracy.figures import new_figure, png
+from vibro_ros.configuration.command_choice import CommandChoice, has_choice
+from vibro_ros.configuration.command_map import PATCHWORK, Axis, CommandMap
+from vibro_ros.study.map.proof import STARTS, Trial
+from vibro_ros.study.map.visits import UNSETTLED, Visit
+
+SHOWN = 22
+"""Rows of the table of trials, about."""
+
+
+def map_in_words(command_map: CommandMap, visits: list[Visit]) -> list[str]:
+    """How many motions there are, where, and how fast they go."""
+    found = command_map.found
+    cells, counts = np.unique(np.column_stack([found.speed_index, found.gap_index]), axis=0, return_counts=True)
+    unsettled = sum(visit.turns == UNSETTLED for visit in visits)
+    numbered = np.unique(found.motion[found.motion > PATCHWORK])
+    periodic = float(np.mean(found.turns > 0))
+    fastest, slowest = int(np.argmax(np.abs(found.mean_speed))), int(np.argmin(np.abs(found.mean_speed)))
+    forwards = int(np.sum(found.mean_speed > 0.0))
+    return [
+        f"{len(cells)} of {command_map.speeds.count * command_map.gaps.count} cells have a motion, "
+        f"{np.sum(counts > 1)} have more than one; {unsettled} of {len(visits)} visits did not settle",
+        f"{len(numbered)} motions of neighbouring cells; {periodic:.0%} of what was found repeats itself within 8 "
+        "turns",
+        f"mean speeds from {found.mean_speed[slowest] * 1e3:.1f} to {found.mean_speed[fastest] * 1e3:.1f} mm/s "
+        f"({_place(command_map, fastest)}); {forwards} go forwards",
+        f"curves: {', '.join(_curves(command_map)) or 'none'}",
+        _sure(command_map),
+    ]
+
+
+def trials_in_words(trials: list[Trial]) -> list[str]:
+    """A table of mean speeds asked for, with the start that is farthest off, and the largest deviation of all."""
+    if not trials:
+        return []
+    lines = ["asked [mm/s]  motor speed [rad/s]  gap [mm]  got [mm/s]  off [%]"]
+    for trial in trials[::max(1, len(trials) // SHOWN)]:
+        motor, gap = list(trial.choice.commands.values())[:2]
+        lines.append(f"{trial.asked * 1e3:12.1f}  {motor:19.2f}  {gap * 1e3:8.2f}  {trial.got * 1e3:10.1f}  "
+                     f"{trial.error * 100.0:7.1f}")
+    worst = max(trials, key=lambda trial: trial.error)
+    median = np.median([trial.error for trial in trials])
+    return [*lines, f"{len(trials)} mean speeds from {STARTS} starts each: asked and got differ by {worst.error:.1%} "
+            f"at most, and by {median:.1%} in the median"]
+
+
+def _sure(command_map: CommandMap) -> str:
+    if not has_choice(command_map):
+        return "no sure commands for any mean speed"
+    choice = CommandChoice(command_map)
+    return (f"sure commands for {choice.covered:.0%} of the mean speeds from {choice.slowest * 1e3:.1f} to "
+            f"{choice.fastest * 1e3:.1f} mm/s")
+
+
+def _place(command_map: CommandMap, row: int) -> str:
+    found = command_map.found
+    return (f"{command_map.speeds.values[found.speed_index[row]]:g} rad/s, gap "
+            f"{command_map.gaps.values[found.gap_index[row]] * 1e3:g} mm")
+
+
+def _curves(command_map: CommandMap) -> list[str]:
+    kinds = dict.fromkeys(curve.kind for curve in command_map.curves)
+    return [f"{sum(curve.kind == kind for curve in command_map.curves)} of {kind}" for kind in kinds]
+
 
 WIDTH, HEIGHT = 9.6, 8.4  # in
-DPI = 110
 #: Colours of periods (Okabe and Ito's, which the colour-blind tell apart) and what they say.
 _PERIODS = (("#dddddd", "none up to 8"), ("#0072b2", "1"), ("#56b4e9", "2"), ("#009e73", "3"),
             ("#f0e442", "4"), ("#e69f00", "5 to 8"))
@@ -21,7 +82,7 @@ _STYLES = {"fold": ("black", "-"), "period doubling": ("black", "--"), "Neimark-
 
 def draw_map(command_map: CommandMap) -> bytes:
     """Mean speed, and period, over motor speed and gap: a PNG."""
-    figure = Figure((WIDTH, HEIGHT), layout="constrained")
+    figure = new_figure(WIDTH, HEIGHT)
     upper, lower = figure.subplots(2, 1, sharex=True, sharey=True)
     _draw_quantity(figure, upper, command_map, command_map.found.mean_speed * 1e3, "mean speed [mm/s]", "viridis")
     _draw_periods(figure, lower, command_map)
@@ -31,12 +92,12 @@ def draw_map(command_map: CommandMap) -> bytes:
     figure.legend(handles=_legend(command_map), loc="outside lower center", ncols=5, frameon=False)
     upper.set_title(f"{command_map.scene}: motions over motor speed and gap of {_sides(command_map)}")
     lower.set_xlabel("motor speed [rad/s]")
-    return _png(figure)
+    return png(figure)
 
 
 def draw_costs(command_map: CommandMap) -> bytes:
     """Cost of transport, and shares of standing and flight, over motor speed and gap: a PNG."""
-    figure, found = Figure((WIDTH, 1.3 * HEIGHT), layout="constrained"), command_map.found
+    figure, found = new_figure(WIDTH, 1.3 * HEIGHT), command_map.found
     rows = figure.subplots(3, 1, sharex=True)
     _draw_quantity(figure, rows[0], command_map, np.log10(found.cost_of_transport), "cost of transport [log10]",
                    "viridis_r")
@@ -45,7 +106,7 @@ def draw_costs(command_map: CommandMap) -> bytes:
     _draw_quantity(figure, rows[2], command_map, found.air_share * 100.0, "in the air [% of time]", "cividis")
     rows[0].set_title(f"{command_map.scene}: what the motions cost, and how they go; where two exist, the faster one")
     rows[2].set_xlabel("motor speed [rad/s]")
-    return _png(figure)
+    return png(figure)
 
 
 def _fastest(command_map: CommandMap, values: np.ndarray) -> np.ndarray:
@@ -106,9 +167,3 @@ def _legend(command_map: CommandMap) -> list[Line2D]:
 
 def _sides(command_map: CommandMap) -> str:
     return "both plates" if len(command_map.sides) > 1 else f"the {command_map.sides[0]} plate"
-
-
-def _png(figure: Figure) -> bytes:
-    sink = io.BytesIO()
-    figure.savefig(sink, format="png", dpi=DPI, metadata={"Software": None})
-    return sink.getvalue()

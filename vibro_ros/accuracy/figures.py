@@ -1,0 +1,35 @@
+"""Figures as every study draws them: on white, without a window, with a light grid, and with units on the axes."""
+
+import io
+
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+GRID = "#e8e8e8"
+
+
+def new_figure(width: float, height: float, dpi: int = 110) -> Figure:
+    """An empty figure of so many inches."""
+    figure = Figure(figsize=(width, height), dpi=dpi, layout="constrained", facecolor="white")
+    FigureCanvasAgg(figure)
+    return figure
+
+
+def png(figure: Figure) -> bytes:
+    """The figure as a PNG file."""
+    sink = io.BytesIO()
+    figure.savefig(sink, format="png", metadata={"Software": None})
+    return sink.getvalue()
+
+
+def with_unit(name: str, unit: str) -> str:
+    """The label of an axis; pure numbers have no unit."""
+    return f"{name} [{unit}]" if unit not in ("", "1") else name
+
+
+def tidy(axes: Axes) -> None:
+    """Grid and spines."""
+    axes.grid(color=GRID, lw=0.8)
+    axes.set_axisbelow(True)
+    axes.spines[["top", "right"]].set_visible(False)

@@ -1,0 +1,249 @@
+"""How a study is stored and resumed: one Parquet file a block, whose bytes depend on the study's design alone.
+
+Every file says in its schema's metadata, under the key `vibro_ros`, the version, the whole design, and which block it
+is, and under `digest`, by which damage is seen, a digest of this and of its values; every column says its unit and
+meaning. A file is whole or absent: it is written beside its place, brought to the
+disk and renamed. A study that is started again reads the blocks that are whole and computes the others.
+"""
+
+import contextlib
+import errno
+import functools
+import hashlib
+import io
+import json
+import os
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Generator, Sequence
+from pathlib import Path
+from typing import Generic, NamedTuple
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from vibro_ros.process.front_door import say
+from vibro_ros.process.untrusted import content, is_temporary, replace_file
+from vibro_ros.simulation.provenance import software
+from vibro_ros.study.progress import Progress
+from vibro_ros.study.running.runner import Result
+
+KEY, _DIGEST = b"vibro_ros", b"digest"
+NUMBERS = pa.list_(pa.field("element", pa.float64()))
+"""A list of numbers, by the name of its items that a file has which is read again."""
+_LARGEST = 2**28  # bytes of a block's file
+
+
+class ForeignBlockError(ValueError):
+    """A file that belongs to another study."""
+
+
+class Column(NamedTuple):
+    """One column of a table."""
+
+    name: str
+    values: pa.Array
+    unit: str
+    meaning: str
+
+
+class ParquetBlocks(ABC, Generic[Result]):
+    """The files of a study in a folder.
+
+    Parameters
+    ----------
+    folder : Path
+        Where they are; it exists.
+    design : dict
+        All that decides what the files hold, as JSON has it.
+    count : int
+        Blocks.
+    """
+
+    def __init__(self, folder: Path, design: dict, count: int):
+        self._folder, self._count = folder, count
+        self._study = {**fingerprint(), "design": design, "blocks": count}
+
+    @abstractmethod
+    def columns(self, block: int, found: Sequence[Result]) -> list[Column]:
+        """The columns of a block, from the results of all its pieces."""
+
+    def path(self, block: int) -> Path:
+        """The file of a block."""
+        return self._folder / f"block_{block:06d}.parquet"
+
+    def check_folder(self) -> None:
+        """Delete what an interrupted write has left (ForeignBlockError for files of another study)."""
+        own = {self.path(block).name for block in range(self._count)}
+        for name in sorted(os.listdir(self._folder)):
+            if is_temporary(name) and name[1:].partition(".parquet")[0] + ".parquet" in own:
+                (self._folder / name).unlink()
+            elif name not in own:
+                raise ForeignBlockError(f"{self._folder / name}: is no block of this study; give another --output, or "
+                                        "delete that folder")
+
+    def write(self, block: int, found: Sequence[Result]) -> pa.Table:
+        """Put a block on the disk, in the place of an older file (RuntimeError with the remedy); returns its table."""
+        table = table_of(self.columns(block, found))
+        document = self._document(block)
+        table = table.replace_schema_metadata({KEY: document, _DIGEST: _digest(document, table)})
+        try:
+            replace_file(self.path(block), file_of(table))
+            folder = os.open(self._folder, os.O_RDONLY | os.O_DIRECTORY)
+            try:
+                os.fsync(folder)
+            finally:
+                os.close(folder)
+        except OSError as error:
+            remedy = "free some room" if error.errno in (errno.ENOSPC, errno.EDQUOT) else "let it be written"
+            raise RuntimeError(f"{self.path(block)}: {error.strerror}; {remedy}. The blocks before it are kept; the "
+                               "same command goes on from there") from error
+        return table
+
+    def read(self, block: int) -> pa.Table | None:
+        """The table of a block; None where there is no file, or one that is damaged, which is then computed again.
+
+        Raises
+        ------
+        ForeignBlockError
+            For a file of another design or version; the message names the first difference.
+        OSError
+            For one that cannot be read.
+        """
+        path = self.path(block)
+        if not path.exists():
+            return None
+        data = content(path, _LARGEST, follow=False)
+        try:
+            table = pq.ParquetFile(io.BytesIO(data), page_checksum_verification=True).read()
+            document, digest = table.schema.metadata[KEY], table.schema.metadata[_DIGEST]
+            whole = _digest(document, table) == digest
+        except (pa.ArrowException, OSError, KeyError, TypeError, ValueError):
+            whole = False
+        if not whole:
+            say("study", f"{path}: is damaged; it is computed again")
+            return None
+        if document != self._document(block):
+            raise ForeignBlockError(f"{path}: is of another study ({_difference(json.loads(document), self._study)}); "
+                                    "give another --output, or delete that folder")
+        return table
+
+    def _document(self, block: int) -> bytes:
+        return json.dumps({**self._study, "block": block}, ensure_ascii=False).encode()
+
+
+def _digest(document: bytes, table: pa.Table) -> bytes:
+    """Digest of what a file says of its study, of its columns, and of all its values to the last bit."""
+    columns = [(one.name, str(one.type), sorted((one.metadata or {}).items())) for one in table.schema]
+    return hashlib.sha256(document + repr((columns, table.to_pylist())).encode()).hexdigest().encode()
+
+
+class BlockRun(Generic[Result]):
+    """The blocks of a study in a folder that nobody else writes into.
+
+    Parameters
+    ----------
+    what : str
+        What is done, for the lines that say how far it is.
+    blocks : ParquetBlocks
+        The files.
+    rows : sequence of int
+        Rows of each block.
+
+    Attributes
+    ----------
+    tables : dict of int to Table
+        The blocks that are done.
+    """
+
+    def __init__(self, what: str, blocks: ParquetBlocks[Result], rows: Sequence[int]):
+        self._what, self._blocks, self._rows = what, blocks, rows
+        self.tables: dict[int, pa.Table] = {}
+
+    @property
+    def whole(self) -> pa.Table:
+        """All blocks as one table, once they are done."""
+        return pa.concat_tables([self.tables[block].replace_schema_metadata() for block in range(len(self._rows))])
+
+    def do(self, compute: Callable[[list[int]], Generator[Result, None, None]]) -> None:
+        """Read the blocks that are there, and compute the others.
+
+        Parameters
+        ----------
+        compute : callable
+            Gives, for the numbers of blocks, the results of their pieces, in order.
+
+        Raises
+        ------
+        ForeignBlockError
+            For files of another study.
+        OSError
+            For files that cannot be read.
+        RuntimeError
+            When the disk is full or refuses, or the runs cannot go on; finished blocks are kept.
+        """
+        self._blocks.check_folder()
+        with Progress("blocks checked", "block", len(self._rows)) as progress:
+            for block in range(len(self._rows)):
+                table = self._blocks.read(block)
+                if table is not None:
+                    self.tables[block] = table
+                progress.add(1)
+        missing = [block for block in range(len(self._rows)) if block not in self.tables]
+        done = sum(self._rows[block] for block in self.tables)
+        with contextlib.closing(compute(missing)) as results, \
+                Progress(self._what, "run", sum(self._rows), done) as progress:
+            for block in missing:
+                found: list[Result] = []
+                left = self._rows[block]
+                while left:
+                    found.append(next(results))
+                    left -= len(found[-1])
+                    progress.add(len(found[-1]))
+                self.tables[block] = self._blocks.write(block, found)
+
+
+def table_of(columns: Sequence[Column]) -> pa.Table:
+    """A table whose fields say units and meanings."""
+    schema = pa.schema([pa.field(one.name, one.values.type, metadata={"unit": one.unit, "meaning": one.meaning})
+                        for one in columns])
+    return pa.Table.from_arrays([one.values for one in columns], schema=schema)
+
+
+def file_of(table: pa.Table) -> bytes:
+    """A table as a Parquet file, with a checksum of every page."""
+    sink = io.BytesIO()
+    pq.write_table(table, sink, compression="zstd", write_page_checksum=True)
+    return sink.getvalue()
+
+
+@functools.cache
+def fingerprint() -> dict[str, str]:
+    """Version of the package, and a digest of all that may decide the numbers of a study; equal where it may go on.
+
+    Every module of the rooms `orbits` and `study` counts, and the drawn starts, beside those of the robot.
+    """
+    package, digest = Path(__file__).parents[2], hashlib.sha256(software()["sources"].encode())
+    for path in sorted([*package.glob("orbits/**/*.py"), *package.glob("study/**/*.py"),
+                        package / "accuracy" / "starts.py"]):
+        digest.update(b"\n".join((str(path.relative_to(package)).encode(), *path.read_bytes().splitlines())))
+    return {"version": software()["version"], "sources": digest.hexdigest()[:16]}
+
+
+@functools.cache
+def computes_with() -> dict[str, str]:
+    """All that the bits of a study's run depend on besides its scene: where it is equal, numbers are equal to the last
+    bit."""
+    return {**software(), **fingerprint()}
+
+
+def _difference(theirs: object, ours: object, where: str = "") -> str:
+    """The first difference between two documents, in words."""
+    if not (isinstance(theirs, dict) and isinstance(ours, dict)):
+        shown = [text if len(text) <= 60 else f"{text[:60]}…" for text in map(str, (theirs, ours))]
+        return f"{where} is {shown[0]} there, {shown[1]} here"
+    for key in dict.fromkeys((*ours, *theirs)):
+        if key in ours and theirs.get(key) != ours[key]:
+            return _difference(theirs.get(key), ours[key], f"{where}.{key}" if where else str(key))
+        if key not in ours and key != "block":
+            return f"{where}.{key} is only there"
+    return "its number is of another block"
