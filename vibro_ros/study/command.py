@@ -6,6 +6,7 @@ import fcntl
 import os
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 
 from vibro_ros.configuration.scene_file import load_scene
@@ -16,7 +17,7 @@ from vibro_ros.process.front_door import Parser, exit_code, say
 from vibro_ros.process.stop_signals import interrupted_code
 from vibro_ros.process.untrusted import replace_file
 from vibro_ros.simulation.processes import core_count
-from vibro_ros.study.running.runner import Runner, on_cluster, on_this_machine
+from vibro_ros.study.running.runner import Runner, on_this_machine
 from vibro_ros.study.variation import whole_number
 
 MOST_WORKERS = 4096
@@ -92,9 +93,14 @@ def add_runner(parser: Parser) -> None:
 
 
 def runner_of(options: argparse.Namespace) -> Runner:
-    """Who computes, by `--workers` or `--scheduler` (ValueError)."""
+    """Who computes, by `--workers` or `--scheduler` (ValueError, also where `distributed` is not installed)."""
     if options.scheduler:
-        return on_cluster(options.scheduler)
+        try:
+            from vibro_ros.study.running import cluster  # needs a package that only clusters need
+        except ModuleNotFoundError as error:
+            raise ValueError(f"{error.name}: not installed; `pip install \".[cluster]\"` brings what --scheduler "
+                             "needs") from error
+        return partial(cluster.run_on_cluster, options.scheduler)
     workers = core_count() if options.workers is None else options.workers
     return on_this_machine(whole_number("--workers", workers, 1, MOST_WORKERS))
 

@@ -70,16 +70,6 @@ def on_this_machine(workers: int) -> Runner:
     return run
 
 
-def on_cluster(address: str) -> Runner:
-    """A runner on the Dask cluster at `address` (ValueError where `distributed` is not installed)."""
-    try:
-        from vibro_ros.study.running import cluster  # needs a package that only clusters need
-    except ModuleNotFoundError as error:
-        raise ValueError(f"{error.name}: not installed; `pip install \".[cluster]\"` brings what --scheduler "
-                         "needs") from error
-    return partial(cluster.run_on_cluster, address)
-
-
 def tasks(items: Iterator[Piece], run_time: float, time: float, most: int) -> Iterator[tuple[Piece, ...]]:
     """Pieces in groups: as many as have at most `most` runs, of `run_time` [s] each and `time` [s] together."""
     rows_of_task = max(1, min(most, int(time / run_time)))
