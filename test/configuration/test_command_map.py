@@ -126,7 +126,9 @@ def test_a_map_without_a_sure_place_is_refused():
     ({"scene": "a\nb"}, "scene: is no text"), ({"scene": 1}, "scene: is no text"),
     ({"more": 1}, "the document: 'more' is unknown"),
     ({"curves": [{}]}, "curves[0]: kind is missing"),
-    ({"parameters": {}}, "parameters: "), ({"scene": ["x" * 300_000]}, "scene: is no text"),
+    ({"parameters": {"ground.wind": 1.0}}, "parameters: 'ground.wind' is unknown"),
+    ({"parameters": []}, "parameters: "),
+    ({"scene": ["x" * 300_000]}, "scene: is no text"),
     ({"type": "x" * 300_000}, "type: "), ({"x" * 300_000: 1}, "the document: "),
 ])
 def test_a_file_that_is_no_map_is_refused(file, change, reason):
@@ -151,6 +153,14 @@ def test_other_bytes_are_refused(tmp_path, content):
     path = tmp_path / "map.json"
     path.write_bytes(content)
     refusal(path)
+
+
+def test_a_parameter_that_a_map_lacks_has_its_default(file):
+    """As in a map that was made before the parameter was written."""
+    document = json.loads(file.read_text())
+    assert document["parameters"].pop("ground.stribeck_speed") == 0.01
+    file.write_text(json.dumps(document))
+    assert read_map(file).parameters["ground.stribeck_speed"] == 0.01
 
 
 def test_a_long_value_in_a_map_makes_no_long_message(file):

@@ -21,7 +21,7 @@ pytest.importorskip("heyoka", reason="heyoka, the extra `bench`, has no wheel fo
 import peer_agreement
 from peer_agreement import POSITION, assert_agreement, simulated
 
-from vibro_ros.peer import COLUMNS, Peer, integrate_heyoka
+from vibro_ros.peer import COLUMNS, Peer
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "reference"))
 from random_scenes import draw
@@ -237,7 +237,7 @@ def test_the_peer_notices_an_effect_left_out():
     with pytest.raises(AssertionError, match="off by"):
         times = np.linspace(0.0, 0.2, 41)
         lighter = scene.with_parameters({"effects.reaction": True})
-        peer, samples = integrate_heyoka(scene, times).samples, simulated(lighter, times, ())[0]
+        peer, samples = Peer(scene).integrate(times).samples, simulated(lighter, times, ())[0]
         error = max(np.abs(peer[:, k] - samples[COLUMNS[k]]).max() for k in range(0, len(COLUMNS), 2))
         assert error <= 1e7 * POSITION, f"off by {error}"
 

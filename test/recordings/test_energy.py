@@ -125,6 +125,18 @@ def test_what_the_bag_says_of_itself_may_be_anything(recorded, tmp_path, custom,
     assert "\n" not in unknown and time.monotonic() - began < 60.0
 
 
+def test_a_parameter_that_the_bag_lacks_has_its_default_and_an_unknown_one_is_refused(recorded, tmp_path):
+    """As in a bag that was recorded before the parameter was written, or by a later version."""
+    with BagStream(recorded) as stream:
+        parameters = json.loads(stream.metadata["parameters"])
+    older, later = dict(parameters), parameters | {"ground.wind": 1.0}
+    assert older.pop("ground.stribeck_speed") == 0.01
+    older, later = (rewritten(recorded, tmp_path / name, custom={"parameters": json.dumps(given)})
+                    for name, given in (("older", older), ("later", later)))
+    assert energy_of(load_bag(older)) == energy_of(load_bag(recorded))
+    assert "ground.wind: unknown parameter" in energy_of(load_bag(later))["unknown"]
+
+
 def test_days_between_two_samples_are_not_simulated(recorded, tmp_path):
     def changed(topic, stamp, data):
         return topic, stamp + (10**15 if stamp == START + round((TICKS - 1) / RATE * 1e9) else 0), data

@@ -282,8 +282,10 @@ def _command_map(document: Any) -> CommandMap:
 
 
 def _parameters(given: Any, sides: tuple[str, ...]) -> Mapping[str, Value]:
-    wanted = tuple(parameters_that_count(Scene("paper", {}), sides))
-    return checked_parameters(_mapping(given, "parameters", wanted), tuple(BY_NAME.values()))
+    """The parameters of a map; one that the file lacks has its default, because an older version wrote the file."""
+    defaults = parameters_that_count(Scene("paper", {}), sides)
+    _mapping(given, "parameters", tuple(defaults), complete=False)
+    return checked_parameters(defaults | given, tuple(BY_NAME.values()))
 
 
 def _found(given: Any, speeds: int, gaps: int) -> Found:
@@ -329,11 +331,12 @@ def _axis(given: Any, name: str) -> Axis:
     return Axis(low, high, count)
 
 
-def _mapping(given: Any, where: str, keys: tuple[str, ...]) -> dict[str, Any]:
+def _mapping(given: Any, where: str, keys: tuple[str, ...], complete: bool = True) -> dict[str, Any]:
+    """`given` if it is a mapping with no other keys than `keys`, and with all of them if it must be complete."""
     if not isinstance(given, dict):
         raise ValueError(f"{where}: is no mapping")
     for key in keys:
-        if key not in given:
+        if complete and key not in given:
             raise ValueError(f"{where}: {key} is missing")
     for key in given:
         if key not in keys:

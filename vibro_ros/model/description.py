@@ -152,7 +152,7 @@ class _Description:
             falling = float(decayed @ friction[m])
             factor = ratio(friction[m] - falling * decayed, normal)
             sliding = [(part, symbol) for part, symbol in ((factor, "N"), (falling, law)) if part]
-            yield f"F_fr = {'F_in' if factor is None else _sum(sliding)}    while {state}"
+            yield f"F_fr = {self._ground.driving_symbol if factor is None else _sum(sliding)}    while {state}"
 
     def modes(self) -> Iterator[str]:
         """A line for the number of modes, a product of numbers of states, and for the first mode."""

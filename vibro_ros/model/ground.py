@@ -131,7 +131,7 @@ class Ground:
         self.along = tuple(force for force in GROUND_FORCES if force.row == ALONG and forms.body_moves and (
             self.has_dry_friction if force.set_valued else scene[force.parameter] != 0.0))
         terms = [f" {'+' if force.sign > 0.0 else '-'} {force.symbol}" for force in self.along if not force.set_valued]
-        self.driving_symbol = f"(F_in{''.join(terms)})" if terms else "F_in"
+        self.driving_symbol = f"F_in{''.join(terms)}"
         without_load = WITHOUT_LOAD[self._rule]
         if self.has_dry_friction:
             self.states = ("stick", "slip_forward", "slip_backward", *without_load)
@@ -179,19 +179,20 @@ class Ground:
     def guards(self, state: str, normal: Form, inertial: Form, resting: frozenset[str] = frozenset()) -> list[Guard]:
         """Guards of `state`, from the forms of N and F_in and the guides whose masses rest on rigid plates."""
         driving = self.driving_force(state, normal, inertial)
+        symbol = f"({self.driving_symbol})" if " " in self.driving_symbol else self.driving_symbol
         if state == "airborne":
             height = self._forms.position(self._forms.height)
             return [Guard(height, tuple(self._landings(resting)), "y >= 0", entries_decide=True)]
         if state == "stick":
-            bound = f"{self.driving_symbol} <= {self._static:g} N"
+            bound = f"{symbol} <= {self._static:g} N"
             return self._normal_force_guards(state, normal) + [
                 Guard(self._static * normal - driving, without_jump("slip_forward"), bound),
                 Guard(self._static * normal + driving, without_jump("slip_backward"), f"-{bound}"),
             ]
         if state == "rest":
             return [Guard(-normal, without_jump("stick"), "N <= 0"),
-                    Guard(-driving, without_jump("slip_forward"), f"{self.driving_symbol} <= 0"),
-                    Guard(driving, without_jump("slip_backward"), f"{self.driving_symbol} >= 0")]
+                    Guard(-driving, without_jump("slip_forward"), f"{symbol} <= 0"),
+                    Guard(driving, without_jump("slip_backward"), f"{symbol} >= 0")]
         if state == "unloaded":
             return [Guard(-normal, without_jump("slip_forward", "slip_backward", "stick"), "N <= 0")]
         if state == "grounded":

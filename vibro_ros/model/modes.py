@@ -19,8 +19,9 @@ Every effect needs places 1 to 3, 10 and 11. The others are for the effects that
 5. `model/contact.py`, for a contact: a class as `RigidContact`, with the states of the plate, and with guards whose
    targets bring the jumps on the way.
 6. `model/forms.py`, for a force along a guide (`Forms.guide_force`, `Forms.weight`) and for a coordinate, ramp or other
-   channel (`Forms.channels`). A force that is a linear form needs no more, -c x' included; a force that is not, such as
-   Stribeck's friction, needs a channel of its own in the solver (`Forms.friction_decays`).
+   channel (`Forms.channels`). A force that reads x or x', such as -c x', makes x a dynamic coordinate: `Forms.channels`
+   counts it, and `ModeBuilder.equations` eliminates the masses' accelerations from its row. A force that is no linear
+   form, such as Stribeck's friction, has a channel of its own in the solver, and a driven x (`Forms.friction_decays`).
 7. `model/energy.py`, for what stores energy, and for the power of a force along a guide.
 8. `model/fixed_steps.py`, for a contact or a friction law: the law as numbers, and the limits of what a step publishes.
 9. `simulation/motion.py` and `solver/drive.py`, for a motor law: the speed of the crank's clock; `description.py`

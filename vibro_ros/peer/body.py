@@ -4,10 +4,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from vibro_ros.peer.equations import Equations
-from vibro_ros.peer.guide import BODY_PARAMETERS, Guide
-from vibro_ros.peer.run_state import RunState
-from vibro_ros.peer.series import Series, leading_sign
+from vibro_ros.peer.equations import BODY_PARAMETERS, Equations, Guide
+from vibro_ros.peer.run_state import RunState, Series, leading_sign
 
 _HEIGHT_NUDGE = 1e-23  # m
 _SPEED_NUDGE = 1e-18  # m/s; outweighs the rounding error, 1e-12 N, of the force with which a stick ends
@@ -19,15 +17,6 @@ _WITHOUT_LOAD = {"unilateral": "unloaded", "hop": "airborne"}
 
 class Body:
     """The body: `free` (without friction), `stick`, `slip_forward`, `slip_backward`, `unloaded` or `airborne`.
-
-    Parameters
-    ----------
-    equations : Equations
-        The equations of the scene.
-    run : RunState
-        The state of the run, which is changed in place.
-    series : Series
-        The series of the guards.
 
     Attributes
     ----------
@@ -178,8 +167,6 @@ class Body:
         else:
             self._slip(time, direction)
 
-    # -- guards ----------------------------------------------------------------------------------------
-
     def _leave_stick(self, time: float, direction: float) -> None:
         """End the stick, because F_in has reached its bound in the direction of the sign of `direction`."""
         if self._without_load and self._run.ground_forces(time)[0] < 1e3 * _FORCE_NUDGE:  # N and F_in both vanish
@@ -210,8 +197,6 @@ class Body:
             self._settle_friction(time)
         if self.friction != "airborne":
             self._run.set_parameter("normal_offset", direction * _FORCE_NUDGE - self._run.ground_forces(time)[0])
-
-    # -- changes of state ------------------------------------------------------------------------------
 
     def _enter(self, time: float, friction: str) -> None:
         """Set the parameters of a state, and add an event if the state is another one."""

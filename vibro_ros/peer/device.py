@@ -1,4 +1,10 @@
-"""The peer: a scene that heyoka integrates by Taylor's method with terminal events."""
+"""The peer: a scene that heyoka integrates by Taylor's method with terminal events.
+
+heyoka finds a root wherever the polynomial of an event starts at zero. heyoka's own remedy, a cooldown, would hide a
+true event that follows at once, such as the bounces that die out, or N = 0 just after an impact. Therefore cooldowns
+are off, and each quantity whose guard has fired is put on its new side of zero by less than a rounding error: a depth,
+a height or a speed of the body by a nudge of the state, a force by an offset of its guard.
+"""
 
 import math
 import time as wall_clock
@@ -9,8 +15,10 @@ import heyoka as hy
 import numpy as np
 
 from vibro_ros.model.scene import Scene
-from vibro_ros.peer.automaton import Automaton
+from vibro_ros.peer.body import Body
 from vibro_ros.peer.equations import Equations
+from vibro_ros.peer.plates import Plates
+from vibro_ros.peer.run_state import RunState, Series
 
 #: Columns of `PeerRun.samples`.
 COLUMNS = ("upper_position", "upper_velocity", "inclined_position", "inclined_velocity", "body_position",
@@ -79,8 +87,12 @@ class Peer:
         self._integrator = hy.taylor_adaptive(sys=equations.system, state=[0.0] * len(equations.system), tol=tolerance,
                                               t_events=events)
         self._state, self._parameters = self._integrator.state, self._integrator.pars
-        self._automaton = Automaton(equations, self._state, self._parameters)
-        self._actions.update(self._automaton.actions())
+        self._run = RunState(equations, self._state, self._parameters)
+        series = Series(equations, self._state, self._parameters)
+        self._body = Body(equations, self._run, series)
+        self._contacts = Plates(equations, self._run, self._body, series)
+        self._body.feel_shock = self._contacts.feel_shock
+        self._actions.update(self._contacts.actions() | self._body.actions())
 
     def _event(self, name: str, guard: hy.expression) -> object:
         """heyoka's event for one guard."""
@@ -88,7 +100,8 @@ class Peer:
 
         def act(integrator, direction):
             actions[name](integrator.time, direction)
-            return self._automaton.run.short_flight == 0.0  # else heyoka stops, and goes on in short steps
+            self._contacts.release_unpressed(integrator.time)
+            return self._run.short_flight == 0.0  # else heyoka stops, and goes on in short steps
 
         # The default cooldown serves a kink, which is next crossed half a turn later, and the end of a decay.
         if name.endswith("kink") or name == "decay":
@@ -122,7 +135,7 @@ class Peer:
         while True:
             while waiting and waiting[0][0] <= now:
                 self._command(**waiting.pop(0)[1])
-            self._automaton.settle(0.0)
+            self._settle()
             stop = min([end, *(command[0] for command in waiting[:1]),
                         *(now + left for left in self._times_to_ramp_ends())])
             last = stop == end
@@ -136,14 +149,19 @@ class Peer:
             self._move_time_origin(stop - now)
             now = stop
         wall_time = wall_clock.perf_counter() - began
-        found = np.array(self._automaton.run.events, dtype=_EVENT_DTYPE)
+        found = np.array(self._run.events, dtype=_EVENT_DTYPE)
         return PeerRun(times, np.concatenate(parts), np.concatenate(driven), found, steps, wall_time)
 
-    # -- start, commands and ramps; time is counted from the last of these -----------------------------
+    def _settle(self) -> None:
+        """Decide the states of all plates and of the body from the motion, also where a guard is exactly zero."""
+        self._contacts.settle(0.0)
+        self._body.settle(0.0)
+        self._contacts.release_unpressed(0.0)
 
     def _start(self) -> None:
-        scene, automaton = self.scene, self._automaton
-        automaton.reset()
+        scene = self.scene
+        for part in (self._run, self._body, self._contacts):
+            part.reset()
         self._integrator.time = 0.0
         if self._integrator.with_events:
             self._integrator.reset_cooldowns()
@@ -160,8 +178,8 @@ class Peer:
             crank = math.cos(self._angle - guide.angle)
             slider = scene["crank.radius"] * crank + math.sqrt(guide.rod**2 - (scene["crank.radius"] * math.sin(
                 self._angle - guide.angle))**2)
-            automaton.run.set_parameter(f"{side}.free", 1.0)
-            automaton.run.set_parameter(f"{side}.sign", math.copysign(1.0, crank))
+            self._run.set_parameter(f"{side}.free", 1.0)
+            self._run.set_parameter(f"{side}.sign", math.copysign(1.0, crank))
             self._plates[side] = self._goals[side] = plate
             self._set_plate(side, 0.0)
             rest = min(slider - plate, 0.0) if guide.kind != "none" else slider
@@ -186,15 +204,15 @@ class Peer:
         self._change = change[self.scene["effects.motor"]] if self._target != self._speed else 0.0
         steady = self._target if self.scene["effects.motor"] == "lag" else self._speed
         for name, value in (("angle", self._angle), ("speed", steady), ("change", self._change)):
-            self._automaton.run.set_parameter(name, value)
+            self._run.set_parameter(name, value)
 
     def _set_plate(self, side: str, speed: float) -> None:
         """Let a plate move on at `speed` [m/s], without a change of the mass's own speed."""
         index = 2 * [guide.side for guide in self._equations.guides].index(side)
         self._state[index + 1] += self._plate_speeds.get(side, 0.0) - speed
         self._plate_speeds[side] = speed
-        self._automaton.run.set_parameter(f"{side}.plate", self._plates[side])
-        self._automaton.run.set_parameter(f"{side}.plate_speed", speed)
+        self._run.set_parameter(f"{side}.plate", self._plates[side])
+        self._run.set_parameter(f"{side}.plate_speed", speed)
 
     def _command(self, motor_speed: float | None = None, upper_gap: float | None = None,
                  inclined_gap: float | None = None):
@@ -222,7 +240,7 @@ class Peer:
         """Move the instant from which time is counted by `later` [s]; end the ramps that are over."""
         over = [left <= later + _SAME_INSTANT for left in self._times_to_ramp_ends()]
         moving = [side for side, speed in self._plate_speeds.items() if speed]
-        self._turn_motor(later)
+        self._angle, self._speed = (float(value) for value in self._motor(later))
         for side, speed in self._plate_speeds.items():
             self._plates[side] += speed * later
         for side, reached in zip(moving, over, strict=False):
@@ -233,13 +251,8 @@ class Peer:
         self._set_motor()
         for side, speed in self._plate_speeds.items():
             self._set_plate(side, 0.0 if self._plates[side] == self._goals[side] else speed)
-        self._automaton.run.time_origin += later
+        self._run.time_origin += later
         self._integrator.time = 0.0
-
-    def _turn_motor(self, t: float) -> None:
-        """Set crank angle and motor speed to those after `t` [s]."""
-        angle, speed = self._motor(t)
-        self._angle, self._speed = float(angle), float(speed)
 
     def _motor(self, t: float | np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Crank angle [rad] and speed [rad/s] after `t` [s] without another command."""
@@ -277,7 +290,7 @@ class Peer:
 
     def _propagate(self, times: np.ndarray, stop: float) -> tuple[np.ndarray, int]:
         """States at `times` [s] and the number of steps to `stop` [s], which are short during short bounces."""
-        integrator, run = self._integrator, self._automaton.run
+        integrator, run = self._integrator, self._run
         parts, found, steps = [], 0, 0
         while True:
             now, flight = integrator.time, run.short_flight
@@ -296,8 +309,3 @@ class Peer:
                     return np.concatenate(parts), steps
             elif not run.short_flight:
                 raise RuntimeError(f"heyoka stopped with {outcome} at {run.time_origin + integrator.time:g} s")
-
-
-def integrate_heyoka(scene: Scene, times: np.ndarray, tolerance: float = 1e-15, commands=()) -> PeerRun:
-    """Integrate a scene by heyoka: `Peer` and `Peer.integrate` in one call."""
-    return Peer(scene, tolerance).integrate(times, commands)

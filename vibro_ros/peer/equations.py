@@ -6,16 +6,55 @@ a guard can be put on either side of zero by less than any rounding error. Time 
 
 import math
 from collections.abc import Collection, Mapping
+from dataclasses import dataclass
 
 import heyoka as hy
 
 from vibro_ros.model.scene import Scene
 from vibro_ros.model.support import unsupported
-from vibro_ros.peer.guide import Guide, RunTimeParameters
 
 #: Speed, in multiples of v_s, above which exp(-abs(x')/v_s) is less than 4e-18 and shows in no Taylor coefficient. A
 #: step must end at this speed, because heyoka would otherwise step over the stop of the body that follows.
 _FADED = 40.0
+#: The first run-time parameters: they decide how the body moves (`Equations.body_parameters`).
+BODY_PARAMETERS = ("slide", "direction", "mobility", "stick", "slip", "air")
+
+
+class RunTimeParameters:
+    """heyoka's run-time parameters by name; heyoka itself numbers them.
+
+    Attributes
+    ----------
+    number : dict of str to int
+        Number of each parameter that has been asked for.
+    """
+
+    def __init__(self):
+        self.number = {name: number for number, name in enumerate(BODY_PARAMETERS)}
+
+    def __getitem__(self, name: str) -> hy.expression:
+        return hy.par[self.number.setdefault(name, len(self.number))]
+
+
+@dataclass(frozen=True)
+class Guide:
+    """One mass on its guide."""
+
+    side: str  # upper or inclined
+    angle: float  # of the guide from the vertical [rad]
+    mass: float  # [kg]
+    kind: str  # of the contact: none, compliant or restitution
+    rod: float  # length [m]
+    plate_stiffness: float  # [N/m]
+    plate_damping: float  # [N·s/m]
+    restitution: float  # of a rigid plate, dimensionless
+    watches_force: bool  # whether the plate lets go where its force is zero, instead of where the depth is zero
+    has_kink: bool  # whether the slider's speed jumps, because crank and rod are equally long
+    depth: hy.expression  # d [m]
+    rate: hy.expression  # d' [m/s]
+    load: hy.expression  # force along the guide [N] without the body's acceleration, that of the plate included
+    push: hy.expression  # k d + c d' of the plate [N]
+    crank: hy.expression  # cosine of the crank angle from the guide, whose zeros are the slider's kinks
 
 
 class Equations:
@@ -202,7 +241,7 @@ class Equations:
         return along, across, up
 
     def body_parameters(self, state: str, resting: Collection[str]) -> tuple[float, ...]:
-        """Values of `guide.BODY_PARAMETERS` in a state of `body.Body`, with the masses of `resting` on rigid plates.
+        """Values of `BODY_PARAMETERS` in a state of `body.Body`, with the masses of `resting` on rigid plates.
 
         In the air two parameters have another meaning, because x'' is as if the normal force that row y gives for
         y'' = 0 acted with the friction coefficient -M_xy / M_yy.

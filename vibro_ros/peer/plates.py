@@ -4,10 +4,8 @@ from collections.abc import Callable
 from typing import Any
 
 from vibro_ros.peer.body import Body
-from vibro_ros.peer.equations import Equations
-from vibro_ros.peer.guide import Guide
-from vibro_ros.peer.run_state import RunState
-from vibro_ros.peer.series import Series
+from vibro_ros.peer.equations import Equations, Guide
+from vibro_ros.peer.run_state import RunState, Series
 
 _DEPTH_NUDGE = 1e-27  # m
 _LEAST_RISE = 1e-26  # m; heyoka does not find the end of a bounce that rises less
@@ -19,17 +17,6 @@ _REST_SPEED = 1e-9
 
 class Plates:
     """The contacts, each in one of the states `open`, `closed`, `released`, `resting`, and the actions of their guards.
-
-    Parameters
-    ----------
-    equations : Equations
-        The equations of the scene.
-    run : RunState
-        The state of the run, which is changed in place.
-    body : Body
-        The body, which is told of forces and speeds that jump.
-    series : Series
-        The series of the guards.
     """
 
     def __init__(self, equations: Equations, run: RunState, body: Body, series: Series):
@@ -66,8 +53,6 @@ class Plates:
                 self._settle_rigid(time, guide)
             elif guide.kind == "compliant":
                 self._settle_compliant(time, guide)
-
-    # -- compliant -------------------------------------------------------------------------------------
 
     def _cross_plate(self, time: float, guide: Guide, direction: int) -> None:
         """Close or open the contact, because the depth has passed zero upwards (1) or downwards (-1)."""
@@ -149,8 +134,6 @@ class Plates:
         else:
             pulls = guide.watches_force and self._series.plate_force_sign(time, guide) < 0
             self._enter(time, guide, "released" if pulls else "closed")
-
-    # -- rigid -----------------------------------------------------------------------------------------
 
     def _meet_rigid(self, time: float, guide: Guide) -> None:
         """Strike the plate, or end a rest, because the depth or the pressing force has passed zero."""
