@@ -11,8 +11,8 @@ import pytest
 from vibro_ros.configuration.scene_file import load_scene, shipped_scenes
 from vibro_ros.model.scene import Scene
 from vibro_ros.model.tables import compile_scene
-from vibro_ros.simulation import kernels, second_process
-from vibro_ros.simulation.second_process import SecondProcess
+from vibro_ros.simulation import kernels
+from vibro_ros.simulation.kernels import SecondProcess
 
 PATIENCE = 600.0  # [s]
 RUN = """
@@ -72,12 +72,12 @@ def test_nothing_is_left_to_be_compiled(method):
 
 def test_a_second_process_compiles_all_but_the_longest(empty):
     assert said(RUN.format(method="rk4")) == "0 advance\n"
-    assert stored(empty) == {"fixed_step.advance", "fixed_step.begin", "fixed_step.interrupt", "forcing.read_signals",
-                             "transition.leave_for_ramp", "readout.read_samples"}
+    assert stored(empty) == {"fixed_step.advance", "fixed_step.begin", "fixed_step.interrupt", "segment.read_signals",
+                             "events.leave_for_ramp", "readout.read_samples"}
 
 
 def test_without_a_second_process_one_compiles_everything(empty):
-    program = "from vibro_ros.simulation import second_process; second_process._PROGRAM = 'raise SystemExit(1)'\n"
+    program = "from vibro_ros.simulation import kernels; kernels._PROGRAM = 'raise SystemExit(1)'\n"
     assert said(program + RUN.format(method="rk4")).startswith("0 advance begin interrupt leave_for_ramp read_s")
 
 
@@ -100,11 +100,11 @@ def test_the_second_process_fills_the_cache_and_ends(empty):
     with SecondProcess(("exact", [SMALL])) as second:
         second.wait()
     assert stored(empty) == {"readout.read_samples"}
-    assert second_process.progress.elsewhere == []
+    assert kernels.progress.elsewhere == []
 
 
 def test_it_ends_with_the_process_that_wants_it(empty):
-    program = ("import os; from vibro_ros.simulation.second_process import SecondProcess; "
+    program = ("import os; from vibro_ros.simulation.kernels import SecondProcess; "
                "second = SecondProcess(('exact', ['vibro_ros.solver.event_loop.advance'])); "
                "print(second._process.pid, flush=True); os._exit(0)")
     status = Path(f"/proc/{said(program).strip()}/stat")

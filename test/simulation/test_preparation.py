@@ -108,7 +108,7 @@ def test_kernels_that_cannot_be_kept_are_told_with_a_remedy(progress):
 
     Preparation(compile_one, said.append).wait()
     assert said == ["the compiled kernels cannot be kept: /full: No space left on device; every start compiles them "
-                    "anew. Set NUMBA_CACHE_DIR to a folder that can be written and has room"]
+                    "again. Set NUMBA_CACHE_DIR to a folder that only you can write and that has room"]
     Preparation(lambda: None, said.append).wait()  # which compiles nothing
     assert len(said) == 1
 

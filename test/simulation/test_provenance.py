@@ -64,7 +64,7 @@ def test_sources_are_of_every_module_that_a_simulator_needs():
     needed = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split()
     room = "vibro_ros.simulation."
     modules = {name.removeprefix(room) for name in needed if name.startswith(room)}
-    of_processes = {"handover", "job", "preparation", "processes", "second_process", "worker"}  # no number is theirs
+    of_processes = {"handover", "job", "preparation", "processes", "worker"}  # no number is theirs
     assert modules == {name for room, name in provenance._MODULES if room == "simulation"} | of_processes
 
 
@@ -76,7 +76,7 @@ def test_tables_differ_with_the_scene_and_not_with_its_commands():
 
 @pytest.mark.skipif(platform.machine() != "x86_64", reason="only the oldest x86-64 lacks fused multiply-add")
 def test_a_processor_without_fused_multiply_add_is_told(tmp_path):
-    words = "from vibro_ros.solver.arithmetic import *; print(multiply_add(), processor())"
+    words = "from vibro_ros.solver.compilation import *; print(multiply_add(), processor())"
     found = subprocess.run([sys.executable, "-c", words], capture_output=True, text=True, check=True, env={
         **os.environ, "NUMBA_CPU_NAME": "x86-64", "NUMBA_CPU_FEATURES": "", "NUMBA_CACHE_DIR": str(tmp_path)})
     assert found.stdout.split() == ["apart", "x86-64"]

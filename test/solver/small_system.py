@@ -6,8 +6,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from vibro_ros.solver import event_loop
+from vibro_ros.solver.compilation import Laid
 from vibro_ros.solver.events import EVENT_COLUMNS
-from vibro_ros.solver.kept import Kept
 from vibro_ros.solver.methods import Exact
 from vibro_ros.solver.state import new_state
 from vibro_ros.solver.system import (
@@ -139,7 +139,7 @@ class Integration:
     """
 
     def __init__(self, system, position=(), velocity=(), mode=0, speed=0.0, ramps=()):
-        self._stepper = Exact(Kept(system))
+        self._stepper = Exact(Laid(system))
         self.state = new_state(system, speed, np.array(ramps, dtype=float), mode)
         self.point = np.zeros(len(self.state.z))
         self.point[:len(position)] = position

@@ -12,7 +12,7 @@ import numpy as np
 
 from vibro_ros.model.scene import Scene
 from vibro_ros.model.support import unsupported
-from vibro_ros.solver.compilation import cached
+from vibro_ros.solver.compilation import stored_kernel
 
 _RULES = {"weight": 0, "unilateral": 1, "printed": 2, "hop": 1}  # hop: on the ground, where N cannot pull
 #: Values that it has with rigid plates, beside `model.support`.
@@ -175,8 +175,7 @@ def _blow(position, velocity, acceleration, h, guide):
     return guide.plate, 0.0 if resting else -guide.restitution * velocity
 
 
-@cached
-@numba.njit(error_model="numpy")
+@stored_kernel
 def _integrate(start, upper, inclined, machine, flight, h, per_sample, samples):
     """Fixed steps from t = 0; the body stops where x' changes sign while |F_in| <= mu N.
 

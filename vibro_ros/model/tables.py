@@ -17,7 +17,7 @@ from vibro_ros.model.forms import Form, Forms, Guard, Target
 from vibro_ros.model.modes import MODE_EVENTS, Mode, ModeBuilder, ModeSet
 from vibro_ros.model.scene import Scene
 from vibro_ros.model.slider import Slider, signal_table
-from vibro_ros.solver.kept import Kept
+from vibro_ros.solver.compilation import Laid
 from vibro_ros.solver.system import (
     NOTHING,
     UNCHECKED,
@@ -63,9 +63,9 @@ class Model:
     initial_mode: int
 
     @functools.cached_property
-    def kept(self) -> Kept:
+    def laid(self) -> Laid:
         """The tables as the event loop's kernels take them."""
-        return Kept(self.system)
+        return Laid(self.system)
 
 
 def compile_scene(scene: Scene) -> Model:

@@ -5,8 +5,8 @@ import numpy as np
 from vibro_ros.model.energy import ACCOUNTS, LOSSES
 from vibro_ros.model.tables import Model
 from vibro_ros.solver import event_loop
+from vibro_ros.solver.compilation import Laid
 from vibro_ros.solver.energy import SPLIT, stored_on_accounts
-from vibro_ros.solver.kept import Kept
 from vibro_ros.solver.state import State
 
 
@@ -47,7 +47,7 @@ def energy_accounts(model: Model, state: State, time: float) -> dict[str, float]
     ended = state._replace(**{name: getattr(state, name).copy()
                               for name in ("scale", "now", "ramp", "mode_point", "root", "monitor")})
     point = np.zeros(model.forms.channels.count)
-    event_loop.interrupt(model.kept.layout, Kept(ended).layout, time, point)
+    event_loop.interrupt(model.laid.layout, Laid(ended).layout, time, point)
     accounts, mode = ended.now["accounts"][0], int(ended.now["automaton"]["mode"][0])
     work, magnitude = dict(zip(ACCOUNTS, map(float, accounts["work"]), strict=False)), float(accounts["magnitude"])
     stored = stored_on_accounts(model.system, mode, point) - float(accounts["stored"])

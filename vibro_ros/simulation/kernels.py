@@ -5,6 +5,10 @@ compiles the others meanwhile.
 """
 
 import gc
+import os
+import subprocess
+import sys
+import threading
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any, NamedTuple
@@ -17,8 +21,7 @@ from vibro_ros.simulation.motion import EVENTS_AT_ONCE, new_stepper
 from vibro_ros.simulation.processes import core_count
 from vibro_ros.simulation.readout import Readout
 from vibro_ros.simulation.samples import Trace
-from vibro_ros.simulation.second_process import SecondProcess
-from vibro_ros.solver.compilation import entry_types
+from vibro_ros.solver.compilation import PLAIN, compile_entry, entry_types, is_stored
 from vibro_ros.solver.events import EVENT_COLUMNS, leave_for_ramp
 from vibro_ros.solver.progress import progress
 from vibro_ros.solver.segment import read_signals
@@ -27,6 +30,14 @@ from vibro_ros.solver.state import new_state
 # The compiler makes millions of objects, of which hardly any is garbage: searched as often as usual, they take a tenth
 # of its time; never searched, they take 80 MB.
 _THRESHOLDS = 100_000, 50, 100
+
+# What the second process runs.
+_PROGRAM = """
+import sys
+from vibro_ros.simulation.kernels import compile_some, end_with_parent
+end_with_parent()
+compile_some(sys.argv[1], sys.argv[2:])
+"""
 
 #: Methods whose kernels this process has.
 compiled_methods: set[str] = set()
@@ -45,11 +56,11 @@ class Call(NamedTuple):
 
     def is_stored(self) -> bool:
         """Whether the cache has the compiled kernel."""
-        return self.kernel._cache.holds(self.types, self.kernel.targetctx)
+        return is_stored(self.kernel, self.types)
 
     def compile(self) -> None:
         """Compile the kernel, or load it, if neither was done before."""
-        self.kernel.compile(self.types)
+        compile_entry(self.kernel, self.types)
 
 
 def kernel_calls(method: str) -> list[Call]:
@@ -100,7 +111,7 @@ def _all_calls(method: str) -> list[Call]:
 def work_of_another(method: str, missing: Sequence[Call]) -> tuple[str, list[str]] | None:
     """What a second process is to do; None if none would help."""
     others = [call.name for call in missing[1:]]
-    return (method, others) if others and core_count() > 1 else None
+    return (method, others) if others and core_count() > 1 and not PLAIN else None
 
 
 @contextmanager
@@ -111,3 +122,57 @@ def _seldom_collected() -> Iterator[None]:
         yield
     finally:
         gc.set_threshold(*usual)
+
+
+class SecondProcess:
+    """Compiles kernels into the cache; a context manager that leaves no process behind.
+
+    Whatever goes wrong with it, the kernels are only missing in the cache.
+
+    Parameters
+    ----------
+    job : tuple of (str, list of str), or None
+        A `solver.method` and the names of the kernels; None does nothing.
+    """
+
+    def __init__(self, job: tuple[str, list[str]] | None):
+        self._names = job[1] if job else []
+        self._process = _started(*job) if job else None
+
+    def __enter__(self) -> "SecondProcess":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._process:
+            self._process.kill()
+            self._process.communicate()
+
+    def wait(self) -> None:
+        """Wait for its end, and say so in `progress`."""
+        if self._process:
+            progress.elsewhere += [name.rpartition(".")[2] for name in self._names]
+            try:
+                self._process.wait()
+            finally:
+                progress.elsewhere.clear()
+
+
+def _started(method: str, names: Sequence[str]) -> subprocess.Popen | None:
+    """The process; it finds this package where this process does, and does not hear a terminal's Ctrl-C."""
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
+    try:
+        return subprocess.Popen([sys.executable, "-c", _PROGRAM, method, *names], env=environment,
+                                stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+                                start_new_session=True)
+    except OSError:
+        return None
+
+
+def end_with_parent() -> None:
+    """Let this process end at once when the one that wants it ends, whatever ends that."""
+    threading.Thread(target=_end_after_input, daemon=True).start()
+
+
+def _end_after_input() -> None:
+    sys.stdin.read()
+    os._exit(1)

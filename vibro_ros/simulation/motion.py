@@ -60,7 +60,7 @@ def new_stepper(scene: Scene, model: Model) -> Stepper:
     """What steps a scene, compiled as `model`, by its `solver.method`."""
     name, step = scene["solver.method"], scene["solver.step"]
     if name == "exact":
-        return Exact(model.kept)
+        return Exact(model.laid)
     laws = contact_laws(scene, model.forms, model.modes, step) if name == "moreau" else None
     return FixedStep(model.system, SCHEMES[name], step, laws)
 

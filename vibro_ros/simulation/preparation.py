@@ -1,4 +1,4 @@
-"""What takes long before a run can begin, and how far it is.
+"""Work that takes long before a run can begin, and how far it is.
 
 While a compiler works, signals wait for it, and its finalisers swallow exceptions. An executable leaves such work to a
 thread that can be left alone: its main thread hears every signal at once. A Python program compiles in its own thread,
@@ -12,17 +12,20 @@ from typing import Generic, TypeVar, cast
 
 from vibro_ros.process.front_door import say
 from vibro_ros.simulation.kernels import compile_kernels, compiled_methods
+from vibro_ros.solver.compilation import PLAIN
 from vibro_ros.solver.progress import progress
 
 POLL = 0.05  # s, between two looks whether the work is done
 REPORTS = 2.0  # s, between two lines that say how far it is
+_FIRST = (f"the plain road, because {PLAIN}: a start takes minutes and a run ten times as long" if PLAIN else
+          "the first start after an update takes a quarter of a minute")
 _STACK = 64 * 2**20  # bytes; the compiler's recursion is deep, and the usual stack of a thread is 2 MiB in some shells
 
 Result = TypeVar("Result")
 
 
-class Telling:
-    """Tells people what is being compiled, and how far it is.
+class CompilationReport:
+    """Says what is being compiled, and how far it is.
 
     Parameters
     ----------
@@ -35,19 +38,19 @@ class Telling:
         self._begun, self._due, self._compiled = time.monotonic(), 0.0, len(progress.done)
 
     def look(self) -> None:
-        """Tell how far it is, if that is due."""
+        """Say how far it is, if that is due."""
         what, now = progress.in_words(), time.monotonic()
         if not what or now < self._due:
             return
         self._tell(f"compiling {what} after {now - self._begun:.0f} s" if self._due else
-                   "compiling: the first start after an update takes a quarter of a minute; Ctrl-C stops it")
+                   f"compiling: {_FIRST}; Ctrl-C stops it")
         self._due = now + REPORTS
 
     def end(self) -> None:
-        """Tell what is wrong with the cache."""
+        """Say why kernels are not kept."""
         if progress.unwritable and len(progress.done) > self._compiled:
-            self._tell(f"the compiled kernels cannot be kept: {progress.unwritable}; every start compiles them anew. "
-                       "Set NUMBA_CACHE_DIR to a folder that can be written and has room")
+            self._tell(f"the compiled kernels cannot be kept: {progress.unwritable}; every start compiles them again. "
+                       "Set NUMBA_CACHE_DIR to a folder that only you can write and that has room")
 
 
 class Preparation(Generic[Result]):
@@ -58,11 +61,11 @@ class Preparation(Generic[Result]):
     work : callable
         Done in the thread.
     tell : callable
-        As for `Telling`.
+        As for `CompilationReport`.
     """
 
     def __init__(self, work: Callable[[], Result], tell: Callable[[str], object]):
-        self._work, self._telling = work, Telling(tell)
+        self._work, self._report = work, CompilationReport(tell)
         self._result: Result | None = None
         self._error: BaseException | None = None
         usual = threading.stack_size(_STACK)
@@ -74,7 +77,7 @@ class Preparation(Generic[Result]):
         """Whether the work is done; asked again and again, it says how far it is."""
         over = not self._thread.is_alive()
         if not over:
-            self._telling.look()
+            self._report.look()
         return over
 
     def wait(self) -> Result:
@@ -87,7 +90,7 @@ class Preparation(Generic[Result]):
         """What the work has returned; an error of the work is raised."""
         if self._error is not None:
             raise self._error
-        self._telling.end()
+        self._report.end()
         return cast(Result, self._result)
 
     def _run(self) -> None:
@@ -106,17 +109,17 @@ def provide_kernels(method: str) -> None:
     """Compile the kernels of a `solver.method`, or load them, in this thread; how far that is goes to stderr."""
     if method in compiled_methods:
         return
-    telling, over = Telling(lambda text: say("vibro_ros", text)), threading.Event()
+    report, over = CompilationReport(lambda text: say("vibro_ros", text)), threading.Event()
 
     def tell() -> None:
         while not over.wait(POLL):
-            telling.look()
+            report.look()
 
-    thread = threading.Thread(target=tell, name="telling", daemon=True)
+    thread = threading.Thread(target=tell, name="report", daemon=True)
     thread.start()
     try:
         compile_kernels(method)
     finally:
         over.set()
         thread.join()
-    telling.end()
+    report.end()

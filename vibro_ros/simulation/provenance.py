@@ -15,7 +15,7 @@ import numpy as np
 from vibro_ros.model.parameters import SCENE_PARAMETERS, Value
 from vibro_ros.model.scene import Scene
 from vibro_ros.model.tables import compile_scene
-from vibro_ros.solver.arithmetic import multiply_add, processor
+from vibro_ros.solver.compilation import multiply_add, processor
 
 NO_SEED = "none"
 """Seed of a run: nothing in the device is random."""

@@ -1,93 +1,165 @@
-"""How kernels are compiled, and where the compiled kernels are stored.
+"""How kernels are compiled: by numba's private parts, or by the plain road, which any numba has.
 
-A kernel holds what was inlined into it from other modules: the cache folder is therefore named by the sources of the
-whole package, so that no update is served stale.
+The plain road is `numba.njit(cache=True)` and nothing private. Its kernels compute the same, compile in minutes and
+take ten times as long. It is taken if numba lacks a private part that `numba_private` relies on, or if the environment
+variable `VIBRO_ROS_KERNELS` is `plain`. So a new numba never stops a robot.
 """
 
-import functools
-import hashlib
-import os
-import pkgutil
-from pathlib import Path
+from collections.abc import Callable
+from os import environ
+from typing import Any, NamedTuple
 
+import llvmlite.binding as llvm
 import numba
 
-from vibro_ros.solver.by_reference import references
-from vibro_ros.solver.kernel_cache import KernelCache
-from vibro_ros.solver.part_compiler import PartCompiler
+from vibro_ros.solver.kernel_cache import KernelFolder, cache_folder
+from vibro_ros.solver.progress import progress
 
-_OPTIONS = {"error_model": "numpy", "_nrt": False, "no_cfunc_wrapper": True}
-# Most kernels are parts of other kernels: they are neither stored nor called from Python.
-_PART = {"no_cpython_wrapper": True, "pipeline_class": PartCompiler}
-_INLINED = {"forceinline": True, **_PART}
+_FOLDER = KernelFolder(cache_folder(numba.config.CACHE_DIR))
+_CONTRACT = {"contract"}  # multiply and add may be fused, but not reordered
 
 
-def cache_folder() -> Path | None:
-    """Where compiled kernels are stored: `NUMBA_CACHE_DIR`, else beside their source, else in the user's cache.
-
-    None if nobody knows the user's home: whatever lies in a folder that others can write must not be run.
-    """
-    here = os.path.dirname(os.path.abspath(__file__))
-    names = sorted(module.name for module in pkgutil.iter_modules([here]))
-    sources = b"".join(pkgutil.get_data(__package__, f"{name}.py") for name in names)
-    version = hashlib.sha256(sources).hexdigest()[:16]
-    if numba.config.CACHE_DIR:
-        return Path(numba.config.CACHE_DIR, f"vibro_ros-{version}")
-    if os.access(here, os.W_OK):
-        return Path(here, "__pycache__", f"kernels-{version}")
-    caches = os.environ.get("XDG_CACHE_HOME") or os.path.join(os.path.expanduser("~"), ".cache")
-    return Path(caches, "vibro_ros", f"kernels-{version}") if os.path.isabs(caches) else None
+def _reason_for_plain_road() -> str:
+    if environ.get("VIBRO_ROS_KERNELS") == "plain":
+        return "VIBRO_ROS_KERNELS is plain"
+    try:
+        from vibro_ros.solver import numba_private
+    except Exception as error:
+        return f"numba {numba.__version__} lacks a part ({error})"
+    missing = "" if numba.__version__ in numba_private.TESTED else numba_private.missing_parts()
+    return f"numba {numba.__version__}: {missing}" if missing else ""
 
 
-_FOLDER = cache_folder()
+#: Why kernels take the plain road; empty if they do not.
+PLAIN = _reason_for_plain_road()
+if not PLAIN:
+    from vibro_ros.solver import numba_private
 
 
-def _compiled(function, fastmath, **options):
-    return numba.njit(fastmath=fastmath, **_OPTIONS | options)(function)
-
-
-def cached(dispatcher):
-    """Store what numba's `dispatcher` compiles in a `KernelCache`."""
-    dispatcher._cache = KernelCache(dispatcher.py_func, _FOLDER)
-    return dispatcher
+def _compiled_part(function: Callable, fastmath, inlined: bool = True):
+    if PLAIN:
+        return numba.njit(error_model="numpy", fastmath=fastmath)(function)
+    return numba_private.compiled_part(function, fastmath, inlined)
 
 
 def kernel(function):
-    """Compile a kernel that is part of others: inlined, without reference counts, so that it cannot allocate; multiply
-    and add may be fused, but not reordered."""
-    return _compiled(function, {"contract"}, **_INLINED)
+    """Compile a kernel that is part of others."""
+    return _compiled_part(function, _CONTRACT)
 
 
 def rounding_kernel(function):
     """Compile a kernel that rounds every product, so that equal products cancel to exactly zero."""
-    return _compiled(function, False, **_INLINED)
+    return _compiled_part(function, False)
 
 
 def sum_kernel(function):
     """Compile a plain sum, in which the order of the terms does not matter and several are added at once."""
-    return _compiled(function, {"contract", "reassoc", "nsz"}, **_INLINED)
+    return _compiled_part(function, _CONTRACT | {"reassoc", "nsz"})
 
 
 def called_kernel(function):
     """Compile a kernel that is called, not inlined: one that few systems need is not compiled into every caller."""
-    return _compiled(function, {"contract"}, **_PART)
+    return _compiled_part(function, _CONTRACT, inlined=False)
 
 
 def entry_kernel(function):
     """Compile a kernel that Python calls, and store the kernel with all that is inlined into it.
 
-    Inside, named tuples are references; kernels call a `kernel`, not this.
+    Kernels call a `kernel`, not this.
     """
-    part = kernel(function)
+    if PLAIN:
+        return stored_kernel(function, _CONTRACT)
+    return numba_private.compiled_entry(function, _CONTRACT, _FOLDER)
 
-    @functools.wraps(function)
-    def entry(*arguments):
-        return part(*references(arguments))
 
-    del entry.__wrapped__  # numba would look for the arguments there
-    return cached(_compiled(entry, {"contract"}))
+def stored_kernel(function, fastmath=False):
+    """Compile a function that needs no part of the solver, as numba itself does, and store it."""
+    options = {"error_model": "numpy", "fastmath": fastmath}
+    if not PLAIN:
+        return numba_private.stored(numba.njit(**options)(function), _FOLDER)
+    progress.unwritable = _FOLDER.make() or _FOLDER.distrust_inside()
+    usual = numba.config.CACHE_DIR
+    try:
+        numba.config.CACHE_DIR = str(_FOLDER.path)  # whose name changes with the sources of the parts
+        return numba.njit(cache=not progress.unwritable, **options)(function)
+    finally:
+        numba.config.CACHE_DIR = usual
+
+
+class Laid:
+    """A named tuple of arrays, laid out in memory once for the kernels that Python calls.
+
+    Parameters
+    ----------
+    values : NamedTuple
+        Its arrays stay where they are; what they hold may change.
+
+    Attributes
+    ----------
+    values : NamedTuple
+        The same.
+    layout : ndarray, shape (numbers,), or NamedTuple
+        What an entry kernel takes in its place; not for longer than this is there, which keeps the arrays.
+    """
+
+    def __init__(self, values: NamedTuple):
+        self.values = values
+        self.layout: Any = values if PLAIN else numba_private.layout(values)
+
+    def __reduce__(self) -> tuple:
+        """A copy keeps its own arrays."""
+        return Laid, (self.values,)
+
+
+# For those who compile kernels before a clock starts
 
 
 def entry_types(entry, arguments: tuple) -> tuple:
     """The types for which an entry kernel is compiled when it is called with these arguments."""
-    return (entry.typeof_pyval(arguments),)  # they arrive in one tuple
+    return tuple(map(numba.typeof, arguments)) if PLAIN else numba_private.entry_types(entry, arguments)
+
+
+def is_stored(entry, kinds: tuple) -> bool:
+    """Whether a compiled entry kernel is stored, as far as that can be known."""
+    return False if PLAIN else numba_private.is_stored(entry, kinds)
+
+
+def compile_entry(entry, kinds: tuple) -> None:
+    """Compile an entry kernel, or load it, if neither was done before."""
+    if not PLAIN:
+        entry.compile(kinds)
+        return
+    progress.whole.append(entry.__name__)
+    try:
+        entry.compile(kinds)
+        (progress.loaded if entry.stats.cache_hits else progress.done).append(entry.__name__)
+    finally:
+        progress.whole.pop()
+
+
+# For those who must know how kernels round
+
+#: Features of a processor by which kernels round, or cut their loops, in another way.
+_FEATURES = ("avx", "avx2", "avx512f", "avx512vl", "fma", "neon", "sve", "sve2")
+
+
+@entry_kernel
+def _sum_of_products(a, b, c):
+    return a * b + c
+
+
+def multiply_add() -> str:
+    """How kernels multiply and add: `fused`, with one rounding, or `apart`, with two."""
+    above_one = 1.0 + 2.0**-30  # whose square is 1 + 2^-29 and, beyond the digits of a double, 2^-60
+    return "apart" if _sum_of_products(above_one, above_one, -1.0 - 2.0**-29) == 0.0 else "fused"
+
+
+def processor() -> str:
+    """The processor that kernels are compiled for, as LLVM calls it, and its features that matter to them."""
+    name = numba.config.CPU_NAME or llvm.get_host_cpu_name()
+    given = numba.config.CPU_FEATURES
+    if given is None:
+        found = {feature for feature, present in llvm.get_host_cpu_features().items() if present}
+    else:
+        found = {word[1:] for word in given.split(",") if word.startswith("+")}
+    return " ".join([name, *(feature for feature in _FEATURES if feature in found)])

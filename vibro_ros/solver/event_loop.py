@@ -8,7 +8,7 @@ import math
 
 import numpy as np
 
-from vibro_ros.solver.compilation import entry_kernel, kernel
+from vibro_ros.solver.compilation import Laid, entry_kernel, kernel
 from vibro_ros.solver.decay import resolve_piece, wanted_duration
 from vibro_ros.solver.energy import audit_jump, audit_work, book_jump, book_work
 from vibro_ros.solver.events import (
@@ -23,7 +23,6 @@ from vibro_ros.solver.events import (
 )
 from vibro_ros.solver.flow import hold_dynamic, solve_driven, solve_dynamic
 from vibro_ros.solver.guards import find_next_event
-from vibro_ros.solver.kept import Kept
 from vibro_ros.solver.polynomial import value
 from vibro_ros.solver.rest import follow_forcing, is_at_rest, lengthen_segment, lengthen_to_follow, stiff_ones_follow
 from vibro_ros.solver.segment import advance_forcing, choose_segment, fill_forcing, local_time, local_to_piece, phase_at
@@ -182,9 +181,9 @@ def advance(system, state, times, point, points, modes, phases, events):
 
     Parameters
     ----------
-    system : System, as a `Kept.layout`
+    system : System, as a `Laid.layout`
         The system. Given as a tuple, this kernel would be compiled once more.
-    state : State, as a `Kept.layout`
+    state : State, as a `Laid.layout`
         Changed in place.
     times : ndarray, shape (n,)
         Instants [s], ascending, none before the last command.
@@ -232,14 +231,14 @@ def advance(system, state, times, point, points, modes, phases, events):
             k += 1
 
 
-def begin_segment(system: Kept, state: Kept, point: np.ndarray) -> int:
+def begin_segment(system: Laid, state: Laid, point: np.ndarray) -> int:
     """Solve the segment that starts with the positions and velocities of `point`.
 
     Parameters
     ----------
-    system : Kept of System
+    system : Laid of System
         The system.
-    state : Kept of State
+    state : Laid of State
         Changed in place.
     point : ndarray, shape (channels,)
         Overwritten.

@@ -1,95 +1,142 @@
-"""Compiled kernels in files: whole or not at all, checked when they are read, and never a reason to fail.
+"""Where compiled kernels are kept: files that are whole or not there, and that only this user can have written.
 
-numba's own cache takes any file that it can unpickle for machine code, keeps an index that two processes can spoil for
-each other, and gives the errors of a full disk to whoever calls the kernel. Here each compiled kernel is one file that
-is named by all that it depends on and begins with a checksum. A kernel whose file is missing or damaged is compiled and
-written anew; if it cannot be written, `Progress.unwritable` tells why.
+A compiled kernel is machine code that is run as it is read, so that whoever can write its file can run code as this
+user. A folder and its files are therefore used only if they belong to this user or to root and nobody else can write
+them; the file that was opened is checked, not its name. Each kernel is one file. It is named by all that the kernel
+depends on and begins with a checksum. A kernel whose file is missing, damaged or not trusted is compiled again.
 """
 
+import functools
 import hashlib
-import inspect
-import platform
+import os
+import pkgutil
+import stat
 import uuid
-from collections.abc import Callable
 from pathlib import Path
 
-import numba
-from numba.core import compiler, serialize
-from numba.core.runtime import rtsys
-
-from vibro_ros.solver.progress import progress
-
 _CHECKSUM = hashlib.sha256().digest_size  # bytes, at the beginning of a file
+_ROOT = 0
+_OTHERS_MAY_WRITE = stat.S_IWGRP | stat.S_IWOTH
+_OUR_NAME = "vibro_ros"  # of a folder between the user's caches and the kernels'
 
 
-class KernelCache:
-    """The cache of one kernel; what numba's dispatcher calls.
+@functools.cache
+def sources_digest() -> str:
+    """Digest of this room's sources: a kernel holds what was inlined into it from any of them."""
+    names = sorted(module.name for module in pkgutil.iter_modules([os.path.dirname(os.path.abspath(__file__))]))
+    sources = b"".join(pkgutil.get_data(__package__, f"{name}.py") or b"" for name in names)
+    return hashlib.sha256(sources).hexdigest()[:16]
+
+
+def cache_folder(chosen: str) -> Path | None:
+    """Where compiled kernels are kept: in the folder `chosen` by the user, else beside their sources, else in the
+    user's caches; None if nobody knows the user's home."""
+    here = os.path.dirname(os.path.abspath(__file__))
+    if chosen:
+        return Path(chosen, f"{_OUR_NAME}-{sources_digest()}")
+    if os.access(here, os.W_OK):
+        return Path(here, "__pycache__", f"kernels-{sources_digest()}")
+    caches = os.environ.get("XDG_CACHE_HOME") or os.path.join(os.path.expanduser("~"), ".cache")
+    return Path(caches, _OUR_NAME, f"kernels-{sources_digest()}") if os.path.isabs(caches) else None
+
+
+def _distrust(status: os.stat_result, is_kind) -> str:
+    """Why a file of this status is not used; nothing if it is of the kind and only this user and root can write it."""
+    if not is_kind(status.st_mode):
+        return "it is a link or no folder"
+    if status.st_uid not in (os.geteuid(), _ROOT):
+        return "it belongs to another user"
+    return "other users can write it" if status.st_mode & _OTHERS_MAY_WRITE else ""
+
+
+class KernelFolder:
+    """The folder of compiled kernels.
 
     Parameters
     ----------
-    function : callable
-        The kernel's text.
-    folder : Path or None
-        Where its files lie, made when it is needed; None keeps nothing.
+    path : Path or None
+        Where it is, or will be when it is needed; None keeps nothing.
     """
 
-    def __init__(self, function: Callable, folder: Path | None):
-        self.cache_path = str(folder) if folder else None
-        self._function, self._folder = function, folder
+    def __init__(self, path: Path | None):
+        self.path = path
 
-    def holds(self, signature: object, target: object) -> bool:
-        """Whether there is a file for a signature."""
-        return self._folder is not None and self._file(signature, target.codegen()).exists()
+    def distrust(self) -> str:
+        """Why nothing may be read from the folder or written to it; nothing if the folder may be used or made."""
+        if self.path is None:
+            return "no home folder is known"
+        for folder in self._own():
+            try:
+                if reason := _distrust(os.lstat(folder), stat.S_ISDIR):
+                    return f"{folder}: {reason}"
+            except FileNotFoundError:
+                return ""
+            except OSError as error:
+                return f"{folder}: {error.strerror}"
+        return ""
 
-    def load_overload(self, signature: object, target: object) -> object | None:
-        """The compiled kernel for a signature; None when it must be compiled."""
-        found = _read(self._file(signature, target.codegen())) if self._folder else None
-        if found is not None:
-            # All that machine code needs of a target; `refresh`, which numba calls here, gets ready to compile and
-            # takes three times as long as everything else, scipy's import included.
-            rtsys.initialize(target)
-            progress.loaded.append(self._function.__name__)
-            return compiler.CompileResult._rebuild(target, *found)
-        progress.under_way.append(self._function)
-        return None
-
-    def save_overload(self, signature: object, compiled: object) -> None:
-        """Keep a compiled kernel, if there is room for it."""
-        progress.under_way.remove(self._function)
-        progress.done.append(self._function.__name__)
-        if self._folder is None:
-            progress.unwritable = "no home folder is known"
-        elif not compiled.library.has_dynamic_globals:  # which hold addresses of this process
-            progress.unwritable = _write(self._file(signature, compiled.codegen), compiled._reduce())
-
-    def _file(self, signature: object, codegen: object) -> Path:
-        source = inspect.getsource(inspect.getmodule(self._function))
-        key = (numba.__version__, platform.python_version(), source, str(signature), codegen.magic_tuple())
-        name = f"{self._function.__module__.rpartition('.')[2]}.{self._function.__qualname__}"
-        return self._folder / f"{name}-{hashlib.sha256(repr(key).encode()).hexdigest()[:32]}.kernel"
-
-
-def _read(file: Path) -> tuple | None:
-    """What `_write` has written; None when the file is missing or does not hold that."""
-    try:
-        content = file.read_bytes()
-    except OSError:
-        return None
-    checksum, data = content[:_CHECKSUM], content[_CHECKSUM:]
-    return serialize.loads(data) if hashlib.sha256(data).digest() == checksum else None
-
-
-def _write(file: Path, parts: tuple) -> str:
-    """Write under another name first, so that no process ever reads a part; why it cannot be written, or nothing."""
-    data = serialize.dumps(parts)
-    fresh = file.with_suffix(f".{uuid.uuid4().hex[:8]}")
-    try:
-        file.parent.mkdir(parents=True, exist_ok=True)
+    def make(self) -> str:
+        """Make the folder if it is not there; returns why it cannot be used, or nothing."""
+        if reason := self.distrust():
+            return reason
         try:
-            fresh.write_bytes(hashlib.sha256(data).digest() + data)
-            fresh.replace(file)
-        finally:
-            fresh.unlink(missing_ok=True)
-    except OSError as error:
-        return f"{file.parent}: {error.strerror}"
-    return ""
+            own = self._own()
+            own[0].parent.mkdir(parents=True, exist_ok=True)
+            for folder in own:
+                folder.mkdir(mode=0o755, exist_ok=True)
+        except OSError as error:
+            return f"{self.path}: {error.strerror}"
+        return self.distrust()
+
+    def distrust_inside(self) -> str:
+        """Why a file in the folder, at any depth, is not trusted, or nothing: numba's own cache does not ask."""
+        for path in sorted(self.path.rglob("*")) if self.path else ():
+            status = os.lstat(path)
+            if reason := _distrust(status, stat.S_ISDIR if stat.S_ISDIR(status.st_mode) else stat.S_ISREG):
+                return f"{path}: {reason}"
+        return ""
+
+    def has(self, name: str) -> bool:
+        """Whether there is a file of this name."""
+        return self.path is not None and not self.distrust() and (self.path / name).exists()
+
+    def read(self, name: str) -> bytes | None:
+        """What `write` has written under this name; None if the file is missing, damaged or not trusted."""
+        if self.path is None or self.distrust():
+            return None
+        try:
+            opened = os.open(self.path / name, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK)  # a pipe would wait
+            with os.fdopen(opened, "rb") as file:
+                content = b"" if _distrust(os.fstat(opened), stat.S_ISREG) else file.read()
+        except OSError:
+            return None
+        data = content[_CHECKSUM:]
+        return data if _checksum(name, data) == content[:_CHECKSUM] else None
+
+    def write(self, name: str, data: bytes) -> str:
+        """Write under another name first, so that no process ever reads a part; returns why it cannot be written, or
+        nothing."""
+        if reason := self.make():
+            return reason
+        assert self.path is not None
+        fresh = self.path / f"{name}.{uuid.uuid4().hex[:8]}"
+        try:
+            try:
+                with os.fdopen(os.open(fresh, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o644), "wb") as file:
+                    file.write(_checksum(name, data) + data)
+                fresh.replace(self.path / name)
+            finally:
+                fresh.unlink(missing_ok=True)
+        except OSError as error:
+            return f"{self.path}: {error.strerror}"
+        return ""
+
+    def _own(self) -> list[Path]:
+        """The folders that hold nothing but kernels, the outermost first."""
+        assert self.path is not None
+        return [self.path.parent, self.path] if self.path.parent.name == _OUR_NAME else [self.path]
+
+
+def _checksum(name: str, data: bytes) -> bytes:
+    """Of the name, too: a kernel under another kernel's name is damaged."""
+    return hashlib.sha256(name.encode() + b"\0" + data).digest()

@@ -36,8 +36,8 @@ from typing import Protocol
 import numpy as np
 
 from vibro_ros.solver import event_loop, fixed_step
+from vibro_ros.solver.compilation import Laid
 from vibro_ros.solver.fixed_step import MOREAU, RK4, SEMI_IMPLICIT_EULER, new_step
-from vibro_ros.solver.kept import Kept
 from vibro_ros.solver.moreau import Laws
 from vibro_ros.solver.state import State, numbers_of
 from vibro_ros.solver.system import System
@@ -75,22 +75,22 @@ class Stepper(Protocol):
 class Exact:
     """The event loop."""
 
-    def __init__(self, system: Kept):
+    def __init__(self, system: Laid):
         self._system = system
-        self._state: Kept | None = None  # the one that was stepped last
+        self._state: Laid | None = None  # the one that was stepped last
 
     def begin(self, state, point):
         """See `Stepper`."""
-        return event_loop.begin_segment(self._system, self._kept(state), point)
+        return event_loop.begin_segment(self._system, self._laid(state), point)
 
     def advance(self, state, times, point, points, modes, phases, events):
         """See `Stepper`."""
-        return event_loop.advance(self._system.layout, self._kept(state).layout, times, point, points, modes, phases,
+        return event_loop.advance(self._system.layout, self._laid(state).layout, times, point, points, modes, phases,
                                   events)
 
     def interrupt(self, state, time, point):
         """See `Stepper`."""
-        event_loop.interrupt(self._system.layout, self._kept(state).layout, time, point)
+        event_loop.interrupt(self._system.layout, self._laid(state).layout, time, point)
 
     @property
     def memory(self):
@@ -105,12 +105,12 @@ class Exact:
     def calls(self, state, arguments):
         """See `Stepper`."""
         _, point, *_ = arguments
-        tables = self._system.layout, self._kept(state).layout
+        tables = self._system.layout, self._laid(state).layout
         return [(event_loop.advance, (*tables, *arguments)), (event_loop.interrupt, (*tables, 0.0, point))]
 
-    def _kept(self, state: State) -> Kept:
+    def _laid(self, state: State) -> Laid:
         if self._state is None or self._state.values is not state:
-            self._state = Kept(state)
+            self._state = Laid(state)
         return self._state
 
 

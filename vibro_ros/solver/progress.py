@@ -1,14 +1,12 @@
-"""How far this process is with its kernels, for whoever waits for them."""
+"""How far this process is with compiling its kernels."""
 
 import functools
 from collections.abc import Callable
 from inspect import getclosurevars
 
-from numba.core.dispatcher import Dispatcher
-
 
 class Progress:
-    """What this process has compiled, as far as it was not in the cache, and what it compiles now.
+    """The kernels that this process has compiled or loaded, and those that it compiles now.
 
     Attributes
     ----------
@@ -16,6 +14,8 @@ class Progress:
         Texts of the kernels that are being compiled, each as a part of the one before.
     parts : set of callable
         Texts of the parts that have been compiled.
+    whole : list of str
+        Kernels that are being compiled on the plain road, which says nothing of parts.
     elsewhere : list of str
         Kernels that another process compiles, and that this one waits for.
     done, loaded : list of str
@@ -27,18 +27,21 @@ class Progress:
     def __init__(self):
         self.under_way: list[Callable] = []
         self.parts: set[Callable] = set()
+        self.whole: list[str] = []
         self.elsewhere: list[str] = []
         self.done: list[str] = []
         self.loaded: list[str] = []
         self.unwritable = ""
 
     def in_words(self) -> str:
-        """What is compiled now and how far that is; nothing when nothing is. Any thread may ask."""
+        """The kernel that is compiled now and how far that is; empty if none is. Any thread may ask."""
         if under_way := list(self.under_way):
             parts = parts_of(under_way[0])
             ready = len(parts & set(self.parts))
             what = f"{ready} of {len(parts)} parts" if ready < len(parts) else f"machine code of {len(parts)} parts"
             return f"{under_way[0].__name__}, {what}"
+        if whole := list(self.whole):
+            return f"{whole[-1]} without private parts of numba"
         if elsewhere := list(self.elsewhere):
             return f"{', '.join(elsewhere)} in another process"
         return ""
@@ -55,8 +58,7 @@ def parts_of(kernel: Callable) -> frozenset[Callable]:
     texts = [kernel]
     while texts:
         named = getclosurevars(texts.pop())
-        called = {value.py_func for value in {**named.nonlocals, **named.globals}.values()
-                  if isinstance(value, Dispatcher)}
+        called = {value.py_func for value in {**named.nonlocals, **named.globals}.values() if hasattr(value, "py_func")}
         texts += called - found
         found |= called
     return frozenset(found)

@@ -7,17 +7,17 @@ compiler, which cuts it into as few as the processor needs.
 In kernels, vectors are added, subtracted and multiplied, number by number, and scaled:
 
     store(target, vector(p) + 2.0 * (vector(q) * powers(x)))
+
+This module uses numba's documented interface for extensions alone.
 """
 
 import itertools
 import operator
 
 from llvmlite import ir
-from numba.core import types
+from numba.core import cgutils, types
 from numba.core.errors import TypingError
-from numba.core.typing.templates import AbstractTemplate, infer_global, signature
-from numba.extending import intrinsic, lower_builtin, models, register_model
-from numba.np.arrayobj import make_array
+from numba.extending import intrinsic, lower_builtin, models, register_model, type_callable
 
 #: Numbers in a vector. A flow's series is cut where 1.7^n / n! and 0.22^n (`system.STRIDE`) reach rounding.
 LENGTH = 24
@@ -71,7 +71,7 @@ def _repeat(builder, number, count=_WIDTH):
 
 
 def _part_pointers(context, builder, array_type, array):
-    first = builder.bitcast(make_array(array_type)(context, builder, array).data, _PART.as_pointer())
+    first = builder.bitcast(cgutils.create_struct_proxy(array_type)(context, builder, array).data, _PART.as_pointer())
     return [builder.gep(first, [ir.Constant(_INDEX, k)]) for k in range(_PARTS.count)]
 
 
@@ -202,10 +202,15 @@ def powers(_, x):
 def _provide(operation, result, *operands):
     """Let kernels apply `operation`, to operands of numba's types; the decorated function generates the code."""
     def decorate(generate):
-        @infer_global(operation)
-        class _Operation(AbstractTemplate):
-            def generic(self, arguments, keywords):
-                return signature(result, *operands) if arguments == operands else None
+        @type_callable(operation)
+        def _(_):
+            def of_one(a):
+                return result if (a,) == operands else None
+
+            def of_two(a, b):
+                return result if (a, b) == operands else None
+
+            return of_one if len(operands) == 1 else of_two
 
         lower_builtin(operation, *operands)(generate)
         return generate

@@ -1,0 +1,184 @@
+"""What is private to numba: what it gives, what is said when a numba lacks it, and the plain road without it."""
+
+import copy
+import os
+import re
+import subprocess
+import sys
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+from numba.core.compiler_machinery import PassManager
+
+from vibro_ros.solver import compilation, numba_private
+from vibro_ros.solver.compilation import Laid
+from vibro_ros.solver.kernel_cache import KernelFolder
+from vibro_ros.solver.numba_private import Reference, missing_parts
+from vibro_ros.solver.progress import progress
+
+PAIR = np.dtype([("one", np.float64), ("other", np.int64)], align=True)
+
+
+class Inner(NamedTuple):
+    """A tuple in a tuple."""
+
+    table: np.ndarray
+    flags: np.ndarray
+
+
+class Outer(NamedTuple):
+    """Arrays of every kind that systems and states have."""
+
+    total: np.ndarray
+    inner: Inner
+    numbers: np.ndarray
+    now: np.ndarray
+    empty: np.ndarray
+
+
+def example(rows: int) -> Outer:
+    rng = np.random.default_rng(rows)
+    return Outer(np.zeros(1), Inner(rng.standard_normal((rows, 3)), rng.random(rows) < 0.5), np.arange(rows),
+                 np.array([(0.5, 3)], PAIR), np.empty((0, rows)))
+
+
+@pytest.fixture
+def kernels(monkeypatch, tmp_path):
+    """A part, and the entry that calls it, which reads something of every array and adds the result to the total."""
+    monkeypatch.setattr(compilation, "_FOLDER", KernelFolder(tmp_path / "kernels"))
+
+    @compilation.kernel
+    def weighted(inner, row):
+        return inner.table[row, 0] + 2.0 * inner.table[row, 2] if inner.flags[row] else 0.0
+
+    @compilation.entry_kernel
+    def read(outer, weight):
+        """Add what `weighted` returns."""
+        result = outer.now[0].one * outer.now[0].other + outer.numbers[-1] + len(outer.empty)
+        for row in range(len(outer.inner.table)):
+            result += weighted(outer.inner, row)
+        outer.total[0] += weight * result
+        return result
+    return weighted, read
+
+
+def by_numpy(outer: Outer) -> float:
+    return 1.5 + outer.numbers[-1] + ((outer.inner.table[:, 0] + 2.0 * outer.inner.table[:, 2])
+                                      @ outer.inner.flags.astype(float))
+
+
+def test_kernels_read_and_write_tuples_and_their_layouts(kernels):
+    _, read = kernels
+    for rows in (1, 4):  # one type, other shapes
+        plain, other = example(rows), example(rows)
+        assert read(Laid(other).layout, 2.0) == read(plain, 2.0) == pytest.approx(by_numpy(plain), rel=1e-14)
+        assert other.total[0] == plain.total[0] == 2.0 * read(plain, 0.0)
+    assert len(read.signatures) == 2
+    assert (read.__name__, read.__doc__) == ("read", "Add what `weighted` returns.")
+
+
+def test_arrays_of_a_layout_may_change(kernels):
+    outer, (_, read) = example(4), kernels
+    laid = Laid(outer)
+    before = read(laid.layout, 1.0)
+    outer.numbers[...] *= 2
+    assert read(laid.layout, 1.0) == before + 3.0
+
+
+def test_a_copy_is_of_its_own_arrays(kernels):
+    laid, (_, read) = Laid(example(4)), kernels
+    copied = copy.deepcopy(laid)
+    read(copied.layout, 1.0)
+    assert copied.values.total[0] != 0.0 == laid.values.total[0]
+
+
+def test_tuples_of_another_type_have_a_layout_of_another_type():
+    outer = example(2)
+    other = outer._replace(numbers=outer.numbers.astype(float))
+    assert Laid(outer).layout.dtype == Laid(example(3)).layout.dtype != Laid(other).layout.dtype
+    with pytest.raises(TypeError):
+        Laid(outer._replace(total=1.0))
+
+
+def test_a_part_takes_one_pointer_for_all_fields(kernels):
+    weighted, read = kernels
+    read(example(1), 1.0)
+    (signature,) = weighted.nopython_signatures
+    assert isinstance(signature.args[0], Reference)
+    assert len(str(signature.args[0])) < 40  # it stands in the name of every symbol
+
+
+def test_a_field_that_is_not_there_is_named(kernels):
+    @compilation.entry_kernel
+    def wrong(outer):
+        return outer.nothing
+
+    with pytest.raises(Exception, match="Unknown attribute 'nothing' of type Outer"):
+        wrong(example(1))
+    progress.under_way.clear()  # a kernel is under way until it is compiled
+
+
+def test_this_numba_has_every_private_part():
+    assert missing_parts() == ""
+
+
+LAYOUT, ANOTHER = numba_private.layout, np.array([7.0])
+
+
+class _OtherArray:
+    _fields = ("data", "shape", "strides")
+
+
+@pytest.mark.parametrize(("change", "words"), [
+    (lambda patch: patch.setattr(numba_private.default_manager, "lookup", lambda kind: _OtherArray),
+     "an array in memory is no longer meminfo, parent"),
+    (lambda patch: patch.delattr(PassManager, "add_pass_after"), "AttributeError: .*add_pass_after"),
+    (lambda patch: patch.setitem(numba_private._PART, "_no_such_option", True), "_no_such_option"),
+    (lambda patch: patch.setattr(numba_private.serialize, "loads", lambda data: ()), "passes, options or cache"),
+    (lambda patch: patch.setattr(numba_private, "stored", lambda dispatcher, store: dispatcher), "stored kernel"),
+    (lambda patch: patch.setattr(numba_private, "layout", lambda values: LAYOUT(values._replace(total=ANOTHER))),
+     "laid out in memory"),
+])
+def test_a_numba_that_has_changed_is_described(monkeypatch, change, words):
+    with monkeypatch.context() as patch:
+        change(patch)
+        assert re.search(words, missing_parts())
+
+
+def said(program: str, **environment: str) -> list[str]:
+    """What a program prints, word by word."""
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=900,
+                          env={**os.environ, **environment})
+    assert done.returncode == 0, done.stderr
+    return done.stdout.split()
+
+
+CHANGED = """
+import numba
+numba.__version__ = "99.9"
+{change}
+from vibro_ros.solver import compilation
+print(compilation.multiply_add(), compilation.PLAIN)
+"""
+
+
+def test_an_unknown_numba_takes_the_plain_road_if_the_check_fails(tmp_path):
+    (tmp_path / "caches").mkdir()
+    environment = {"NUMBA_CACHE_DIR": str(tmp_path / "caches")}
+    (answer,) = said(CHANGED.format(change=""), **environment)
+    for change, reason in (("import numba.core.compiler as c; del c.CompileResult._rebuild", "_rebuild"),
+                           ("import numba.core.runtime as r; del r.rtsys", "rtsys")):
+        same, *words = said(CHANGED.format(change=change), **environment)
+        assert same == answer and words[1].startswith("99.9") and reason in " ".join(words)
+
+
+RUN = """
+import hashlib, vibro_ros
+run = vibro_ros.simulate(vibro_ros.load_scene("unilateral"), duration=0.5, rate=1000.0, method="rk4")
+print(len(run.events), hashlib.sha256(run.body_position.tobytes() + run.events.tobytes()).hexdigest())
+"""
+
+
+def test_the_plain_road_computes_the_same_bits():
+    assert said(RUN, VIBRO_ROS_KERNELS="plain") == said(RUN)
