@@ -8,9 +8,17 @@ import numpy as np
 
 from vibro_ros.configuration.scene_file import load_scene
 from vibro_ros.model.scene import Scene
-from vibro_ros.ros.controller.feedback import RATE, Pursuit
-from vibro_ros.ros.controller.goals import MOTOR_RANGE, WITHIN, Goal, GoalError, PositionGoal, SpeedGoal
-from vibro_ros.ros.controller.track import Track
+from vibro_ros.ros.controller.feedback import (
+    MOTOR_RANGE,
+    RATE,
+    WITHIN,
+    Goal,
+    GoalError,
+    PositionGoal,
+    Pursuit,
+    SpeedGoal,
+    Track,
+)
 from vibro_ros.simulation.kernels import compile_kernels
 from vibro_ros.simulation.simulator import Simulator
 

@@ -24,8 +24,8 @@ from std_msgs.msg import Float64
 from tqdm import tqdm
 
 from tools.probe import Commanding, Listening, Probe
+from tools.ready_process import ready_process, sleep_unless
 from vibro_ros.process.stop_signals import StopRequest
-from vibro_ros.ros.node.ready_process import ready_process, sleep_unless
 
 
 @dataclass(frozen=True)

@@ -16,8 +16,8 @@ from functools import partial
 
 from tqdm import tqdm
 
+from tools.ready_process import ready_process, sleep_unless
 from vibro_ros.process.stop_signals import StopRequest
-from vibro_ros.ros.node.ready_process import ready_process, sleep_unless
 
 RATES = (1000.0, 200.0)  # Hz
 BARE = "bare node"

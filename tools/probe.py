@@ -18,7 +18,7 @@ from rclpy.serialization import deserialize_message, serialize_message
 from std_msgs.msg import Float64
 
 from vibro_ros.ros.node import qos
-from vibro_ros.ros.node.gathering import Gathering
+from vibro_ros.ros.topics.subscriptions import Gathering
 
 SPEED = 400.0
 """Speed [rad/s] of a command: within one period the crank turns so far that the springs tear the body off."""

@@ -21,8 +21,7 @@ from vibro_ros.messages.frames import ALL
 from vibro_ros.model.parameters import Value
 from vibro_ros.model.scene import Scene
 from vibro_ros.ros.robot.pacing import Pacing
-from vibro_ros.ros.topics.messages import transforms
-from vibro_ros.ros.topics.outputs import Outputs, makers
+from vibro_ros.ros.topics.publishers import RobotPublishers, makers, transforms
 from vibro_ros.simulation.kernels import compile_kernels
 from vibro_ros.simulation.samples import TIME
 from vibro_ros.simulation.simulator import Simulator
@@ -55,7 +54,7 @@ class Ticks:
     """
 
     def __init__(self, node: Node, scene: Scene, rate: float, duration: float):
-        self._outputs, self._scene, self._rate = Outputs(node, scene, transforms=ALL), scene, rate
+        self._outputs, self._scene, self._rate = RobotPublishers(node, scene, transforms=ALL), scene, rate
         self._count = max(2, round(rate * duration))
 
     def published(self) -> np.ndarray:

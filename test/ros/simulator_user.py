@@ -6,11 +6,9 @@ from asking import wait_until_known
 from rclpy.action import ActionClient
 from rclpy.qos import QoSProfile
 
-from vibro_ros.ros.robot.simulation_action import FEEDBACK_DEPTH
-from vibro_ros.ros.robot.simulation_rules import Code
-from vibro_ros.ros.robot.simulation_services import NAMES
+from vibro_ros.ros.robot.services import NAMES
+from vibro_ros.ros.robot.simulation_rules import MOST_STEPS, Code
 
-MOST = 2**64 - 1
 STILL_ON_THE_WAY = 200  # samples, of a second, that may come although the robot has paused
 
 
@@ -25,7 +23,7 @@ class Simulator:
         # rclpy's client hears none that comes after the goal has ended, and one a turn before.
         bench.node.create_subscription(types.action.SimulateSteps.Impl.FeedbackMessage,
                                        "vibro_robot/simulate_steps/_action/feedback", self._hear,
-                                       QoSProfile(depth=FEEDBACK_DEPTH))
+                                       QoSProfile(depth=1000))
 
     def wait(self) -> None:
         self.bench.spin_until(lambda: self.action.server_is_ready() and all(
@@ -58,11 +56,11 @@ class Simulator:
         assert answer.result.result == Code.OK
         return answer.state.state
 
-    def begin_endless_steps(self, listener):
+    def begin_many_steps(self, listener):
         """The future of their answer; a paused robot has begun to take them."""
         listener.spin_for_samples(0)
         before = len(listener.stamps)
-        future = self.begin("StepSimulation", steps=MOST)
+        future = self.begin("StepSimulation", steps=MOST_STEPS)
         self.bench.spin_until(lambda: len(listener.stamps) > before + STILL_ON_THE_WAY, "steps")
         return future
 

@@ -8,7 +8,7 @@ import pytest
 
 import vibro_ros
 from tools.goal_accuracy import Samples, Trial
-from vibro_ros.ros.controller.goals import MOTOR_RANGE, Goal, GoalError, PositionGoal, SpeedGoal, check_reach
+from vibro_ros.ros.controller.feedback import MOTOR_RANGE, Goal, GoalError, PositionGoal, SpeedGoal, check_reach
 
 RAMP = {"effects.motor": "ramp", "motor.speed": 0.0}  # as the shipped device has it
 BEFORE = [(0.0, 0.0), (40.0, 0.7), (75.0, 1.3), (110.0, 2.1)]  # motor speeds [rad/s] and times [s] before the goal

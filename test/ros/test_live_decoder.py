@@ -11,8 +11,8 @@ from vibro_ros.bag.cdr import jazzy_types
 from vibro_ros.configuration.scene_file import shipped_scenes
 from vibro_ros.messages.topics import ROBOT_TOPICS
 from vibro_ros.ros.live.live_decoder import MOST_ODD, STAMPED, decoders
-from vibro_ros.ros.topics.outputs import sample_makers
-from vibro_ros.ros.topics.template import plain_bytes
+from vibro_ros.ros.topics.publishers import sample_makers
+from vibro_ros.ros.topics.templates import plain_bytes
 from vibro_ros.simulation.samples import FIELDS
 
 STAMP = 1_763_700_000_123_456_789

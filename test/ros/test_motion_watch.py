@@ -3,7 +3,7 @@
 import pytest
 from known_map import known_map
 
-from vibro_ros.ros.controller.motion_watch import MotionWatch
+from vibro_ros.ros.controller.map_adviser import MotionWatch
 
 STANDING = {"motor_speed": 0.0, "upper_gap": 0.0, "inclined_gap": 0.0}
 

@@ -13,7 +13,7 @@ from rclpy.parameter import parameter_value_to_python
 from vibro_ros.configuration.parameter_file import merged, own_parameters, sections
 from vibro_ros.configuration.scene_file import load_scene
 from vibro_ros.model.parameters import SCENE_PARAMETERS
-from vibro_ros.ros.node.ros_arguments import folder_of
+from vibro_ros.ros.node.arguments import folder_of
 
 NODE = "/lab/vibro_robot"
 

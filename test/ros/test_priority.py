@@ -9,7 +9,7 @@ from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
 from rcl_interfaces.srv import SetParameters
 from std_srvs.srv import SetBool
 
-from vibro_ros.ros.robot.priority import POLICY, PRIORITY
+from vibro_ros.ros.robot.pacing import POLICY, PRIORITY
 
 
 def may_go_before_others() -> bool:

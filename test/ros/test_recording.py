@@ -13,10 +13,8 @@ from vibro_ros.bag.reader import read_bag
 from vibro_ros.bag.writer import BagWriter, Storage
 from vibro_ros.configuration.scene_file import DEVICE_PARAMETERS
 from vibro_ros.messages.topics import COMMAND_UNITS
-from vibro_ros.ros.robot.recording import open_recording
-from vibro_ros.ros.robot.recording_plan import Plan, plan_recording
-from vibro_ros.ros.robot.unsealed import offer_recovery
-from vibro_ros.ros.topics.outputs import Outputs
+from vibro_ros.ros.robot.recording import Plan, offer_recovery, open_recording, plan_recording
+from vibro_ros.ros.topics.publishers import RobotPublishers
 
 RECEIVED = {name: f"/{name}" for name in COMMAND_UNITS}
 SETTINGS = {parameter.name: parameter.default for parameter in DEVICE_PARAMETERS}
@@ -76,11 +74,11 @@ def test_only_the_topics_asked_for_are_recorded(start, listener, tmp_path):
 ], ids=["topic", "no topic", "size"])
 def test_recordings_that_cannot_be_are_refused(bench, wrong, reason):
     with pytest.raises(ValueError, match=re.escape(reason)):
-        plan_recording(SETTINGS | wrong, RECEIVED, Outputs(bench.node, vibro_ros.Scene()), {})
+        plan_recording(SETTINGS | wrong, RECEIVED, RobotPublishers(bench.node, vibro_ros.Scene()), {})
 
 
 def test_bags_left_unsealed_are_sealed_if_the_robot_is_told_to(bench, tmp_path):
-    topics = plan_recording(SETTINGS, RECEIVED, Outputs(bench.node, vibro_ros.Scene()), {}).topics
+    topics = plan_recording(SETTINGS, RECEIVED, RobotPublishers(bench.node, vibro_ros.Scene()), {}).topics
     folder = tmp_path / "vibro_robot_1"
     writer = BagWriter(folder, defined(topics), {}, Storage())
     writer.write(1, 1, bytes(100))
@@ -111,7 +109,7 @@ def test_a_snapshot_holds_the_last_seconds_when_it_is_asked_for(start, listener,
 
 
 def test_a_snapshot_asked_for_again_and_again_writes_nothing_twice(bench, tmp_path):
-    topics = plan_recording(SETTINGS, RECEIVED, Outputs(bench.node, vibro_ros.Scene()), {}).topics
+    topics = plan_recording(SETTINGS, RECEIVED, RobotPublishers(bench.node, vibro_ros.Scene()), {}).topics
     plan = Plan(tmp_path, topics, Storage(), {"scene": "device"}, snapshot=1.0)
     answers = []
     with open_recording(plan, True, bench.node.get_logger()) as recording:
@@ -126,7 +124,7 @@ def test_a_snapshot_asked_for_again_and_again_writes_nothing_twice(bench, tmp_pa
 
 
 def test_a_caller_begins_one_bag_a_second_at_most(bench, tmp_path):
-    topics = plan_recording(SETTINGS, RECEIVED, Outputs(bench.node, vibro_ros.Scene()), {}).topics
+    topics = plan_recording(SETTINGS, RECEIVED, RobotPublishers(bench.node, vibro_ros.Scene()), {}).topics
     with open_recording(Plan(tmp_path, topics, Storage(), {}), False, bench.node.get_logger()) as recording:
         began = time.monotonic()
         while time.monotonic() < began + 1.5:
@@ -137,7 +135,7 @@ def test_a_caller_begins_one_bag_a_second_at_most(bench, tmp_path):
 
 
 def test_a_snapshot_is_written_when_the_simulation_fails(bench, tmp_path):
-    topics = plan_recording(SETTINGS, RECEIVED, Outputs(bench.node, vibro_ros.Scene()), {}).topics
+    topics = plan_recording(SETTINGS, RECEIVED, RobotPublishers(bench.node, vibro_ros.Scene()), {}).topics
     plan = Plan(tmp_path, topics, Storage(), {"scene": "device"}, snapshot=1.0)
     with open_recording(plan, True, bench.node.get_logger()) as recording:
         for i in range(300):

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 from known_map import known_map, mean_speed
 
-from vibro_ros.ros.controller.goals import PositionGoal, SpeedGoal, check_reach
+from vibro_ros.ros.controller.feedback import PositionGoal, SpeedGoal, check_reach
 from vibro_ros.ros.controller.script_file import find_script, read_script
 
 

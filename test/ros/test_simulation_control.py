@@ -5,8 +5,8 @@ from types import SimpleNamespace
 import pytest
 
 from vibro_ros.messages.operations import Operation
-from vibro_ros.ros.node.requests import Request
-from vibro_ros.ros.robot.simulation_control import SimulationControl
+from vibro_ros.ros.robot.operations import Request
+from vibro_ros.ros.robot.services import SimulationControl
 from vibro_ros.ros.robot.simulation_rules import Code, RefusalError, State
 
 

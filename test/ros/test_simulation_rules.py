@@ -5,6 +5,7 @@ import pytest
 from vibro_ros.messages.operations import PAUSE, RESET, RESUME
 from vibro_ros.ros.robot.simulation_rules import (
     FEATURES,
+    MOST_STEPS,
     TRANSITIONS,
     Code,
     Feature,
@@ -91,12 +92,14 @@ def test_only_the_state_can_be_reset_and_nothing_by_halves():
     assert {scope for scope, code in answers.items() if code == Code.NOT_FOUND} == set(BYTE[8:255])
 
 
-def test_a_step_is_at_least_one():
-    with pytest.raises(RefusalError, match="0 steps; give at least 1") as refused:
-        check_steps(0)
+@pytest.mark.parametrize("steps", [0, MOST_STEPS + 1, 2**64 - 1])
+def test_too_few_and_too_many_steps_are_refused(steps):
+    """A goal of 10^12 steps wrote a gigabyte in five minutes."""
+    with pytest.raises(RefusalError, match=f"^{steps} steps; give 1 to {MOST_STEPS}, and ask again") as refused:
+        check_steps(steps)
     assert refused.value.code == Code.OPERATION_FAILED
     check_steps(1)
-    check_steps(2**64 - 1)
+    check_steps(MOST_STEPS)
 
 
 @pytest.mark.parametrize(("paused", "at_start", "quitting", "state"), [

@@ -1,56 +1,52 @@
 """A live robot as a simulator to a program that knows simulation_interfaces and nothing of this robot."""
 
 import signal
+import subprocess
+import sys
 import textwrap
 from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
 from asking import known_client, wait_until_known
-from observation import bags
+from observation import bags, stamps_of
+from rosbags.rosbag2 import Reader
 from simulator_user import Simulator, ended
 from std_srvs.srv import SetBool, Trigger
 
+from vibro_ros.bag.cdr import deserialised
 from vibro_ros.ros.node.node import SteadyNode
-from vibro_ros.ros.robot.simulation_rules import FEATURES, Code, State
-from vibro_ros.ros.robot.simulation_services import NAMES
+from vibro_ros.ros.robot.services import NAMES
+from vibro_ros.ros.robot.simulation_rules import FEATURES, MOST_STEPS, Code, State
+
+STEPS = 12
 
 
-def test_the_features_are_those_of_what_is_offered(simulator):
+def test_features_states_and_resets_are_as_the_definitions_say(simulator, bench, listener):
     features = simulator.answer(simulator.begin("GetSimulatorFeatures")).features
     assert list(features.features) == sorted({feature for name in NAMES for feature in FEATURES[name]})
     assert list(features.spawn_formats) == []
     assert "publish period" in features.custom_info
-
-
-def test_states_follow_one_another_as_the_definitions_say(simulator):
     assert simulator.state == State.PLAYING
-    assert simulator.become(State.PLAYING) == Code.ALREADY_IN_TARGET_STATE
-    assert simulator.become(State.PAUSED) == Code.OK
-    assert simulator.state == State.PAUSED
-    assert simulator.become(State.PAUSED) == Code.ALREADY_IN_TARGET_STATE
-    assert simulator.become(State.STOPPED) == Code.OK
-    assert simulator.state == State.STOPPED
-    assert simulator.become(State.PAUSED) == Code.INCORRECT_TRANSITION
+    for wanted, code, state in (
+            (State.PLAYING, Code.ALREADY_IN_TARGET_STATE, State.PLAYING), (State.PAUSED, Code.OK, State.PAUSED),
+            (State.PAUSED, Code.ALREADY_IN_TARGET_STATE, State.PAUSED), (State.STOPPED, Code.OK, State.STOPPED),
+            (State.PAUSED, Code.INCORRECT_TRANSITION, State.STOPPED)):
+        assert simulator.become(wanted) == code
+        assert simulator.state == state
     assert simulator.call("StepSimulation", steps=1) == (Code.OK, "")
     assert simulator.state == State.PAUSED
     assert simulator.become(State.LOADING_WORLD) == Code.FEATURE_UNSUPPORTED
     assert simulator.become(255) == Code.NOT_FOUND
     assert simulator.become(State.PLAYING) == Code.OK
-    assert simulator.state == State.PLAYING
-    assert simulator.become(State.STOPPED) == Code.OK
-    assert simulator.state == State.STOPPED
-
-
-def test_the_other_services_lead_to_the_same_states(simulator, bench):
+    # the services of std_srvs lead to the same states
     pause, reset = known_client(bench, SetBool, "pause"), known_client(bench, Trigger, "reset")
     assert simulator.answer(pause.call_async(SetBool.Request(data=True))).success
     assert simulator.state == State.PAUSED
     assert simulator.answer(reset.call_async(Trigger.Request())).success
     assert simulator.state == State.STOPPED
-
-
-def test_a_reset_puts_the_state_back_and_lets_the_clock_go_on(simulator, listener):
+    # a reset puts the state back and lets the clock go on
+    assert simulator.become(State.PLAYING) == Code.OK
     listener.spin_for_samples(20)
     assert simulator.call("ResetSimulation", scope=2) == (Code.OK, "")
     assert simulator.state == State.PLAYING
@@ -67,12 +63,103 @@ def test_a_reset_puts_the_state_back_and_lets_the_clock_go_on(simulator, listene
     assert all(earlier < later for earlier, later in zip(listener.stamps, listener.stamps[1:], strict=False))
 
 
+def test_steps_are_samples_and_only_a_paused_robot_takes_them(simulator, tmp_path):
+    code, words = simulator.call("StepSimulation", steps=5)
+    assert (code, words) == (Code.OPERATION_FAILED, "the robot is not paused; set the state 2 (PAUSED) first")
+    status, code, words = simulator.result(simulator.send(5))
+    assert (status, code) == (6, Code.OPERATION_FAILED) and "not paused" in words  # 6: aborted
+    assert simulator.become(State.STOPPED) == Code.OK
+    assert simulator.call("StepSimulation", steps=7) == (Code.OK, "")
+    for steps in (0, 10**12):
+        code, words = simulator.call("StepSimulation", steps=steps)
+        assert code == Code.OPERATION_FAILED and words.startswith(f"{steps} steps; give 1 to {MOST_STEPS}")
+        assert simulator.result(simulator.send(steps))[1:] == (Code.OPERATION_FAILED, words)
+    assert simulator.become(State.PLAYING) == Code.OK
+    simulator.robot.send(signal.SIGINT)
+    bag = tmp_path / ended(simulator.robot)
+    (stepped, _), (resumed, words) = operations(bag)[-2:]
+    assert words == "resume"
+    assert len([stamp for stamp in stamps_of(bag) if stepped < stamp <= resumed]) == 7
+
+
+def operations(bag: Path) -> list[tuple[int, str]]:
+    """Stamp and words of what was done to the robot."""
+    with Reader(bag) as reader:
+        chosen = [one for one in reader.connections if one.topic == "/vibro_robot/operations"]
+        return [(stamp, deserialised(bytes(data), one.msgtype).data) for one, stamp, data in reader.messages(chosen)]
+
+
+def test_many_steps_hold_nobody_up_tell_how_far_they_are_and_can_be_cancelled(simulator):
+    simulator.become(State.PAUSED)
+    goal = simulator.send(MOST_STEPS)
+    simulator.bench.spin_until(lambda: len(simulator.feedback) > 2, "feedback")
+    assert all(sum(one) == MOST_STEPS for one in simulator.feedback)
+    completed = [one for one, _ in simulator.feedback]
+    assert completed == sorted(completed) and completed[-1] > 10 * len(completed)  # seldom: each costs a message
+    for name, fields in (("StepSimulation", {"steps": 1}), ("ResetSimulation", {"scope": 0})):
+        code, words = simulator.call(name, **fields)
+        assert code == Code.INCORRECT_STATE and f"{MOST_STEPS} steps are being taken" in words
+    assert simulator.result(simulator.send(3))[1] == Code.INCORRECT_STATE
+    assert simulator.become(State.PAUSED) == Code.ALREADY_IN_TARGET_STATE
+    assert len(simulator.answer(goal.cancel_goal_async()).goals_canceling) == 1
+    status, code, words = simulator.result(goal)
+    assert (status, code) == (5, Code.OPERATION_FAILED)  # 5: cancelled
+    assert f" of {MOST_STEPS} periods" in words
+    assert simulator.state == State.PAUSED
+    status, code, words = simulator.result(simulator.send(STEPS))
+    assert (status, code, words) == (4, Code.OK, "")  # 4: succeeded
+    simulator.bench.spin_until(lambda: simulator.feedback[-1] == (STEPS, 0), "feedback of the last step")
+
+
+def test_another_state_ends_the_steps(simulator, listener):
+    for state in (State.PLAYING, State.STOPPED):
+        simulator.become(State.PAUSED)
+        future = simulator.begin_many_steps(listener)
+        assert simulator.become(state) == Code.OK
+        result = simulator.answer(future).result
+        assert result.result == Code.OPERATION_FAILED and f" of {MOST_STEPS} periods" in result.error_message
+        assert simulator.state == state
+
+
+@pytest.mark.parametrize("how", ["SIGINT", "QUITTING"])
+def test_a_robot_that_ends_answers_who_waits_and_leaves_a_bag_that_replays(simulator, listener, tmp_path, how):
+    simulator.become(State.PAUSED)
+    simulator.call("StepSimulation", steps=50)
+    simulator.become(State.STOPPED)
+    future = simulator.begin_many_steps(listener)
+    if how == "SIGINT":
+        simulator.robot.send(signal.SIGINT)
+    else:
+        assert simulator.become(State.QUITTING) == Code.OK
+    result = simulator.answer(future).result
+    assert (result.result, result.error_message) == (Code.OPERATION_FAILED, "the simulation has ended")
+    bag = ended(simulator.robot)
+    replay = [sys.executable, "-m", "vibro_ros.recordings.replay", str(bag)]
+    done = subprocess.run(replay, cwd=tmp_path, capture_output=True, text=True)
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
+def test_requests_that_come_together_are_answered_one_by_one(simulator):
+    codes, together = set(), 8  # DDS keeps the last 10 requests of a service that nobody has taken yet
+    for first in range(0, 32, together):
+        futures = [simulator.begin(name, **fields) for number in range(first, first + together) for name, fields in (
+            ("StepSimulation", {"steps": number * 2**12}), ("ResetSimulation", {"scope": number}),
+            ("GetSimulationState", {}))]
+        while not all(future.done() for future in futures):
+            simulator.become(State.PLAYING)
+            simulator.become(State.STOPPED)  # which ends steps
+        codes |= {future.result().result.result for future in futures}
+    assert codes <= set(Code) and {Code.OK, Code.NOT_FOUND, Code.OPERATION_FAILED} <= codes
+    simulator.robot.send(signal.SIGTERM)
+    ended(simulator.robot)
+
+
 def test_without_the_package_one_line_says_so(start, tmp_path, monkeypatch):
     shadow(monkeypatch, tmp_path, "raise ImportError('not here')")
     robot = start("robot")
     robot.wait_for("ready: ")
-    said = [line.split("]: ")[1] for line in robot.lines if "simulation_interfaces" in line]
-    assert said == ["simulation_interfaces is not installed: without " + ", ".join(NAMES.values())]
+    lines = [line.split("]: ")[1] for line in robot.lines if "simulation_interfaces" in line]
+    assert lines == ["simulation_interfaces is not installed: without " + ", ".join(NAMES.values())]
     robot.send(signal.SIGINT)
     ended(robot)
     assert len(bags(tmp_path)) == 1
@@ -84,11 +171,10 @@ def test_a_type_that_is_missing_is_left_out_of_the_features(types, bench, start,
     (package / "action.py").write_text("")
     robot = start("robot")
     robot.wait_for("ready: ")
-    said = [line.split("]: ")[1] for line in robot.lines if "simulation_interfaces" in line]
-    assert said == ["simulation_interfaces lacks SimulateSteps: without ~/simulate_steps"]
+    lines = [line.split("]: ")[1] for line in robot.lines if "simulation_interfaces" in line]
+    assert lines == ["simulation_interfaces lacks SimulateSteps: without ~/simulate_steps"]
     simulator = Simulator(bench, types)
-    client = simulator.clients["GetSimulatorFeatures"]
-    bench.spin_until(client.service_is_ready, "service")
+    bench.spin_until(simulator.clients["GetSimulatorFeatures"].service_is_ready, "service")
     wait_until_known(bench)
     features = simulator.answer(simulator.begin("GetSimulatorFeatures")).features.features
     assert list(features) == sorted({feature for name in simulator.clients for feature in FEATURES[name]})

@@ -21,7 +21,7 @@ from std_msgs.msg import Float64
 from vibro_ros.bag.reader import read_bag
 from vibro_ros.configuration.scene_file import NODE_NAME
 from vibro_ros.process.stop_signals import StopRequest
-from vibro_ros.ros.node import listeners
+from vibro_ros.ros.controller import player
 
 PROMPT = 10.0  # [s] deadline of what takes 0.1 s on an idle machine
 LATE = 0.03  # [s] of the promptest of the first messages; opening a bag alone took 0.07 s when stamps lagged by it
@@ -190,10 +190,10 @@ def test_a_reader_that_goes_does_not_end_the_robot(compiled, domain_id, tmp_path
 
 
 def test_who_waits_for_a_robot_is_told_again_and_again_what_for(bench, monkeypatch, capfd):
-    monkeypatch.setattr(listeners, "REPORTS", 0.05)
+    monkeypatch.setattr(player, "REPORTS", 0.05)
     publisher = bench.node.create_publisher(Float64, "motor_speed", 10)
     with StopRequest() as stop, pytest.raises(RuntimeError) as error:
-        listeners.wait_for_listeners(bench.node, bench._executor, [publisher], 0.5, stop)
+        player.wait_for_listeners(bench.node, bench._executor, [publisher], 0.5, stop)
     assert str(error.value) == ("no robot listens to /motor_speed after 0.5 s; start one (ros2 run vibro_ros robot), "
                                 "in the same ROS domain and namespace")
     said = capfd.readouterr().err
@@ -207,7 +207,7 @@ def test_who_waits_is_told_of_a_robot_that_is_there_and_does_not_listen(bench, d
         publisher = bench.node.create_publisher(Float64, "motor_speed", 10)
         bench.spin_until(lambda: NODE_NAME in bench.node.get_node_names(), "robot in the graph")
         with StopRequest() as stop, pytest.raises(RuntimeError, match="; /vibro_robot is there and does not: it comp"):
-            listeners.wait_for_listeners(bench.node, bench._executor, [publisher], 0.1, stop)
+            player.wait_for_listeners(bench.node, bench._executor, [publisher], 0.1, stop)
     finally:
         robot.destroy_node()
 

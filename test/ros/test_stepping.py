@@ -5,14 +5,11 @@ from types import SimpleNamespace
 import vibro_ros
 from vibro_ros.messages.operations import RESET, RESUME, STEP, Operation
 from vibro_ros.ros.robot.operations import Operations
-from vibro_ros.ros.robot.pacing import Pacing
-from vibro_ros.ros.robot.robot_time import RobotTime
-from vibro_ros.ros.robot.run import Run
-from vibro_ros.ros.robot.run_services import outcome
-from vibro_ros.ros.robot.simulation_control import SimulationControl
-from vibro_ros.ros.robot.stepping import Stepping
-from vibro_ros.ros.topics.inputs import Inputs
-from vibro_ros.ros.topics.outputs import Outputs
+from vibro_ros.ros.robot.pacing import Pacing, RobotTime
+from vibro_ros.ros.robot.services import SimulationControl, outcome
+from vibro_ros.ros.robot.stepping import Run, Stepping
+from vibro_ros.ros.topics.publishers import RobotPublishers
+from vibro_ros.ros.topics.subscriptions import CommandSubscriptions
 
 
 def test_an_error_ends_the_thread_and_is_kept_for_the_main_thread(bench):
@@ -25,10 +22,10 @@ def test_an_error_ends_the_thread_and_is_kept_for_the_main_thread(bench):
             raise RuntimeError("third sample")
 
     pacing, robot_time = Pacing(factor=0.0, max_catch_up=0.1), RobotTime(rate=200.0, start=1_000)
-    inputs = Inputs(bench.node)
-    operations = Operations(bench.node, device, pacing, robot_time, inputs.waiting, record)
+    subscriptions = CommandSubscriptions(bench.node)
+    operations = Operations(bench.node, device, pacing, robot_time, subscriptions.queue, record)
     recording = SimpleNamespace(record=record, checkpoint=lambda *_: None, crowded=False)
-    run = Run(device, robot_time, pacing, inputs, Outputs(bench.node, scene), operations, recording,
+    run = Run(device, robot_time, pacing, subscriptions, RobotPublishers(bench.node, scene), operations, recording,
               SimulationControl(bench.node, operations, robot_time))
     stepping = Stepping(run, bench.node.get_logger())
     with stepping:
@@ -43,8 +40,8 @@ def test_whoever_asked_is_answered_when_the_run_cannot_go_on(bench, monkeypatch)
     """Else a robot that waits for its answers before it seals the bag would wait without end."""
     scene = vibro_ros.load_scene("device")
     device, pacing, robot_time = vibro_ros.Simulator(scene), Pacing(factor=0.0, max_catch_up=0.1), RobotTime(rate=200.0)
-    inputs = Inputs(bench.node)
-    operations = Operations(bench.node, device, pacing, robot_time, inputs.waiting, lambda *_: None, paused=True)
+    subscriptions = CommandSubscriptions(bench.node)
+    operations = Operations(bench.node, device, pacing, robot_time, subscriptions.queue, lambda *_: None, paused=True)
 
     def fail() -> None:
         raise vibro_ros.SimulationError("no start")
@@ -54,7 +51,8 @@ def test_whoever_asked_is_answered_when_the_run_cannot_go_on(bench, monkeypatch)
     assert outcome(given_up) == (False, "the simulation has not answered in time; nothing was changed")
     failing, behind = (operations.ask(Operation(name)) for name in (RESET, RESUME))
     recording = SimpleNamespace(record=lambda *_: None, checkpoint=lambda *_: None, crowded=False)
-    run = Run(device, robot_time, pacing, inputs, Outputs(bench.node, scene), operations, recording, control=None)
+    run = Run(device, robot_time, pacing, subscriptions, RobotPublishers(bench.node, scene), operations, recording,
+              control=None)
     with Stepping(run, bench.node.get_logger()) as stepping:
         bench.spin_until(behind.done, "the last answer")
     assert str(stepping.error) == "no start" and robot_time.ticks == 0

@@ -13,8 +13,7 @@ from rosgraph_msgs.msg import Clock
 from std_msgs.msg import Float64
 
 from vibro_ros.process.stop_signals import StopRequest
-from vibro_ros.ros.controller.player import Player
-from vibro_ros.ros.controller.timeline import timeline
+from vibro_ros.ros.controller.player import Player, timeline
 from vibro_ros.ros.node import process
 
 SIMULATED = ("--ros-args", "-p", "use_sim_time:=true")

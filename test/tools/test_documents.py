@@ -17,13 +17,13 @@ from tools.generated_text import replaced
 from vibro_ros.accuracy.findings import MEAN_SPEED, NEEDS
 from vibro_ros.configuration.command_map import find_map, read_map
 from vibro_ros.configuration.scene_file import DEVICE_PARAMETERS, load_scene, shipped_scenes
+from vibro_ros.messages.fields import JOINTS
 from vibro_ros.messages.topics import COMMAND_UNITS, ROBOT_TOPICS
 from vibro_ros.model.parameters import SCENE_PARAMETERS
 from vibro_ros.process.executables import EXECUTABLES
 from vibro_ros.ros.controller.script_file import read_script
 from vibro_ros.ros.node import qos
-from vibro_ros.ros.topics import outputs
-from vibro_ros.ros.topics.messages import JOINTS
+from vibro_ros.ros.topics.publishers import PUBLISHED
 from vibro_ros.simulation.event_log import EventLog
 from vibro_ros.simulation.samples import Samples
 from vibro_ros.study.measures import MEASURES
@@ -108,7 +108,7 @@ def test_topics_are_the_robots():
     rows = re.findall(r"^\| `/?(\w+)` \| (in|out) \| (\S+) \| (\d+) \|", DOCUMENTS["node.md"], re.MULTILINE)
     told = {name: (direction, kind, int(depth)) for name, direction, kind, depth in rows if name != "clock"}
     real = {name: ("in", ROBOT_TOPICS[name], qos.COMMANDS.depth) for name in COMMAND_UNITS}
-    real |= {name: ("out", ROBOT_TOPICS[name], profile.depth) for name, profile in outputs.PUBLISHED.items()}
+    real |= {name: ("out", ROBOT_TOPICS[name], profile.depth) for name, profile in PUBLISHED.items()}
     assert told == real
 
 

@@ -8,13 +8,18 @@ if __name__ == "__main__":  # before all imports: they take a second or two, in 
     sys.exit(enter("controller"))
 
 import argparse
+import math
 import sys
-from collections.abc import Mapping, Sequence
+from collections import deque
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
+from itertools import count
 from pathlib import Path
 
+from nav_msgs.msg import Odometry
 from rclpy.executors import Executor
 from rclpy.node import Node
+from rclpy.qos import QoSProfile
 from std_msgs.msg import Float64
 
 from vibro_ros.configuration.command_map import CommandMap, find_map, read_map, shipped_maps
@@ -22,17 +27,15 @@ from vibro_ros.model.parameters import Parameter, Value, checked_parameters
 from vibro_ros.process.executables import EXECUTABLES
 from vibro_ros.process.front_door import Parser, exit_code
 from vibro_ros.process.stop_signals import StopRequest
-from vibro_ros.ros.controller.goals import check_reach
-from vibro_ros.ros.controller.map_adviser import MapAdviser
-from vibro_ros.ros.controller.player import Player
-from vibro_ros.ros.controller.script import MOTOR, Script
+from vibro_ros.ros.controller.feedback import RATE, GoalError, Pursuit, Track, check_reach
+from vibro_ros.ros.controller.map_adviser import STAY, MapAdviser
+from vibro_ros.ros.controller.player import Moments, Player, timeline
+from vibro_ros.ros.controller.script import MOTOR, Script, Segment
 from vibro_ros.ros.controller.script_file import find_script, read_script, shipped_scripts
-from vibro_ros.ros.controller.script_player import Odometer, ScriptPlayer
-from vibro_ros.ros.controller.timeline import timeline
 from vibro_ros.ros.node import process
+from vibro_ros.ros.node.arguments import check_addressed, check_arguments, own_arguments
 from vibro_ros.ros.node.parameters import declare, parameter_lines, take_overrides
 from vibro_ros.ros.node.qos import COMMANDS
-from vibro_ros.ros.node.ros_arguments import check_addressed, check_arguments, own_arguments
 
 NODE_NAME = "vibro_controller"
 PARAMETERS = (
@@ -45,6 +48,10 @@ PARAMETERS = (
     Parameter("map", "device", "", "command map, a shipped scene's name or a path: gives the commands for a speed over "
               "ground, and says when commands cross into another motion, if it is the robot's"),
 )
+
+ODOM = "odom"
+ODOMETRY_DEPTH = 1000
+"""Samples that may wait for the next command: a second's at 1 kHz."""
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -119,3 +126,125 @@ def _parser() -> Parser:
     )
     parser.add_argument("script", nargs="?", help="a shipped script's name, or the path of a YAML file")
     return parser
+
+
+class Odometer:
+    """Hears `odom`, and hands its samples to a track.
+
+    With `use_sim_time` only samples older than ROS time are handed over. In lock-step these are there for certain,
+    while of the sample and the clock of one instant either may come first: what is commanded would depend on that.
+
+    Parameters
+    ----------
+    node : Node
+        Listens, from now on.
+    """
+
+    def __init__(self, node: Node):
+        self.track = Track()
+        self._clock = node.get_clock()
+        self._waiting: deque[tuple[int, float]] = deque(maxlen=ODOMETRY_DEPTH)
+        node.create_subscription(Odometry, ODOM, self._hear, QoSProfile(depth=ODOMETRY_DEPTH))
+
+    def _hear(self, message: Odometry) -> None:
+        stamp = message.header.stamp
+        self._waiting.append((stamp.sec * 1_000_000_000 + stamp.nanosec, message.pose.pose.position.x))
+
+    def read(self, time: float) -> Track:
+        """The track with all samples that count at `time` [s] of the script."""
+        limit = self._clock.now().nanoseconds if self._clock.ros_time_is_active else math.inf
+        while self._waiting and self._waiting[0][0] < limit:
+            self.track.add(*self._waiting.popleft(), time)
+        return self.track
+
+
+class ScriptPlayer:
+    """The commands of a script, each sent when its value changes.
+
+    Parameters
+    ----------
+    script : Script
+        What to play.
+    reach : float
+        Mean speed [m/s] that the robot holds at most; its sign is that of the way it goes.
+    odometer : Odometer or None
+        For the goals of the script, if it has any.
+    send : callable
+        Publishes a message under a command's name.
+    say : callable
+        Is told what comes, and what came of it.
+    advise : callable
+        Is told, before they are sent, the number of the entry, all commands that stand then, and those that stand
+        `STAY` later; NaN for a motor speed that feedback has given.
+    """
+
+    def __init__(self, script: Script, reach: float, odometer: Odometer | None,
+                 send: Callable[[str, Float64], None], say: Callable[[str], object],
+                 advise: Callable[[str, Mapping[str, float], Mapping[str, float]], object]):
+        self._script, self._reach, self._odometer = script, reach, odometer
+        self._send, self._say, self._advise = send, say, advise
+        self._sent: dict[str, float] = {}
+        self._segment: Segment | None = None
+        self._saved = 0.0
+
+    def moments(self, rate: float) -> Moments:
+        """Yield when to send, and what sends then: `rate` [Hz] times a second along ramps, and at the script's end.
+
+        What follows a position that was reached sooner than it might have been comes so much sooner.
+        """
+        for segment in self._script.segments:
+            for instant in segment.instants(rate):
+                yield instant - self._saved, partial(self._send_changes, instant)
+            if segment.goal:
+                yield from self._pursue(segment)
+        end = self._script.duration
+        yield end - self._saved, partial(self._send_changes, end)
+
+    def _send_changes(self, instant: float) -> None:
+        """Send what changes at an `instant` [s] of the script, counted as if nothing had been saved."""
+        segment = self._script.segment_at(instant)
+        if segment and segment is not self._segment:
+            self._begin(segment)
+        commands = self._script.command_at(instant)
+        if segment:
+            unknown = {MOTOR: math.nan} if self._script.goals else {}
+            later = self._script.command_at(instant + STAY)
+            self._advise(f"entry {segment.entry}", {**unknown, **commands}, {**unknown, **later})
+        for name, value in commands.items():
+            self._send_change(name, value)
+
+    def _begin(self, segment: Segment) -> None:
+        """Say what comes, and send anew what the entry gives: somebody else may have commanded meanwhile."""
+        self._segment = segment
+        self._say(segment.describe())
+        for name in segment.given:
+            self._sent.pop(name, None)
+
+    def _send_change(self, name: str, value: float) -> None:
+        if self._sent.get(name) != value:
+            self._send(name, Float64(data=value))
+            self._sent[name] = value
+
+    def _pursue(self, segment: Segment) -> Moments:
+        """Yield the steps of feedback until its goal is reached, and count what time that saves."""
+        odometer = self._odometer
+        assert segment.goal and odometer
+        began = segment.start - self._saved
+        pursuit = Pursuit(segment.goal, began, segment.duration, self._reach, odometer.track)
+        for step in count():
+            instant = began + step / RATE
+            yield instant, partial(self._step, odometer, pursuit, segment, instant)
+            if pursuit.over:
+                self._saved += max(0.0, segment.duration - step / RATE)
+                return
+
+    def _step(self, odometer: Odometer, pursuit: Pursuit, segment: Segment, instant: float) -> None:
+        try:
+            odometer.read(instant)
+            speed = pursuit.motor_speed(instant)
+        except GoalError as error:
+            raise RuntimeError(f"entry {segment.entry}: {error}") from error
+        for words in pursuit.take_words():
+            self._say(f"entry {segment.entry}: {words}")
+        if speed is not None:
+            self._send_change(MOTOR, speed)

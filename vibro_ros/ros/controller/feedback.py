@@ -1,17 +1,445 @@
-"""Feedback from the position of the body to the speed of the motor: one entry of a script under way.
+"""Feedback from the position of the body to the speed of the motor: goals, odometry, two laws, and their pursuit.
 
 The mean speed over the motor's speed is neither monotonic nor single-valued: it has peaks where the crank meets the
-masses' resonances, and may depend on what went before. So no law here trusts its slope. What `holding.py` and
-`approach.py` rest on is that the robot stands still while the motor does, goes one way only, and goes at least at
-`reach` at the largest motor speed.
+masses' resonances, and may depend on the motion before. So no law here trusts its slope. `Holding` and `Approach` rest
+on this: the robot stands still while the motor does, goes one way only, and goes at least at `reach` at the largest
+motor speed.
 
-Nothing in the three knows ROS: the caller says what time it is and what odometry told.
+Nothing here knows ROS: the caller gives the time, and the samples of odometry.
 """
 
-from vibro_ros.ros.controller.approach import Approach
-from vibro_ros.ros.controller.goals import Goal, GoalError, SpeedGoal
-from vibro_ros.ros.controller.holding import Holding
-from vibro_ros.ros.controller.track import Track
+
+import math
+from collections import deque
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+WITHIN = 0.005
+"""Default tolerance of a goal [m/s or m]."""
+MOTOR_RANGE = (0.0, 100.0)
+"""Default range of the motor's speed [rad/s] that feedback uses."""
+
+
+class GoalError(RuntimeError):
+    """A goal was not reached, or odometry cannot be believed."""
+
+
+@dataclass(frozen=True)
+class SpeedGoal:
+    """A mean speed of the body to hold.
+
+    Attributes
+    ----------
+    speed : float
+        Mean speed [m/s]; negative backwards.
+    within : float
+        Largest deviation [m/s] of the mean over the second half of the entry.
+    motor : tuple of float
+        Least and largest motor speed [rad/s] to use.
+    """
+
+    speed: float
+    within: float
+    motor: tuple[float, float]
+
+    def describe(self) -> str:
+        """What is to be done, for people."""
+        return f"hold {self.speed:g} m/s within {self.within:g} m/s, {_motor_text(self.motor)}"
+
+    def check_reach(self, reach: float) -> None:
+        """Refuse a speed that the robot does not hold.
+
+        Parameters
+        ----------
+        reach : float
+            Mean speed [m/s] that the robot holds at most; its sign is that of the way it goes.
+
+        Raises
+        ------
+        ValueError
+            With the speeds that it does hold.
+        """
+        if not 0.0 < self.speed / reach <= 1.0:
+            low, high = sorted((0.0, reach))
+            raise ValueError(f"hold_speed: {self.speed:g} m/s is out of reach of a robot that goes {way(reach)}; give "
+                             f"one between {low:g} and {high:g} m/s, and not 0, or set `reach` for another robot")
+
+
+@dataclass(frozen=True)
+class PositionGoal:
+    """A position of the body to reach, and to stand at.
+
+    Attributes
+    ----------
+    position : float
+        In the frame of `odom` [m].
+    within : float
+        Largest distance [m] from it at which to stand.
+    motor : tuple of float
+        Least and largest motor speed [rad/s] to use.
+    """
+
+    position: float
+    within: float
+    motor: tuple[float, float]
+
+    def describe(self) -> str:
+        """What is to be done, for people."""
+        return f"go to {self.position:g} m within {self.within:g} m, {_motor_text(self.motor)}"
+
+
+Goal = SpeedGoal | PositionGoal
+
+
+def check_reach(goals: Iterable[tuple[str, Goal]], reach: float) -> None:
+    """Refuse goals that a robot which goes one way only cannot reach, as far as that is known before it starts.
+
+    Parameters
+    ----------
+    goals : iterable of (str, Goal)
+        The number of the entry, and its goal, in order.
+    reach : float
+        Mean speed [m/s] that the robot holds at most, as in `SpeedGoal.check_reach`.
+
+    Raises
+    ------
+    ValueError
+        Naming the entry, the limit and the remedy.
+    """
+    before: tuple[str, PositionGoal] | None = None
+    for entry, goal in goals:
+        try:
+            if isinstance(goal, SpeedGoal):
+                goal.check_reach(reach)
+            else:
+                if before:
+                    _check_order(goal, *before, reach)
+                before = entry, goal
+        except ValueError as error:
+            raise ValueError(f"entry {entry}: {error}") from None
+
+
+def way(reach: float) -> str:
+    """The way that a robot of that `reach` [m/s] goes."""
+    return "backwards" if reach < 0.0 else "forwards"
+
+
+def _check_order(goal: PositionGoal, entry: str, before: PositionGoal, reach: float) -> None:
+    if (goal.position - before.position) * reach < -(goal.within + before.within) * abs(reach):
+        raise ValueError(f"go_to: {goal.position:g} m is out of reach after entry {entry} went to {before.position:g} "
+                         f"m: the robot goes {way(reach)} only; give positions in the order in which it passes them")
+
+
+def _motor_text(motor: tuple[float, float]) -> str:
+    return f"motor {motor[0]:g} to {motor[1]:g} rad/s"
+
+
+WINDOW = 0.25
+"""Time [s] over which a position is averaged, because the body swings with every turn of the crank."""
+LEAP, FASTEST = 0.1, 5.0
+"""Two samples further apart than 0.1 m and what 5 m/s makes of their time are no motion: odometry was reset."""
+
+
+class Track:
+    """The positions of the last `WINDOW`, from samples of odometry that follow each other in time.
+
+    Attributes
+    ----------
+    position, stamp : float or None
+        Mean over the window of the position [m] and of its time [s], counted from the first sample; None before it.
+    heard : float or None
+        When the last sample was taken over, in the caller's time [s].
+    leaps : int
+        How often the position leapt, and the window was begun again.
+    refused : int
+        Samples that were refused.
+    reason : str
+        Why the last of them was.
+    """
+
+    def __init__(self):
+        self.heard: float | None = None
+        self.leaps = self.refused = 0
+        self.reason = ""
+        self._first: int | None = None
+        self._samples: deque[tuple[float, float]] = deque()
+
+    @property
+    def position(self) -> float | None:
+        """Mean position [m] of the window."""
+        return math.fsum(position for _, position in self._samples) / len(self._samples) if self._samples else None
+
+    @property
+    def stamp(self) -> float | None:
+        """Mean time [s] of the window."""
+        return math.fsum(stamp for stamp, _ in self._samples) / len(self._samples) if self._samples else None
+
+    def add(self, nanoseconds: int, position: float, time: float) -> None:
+        """Take a sample over, or refuse it.
+
+        Parameters
+        ----------
+        nanoseconds : int
+            Its stamp.
+        position : float
+            Of the body [m].
+        time : float
+            The caller's time [s] now.
+        """
+        if not math.isfinite(position):
+            self._refuse(f"a position of {position} m")
+            return
+        self._first = nanoseconds if self._first is None else self._first
+        stamp = (nanoseconds - self._first) / 1e9
+        if self._samples and stamp <= self._samples[-1][0]:
+            self._refuse(f"a stamp {self._samples[-1][0] - stamp:g} s before the latest")
+            return
+        if self._samples and abs(position - self._samples[-1][1]) > LEAP + FASTEST * (stamp - self._samples[-1][0]):
+            self.leaps += 1
+            self._samples.clear()
+        self.heard = time
+        self._samples.append((stamp, position))
+        while self._samples[0][0] < stamp - WINDOW:
+            self._samples.popleft()
+
+    def _refuse(self, reason: str) -> None:
+        self.refused, self.reason = self.refused + 1, reason
+
+
+BANDWIDTH = 1.5
+"""Of following [rad/s], if the mean speed were in proportion to the motor's speed up to `reach`."""
+INTEGRAL = 0.25
+"""Gain of the integral part, as a part of `BANDWIDTH` squared, for which the following would be critically damped."""
+LONGEST_LEAD = 0.7
+"""Time [s] at `reach` that the moving position may be ahead of the body or behind it: it does not run away from a robot
+that cannot follow, which would have to make up for all of it later."""
+LONGEST_STEP = 0.5
+"""Longest time [s] that one step may count for, after a pause of odometry."""
+SHORT = 1.0
+"""Time [s] over which the mean speed is looked at to say when it has settled, and how far it strays."""
+
+
+class Holding:
+    """Holds a mean speed: the body follows a position that moves on at that speed, by a proportional and integral law.
+
+    The mean speed is right as long as the distance to this position stays bounded. That holds even where no motor
+    speed gives the wanted mean: the motor then alternates between two that lie on either side of it.
+
+    Parameters
+    ----------
+    goal : SpeedGoal
+        What to hold.
+    duration : float
+        How long [s]; the mean speed counts over the second half.
+    reach : float
+        Mean speed [m/s] that the robot holds at most; its sign is that of the way it goes.
+    """
+
+    def __init__(self, goal: SpeedGoal, duration: float, reach: float):
+        self.over, self.words = False, list[str]()
+        self._goal, self._duration, self._reach = goal, duration, reach
+        self._low, self._high = goal.motor
+        self._gain = BANDWIDTH * (self._high - self._low) / abs(reach)
+        self._integral = self._low + (self._high - self._low) * min(1.0, goal.speed / reach)
+        self._target = 0.0
+        self._before: tuple[float, float, int] | None = None  # stamp, position, leaps of the last step
+        self._way = self._span = 0.0
+        self._short: deque[tuple[float, float]] = deque()
+        self._settled: float | None = None
+        self._strays = (goal.speed, goal.speed)
+        self._at_high = self._at_low = 0.0
+
+    def step(self, time: float, track: Track) -> float:
+        """The motor speed [rad/s] to command, `time` [s] after the beginning.
+
+        Raises
+        ------
+        GoalError
+            At the end, when the speed was not held.
+        """
+        stamp, position = track.stamp, track.position
+        assert stamp is not None and position is not None
+        if self._before is None or self._before[2] != track.leaps:  # from here on, then
+            self._target = position
+            self._short.clear()
+            elapsed = 0.0
+        else:
+            elapsed = min(stamp - self._before[0], LONGEST_STEP)
+            self._measure(time, stamp, position)
+        self._before = stamp, position, track.leaps
+        if time >= self._duration:
+            self._finish()
+        return self._follow(elapsed, position)
+
+    def _follow(self, elapsed: float, position: float) -> float:
+        lead_most, sign = LONGEST_LEAD * abs(self._reach), 1.0 if self._reach > 0.0 else -1.0
+        lead = sign * (self._target + self._goal.speed * elapsed - position)
+        lead = min(max(lead, -lead_most), lead_most)
+        self._target = position + sign * lead
+        wanted = self._integral + self._gain * lead
+        speed = min(max(wanted, self._low), self._high)
+        if wanted == speed or (wanted - speed) * lead < 0.0:  # else the integral part would wind up
+            self._integral += INTEGRAL * BANDWIDTH * self._gain * lead * elapsed
+            self._integral = min(max(self._integral, self._low), self._high)
+        self._at_high += elapsed if speed == self._high else 0.0
+        self._at_low += elapsed if speed == self._low else 0.0
+        return speed
+
+    def _measure(self, time: float, stamp: float, position: float) -> None:
+        """Add the way since the last step to what counts; see whether the speed has settled."""
+        self._short.append((stamp, position))
+        while self._short[0][0] < stamp - SHORT:
+            self._short.popleft()
+        span = stamp - self._short[0][0]
+        if span >= 0.9 * SHORT:
+            mean = (position - self._short[0][1]) / span
+            if self._settled is None and abs(mean - self._goal.speed) <= self._goal.within:
+                self._settled = time
+                self.words.append(f"settled after {time:.1f} s: mean over {SHORT:g} s is {mean:.4f} m/s")
+            if time >= self._duration / 2.0 + SHORT:
+                self._strays = min(mean, self._strays[0]), max(mean, self._strays[1])
+        if time >= self._duration / 2.0 and self._before:
+            self._way += position - self._before[1]
+            self._span += stamp - self._before[0]
+
+    def _finish(self) -> None:
+        self.over = True
+        if self._span < self._duration / 4.0:
+            raise GoalError(f"odom covers {self._span:.1f} s of the last {self._duration / 2.0:g} s: too little to "
+                            "know the mean speed")
+        mean = self._way / self._span
+        low, high = self._strays
+        said = (f"mean speed {mean:.4f} m/s over the last {self._span:.1f} s, {low:.4f} to {high:.4f} m/s over "
+                f"{SHORT:g} s each")
+        if abs(mean - self._goal.speed) > self._goal.within:
+            wanted = f"{self._goal.speed:g} m/s not held within {self._goal.within:g} m/s"
+            raise GoalError(f"{wanted}: {said}{self._cause()}")
+        self.words.append(f"held: {said}")
+
+    def _cause(self) -> str:
+        if self._at_high > self._duration / 4.0:
+            return (f"; the motor was at {self._high:g} rad/s for {self._at_high:.1f} s: the robot goes no faster "
+                    f"{way(self._reach)}; give a smaller speed or a wider motor_speed")
+        if self._at_low > self._duration / 4.0:
+            return (f"; the motor was at {self._low:g} rad/s for {self._at_low:.1f} s: the robot goes no slower; "
+                    "give a larger speed or a wider motor_speed")
+        return "; give more time or a wider tolerance"
+
+
+APPROACH = 0.7
+"""Time [s] at `reach` below which the motor is slowed down; the distance then shrinks to 1/e in as long."""
+CREEP = 0.3
+"""Least share of the motor's range while the position is approached: below it the robot hardly moves."""
+BOOST = 0.1
+"""What is added to this share in a second [1/s] while the robot does not come nearer."""
+LOOK_BACK = 1.0
+"""Time [s] over which it is seen whether the robot comes nearer."""
+NEARER = 0.1, 0.0005
+"""The robot comes nearer if it makes this part of the distance in `LOOK_BACK`, or this many metres."""
+EARLY = 0.1
+"""Part of the tolerance that is left when the motor is told to stop: its way until it stands."""
+BRAKING = 0.3
+"""Time [s] for which the robot goes on at its speed: half of its motor's ramp, and half of the track's window."""
+SPEED_OVER = 0.25
+"""Time [s] over which its speed is seen for that."""
+STANDSTILL = 0.5, 0.05
+"""The body is at rest when it moved for so long [s] by no more than this part of the tolerance."""
+
+
+class Approach:
+    """Reaches a position and stands there: a proportional law on the distance, because there is no way back.
+
+    Parameters
+    ----------
+    goal : PositionGoal
+        What to reach.
+    duration : float
+        Longest time [s].
+    reach : float
+        Mean speed [m/s] that the robot holds at most; its sign is that of the way it goes.
+    """
+
+    def __init__(self, goal: PositionGoal, duration: float, reach: float):
+        self.over, self.words = False, list[str]()
+        self._goal, self._duration, self._reach = goal, duration, reach
+        self._low, self._high = goal.motor
+        self._share = CREEP
+        self._begun = self._stopping = False
+        self._distances: deque[tuple[float, float]] = deque()
+        self._time = 0.0
+
+    def step(self, time: float, track: Track) -> float:
+        """The motor speed [rad/s] to command, `time` [s] after the beginning; 0 at the end.
+
+        Raises
+        ------
+        GoalError
+            When the position is out of reach, was passed, or was not reached in time.
+        """
+        assert track.position is not None
+        distance = (self._goal.position - track.position) * (1.0 if self._reach > 0.0 else -1.0)
+        if not self._begun:
+            self._begin(distance, time, track.position)
+        if distance < -self._goal.within:
+            raise GoalError(f"{self._goal.position:g} m was passed by {-distance:.4f} m, and the robot goes "
+                            f"{way(self._reach)} only; give a smaller motor_speed or a wider tolerance")
+        if time > self._duration:
+            raise GoalError(f"{self._goal.position:g} m not reached within {self._duration:g} s: {distance:.4f} m are "
+                            "left; give more time, or a wider motor_speed")
+        if self._stopping:
+            self._judge(distance, time)
+        self._distances.append((time, distance))
+        elapsed, self._time = time - self._time, time
+        ahead = distance - self._braking_distance()
+        if not self._stopping and ahead <= EARLY * self._goal.within:
+            self._stopping = True
+            self._distances.clear()
+            self._distances.append((time, distance))
+        return 0.0 if self._stopping else self._approach(distance, ahead, elapsed)
+
+    def _begin(self, distance: float, time: float, position: float) -> None:
+        """Say what it takes, or why it cannot be done, before anything moves."""
+        self._begun, self._time = True, time
+        if distance < -self._goal.within:
+            raise GoalError(f"{self._goal.position:g} m is out of reach: the robot is at {position:.4f} m and goes "
+                            f"{way(self._reach)} only; give a position beyond it")
+        least = distance / abs(self._reach)
+        if least > self._duration:
+            raise GoalError(f"{self._goal.position:g} m is out of reach within {self._duration:g} s: {distance:.4f} m "
+                            f"at {abs(self._reach):g} m/s take {least:.1f} s; give more time")
+        self.words.append(f"{distance:.4f} m to go, in {max(least, 0.0):.1f} s at least")
+
+    def _braking_distance(self) -> float:
+        """What the robot goes on for [m] when the motor is told to stop, by its speed in `SPEED_OVER`."""
+        recent = [one for one in self._distances if one[0] >= self._time - SPEED_OVER]
+        span = recent[-1][0] - recent[0][0]
+        return max(0.0, recent[0][1] - recent[-1][1]) / span * BRAKING if span > 0.5 * SPEED_OVER else 0.0
+
+    def _approach(self, distance: float, ahead: float, elapsed: float) -> float:
+        while self._distances[0][0] < self._time - LOOK_BACK:
+            self._distances.popleft()
+        came = self._distances[0][1] - distance
+        seen = self._time - self._distances[0][0] >= 0.9 * LOOK_BACK
+        boost = BOOST * elapsed * (1.0 if seen and came < min(NEARER[0] * distance, NEARER[1]) else -1.0)
+        self._share = min(max(self._share + boost, CREEP), 1.0)
+        slowed = self._share + (1.0 - self._share) * ahead / (APPROACH * abs(self._reach))
+        return self._low + (self._high - self._low) * min(1.0, slowed)
+
+    def _judge(self, distance: float, time: float) -> None:
+        """Once the body is at rest: done, or on again."""
+        while len(self._distances) > 1 and self._distances[1][0] <= time - STANDSTILL[0]:
+            self._distances.popleft()
+        moved = abs(self._distances[0][1] - distance)
+        if time - self._distances[0][0] < STANDSTILL[0] or moved > STANDSTILL[1] * self._goal.within:
+            return
+        if distance <= self._goal.within:
+            self.over = True
+            self.words.append(f"reached after {time:.1f} s: {abs(distance) * 1e3:.1f} mm "
+                              f"{'short of' if distance > 0.0 else 'beyond'} {self._goal.position:g} m, and at rest")
+            return
+        self._stopping = False
+        self._distances.clear()
+
 
 RATE = 20.0
 """Commands a second."""
@@ -54,7 +482,7 @@ class Pursuit:
         return words
 
     def motor_speed(self, time: float) -> float | None:
-        """The motor speed [rad/s] to command at `time` [s]; None as long as odometry has told nothing.
+        """The motor speed [rad/s] to command at `time` [s]; None before the first sample of odometry.
 
         Raises
         ------

@@ -27,8 +27,8 @@ from vibro_ros.process.front_door import Parser, exit_code
 from vibro_ros.process.stop_signals import StopRequest
 from vibro_ros.ros.controller.player import Moments, Player
 from vibro_ros.ros.node import process
-from vibro_ros.ros.node.ros_arguments import check_arguments, own_arguments
-from vibro_ros.ros.topics.messages import message_class
+from vibro_ros.ros.node.arguments import check_arguments, own_arguments
+from vibro_ros.ros.topics.publishers import message_class
 
 NODE_NAME = "vibro_playback"
 CLOCK_PERIOD = 0.01

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 
 from vibro_ros.messages.topics import COMMAND_UNITS
-from vibro_ros.ros.controller.goals import Goal
+from vibro_ros.ros.controller.feedback import Goal
 
 MOTOR = "motor_speed"
 """The command that feedback gives."""

@@ -8,6 +8,7 @@ the start of its block. An entry may itself be a block. A command keeps its valu
 """
 
 import os
+import sys
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
@@ -16,15 +17,17 @@ from vibro_ros.configuration.command_map import CommandMap
 from vibro_ros.configuration.scene_file import config_folder
 from vibro_ros.configuration.strict_yaml import read_yaml
 from vibro_ros.messages.topics import COMMAND_UNITS
-from vibro_ros.ros.controller.goals import PositionGoal
+from vibro_ros.ros.controller.feedback import MOTOR_RANGE, WITHIN, Goal, PositionGoal, SpeedGoal
 from vibro_ros.ros.controller.script import MOTOR, Course, Script, Segment
-from vibro_ros.ros.controller.script_goal import GOAL_KEYS, check_shortest, longest_time, read_goal
-from vibro_ros.ros.controller.script_values import command_value, finite_number, refuse_unknown, shown
 
 LONGEST_SCRIPT = 100_000
 """Most segments that a script may unfold to; nested repeats multiply."""
 DEEPEST_BLOCK = 10
 """Most blocks inside each other."""
+GOAL_KEYS = ("hold_speed", "go_to")
+"""Keys that make an entry one of feedback."""
+SHORTEST = 4.0
+"""Shortest time [s] to hold a speed: half of it to settle, half of it to be measured over some turns of the crank."""
 _GAPS = tuple(name for name in COMMAND_UNITS if name != MOTOR)
 _OVER_GROUND = "speed_over_ground"
 
@@ -94,13 +97,13 @@ class _Unfolding:
     def block(self, block: object, start: float, prefix: str) -> Iterator[Segment]:
         where = f"entry {prefix[:-1]}: " if prefix else ""
         if not isinstance(block, Mapping):
-            raise ValueError(f"{where}{shown(block)} is not a mapping; give `entries`, a list")
+            raise ValueError(f"{where}{_shown(block)} is not a mapping; give `entries`, a list")
         if prefix.count(".") > DEEPEST_BLOCK:
             raise ValueError(f"{where}more than {DEEPEST_BLOCK} blocks inside each other; use fewer")
-        refuse_unknown(block, ("entries", "repeat", "at", "note") if prefix else ("entries", "repeat", "note"), where)
+        _refuse_unknown(block, ("entries", "repeat", "at", "note") if prefix else ("entries", "repeat", "note"), where)
         entries = block.get("entries")
         if not isinstance(entries, list) or not entries:
-            raise ValueError(f"{where}entries is {shown(entries)}; give a list with at least one entry")
+            raise ValueError(f"{where}entries is {_shown(entries)}; give a list with at least one entry")
         for _ in range(_repeats(block.get("repeat", 1), where)):
             for segment in self._entries(entries, start, prefix):
                 yield segment
@@ -113,7 +116,7 @@ class _Unfolding:
             number = f"{prefix}{index + 1}"
             where = f"entry {number}: "
             if not isinstance(entry, Mapping):
-                raise ValueError(f"{where}{shown(entry)} is not a mapping; give `for` and commands")
+                raise ValueError(f"{where}{_shown(entry)} is not a mapping; give `for` and commands")
             if "at" in entry and self._open_ends > fixed:
                 raise ValueError(f"{where}at: when the go_to before it in this list ends is not known; leave `at` out, "
                                  "or put the entries after the go_to into a list of their own")
@@ -136,9 +139,9 @@ class _Unfolding:
             return
         over_ground = _OVER_GROUND in entry
         allowed = () if over_ground else (*COMMAND_UNITS, *GOAL_KEYS)
-        refuse_unknown(entry, ("at", "for", "note", _OVER_GROUND, *allowed), where)
+        _refuse_unknown(entry, ("at", "for", "note", _OVER_GROUND, *allowed), where)
         duration = _duration(entry, later, start - block_start, where)
-        speed = finite_number(entry[_OVER_GROUND], f"{where}{_OVER_GROUND}", "m/s") if over_ground else None
+        speed = _finite_number(entry[_OVER_GROUND], f"{where}{_OVER_GROUND}", "m/s") if over_ground else None
         given = self._chosen(speed, where) if speed is not None else {
             name: self._course(name, entry[name], where) for name in COMMAND_UNITS if name in entry}
         courses = {name: Course(value, value) for name, value in self._last.items()} | given
@@ -159,35 +162,35 @@ class _Unfolding:
     def _pursuit(self, entry: Mapping, later: list[object], block_start: float, start: float, number: str) -> Segment:
         """The segment of an entry with a goal; what the motor does at its end is known only if it stands then."""
         where = f"entry {number}: "
-        goal = read_goal(entry, _GAPS, where)
+        goal = _read_goal(entry, _GAPS, where)
         reaches = isinstance(goal, PositionGoal)
-        duration = longest_time(entry, where) if reaches else _duration(entry, later, start - block_start, where)
+        duration = _longest_time(entry, where) if reaches else _duration(entry, later, start - block_start, where)
         self._open_ends += reaches
         if not reaches:
-            check_shortest(duration, where)
+            _check_shortest(duration, where)
         given = {name: Course(level, level) for name in _GAPS if name in entry
-                 for level in (command_value(name, entry[name], where),)}
+                 for level in (_command_value(name, entry[name], where),)}
         courses = {name: Course(value, value) for name, value in self._last.items() if name != MOTOR} | given
         self._last = {name: course.end for name, course in courses.items()} | ({MOTOR: 0.0} if reaches else {})
         return Segment(number, start, duration, courses, tuple(given), str(entry.get("note", "")), goal)
 
     def _course(self, name: str, value: object, where: str) -> Course:
         if not isinstance(value, Mapping):
-            level = command_value(name, value, where)
+            level = _command_value(name, value, where)
             return Course(level, level)
-        refuse_unknown(value, ("from", "to"), f"{where}{name}: ")
+        _refuse_unknown(value, ("from", "to"), f"{where}{name}: ")
         if "to" not in value:
             raise ValueError(f"{where}{name}: a ramp needs `to`; give {{from: …, to: …}}")
         if "from" not in value and name not in self._last:
             raise ValueError(f"{where}{name}: no value to start the ramp from; give `from`")
-        start = command_value(name, value["from"], where) if "from" in value else self._last[name]
-        return Course(start, command_value(name, value["to"], where))
+        start = _command_value(name, value["from"], where) if "from" in value else self._last[name]
+        return Course(start, _command_value(name, value["to"], where))
 
 
 def _start_of(entry: Mapping, block_start: float, clock: float, where: str) -> float:
     if "at" not in entry:
         return clock
-    at = finite_number(entry["at"], f"{where}at", "s")
+    at = _finite_number(entry["at"], f"{where}at", "s")
     if at < 0.0:
         raise ValueError(f"{where}at: {at:g} is negative; give a time of at least 0 s")
     # a block's start plus `at` is rounded; the end of the entry before it as well
@@ -199,9 +202,9 @@ def _start_of(entry: Mapping, block_start: float, clock: float, where: str) -> f
 def _duration(entry: Mapping, later: list[object], start: float, where: str) -> float:
     """`for`, or the time until the next entry's `at`."""
     if "for" in entry:
-        duration, key = finite_number(entry["for"], f"{where}for", "s"), "for"
+        duration, key = _finite_number(entry["for"], f"{where}for", "s"), "for"
     elif later and isinstance(later[0], Mapping) and "at" in later[0]:
-        duration, key = finite_number(later[0]["at"], "at of the entry after it", "s") - start, "at of the next entry"
+        duration, key = _finite_number(later[0]["at"], "at of the entry after it", "s") - start, "at of the next entry"
     else:
         raise ValueError(f"{where}no duration; give `for: <seconds>`, or `at` in the entry after it")
     if duration <= 0.0:
@@ -211,5 +214,82 @@ def _duration(entry: Mapping, later: list[object], start: float, where: str) -> 
 
 def _repeats(value: object, where: str) -> int:
     if type(value) is not int or value < 1:
-        raise ValueError(f"{where}repeat: {shown(value)} is not a count; give a whole number of at least 1")
+        raise ValueError(f"{where}repeat: {_shown(value)} is not a count; give a whole number of at least 1")
     return value
+
+
+def _read_goal(entry: Mapping, gaps: tuple[str, ...], where: str) -> Goal:
+    """The goal of an entry that has one of `GOAL_KEYS`, beside which it may give commands of `gaps`."""
+    if all(key in entry for key in GOAL_KEYS):
+        raise ValueError(f"{where}hold_speed and go_to: one entry has one goal; make two entries of it")
+    motor = _motor(entry.get("motor_speed", {}), where)
+    if "go_to" in entry:
+        _refuse_unknown(entry, ("at", "timeout", "note", "go_to", "within", "motor_speed", *gaps), where)
+        return PositionGoal(_finite_number(entry["go_to"], f"{where}go_to", "m"), _within(entry, "m", where), motor)
+    _refuse_unknown(entry, ("at", "for", "note", "hold_speed", "within", "motor_speed", *gaps), where)
+    speed = _finite_number(entry["hold_speed"], f"{where}hold_speed", "m/s")
+    return SpeedGoal(speed, _within(entry, "m/s", where), motor)
+
+
+def _longest_time(entry: Mapping, where: str) -> float:
+    """How long [s] the entry of a position goal may last."""
+    if "timeout" not in entry:
+        raise ValueError(f"{where}go_to: no longest time; give `timeout: <seconds>`")
+    return _positive_number(entry["timeout"], f"{where}timeout", "s")
+
+
+def _check_shortest(duration: float, where: str) -> None:
+    """Refuse a time that is too short to hold a speed in."""
+    if duration < SHORTEST:
+        raise ValueError(f"{where}hold_speed: {duration:g} s is too short to settle and to be measured; give at least "
+                         f"{SHORTEST:g} s")
+
+
+def _within(entry: Mapping, unit: str, where: str) -> float:
+    return _positive_number(entry.get("within", WITHIN), f"{where}within", unit)
+
+
+def _motor(value: object, where: str) -> tuple[float, float]:
+    """The range of motor speeds, from a mapping with `from`, `to` or neither."""
+    if not isinstance(value, Mapping):
+        raise ValueError(f"{where}motor_speed: {value!r} is no range; beside a goal give the range that feedback uses, "
+                         "{from: …, to: …}, or leave it out")
+    _refuse_unknown(value, ("from", "to"), f"{where}motor_speed: ")
+    low, high = (_command_value("motor_speed", value.get(key, default), where)
+                 for key, default in zip(("from", "to"), MOTOR_RANGE, strict=True))
+    if low >= high:
+        raise ValueError(f"{where}motor_speed: from {low:g} to {high:g} rad/s is no range; give `to` above `from`")
+    return low, high
+
+
+def _command_value(name: str, value: object, where: str) -> float:
+    level = _finite_number(value, f"{where}{name}", COMMAND_UNITS[name])
+    if name == "motor_speed" and level < 0.0:
+        raise ValueError(f"{where}{name}: {level:g} is negative; give a number of at least 0 rad/s")
+    return level
+
+
+def _positive_number(value: object, what: str, unit: str) -> float:
+    number = _finite_number(value, what, unit)
+    if number <= 0.0:
+        raise ValueError(f"{what}: {number:g} is not above 0; give a number above 0 {unit}")
+    return number
+
+
+def _finite_number(value: object, what: str, unit: str) -> float:
+    if isinstance(value, bool) or not isinstance(value, (int, float)):
+        raise ValueError(f"{what}: {_shown(value)} is not a number; give a number in {unit}")
+    if not abs(value) <= sys.float_info.max:  # also false for NaN
+        raise ValueError(f"{what}: {value} is not finite; give a number in {unit}")
+    return float(value)
+
+
+def _refuse_unknown(given: Mapping, known: tuple[str, ...], where: str) -> None:
+    for key in given:
+        if key not in known:
+            raise ValueError(f"{where}{key}: unknown key; give {', '.join(known)}")
+
+
+def _shown(value: object) -> str:
+    """A value as a refusal shows it."""
+    return "missing" if value is None else repr(value)

@@ -14,8 +14,8 @@ import numpy as np
 from vibro_ros.bag.cdr import deserialised, serialised
 from vibro_ros.messages.topics import ROBOT_TOPICS
 from vibro_ros.model.scene import Scene
-from vibro_ros.ros.topics.outputs import sample_makers
-from vibro_ros.ros.topics.template import AHEAD, SECOND, Make, Template
+from vibro_ros.ros.topics.publishers import sample_makers
+from vibro_ros.ros.topics.templates import AHEAD, SECOND, Make, Template
 from vibro_ros.simulation.samples import FIELDS
 
 STAMPED = ("odom", "joint_states", "ground_contact")

@@ -24,11 +24,10 @@ from vibro_ros.process.front_door import Parser, exit_code
 from vibro_ros.process.stop_signals import StopRequest
 from vibro_ros.ros.live.live_page import LivePage
 from vibro_ros.ros.node import process
+from vibro_ros.ros.node.arguments import check_addressed, check_arguments, check_names, own_arguments
 from vibro_ros.ros.node.node import SteadyNode
 from vibro_ros.ros.node.parameters import declare, parameter_lines, take_overrides
 from vibro_ros.ros.node.refusals import peer_text
-from vibro_ros.ros.node.remapping import check_names
-from vibro_ros.ros.node.ros_arguments import check_addressed, check_arguments, own_arguments
 from vibro_ros.view.gate import Gate, is_loopback
 from vibro_ros.view.page import page_text
 from vibro_ros.view.server import Server, listening

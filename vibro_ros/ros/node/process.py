@@ -1,4 +1,4 @@
-"""How a node's process gets its node, and how its loop runs.
+"""How a node's process gets its node, how its loop runs, and how it waits for simulated time.
 
 SIGINT, SIGTERM and SIGHUP are taken by `front_door` instead of by rclpy: rclpy's handlers shut the context down under
 the threads that still publish, and a wait without end may then never return. A signal is a request that the loop polls,
@@ -6,26 +6,35 @@ so that it can say a last word (seal the bag, stop the motor) while ROS is still
 """
 
 import os
-import signal
 import tempfile
+import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from threading import Thread
 from warnings import catch_warnings, simplefilter
 
 import rclpy
 from rclpy.exceptions import InvalidNamespaceException, InvalidNodeNameException
 from rclpy.executors import Executor
 from rclpy.logging import LoggingSeverity, set_logger_level
+from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
-from vibro_ros.ros.node.executor import SteadyExecutor
-from vibro_ros.ros.node.node import SteadyNode
+from vibro_ros.ros.node.node import SteadyExecutor, SteadyNode
 
-SECURE = "ROS 2 from apt has them, its wheels from PyPI do not; without them, unset ROS_SECURITY_ENABLE"
-"""What a user can do where ROS is to be secured and cannot."""
+REMEDIES = {
+    "security libraries": "ROS 2 from apt has them, its wheels from PyPI do not; without them, unset "
+                          "ROS_SECURITY_ENABLE",
+    "parameter override": "write name:=value, such as motor.speed:=100.0",
+    "remap": "write old:=new, such as odom:=/lab/odom or __ns:=/r1; names are of letters, digits and _, not beginning "
+             "with a digit",
+    "namespace": "give one such as /r1, of letters, digits and _, no part beginning with a digit",
+}
+"""What a user can do, by words of rcl's refusal."""
 POLL = 0.05
 """Longest wait [s] of the executor before the loop looks whether it should end."""
+CLOCK = "/clock"
+REMINDER = 2.0
+"""Time [s] between two lines that say what is waited for."""
 
 
 @contextmanager
@@ -58,38 +67,39 @@ def node_running(name: str, words: Sequence[str]) -> Iterator[tuple[SteadyNode, 
     executor = SteadyExecutor(node.refusals)
     executor.add_node(node)
     try:
-        with _woken_by_signals(executor):
-            yield node, executor
+        yield node, executor
     finally:
         executor.shutdown()
         node.destroy_node()
         rclpy.try_shutdown()
 
 
-@contextmanager
-def _woken_by_signals(executor: Executor) -> Iterator[None]:
-    """Let every signal end the executor's wait: only then does Python run what the signal is to do.
+def spin_until(executor: Executor, done: Callable[[], bool], poll: float = POLL) -> None:
+    """Run callbacks until `done`, which is looked at after each one, and at least every `poll` [s].
 
-    A loop need not look often whether a signal came. Each look costs half a millisecond, because rclpy collects anew
-    all that it waits for.
+    A signal is noticed at the next look. Each look costs half a millisecond, in which rclpy collects all that it waits
+    for.
     """
-    reading, writing = os.pipe()
-    os.set_blocking(writing, False)
-    before = signal.set_wakeup_fd(writing, warn_on_full_buffer=False)
-    thread = Thread(target=_wake_for_signals, args=(executor, reading), name="signals")
-    thread.start()
-    try:
-        yield
-    finally:
-        signal.set_wakeup_fd(before)
-        os.close(writing)  # which ends the thread
-        thread.join()
-        os.close(reading)
+    while not done():
+        executor.spin_once(timeout_sec=poll)
 
 
-def _wake_for_signals(executor: Executor, reading: int) -> None:
-    while os.read(reading, 1):
-        executor.create_task(lambda: None)
+def wait_for_time(node: Node, executor: Executor, stopped: Callable[[], bool]) -> None:
+    """Return once `node` has ROS time, or when `stopped`; say what is waited for.
+
+    Without `use_sim_time` that is at once. With it time begins when a message on /clock says one above 0, which
+    stands for "not set" in ROS. A signal that raises ends the wait, too.
+    """
+    clock, began = node.get_clock(), time.monotonic()
+
+    def over() -> bool:
+        return stopped() or not clock.ros_time_is_active or clock.now().nanoseconds > 0
+
+    while not over():
+        waited = time.monotonic() - began
+        node.get_logger().info(_awaited(node, waited))
+        due = began + waited + REMINDER
+        spin_until(executor, lambda: over() or time.monotonic() > due)  # noqa: B023 (called within this turn)
 
 
 def _log_folder_fault() -> str:
@@ -108,14 +118,15 @@ def _log_folder_fault() -> str:
     return ""
 
 
-def spin_until(executor: Executor, done: Callable[[], bool], poll: float = POLL) -> None:
-    """Run callbacks until `done`, which is looked at after each one and each signal, and at least every `poll` [s]."""
-    while not done():
-        executor.spin_once(timeout_sec=poll)
-
-
 def _first_sentence(error: Exception) -> str:
-    """The part of an rcl message that a user can act on: without the places in rcl's source."""
+    """The part of an rcl message that a user can act on, without the places in rcl's source; and the remedy."""
     text = str(error).removeprefix("failed to initialize rcl: ")
-    sentence = text.split(", at /")[0].splitlines()[0]
-    return f"{sentence}; {SECURE}" if "security libraries" in sentence else sentence
+    sentence = text.split(", at /")[0].split(". Error: ")[0].splitlines()[0]
+    return "; ".join([sentence, *(remedy for words, remedy in REMEDIES.items() if words in sentence)])
+
+
+def _awaited(node: Node, waited: float) -> str:
+    topic = node.resolve_topic_name(CLOCK)
+    lack = "its time is 0 so far" if node.count_publishers(topic) else "nobody publishes it"
+    return (f"use_sim_time: waiting for the first time on {topic} ({waited:.0f} s; {lack}); start a simulator that "
+            "publishes it, or start this node without use_sim_time")

@@ -11,9 +11,8 @@ from rclpy.duration import Duration
 
 from vibro_ros.ros.node import qos
 from vibro_ros.ros.node.node import SteadyNode
-from vibro_ros.ros.robot.run import Run
-from vibro_ros.ros.robot.stepping import Stepping
-from vibro_ros.ros.topics.template import SECOND
+from vibro_ros.ros.robot.stepping import Run, Stepping
+from vibro_ros.ros.topics.templates import SECOND
 from vibro_ros.simulation.accuracy_in_force import accuracy_in_force, next_cheaper_choice
 
 PERIOD = 1.0  # s
@@ -70,8 +69,8 @@ class Diagnostics:
         statistics = self._run.device.statistics
         return {"wall": time.monotonic(), "simulated": self._run.robot_time.time, "ticks": self._stepping.ticks,
                 "busy": self._stepping.busy, "unloaded": self._stepping.unloaded, "dropped": self._run.pacing.dropped,
-                "missed": self._run.pacing.missed, "refused": self._run.inputs.refused,
-                "displaced": self._run.inputs.dropped, "requests": self._node.refusals.count,
+                "missed": self._run.pacing.missed, "refused": self._run.subscriptions.refused,
+                "displaced": self._run.subscriptions.dropped, "requests": self._node.refusals.count,
                 "failures": self._node.refusals.failures,
                 "events": sum(count for kind, count in statistics.items() if kind not in NOT_EVENTS)}
 
@@ -97,8 +96,8 @@ class Diagnostics:
             "events per second": f"{change['events'] / wall:.1f}",
             "share of time with N<0": f"{min(1.0, change['unloaded'] / max(change['ticks'], 1)):.4f}",
             "stops by command.timeout": f"{self._run.timeout.count if self._run.timeout else 0}",
-            "rejected commands": f"{self._run.inputs.refused}",
-            "dropped commands": f"{self._run.inputs.dropped}",
+            "rejected commands": f"{self._run.subscriptions.refused}",
+            "dropped commands": f"{self._run.subscriptions.dropped}",
             "refused requests": f"{self._node.refusals.count}",
             "failed callbacks": f"{self._node.refusals.failures}",
             "solver method": device.scene["solver.method"],

@@ -1,7 +1,7 @@
 """Reset, pause, step and other parameters: asked for by any thread, performed by the stepping thread."""
 
 from collections.abc import Callable
-from concurrent.futures import InvalidStateError
+from concurrent.futures import Future, InvalidStateError
 from contextlib import suppress
 from threading import Event
 
@@ -13,17 +13,50 @@ from vibro_ros.messages.operations import PAUSE, RESET, RESUME, SET, STEP, TIMEO
 from vibro_ros.messages.topics import OPERATIONS
 from vibro_ros.model.parameters import Value
 from vibro_ros.ros.node import qos
-from vibro_ros.ros.node.requests import Request
 from vibro_ros.ros.robot.lock_step import LockStep
-from vibro_ros.ros.robot.pacing import Pacing
-from vibro_ros.ros.robot.priority import find_place
-from vibro_ros.ros.robot.robot_time import RobotTime
-from vibro_ros.ros.topics.outputs import Record
-from vibro_ros.ros.topics.waiting import MOST_WAITING, Waiting
+from vibro_ros.ros.robot.pacing import Pacing, RobotTime, take_priority
+from vibro_ros.ros.topics.publishers import Record
+from vibro_ros.ros.topics.subscriptions import MOST_WAITING, Queue
 from vibro_ros.simulation.simulator import Simulator
 
 FACTOR = "rate.real_time_factor"
 """The one parameter of the node that may change while it runs."""
+
+
+class Request(Future):
+    """An operation that was asked for: a future of the words that answer it; ValueError where it is refused.
+
+    Parameters
+    ----------
+    operation : Operation
+        What is asked.
+    counted : callable, optional
+        Given the number of samples of a `step` so far, after each one, by the thread that takes them.
+
+    Attributes
+    ----------
+    completed : int
+        Samples that a `step` has taken so far.
+    given_up : bool
+        Whether the asker wants no more of them.
+    """
+
+    def __init__(self, operation: Operation, counted: Callable[[int], object] | None = None):
+        super().__init__()
+        self.operation = operation
+        self.completed = 0
+        self.given_up = False
+        self._counted = counted
+
+    def count(self) -> None:
+        """Take note that another sample is out."""
+        self.completed += 1
+        if self._counted:
+            self._counted(self.completed)
+
+    def give_up(self) -> None:
+        """Ask for no more samples; the answer says how many there were."""
+        self.given_up = True
 
 
 class Operations:
@@ -41,7 +74,7 @@ class Operations:
         What holds robot time to the wall clock.
     robot_time : RobotTime
         Robot time.
-    waiting : Waiting
+    queue : Queue
         Where operations and commands wait, in one order of arrival.
     record : callable
         The bag.
@@ -62,7 +95,7 @@ class Operations:
         Set when somebody asks for something, for a stepping thread that has nothing to do.
     """
 
-    def __init__(self, node: Node, device: Simulator, pacing: Pacing, robot_time: RobotTime, waiting: Waiting,
+    def __init__(self, node: Node, device: Simulator, pacing: Pacing, robot_time: RobotTime, queue: Queue,
                  record: Record, lock_step: LockStep | None = None, paused: bool = False):
         self.paused = paused
         self.changed: dict[str, Value] = {}
@@ -70,7 +103,7 @@ class Operations:
         self._publisher = node.create_publisher(String, f"~/{OPERATIONS}", qos.OPERATIONS)
         self.topic = self._publisher.topic_name
         self._device, self._pacing, self._robot_time = device, pacing, robot_time
-        self._waiting, self._record, self._lock_step = waiting, record, lock_step
+        self._queue, self._record, self._lock_step = queue, record, lock_step
         self._counted: Request | None = None  # the one that waits for samples
         self._left = 0  # samples that may be taken while paused
         self._resuming = False  # as soon as the nodes of the lock-step have said all that they have to say
@@ -92,10 +125,10 @@ class Operations:
     def ask(self, operation: Operation, counted: Callable[[int], object] | None = None) -> Request:
         """Ask for an operation, which follows all that was asked and commanded before; `counted` as in `Request`."""
         request = Request(operation, counted)
-        if self._waiting.is_full(OPERATIONS):
+        if self._queue.is_full(OPERATIONS):
             request.set_exception(ValueError(f"{MOST_WAITING} operations wait already; ask again later"))
             return request
-        self._waiting.add(OPERATIONS, request)
+        self._queue.add(OPERATIONS, request)
         self.woken.set()
         if self._ended:
             self.end(self._ended)
@@ -104,7 +137,7 @@ class Operations:
     def end(self, reason: str) -> None:
         """Refuse what waits, and whatever is asked from now on, because the run is over."""
         self._ended = reason
-        for request in [self._counted, *(item for name, item in self._waiting.take() if name == OPERATIONS)]:
+        for request in [self._counted, *(item for name, item in self._queue.take() if name == OPERATIONS)]:
             if request and not request.done():
                 with suppress(InvalidStateError):  # whoever asked has just given up
                     request.set_exception(RuntimeError(reason))
@@ -158,7 +191,7 @@ class Operations:
         if not self.paused:
             self._done(request.operation)
             self.paused = True
-            find_place(self._pacing.factor, self.paused)
+            take_priority(self._pacing.factor, self.paused)
         request.set_result(f"paused at {self._robot_time.time:.9g} s of robot time")
 
     def _resume(self, request: Request) -> None:
@@ -177,7 +210,7 @@ class Operations:
         self._end_steps()
         self._done(Operation(RESUME))
         self.paused = False
-        find_place(self._pacing.factor, self.paused)
+        take_priority(self._pacing.factor, self.paused)
         self._pacing.follow(self._robot_time.time)
 
     def _step(self, request: Request) -> None:
@@ -194,7 +227,7 @@ class Operations:
         self.changed |= parameters
         if FACTOR in parameters:
             self._pacing.change_factor(parameters[FACTOR], self._robot_time.time)
-            find_place(self._pacing.factor, self.paused)
+            take_priority(self._pacing.factor, self.paused)
         request.set_result("set")
 
     def _done(self, operation: Operation) -> None:

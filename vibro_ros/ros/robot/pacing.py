@@ -1,13 +1,20 @@
-"""Simulated time against the wall clock: absolute deadlines, and time dropped after a stall."""
+"""Simulated time against the wall clock: absolute deadlines, time dropped after a stall, and the times of samples."""
 
+import os
 import time
 from collections import deque
 from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+
+from vibro_ros.messages.fields import stamp_at
 
 LONGEST_SLEEP = 0.05
 """Longest single sleep [s], so that a stop is noticed however far away the deadline is."""
-KEPT = 100_000
-"""Most latenesses that wait for somebody to take them, the last ones: ten seconds at the highest rate."""
+MOST_LATENESSES = 100_000
+"""Latenesses that wait for somebody to take them, the last ones: ten seconds at the highest rate."""
+POLICY, PRIORITY = os.SCHED_RR, 1
+"""Real time, in turn with others of that kind, and the lowest of its priorities. ros2_control asks for one likewise."""
 
 
 class Pacing:
@@ -53,7 +60,7 @@ class Pacing:
         self._now = now
         self._sleep = sleep
         self._origin = now()
-        self._lateness: deque[float] = deque(maxlen=KEPT)
+        self._lateness: deque[float] = deque(maxlen=MOST_LATENESSES)
 
     @property
     def follows_clock(self) -> bool:
@@ -75,7 +82,7 @@ class Pacing:
 
     def take_lateness(self) -> list[float]:
         """How much too late [wall s] each wait since the last call has ended; for one other thread."""
-        taken, self._lateness = self._lateness, deque(maxlen=KEPT)
+        taken, self._lateness = self._lateness, deque(maxlen=MOST_LATENESSES)
         return list(taken)
 
     def wait_until(self, simulated_time: float, stopped: Callable[[], bool] = lambda: False) -> float:
@@ -105,3 +112,81 @@ class Pacing:
     def _ahead(self, simulated_time: float) -> float:
         """Wall time [s] until `simulated_time` [s] is due."""
         return self._origin + (simulated_time / self.factor if self.factor else 0.0) - self._now()
+
+
+class RobotTime:
+    """Times of a run's samples.
+
+    Robot time is `ticks / rate` [s], never a sum of steps, so it does not drift, and nothing turns it back. The
+    device's own time begins at 0 with each reset, so that what follows a reset has the bits of what follows a start.
+
+    Parameters
+    ----------
+    rate : float
+        Samples per second of robot time [Hz].
+    start : int
+        ROS time [ns] of robot time 0.
+
+    Attributes
+    ----------
+    start : int
+        The same; to be set before the first sample if it is not known earlier.
+    ticks : int
+        Number of the last sample, from 0.
+    """
+
+    def __init__(self, rate: float, start: int = 0):
+        self.start = start
+        self.ticks = 0
+        self._rate = rate
+        self._origin = 0  # the sample at which the device's time was 0
+
+    @property
+    def time(self) -> float:
+        """Robot time [s] of the last sample."""
+        return self.ticks / self._rate
+
+    @property
+    def due(self) -> float:
+        """Robot time [s] of the next sample."""
+        return (self.ticks + 1) / self._rate
+
+    @property
+    def due_of_device(self) -> float:
+        """Time [s] of the next sample by the device's clock."""
+        return (self.ticks + 1 - self._origin) / self._rate
+
+    @property
+    def at_start(self) -> bool:
+        """Whether nothing has moved since the start or the last reset: no sample came after its first."""
+        return self.ticks <= self._origin
+
+    @property
+    def stamp(self) -> int:
+        """ROS time [ns] of the last sample."""
+        return stamp_at(self.start, self.time)
+
+    def stamp_of(self, time: float) -> int:
+        """ROS time [ns] of a `time` [s] of the device's clock."""
+        return stamp_at(stamp_at(self.start, self._origin / self._rate), time)
+
+    def restart(self) -> None:
+        """Let the device's time be 0 at the next sample."""
+        self._origin = self.ticks + 1
+
+
+def take_priority(factor: float, paused: bool) -> None:
+    """Go before other programs while the robot keeps time at a real-time `factor` up to 1, and only then.
+
+    A robot that is to be faster may take all the time of a processor, as does one that takes steps while it is paused.
+    It is to leave their share to the program that hears its samples, and to its own thread that serves requests.
+
+    Nothing changes where the system does not allow it, nor for a user who has chosen a niceness. It concerns all
+    threads, and those that they begin, because they share the interpreter's lock: one that waits for a processor while
+    it holds the lock would delay the others.
+    """
+    with suppress(OSError):
+        if os.getpriority(os.PRIO_PROCESS, 0) == 0:
+            policy, priority = (POLICY, PRIORITY) if 0.0 < factor <= 1.0 and not paused else (os.SCHED_OTHER, 0)
+            for thread in Path("/proc/self/task").iterdir():
+                os.sched_setscheduler(int(thread.name), policy, os.sched_param(priority))

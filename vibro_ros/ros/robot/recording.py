@@ -1,29 +1,130 @@
-"""The robot's bags: which topics, when they begin and end, and what is said when one fails."""
+"""The robot's bags: what is recorded by the parameters `record.*`, when bags begin and end, and failures."""
 
 import math
+import tempfile
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from datetime import datetime
+from pathlib import Path
 
 from rclpy.impl.rcutils_logger import RcutilsLogger
 
-from vibro_ros.bag.folders import bag_folders
+from vibro_ros.bag.folders import BAG_PATTERN, bag_folders, unsealed_bags
+from vibro_ros.bag.metadata import Topic
 from vibro_ros.bag.recorder import Recorder, Snapshot, Together
-from vibro_ros.ros.node.throttle import Throttle
-from vibro_ros.ros.robot.recording_plan import Plan
+from vibro_ros.bag.recovery import RecoveryError, described, recover
+from vibro_ros.bag.writer import Storage
+from vibro_ros.messages.topics import LASTING, OPERATIONS, OPERATIONS_TYPE, ROBOT_TOPICS
+from vibro_ros.model.parameters import Value
+from vibro_ros.process.untrusted import one_line
+from vibro_ros.ros.node import qos
+from vibro_ros.ros.node.refusals import Throttle
+from vibro_ros.ros.topics.publishers import PUBLISHED, RobotPublishers
 
 SEALING = 5.0
 """Longest time [s] that the answer of `~/record` waits for the disk; commands wait with it."""
-
 CHECKPOINT_PERIOD = 500_000_000
 """Longest robot time [ns] between two checkpoints, about 6 kB each."""
-
 CHECKPOINTS_A_FILE = 4
 """Checkpoints in a file of a limited bag, or more: what is left when older files are deleted must hold one early."""
-
 MOST_BAGS = 5
 """Bags that `~/record` begins one right after the other; from then on it begins at most one a second."""
+MOST_UNSEALED = 10
+"""Unsealed bags that are named at the start; how many more there are is said."""
+_ALL = "all"
+
+
+@dataclass(frozen=True)
+class Plan:
+    """How the robot records.
+
+    Attributes
+    ----------
+    directory : Path
+        Where bags are made.
+    topics : tuple of Topic
+        What is recorded, under resolved names.
+    storage : Storage
+        How bags lie on the disk.
+    metadata : mapping of str to str
+        What each bag says of itself.
+    snapshot : float
+        Time [s] that is kept in memory until it is asked for; 0 records everything.
+    checkpoint : Topic or None
+        Where a bag that may lack the run's beginning has the device's whole state now and then.
+    namespace : str
+        The robot's, for the folders' names.
+    """
+
+    directory: Path
+    topics: tuple[Topic, ...]
+    storage: Storage
+    metadata: Mapping[str, str]
+    snapshot: float = 0.0
+    checkpoint: Topic | None = None
+    namespace: str = "/"
+
+
+def plan_recording(settings: Mapping[str, Value], received: Mapping[str, str], publishers: RobotPublishers,
+                   metadata: Mapping[str, str]) -> Plan:
+    """How to record, from the device's parameters.
+
+    Parameters
+    ----------
+    settings : mapping
+        The parameters `record.*`.
+    received : mapping of str to str
+        Resolved names of the topics of `INPUTS`.
+    publishers : RobotPublishers
+        The robot's other topics; recorded under their resolved names.
+    metadata : mapping of str to str
+        What each bag says of itself.
+
+    Raises
+    ------
+    ValueError
+        For a topic that the robot does not have, and for limits that make no sense.
+    """
+    storage = Storage(settings["record.compression"], int(settings["record.max_size"]),
+                      settings["record.max_duration"], int(settings["record.max_bytes"]))
+    topics = _chosen(settings["record.topics"], {**_published(publishers), **_received(received)})
+    return Plan(Path(settings["record.directory"]).expanduser(), topics, storage, metadata, settings["record.snapshot"])
+
+
+def check_directory(directory: Path) -> None:
+    """Make the folder of recordings if need be (ValueError when nothing can be written there)."""
+    try:
+        directory.mkdir(parents=True, exist_ok=True)
+        tempfile.TemporaryFile(dir=directory).close()
+    except OSError as error:
+        raise ValueError(f"record.directory: cannot record to {directory}: {error.strerror}; give a folder that can be "
+                         "written") from error
+
+
+def _chosen(names: Sequence[str], topics: Mapping[str, Topic]) -> tuple[Topic, ...]:
+    """The topics that are named, by the robot's own names for them or by resolved ones."""
+    if not names:
+        raise ValueError(f"record.topics: [] names no topic; give [{_ALL}], some of {', '.join(topics)}, or "
+                         "record.enabled false to record nothing")
+    if _ALL in names:
+        return tuple(topics.values())
+    by_name = {**{topic.name: topic for topic in topics.values()}, **topics}
+    for name in names:
+        if name not in by_name:
+            raise ValueError(f"record.topics: {name!r} is not a topic of the robot; choose from {', '.join(topics)}, "
+                             f"or {_ALL}")
+    return tuple(dict.fromkeys(by_name[name] for name in names))
+
+
+def _published(publishers: RobotPublishers) -> dict[str, Topic]:
+    return {topic: Topic(publishers.publishers[topic].topic_name, ROBOT_TOPICS[topic], profile.depth, topic in LASTING)
+            for topic, profile in PUBLISHED.items() if topic in publishers.publishers}
+
+
+def _received(names: Mapping[str, str]) -> dict[str, Topic]:
+    types = {**ROBOT_TOPICS, OPERATIONS: OPERATIONS_TYPE}
+    return {name: Topic(resolved, types[name], qos.COMMANDS.depth) for name, resolved in names.items()}
 
 
 class Recording:
@@ -271,3 +372,20 @@ def _contents(recorder: Recorder) -> str:
     """Where a bag is and what is in it, for people."""
     lost = f"{recorder.lost} lost, " if recorder.lost else ""
     return f"{recorder.folder}: {recorder.written} messages, {lost}{recorder.dropped} dropped"
+
+
+def offer_recovery(directory: Path, do_it: bool, log: RcutilsLogger) -> None:
+    """Say which bags in `directory` a killed robot has left unsealed, and seal them if told to `do_it`."""
+    unsealed = unsealed_bags(directory, BAG_PATTERN)
+    if not do_it:
+        for folder in unsealed[:MOST_UNSEALED]:
+            name = one_line(folder)
+            log.warning(f"{name}: not sealed, its robot was killed; seal it with `recover {name}`")
+        if len(unsealed) > MOST_UNSEALED:
+            log.warning(f"{directory}: {len(unsealed) - MOST_UNSEALED} more bags are not sealed")
+        return
+    for folder in unsealed:
+        try:
+            log.warning("; ".join(described(recover(folder), str)))
+        except RecoveryError as error:
+            log.error(str(error))

@@ -13,12 +13,14 @@ import json
 import sys
 import time
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 
+from builtin_interfaces.msg import Time
 from rclpy.executors import Executor
 from rclpy.node import Node
+from rosgraph_msgs.msg import Clock
 
 from vibro_ros.bag.metadata import Topic
 from vibro_ros.configuration.scene_file import DEVICE_PARAMETERS, NODE_NAME, load_scene, scene_origin, shipped_scenes
@@ -28,30 +30,42 @@ from vibro_ros.model.scene import Scene
 from vibro_ros.process.executables import EXECUTABLES
 from vibro_ros.process.front_door import Parser, exit_code, say
 from vibro_ros.process.stop_signals import StopRequest
-from vibro_ros.ros.node import process
+from vibro_ros.ros.node import process, qos
+from vibro_ros.ros.node.arguments import check_addressed, check_arguments, check_names, folder_of, own_arguments
 from vibro_ros.ros.node.node import SteadyNode
 from vibro_ros.ros.node.parameters import declare, parameter_lines, take_overrides
-from vibro_ros.ros.node.remapping import check_names
-from vibro_ros.ros.node.ros_arguments import check_addressed, check_arguments, folder_of, own_arguments
-from vibro_ros.ros.node.ros_time import wait_for_time
+from vibro_ros.ros.node.process import CLOCK, wait_for_time
 from vibro_ros.ros.robot.diagnostics import Diagnostics
-from vibro_ros.ros.robot.live_parameters import refuse_while_starting
-from vibro_ros.ros.robot.lock_step import checked_nodes
-from vibro_ros.ros.robot.priority import find_place
-from vibro_ros.ros.robot.recording import open_recording
-from vibro_ros.ros.robot.recording_plan import Plan, check_directory, plan_recording
-from vibro_ros.ros.robot.run import Run, new_run
-from vibro_ros.ros.robot.stepping import Stepping
-from vibro_ros.ros.robot.unsealed import offer_recovery
-from vibro_ros.ros.topics.outputs import PUBLISHED, Outputs
+from vibro_ros.ros.robot.lock_step import LockStep, checked_nodes
+from vibro_ros.ros.robot.operations import Operations
+from vibro_ros.ros.robot.pacing import Pacing, RobotTime, take_priority
+from vibro_ros.ros.robot.recording import (
+    Plan,
+    Recording,
+    check_directory,
+    offer_recovery,
+    open_recording,
+    plan_recording,
+)
+from vibro_ros.ros.robot.services import (
+    SimulationControl,
+    follow_parameters,
+    offer_run_services,
+    offer_simulation,
+    refuse_while_starting,
+)
+from vibro_ros.ros.robot.stepping import CommandTimeout, Run, Stepping
+from vibro_ros.ros.topics.publishers import PUBLISHED, RobotPublishers
+from vibro_ros.ros.topics.subscriptions import CommandSubscriptions
+from vibro_ros.ros.topics.templates import SECOND
 from vibro_ros.simulation.kernels import compile_kernels
 from vibro_ros.simulation.preparation import Preparation
 from vibro_ros.simulation.provenance import provenance
 from vibro_ros.simulation.simulator import Simulator, ToleranceWarning
 
 CHECKPOINT_DEPTH = 1
-WATCH = 0.5
-"""Longest time [s] from a failure of the device or the recording until the node says so."""
+WATCH = 0.2
+"""Longest time [s] from a signal, or a failure of the device or the recording, until the node acts on it."""
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -72,8 +86,8 @@ def _run(words: Sequence[str]) -> int:
         check_addressed(files, node.get_fully_qualified_name())
         check_names(node, (*COMMAND_UNITS, *map(published_name, PUBLISHED)))
         settings, scene = _configure(node, words)
-        outputs = Outputs(node, scene, settings["frame_prefix"], settings["tf.publish"])
-        plan = _plan(node, settings, scene, outputs)
+        publishers = RobotPublishers(node, scene, settings["frame_prefix"], settings["tf.publish"])
+        plan = _plan(node, settings, scene, publishers)
         node.get_logger().info(f"scene {settings['scene']}")
         preparation = Preparation(partial(_prepare, node, settings, scene, plan), node.get_logger().info)
         process.spin_until(executor, lambda: bool(stop) or preparation.done())
@@ -84,8 +98,8 @@ def _run(words: Sequence[str]) -> int:
             say("robot", "stopped while starting")
             return 0
         gc.freeze()  # all of this lasts: to go through it again and again would delay ticks, and the process's end
-        find_place(settings["rate.real_time_factor"], settings["rate.start_paused"])
-        return _operate(node, executor, settings, device, outputs, plan, stop)
+        take_priority(settings["rate.real_time_factor"], settings["rate.start_paused"])
+        return _operate(node, executor, settings, device, publishers, plan, stop)
 
 
 def _configure(node: SteadyNode, words: Sequence[str]) -> tuple[dict[str, Value], Scene]:
@@ -103,13 +117,13 @@ def _configure(node: SteadyNode, words: Sequence[str]) -> tuple[dict[str, Value]
     return settings, scene
 
 
-def _plan(node: SteadyNode, settings: Mapping[str, Value], scene: Scene, outputs: Outputs) -> Plan:
+def _plan(node: SteadyNode, settings: Mapping[str, Value], scene: Scene, publishers: RobotPublishers) -> Plan:
     """How to record, as far as it is known before the start; whatever is wrong with it is found here."""
     checkpoint = Topic(f"{node.get_fully_qualified_name()}/{CHECKPOINT}", CHECKPOINT_TYPE, CHECKPOINT_DEPTH)
     received = {**{name: node.resolve_topic_name(name) for name in COMMAND_UNITS},
                 OPERATIONS: node.resolve_topic_name(f"~/{OPERATIONS}")}
-    topics = {**received, **outputs.topics, CHECKPOINT: checkpoint.name}
-    plan = plan_recording(settings, received, outputs, _metadata(settings, scene, topics))
+    topics = {**received, **publishers.topics, CHECKPOINT: checkpoint.name}
+    plan = plan_recording(settings, received, publishers, _metadata(settings, scene, topics))
     if settings["record.enabled"]:
         check_directory(plan.directory)
     return replace(plan, checkpoint=checkpoint, namespace=node.get_namespace())
@@ -129,16 +143,17 @@ def _prepare(node: SteadyNode, settings: Mapping[str, Value], scene: Scene, plan
     return device
 
 
-def _operate(node: SteadyNode, executor: Executor, settings: Mapping[str, Value], device: Simulator, outputs: Outputs,
-             plan: Plan, stop: StopRequest) -> int:
+def _operate(node: SteadyNode, executor: Executor, settings: Mapping[str, Value], device: Simulator,
+             publishers: RobotPublishers, plan: Plan, stop: StopRequest) -> int:
     """Step, publish, record and listen until a signal or a failure."""
     log, parameters = node.get_logger(), {**settings, **device.scene.parameters}
     plan = replace(plan, metadata={**plan.metadata, **provenance(parameters, _now(node, settings))})
     stop.hold()  # before the bag is opened, so that no signal can come between its opening and its sealing
     with open_recording(plan, settings["record.enabled"], log) as recording:
-        run = new_run(node, settings, device, outputs, recording)  # not before: commands would wait and come in a burst
+        # not before: commands would wait and come in a burst
+        run = _new_run(node, settings, device, publishers, recording)
         begin = _start(node, settings, run)
-        recording.begin_files_with(outputs.begin(run.robot_time.start))
+        recording.begin_files_with(publishers.begin(run.robot_time.start))
         with Stepping(run, log, begin) as stepping:
             log.info(f"ready: {settings['rate.publish']:g} Hz, real-time factor "
                      f"{settings['rate.real_time_factor']:g}, {recording.destination()}{_waits(node, run)}")
@@ -163,10 +178,43 @@ def _operate(node: SteadyNode, executor: Executor, settings: Mapping[str, Value]
     return 0
 
 
+def _new_run(node: SteadyNode, settings: Mapping[str, Value], device: Simulator, publishers: RobotPublishers,
+             recording: Recording) -> Run:
+    """The run of a `device`, which listens to commands and requests from now on, and is stepped by `Stepping`."""
+    pacing = Pacing(settings["rate.real_time_factor"], settings["rate.max_catch_up"])
+    robot_time, subscriptions = RobotTime(settings["rate.publish"]), CommandSubscriptions(node)
+    nodes = checked_nodes(node, settings["clock.lock_step"])
+    lock_step = LockStep(node, nodes) if nodes else None
+    operations = Operations(node, device, pacing, robot_time, subscriptions.queue, recording.record, lock_step,
+                            settings["rate.start_paused"])
+    offer_run_services(node, operations, recording)
+    follow_parameters(node, operations)
+    control = SimulationControl(node, operations, robot_time)
+    offer_simulation(node, control)
+    return Run(device, robot_time, pacing, subscriptions, publishers, operations, recording, control,
+               timeout=CommandTimeout(settings["command.timeout"]) if settings["command.timeout"] else None,
+               clock=_clock_publisher(node, robot_time) if settings["clock.publish"] else None, lock_step=lock_step)
+
+
+def _clock_publisher(node: Node, robot_time: RobotTime) -> Callable[[], None]:
+    """What publishes the time of the last sample.
+
+    A controller of any rate then finds every sample before the time at which it was taken, and none twice.
+    """
+    publisher = node.create_publisher(Clock, CLOCK, qos.CLOCK)
+
+    def publish() -> None:
+        seconds, nanoseconds = divmod(robot_time.stamp, SECOND)
+        publisher.publish(Clock(clock=Time(sec=seconds, nanosec=nanoseconds)))
+
+    return publish
+
+
 def _summary(run: Run) -> str:
     """What the run was, for people."""
     return (f"{run.recording.summary()}; {run.robot_time.time:.3f} s simulated, {run.pacing.dropped:.3f} s dropped in "
-            f"{run.pacing.stalls} stalls, {run.inputs.refused} commands refused, {run.inputs.dropped} dropped")
+            f"{run.pacing.stalls} stalls, {run.subscriptions.refused} commands refused, {run.subscriptions.dropped} "
+            "dropped")
 
 
 def _waits(node: Node, run: Run) -> str:

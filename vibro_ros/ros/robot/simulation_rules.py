@@ -9,6 +9,9 @@ from enum import IntEnum, IntFlag
 
 from vibro_ros.messages.operations import PAUSE, RESET, RESUME
 
+MOST_STEPS = 100_000
+"""Steps that one request may ask for: about 8 minutes of robot time and 0.3 GB of a bag at the default rate."""
+
 
 class Code(IntEnum):
     """How a request ended; those above 100 are of SetSimulationState alone."""
@@ -149,9 +152,9 @@ _PUT_BACK = "2 for the state, or 0 for all that can be put back"
 
 
 def check_steps(steps: int) -> None:
-    """Refuse a number of steps that takes none (RefusalError)."""
-    if steps < 1:
-        raise RefusalError(Code.OPERATION_FAILED, f"{steps} steps; give at least 1")
+    """Refuse a number of steps that is 0, or more than one request should take (RefusalError)."""
+    if not 1 <= steps <= MOST_STEPS:
+        raise RefusalError(Code.OPERATION_FAILED, f"{steps} steps; give 1 to {MOST_STEPS}, and ask again for more")
 
 
 def _listed(states: Iterable[State]) -> str:

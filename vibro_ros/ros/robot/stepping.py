@@ -1,19 +1,119 @@
-"""The thread that steps the device in real time."""
+"""The thread that steps the device in real time, and the parts of a run that it works with."""
 
 import threading
 import time
+from array import array
+from collections import Counter
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 
 import numpy as np
 from rclpy.impl.rcutils_logger import RcutilsLogger
+from rclpy.serialization import serialize_message
+from std_msgs.msg import Float64MultiArray
 
-from vibro_ros.ros.node.throttle import Throttle
-from vibro_ros.ros.robot.pacing import LONGEST_SLEEP
-from vibro_ros.ros.robot.run import Run
+from vibro_ros.ros.node.refusals import Throttle
+from vibro_ros.ros.robot.lock_step import LockStep
+from vibro_ros.ros.robot.operations import Operations
+from vibro_ros.ros.robot.pacing import LONGEST_SLEEP, Pacing, RobotTime
+from vibro_ros.ros.robot.recording import Recording
+from vibro_ros.ros.robot.services import SimulationControl
+from vibro_ros.ros.topics.publishers import RobotPublishers
+from vibro_ros.ros.topics.subscriptions import CommandSubscriptions
 from vibro_ros.simulation.samples import NORMAL_FORCE
+from vibro_ros.simulation.simulator import Simulator
 
+WATCHED = "motor_speed"
+"""The command without which `command.timeout` stops the motor."""
 OVER = "the simulation has ended"
 FOR_BAG = 0.001
 """Wait [s] of samples that are faster than the disk, until they look again."""
+
+
+class CommandTimeout:
+    """When too much robot time has passed since the last command of the motor's speed that took effect, or the start.
+
+    Robot time, because then a replay finds the same instant, and a pause does not count.
+
+    Parameters
+    ----------
+    limit : float
+        Longest time [s].
+
+    Attributes
+    ----------
+    count : int
+        How often the motor was stopped.
+    words : str
+        What is said when it is.
+    """
+
+    def __init__(self, limit: float):
+        self.count = 0
+        self.words = (f"command.timeout: no {WATCHED} for {limit:g} s of robot time; the motor stops. Publish {WATCHED}"
+                      " more often, or start the robot with a longer command.timeout")
+        self._limit = limit
+        self._last, self._accepted = 0.0, 0
+
+    def is_over(self, time: float, accepted: Counter[str], device: Simulator) -> bool:
+        """Whether the motor is to stop at robot time `time` [s], where so many commands were `accepted`."""
+        if accepted[WATCHED] != self._accepted:
+            self._last, self._accepted = time, accepted[WATCHED]
+        if time - self._last < self._limit or not device.commanded_motor_speed:
+            return False
+        self.count += 1
+        return True
+
+
+@dataclass(frozen=True)
+class Run:
+    """One run of the robot.
+
+    Attributes
+    ----------
+    device : Simulator
+        Used by the stepping thread alone once it runs.
+    robot_time : RobotTime
+        Which sample is the last, and when that is.
+    pacing : Pacing
+        What holds robot time to the wall clock.
+    subscriptions, publishers : CommandSubscriptions, RobotPublishers
+        The robot's topics.
+    operations : Operations
+        Pauses, steps and the like.
+    recording : Recording
+        The bags.
+    control : SimulationControl
+        Answers the requests of simulation_interfaces.
+    timeout : CommandTimeout or None
+        Says when the motor is to stop for want of commands.
+    clock : callable or None
+        Publishes robot time.
+    lock_step : LockStep or None
+        Says when the next sample may be taken.
+    """
+
+    device: Simulator
+    robot_time: RobotTime
+    pacing: Pacing
+    subscriptions: CommandSubscriptions
+    publishers: RobotPublishers
+    operations: Operations
+    recording: Recording
+    control: SimulationControl
+    timeout: CommandTimeout | None = None
+    clock: Callable[[], None] | None = None
+    lock_step: LockStep | None = None
+
+    def keep_checkpoint(self) -> None:
+        """Offer the bag, which seldom wants it, the device's whole state, and first the parameters that changed."""
+        self.recording.checkpoint(self.robot_time.stamp, self._checkpoint)
+
+    def _checkpoint(self) -> Iterator[tuple[str, bytes]]:
+        if changes := self.operations.changes():
+            yield self.operations.topic, changes
+        state = Float64MultiArray(data=array("d", self.device.checkpoint()))
+        yield self.recording.checkpoint_topic, serialize_message(state)
 
 
 class Stepping:
@@ -123,10 +223,10 @@ class Stepping:
         """Give the device what has arrived, and look after a motor that nobody commands."""
         run = self._run
         resumes = run.operations.may_resume
-        run.inputs.apply(run.device, run.robot_time.stamp, run.recording.record, run.operations.perform)
+        run.subscriptions.apply(run.device, run.robot_time.stamp, run.recording.record, run.operations.perform)
         if resumes and run.operations.may_resume:
             run.operations.resume()
-        if run.timeout and run.timeout.is_over(run.robot_time.time, run.inputs.accepted, run.device):
+        if run.timeout and run.timeout.is_over(run.robot_time.time, run.subscriptions.accepted, run.device):
             run.operations.stop_motor()
             self._log.warning(run.timeout.words)
 
@@ -139,7 +239,7 @@ class Stepping:
     def _publish(self) -> np.ndarray:
         """Publish and record the sample of this instant, and return its values."""
         run, values = self._run, self._run.device.values
-        run.outputs.publish(values, run.device.take_events(), run.robot_time.stamp, run.robot_time.stamp_of,
+        run.publishers.publish(values, run.device.take_events(), run.robot_time.stamp, run.robot_time.stamp_of,
                             run.recording.record)
         run.keep_checkpoint()
         if run.clock:

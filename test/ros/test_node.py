@@ -1,4 +1,4 @@
-"""An executor that goes on: what a callback raises is counted and said, and the next message is taken."""
+"""A node goes on whatever its callbacks and peers do: errors are counted and said, in one line and not too often."""
 
 from collections.abc import Callable, Iterator
 
@@ -7,8 +7,8 @@ import rclpy
 from rclpy.node import Node
 from std_msgs.msg import Float64
 
-from vibro_ros.ros.node.executor import SteadyExecutor
-from vibro_ros.ros.node.refusals import Refusals
+from vibro_ros.ros.node.node import SteadyExecutor
+from vibro_ros.ros.node.refusals import LONGEST_SHOWN, Refusals, Throttle, peer_text
 
 PATIENCE = 10.0  # [s]
 
@@ -92,3 +92,82 @@ def test_an_interrupt_is_raised(victim, publish):
     publish(1.0)
     with pytest.raises(KeyboardInterrupt):
         victim.spin_until(lambda: False, "interrupt")
+
+
+class Log:
+    def __init__(self):
+        self.lines: list[tuple[str, str]] = []
+
+    def warning(self, text: str) -> None:
+        self.lines.append(("warning", text))
+
+    def error(self, text: str) -> None:
+        self.lines.append(("error", text))
+
+
+def caught(raising) -> tuple[Refusals, Log]:
+    log = Log()
+    refusals = Refusals(lambda: log)
+    try:
+        raising()
+    except Exception as error:
+        refusals.catch("/lab/motor_speed", error)
+    return refusals, log
+
+
+def test_what_rclpy_raises_is_a_refusal():
+    def raising() -> None:
+        raise ValueError("Seconds value must\nnot be negative")
+
+    refusals, log = caught(raising)
+    assert (refusals.count, refusals.failures) == (1, 0)
+    assert log.lines == [("warning", "/lab/motor_speed: refused: ValueError: Seconds value must not be negative")]
+
+
+def test_what_this_packages_own_code_raises_is_an_error_to_report():
+    refusals, log = caught(lambda: peer_text(None))
+    assert (refusals.count, refusals.failures) == (0, 1)
+    ((kind, text),) = log.lines
+    assert kind == "error"
+    assert text.startswith("/lab/motor_speed: failed in vibro_ros.ros.node.refusals, line ")
+    assert "AttributeError: 'NoneType' object has no attribute 'split'; please report it" in text
+
+
+def test_a_flood_is_counted_and_said_seldom():
+    log = Log()
+    refusals = Refusals(lambda: log)
+    for _ in range(1000):
+        refusals.refuse("/clock", "no time")
+    assert refusals.count == 1000
+    assert len(log.lines) < 10
+    refusals.refuse("/other", "no time")
+    assert log.lines[-1] == ("warning", "/other: refused: no time")
+
+
+@pytest.mark.parametrize(("text", "shown"), [
+    ("mass.body", "mass.body"),
+    ("", "''"),
+    ("two\nlines", "two lines"),
+    ("\x1b[31mred", r"\x1b[31mred"),
+    ("a" * 10**6, "a" * (LONGEST_SHOWN // 2) + "…" + "a" * (LONGEST_SHOWN // 2)),
+])
+def test_a_peers_text_is_shown_as_one_short_line(text, shown):
+    assert peer_text(text) == shown
+
+
+def test_a_burst_passes_then_one_a_period_with_the_number_withheld():
+    now = 0.0
+    throttle = Throttle(burst=3, period=1.0, now=lambda: now)
+    assert [throttle.admit("hot") for _ in range(5)] == ["hot", "hot", "hot", None, None]
+    now = 0.9
+    assert throttle.admit("hot") is None
+    now = 1.0
+    assert throttle.admit("hot") == "hot (3 more like it not shown)"
+    assert throttle.admit("hot") is None
+
+
+def test_silence_earns_no_more_than_the_burst():
+    now = 0.0
+    throttle = Throttle(burst=2, period=1.0, now=lambda: now)
+    now = 1000.0
+    assert [throttle.admit("hot") for _ in range(3)] == ["hot", "hot", None]

@@ -1,3 +1,5 @@
+"""ROS arguments: which are ours, whom a parameter file addresses, and names that remapping makes useless."""
+
 from pathlib import Path
 
 import pytest
@@ -5,7 +7,7 @@ import rclpy
 from rclpy.context import Context
 from rclpy.node import Node
 
-from vibro_ros.ros.node.ros_arguments import check_addressed, check_arguments, own_arguments
+from vibro_ros.ros.node.arguments import check_addressed, check_arguments, check_names, own_arguments
 
 
 def params_file(folder: Path, text: str) -> Path:
@@ -22,16 +24,6 @@ def params_file(folder: Path, text: str) -> Path:
 ])
 def test_own_arguments_are_those_outside_ros_args(words: list[str], own: list[str]):
     assert own_arguments(words) == own
-
-
-@pytest.mark.parametrize("override", ["motor.speed", "motor.speed=1.0", ":=1.0", "motor.speed:=[1"])
-def test_an_override_that_is_no_assignment_is_refused(override: str):
-    with pytest.raises(ValueError, match="write name:=value"):
-        check_arguments(["--ros-args", "-p", override])
-
-
-def test_outside_ros_args_nothing_is_an_override():
-    assert check_arguments(["-p", "motor.speed"]) == ()
 
 
 def test_the_files_are_returned(tmp_path: Path):
@@ -99,3 +91,19 @@ def test_it_agrees_with_rcl_about_whom_a_section_is_for(tmp_path: Path, domain_i
         assert not given
     else:
         assert given
+
+
+@pytest.mark.parametrize(("rule", "words"), {
+    "odom:=joint_states": "odom and joint_states have one name, /lab/joint_states; remap one of them",
+    "odom:=/diagnostics": "odom: has the name /diagnostics, which stands for something else; remap it",
+    f"odom:={'a' * 300}": "odom: its full name is too long; give a namespace or a remapping that leaves it at most 247",
+}.items(), ids=["two", "taken", "long"])
+def test_names_that_cannot_be_told_apart_are_refused(rule, words, domain_id):
+    context = Context()
+    rclpy.init(args=["--ros-args", "-r", "__ns:=/lab", "-r", rule], context=context)
+    node = Node("vibro_robot", context=context)
+    with pytest.raises(ValueError, match=words[:40]) as refusal:
+        check_names(node, ("motor_speed", "odom", "joint_states"))
+    assert words in str(refusal.value)
+    node.destroy_node()
+    context.try_shutdown()

@@ -1,0 +1,108 @@
+"""The ROS arguments that rcl would refuse without a word that helps, or ignore.
+
+rcl answers a missing or malformed parameter file with an error of several lines, and skips a section for another node
+in silence: a misspelt node name leaves every parameter at its default. Names that remapping makes equal or too long
+show only when a topic is made.
+"""
+
+from collections.abc import Iterable, Iterator, Sequence
+from pathlib import Path
+
+from rclpy.node import Node
+
+from vibro_ros.configuration import parameter_file
+
+OVERRIDE = ("--param", "-p")
+FILE = "--params-file"
+TOPIC_LENGTH = 247
+"""Most characters of a topic's full name, in rcl and rmw."""
+TAKEN = ("/diagnostics", "/clock", "/rosout", "/parameter_events")
+"""Topics that nodes use beside their own."""
+
+
+def own_arguments(words: Sequence[str]) -> list[str]:
+    """`words` without the parts that are for ROS: from each `--ros-args` to `--` or the end."""
+    return [word for word, for_ros in _marked(words) if not for_ros and word != "--"]
+
+
+def check_arguments(words: Sequence[str]) -> tuple[Path, ...]:
+    """The parameter files among `words`, checked.
+
+    Raises
+    ------
+    ValueError
+        For a file that is missing, not YAML or without parameters.
+    """
+    files = tuple(Path(value) for flag, value in _pairs(words) if flag == FILE)
+    for path in files:
+        parameter_file.sections(path)
+    return files
+
+
+def check_addressed(files: Sequence[Path], node: str) -> None:
+    """Refuse a parameter file without a section for `node`, a fully qualified name.
+
+    Raises
+    ------
+    ValueError
+        Naming the file, the nodes that it does address, and the remedy.
+    """
+    for path in files:
+        parameter_file.check_addressed(path, parameter_file.sections(path), node)
+
+
+def folder_of(name: str, words: Sequence[str], node: str) -> Path:
+    """Folder from which a relative path in the parameter `name` starts: of the file that gives it, else the current.
+    """
+    given: list[tuple[str, dict[str, Path]]] = []
+    for flag, value in _pairs(words):
+        if flag == FILE:
+            file = Path(value)
+            given += [(pattern, {key: file.parent for key in values}) for pattern, values in
+                      parameter_file.sections(file)]
+        else:
+            of_node, _, key = value.partition(":=")[0].rpartition(":")
+            given.append((of_node or "/**", {key: Path()}))
+    return parameter_file.merged(given, node).get(name, Path())
+
+
+def check_names(node: Node, names: Iterable[str]) -> None:
+    """Refuse remapping that makes a full name too long, or one name of two topics.
+
+    Raises
+    ------
+    ValueError
+        Naming the topics and the remedy.
+    """
+    names_of: dict[str, str] = {}
+    for name in names:
+        topic = _resolved(node, name)
+        if topic in TAKEN:
+            raise ValueError(f"{name}: has the name {topic}, which stands for something else; remap it to another")
+        if topic in names_of:
+            raise ValueError(f"{names_of[topic]} and {name} have one name, {topic}; remap one of them to another")
+        names_of[topic] = name
+
+
+def _resolved(node: Node, name: str) -> str:
+    try:
+        return node.resolve_topic_name(name)
+    except RuntimeError:  # the names are good: rcl has refused bad rules and namespaces before
+        raise ValueError(f"{name}: its full name is too long; give a namespace or a remapping that leaves it at most "
+                         f"{TOPIC_LENGTH} characters") from None
+
+
+def _pairs(words: Sequence[str]) -> Iterator[tuple[str, str]]:
+    """Each parameter file and override in the parts for ROS: the option, and the value that follows it."""
+    for_ros = iter([word for word, for_ros in _marked(words) if for_ros])
+    for word in for_ros:
+        if word in (*OVERRIDE, FILE):
+            yield word, next(for_ros, "")  # rcl refuses an option without a value
+
+
+def _marked(words: Sequence[str]) -> Iterator[tuple[str, bool]]:
+    """Each word and whether it is for ROS."""
+    for_ros = False
+    for word in words:
+        for_ros = (for_ros or word == "--ros-args") and word != "--"
+        yield word, for_ros

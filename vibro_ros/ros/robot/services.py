@@ -1,0 +1,345 @@
+"""The robot's services: reset, pause and step, live parameters, and those of `simulation_interfaces`.
+
+Each asks the stepping thread for an operation (`Operations.ask`) and awaits its end, so that the executor serves others
+meanwhile. `simulation_rules` says what a request of `simulation_interfaces` means or why it is refused; what of that
+package is not installed is left out.
+"""
+
+import math
+import time
+from collections.abc import Awaitable, Callable, Generator, Sequence
+from concurrent.futures import TimeoutError as FutureTimeoutError
+from importlib import import_module
+from typing import Any
+
+from rcl_interfaces.msg import SetParametersResult
+from rclpy.action import ActionServer, CancelResponse
+from rclpy.action.server import ServerGoalHandle
+from rclpy.callback_groups import ReentrantCallbackGroup
+from rclpy.node import Node
+from rclpy.parameter import Parameter as ParameterOfRclpy
+from rclpy.type_support import NoTypeSupportImportedException, check_for_type_support
+from std_srvs.srv import SetBool, Trigger
+
+from vibro_ros.messages.operations import PAUSE, RESET, RESUME, SET, STEP, Operation
+from vibro_ros.model.parameters import checked_parameters
+from vibro_ros.ros.node.node import SteadyNode
+from vibro_ros.ros.node.parameters import TABLE
+from vibro_ros.ros.robot.operations import Operations, Request
+from vibro_ros.ros.robot.pacing import RobotTime
+from vibro_ros.ros.robot.recording import Recording
+from vibro_ros.ros.robot.simulation_rules import (
+    FEATURES,
+    Code,
+    RefusalError,
+    State,
+    check_scope,
+    check_steps,
+    current_state,
+    transition,
+)
+
+PATIENCE = 5.0
+"""Longest time [s] that an answer waits for the stepping thread, which looks every 0.05 s unless it is computing."""
+PACKAGE = "simulation_interfaces"
+NAMES = {
+    "GetSimulatorFeatures": "~/get_simulator_features",
+    "ResetSimulation": "~/reset_simulation",
+    "GetSimulationState": "~/get_simulation_state",
+    "SetSimulationState": "~/set_simulation_state",
+    "StepSimulation": "~/step_simulation",
+    "SimulateSteps": "~/simulate_steps",
+}
+"""What is offered of that package, by type."""
+ABOUT = ("vibro_ros: a step is one publish period. A reset puts the state back and lets the clock go on; there is "
+         "nothing to spawn.")
+RESULT_TIMEOUT = 60
+"""How long [s] the result of a goal can be asked for; each goal that was ever sent takes memory meanwhile."""
+FEEDBACK_PERIOD = 0.02
+"""Least time [s] between two messages of feedback, the last one aside: no clock holds the steps back."""
+
+Answer = Callable[[Any, Any], Awaitable[Any]]
+
+
+def offer_run_services(node: SteadyNode, operations: Operations, recording: Recording) -> None:
+    """Offer `~/record`, `~/reset`, `~/pause` and `~/step`."""
+    def record(request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
+        response.success, response.message = recording.switch(request.data)
+        return response
+
+    node.create_service(SetBool, "~/record", record)
+    group = ReentrantCallbackGroup()
+
+    def answering(operation: Callable[[Any], Operation]) -> Answer:
+        async def answer(request: Any, response: Any) -> Any:
+            asked = operations.ask(operation(request))
+            await finished(node, asked)
+            response.success, response.message = outcome(asked)
+            return response
+
+        return answer
+
+    for kind, name, operation in (
+            (Trigger, "~/reset", lambda _: Operation(RESET)), (Trigger, "~/step", lambda _: Operation(STEP, steps=1)),
+            (SetBool, "~/pause", lambda request: Operation(PAUSE if request.data else RESUME))):
+        node.create_service(kind, name, answering(operation), callback_group=group)
+
+
+def follow_parameters(node: SteadyNode, operations: Operations) -> None:
+    """Let the robot follow its ROS parameters from now on.
+
+    Those of one request are checked together and change at one instant of robot time; what is refused is not stored.
+    """
+
+    def change(parameters: Sequence[ParameterOfRclpy]) -> SetParametersResult:
+        values = checked_parameters({one.name: one.value for one in parameters}, TABLE)
+        done, words = outcome(operations.ask(Operation(SET, parameters=values)), PATIENCE)
+        return SetParametersResult(successful=done, reason="" if done else words)
+
+    node.remove_on_set_parameters_callback(refuse_while_starting)
+    node.add_on_set_parameters_callback(change)
+
+
+def refuse_while_starting(parameters: Sequence[ParameterOfRclpy]) -> SetParametersResult:
+    """Refuse every change of a robot that has no device yet."""
+    reason = f"{parameters[0].name}: the robot is still starting; set it when it is ready"
+    return SetParametersResult(successful=False, reason=reason)
+
+
+async def finished(node: Node, request: Request, patience: float = PATIENCE) -> None:
+    """Wait until a request is answered, or up to `patience` [s], while the executor runs other callbacks."""
+    begun = time.monotonic()
+    request.add_done_callback(lambda _: node.executor and node.executor.wake())
+    while not request.done() and time.monotonic() < begun + patience:
+        await _Turn()
+
+
+class _Turn:
+    """Waits for the executor's next turn."""
+
+    def __await__(self) -> Generator[None, None, None]:
+        yield
+
+
+def outcome(request: Request, patience: float = 0.0) -> tuple[bool, str]:
+    """Whether what was asked for is done, and the words that say so; waits up to `patience` [s]."""
+    try:
+        return True, request.result(patience)
+    except FutureTimeoutError:
+        if request.cancel():
+            return False, "the simulation has not answered in time; nothing was changed"
+        return False, "the simulation has not answered in time; it may still do what was asked"
+    except (ValueError, RuntimeError) as error:
+        return False, str(error)
+
+
+class SimulationControl:
+    """The robot as a simulator: its state, and how requests of `simulation_interfaces` change it.
+
+    All functions are for the executor's thread.
+
+    Parameters
+    ----------
+    node : Node
+        Whose executor awaits.
+    operations : Operations
+        Perform what is asked.
+    robot_time : RobotTime
+        Knows whether the robot is at its start.
+
+    Attributes
+    ----------
+    quitting : bool
+        Whether somebody asked that the robot ends.
+    waiting : int
+        Requests whose answer is awaited.
+    """
+
+    def __init__(self, node: Node, operations: Operations, robot_time: RobotTime):
+        self.quitting = False
+        self.waiting = 0
+        self._node, self._operations, self._robot_time = node, operations, robot_time
+        self._steps: Request | None = None  # the last steps that were asked for here
+
+    @property
+    def state(self) -> State:
+        """What the robot is doing; steps are taken while it is paused."""
+        return current_state(self._operations.paused, self._robot_time.at_start, self.quitting)
+
+    async def change_state(self, wanted: int) -> None:
+        """Bring the robot into another state; ends the steps that are being taken (RefusalError)."""
+        names = transition(self.state, wanted)
+        self.quitting = wanted == State.QUITTING
+        if self._steps and not self._steps.done() and not self.quitting:
+            self.give_up(self._steps)
+            await self._finished(self._steps)
+        for request in [self._operations.ask(Operation(name)) for name in names]:  # nobody's comes between them
+            await self._answer(request, Code.STATE_TRANSITION_ERROR)
+
+    async def reset(self, scope: int) -> None:
+        """Put the robot back to its start; its clock goes on (RefusalError)."""
+        check_scope(scope)
+        self._check_idle()
+        await self._answer(self._operations.ask(Operation(RESET)), Code.OPERATION_FAILED)
+
+    def begin_steps(self, steps: int, counted: Callable[[int], object] | None = None) -> Request:
+        """Ask for samples while robot time stands still.
+
+        Parameters
+        ----------
+        steps : int
+            How many.
+        counted : callable, optional
+            Given the number of samples so far after each one; called by the stepping thread.
+
+        Raises
+        ------
+        RefusalError
+            When they cannot be taken.
+        """
+        check_steps(steps)
+        self._check_idle()
+        if not self._operations.paused:
+            raise RefusalError(Code.OPERATION_FAILED, "the robot is not paused; set the state 2 (PAUSED) first")
+        self._steps = self._operations.ask(Operation(STEP, steps=steps), counted)
+        return self._steps
+
+    async def finish_steps(self, request: Request) -> None:
+        """Wait until the samples are taken (RefusalError: fewer were taken)."""
+        words = await self._answer(request, Code.OPERATION_FAILED)
+        if request.completed < request.operation.steps:
+            raise RefusalError(Code.OPERATION_FAILED, words)
+
+    def give_up(self, request: Request) -> None:
+        """Take no more of the samples that were asked for; the answer says how many there were."""
+        request.give_up()
+        self._operations.woken.set()
+
+    def _check_idle(self) -> None:
+        if self.quitting:
+            raise RefusalError(Code.INCORRECT_STATE, "the robot is about to end")
+        if self._steps and not self._steps.done():
+            raise RefusalError(Code.INCORRECT_STATE, f"{self._steps.operation.steps} steps are being taken, "
+                                                f"{self._steps.completed} so far; wait for their end, or cancel them")
+
+    async def _answer(self, request: Request, failure: Code) -> str:
+        """The words that answer what was asked for (RefusalError with the code of `failure`)."""
+        await self._finished(request)
+        try:
+            return request.result()
+        except (ValueError, RuntimeError) as error:
+            raise RefusalError(failure, str(error)) from None
+
+    async def _finished(self, request: Request) -> None:
+        """Wait for the stepping thread's answer, however long it takes."""
+        self.waiting += 1
+        try:
+            await finished(self._node, request, math.inf)
+        finally:
+            self.waiting -= 1
+
+
+def offer_simulation(node: SteadyNode, control: SimulationControl) -> None:
+    """Offer whatever of `simulation_interfaces` has its type installed; the log says in one line what is left out."""
+    types = installed_types()
+    if missing := [name for name in NAMES if name not in types]:
+        lack = f"{PACKAGE} lacks {', '.join(missing)}" if types else f"{PACKAGE} is not installed"
+        node.get_logger().info(f"{lack}: without {', '.join(NAMES[name] for name in missing)}")
+    group = ReentrantCallbackGroup()  # who waits for steps keeps nobody from being served
+    answers = _answers(control, sorted({feature for name in types for feature in FEATURES[name]}))
+    for name, kind in types.items():
+        if name == "SimulateSteps":
+            _offer_steps(node, kind, NAMES[name], control)
+        else:
+            node.create_service(kind, NAMES[name], answers[name], callback_group=group)
+
+
+def installed_types() -> dict[str, Any]:
+    """The types of `NAMES` that are installed and can be used, by their names."""
+    found = {}
+    for name in NAMES:
+        module = "action" if name == "SimulateSteps" else "srv"
+        try:
+            kind = getattr(import_module(f"{PACKAGE}.{module}"), name)
+            check_for_type_support(kind)
+        except (ImportError, AttributeError, NoTypeSupportImportedException):
+            continue
+        found[name] = kind
+    return found
+
+
+def _answers(control: SimulationControl, features: list[int]) -> dict[str, Answer]:
+    """The callback of each service."""
+    async def features_of(request: Any, response: Any) -> Any:
+        response.features.features, response.features.custom_info = features, ABOUT
+        return response
+
+    async def state_of(request: Any, response: Any) -> Any:
+        response.state.state, response.result.result = control.state, Code.OK
+        return response
+
+    def answering(perform: Callable[[Any], Awaitable[None]]) -> Answer:
+        async def answer(request: Any, response: Any) -> Any:
+            try:
+                await perform(request)
+                response.result.result = Code.OK
+            except RefusalError as refusal:
+                response.result.result, response.result.error_message = refusal.code, str(refusal)
+            return response
+
+        return answer
+
+    return {
+        "GetSimulatorFeatures": features_of,
+        "GetSimulationState": state_of,
+        "ResetSimulation": answering(lambda request: control.reset(request.scope)),
+        "SetSimulationState": answering(lambda request: control.change_state(request.state.state)),
+        "StepSimulation": answering(lambda request: control.finish_steps(control.begin_steps(request.steps))),
+    }
+
+
+def _offer_steps(node: SteadyNode, kind: Any, name: str, control: SimulationControl) -> None:
+    """Offer the action: steps with feedback, which can be cancelled."""
+    path = node.resolve_service_name(name)
+    taken: dict[bytes, Request] = {}  # by goal
+
+    async def execute(goal: ServerGoalHandle) -> Any:
+        result, key = kind.Result(), bytes(goal.goal_id.uuid)
+        try:
+            if goal.is_cancel_requested:
+                raise RefusalError(Code.OPERATION_FAILED, "cancelled before the first step")
+            taken[key] = control.begin_steps(goal.request.steps, feedback_of(goal))
+            await control.finish_steps(taken[key])
+            goal.succeed()
+            result.result.result = Code.OK
+        except RefusalError as refusal:
+            goal.canceled() if goal.is_cancel_requested else goal.abort()
+            node.refusals.refuse(path, str(refusal))
+            result.result.result, result.result.error_message = refusal.code, str(refusal)
+        finally:
+            taken.pop(key, None)
+        return result
+
+    def feedback_of(goal: ServerGoalHandle) -> Callable[[int], None]:
+        """Publish feedback for a number of samples; in the stepping thread, which nothing wrong with a goal may end."""
+        due = -math.inf
+
+        def publish(completed: int) -> None:
+            nonlocal due
+            now, remaining = time.monotonic(), goal.request.steps - completed
+            if now < due and remaining:
+                return
+            due = now + FEEDBACK_PERIOD
+            try:
+                goal.publish_feedback(kind.Feedback(completed_steps=completed, remaining_steps=remaining))
+            except Exception as error:
+                node.refusals.catch(path, error)
+
+        return publish
+
+    def cancel(goal: ServerGoalHandle) -> CancelResponse:
+        if request := taken.get(bytes(goal.goal_id.uuid)):
+            control.give_up(request)
+        return CancelResponse.ACCEPT
+
+    ActionServer(node, kind, name, execute, cancel_callback=cancel, result_timeout=RESULT_TIMEOUT)

@@ -1,0 +1,240 @@
+"""What the robot publishes: the same bytes to ROS and to the bag, filled in place where a topic has every sample.
+
+`messages.fields` says what is in a message; here it gets rclpy's classes, publishers and bytes. A `stamp` is ROS time
+[ns], a `prefix` begins every frame's name.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from functools import cache, partial
+from importlib import import_module
+from typing import Any
+
+import numpy as np
+from geometry_msgs.msg import TransformStamped
+from rclpy.node import Node
+from rclpy.publisher import Publisher
+from rclpy.serialization import serialize_message
+
+from vibro_ros.bag.recorder import Together
+from vibro_ros.messages import fields
+from vibro_ros.messages.fields import PLATES, joints_of
+from vibro_ros.messages.frames import NONE, Frames
+from vibro_ros.messages.topics import ROBOT_TOPICS, TF_TOPICS, published_name
+from vibro_ros.model.scene import Scene
+from vibro_ros.ros.node import qos
+from vibro_ros.ros.topics.templates import Make, Sheet, checked_template, plain_bytes
+from vibro_ros.simulation.samples import CRANK_ANGLE, FIELDS, Samples
+
+MakeOfSample = Callable[[Samples, int], Any]
+"""Makes the message of a sample and a stamp [ns]."""
+Record = Callable[[str | Together, int, bytes], None]
+"""Takes a topic's resolved name, a stamp [ns] and the serialised message; or several messages that come together."""
+
+PUBLISHED = {
+    "odom": qos.SAMPLES,
+    "joint_states": qos.SAMPLES,
+    "ground_contact": qos.SAMPLES,
+    "impacts": qos.IMPACTS,
+    "motor_power": qos.SAMPLES,
+    "robot_description": qos.LASTING,
+    "tf": qos.TRANSFORMS,
+    "tf_static": qos.LASTING,
+}
+"""Quality of service of each topic; `ROBOT_TOPICS` has the types."""
+
+
+class RobotPublishers:
+    """The robot's publishers.
+
+    Parameters
+    ----------
+    node : Node
+        Publishes under the node's names.
+    scene : Scene
+        Says which masses there are.
+    prefix : str
+        Begins the name of every frame in the messages.
+    transforms : str
+        What of the frames is published, of `messages.frames`. Where the type of their messages is missing, there are
+        none, and the log says so.
+
+    Attributes
+    ----------
+    publishers : dict of str to Publisher
+        By the robot's own names of the topics.
+    frames : Frames or None
+        Those that are published.
+    """
+
+    def __init__(self, node: Node, scene: Scene, prefix: str = "", transforms: str = NONE):
+        self.frames = _frames(node, scene, prefix, transforms)
+        self.publishers: dict[str, Publisher] = {
+            topic: node.create_publisher(message_class(ROBOT_TOPICS[topic]), published_name(topic), profile)
+            for topic, profile in PUBLISHED.items() if topic not in _left_out(self.frames)
+        }
+        self._prefix, names, warn = prefix, self.topics, node.get_logger().warning
+        self._description = serialize_message(filled("robot_description", fields.fill_robot_description, scene))
+        made = sample_makers(scene, prefix)
+        made |= {"tf": partial(_transforms, self.frames)} if self.frames else {}
+        self._numbers = np.zeros(len(FIELDS) + (len(self.frames.turns(0.0)) if self.frames else 0))
+        checked = {topic: checked_template(make, ROBOT_TOPICS[topic], len(self._numbers), warn)
+                   for topic, make in made.items()}
+        templates = {topic: template for topic, template in checked.items() if template}
+        self._sheet = Sheet([*templates.values()])
+        self._filled = [(self.publishers[topic], message)
+                        for topic, message in zip(templates, self._sheet.messages, strict=True)]
+        self._together = Together([(names[topic], *place)
+                                   for topic, place in zip(templates, self._sheet.places, strict=True)])
+        self._made = [(topic, make) for topic, make in made.items() if topic not in templates]
+        self._impact_sheets: dict[str, Sheet] = {}
+        for kind in PLATES:
+            if template := checked_template(partial(_impact, prefix, kind), ROBOT_TOPICS["impacts"], 1, warn):
+                self._impact_sheets[kind] = Sheet([template])
+
+    @property
+    def topics(self) -> dict[str, str]:
+        """Resolved name of each topic."""
+        return {name: publisher.topic_name for name, publisher in self.publishers.items()}
+
+    def begin(self, stamp: int) -> list[tuple[str, bytes]]:
+        """Publish what is said once, at ROS time `stamp` [ns]; resolved names and messages, for a bag's files."""
+        lasting = {"robot_description": self._description}
+        if self.frames and self.frames.fixed:
+            message = message_class(ROBOT_TOPICS["tf_static"])(transforms=[TransformStamped()
+                                                                           for _ in self.frames.fixed])
+            self.frames.fill_fixed(message.transforms, stamp)
+            lasting["tf_static"] = plain_bytes(message, ROBOT_TOPICS["tf_static"])
+        for topic, data in lasting.items():
+            self.publishers[topic].publish(data)
+        return [(self.publishers[topic].topic_name, data) for topic, data in lasting.items()]
+
+    def publish(self, values: np.ndarray, events: np.ndarray, stamp: int, stamp_of: Callable[[float], int],
+                record: Record) -> None:
+        """Publish and record a sample, and the contacts that ended since the one before it.
+
+        Everything is recorded at the sample's instant, so that the bag is in time order; an impact's header has
+        the first instant of contact.
+
+        Parameters
+        ----------
+        values : ndarray, shape (fields,)
+            The sample: `Simulator.values`.
+        events : ndarray, shape (n,)
+            Events of `Simulator.take_events`.
+        stamp : int
+            ROS time [ns] of the sample.
+        stamp_of : callable
+            ROS time [ns] of a time [s] by the device's clock.
+        record : callable
+            The bag.
+        """
+        numbers = self._numbers_of(values)
+        self._sheet.fill(numbers, stamp)
+        for publisher, message in self._filled:
+            publisher.publish(message.tobytes())
+        record(self._together, stamp, self._sheet.copy())
+        for topic, make in self._made:
+            self._publish(topic, serialize_message(make(numbers.tolist(), stamp)), stamp, record)
+        for time, kind, _, peak_force, _ in events.tolist():
+            if kind in PLATES:
+                self._publish("impacts", self._impact_bytes(kind, peak_force, stamp_of(time)), stamp, record)
+
+    def _numbers_of(self, values: np.ndarray) -> np.ndarray:
+        """The sample's values, and the numbers of tf that are no field of it."""
+        if self.frames is None:
+            return values
+        self._numbers[:len(FIELDS)] = values
+        self._numbers[len(FIELDS):] = self.frames.turns(values.item(CRANK_ANGLE))
+        return self._numbers
+
+    def _impact_bytes(self, kind: str, peak_force: float, began: int) -> bytes:
+        if sheet := self._impact_sheets.get(kind):
+            sheet.fill(np.array([peak_force]), began)
+            return sheet.messages[0].tobytes()
+        return serialize_message(_impact(self._prefix, kind, [peak_force], began))
+
+    def _publish(self, topic: str, data: bytes, stamp: int, record: Record) -> None:
+        publisher = self.publishers[topic]
+        publisher.publish(data)
+        record(publisher.topic_name, stamp, data)
+
+
+def makers(scene: Scene, prefix: str) -> Mapping[str, MakeOfSample]:
+    """What makes the message of each topic that has every sample, in the order in which they are published."""
+    joints = joints_of(scene)
+    return {
+        "odom": lambda state, stamp: filled("odom", fields.fill_odometry, state, stamp, prefix),
+        "joint_states": lambda state, stamp: filled("joint_states", fields.fill_joint_states, state, joints, stamp,
+                                                    prefix),
+        "ground_contact": lambda state, stamp: filled("ground_contact", fields.fill_ground_contact, state, stamp,
+                                                      prefix),
+        "motor_power": lambda state, stamp: filled("motor_power", fields.fill_motor_power, state),
+    }
+
+
+def sample_makers(scene: Scene, prefix: str) -> dict[str, Make]:
+    """`makers` whose messages are made of the values of a sample's fields."""
+    return {topic: partial(_made, make) for topic, make in makers(scene, prefix).items()}
+
+
+def filled(topic: str, fill: Callable[..., None], *about: Any) -> Any:
+    """The message of a topic, filled by a function of `messages.fields`."""
+    message = message_class(ROBOT_TOPICS[topic])()
+    fill(message, *about)
+    return message
+
+
+def transforms(frames: Frames, state: Samples, turns: Sequence[float], stamp: int) -> Any:
+    """Where the robot's frames are, a tf2_msgs/msg/TFMessage; `turns` are those of `Frames`."""
+    message = message_class(ROBOT_TOPICS["tf"])(transforms=[TransformStamped() for _ in range(1 + len(frames.moving))])
+    frames.fill(message.transforms, state, turns, stamp)
+    return message
+
+
+@cache
+def message_class(type_name: str) -> type:
+    """The class of a type such as ``nav_msgs/msg/Odometry``.
+
+    Raises
+    ------
+    ValueError
+        If no package here has it; the message names the package to install.
+    """
+    package, _, name = type_name.partition("/msg/")
+    try:
+        return getattr(import_module(f"{package}.msg"), name)
+    except (ImportError, AttributeError, ValueError):  # ValueError: an empty name
+        raise ValueError(f"{type_name}: no such message here; install the ROS package {package}") from None
+
+
+def _made(make: MakeOfSample, numbers: Sequence[float], stamp: int) -> Any:
+    """The message of a sample, from the values of its fields, which other numbers may follow."""
+    return make(Samples(*numbers[:len(FIELDS)]), stamp)
+
+
+def _transforms(frames: Frames, numbers: Sequence[float], stamp: int) -> Any:
+    """Where the frames are, from the values of a sample's fields and `Frames.turns`."""
+    return transforms(frames, Samples(*numbers[:len(FIELDS)]), numbers[len(FIELDS):], stamp)
+
+
+def _impact(prefix: str, kind: str, numbers: Sequence[float], stamp: int) -> Any:
+    """The message of a contact of this kind, from its peak force."""
+    return filled("impacts", fields.fill_impact, {"kind": kind, "peak_force": numbers[0]}, stamp, prefix)
+
+
+def _frames(node: Node, scene: Scene, prefix: str, published: str) -> Frames | None:
+    if published == NONE:
+        return None
+    try:
+        message_class(ROBOT_TOPICS["tf"])
+    except ValueError as error:
+        node.get_logger().info(f"no tf: {error}")
+        return None
+    return Frames(scene, prefix, published)
+
+
+def _left_out(frames: Frames | None) -> tuple[str, ...]:
+    """The topics that a robot with these frames does not have."""
+    if frames is None:
+        return TF_TOPICS
+    return () if frames.fixed else ("tf_static",)
