@@ -19,7 +19,27 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from research.literature.guard import Guard
+
+class Guard:
+    """A function of time and state at whose passage through zero an integration by scipy ends.
+
+    Attributes
+    ----------
+    terminal : bool
+        Always True, which is how scipy is told to end there.
+    direction : float
+        Sign of the passages that count, dimensionless; 0 for both.
+    """
+
+    terminal = True
+
+    def __init__(self, function: Callable[[float, np.ndarray], float], direction: float):
+        self._function, self.direction = function, direction
+
+    def __call__(self, time: float, state: np.ndarray) -> float:
+        """The function's value."""
+        return self._function(time, state)
+
 
 _TOLERANCE = 1e-11
 # Steps a period that no touch can hide between, as the drive alone moves the mass in between.

@@ -1,8 +1,7 @@
-"""The runs of the study `paper`: the displacement of every robot under every reading, from several starts.
+"""The runs of the study: the displacement of every robot under every reading, from several starts, and the verdicts.
 
 A *batch* is one robot under one reading, from all its starts. Batches are computed on all cores, and each is appended
-to a file as soon as all before it are there, so that an interrupted study goes on where it stopped and leaves the
-same bytes as one that was not interrupted.
+to a file as soon as all before it are there, so that an interrupted study goes on where it stopped.
 """
 
 import csv
@@ -11,24 +10,36 @@ import hashlib
 import math
 import os
 from collections.abc import Iterable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from tqdm import tqdm
 
-from research.paper import readings, worksheet
-from research.paper.readings import INSTANTS, STEPS, Point, Reading, instants, points
-from vibro_ros.process.untrusted import content, opened, replace_file, write_all
-from vibro_ros.simulation.processes import core_count, in_processes
-from vibro_ros.simulation.provenance import software
-from vibro_ros.simulation.simulator import Simulator
+import vibro_ros
+from research.paper import worksheet
+from research.paper.claims import (
+    CLAIMS,
+    INSTANTS,
+    STEPS,
+    UNITS,
+    Mean,
+    Point,
+    Reading,
+    Span,
+    Verdict,
+    exact_readings,
+    instants,
+    points,
+    verdicts,
+    worksheet_readings,
+)
 
 #: Speed at which the crank is turned to where it starts [rad/s]; a mass moves by 1e-4 m meanwhile.
 TURNING_SPEED = 1e4
 #: Most by which the crank is ahead in a start beside `zero` or `rest` [rad]: 0.9 mm of the slider's stroke of 40 mm.
 NEAR = 0.1
-#: Largest file of rows that is read [B]: twenty times a full study's.
-LARGEST = 2**26
 _COLUMNS = (*Reading._fields, *Point._fields, "start_number", *(f"x_{instant:g}_s" for instant in INSTANTS))
 
 
@@ -62,14 +73,14 @@ class Batch(NamedTuple):
 
 def full_effort() -> Effort:
     """Every reading; a quarter of an hour on two cores."""
-    return Effort((*readings.exact_readings(), *readings.worksheet_readings()), 32, 6)
+    return Effort((*exact_readings(), *worksheet_readings()), 32, 6)
 
 
 def quick_effort() -> Effort:
     """Every reading by `exact`, and Runge-Kutta of one step, from few starts; two minutes."""
-    worksheets = (reading for reading in readings.worksheet_readings()
+    worksheets = (reading for reading in worksheet_readings()
                   if reading.step == STEPS[1] and reading.friction == "eq5")
-    return Effort((*readings.exact_readings(), *worksheets), 6, 4)
+    return Effort((*exact_readings(), *worksheets), 6, 4)
 
 
 def batches(effort: Effort) -> list[Batch]:
@@ -110,7 +121,7 @@ def _displacement(reading: Reading, point: Point, number: int) -> np.ndarray:
         return worksheet.rkfixed(scene, reading.friction, ahead, reading.step, times)
     if reading.solver == "Rkadapt":
         return worksheet.rkadapt(scene, reading.friction, ahead, times)
-    device = Simulator(scene)
+    device = vibro_ros.Simulator(scene)
     if ahead:
         device.command(motor_speed=TURNING_SPEED)
         device.advance_to(ahead / TURNING_SPEED)
@@ -118,78 +129,66 @@ def _displacement(reading: Reading, point: Point, number: int) -> np.ndarray:
     return device.sample(times).body_position
 
 
-def run_batches(wanted: Sequence[Batch]) -> Iterator[np.ndarray]:
-    """Displacements of each batch in turn, computed on all cores; the kernels of `exact` are compiled before."""
-    for reading in {batch.reading.solver: batch.reading for batch in wanted}.values():
-        displacements(Batch(reading, Point("angle", 40.0), 1))  # compiles it once for all that are forked
-    jobs = in_processes(displacements, wanted, core_count())
-    try:
-        for job in jobs:
-            yield np.asarray(job.outcome())
-    finally:
-        jobs.close()
-
-
-class RowFile:
-    """A CSV file of displacements: a line that says what they are of, the columns' names, and a row for each start.
-
-    Parameters
-    ----------
-    path : Path
-        The file, which need not exist.
-    effort : Effort
-        The study that the rows belong to.
+def judged(effort: Effort, rows: Path) -> list[Verdict]:
+    """Verdicts on every claim under every reading of `effort`; the file `rows` keeps runs, from which it goes on.
 
     Raises
     ------
     ValueError
         If the file holds rows of another study, or of other sources.
-    OSError
-        If the file cannot be read, or is no regular file.
+    SimulationError
+        If a run cannot go on.
     """
-
-    def __init__(self, path: Path, effort: Effort):
-        self._path, self._batches = path, batches(effort)
-        self._head = f"# study paper, {len(self._batches)} batches, {_digest(effort)}\n{','.join(_COLUMNS)}\n"
-        data = content(path, LARGEST) if os.path.lexists(path) else b""
-        self._text = data.decode("ascii", errors="replace")
-        if self._text and not (self._text.startswith(self._head) or self._head.startswith(self._text)):
-            raise ValueError(f"{path}: rows of another study, or of another version; remove the file, or give another "
-                             "--output")
-
-    def done(self) -> list[np.ndarray]:
-        """Displacements of the batches that the file holds whole; the rest of the file is dropped."""
-        rows, found = self._text[len(self._head):].splitlines(keepends=True), list[np.ndarray]()
-        kept, first = len(self._head), 0
-        for batch in self._batches:
-            lines = rows[first:first + batch.starts]
-            values = _read(batch, lines)
-            if values is None:
-                break
+    every, found = batches(effort), kept_rows(rows, effort)
+    with tqdm(total=len(every), initial=len(found), unit="robot", disable=None) as bar:
+        for values in _computed(every[len(found):], rows):
             found.append(values)
-            kept, first = kept + sum(map(len, lines)), first + batch.starts
-        if self._text.startswith(self._head):
-            os.truncate(self._path, kept)
-        else:
-            replace_file(self._path, self._head.encode())
-        return found
+            bar.update()
+    by_batch = iter(found)
+    return [verdict for reading in effort.readings
+            for verdict in verdicts(reading, {point: next(by_batch) for point in points()})]
 
-    def append(self, results: Iterable[np.ndarray], first: int) -> Iterator[np.ndarray]:
-        """Write each of `results`, from batch `first` on, to disk and yield it."""
-        descriptor = opened(self._path, os.O_WRONLY | os.O_APPEND)
-        try:
-            for batch, values in zip(self._batches[first:], results, strict=True):
-                write_all(descriptor, "".join(_lines(batch, values)).encode())
-                yield values
-        finally:
-            os.close(descriptor)
+
+def _computed(wanted: Sequence[Batch], rows: Path) -> Iterator[np.ndarray]:
+    """Displacements of each batch in turn, computed on all cores; each is in the file when it is yielded."""
+    for reading in {batch.reading.solver: batch.reading for batch in wanted}.values():
+        displacements(Batch(reading, Point("angle", 40.0), 1))  # compiles the method once for all processes
+    with rows.open("a", encoding="ascii") as file, ProcessPoolExecutor(os.cpu_count()) as pool:
+        for batch, values in zip(wanted, pool.map(displacements, wanted), strict=True):
+            file.write("".join(_lines(batch, values)))
+            file.flush()
+            yield values
+
+
+def kept_rows(path: Path, effort: Effort) -> list[np.ndarray]:
+    """Displacements of the batches that a file holds whole; the rest of the file is dropped.
+
+    Raises
+    ------
+    ValueError
+        If the file holds rows of another study, or of other sources.
+    """
+    head = f"# paper, {len(batches(effort))} batches, {_digest(effort)}\n{','.join(_COLUMNS)}\n"
+    text = path.read_text(encoding="ascii", errors="replace") if path.exists() else ""
+    if not (text.startswith(head) or head.startswith(text)):
+        raise ValueError(f"{path}: rows of another study, or of another version; remove the file, or give another "
+                         "--output")
+    rows, found, first = text[len(head):].splitlines(keepends=True), list[np.ndarray](), 0
+    for batch in batches(effort):
+        values = _read(batch, rows[first:first + batch.starts])
+        if values is None:
+            break
+        found.append(values)
+        first += batch.starts
+    path.write_text(head + "".join(rows[:first]), encoding="ascii")
+    return found
 
 
 def _digest(effort: Effort) -> str:
-    """What the numbers depend on."""
-    own = b"".join(Path(str(module.__file__)).read_bytes() for module in (readings, worksheet))
-    parts = (repr(effort), software()["sources"], Path(__file__).read_text(encoding="utf-8"), own.hex())
-    return hashlib.sha256("\n".join(parts).encode()).hexdigest()[:16]
+    """What the numbers depend on: the effort, this folder and the package."""
+    folders = (Path(__file__).parent, Path(str(vibro_ros.__file__)).parent)
+    sources = (file.read_bytes() for folder in folders for file in sorted(folder.rglob("*.py")))
+    return hashlib.sha256(b"\n".join([repr(effort).encode(), *sources])).hexdigest()[:16]
 
 
 def _lines(batch: Batch, values: np.ndarray) -> Iterator[str]:
@@ -208,3 +207,46 @@ def _read(batch: Batch, lines: Sequence[str]) -> np.ndarray | None:
     if values.shape != (batch.starts, count) or "".join(_lines(batch, values)) != "".join(lines):
         return None
     return values
+
+
+_OUTCOMES = ("one_run", "along_ox", "size")
+_POINTS = tuple(points())
+_VERDICT_COLUMNS = (
+    *Reading._fields, "begin_s", "end_s", *(f"{kind}: {claim.name}" for kind in _OUTCOMES for claim in CLAIMS),
+    *(f"{part}: {point.series} {point.value:g} {UNITS[point.series]}" for point in _POINTS
+      for part in ("mean m/s", "spread m/s")))
+
+
+def write_verdicts(path: Path, found: Iterable[Verdict]) -> None:
+    """Write verdicts to a file; six digits of each speed."""
+    with path.open("w", encoding="utf-8", newline="") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(_VERDICT_COLUMNS)
+        for one in found:
+            speeds = (f"{number:.6g}" for point in _POINTS for number in one.means[point])
+            writer.writerow([*one.reading, *one.span, *one.one_run, *one.along_ox, *one.size, *speeds])
+
+
+def read_verdicts(path: Path) -> list[Verdict]:
+    """The verdicts in a file of `write_verdicts`.
+
+    Raises
+    ------
+    ValueError
+        If the file has other columns.
+    """
+    with path.open(encoding="utf-8", newline="") as file:
+        columns, *rows = csv.reader(file)
+    if tuple(columns) != _VERDICT_COLUMNS:
+        raise ValueError(f"{path}: columns of another version; run the study again")
+    return [_verdict(row) for row in rows]
+
+
+def _verdict(row: list[str]) -> Verdict:
+    solver, step, *words = row[:6]
+    first, count = 8, len(CLAIMS)
+    one_run, along_ox, size = (tuple(row[first + k * count:first + (k + 1) * count]) for k in range(len(_OUTCOMES)))
+    numbers = [float(cell) for cell in row[first + len(_OUTCOMES) * count:]]
+    means = {point: Mean(*numbers[2 * k:2 * k + 2]) for k, point in enumerate(_POINTS)}
+    reading, span = Reading(solver, float(step), *words), Span(float(row[6]), float(row[7]))
+    return Verdict(reading, span, one_run, along_ox, size, means)

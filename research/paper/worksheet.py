@@ -12,7 +12,7 @@ import numba
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from vibro_ros.model.scene import Scene
+from vibro_ros import Scene
 
 #: Angular frequency of the crank in the worksheet [rad/s], and gravity [m/s²].
 SPEED, GRAVITY = 100.0, 9.81

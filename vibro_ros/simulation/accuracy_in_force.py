@@ -23,8 +23,8 @@ class Known(NamedTuple):
     cheaper: Candidate
 
 
-#: Shipped scene to what is known of its first 0.2 s at `KNOWN_SPEED`; printed by `python -m
-#: tools.work_weights`.
+#: Shipped scene to what is known of its first 0.2 s at `KNOWN_SPEED`, as the measurement of
+#: the weights prints it.
 KNOWN: Mapping[str, Known] = {
     "damped": Known(0.0008883, Candidate("moreau", 0.003162, 0.016, 0.0001017)),
     "device": Known(0.001435, Candidate("moreau", 0.003162, 0.015, 0.0001137)),

@@ -1,8 +1,8 @@
 """What a run costs in counted work: its steps, segments and events by fixed weights.
 
 A clock gives another answer in every process; the counts of a run are the same in each, so that whatever is decided by
-them is, too. The weights are those of one machine, and only their ratios matter:
-`python -m tools.work_weights` measures them, and how far counted work is from measured time.
+them is, too. The weights are those of one machine, and only their ratios matter;
+docs/solver.md tells how they are measured, and how far counted work is from measured time.
 """
 
 from collections.abc import Mapping

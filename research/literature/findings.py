@@ -2,8 +2,12 @@
 
 from collections.abc import Callable, Iterable
 from dataclasses import asdict, dataclass
+from typing import TypeVar
 
 from matplotlib.figure import Figure
+
+Item = TypeVar("Item")
+Result = TypeVar("Result")
 
 HOLDS, FAILS, NOISE, OUTSIDE = "holds", "does not hold", "within noise", "not contained"
 #: What a verdict means; documents print it.

@@ -1,0 +1,280 @@
+"""docs/optimum.md: what `study optimise` finds, and why V/P has no bound by the paper's equations; `make optimum`.
+
+Each search is a command line that a reader can run; an interrupted search goes on when the report is made again.
+"""
+
+import argparse
+import json
+import math
+import shutil
+import subprocess
+import sys
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from matplotlib.figure import Figure
+
+import vibro_ros
+from research.starts import average, computed, started
+
+TEXT, FOLDER, FRONTS, LASTING = "optimum.md", "optimum", "fronts.png", "lasting.json"
+
+
+class Search(NamedTuple):
+    """A search of the report: its title, and what follows `study optimise`."""
+
+    title: str
+    words: str
+
+
+_UNDAMPED = " ".join(f"--fix {side}.{part}.damping" for side in ("upper", "inclined") for part in ("spring", "plate"))
+SEARCHES: Mapping[str, Search] = {
+    "thriftiest": Search("V/P, whatever the speed", "--objective speed_per_power --budget 2000"),
+    "thriftiest_by_evolution": Search("The same by differential evolution", "--objective speed_per_power --budget 2000 "
+                                      "--method differential_evolution"),
+    "thrifty": Search("V/P at 150 mm/s or more", "--objective speed_per_power --least-speed 0.15 --budget 1500"),
+    "fastest": Search("Speed alone", "--objective speed --budget 1000"),
+    "thrifty_grounded": Search("V/P at 150 mm/s or more, on the ground", "--set effects.normal_force=unilateral "
+                               "--objective speed_per_power --least-speed 0.15 --budget 1000"),
+    "fastest_grounded": Search("Speed alone, on the ground", "--set effects.normal_force=unilateral --objective speed "
+                               "--budget 600"),
+    "front": Search("The front itself", "--objective front --budget 1500"),
+    "printed": Search("Speed by the paper's own rule", f"--scene paper --objective speed --budget 600 {_UNDAMPED}"),
+    "printed_zero": Search("Speed by the paper's own rule, from zero", "--scene paper --set start.state=zero "
+                           f"--objective speed --budget 2000 {_UNDAMPED}"),
+    "unilateral": Search("Speed where the ground cannot pull", "--scene unilateral --objective speed --budget 600 "
+                         f"{_UNDAMPED}"),
+    "unilateral_zero": Search("Speed where the ground cannot pull, from zero", "--scene unilateral --set "
+                              f"start.state=zero --objective speed --budget 2000 {_UNDAMPED}"),
+}
+"""Every search of the report by the name of its files."""
+#: Searches in the scene `device` as it is, whose robots make the front.
+OF_DEVICE = ("thriftiest", "thriftiest_by_evolution", "thrifty", "fastest", "front")
+#: Robots that are watched for long: the paper's first one, and optima of scenes without reaction on the masses.
+WATCHED = ("paper", "printed", "printed_zero", "unilateral", "unilateral_zero")
+#: Times [s] over which these are watched after `SETTLING` [s], and starts.
+DURATIONS, SETTLING, STARTS = (4.0, 16.0, 64.0, 256.0), 4.0, 8
+
+Numbers = dict[str, Any]
+"""What `study optimise` has written as optimum.json."""
+
+
+def main(words: Sequence[str]) -> int:
+    """Search and write; 0 when done, else the exit code of the search that failed."""
+    parser = argparse.ArgumentParser(prog="python -m research.optimum", description=__doc__)
+    parser.add_argument("--output", type=Path, default=Path("docs"), help="where (default: %(default)s)")
+    parser.add_argument("--work", type=Path, default=Path("out/study/optimum"), help="records of the searches, from "
+                        "which they go on (default: %(default)s)")
+    options = parser.parse_args(words)
+    folder = options.output / FOLDER
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, search in SEARCHES.items():
+        command = [sys.executable, "-m", "vibro_ros.study.study", "optimise", *search.words.split(), "--output",
+                   str(options.work / name)]
+        if code := subprocess.run(command, check=False).returncode:
+            return code
+        for ending in ("json", "yaml"):
+            shutil.copy(options.work / name / f"optimum.{ending}", folder / f"{name}.{ending}")
+    watched = {name: lasting(vibro_ros.load_scene(name if name == "paper" else folder / f"{name}.yaml"))
+               for name in WATCHED}
+    (folder / LASTING).write_text(json.dumps(watched, indent=1) + "\n", encoding="utf-8")
+    results = read_results(folder)
+    fronts_picture(results).savefig(folder / FRONTS)
+    (options.output / TEXT).write_text(document(results, watched), encoding="utf-8")
+    print(options.output / TEXT)
+    return 0
+
+
+def read_results(folder: Path) -> dict[str, Numbers]:
+    """What every search has found, by its name."""
+    return {name: json.loads((folder / f"{name}.json").read_text(encoding="utf-8")) for name in SEARCHES}
+
+
+def document(results: Mapping[str, Numbers], watched: Mapping[str, Sequence[Numbers]]) -> str:
+    """The whole text in Markdown; `watched` by the name of the robot: the scene `paper`, or a search's optimum."""
+    findings = "\n".join(f"- {text}" for text in (
+        about_power(watched["paper"]), about_front(results), about_thriftiest(results["thriftiest"]),
+        about_flight(results), about_undamped(results), about_methods(results), about_hills(results)))
+    commands = "\n".join(f"study optimise {search.words}  # {name}" for name, search in SEARCHES.items())
+    return "\n\n".join([
+        "<!-- Generated by `make optimum`. -->\n# The optimum",
+        "*Which robot is the fastest, which one goes farthest with its energy, and do they beat the paper's?* The "
+        "paper leaves F_opt = V/P → max over seventeen parameters as its open problem. `study optimise` solves it.",
+        "## Findings", findings,
+        f"![Speed and cost of transport]({FOLDER}/{FRONTS})",
+        "## The searches",
+        "Beside the paper's optimum, φ = 80°, m3 = 0.02 kg, l = 0.06 m, under the same forces, from the same starts; "
+        f"each optimum's parameters, verification under other forces, energies and sensitivities stand in "
+        f"`docs/{FOLDER}/NAME.json`, its scene in `NAME.yaml`:",
+        summary_table(results, watched), f"```bash\n{commands}\n```"]) + "\n"
+
+
+def summary_table(results: Mapping[str, Numbers], watched: Mapping[str, Sequence[Numbers]]) -> str:
+    """Every search on a line, from the starts that verified it."""
+    heads = ["search", "speed [mm/s]", "more than the paper's optimum [mm/s]", "V/P [m/J]",
+             "more than the paper's optimum [m/J]", "in the air", f"speed over {DURATIONS[-1]:g} s [mm/s]"]
+    lines = [f"| {' | '.join(heads)} |", "|---" * len(heads) + "|"]
+    for name, result in results.items():
+        best, paper = result["verified"][:2]
+        cells = [f"{SEARCHES[name].title} (`{name}`)", spread(best["speed"], 1e3), spread(paper["margin"], 1e3),
+                 spread(best["ratio"] if best["cost"] else None),
+                 spread(paper["ratio_margin"] if best["cost"] else None),
+                 f"{100 * result['behaviour']['measures']['air_share']:.0f} %",
+                 spread(watched[name][-1]["speed"], 1e3) if name in watched else ""]
+        lines.append(f"| {' | '.join(cells)} |")
+    return "\n".join(lines)
+
+
+def about_power(rows: Sequence[Numbers]) -> str:
+    """Why V/P has no bound by the paper's equations."""
+    first, last = rows[0], rows[-1]
+    return (f"By the paper's equations V/P has no bound: from {first['duration']:g} to {last['duration']:g} s the "
+            f"largest mean power of {STARTS} starts of the scene `paper` falls from {number(first['power'])} to "
+            f"{number(last['power'])} W, at the same speed. The masses do not feel the body move (`effects.reaction` "
+            "false), do not pay for its friction, and lose nothing without dampers, so that the work of the motor is "
+            "the bounded change of their stored energy. So V/P is sought in `device`, where energy balances.")
+
+
+def about_front(results: Mapping[str, Numbers]) -> str:
+    """From where to where the front of all searches reaches, and what of it is faster and cheaper than the paper's."""
+    front = front_of_all(results)
+    text = (f"The front of speed and cost of transport reaches from {number(1e3 * front[0]['speed'])} mm/s at a cost "
+            f"of {number(front[0]['cost'])} to {number(1e3 * front[-1]['speed'])} mm/s at {number(front[-1]['cost'])}.")
+    for row in results["front"]["verified"][1:3]:
+        better = [one for one in front if one["speed"] > row["speed"]["mean"] + row["speed"]["spread"]
+                  and one["cost"] < row["cost"]]
+        if better:
+            text += (f" Against the {row['robot']}, {number(1e3 * row['speed']['mean'])} mm/s at "
+                     f"{number(row['cost'])}, it has {number(1e3 * better[0]['speed'])} mm/s at "
+                     f"{number(better[0]['cost'])}.")
+    return text
+
+
+def front_of_all(results: Mapping[str, Numbers]) -> list[Numbers]:
+    """Robots of all searches in `device` of which none is both faster and cheaper than another, the slowest first."""
+    robots = sorted((one for name in OF_DEVICE for one in results[name]["front"]), key=lambda one: -one["speed"])
+    front: list[Numbers] = []
+    for one in robots:
+        if not front or one["cost"] < front[-1]["cost"]:
+            front.append(one)
+    return front[::-1]
+
+
+def about_thriftiest(result: Numbers) -> str:
+    """Where V/P drives the robot."""
+    row = result["verified"][0]
+    return (f"V/P alone asks for a robot that goes {number(1e3 * row['speed']['mean'])} mm/s: its cost of transport is "
+            f"{number(row['cost'])}, while dragging its body costs the friction coefficient, 0.2. A front of speed and "
+            "cost of transport is the better question.")
+
+
+def about_flight(results: Mapping[str, Numbers]) -> str:
+    """What to hold of robots that fly."""
+    shares = ", ".join(f"{100 * results[name]['behaviour']['measures']['air_share']:.0f} % (`{name}`)"
+                       for name in ("thriftiest", "thrifty", "fastest"))
+    return (f"In `device` the optima hop: the body is in the air for {shares} of the time. The model has no pitch, so "
+            "that a body in the air cannot tumble. A robot without a guide against pitching should use the optima on "
+            "the ground, `thrifty_grounded` and `fastest_grounded`.")
+
+
+def about_undamped(results: Mapping[str, Numbers]) -> str:
+    """What to hold of the speeds by the paper's own rules."""
+    speeds = []
+    for name in ("printed", "unilateral"):
+        own, real = (next(row for row in results[name]["verified"] if words in row["reading"])
+                     for words in ("as sought", "every effect of `device`"))
+        speeds.append(f"`{name}` goes at {number(own['speed']['mean'])} m/s and, with every effect of `device`, at "
+                      f"{number(real['speed']['mean'])} m/s")
+    return ("Speed has an optimum by the paper's own rules, too, but nobody should build it: without dampers and "
+            f"reaction the masses keep what they gain near resonance. The optimum {'; '.join(speeds)}.")
+
+
+def about_methods(results: Mapping[str, Numbers]) -> str:
+    """CMA-ES against differential evolution with the same budget."""
+    best, other = (results[name]["best_scores"] for name in ("thriftiest", "thriftiest_by_evolution"))
+    return (f"With {results['thriftiest']['robots']} robots each, CMA-ES reached a score of {number(best[-1])} m/J and "
+            f"differential evolution {number(other[-1])} m/J; after a quarter of them, {number(best[0])} and "
+            f"{number(other[0])} m/J.")
+
+
+def about_hills(results: Mapping[str, Numbers]) -> str:
+    """What a search may miss: the optimum from rest, begun from zero, beside the optimum sought from zero."""
+    pairs = []
+    for name in ("printed", "unilateral"):
+        sought = results[f"{name}_zero"]
+        known = next(row for row in results[name]["verified"]
+                     if row["robot"] == "optimum" and "from `zero`" in row["reading"])
+        pairs.append(f"{number(sought['verified'][0]['speed']['mean'])} m/s with {sought['robots']} robots "
+                     f"(`{name}_zero`), where the optimum `{name}` has {number(known['speed']['mean'])} m/s")
+    return ("No search proves an optimum: begun from `zero`, the searches for speed by the paper's rules reached "
+            f"{' and '.join(pairs)}.")
+
+
+def number(value: float) -> str:
+    """`value` to three digits."""
+    text = f"{value:.3g}"
+    return f"{float(text):.0f}" if 1e3 <= abs(float(text)) < 1e6 else text
+
+
+def spread(found: Numbers | None, factor: float = 1.0) -> str:
+    """Mean ± half the 95 % interval, times `factor`; a dash without a mean."""
+    if found is None or found["mean"] is None or not math.isfinite(found["mean"]):
+        return "-"
+    return f"{number(factor * found['mean'])} ± {factor * found['spread']:.2g}"
+
+
+def lasting(scene: vibro_ros.Scene) -> list[Numbers]:
+    """Speed and power of a scene over each of `DURATIONS`, from the same starts."""
+    runs = np.array(computed(_watched, [(scene, start) for start in range(STARTS)], f"{scene.name} for long"))
+    rows = []
+    for duration, (speed, power, delivered) in zip(DURATIONS, runs.transpose(1, 2, 0), strict=True):
+        largest = float(np.abs(power).max())
+        rows.append({"duration": duration, "speed": average(speed)._asdict(), "power": largest,
+                     "delivered": average(delivered)._asdict(), "ratio": float(abs(speed.mean()) / largest)})
+    return rows
+
+
+def _watched(job: tuple[vibro_ros.Scene, int]) -> list[tuple[float, float, float]]:
+    """Mean speed [m/s], mean power and delivered power [W] of one start over each duration."""
+    scene, start = job
+    device = started(scene.with_parameters({"solver.accounts": True}), np.random.default_rng(start))
+    device.advance_to(SETTLING)
+    begin, before = device.state.body_position, dict(device.statistics["energy_accounts"])
+    rows = []
+    for duration in DURATIONS:
+        span = whole_turns(scene, duration)
+        device.advance_to(SETTLING + span)
+        accounts = device.statistics["energy_accounts"]
+        given, back = (accounts[name] - before[name] for name in ("motor_delivered", "motor_taken_back"))
+        rows.append(((device.state.body_position - begin) / span, (given - back) / span, given / span))
+    return rows
+
+
+def whole_turns(scene: vibro_ros.Scene, duration: float) -> float:
+    """The whole turns of the crank within `duration` [s], in s: means over them leave out the swing within a turn."""
+    turn = 2.0 * math.pi / scene["motor.speed"]
+    return math.floor(duration / turn) * turn
+
+
+def fronts_picture(results: Mapping[str, Numbers]) -> Figure:
+    """The fronts of the searches in `device`, the front of them all, and the robots of the paper."""
+    figure = Figure(figsize=(8.0, 5.5), layout="constrained")
+    axes = figure.subplots()
+    for name in OF_DEVICE:
+        _draw(axes, results[name]["front"], "o", name)
+    _draw(axes, front_of_all(results), "k-", "front of them all")
+    for row, mark in zip(results["front"]["verified"][1:3], "sD", strict=True):
+        axes.plot(1e3 * row["speed"]["mean"], row["cost"], mark, ms=8.0, label=row["robot"])
+    axes.set(xscale="log", yscale="log", xlabel="mean speed [mm/s]", ylabel="cost of transport, dimensionless")
+    axes.legend(frameon=False, fontsize=8)
+    return figure
+
+
+def _draw(axes: Any, robots: Sequence[Numbers], style: str, label: str) -> None:
+    axes.plot([1e3 * one["speed"] for one in robots], [one["cost"] for one in robots], style, ms=4.0, label=label)
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

@@ -1,0 +1,48 @@
+"""Every figure and claim of the paper, under each of its readings: `make paper`, or a short version with `--quick`.
+
+What is done is kept, and the same command goes on from there.
+"""
+
+import argparse
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from research.paper.page import SHOWN, draw_reading, page
+from research.paper.runs import full_effort, judged, quick_effort, read_verdicts, write_verdicts
+
+FOLDER, ROWS, VERDICTS, TEXT = "paper", "rows.csv", "verdicts.csv", "paper.md"
+
+
+def main(words: Sequence[str]) -> int:
+    """Run the study and write the page; 0 when done, 1 for a failure, 2 for bad input, 130 when interrupted."""
+    parser = argparse.ArgumentParser(prog="python -m research.paper", description=__doc__)
+    parser.add_argument("--output", type=Path, metavar="DIR",
+                        help="where the page goes (default: docs; with --quick out/study/paper)")
+    parser.add_argument("--rows", type=Path, default=Path("out/study/paper"), metavar="DIR",
+                        help="where runs are kept (default: %(default)s)")
+    parser.add_argument("--quick", action="store_true", help="few starts, Runge-Kutta of one step: two minutes")
+    options = parser.parse_args(words)
+    docs = options.output or Path("out/study/paper" if options.quick else "docs")
+    rows = (docs if options.quick else options.rows) / ROWS
+    effort = quick_effort() if options.quick else full_effort()
+    for folder in (rows.parent, docs / FOLDER):
+        folder.mkdir(parents=True, exist_ok=True)
+    try:
+        write_verdicts(docs / FOLDER / VERDICTS, judged(effort, rows))
+        for reading in SHOWN:
+            draw_reading(reading, docs / FOLDER)
+        text = page(read_verdicts(docs / FOLDER / VERDICTS), effort, FOLDER)
+    except KeyboardInterrupt:
+        print(f"paper: interrupted; the same command goes on from {rows}", file=sys.stderr)
+        return 130
+    except (ValueError, RuntimeError, OSError) as error:
+        print(f"paper: {error}", file=sys.stderr)
+        return 2 if isinstance(error, ValueError) else 1
+    (docs / TEXT).write_text(text, encoding="utf-8")
+    print(docs / TEXT)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

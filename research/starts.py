@@ -1,0 +1,54 @@
+"""Many jobs on all cores, independent starts, and means over them with their intervals."""
+
+import os
+from collections.abc import Callable, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from typing import NamedTuple, TypeVar
+
+import numpy as np
+from scipy.stats import sem
+from scipy.stats import t as student
+from tqdm import tqdm
+
+import vibro_ros
+
+Item = TypeVar("Item")
+Result = TypeVar("Result")
+
+
+def computed(function: Callable[[Item], Result], items: Sequence[Item], words: str) -> list[Result]:
+    """Results of `function` for `items`, in their order, computed on all cores; `words` name them on stderr."""
+    vibro_ros.simulate(vibro_ros.Scene("paper", {}), duration=0.01, rate=100.0)  # compiles once for all processes
+    with ProcessPoolExecutor(min(os.cpu_count() or 1, len(items))) as pool:
+        return list(tqdm(pool.map(function, items), words, total=len(items), disable=None))
+
+
+class Average(NamedTuple):
+    """A mean over starts, and half the width of its 95 % confidence interval by Student's distribution."""
+
+    mean: float
+    spread: float
+
+
+def average(values: np.ndarray) -> Average:
+    """Mean of independent values, and its interval."""
+    return Average(float(np.mean(values)), float(student.ppf(0.975, len(values) - 1) * sem(values)))
+
+
+def started(scene: vibro_ros.Scene, draw: np.random.Generator) -> vibro_ros.Simulator:
+    """A device at 1 s, after three stretches of random lengths, motor speeds and gaps; its commands are the scene's.
+
+    The starts that differ so are independent of each other, which those along one line, such as equidistant speeds,
+    are not.
+    """
+    device, speed, reach = vibro_ros.Simulator(scene), scene["motor.speed"], 0.1 * scene["crank.radius"]
+    gaps = {f"{side}_gap": scene[f"{side}.gap"] for side in scene.guides}
+    for end in (*np.sort(draw.uniform(0.1, 1.0, 2)), 1.0):
+        aside = {}
+        for name, gap in gaps.items():
+            rod = scene[f"crank.{name.removesuffix('_gap')}_rod"]
+            aside[name] = min(max(gap + draw.uniform(-reach, reach), -rod), rod)
+        device.command(motor_speed=speed * draw.uniform(0.5, 1.0), **aside)
+        device.advance_to(end)
+    device.command(motor_speed=speed, **gaps)
+    return device

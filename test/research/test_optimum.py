@@ -1,0 +1,67 @@
+"""docs/optimum.md is made of docs/optimum/*.json by the code as it is, and its robots do what it says."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import vibro_ros
+from research.optimum import __main__ as optimum
+from research.starts import started
+from tools.documents import without_marks
+
+DOCS = Path(__file__).resolve().parents[2] / "docs"
+FOLDER = DOCS / optimum.FOLDER
+RESULTS = optimum.read_results(FOLDER)
+WATCHED = json.loads((FOLDER / optimum.LASTING).read_text(encoding="utf-8"))
+
+
+def test_the_document_is_made_of_the_numbers():
+    assert without_marks((DOCS / optimum.TEXT).read_text(encoding="utf-8")) == optimum.document(RESULTS, WATCHED)
+
+
+@pytest.mark.parametrize("name", optimum.SEARCHES)
+def test_the_scene_files_are_the_optima(name):
+    scene = vibro_ros.load_scene(FOLDER / f"{name}.yaml")
+    assert {parameter: scene[parameter] for parameter in RESULTS[name]["optimum"]} == RESULTS[name]["optimum"]
+
+
+@pytest.mark.parametrize("name", ["thriftiest", "thrifty", "fastest"])
+def test_the_optima_do_what_is_said(name):
+    """From three starts: the mean lies within the spread of so few, two standard deviations of one."""
+    found, scene = RESULTS[name]["verified"][0]["speed"], vibro_ros.load_scene(FOLDER / f"{name}.yaml")
+    speeds = []
+    for start in range(3):
+        device = started(scene, np.random.default_rng(start))
+        device.advance_to(4.0)
+        begin = device.state.body_position
+        span = optimum.whole_turns(scene, 10.0)
+        device.advance_to(4.0 + span)
+        speeds.append(abs(device.state.body_position - begin) / span)
+    assert np.mean(speeds) == pytest.approx(found["mean"], rel=1e-3, abs=8.0 * found["spread"])
+
+
+@pytest.mark.parametrize("name", [name for name in optimum.SEARCHES if name != "front"])
+def test_the_optimum_beats_the_papers_beyond_noise(name):
+    best, paper = RESULTS[name]["verified"][:2]
+    margin = paper["ratio_margin" if "speed_per_power" in optimum.SEARCHES[name].words else "margin"]
+    assert margin["mean"] > margin["spread"] and best["agree"]
+
+
+def test_the_least_speed_is_kept():
+    assert RESULTS["thrifty"]["verified"][0]["speed"]["mean"] > 0.15
+
+
+def test_power_vanishes_in_the_paper_and_speed_does_not():
+    first, last = WATCHED["paper"][0], WATCHED["paper"][-1]
+    assert last["power"] < first["power"] / 10.0
+    assert last["speed"]["mean"] == pytest.approx(first["speed"]["mean"], rel=0.2)
+
+
+def test_what_is_watched_for_long_is_found_again(monkeypatch):
+    """The first of the durations, in the scene `paper`: within twice the interval of so few starts."""
+    monkeypatch.setattr(optimum, "DURATIONS", (4.0,))
+    [row], kept = optimum.lasting(vibro_ros.load_scene("paper")), WATCHED["paper"][0]
+    for name in ("speed", "delivered"):
+        assert row[name]["mean"] == pytest.approx(kept[name]["mean"], abs=4.0 * kept[name]["spread"])
