@@ -16,7 +16,7 @@ from PIL import Image
 from tools.mechanism import COLOURS, DARK, EDGE, HUB_HEIGHT, MM, Mechanism, legend
 from vibro_ros.configuration.scene_file import load_scene
 from vibro_ros.process.front_door import given_file
-from vibro_ros.simulation.one_run import simulate
+from vibro_ros.simulation.runs import simulate
 from vibro_ros.simulation.samples import Run, Samples
 
 SPEED = 100.0  # rad/s, of the motor of a scene in which it waits for a command

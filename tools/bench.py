@@ -18,9 +18,8 @@ from vibro_ros.accuracy.timing import LEAST_TIME, RATE, seconds, typical, typica
 from vibro_ros.configuration.scene_file import load_scene
 from vibro_ros.model.scene import Scene
 from vibro_ros.model.tables import compile_scene
-from vibro_ros.simulation.many_runs import simulate_many
-from vibro_ros.simulation.one_run import simulate
 from vibro_ros.simulation.processes import in_processes
+from vibro_ros.simulation.runs import simulate, simulate_many
 from vibro_ros.simulation.samples import Samples
 from vibro_ros.simulation.simulator import Simulator
 

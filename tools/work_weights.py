@@ -19,8 +19,15 @@ from vibro_ros.configuration.scene_file import load_scene, shipped_scenes
 from vibro_ros.model.scene import Scene
 from vibro_ros.model.tables import compile_scene
 from vibro_ros.simulation.accuracy_in_force import KNOWN_SPEED
-from vibro_ros.simulation.auto import HORIZON, choose_method, promised_commands
-from vibro_ros.simulation.counted_work import EXACT_WEIGHTS, STEP_WEIGHTS, counted_work, counts_of_exact
+from vibro_ros.simulation.auto import (
+    EXACT_WEIGHTS,
+    HORIZON,
+    STEP_WEIGHTS,
+    choose_method,
+    counted_work,
+    counts_of_exact,
+    promised_commands,
+)
 from vibro_ros.simulation.kernels import compile_kernels
 from vibro_ros.simulation.simulator import Simulator
 

@@ -12,9 +12,8 @@ if TYPE_CHECKING:
     from vibro_ros.orbits.orbit import find_orbit
     from vibro_ros.orbits.recurrence import settled_motion
     from vibro_ros.orbits.zero_one import zero_one_test
-    from vibro_ros.simulation.many_runs import simulate_many
     from vibro_ros.simulation.motion import SimulationError
-    from vibro_ros.simulation.one_run import simulate
+    from vibro_ros.simulation.runs import simulate, simulate_many
     from vibro_ros.simulation.simulator import Simulator
 
 __all__ = ["Scene", "SimulationError", "Simulator", "find_orbit", "follow_orbit", "load_scene", "lyapunov_spectrum",
@@ -30,8 +29,8 @@ _HOMES = {
     "lyapunov_spectrum": "orbits.lyapunov_spectrum",
     "read_bag": "bag.reader",
     "settled_motion": "orbits.recurrence",
-    "simulate": "simulation.one_run",
-    "simulate_many": "simulation.many_runs",
+    "simulate": "simulation.runs",
+    "simulate_many": "simulation.runs",
     "zero_one_test": "orbits.zero_one",
 }
 

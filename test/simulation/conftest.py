@@ -1,4 +1,4 @@
-"""Makes `commanded_device` and `many_scenes` importable beside the tests."""
+"""Makes `commanded_device` importable beside the tests."""
 
 import sys
 from pathlib import Path

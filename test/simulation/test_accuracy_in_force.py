@@ -8,8 +8,7 @@ from tools.work_weights import UNKEPT, known_scenes
 from vibro_ros.configuration.scene_file import shipped_scenes
 from vibro_ros.simulation import accuracy_in_force as in_force
 from vibro_ros.simulation.accuracy_in_force import KNOWN, KNOWN_SPEED, accuracy_in_force, next_cheaper_choice
-from vibro_ros.simulation.auto import HORIZON, choose_method
-from vibro_ros.simulation.counted_work import counted_work
+from vibro_ros.simulation.auto import HORIZON, choose_method, counted_work
 
 
 def test_what_is_known_of_the_shipped_scenes_is_what_is_found_now():

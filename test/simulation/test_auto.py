@@ -16,10 +16,8 @@ from vibro_ros.accuracy.methods import METHODS, UnableError
 from vibro_ros.configuration.scene_file import shipped_scenes
 from vibro_ros.model.scene import Scene
 from vibro_ros.simulation import auto
-from vibro_ros.simulation.auto import choose_method
-from vibro_ros.simulation.counted_work import EXACT_WEIGHTS
+from vibro_ros.simulation.auto import EXACT_WEIGHTS, choose_method, is_stable
 from vibro_ros.simulation.kernels import compile_kernels
-from vibro_ros.simulation.stability import is_stable
 from vibro_ros.solver import event_loop, fixed_step
 
 TIMES = np.linspace(0.0, 0.2, 101)

@@ -24,7 +24,7 @@ from vibro_ros.process.executables import EXECUTABLES
 from vibro_ros.ros.controller.script_file import read_script
 from vibro_ros.ros.node import qos
 from vibro_ros.ros.topics.publishers import PUBLISHED
-from vibro_ros.simulation.event_log import EventLog
+from vibro_ros.simulation.motion import EventLog
 from vibro_ros.simulation.samples import Samples
 from vibro_ros.study.measures import MEASURES
 from vibro_ros.study.sweep.design import design_of, read_sweep

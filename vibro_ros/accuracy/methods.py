@@ -21,7 +21,7 @@ from vibro_ros.accuracy.baseline import integrate_rk4
 from vibro_ros.accuracy.tables_by_scipy import UnableError
 from vibro_ros.model.scene import Scene
 from vibro_ros.simulation.motion import SimulationError
-from vibro_ros.simulation.one_run import simulate
+from vibro_ros.simulation.runs import simulate
 from vibro_ros.simulation.simulator import Simulator
 
 #: Columns of `Answer.samples`: u, u', w, w', x, x', y, y'.

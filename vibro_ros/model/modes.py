@@ -25,7 +25,7 @@ Every effect needs places 1 to 3, 10 and 11. The others are for the effects that
 7. `model/energy.py`, for what stores energy, and for the power of a force along a guide.
 8. `model/fixed_steps.py`, for a contact or a friction law: the law as numbers, and the limits of what a step publishes.
 9. `simulation/motion.py` and `solver/drive.py`, for a motor law: the speed of the crank's clock; `description.py`
-   describes it. A law that makes segments more expensive has a weight in `simulation/counted_work.py`.
+   describes it. A law that makes segments more expensive has a weight in `simulation/auto.py`.
 10. `tools/effects.py` and the tables of docs/robot.md: a row of `EFFECTS`. A new kind of event belongs into
     `MODE_EVENTS` and docs/guide/python.md.
 11. Tests: the known answer (docs/known_answers.md), a scene of `EFFECTS` in `test_peer.py`, `VARIANTS` of

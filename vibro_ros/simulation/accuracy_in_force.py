@@ -9,8 +9,7 @@ from typing import NamedTuple
 
 from vibro_ros.configuration.scene_file import load_scene
 from vibro_ros.model.scene import Scene
-from vibro_ros.simulation.auto import HORIZON, Candidate, Choice
-from vibro_ros.simulation.counted_work import counted_work
+from vibro_ros.simulation.auto import HORIZON, Candidate, Choice, counted_work
 
 #: Motor speed [rad/s] at which `KNOWN` holds.
 KNOWN_SPEED = 100.0

@@ -4,30 +4,37 @@ What is promised: during the first 0.2 s from the scene's start, without command
 with `motor.max_speed` commanded at the start, body, height and both masses stay within `solver.accuracy` of where the
 method exact has them.
 
-Nothing is timed: errors are those of the very runs that are promised, on a grid finer than their steps, and costs are
-counted (`work`). Every process picks the same.
+Nothing is timed, because a clock gives another answer in every process: errors are those of the very runs that are
+promised, on a grid finer than their steps, and costs are counts of steps, segments and events by fixed weights. So
+every process picks the same.
 """
 
 import contextlib
 import functools
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
 from vibro_ros.model.scene import Scene
-from vibro_ros.simulation.counted_work import counted_work
+from vibro_ros.model.tables import compile_scene
 from vibro_ros.simulation.kernels import compile_kernels
 from vibro_ros.simulation.motion import Motion, SimulationError
-from vibro_ros.simulation.stability import is_stable
 from vibro_ros.solver.methods import SCHEMES
 
 #: Length of the motions that are promised [s].
 HORIZON = 0.2
 #: What `solver.accuracy` is divided by: between two instants of the grid an error may be larger than at them.
 SAFETY = 2.0
+#: Weight of a step of fixed length, by scheme [µs a channel of the scene]. The weights are those of one machine, and
+#: only their ratios matter: `python -m tools.work_weights` measures them, and how far counted work is from time.
+STEP_WEIGHTS: Mapping[str, float] = {"rk4": 0.024, "semi_implicit_euler": 0.009, "moreau": 0.019}
+#: Weights of the method exact: of a segment and of an event; and of a segment besides, if its energy is balanced, if a
+#: friction that decays is followed, or if the motor's speed is on a ramp or lags [µs a channel].
+EXACT_WEIGHTS: Mapping[str, float] = {"segment": 0.075, "event": 0.05, "audited": 0.04, "decaying": 0.02,
+                                      "ramping": 0.08, "lagging": 0.04}
 #: `exact` is left only for what costs less than this part of it: the weights of counted work are no better.
 CLEARLY_LESS = 0.8
 # Steps that are tried [s], the finest longer than the distance of two instants at which errors are looked at.
@@ -35,6 +42,8 @@ _COARSEST, _FINEST, _STEPS_A_DECADE = 1e-2, 1e-5, 4
 _INSTANTS = 40_001
 # Every so many of these instants are looked at first: what is off there need not be looked at closely.
 _STRIDE = 200
+# By how much a spectral radius of 1 may be exceeded, by rounding.
+_ROUNDING = 1e-9
 _POSITIONS = ("body_position", "body_height", "upper_position", "inclined_position")
 
 
@@ -214,3 +223,72 @@ def _ladder() -> list[float]:
 def _off(positions: np.ndarray, reference: np.ndarray) -> float:
     error = float(np.abs(positions - reference).max())
     return error if math.isfinite(error) else math.inf
+
+
+def counts_of_exact(scene: Scene, segments: int, events: int, speeding: bool) -> dict[str, float]:
+    """What `EXACT_WEIGHTS` weigh in a run of `scene` by the method exact; `speeding` if its motor's speed changes."""
+    channels = compile_scene(scene).forms.channels
+    size, motor = channels.count, scene["effects.motor"] if speeding else "ideal"
+    return {"segment": size * segments, "event": size * events,
+            "audited": size * segments * scene["solver.audit"], "decaying": size * segments * channels.decays,
+            "ramping": size * segments * (motor == "ramp"), "lagging": size * segments * (motor == "lag")}
+
+
+def counted_work(scene: Scene, steps: int, events: int = 0, speeding: bool = False) -> float:
+    """Counted work [s] of a run of `scene` by its own `solver.method`.
+
+    Parameters
+    ----------
+    scene : Scene
+        What was run.
+    steps, events : int
+        The run's `statistics["steps"]` and, of `exact`, its number of events.
+    speeding : bool
+        Whether the motor's speed changed during the run.
+    """
+    if scene["solver.method"] == "exact":
+        counts = counts_of_exact(scene, steps, events, speeding)
+        return 1e-6 * sum(EXACT_WEIGHTS[name] * count for name, count in counts.items())
+    return 1e-6 * STEP_WEIGHTS[scene["solver.method"]] * compile_scene(scene).forms.channels.count * steps
+
+
+def is_stable(scene: Scene, scheme: str, step: float) -> bool:
+    """Whether no mode of `scene` lets steps of `step` [s] by `scheme` grow faster than its motion does.
+
+    A step that a plate's stiffness makes unstable is accurate until the first contact, and overflows then.
+    """
+    if scheme == "moreau":  # springs, dampers and contacts are implicit
+        return True
+    return all(_amplification(matrix, scheme, step) <= _growth(matrix, step) * (1.0 + _ROUNDING)
+               for matrix in _matrices(scene))
+
+
+def _matrices(scene: Scene) -> list[np.ndarray]:
+    """Matrix A of y' = A y for the dynamic coordinates and their velocities, by mode."""
+    model = compile_scene(scene)
+    channels, rows = model.forms.channels, model.system.acceleration
+    dynamic, first = channels.dynamic, channels.coordinates
+    matrices = np.zeros((len(rows), 2 * dynamic, 2 * dynamic))
+    matrices[:, :dynamic, dynamic:] = np.eye(dynamic)
+    matrices[:, dynamic:, :dynamic] = rows[:, :dynamic, :dynamic]
+    matrices[:, dynamic:, dynamic:] = rows[:, :dynamic, first:first + dynamic]
+    return list(matrices)
+
+
+def _amplification(matrix: np.ndarray, scheme: str, step: float) -> float:
+    """Spectral radius of a step."""
+    size, part = len(matrix), step * matrix
+    if scheme == "rk4":
+        grown = np.eye(size) + part @ (np.eye(size) + part / 2.0 @ (np.eye(size) + part / 3.0 @ (
+            np.eye(size) + part / 4.0)))
+    else:
+        half = size // 2
+        grown = np.eye(size)
+        grown[half:] += part[half:]
+        grown[:half] += step * grown[half:]
+    return float(np.abs(np.linalg.eigvals(grown)).max())
+
+
+def _growth(matrix: np.ndarray, step: float) -> float:
+    """By how much the motion itself may grow during a step, at least 1."""
+    return float(np.exp(max(0.0, step * np.linalg.eigvals(matrix).real.max())))

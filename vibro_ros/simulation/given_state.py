@@ -9,16 +9,48 @@ from collections.abc import Mapping
 import numpy as np
 
 from vibro_ros.model.parameters import Parameter
-from vibro_ros.model.scene import NUMBERS, Scene, check_parts, outside_plates
+from vibro_ros.model.scene import NUMBERS, Scene, check_parts, given_start, outside_plates
 from vibro_ros.model.shock import REST_SPEED
 from vibro_ros.model.tables import Model
 from vibro_ros.solver.energy import stored_energy, stored_on_accounts
-from vibro_ros.solver.state import State
+from vibro_ros.solver.segment import read_signals
+from vibro_ros.solver.state import State, new_state
 
 UNITS = {name: number.unit for name, number in NUMBERS.items()} | {
     "motor_speed": "rad/s", "upper_plate_position": "m", "inclined_plate_position": "m"}
 """What may be given, fields of `Samples`, with their units; all other fields follow from these."""
 _TURN = 2.0 * math.pi
+
+
+def started(scene: Scene, model: Model, point: np.ndarray) -> State:
+    """The solver's state at t = 0, before its first segment.
+
+    Parameters
+    ----------
+    scene, model : Scene, Model
+        What is simulated, and the same compiled.
+    point : ndarray, shape (channels,)
+        All channels, overwritten: positions and velocities are those of the start.
+    """
+    system, forms, channels = model.system, model.forms, model.forms.channels
+    plates = {side: scene[f"crank.{side}_rod"] + scene[f"{side}.gap"] for side in forms.plates}
+    state = new_state(system, scene["motor.speed"], np.array([plates[side] for side in forms.plates]),
+                      model.initial_mode)
+    point[:], point[channels.one] = 0.0, 1.0
+    if scene["start.state"] == "given":
+        place(scene, model, state, point, given_start(scene) | {"motor_speed": scene["motor.speed"]}, turned=True)
+    else:
+        # The very bits that the flow uses: a mass at rest on its slider must feel no force at all.
+        sliders = point[channels.signal(0):channels.signal(len(model.sliders))]
+        read_signals(system, state, sliders)
+        point[channels.ramp(0):channels.ramp(channels.ramps)] = state.ramp["value"]
+        if scene["start.state"] == "rest":
+            for i, side in enumerate(forms.guides):
+                point[i] = min(sliders[i], plates.get(side, math.inf))
+    state.now["audit"]["energy"] = stored_energy(system, point[:2 * channels.coordinates])
+    if scene["solver.accounts"]:
+        state.now["accounts"]["stored"] = stored_on_accounts(system, int(state.now["automaton"]["mode"][0]), point)
+    return state
 
 
 def checked_state(scene: Scene, given: Mapping[str, object], now: Mapping[str, float]) -> dict[str, float]:

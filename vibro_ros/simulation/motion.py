@@ -1,30 +1,29 @@
-"""A scene in motion: the state of its solver, advanced in time and changed by commands.
+"""A scene in motion: the state of its solver, advanced in time and changed by commands, with its events and energy.
 
 Arguments are not checked here, and `solver.method` is a method, not auto: `Simulator` sees to both.
 """
 
 import math
 import time as wall_clock
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from vibro_ros.model.energy import ACCOUNTS, LOSSES
 from vibro_ros.model.fixed_steps import contact_laws, cut_to_laws
+from vibro_ros.model.modes import MODE_EVENTS
 from vibro_ros.model.scene import Scene
 from vibro_ros.model.tables import Model, compile_scene
-from vibro_ros.simulation.change_of_ground import carried_over
-from vibro_ros.simulation.energy_accounts import energy_accounts
-from vibro_ros.simulation.event_log import EventLog
-from vibro_ros.simulation.given_state import book, checked_state, place
+from vibro_ros.simulation.given_state import book, checked_state, place, started
 from vibro_ros.simulation.readout import Readout
-from vibro_ros.simulation.samples import FIELDS, Trace
-from vibro_ros.simulation.start import started
+from vibro_ros.simulation.samples import EVENT_DTYPE, FIELDS, Trace
 from vibro_ros.solver import event_loop
-from vibro_ros.solver.energy import residual
-from vibro_ros.solver.events import EVENT_COLUMNS, leave_for_ramp
+from vibro_ros.solver.compilation import Laid
+from vibro_ros.solver.energy import SPLIT, residual, stored_on_accounts
+from vibro_ros.solver.events import EVENT_COLUMNS, MONITOR_KIND, PHASE_KIND, RAMP_KIND, leave_for_ramp
 from vibro_ros.solver.methods import SCHEMES, Exact, FixedStep, Stepper
 from vibro_ros.solver.segment import LONGEST_SEGMENT
-from vibro_ros.solver.state import State, lasting
+from vibro_ros.solver.state import State, lasting, new_state
 from vibro_ros.solver.system import NOTHING
 
 EVENTS_AT_ONCE = 4096
@@ -322,3 +321,137 @@ class Motion:
         if self._cuts_forces:
             cut_to_laws(self.scene, quantities)
         return quantities
+
+
+class EventLog:
+    """Events by kind.
+
+    Parameters
+    ----------
+    plates : sequence of str
+        Sides that have a plate, in the solver's order.
+    """
+
+    def __init__(self, plates: Sequence[str]):
+        self._kinds = _names_of_kinds(plates)
+        self._counts = np.zeros(len(self._kinds), dtype=np.int64)
+        self._untaken: list[np.ndarray] = []
+
+    def add(self, events: np.ndarray) -> None:
+        """Add events as the solver records them, shape (n, EVENT_COLUMNS); a copy is kept."""
+        if len(events) == 0:
+            return
+        self._untaken.append(events.copy())
+        self._counts += np.bincount(events[:, 1].astype(np.int64), minlength=len(self._counts))
+
+    def take(self) -> np.ndarray:
+        """Return the events added since the last call, in the order in which they ended; dtype `EVENT_DTYPE`."""
+        if not self._untaken:
+            return np.empty(0, dtype=EVENT_DTYPE)
+        raw = np.concatenate(self._untaken)
+        self._untaken.clear()
+        events = np.empty(len(raw), dtype=EVENT_DTYPE)
+        events["time"], events["speed"], events["peak_force"], events["duration"] = raw[:, [0, 2, 3, 4]].T
+        events["kind"] = self._kinds[raw[:, 1].astype(np.int64)]
+        return events
+
+    def drop_untaken(self) -> None:
+        """Drop the events that were not taken; they stay counted."""
+        self._untaken.clear()
+
+    def counts(self) -> dict[str, int]:
+        """Return how many events of each kind have been added; kinds without one are left out."""
+        counts: dict[str, int] = {}
+        for kind in np.flatnonzero(self._counts):
+            name = str(self._kinds[kind])
+            counts[name] = counts.get(name, 0) + int(self._counts[kind])
+        return counts
+
+
+def _names_of_kinds(plates: Sequence[str]) -> np.ndarray:
+    """Return the names of the kinds of recorded events, by the solver's numbers."""
+    names = np.zeros(PHASE_KIND + 1, dtype=EVENT_DTYPE["kind"])
+    names[:len(MODE_EVENTS)] = MODE_EVENTS
+    names[PHASE_KIND] = "motor_ramp_end"
+    for k, side in enumerate(plates):
+        names[MONITOR_KIND + k], names[RAMP_KIND + k] = f"{side}_contact", "gap_reached"
+    return names
+
+
+def energy_accounts(model: Model, state: State, time: float) -> dict[str, float]:
+    """Where energy came from and went since t = 0 [J].
+
+    Parameters
+    ----------
+    model : Model
+        A compiled scene with `solver.accounts`.
+    state : State
+        Its state by the method exact; nothing of it changes.
+    time : float
+        Instant [s] within the present segment.
+
+    Returns
+    -------
+    dict of str to float
+        What `Simulator.statistics` describes.
+    """
+    # A command at this instant would book all work up to here: it is given to a copy.
+    ended = state._replace(**{name: getattr(state, name).copy()
+                              for name in ("scale", "now", "ramp", "mode_point", "root", "monitor")})
+    point = np.zeros(model.forms.channels.count)
+    event_loop.interrupt(model.laid.layout, Laid(ended).layout, time, point)
+    accounts, mode = ended.now["accounts"][0], int(ended.now["automaton"]["mode"][0])
+    work, magnitude = dict(zip(ACCOUNTS, map(float, accounts["work"]), strict=False)), float(accounts["magnitude"])
+    stored = stored_on_accounts(model.system, mode, point) - float(accounts["stored"])
+    net = work.pop(ACCOUNTS[SPLIT])
+    return {"motor_delivered": 0.5 * (magnitude + net), "motor_taken_back": 0.5 * (magnitude - net),
+            **{name: 0.0 - amount if name in LOSSES else amount for name, amount in work.items()},
+            "stored": stored, "residual": net + sum(work.values()) - stored}
+
+
+def carried_over(model: Model, state: State, point: np.ndarray, new_model: Model) -> tuple[State, np.ndarray]:
+    """State and channels of `new_model` that go on from those of `model`, where the motion stands at a segment's end.
+
+    The two models are of scenes that differ in `ground.friction` alone, so that coordinates, sliders and plates are the
+    same. The states of the friction are not: there may be none where the coefficient is 0. A state that does not hold
+    on the new ground, such as sticking, is left at the first event.
+
+    Parameters
+    ----------
+    model, new_model : Model
+        The scene so far, and the one that follows.
+    state : State
+        Of the first; not changed.
+    point : ndarray, shape (channels of `model`,)
+        Every channel now.
+    new_model : Model
+        The scene that follows.
+
+    Returns
+    -------
+    State, ndarray, shape (channels of `new_model`,)
+        To begin a segment with.
+    """
+    mode = _mode(model, int(state.now["automaton"]["mode"][0]), point, new_model)
+    new = new_state(new_model.system, 0.0, state.ramp["value"], mode)
+    for name in ("now", "ramp", "monitor"):
+        getattr(new, name)[...] = getattr(state, name)
+    new.now["automaton"]["mode"] = mode
+    channels, new_point = new_model.forms.channels, np.zeros(new_model.forms.channels.count)
+    kept = channels.ramp_rate(channels.ramps)  # what stands behind begins with the segment
+    new_point[:kept] = point[:kept]
+    return new, new_point
+
+
+def _mode(model: Model, mode: int, point: np.ndarray, new_model: Model) -> int:
+    """Number of the new mode with the same contacts, in which friction begins as the body moves."""
+    *contacts, friction = model.modes[mode].states
+    numbers = {one.states: number for number, one in enumerate(new_model.modes)}
+    moving = ("stick", "slip_forward", "slip_backward")[int(np.sign(_body_velocity(model, point)))]
+    return next(numbers[(*contacts, name)] for name in (friction, moving, "grounded") if (*contacts, name) in numbers)
+
+
+def _body_velocity(model: Model, point: np.ndarray) -> float:
+    """Velocity of the body along the ground [m/s]."""
+    forms = model.forms
+    return float(point[forms.channels.velocity(forms.body)]) if forms.body_moves else 0.0

@@ -26,8 +26,7 @@ _ROOMS = ("model", "solver")
 _MODULES = (
     *(("messages", name) for name in ("fields", "frames", "joints", "outlines", "urdf")),
     *(("simulation", name) for name in (
-        "auto", "change_of_ground", "counted_work", "energy_accounts", "event_log", "given_state", "kernels",
-        "motion", "readout", "sample_times", "samples", "simulator", "stability", "start")))
+        "auto", "given_state", "kernels", "motion", "readout", "samples", "simulator")))
 
 
 def provenance(parameters: Mapping[str, Value], start: int) -> dict[str, str]:

@@ -11,8 +11,7 @@ from vibro_ros.model.scene import Scene
 from vibro_ros.simulation.auto import Choice, choose_method, chosen
 from vibro_ros.simulation.motion import Motion
 from vibro_ros.simulation.preparation import provide_kernels
-from vibro_ros.simulation.sample_times import LATEST, checked_times
-from vibro_ros.simulation.samples import Samples, one_sample
+from vibro_ros.simulation.samples import LATEST, Samples, checked_times, one_sample
 
 
 class ToleranceWarning(UserWarning):

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from vibro_ros.accuracy.starts import STARTING
 from vibro_ros.model.scene import Scene
-from vibro_ros.simulation.sample_times import LATEST
+from vibro_ros.simulation.samples import LATEST
 
 #: Most turns [-] of one window; doubles count them exactly, and a run of so many takes hours.
 MOST_TURNS = 1e9

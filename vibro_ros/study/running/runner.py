@@ -9,8 +9,7 @@ from typing import Protocol, TypeVar, cast
 
 from vibro_ros.model.parameters import Value
 from vibro_ros.simulation.preparation import prepare_kernels
-from vibro_ros.simulation.processes import in_processes
-from vibro_ros.simulation.worker import WorkerError
+from vibro_ros.simulation.processes import WorkerError, in_processes
 
 #: Most rows of a piece: all of the same machine, whose equations are compiled once.
 PIECE = 16
