@@ -1,13 +1,18 @@
 """The body on the ground: known answers A14, A15, A19, A29, sticking and friction, by the public interface."""
 
+import dataclasses
+import itertools
+import math
+
 import numpy as np
 import pytest
 from exact_motion import duhamel
 
 import vibro_ros
+from vibro_ros import Scene, simulate
 
 NO_CONTACT = {"effects.upper_contact": "none", "effects.inclined_contact": "none"}
-TOTAL_MASS, GRAVITY, FRICTION = 1.18, 9.81, 0.2
+TOTAL_MASS, GRAVITY = 1.18, 9.81
 SINE = np.sin(np.radians(50.0))
 FORCE_ROUNDING = 1e-9  # N: a plate of 1e7 N/m times positions of 0.06 m, a few roundings each
 FORCES = ("weight", "unilateral", "printed")
@@ -112,37 +117,6 @@ def test_twin_masses_move_as_one():
         np.testing.assert_allclose(upper[key], inclined[key], rtol=1e-12, atol=0)
 
 
-@pytest.mark.parametrize("force", FORCES)
-@pytest.mark.parametrize("start", ["rest", "zero"])
-def test_friction_obeys_coulombs_law(force, start):
-    """|F_fr| <= μ|N|; at rest it balances F_in exactly and the speed is exactly 0; sliding it is μ N sign(x')."""
-    run = vibro_ros.simulate(paper({"effects.normal_force": force, "start.state": start}), duration=1.0, rate=5000.0)
-    limit = FRICTION * run.normal_force
-    assert np.all(np.abs(run.friction_force) <= np.abs(limit) + FORCE_ROUNDING)
-    at_rest = run.body_velocity == 0.0
-    sliding = ~at_rest
-    assert np.count_nonzero(sliding) > 1000
-    np.testing.assert_allclose(run.friction_force[sliding], (limit * np.sign(run.body_velocity))[sliding],
-                               rtol=0, atol=FORCE_ROUNDING)
-    inward = -SINE * (run.inclined_plate_force - run.inclined_drive_force)
-    held = at_rest & (np.abs(inward) < limit - FORCE_ROUNDING)
-    assert np.count_nonzero(held) > 10 or start == "zero"  # which never sticks under `weight`
-    np.testing.assert_allclose(run.friction_force[held], inward[held], rtol=0, atol=FORCE_ROUNDING)
-    assert not np.any(sliding & (np.abs(run.body_velocity) < 1e-15)), "a sticking body must stand, not creep"
-
-
-@pytest.mark.parametrize("force", FORCES)
-def test_a_sticking_body_stays_where_it_is(force):
-    """Between a stick and the next slip the position is one number, bit for bit."""
-    run = vibro_ros.simulate(paper({"effects.normal_force": force}), duration=1.0, rate=20000.0)
-    still = (run.body_velocity[1:] == 0.0) & (run.body_velocity[:-1] == 0.0)
-    slips = run.events["time"][np.char.startswith(run.events["kind"].astype(str), "slip")]
-    between = np.searchsorted(slips, run.time[1:]) == np.searchsorted(slips, run.time[:-1])
-    same = still & between
-    assert np.count_nonzero(same) > 20
-    np.testing.assert_array_equal(run.body_position[1:][same], run.body_position[:-1][same])
-
-
 def test_normal_force_follows_its_rule():
     """Equation (6), its part above 0, or M g."""
     runs = {force: vibro_ros.simulate(paper({"effects.normal_force": force}), duration=0.5, rate=20000.0)
@@ -174,3 +148,43 @@ def test_a_body_without_a_force_along_x_stays_at_rest(force):
     np.testing.assert_array_equal(run.body_position, 0.0)
     np.testing.assert_array_equal(run.body_velocity, 0.0)
     np.testing.assert_array_equal(run.friction_force, 0.0)
+
+
+@pytest.mark.parametrize(("radius", "angle"), [(0.0599, math.pi / 2), (0.06, 1.126), (0.02, 0.9)])
+def test_a_mass_at_rest_on_a_standing_slider_leaves_the_body_at_rest(radius, angle):
+    # The upper mass, pressed on its plate, makes N negative again and again; F_in of the inclined one is exactly 0.
+    scene = Scene().with_parameters({
+        "crank.radius": radius, "guide.angle": angle, "motor.speed": 0.0, "inclined.gap": 0.02,
+    })
+    run = simulate(scene, duration=1.0, rate=1000.0)
+    assert run.normal_force.min() < 0.0
+    assert not run.body_position.any()
+    assert not run.body_velocity.any()
+
+
+SCENES = ("paper", "unilateral", "damped", "rigid")
+
+
+# The device's reaction and its hop do not go with Stribeck's law.
+@pytest.mark.parametrize(("name", "law"), [
+    *itertools.product([*SCENES, "device"], ["coulomb", "static"]), *itertools.product(SCENES, ["stribeck"])])
+def test_a_coefficient_of_zero_gives_the_bits_of_no_friction(name, law):
+    """Every sample, event and count: it compiles to the same modes, terms and guards."""
+    scene = vibro_ros.load_scene(name).with_parameters({"motor.speed": 100.0})
+    smooth = scene.with_parameters({"effects.friction": law, "ground.friction": 0.0, "ground.static_friction": 0.0})
+    without = scene.with_parameters({"effects.friction": "none"})
+    assert smooth.describe() == without.describe()
+    found, expected = (vibro_ros.simulate(one, duration=1.0, rate=1000.0) for one in (smooth, without))
+    assert len(expected.events) > 20 and np.abs(expected.body_velocity).max() > 0.1
+    for field in dataclasses.fields(expected):
+        if field.name != "statistics":
+            np.testing.assert_array_equal(getattr(found, field.name), getattr(expected, field.name), field.name)
+    assert {**found.statistics, "wall_time": 0.0} == {**expected.statistics, "wall_time": 0.0}
+
+
+def test_a_static_coefficient_alone_is_friction():
+    """Both must be zero: a body that nothing brakes once it slips may be held until then."""
+    scene = vibro_ros.load_scene("unilateral").with_parameters({
+        "effects.friction": "static", "ground.friction": 0.0, "ground.static_friction": 0.2})
+    events = vibro_ros.simulate(scene, duration=0.2, rate=100.0).events
+    assert np.isin(events["kind"], ["slip_forward", "slip_backward"]).any()

@@ -1,5 +1,6 @@
 """`Scene.describe` says what the compiled tables hold: no more, no less."""
 
+import math
 import re
 
 import numpy as np
@@ -19,6 +20,8 @@ from description_reader import (
 
 import vibro_ros
 from vibro_ros.configuration.scene_file import shipped_scenes
+from vibro_ros.model.description import Symbols, ratio
+from vibro_ros.model.forms import Forms
 from vibro_ros.model.tables import compile_scene
 from vibro_ros.simulation.motion import Motion
 from vibro_ros.simulation.readout import Readout
@@ -230,3 +233,20 @@ def test_no_coefficient_is_zero():
     for scene in SCENES:
         for line in sections(scene).get("equations", []):
             assert not re.search(r"[-+=] 0 [uwxNF(]|e-1[5-9]", line), line
+
+
+def test_forms_are_written_as_the_paper_does():
+    forms = Forms(vibro_ros.Scene("damped", {"upper.spring.damping": 2.0, "upper.plate.damping": 0.5}))
+    write = Symbols(forms).text
+    assert write(-forms.guide_force("upper", frozenset({"upper"}))) == (
+        "-1000 (u - s_B) - 2 (u' - s_B') - 1e+07 (u - E) - 0.5 (u' - E')")
+    assert write(forms.position(0) - 2.5 * forms.one) == "u - 2.5"
+    assert write(forms.zero) == "0"
+
+
+def test_the_ratio_of_two_forms_is_found_if_there_is_one():
+    one, other = np.array([1.0, -3.0, 0.0]), np.array([1.0, -3.0, 1e-6])
+    assert ratio(-0.2 * one, one) == pytest.approx(-0.2, rel=1e-15)
+    assert ratio(other, one) is None
+    assert ratio(0.0 * one, one) == 0.0
+    assert math.isclose(ratio(one, one), 1.0)

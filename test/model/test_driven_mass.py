@@ -29,13 +29,6 @@ def test_mean_slider_position():
     np.testing.assert_allclose(sliders, slider(100.0 * times, 0.02, 0.06), rtol=0, atol=1e-15)
 
 
-def test_inclined_slider_lags_by_the_guide_angle():
-    """Equation (3): s_C = l cos(θ-φ) + √(L² - l² sin²(θ-φ))."""
-    motion = run({"guide.angle": 1.2, "crank.inclined_rod": 0.08})
-    sliders = motion.inclined_position + motion.inclined_drive_force / 1e3
-    np.testing.assert_allclose(sliders, slider(100.0 * TIMES - 1.2, 0.02, 0.08), rtol=0, atol=1e-14)
-
-
 def long_rod_drift(times, radius, rod, motor_speed, frequency):
     """Answer to the second harmonic -(l²/4L)(1 - cos 2ωt) that a long rod leaves; the next is l⁴/8L³."""
     a, w, k = radius**2 / (4 * rod), 2 * motor_speed, frequency

@@ -51,13 +51,6 @@ def test_order_one_when_events_are_crossed_blindly(method, name):
     assert 0.7 < np.mean(found[:2]) < 1.3, found
 
 
-def test_kicked_half_a_step_late_euler_is_second_order_from_rest():
-    """Without dampers it is the leapfrog, half a step off in the velocities, which are zero at the start."""
-    found = order(scene("unilateral", SMOOTH | {"upper.spring.damping": 0.0, "inclined.spring.damping": 0.0}),
-                  "semi_implicit_euler", [4e-4, 2e-4, 1e-4])
-    np.testing.assert_allclose(found, 2.0, rtol=0, atol=0.1)
-
-
 def trajectory(method, name, piece):
     device = vibro_ros.Simulator(scene(name, {"solver.method": method, "solver.step": 2e-5, "effects.motor": "ramp"}))
     states, events = [], []
@@ -73,7 +66,7 @@ def trajectory(method, name, piece):
 
 
 @pytest.mark.parametrize("method", METHODS)
-@pytest.mark.parametrize("name", ["device", "rigid", "paper"])
+@pytest.mark.parametrize("name", ["device", "paper"])
 def test_every_cut_of_time_gives_the_same_bits(method, name):
     whole, events = trajectory(method, name, np.inf)
     assert np.isfinite(whole).all() and {"motor_ramp_end", "gap_reached"} & set(events["kind"])
@@ -84,7 +77,7 @@ def test_every_cut_of_time_gives_the_same_bits(method, name):
 
 
 @pytest.mark.parametrize("method", METHODS)
-@pytest.mark.parametrize("name", ["paper", "unilateral", "damped", "rigid", "device"])
+@pytest.mark.parametrize("name", ["rigid", "device"])
 def test_commands_between_the_steps_act_as_they_do_exactly(method, name):
     """First order: at 5e-7 s what an event or an implicit contact is off by stays below 1e-3 m within 0.08 s."""
     ends = []
@@ -169,21 +162,6 @@ def test_contacts_are_recorded_at_step_resolution(method):
         assert other["duration"] == pytest.approx(first["duration"], abs=2e-5)
 
 
-def test_statistics_say_method_and_step():
-    run = vibro_ros.simulate(scene("device", {"solver.step": 1e-4, "solver.audit": True}), duration=0.1, rate=10.0,
-                             method="moreau")
-    assert run.statistics["solver.method"] == "moreau" and run.statistics["solver.step"] == 1e-4
-    assert run.statistics["steps"] in (1000, 1001)
-    assert "energy_residual" not in run.statistics  # there is no segment to balance
-
-
-@pytest.mark.parametrize(("name", "value"), [("solver.step", 0.0), ("solver.step", 1.0), ("solver.accuracy", 1e-13),
-                                             ("solver.method", "euler")])
-def test_settings_out_of_range_are_refused(name, value):
-    with pytest.raises(ValueError, match=f"{name}: .* (give a number from|choose one of)"):
-        scene("paper", {name: value})
-
-
 RIGID = {"effects.upper_contact": "restitution", "effects.inclined_contact": "restitution"}
 STRIBECK = {"effects.friction": "stribeck", "ground.static_friction": 0.5, "ground.stribeck_speed": 0.05}
 
@@ -199,19 +177,3 @@ def test_every_effect_converges_to_the_exact_motion(method, name, changes):
     coarse, fine = (errors(scene(name, changes), method, step) for step in (1e-5, 1e-6))
     assert fine.max() < 1e-3  # m; an implicit contact of 1e7 N/m is off most
     assert fine.max() < 0.5 * coarse.max()
-
-
-@pytest.mark.parametrize("method", METHODS)
-@pytest.mark.parametrize("name", ["device", "rigid"])
-def test_a_checkpoint_between_two_steps_goes_on_bit_for_bit(method, name):
-    made = scene(name, {"solver.method": method, "solver.step": 1e-4})
-    device, follower = vibro_ros.Simulator(made), vibro_ros.Simulator(made)
-    device.advance_to(0.06643)
-    checkpoint = device.checkpoint()
-    device.advance_to(0.06871)
-    follower.restore(checkpoint)
-    for each in (device, follower):
-        each.advance_to(0.07)
-        each.command(motor_speed=90.0)
-        each.advance_to(0.13337)
-    assert dataclasses.astuple(device.state) == dataclasses.astuple(follower.state)

@@ -5,7 +5,6 @@ import pytest
 from hopping_body import HoppingBody
 
 import vibro_ros
-from vibro_ros.configuration.scene_file import shipped_scenes
 from vibro_ros.model.forms import Forms
 from vibro_ros.model.shock import Landing
 
@@ -42,8 +41,6 @@ def around(instants, machine):
     return vibro_ros.simulate(machine, times=np.ravel(np.column_stack((instants - 1e-9, instants + 1e-9))))
 
 
-# -- independent integration ----------------------------------------------------------------------
-
 @pytest.mark.parametrize("changes", [
     {}, HEAVY, REACTION | {"ground.friction": 0.6, "guide.angle": 1.2},
     REACTION | {"effects.friction": "none", "guide.angle": 2.2}, STRUCK, HEAVY | STRUCK,
@@ -68,8 +65,6 @@ def test_the_full_equations_integrated_by_scipy_give_the_same_motion(changes):
     np.testing.assert_allclose(events["time"], [instant for instant, _ in jumps], rtol=0, atol=1e-11)
 
 
-# -- flight ---------------------------------------------------------------------------------------
-
 @pytest.mark.parametrize("changes", [{}, REACTION, HEAVY], ids=["no reaction", "reaction", "heavy"])
 def test_the_centre_of_gravity_flies_on_a_parabola(changes):
     """A32. Rows x and y without the ground: M y + m2 u + m3 w cos φ = a + b t - M g t²/2 through every impact in
@@ -92,8 +87,6 @@ def test_the_centre_of_gravity_flies_on_a_parabola(changes):
         struck += any(start < instant < start + t[-1] for instant in times_of(run.events, "inclined_contact"))
     assert struck > 3
 
-
-# -- landing --------------------------------------------------------------------------------------
 
 @pytest.mark.parametrize("changes", [{}, REACTION, HEAVY], ids=["no reaction", "reaction", "heavy"])
 def test_a_landing_takes_the_energy_of_the_fall(changes):
@@ -150,30 +143,6 @@ def test_a_shock_slips_sticks_or_turns_back_as_coulomb_asks_at_every_instant(ang
         assert target.state == "stick" or (target.state == "slip_forward") == (after > 0.0)
 
 
-def test_landing_on_a_running_stick():
-    """A fall whose friction impulse stops the body ends in stick at once: x' is exactly 0, no slip between."""
-    machine = scene("damped", {"ground.friction": 2.0})
-    run = vibro_ros.simulate(machine, times=[3.0])
-    sliding = times_of(run.events, "landing")[1:]
-    run = around(sliding, machine)
-    before, after = run.body_velocity[::2], run.body_velocity[1::2]
-    stopped = (after == 0.0) & (abs(before) > 1e-3)
-    assert np.count_nonzero(stopped) > 5
-    assert np.all(abs(before[stopped]) <= 2.0 * abs(run.body_vertical_velocity[::2][stopped]) + 1e-6)
-
-
-# -- lift-off -------------------------------------------------------------------------------------
-
-@pytest.mark.parametrize("changes", [{}, HEAVY], ids=["no reaction", "heavy"])
-def test_the_body_lifts_off_during_an_impact(changes):
-    """An impact pushes the body up with ten times its weight: it is in the air before the mass leaves the plate."""
-    run = vibro_ros.simulate(scene("damped", changes), times=[1.0])
-    impacts = run.events[run.events["peak_force"] > 10 * TOTAL * GRAVITY]
-    lifts = times_of(run.events, "lift_off")
-    inside = [np.any((lifts >= hit["time"]) & (lifts <= hit["time"] + hit["duration"])) for hit in impacts]
-    assert np.count_nonzero(inside) > 5
-
-
 @pytest.mark.parametrize("excess", [-1e-6, 1e-6])
 def test_the_ground_is_left_where_the_normal_force_would_vanish_and_not_before(excess):
     """The least N over a run is M g plus what does not depend on g, without reaction: that g decides, to 1e-6."""
@@ -196,26 +165,6 @@ def test_no_lock_up_where_the_normal_force_is_almost_nothing(gravity, changes):
         assert len(device.take_events()) < 500
 
 
-# -- invariants -----------------------------------------------------------------------------------
-
-@pytest.mark.parametrize("effects", [{}, REACTION, HEAVY, HEAVY | STATIC], ids=["none", "reaction", "heavy", "static"])
-@pytest.mark.parametrize("name", shipped_scenes())
-def test_the_ground_never_pulls_and_is_never_entered(name, effects):
-    """y and N to their rounding of 1e-15 m and 1e-9 N; exactly 0 where the other is not; friction within its cone."""
-    machine = scene(name, effects, {"solver.audit": True})
-    run = vibro_ros.simulate(machine, duration=2.0, rate=5000.0)
-    assert run.body_height.min() >= -1e-15
-    assert run.normal_force.min() >= -1e-9
-    grounded = run.normal_force != 0.0
-    assert np.all(run.body_height[grounded] == 0.0)
-    assert np.all(run.body_vertical_velocity[grounded] == 0.0)
-    assert np.count_nonzero(run.body_height > 1e-4) > 100
-    static = machine["ground.static_friction" if machine["effects.friction"] == "static" else "ground.friction"]
-    static *= machine["effects.friction"] != "none"
-    assert np.all(abs(run.friction_force) <= static * run.normal_force + 1e-9)
-    assert abs(run.statistics["energy_residual"]) <= 1e-12 * run.statistics["energy_exchanged"]
-
-
 @pytest.mark.parametrize("changes", [{}, REACTION, HEAVY, HEAVY | STATIC], ids=["none", "reaction", "heavy", "static"])
 def test_hop_and_unilateral_agree_while_the_ground_is_pressed(changes):
     """A27. Where N > 0 all the time they are the same equations: 1e-13 m and m/s."""
@@ -227,9 +176,3 @@ def test_hop_and_unilateral_agree_while_the_ground_is_pressed(changes):
     for name in ("body_position", "body_velocity", "upper_position", "inclined_position", "normal_force"):
         np.testing.assert_allclose(getattr(runs[0], name), getattr(runs[1], name), rtol=0, atol=1e-13)
     np.testing.assert_array_equal(runs[0].events, runs[1].events)
-
-
-def test_a_body_that_nothing_drives_along_the_ground_hops_on_the_spot():
-    run = vibro_ros.simulate(scene("damped", HEAVY, {"guide.angle": 0.0}), duration=1.0, rate=1000.0)
-    assert run.body_height.max() > 1e-3
-    assert not run.body_position.any()

@@ -74,46 +74,6 @@ def test_mean_speeds_of_the_first_second_are_those_found_outside(angle, mass, ra
     assert run.body_position[-1] == pytest.approx(speed, rel=0.01)  # m in 1 s
 
 
-def test_momentum_changes_by_the_misread_force_alone():
-    """Without friction M x' - m3 w' sin(phi) changes at the rate -k1 (u - w) sin(phi) while the plate is closed."""
-    scene = vibro_ros.load_scene("frictionless").with_parameters(MISPRINT)
-    run = vibro_ros.simulate(scene, times=np.linspace(0.0, 0.1, 400_001))
-    sine = math.sin(scene["guide.angle"])
-    momentum = scene.total_mass * run.body_velocity - scene["mass.inclined"] * sine * run.inclined_velocity
-    closed = run.inclined_position >= run.inclined_plate_position
-    force = -scene["inclined.plate.stiffness"] * sine * closed * (run.upper_position - run.inclined_position)
-    impulse = np.append(0.0, np.cumsum((force[1:] + force[:-1]) / 2.0) * 0.1 / 400_000)
-    # Half a sample is missed at each end of a contact.
-    ends = np.count_nonzero(np.diff(closed))
-    assert ends > 10 and np.ptp(momentum) > 1.0
-    np.testing.assert_allclose(momentum, impulse, rtol=0.0, atol=ends * np.abs(force).max() * 0.5 * 0.1 / 400_000)
-
-
-@pytest.mark.parametrize("rule", ["weight", "unilateral", "printed", "hop"])
-@pytest.mark.parametrize("name", ["paper", "damped"])
-def test_masses_move_as_without_the_misprint(name, rule):
-    scene = vibro_ros.load_scene(name).with_parameters({"effects.normal_force": rule})
-    without, with_it = (vibro_ros.simulate(scene.with_parameters({"effects.misprint": value}), duration=0.3, rate=200.0)
-                        for value in (False, True))
-    for quantity in ("upper_position", "inclined_position", "upper_velocity", "inclined_velocity", "motor_power"):
-        np.testing.assert_allclose(getattr(with_it, quantity), getattr(without, quantity), rtol=0.0, atol=1e-9)
-    assert np.abs(with_it.body_position - without.body_position).max() > 1e-3
-
-
-def test_published_forces_are_those_of_the_state_of_the_plate():
-    """N and F_in = M x'' + F_fr, from positions and speeds of dense samples that include contacts."""
-    scene = vibro_ros.load_scene("paper").with_parameters(MISPRINT)
-    run = vibro_ros.simulate(scene, times=np.linspace(0.0, 0.1, 20_001))
-    cosine = math.cos(scene["guide.angle"])
-    closed = run.inclined_position >= run.inclined_plate_position
-    # The drive force is what acts on the mass, the plate force what acts on the plate.
-    on_body = -run.inclined_drive_force + closed * scene["inclined.plate.stiffness"] * (
-        run.upper_position - run.inclined_plate_position)
-    normal = scene.total_mass * scene["gravity"] + run.upper_drive_force - run.upper_plate_force - cosine * on_body
-    assert closed.any() and not closed.all()
-    np.testing.assert_allclose(run.normal_force, normal, rtol=0.0, atol=1e-9 * np.abs(normal).max())
-
-
 @pytest.mark.parametrize("method", ["rk4", "semi_implicit_euler"])
 def test_methods_of_fixed_step_converge(method):
     """A28. On a plate so soft that the steps resolve the contacts."""

@@ -64,12 +64,6 @@ def test_the_default_is_warned_of_where_rounding_does_not_let_it_be_kept():
         vibro_ros.Simulator(scene)
 
 
-@pytest.mark.parametrize("name", shipped_scenes())
-def test_no_shipped_scene_is_warned_of(name, recwarn):
-    vibro_ros.Simulator(vibro_ros.load_scene(name))
-    assert not recwarn.list
-
-
 @pytest.mark.parametrize(("number", "expected"), [(1.01e-9, 1.1e-9), (2e-11, 2e-11), (9.91e-7, 1e-6), (6e-14, 6e-14)])
 def test_a_limit_is_rounded_up(number, expected):
     assert rounded_up(number) == pytest.approx(expected, rel=1e-14) and rounded_up(number) >= number * (1.0 - 1e-9)

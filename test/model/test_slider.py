@@ -84,10 +84,6 @@ def test_crank_as_long_as_the_rod(angle):
     assert all(kink == 0.0 or kink in starts for kink in slider.kinks)
 
 
-def test_a_shorter_crank_has_no_kink():
-    assert len(Slider(math.nextafter(0.06, 0.0), 0.06, 0.7).kinks) == 0
-
-
 @pytest.mark.parametrize("part", SHORTER)
 def test_cells_shrink_towards_the_singularity_and_stay_few(part):
     """Their number grows like the logarithm of the distance, and they cover the turn."""

@@ -5,6 +5,7 @@ Every effect alone, then scenes drawn at random. Both round: over 0.2 s, with up
 least effect compared here changes. Contacts: 1e-11 s, within which a mass of 5 m/s moves 5e-11 m.
 """
 
+import math
 import random
 import sys
 from dataclasses import replace
@@ -19,9 +20,9 @@ from vibro_ros.model.parameters import BY_NAME, SCENE_PARAMETERS
 pytest.importorskip("heyoka", reason="heyoka, the extra `bench`, has no wheel for Python 3.10")
 
 import peer_agreement
-from peer_agreement import POSITION, assert_agreement, simulated
+from peer_agreement import assert_agreement, simulated
 
-from vibro_ros.peer import COLUMNS, Peer
+from vibro_ros.peer import Peer
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "reference"))
 from random_scenes import draw
@@ -148,53 +149,6 @@ def test_an_effect_agrees_with_the_peer(name):
     assert_agreement(vibro_ros.load_scene("paper").with_parameters(changes), duration, commands)
 
 
-def test_a_blow_without_rebound_moves_the_body():
-    changes = UNILATERAL | RIGID | {"upper.plate.restitution": 0.2, "inclined.plate.restitution": 0.0}
-    assert_agreement(vibro_ros.load_scene("paper").with_parameters(changes), 0.2)
-
-
-def test_a_body_lifts_off_in_an_impact_and_lands_slipping_sticking_or_turned_round():
-    """What the scenes with the rule `hop` compare, besides the motion: every kind of lift-off and landing occurs."""
-    landings = []
-    for name in ("hop", "hop on a ground so smooth that a landing turns the body round"):
-        peer = Peer(vibro_ros.load_scene("paper").with_parameters(EFFECTS[name][0]))
-        events = peer.run(0.2, 200.0).events
-        kinds = events["kind"]
-        lift_off, impacts = events["time"][kinds == "lift_off"], events[kinds == "upper_contact"]
-        ends = impacts["time"] + impacts["duration"]
-        assert np.any((lift_off[:, None] > impacts["time"]) & (lift_off[:, None] < ends)), name
-        instants = events["time"][kinds == "landing"]
-        around = peer.integrate(np.ravel(np.column_stack((instants - 1e-9, instants + 1e-9)))).samples
-        landings.append(np.stack((around[::2], around[1::2])))
-    before, after = np.concatenate(landings, axis=1)
-    speed, height, climb = (COLUMNS.index(f"body_{column}") for column in ("velocity", "height", "vertical_velocity"))
-    assert np.all(before[:, climb] < 0.0)
-    assert np.any(before[:, speed] * after[:, speed] > 0.0)
-    assert np.any(after[:, speed] == 0.0)
-    assert np.any(before[:, speed] * after[:, speed] < 0.0)
-    grounded = after[:, height] == 0.0  # the others lifted off again in the same instant
-    assert np.count_nonzero(grounded) > 5
-    assert np.all(after[grounded, climb] == 0.0)
-
-
-def test_a_mass_at_rest_parts_from_a_body_that_lands_or_is_struck_or_is_driven_against_it():
-    """What the scenes with the rule `hop` and rigid plates compare: every shock that a mass at rest can feel occurs."""
-    parted, struck, driven = 0, 0, 0
-    for name in ("a mass that rests on its plate parts from a body that lands or is struck",
-                 "a landing drives a mass that rests on its plate against it"):
-        events = Peer(vibro_ros.load_scene("paper").with_parameters(EFFECTS[name][0])).run(0.2, 200.0).events
-        falls = events["time"][events["kind"] == "landing"]
-        upper, inclined = (events[events["kind"] == f"{side}_contact"] for side in ("upper", "inclined"))
-        rests = inclined[inclined["duration"] > 1e-5]
-        ends = rests["time"] + rests["duration"]
-        blows = inclined["time"][inclined["speed"] > 1e-3]
-        parted += np.isclose(ends[:, None], falls, rtol=0.0, atol=1e-13).sum()
-        struck += np.isclose(ends[:, None], upper["time"], rtol=0.0, atol=1e-13).sum()
-        driven += np.isin(falls, blows).sum()
-    assert parted > driven > 0
-    assert struck > 0
-
-
 def test_the_damped_device_agrees_for_longer_than_chaos_would_let_it():
     """2 s; the motion contracts, so that the limits of 0.2 s hold. The plate arrives between two samples: at one, the
     rounding of the instant would decide whether it still moves."""
@@ -229,17 +183,6 @@ def random_extras(pick, changes):
         extras |= {"effects.friction": "stribeck", "ground.stribeck_speed": 10.0 ** pick.uniform(-5.0, 0.0),
                    "ground.static_friction": changes["ground.friction"] * pick.uniform(1.0, 2.5)}
     return extras
-
-
-def test_the_peer_notices_an_effect_left_out():
-    """What the comparison would find, were a term missing in one of the two."""
-    scene = vibro_ros.load_scene("damped")
-    with pytest.raises(AssertionError, match="off by"):
-        times = np.linspace(0.0, 0.2, 41)
-        lighter = scene.with_parameters({"effects.reaction": True})
-        peer, samples = Peer(scene).integrate(times).samples, simulated(lighter, times, ())[0]
-        error = max(np.abs(peer[:, k] - samples[COLUMNS[k]]).max() for k in range(0, len(COLUMNS), 2))
-        assert error <= 1e7 * POSITION, f"off by {error}"
 
 
 @pytest.mark.parametrize("quantity", [
@@ -284,3 +227,64 @@ def test_a_peer_runs_again_from_the_start():
     first, second = (peer.run(duration=0.2, rate=200.0) for _ in range(2))
     assert len(first.samples) == 41
     np.testing.assert_array_equal(first.samples, second.samples)
+
+
+PAPER = vibro_ros.load_scene("paper")
+SCENES = {
+    "as printed": DAMPERS,
+    "unilateral": DAMPERS | {"effects.normal_force": "unilateral"},
+    "rigid": DAMPERS | RIGID | {"effects.normal_force": "unilateral"},
+    "hop": DAMPERS | HEAVY | {"effects.normal_force": "hop", "effects.adhesion": False},
+    "rigid and hop": DAMPERS | RIGID | HEAVY | {"effects.normal_force": "hop"},
+}
+
+
+def count(run, *kinds):
+    return np.count_nonzero(np.isin(run.events["kind"], kinds))
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_the_fastest_motor_agrees_with_the_peer(name):
+    """A41. 1e4 rad/s, the highest that may be allowed: 80 turns, in which the masses reach their plates from 0."""
+    scene = PAPER.with_parameters(SCENES[name] | {
+        "motor.max_speed": 1e4, "motor.speed": 1e4, "start.state": "zero"})
+    run = assert_agreement(scene, 0.05)
+    assert count(run, "upper_contact", "inclined_contact") >= 3
+    assert count(run, "slip_forward", "slip_backward") >= 1
+
+
+LEAN = PAPER["guide.angle"]
+SLIDER = 0.02 * math.cos(LEAN) + math.sqrt(0.06**2 - (0.02 * math.sin(LEAN)) ** 2)  # the inclined one, at first
+
+
+# Not where rigid plates throw up a body: bounces that die out, at 1e-9 m/s, decide there when it sticks.
+@pytest.mark.parametrize("name", [name for name in SCENES if name != "rigid and hop"])
+def test_a_very_slow_motor_agrees_with_the_peer(name):
+    """A41. 0.01 rad/s for 5 s: the masses bounce and come to rest, the upper one on its plate, off which its slider
+    draws it at last, the inclined one on its slider, which carries it to its plate.
+
+    A mass may be off by 1e-14 m, and one that passes its plate at 1e-9 m/s does so at another instant.
+    """
+    sag = 0.1 * 9.81 / 1e3 if SCENES[name].get("effects.mass_weight") else 0.0
+    run = assert_agreement(PAPER.with_parameters(SCENES[name] | {
+        "motor.speed": 0.01, "start.state": "zero", "upper.gap": 0.01999 - sag, "inclined.gap": SLIDER - 0.06 + 3e-4}),
+        5.0, place=1e-14)
+    events = {side: run.events[run.events["kind"] == f"{side}_contact"] for side in ("upper", "inclined")}
+    assert count(run, "upper_contact", "inclined_contact") >= 30
+    assert count(run, "stick") >= 1
+    assert np.any((events["upper"]["duration"] > 1.0) & np.isfinite(events["upper"]["duration"]))
+    assert np.any(events["inclined"]["time"] > 1.5) and np.isinf(events["inclined"]["duration"][-1])
+
+
+@pytest.mark.parametrize("name", ["as printed", "unilateral", "hop"])
+def test_masses_that_follow_a_slow_crank_on_their_plates_agree_with_the_peer(name):
+    """In segments that a stiff plate does not cut short, until a plate moves, and again after it has stopped."""
+    scene = PAPER.with_parameters(SCENES[name] | {
+        "motor.speed": 8.0, "start.state": "rest", "upper.gap": -0.01, "inclined.gap": -0.01, "ground.friction": 2.0})
+    commands = ((0.15, {"upper_gap": -0.012}), (0.3, {"inclined_gap": -0.008}))
+    assert_agreement(scene, 0.5, commands)
+    device = vibro_ros.Simulator(scene)
+    device.advance_to(0.1)
+    before = device.statistics["steps"]
+    device.advance_to(0.15)
+    assert device.statistics["steps"] - before < 20  # those that vibrate: 170
