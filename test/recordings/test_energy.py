@@ -11,12 +11,13 @@ import vibro_ros
 from vibro_ros.bag.cdr import blank, deserialised, serialised
 from vibro_ros.bag.metadata import Topic, defined
 from vibro_ros.bag.reader import load_bag
-from vibro_ros.bag.stream import BagStream
+from vibro_ros.bag.stream import BagError, BagStream
 from vibro_ros.bag.writer import BagWriter, Storage
 from vibro_ros.messages.topics import CHECKPOINT, CHECKPOINT_TYPE, ROBOT_TOPICS
+from vibro_ros.recordings import replay
 from vibro_ros.recordings.energy import energy_as_lines, energy_of
-from vibro_ros.recordings.energy_bar import parts_of
-from vibro_ros.recordings.plots import plot_run
+from vibro_ros.recordings.plots import parts_of, plot_run
+from vibro_ros.recordings.rerun import run_facts
 
 RATE = 50.0
 COMMANDS = [(tick / RATE, {"motor_speed": 60.0 + tick}) for tick in range(10, TICKS, 20)]
@@ -142,6 +143,41 @@ def test_days_between_two_samples_are_not_simulated(recorded, tmp_path):
         return topic, stamp + (10**15 if stamp == START + round((TICKS - 1) / RATE * 1e9) else 0), data
 
     assert "only 120 of" in energy_of(load_bag(rewritten(recorded, tmp_path / "days", changed)))["unknown"]
+
+
+def stretched(topic, stamp, data):
+    """Robot time runs a million times as fast, and headers agree: 119 samples of 120 are of another day each."""
+    stamp = START + (stamp - START) * 1_000_000
+    if ROBOT_TOPICS[topic[1:]] in ("nav_msgs/msg/Odometry", "sensor_msgs/msg/JointState"):
+        message = deserialised(data, ROBOT_TOPICS[topic[1:]])
+        message.header.stamp.sec, message.header.stamp.nanosec = divmod(stamp, 10**9)
+        data = serialised(message, ROBOT_TOPICS[topic[1:]])
+    return topic, stamp, data
+
+
+def test_a_bag_with_stretched_stamps_is_not_simulated_for_years(recorded, tmp_path, capsys):
+    folder = rewritten(recorded, tmp_path / "stretched", stretched)
+    began = time.process_time()
+    assert "only 120 of 119000001 samples" in energy_of(load_bag(folder))["unknown"]
+    assert replay.main([str(folder)]) == 1
+    assert "recorded stamp: recorded " in capsys.readouterr().out
+    assert replay.main([str(folder), "--set", "guide.angle=1.2"]) == 2
+    assert "its messages are of 980 samples at most" in capsys.readouterr().err
+    assert time.process_time() - began < 10.0
+
+
+def test_a_step_that_takes_a_sample_forever_is_refused(recorded, tmp_path):
+    parameters = {"rate.publish": 1.0, "solver.method": "rk4", "solver.step": 1e-8}
+    with BagStream(rewritten(recorded, tmp_path / "steps", custom={"parameters": json.dumps(parameters)})) as stream:
+        with pytest.raises(BagError, match="solver.step takes 1e.08 steps a sample, more than 1000000"):
+            run_facts(stream)
+
+
+def test_bags_from_before_the_storage_was_chosen_for_good_are_understood(recorded, tmp_path):
+    with BagStream(recorded) as stream:
+        parameters = json.loads(stream.metadata["parameters"]) | {"record.storage": "mcap"}
+    older = rewritten(recorded, tmp_path / "older", custom={"parameters": json.dumps(parameters)})
+    assert "accounts" in energy_of(load_bag(older))
 
 
 def test_a_bag_of_another_program_is_unknown(record_run):

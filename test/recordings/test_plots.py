@@ -7,7 +7,7 @@ import pytest
 from matplotlib.colors import to_rgb
 
 from vibro_ros.bag.reader import read_bag
-from vibro_ros.recordings import plots, traces
+from vibro_ros.recordings import plots
 from vibro_ros.recordings.plots import MOMENT, plot_run
 
 ROWS = ["body displacement [mm]", "upper mass [mm]", "inclined mass [mm]", "peak force [N]", "ground force N [N]",
@@ -117,7 +117,7 @@ def test_mean_power_is_exact(shown):
 def test_a_mean_over_turns_does_not_swing_with_the_crank():
     time = np.linspace(0.0, 10.0, 5001)
     angle = 2.0 * np.pi * 3.7 * time
-    middle, mean = traces.mean_over_turns(time, 1.0 + np.cos(angle), time, angle, np.linspace(0.0, 10.0, 61))
+    middle, mean = plots.mean_over_turns(time, 1.0 + np.cos(angle), time, angle, np.linspace(0.0, 10.0, 61))
     inside = (middle > 0.5) & (middle < 9.5)
     np.testing.assert_allclose(mean[inside], 1.0, atol=1e-4)
 
@@ -209,7 +209,7 @@ def test_dense_recording_is_drawn_with_a_bounded_number_of_points(known_run):
     shown = panels(plot_run(read_bag(known_run(count=4001))))
     for left, _ in shown.values():
         for line in left.get_lines():
-            assert len(line.get_xdata()) < 5 * traces.POINTS
+            assert len(line.get_xdata()) < 5 * plots.POINTS
 
 
 def test_bands_are_opaque_so_that_no_two_colours_mix(shown):
@@ -230,11 +230,11 @@ def test_the_colours_differ_in_brightness_for_those_who_see_no_hue():
 def test_a_long_line_keeps_its_ends_and_extremes():
     values = np.random.default_rng(0).normal(size=100_003)
     samples = np.arange(3, len(values))
-    seen = traces.visible(samples, values)
-    assert len(seen) < 5 * traces.POINTS
+    seen = plots.visible(samples, values)
+    assert len(seen) < 5 * plots.POINTS
     assert (np.diff(seen) > 0).all()
     assert (seen[0], seen[-1]) == (3, len(values) - 1)
-    size = len(samples) // traces.POINTS
-    for first in range(3, 3 + size * traces.POINTS, size):
+    size = len(samples) // plots.POINTS
+    for first in range(3, 3 + size * plots.POINTS, size):
         block, kept = values[first:first + size], values[seen[(seen >= first) & (seen < first + size)]]
         assert (kept.min(), kept.max()) == (block.min(), block.max())

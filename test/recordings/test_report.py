@@ -4,8 +4,10 @@ import json
 import os
 import subprocess
 import sys
+import warnings
 from pathlib import Path
 
+import numpy as np
 import pytest
 from matplotlib.image import imread
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
@@ -138,12 +140,12 @@ def foreign(folder, target, plugin=StoragePlugin.MCAP, mode=None):
             writer.write(connections[topic], stamp, bytes(data))
 
 
-def copy(folder, target, storage):
+def copy(folder, target, storage, change=lambda topic, stamp, data: bytes(data)):
     with BagStream(folder) as stream:
         topics = [Topic(name, one.type_name, one.qos_depth) for name, one in stream.topics.items()]
         writer = BagWriter(target, defined(topics), stream.metadata, storage)
         for topic, stamp, data in stream.messages():
-            writer.write(1 + list(stream.topics).index(topic), stamp, bytes(data))
+            writer.write(1 + list(stream.topics).index(topic), stamp, change(topic, stamp, data))
         writer.flush()
         writer.close({})
 
@@ -177,6 +179,27 @@ def test_other_storages_are_refused_with_the_remedy(record_run, tmp_path, capsys
     with pytest.raises(BagError, match=remedy.partition(";")[2]):
         read_bag(folder)
     assert contents(folder) == before
+
+
+@pytest.mark.parametrize("topic, at, value", [("motor_power", -8, 1e308), ("motor_speed", -8, -1.7e308),
+                                              ("odom", 40, 1e308), ("joint_states", 100, np.nan)])
+def test_numbers_that_no_robot_sends_are_left_out_and_named(record_run, tmp_path, capsys, topic, at, value):
+    def spoilt(name, stamp, data):
+        if name == f"/{topic}" and stamp % 3 == 0:
+            data = bytearray(data)
+            data[at:at + 8 or None] = np.float64(value).tobytes()
+        return bytes(data)
+
+    copy(record_run(count=200), tmp_path / "spoilt", PLAIN, spoilt)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert report.main([str(tmp_path / "spoilt")]) == 0
+    said = capsys.readouterr()
+    assert said.err == "" and "nan" not in said.out
+    summary = json.loads((tmp_path / "spoilt_report" / "summary.json").read_text(), parse_constant=pytest.fail)
+    if topic in ("motor_power", "motor_speed"):
+        (flaw,) = summary["not_read"]
+        assert flaw.startswith(f"/{topic}: ") and flaw.endswith("numbers that are not finite, or beyond 1e+100")
 
 
 def run(*arguments):

@@ -10,7 +10,7 @@ from vibro_ros.bag.cdr import deserialised, first_difference
 from vibro_ros.bag.stream import BagError, BagStream
 from vibro_ros.messages.fields import joints_of
 from vibro_ros.messages.topics import CHECKPOINT, COMMAND_UNITS, INPUTS, OPERATIONS, ROBOT_TOPICS
-from vibro_ros.recordings.rerun import LONGEST_PAUSE, Rerun, RunFacts, run_facts, ticks
+from vibro_ros.recordings.rerun import LONGEST_PAUSE, Rerun, RunFacts, most_ticks, run_facts, ticks
 from vibro_ros.simulation.motion import SimulationError
 from vibro_ros.simulation.provenance import software, tables
 
@@ -112,6 +112,7 @@ class _Comparing:
         self._may_lack = stream.metadata.get("dropped") != "0" or bool(stream.flaws)
         self._failure = ""  # of the simulation
         self._begun = False
+        self._most = most_ticks(stream, facts)
         self._late = stream.start > facts.start and CHECKPOINT in self._recorded
         self._lacking: list[tuple[str, int]] = []  # messages that follow others and are not there: topic, sample
 
@@ -147,6 +148,8 @@ class _Comparing:
 
     def _is_likely(self, tick: int, stamp: int, group: list[tuple[str, bytes]]) -> bool:
         """Whether a header bears a stamp out that lies far ahead: a spoilt one would cost years of simulation."""
+        if tick > self._most:
+            return False
         if tick - self._rerun.tick < LONGEST_PAUSE * self._facts.rate or not self._recorded.intersection(STAMPED):
             return True
         try:
@@ -170,6 +173,7 @@ class _Comparing:
                 except ValueError as error:
                     raise BagError(f"{self._stream.folder}: {error}") from error
                 self._late, self._begun = False, True
+                self._most += tick
                 commanded = group[i + 1:]
                 break
         self._seen.update(name for i, (name, _) in enumerate(group)

@@ -3,13 +3,13 @@
 from collections.abc import Iterator
 from typing import Any
 
+import numpy as np
 from tqdm import tqdm
 
-from vibro_ros.bag.reader import Bag
+from vibro_ros.bag.reader import Arrays, Bag
 from vibro_ros.bag.stream import BagError, BagStream
 from vibro_ros.messages.topics import CHECKPOINT, INPUTS
-from vibro_ros.recordings.rerun import LONGEST_PAUSE, Rerun, RunFacts, run_facts
-from vibro_ros.recordings.resets import changes, reset_times
+from vibro_ros.recordings.rerun import Rerun, RunFacts, most_ticks, run_facts
 from vibro_ros.simulation.motion import SimulationError
 from vibro_ros.simulation.preparation import prepare_kernels
 
@@ -22,14 +22,14 @@ _SILENCE = 2.0  # s, before the bar is shown
 
 
 class _UnknownError(Exception):
-    """Why nobody can tell where the energy went."""
+    """Why the accounts are unknown."""
 
 
 def energy_of(bag: Bag) -> dict[str, Any]:
     """Energy accounts of a recorded run, from its first odometry to its last, ready for JSON.
 
-    Only what really happened is told: the run must be one of the method exact, and simulated again it must end, to the
-    last bit, where the recorded one did.
+    The run must be one of the method exact, and simulated again it must end, to the last bit, where the recorded one
+    did; else the accounts are unknown.
 
     Parameters
     ----------
@@ -59,6 +59,8 @@ def _energy(bag: Bag, stream: BagStream, facts: RunFacts) -> dict[str, Any]:
     commands = _commands(stream, facts)
     if stream.start > facts.start:
         first = max(first, _restored(rerun, commands))
+    if last - rerun.tick > most_ticks(stream, facts):
+        raise _UnknownError(f"only {len(bag['odom']['time'])} of {last - rerun.tick} samples of odometry are recorded")
     with tqdm(total=last, desc="energy", unit=" samples", delay=_SILENCE) as bar:
         run = _Run(rerun, bar)
         before = run.until(last, first, commands)
@@ -75,16 +77,11 @@ def _energy(bag: Bag, stream: BagStream, facts: RunFacts) -> dict[str, Any]:
 
 
 def _ticks(bag: Bag, facts: RunFacts) -> tuple[int, int]:
-    """Numbers of the first and the last recorded sample.
-
-    A recording that lies about its time could ask for years of simulation: so most of the samples must be there.
-    """
+    """Numbers of the first and the last recorded sample."""
     times = bag["odom"]["time"]
     first, last = (facts.tick(bag.start_ns + round(float(time) * 1e9)) for time in times[[0, -1]])
     if first is None or last is None:
         raise _UnknownError("the stamps of its odometry are not those of the robot's samples")
-    if last - first > 2 * len(times) + LONGEST_PAUSE * facts.rate:
-        raise _UnknownError(f"only {len(times)} of {last - first + 1} samples of odometry are recorded")
     return first, last
 
 
@@ -174,3 +171,24 @@ def energy_as_lines(energy: dict[str, Any]) -> list[str]:
         "mean_power", "cost_of_transport"))
     return [*lines, f"net power of the motor {power} W; cost of transport {cost}, its net work over weight times "
             "displacement"]
+
+
+def reset_times(joints: Arrays) -> np.ndarray:
+    """Times [s] of the first samples after resets to the start, shape (n,): only a reset lowers the crank's angle."""
+    return joints["time"][1:][np.diff(joints["crank.position"]) < 0.0]
+
+
+def changes(time: np.ndarray, values: np.ndarray, resets: np.ndarray) -> np.ndarray:
+    """Differences of neighbouring `values`, shape (n - 1,); 0 where a reset lies between the two.
+
+    Parameters
+    ----------
+    time, values : ndarray, shape (n,)
+        Samples, and their times [s].
+    resets : ndarray, shape (m,)
+        From `reset_times`.
+    """
+    found = np.diff(values)
+    after = np.searchsorted(time, resets)
+    found[after[(after > 0) & (after < len(time))] - 1] = 0.0
+    return found

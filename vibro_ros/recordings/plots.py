@@ -1,24 +1,32 @@
-"""The picture of a recording: the whole run, and beside it a moment in which every swing can be seen."""
+"""The picture of a recording: the whole run, and beside it a moment in which every swing can be seen.
 
+Lines of a recording that is longer than a picture is wide lose no peak, and a gap in the stream stays one.
+"""
+
+import math
 from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 
 from vibro_ros.bag.reader import Arrays, Bag
-from vibro_ros.recordings.energy_bar import draw_energy
-from vibro_ros.recordings.summary import impacts_of
-from vibro_ros.recordings.traces import Span, band, bins_for, line, mean_over_turns, outline, share
+from vibro_ros.recordings.summary import GAP, impacts_of
 
 MOMENT = 0.3  # s, the close-up; about five crank turns at 100 rad/s
 FEW = 3000  # impacts that can be told apart as dots over the whole run
 FAR = 10.0  # m, from there on in metres
 STRONG = 8.0  # times what 95 % of the samples stay below: from there on a linear scale would hide these
 MM = 1e3  # mm/m
-_BAR = 1.75  # in, height of what tells about energy
+_BAR = 1.75  # in, height of the bars of energy
+LEAST_BINS, MOST_BINS = 24, 240  # of a band over the whole run
+TURNS = 3.0  # of the crank in a bin: the motion may repeat itself after several
+POINTS = 2000  # blocks of a line of many samples; more than the picture has pixels across
+LONGEST_MEAN = 2  # bins to both sides
+TINT = 0.3  # of a band's colour in white; opaque, so that nothing mixes with what lies below
 
 # Okabe and Ito's palette, which the colour-blind tell apart
 _BODY, _MOTOR, _POWER, _FORCE, _HEIGHT = "#000000", "#009e73", "#aa4499", "#7a5c00", "#56788f"
@@ -28,6 +36,13 @@ _GRID, _FRAME, _TEXT, _MARKED, _AIR = "#e8e8e8", "#b0b0b0", "#404040", "#ececec"
 
 _NONE = "N \N{LESS-THAN OR EQUAL TO} 0"
 
+_ACCOUNT_COLOURS = {"motor": "#009e73", "plates": "#999999", "unpaid": "#cc79a7", "drive dampers": "#0072b2",
+            "plate dampers": "#d55e00", "friction": "#e69f00", "blows": "#000000", "landings": "#56b4e9",
+            "stored": "#f0e442"}
+_GIVES = ("motor", "plates", "unpaid")
+_NEGLIGIBLE = 1e-3  # of the whole: too narrow to be seen
+
+Span = tuple[float, float]
 Panel = Callable[[Axes, Bag, Span], None]
 
 
@@ -287,3 +302,159 @@ def _tidy(axes: Axes, span: Span) -> None:
     axes.spines[["left", "bottom"]].set_color(_FRAME)
     axes.tick_params(color=_FRAME, labelcolor=_TEXT)
     axes.yaxis.label.set_color(_TEXT)
+
+
+def draw_energy(axes: Axes, energy: dict[str, Any]) -> None:
+    """Draw the accounts of `recordings.energy.energy_of`; what gives where it usually takes changes the bar."""
+    received, spent = parts_of(energy["accounts"])
+    for row, parts in enumerate((spent, received)):
+        start = 0.0
+        for name, amount in parts.items():
+            axes.barh(row, amount, left=start, color=_ACCOUNT_COLOURS[name], edgecolor="white", lw=0.8, height=0.72,
+                      label=f"{name} {amount:.4g} J")
+            start += amount
+    handles, labels = axes.get_legend_handles_labels()
+    first = len(spent)  # received amounts come first, as their bar stands above
+    axes.legend(handles[first:] + handles[:first], labels[first:] + labels[:first], loc="upper left",
+                bbox_to_anchor=(0.0, -0.32), ncols=len(handles), frameon=False, fontsize=8.5, handlelength=1.0,
+                handletextpad=0.4, columnspacing=1.2, borderaxespad=0.0)
+    axes.set_yticks([0, 1], ["lost and\nstored", "received"])
+    axes.set_xlim(0.0, max(sum(received.values()), sum(spent.values())) or 1.0)
+    axes.set_xlabel("energy [J]", loc="right", labelpad=-1.0)
+    axes.set_title("where the energy went: the recorded run, simulated again; the motor's work is net of what the "
+                   f"springs returned, {energy['accounts']['motor_taken_back']:.4g} J", fontsize=8.5, loc="left")
+
+
+def parts_of(accounts: dict[str, float]) -> tuple[dict[str, float], dict[str, float]]:
+    """Amounts [J] that were received, and those that were lost or stored, none negative; negligible ones left out."""
+    signed = {name: accounts.get(name.replace(" ", "_"), 0.0) * (1.0 if name in _GIVES else -1.0)
+              for name in _ACCOUNT_COLOURS}
+    signed["motor"] = accounts["motor_delivered"] - accounts["motor_taken_back"]
+    least = _NEGLIGIBLE * max(map(abs, signed.values()))
+    received = {name: amount for name, amount in signed.items() if amount > least}
+    return received, {name: -amount for name, amount in signed.items() if amount < -least}
+
+
+def line(axes: Axes, time: np.ndarray, values: np.ndarray, span: Span, **style: object) -> None:
+    """The samples of `span` [s], broken at gaps in the stream; of many, those that a line can show."""
+    shown = np.flatnonzero((time >= span[0]) & (time <= span[1]))
+    drawn = [visible(piece, values) for piece in np.split(shown, gaps(time[shown]))]
+    broken = [np.concatenate([column for piece in drawn for column in (of[piece], [np.nan])])[:-1]
+              for of in (time, values)]
+    axes.plot(*broken, **{"lw": 1.3} | style)
+
+
+def visible(samples: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Of the indices `samples`, those that a line can show: of each of `POINTS` blocks its ends and its extremes."""
+    size = len(samples) // POINTS
+    if size < 8:
+        return samples
+    blocks = samples[:len(samples) // size * size].reshape(-1, size)
+    rows = np.arange(len(blocks))
+    extremes = [blocks[rows, pick(values[blocks], axis=1)] for pick in (np.argmin, np.argmax)]
+    return np.unique(np.concatenate([blocks[:, 0], blocks[:, -1], *extremes, samples[blocks.size:]]))
+
+
+def bins_for(duration: float, speed: float) -> int:
+    """Number of bins for a recording of `duration` [s] of a crank that turns with up to `speed` [rad/s]."""
+    return int(np.clip(duration * speed / math.tau / TURNS, LEAST_BINS, MOST_BINS))
+
+
+def band(axes: Axes, time: np.ndarray, values: np.ndarray, edges: np.ndarray, colour: str, label: str) -> None:
+    """The range that a quick oscillation fills: minimum and maximum between each two `edges` [s], with its outline."""
+    middle, low, high = extremes(time, values, edges)
+    axes.fill_between(middle, low, high, color=tinted(colour), lw=0, label=label, zorder=1.5)
+    for edge in (low, high):
+        axes.plot(middle, edge, color=colour, lw=0.7, zorder=1.6)
+
+
+def outline(axes: Axes, time: np.ndarray, values: np.ndarray, edges: np.ndarray, colour: str, label: str) -> None:
+    """The outline alone of such a range, where several would hide each other."""
+    middle, low, high = extremes(time, values, edges)
+    axes.plot(middle, high, color=colour, lw=1.4, label=label)
+    axes.plot(middle, low, color=colour, lw=1.4, ls=(0, (1, 1)))
+
+
+def extremes(time: np.ndarray, values: np.ndarray, edges: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Middle [s], minimum and maximum of the samples in each bin, with NaN at gaps in the stream."""
+    if not len(time):
+        return (np.array([]),) * 3
+    firsts, middle = _bins(time, edges)
+    low, high = np.minimum.reduceat(values, firsts), np.maximum.reduceat(values, firsts)
+    # a bin that ends in a gap would seem to reach over it
+    broken = gaps(middle, 1.5)
+    middle, low, high = (np.insert(column, broken, np.nan) for column in (middle, low, high))
+    return middle, low, high
+
+
+def share(time: np.ndarray, true: np.ndarray, edges: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Middle [s] of each bin, and the share of its samples that are `true`, with NaN at gaps in the stream."""
+    firsts, middle = _bins(time, edges)
+    part = np.add.reduceat(true.astype(float), firsts) / np.diff(firsts, append=len(time))
+    broken = gaps(middle, 1.5)
+    return np.insert(middle, broken, np.nan), np.insert(part, broken, np.nan)
+
+
+def mean_over_turns(time: np.ndarray, values: np.ndarray, angle_time: np.ndarray,
+                    angle: np.ndarray, edges: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Mean of a quantity that swings with the crank, over whole turns around the middle of each bin; NaN at gaps.
+
+    Means over bins that cut a turn anywhere would swing themselves. Where the crank hardly turns, the mean is over
+    `LONGEST_MEAN` bins to both sides.
+
+    Parameters
+    ----------
+    time, values : ndarray, shape (n,)
+        Samples [s], [W].
+    angle_time, angle : ndarray, shape (m,)
+        Samples of the crank's angle [s], [rad].
+    edges : ndarray, shape (k + 1,)
+        Of the bins [s], equally spaced.
+
+    Returns
+    -------
+    ndarray, ndarray, each of shape (k,)
+        Middle of what each mean is over [s], and the means; the samples themselves where there are fewer than two.
+    """
+    if len(time) < 2:
+        return time, values
+    width, middle = edges[1] - edges[0], (edges[1:] + edges[:-1]) / 2
+    on = np.concatenate([[0.0], np.cumsum(np.maximum(np.diff(angle), 0.0))])  # a reset turns the crank back
+    turned = on / math.tau + 1e-9 * (angle_time - angle_time[0])  # rises where the crank stands
+    at = np.interp(middle, angle_time, turned)
+    turns = np.maximum(1.0, np.round(np.interp(middle + width, angle_time, turned) - at))
+    begin, end = (np.interp(at + half * turns, turned, angle_time) for half in (-0.5, 0.5))
+    begin = np.maximum(np.maximum(begin, middle - LONGEST_MEAN * width), time[0])
+    end = np.minimum(np.minimum(end, middle + LONGEST_MEAN * width), time[-1])
+    with np.errstate(invalid="ignore", divide="ignore"):  # where hostile angles leave a mean no time
+        means = (_integral(time, values, end) - _integral(time, values, begin)) / (end - begin)
+    for after in gaps(time):
+        means[(begin < time[after]) & (end > time[after - 1])] = np.nan
+    return (begin + end) / 2, means
+
+
+def _integral(time: np.ndarray, values: np.ndarray, until: np.ndarray) -> np.ndarray:
+    """Integral from the first sample to each of the instants `until`, of straight lines between samples."""
+    pauses = np.diff(time)
+    whole = np.concatenate([[0.0], np.cumsum(pauses * (values[1:] + values[:-1]) / 2)])
+    at = np.clip(np.searchsorted(time, until, side="right") - 1, 0, len(time) - 2)
+    since = until - time[at]
+    return whole[at] + since * (values[at] + since * (values[at + 1] - values[at]) / pauses[at] / 2)
+
+
+def gaps(time: np.ndarray, periods: float = GAP) -> np.ndarray:
+    """Indices of the samples that follow a pause of more than so many periods."""
+    pauses = np.diff(time)
+    return np.flatnonzero(pauses > periods * np.median(pauses)) + 1 if len(pauses) else np.array([], dtype=int)
+
+
+def tinted(colour: str) -> tuple[float, float, float]:
+    """The colour of a band."""
+    return tuple(1.0 - TINT * (1.0 - part) for part in to_rgb(colour))
+
+
+def _bins(time: np.ndarray, edges: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Index of the first sample in each bin that holds one, and the mean time [s] of its samples."""
+    slots = np.clip(np.searchsorted(edges, time, side="right") - 1, 0, len(edges) - 2)
+    firsts = np.flatnonzero(np.diff(slots, prepend=-1))
+    return firsts, np.add.reduceat(time, firsts) / np.diff(firsts, append=len(time))

@@ -12,15 +12,13 @@ from collections.abc import Mapping, Sequence
 from importlib import import_module
 from pathlib import Path
 
-from vibro_ros.bag.reader import load_bag
 from vibro_ros.bag.stream import BagError, BagStream, not_read
 from vibro_ros.configuration.strict_yaml import read_scalar
 from vibro_ros.process.executables import EXECUTABLES
 from vibro_ros.process.front_door import Parser, exit_code, say
 from vibro_ros.process.untrusted import one_line
 from vibro_ros.recordings.comparison import Comparison, compare
-from vibro_ros.recordings.report import COLUMNS
-from vibro_ros.recordings.summary import as_text, summarise
+from vibro_ros.recordings.summary import as_text, load_samples, summarise
 from vibro_ros.recordings.variation import write_variation
 
 IDENTICAL, DIFFERENT = 0, 1
@@ -104,7 +102,7 @@ def _vary(bag: Path, changes: Mapping[str, object]) -> int:
 
 def _summary(bag: Path) -> str:
     try:
-        return as_text(summarise(load_bag(bag, COLUMNS)))
+        return as_text(summarise(load_samples(bag)))
     except BagError as error:
         return f"no summary: {error}\n"
 

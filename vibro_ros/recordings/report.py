@@ -11,18 +11,13 @@ import json
 from collections.abc import Sequence
 from pathlib import Path
 
-from vibro_ros.bag.reader import BagError, load_bag
+from vibro_ros.bag.reader import BagError
 from vibro_ros.process.executables import EXECUTABLES
 from vibro_ros.process.front_door import Parser, exit_code
 from vibro_ros.process.untrusted import one_line
 from vibro_ros.recordings.energy import energy_of
 from vibro_ros.recordings.plots import plot_run
-from vibro_ros.recordings.summary import as_caption, as_text, summarise
-
-COLUMNS = {"odom": ("position",), "joint_states": ("*.position", "crank.velocity"), "ground_contact": ("force",),
-           "impacts": ("stamp", "frame", "force"), "motor_power": ("value",), "motor_speed": ("value",),
-           "upper_gap": ("value",), "inclined_gap": ("value",)}
-"""All that summary and picture need of a recording, which may be long, and each command, which may be unreadable."""
+from vibro_ros.recordings.summary import as_caption, as_text, load_samples, summarise
 
 
 def write_report(bag_folder: Path, output: Path | None = None) -> tuple[str, tuple[Path, ...]]:
@@ -51,7 +46,7 @@ def write_report(bag_folder: Path, output: Path | None = None) -> tuple[str, tup
     output = Path(output).resolve() if output else folder.with_name(f"{folder.name}_report")
     if output.is_relative_to(folder):
         raise BagError(f"{output}: lies inside the recording, which is never written to; give another --output")
-    bag = load_bag(folder, COLUMNS)
+    bag = load_samples(folder)
     summary = summarise(bag) | {"energy": energy_of(bag)}
     text, figure = as_text(summary), plot_run(bag, as_caption(summary), summary["energy"])
     output.mkdir(parents=True, exist_ok=True)

@@ -29,6 +29,10 @@ from vibro_ros.simulation.simulator import Simulator
 
 #: Pause [s] of robot time without a message, after which a stamp is doubted.
 LONGEST_PAUSE = 10.0
+#: Robot time [s] that is simulated for a bag that holds no samples, only commands.
+LONGEST_UNSAMPLED = 3600.0
+#: Steps of a fixed step in a sample.
+MOST_STEPS = 1_000_000
 _TRANSFORM = "geometry_msgs/msg/TransformStamped"
 SAMPLED = ("odom", "joint_states", "ground_contact", "motor_power")
 
@@ -88,10 +92,13 @@ def run_facts(stream: BagStream) -> RunFacts:
     try:
         parameters = json.loads(known["parameters"])
         of_scene = {one.name for one in SCENE_PARAMETERS}
-        settings = checked_parameters({name: value for name, value in parameters.items() if name not in of_scene},
-                                      DEVICE_PARAMETERS)
+        settings = checked_parameters({name: value for name, value in parameters.items()  # how it was recorded is over
+                                       if name not in of_scene and not name.startswith("record.")}, DEVICE_PARAMETERS)
         scene = Scene(known["scene"], {name: value for name, value in parameters.items() if name in of_scene})
         defaults = {one.name: one.default for one in DEVICE_PARAMETERS}
+        steps = 1.0 / ({**defaults, **settings}["rate.publish"] * scene["solver.step"])
+        if scene["solver.method"] not in ("exact", "auto") and steps > MOST_STEPS:
+            raise ValueError(f"solver.step takes {steps:.3g} steps a sample, more than {MOST_STEPS}")
         start = int(known["start"])
         if not 0 <= start <= LAST_STAMP:
             raise ValueError(f"start is {one_line(known['start'])} ns, which is no ROS time")
@@ -246,6 +253,13 @@ class Rerun:
 
     def _bytes(self, name: str) -> bytes:
         return serialised(self._blank[name], ROBOT_TOPICS[name])
+
+
+def most_ticks(stream: BagStream, facts: RunFacts) -> int:
+    """Samples that a recorded run may have by the number of its messages: stretched stamps would cost years."""
+    recorded = max((stream.topics[facts.topics[name]].messages for name in SAMPLED
+                    if facts.topics.get(name) in stream.topics), default=0)
+    return round(4 * recorded + (LONGEST_PAUSE if recorded else LONGEST_UNSAMPLED) * facts.rate)
 
 
 def ticks(stream: BagStream, facts: RunFacts) -> Iterator[tuple[int, list[tuple[str, bytes]]]]:

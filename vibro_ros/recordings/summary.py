@@ -1,20 +1,50 @@
 """The numbers of a recording: how far, how fast, how many impacts, how much power, what is missing."""
 
 import math
+from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from vibro_ros.bag.reader import Arrays, Bag, BagError
+from vibro_ros.bag.reader import Arrays, Bag, BagError, load_bag
 from vibro_ros.bag.stream import not_read
 from vibro_ros.process.untrusted import one_line
-from vibro_ros.recordings.energy import energy_as_lines
-from vibro_ros.recordings.resets import changes, reset_times
+from vibro_ros.recordings.energy import changes, energy_as_lines, reset_times
 
 GAP = 2.5  # publish periods; a longer pause between two samples is a gap in the stream
 SAMPLED_TOPICS = ("odom", "joint_states", "ground_contact", "motor_power")  # published at `rate.publish`
 GUIDES = ("upper", "inclined")
 JOINT_COLUMNS = ("crank.position", "crank.velocity")  # of every robot; masses and plates may be absent from a scene
+COLUMNS = {"odom": ("position",), "joint_states": ("*.position", "crank.velocity"), "ground_contact": ("force",),
+           "impacts": ("stamp", "frame", "force"), "motor_power": ("value",), "motor_speed": ("value",),
+           "upper_gap": ("value",), "inclined_gap": ("value",)}
+"""All that summary and picture need of a recording, which may be long, and each command, which may be unreadable."""
+LARGEST = 1e100
+"""Greatest number of a message that is summed up; no machine has one beyond, and squares of larger ones overflow."""
+
+
+def load_samples(folder: Path) -> Bag:
+    """A recording with the columns that a report needs, without messages whose numbers no robot can have sent.
+
+    Such messages, with numbers that are not finite or beyond `LARGEST`, are counted in the bag's flaws.
+
+    Raises
+    ------
+    BagError
+        When the recording cannot be read.
+    """
+    bag = load_bag(folder, COLUMNS)
+    arrays, flaws = {}, list(bag.flaws)
+    for topic, columns in bag.arrays.items():
+        sound = np.ones(len(columns["time"]), dtype=bool)
+        for column in columns.values():
+            if column.dtype.kind == "f":
+                sound &= np.all(np.abs(column) <= LARGEST, axis=tuple(range(1, column.ndim)))
+        arrays[topic] = {name: column[sound] for name, column in columns.items()}
+        if wrong := np.count_nonzero(~sound):
+            flaws.append(f"{topic}: {wrong} messages with numbers that are not finite, or beyond {LARGEST:g}")
+    return replace(bag, arrays=arrays, flaws=tuple(flaws))
 
 
 def summarise(bag: Bag) -> dict[str, Any]:

@@ -11,7 +11,7 @@ from vibro_ros.bag.writer import BagWriter, Storage
 from vibro_ros.configuration.scene_file import DEVICE_PARAMETERS
 from vibro_ros.messages.topics import COMMAND_UNITS, INPUTS, LASTING, OPERATIONS, OPERATIONS_TYPE, ROBOT_TOPICS
 from vibro_ros.model.scene import Scene
-from vibro_ros.recordings.rerun import SAMPLED, Rerun, RunFacts, run_facts, ticks
+from vibro_ros.recordings.rerun import SAMPLED, Rerun, RunFacts, most_ticks, run_facts, ticks
 from vibro_ros.simulation.motion import SimulationError
 from vibro_ros.simulation.provenance import provenance
 
@@ -99,10 +99,14 @@ def _topics(stream: BagStream, facts: RunFacts) -> dict[str, Topic]:
 
 def _messages(stream: BagStream, facts: RunFacts, rerun: Rerun) -> Iterator[tuple[int, str, bytes]]:
     """Recorded stamp [ns], the robot's own name of the topic, and message, of all that the changed robot records."""
+    most = most_ticks(stream, facts)
     for stamp, group in ticks(stream, facts):
         tick = facts.tick(stamp)
         if tick is None or tick <= rerun.tick:
             raise BagError(f"{stream.folder}: its stamp {stamp} is of no sample; give a bag that the robot recorded")
+        if tick > most:
+            raise BagError(f"{stream.folder}: its stamp {stamp} is that of sample {tick}, and its messages are of "
+                           f"{most} samples at most; give a bag with the robot's own stamps")
         while rerun.tick < tick:
             for name, data in rerun.step():
                 yield facts.stamp(rerun.tick), name, data
