@@ -60,6 +60,8 @@ def _allowed(parameter: Parameter) -> str:
         return ", ".join(f"`{choice}`" for choice in parameter.choices) or "text"
     if math.isinf(parameter.minimum) and math.isinf(parameter.maximum):
         return "any"
+    if parameter.smallest:
+        return f"0, or from {parameter.smallest:g} to {parameter.maximum:g}"
     return f"{'above' if parameter.positive else 'from'} {parameter.minimum:g} to {parameter.maximum:g}"
 
 

@@ -2,7 +2,7 @@
 
 import shutil
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -18,6 +18,19 @@ from real_processes import bench, compiled, start, udp_only  # noqa: E402 (in th
 from simulator_user import Simulator  # noqa: E402
 
 __all__ = ["bench", "compiled", "start", "udp_only"]
+
+
+@pytest.fixture
+def refusal(domain_id, tmp_path, monkeypatch, capfd) -> Callable[..., str]:
+    """The one line with which an executable's `main` refuses its words, with exit code 2, without a process of its own.
+    """
+    monkeypatch.chdir(tmp_path)
+
+    def call(main: Callable[[list[str]], int], *words: str) -> str:
+        assert main(list(words)) == 2
+        (line,) = [line for line in capfd.readouterr().err.splitlines() if not line.startswith("[")]  # of the log
+        return line
+    return call
 
 
 @pytest.fixture

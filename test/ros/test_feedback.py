@@ -36,8 +36,8 @@ def go_to(position: float, within: float = 0.005) -> PositionGoal:
     return PositionGoal(position, within, MOTOR_RANGE)
 
 
-@pytest.mark.parametrize("before", BEFORE, ids=str)
-@pytest.mark.parametrize("speed", [-0.01, -0.02, -0.03, -0.04, -0.05, -0.06])
+@pytest.mark.parametrize("before", BEFORE[::3], ids=str)
+@pytest.mark.parametrize("speed", [-0.01, -0.035, -0.06])
 @pytest.mark.parametrize("name, reach", [("device", -0.06), ("damped", -0.06)])
 def test_a_mean_speed_is_held(name, reach, speed, before):
     """Judged by the device itself, over the second half, and not by what the law says of it."""
@@ -50,9 +50,9 @@ def test_a_mean_speed_is_held(name, reach, speed, before):
     assert any(words.startswith("settled after ") for words in trial.words)
 
 
-@pytest.mark.parametrize("before", BEFORE, ids=str)
+@pytest.mark.parametrize("before", BEFORE[1::2], ids=str)
 @pytest.mark.parametrize("within", [0.001, 0.005])
-@pytest.mark.parametrize("way", [0.01, 0.1, 0.5])
+@pytest.mark.parametrize("way", [0.01, 0.5])
 @pytest.mark.parametrize("name", ["device", "damped"])
 def test_a_position_is_reached_and_stood_at(name, way, within, before):
     target = -0.2 - way  # what comes before makes up to 0.13 m
@@ -136,6 +136,7 @@ HOSTILE = {
     "silence": (silent_after(-1), r"no odometry for 2\.[01] s; is there a robot that publishes odom\?$"),
     "silence later": (silent_after(3_000_000_000), r"no odometry for 2\.[01] s; is there"),
     "NaN": (lambda stamp, position: ((stamp, math.nan),), "samples refused, the last for a position of nan m;"),
+    "far beyond": (lambda stamp, position: ((stamp, 1.7e308),), "the last for a position of 1.7e\\+308 m;"),
     "infinity": (lambda stamp, position: ((stamp, -math.inf),), "samples refused, the last for a position of -inf m;"),
     "a clock that stands": (lambda stamp, position: ((7, position),), "the last for a stamp 0 s before the latest;"),
     "a clock set back": (lambda stamp, position: ((stamp - (stamp > 10**9) * 10**12, position),), "before the latest;"),

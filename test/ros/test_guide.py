@@ -3,7 +3,6 @@
 from functools import partial
 
 import guide
-import pytest
 from asking import answer_of
 from geometry_msgs.msg import WrenchStamped
 from nav_msgs.msg import Odometry
@@ -132,24 +131,3 @@ def test_keys_of_diagnostics_and_of_custom_data_are_those_of_running_robots(star
         assert len(bags(tmp_path)) == number
         assert set(read_bag(bags(tmp_path)[-1], {}).metadata) == guide.custom_data()
     assert seen == guide.diagnostics()
-
-
-def test_the_statuses_are_named_as_they_are(start, listener):
-    robot = start("robot", "--ros-args", "-p", "record.enabled:=false")
-    listener.wait_for_status("simulation", lambda one: True)
-    listener.wait_for_status("recorder", lambda one: not one.values)  # no keys before the first bag
-    assert set(guide.diagnostics()) == {name.partition(": ")[2] for name in listener.parts}
-    for name in listener.parts:
-        assert f"`{name}`" in guide.PAGES["node.md"]
-    stop(robot)
-
-
-@pytest.mark.parametrize(("without", "left_out"), [
-    ("effects.upper_mass:=false", {"upper_mass", "upper_plate"}), ("effects.upper_contact:=none", {"upper_plate"})])
-def test_joints_that_a_scene_lacks_are_left_out(start, bench, without, left_out):
-    heard: list[list[str]] = []
-    bench.node.create_subscription(JointState, "joint_states", lambda message: heard.append(message.name), 10)
-    robot = start("robot", "--ros-args", "-p", "record.enabled:=false", "-p", without)
-    bench.spin_until(lambda: heard, "joint states")
-    stop(robot)
-    assert set(guide.first_column("joint", "position", "velocity", "effort")) - set(heard[0]) == left_out

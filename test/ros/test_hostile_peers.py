@@ -91,6 +91,7 @@ def test_messages_that_are_no_command_are_refused_counted_said_and_recorded(star
         attacker.publish("motor_speed", data)
     listener.spin_for_samples(50)
     assert values["refused requests"] == values["failed callbacks"] == values["dropped commands"] == "0"
+    assert "Warning" not in robot.text  # of Python or numpy
     assert robot.wait_for("command refused: /motor_speed: a message of 4 bytes is no std_msgs/msg/Float64")
     stop(robot)
     assert f"{len(MALFORMED)} commands refused" in robot.lines[-1]
@@ -162,25 +163,22 @@ FIXED = "read-only while the node runs"
 HOSTILE_PARAMETERS = {
     "type that does not exist": (wanted("mass.body", 250), "mass.body: type 250 does not exist"),
     "type that lies": (wanted("mass.body", ParameterType.PARAMETER_DOUBLE, string_value="x"), FIXED),
-    "another type": (wanted("mass.body", ParameterType.PARAMETER_STRING, string_value="x"), FIXED),
-    "deleted": (wanted("mass.body", ParameterType.PARAMETER_NOT_SET), FIXED),
     "simulated time": (wanted("use_sim_time", ParameterType.PARAMETER_BOOL, bool_value=True),
                        f"use_sim_time: {FIXED}; start it with -p use_sim_time:=VALUE"),
-    "simulated time deleted": (wanted("use_sim_time", ParameterType.PARAMETER_NOT_SET), FIXED),
-    "rclpy's own": (wanted("start_type_description_service", ParameterType.PARAMETER_BOOL), FIXED),
     "no name": (wanted("", ParameterType.PARAMETER_DOUBLE), "'': unknown parameter"),
     "unknown": (wanted("mass.boddy", ParameterType.PARAMETER_DOUBLE), "mass.boddy: unknown parameter"),
     "control characters": (wanted("a\x1b[31m\nb", 250), r"a\x1b[31m b: unknown parameter"),
     "long name": (wanted("a" * 100_000, 250), "a name of 100000 characters; give at most 1000"),
     "long text": (wanted("scene", ParameterType.PARAMETER_STRING, string_value="y" * 1_000_000), FIXED),
-    "live, deleted": (wanted("ground.friction", ParameterType.PARAMETER_NOT_SET),
-                      "ground.friction: None is not a number"),
     "live, another type": (wanted("motor.max_speed", ParameterType.PARAMETER_STRING, string_value="fast"),
                            "motor.max_speed: 'fast' is not a number"),
     "live, not finite": (wanted("motor.acceleration", ParameterType.PARAMETER_DOUBLE, double_value=float("nan")),
                          "motor.acceleration: nan is not finite"),
     "live, beyond its limit": (wanted("rate.real_time_factor", ParameterType.PARAMETER_DOUBLE, double_value=-1.0),
                                "rate.real_time_factor: -1 is out of range"),
+    "live, so small that its inverse overflows": (
+        wanted("rate.real_time_factor", ParameterType.PARAMETER_DOUBLE, double_value=5e-324),
+        "rate.real_time_factor: 4.94066e-324 is out of range; give a number, 0 or from 1e-06 to 1000"),
     "live, a large whole number": (wanted("ground.friction", ParameterType.PARAMETER_INTEGER, integer_value=2**62),
                                "ground.friction: 4.61169e+18 is out of range"),
     "long list": (wanted("record.topics", ParameterType.PARAMETER_DOUBLE_ARRAY,

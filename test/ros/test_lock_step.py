@@ -112,14 +112,3 @@ def test_it_stands_still_for_a_node_that_is_not_there_and_says_so_and_hears_sign
     robot.send(signal.SIGINT)
     assert robot.end() == 0
     assert "0.000 s simulated" in robot.lines[-1]
-
-
-@pytest.mark.parametrize(("parameters", "words"), [
-    (("clock.lock_step:=[/vibro_controller]",), "has no effect without robot time on /clock"),
-    (("clock.publish:=true", "clock.lock_step:=[a b]"), "a b is no node's name"),
-    (("clock.publish:=true", "clock.lock_step:=[vibro_robot]"), "the robot cannot wait for itself"),
-])
-def test_what_cannot_be_waited_for_is_refused(start, parameters, words):
-    robot = start("robot", "--ros-args", *(word for one in parameters for word in ("-p", one)))
-    assert robot.end() == 2
-    assert words in robot.text and len(robot.lines) == 1

@@ -5,6 +5,7 @@ from collections import Counter
 import pytest
 
 import vibro_ros
+from vibro_ros.configuration.scene_file import DEVICE_PARAMETERS
 from vibro_ros.ros.robot.pacing import LONGEST_SLEEP, Pacing, RobotTime
 from vibro_ros.ros.robot.stepping import CommandTimeout
 
@@ -183,3 +184,17 @@ def test_a_motor_that_turns_from_the_start_is_watched_from_the_start():
     watchdog = CommandTimeout(0.5)
     assert not watchdog.is_over(0.49, Counter(), device)
     assert watchdog.is_over(0.5, Counter(), device)
+
+
+def test_the_slowest_factor_paces_and_drops_nothing():
+    """Of 5e-324 the inverse overflowed: nothing was paced, messages were dropped, and of time `nan`."""
+    (factor,) = (parameter for parameter in DEVICE_PARAMETERS if parameter.name == "rate.real_time_factor")
+    for value in (5e-324, 1e-320, 0.99 * factor.smallest):
+        with pytest.raises(ValueError, match="0 or from 1e-06 to 1000"):
+            factor.checked(value)
+    clock = Clock()
+    paced = pacing(clock)
+    paced.change_factor(factor.checked(factor.smallest), 1e6)
+    assert paced.wait_until(1e6 + 1e-6) == 0.0
+    assert clock.time == pytest.approx(1001.0, abs=1e-3)  # [s] of two sums of a million seconds
+    assert (paced.stalls, paced.dropped) == (0, 0.0)

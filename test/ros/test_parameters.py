@@ -2,9 +2,8 @@
 
 import pytest
 from asking import known_client
-from rcl_interfaces.msg import Parameter as ParameterMessage
-from rcl_interfaces.msg import ParameterType, ParameterValue
-from rcl_interfaces.srv import DescribeParameters, GetParameters, ListParameters, SetParameters
+from rcl_interfaces.msg import ParameterType
+from rcl_interfaces.srv import DescribeParameters, GetParameters, ListParameters
 
 from vibro_ros.configuration.scene_file import DEVICE_PARAMETERS, load_scene
 from vibro_ros.model.parameters import SCENE_PARAMETERS
@@ -50,14 +49,6 @@ def test_every_parameter_is_there_with_range_description_and_value(ask):
         assert (told.type, value.type) == (kind, kind), parameter.name
         shown = getattr(value, field)
         assert (tuple(shown) if kind == ParameterType.PARAMETER_STRING_ARRAY else shown) == expected[parameter.name]
-
-
-def test_a_parameter_that_is_fixed_cannot_be_set(ask):
-    value = ParameterValue(type=ParameterType.PARAMETER_DOUBLE, double_value=3.0)
-    wanted = ParameterMessage(name="mass.body", value=value)
-    (result,) = ask(SetParameters, "set_parameters", parameters=[wanted]).results
-    assert not result.successful
-    assert "read-only" in result.reason
 
 
 def test_a_range_is_the_tables():

@@ -29,7 +29,6 @@ def policies(robot) -> set[int]:
 
 
 @pytest.mark.parametrize(("words", "before", "ahead"), [
-    ((), (), True), (("-p", "rate.real_time_factor:=0.0"), (), False),
     (("-p", "rate.real_time_factor:=1.5"), (), False), ((), ("nice", "-n", "3"), False)])
 def test_who_is_paced_goes_before_others(start, listener, words, before, ahead):
     robot = start("robot", "--ros-args", *words, before=before)
@@ -38,22 +37,18 @@ def test_who_is_paced_goes_before_others(start, listener, words, before, ahead):
     assert policies(robot) == {POLICY if ahead and may else os.SCHED_OTHER}
 
 
-def test_a_robot_that_is_told_to_run_as_fast_as_it_can_steps_back_and_paced_again_goes_before(start, bench, listener):
+def test_a_robot_that_runs_or_steps_as_fast_as_it_can_steps_back_and_paced_again_goes_before(start, bench, listener):
     robot = start("robot")
     listener.spin_for_samples(20)
     may = os.getpriority(os.PRIO_PROCESS, 0) == 0 and may_go_before_others()
+    first = POLICY if may else os.SCHED_OTHER
+    assert policies(robot) == {first}
     for factor in (0.0, 1.0):
         value = ParameterValue(type=ParameterType.PARAMETER_DOUBLE, double_value=factor)
         parameters = [Parameter(name="rate.real_time_factor", value=value)]
         answer = answer_of(bench, SetParameters, "/vibro_robot/set_parameters", parameters=parameters)
         assert answer.results[0].successful
-        assert policies(robot) == {POLICY if factor and may else os.SCHED_OTHER}
-
-
-def test_a_paused_robot_steps_back_because_it_takes_steps_as_fast_as_it_can(start, bench, listener):
-    robot = start("robot")
-    listener.spin_for_samples(20)
-    may = os.getpriority(os.PRIO_PROCESS, 0) == 0 and may_go_before_others()
+        assert policies(robot) == {first if factor else os.SCHED_OTHER}
     for paused in (True, False):
         assert answer_of(bench, SetBool, "/vibro_robot/pause", data=paused).success
-        assert policies(robot) == {POLICY if may and not paused else os.SCHED_OTHER}
+        assert policies(robot) == {os.SCHED_OTHER if paused else first}

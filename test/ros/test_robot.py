@@ -4,6 +4,8 @@ import json
 import math
 import resource
 import signal
+import subprocess
+import sys
 import time
 from pathlib import Path
 
@@ -73,10 +75,11 @@ def test_it_moves_as_the_simulation_says_and_the_bag_holds_every_message(start, 
     compare_with_simulation(folder, start_ns, recorded)
 
 
-def compare_with_simulation(folder: Path, start_ns: int, recorded: dict[str, list[tuple[int, bytes]]]) -> None:
+def compare_with_simulation(folder: Path, start_ns: int, recorded: dict[str, list[tuple[int, bytes]]],
+                            changes: dict[str, float] = {}) -> None:  # noqa: B006 (never changed)
     """Every recorded number against an offline run of the recorded commands, exactly."""
     bag = read_bag(folder)
-    device = vibro_ros.Simulator(vibro_ros.load_scene("device"))
+    device = vibro_ros.Simulator(vibro_ros.load_scene("device").with_parameters(changes))
     names = {f"/{name}": name for name in COMMANDS}
     with BagStream(folder) as stream:  # commands of one instant in the order in which the robot took them
         commands = [((stamp - start_ns) / 1e9, names[topic], deserialize_message(data, Float64).data)
@@ -124,8 +127,8 @@ def compare_with_simulation(folder: Path, start_ns: int, recorded: dict[str, lis
     np.testing.assert_allclose(impacts["stamp"], [event["time"] for event in contacts], rtol=0.0, atol=1e-9)
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
-@pytest.mark.parametrize("awaited", ["]: scene ", "ready"])
+@pytest.mark.parametrize("awaited, number", [("]: scene ", signal.SIGINT), ("ready", signal.SIGTERM),
+                                             ("ready", signal.SIGHUP)])
 def test_a_signal_ends_it_cleanly(start, tmp_path, number, awaited):
     robot = start("robot")
     robot.wait_for(awaited)
@@ -227,3 +230,31 @@ def test_a_disk_that_fails_is_told_and_the_robot_goes_on(start, bench):
     assert robot.end() == 1
     assert robot.lines[-1].startswith("robot: recording to vibro_robot_")
     assert "Traceback" not in robot.text
+
+
+PLAIN_ROAD = """
+import sys
+from vibro_ros.ros.robot import robot
+from vibro_ros.ros.topics.templates import Template
+Template.agrees = lambda *_: False  # as if another rclpy laid its messages out in another way
+sys.exit(robot.main(["--ros-args", "-p", "motor.speed:=100.0"]))
+"""
+
+
+def test_where_rclpy_lays_messages_out_in_another_way_the_robot_serialises_each_by_rclpy(compiled, bench, tmp_path,
+                                                                                         domain_id):
+    robot = subprocess.Popen([sys.executable, "-c", PLAIN_ROAD], stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+                             text=True, cwd=tmp_path)
+    try:
+        operator = Operator(bench)
+        operator.wait_for_robot()
+        bench.spin_until(lambda: operator.heard["impacts"], "an impact")
+        operator.spin_for_samples(20)
+        robot.send_signal(signal.SIGINT)
+        text, _ = robot.communicate(timeout=60)
+    finally:
+        robot.kill()
+    assert robot.returncode == 0 and "nav_msgs/msg/Odometry: rclpy serialises every message" in text, text
+    (folder,) = tmp_path.glob("vibro_robot_*")
+    recorded = raw_messages(folder)
+    compare_with_simulation(folder, recorded["/odom"][0][0], recorded, {"motor.speed": 100.0})

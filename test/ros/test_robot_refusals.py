@@ -2,23 +2,33 @@
 
 import pytest
 
+from vibro_ros.ros.robot import robot
+
 BAD_PARAMETERS = {
     "out of range": (["-p", "mass.body:=-1.0"], "mass.body: -1 is out of range; give a number above 0"),
     "wrong type": (["-p", "mass.body:=heavy"], "mass.body: 'heavy' is not a number; give a number above 0"),
     "not a number": (["-p", "gravity:=.nan"], "gravity: nan is not finite; give a number from 0"),
     "infinite": (["-p", "motor.speed:=.inf"], "motor.speed: inf is not finite"),
-    "negative speed": (["-p", "motor.speed:=-1.0"], "motor.speed: -1 is out of range; give a number from 0"),
     "too fast": (["-p", "motor.speed:=600.0"], "motor.speed: 600 is out of range; give a number from 0 to 500 rad/s"),
     "gap beyond the mechanism": (["-p", "upper.gap:=1.0"],
                                  "upper.gap: 1 is out of range; give a number from -0.06 to 0.06 m"),
     "unknown effect": (["-p", "effects.motor:=rocket"], "'rocket' is unknown; choose one of ideal, ramp"),
     "misspelt": (["-p", "mass.boddy:=1.0"], "mass.boddy: unknown parameter; did you mean mass.body?"),
     "no such scene": (["-p", "scene:=moon"], "moon: neither a shipped scene nor a file; shipped scenes are"),
-    "list": (["-p", "mass.body:=[1.0]"], "mass.body: [1.0] is not a number"),
-    "no assignment": (["-p", "mass.body=1.0"], "-p mass.body=1.0: not a parameter; write name:=value"),
+    "no assignment": (["-p", "mass.body=1.0"], "parameter override rule: '-p mass.body=1.0'; write name:=value"),
     "folder": (["-p", "record.directory:=/proc/none"], "record.directory: cannot record to /proc/none"),
-    "remapping": (["-r", "odom:=9x"], "-r odom:=9x: '9x' cannot stand for odom; give a topic's or service's name"),
-    "namespace": (["-r", "__ns:=r1"], "-r __ns:=r1: 'r1' cannot stand for __ns; give a namespace: / before each part"),
+    "remapping": (["-r", "odom:=9x"], "remap rule: '-r odom:=9x'; write old:=new, such as odom:=/lab/odom"),
+    "no rule": (["-r", "nothing"], "remap rule: '-r nothing'; write old:=new"),
+    "namespace": (["-r", "__ns:=r1"], "remap rule: '-r __ns:=r1'; write old:=new, such as odom:=/lab/odom or __ns:="),
+    "namespace that ends in /": (["-r", "__ns:=/r1/"], "invalid node namespace"),
+    "too small a file": (["-p", "record.max_size:=1.0"], "record.max_size: 1 is too small"),
+    "two topics on /tf": (["-r", "/tf_static:=/tf"], "have one name, /tf; remap one of them to another"),
+    "use_sim_time": (["-p", "use_sim_time:=sometimes"], "use_sim_time: 'sometimes' is not true or false; give true"),
+    "lock-step without a clock": (["-p", "clock.lock_step:=[/vibro_controller]"],
+                                  "has no effect without robot time on /clock"),
+    "lock-step with no node": (["-p", "clock.publish:=true", "-p", "clock.lock_step:=[a b]"], "a b is no node's name"),
+    "lock-step with itself": (["-p", "clock.publish:=true", "-p", "clock.lock_step:=[vibro_robot]"],
+                              "the robot cannot wait for itself"),
     "one name of two topics": (["-r", "odom:=joint_states"], "odom and joint_states have one name, /joint_states"),
     "ROS argument": (["--log-level", "loud"], "ROS refuses the arguments: Couldn't parse log level"),
     "missing file": (["--params-file", "none.yaml"], "none.yaml: No such file or directory"),
@@ -26,8 +36,8 @@ BAD_PARAMETERS = {
 
 
 @pytest.mark.parametrize("words, reason", BAD_PARAMETERS.values(), ids=BAD_PARAMETERS)
-def test_bad_parameters_are_one_line_and_exit_code_2(start, words, reason):
-    assert_refused(start("robot", "--ros-args", *words), reason)
+def test_bad_parameters_are_one_line_and_exit_code_2(refusal, words, reason):
+    assert_refused(refusal(robot.main, "--ros-args", *words), reason)
 
 
 BAD_FILES = {
@@ -42,17 +52,21 @@ BAD_FILES = {
 
 
 @pytest.mark.parametrize("text, reason", BAD_FILES.values(), ids=BAD_FILES)
-def test_bad_parameter_files_are_one_line_and_exit_code_2(start, tmp_path, text, reason):
+def test_bad_parameter_files_are_one_line_and_exit_code_2(refusal, tmp_path, text, reason):
     (tmp_path / "params.yaml").write_text(text)
-    assert_refused(start("robot", "--ros-args", "--params-file", "params.yaml"), reason)
+    assert_refused(refusal(robot.main, "--ros-args", "--params-file", "params.yaml"), reason)
 
 
-def test_an_unknown_argument_is_refused(start):
-    assert_refused(start("robot", "--sceen", "paper"), "unrecognized arguments: --sceen paper; `robot --help`")
-
-
-def assert_refused(robot, reason: str) -> None:
-    assert robot.end() == 2, robot.text
-    (line,) = [line for line in robot.lines if "]: scene " not in line]  # the folder is tried after the scene is known
+def assert_refused(line: str, reason: str) -> None:
     assert line.startswith("robot: ")
     assert reason in line
+
+
+def test_a_process_ends_with_the_line_and_the_code_and_compiles_nothing(start, tmp_path, monkeypatch):
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "kernels"))
+    for words, reason in ((("--sceen", "paper"), "unrecognized arguments: --sceen paper; `robot --help`"),
+                          (("--ros-args", "-p", "record.topics:=[odm]"), "'odm' is not a topic of the robot")):
+        started = start("robot", *words)
+        assert started.end() == 2, started.text
+        (line,) = started.lines
+        assert_refused(line, reason)

@@ -36,12 +36,11 @@ def publish(bench) -> Callable[..., None]:
     return until
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_it_says_what_it_waits_for_and_a_signal_ends_the_wait(start, number, tmp_path):
+def test_it_says_what_it_waits_for_and_a_signal_ends_the_wait(start, tmp_path):
     robot = start("robot", *SIMULATED)
-    for seconds in (0, 2, 4):
+    for seconds in (0, 2):
         robot.wait_for(f"waiting for the first time on /clock ({seconds} s; nobody publishes it); start a simulator")
-    robot.send(number)
+    robot.send(signal.SIGTERM)
     assert robot.end() == 0, robot.text
     assert robot.lines[-1] == "robot: stopped while starting"
     assert not bags(tmp_path)
@@ -70,11 +69,3 @@ def test_stamps_begin_at_the_first_time_whatever_else_comes(start, bench, listen
     assert set(b - a for a, b in zip(listener.stamps, listener.stamps[1:], strict=False)) == {5_000_000}
     (folder,) = bags(tmp_path)
     assert read_bag(folder, {}).metadata["start"] == str(1000 * 10**9 + 5)
-
-
-@pytest.mark.parametrize("value", ["1", "[true]", "sometimes"])
-def test_another_type_is_refused(start, value):
-    robot = start("robot", "--ros-args", "-p", f"use_sim_time:={value}")
-    assert robot.end() == 2
-    assert robot.lines[-1].startswith("robot: use_sim_time: ")
-    assert robot.lines[-1].endswith("is not true or false; give true or false")

@@ -96,13 +96,6 @@ def test_names_can_be_remapped_and_recorded_alone(start, bench, listener, tmp_pa
         assert stream.topics["/lab/tf_static"].lasting and not stream.topics["/lab/tf"].lasting
 
 
-@pytest.mark.parametrize("remapped", ["odom", "/tf_static"])
-def test_tf_shares_its_name_with_no_other_topic(start, remapped):
-    robot = start("robot", "--ros-args", "-r", f"{remapped}:=/tf")
-    assert robot.end() == 2
-    assert len(robot.lines) == 1 and "have one name, /tf; remap one of them to another" in robot.lines[0]
-
-
 def test_another_robot_of_the_same_commands_has_its_own_frames(start, listener, tmp_path):
     robot = start("robot", "--ros-args", "-p", "motor.speed:=80.0", "-p", "rate.real_time_factor:=4.0")
     listener.spin_for_samples(100)

@@ -22,7 +22,7 @@ DEVICE_PARAMETERS: tuple[Parameter, ...] = (
               "of the robot", choices=("none", "base", "all")),
     Parameter("rate.publish", 200.0, "Hz", "rate at which the states are published", minimum=0.1, maximum=1e4),
     Parameter("rate.real_time_factor", 1.0, "", "simulated seconds per second; 0 = as fast as it can",
-              minimum=0.0, maximum=1e3, while_running=True),
+              minimum=0.0, maximum=1e3, while_running=True, smallest=1e-6),
     Parameter("rate.max_catch_up", 0.1, "s", "longest stall that is caught up; time beyond it is dropped",
               minimum=0.0, maximum=1e3),
     Parameter("rate.start_paused", False, "", "robot time stands still until `~/pause` is called with false"),

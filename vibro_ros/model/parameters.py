@@ -53,6 +53,8 @@ class Parameter:
         True when the parameter may change while the device runs.
     negligible : float
         A number of smaller magnitude, in its unit, counts as zero.
+    smallest : float
+        Least number other than 0, in its unit, where 0 is allowed and has a meaning of its own.
     """
 
     name: str
@@ -65,6 +67,7 @@ class Parameter:
     choices: tuple[str, ...] = ()
     while_running: bool = False
     negligible: float = 0.0
+    smallest: float = 0.0
 
     @property
     def type_name(self) -> str:
@@ -110,7 +113,8 @@ class Parameter:
         if not math.isfinite(number):
             raise ValueError(f"{self.name}: {number} is not finite; give a number{self._hint()}")
         counted = 0.0 if abs(number) < self.negligible else number + 0.0  # no -0.0
-        if counted < self.minimum or counted > self.maximum or (self.positive and counted == 0.0):
+        outside = counted < self.minimum or counted > self.maximum or 0.0 < counted < self.smallest
+        if outside or (self.positive and counted == 0.0):
             zero = f" counts as 0, as all below {self.negligible:g}, which" if counted != number else ""
             raise ValueError(f"{self.name}: {number:g}{zero} is out of range; give a number{self._hint()}")
         return counted
@@ -122,6 +126,8 @@ class Parameter:
             return f", one of {', '.join(self.choices)}"
         low, high = math.isfinite(self.minimum), math.isfinite(self.maximum)
         above = "above" if self.positive else "from"
+        if self.smallest:
+            return f", 0 or from {self.smallest:g} to {self.maximum:g}{unit}"
         if low and high:
             return f" {above} {self.minimum:g} to {self.maximum:g}{unit}"
         if low:

@@ -136,6 +136,8 @@ def _motor_text(motor: tuple[float, float]) -> str:
 
 WINDOW = 0.25
 """Time [s] over which a position is averaged, because the body swings with every turn of the crank."""
+FARTHEST = 1e9
+"""Largest distance [m] from the origin that odometry is believed."""
 LEAP, FASTEST = 0.1, 5.0
 """Two samples further apart than 0.1 m and what 5 m/s makes of their time are no motion: odometry was reset."""
 
@@ -186,7 +188,7 @@ class Track:
         time : float
             The caller's time [s] now.
         """
-        if not math.isfinite(position):
+        if not abs(position) <= FARTHEST:  # also for NaN
             self._refuse(f"a position of {position} m")
             return
         self._first = nanoseconds if self._first is None else self._first

@@ -54,9 +54,11 @@ def descriptor(parameter: Parameter) -> ParameterDescriptor:
 
 
 def constraints(parameter: Parameter) -> str:
-    """What a range cannot say: the choices, or that zero is excluded."""
+    """What a range cannot say: the choices, that zero is excluded, or how small a number other than 0 may be."""
     if parameter.choices:
         return f"one of {', '.join(parameter.choices)}"
+    if parameter.smallest:
+        return f"0, or at least {parameter.smallest:g}"
     return "above 0" if parameter.positive else ""
 
 

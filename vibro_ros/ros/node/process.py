@@ -57,8 +57,10 @@ def node_running(name: str, words: Sequence[str]) -> Iterator[tuple[SteadyNode, 
         with catch_warnings():
             simplefilter("ignore", RuntimeWarning)  # of rclpy about a node that it refuses
             node = SteadyNode(name)
-    except (RuntimeError, InvalidNodeNameException, InvalidNamespaceException) as error:
+    except Exception as error:
         rclpy.try_shutdown()
+        if not isinstance(error, RuntimeError | InvalidNodeNameException | InvalidNamespaceException):
+            raise
         raise ValueError(f"ROS refuses the arguments: {_first_sentence(error)}") from error
     finally:
         set_logger_level("rcl", LoggingSeverity.UNSET)

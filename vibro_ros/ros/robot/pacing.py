@@ -59,7 +59,7 @@ class Pacing:
         self._max_catch_up = max_catch_up
         self._now = now
         self._sleep = sleep
-        self._origin = now()
+        self._origin, self._begin = now(), 0.0  # [s] by the wall clock, and the simulated time of that instant
         self._lateness: deque[float] = deque(maxlen=MOST_LATENESSES)
 
     @property
@@ -69,11 +69,11 @@ class Pacing:
 
     def start(self, instant: float | None = None) -> None:
         """Let simulated time 0 be an `instant` [s] of the wall clock; now unless given."""
-        self._origin = self._now() if instant is None else instant
+        self._origin, self._begin = self._now() if instant is None else instant, 0.0
 
     def follow(self, simulated_time: float) -> None:
         """Let `simulated_time` [s] be now, after a pause: time that was not asked for is not late."""
-        self._origin = self._now() - (simulated_time / self.factor if self.factor else 0.0)
+        self._origin, self._begin = self._now(), simulated_time
 
     def change_factor(self, factor: float, simulated_time: float) -> None:
         """Go on at another factor from `simulated_time` [s], which is now."""
@@ -111,7 +111,8 @@ class Pacing:
 
     def _ahead(self, simulated_time: float) -> float:
         """Wall time [s] until `simulated_time` [s] is due."""
-        return self._origin + (simulated_time / self.factor if self.factor else 0.0) - self._now()
+        ahead = (simulated_time - self._begin) / self.factor if self.factor else 0.0
+        return self._origin + ahead - self._now()
 
 
 class RobotTime:
