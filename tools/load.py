@@ -1,14 +1,19 @@
 """What a load does to the robot: `python -m tools.load`.
 
-Real robots with their recording, each a process of its own, and a probe in this one. Rates are ratios to the rate that
-was asked for, and delays are counted in publish periods, so that both mean the same on every machine.
+Real robots with their recording, each a process of its own, and a probe in this one: a peer that commands the first
+robot and hears all. Each robot runs with an ideal motor and stands still before each command, so that its body sticks
+to the ground and the first message that shows another position or velocity is the command's first effect. Rates are
+ratios to the rate that was asked for, and delays are counted in publish periods, so that both mean the same on every
+machine.
 """
 
 import argparse
+import random
 import sys
 import tempfile
+import threading
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import partial
@@ -17,15 +22,27 @@ from subprocess import Popen
 
 import numpy as np
 import rclpy
+from nav_msgs.msg import Odometry
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
-from rclpy.signals import SignalHandlerOptions
+from rclpy.publisher import Publisher
+from rclpy.qos import QoSProfile
+from rclpy.serialization import deserialize_message, serialize_message
 from std_msgs.msg import Float64
 from tqdm import tqdm
 
-from tools.probe import Commanding, Listening, Probe
-from tools.ready_process import ready_process, sleep_unless
-from vibro_ros.process.stop_signals import StopRequest
+from tools.ready_process import ready_process
+from vibro_ros.ros.node import qos
+from vibro_ros.ros.topics.subscriptions import Gathering
+
+SPEED = 400.0
+"""Speed [rad/s] of a command: within one period the crank turns so far that the springs tear the body off."""
+PUSH = 0.03
+"""Time [s] from such a command to the one that stops the motor."""
+CALM = 5
+"""Messages with equal position and without velocity after which the body stands still."""
+DEPTH = 1000
+"""Messages that a subscription keeps: what a loaded machine delays is not to be lost."""
 
 
 @dataclass(frozen=True)
@@ -86,36 +103,186 @@ class Outcome:
     flooded: float
 
 
-def measure(load: Load, settling: float, duration: float, stop: StopRequest) -> Outcome:
+class Listening:
+    """What has come to a subscription to a robot's `odom`; for the executor's thread.
+
+    Attributes
+    ----------
+    heard : int
+        Messages.
+    first, last : tuple of float and int
+        When the first and the last message came: the monotonic clock [s], and the message's stamp [ns].
+    """
+
+    def __init__(self) -> None:
+        self.heard = 0
+        self.first = self.last = (0.0, 0)
+
+    def restart(self) -> None:
+        """Forget what has come."""
+        self.heard = 0
+
+    def hear(self, data: bytes) -> None:
+        """Count a message."""
+        now = time.monotonic()
+        self.last = now, 10**9 * int.from_bytes(data[4:8], "little") + int.from_bytes(data[8:12], "little")
+        if not self.heard:
+            self.first = self.last
+        self.heard += 1
+
+
+class Effects:
+    """How long commands take from their publisher's call to the first message of `odom` that shows them.
+
+    Attributes
+    ----------
+    delays : list of float
+        One [s] for each command.
+    """
+
+    def __init__(self) -> None:
+        self.delays: list[float] = []
+        self._sent: float | None = None
+        self._pose = (0.0, 0.0)
+        self._calm = 0
+
+    @property
+    def ready(self) -> bool:
+        """Whether the body stands still and no command waits for its effect."""
+        return not self.waits and self._calm >= CALM
+
+    @property
+    def waits(self) -> bool:
+        """Whether a command waits for its effect."""
+        return self._sent is not None
+
+    def expect(self, sent: float) -> None:
+        """Say when [s] a command is sent; to be called before, while `ready`."""
+        self._sent = sent
+
+    def hear(self, data: bytes) -> None:
+        """Look whether a message shows an effect."""
+        now, message = time.monotonic(), deserialize_message(data, Odometry)
+        pose = message.pose.pose.position.x, message.twist.twist.linear.x
+        moves = pose != self._pose or pose[1] != 0.0
+        if moves and self._sent is not None:
+            self.delays.append(now - self._sent)
+            self._sent = None
+        self._calm = 0 if moves else self._calm + 1
+        self._pose = pose
+
+
+class Commanding:
+    """A thread that starts and stops a motor at random instants, and repeats its last command at a rate; a context.
+
+    Parameters
+    ----------
+    publisher : Publisher
+        Of the robot's `motor_speed`.
+    effects : Effects
+        Hears of each start.
+    flood : float
+        Rate [Hz] at which the last command is repeated; 0 sends each command once.
+    """
+
+    def __init__(self, publisher: Publisher, effects: Effects, flood: float):
+        self._publisher, self._effects, self._flood = publisher, effects, flood
+        self.sent = 0
+        self._over = False
+        self._chance = random.Random(1)
+        self._thread = threading.Thread(target=self._run, name="commanding")
+
+    def __enter__(self) -> "Commanding":
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._over = True
+        self._thread.join()
+
+    def _run(self) -> None:
+        while not self._over:
+            self._keep(0.0, self._chance.uniform(0.1, 0.2))
+            if self._effects.ready:
+                self._effects.expect(time.monotonic())
+                self._keep(SPEED, PUSH)
+                while self._effects.waits and not self._over:
+                    self._keep(SPEED, PUSH)
+
+    def _keep(self, speed: float, duration: float) -> None:
+        """Command a speed [rad/s], and let nothing else be sent for `duration` [s]."""
+        message, begun, sent = serialize_message(Float64(data=speed)), time.monotonic(), 0
+        while (passed := time.monotonic() - begun) < duration and not self._over:
+            for _ in range(sent, max(1, int(passed * self._flood))):
+                self._publisher.publish(message)
+                sent += 1
+            time.sleep(min(duration - passed, 1.0 / self._flood if self._flood else 0.05))
+        self.sent += sent
+
+
+class Probe:
+    """Listens to robots and commands the first of them.
+
+    Parameters
+    ----------
+    node : Node
+        Everything belongs to it.
+    namespaces : sequence of str
+        Of the robots.
+    listeners : int
+        Subscriptions to each robot's `odom`.
+    """
+
+    def __init__(self, node: Node, namespaces: Sequence[str], listeners: int):
+        self.effects = Effects()
+        self.listening = [Listening() for _ in range(len(namespaces) * listeners)]
+        self.publishers = [node.create_publisher(Float64, f"{space}/motor_speed", qos.COMMANDS) for space in namespaces]
+        spaces = [namespaces[0], *[space for space in namespaces for _ in range(listeners)]]
+        self._hearers: list[Effects | Listening] = [self.effects, *self.listening]
+        gathering = Gathering(self._hear)  # else the executor's turns would delay what is measured
+        gathering.subscriptions = {
+            number: node.create_subscription(Odometry, f"{space}/odom", partial(gathering.take, number),
+                                             QoSProfile(depth=DEPTH), raw=True)
+            for number, space in enumerate(spaces)}
+
+    def _hear(self, number: int, data: bytes) -> None:
+        self._hearers[number].hear(data)
+
+    @property
+    def connected(self) -> bool:
+        """Whether every robot hears the probe and is heard by all of its subscriptions."""
+        return (all(publisher.get_subscription_count() for publisher in self.publishers)
+                and all(one.heard for one in self.listening))
+
+
+def measure(load: Load, settling: float, duration: float) -> Outcome:
     """Start the robots, wait until their memory has settled [s], and watch them for a duration [s]."""
     spaces = [f"/r{number}" for number in range(load.robots)]
     with ExitStack() as stack:
         folder = stack.enter_context(tempfile.TemporaryDirectory())
-        sleep = partial(sleep_unless, stop)
-        robots = [stack.enter_context(ready_process(_words(space, load.rate, folder), sleep)) for space in spaces]
+        robots = [stack.enter_context(ready_process(_words(space, load.rate, folder))) for space in spaces]
         node = Node("load")
         stack.callback(node.destroy_node)
         executor = SingleThreadedExecutor()
         stack.callback(executor.shutdown)
         executor.add_node(node)
-        return _watch(load, Probe(node, spaces, load.listeners), executor, robots, (settling, duration), stop)
+        return _watch(load, Probe(node, spaces, load.listeners), executor, robots, (settling, duration))
 
 
 def _watch(load: Load, probe: Probe, executor: SingleThreadedExecutor, robots: Sequence[Popen],
-           times: tuple[float, float], stop: StopRequest) -> Outcome:
+           times: tuple[float, float]) -> Outcome:
     settling, duration = times
-    for _ in _turns(executor, stop):
-        if probe.connected:
-            break
+    while not probe.connected:
+        executor.spin_once(timeout_sec=_POLL)
     for publisher in probe.publishers[1:]:
         publisher.publish(Float64(data=CRUISE))
     with Commanding(probe.publishers[0], probe.effects, load.flood) as commanding:
-        _spin(executor, settling, stop)
+        _spin(executor, settling)
         memory, sent, subscriptions = [*map(_memory, robots)], commanding.sent, probe.listening
         for one in subscriptions:
             one.restart()
         probe.effects.delays.clear()
-        _spin(executor, duration, stop)
+        _spin(executor, duration)
         growth = [_memory(robot) - before for robot, before in zip(robots, memory, strict=True)]
         sent = commanding.sent - sent
     return Outcome([rate_of(one) / load.rate for one in subscriptions],
@@ -133,21 +300,10 @@ def lost_by(one: Listening, rate: float) -> int:
     return round((one.last[1] - one.first[1]) * 1e-9 * rate) + 1 - one.heard
 
 
-def _turns(executor: SingleThreadedExecutor, stop: StopRequest) -> Iterator[None]:
-    """Callbacks without end, one a turn (KeyboardInterrupt on `stop`)."""
-    while not stop:
-        executor.spin_once(timeout_sec=_POLL)
-        yield
-    raise KeyboardInterrupt
-
-
-def _spin(executor: SingleThreadedExecutor, duration: float, stop: StopRequest) -> None:
+def _spin(executor: SingleThreadedExecutor, duration: float) -> None:
     until = time.monotonic() + duration
-    with tqdm(total=round(duration), unit="s", disable=None, leave=False) as bar:
-        for _ in _turns(executor, stop):
-            if (rest := until - time.monotonic()) < 0.0:
-                return
-            bar.update(int(duration - rest) - bar.n)
+    while time.monotonic() < until:
+        executor.spin_once(timeout_sec=_POLL)
 
 
 def _words(space: str, rate: float, folder: str) -> list[str]:
@@ -183,20 +339,14 @@ def main(words: Sequence[str]) -> int:
     parser.add_argument("--settling", type=float, default=10.0,
                         help="until a robot's memory holds all that it needs [s] (default %(default)g)")
     options = parser.parse_args(words)
-    with StopRequest() as stop:
-        stop.hold()
-        rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
-        try:
-            found = {}
-            for name in options.loads or LOADS:
-                print(f"{name}: about {options.settling + options.duration:.0f} s ...", file=sys.stderr, flush=True)
-                found[name] = measure(LOADS[name], options.settling, options.duration, stop)
-            print(table(found))
-        except KeyboardInterrupt:
-            return stop.exit_code
-        finally:
-            rclpy.try_shutdown()
+    rclpy.init(args=[])
+    found = {}
+    for name in tqdm(options.loads or LOADS, unit="load", disable=None):
+        found[name] = measure(LOADS[name], options.settling, options.duration)
+    print(table(found))
+    rclpy.try_shutdown()
     return 0
+
 
 
 if __name__ == "__main__":

@@ -5,13 +5,18 @@ folder `declared`: the types that the robot serves, and no others. A type's hash
 equal hashes show that the declarations agree with the package's own.
 """
 
+import hashlib
+import platform
+from collections.abc import Iterable
 from dataclasses import dataclass
+from importlib.metadata import distributions
 from pathlib import Path
 
 from rosbags.typesys import Stores, get_typestore
 
 DECLARED = Path(__file__).parent / "declared"
 _OF_TF2_MSGS = ("TF2Error", "TFMessage")
+_MAKERS = ("ros-", "empy", "numpy")  # distributions whose templates, headers and libraries are used
 _NEXT_TYPE = "=" * 80  # in rosbags' text of a type, before each type that it contains
 
 
@@ -60,3 +65,12 @@ def _simulation_interfaces() -> InterfacePackage:
     return InterfacePackage("simulation_interfaces", "2.1.0", "Apache-2.0",
                             "Types that vibro_ros serves, declared by vibro_ros after the package of this name.", texts,
                             ("action_msgs", "builtin_interfaces", "service_msgs", "unique_identifier_msgs"))
+
+
+def fingerprint(packages: Iterable[InterfacePackage]) -> str:
+    """A hash of the definitions, of this builder, of Python and of the distributions that take part."""
+    makers = sorted({f"{name}=={found.version}" for found in distributions()
+                     if (name := found.name.replace("_", "-").lower()).startswith(_MAKERS)})
+    builder = [file.read_text(encoding="utf-8") for file in sorted(Path(__file__).parent.glob("*.py"))]
+    parts = [platform.python_version(), platform.machine(), *makers, *builder, *map(repr, packages)]
+    return hashlib.sha256("\0".join(parts).encode()).hexdigest()

@@ -8,8 +8,7 @@ import pytest
 from official_hashes import OFFICIAL
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from tools.interfaces.definitions import DECLARED, InterfacePackage, interface_packages
-from tools.interfaces.fingerprint import fingerprint
+from tools.interfaces.definitions import DECLARED, InterfacePackage, fingerprint, interface_packages
 from tools.interfaces.generation import Sources
 
 

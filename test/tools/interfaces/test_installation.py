@@ -6,8 +6,8 @@ from types import SimpleNamespace
 
 import pytest
 
+from tools.interfaces.command import install, workshop
 from tools.interfaces.definitions import InterfacePackage
-from tools.interfaces.installation import install, remove, workshop
 
 PACKAGE = InterfacePackage("some_msgs", "1.0.0", "BSD", "Some.", {"msg/One.msg": "bool one\n"}, ("std_msgs",))
 
@@ -58,18 +58,9 @@ def test_everything_is_where_ros_looks_for_it(prefix):
     }
 
 
-def test_an_installation_takes_the_place_of_the_one_before(prefix):
+@pytest.mark.parametrize("step", (1, 4, 6))
+def test_nothing_stays_when_a_step_is_interrupted(prefix, monkeypatch, step):
     install_into(prefix, "old")
-    (python(prefix) / "gone.py").write_text("old")
-    install_into(prefix, "new")
-    assert "old" not in files(prefix).values()
-
-
-@pytest.mark.parametrize("before", [False, True])
-@pytest.mark.parametrize("step", range(1, 7))
-def test_nothing_stays_when_a_step_is_interrupted(prefix, monkeypatch, step, before):
-    if before:
-        install_into(prefix, "old")
     old = files(prefix)
     done, rename, write = [], Path.rename, Path.write_text
 
@@ -90,20 +81,3 @@ def test_nothing_stays_when_a_step_is_interrupted(prefix, monkeypatch, step, bef
             install(PACKAGE, sources, libraries, prefix)
         monkeypatch.undo()
     assert files(prefix) in ({}, old)
-
-
-def test_removing_what_is_not_there_is_nothing(prefix):
-    remove(PACKAGE.name, prefix)
-    assert not files(prefix)
-
-
-def test_what_a_killed_process_left_in_the_workshop_is_gone(prefix):
-    with workshop(prefix) as folder:
-        (folder / "left").write_text("left")
-        kept = folder
-    assert not kept.exists()
-    kept.mkdir()
-    (kept / "left").write_text("left")
-    with workshop(prefix) as folder:
-        assert not list(folder.iterdir())
-    assert not files(prefix)
