@@ -176,7 +176,7 @@ def _zero_between(system, state, a, b, at_a, at_b):
 def _magnitude(system, state, start, x):
     """Integral of the magnitude of the split power, which is in the scratch, from the local time `start` to `x`.
 
-    The sign is looked at in Gauss's nodes and at both ends: of two zeros between neighbours nothing is seen, but there
+    The sign is taken at Gauss's nodes and at both ends. Two zeros between neighbours go unseen, but there
     the power is as small as the neighbours are close.
     """
     powers, magnitude = state.scratch.room[0].power[:], 0.0
@@ -206,7 +206,7 @@ def _book(system, state, x, accounts):
     forwards, backwards = indices_above(vector(powers), 0.0), indices_above(-1.0 * vector(powers), 0.0)
     work = _work(state, vector(powers), start, x)
     accounts.work[SPLIT] += work
-    # Between two nodes of equal sign no zero is looked for, so that only a change of sign costs more than the sum.
+    # Between two nodes of equal sign no zero is searched, so that only a change of sign costs more than the sum.
     accounts.magnitude += _magnitude(system, state, start, x) if forwards and backwards else abs(work)
     accounts.booked = x
 

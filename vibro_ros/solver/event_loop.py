@@ -2,6 +2,14 @@
 
 Segments depend on the system, its state and its commands alone, never on the instants at which they are sampled,
 so the trajectory is the same, bit for bit, however the time is cut up.
+
+The chapter reads from `advance` upwards. For an impact:
+
+1. `_begin_mode` solves the segment and asks `guards.find_next_event` for the first root of a guard, `next_event`.
+2. `advance` samples the polynomials up to `next_event`. When a sample lies behind it, `_pass_event` passes the event.
+3. `_pass_event` reads all channels there, books the work of the flow, and lets `events.transition` choose the mode that
+   follows and the jump on the way to it. `events.record_mode_change` records the event.
+4. `advance` begins the new mode: back to 1. The same flow goes on if the masses do not feel the event.
 """
 
 import math
@@ -29,7 +37,7 @@ from vibro_ros.solver.segment import advance_forcing, choose_segment, fill_forci
 from vibro_ros.solver.state import UNKNOWN
 from vibro_ros.solver.system import NOTHING, first_ramp
 
-#: `AUTOMATON.begins`: nothing begins; a mode does, while the flow goes on; a flow does, and a mode with it.
+#: `AUTOMATON.begins`: nothing; a mode, while the flow goes on; a flow, and a mode with it.
 UNDER_WAY = 0
 MODE_BEGINS = 1
 FLOW_BEGINS = 2
@@ -53,9 +61,11 @@ def _solve_up_to_driven(system, state, point):
     """Set up a segment that holds or moves the dynamic coordinates, and its first piece."""
     longest, held, may_follow = math.inf, state.scratch.after, True
     while True:
+        # How long the forcing and the flow's series allow; longer, if stiff coordinates may only follow the forcing.
         choose_segment(system, state, longest)
         may_follow = may_follow and lengthen_to_follow(system, state, longest)
         fill_forcing(system, state)
+        # Three ways to move the dynamic coordinates: not at all, by their flow, or by their flow with some following.
         if is_at_rest(system, state, point, held):
             lengthen_segment(state, longest)
             hold_dynamic(system, state, held)
@@ -66,6 +76,7 @@ def _solve_up_to_driven(system, state, point):
             solve_dynamic(system, state, point)
             if may_follow:
                 follow_forcing(system, state)
+        # The decaying term may need a shorter segment. Then begin again with that limit.
         resolve_piece(system, state, point)
         longest = wanted_duration(state)
         if longest == math.inf:
@@ -79,6 +90,7 @@ def _begin_mode(system, state, point, same_flow):
     failed."""
     for channel in range(len(state.mode_point)):
         state.mode_point[channel] = point[channel]
+    # The dynamic coordinates first, unless their flow goes on; then the driven ones, which depend on them.
     if not same_flow:
         _solve_up_to_driven(system, state, point)
         state.now[0].accounts.booked = state.now[0].segment.flow_start
@@ -86,6 +98,7 @@ def _begin_mode(system, state, point, same_flow):
         resolve_piece(system, state, point)
     state.now[0].automaton.segments += 0 if same_flow and state.now[0].segment.piece_half == 1.0 else 1
     solve_driven(system, state, point)
+    # A root that is known still holds if no coordinate that its guard reads has been solved again.
     for row in range(len(state.root)):
         if system.driven[row] or not same_flow:
             state.root[row] = UNKNOWN
@@ -142,14 +155,16 @@ def _pass_event(system, state, point, events, count):
     """
     segment, automaton, after = state.now[0].segment, state.now[0].automaton, state.scratch.after
     x, fires = segment.next_event, automaton.guard != NOTHING
-    # At a segment's end the next one needs the positions and velocities.
+    # Where the system is. At a segment's end the next segment needs the positions and velocities alone.
     _read(system, state, x, point if fires else point[:2 * system.size[0].coordinates])
     book_work(system, state, x, state.now[0].accounts)
     if not fires and x < 1.0:  # another piece begins
         segment.mode_start = x
         return MODE_BEGINS, count
+    # Which mode follows, after which jump: `after`.
     outcome, mode = transition(system, state, point, after)
     automaton.standstills = automaton.standstills + 1 if fires and x == segment.mode_start else 0
+    # Close the books of what ends: peaks and energy of the flow, the event itself, and what a jump changes at once.
     if outcome != FLOW_GOES_ON:
         update_peaks(system, state, x)
         audit_work(system, state, x)
@@ -160,6 +175,7 @@ def _pass_event(system, state, point, events, count):
     if outcome != SEGMENT_ENDS:
         book_jump(system, state, mode, point, after)
         _enter(state, mode, after, point)
+    # What begins: another mode in the same segment, or a flow, in a segment that starts here.
     if outcome == FLOW_GOES_ON:
         segment.mode_start = x
         return MODE_BEGINS, count
@@ -208,6 +224,7 @@ def advance(system, state, times, point, points, modes, phases, events):
     # The most that one event records: a change of mode, a blow, every monitor, every ramp and its release, the speed.
     room = len(events) - 3 - len(state.monitor) - 2 * len(state.ramp)
     while True:
+        # Begin what the last event, or a command, has left to begin. Only here can a run fail.
         if automaton.begins != UNDER_WAY:
             if not _begin_mode(system, state, point, automaton.begins == MODE_BEGINS):
                 return ROOT_LOST, k, count
@@ -218,6 +235,7 @@ def advance(system, state, times, point, points, modes, phases, events):
                 return DIVERGED, k, count
         if k == len(times):
             return REACHED, k, count
+        # Events first, also one at the very instant of the sample; no event is passed before a sample asks for it.
         if local_time(state, times[k]) >= segment.next_event:
             if count > room:
                 return EVENTS_FULL, k, count

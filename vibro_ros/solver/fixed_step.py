@@ -1,6 +1,6 @@
 """Steps of fixed length, which know of events only at their ends: what the event loop is compared with.
 
-The grid starts at time 0 and anew at every command, so that the trajectory does not depend on where it is sampled.
+The grid starts at time 0 and again at every command, so that the trajectory does not depend on where it is sampled.
 A step is taken in the mode that its start is in. At its end the guards are evaluated, and the mode changes there, by
 the same candidates and jumps as in the event loop: an event is up to a step late, and a pair of crossings within
 one step goes unseen. Moreau's scheme finds the mode together with the step instead. Between a step's ends samples are

@@ -181,13 +181,27 @@ def _pass_through(system, state, point):
 
 
 @kernel
-def _rescale(state, channel, magnitude):
-    """Set a channel's scale, not below what the segment before it leaves, however small the channel's own terms are.
+def _set_scales(system, state, i, position, velocity, duration, share):
+    """Set the scales of coordinate i, of its position and its velocity, from the magnitudes of their own terms.
 
-    It leaves all of its scale if it ended at its start: what was zero to rounding there, and led here, is zero here.
+    A force is rounded, and moves a coordinate that no spring of its own holds for the whole `duration` [s]. The
+    coordinate's own damping is left out, because the scale would feed on itself. `share` of the scale that the previous
+    segment left stays, however small the terms are.
     """
-    share = 0.5 if state.now[0].automaton.standstills == 0 else 1.0
-    state.scale[channel] = max(magnitude, share * state.scale[channel])
+    row, terms = system.acceleration[state.now[0].automaton.mode, i], system.terms[state.now[0].automaton.mode, i]
+    rate = system.size[0].coordinates + i
+    if row[i] == 0.0:
+        velocity += sparse_magnitude(row, terms, state.scale) * duration
+        position += velocity * duration
+    state.scale[rate] = max(velocity, share * state.scale[rate])
+    state.scale[i] = max(position, share * state.scale[i])
+
+
+@kernel
+def _share_that_stays(state):
+    """Share of its scale that a dynamic coordinate keeps: all of it if the previous segment had zero length, because a
+    number that was zero to rounding there, and led here, is zero here; else half."""
+    return 0.5 if state.now[0].automaton.standstills == 0 else 1.0
 
 
 @kernel
@@ -218,7 +232,10 @@ def solve_dynamic(system, state, point):
             _add_free_motion(system, state, free, c, part, forced[c], z[channel])
         else:
             store(z[channel], vector(forced[c]))
-        _rescale(state, channel, abs(z[channel, 0]) + abs(z[channel, 1]))
+    duration, share = 2.0 * state.now[0].segment.half, _share_that_stays(state)
+    for i in range(system.size[0].dynamic):
+        rate = system.size[0].coordinates + i
+        _set_scales(system, state, i, abs(z[i, 0]) + abs(z[i, 1]), abs(z[rate, 0]) + abs(z[rate, 1]), duration, share)
     if needs_free:
         _pass_through(system, state, point)
     fill_accelerations(system, state)
@@ -227,13 +244,12 @@ def solve_dynamic(system, state, point):
 @kernel
 def hold_dynamic(system, state, held):
     """Series of the dynamic coordinates that stay at the positions in `held`."""
-    coordinates = system.size[0].coordinates
+    coordinates, share = system.size[0].coordinates, _share_that_stays(state)
     for i in range(system.size[0].dynamic):
         state.z[i] = 0.0
         state.z[i, 0] = held[i]
         state.z[coordinates + i] = 0.0
-        _rescale(state, i, abs(held[i]))
-        _rescale(state, coordinates + i, 0.0)
+        _set_scales(system, state, i, abs(held[i]), 0.0, 0.0, share)  # a coordinate that is held does not drift
     fill_accelerations(system, state)
 
 
@@ -257,9 +273,7 @@ def solve_driven(system, state, point):
             rate[:] = 0.0
             rate[0] = point[coordinates + i]
         integrate_through(rate, half, start, point[i], z[i])
-        magnitude, duration = sparse_magnitude(row, system.terms[mode, i], state.scale), 2.0 * half
-        state.scale[coordinates + i] = abs(point[coordinates + i]) + magnitude * duration
-        state.scale[i] = abs(point[i]) + state.scale[coordinates + i] * duration
+        _set_scales(system, state, i, abs(point[i]), abs(point[coordinates + i]), 2.0 * half, 0.0)
 
 
 # So many terms follow those of a motion over a cell until they are lost in rounding: 3.4^32 / 32!.

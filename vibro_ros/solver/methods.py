@@ -4,11 +4,11 @@ How to add a method
 -------------------
 A method of fixed step:
 
-1. `one_step.py`: give the scheme a number, and write a kernel that fills `Step.end`, positions, velocities and forcing,
-   from `Step.start`. `take_step` calls it. A kernel cannot allocate: what it needs on the way is a field of `Step` with
-   a purpose of its own, which `new_step` makes.
+1. `fixed_step.py`: give the scheme a number, and write a kernel that fills `Step.end`, positions, velocities and
+   forcing, from `Step.start`. `take_step` calls it. A kernel cannot allocate: give `Step` a field for each intermediate
+   result, which `new_step` makes.
 2. The kernel reads the system's tables alone: `right_hand_side.accelerate` gives accelerations in a mode,
-   `fill_forcing_at` sliders and plates at an instant. It never reads the guards; `fixed_step.py` changes the mode at
+   `fill_forcing_at` sliders and plates at an instant. It never reads the guards; `_change_modes` changes the mode at
    the step's end, by the candidates and jumps that the method exact has.
 3. A scheme that finds the mode itself, as `moreau.py` does, writes the mode into `Step.found`; `fixed_step._pass_step`
    must then know it beside `MOREAU`. Laws between velocities and impulses are `Laws`, which `model/moreau_laws.py`
@@ -16,17 +16,17 @@ A method of fixed step:
 4. `fixed_step._interpolate` reads samples between the ends of a step: say there whether the scheme has earned cubic
    interpolation.
 5. Steps are a grid from the last command on, whatever is sampled, so that every cut of time gives the same bits. A
-   scheme with a memory of earlier steps starts the memory anew in `fixed_step.begin`.
+   scheme with a memory of earlier steps starts the memory again in `fixed_step.begin`.
 6. `SCHEMES` gives the scheme its name, and the choices of `solver.method` in `model/parameters.py` the same name.
 7. For `solver.method` auto: a weight in `STEP_WEIGHTS` (`simulation/counted_work.py`), which
-   `project/work_weights.py` measures, and the growth of a step in `simulation/stability.py`, or the reason why any step
+   `tools/work_weights.py` measures, and the growth of a step in `simulation/stability.py`, or the reason why any step
    is stable.
 8. For the accuracy study: a ladder of steps in `METHODS` (`accuracy/methods.py`), and a colour in `_STYLES`
    (`accuracy/diagram.py`).
 9. Tests: order of convergence, cut time, checkpoints and every effect in `test_fixed_steps.py`, published forces in
-   `test_published_forces.py`. Documents: the table of docs/solver.md, and `make docs`.
+   `test_published_forces.py`. Documents: the table of docs/solver.md, and `make documents`.
 
-A method that is none of fixed step is a class with the functions of `Stepper`, and `new_stepper`
+A method without fixed steps is a class with the functions of `Stepper`, and `new_stepper`
 (`simulation/motion.py`) makes it. Rules 5 to 9 hold for it, too.
 """
 

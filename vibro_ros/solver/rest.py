@@ -26,7 +26,7 @@ from vibro_ros.solver.segment import LONGEST_SEGMENT, part_of_cell
 from vibro_ros.solver.system import RATE_LIMIT, first_signal, form_magnitude
 from vibro_ros.solver.vector import LENGTH
 
-# A motion that has died away is never quite at rest: each segment rounds it anew. The roundings of as many segments as
+# A motion that has died away is never quite at rest: each segment rounds it again. The roundings of as many segments as
 # a damper takes to end the motion add up like the steps of a random walk.
 _ROUNDING = 2.0 * EPSILON
 _MOST_SEGMENTS = 1e4

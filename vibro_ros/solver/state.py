@@ -1,4 +1,4 @@
-"""Where an integration stands: its segment, its mode, and what its forcing does next.
+"""The state of an integration: its segment, its mode, and how its forcing goes on.
 
 Times within a segment are *local times* x: -1 at the segment's start, 1 at its end.
 
@@ -66,7 +66,7 @@ DRIVE = np.dtype([
 AUTOMATON = np.dtype([
     ("mode", np.int64),  # the present mode
     ("guard", np.int64),  # the mode's guard that turns negative at `next_event`, or `NOTHING`
-    ("begins", np.int64),  # what begins where the segment stands: see `event_loop.FLOW_BEGINS`
+    ("begins", np.int64),  # which of mode and flow begins at the segment's start: see `event_loop.FLOW_BEGINS`
     ("standstills", np.int64),  # events in a row without any progress of time
     ("segments", np.int64),  # that have been solved, since the state is new
 ], align=True)
@@ -136,7 +136,7 @@ ROOM = np.dtype([
 
 
 class Scratch(NamedTuple):
-    """Room for what a kernel computes on the way; nothing in it outlasts the call that fills it.
+    """Room for intermediate results of a kernel; nothing in it outlasts the call that fills it.
 
     Attributes
     ----------
@@ -214,7 +214,7 @@ class State(NamedTuple):
     library : Library
         Series that many segments share.
     scratch : Scratch
-        Room for what a kernel computes on the way.
+        Room for intermediate results of a kernel.
     """
 
     z: np.ndarray

@@ -331,8 +331,19 @@ def _terms_by_zeros(zeros: bytes, shape: tuple[int, ...]) -> np.ndarray:
 
 
 def acceleration_terms(acceleration: np.ndarray, channels: Channels) -> np.ndarray:
-    """`System.terms` of `System.acceleration`."""
+    """`System.terms` of `System.acceleration`.
+
+    Raises
+    ------
+    ValueError
+        If a dynamic coordinate's row reads a driven coordinate or an acceleration, which no flow sees: whoever writes
+        the equations eliminates them.
+    """
     forcing = acceleration.copy()
+    read = acceleration[:, :channels.dynamic, :channels.signal(0)].any(axis=(0, 1))
+    read[:channels.dynamic] = read[channels.velocity(0):channels.velocity(channels.dynamic)] = False
+    if read.any():
+        raise ValueError(f"rows of dynamic coordinates read channels {np.flatnonzero(read)}, which no flow sees")
     if channels.decays:
         forcing[:, :, channels.decay] = 0.0
     forcing[:, :channels.dynamic, :channels.signal(0)] = 0.0
