@@ -2,7 +2,7 @@
 
 Positions of the masses are counted from where their drive springs are unstretched, so the drawing sets each mass
 `FREE_LENGTH` beyond its slider; that length and the outlines are the only ones the scene does not give
-(`messages.outlines` has those that the URDF shares).
+(`messages.urdf` has those that the URDF shares).
 """
 
 import math
@@ -14,18 +14,18 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Circle, FancyBboxPatch, Patch, Polygon, Rectangle
 from matplotlib.transforms import Affine2D, Transform
 
-from vibro_ros.messages import outlines
+from vibro_ros.messages import urdf
 from vibro_ros.model.scene import Scene
 from vibro_ros.model.slider import Slider
 from vibro_ros.simulation.samples import Samples
 
 MM = 1e3  # mm/m
-FREE_LENGTH = outlines.FREE_LENGTH * MM
-MASS_HEIGHT = outlines.MASS_HEIGHT * MM
+FREE_LENGTH = urdf.FREE_LENGTH * MM
+MASS_HEIGHT = urdf.MASS_HEIGHT * MM
 HUB_HEIGHT = 44.0  # of the crank's centre above the ground
-RAIL = outlines.RAIL * MM
+RAIL = urdf.RAIL * MM
 ARC = 74.0  # radius of the arc that shows the guides' angle, between the guides
-HEADROOM = outlines.HEADROOM * MM
+HEADROOM = urdf.HEADROOM * MM
 
 COLOURS = {"upper": "#0072b2", "inclined": "#d55e00"}  # as in report.png
 BODY, EDGE, METAL, DARK, FLASH = "#e7ebf0", "#8a95a3", "#b4bcc6", "#3a424c", "#ffc93c"

@@ -16,8 +16,7 @@ from rclpy.context import Context
 from rclpy.node import Node
 
 from vibro_ros.configuration.scene_file import load_scene
-from vibro_ros.messages.fields import stamp_at
-from vibro_ros.messages.frames import ALL
+from vibro_ros.messages.fields import ALL, stamp_at
 from vibro_ros.model.parameters import Value
 from vibro_ros.model.scene import Scene
 from vibro_ros.ros.robot.pacing import Pacing

@@ -7,11 +7,10 @@ if TYPE_CHECKING:
     from vibro_ros.bag.reader import read_bag
     from vibro_ros.configuration.scene_file import load_scene
     from vibro_ros.model.scene import Scene
-    from vibro_ros.orbits.follow_orbit import follow_orbit
-    from vibro_ros.orbits.lyapunov_spectrum import lyapunov_spectrum
+    from vibro_ros.orbits.branch import follow_orbit
+    from vibro_ros.orbits.chaos import lyapunov_spectrum, zero_one_test
     from vibro_ros.orbits.orbit import find_orbit
     from vibro_ros.orbits.recurrence import settled_motion
-    from vibro_ros.orbits.zero_one import zero_one_test
     from vibro_ros.simulation.motion import SimulationError
     from vibro_ros.simulation.runs import simulate, simulate_many
     from vibro_ros.simulation.simulator import Simulator
@@ -24,14 +23,14 @@ _HOMES = {
     "SimulationError": "simulation.motion",
     "Simulator": "simulation.simulator",
     "find_orbit": "orbits.orbit",
-    "follow_orbit": "orbits.follow_orbit",
+    "follow_orbit": "orbits.branch",
     "load_scene": "configuration.scene_file",
-    "lyapunov_spectrum": "orbits.lyapunov_spectrum",
+    "lyapunov_spectrum": "orbits.chaos",
     "read_bag": "bag.reader",
     "settled_motion": "orbits.recurrence",
     "simulate": "simulation.runs",
     "simulate_many": "simulation.runs",
-    "zero_one_test": "orbits.zero_one",
+    "zero_one_test": "orbits.chaos",
 }
 
 

@@ -13,8 +13,8 @@ from rosbags.interfaces import Nodetype
 from vibro_ros.bag.cdr import jazzy_types
 from vibro_ros.configuration.scene_file import load_scene
 from vibro_ros.messages.fields import JOINTS, joints_of
-from vibro_ros.messages.joints import robot_joints
 from vibro_ros.messages.topics import LASTING, ROBOT_TOPICS, published_name
+from vibro_ros.messages.urdf import robot_joints
 
 FOLDER = Path(__file__).resolve().parents[2] / "config" / "layouts"
 TOPICS = {f"/{published_name(name).lstrip('/')}": kind for name, kind in ROBOT_TOPICS.items()}

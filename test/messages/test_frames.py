@@ -10,7 +10,7 @@ from tree_of_frames import Tree
 
 from vibro_ros.bag.cdr import blank
 from vibro_ros.configuration.scene_file import load_scene
-from vibro_ros.messages.frames import ONLY_BASE, Frames
+from vibro_ros.messages.fields import ONLY_BASE, Frames
 from vibro_ros.messages.urdf import robot_description
 from vibro_ros.model.slider import Slider
 from vibro_ros.simulation.samples import FIELDS

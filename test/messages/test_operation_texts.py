@@ -5,7 +5,7 @@ import json
 import pytest
 
 import vibro_ros
-from vibro_ros.messages.operations import NAMES, SET, STEP, Operation, perform, read_operation
+from vibro_ros.messages.topics import NAMES, SET, STEP, Operation, perform, read_operation
 
 
 @pytest.mark.parametrize("operation", [

@@ -7,10 +7,8 @@ import pytest
 from closed_form import ImpactOscillator
 
 import vibro_ros
-from vibro_ros.orbits.branch_point import corrected
-from vibro_ros.orbits.continuation import follow
-from vibro_ros.orbits.family import Family, Place
-from vibro_ros.orbits.special_points import CORNER, DOUBLING, FOLD, GRAZING, TORUS, special_points
+from vibro_ros.orbits.continuation import CORNER, DOUBLING, FOLD, GRAZING, TORUS, follow, special_points
+from vibro_ros.orbits.family import Family, Place, corrected
 from vibro_ros.orbits.turn_map import TurnMap
 
 LOW, HIGH = -0.03, 0.06  # m, of the gap

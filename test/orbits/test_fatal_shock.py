@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 
 import vibro_ros
-from vibro_ros.orbits.cut import free_cut
 from vibro_ros.orbits.fatal_shock import LARGEST, Shocked
 from vibro_ros.orbits.recurrence import SettledMotion, settle
-from vibro_ros.orbits.stroboscope import Stroboscope
+from vibro_ros.orbits.turn_map import Stroboscope, free_cut
 
 RARE = vibro_ros.load_scene("damped").with_parameters({
     "effects.normal_force": "printed", "mass.inclined": 0.25, "guide.angle": math.radians(80.0)})

@@ -7,10 +7,8 @@ import pytest
 from scipy.linalg import eigvals
 
 import vibro_ros
-from vibro_ros.orbits.cut import free_cut
-from vibro_ros.orbits.lyapunov_spectrum import spectrum_from, turn_derivative
-from vibro_ros.orbits.stroboscope import Stroboscope
-from vibro_ros.orbits.turn_map import TurnMap
+from vibro_ros.orbits.chaos import spectrum_from, turn_derivative
+from vibro_ros.orbits.turn_map import Stroboscope, TurnMap, free_cut
 from vibro_ros.study.lyapunov import lyapunov_exponent
 from vibro_ros.study.window import window
 

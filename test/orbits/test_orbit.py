@@ -9,8 +9,7 @@ from scipy.linalg import expm
 
 import vibro_ros
 from vibro_ros.model.slider import Slider
-from vibro_ros.orbits.newton import Closed, close, derivative
-from vibro_ros.orbits.orbit import OrbitNotFoundError, orbit_at
+from vibro_ros.orbits.orbit import Closed, OrbitNotFoundError, close, derivative, orbit_at
 from vibro_ros.orbits.turn_map import TurnMap
 
 SPEED = 100.0  # rad/s

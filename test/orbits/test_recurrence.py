@@ -7,8 +7,7 @@ import pytest
 from closed_form import ImpactOscillator
 
 import vibro_ros
-from vibro_ros.orbits.cut import free_cut
-from vibro_ros.orbits.newton import close
+from vibro_ros.orbits.orbit import close
 from vibro_ros.orbits.recurrence import (
     CLOSE,
     Cloud,
@@ -19,8 +18,7 @@ from vibro_ros.orbits.recurrence import (
     settle,
     settled_motion,
 )
-from vibro_ros.orbits.stroboscope import Stroboscope
-from vibro_ros.orbits.turn_map import TurnMap
+from vibro_ros.orbits.turn_map import Stroboscope, TurnMap, free_cut
 
 
 def scene(name: str, **changes) -> vibro_ros.Scene:

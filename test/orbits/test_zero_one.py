@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 import vibro_ros
-from vibro_ros.orbits.cut import free_cut
-from vibro_ros.orbits.stroboscope import Stroboscope
+from vibro_ros.orbits.turn_map import Stroboscope, free_cut
 
 
 def logistic(rate, count=1000):
@@ -33,7 +32,7 @@ def test_chaos_and_noise_are_near_1(series):
 
 def test_the_displacement_is_the_mean_square_of_the_walk():
     """All lags by one correlation, against the sum as it is written in the paper."""
-    from vibro_ros.orbits.zero_one import _mean_square
+    from vibro_ros.orbits.chaos import _mean_square
 
     walk, lags = np.cumsum(np.exp(1j * np.random.default_rng(2).uniform(0.0, 7.0, 300))), np.arange(1, 31)
     direct = [np.mean(np.abs(walk[lag:lag + 270] - walk[:270])**2) for lag in lags]

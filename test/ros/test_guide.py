@@ -15,7 +15,7 @@ from sensor_msgs.msg import JointState
 from vibro_ros.bag.reader import read_bag
 from vibro_ros.configuration.parameter_file import own_parameters
 from vibro_ros.configuration.scene_file import load_scene
-from vibro_ros.messages.joints import robot_joints
+from vibro_ros.messages.urdf import robot_joints
 from vibro_ros.ros.robot.services import PACKAGE, installed_types
 from vibro_ros.simulation.kernels import compile_kernels
 

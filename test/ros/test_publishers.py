@@ -15,7 +15,7 @@ from vibro_ros.bag.cdr import first_difference
 from vibro_ros.bag.recorder import Together
 from vibro_ros.configuration.scene_file import load_scene, shipped_scenes
 from vibro_ros.messages import fields
-from vibro_ros.messages.frames import ALL, ONLY_BASE, Frames
+from vibro_ros.messages.fields import ALL, ONLY_BASE, Frames
 from vibro_ros.messages.topics import ROBOT_TOPICS
 from vibro_ros.ros.topics import publishers
 from vibro_ros.ros.topics.publishers import RobotPublishers, filled, makers, message_class

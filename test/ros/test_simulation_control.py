@@ -4,7 +4,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from vibro_ros.messages.operations import Operation
+from vibro_ros.messages.topics import Operation
 from vibro_ros.ros.robot.operations import Request
 from vibro_ros.ros.robot.services import SimulationControl
 from vibro_ros.ros.robot.simulation_rules import Code, RefusalError, State

@@ -2,7 +2,7 @@
 
 import pytest
 
-from vibro_ros.messages.operations import PAUSE, RESET, RESUME
+from vibro_ros.messages.topics import PAUSE, RESET, RESUME
 from vibro_ros.ros.robot.simulation_rules import (
     FEATURES,
     MOST_STEPS,

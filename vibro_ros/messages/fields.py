@@ -7,13 +7,22 @@ again, so that both say the same by construction. A `stamp` is ROS time [ns], a 
 Every number is cast with `float`: rclpy serialises an int or a numpy scalar in a float field to garbage, silently.
 """
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
-from vibro_ros.messages.joints import BASE
-from vibro_ros.messages.urdf import robot_description
+from vibro_ros.messages.urdf import (
+    BASE,
+    CONTINUOUS,
+    FIXED,
+    FLOATING,
+    robot_description,
+    robot_joints,
+    rod_angle,
+    slider,
+)
 from vibro_ros.model.scene import Scene
 from vibro_ros.simulation.samples import Samples
 
@@ -34,6 +43,9 @@ The crank's are an angle [rad], never wrapped, its speed [rad/s] and the motor's
 positions along their guide [m], outwards positive from the crank's centre, speeds [m/s] and forces [N]: on a mass that
 of its drive (outwards positive), on a plate that of the contact (compression positive).
 """
+
+NONE, ONLY_BASE, ALL = "none", "base", "all"
+"""What of the tree is published: nothing; where `base_link` is in `odom`; that and every link."""
 
 
 def stamp_at(start: int, time: float) -> int:
@@ -98,3 +110,88 @@ def fill_header(header: Any, stamp: int, frame: str) -> None:
     """Stamp [ns] and frame of a message."""
     header.stamp.sec, header.stamp.nanosec = divmod(stamp, 1_000_000_000)
     header.frame_id = frame
+
+
+class Frames:
+    """The transforms of one robot: where each of its frames lies at a state of the device.
+
+    Frames and signs are those of `messages.urdf`. All that turns does so about y, so that two parts of a quaternion, y
+    and w, give its angle. They are the only numbers here that are no field of the state: `Frames.turns` computes them.
+
+    Parameters
+    ----------
+    scene : Scene
+        Says which parts there are, and their lengths.
+    prefix : str
+        Begins every frame's name.
+    published : str
+        `ONLY_BASE` or `ALL`.
+
+    Attributes
+    ----------
+    fixed : tuple of Joint
+        Those that never change.
+    moving : tuple of Joint
+        The others, below `base_link`.
+    """
+
+    def __init__(self, scene: Scene, prefix: str = "", published: str = ALL):
+        joints = robot_joints(scene) if published == ALL else ()
+        self.fixed = tuple(joint for joint in joints if joint.kind == FIXED)
+        self.moving = tuple(joint for joint in joints if joint.kind != FIXED)
+        self._rods = [slider(scene, side) for side in scene.guides]
+        self._prefix = prefix
+
+    def turns(self, crank_angle: float) -> list[float]:
+        """y and w of the quaternion of each of `moving` that turns, one after the other, at the crank's angle [rad]."""
+        if not self.moving:
+            return []
+        angles = [crank_angle, *(rod_angle(rod, crank_angle) for rod in self._rods)]
+        return [part for angle in angles for part in _turned(angle)]
+
+    def fill(self, transforms: Sequence[Any], state: Samples, turns: Sequence[float], stamp: int) -> None:
+        """Fill blank transforms, that of `base_link` in `odom` and one of each of `moving`.
+
+        Parameters
+        ----------
+        transforms : sequence
+            Messages of the type geometry_msgs/msg/TransformStamped, ``1 + len(moving)`` of them.
+        state : Samples
+            The state.
+        turns : sequence of float
+            `Frames.turns` of its crank's angle, dimensionless.
+        stamp : int
+            ROS time [ns].
+        """
+        base, *others = transforms
+        self._begin(base, ODOM, BASE, stamp)
+        _lay(base, float(state.body_height), 0.0, 1.0)
+        base.transform.translation.x = float(state.body_position)
+        parts = iter(turns)
+        for message, joint in zip(others, self.moving, strict=True):
+            self._begin(message, joint.parent, joint.child, stamp)
+            if joint.kind in (CONTINUOUS, FLOATING):
+                _lay(message, joint.height, float(next(parts)), float(next(parts)))
+            else:
+                _lay(message, float(getattr(state, JOINTS[joint.child][0])), 0.0, 1.0)
+
+    def fill_fixed(self, transforms: Sequence[Any], stamp: int) -> None:
+        """Fill blank transforms, one of each of `fixed`; `stamp` is ROS time [ns]."""
+        for message, joint in zip(transforms, self.fixed, strict=True):
+            self._begin(message, joint.parent, joint.child, stamp)
+            _lay(message, joint.height, *_turned(joint.angle))
+
+    def _begin(self, message: Any, parent: str, child: str, stamp: int) -> None:
+        fill_header(message.header, stamp, self._prefix + parent)
+        message.child_frame_id = self._prefix + child
+
+
+def _turned(angle: float) -> tuple[float, float]:
+    """y and w of the quaternion that turns from z towards -x by an angle [rad]."""
+    return -math.sin(0.5 * angle), math.cos(0.5 * angle)
+
+
+def _lay(message: Any, height: float, y: float, w: float) -> None:
+    """The place on the parent's z axis [m], and the quaternion's parts."""
+    message.transform.translation.z = height
+    message.transform.rotation.y, message.transform.rotation.w = y, w

@@ -1,16 +1,37 @@
-"""The robot's description as URDF: the frames of `messages.joints`, with outlines, masses and inertias.
+"""The robot's description as URDF: the tree of its frames with outlines, masses and inertias.
 
-The scene's parameters give lengths, angles and masses; `messages.outlines` and the tables below the rest. The crank,
-the rods, the guides and the plates have no mass, because the model counts all of it to the body.
+The scene's parameters give lengths, angles and masses; the tables below the rest. The crank, the rods, the guides and
+the plates have no mass, because the model counts all of it to the body.
+
+x points forward and z up (REP-103). `base_link` lies on the ground below the crank's centre; `body` is the body.
+`upper_guide` and `inclined_guide` have the crank's centre as their origin and z along the guide, outwards; mass and
+plate of a guide move along that z, so that their positions in `joint_states` are the model's. `crank` turns about the
+same centre, with z towards its pin; a connecting rod hangs on the pin, with z towards its slider.
+
+Turning by a positive angle leads from z towards -x, as the model counts the crank's angle and the guides'.
+
+The equations count a mass's position from the crank's centre to the point where the drive spring is unstretched. So
+the pictures set each mass and its plate farther out by the spring's length, `FREE_LENGTH`, along the guide.
 """
 
 import math
 from collections.abc import Sequence
+from typing import NamedTuple
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
-from vibro_ros.messages.joints import BASE, BODY, CONTINUOUS, CRANK, PRISMATIC, Joint, robot_joints
-from vibro_ros.messages.outlines import CLEARANCE, FREE_LENGTH, MASS_HEIGHT, RAIL, guide_end, hub_height
 from vibro_ros.model.scene import Scene
+from vibro_ros.model.slider import Slider
+
+BASE = "base_link"
+BODY = "body"
+CRANK = "crank"
+
+FIXED, CONTINUOUS, PRISMATIC, FLOATING = "fixed", "continuous", "prismatic", "floating"
+"""Kinds of joints, in the words of URDF.
+
+A rod's joint is `floating`: its angle follows from the crank's by no law that URDF can state, and it is none of
+`joint_states`. So a robot_state_publisher leaves the rod's frame to the one who knows it, which is the robot's tf.
+"""
 
 ROBOT = "vibro_robot"
 #: Red, green, blue from 0 to 1; the masses have the colours of every picture of the robot.
@@ -26,7 +47,41 @@ BAR = 0.005  # m, thickness of rails, crank and rods
 UNLIMITED = 1e9
 """URDF asks for limits [m, m/s, N] of a joint that slides, and the model has none for the masses and for forces."""
 
+FREE_LENGTH = 0.040
+"""Of an unstretched drive spring, between slider and mass."""
+MASS_HEIGHT = 0.016
+"""Of a mass, along its guide."""
+RAIL = 0.014
+"""Distance of a guide's rail from its axis."""
+HEADROOM = 0.014
+"""From a plate to the end of its guide, with the plate's spring in it."""
+CLEARANCE = 0.024
+"""Least distance from the ground to the crank's pin, and to a guide's end."""
+
 Vector = Sequence[float]
+
+
+class Joint(NamedTuple):
+    """One joint, named like the frame that it carries.
+
+    Attributes
+    ----------
+    child, parent : str
+        Frames.
+    kind : str
+        `FIXED`, `CONTINUOUS`, `PRISMATIC` or `FLOATING`.
+    height : float
+        Place of the child's origin on the parent's z axis while the joint stands at 0 [m].
+    angle : float
+        Angle of the child in the parent while the joint stands at 0 [rad].
+    """
+
+    child: str
+    parent: str
+    kind: str
+    height: float = 0.0
+    angle: float = 0.0
+
 
 def robot_description(scene: Scene) -> str:
     """The URDF of a robot of this scene.
@@ -42,6 +97,47 @@ def robot_description(scene: Scene) -> str:
         XML, the same text for the same scene.
     """
     return _Description(scene).text()
+
+
+def robot_joints(scene: Scene) -> tuple[Joint, ...]:
+    """Every joint below `base_link` that a robot of this scene has, each behind the one that carries it."""
+    hub = hub_height(scene)
+    found = [Joint(BODY, BASE, FIXED)]
+    found += [Joint(f"{side}_guide", BASE, FIXED, hub, scene.guide_angle(side)) for side in scene.guides]
+    found.append(Joint(CRANK, BASE, CONTINUOUS, hub))
+    found += [Joint(f"{side}_rod", CRANK, FLOATING, scene["crank.radius"], rod_angle(slider(scene, side), 0.0))
+              for side in scene.guides]
+    found += [Joint(f"{side}_mass", f"{side}_guide", PRISMATIC) for side in scene.guides]
+    found += [Joint(f"{side}_plate", f"{side}_guide", PRISMATIC) for side in scene.plates]
+    return tuple(found)
+
+
+def slider(scene: Scene, side: str) -> Slider:
+    """The slider of a guide."""
+    return Slider(scene["crank.radius"], scene[f"crank.{side}_rod"], scene.guide_angle(side))
+
+
+def rod_angle(driven: Slider, crank_angle: float) -> float:
+    """Angle [rad] of a rod in the frame `crank`, at the crank's angle [rad].
+
+    The rod leads from the pin to the slider. In the guide's frame the pin stands at l (-sin psi, cos psi), and the
+    slider above it, so that the rod leans back by asin(l sin(psi) / L); psi is the crank's angle from the guide.
+    """
+    psi, radius, rod = crank_angle - driven.angle, driven.radius, driven.rod
+    root = math.sqrt((rod - radius) * (rod + radius) + (radius * math.cos(psi)) ** 2)  # as in `Slider.root`
+    return -psi - math.atan2(radius * math.sin(psi), root)
+
+
+def guide_end(scene: Scene, side: str) -> float:
+    """Distance [m] from the crank's centre to a guide's end, for the plate where the scene starts it."""
+    plate = scene[f"crank.{side}_rod"] + max(0.0, scene[f"{side}.gap"])
+    return plate + FREE_LENGTH + MASS_HEIGHT + HEADROOM
+
+
+def hub_height(scene: Scene) -> float:
+    """Height [m] of the crank's centre above the ground: crank and guides, also one that points down, stay above it."""
+    depths = [-scene.direction(side)[1] * guide_end(scene, side) for side in scene.guides]
+    return max(scene["crank.radius"], *depths, 0.0) + CLEARANCE
 
 
 class _Description:

@@ -2,16 +2,51 @@
 
 The method is H. B. Keller's, in P. H. Rabinowitz (ed.), Applications of Bifurcation Theory, 1977, pp. 359-384: a step
 along the branch's tangent, then Newton's method on the plane across its end.
+
+Where the order of events along an orbit changes, a branch has an edge: how to find it, and how to go on beyond it.
+
+On each side of the edge the turn map is smooth, and the branch with it; at the edge the branch has a corner, may turn
+back, or goes on with the root of a distance. So no step of the continuation and no difference of a derivative goes
+across: the branch is followed up to the edge with the map of the one side, and begun anew beyond it with the map of the
+other side.
+
+Special points are where a branch changes its nature: folds, period doublings, Neimark-Sacker points, grazings and
+corners.
+
+The first three have a test function that changes its sign there (Yu. A. Kuznetsov, Elements of Applied Bifurcation
+Theory, section 10.2); with the multipliers lambda:
+
+- a fold, where the parameter turns back: the parameter's part of the branch's tangent;
+- a period doubling: the product of lambda_i + 1;
+- a Neimark-Sacker point, where a motion of another frequency is born: the product of lambda_i lambda_j - 1 over all
+  pairs, at a pair of complex multipliers.
+
+The others lie where the order of the orbit's events changes (M. di Bernardo, C. J. Budd, A. R. Champneys, P. Kowalczyk,
+Piecewise-smooth Dynamical Systems, Springer 2008):
+
+- a grazing, where a contact of a plate or a landing of the body appears or vanishes;
+- a corner, where other events appear, vanish or change their order, and the branch changes its direction or its
+  multipliers jump: sliding bifurcations and boundary-intersection crossings.
 """
 
+import itertools
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from vibro_ros.orbits.branch_point import LONGEST_STEP, BranchPoint, LostError, corrected, point_at
-from vibro_ros.orbits.crossing import STRAIGHT, beyond, edge
-from vibro_ros.orbits.event_order import same_order
-from vibro_ros.orbits.family import Family, Place
+from vibro_ros.orbits.family import (
+    LONGEST_STEP,
+    BranchPoint,
+    Family,
+    LostError,
+    Place,
+    corrected,
+    orbit_of,
+    point_at,
+)
+from vibro_ros.orbits.orbit import CLOSED
+from vibro_ros.orbits.passage import change_in_words, contacts_of, same_order
 from vibro_ros.simulation.motion import SimulationError
 
 FIRST_STEP, SHORTEST_STEP = 0.01, 1e-10
@@ -23,6 +58,23 @@ _AHEAD = 1e-6  # along the branch: where its direction is looked for when the cu
 _FEW = 2  # derivatives that Newton's method takes at most before a step that is longer
 _CREEP, _WILD = 1e-4, 1e3  # shortest step, and largest multiplier, of orbits that are followed in spite of the other
 _SHORT = 1e-5  # a step that fails: the branch may have an edge within it
+STRAIGHT = 0.9
+"""Cosine between tangents of neighbours, at least: else the bend is rounded by a shorter step."""
+_SHARP = 1e-12  # arc that may be left to the edge
+_CLEAR = 1e-9  # arc behind the edge at which events are others
+_MOST_ROUNDS = 8
+_BACK = 1e-6  # arc before the edge at which its multipliers are taken
+_PROBES = (1e-6, 1e-5, 1e-4, 1e-3)  # arcs beyond the edge at which the other side's derivative is taken
+_ENTRIES = (1e-4, 1e-5, 1e-3, 1e-6)  # arcs to the first point of the other side
+_DEPTHS = (0.0, 1.0, 10.0, 0.1)
+_MOST_CHORDS = 40
+FOLD, DOUBLING, TORUS, GRAZING, CORNER = "fold", "period doubling", "Neimark-Sacker", "grazing", "corner"
+KINDS = (FOLD, DOUBLING, TORUS, GRAZING, CORNER)
+TOLERANCE = 1e-10
+"""Of a special point's place, as a share of the parameter's range."""
+_UNIT = 1e-3  # how far from 1 in magnitude the pair of a Neimark-Sacker point may be found
+_BEHIND = 1e-5  # arc behind an edge at which the other side is compared with this one
+_SMOOTH = 5e-3  # changes there of the tangent's cosine and, relatively, of the multipliers that are no corner
 
 
 def follow(family: Family, state: np.ndarray, share: float,
@@ -163,3 +215,219 @@ def _width(low: BranchPoint, high: BranchPoint, arc: float) -> float:
 def _between(low: float, high: float, at_low: float, at_high: float) -> float:
     secant = low + (high - low) * at_low / (at_low - at_high)
     return min(max(secant, low + 1e-3 * (high - low)), high - 1e-3 * (high - low))
+
+
+def edge(point: BranchPoint, step: float) -> BranchPoint | None:
+    """The farthest point of the branch, within an arc of `step`, with the events of `point` in their order.
+
+    Returns
+    -------
+    BranchPoint or None
+        Its tangent and multipliers are those of this side; None where the branch does not end at another order.
+    """
+    low, far, family = point, step, point.family
+    try:
+        for _ in range(_MOST_ROUNDS):
+            vector, width = _last_of_side(low, far)
+            ahead = Place.of(vector + max(_CLEAR, 10.0 * width) * low.tangent)
+            apart = float(np.linalg.norm(vector - low.place.vector))
+            if not same_order(family.order(ahead), low.passage.order):
+                side = point_at(family, vector - min(_BACK, 0.5 * apart) * low.tangent, low.tangent, _BACK)
+                width = abs(width * low.tangent[-1]) * (family.high - family.low)
+                here = orbit_of(family, Place.of(vector))
+                return replace(side, place=here.place, passage=here.passage, mean_speed=here.mean_speed, width=width)
+            if apart == 0.0:
+                return None
+            low, far = point_at(family, vector, low.tangent, far), far - apart  # the derivative had changed too much
+    except (LostError, SimulationError, ValueError):
+        pass
+    return None
+
+
+def _last_of_side(low: BranchPoint, far: float) -> tuple[np.ndarray, float]:
+    """The last point within `far` that is found and has the events of `low`, and the arc in which that changes.
+
+    By bisection, with the derivative at `low` for Newton's method: near the edge, differences would reach across.
+    """
+    family = low.family
+    held = family.held(low.place)
+    inverse = np.linalg.pinv(np.vstack([family.jacobian(low.place, held, far), low.tangent]))
+
+    def ahead(guess: np.ndarray) -> np.ndarray | None:
+        at, before = guess.copy(), np.inf
+        for _ in range(_MOST_CHORDS):
+            residual = family.residual(Place.of(at))
+            residual[held] = 0.0
+            size = float(np.abs(residual).max())
+            if size <= 0.1 * CLOSED or size >= 0.7 * before:
+                break
+            at, before = at - inverse @ np.append(residual, low.tangent @ (at - guess)), size
+        closes = size <= CLOSED and same_order(family.order(Place.of(at)), low.passage.order)
+        return at if closes else None
+
+    near, last = 0.0, low.place.vector
+    while far - near > _SHARP:
+        middle = 0.5 * (near + far)
+        try:
+            found = ahead(last + (middle - near) * low.tangent)
+        except (SimulationError, ValueError):
+            found = None
+        if found is None:
+            far = middle
+        else:
+            near, last = middle, found
+    return last, far - near
+
+
+def beyond(before: BranchPoint) -> BranchPoint:
+    """The first point of the branch on the other side of an edge.
+
+    The derivative of the map is taken on the prolongation of this side's branch, which lies on the other side; its null
+    vector is the branch's direction there, forwards or back.
+
+    Raises
+    ------
+    LostError
+        Where no orbit is found there.
+    """
+    family = before.family
+    for probe in _PROBES:
+        try:
+            direction = _direction(family, before, probe)
+        except (SimulationError, ValueError, np.linalg.LinAlgError):
+            continue
+        if direction is not None:
+            for arc, sign, depth in itertools.product(_ENTRIES, (1.0, -1.0), _DEPTHS):
+                if found := _entered(before, sign * direction, arc, depth):
+                    return found
+    raise LostError(f"the branch ends at {family.name} = {before.value:.9g}, where its events change "
+                    f"({_change_ahead(before)}); no orbit was found beyond")
+
+
+def _change_ahead(before: BranchPoint) -> str:
+    """What is different beyond an edge, in words."""
+    for probe in (_CLEAR, *_PROBES):
+        order = before.family.order(Place.of(before.place.vector + probe * before.tangent))
+        if not same_order(order, before.passage.order):
+            return change_in_words(before.passage.order, order)
+    return "which ones was not found"
+
+
+def _direction(family: Family, before: BranchPoint, probe: float) -> np.ndarray | None:
+    """Of the branch on the other side, towards that side if this can be told; None where it is not reached."""
+    place = Place.of(before.place.vector + probe * before.tangent)
+    if same_order(family.order(place), before.passage.order):
+        return None
+    *_, rows = np.linalg.svd(family.jacobian(place, family.held(place), probe))
+    along: np.ndarray = rows[-1] if rows[-1] @ before.tangent >= 0.0 else -rows[-1]
+    sides = [same_order(family.order(Place.of(before.place.vector + sign * probe * along)), before.passage.order)
+             for sign in (1.0, -1.0)]
+    return -along if sides == [True, False] else along
+
+
+def _entered(before: BranchPoint, direction: np.ndarray, arc: float, depth: float) -> BranchPoint | None:
+    """The orbit near `arc` along a direction from the edge; None where it is not one of the other side.
+
+    Behind a grazing with the root of a distance, the branch begins along the edge, and is on the other side by the
+    square of the arc only. So Newton's method begins deeper there, by `depth` times this square.
+    """
+    family = before.family
+    guess = before.place.vector + arc * direction + depth * arc**2 * before.tangent
+    try:
+        if same_order(family.order(Place.of(guess)), before.passage.order):
+            return None
+        vector, _ = corrected(family, guess, direction, arc)
+        if np.linalg.norm(vector - guess) > arc:
+            return None
+        found = point_at(family, vector, direction, arc)
+    except (LostError, SimulationError, ValueError):
+        return None
+    return None if same_order(found.passage.order, before.passage.order) else found
+
+
+@dataclass(frozen=True)
+class SpecialPoint:
+    """A change of nature.
+
+    Attributes
+    ----------
+    kind : str
+        Of `KINDS`.
+    point : BranchPoint
+        The branch there.
+    width : float
+        Width of the interval of the parameter [its unit] in which it was found.
+    change : str
+        What becomes of the events, such as ``stick vanishes``, and whether the branch turns back there; empty for a
+        point at which the order of events stays.
+    """
+
+    kind: str
+    point: BranchPoint
+    width: float
+    change: str = ""
+
+
+def fold_test(point: BranchPoint) -> float:
+    """The parameter's part of the tangent."""
+    return float(point.tangent[-1])
+
+
+def doubling_test(point: BranchPoint) -> float:
+    """Product of lambda + 1."""
+    return float(np.prod(point.multipliers + 1.0).real)
+
+
+def torus_test(point: BranchPoint) -> float:
+    """Product of lambda_i lambda_j - 1 over all pairs."""
+    first, second = np.triu_indices(len(point.multipliers), 1)
+    return float(np.prod(point.multipliers[first] * point.multipliers[second] - 1.0).real)
+
+
+def special_points(before: BranchPoint, after: BranchPoint) -> Iterator[SpecialPoint]:
+    """Special points between two neighbours of a branch, in the order of their kinds.
+
+    A pair of special points of one kind between two neighbours is not seen: neighbours are at most
+    `continuation.LONGEST_STEP` apart, and closer where the branch bends.
+    """
+    if not same_order(before.passage.order, after.passage.order):
+        yield from _crossing(before, after)
+        return
+    tests = {FOLD: fold_test, DOUBLING: doubling_test, TORUS: torus_test}
+    for kind, test in tests.items():
+        if (test(before) > 0.0) != (test(after) > 0.0):
+            point, width = located(before, after, test, TOLERANCE)
+            if kind != TORUS or _has_unit_pair(point):
+                yield SpecialPoint(kind, point, width)
+
+
+def _crossing(before: BranchPoint, after: BranchPoint) -> Iterator[SpecialPoint]:
+    """The grazing or corner at `before`, behind which the events are those of `after`."""
+    orders = before.passage.order, after.passage.order
+    change = change_in_words(*orders)
+    if before.tangent[-1] * after.tangent[-1] < 0.0:
+        change += "; the branch turns back"
+    if contacts_of(orders[0]) != contacts_of(orders[1]):
+        yield SpecialPoint(GRAZING, before, before.width, change)
+    elif not _is_smooth(before, after):
+        yield SpecialPoint(CORNER, before, before.width, change)
+
+
+def _is_smooth(before: BranchPoint, after: BranchPoint) -> bool:
+    """Whether a branch goes straight on across an edge, and its multipliers with it."""
+    family, start = before.family, before.place.vector
+    direction = (after.place.vector - start) / np.linalg.norm(after.place.vector - start)
+    try:
+        vector, _ = corrected(family, start + _BEHIND * direction, direction, _BEHIND)
+        near = point_at(family, vector, direction, _BEHIND)
+    except LostError:
+        return False
+    here, there = np.poly(before.multipliers), np.poly(near.multipliers)
+    return bool(1.0 - before.tangent @ near.tangent < _SMOOTH
+                and np.abs(here - there).max() < _SMOOTH * np.abs(here).max())
+
+
+def _has_unit_pair(point: BranchPoint) -> bool:
+    """Whether a complex pair lies on the unit circle: real multipliers whose product is 1 are a neutral saddle."""
+    complex_ones = point.multipliers[np.abs(point.multipliers.imag) > 0.0]
+    return bool(len(complex_ones) and np.abs(np.abs(complex_ones) - 1.0).min() < _UNIT)

@@ -16,8 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from vibro_ros.orbits.recurrence import FIRST_TURNS, MOST_TURNS, SettledMotion, settle
-from vibro_ros.orbits.stroboscope import Stroboscope
-from vibro_ros.orbits.turn_map import TURN
+from vibro_ros.orbits.turn_map import TURN, Stroboscope
 from vibro_ros.simulation.motion import SimulationError
 from vibro_ros.simulation.simulator import Simulator
 

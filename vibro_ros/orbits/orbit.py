@@ -1,14 +1,19 @@
-"""Periodic orbits: a motion that repeats itself every few turns of the crank, and its Floquet multipliers."""
+"""Periodic orbits: motions that repeat themselves every few turns of the crank, and their Floquet multipliers.
 
-from collections.abc import Iterator
+Newton's method finds states to which the turn map comes back, with the map's derivative by central differences. It
+begins with states of the motion that the scene settles to, or for `seeds_of` that several starts settle to.
+"""
+
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from vibro_ros.model.scene import Scene
-from vibro_ros.orbits.cut import free_phase
-from vibro_ros.orbits.newton import Closed, close, derivative
-from vibro_ros.orbits.turn_map import TURN, TurnMap
+from vibro_ros.orbits.recurrence import settle
+from vibro_ros.orbits.turn_map import TURN, Stroboscope, TurnMap, free_cut, free_phase
+from vibro_ros.simulation.motion import SimulationError
 from vibro_ros.simulation.samples import Samples
 from vibro_ros.simulation.simulator import Simulator
 
@@ -16,12 +21,36 @@ MOST_TURNS = 64
 """Turns after which an orbit may repeat itself at most: a derivative over more loses too many digits."""
 SETTLING = (200, 1000, 5000)
 """Turns of the crank after the start of the scene at which orbits are looked for, one after the other."""
+STEP = 1e-5
+"""Of the central differences, in units of the machine: its square and rounding / step are errors of about 1e-9."""
+CLOSED = 1e-11
+"""Largest residual of an orbit, in units of the machine; rounding along a turn makes 1e-14 to 1e-12."""
+_MOST_STEPS = 40
+_SHORTEST = 2.0**-10  # part of a Newton step that is tried
+SAME = 1e-6
+"""How far apart the states of the same orbit may be, in units of the machine."""
+_UNSTABLE = 4  # turns up to which unstable orbits are looked for
 _GUESSES = 4  # states of the settled motion that Newton's method begins with, those that come back best first
 _CLOSE = 1e-6  # of a state that comes back, in units of the machine: what has settled repeats itself much better
 
 
 class OrbitNotFoundError(RuntimeError):
     """No motion was found that repeats itself after so many turns; the message says what was found."""
+
+
+class Closed(NamedTuple):
+    """A state that comes back.
+
+    Attributes
+    ----------
+    state : ndarray, shape (n,)
+        In units of the machine.
+    residual : float
+        Largest difference between the state and the one that follows, in units of the machine.
+    """
+
+    state: np.ndarray
+    residual: float
 
 
 @dataclass(frozen=True)
@@ -142,3 +171,161 @@ def _repeats_after(history: np.ndarray) -> int:
     """Least number of turns after which all states come back; 0 when they do not."""
     return next((turns for turns in range(1, MOST_TURNS + 1)
                  if np.abs(history[turns:] - history[:-turns]).max() < _CLOSE), 0)
+
+
+def derivative(turn_map: TurnMap, state: np.ndarray, turns: int, free: np.ndarray, step: float = STEP) -> np.ndarray:
+    """Derivative of the map over `turns` by the coordinates that are `free`, shape (free, free).
+
+    Central differences of a map that is exact to rounding: the error is that of their step, where nothing grazes
+    a plate within it.
+    """
+    columns = []
+    for i in np.flatnonzero(free):
+        ends = []
+        for sign in (step, -step):
+            moved = state.copy()
+            moved[i] += sign
+            ends.append(turn_map(moved, turns).state)
+        columns.append((ends[0] - ends[1])[free] / (2.0 * step))
+    return np.array(columns).T
+
+
+def close(turn_map: TurnMap, guess: np.ndarray, turns: int,
+          derivative_of: Callable[..., np.ndarray] = derivative) -> Closed | None:
+    """The orbit that Newton's method finds from `guess`; None when there is none within its reach.
+
+    A full step that makes the residual larger is halved. What a plate, the ground or friction holds at the cut is held.
+    """
+    state, residual = guess, _residual(turn_map, guess, turns)
+    for _ in range(_MOST_STEPS):
+        free = ~turn_map.held(state)
+        difference = np.zeros_like(state)
+        try:
+            matrix = derivative_of(turn_map, state, turns, free) - np.eye(int(free.sum()))
+            difference[free] = np.linalg.solve(matrix, residual[free])
+        except (np.linalg.LinAlgError, SimulationError, ValueError):
+            return None
+        better = _shortened(turn_map, state, residual, difference, turns)
+        if better is None:
+            break
+        state, residual = better
+    size = float(np.abs(residual).max(initial=0.0))
+    return Closed(state, size) if size <= CLOSED else None
+
+
+def _shortened(turn_map: TurnMap, state: np.ndarray, residual: np.ndarray, difference: np.ndarray,
+               turns: int) -> tuple[np.ndarray, np.ndarray] | None:
+    """State and residual after a Newton step or a part of it that makes the residual smaller; None without any."""
+    part = 1.0
+    while part >= _SHORTEST:
+        moved = state - part * difference
+        try:
+            after = _residual(turn_map, moved, turns)
+        except (SimulationError, ValueError):
+            after = np.full_like(residual, np.inf)
+        if np.abs(after).max() < np.abs(residual).max():
+            return moved, after
+        part *= 0.5
+    return None
+
+
+def _residual(turn_map: TurnMap, state: np.ndarray, turns: int) -> np.ndarray:
+    return turn_map(state, turns).state - state
+
+
+@dataclass(frozen=True)
+class Seed:
+    """An orbit from which branches are followed.
+
+    Attributes
+    ----------
+    turns : int
+        Least number of turns after which it repeats itself.
+    phase : float
+        Crank angle at the cut [rad].
+    state : ndarray, shape (n,)
+        At the cut, in units of the machine.
+    """
+
+    turns: int
+    phase: float
+    state: np.ndarray
+
+
+def seeds_of(scene: Scene, starts: int, most_turns: int) -> list[Seed]:
+    """Orbits of a scene that differ, those of the fewest turns first.
+
+    Parameters
+    ----------
+    scene : Scene
+        Its motor turns at `motor.speed`, all the time.
+    starts : int
+        How many starts are tried: the scene's own, and others with crank angle and velocities drawn at random, always
+        the same.
+    most_turns : int
+        Turns after which an orbit repeats itself at most.
+
+    Raises
+    ------
+    SimulationError
+        If a run cannot go on.
+    """
+    turn_map = free_cut(scene)
+    stroboscope, found = Stroboscope(turn_map), list[Seed]()
+    for start in range(starts):
+        stroboscope.begin_as(**_drawn(turn_map, start))
+        motion = settle(stroboscope)
+        if motion and 1 <= motion.turns <= most_turns and (closed := close(turn_map, motion.states[-1], motion.turns)):
+            found.append(Seed(motion.turns, turn_map.phase, closed.state))
+    for turns in range(1, min(_UNSTABLE, most_turns) + 1):
+        try:
+            orbit = find_orbit(scene, turns)
+        except OrbitNotFoundError:
+            continue
+        there = TurnMap(scene, orbit.state.crank_angle)
+        state = there.read(orbit.state)
+        found.append(Seed(_least(there, state, turns), there.phase, state))
+    return _different(scene, sorted(found, key=lambda seed: seed.turns))
+
+
+def _drawn(turn_map: TurnMap, start: int) -> dict[str, float]:
+    """Crank angle and velocities of a start by its number; none for the scene's own, the first one."""
+    if start == 0:
+        return {}
+    random = np.random.default_rng(start)
+    given = {"crank_angle": random.uniform(0.0, TURN)}
+    for name, unit in zip(turn_map.names, turn_map.units, strict=True):
+        if name.endswith("velocity") and name != "body_vertical_velocity":
+            given[name] = random.uniform(-unit, unit)
+    return given
+
+
+def _least(turn_map: TurnMap, state: np.ndarray, turns: int) -> int:
+    """The least part of `turns` after which an orbit repeats itself."""
+    return next(part for part in range(1, turns + 1)
+                if turns % part == 0 and np.abs(turn_map(state, part).state - state).max() < SAME)
+
+
+def _different(scene: Scene, seeds: Sequence[Seed]) -> list[Seed]:
+    """Seeds without those that are the same orbit as one before."""
+    kept: list[Seed] = []
+    for seed in seeds:
+        turn_map = TurnMap(scene, seed.phase)
+        if not any(seed.turns == other.turns and is_same(turn_map, _recut(scene, other, seed.phase), seed.state,
+                                                         seed.turns) for other in kept):
+            kept.append(seed)
+    return kept
+
+
+def _recut(scene: Scene, seed: Seed, phase: float) -> np.ndarray:
+    """The state of a seed at another cut."""
+    here, there = TurnMap(scene, seed.phase), TurnMap(scene, phase)
+    stroboscope = Stroboscope(there)
+    sample = here.sample(seed.state)
+    given = {name: getattr(sample, name) for name in here.names}
+    return stroboscope.begin_as(crank_angle=seed.phase, **given).states[-1]
+
+
+def is_same(turn_map: TurnMap, one: np.ndarray, other: np.ndarray, turns: int) -> bool:
+    """Whether two states at one cut are of the same orbit."""
+    return any(np.abs(turn_map(one, ahead).state - other).max() < SAME for ahead in range(1, turns + 1))

@@ -18,8 +18,7 @@ import numpy as np
 from scipy.spatial import KDTree
 
 from vibro_ros.model.scene import Scene
-from vibro_ros.orbits.cut import free_cut
-from vibro_ros.orbits.stroboscope import Cuts, Stroboscope
+from vibro_ros.orbits.turn_map import Cuts, Stroboscope, free_cut
 
 LONGEST_PERIOD = 64
 """Turns after which a motion that counts as periodic repeats itself at most."""

@@ -1,4 +1,4 @@
-"""The turn map: the state of a device one or more turns of its crank after a given one.
+"""The turn map: the state of a device one or more turns of its crank after a given one; where to cut it; many turns.
 
 The map is cut at a phase of the crank. The state there is made of the masses' positions and velocities and the body's
 velocity, in a scene whose body hops of its height and vertical velocity too. The body's place along the ground is none
@@ -6,6 +6,9 @@ of it, because nothing depends on it; how far a turn moves the body comes beside
 
 States are counted in units of the machine, so that no coordinate outweighs another: lengths in `crank.radius` l,
 velocities in l omega.
+
+A good cut is a phase of the crank where nothing touches and nothing happens. A cut that lies within a contact, or at an
+instant where the friction changes, makes the map rough: two states that are close could be in different modes there.
 """
 
 import math
@@ -14,12 +17,17 @@ from typing import NamedTuple
 import numpy as np
 
 from vibro_ros.model.scene import Scene
-from vibro_ros.orbits.event_order import LANDING, EventOrder, event_order
 from vibro_ros.simulation.samples import Samples
 from vibro_ros.simulation.simulator import Simulator
 
 TURN = 2.0 * math.pi
-_BESIDE = np.array([-2.0, 2.0])  # spacings of floats before and after a landing, whose instant is rounded
+SEEN = 64
+"""Turns that are looked at for a cut."""
+SETTLED = 200
+"""Turns that a scene is given to settle, from its own start, before they are looked at."""
+CELLS = 4096
+"""Parts of a turn in which events are told apart."""
+_CONTACT = "_contact"
 
 
 class TurnEnd(NamedTuple):
@@ -59,6 +67,8 @@ class TurnMap:
         What 1 is of each coordinate [m or m/s].
     period : float
         Time of a turn [s].
+    device : Simulator
+        Of the scene; each call puts it into another state.
 
     Raises
     ------
@@ -75,8 +85,8 @@ class TurnMap:
         self.names = coordinates(scene)
         length = scene["crank.radius"] or max(scene[f"crank.{side}_rod"] for side in scene.guides)
         self.units = np.array([length * speed if name.endswith("velocity") else length for name in self.names])
-        self._device = Simulator(scene)
-        self._start = self._device.checkpoint()
+        self.device = Simulator(scene)
+        self._start = self.device.checkpoint()
 
     def __call__(self, state: np.ndarray, turns: int = 1) -> TurnEnd:
         """Where `turns` turns lead from `state`, shape (n,).
@@ -88,25 +98,9 @@ class TurnMap:
         SimulationError
             If the run cannot go on.
         """
-        self.put(self._device, state)
-        self._device.advance_to(turns * self.period)
-        return TurnEnd(self.read(self._device.state), self._device.state.body_position)
-
-    def ordered(self, state: np.ndarray, turns: int = 1) -> tuple[TurnEnd, EventOrder]:
-        """The same as a call, with the order of the events that have ended on the way."""
-        device, end = self._device, turns * self.period
-        self.put(device, state)
-        start = device.checkpoint()
-        device.take_events()
-        device.advance_to(end)
-        now, events = device.state, device.take_events()
-        landings = events["time"][events["kind"] == LANDING]
-        speeds = np.zeros((len(landings), 2))
-        if len(landings):  # what a landing has made of the body's speed is not in its event
-            device.restore(start)
-            beside = landings[:, None] + _BESIDE * np.spacing(landings)[:, None]
-            speeds = device.sample(beside.ravel()).body_velocity.reshape(-1, 2)
-        return TurnEnd(self.read(now), now.body_position), event_order(events, end, speeds)
+        self.put(self.device, state)
+        self.device.advance_to(turns * self.period)
+        return TurnEnd(self.read(self.device.state), self.device.state.body_position)
 
     def put(self, device: Simulator, state: np.ndarray) -> None:
         """Put a device of the scene at its time 0 into a state at the cut, the body at 0."""
@@ -120,8 +114,8 @@ class TurnMap:
 
     def sample(self, state: np.ndarray) -> Samples[float]:
         """All quantities of a device in a state at the cut, the body at 0."""
-        self.put(self._device, state)
-        return self._device.state
+        self.put(self.device, state)
+        return self.device.state
 
     def held(self, state: np.ndarray) -> np.ndarray:
         """Which coordinates something holds in `state`, shape (n,) of bool: friction a body that stands, the ground a
@@ -143,3 +137,159 @@ def coordinates(scene: Scene) -> tuple[str, ...]:
     masses = [f"{side}_{what}" for side in scene.guides for what in ("position", "velocity")]
     return (*masses, *["body_velocity"] * scene.body_moves,
             *["body_height", "body_vertical_velocity"] * scene.body_hops)
+
+
+class Cuts(NamedTuple):
+    """A device at successive cuts.
+
+    Attributes
+    ----------
+    states : ndarray, shape (cuts, n)
+        In units of the machine, as `TurnMap` has them.
+    positions : ndarray, shape (cuts,)
+        Of the body along the ground [m], forwards positive.
+    """
+
+    states: np.ndarray
+    positions: np.ndarray
+
+
+class Stroboscope:
+    """A device of a turn map's scene that runs on, seen once a turn.
+
+    `TurnMap` puts a device into a state for every turn, which costs as much as twenty turns. A stroboscope puts the
+    device once and lets it run on.
+
+    Parameters
+    ----------
+    turn_map : TurnMap
+        Scene, cut and units.
+
+    Attributes
+    ----------
+    turn_map : TurnMap
+        The same.
+
+    Raises
+    ------
+    ValueError
+        For a scene in which nothing moves but the crank.
+    """
+
+    def __init__(self, turn_map: TurnMap):
+        if not turn_map.names:
+            raise ValueError(f"{turn_map.scene.name or 'scene'}: nothing moves in it but the crank; give it "
+                             "effects.upper_mass or effects.inclined_mass")
+        self.turn_map = turn_map
+        self._device = Simulator(turn_map.scene)
+        self._start = self._device.checkpoint()
+        self._cut = 0.0  # s, the last cut
+
+    def begin(self, state: np.ndarray) -> None:
+        """Begin at the cut, in a state of shape (n,), the body at 0 (ValueError for a state that cannot be)."""
+        self.turn_map.put(self._device, state)
+        self._cut = 0.0
+
+    def begin_as(self, **given: float) -> Cuts:
+        """Begin as the scene starts, but with what is `given`, and go on to the first cut.
+
+        Parameters
+        ----------
+        given : float
+            As `Simulator.set_state` takes it, in SI units.
+
+        Returns
+        -------
+        Cuts
+            The first cut: within the first turn, or the start itself.
+
+        Raises
+        ------
+        ValueError
+            For a state that cannot be.
+        SimulationError
+            If the run cannot go on.
+        """
+        self._device.restore(self._start)
+        if given:
+            self._device.set_state(**given)
+        ahead = (self.turn_map.phase - self._device.state.crank_angle) % TURN / TURN
+        self._cut = (ahead - 1.0) * self.turn_map.period
+        return self.turns(1)
+
+    def turns(self, count: int) -> Cuts:
+        """Go on over `count` turns; the cuts that follow the last one.
+
+        Raises
+        ------
+        SimulationError
+            If the run cannot go on.
+        """
+        times = self._cut + np.arange(1, count + 1) * self.turn_map.period
+        samples = self._device.sample(times)
+        self._device.take_events()  # or they would be kept
+        self._cut = float(times[-1])
+        states = np.column_stack([getattr(samples, name) for name in self.turn_map.names]) / self.turn_map.units
+        return Cuts(states, samples.body_position)
+
+
+def free_phase(scene: Scene, device: Simulator) -> tuple[float, float]:
+    """The phase farthest from all events of the coming `SEEN` turns, and the share of a turn that is free around it.
+
+    Parameters
+    ----------
+    scene : Scene
+        What the device simulates.
+    device : Simulator
+        It has settled; it is advanced by `SEEN` turns.
+
+    Returns
+    -------
+    float, float
+        Crank angle [rad], from 0 to 2 pi, and the share: 0 where every phase of the turn is within a contact, and the
+        phase is one that is within the fewest.
+    """
+    period = TURN / scene["motor.speed"]
+    device.take_events()
+    begin, angle = device.time, device.state.crank_angle
+    device.advance_to(begin + SEEN * period)
+    events = device.take_events()
+    phase = np.mod((events["time"] - begin) / period + angle / TURN, 1.0)
+    of_contact = np.char.endswith(events["kind"], _CONTACT)
+    lasting = np.where(of_contact, events["duration"], 0.0) / period
+    busy = events_in_cells(phase, lasting)
+    return middle_of_longest(busy == busy.min(), free=bool(busy.min() == 0.0))
+
+
+def free_cut(scene: Scene) -> TurnMap:
+    """The turn map of a scene, cut where the motion from its own start is free (ValueError for a crank that stands)."""
+    TurnMap(scene)  # refuses a crank that stands
+    device = Simulator(scene)
+    device.advance_to(SETTLED * TURN / scene["motor.speed"])
+    return TurnMap(scene, free_phase(scene, device)[0])
+
+
+def events_in_cells(phase: np.ndarray, lasting: np.ndarray) -> np.ndarray:
+    """How many events fall on each of the `CELLS` of a turn, shape (CELLS,).
+
+    Parameters
+    ----------
+    phase, lasting : ndarray, shape (events,)
+        Where in a turn an event begins, from 0 to 1, and for how much of turns it lasts; dimensionless.
+    """
+    count = np.zeros(CELLS)
+    for first, last in zip(phase * CELLS, (phase + np.minimum(lasting, 1.0)) * CELLS, strict=True):
+        count[np.arange(int(first), int(last) + 1) % CELLS] += 1.0
+    return count
+
+
+def middle_of_longest(quiet: np.ndarray, free: bool) -> tuple[float, float]:
+    """Middle [rad] of the longest run of cells that are `quiet`, on the circle, and its share of the turn."""
+    if quiet.all():
+        return 0.0, 1.0
+    start = int(np.flatnonzero(~quiet)[0])  # count from where a run cannot go on across
+    turned = np.concatenate([[False], np.roll(quiet, -start), [False]])
+    edges = np.flatnonzero(turned[1:] != turned[:-1]).reshape(-1, 2)
+    first, last = edges[np.argmax(edges[:, 1] - edges[:, 0])]
+    middle = (start + 0.5 * (first + last)) / len(quiet) % 1.0
+    return TURN * middle, (last - first) / len(quiet) if free else 0.0

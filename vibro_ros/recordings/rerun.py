@@ -18,9 +18,16 @@ from vibro_ros.bag.metadata import LAST_STAMP
 from vibro_ros.bag.stream import BagError, BagStream, robot_topics
 from vibro_ros.configuration.scene_file import DEVICE_PARAMETERS
 from vibro_ros.messages import fields
-from vibro_ros.messages.frames import Frames
-from vibro_ros.messages.operations import RESET, perform, read_operation
-from vibro_ros.messages.topics import CHECKPOINT_TYPE, OPERATIONS, OPERATIONS_TYPE, ROBOT_TOPICS
+from vibro_ros.messages.fields import Frames
+from vibro_ros.messages.topics import (
+    CHECKPOINT_TYPE,
+    OPERATIONS,
+    OPERATIONS_TYPE,
+    RESET,
+    ROBOT_TOPICS,
+    perform,
+    read_operation,
+)
 from vibro_ros.model.parameters import SCENE_PARAMETERS, Value, checked_parameters
 from vibro_ros.model.scene import Scene
 from vibro_ros.process.untrusted import one_line

@@ -24,7 +24,7 @@ NO_SEED = "none"
 _PACKAGE = "vibro_ros"
 _ROOMS = ("model", "solver")
 _MODULES = (
-    *(("messages", name) for name in ("fields", "frames", "joints", "outlines", "urdf")),
+    *(("messages", name) for name in ("fields", "urdf")),
     *(("simulation", name) for name in (
         "auto", "given_state", "kernels", "motion", "readout", "samples", "simulator")))
 

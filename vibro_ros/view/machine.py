@@ -2,8 +2,8 @@
 
 from typing import Any
 
-from vibro_ros.messages.outlines import CLEARANCE, FREE_LENGTH, HEADROOM, MASS_HEIGHT, guide_end, hub_height
 from vibro_ros.messages.topics import COMMAND_UNITS
+from vibro_ros.messages.urdf import CLEARANCE, FREE_LENGTH, HEADROOM, MASS_HEIGHT, guide_end, hub_height
 from vibro_ros.model.scene import Scene
 from vibro_ros.simulation.samples import FIELDS
 

@@ -10,8 +10,16 @@ from collections.abc import Sequence
 import numpy as np
 
 from vibro_ros.bag.cdr import deserialised
-from vibro_ros.messages.operations import RESET, SET, TIMEOUT, read_operation
-from vibro_ros.messages.topics import CHECKPOINT, OPERATIONS, OPERATIONS_TYPE, ROBOT_TOPICS
+from vibro_ros.messages.topics import (
+    CHECKPOINT,
+    OPERATIONS,
+    OPERATIONS_TYPE,
+    RESET,
+    ROBOT_TOPICS,
+    SET,
+    TIMEOUT,
+    read_operation,
+)
 from vibro_ros.model.scene import Scene
 from vibro_ros.recordings.rerun import LONGEST_PAUSE, Rerun, RunFacts
 from vibro_ros.simulation.motion import SimulationError

@@ -8,7 +8,7 @@ import pyarrow.parquet as pq
 import pytest
 
 import vibro_ros
-from vibro_ros.orbits.cut import free_cut
+from vibro_ros.orbits.turn_map import free_cut
 from vibro_ros.study.basins.command import main
 from vibro_ros.study.basins.starts import Draws, Over, Plane, everywhere
 

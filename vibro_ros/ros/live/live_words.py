@@ -17,8 +17,16 @@ from std_msgs.msg import String
 
 from vibro_ros.bag.cdr import deserialised
 from vibro_ros.messages.fields import PLATES
-from vibro_ros.messages.operations import PAUSE, RESUME, SET, Operation, read_operation
-from vibro_ros.messages.topics import OPERATIONS, OPERATIONS_TYPE, ROBOT_TOPICS
+from vibro_ros.messages.topics import (
+    OPERATIONS,
+    OPERATIONS_TYPE,
+    PAUSE,
+    RESUME,
+    ROBOT_TOPICS,
+    SET,
+    Operation,
+    read_operation,
+)
 from vibro_ros.process.untrusted import one_line
 from vibro_ros.ros.live.quiet import QuietSubscription
 from vibro_ros.ros.node import qos

@@ -9,8 +9,7 @@ from rclpy.node import Node
 from rclpy.serialization import serialize_message
 from std_msgs.msg import String
 
-from vibro_ros.messages.operations import PAUSE, RESET, RESUME, SET, STEP, TIMEOUT, Operation, perform
-from vibro_ros.messages.topics import OPERATIONS
+from vibro_ros.messages.topics import OPERATIONS, PAUSE, RESET, RESUME, SET, STEP, TIMEOUT, Operation, perform
 from vibro_ros.model.parameters import Value
 from vibro_ros.ros.node import qos
 from vibro_ros.ros.robot.lock_step import LockStep

@@ -21,7 +21,7 @@ from rclpy.parameter import Parameter as ParameterOfRclpy
 from rclpy.type_support import NoTypeSupportImportedException, check_for_type_support
 from std_srvs.srv import SetBool, Trigger
 
-from vibro_ros.messages.operations import PAUSE, RESET, RESUME, SET, STEP, Operation
+from vibro_ros.messages.topics import PAUSE, RESET, RESUME, SET, STEP, Operation
 from vibro_ros.model.parameters import checked_parameters
 from vibro_ros.ros.node.node import SteadyNode
 from vibro_ros.ros.node.parameters import TABLE

@@ -7,7 +7,7 @@ of simulation_interfaces 2.1.0.
 from collections.abc import Iterable
 from enum import IntEnum, IntFlag
 
-from vibro_ros.messages.operations import PAUSE, RESET, RESUME
+from vibro_ros.messages.topics import PAUSE, RESET, RESUME
 
 MOST_STEPS = 100_000
 """Steps that one request may ask for: about 8 minutes of robot time and 0.3 GB of a bag at the default rate."""

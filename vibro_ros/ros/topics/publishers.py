@@ -17,8 +17,7 @@ from rclpy.serialization import serialize_message
 
 from vibro_ros.bag.recorder import Together
 from vibro_ros.messages import fields
-from vibro_ros.messages.fields import PLATES, joints_of
-from vibro_ros.messages.frames import NONE, Frames
+from vibro_ros.messages.fields import NONE, PLATES, Frames, joints_of
 from vibro_ros.messages.topics import ROBOT_TOPICS, TF_TOPICS, published_name
 from vibro_ros.model.scene import Scene
 from vibro_ros.ros.node import qos

@@ -8,12 +8,9 @@ from typing import NamedTuple
 import numpy as np
 import pyarrow as pa
 
-from vibro_ros.orbits.cut import free_phase
-from vibro_ros.orbits.newton import close
-from vibro_ros.orbits.orbit import orbit_at
+from vibro_ros.orbits.orbit import close, orbit_at
 from vibro_ros.orbits.recurrence import SAME, Cloud, SettledMotion, number_among, settle
-from vibro_ros.orbits.stroboscope import Stroboscope
-from vibro_ros.orbits.turn_map import TurnMap
+from vibro_ros.orbits.turn_map import Stroboscope, TurnMap, free_phase
 from vibro_ros.simulation.motion import SimulationError
 from vibro_ros.simulation.simulator import Simulator
 from vibro_ros.study.lyapunov import lyapunov_exponent

@@ -6,8 +6,7 @@ import warnings
 from collections.abc import Sequence
 from pathlib import Path
 
-from vibro_ros.orbits.cut import free_cut
-from vibro_ros.orbits.stroboscope import Stroboscope
+from vibro_ros.orbits.turn_map import Stroboscope, free_cut
 from vibro_ros.process.front_door import FAILURE, Parser, say
 from vibro_ros.simulation.simulator import ToleranceWarning
 from vibro_ros.study.basins.attractors import NOWHERE, BasinEntropy, Found, basin_entropy, found_in

@@ -15,8 +15,7 @@ from vibro_ros.model.parameters import Value
 from vibro_ros.model.scene import Scene
 from vibro_ros.orbits.fatal_shock import Shock, Shocked
 from vibro_ros.orbits.recurrence import SettledMotion, number_among, settle
-from vibro_ros.orbits.stroboscope import Stroboscope
-from vibro_ros.orbits.turn_map import TurnMap, coordinates
+from vibro_ros.orbits.turn_map import Stroboscope, TurnMap, coordinates
 from vibro_ros.simulation.given_state import UNITS
 from vibro_ros.simulation.motion import SimulationError
 from vibro_ros.simulation.simulator import ToleranceWarning

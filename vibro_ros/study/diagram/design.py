@@ -6,11 +6,11 @@ Visits are numbered: first all values upwards, then all downwards, so that each 
 from dataclasses import dataclass
 
 from vibro_ros.model.scene import Scene
-from vibro_ros.orbits.lyapunov_spectrum import LEAST_TURNS
-from vibro_ros.orbits.lyapunov_spectrum import MOST_TURNS as MOST_MEASURED
+from vibro_ros.orbits.chaos import LEAST_TURNS
+from vibro_ros.orbits.chaos import LEAST_VALUES as LEAST_CUTS
+from vibro_ros.orbits.chaos import MOST_TURNS as MOST_MEASURED
 from vibro_ros.orbits.recurrence import FIRST_TURNS
 from vibro_ros.orbits.turn_map import TurnMap, coordinates
-from vibro_ros.orbits.zero_one import LEAST as LEAST_CUTS
 from vibro_ros.study.variation import Axis, whole_number
 
 UP, DOWN = "up", "down"

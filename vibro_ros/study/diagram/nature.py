@@ -9,11 +9,9 @@ import numpy as np
 import pyarrow as pa
 
 from vibro_ros.model.scene import PREFIX
-from vibro_ros.orbits.lyapunov_spectrum import spectrum_from, spectrum_of_cycle
+from vibro_ros.orbits.chaos import spectrum_from, spectrum_of_cycle, zero_one_test
 from vibro_ros.orbits.recurrence import SAME
-from vibro_ros.orbits.stroboscope import Stroboscope
-from vibro_ros.orbits.turn_map import TurnMap
-from vibro_ros.orbits.zero_one import zero_one_test
+from vibro_ros.orbits.turn_map import Stroboscope, TurnMap
 from vibro_ros.study.diagram.design import Design
 from vibro_ros.study.diagram.visits import Visit
 from vibro_ros.study.running.blocks import Column, ParquetBlocks

@@ -13,8 +13,7 @@ import pyarrow as pa
 
 from vibro_ros.model.parameters import BY_NAME
 from vibro_ros.orbits.recurrence import CLOUD, FIRST_TURNS, SettledMotion, settle
-from vibro_ros.orbits.stroboscope import Stroboscope
-from vibro_ros.orbits.turn_map import TurnMap
+from vibro_ros.orbits.turn_map import Stroboscope, TurnMap
 from vibro_ros.simulation.given_state import UNITS
 from vibro_ros.study.diagram.design import Design
 from vibro_ros.study.running.blocks import Column, ParquetBlocks

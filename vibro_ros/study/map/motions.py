@@ -13,10 +13,8 @@ from typing import NamedTuple
 import numpy as np
 
 from vibro_ros.configuration.command_map import PATCHWORK, Axis, Curve, Found
-from vibro_ros.orbits.branch_point import LostError
-from vibro_ros.orbits.continuation import follow
-from vibro_ros.orbits.family import Family
-from vibro_ros.orbits.special_points import CORNER, special_points
+from vibro_ros.orbits.continuation import CORNER, follow, special_points
+from vibro_ros.orbits.family import Family, LostError
 from vibro_ros.simulation.motion import SimulationError
 from vibro_ros.study.map.design import MapDesign
 from vibro_ros.study.map.visits import PHASE, UNSETTLED, Visit

@@ -7,8 +7,7 @@ import numpy as np
 
 from vibro_ros.model.scene import Scene
 from vibro_ros.orbits.recurrence import SettledMotion, settle
-from vibro_ros.orbits.stroboscope import Stroboscope
-from vibro_ros.orbits.turn_map import TurnMap
+from vibro_ros.orbits.turn_map import Stroboscope, TurnMap
 from vibro_ros.simulation.motion import SimulationError
 from vibro_ros.simulation.simulator import Simulator
 from vibro_ros.study.map.design import Line, MapDesign

@@ -7,11 +7,9 @@ from typing import NamedTuple
 import numpy as np
 
 from vibro_ros.model.scene import Scene
-from vibro_ros.orbits.branch import Branch
+from vibro_ros.orbits.branch import Branch, Notice, branch_from, doubled_branch_from, family_of
 from vibro_ros.orbits.family import Family
-from vibro_ros.orbits.follow_orbit import branch_from, doubled_branch_from, family_of
-from vibro_ros.orbits.search import Seed, seeds_of
-from vibro_ros.orbits.whole_branch import Notice
+from vibro_ros.orbits.orbit import Seed, seeds_of
 from vibro_ros.process.front_door import say
 from vibro_ros.study.running.runner import Piece
 

@@ -10,9 +10,9 @@ import numpy as np
 import pyarrow as pa
 
 from vibro_ros.model.parameters import BY_NAME
-from vibro_ros.orbits.branch import Branch, Special
-from vibro_ros.orbits.search import Seed, lies_on
-from vibro_ros.orbits.special_points import DOUBLING
+from vibro_ros.orbits.branch import Branch, Special, lies_on
+from vibro_ros.orbits.continuation import DOUBLING
+from vibro_ros.orbits.orbit import Seed
 from vibro_ros.orbits.turn_map import coordinates
 from vibro_ros.process.front_door import say
 from vibro_ros.study.orbits.plan import DOUBLED, DOWN, UP, Plan, Task, branches_of_piece, seeds_of_piece
