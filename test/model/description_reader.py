@@ -51,23 +51,23 @@ def symbol_values(forms: Forms, z: np.ndarray) -> dict[str, float]:
     return {name: float(value) for name, value in values.items()}
 
 
-def force_values(told: dict[str, list[str]], mode: Mode, plates: tuple[str, ...],
+def force_values(described: dict[str, list[str]], mode: Mode, plates: tuple[str, ...],
                  values: dict[str, float]) -> dict[str, float]:
     """`values` with those of the forces that the description defines, in a mode."""
     values = dict(values)
-    for line in told.get("equations", []):
+    for line in described.get("equations", []):
         name, _, right = line.partition(" = ")
         if (name in ("F_in", "N") or name.startswith("force on")) and holds_in(line, mode.states, plates):
             values[name] = value_of(right.partition("  ")[0], values)
     return values
 
 
-def guard_lines(told: dict[str, list[str]], mode: Mode, plates: tuple[str, ...]) -> list[tuple[int, str]]:
-    """What is told of the guards of a mode: the places of their effects among its states, and the text after them."""
-    told = [line for line in told.get("guards", []) if holds_in(line, mode.states, plates)]
+def guard_lines(described: dict[str, list[str]], mode: Mode, plates: tuple[str, ...]) -> list[tuple[int, str]]:
+    """The guards of a mode as described: the places of their effects among its states, and the text after them."""
+    lines = [line for line in described.get("guards", []) if holds_in(line, mode.states, plates)]
     heads = [(f"{side} contact {state}: ",) for side, state in zip(plates, mode.states, strict=False)]
     heads.append((f"friction {mode.ground}: ", f"ground {mode.ground}: "))
-    return [(place, line.partition(": ")[2]) for place, head in enumerate(heads) for line in told
+    return [(place, line.partition(": ")[2]) for place, head in enumerate(heads) for line in lines
             if line.startswith(head)]
 
 
@@ -78,7 +78,7 @@ def condition_value(condition: str, values: dict[str, float]) -> float:
     return difference if sign == "<=" else -difference
 
 
-def told_targets(text: str, states: tuple[str, ...], place: int, plates: tuple[str, ...]) -> list[tuple[str, ...]]:
+def described_targets(text: str, states: tuple[str, ...], place: int, plates: tuple[str, ...]) -> list[tuple[str, ...]]:
     """States of the modes that a guard leads to, each once."""
     targets = []
     for target in re.split(", with|, where", text)[0].split(" or "):

@@ -8,13 +8,13 @@ import pytest
 from description_reader import (
     balanced_point,
     condition_value,
+    described_targets,
     force_values,
     guard_lines,
     holds_in,
     random_point,
     sections,
     symbol_values,
-    told_targets,
     value_of,
 )
 
@@ -71,7 +71,7 @@ def test_number_of_modes(scene):
 
 @each_scene
 def test_the_described_first_mode_is_the_compiled_one(scene):
-    """A friction with one state is not told."""
+    """A friction with one state is not described."""
     model = compile_scene(scene)
     _, _, first = sections(scene)["modes"][0].partition("; first ")
     states = model.modes[model.initial_mode].states
@@ -83,20 +83,20 @@ def test_the_described_first_mode_is_the_compiled_one(scene):
 def test_guards_of_every_mode_are_described(scene):
     """A mode's guards are those of its states: as many rows in the tables as lines in the text, each with the value of
     its row at random channels (the text has six digits) and with the candidates of the tables."""
-    model, told, random = compile_scene(scene), sections(scene), np.random.default_rng(2)
+    model, described, random = compile_scene(scene), sections(scene), np.random.default_rng(2)
     system, plates = model.system, model.forms.plates
     for m, mode in enumerate(model.modes):
-        lines = guard_lines(told, mode, plates)
+        lines = guard_lines(described, mode, plates)
         assert len(lines) == len(set(lines)) == np.count_nonzero(system.guard[m] != NOTHING)
         for g, (place, line) in enumerate(lines):
             condition, targets, *_ = re.split(" {2,}(?:else|while) ", line)
             row = system.row[system.guard[m, g]]
             for _ in range(3):
                 z = balanced_point(row, random)
-                value = condition_value(condition, force_values(told, mode, plates, symbol_values(model.forms, z)))
+                value = condition_value(condition, force_values(described, mode, plates, symbol_values(model.forms, z)))
                 assert value == pytest.approx(row @ z, rel=0.0, abs=1e-5 * (np.abs(row) @ np.abs(z)))
             candidates = [model.modes[c].states for c in system.candidate[m, g] if c != NOTHING]
-            assert told_targets(targets, mode.states, place, plates) == list(dict.fromkeys(candidates))
+            assert described_targets(targets, mode.states, place, plates) == list(dict.fromkeys(candidates))
 
 
 def formula_value(text: str, angle: np.ndarray) -> np.ndarray:
@@ -108,7 +108,7 @@ def formula_value(text: str, angle: np.ndarray) -> np.ndarray:
 
 
 def following(law: str, start: float, target: float, since: np.ndarray) -> np.ndarray:
-    """What follows a command, at the times `since` it [s], by the law that the description tells."""
+    """What follows a command, at the times `since` it [s], by the law that the description gives."""
     if law == "at once":
         return np.where(since >= 0.0, target, start)
     elapsed = np.maximum(since, 0.0)
@@ -121,7 +121,7 @@ def following(law: str, start: float, target: float, since: np.ndarray) -> np.nd
 @each_scene
 def test_described_sliders_and_plates_have_the_sampled_values(scene):
     """At random instants, before and after a command; the text has six digits."""
-    told = dict(line.split(" = ") for line in sections(scene)["known"])
+    described = dict(line.split(" = ") for line in sections(scene)["known"])
     motion, command = Motion(scene), 0.05
     wanted = {"motor_speed": 90.0, "upper_gap": 1e-3, "inclined_gap": -1e-3}
     times = np.sort(np.random.default_rng(3).uniform(0.0, 0.5, 40))
@@ -132,16 +132,16 @@ def test_described_sliders_and_plates_have_the_sampled_values(scene):
     motion.advance(times[times >= command], after)
     trace, forms = Trace(*(np.concatenate(parts) for parts in zip(before, after, strict=True))), motion.model.forms
     sampled = Readout(motion.model).quantities(times, trace)
-    assert len(told) == 1 + len(forms.guides) + len(forms.plates)
-    start, law = re.fullmatch(r"(\S+) rad/s +follows a command (.*)", told["θ'"]).groups()
+    assert len(described) == 1 + len(forms.guides) + len(forms.plates)
+    start, law = re.fullmatch(r"(\S+) rad/s +follows a command (.*)", described["θ'"]).groups()
     speed = following(law, float(start), wanted["motor_speed"], times - command)
     np.testing.assert_allclose(sampled["motor_speed"], speed, rtol=1e-5, atol=1e-9)
     for i, side in enumerate(forms.guides):
-        slider = formula_value(told[{"upper": "s_B", "inclined": "s_C"}[side]], sampled["crank_angle"])
+        slider = formula_value(described[{"upper": "s_B", "inclined": "s_C"}[side]], sampled["crank_angle"])
         digits = 1e-5 * (scene["crank.radius"] + scene[f"crank.{side}_rod"])  # of the guide's angle, too
         np.testing.assert_allclose(trace.points[:, forms.channels.signal(i)], slider, rtol=0.0, atol=digits)
     for side in forms.plates:
-        line = told[{"upper": "E", "inclined": "H"}[side]]
+        line = described[{"upper": "E", "inclined": "H"}[side]]
         start, law = re.fullmatch(r"(\S+) m +follows a command (.*)", line).groups()
         place = following(law, float(start), scene[f"crank.{side}_rod"] + wanted[f"{side}_gap"], times - command)
         np.testing.assert_allclose(sampled[f"{side}_plate_position"], place, rtol=1e-5)
@@ -167,9 +167,9 @@ def test_equations_of_the_masses_have_the_tables_values(scene):
 @each_scene
 def test_equation_of_the_body_has_the_tables_values(scene):
     model, lines = compile_scene(scene), sections(scene).get("equations", [])
-    told = {line.partition(" = ")[0] for line in lines}
+    described = {line.partition(" = ")[0] for line in lines}
     if not model.forms.body_moves:
-        assert not [name for name in told if "x" in name or name in ("F_in", "F_fr")]
+        assert not [name for name in described if "x" in name or name in ("F_in", "F_fr")]
         return
     z = random_point(model.forms)
     values = symbol_values(model.forms, z)
@@ -178,7 +178,7 @@ def test_equation_of_the_body_has_the_tables_values(scene):
     law = re.compile(rf"N exp\(-\|x'\|/{scene['ground.stribeck_speed']:g}\)")
     frictions = {line.rpartition("while ")[2]: law.sub("D", line.partition(" = ")[2].partition("  ")[0])
                  for line in lines if line.startswith("F_fr")}
-    [mass] = [name.partition(" ")[0] for name in told if name.endswith("x''")]
+    [mass] = [name.partition(" ")[0] for name in described if name.endswith("x''")]
     for mode, rows in zip(model.modes, model.system.acceleration, strict=True):
         forces = force_values({"equations": lines}, mode, model.forms.plates, values)
         friction = value_of(frictions.get(mode.states[-1], "0"), forces)
@@ -190,13 +190,13 @@ def test_equation_of_the_body_has_the_tables_values(scene):
 @each_scene
 def test_equation_of_the_height_has_the_tables_values(scene):
     model, lines = compile_scene(scene), sections(scene).get("equations", [])
-    told = [line for line in lines if re.match(r"\S+ y'' =", line)]
+    described = [line for line in lines if re.match(r"\S+ y'' =", line)]
     if not model.forms.body_hops:
-        assert not told
+        assert not described
         return
     z = random_point(model.forms)
     for mode, rows in zip(model.modes, model.system.acceleration, strict=True):
-        [line] = [line for line in told if holds_in(line, mode.states, model.forms.plates)]
+        [line] = [line for line in described if holds_in(line, mode.states, model.forms.plates)]
         mass, _, right = line.partition("  ")[0].partition(" y'' = ")
         lift = value_of(right, symbol_values(model.forms, z)) if mode.states[-1] == "airborne" else 0.0
         assert float(mass) * float(rows[model.forms.height] @ z) == pytest.approx(lift, rel=1e-5)

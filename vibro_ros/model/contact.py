@@ -80,19 +80,7 @@ class RigidContact:
         return ground, resting if ground == "airborne" else frozenset()
 
     def guards(self, state: str, ground: str, resting: frozenset[str], body: tuple[Form, Form]) -> list[Guard]:
-        """Guards of `state`.
-
-        Parameters
-        ----------
-        state : str
-            One of `states`.
-        ground : str
-            State of the body on the ground.
-        resting : frozenset of str
-            Guides whose masses rest on rigid plates.
-        body : tuple of ndarray, each shape (channels,)
-            Acceleration of the body along x and upwards [m/s²].
-        """
+        """Guards of `state`; `body` is the body's acceleration along x and upwards [m/s²]."""
         mass, plate = MASS[self.side], PLATE[self.side]
         if state == "resting":
             force = self._forms.resting_force(self.side, body)
@@ -120,7 +108,7 @@ class RigidContact:
         return slow
 
     def _rebounds(self, ground: str) -> list[Target]:
-        """Targets of a mass that bounces, by what the blow does to the body."""
+        """Targets of a mass that bounces; the body is thrown up, slips on, or begins to slip."""
         mass = self._blow.mass_jumps(self._restitution)
         if self._forms.body_hops:
             jumps = mass + self._blow.thrown_body_jumps(self._restitution)

@@ -269,13 +269,7 @@ def _columns(lines: list[str]) -> Iterator[str]:
 
 
 class Symbols:
-    """Writes the forms of one scene.
-
-    Parameters
-    ----------
-    forms : Forms
-        The forms of the scene.
-    """
+    """Writes the forms of one scene."""
 
     def __init__(self, forms: Forms):
         self._channels = forms.channels

@@ -3,8 +3,8 @@
 The audit
 ---------
 In the paper's model the masses' equations depend on nothing else, so that the energy of each guide balances alone. The
-drive's spring is taken as if it were fixed where the slider is a rod's length l from the crank; what the slider adds by
-its motion is part of the power, as are dampers, plates and weight:
+drive's spring counts as fixed where the slider is a rod's length l from the crank. The slider's motion then adds a
+part to the power, as dampers, plates and weight do:
 
     d/dt (m q'²/2 + k (q - l)²/2) = [k (q - l) - drive - plate - weight] q'
 
@@ -19,7 +19,7 @@ Positive is what the robot receives. Over any time,
     motor + plates + unpaid + drive dampers + plate dampers + friction + blows + landings = change of stored energy
 
 The stored energy is that of the moving masses and body, of the springs of drives and closed plates, and of heights.
-Where a plate without tension lets go (`contact.CompliantContact`), what its spring still holds is lost to its damper.
+Where a plate without tension lets go (`contact.CompliantContact`), the energy of its spring is lost to its damper.
 
 `unpaid` is an artefact of the paper's equations: without the reaction the masses push the body and do not feel it, so
 that the body receives work that nobody gives. With `effects.reaction` nothing is unpaid. The kinetic energy of the body
@@ -31,8 +31,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from vibro_ros.model.forms import Form, Forms
-from vibro_ros.model.modes import ModeBuilder, ModeForms
+from vibro_ros.model.forms import Form, Forms, ModeForms
+from vibro_ros.model.modes import ModeBuilder
 from vibro_ros.model.scene import Scene
 from vibro_ros.solver.system import NOTHING, AccountTable, terms
 
@@ -70,17 +70,7 @@ def audit_tables(builder: ModeBuilder, scene: Scene) -> dict[str, np.ndarray]:
 
 
 def account_table(builder: ModeBuilder, scene: Scene, guards: dict[str, np.ndarray]) -> AccountTable:
-    """The accounts of a scene; empty unless the scene asks for them.
-
-    Parameters
-    ----------
-    builder : ModeBuilder
-        The scene's modes.
-    scene : Scene
-        The scene.
-    guards : dict of str to ndarray
-        The tables of guards (`guard_tables`).
-    """
+    """The accounts of a scene, with its tables of guards; empty unless the scene asks for the accounts."""
     forms, modes, booked = builder.forms, len(builder.modes), scene["solver.accounts"]
     powers = list(_powers(builder, scene)) if booked else []
     stored = list(_stored(builder, scene)) if booked else []
@@ -140,7 +130,7 @@ def _audited_powers(builder: ModeBuilder, scene: Scene, with_body: bool) -> Iter
 
 
 def _powers(builder: ModeBuilder, scene: Scene) -> Iterator[Power]:
-    """Every force that does work, as the force on what moves with the velocity."""
+    """Every force that does work, with the channel of the velocity of its point of attack."""
     forms, channels = builder.forms, builder.forms.channels
     for i, side in enumerate(forms.guides):
         slider, mass = channels.signal_rate(i), channels.velocity(i)
@@ -163,7 +153,7 @@ def _damper(account: int, damping: float, rate: Form | ModeForms, mass: int, oth
 
 
 def _powers_on_the_body(builder: ModeBuilder, scene: Scene) -> Iterator[Power]:
-    """The forces along the ground, and without the reaction what drives and lifts the body."""
+    """The forces along the ground and, without the reaction, the forces that drive and lift the body."""
     forms, paid = builder.forms, scene["effects.reaction"]
     if forms.body_moves:
         speed, decayed = forms.channels.velocity(forms.body), forms.decayed_normal_force()

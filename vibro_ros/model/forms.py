@@ -21,6 +21,8 @@ from vibro_ros.model.scene import Scene
 from vibro_ros.solver.system import Channels
 
 Form = np.ndarray
+#: A form for each mode, shape (modes, channels).
+ModeForms = np.ndarray
 
 #: Symbols of the coordinates of the masses, of their sliders and of their plates.
 MASS = {"upper": "u", "inclined": "w"}
@@ -34,36 +36,29 @@ def pressed_only(scene: Scene) -> bool:
 
 
 def cached(method: Callable) -> Callable:
-    """Return a method that stores its forms, read-only, in the object's dict `_cache`, by name and arguments.
+    """Return a method that stores its forms in the object's dict `_cache`, by name and arguments.
 
-    Every mode of a scene asks for the same forms, so that without the cache most of them would be made many times.
+    Every mode of a scene asks for the same forms, so that without the cache most of them would be made many times. Who
+    gets a form may not change it.
     """
+    name = method.__name__
+
     @functools.wraps(method)
-    def look_up(self, *arguments):
-        key = (method.__name__, *arguments)
+    def stored(self, *arguments):
+        key = (name, *arguments)
         if key not in self._cache:
-            result = method(self, *arguments)
-            _forbid_writing(result)
-            self._cache[key] = result
+            self._cache[key] = method(self, *arguments)
         return self._cache[key]
 
-    return look_up
-
-
-def _forbid_writing(result: Any) -> None:
-    """Make every array in `result`, which may be a tuple of tuples, read-only."""
-    if isinstance(result, tuple):
-        for part in result:
-            _forbid_writing(part)
-    elif isinstance(result, np.ndarray):
-        result.setflags(write=False)
+    return stored
 
 
 @functools.lru_cache(maxsize=64)
 def _units(count: int) -> tuple[np.ndarray, np.ndarray]:
     """The forms of each channel and the form that is zero, read-only."""
     units = np.eye(count), np.zeros(count)
-    _forbid_writing(units)
+    for array in units:
+        array.setflags(write=False)
     return units
 
 
@@ -184,22 +179,17 @@ class Forms:
             return self.zero
         return self._scene[f"mass.{side}"] * self._scene["gravity"] * self._scene.direction(side)[1] * self.one
 
-    def resting_force(self, side: str, body: tuple[Form, Form]) -> Form:
-        """Push of a mass on the rigid plate on which the mass rests [N]: what holds q'' at 0.
+    def resting_force(self, side: str, body: tuple[Form | ModeForms, Form | ModeForms]) -> Form | ModeForms:
+        """Push of a mass on the rigid plate on which the mass rests [N], which holds q'' at 0.
 
-        Parameters
-        ----------
-        side : str
-            The guide.
-        body : tuple of ndarray, each shape (channels,)
-            Acceleration of the body along x and upwards [m/s²].
+        `body` is the body's acceleration along x and upwards [m/s²], in one mode or in every mode.
         """
         force = -self.drive_force(side) - self.weight(side)
         if not self._scene["effects.reaction"]:
             return force
         return force - self._scene[f"mass.{side}"] * self.along(side, body)
 
-    def along(self, side: str, vector: tuple[Form, Form]) -> Form:
+    def along(self, side: str, vector: tuple[Form | ModeForms, Form | ModeForms]) -> Form | ModeForms:
         """Part of a vector along a guide; `vector` has the parts along x and upwards."""
         along_x, upwards = self._scene.direction(side)
         return along_x * vector[0] + upwards * vector[1]

@@ -15,7 +15,7 @@ C. Canudas de Wit, Automatica 30 (1994), 1083-1138).
 from collections.abc import Iterator
 from typing import NamedTuple
 
-from vibro_ros.model.forms import Form, Forms, Guard, Target, without_jump
+from vibro_ros.model.forms import Form, Forms, Guard, ModeForms, Target, without_jump
 from vibro_ros.model.scene import Scene
 from vibro_ros.model.shock import REST_SPEED, Landing
 
@@ -41,7 +41,7 @@ class GroundForce(NamedTuple):
         The choice or the number that decides the force.
     set_valued : bool
         Whether states and guards decide the force, as those of dry friction and of N. A force whose law is a linear
-        form, such as -c x', makes none, and is absent where its parameter is 0.
+        form, such as -c x', makes no state, and is absent where its parameter is 0.
     """
 
     name: str
@@ -130,8 +130,9 @@ class Ground:
         self.has_dry_friction = scene.has_dry_friction and forms.body_moves
         self.along = tuple(force for force in GROUND_FORCES if force.row == ALONG and forms.body_moves and (
             self.has_dry_friction if force.set_valued else scene[force.parameter] != 0.0))
-        terms = [f" {'+' if force.sign > 0.0 else '-'} {force.symbol}" for force in self.along if not force.set_valued]
-        self.driving_symbol = f"F_in{''.join(terms)}"
+        self._others = tuple(force for force in self.along if not force.set_valued)
+        self.driving_symbol = "F_in" + "".join(f" {'+' if force.sign > 0.0 else '-'} {force.symbol}"
+                                               for force in self._others)
         without_load = WITHOUT_LOAD[self._rule]
         if self.has_dry_friction:
             self.states = ("stick", "slip_forward", "slip_backward", *without_load)
@@ -143,23 +144,26 @@ class Ground:
         """State to start in; if its guards do not hold, another state follows at once."""
         return self.states[0]
 
-    def normal_force(self, state: str, normal: Form, inertial: Form) -> Form:
-        """N [N] in `state`, from the forms of N on the ground and of F_in."""
+    def normal_force(self, state: str, normal: ModeForms, inertial: ModeForms) -> ModeForms:
+        """N [N] in `state`, from N on the ground and F_in in every mode."""
         return self._forms.zero if state == "airborne" else normal
 
-    def friction_force(self, state: str, normal: Form, inertial: Form) -> Form:
+    def friction_force(self, state: str, normal: ModeForms, inertial: ModeForms) -> ModeForms:
         """F_fr [N] in `state`, positive when F_fr opposes forward motion."""
         multiple = GROUND_STATES[state].friction
         if multiple is None:
             return self.driving_force(state, normal, inertial)
-        return multiple * (self._kinetic * normal + (self._static - self._kinetic) * self._forms.decayed_normal_force())
+        force = self._kinetic * normal
+        if self._forms.friction_decays:
+            force = force + (self._static - self._kinetic) * self._forms.decayed_normal_force()
+        return multiple * force
 
-    def driving_force(self, state: str, normal: Form, inertial: Form) -> Form:
+    def driving_force(self, state: str, normal: ModeForms, inertial: ModeForms) -> ModeForms:
         """F_in and every force along the ground but dry friction [N] in `state`."""
-        for force in self.along:
-            if not force.set_valued:
-                inertial = inertial + force.sign * getattr(self, force.name)(state, normal, inertial)
-        return inertial
+        driving = inertial
+        for force in self._others:
+            driving = driving + force.sign * getattr(self, force.name)(state, normal, inertial)
+        return driving
 
     def decay_rate(self, state: str) -> float:
         """Rate [s/m] at which ln(exp(-abs(x') / v_s)) changes with x' in `state`; 0 where no friction decays."""
@@ -179,7 +183,7 @@ class Ground:
     def guards(self, state: str, normal: Form, inertial: Form, resting: frozenset[str] = frozenset()) -> list[Guard]:
         """Guards of `state`, from the forms of N and F_in and the guides whose masses rest on rigid plates."""
         driving = self.driving_force(state, normal, inertial)
-        symbol = f"({self.driving_symbol})" if " " in self.driving_symbol else self.driving_symbol
+        symbol = f"({self.driving_symbol})" if self._others else self.driving_symbol
         if state == "airborne":
             height = self._forms.position(self._forms.height)
             return [Guard(height, tuple(self._landings(resting)), "y >= 0", entries_decide=True)]
@@ -205,7 +209,7 @@ class Ground:
         return [moving, *self._normal_force_guards(state, normal)]
 
     def _normal_force_guards(self, state: str, normal: Form) -> list[Guard]:
-        """The guard N >= 0 if the rule of the normal force ends `state` where N turns negative, else none.
+        """The guard N >= 0, by the rules of the normal force that end `state` where N turns negative.
 
         In `stick` this guard stands before the bounds of F_in, because N may fall below 0 at a blow. A body that
         slips instead has another N and may still be pressed on the ground, so that slipping is tried first.

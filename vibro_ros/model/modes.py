@@ -41,7 +41,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from vibro_ros.model.contact import CompliantContact, RigidContact, make_contact
-from vibro_ros.model.forms import Form, Forms, Guard, Target, cached
+from vibro_ros.model.forms import Form, Forms, Guard, ModeForms, Target, cached
 from vibro_ros.model.ground import GROUND_FORCES, GROUND_STATES, Ground
 from vibro_ros.model.scene import Scene
 from vibro_ros.solver.system import NOTHING
@@ -53,8 +53,6 @@ OUTPUTS = ("body_position", "body_velocity", "body_height", "body_vertical_veloc
            "inclined_plate_position", "inclined_plate_velocity", "normal_force", "friction_force")
 #: Kinds of events that a change of mode records, by their number.
 MODE_EVENTS = ("stick", "slip_forward", "slip_backward", "unloaded", "loaded", "lift_off", "landing")
-#: A form for each mode, shape (modes, channels).
-ModeForms = np.ndarray
 _OUTPUT_ROWS = {name: row for row, name in enumerate(OUTPUTS)}
 
 
@@ -233,10 +231,12 @@ class ModeBuilder:
     def ground_force(self, name: str) -> ModeForms:
         """A force of `ground.GROUND_FORCES` [N], by its name."""
         normal, inertial = self.at_contact(self.forms.normal_force), self.at_contact(self.forms.inertial_force)
-        by_state = np.array([np.broadcast_to(getattr(self.ground, name)(state, normal, inertial), self._shape)
-                             for state in self.ground.states])
+        by_state, law = np.empty((len(self.ground.states), *self._shape)), getattr(self.ground, name)
+        for s, state in enumerate(self.ground.states):
+            by_state[s] = law(state, normal, inertial)
         return by_state[self.mode_set.ground, np.arange(len(self.modes))]
 
+    @cached
     def at_contact(self, force: Callable[[bool], Form]) -> ModeForms:
         """N or F_in [N] in every mode; `force` makes it for an inclined plate that is not, or is, in contact."""
         return np.array([force(False), force(True)])[self.mode_set.inclined_closed]

@@ -161,7 +161,7 @@ def _guide(side: str, spring: str, plate: str, plate_at: str) -> tuple[Parameter
 
 
 def _start(name: str, unit: str, what: str, minimum: float = -1e6, maximum: float = 1e6) -> Parameter:
-    """A coordinate of the start `given`; what is beyond 1e6 is a mistake, and its square would drown the rest."""
+    """A coordinate of the start `given`, at most 1e6, because the square of a larger number would drown the rest."""
     return Parameter(f"start.{name}", 0.0, unit, f"at t = 0 with start.state given: {what}", minimum, maximum)
 
 

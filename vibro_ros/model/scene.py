@@ -176,9 +176,9 @@ def check_parts(values: ParameterValues, given: Mapping[str, float], prefix: str
 
 
 def _absent(values: ParameterValues) -> set[str]:
-    """What stays 0 in this scene."""
-    absent = {f"{side}_{what}" for side in ("upper", "inclined") if side not in values.guides
-              for what in ("position", "velocity")}
+    """Names of the fields of a state that stay 0 in this scene."""
+    absent = {f"{side}_{field}" for side in ("upper", "inclined") if side not in values.guides
+              for field in ("position", "velocity")}
     absent |= {f"{side}_plate_position" for side in ("upper", "inclined") if side not in values.plates}
     if not values.body_moves:
         absent |= {"body_position", "body_velocity"}

@@ -29,9 +29,9 @@ ground vanishes before the fall has ended sticks if abs(M_xy) <= mu_s M_yy; othe
 the rest of the shock.
 
 A mass that rests on a rigid plate and feels the body move parts from the plate: the mass goes on falling or, where
-friction throws the body against the mass, strikes the plate at once. If the fall is slower than `REST_SPEED`,
-the mass stays at rest and lands with the body as one, because otherwise hops and bounces that belong together would
-follow each other without end.
+friction throws the body against the mass, strikes the plate at once. If the fall is slower than `REST_SPEED`, the
+mass stays at rest and lands with the body as one, because otherwise hops and bounces that belong together would follow
+each other without end.
 """
 
 from collections.abc import Iterable
@@ -50,7 +50,7 @@ Jumps = tuple[tuple[int, Form], ...]
 
 
 class Shock:
-    """A change of the body's velocity, and what the free masses do meanwhile.
+    """A change of the body's velocity, and the changes of the free masses' speeds that it brings.
 
     Parameters
     ----------

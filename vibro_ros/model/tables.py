@@ -69,7 +69,7 @@ class Model:
 
 
 def compile_scene(scene: Scene) -> Model:
-    """Compile `scene` to its tables, which are shared by all who ask for them and may not be changed."""
+    """Compile `scene` to its tables, which every caller shares and may not change."""
     return _compile_machine(scene.machine)
 
 
