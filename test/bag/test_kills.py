@@ -1,7 +1,6 @@
-"""kill -9 at any instant of sealing and of recovery: what was flushed is never lost, and recovery can be repeated."""
+"""kill -9 at any step of a recovery: what was flushed is never lost, and recovery can be repeated."""
 
 import os
-import random
 import shutil
 import signal
 import subprocess
@@ -17,10 +16,7 @@ from vibro_ros.bag.stream import BagStream
 from vibro_ros.bag.writer import BagWriter, Storage
 
 ROOT = str(Path(__file__).parents[2])
-KILLS = int(os.environ.get("VIBRO_ROS_KILLS", "6"))  # VIBRO_ROS_KILLS=60 for the long version
 MESSAGES = 3000
-
-LATEST = 0.15  # [s] of a kill; a recovery of these bags takes 0.03 to 0.1 s on an idle machine
 
 
 @pytest.fixture(scope="module")
@@ -34,8 +30,8 @@ def recovering():
     child.stdout.close()
 
 
-def say(child: subprocess.Popen, *words: object) -> None:
-    child.stdin.write("\t".join(map(str, words)) + "\n")
+def say(child: subprocess.Popen, line: object) -> None:
+    child.stdin.write(f"{line}\n")
     child.stdin.flush()
 
 
@@ -60,7 +56,7 @@ def stamps(folder: Path) -> list[int]:
 
 def killed_at_step(child: subprocess.Popen, folder: Path, calls: int) -> bool:
     """Let so many calls of a recovery happen, then kill it; whether it was done before."""
-    say(child, "STEP", folder)
+    say(child, folder)
     for call in range(calls + 1):
         if child.stdout.readline() == "done\n":
             assert int(child.stdout.readline()) == 0
@@ -82,15 +78,3 @@ def test_a_recovery_killed_before_any_of_its_steps_can_be_repeated(tmp_path, rec
         if done:
             return
     pytest.fail("a recovery of more than a hundred steps")
-
-
-@pytest.mark.parametrize("attempt", range(KILLS))
-def test_recoveries_killed_at_random_lose_nothing(tmp_path, recovering, attempt):
-    folder = tmp_path / "run"
-    written = killed_bag(folder)
-    chance = random.Random(attempt)
-    for _ in range(3):
-        say(recovering, "KILL", folder, chance.uniform(0.0, LATEST))  # amid its work, or after: the machine decides
-        assert int(recovering.stdout.readline()) in (signal.SIGKILL, 0)
-    recover(folder)
-    assert stamps(folder) == [START + i for i in range(written)]

@@ -96,12 +96,6 @@ def test_flush_puts_every_message_on_the_disk(segment, path, published):
         published["/odom"](i) for i in range(3)]
 
 
-def test_flush_without_news_writes_nothing(segment, path):
-    size = path.stat().st_size
-    segment.flush()
-    assert path.stat().st_size == size
-
-
 def test_a_long_silence_of_flush_does_not_fill_the_memory(segment, path):
     for i in range(3):
         segment.write(1, i, bytes(CHUNK_SIZE))

@@ -1,8 +1,10 @@
-"""`recover`: what a killed recorder leaves is sealed, with all that was flushed."""
+"""`recover`: killed, torn and damaged bags are sealed, what is cut is kept, and what is no bag is left as it is."""
 
 import contextlib
+import errno
 import os
 import random
+import resource
 import subprocess
 import sys
 import time
@@ -12,7 +14,7 @@ import pytest
 from mcap.reader import make_reader
 from mcap.writer import IndexType
 from mcap.writer import Writer as ForeignWriter
-from recorded_bag import POWER, STORAGES, by_mcap, by_rosbags, content
+from recorded_bag import POWER, STORAGES, by_mcap, by_rosbags, content, torn
 from rosbags.rosbag2 import Reader, StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
@@ -164,3 +166,273 @@ def test_several_bags_are_sealed_at_once_and_by_their_files(unsealed, capsys):
     assert told[0] == f"{one}: sealed, 60 messages, the last of 2025-11-21 04:40:00.295 UTC; no bytes lost"
     assert told[1].startswith(f"{two}: sealed, 60 messages")
     assert unsealed_bags(one.parent) == []
+
+
+
+@pytest.mark.parametrize("cut", range(1, 1500, 137))
+def test_any_torn_tail_is_cut_and_told(unsealed, cut):
+    """The file ends anywhere within its last records: each kind of record is torn in one of the cases."""
+    folder, sent = unsealed()
+    (path,) = folder.glob("*.mcap")
+    size = path.stat().st_size - cut
+    os.truncate(path, size)
+    done = recover(folder)
+    found = by_rosbags(folder)
+    assert found == by_mcap(folder) == sent[:len(found)]
+    assert len(found) == done.messages
+    assert done.messages in (60, 31, 0)  # a chunk is whole, or gone
+    assert recover(folder).was_sealed
+
+
+@pytest.mark.parametrize("tail", [b"\0" * 5000, b"\x06", os.urandom(500), b"\x06" + (2**63).to_bytes(8, "little")],
+                         ids=["zeros", "half a head", "noise", "endless record"])
+def test_rubbish_at_the_end_is_cut(unsealed, tail):
+    folder, sent = unsealed()
+    (path,) = folder.glob("*.mcap")
+    with path.open("ab") as file:
+        file.write(tail)
+    done = recover(folder)
+    assert done.cut == len(tail)
+    assert by_rosbags(folder) == by_mcap(folder) == sent
+    assert torn(folder) == {"run_0.mcap.torn": tail} and done.kept == (folder / "run_0.mcap.torn",)
+
+
+def test_what_is_cut_is_kept_under_a_free_name_or_not_at_all(unsealed, capsys):
+    folder, sent = unsealed()
+    (path,) = folder.glob("*.mcap")
+    for i, name in enumerate(("run_0.mcap.torn", "run_0.mcap.torn.2", "run_0.mcap.torn.3")):
+        size = path.stat().st_size
+        (folder / "metadata.yaml").unlink(missing_ok=True)
+        path.write_bytes(path.read_bytes()[:size - 50] if i else path.read_bytes() + b"tail")
+        assert executable.main([str(folder)]) == 0
+        assert f"torn bytes cut, kept in {name}\n" in capsys.readouterr().out
+        assert list(torn(folder))[-1] == name
+    with path.open("ab") as file:
+        file.write(b"tail")
+    before = torn(folder)
+    assert executable.main(["--discard-torn", str(folder)]) == 0
+    assert "torn bytes cut\n" in capsys.readouterr().out
+    assert torn(folder) == before and by_rosbags(folder) == sent
+
+
+@pytest.mark.parametrize("error", [MemoryError(), OSError(errno.EMFILE, "Too many open files"), KeyboardInterrupt()])
+@pytest.mark.parametrize("where", ["mcap_scan.chunk_content", "recovery.write_all", "recovery._keep_tail"])
+def test_what_goes_wrong_meanwhile_is_no_damage(unsealed, monkeypatch, error, where):
+    """Nothing is cut because memory, the disk or the user's patience came to an end."""
+    folder, sent = unsealed()
+    (path,) = folder.glob("*.mcap")
+    with path.open("ab") as file:
+        file.write(b"torn")
+    before = content(folder)
+
+    def fail(*_):
+        raise error
+    with monkeypatch.context() as patch:
+        patch.setattr(f"vibro_ros.bag.{where}", fail)
+        with pytest.raises(KeyboardInterrupt if isinstance(error, KeyboardInterrupt) else RecoveryError):
+            recover(folder)
+    assert content(folder) == before
+    recover(folder)
+    assert by_rosbags(folder) == sent
+
+
+def edit(folder: Path, old: str, new: str) -> None:
+    text = (folder / "metadata.yaml").read_text()
+    assert old in text
+    (folder / "metadata.yaml").write_text(text.replace(old, new))
+
+
+def flip(folder: Path) -> None:
+    (path,) = folder.glob("*.mcap")
+    data = bytearray(path.read_bytes())
+    data[data.index((30).to_bytes(2, "little") * 6)] ^= 1
+    path.write_bytes(data)
+
+
+@pytest.mark.parametrize("spoil, messages", [
+    (lambda folder: edit(folder, "- run_0.mcap", "- ../../etc/passwd"), 40),
+    (lambda folder: edit(folder, "- run_0.mcap", "- run_0.mcap\n  - run_0.mcap"), 40),
+    (lambda folder: edit(folder, "version: 9", "version: 99"), 40),
+    (lambda folder: edit(folder, "message_count: 40", "message_count: 41"), 40),
+    (flip, 20),
+], ids=["another name", "twice", "version", "count", "flipped bit"])
+def test_sealed_is_said_of_what_every_reader_reads(tmp_path, published, wait_for, spoil, messages):
+    folder = tmp_path / "run"
+    with Recorder(folder, POWER, {}) as recorder:
+        for i in range(40):
+            recorder.write("/motor_power", i, i.to_bytes(2, "little") * 6)
+            wait_for(lambda i=i: i != 19 or recorder.written == 20)
+    spoil(folder)
+    done = recover(folder)
+    assert not done.was_sealed
+    assert len(by_rosbags(folder)) == done.messages == messages
+    assert recover(folder).was_sealed
+
+
+def test_a_bag_of_which_nothing_can_be_read_is_left_as_it_is(tmp_path, published):
+    folder = tmp_path / "run"
+    with Recorder(folder, POWER, {}) as recorder:
+        recorder.write("/motor_power", 1, (30).to_bytes(2, "little") * 6)
+    flip(folder)
+    before = content(folder)
+    with pytest.raises(RecoveryError, match="nothing in it can be read: run_0.mcap: .* another checksum than it says"):
+        recover(folder)
+    assert content(folder) == before
+
+
+def test_a_damaged_chunk_in_the_middle_costs_no_other(unsealed):
+    folder, sent = unsealed()
+    (path,) = folder.glob("*.mcap")
+    data = bytearray(path.read_bytes())
+    data[data.index(sent[0][2])] ^= 1
+    path.write_bytes(data)
+    done = recover(folder)
+    assert done.cut > 31 * 30  # bytes of the first chunk
+    assert by_rosbags(folder) == by_mcap(folder) == sent[31:]
+    assert done.messages == 29
+
+
+def test_a_recovery_without_room_leaves_all_that_was_there(unsealed):
+    folder, sent = unsealed()
+    (path,) = folder.glob("*.mcap")
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (path.stat().st_size + 100, hard))
+    try:
+        before = path.read_bytes()
+        with pytest.raises(RecoveryError, match="cannot be sealed: File too large; nothing readable was lost"):
+            recover(folder)
+        assert path.read_bytes() == before
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    recover(folder)
+    assert by_rosbags(folder) == sent
+
+
+def test_an_empty_last_file_is_left_out(unsealed):
+    folder, sent = unsealed()
+    (folder / "run_1.mcap").write_bytes(b"")
+    assert recover(folder).messages == 60
+    assert by_rosbags(folder) == sent
+    assert recover(folder).was_sealed
+
+
+
+@pytest.mark.parametrize("name", ["run_0.mcap.torn", "metadata.yaml.tmp", "metadata.yaml", "run_1.mcap"])
+def test_no_link_is_followed(unsealed, tmp_path, name):
+    folder, sent = unsealed()
+    (path,) = folder.glob("*.mcap")
+    with path.open("ab") as file:
+        file.write(b"torn")
+    (tmp_path / "precious").write_bytes(b"precious")
+    (folder / name).unlink(missing_ok=True)
+    (folder / name).symlink_to(tmp_path / "precious")
+    recover(folder)
+    assert (tmp_path / "precious").read_bytes() == b"precious"
+    assert by_rosbags(folder) == sent
+
+
+def test_a_file_with_another_name_elsewhere_is_not_changed(unsealed, tmp_path):
+    folder, sent = unsealed()
+    (path,) = folder.glob("*.mcap")
+    os.link(path, tmp_path / "same")
+    before = path.read_bytes()
+    with pytest.raises(RecoveryError, match="has another name .a hard link.* give a copy"):
+        recover(folder)
+    assert path.read_bytes() == before
+    (tmp_path / "same").unlink()
+    recover(folder)
+    assert by_rosbags(folder) == sent
+
+
+def test_folders_that_are_not_ones_own_are_passed_over(unsealed, tmp_path, monkeypatch):
+    folder, _ = unsealed()
+    for name in ("of another", "new\nline", os.fsdecode(b"\xff\xfe"), "empty"):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "x_0.mcap").write_bytes(b"" if name == "empty" else b"data")
+    (tmp_path / "loop").symlink_to("loop")
+    (tmp_path / "gone").symlink_to("nowhere")
+    (tmp_path / "elsewhere").symlink_to(folder)
+    scandir = os.scandir
+
+    def refuse(path):
+        if Path(path).name == "of another":
+            raise PermissionError(errno.EACCES, "Permission denied")
+        return scandir(path)
+    monkeypatch.setattr(os, "scandir", refuse)
+    found = {path.name for path in unsealed_bags(tmp_path)}
+    assert found == {"run", "new\nline", os.fsdecode(b"\xff\xfe")}
+    assert unsealed_bags(tmp_path / "of another") == []
+
+
+@pytest.mark.parametrize("storage", STORAGES.values(), ids=STORAGES)
+def test_a_sealed_bag_is_not_touched(tmp_path, published, storage, capsys):
+    with Recorder(tmp_path / "run", POWER, {}, storage=storage) as recorder:
+        recorder.write("/motor_power", 1, published["/motor_power"](1))
+    before = content(tmp_path / "run")
+    assert executable.main([str(tmp_path / "run")]) == 0
+    assert "sealed already, 1 messages; nothing to do" in capsys.readouterr().out
+    assert content(tmp_path / "run") == before
+
+
+def test_a_bag_in_use_is_left_alone(tmp_path, published, wait_for):
+    with Recorder(tmp_path / "run", POWER, {}) as recorder:
+        recorder.write("/motor_power", 1, published["/motor_power"](1))
+        wait_for(lambda: recorder.written == 1)
+        before = content(tmp_path / "run")
+        with pytest.raises(RecoveryError, match="the bag is in use, its recorder still runs; end the recorder"):
+            recover(tmp_path / "run")
+        assert unsealed_bags(tmp_path) == []
+        assert content(tmp_path / "run") == before
+
+
+def empty(folder: Path) -> None:
+    (folder / "run_0.mcap").write_bytes(b"")
+
+
+def foreign(folder: Path) -> None:
+    (folder / "run_0.mcap").write_bytes(b"not a recording at all")
+
+
+def of_another_robot(folder: Path) -> None:
+    with (folder / "run_0.mcap").open("wb") as file:
+        ForeignWriter(file).start("ros1", "test")
+        file.write(bytes(10))
+
+
+def header_only(folder: Path) -> None:
+    (folder / "run_0.mcap").write_bytes(b"\x89MCAP0\r\n\x01\x10")
+
+
+def database(folder: Path) -> None:
+    (folder / "run_0.db3").write_bytes(b"SQLite format 3")
+
+
+def notes(folder: Path) -> None:
+    (folder / "notes.txt").write_text("text")
+
+
+@pytest.mark.parametrize("make, reason", [
+    (empty, "run_0.mcap is empty (0 bytes), nothing was recorded"), (foreign, "run_0.mcap: not an MCAP file"),
+    (of_another_robot, "run_0.mcap: an MCAP file, but not of ROS 2: its profile is 'ros1'"),
+    (header_only, "run_0.mcap: the file ends within its header, nothing was recorded"),
+    (database, "run_0.db3: is of the storage sqlite3; `ros2 bag convert` makes an MCAP bag of it"),
+    (notes, "not a bag, it holds no .mcap file"),
+], ids=lambda value: getattr(value, "__name__", ""))
+def test_what_is_no_bag_is_one_line_and_untouched(tmp_path, capsys, make, reason):
+    folder = tmp_path / "run"
+    folder.mkdir()
+    make(folder)
+    before = content(folder)
+    assert executable.main([str(folder)]) == 2
+    told = capsys.readouterr()
+    assert (told.out, told.err.count("\n")) == ("", 1)
+    assert told.err.startswith("recover: ") and reason in told.err
+    assert content(folder) == before
+
+
+def test_a_missing_folder_and_a_foreign_file_are_refused(tmp_path, capsys):
+    (tmp_path / "notes.txt").write_text("text")
+    assert executable.main([str(tmp_path / "none"), str(tmp_path / "notes.txt")]) == 2
+    first, second = capsys.readouterr().err.splitlines()
+    assert first.endswith("none: no such folder; give the folder of a recording")
+    assert second.endswith("notes.txt: a file, not a bag; give the folder of a recording")

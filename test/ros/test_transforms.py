@@ -15,7 +15,7 @@ from vibro_ros.bag.stream import BagStream
 from vibro_ros.messages.topics import ROBOT_TOPICS
 from vibro_ros.recordings import replay
 from vibro_ros.recordings.comparison import compare
-from vibro_ros.recordings.variation import write_variation
+from vibro_ros.recordings.replay import write_variation
 
 TFMessage = pytest.importorskip("tf2_msgs.msg", reason="types of tf2_msgs are not built: no compiler").TFMessage
 LATE = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)

@@ -5,7 +5,7 @@ killed process loses what came after the last flush, and leaves at most one torn
 
 Records are those of the library `mcap`. Its `Writer` is not used: a message costs it 4.7 us against 1.6 us here, which
 is 15 us for a robot's five messages at 1 kHz, more than a tenth of a tick (both measured, `exact`, 137 us a tick);
-it keeps 60 MB of chunk indexes an hour in memory; and when the disk is full it cannot end the file that it began.
+it keeps 55 MB of chunk indexes an hour in memory; and when the disk is full it cannot end the file that it began.
 """
 
 import os

@@ -237,11 +237,11 @@ class _Comparing:
 
 def notes(stream: BagStream, facts: RunFacts) -> list[str]:
     """What in the bag may make a replay differ from it, for people."""
-    found, told = [], stream.metadata
+    found, recorded = [], stream.metadata
     here = {**software(), "tables": tables(facts.scene.parameters)}
-    found += [f"recorded with {key.replace('_', ' ')} {told[key]}, replayed with {here[key]}: bits may differ"
-              for key in here if told.get(key, here[key]) != here[key]]
-    if unsaid := [key.replace("_", " ") for key in here if key not in told]:
+    found += [f"recorded with {key.replace('_', ' ')} {recorded[key]}, replayed with {here[key]}: bits may differ"
+              for key in here if recorded.get(key, here[key]) != here[key]]
+    if unsaid := [key.replace("_", " ") for key in here if key not in recorded]:
         found.append(f"the bag does not say its {', '.join(unsaid)}: where they differ, bits may")
     if stream.start > facts.start and facts.topics.get(CHECKPOINT) not in stream.topics:
         found.append(f"the bag begins {(stream.start - facts.start) * 1e-9:.3f} s after the robot started: commands "
@@ -249,8 +249,8 @@ def notes(stream: BagStream, facts: RunFacts) -> list[str]:
     found += [f"what came on {facts.topics.get(name, name)} was not recorded" for name in INPUTS
               if facts.topics.get(name) not in stream.topics
               and (name in COMMAND_UNITS or name in facts.topics)]  # earlier versions had no operations
-    if told.get("dropped", "0") != "0":
-        found.append(f"{told['dropped']} messages dropped; a command may be among them")
+    if recorded.get("dropped", "0") != "0":
+        found.append(f"{recorded['dropped']} messages dropped; a command may be among them")
     if stream.flaws:
         found.append("part of the bag cannot be read; a command may be in it")
     return found

@@ -17,7 +17,7 @@ from vibro_ros.bag.reader import Arrays, Bag
 from vibro_ros.recordings.summary import GAP, impacts_of
 
 MOMENT = 0.3  # s, the close-up; about five crank turns at 100 rad/s
-FEW = 3000  # impacts that can be told apart as dots over the whole run
+FEW = 3000  # impacts that can be seen as separate dots over the whole run
 FAR = 10.0  # m, from there on in metres
 STRONG = 8.0  # times what 95 % of the samples stay below: from there on a linear scale would hide these
 MM = 1e3  # mm/m

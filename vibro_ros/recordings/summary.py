@@ -48,7 +48,7 @@ def load_samples(folder: Path) -> Bag:
 
 
 def summarise(bag: Bag) -> dict[str, Any]:
-    """Summary of a recording, ready for JSON; a number that cannot be told is None.
+    """Summary of a recording, ready for JSON; a number that is not defined is None.
 
     Parameters
     ----------
