@@ -4,7 +4,6 @@ import dataclasses
 
 import numpy as np
 import pytest
-from matplotlib.colors import to_rgb
 
 from vibro_ros.bag.reader import read_bag
 from vibro_ros.recordings import plots
@@ -178,7 +177,7 @@ def test_command_is_a_step_line_to_the_end(shown):
     np.testing.assert_allclose(speed, 20 * np.pi)
 
 
-@pytest.mark.parametrize("value", [1e308, -1e308, np.inf, np.nan])
+@pytest.mark.parametrize("value", [1e308, np.nan])
 def test_a_refused_command_does_not_flatten_the_motor(bag, value):
     figure = plot_run(changed(bag, "motor_speed", value=np.array([value])))
     figure.canvas.draw()
@@ -188,8 +187,7 @@ def test_a_refused_command_does_not_flatten_the_motor(bag, value):
 
 @pytest.mark.parametrize(("options", "rows"), [
     ({"without": ("motor_speed",)}, ROWS), ({"count": 1}, ROWS),
-    ({"without": ("motor_power",)}, ROWS[:-1]), ({"without": ("ground_contact",)}, [*ROWS[:4], *ROWS[5:]]),
-    ({"without": ("impacts",)}, [*ROWS[:3], *ROWS[4:]]),
+    ({"without": ("motor_power",)}, ROWS[:-1]), ({"without": ("impacts",)}, [*ROWS[:3], *ROWS[4:]]),
     ({"joints": ["crank", "inclined_mass", "inclined_plate"]}, [ROWS[0], *ROWS[2:]]),
     ({"joints": ["crank"]}, [ROWS[0], *ROWS[3:]])], ids=str)
 def test_what_a_recording_lacks_is_left_out(known_run, options, rows):
@@ -203,28 +201,6 @@ def test_a_mass_without_its_plate_is_drawn(known_run):
     shown = panels(plot_run(bag))
     assert "its plate" in lines(shown["inclined mass [mm]"][0])
     assert "its plate" not in lines(shown["upper mass [mm]"][0])
-
-
-def test_dense_recording_is_drawn_with_a_bounded_number_of_points(known_run):
-    shown = panels(plot_run(read_bag(known_run(count=4001))))
-    for left, _ in shown.values():
-        for line in left.get_lines():
-            assert len(line.get_xdata()) < 5 * plots.POINTS
-
-
-def test_bands_are_opaque_so_that_no_two_colours_mix(shown):
-    for left, _ in shown.values():
-        assert all(one.get_facecolor()[0, 3] == 1.0 for one in left.collections)
-
-
-def test_the_colours_differ_in_brightness_for_those_who_see_no_hue():
-    """The pairs that share a panel, by relative luminance (WCAG 2)."""
-    def luminance(colour):
-        linear = [part / 12.92 if part <= 0.04045 else ((part + 0.055) / 1.055) ** 2.4 for part in to_rgb(colour)]
-        return np.dot(linear, (0.2126, 0.7152, 0.0722))
-    upper, inclined = (luminance(plots._GUIDE_COLOURS[guide]) for guide in ("upper", "inclined"))
-    assert (max(upper, inclined) + 0.05) / (min(upper, inclined) + 0.05) > 1.2
-    assert len(set(plots._GUIDE_MARKS.values())) == 2
 
 
 def test_a_long_line_keeps_its_ends_and_extremes():

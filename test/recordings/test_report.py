@@ -1,11 +1,7 @@
 """The executable: files beside the recording, one-line errors, exit codes."""
 
 import json
-import os
-import subprocess
-import sys
 import warnings
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -200,22 +196,3 @@ def test_numbers_that_no_robot_sends_are_left_out_and_named(record_run, tmp_path
     if topic in ("motor_power", "motor_speed"):
         (flaw,) = summary["not_read"]
         assert flaw.startswith(f"/{topic}: ") and flaw.endswith("numbers that are not finite, or beyond 1e+100")
-
-
-def run(*arguments):
-    root = str(Path(report.__file__).parents[2])
-    return subprocess.run([sys.executable, "-m", "vibro_ros.recordings.report", *arguments], capture_output=True,
-                          text=True, env=os.environ | {"PYTHONPATH": root}, timeout=120)
-
-
-def test_help_and_bad_usage():
-    helped = run("--help")
-    assert helped.returncode == 0
-    assert "BAG_FOLDER" in helped.stdout and "--output" in helped.stdout
-    assert run().returncode == 2
-
-
-def test_process_ends_with_2_and_no_traceback(tmp_path):
-    ended = run(str(tmp_path))
-    assert ended.returncode == 2
-    assert ended.stderr == f"report: {tmp_path}: not a bag, it holds no metadata.yaml; give the folder of a recording\n"
