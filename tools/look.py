@@ -31,7 +31,7 @@ def _run(words: Sequence[str]) -> int:
     view_words = ["--port", options.port, "--address", options.address, *["--open"] * options.open]
     with (
         StopRequest() as stop,
-        Child("vibro_ros.ros.live.live_view", *view_words, environment=environment) as view,
+        Child("vibro_ros.ros.live.view", *view_words, environment=environment) as view,
         Child("vibro_ros.ros.robot.robot", "--ros-args", *robot_words, environment=environment) as robot,
     ):
         stop.hold()  # neither process may be left behind

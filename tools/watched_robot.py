@@ -61,7 +61,7 @@ class _View:
     """The view as a process; says its address."""
 
     def __init__(self, environment: Mapping[str, str]):
-        self._process = subprocess.Popen([sys.executable, "-m", "vibro_ros.ros.live.live_view", "--port", "0"],
+        self._process = subprocess.Popen([sys.executable, "-m", "vibro_ros.ros.live.view", "--port", "0"],
                                          env=environment, stdout=subprocess.PIPE, text=True)
         self.pid = self._process.pid
         self.address = ""

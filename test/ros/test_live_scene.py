@@ -5,8 +5,8 @@ from rcl_interfaces.msg import ParameterValue
 from rclpy.parameter import Parameter
 
 import vibro_ros
-from vibro_ros.ros.live import live_scene
-from vibro_ros.ros.live.live_scene import check_names, settings_of
+from vibro_ros.ros.live import scene as live_scene
+from vibro_ros.ros.live.scene import check_names, settings_of
 
 NAMES = live_scene._NAMES
 DEVICE = vibro_ros.load_scene("device")

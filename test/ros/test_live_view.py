@@ -63,7 +63,7 @@ def test_what_is_sent_is_what_was_published_in_one_row_a_sample(start, view, vis
         device_rows.append([getattr(device.state, name) for name in COLUMNS])
     for name in COLUMNS[1:]:
         expected = np.array([row[COLUMNS.index(name)] for row in device_rows])
-        if name == "motor_power":  # of torque and speed, see `live_rows`
+        if name == "motor_power":  # of torque and speed, see `Joining.join`
             assert np.allclose(column(rows, name), expected, rtol=1e-12, atol=1e-12)
         else:
             assert np.array_equal(column(rows, name), expected), name

@@ -16,7 +16,7 @@ PATIENCE = 60.0  # [s]
 
 def run(folder, *words: str) -> subprocess.CompletedProcess:
     """The live view, which is expected to end by itself."""
-    return subprocess.run([sys.executable, "-m", "vibro_ros.ros.live.live_view", *words], cwd=folder,
+    return subprocess.run([sys.executable, "-m", "vibro_ros.ros.live.view", *words], cwd=folder,
                           capture_output=True,
                           text=True, timeout=PATIENCE)
 

@@ -47,7 +47,7 @@ EXECUTABLES = {
         "vibro_ros.ros.controller.playback", False,
         "Play a bag's commands to a live robot, at the instants at which the recorded one took them."),
     "live_view": Executable(
-        "vibro_ros.ros.live.live_view", False,
+        "vibro_ros.ros.live.view", False,
         "Show a live robot in the browser, with its knobs and buttons, until SIGINT, SIGTERM or SIGHUP."),
 }
 """Every executable by its name; those that are installed first."""

@@ -22,7 +22,7 @@ from vibro_ros.process.untrusted import one_line, open_to_read, replace_file
 from vibro_ros.view.bag_motion import bag_motion
 from vibro_ros.view.page import MARK, page_text
 
-LIVE = "vibro_ros.ros.live.live_view"
+LIVE = "vibro_ros.ros.live.view"
 """Module that shows a live robot; named only, because nothing else here needs ROS."""
 OF_BAG = ("--output", "--help", "-h")
 """Options with which a command line may begin that is about a recording."""

@@ -21,7 +21,7 @@ from rclpy.publisher import Publisher
 from vibro_ros.configuration.command_map import CommandMap
 from vibro_ros.model.scene import Scene
 from vibro_ros.process.stop_signals import StopRequest
-from vibro_ros.ros.live.live_scene import SceneReader, Settings
+from vibro_ros.ros.live.scene import SceneReader, Settings
 from vibro_ros.ros.node import process
 
 STAY = 1.0

@@ -22,7 +22,7 @@ from vibro_ros.model.parameters import Parameter, checked_parameters
 from vibro_ros.process.executables import EXECUTABLES
 from vibro_ros.process.front_door import Parser, exit_code
 from vibro_ros.process.stop_signals import StopRequest
-from vibro_ros.ros.live.live_page import LivePage
+from vibro_ros.ros.live.page import LivePage
 from vibro_ros.ros.node import process
 from vibro_ros.ros.node.arguments import check_addressed, check_arguments, check_names, own_arguments
 from vibro_ros.ros.node.node import SteadyNode

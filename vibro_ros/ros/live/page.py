@@ -1,26 +1,33 @@
 """The live view's node: what of the robot goes to the pages, and what of the pages goes to the robot."""
 
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from functools import partial
 from time import monotonic
 from typing import Any, NamedTuple
 
 import numpy as np
+from rclpy.client import Client
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.executors import Executor
+from rclpy.node import Node
+from rclpy.task import Future
+from std_msgs.msg import Float64
+from std_srvs.srv import SetBool, Trigger
 
 from vibro_ros.messages.topics import COMMAND_UNITS
 from vibro_ros.model.scene import Scene
-from vibro_ros.ros.live.live_requests import Requests
-from vibro_ros.ros.live.live_robot import LiveRobot
-from vibro_ros.ros.live.live_scene import Settings
-from vibro_ros.ros.live.live_words import Words, is_change
+from vibro_ros.process.untrusted import one_line
+from vibro_ros.ros.live.robot import LiveRobot
+from vibro_ros.ros.live.scene import Settings
+from vibro_ros.ros.live.words import Words, is_change
+from vibro_ros.ros.node import qos
 from vibro_ros.ros.node.node import SteadyNode
 from vibro_ros.view.machine import machine
 from vibro_ros.view.motion import Document
-from vibro_ros.view.protocol import COLUMNS, Call, Command, Request, SlowMotion, text_frame
+from vibro_ros.view.protocol import COLUMNS, PLAIN_CALLS, SWITCHES, Call, Command, Request, SlowMotion, text_frame
 from vibro_ros.view.server import Server
 from vibro_ros.view.slow_motion import History, SlowMotions
 
@@ -32,8 +39,20 @@ MOST_ORDERS = 400
 """Requests of pages that wait for the node."""
 AROUND = 1.0
 """Time [s] by which an impact may lie outside of the samples that were seen."""
+PATIENCE = 5.0
+"""Longest time [s] that an answer of the robot is waited for."""
+AGAIN = 1.0
+"""Time [s] after which a request of `REPEATABLE` is sent once more."""
+REPEATABLE = ("pause",)
+"""Services that may be called twice: a robot that is paused already does nothing. A second `step` would be another
+one, a second `reset` too, and a second `record` would write another snapshot."""
+MOST_WAITING = 50
+"""Calls that wait for an answer at once."""
 STATUS = {"real_time_factor": 0.0, "dropped_share": 0.0, "refused": 0, "paused": False, "recording": ""}
 _TIME = COLUMNS.index("time")
+
+Answer = Callable[[bool, str], object]
+"""Is given whether the request was done, and the words."""
 
 
 class Standing(NamedTuple):
@@ -185,3 +204,85 @@ def _with_values(scene: Scene, last: np.ndarray | None) -> dict[str, Any]:
             side = knob["name"].removesuffix("_gap")
             knob["value"] = now[f"{side}_plate_position"] - scene[f"crank.{side}_rod"]
     return drawn
+
+
+@dataclass(eq=False)
+class _Waiting:
+    """One call that waits for its answer, and each request that was sent for it."""
+
+    call: Call
+    answer: Answer
+    client: Client
+    begun: float
+    sent: list[Future]
+
+
+class Requests:
+    """The publishers and clients of one robot.
+
+    Parameters
+    ----------
+    node : Node
+        Publishes and calls, in its executor's thread.
+    robot : str
+        Full name of the robot's node.
+    """
+
+    def __init__(self, node: Node, robot: str):
+        self._robot = robot
+        self._publishers = {name: node.create_publisher(Float64, name, qos.COMMANDS) for name in COMMAND_UNITS}
+        kinds = {**dict.fromkeys(PLAIN_CALLS, Trigger), **dict.fromkeys(SWITCHES, SetBool)}
+        self._clients = {name: node.create_client(kind, f"{robot}/{name}") for name, kind in kinds.items()}
+        self._waiting: list[_Waiting] = []
+
+    @property
+    def offers(self) -> dict[str, bool]:
+        """Which services the robot offers."""
+        return {name: client.service_is_ready() for name, client in self._clients.items()}
+
+    def command(self, command: Command, answer: Answer) -> None:
+        """Publish a command, as it is: the robot knows its limits, and says when it refuses."""
+        publisher = self._publishers[command.name]
+        if not publisher.get_subscription_count():
+            answer(False, f"nobody listens to {publisher.topic_name}; is the robot running?")
+            return
+        publisher.publish(Float64(data=command.value))
+        answer(True, f"{command.name} {command.value:g} {COMMAND_UNITS[command.name]} sent")
+
+    def call(self, call: Call, answer: Answer) -> None:
+        """Call a service."""
+        client = self._clients[call.name]
+        if not client.service_is_ready():
+            answer(False, f"nobody offers {client.srv_name}; is the robot running?")
+        elif len(self._waiting) >= MOST_WAITING:
+            answer(False, f"{MOST_WAITING} requests wait for the robot's answer already; ask again later")
+        else:
+            waiting = _Waiting(call, answer, client, monotonic(), [])
+            self._waiting.append(waiting)
+            self._send(waiting)
+
+    def tick(self) -> None:
+        """Send once more what may be, and give up what has waited too long; to be called often."""
+        now = monotonic()
+        for one in list(self._waiting):
+            if now > one.begun + PATIENCE:
+                self._end(one, False, f"{one.client.srv_name} has not answered for {PATIENCE:g} s; it may still do "
+                                      "what was asked")
+            elif one.call.name in REPEATABLE and now > one.begun + AGAIN * len(one.sent):
+                self._send(one)
+
+    def _send(self, one: _Waiting) -> None:
+        request: Any = Trigger.Request() if one.call.on is None else SetBool.Request(data=one.call.on)
+        future = one.client.call_async(request)
+        one.sent.append(future)
+        future.add_done_callback(lambda done: self._take(one, done))
+
+    def _take(self, one: _Waiting, future: Future) -> None:
+        if one in self._waiting and not future.cancelled():
+            self._end(one, bool(future.result().success), one_line(future.result().message, 500))
+
+    def _end(self, one: _Waiting, done: bool, words: str) -> None:
+        self._waiting.remove(one)
+        for future in one.sent:
+            one.client.remove_pending_request(future)
+        one.answer(done, words)

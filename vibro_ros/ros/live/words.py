@@ -28,10 +28,9 @@ from vibro_ros.messages.topics import (
     read_operation,
 )
 from vibro_ros.process.untrusted import one_line
-from vibro_ros.ros.live.quiet import QuietSubscription
+from vibro_ros.ros.live.samples import SECOND, QuietSubscription
 from vibro_ros.ros.node import qos
 from vibro_ros.ros.robot import diagnostics
-from vibro_ros.ros.topics.templates import SECOND
 
 MOST = 200
 """Messages of one topic that are looked at in one batch; those of a flood wait, and DDS drops the oldest."""

@@ -1,7 +1,8 @@
 """One live robot as the view sees it: its scene, its samples since it began, and in words why there are none."""
 
 import time
-from typing import Any
+from collections import deque
+from collections.abc import Callable
 
 import numpy as np
 from geometry_msgs.msg import WrenchStamped
@@ -10,23 +11,24 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import JointState
 
 from vibro_ros.model.parameters import BY_NAME
-from vibro_ros.ros.live.live_decoder import STAMPED, Decoder, decoders
-from vibro_ros.ros.live.live_rows import Joining, Rows, Runs
-from vibro_ros.ros.live.live_scene import SceneReader, Settings
-from vibro_ros.ros.live.quiet import QuietSubscription
+from vibro_ros.ros.live.samples import STAMPED, Decoder, Joining, QuietSubscription, Rows
+from vibro_ros.ros.live.scene import SceneReader, Settings
 from vibro_ros.ros.node.node import SteadyNode
 from vibro_ros.simulation.samples import FIELDS, TIME
 
 SAMPLES = QoSProfile(depth=2000, reliability=ReliabilityPolicy.RELIABLE)
 """Deep, so that none is lost between two looks, or while something else takes long: 2 s at 1 kHz."""
-MOST = 2000
-"""Messages of one topic that are taken at once."""
+MOST = 500
+"""Messages of one topic that are taken at once, 15,000 a second; those of a flood wait, and DDS drops the oldest."""
 SILENCE = 3.0
 """Time [s] without a sample and without diagnostics, which come each second, after which a robot is not heard."""
 READ_AGAIN = 2.0
 """Time [s] after which the parameters are asked for once more where they do not explain what is published."""
 FIRST = 1.5
 """Time [s] that the first sample may take; of a robot that has said something by then and sent none, time stands still.
+"""
+RIVALRY = 2.0
+"""Time [s] within which a publisher begins to count from 1 again once at most; a robot needs about a second to start.
 """
 _KINDS = {"odom": Odometry, "joint_states": JointState, "ground_contact": WrenchStamped}
 
@@ -54,12 +56,13 @@ class LiveRobot:
         self.origin: int | None = None
         self._node, self._robot = node, robot
         self._topics = {topic: QuietSubscription(node, _KINDS[topic], topic, SAMPLES) for topic in STAMPED}
-        self._runs, self._joining, self._decoders = Runs(), Joining(), dict[str, Decoder]()
+        self._runs, self._joining = Runs(), Joining()
+        self._decoder: Decoder | None = None
         self._fault, self._publishers = "", frozenset[bytes]()
         self._heard = self._row_heard = self._read_at = float("-inf")
         self._unread = self._doubtful = False
         self._last = -1
-        self.reader = SceneReader(node, robot, self._take_settings)  # last, see `live_requests`
+        self.reader = SceneReader(node, robot, self._take_settings)  # last: then the robot knows the other clients
 
     def poll(self) -> np.ndarray:
         """Rows of `FIELDS` that have come since the last call, `time` counted from `origin` [s]; shape (n, fields)."""
@@ -67,19 +70,17 @@ class LiveRobot:
             self.reader.read()
         self.reader.tick()
         taken = {topic: one.take(MOST) for topic, one in self._topics.items()}
-        if self.settings is None:
+        if self.settings is None or self._decoder is None:
             return np.empty((0, len(FIELDS)))
         readings = {}
         for topic, messages in taken.items():
-            reading = self._decoders[topic].read([data for data, _ in messages])
-            if left := len(messages) - len(reading.chosen):
+            found = [self._decoder.read(topic, *message) for message in messages]
+            readings[topic] = [reading for reading in found if reading]
+            if left := len(messages) - len(readings[topic]):
                 self._unread = True
                 self._node.refusals.refuse(self._topics[topic].topic, f"{left} messages that are no samples of "
                                            f"{self._robot}: torn, not finite, or of other frames or joints")
-            counts = [messages[number][1] for number in reading.chosen]
-            known = all(count is not None for count in counts)
-            readings[topic] = reading, np.array(counts, np.int64) if known else reading.stamps
-        return self._taken(self._joining.join(readings, {name: one.fields for name, one in self._decoders.items()}))
+        return self._taken(self._joining.join(readings, self._decoder.columns))
 
     def hear(self) -> None:
         """Take note that the robot has said something; after a silence it may be another one, and is shown when it has
@@ -91,7 +92,7 @@ class LiveRobot:
         self._heard = now
 
     def look(self) -> None:
-        """Look who publishes, and ask anew where that has changed or is not explained; to be called now and then."""
+        """Look who publishes, and ask again where that has changed or is not explained; to be called now and then."""
         found = frozenset(bytes(one.endpoint_gid)
                           for one in self._node.get_publishers_info_by_topic(self._topics["odom"].topic))
         now = time.monotonic()
@@ -132,10 +133,10 @@ class LiveRobot:
     def _taken(self, rows: Rows) -> np.ndarray:
         """The rows of the present run, by its own clock."""
         nothing, rivals = np.empty((0, len(FIELDS))), self._runs.rivals
-        anew = self._runs.begins_anew(rows.counts)
-        if anew:
+        restarted = self._runs.restarted(rows.counts)
+        if restarted:
             self.origin = None
-        if not self._runs.rivals and (anew or rivals):  # who is heard from now on is to be asked what it is
+        if not self._runs.rivals and (restarted or rivals):  # who is heard from now on is to be asked what it is
             self.settings = None
         if not len(rows.stamps) or self._runs.rivals or self.settings is None:
             return nothing
@@ -160,13 +161,42 @@ class LiveRobot:
         self._read_at, self._doubtful = time.monotonic(), False
         self._fault = found if isinstance(found, str) else ""
         settings = None if isinstance(found, str) else found
-        try:
-            made: dict[str, Any] = decoders(settings.scene, settings.prefix) if settings else {}
-        except ValueError as error:
-            self._fault, settings, made = str(error), None, {}
         if self.settings is None or settings is None or _differ(self.settings, settings):
             self.origin, self._joining, self._last = None, Joining(), -1
-        self.settings, self._decoders = settings, made
+        self.settings = settings
+        self._decoder = Decoder(settings.scene, settings.prefix) if settings else None
+
+
+class Runs:
+    """Tells the samples of one run from those of the next, and one robot from two.
+
+    A robot that is restarted counts its messages from 1. Two robots that publish on the same topics make the count
+    go back again and again.
+
+    Parameters
+    ----------
+    now : callable
+        The clock [s].
+    """
+
+    def __init__(self, now: Callable[[], float] = time.monotonic):
+        self._now, self._last = now, -1
+        self._setbacks: deque[float] = deque(maxlen=2)
+
+    @property
+    def rivals(self) -> bool:
+        """Whether two robots have been heard lately."""
+        return len(self._setbacks) == 2 and (self._setbacks[1] - self._setbacks[0] < RIVALRY
+                                             and self._now() - self._setbacks[1] < RIVALRY)
+
+    def restarted(self, counts: np.ndarray) -> bool:
+        """Take note of what came; whether another run has begun with it."""
+        if not len(counts):
+            return False
+        setbacks = np.flatnonzero(np.diff(np.concatenate([[self._last], counts])) <= 0)
+        self._last = int(counts[-1])
+        self._setbacks.extend([self._now()] * min(len(setbacks), 2))
+        return len(setbacks) > 0
 
 
 def _differ(one: Settings, other: Settings) -> bool:

@@ -1,0 +1,224 @@
+"""A live robot's samples from the messages of its topics, which anybody may publish anything on.
+
+Messages wait in DDS until the view looks: an executor's turn costs 0.15 to 0.5 ms, and a node that shows 30 pictures a
+second has no use for a turn for each of 3000 messages a second; taken together, a message costs some 10 us.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from itertools import count
+from typing import Any, NamedTuple
+
+import numpy as np
+from rclpy.callback_groups import CallbackGroup
+from rclpy.node import Node
+from rclpy.qos import QoSProfile
+from rclpy.subscription import Subscription
+
+from vibro_ros.bag.cdr import deserialised
+from vibro_ros.messages.fields import JOINTS, ODOM, joints_of
+from vibro_ros.messages.joints import BASE
+from vibro_ros.messages.topics import ROBOT_TOPICS
+from vibro_ros.model.scene import Scene
+from vibro_ros.simulation.samples import FIELDS
+
+STAMPED = ("odom", "joint_states", "ground_contact")
+"""Topics that together have every sample's numbers, each with the sample's stamp."""
+SECOND = 1_000_000_000
+"""Nanoseconds of a stamp's second."""
+LONGEST = 10_000
+"""Bytes of the longest message that is read; a robot's have a thousand."""
+PATIENCE = 15
+"""Batches after which a message whose stamp another topic has not had is given up: half a second."""
+MOST_WAITING = 3000
+"""Stamps of such messages that wait at most."""
+_BODY = ("body_position", "body_height", "body_velocity", "body_vertical_velocity")
+_GROUND = ("friction_force", "normal_force")
+_SPEED, _TORQUE, _POWER = (FIELDS.index(name) for name in ("motor_speed", "motor_torque", "motor_power"))
+
+
+class QuietSubscription:
+    """A topic whose messages are taken as bytes when the view looks; nothing wakes for them.
+
+    Parameters
+    ----------
+    node : Node
+        Subscribes.
+    kind : type
+        Of the messages.
+    topic : str
+        As for `Node.create_subscription`.
+    profile : QoSProfile
+        Whose depth says how many messages wait at most.
+
+    Attributes
+    ----------
+    topic : str
+        The full name.
+    """
+
+    def __init__(self, node: Node, kind: type, topic: str, profile: QoSProfile):
+        self._subscription: Subscription = node.create_subscription(kind, topic, lambda message: None, profile,
+                                                                    callback_group=_Never(), raw=True)
+        self.topic: str = self._subscription.topic_name
+
+    def take(self, most: int) -> list[tuple[bytes, int | None]]:
+        """At most so many messages, in the order in which they came: bytes, and the number that their publisher gave.
+
+        A publisher counts its messages from 1. Where the middleware does not tell, the number is None.
+        """
+        found: list[tuple[bytes, int | None]] = []
+        handle, kind = self._subscription.handle, self._subscription.msg_type
+        with handle:
+            while len(found) < most and (taken := handle.take_message(kind, True)):
+                found.append((taken[0], taken[1].get("publication_sequence_number")))
+        return found
+
+
+class _Never(CallbackGroup):
+    """Lets the executor run nothing, so that it does not wait for it either."""
+
+    def can_execute(self, entity: object) -> bool:
+        """Never."""
+        return False
+
+    def beginning_execution(self, entity: object) -> bool:
+        """Never."""
+        return False
+
+    def ending_execution(self, entity: object) -> None:
+        """Nothing to do."""
+
+
+class Reading(NamedTuple):
+    """What one message says: stamp [ns], its number by its publisher, values in the order of `Decoder.columns`."""
+
+    stamp: int
+    number: int
+    values: list[float]
+
+
+class Decoder:
+    """Reads the messages of a robot of a known scene, whatever library and byte order wrote them.
+
+    Parameters
+    ----------
+    scene : Scene
+        Says which joints there are.
+    prefix : str
+        Begins the names of the robot's frames.
+
+    Attributes
+    ----------
+    columns : dict of str to list of int
+        Which of `FIELDS` the messages of each of `STAMPED` have.
+    """
+
+    def __init__(self, scene: Scene, prefix: str):
+        self._joints = joints_of(scene)
+        self._frames = {"odom": prefix + ODOM, "joint_states": prefix + BASE, "ground_contact": prefix + BASE}
+        self._base = prefix + BASE
+        joints = [JOINTS[joint][part] for part in range(3) for joint in self._joints]
+        self.columns = {topic: [FIELDS.index(name) for name in names]
+                        for topic, names in zip(STAMPED, (_BODY, joints, _GROUND), strict=True)}
+
+    def read(self, topic: str, data: bytes, number: int | None) -> Reading | None:
+        """What a message of one of `STAMPED` says; None if it is no sample of this robot.
+
+        Without its publisher's `number` it counts by its stamp.
+        """
+        try:
+            message = deserialised(data if len(data) <= LONGEST else b"", ROBOT_TOPICS[topic])
+        except ValueError:
+            return None
+        stamp, values = message.header.stamp, self._values(topic, message)
+        if (message.header.frame_id != self._frames[topic] or stamp.sec < 0 or stamp.nanosec >= SECOND
+                or len(values) != len(self.columns[topic]) or not all(map(math.isfinite, values))):
+            return None
+        time = stamp.sec * SECOND + stamp.nanosec
+        return Reading(time, time if number is None else number, values)
+
+    def _values(self, topic: str, message: Any) -> list[float]:
+        """Its numbers; none if frames or joints are another robot's."""
+        if topic == "odom" and message.child_frame_id == self._base:
+            place, speed = message.pose.pose.position, message.twist.twist.linear
+            return [place.x, place.z, speed.x, speed.z]
+        parts = (message.position, message.velocity, message.effort) if topic == "joint_states" else ()
+        if parts and message.name == self._joints and all(len(part) == len(self._joints) for part in parts):
+            return np.concatenate(parts).tolist()
+        if topic == "ground_contact":
+            return [-message.wrench.force.x, message.wrench.force.z]
+        return []
+
+
+class Rows(NamedTuple):
+    """Samples, in the order in which their odometry came.
+
+    Attributes
+    ----------
+    stamps : ndarray of int, shape (n,)
+        ROS time [ns].
+    counts : ndarray of int, shape (n,)
+        Counts of the odometry's publisher.
+    values : ndarray, shape (n, len(FIELDS))
+        All quantities; `time` is 0.
+    """
+
+    stamps: np.ndarray
+    counts: np.ndarray
+    values: np.ndarray
+
+
+class _Row:
+    """A stamp's readings by topic, the batch in which the first came, and the odometry's number in the order of all."""
+
+    def __init__(self, batch: int):
+        self.batch, self.order = batch, 0
+        self.parts: dict[str, Reading] = {}
+
+
+class Joining:
+    """Joins what the topics say of one stamp.
+
+    A stranger's message on one topic, with a stamp that no other topic has, finds no partner and does no harm.
+    """
+
+    def __init__(self):
+        self._waiting: dict[int, _Row] = {}  # by stamp
+        self._batch, self._number = 0, count()
+
+    def join(self, readings: Mapping[str, Sequence[Reading]], columns: Mapping[str, Sequence[int]]) -> Rows:
+        """Rows that are complete by now. Of two messages of a topic with one stamp the first counts.
+
+        `motor_power` has no stamp to join it by. It is the motor's torque times its speed.
+        """
+        self._batch += 1
+        complete: list[_Row] = []
+        for topic, of_topic in readings.items():
+            for one in of_topic:
+                row = self._waiting.setdefault(one.stamp, _Row(self._batch))
+                if topic in row.parts:
+                    continue
+                row.parts[topic] = one
+                if topic == "odom":
+                    row.order = next(self._number)
+                if len(row.parts) == len(STAMPED):
+                    complete.append(self._waiting.pop(one.stamp))
+        self._give_up()
+        complete.sort(key=lambda row: row.order)
+        values = np.zeros((len(complete), len(FIELDS)))
+        for number, row in enumerate(complete):
+            for topic, part in row.parts.items():
+                values[number, columns[topic]] = part.values
+        with np.errstate(over="ignore"):
+            values[:, _POWER] = values[:, _TORQUE] * values[:, _SPEED]
+        odometry = [row.parts["odom"] for row in complete]
+        return Rows(np.array([one.stamp for one in odometry], np.int64),
+                    np.array([one.number for one in odometry], np.int64), values)
+
+    def _give_up(self) -> None:
+        """Forget the stamps that have waited too long, and the oldest where too many wait."""
+        for stamp in list(self._waiting):
+            if self._waiting[stamp].batch > self._batch - PATIENCE and len(self._waiting) <= MOST_WAITING:
+                return
+            del self._waiting[stamp]
