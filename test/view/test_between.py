@@ -8,7 +8,6 @@ from robot_bag import offset_times
 
 import vibro_ros
 from vibro_ros.configuration.scene_file import shipped_scenes
-from vibro_ros.simulation.samples import Samples
 from vibro_ros.view.motion import Motion
 from vibro_ros.view.slow_motion import motion_between
 
@@ -94,13 +93,6 @@ def test_every_impact_is_marked_and_exact_around_it(name):
     assert len(impacts) > 20
 
 
-def test_from_the_start_where_masses_rest_on_plates_and_the_motor_stands():
-    scene, commands = vibro_ros.load_scene("device"), [(0.3, {"motor_speed": 60.0})]
-    motion = made(scene, published(scene, start=0.0, commands=commands))
-    assert motion.header["exact"]
-    assert_is_run(motion, scene, offset_times(0.0, 1.0, 5000), commands)
-
-
 def test_a_reset_begins_another_motion():
     scene = vibro_ros.load_scene("device")
     first, second = (published(scene, start=start, duration=0.5, commands=COMMANDS[:1]) for start in (3.0, 0.0))
@@ -165,9 +157,3 @@ def test_a_field_that_nobody_publishes_is_named():
     samples = {name: column for name, column in published(scene).items() if name != "upper_velocity"}
     header = made(scene, samples).header
     assert not header["exact"] and header["why"].startswith("upper_velocity is not published")
-
-
-def test_a_field_of_the_samples_class_is_all_that_is_looked_for():
-    scene = vibro_ros.load_scene("damped")
-    samples = Samples(**published(scene, duration=0.2))
-    assert made(scene, {**vars(samples), "somebody's": np.zeros(41)}).header["exact"]

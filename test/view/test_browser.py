@@ -1,6 +1,5 @@
-"""A browser is found or the remedy is named; what a page does wrong fails its test; nothing is left behind."""
+"""What a page of the tests' browser does wrong fails its test, and the browser leaves nothing behind."""
 
-import importlib.util
 import stat
 import time
 from pathlib import Path
@@ -9,7 +8,7 @@ import pytest
 from watched_page import Watch, engine_or_outcome
 
 from tools import browser
-from tools.browser import CHOICE, Engine, NoBrowserError, Session, chosen_engine, running
+from tools.browser import CHOICE, Engine, NoBrowserError, Session, running
 
 PAGE = """<!doctype html><meta name="viewport" content="width=device-width"><title>tiny</title>
 <link rel="icon" href="data:,">
@@ -18,7 +17,6 @@ let frames = 0;
 const count = () => { document.querySelector("#frames").textContent = ++frames; requestAnimationFrame(count); };
 count();
 </script>"""
-HAS_QT = importlib.util.find_spec("PySide6") is not None
 
 
 @pytest.fixture
@@ -26,15 +24,6 @@ def tiny(tmp_path: Path) -> str:
     """The address of a page that counts its frames."""
     (tmp_path / "tiny.html").write_text(PAGE)
     return (tmp_path / "tiny.html").as_uri()
-
-
-@pytest.fixture
-def no_programs(monkeypatch, tmp_path) -> Path:
-    """An empty PATH, and its only folder."""
-    folder = tmp_path / "bin"
-    folder.mkdir()
-    monkeypatch.setenv("PATH", str(folder))
-    return folder
 
 
 def put_program(folder: Path, name: str, text: str) -> Path:
@@ -55,58 +44,6 @@ def test_a_page_is_drawn_and_has_the_size_that_was_asked_for(page, open_page, ti
         frames_drawn(one)
         assert one.evaluate("[innerWidth, innerHeight]") == [width, height]
         assert one.screenshot().startswith(b"\x89PNG")
-
-
-@pytest.mark.skipif(not HAS_QT, reason=f"Qt WebEngine is not installed: {CHOICE}=qt make test installs it")
-def test_qt_web_engine_serves_where_there_is_no_chromium(monkeypatch, no_programs, tiny):
-    monkeypatch.delenv(CHOICE, raising=False)
-    engine = chosen_engine()
-    assert engine.name == "qt"
-    with Session(engine) as session:
-        for _ in range(2):  # each is a process of its own
-            page = session.page(390, 844)
-            page.goto(tiny)
-            frames_drawn(page)
-            assert page.evaluate("[innerWidth, innerHeight]") == [390, 844]
-            assert page.screenshot().startswith(b"\x89PNG")
-
-
-def test_the_environment_chooses(monkeypatch, no_programs):
-    chrome = put_program(no_programs, "google-chrome", "exit 0")
-    mine = put_program(no_programs, "mine", "exit 0")
-    monkeypatch.setattr(importlib.util, "find_spec", lambda name: name)
-    chosen = {"": str(chrome), "chromium": str(chrome), str(mine): str(mine)}
-    for choice, program in chosen.items():
-        monkeypatch.setenv(CHOICE, choice)
-        assert chosen_engine() == Engine("chromium", program)
-    assert chosen_engine("qt").name == "qt"
-    chrome.unlink()
-    assert chosen_engine("").name == "qt"
-
-
-def test_a_program_that_only_advises_to_install_one_is_no_browser(monkeypatch, no_programs):
-    put_program(no_programs, "chromium-browser", "echo 'install the snap' >&2; exit 1")
-    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
-    with pytest.raises(NoBrowserError, match="^no browser here; install chromium"):
-        chosen_engine("")
-
-
-@pytest.mark.parametrize(("choice", "complaint"), [
-    ("qt", "^Qt WebEngine is not installed; install chromium"),
-    ("chromium", f"^{CHOICE}=chromium: no such program here; install chromium"),
-    ("/nowhere/chrome", f"^{CHOICE}=/nowhere/chrome: no such program here; install chromium"),
-])
-def test_a_choice_that_is_not_there_is_named_with_the_remedy(monkeypatch, no_programs, choice, complaint):
-    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
-    with pytest.raises(NoBrowserError, match=complaint):
-        chosen_engine(choice)
-
-
-def test_a_browser_that_ends_says_why(tmp_path):
-    broken = put_program(tmp_path, "broken", "echo 'cannot open libnss3.so' >&2; exit 127")
-    with pytest.raises(NoBrowserError, match="ended with 127: cannot open libnss3.so; install"), \
-            running(Engine("chromium", str(broken))):
-        pass
 
 
 def test_a_silent_browser_and_its_children_are_killed(monkeypatch, tmp_path):

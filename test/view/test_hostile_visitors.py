@@ -54,7 +54,23 @@ def is_served(view) -> bool:
     return view.address.ask().status == 200
 
 
-def test_the_page_is_for_who_knows_the_token(view):
+def test_one_view_and_all_its_rude_visitors(view, tmp_path):
+    """One guard after the other, by one process: none of them may harm the next."""
+    the_page_is_for_who_knows_the_token(view)
+    the_page_tells_the_browser_to_trust_nobody_else(view)
+    another_name_for_this_machine_gets_nothing(view)
+    commands_are_taken_from_its_own_page_only(view)
+    no_path_of_the_machine_is_served(view, tmp_path)
+    other_methods_do_nothing(view)
+    bytes_that_are_no_request_are_refused(view)
+    requests_that_are_none_are_answered_in_one_line(view)
+    frames_beyond_the_limits_end_their_own_connection_only(view)
+    a_flood_of_requests_ends_itself(view)
+    one_page_too_many_is_told_so_and_the_next_one_has_room(view)
+    connections_that_say_nothing_keep_nobody_out(view)
+
+
+def the_page_is_for_who_knows_the_token(view) -> None:
     page = view.address.ask()
     assert page.status == 200 and b"<canvas" in page.body
     for target in ("/", "/?token=", "/?token=wrong", f"/?token={view.address.token[:-1]}",
@@ -65,7 +81,7 @@ def test_the_page_is_for_who_knows_the_token(view):
         assert b"<" not in refused.body and view.address.token.encode() not in refused.body
 
 
-def test_the_page_tells_the_browser_to_trust_nobody_else(view):
+def the_page_tells_the_browser_to_trust_nobody_else(view) -> None:
     headers = view.address.ask().headers
     policy = headers["content-security-policy"]
     assert "default-src 'none'" in policy and "frame-ancestors 'none'" in policy
@@ -77,12 +93,10 @@ def test_the_page_tells_the_browser_to_trust_nobody_else(view):
     assert policy != view.address.ask().headers["content-security-policy"]  # a nonce is for once
 
 
-def test_another_name_for_this_machine_gets_nothing(view):
+def another_name_for_this_machine_gets_nothing(view) -> None:
     """DNS rebinding: the browser of a victim asks 127.0.0.1 under the name of the attacker's site."""
     port = view.address.port
-    for host in (f"evil.example:{port}", "evil.example", f"127.0.0.1.evil.example:{port}",
-                 f"localhost.evil.example:{port}", f"evil.example@127.0.0.1:{port}", f"0x7f000001.evil:{port}",
-                 f"192.168.1.7:{port}", "[::ffff:1.2.3.4]"):
+    for host in (f"evil.example:{port}", f"192.168.1.7:{port}"):  # `test_gate` has more
         assert view.address.ask(host=host).status in (400, 403), host
         visit = view.address.visit(host=host, origin=f"http://{host}")
         assert not isinstance(visit, Visit) and visit.status in (400, 403), host
@@ -90,11 +104,9 @@ def test_another_name_for_this_machine_gets_nothing(view):
     assert view.address.ask(host=f"localhost:{port}").status == 200
 
 
-def test_commands_are_taken_from_its_own_page_only(view):
+def commands_are_taken_from_its_own_page_only(view) -> None:
     port = view.address.port
-    for origin in ("", "null", "http://evil.example", f"http://evil.example:{port}", f"http://127.0.0.1:{port + 1}",
-                   "http://127.0.0.1", f"http://127.0.0.1:{port}.evil.example", f"http://localhost:{port}",
-                   f"http://evil@127.0.0.1:{port}", "file://", f"http://127.0.0.1:{port}/"):
+    for origin in ("", "null", f"http://evil.example:{port}", f"http://127.0.0.1:{port + 1}"):  # `test_gate` has more
         visit = view.address.visit(origin=origin)
         assert not isinstance(visit, Visit) and visit.status == 403, origin
     for target in ("/live", "/live?token=wrong", "/live?token="):
@@ -103,19 +115,18 @@ def test_commands_are_taken_from_its_own_page_only(view):
     assert is_served(view)
 
 
-def test_no_path_of_the_machine_is_served(view, tmp_path):
+def no_path_of_the_machine_is_served(view, tmp_path) -> None:
     (tmp_path / "own.txt").write_text(SECRET)  # in the folder in which the view runs
     token = view.address.token
-    for path in ("/own.txt", "/../own.txt", f"{tmp_path}/own.txt", f"/..{tmp_path}/own.txt", f"//{tmp_path}/own.txt",
-                 f"/%2e%2e/%2e%2e{tmp_path}/own.txt", "/static/own.txt", "/page/main.js", "/favicon.ico", "/robots.txt",
-                 f"file://{tmp_path}/own.txt", "/live/../own.txt", "/\\..\\own.txt", "/etc/passwd"):
+    for path in ("/own.txt", f"/..{tmp_path}/own.txt", f"//{tmp_path}/own.txt", f"/%2e%2e/%2e%2e{tmp_path}/own.txt",
+                 "/page/main.js", f"file://{tmp_path}/own.txt", "/live/../own.txt", "/\\..\\own.txt"):
         for target in (path, f"{path}?token={token}"):
             answer = view.address.ask(target)
             assert answer.status in (400, 404), target
             assert SECRET.encode() not in answer.body and str(tmp_path).encode() not in answer.body
 
 
-def test_other_methods_do_nothing(view):
+def other_methods_do_nothing(view) -> None:
     for method in ("POST", "PUT", "DELETE", "PATCH", "OPTIONS", "TRACE", "CONNECT", "BREW"):
         answer = view.address.ask(method=method, body=b"x=1" if method == "POST" else b"")
         assert 400 <= answer.status < 500, method
@@ -123,7 +134,7 @@ def test_other_methods_do_nothing(view):
     assert is_served(view)
 
 
-def test_bytes_that_are_no_request_are_refused(view):
+def bytes_that_are_no_request_are_refused(view) -> None:
     before = view.memory
     for name, data in NO_REQUESTS.items():
         with view.address.connect() as one:
@@ -137,7 +148,7 @@ def test_bytes_that_are_no_request_are_refused(view):
     assert view.memory - before < 30.0  # MB
 
 
-def test_requests_that_are_none_are_answered_in_one_line(view):
+def requests_that_are_none_are_answered_in_one_line(view) -> None:
     with view.address.visit() as visit:
         for request in BAD_REQUESTS:
             visit.send(request)
@@ -149,7 +160,7 @@ def test_requests_that_are_none_are_answered_in_one_line(view):
     assert is_served(view)
 
 
-def test_frames_beyond_the_limits_end_their_own_connection_only(view):
+def frames_beyond_the_limits_end_their_own_connection_only(view) -> None:
     before = view.memory
     for name, rude in RUDE_FRAMES.items():
         with view.address.visit() as other, view.address.visit() as visit:
@@ -164,7 +175,7 @@ def test_frames_beyond_the_limits_end_their_own_connection_only(view):
     assert view.memory - before < 30.0  # MB
 
 
-def test_a_flood_of_requests_ends_itself(view):
+def a_flood_of_requests_ends_itself(view) -> None:
     with view.address.visit() as other, view.address.visit() as visit:
         reader = threading.Thread(target=visit.wait_for_end)
         reader.start()
@@ -181,7 +192,7 @@ def test_a_flood_of_requests_ends_itself(view):
     assert len(view.executable.lines) < 100  # a flood does not fill the log
 
 
-def test_one_page_too_many_is_told_so_and_the_next_one_has_room(view):
+def one_page_too_many_is_told_so_and_the_next_one_has_room(view) -> None:
     visits = [view.address.visit() for _ in range(MOST_PAGES)]
     try:
         for visit in visits:
@@ -206,7 +217,7 @@ def has_room(view) -> bool:
         return visit.receive() is not None
 
 
-def test_connections_that_say_nothing_keep_nobody_out(view):
+def connections_that_say_nothing_keep_nobody_out(view) -> None:
     silent = []
     try:
         with view.address.visit() as visit:

@@ -43,7 +43,6 @@ def test_a_page_that_does_not_read_keeps_the_latest_samples_within_bounds():
     assert samples[-1][-1] == 2999.0 and samples[0][0] > 1000.0
     texts = [one for one in frames if isinstance(one, str)]
     assert len(texts) <= MOST_TEXTS + 1 and texts[-1] == "2999"
-    assert outbox.dropped + sum(one.nbytes for one in samples) == 3000 * 10 * ROW
 
 
 @pytest.mark.parametrize("kind", ["robot", "absent"])

@@ -77,12 +77,6 @@ def file(tmp_path_factory):
                                 {0: {"motor_speed": 100.0}}))
 
 
-def open_live(page, start, view) -> None:
-    start("robot", "--ros-args", "-p", "motor.speed:=100.0", "-p", "record.enabled:=false")
-    page.goto(view.address.url)
-    until(page, shows_robot)
-
-
 def test_masses_are_drawn_where_they_are_and_to_scale(page, file):
     page.emulate_media(reduced_motion="reduce", color_scheme="light")
     page.goto(file.as_uri())
@@ -108,7 +102,7 @@ def test_masses_are_drawn_where_they_are_and_to_scale(page, file):
         assert np.array(seen)[:, 2] == pytest.approx(area, rel=0.15)  # px², without the rim's mixed colours
 
 
-def test_it_can_be_read_in_both_sizes_and_themes(start, view, open_page):
+def test_a_live_page_can_be_read_reached_and_heard(start, view, open_page):
     start("robot", "--ros-args", "-p", "motor.speed:=100.0", "-p", "record.enabled:=false")
     pages = [open_page(*size) for size in SIZES]
     for page in pages:
@@ -125,6 +119,8 @@ def test_it_can_be_read_in_both_sizes_and_themes(start, view, open_page):
         if not touch:
             assert page.evaluate("document.scrollingElement.scrollHeight <= innerHeight")  # all at a glance
         check_places(page, width, touch)
+    hears_what_is_there(pages[0])
+    reaches_everything_by_keyboard(pages[0])
 
 
 def check_places(page, width: int, touch: bool) -> None:
@@ -147,8 +143,8 @@ def overlap(one: dict, other: dict) -> bool:
             and min(one["bottom"], other["bottom"]) - max(one["top"], other["top"]) > 1)
 
 
-def test_everything_can_be_reached_and_used_by_keyboard(start, view, page):
-    open_live(page, start, view)
+def reaches_everything_by_keyboard(page) -> None:
+    page.evaluate("document.activeElement.blur()")
     until(page, lambda page: page.is_enabled("#pause") and page.is_enabled("#record"), "services")
     wanted = set(page.evaluate(f"""[...document.querySelectorAll("{CONTROLS}")].filter(one => !one.disabled
         && one.checkVisibility()).map(one => one.id || one.getAttribute("aria-label"))"""))
@@ -176,8 +172,7 @@ def test_everything_can_be_reached_and_used_by_keyboard(start, view, page):
     until(page, lambda page: page.get_attribute("#pause", "aria-pressed") == "true", "paused")
 
 
-def test_a_screen_reader_hears_what_is_there(start, view, page):
-    open_live(page, start, view)
+def hears_what_is_there(page) -> None:
     nodes = page.context.new_cdp_session(page).send("Accessibility.getFullAXTree")["nodes"]
     heard = [(node["role"]["value"], node.get("name", {}).get("value", ""))
              for node in nodes if not node["ignored"]]

@@ -35,12 +35,11 @@ MOST_FAULTS = 5
 UNKNOWN_ROBOT = "device"
 """Scene whose lengths are drawn when a bag does not say which robot moved."""
 
-_SILENT: Progress = lambda share: None  # noqa: E731
 #: Shares of the work that are done when the samples are read, simulated again, and followed.
 _READ, _SIMULATED, _FOLLOWED = 0.5, 0.6, 0.7
 
 
-def bag_motion(folder: Path, progress: Progress = _SILENT) -> tuple[dict[str, Any], dict[str, Any], bytes]:
+def bag_motion(folder: Path, progress: Progress = lambda share: None) -> tuple[dict[str, Any], dict[str, Any], bytes]:
     """The motion of a recording, as a page shows it.
 
     Parameters

@@ -10,7 +10,6 @@ import json
 import math
 import struct
 from collections import deque
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple, NoReturn
 
@@ -156,9 +155,8 @@ def text_frame(kind: str, **fields: object) -> str:
     return json.dumps({"kind": kind, **fields}, allow_nan=False, separators=(",", ":"))
 
 
-def sample_frame(parts: Sequence[bytes]) -> bytes:
-    """A frame of rows, of which each part holds some."""
-    data = b"".join(parts)
+def sample_frame(data: bytes) -> bytes:
+    """A frame of rows."""
     return _HEAD.pack(SAMPLES, len(data) // (8 * len(COLUMNS))) + data
 
 
@@ -176,15 +174,9 @@ class Outbox:
     """Frames that wait to be sent to one page: bounded, so that a page that reads slowly costs no memory.
 
     Where there is no room, samples are dropped, the oldest first: a page that comes late is to show what is now.
-
-    Attributes
-    ----------
-    dropped : int
-        Bytes of samples that the page will never get.
     """
 
     def __init__(self):
-        self.dropped = 0
         self._line: deque[_Item] = deque()
         self._bytes = 0
 
@@ -216,25 +208,20 @@ class Outbox:
 
     def take(self) -> str | bytes:
         """The next frame; rows that follow one another make one frame."""
-        first = self._line.popleft()
-        if first.kind != "samples":
-            return first.data
-        parts, size = [], 0
-        while True:
-            assert isinstance(first.data, bytes)
-            parts.append(first.data)
-            size += len(first.data)
-            if size >= AT_ONCE or not self._line or self._line[0].kind != "samples":
-                break
-            first = self._line.popleft()
-        self._bytes -= size
-        return sample_frame(parts)
+        kind, data = self._line.popleft()
+        if isinstance(data, str) or kind != "samples":
+            return data
+        self._bytes -= len(data)
+        while len(data) < AT_ONCE and self._line and self._line[0].kind == "samples":
+            more = self._line.popleft().data
+            assert isinstance(more, bytes)
+            self._bytes -= len(more)
+            data += more
+        return sample_frame(data)
 
     def _drop_oldest(self, *kinds: str) -> None:
         for item in self._line:
             if item.kind in kinds:
                 self._line.remove(item)
-                if item.kind == "samples":
-                    self._bytes -= len(item.data)
-                    self.dropped += len(item.data)
+                self._bytes -= len(item.data) if item.kind == "samples" else 0
                 return

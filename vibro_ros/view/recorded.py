@@ -179,7 +179,9 @@ def interpolated(tracks: Mapping[str, Track], names: Sequence[str], span: Span,
     ndarray, ndarray, shapes (p, 2) and (p, names, DEGREE + 1)
         Borders [s] and Chebyshev coefficients (SI).
     """
-    times, longest = _grid(tracks)
+    # The samples of the first track that has any, because all that a robot publishes has one rate.
+    times = next((track.times for track in tracks.values() if len(track.times) > 1), np.empty(0))
+    longest = _longest(times)
     times = times[(times >= span[0] - NEAR) & (times <= span[1] + NEAR)]
     borders = np.column_stack([times[:-1], times[1:]])
     after = np.searchsorted(np.sort(np.array(resets)), borders + NEAR)
@@ -198,13 +200,6 @@ def interpolated(tracks: Mapping[str, Track], names: Sequence[str], span: Span,
 def lowered(crank: Track) -> list[float]:
     """Instants [s] at which the crank's angle is less than before: only a reset does that."""
     return crank.times[1:][np.diff(crank.values) < 0.0].tolist()
-
-
-def _grid(tracks: Mapping[str, Track]) -> tuple[np.ndarray, float]:
-    """Instants of the samples [s], those of the first track that has any, because what a robot publishes has one rate;
-    and the longest pause [s] that is no gap."""
-    times = next((track.times for track in tracks.values() if len(track.times) > 1), np.empty(0))
-    return times, _longest(times)
 
 
 def _longest(times: np.ndarray) -> float:

@@ -152,7 +152,8 @@ class Server:
 
     async def _serve(self) -> None:
         self._loop = asyncio.get_running_loop()
-        self._loop.set_exception_handler(_say_fault)
+        self._loop.set_exception_handler(
+            lambda loop, context: _say_fault(context.get("exception"), context.get("message", "")))
         application = Application(
             [("/", Page, {"server": self}), ("/live", Live, {"server": self})], default_handler_class=Nothing,
             default_handler_args={"server": self}, log_function=lambda handler: None, websocket_ping_interval=PINGS,
@@ -402,13 +403,9 @@ class _Faults(logging.Handler):
 
     def emit(self, record: logging.LogRecord) -> None:
         """As in `Handler`."""
-        _say(record.exc_info[1] if record.exc_info else None, record.getMessage())
+        _say_fault(record.exc_info[1] if record.exc_info else None, record.getMessage())
 
 
-def _say_fault(loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
-    _say(context.get("exception"), context.get("message", ""))
-
-
-def _say(error: object, message: str) -> None:
-    what = f"{type(error).__name__}: {error}" if error else message
-    say("view", f"the server failed with {what}; please report it. It goes on")
+def _say_fault(error: object, message: str) -> None:
+    fault = f"{type(error).__name__}: {error}" if error else message
+    say("view", f"the server failed with {fault}; please report it. It goes on")

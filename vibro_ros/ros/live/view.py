@@ -12,9 +12,13 @@ import gc
 import os
 import socket
 import sys
+import tempfile
 import webbrowser
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, nullcontext
+from html import escape
 from importlib import metadata
+from pathlib import Path
 from typing import Any
 
 from vibro_ros.configuration.scene_file import NODE_NAME as ROBOT
@@ -69,8 +73,11 @@ def _run(words: Sequence[str]) -> int:
             stop.hold()
             page.begin(server)
             gc.freeze()  # all of this lasts: what comes and goes, such as pages, is then found sooner when it has gone
-            _tell(node, options, server, sockets[0].getsockname()[1])
-            process.spin_until(executor, lambda: bool(stop or server.error))
+            address = _tell(node, options, server, sockets[0].getsockname()[1])
+            with _redirect(address) if options.open else nullcontext() as url:
+                if url and not webbrowser.open(url):
+                    node.get_logger().warning("no browser could be opened; open the address above")
+                process.spin_until(executor, lambda: bool(stop or server.error))
     if server.error:
         raise RuntimeError(f"the server ended: {server.error}")
     return 0
@@ -91,8 +98,8 @@ def _robot(node: SteadyNode, given: str | None) -> str:
     return full
 
 
-def _tell(node: SteadyNode, options: argparse.Namespace, server: Server, port: int) -> None:
-    """Say where the page is, and open it if that was asked for."""
+def _tell(node: SteadyNode, options: argparse.Namespace, server: Server, port: int) -> str:
+    """Say where the page is; its address."""
     everywhere = options.address in ("", "0.0.0.0", "::")
     name = "127.0.0.1" if everywhere else options.address
     address = f"http://{f'[{name}]' if ':' in name else name}:{port}/?token={server.gate.token}"
@@ -100,8 +107,19 @@ def _tell(node: SteadyNode, options: argparse.Namespace, server: Server, port: i
     if not is_loopback(options.address):
         node.get_logger().warning("other machines reach this page, and who has its whole address commands the robot; "
                                   f"they write this machine's address or name, {socket.gethostname()}, in it")
-    if options.open and not webbrowser.open(address):
-        node.get_logger().warning("no browser could be opened; open the address above")
+    return address
+
+
+@contextmanager
+def _redirect(address: str) -> Iterator[str]:
+    """The URL of a file that only this user can read and that leads to an address with its token.
+
+    Every user of the machine can read the command line of a browser that is started.
+    """
+    with tempfile.NamedTemporaryFile("w", prefix="vibro_view_", suffix=".html") as file:  # its mode is 0600
+        file.write(f'<!doctype html><meta http-equiv="refresh" content="0;url={escape(address)}">')
+        file.flush()
+        yield Path(file.name).as_uri()
 
 
 def _port(text: str) -> int:
