@@ -17,8 +17,8 @@ from rclpy.subscription import Subscription
 
 from vibro_ros.bag.cdr import deserialised
 from vibro_ros.messages.fields import JOINTS, ODOM, joints_of
-from vibro_ros.messages.joints import BASE
 from vibro_ros.messages.topics import ROBOT_TOPICS
+from vibro_ros.messages.urdf import BASE
 from vibro_ros.model.scene import Scene
 from vibro_ros.simulation.samples import FIELDS
 
