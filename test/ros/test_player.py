@@ -1,12 +1,178 @@
-from functools import partial
+"""Playing in time: by the time on /clock with `use_sim_time`, whatever the wall clock does meanwhile."""
 
+import signal
+from functools import partial
+from itertools import islice
+
+import pytest
 import rclpy
+from rcl_interfaces.srv import GetParameters
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
+from rosgraph_msgs.msg import Clock
+from std_msgs.msg import Float64
 
 from vibro_ros.process.stop_signals import StopRequest
-from vibro_ros.ros.controller.player import Player
+from vibro_ros.ros.controller.player import Player, timeline
+from vibro_ros.ros.node import process
+
+SIMULATED = ("--ros-args", "-p", "use_sim_time:=true")
+MILLISECOND = 1_000_000  # [ns]
+BARRIER = 3  # calls of a service after each time: a message and a request travel by roads of their own
+
+
+class Simulator:
+    """Listens to the motor's command, publishes /clock, and waits for the controller's answers as in lock-step."""
+
+    def __init__(self, bench):
+        self.bench, self.heard = bench, []
+        bench.node.create_subscription(Float64, "motor_speed", lambda message: self.heard.append(message.data), 100)
+        self._clock = bench.node.create_publisher(Clock, "/clock", 10)
+        self._client = bench.node.create_client(GetParameters, "/vibro_controller/get_parameters")
+
+    def wait_for_controller(self) -> None:
+        self.bench.spin_until(lambda: self._clock.get_subscription_count() and self._client.service_is_ready()
+                              and self.bench.node.count_publishers("motor_speed"), "controller up")
+
+    def begin_at(self, nanoseconds: int) -> None:
+        """Publish the first time until it is heard: who publishes finds a listener before the listener finds him."""
+        for _ in range(20):
+            self.step_to(nanoseconds)
+
+    def publish(self, nanoseconds: int) -> None:
+        message = Clock()
+        message.clock.sec, message.clock.nanosec = divmod(nanoseconds, 1000 * MILLISECOND)
+        self._clock.publish(message)
+
+    def step_to(self, nanoseconds: int) -> list[float]:
+        """Publish a time and wait until the controller has answered; what it has commanded by then."""
+        self.publish(nanoseconds)
+        for _ in range(BARRIER):
+            answer = self._client.call_async(GetParameters.Request(names=["rate"]))
+            self.bench.spin_until(answer.done, "the controller's answer")
+        return self.heard
+
+
+@pytest.fixture
+def simulator(bench):
+    return Simulator(bench)
+
+
+def write(folder, text: str) -> str:
+    (folder / "script.yaml").write_text(text)
+    return "script.yaml"
+
+
+def until_heard(simulator: Simulator, count: int) -> None:
+    simulator.bench.spin_until(lambda: len(simulator.heard) >= count, f"{count} commands")
+
+
+@pytest.mark.parametrize("begin", [0, 5, 1_700_000_000 * 1000 * MILLISECOND + 7])
+def test_commands_count_in_ros_time_from_the_first_that_is_heard(start, simulator, tmp_path, begin):
+    controller = start("controller", write(tmp_path, """
+entries:
+  - {for: 0.1, motor_speed: 10.0}
+  - {for: 0.2, motor_speed: {to: 30.0}}
+  - {for: 1000.0, motor_speed: 40.0}
+"""), *SIMULATED, "-p", "rate:=20.0")
+    simulator.wait_for_controller()
+    simulator.begin_at(begin)
+    until_heard(simulator, 1)  # nothing has to move for the commands of instant 0
+    for milliseconds, commands in ((0, 1), (99, 1), (100, 2), (149, 2), (150, 3), (300, 6), (1_000_299, 6)):
+        simulator.step_to(begin + milliseconds * MILLISECOND)
+        until_heard(simulator, commands)
+        assert len(simulator.heard) == commands, f"at {milliseconds} ms: {simulator.heard}"
+    assert not controller.ended
+    simulator.publish(begin + 1_000_300 * MILLISECOND)
+    assert controller.end() == 0, controller.text
+    assert simulator.heard == [10.0, 10.0, 15.0, 20.0, 25.0, 40.0]
+
+
+def test_without_a_time_nothing_is_sent_until_an_abort_and_then_neither(start, simulator, tmp_path):
+    controller = start("controller", write(tmp_path, "entries: [{for: 0.1, motor_speed: 10.0}]\n"), *SIMULATED)
+    controller.wait_for("the script waits for /clock")
+    controller.send(signal.SIGINT)
+    simulator.bench.spin_until(lambda: controller.ended, "the end")
+    assert controller.end() == 128 + signal.SIGINT
+    assert simulator.heard == []
+
+
+@pytest.mark.parametrize("begin", [0, 5])
+def test_a_paused_simulation_is_no_error_and_an_abort_stops_the_motor(start, simulator, tmp_path, begin):
+    controller = start("controller", write(tmp_path, "entries: [{for: 0.1, motor_speed: 10.0}]\n"), *SIMULATED)
+    simulator.wait_for_controller()
+    simulator.begin_at(begin)
+    until_heard(simulator, 1)
+    controller.wait_for("the script waits for /clock")
+    assert simulator.heard == [10.0]
+    controller.send(signal.SIGINT)
+    simulator.bench.spin_until(lambda: controller.ended, "the end")
+    assert controller.end() == 128 + signal.SIGINT
+    until_heard(simulator, 2)
+    assert simulator.heard == [10.0, 0.0]
+
+
+def test_a_clock_that_jumps_back_is_an_error_and_stops_the_motor(start, simulator, tmp_path):
+    controller = start("controller", write(tmp_path, "entries: [{for: 100.0, motor_speed: 10.0}]\n"), *SIMULATED)
+    simulator.wait_for_controller()
+    simulator.begin_at(50_000 * MILLISECOND)
+    until_heard(simulator, 1)
+    simulator.publish(49_999 * MILLISECOND)
+    simulator.bench.spin_until(lambda: controller.ended, "the end")
+    assert controller.end() == 1
+    assert controller.lines[-1].startswith("controller: /clock jumped back from 50 to 49.999 s: a reset simulation, or")
+    until_heard(simulator, 2)
+    assert simulator.heard == [10.0, 0.0]
+
+
+def test_times_that_are_none_are_refused_and_change_nothing(start, simulator, tmp_path):
+    controller = start("controller", write(tmp_path, "entries: [{for: 0.1, motor_speed: 10.0}]\n"), *SIMULATED)
+    simulator.wait_for_controller()
+    for nanoseconds in (-5, -2**31 * 1000 * MILLISECOND, (2**31 - 1) * 1000 * MILLISECOND):
+        simulator.step_to(nanoseconds)
+    controller.wait_for("/clock: refused: ")
+    assert not controller.ended
+    simulator.begin_at(10 * MILLISECOND)
+    simulator.publish(110 * MILLISECOND)
+    assert controller.end() == 0, controller.text
+
+
+def test_what_is_due_is_done_before_the_next_request_is_answered(domain_id, monkeypatch):
+    """In one process, so that the order can be seen: each answer but a time's first finds the time's act done."""
+    done: list[object] = []
+    context = Context()
+    rclpy.init(context=context, domain_id=domain_id)
+    peer = Node("peer", context=context)
+    clock = peer.create_publisher(Clock, "/clock", 10)
+    with StopRequest() as stop, process.node_running("player", SIMULATED) as (node, executor):
+        client = peer.create_client(GetParameters, "asked")
+        steps = iter([(tick, call) for tick in range(200) for call in range(BARRIER)])
+
+        def publish(tick: int) -> None:
+            message = Clock()
+            message.clock.nanosec = tick * MILLISECOND
+            clock.publish(message)
+
+        def ask_next() -> None:
+            for tick, call in islice(steps, 1):
+                if call == 0:
+                    publish(tick)
+                client.call_async(GetParameters.Request(names=[f"{tick} {call}"]))
+
+        def answer(request: GetParameters.Request, response: GetParameters.Response) -> GetParameters.Response:
+            done.append(request.names[0])
+            ask_next()
+            return response
+
+        node.create_service(GetParameters, "asked", answer)
+        process.spin_until(executor, lambda: client.service_is_ready() and (publish(0) or node.clock_heard))
+        moments = [(tick * 1e-3, partial(done.append, tick)) for tick in range(200)]
+        ask_next()
+        assert Player(node, executor, {}, (), "", timeline=timeline(node)).run(moments, 0.0, stop) == 0
+    rclpy.shutdown(context=context)
+    for tick in range(199):  # the last one's answers are no longer waited for
+        assert done.index(tick) < done.index(f"{tick} {BARRIER - 1}"), tick
 
 
 def test_time_between_two_instants_is_never_beyond_the_second(domain_id: int):

@@ -20,6 +20,7 @@ from std_msgs.msg import Float64
 
 from vibro_ros.bag.reader import read_bag
 from vibro_ros.configuration.scene_file import NODE_NAME
+from vibro_ros.process.executables import EXECUTABLES
 from vibro_ros.process.stop_signals import StopRequest
 from vibro_ros.ros.controller import player
 
@@ -84,7 +85,7 @@ class Terminal:
     def __init__(self, name: str, *words: str, folder: Path):
         self._master, slave = pty.openpty()
         self._said = b""
-        self.process = subprocess.Popen([sys.executable, "-m", f"vibro_ros.ros.{name}", *words], cwd=folder,
+        self.process = subprocess.Popen([sys.executable, "-m", EXECUTABLES[name].module, *words], cwd=folder,
                                         stdin=slave, stdout=slave, stderr=slave, start_new_session=True,
                                         preexec_fn=partial(_take_terminal, slave))
         os.close(slave)

@@ -172,9 +172,9 @@ class ScriptPlayer:
     send : callable
         Publishes a message under a command's name.
     say : callable
-        Is told what comes, and what came of it.
+        Given what comes, and what came of it, in words.
     advise : callable
-        Is told, before they are sent, the number of the entry, all commands that stand then, and those that stand
+        Given, before they are sent, the number of the entry, all commands that stand then, and those that stand
         `STAY` later; NaN for a motor speed that feedback has given.
     """
 
@@ -214,7 +214,7 @@ class ScriptPlayer:
             self._send_change(name, value)
 
     def _begin(self, segment: Segment) -> None:
-        """Say what comes, and send anew what the entry gives: somebody else may have commanded meanwhile."""
+        """Say what comes, and send again what the entry gives: somebody else may have commanded meanwhile."""
         self._segment = segment
         self._say(segment.describe())
         for name in segment.given:

@@ -207,7 +207,7 @@ class Player:
         return True
 
     def _wait_until(self, instant: float, stop: StopRequest) -> None:
-        """Return at `instant` or on `stop`; `meanwhile` is told of no time beyond it, so that time never goes back."""
+        """Return at `instant` or on `stop`; `meanwhile` gets no time beyond it, so that time never goes back."""
         while not stop and (elapsed := self._timeline.elapsed()) < instant - ROUNDING:
             self._meanwhile(elapsed)
             self._executor.spin_once(timeout_sec=self._timeline.longest_wait(instant - elapsed, self._period))

@@ -51,7 +51,7 @@ class Diagnostics:
     def publish(self) -> None:
         """Publish once."""
         now = self._counters()
-        # a reset begins to count events anew
+        # a reset begins the count of events again
         change = {name: value - self._before[name] if value >= self._before[name] else value
                   for name, value in now.items()}
         self._before = now

@@ -52,12 +52,12 @@ class LockStep:
         self._clients = {name: node.create_client(GetParameters, f"{name}/get_parameters") for name in names}
         self._awaited: set[str] = set()
         self._tokens = dict.fromkeys(names, 0)  # of the last call of each node, for answers that come too late
-        self._asked = self._told = time.monotonic()
+        self._asked = self._reminded = time.monotonic()
         node.create_timer(PATIENCE / 4.0, self._remind, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def ask(self) -> None:
         """Let the next sample wait for all nodes; for the stepping thread."""
-        self._asked = self._told = time.monotonic()
+        self._asked = self._reminded = time.monotonic()
         self._awaited, self.settled = set(self._clients), False
         for name in self._clients:
             self._call(name, ROUNDS)
@@ -82,11 +82,11 @@ class LockStep:
             self.answered.set()
 
     def _remind(self) -> None:
-        """Say for whom the robot waits, and ask once more: an answer may be lost where a node was started anew."""
+        """Say for whom the robot waits, and ask once more: an answer may be lost where a node was restarted."""
         now = time.monotonic()
-        if self.settled or now - self._told < PATIENCE:
+        if self.settled or now - self._reminded < PATIENCE:
             return
-        self._told = now
+        self._reminded = now
         for name in sorted(self._awaited):
             lack = "does not answer" if self._clients[name].service_is_ready() else "is not there"
             self._log.warning(f"clock.lock_step: waiting for {name} for {now - self._asked:.0f} s: it {lack}; robot "

@@ -105,7 +105,7 @@ class Operations:
         self._queue, self._record, self._lock_step = queue, record, lock_step
         self._counted: Request | None = None  # the one that waits for samples
         self._left = 0  # samples that may be taken while paused
-        self._resuming = False  # as soon as the nodes of the lock-step have said all that they have to say
+        self._resuming = False  # as soon as the nodes of the lock-step have answered
         self._ended = ""
         self._does = {RESET: self._reset, PAUSE: self._pause, RESUME: self._resume, STEP: self._step, SET: self._set}
 
@@ -142,12 +142,12 @@ class Operations:
                     request.set_exception(RuntimeError(reason))
 
     def perform(self, request: Request) -> None:
-        """Do what was asked for, unless its asker waits no more; answer it, unless samples are to be taken first.
+        """Do what was asked for, unless the request was cancelled; answer it, unless samples are to be taken first.
 
         Raises
         ------
         SimulationError
-            When the run cannot go on, which the asker is told as well.
+            When the run cannot go on; the request is answered with the same words.
         """
         if not request.set_running_or_notify_cancel():
             return

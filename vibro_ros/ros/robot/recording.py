@@ -179,11 +179,6 @@ class Recording:
         return self._latest
 
     @property
-    def active(self) -> bool:
-        """Whether messages are being recorded, or kept for a snapshot."""
-        return bool(self._snapshot or (self._recorder and not self._recorder.ended))
-
-    @property
     def crowded(self) -> bool:
         """Whether the next messages had better wait, if they can, for the disk to write those before."""
         recorder = self._recorder
@@ -267,7 +262,7 @@ class Recording:
             return False, str(error)
 
     def save(self, error: Exception) -> None:
-        """Write the snapshot, if one is kept, because the device failed."""
+        """Write the snapshot, if there is one, because the device failed."""
         if self._snapshot:
             try:
                 self._log.error(self._write_snapshot({"error": str(error)})[1])
@@ -336,7 +331,7 @@ class Recording:
 
     def _write_snapshot(self, reason: Mapping[str, str]) -> tuple[bool, str]:
         if self._snapshot is None:
-            return False, "record.enabled is false: nothing was kept"
+            return False, "record.enabled is false: no messages are in memory"
         messages = self._snapshot.messages()
         recorder = self._new_bag(messages, reason)
         recorder.close(patience=0.0)
@@ -375,7 +370,7 @@ def _contents(recorder: Recorder) -> str:
 
 
 def offer_recovery(directory: Path, do_it: bool, log: RcutilsLogger) -> None:
-    """Say which bags in `directory` a killed robot has left unsealed, and seal them if told to `do_it`."""
+    """Say which bags in `directory` a killed robot has left unsealed, and seal them if `do_it`."""
     unsealed = unsealed_bags(directory, BAG_PATTERN)
     if not do_it:
         for folder in unsealed[:MOST_UNSEALED]:

@@ -201,7 +201,7 @@ class Stepping:
         return False
 
     def _stand_still(self) -> None:
-        """Wait a little for somebody to ask for something; who comes meanwhile is told what time it is."""
+        """Wait a little for a request; repeat the time on /clock, for nodes that have just begun to listen."""
         if not self._run.operations.woken.wait(LONGEST_SLEEP) and self._run.clock:
             self._run.clock()
         self._run.operations.woken.clear()
