@@ -30,7 +30,7 @@ def hit(changes, end=0.05, way=0.0):
     return device.state, contacts
 
 
-@pytest.mark.parametrize("stiffness", [1e3, 1e5, 1e7, 1e9, 1e12])
+@pytest.mark.parametrize("stiffness", [1e3, 1e7, 1e12])
 def test_plates_of_any_stiffness(stiffness):
     """A8. π √(m/k) of contact, peak v √(km), exit speed -v; the places, 0.08 m, are rounded to 1.4e-17 m."""
     state, contacts = hit({"upper.plate.stiffness": stiffness}, way=SPEED * np.pi * np.sqrt(MASS / stiffness))
@@ -42,7 +42,7 @@ def test_plates_of_any_stiffness(stiffness):
     assert state.upper_velocity == pytest.approx(-2.0 * SPEED, rel=1e-13 + rounding)
 
 
-@pytest.mark.parametrize("ratio", [1.0 + 1e-6, 1.5, 10.0, 100.0])
+@pytest.mark.parametrize("ratio", [1.0 + 1e-6, 100.0])
 def test_an_overdamped_plate_without_tension_lets_go_where_its_force_vanishes(ratio):
     """m δ'' + c δ' + k δ = 0 with roots -a, -b: k δ + c δ' = -m δ'' is 0 where a² exp(-a t) = b² exp(-b t)."""
     rate = np.sqrt(1e7 / MASS)
@@ -86,8 +86,7 @@ def test_a_plate_without_stiffness_and_damping_is_no_plate(nothing):
     assert "inclined" in paper.with_parameters({"inclined.plate.stiffness": 0.0, "inclined.plate.damping": 1.0}).plates
 
 
-@pytest.mark.parametrize("stiffness", [1e3, 1e7, 1e9])
-@pytest.mark.parametrize("gap", [-0.005, -0.03])
+@pytest.mark.parametrize(("gap", "stiffness"), [(-0.005, 1e3), (-0.03, 1e7), (-0.005, 1e9)])
 def test_a_preloaded_mass_settles_where_both_springs_balance(gap, stiffness):
     """u = (k2 s + k4 E) / (k2 + k4), s = 0.08 m: a damped plate that has pressed on the mass from the start."""
     scene = vibro_ros.load_scene("damped").with_parameters({
@@ -113,7 +112,7 @@ def test_a_preload_beyond_the_stroke_keeps_a_rigid_contact_closed():
 
 
 @pytest.mark.parametrize(("kind", "restitution"), [("restitution", 0.5), ("restitution", 1.0), ("compliant", 1.0)])
-@pytest.mark.parametrize("phase", [1.0, 1.4, 1.7, 2.0])
+@pytest.mark.parametrize("phase", [1.0, 2.0])
 def test_a_plate_that_closes_onto_a_moving_mass(phase, kind, restitution):
     """u = s (1 - cos Ωt), s = 0.08 m, moves up; a plate that comes down at 10 m/s is timed to meet it at Ωt = phase."""
     meeting, time, plate = 0.08 * (1.0 - np.cos(phase)), phase / 100.0, 10.0

@@ -5,9 +5,10 @@ from fractions import Fraction
 import numpy as np
 import pytest
 from from_python import FromPython
-from numpy.polynomial import Polynomial
+from numpy.polynomial import Chebyshev, Polynomial
 
 from vibro_ros.solver import polynomial
+from vibro_ros.solver.polynomial import economized_powers
 from vibro_ros.solver.vector import LENGTH
 
 poly = FromPython(polynomial)
@@ -124,3 +125,34 @@ def test_scale_argument():
 def test_kernels_do_not_allocate():
     """A 1 kHz loop must not collect garbage."""
     assert polynomial.value.targetoptions["_nrt"] is False
+
+
+def test_a_power_loses_its_highest_chebyshev_polynomials_and_nothing_else():
+    """numpy's conversions round sums of coefficients up to 1e3: 1e-12."""
+    for power, replaced in enumerate(economized_powers(LENGTH, 12), start=LENGTH):
+        low = Polynomial.basis(power).convert(kind=Chebyshev).coef[:LENGTH]
+        expected = Chebyshev(low).convert(kind=Polynomial).coef  # without trailing zeros
+        np.testing.assert_allclose(replaced[:len(expected)], expected, rtol=0, atol=1e-12)
+        assert not replaced[len(expected):].any()
+
+
+@pytest.mark.parametrize("power", [LENGTH, LENGTH + 1, LENGTH + 7])
+def test_a_power_is_off_by_the_factors_of_what_it_loses(power):
+    """The largest: 2^(1-n) (k over n) for T_(n - 2k) with n - 2k >= LENGTH; all of them are 1 at x = 1."""
+    x = np.linspace(-1.0, 1.0, 2001)
+    off = np.polynomial.polynomial.polyval(x, economized_powers(LENGTH, power + 1 - LENGTH)[-1]) - x**power
+    lost = Polynomial.basis(power).convert(kind=Chebyshev).coef[LENGTH:]
+    assert abs(off).max() == pytest.approx(abs(lost).sum(), rel=1e-6)
+
+
+def test_a_series_reaches_rounding_where_its_first_terms_do_not():
+    """(1 - 0.45 x)^(-1/2): the first terms alone are off by 0.45^LENGTH, and more."""
+    terms = 4 * LENGTH
+    ratio = 0.45
+    series = np.cumprod(np.concatenate([[1.0], [(n - 0.5) / n * ratio for n in range(1, terms)]]))
+    x = np.linspace(-1.0, 1.0, 501)
+    exact = (1.0 - ratio * x) ** -0.5
+    cut = np.polynomial.polynomial.polyval(x, series[:LENGTH])
+    economized = series[:LENGTH] + series[LENGTH:] @ economized_powers(LENGTH, terms - LENGTH)
+    assert abs(cut - exact).max() > 1e-10
+    np.testing.assert_allclose(np.polynomial.polynomial.polyval(x, economized), exact, rtol=1e-15)
