@@ -127,20 +127,6 @@ def test_the_finding_names_the_coarsest_step_from_which_all_are_right():
     assert "| +50.0 ± 1.0 (!) | -200.0 ± 1.0 | **-101.0 ± 1.0** |" in table
 
 
-def test_the_report_tells_every_scene_and_links_what_is_there(rows, tmp_path):
-    study = accuracy.Accuracy({}, QUICK)
-    study.rows = {"damped": rows, "paper": [*rows, *speeds(0.05, -0.2, -0.101)]}
-    study.growths = {"damped": Growth(0.0, 0.1, False, 15.0), "paper": Growth(5.0, 0.1, True, 15.0)}
-    text = accuracy_report.document(study, "| the node |")
-    assert "make accuracy" in text.splitlines()[0]
-    assert "`paper` are chaotic" in text or "`paper` is chaotic" in text
-    assert "| `damped` | no chaos | exact" in text and "| `paper` | 0.2 s | exact" in text
-    assert text.count("not possible: chaos") == 1
-    assert "WRONG SIGN" in text.partition("## Which method")[0] and "| the node |" in text
-    for name, picture in study.draw(tmp_path).items():
-        assert picture.stat().st_size > 10_000 and f"accuracy/{name}.png" in text
-
-
 def test_what_failed_does_not_say_that_nothing_touches():
     failed = [Measurement("s", NEED, "heyoka", "tolerance", 1e-9, SHORT, 0, note="not installed")]
     assert set(advice(failed, 15.0).values()) == {"nothing that was measured", "not measured"}

@@ -35,3 +35,7 @@ def test_a_contact_too_many_counts():
 
 def test_contacts_of_the_beginning_do_not_count():
     assert errors(answer([1e-4, 0.2]), answer([0.2])).events == 0.0
+
+
+def test_without_contacts_there_is_nothing_to_compare():
+    assert np.isnan(errors(answer([]), answer([0.2])).events)

@@ -3,14 +3,13 @@
 import math
 
 import numpy as np
-import pytest
 from quick_study import QUICK, unable
 
 import vibro_ros
 from vibro_ros.accuracy import precision
 from vibro_ros.accuracy.findings import BELOW, markdown
-from vibro_ros.accuracy.measurement import AVERAGE, REFERENCE, TRAJECTORY, errors
-from vibro_ros.accuracy.methods import METHODS, Answer, ComparedMethod
+from vibro_ros.accuracy.measurement import AVERAGE, REFERENCE, TRAJECTORY
+from vibro_ros.accuracy.methods import ComparedMethod
 from vibro_ros.accuracy.precision import LONG, SHORT, Comparison, SceneStudy, growth
 from vibro_ros.accuracy.starts import Average
 
@@ -76,20 +75,6 @@ def test_a_standing_scene_is_studied_running():
     slow = vibro_ros.load_scene("device").with_parameters({"motor.max_speed": 20.0})
     assert precision.running(slow)["motor.speed"] == 20.0
     assert precision.running(vibro_ros.load_scene("paper")) == vibro_ros.load_scene("paper")
-
-
-def answer(times, contacts):
-    events = np.array([(time, "upper_contact") for time in contacts], dtype=METHODS["exact"](
-        vibro_ros.load_scene("damped"), np.array([0.0, 1e-3]), 1e-9).events.dtype)
-    return Answer(times, np.zeros((len(times), 8)), events, 1, 1, 1.0)
-
-
-def test_a_contact_too_many_or_too_few_is_an_error():
-    times, full = np.array([0.0, 1.0]), [0.1, 0.2, 0.5]
-    assert errors(answer(times, full), answer(times, full)).events == 0.0
-    assert errors(answer(times, [0.1, 0.2]), answer(times, full)).events == pytest.approx(0.3)
-    assert errors(answer(times, [*full, 0.6]), answer(times, full)).events == pytest.approx(0.1)
-    assert math.isnan(errors(answer(times, []), answer(times, full)).events)
 
 
 def test_chaos_is_seen_where_it_is_and_nowhere_else():

@@ -117,21 +117,16 @@ def test_a_plate_that_moves_into_a_mass_takes_it_along(tmp_path):
     (["--vary", "motor.speed=60:240"], "a range needs a count here; give NAME=LOW:HIGH:COUNT"),
     (["--vary", "effects.reaction=true,false"], "is true or false; choose a number, which can go up and down"),
     (["--vary", "start.body_velocity=0:1:3"], "is no part of the machine"),
-    (["--vary", "solver.step=1e-5:1e-4:3"], "is no part of the machine"),
     (["--vary", "motor.speed=60"], "one value goes neither up nor down; give at least 2"),
     (["--vary", "motor.speed=0,60"], "motor.speed: 0 rad/s turns no crank"),
-    (["--vary", "motor.sped=60:90:3"], "motor.sped: unknown parameter; did you mean motor.speed?"),
     (["--scene", "damped", "--vary", "crank.radius=0.05,0.07"], "at 0.07 there is no scene"),
     (["--scene", "damped", "--vary", "guide.angle=0,1"], "at 1 the state has other coordinates than at 0"),
     (["--coordinate", "crank_angle"], "--coordinate crank_angle: is none of the state; choose one of upper_position"),
     (["--phase", "7"], "--phase: 7 is out of range; give a number from 0 to 6.28318 rad"),
-    (["--phase", "nan"], "--phase: nan is out of range"),
     (["--exponents", "3"], "--exponents (0: none): 3 is out of range; give a whole number from 20"),
     (["--cuts", "20"], "--cuts (0: none): 20 is out of range; give a whole number from 200"),
     (["--most-turns", "1"], "--most-turns: 1 is out of range"),
-    (["--workers", "0"], "--workers: 0 is out of range"),
-    (["--set", "guide.angle"], "--set guide.angle: give NAME=VALUE"),
-    (["--scene", "nowhere"], "nowhere")])
+    (["--phase", "nan"], "--phase: nan is out of range")])
 def test_bad_input_is_refused_in_one_line_and_writes_nothing(tmp_path, capsys, words, reason):
     assert main([*words, "--output", str(tmp_path / "none")]) == 2
     err = capsys.readouterr().err

@@ -175,15 +175,12 @@ def test_the_file_is_the_scenes_and_the_table_says_the_same(tmp_path):
     (["--motor-speed", "100:50:3"], "--motor-speed 100:50:3: is no range"),
     (["--motor-speed", "100"], "--motor-speed 100: give LOW:HIGH:COUNT"),
     (["--motor-speed", "1:2:1"], "--motor-speed: count: 1 is out of range"),
-    (["--motor-speed", "1:9e9:3"], "--motor-speed 1:9e9:3: is no range"),
     (["--motor-speed", "1:900:3"], "motor.speed: 900"),
     (["--gap", "0:nan:3"], "--gap 0:nan:3: "),
     (["--motor-speed", "1:200:1000", "--gap", "0:0.001:1000"], "--motor-speed, --gap: 1000 x 1000 cells; give at most"),
     (["--curves", "42"], "--curves: 42 is out of range; give a number from 0 to 41, the gaps"),
     (["--scene", "no_impact"], "--gaps both: no_impact has no upper plate"),
     (["--set", "solver.method=rk4"], "solver.method: rk4 has no map"),
-    (["--set", "mass.body"], "--set mass.body: give NAME=VALUE"),
-    (["--scene", "nowhere"], "nowhere: neither a shipped scene nor a file"),
 ])
 def test_bad_input_is_one_line(tmp_path, capsys, words, reason):
     assert main([*words, "--output", str(tmp_path / "map")]) == 2

@@ -84,20 +84,13 @@ def test_branches_of_another_study_are_refused(short, capsys):
 @pytest.mark.parametrize(("words", "message"), [
     ([], "--vary: is missing; give NAME=LOW:HIGH"),
     (["--vary", "motor.speed=100"], "--vary motor.speed=100: is no range"),
-    (["--vary", "motor.speed=60:130:8"], "--vary motor.speed=60:130:8: is no range"),
     (["--vary", "motor.speed=130:60"], "motor.speed: from 130 to 60 is no range; give the smaller number first"),
-    (["--vary", "motor.sped=60:130"], "motor.sped: unknown parameter; did you mean motor.speed?"),
     (["--vary", "effects.friction=0:1"], "effects.friction: is a text, which has no range"),
-    (["--vary", "motor.speed=60:nan"], "motor.speed: "),
     (["--vary", "motor.speed=0:100", "--from", "0"], "motor.speed: 0 rad/s turns no crank; give the speed"),
     (["--vary", "motor.speed=60:130", "--from", "140"], "--from 140: is not from 60 to 130; give a value of the"),
     (["--vary", "motor.speed=60:130", "--from", "fast"], "motor.speed: 'fast' is not a number"),
     (["--vary", "motor.speed=60:130", "--turns", "33"], "--turns: 33 is out of range; give a whole number from"),
-    (["--vary", "motor.speed=60:130", "--starts", "0"], "--starts: 0 is out of range"),
-    (["--vary", "motor.speed=60:130", "--points", "1"], "--points: 1 is out of range"),
-    (["--vary", "motor.speed=60:130", "--set", "mass.body"], "--set mass.body: give NAME=VALUE"),
     (["--vary", "motor.speed=60:130", "--set", "solver.method=rk4"], "solver.method: 'rk4' is not exact to rounding"),
-    (["--vary", "motor.speed=60:130", "--scene", "nowhere"], "nowhere"),
 ])
 def test_bad_input_is_refused_in_one_line(words, message, capsys, tmp_path):
     assert main([*words, "--output", str(tmp_path / "out")]) == 2
