@@ -106,10 +106,10 @@ class Accuracy:
         self.growths[scene.name] = study.growth
         self._say(f"{scene.name}: {study.growth}")
         self._say(f"{scene.name}: {reference_in_words(study.comparison.uncertainty)}")
-        kept = self.rows.setdefault(scene.name, [])
+        rows = self.rows.setdefault(scene.name, [])
         with tqdm(total=study.count(self._methods), desc=scene.name, unit="row", disable=None) as bar:
             for row in study.rows(self._methods):
-                kept.append(row)
+                rows.append(row)
                 write(row)
                 bar.set_postfix_str(f"{row.method} {row.value:g}")
                 bar.update()

@@ -54,7 +54,7 @@ def draw_precision(rows: Sequence[Measurement], caption: str) -> Figure:
 
 
 def _draw_errors(axes: Axes, rows: Sequence[Measurement], column: str, label: str) -> None:
-    """Error over cost; below the reference's own error nothing can be told, and points are put on its edge."""
+    """Error over cost; errors below the reference's own are unknown, so their points are put on its edge."""
     reference = next((row for row in rows if row.compared == REFERENCE), None)
     floor = getattr(reference, column) if reference else math.nan
     floor = floor if math.isfinite(floor) and floor > 0.0 else 1e-16

@@ -236,14 +236,14 @@ def _points(rows: Sequence[Measurement], method: str, kind: str) -> np.ndarray:
 
 def prices_in_words(rows: Mapping[str, Sequence[Measurement]]) -> list[str]:
     """A sentence for each kind of method that was measured: what one more digit of every position costs by it."""
-    told = [f"One more digit of every position by {kind} costs {price}." for kind, methods in KINDS.items()
-            if (price := price_over_scenes(rows, methods))]
+    sentences = [f"One more digit of every position by {kind} costs {price}." for kind, methods in KINDS.items()
+                 if (price := price_over_scenes(rows, methods))]
     exact = [row.cost for own in rows.values() for row in own
              if row.method == "exact" and row.compared == NEED and row.horizon == SHORT and math.isfinite(row.cost)]
     if exact:
-        told.insert(0, "One more digit of every position by `exact` costs nothing: it is accurate to rounding, for "
-                       f"{cost_range(exact)} of the baseline's cost.")
-    return told
+        sentences.insert(0, "One more digit of every position by `exact` costs nothing: it is accurate to rounding, "
+                         f"for {cost_range(exact)} of the baseline's cost.")
+    return sentences
 
 
 def baseline_in_words(rows: Mapping[str, Sequence[Measurement]]) -> str:

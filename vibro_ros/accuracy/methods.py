@@ -112,9 +112,9 @@ def by_simulator(name: str, evaluations: int, scene: Scene, times: np.ndarray, s
         raise UnableError(str(error)) from error
     wall_time = wall_clock.perf_counter() - began
     events = device.take_events()
-    kept = [(event["time"], event["kind"]) for event in events if event["kind"] not in _FORCING_EVENTS]
+    found = [(event["time"], event["kind"]) for event in events if event["kind"] not in _FORCING_EVENTS]
     steps = device.statistics["steps"]
-    return Answer(times, np.stack([getattr(samples, column) for column in COLUMNS], axis=1), _events(kept), steps,
+    return Answer(times, np.stack([getattr(samples, column) for column in COLUMNS], axis=1), _events(found), steps,
                   steps * evaluations, wall_time)
 
 

@@ -238,7 +238,7 @@ class SceneStudy:
 
     @staticmethod
     def _asked(horizon: float, methods: Mapping[str, ComparedMethod]) -> dict[str, ComparedMethod]:
-        """The methods that are compared within the horizon of a need, and the baseline, whose error is told."""
+        """The methods that are compared within the horizon of a need, and the baseline, whose error is reported."""
         asked = {name: methods[name] for name in COMPILED if name in methods}
         return asked | ({"baseline": STUDIED["baseline"]} if asked and horizon == SHORT else {})
 

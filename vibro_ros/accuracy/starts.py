@@ -40,7 +40,7 @@ def average(values: np.ndarray) -> Average:
     return Average(float(np.mean(values)), float(spread), int(np.sum(values > 0.0)))
 
 
-def speed_over_starts(scene: Scene, duration: float, starts: int, batch: int = 0) -> Average:
+def speed_over_starts(scene: Scene, duration: float, starts: int) -> Average:
     """Mean speed of the body [m/s] by the scene's own method over `duration` [s], once it has settled.
 
     Raises
@@ -48,7 +48,7 @@ def speed_over_starts(scene: Scene, duration: float, starts: int, batch: int = 0
     SimulationError
         If a run cannot go on.
     """
-    return average(speeds_of_starts(scene, duration, starts, batch))
+    return average(speeds_of_starts(scene, duration, starts))
 
 
 def speeds_of_starts(scene: Scene, duration: float, starts: int, batch: int = 0) -> np.ndarray:

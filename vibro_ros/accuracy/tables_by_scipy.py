@@ -1,7 +1,7 @@
 """scipy's integrators on a scene's tables: with its guards located as events, or blind to them.
 
 *Located*: each step's guards are evaluated on the dense output; the first that has turned negative is located by
-`brentq`, the mode changes there by the tables' candidates and jumps, and the integrator starts anew.
+`brentq`, the mode changes there by the tables' candidates and jumps, and the integrator starts again.
 *Blind*: the mode is read off the state at each evaluation of the right-hand side, so that contact and friction are
 discontinuities which the step control must find. That is what a first script does. It has no way to let a speed jump.
 """

@@ -1,1 +1,1 @@
-"""What the machine can do: the paper's claims, sweeps, the optimum, published results, orbits, basins, command maps."""
+"""What a machine can do: sweeps, the optimum, branches of orbits, orbit diagrams, basins, command maps."""

@@ -27,7 +27,7 @@ def standing_and_airborne(device: Simulator, checkpoint: np.ndarray, before: Sam
     Parameters
     ----------
     device : Simulator
-        The device, which is left at some instant of the time where what begins is not told.
+        The device; it is left at some instant of the measuring time where an event does not say which state begins.
     checkpoint : ndarray, shape (n,)
         Of the device at the first instant.
     before : Samples of float

@@ -59,6 +59,6 @@ def _parser() -> Parser:
     parser = Parser(
         prog="study", description=f"{EXECUTABLES['study'].does} {listed}",
         epilog="Exit code 0: done; 1: a run failed; 2: bad input, or something is not installed; 129, 130, 143: "
-        "stopped by SIGHUP, SIGINT, SIGTERM, what was done is kept. `study NAME --help` shows its options.")
+        "stopped by SIGHUP, SIGINT, SIGTERM, finished work is kept. `study NAME --help` shows its options.")
     parser.add_argument("study", choices=STUDIES, metavar="NAME", help=f"of {', '.join(STUDIES)}")
     return parser

@@ -92,13 +92,6 @@ def test_a_stopped_search_goes_on_bit_for_bit(tmp_path, simulated, method):
     assert len(simulated) - len(whole.points) == len(whole.points) and done > len(whole.points)  # nothing twice
 
 
-def test_a_finished_search_simulates_nothing_again(tmp_path, simulated):
-    searched(tmp_path / "record", 60)
-    done = len(simulated)
-    searched(tmp_path / "record", 60)
-    assert len(simulated) == done
-
-
 class SpeedAndCost:
     """A plan whose speed is the first coordinate and whose cost grows with it."""
 

@@ -1,11 +1,6 @@
 """`study orbits`: the same numbers however often it is interrupted, nothing mixed, bad input refused in one line."""
 
 import json
-import os
-import signal
-import subprocess
-import sys
-import time
 
 import numpy as np
 import pandas
@@ -15,7 +10,7 @@ import pytest
 import vibro_ros
 from vibro_ros.orbits.branch import Branch, Special
 from vibro_ros.study.orbits.command import main, parser, plan_of
-from vibro_ros.study.orbits.run import BranchFiles, branch_of
+from vibro_ros.study.orbits.run import branch_files, branch_of, rows_of
 
 SHORT = ["--scene", "damped", "--vary", "motor.speed=99.5:101", "--from", "100", "--starts", "1", "--turns", "2"]
 
@@ -110,8 +105,8 @@ def test_a_branch_is_read_as_it_was_written(tmp_path):
                                              ("corner", "stick vanishes", 4)))
     branch = Branch("motor.speed", 2, random.normal(size=4), random.normal(size=4), multipliers, random.normal(size=4),
                     random.normal(size=(4, 5)), {name: random.normal(size=(4, 2)) for name in names}, special, "an end")
-    files = BranchFiles(tmp_path, plan)
-    files.write(3, [branch])
+    files = branch_files(tmp_path, plan)
+    files.write(3, rows_of(branch))
     found = branch_of(files.read(3), "motor.speed", names)
     assert found.end == "an end" and found.turns == 2
     for key in ("values", "mean_speeds", "multipliers", "phases", "states"):
@@ -120,18 +115,3 @@ def test_a_branch_is_read_as_it_was_written(tmp_path):
         np.testing.assert_array_equal(found.strobe[name], branch.strobe[name])
     assert [(one.kind, one.value, one.change, one.at) for one in found.special_points] == [
         (one.kind, one.value, one.change, one.at) for one in special]
-
-
-def test_a_signal_keeps_the_branches_that_are_done(tmp_path):
-    """The second branch, of many orbits, is under way when the signal comes."""
-    words = ["--vary", "motor.speed=60:100.2", "--from", "100", "--starts", "1", "--turns", "1", "--workers", "1"]
-    process = subprocess.Popen([sys.executable, "-m", "vibro_ros.study.study", "orbits", *words, "--output",
-                                str(tmp_path)], stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
-    first = tmp_path / "branches" / "block_000000.parquet"
-    deadline = time.monotonic() + 120.0
-    while not first.exists() and time.monotonic() < deadline and process.poll() is None:
-        time.sleep(0.02)
-    os.kill(process.pid, signal.SIGTERM)
-    _, said = process.communicate(timeout=60)
-    assert process.returncode == 143 and "Traceback" not in said
-    assert "kept; the same command goes on from there" in said and first.exists()

@@ -97,18 +97,6 @@ def test_a_cluster_of_which_a_worker_is_killed_writes_the_bytes_of_one_machine(
     assert bytes_of(tmp_path / "there") == whole
 
 
-def test_a_sweep_begun_here_goes_on_there(started, address, tmp_path, monkeypatch):
-    add_worker(started, address)
-    words = [*WORDS[:3], "guide.angle=0.7:1.5:4", *WORDS[4:], "--duration", "2", "--output", str(tmp_path / "both")]
-    monkeypatch.setattr("vibro_ros.study.sweep.design._BLOCK_TIME", 20.0)
-    assert main(words) == 0
-    whole = bytes_of(tmp_path / "both")
-    for name in ("block_000001.parquet", "block_000003.parquet"):
-        (tmp_path / "both" / "blocks" / name).unlink()
-    assert main([*words, "--scheduler", address]) == 0
-    assert bytes_of(tmp_path / "both") == whole
-
-
 def test_workers_that_compute_otherwise_are_refused(started, address, tmp_path, monkeypatch, capsys):
     add_worker(started, address)
     monkeypatch.setattr(cluster, "computes_with", lambda: {"processor": "another"})

@@ -55,14 +55,10 @@ def test_a_relative_path_of_the_scene_starts_at_the_file(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize(("text", "words"), [
-    ("", "holds no mapping"), ("- a", "holds no mapping"), ("varry: {}", "did you mean vary"), ("xyz: 1", "give scene"),
-    ("scene: 3", "no text"), ("scene: none.yaml", "neither a shipped scene nor a file"), ("vary: 3", "no mapping"),
+    ("", "holds no mapping"), ("varry: {}", "did you mean vary"), ("scene: 3", "no text"), ("vary: 3", "no mapping"),
     ("vary: {guide.angel: [1]}", "did you mean guide.angle"), ("set: {guide.angle: 9}", "out of range"),
-    ("starts: 2.5", "whole number"), ("starts: -1", "whole number"), ("settling: soon", "give seconds"),
-    ("duration: .inf", "give seconds"), ("duration: true", "give seconds"), ("measure: mean_speed", "list of names"),
-    ("measure: [speed]", "no such measure"), ("measure: []", "none named"), ("sample: 8", "says not how"),
-    ("sample: {method: sobol, count: 8, sed: 1}", "says not how"), ("sample: {method: x, count: 8}", "is unknown"),
-    ("scene: paper\nscene: damped", "given twice"), ("a: &a [*a]", "contains itself"), ("vary: {1: [2]}", "unknown")])
+    ("starts: -1", "whole number"), ("duration: .inf", "give seconds"), ("measure: mean_speed", "list of names"),
+    ("sample: {method: sobol, count: 8, sed: 1}", "says not how"), ("scene: paper\nscene: damped", "given twice")])
 def test_a_slip_in_a_file_is_named_in_one_line(tmp_path, text, words):
     with pytest.raises(ValueError, match=words) as refused:
         read_sweep(file_of(tmp_path, text))

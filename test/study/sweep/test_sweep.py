@@ -212,8 +212,7 @@ def test_a_damaged_file_is_computed_again_or_has_its_values(tmp_path, capsys):
     path, draw = tmp_path / "blocks" / "block_000000.parquet", random.Random(3)
     whole, table = path.read_bytes(), pq.read_table(path)
     design = json.loads(table.schema.metadata[b"vibro_ros"])["design"]
-    files = blocks.ParquetBlocks.__new__(type("Files", (blocks.ParquetBlocks,), {"columns": None}))
-    blocks.ParquetBlocks.__init__(files, path.parent, design, 1)
+    files = blocks.ParquetBlocks(path.parent, design, 1, ())
     damaged = 0
     for place in [0, len(whole) - 1, *(draw.randrange(len(whole)) for _ in range(600))]:
         path.write_bytes(whole[:place] + bytes([whole[place] ^ 1 << draw.randrange(8)]) + whole[place + 1:])
@@ -277,7 +276,8 @@ class KillingWork:
 
 def killing(at, folder, times, count):
     """Results of `count` pieces of `KillingWork`, on two processes."""
-    return on_this_machine(2)(KillingWork(at, folder, times), 64.0, (), (Piece({"k": k}, (0,)) for k in range(count)))
+    items = (Piece(k, {"k": k}, (0,)) for k in range(count))
+    return on_this_machine(2)(KillingWork(at, folder, times), 64.0, (), items)
 
 
 def test_a_killed_worker_is_replaced(tmp_path):

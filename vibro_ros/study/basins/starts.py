@@ -3,7 +3,6 @@
 import math
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Protocol
 
 import numpy as np
 
@@ -51,24 +50,6 @@ class Over:
     def document(self) -> list:
         """What a file says of it."""
         return [self.name, self.low, self.high, self.count]
-
-
-class Starts(Protocol):
-    """Starts by number."""
-
-    @property
-    def over(self) -> tuple[Over, ...]:
-        """What varies."""
-
-    @property
-    def count(self) -> int:
-        """How many starts there are."""
-
-    def start(self, number: int) -> dict[str, float]:
-        """What a start gives to `Simulator.set_state`."""
-
-    def document(self) -> dict:
-        """All that decides the starts, as JSON has it."""
 
 
 @dataclass(frozen=True)
@@ -134,6 +115,9 @@ class Draws:
         """All that decides the starts, as JSON has it."""
         return {"ball" if self.ball else "box": [one.document() for one in self.over], "count": self.count,
                 "seed": self.seed}
+
+
+Starts = Plane | Draws
 
 
 def over_in_words(scene: Scene, text: str) -> Over:

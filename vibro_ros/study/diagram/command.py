@@ -19,11 +19,10 @@ from vibro_ros.study.command import (
     study_parser,
     write_files,
 )
+from vibro_ros.study.diagram import nature, visits
 from vibro_ros.study.diagram.design import Design
-from vibro_ros.study.diagram.nature import NatureBlocks, nature_of, pieces, run_time
 from vibro_ros.study.diagram.result import Diagram, draw_diagram, in_words, states_table, values_table
-from vibro_ros.study.diagram.visits import VisitBlocks, visits, visits_in
-from vibro_ros.study.running.blocks import BlockRun
+from vibro_ros.study.running.blocks import BlockRun, ParquetBlocks
 from vibro_ros.study.variation import Axis, varied_in_words
 
 VISITS, NATURES = "visits", "natures"
@@ -45,16 +44,18 @@ def _diagram(options: argparse.Namespace) -> int:
     with locked(options.output):
         for name in (VISITS, NATURES):
             (options.output / name).mkdir(exist_ok=True)
-        rows = [len(design.visits_of_block(block)) for block in range(design.blocks)]
-        run = BlockRun("values", VisitBlocks(options.output / VISITS, design), rows)
-        run.do(lambda missing: visits(design, missing, run.tables))
-        seen = tuple(one for block in range(design.blocks) for one in visits_in(design, run.tables[block]))
+        sizes = [len(design.visits_of_block(block)) for block in range(design.blocks)]
+        files, of_natures = (ParquetBlocks(options.output / name, design.document(), design.blocks, fields) for
+                             name, fields in ((VISITS, visits.fields_of(design)), (NATURES, nature.fields_of(design))))
+        run = BlockRun("values", files, sizes, partial(visits.rows_of, design))
+        run.do(lambda missing: visits.visits(design, missing, run.tables))
+        seen = tuple(one for block in range(design.blocks) for one in visits.visits_in(design, run.tables[block]))
         natures = None
         if design.exponents or design.cuts:
-            measuring = BlockRun("motions measured", NatureBlocks(options.output / NATURES, design), rows)
-            work = partial(nature_of, design, tuple(one.motion.turns for one in seen))
-            measuring.do(lambda missing: runner(work, run_time(design), (design.scene["solver.method"],),
-                                                pieces(design, seen, missing)))
+            measuring = BlockRun("motions measured", of_natures, sizes)
+            work = partial(nature.nature_of, design, tuple(one.motion.turns for one in seen))
+            measuring.do(lambda missing: runner(work, nature.run_time(design), (design.scene["solver.method"],),
+                                                nature.pieces(design, seen, missing)))
             natures = measuring.whole
         found = Diagram(design, seen, natures)
         write_files(options.output, {STATES: states_table(design, run.whole), VALUES: values_table(found),

@@ -6,7 +6,6 @@ cannot be shared among processes; a visit takes some hundredths of a second, unl
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
@@ -16,7 +15,7 @@ from vibro_ros.orbits.recurrence import CLOUD, FIRST_TURNS, SettledMotion, settl
 from vibro_ros.orbits.turn_map import Stroboscope, TurnMap
 from vibro_ros.simulation.given_state import UNITS
 from vibro_ros.study.diagram.design import Design
-from vibro_ros.study.running.blocks import Column, ParquetBlocks
+from vibro_ros.study.running.blocks import Field
 from vibro_ros.study.running.runner import Results
 
 
@@ -41,12 +40,8 @@ class Visit:
     settled: bool
     states: np.ndarray
 
-    def __len__(self) -> int:
-        """One visit, as whoever counts them has it."""
-        return 1
 
-
-def visits(design: Design, missing: Sequence[int], tables: Mapping[int, pa.Table]) -> Results[Visit]:
+def visits(design: Design, missing: Sequence[int], tables: Mapping[int, pa.Table]) -> Results:
     """The visits of the blocks that are `missing`, in order; `tables` has each block by the time the next one begins.
 
     Raises
@@ -60,7 +55,7 @@ def visits(design: Design, missing: Sequence[int], tables: Mapping[int, pa.Table
         for number in numbers:
             one = visit(design, number, left)
             left = one.states[-1]
-            yield one
+            yield [one]
 
 
 def visit(design: Design, number: int, left: np.ndarray | None) -> Visit:
@@ -82,49 +77,36 @@ def visit(design: Design, number: int, left: np.ndarray | None) -> Visit:
 
 def _within_plates(turn_map: TurnMap, state: np.ndarray) -> np.ndarray:
     """The state with each mass on its rigid plate that has moved into it since the value before."""
-    scene, kept = turn_map.scene, state.copy()
+    scene, moved = turn_map.scene, state.copy()
     for side in scene.plates:
         if scene[f"effects.{side}_contact"] == "restitution":
             place = turn_map.names.index(f"{side}_position")
-            kept[place] = min(kept[place], scene[f"crank.{side}_rod"] + scene[f"{side}.gap"])
-    return kept
+            moved[place] = min(moved[place], scene[f"crank.{side}_rod"] + scene[f"{side}.gap"])
+    return moved
 
 
-class VisitBlocks(ParquetBlocks[Visit]):
-    """The files of a diagram's visits, a row a cut."""
+def fields_of(design: Design) -> list[Field]:
+    """The columns of the visits' files, in which every state is a row."""
+    parameter = BY_NAME[design.axis.name]
+    return [
+        Field("visit", pa.int64(), "1", "number of the visit"),
+        Field("direction", pa.string(), "1", "whether the values went up or down"),
+        Field(parameter.name, pa.float64(), parameter.unit or "1", parameter.description),
+        Field("period", pa.int64(), "1", "turns of the crank after which the motion repeats itself; 0: it does not"),
+        Field("settled", pa.bool_(), "1", "false: the motion still changes"),
+        Field("after", pa.int64(), "1", "turns that the motion was watched for"),
+        Field("mean_speed", pa.float64(), "m/s", "of the body, forwards positive"),
+        Field("cut", pa.int64(), "1", "number of the turn"),
+        *(Field(name, pa.float64(), UNITS[name], f"at the crank angle {design.phase:.17g}") for name in design.names)]
 
-    def __init__(self, folder: Path, design: Design):
-        super().__init__(folder, design.document(), design.blocks)
-        self._design = design
 
-    def columns(self, block: int, found: Sequence[Visit]) -> list[Column]:
-        """See `ParquetBlocks`."""
-        design = self._design
-        cuts = [len(one.states) for one in found]
-
-        def repeated(values: list, kind: pa.DataType) -> pa.Array:
-            return pa.array([value for value, count in zip(values, cuts, strict=True) for _ in range(count)], kind)
-
-        parameter = BY_NAME[design.axis.name]
-        states = np.concatenate([one.states for one in found])
-        return [
-            Column("visit", repeated([one.number for one in found], pa.int64()), "1", "number of the visit"),
-            Column("direction", repeated([design.direction(one.number) for one in found], pa.string()), "1",
-                   "whether the values went up or down"),
-            Column(parameter.name, repeated([design.value(one.number) for one in found], pa.float64()),
-                   parameter.unit or "1", parameter.description),
-            Column("period", repeated([one.motion.turns for one in found], pa.int64()), "1",
-                   "turns of the crank after which the motion repeats itself; 0: it does not"),
-            Column("settled", repeated([one.settled for one in found], pa.bool_()), "1",
-                   "false: the motion still changes"),
-            Column("after", repeated([one.motion.after for one in found], pa.int64()), "1",
-                   "turns that the motion was watched for"),
-            Column("mean_speed", repeated([one.motion.mean_speed for one in found], pa.float64()), "m/s",
-                   "of the body, forwards positive"),
-            Column("cut", pa.array([cut for count in cuts for cut in range(count)], pa.int64()), "1",
-                   "number of the turn"),
-            *(Column(name, pa.array(states[:, k], pa.float64()), UNITS[name], f"at the crank angle {design.phase:.17g}")
-              for k, name in enumerate(design.names))]
+def rows_of(design: Design, one: Visit) -> list[dict]:
+    """The rows of a visit, one a state."""
+    about = {"visit": one.number, "direction": design.direction(one.number),
+             design.axis.name: design.value(one.number), "period": one.motion.turns, "settled": one.settled,
+             "after": one.motion.after, "mean_speed": one.motion.mean_speed}
+    return [{**about, "cut": cut, **dict(zip(design.names, state, strict=True))}
+            for cut, state in enumerate(one.states.tolist())]
 
 
 def visits_in(design: Design, table: pa.Table) -> list[Visit]:

@@ -32,11 +32,6 @@ class Line:
     place: int
     upwards: bool
 
-    @property
-    def name(self) -> str:
-        """Of the line's file."""
-        return f"{self.along}_{'up' if self.upwards else 'down'}_{self.place:04d}"
-
 
 @dataclass(frozen=True)
 class MapDesign:

@@ -3,7 +3,7 @@
 In a cell two visits have found the same motion when all that the map says of it agrees. Motions of neighbouring cells
 are one where the period and the landings are equal and the mean speed changes little. Two motions that exist in one
 cell are never one, whatever way leads from the one to the other through other cells: a fold ends where its two sheets
-meet, and behind that end they are told apart nowhere.
+meet, and behind that end nothing separates them.
 """
 
 from collections import defaultdict

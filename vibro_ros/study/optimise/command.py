@@ -2,8 +2,7 @@
 
 import argparse
 import re
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import replace
 
 from vibro_ros.accuracy.figures import png
@@ -11,7 +10,7 @@ from vibro_ros.accuracy.precision import running
 from vibro_ros.configuration.scene_file import load_scene
 from vibro_ros.model.parameters import BY_NAME, parameter_named
 from vibro_ros.model.scene import Scene
-from vibro_ros.process.front_door import Parser, say
+from vibro_ros.process.front_door import Parser
 from vibro_ros.simulation.preparation import prepare_kernels
 from vibro_ros.simulation.processes import core_count
 from vibro_ros.study.command import run_study, settings_of, study_parser, write_files
@@ -20,7 +19,6 @@ from vibro_ros.study.optimise.result import Result, result_file, scene_file, stu
 from vibro_ros.study.optimise.search import METHODS, Candidates
 from vibro_ros.study.optimise.space import Space, chosen_variables
 from vibro_ros.study.optimise.text import document, draw_convergence, draw_front, draw_sensitivity, title
-from vibro_ros.study.progress import Progress
 
 RECORD, TEXT, SCENE, NUMBERS = "evaluations.jsonl", "optimum.md", "optimum.yaml", "optimum.json"
 _MOST = {"budget": 10**6, "starts": 1000, "workers": 1024, "seed": 2**31 - 2}
@@ -40,7 +38,7 @@ def _optimise(options: argparse.Namespace) -> int:
     except OSError as error:
         raise ValueError(f"{error.filename}: {error.strerror}; give a writable --output") from error
     prepare_kernels("study", plan.space.scene["solver.method"])
-    result, candidates = studied(plan, folder / RECORD, options.workers, shown)
+    result, candidates = studied(plan, folder / RECORD, options.workers)
     write_files(folder, files_of(result, candidates))
     print(folder / RECORD)
     return 0
@@ -73,14 +71,6 @@ def plan_of(options: argparse.Namespace) -> Plan:
 def sought(scene: Scene) -> Scene:
     """`scene` with its motor turning from the start, and without what costs time and changes nothing."""
     return running(scene).with_parameters({"solver.audit": False})
-
-
-@contextmanager
-def shown(stage: str, robots: int) -> Iterator[Progress]:
-    """Show on stderr how many robots of a stage are done, and the time that is left."""
-    say("study", f"{stage}: {robots} robots ...")
-    with Progress(stage, "robot", robots) as progress:
-        yield progress
 
 
 def files_of(result: Result, candidates: Candidates) -> dict[str, bytes]:

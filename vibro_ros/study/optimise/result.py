@@ -2,8 +2,8 @@
 
 import json
 import math
-from collections.abc import Callable, Mapping
-from contextlib import AbstractContextManager, closing
+from collections.abc import Iterator, Mapping
+from contextlib import closing, contextmanager
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -12,6 +12,7 @@ import numpy as np
 import yaml
 
 from vibro_ros.model.scene import Scene
+from vibro_ros.process.front_door import say
 from vibro_ros.study.optimise.plan import CHOOSING, FRONT, Plan, values_of_many
 from vibro_ros.study.optimise.search import (
     SHOWN,
@@ -37,8 +38,6 @@ from vibro_ros.study.progress import Progress
 
 #: Parts of a search after which its best score is noted.
 MILESTONES = (0.25, 0.5, 0.75, 1.0)
-Bar = Callable[[str, int], AbstractContextManager[Progress]]
-"""Makes the progress of a stage from its name and its number of robots."""
 
 
 @dataclass(frozen=True)
@@ -82,7 +81,7 @@ class Result:
     front: tuple[FrontRobot, ...]
 
 
-def studied(plan: Plan, record: Path, workers: int, bar: Bar) -> tuple[Result, Candidates]:
+def studied(plan: Plan, record: Path, workers: int) -> tuple[Result, Candidates]:
     """Search and verify; returns all candidates of the search as well.
 
     Parameters
@@ -93,8 +92,6 @@ def studied(plan: Plan, record: Path, workers: int, bar: Bar) -> tuple[Result, C
         File of the search, from which it goes on.
     workers : int
         Processes.
-    bar : callable
-        Shows how far each stage is.
 
     Raises
     ------
@@ -103,24 +100,27 @@ def studied(plan: Plan, record: Path, workers: int, bar: Bar) -> tuple[Result, C
     OSError
         If the record cannot be written.
     """
-    candidates = _searched(plan, record, workers, bar)
+    candidates = _searched(plan, record, workers)
     scores = np.array([plan.score(values) for values in candidates.values])
-    point = _chosen(plan, candidates, scores, workers, bar)
+    point = _chosen(plan, candidates, scores, workers)
     optimum, effort, space = plan.space.parameters(point), plan.effort, plan.space
-    with bar("verification", case_count(space.scene)) as progress:
+    with stage("verification", case_count(space.scene)) as progress:
         rows = verified(space, optimum, plan.reading, effort.verifying, workers, progress)
-    with bar("perturbation", robot_count(space, effort.samples)) as progress:
+    with stage("perturbation", robot_count(space, effort.samples)) as progress:
         around = neighbourhood(space, optimum, plan.score, effort.perturbing, effort.samples, plan.seed, workers,
                                progress)
-    front = _front(plan, candidates, workers, bar) if space.scene["effects.reaction"] else ()
+    front: list[FrontRobot] = []
+    if space.scene["effects.reaction"]:
+        with stage("front", SHOWN) as progress:
+            front = front_of(plan, candidates, workers, progress)
     ends = [max(1, round(part * len(scores))) for part in MILESTONES]
     return Result(plan, len(scores), tuple(float(scores[:end].max()) for end in ends), optimum, space.robot(point),
                   tuple(space.on_bound(point)), behaviour_of(space.robot(point), effort.verifying), tuple(rows), around,
                   tuple(front)), candidates
 
 
-def _searched(plan: Plan, path: Path, workers: int, bar: Bar) -> Candidates:
-    with closing(Record(path, plan.identity())) as record, bar("search", plan.effort.budget) as progress:
+def _searched(plan: Plan, path: Path, workers: int) -> Candidates:
+    with closing(Record(path, plan.identity())) as record, stage("search", plan.effort.budget) as progress:
         evaluations = Evaluations(plan.space, plan.effort.trials, record, plan.effort.budget, workers, progress)
         if plan.objective == FRONT:
             by_weights(evaluations, plan)
@@ -129,13 +129,13 @@ def _searched(plan: Plan, path: Path, workers: int, bar: Bar) -> Candidates:
         return evaluations.gathered()
 
 
-def _chosen(plan: Plan, candidates: Candidates, scores: np.ndarray, workers: int, bar: Bar) -> np.ndarray:
+def _chosen(plan: Plan, candidates: Candidates, scores: np.ndarray, workers: int) -> np.ndarray:
     """The point that is best from fresh starts, of those that were best in the search: luck does not repeat."""
     scores = np.where(np.isfinite(candidates.values).all(axis=(1, 2)), scores, -np.inf)
     finalists = _apart(candidates.points, scores, plan.effort.finalists)
     trials = replace(plan.effort.choosing, first=CHOOSING)
     robots, fresh = [plan.space.robot(point) for point in finalists], []
-    with bar("choice", len(robots)) as progress:
+    with stage("choice", len(robots)) as progress:
         for values in values_of_many(robots, trials, workers):
             fresh.append(plan.score(values))
             progress.add(1)
@@ -159,11 +159,12 @@ def _apart(points: np.ndarray, scores: np.ndarray, count: int, distance: float =
     return found
 
 
-def _front(plan: Plan, candidates: Candidates, workers: int, bar: Bar) -> list[FrontRobot]:
-    with bar("front", SHOWN) as progress:
-        return front_of(plan, candidates, workers, progress)
-
-
+@contextmanager
+def stage(name: str, robots: int) -> Iterator[Progress]:
+    """Show on stderr how many robots of a stage are done, and the time that is left."""
+    say("study", f"{name}: {robots} robots ...")
+    with Progress(name, "robot", robots) as progress:
+        yield progress
 
 
 def result_file(result: Result) -> bytes:

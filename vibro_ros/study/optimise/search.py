@@ -161,7 +161,7 @@ class Evaluations:
     workers : int
         Processes.
     progress : Progress
-        Is told of every candidate that is done.
+        Counts every candidate that is done.
     """
 
     def __init__(self, space: Space, trials: Trials, record: Record, budget: int, workers: int, progress: Progress):
@@ -337,7 +337,7 @@ def front_of(plan: Plan, candidates: Candidates, workers: int, progress: Progres
     workers : int
         Processes.
     progress : Progress
-        Is told of every robot.
+        Counts every robot.
     """
     pairs = [plan.speed_and_cost(*one) for one in zip(candidates.points, candidates.values, strict=True)]
     points = candidates.points[_spread(non_dominated(np.array(pairs)), pairs)]

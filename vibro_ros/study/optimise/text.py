@@ -180,14 +180,14 @@ def sensitivity_table(around: Neighbourhood) -> str:
 
 def front_in_words(front: Sequence[FrontRobot], rows: Sequence[Verified]) -> str:
     """From where to where a front reaches, and what of it is faster and cheaper than the paper's robots."""
-    told = (f"The front reaches from {number(1e3 * front[0].speed)} mm/s at a cost of transport of "
+    text = (f"The front reaches from {number(1e3 * front[0].speed)} mm/s at a cost of transport of "
             f"{number(front[0].cost)} to {number(1e3 * front[-1].speed)} mm/s at {number(front[-1].cost)}.")
     for row in rows:
         better = [one for one in front if one.speed > row.speed.mean + row.speed.spread and one.cost < row.cost]
         if row.robot != OPTIMUM and better:
-            told += (f" Against the {row.robot}, {number(1e3 * row.speed.mean)} mm/s at {number(row.cost)}, it has "
+            text += (f" Against the {row.robot}, {number(1e3 * row.speed.mean)} mm/s at {number(row.cost)}, it has "
                      f"{number(1e3 * better[0].speed)} mm/s at {number(better[0].cost)}.")
-    return told
+    return text
 
 
 def front_table(front: Sequence[FrontRobot]) -> str:

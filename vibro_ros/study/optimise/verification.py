@@ -96,7 +96,7 @@ def verified(space: Space, optimum: Mapping[str, float], reading: Reading, trial
     workers : int
         Processes.
     progress : Progress
-        Is told of every robot.
+        Counts every robot.
     """
     fresh = replace(trials, first=VERIFYING)
     robots = {OPTIMUM: dict(optimum), PAPER: dict(PAPERS_OPTIMUM), SHIPPED: {}}
@@ -253,7 +253,7 @@ def neighbourhood(space: Space, optimum: Mapping[str, float], score: Callable[[n
     workers : int
         Processes.
     progress : Progress
-        Is told of every robot.
+        Counts every robot.
     """
     names = [variable.name for variable in space.variables]
     problem = {"num_vars": space.dimension, "names": names, "bounds": [[-1.0, 1.0]] * space.dimension}
@@ -275,7 +275,7 @@ def neighbourhood(space: Space, optimum: Mapping[str, float], score: Callable[[n
 
 
 _MEASURES = ("upper_impacts", "inclined_impacts", "upper_peak_force", "inclined_peak_force", "stick_share", "air_share")
-#: The accounts of energy that are told, in the words of the tables.
+#: The accounts of energy that are shown, in the words of the tables.
 ACCOUNTS = {"motor_delivered": "motor delivers", "motor_taken_back": "springs return to the motor",
             "unpaid": "unpaid (artefact without reaction)", "drive_dampers": "lost in drive dampers",
             "plate_dampers": "lost in plate dampers", "friction": "lost by ground friction", "blows": "lost in blows",

@@ -25,8 +25,8 @@ from vibro_ros.study.command import (
 )
 from vibro_ros.study.orbits.plan import Plan
 from vibro_ros.study.orbits.result import document, draw_orbits, in_words, names_of
-from vibro_ros.study.orbits.run import FOLDER, OrbitsRun, columns_of
-from vibro_ros.study.running.blocks import file_of
+from vibro_ros.study.orbits.run import FOLDER, OrbitsRun, fields_of, rows_of
+from vibro_ros.study.running.blocks import Field, file_of, table_of
 from vibro_ros.study.variation import Range, varied_in_words, whole_number
 
 BRANCHES, SPECIAL, PICTURE, TEXT = "branches.parquet", "special_points.parquet", "orbits.png", "orbits.md"
@@ -93,15 +93,15 @@ def _count(options: argparse.Namespace, key: str) -> int:
 
 def _files(plan: Plan, run: OrbitsRun) -> dict[str, bytes]:
     """Tables, text and picture by the names of their files; no tables without a branch."""
-    branches, tables, files = [branch for _, branch in run.done], [], {}
+    branches, files = [branch for _, branch in run.done], {}
+    rows: list[dict] = []
     for number, (branch, names) in enumerate(zip(branches, names_of(branches), strict=True)):
-        columns, left = columns_of(branch), iter(names)
-        kinds = columns[0].values.to_pylist()
-        own = {"branch": pa.array([number] * len(kinds), pa.int64()),
-               "name": pa.array([next(left) if kind else None for kind in kinds], pa.string())}
-        tables.append(pa.table({**own, **{column.name: column.values for column in columns}}))
-    if tables:
-        whole = pa.concat_tables(tables)
+        left = iter(names)
+        rows += [{"branch": number, "name": next(left) if "kind" in row else None, **row} for row in rows_of(branch)]
+    if branches:
+        own = [Field("branch", pa.int64(), "1", "number of the branch"),
+               Field("name", pa.string(), "1", "of a special point, as in the picture")]
+        whole = table_of(rows, [*own, *fields_of(plan)])
         files = {BRANCHES: file_of(whole), SPECIAL: file_of(whole.filter(pc.is_valid(whole["kind"])))}
     return {**files, TEXT: document(plan, run.done).encode(), PICTURE: draw_orbits(plan, branches)}
 

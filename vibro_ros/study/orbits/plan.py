@@ -107,13 +107,13 @@ class Plan:
 
 
 def seeds_of_piece(plan: Plan, piece: Piece) -> list[list[Seed]]:
-    """The orbits at each value of a piece, whose starts are the places of these values in `plan.begin`."""
-    return [plan.seeds(plan.begin[number]) for number in piece.starts if number is not None]
+    """The orbits at the value of `plan.begin` that a piece has the number of, as one result."""
+    return [plan.seeds(plan.begin[piece.number])]
 
 
 def branches_of_piece(plan: Plan, tasks: dict[int, Task], piece: Piece) -> list[Branch]:
-    """The branches of a piece, whose starts are their numbers; now and then a line says how far a branch is."""
-    return [plan.branch(tasks[number], _notice(plan, number)) for number in piece.starts if number is not None]
+    """The branch that a piece has the number of, as one result; now and then a line says how far it is."""
+    return [plan.branch(tasks[piece.number], _notice(plan, piece.number))]
 
 
 def _notice(plan: Plan, number: int) -> Notice:

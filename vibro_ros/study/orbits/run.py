@@ -1,7 +1,7 @@
 """A study of orbits at work: it looks for orbits, follows and keeps their branches, then those of doubled period."""
 
 import contextlib
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -17,74 +17,58 @@ from vibro_ros.orbits.turn_map import coordinates
 from vibro_ros.process.front_door import say
 from vibro_ros.study.orbits.plan import DOUBLED, DOWN, UP, Plan, Task, branches_of_piece, seeds_of_piece
 from vibro_ros.study.progress import Progress
-from vibro_ros.study.running.blocks import NUMBERS, Column, ParquetBlocks
+from vibro_ros.study.running.blocks import NUMBERS, Field, ParquetBlocks
 from vibro_ros.study.running.runner import Piece, Runner
 
 FOLDER = "branches"
 MOST_BRANCHES = 10_000
 
 
-class BranchFiles(ParquetBlocks[Branch]):
-    """The files of a plan in a folder.
-
-    Parameters
-    ----------
-    folder : Path
-        Where they are; it exists.
-    plan : Plan
-        What they hold.
-    """
-
-    def __init__(self, folder: Path, plan: Plan):
-        super().__init__(folder, plan.document(), MOST_BRANCHES)
-        self._plan = plan
-
-    def columns(self, block: int, found: Sequence[Branch]) -> list[Column]:
-        """The columns of a branch."""
-        return columns_of(*found)
+def branch_files(folder: Path, plan: Plan) -> ParquetBlocks:
+    """The files of a plan in a folder that exists: one a branch, a row an orbit or special point, in its order."""
+    return ParquetBlocks(folder, plan.document(), MOST_BRANCHES, fields_of(plan))
 
 
-def columns_of(branch: Branch) -> list[Column]:
-    """A row an orbit or special point, in the order of the branch."""
-    rows = _rows(branch)
-
-    def column(name: str, kind: pa.DataType, unit: str, meaning: str, value: Callable[[int | Special], Any]) -> Column:
-        return Column(name, pa.array([value(row) for row in rows], kind), unit, meaning)
-
-    def either(of_orbit: np.ndarray, of_special: Callable[[Special], Any]) -> Callable[[int | Special], Any]:
-        return lambda row: of_special(row) if isinstance(row, Special) else of_orbit[row].tolist()
-
-    def special(value: Callable[[Special], Any]) -> Callable[[int | Special], Any]:
-        return lambda row: value(row) if isinstance(row, Special) else None
-
-    parameter, multipliers = BY_NAME[branch.name], branch.multipliers
+def fields_of(plan: Plan) -> list[Field]:
+    """The columns of a branch."""
+    parameter, each = BY_NAME[plan.name], "each time the crank passes the angle 0; null for a special point"
     return [
-        column("kind", pa.string(), "1", "of a special point; null for an orbit between them",
-               special(lambda s: s.kind)),
-        column(branch.name, pa.float64(), parameter.unit or "1", parameter.description,
-               either(branch.values, lambda s: s.value)),
-        column("width", pa.float64(), parameter.unit or "1", "of the interval that holds the special point",
-               special(lambda s: s.width)),
-        column("turns", pa.int64(), "1", "of the crank, after which the motion repeats itself", lambda _: branch.turns),
-        column("mean_speed", pa.float64(), "m/s", "of the body, forwards positive",
-               either(branch.mean_speeds, lambda s: s.mean_speed)),
-        column("stable", pa.bool_(), "1", "whether small disturbances die out; null for a special point",
-               either(branch.stable, lambda _: None)),
-        column("multipliers_real", NUMBERS, "1", "Floquet multipliers, the largest first",
-               either(multipliers.real, lambda s: s.multipliers.real.tolist())),
-        column("multipliers_imag", NUMBERS, "1", "their imaginary parts",
-               either(multipliers.imag, lambda s: s.multipliers.imag.tolist())),
-        column("phase", pa.float64(), "rad", "crank angle at the cut", either(branch.phases, lambda s: s.phase)),
-        column("state", NUMBERS, "1", "at the cut, in units of the machine",
-               either(branch.states, lambda s: s.state.tolist())),
-        *(column(name, NUMBERS, "m/s" if name.endswith("velocity") else "m",
-                 "each time the crank passes the angle 0; null for a special point", either(values, lambda _: None))
-          for name, values in branch.strobe.items()),
-        column("change", pa.string(), "1", "of the events, at a grazing or corner",
-               special(lambda s: s.change or None)),
-        column("end", pa.string(), "1", "why the branch was not followed further; in its last row",
-               lambda row: branch.end if row is rows[-1] else None),
+        Field("kind", pa.string(), "1", "of a special point; null for an orbit between them"),
+        Field(plan.name, pa.float64(), parameter.unit or "1", parameter.description),
+        Field("width", pa.float64(), parameter.unit or "1", "of the interval that holds the special point"),
+        Field("turns", pa.int64(), "1", "of the crank, after which the motion repeats itself"),
+        Field("mean_speed", pa.float64(), "m/s", "of the body, forwards positive"),
+        Field("stable", pa.bool_(), "1", "whether small disturbances die out; null for a special point"),
+        Field("multipliers_real", NUMBERS, "1", "Floquet multipliers, the largest first"),
+        Field("multipliers_imag", NUMBERS, "1", "their imaginary parts"),
+        Field("phase", pa.float64(), "rad", "crank angle at the cut"),
+        Field("state", NUMBERS, "1", "at the cut, in units of the machine"),
+        *(Field(name, NUMBERS, "m/s" if name.endswith("velocity") else "m", each) for name in coordinates(plan.scene)),
+        Field("change", pa.string(), "1", "of the events, at a grazing or corner"),
+        Field("end", pa.string(), "1", "why the branch was not followed further; in its last row"),
     ]
+
+
+def rows_of(branch: Branch) -> list[dict]:
+    """The rows of a branch."""
+    rows: list[dict] = [{
+        branch.name: branch.values[k], "mean_speed": branch.mean_speeds[k], "stable": bool(branch.stable[k]),
+        "phase": branch.phases[k], "state": branch.states[k], **_parts(branch.multipliers[k]),
+        **{name: values[k] for name, values in branch.strobe.items()}} for k in range(len(branch))]
+    for number, special in enumerate(branch.special_points):
+        rows.insert(special.at + number, {
+            "kind": special.kind, branch.name: special.value, "width": special.width, "phase": special.phase,
+            "mean_speed": special.mean_speed, "state": special.state, **_parts(special.multipliers),
+            "change": special.change or None})
+    for row in rows:
+        row["turns"] = branch.turns
+    if rows:
+        rows[-1]["end"] = branch.end
+    return rows
+
+
+def _parts(multipliers: np.ndarray) -> dict:
+    return {"multipliers_real": multipliers.real, "multipliers_imag": multipliers.imag}
 
 
 def branch_of(table: pa.Table, name: str, names: Sequence[str]) -> Branch:
@@ -105,13 +89,6 @@ def branch_of(table: pa.Table, name: str, names: Sequence[str]) -> Branch:
         np.array([_complex(row) for row in orbits], dtype=complex).reshape(-1, n), _array(orbits, "phase"),
         _array(orbits, "state").reshape(-1, n),
         {one: _array(orbits, one).reshape(-1, turns) for one in names}, tuple(special), end)
-
-
-def _rows(branch: Branch) -> list[int | Special]:
-    rows: list[int | Special] = list(range(len(branch)))
-    for number, special in enumerate(branch.special_points):
-        rows.insert(special.at + number, special)
-    return rows
 
 
 def _array(rows: Sequence[dict[str, Any]], key: str) -> np.ndarray:
@@ -146,7 +123,7 @@ class OrbitsRun:
     """
 
     def __init__(self, plan: Plan, folder: Path, runner: Runner):
-        self._plan, self._files = plan, BranchFiles(folder, plan)
+        self._plan, self._files = plan, branch_files(folder, plan)
         self._compute = partial(runner, run_time=_RUN_TIME, methods=(plan.scene["solver.method"],))
         self._doubled: set[tuple[int, int]] = set()  # number of a branch and of its special point
         self.done: list[tuple[Task, Branch]] = []
@@ -159,7 +136,7 @@ class OrbitsRun:
         ForeignBlockError
             For files of another study.
         RuntimeError
-            When the disk is full or refuses, or a run cannot go on; what is done is kept.
+            When the disk is full or refuses, or a run cannot go on; finished branches are kept.
         """
         self._files.check_folder()
         for value, seeds in self._seeds():
@@ -172,7 +149,7 @@ class OrbitsRun:
 
     def _seeds(self) -> list[tuple[float, list[Seed]]]:
         begin = self._plan.begin
-        pieces = (Piece({self._plan.name: value}, (number,)) for number, value in enumerate(begin))
+        pieces = (Piece(number, {self._plan.name: value}, (number,)) for number, value in enumerate(begin))
         found = list[tuple[float, list[Seed]]]()
         with contextlib.closing(self._compute(partial(seeds_of_piece, self._plan), items=pieces)) as results, \
                 Progress("orbits looked for", "value", len(begin)) as progress:
@@ -191,13 +168,13 @@ class OrbitsRun:
         for number, task in missing.items():
             say("study", f"branch {number}: {task.turns} turn{'s' * (task.turns > 1)}, {task.way} from "
                          f"{self._plan.name} = {task.value:.9g}, at most {self._plan.points} orbits")
-        pieces = (Piece({self._plan.name: task.value}, (number,)) for number, task in missing.items())
+        pieces = (Piece(number, {self._plan.name: task.value}, (number,)) for number, task in missing.items())
         work = partial(branches_of_piece, self._plan, missing)
         with contextlib.closing(self._compute(work, items=pieces)) as results:
             for number, (branch,) in zip(missing, results, strict=True):
                 known[number] = branch
                 if len(branch):  # a branch that does not begin is tried again, which is soon done
-                    self._files.write(number, [branch])
+                    self._files.write(number, rows_of(branch))
         self.done += [(task, branch) for task, branch in zip(tasks, known.values(), strict=True) if branch is not None]
 
     def _read(self, number: int) -> Branch | None:

@@ -13,10 +13,9 @@ import hashlib
 import io
 import json
 import os
-from abc import ABC, abstractmethod
-from collections.abc import Callable, Generator, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Generic, NamedTuple
+from typing import Any, NamedTuple
 
 import pyarrow as pa
 import pyarrow.parquet as pq
@@ -25,7 +24,7 @@ from vibro_ros.process.front_door import say
 from vibro_ros.process.untrusted import content, is_temporary, replace_file
 from vibro_ros.simulation.provenance import software
 from vibro_ros.study.progress import Progress
-from vibro_ros.study.running.runner import Result
+from vibro_ros.study.running.runner import Results
 
 KEY, _DIGEST = b"vibro_ros", b"digest"
 NUMBERS = pa.list_(pa.field("element", pa.float64()))
@@ -37,16 +36,16 @@ class ForeignBlockError(ValueError):
     """A file that belongs to another study."""
 
 
-class Column(NamedTuple):
+class Field(NamedTuple):
     """One column of a table."""
 
     name: str
-    values: pa.Array
+    type: pa.DataType
     unit: str
     meaning: str
 
 
-class ParquetBlocks(ABC, Generic[Result]):
+class ParquetBlocks:
     """The files of a study in a folder.
 
     Parameters
@@ -57,15 +56,13 @@ class ParquetBlocks(ABC, Generic[Result]):
         All that decides what the files hold, as JSON has it.
     count : int
         Blocks.
+    fields : sequence of Field
+        The columns.
     """
 
-    def __init__(self, folder: Path, design: dict, count: int):
-        self._folder, self._count = folder, count
+    def __init__(self, folder: Path, design: dict, count: int, fields: Sequence[Field]):
+        self._folder, self._count, self._fields = folder, count, fields
         self._study = {**fingerprint(), "design": design, "blocks": count}
-
-    @abstractmethod
-    def columns(self, block: int, found: Sequence[Result]) -> list[Column]:
-        """The columns of a block, from the results of all its pieces."""
 
     def path(self, block: int) -> Path:
         """The file of a block."""
@@ -81,9 +78,9 @@ class ParquetBlocks(ABC, Generic[Result]):
                 raise ForeignBlockError(f"{self._folder / name}: is no block of this study; give another --output, or "
                                         "delete that folder")
 
-    def write(self, block: int, found: Sequence[Result]) -> pa.Table:
+    def write(self, block: int, rows: Sequence[dict]) -> pa.Table:
         """Put a block on the disk, in the place of an older file (RuntimeError with the remedy); returns its table."""
-        table = table_of(self.columns(block, found))
+        table = table_of(rows, self._fields)
         document = self._document(block)
         table = table.replace_schema_metadata({KEY: document, _DIGEST: _digest(document, table)})
         try:
@@ -137,7 +134,7 @@ def _digest(document: bytes, table: pa.Table) -> bytes:
     return hashlib.sha256(document + repr((columns, table.to_pylist())).encode()).hexdigest().encode()
 
 
-class BlockRun(Generic[Result]):
+class BlockRun:
     """The blocks of a study in a folder that nobody else writes into.
 
     Parameters
@@ -146,8 +143,10 @@ class BlockRun(Generic[Result]):
         What is done, for the lines that say how far it is.
     blocks : ParquetBlocks
         The files.
-    rows : sequence of int
-        Rows of each block.
+    sizes : sequence of int
+        Results of each block.
+    rows_of : callable, optional
+        The rows of a result; without it, a result is a row.
 
     Attributes
     ----------
@@ -155,22 +154,23 @@ class BlockRun(Generic[Result]):
         The blocks that are done.
     """
 
-    def __init__(self, what: str, blocks: ParquetBlocks[Result], rows: Sequence[int]):
-        self._what, self._blocks, self._rows = what, blocks, rows
+    def __init__(self, what: str, blocks: ParquetBlocks, sizes: Sequence[int],
+                 rows_of: Callable[[Any], Sequence[dict]] = lambda row: [row]):
+        self._what, self._blocks, self._sizes, self._rows_of = what, blocks, sizes, rows_of
         self.tables: dict[int, pa.Table] = {}
 
     @property
     def whole(self) -> pa.Table:
         """All blocks as one table, once they are done."""
-        return pa.concat_tables([self.tables[block].replace_schema_metadata() for block in range(len(self._rows))])
+        return pa.concat_tables([self.tables[block].replace_schema_metadata() for block in range(len(self._sizes))])
 
-    def do(self, compute: Callable[[list[int]], Generator[Result, None, None]]) -> None:
+    def do(self, compute: Callable[[list[int]], Results]) -> None:
         """Read the blocks that are there, and compute the others.
 
         Parameters
         ----------
         compute : callable
-            Gives, for the numbers of blocks, the results of their pieces, in order.
+            Gives, for the numbers of blocks, lists of their results, in order.
 
         Raises
         ------
@@ -182,31 +182,30 @@ class BlockRun(Generic[Result]):
             When the disk is full or refuses, or the runs cannot go on; finished blocks are kept.
         """
         self._blocks.check_folder()
-        with Progress("blocks checked", "block", len(self._rows)) as progress:
-            for block in range(len(self._rows)):
+        with Progress("blocks checked", "block", len(self._sizes)) as progress:
+            for block in range(len(self._sizes)):
                 table = self._blocks.read(block)
                 if table is not None:
                     self.tables[block] = table
                 progress.add(1)
-        missing = [block for block in range(len(self._rows)) if block not in self.tables]
-        done = sum(self._rows[block] for block in self.tables)
+        missing = [block for block in range(len(self._sizes)) if block not in self.tables]
+        done = sum(self._sizes[block] for block in self.tables)
         with contextlib.closing(compute(missing)) as results, \
-                Progress(self._what, "run", sum(self._rows), done) as progress:
+                Progress(self._what, "run", sum(self._sizes), done) as progress:
             for block in missing:
-                found: list[Result] = []
-                left = self._rows[block]
-                while left:
-                    found.append(next(results))
-                    left -= len(found[-1])
-                    progress.add(len(found[-1]))
-                self.tables[block] = self._blocks.write(block, found)
+                found: list = []
+                while len(found) < self._sizes[block]:
+                    some = next(results)
+                    found += some
+                    progress.add(len(some))
+                self.tables[block] = self._blocks.write(block, [row for one in found for row in self._rows_of(one)])
 
 
-def table_of(columns: Sequence[Column]) -> pa.Table:
-    """A table whose fields say units and meanings."""
-    schema = pa.schema([pa.field(one.name, one.values.type, metadata={"unit": one.unit, "meaning": one.meaning})
-                        for one in columns])
-    return pa.Table.from_arrays([one.values for one in columns], schema=schema)
+def table_of(rows: Sequence[dict], fields: Sequence[Field]) -> pa.Table:
+    """A table whose schema says units and meanings."""
+    schema = pa.schema([pa.field(one.name, one.type, metadata={"unit": one.unit, "meaning": one.meaning})
+                        for one in fields])
+    return pa.Table.from_pylist(list(rows), schema)
 
 
 def file_of(table: pa.Table) -> bytes:

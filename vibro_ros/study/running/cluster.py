@@ -6,14 +6,14 @@ afterwards which rows it made.
 
 import threading
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 
 from distributed import CancelledError, Client, Future, KilledWorker
 
 from vibro_ros.process.front_door import say
 from vibro_ros.simulation.preparation import provide_kernels
 from vibro_ros.study.running.blocks import computes_with
-from vibro_ros.study.running.runner import Piece, Result, Results, tasks
+from vibro_ros.study.running.runner import Piece, Results, Work, tasks
 
 # Robot time [s] of a task's runs, half a second of work, and most rows of a task: a scheduler hands out some thousand
 # tasks a second.
@@ -23,8 +23,8 @@ _PATIENCE = "10s"  # to find the scheduler
 _one_at_a_time = threading.Lock()
 
 
-def run_on_cluster(address: str, work: Callable[[Piece], Result], run_time: float, methods: Sequence[str],
-                   items: Iterator[Piece]) -> Results[Result]:
+def run_on_cluster(address: str, work: Work, run_time: float, methods: Sequence[str],
+                   items: Iterator[Piece]) -> Results:
     """The results of all pieces, in order, as `Runner` has it, from the scheduler at ``tcp://host:8786`` or the like.
 
     Raises
@@ -77,7 +77,7 @@ def _prepare(methods: Sequence[str]) -> None:
             provide_kernels(method)
 
 
-def _run(work: Callable[[Piece], Result], task: Sequence[Piece]) -> tuple[dict[str, str], list[Result]]:
+def _run(work: Work, task: Sequence[Piece]) -> tuple[dict[str, str], list[list]]:
     """Do a task; a worker's threads take turns, because a device is for one thread."""
     with _one_at_a_time:
         return computes_with(), [work(piece) for piece in task]

@@ -2,10 +2,10 @@
 
 import itertools
 from collections import deque
-from collections.abc import Callable, Generator, Iterator, Sized
+from collections.abc import Callable, Generator, Iterator
 from dataclasses import dataclass
 from functools import partial
-from typing import Protocol, TypeVar, cast
+from typing import Protocol, cast
 
 from vibro_ros.model.parameters import Value
 from vibro_ros.simulation.preparation import prepare_kernels
@@ -18,8 +18,7 @@ MOST_DEATHS = 3
 # Robot time [s] of the runs that a process gets at a time, some hundredths of a second of work, and most of them.
 _TASK_TIME, _TASK_ROWS = 64.0, 64
 
-Result = TypeVar("Result", bound=Sized)
-Results = Generator[Result, None, None]
+Results = Generator[list, None, None]
 
 
 @dataclass(frozen=True)
@@ -28,27 +27,33 @@ class Piece:
 
     Attributes
     ----------
+    number : int
+        By which the study knows the piece.
     changes : dict
         Values of the parameters that vary.
     starts : tuple of (int or None)
         Numbers of the starts.
     """
 
+    number: int
     changes: dict[str, Value]
     starts: tuple[int | None, ...]
+
+
+Work = Callable[[Piece], list]
+"""Runs a piece, and returns as many results as it has starts; other processes get it pickled."""
 
 
 class Runner(Protocol):
     """Who computes."""
 
-    def __call__(self, work: Callable[[Piece], Result], run_time: float, methods: tuple[str, ...],
-                 items: Iterator[Piece]) -> Results[Result]:
+    def __call__(self, work: Work, run_time: float, methods: tuple[str, ...], items: Iterator[Piece]) -> Results:
         """The results of all pieces, in order.
 
         Parameters
         ----------
-        work : callable
-            Runs a piece, and returns as many rows as it has starts; other processes get it pickled.
+        work : Work
+            What is done with each piece.
         run_time : float
             Robot time of a run [s], about.
         methods : tuple of str
@@ -60,8 +65,7 @@ class Runner(Protocol):
 
 def on_this_machine(workers: int) -> Runner:
     """A runner with so many processes."""
-    def run(work: Callable[[Piece], Result], run_time: float, methods: tuple[str, ...],
-            items: Iterator[Piece]) -> Results[Result]:
+    def run(work: Work, run_time: float, methods: tuple[str, ...], items: Iterator[Piece]) -> Results:
         for method in methods:
             prepare_kernels("study", method)
         return _in_local_processes(work, tasks(items, run_time, _TASK_TIME, _TASK_ROWS), workers)
@@ -84,8 +88,7 @@ def tasks(items: Iterator[Piece], run_time: float, time: float, most: int) -> It
         yield tuple(task)
 
 
-def _in_local_processes(work: Callable[[Piece], Result], given: Iterator[tuple[Piece, ...]],
-                        workers: int) -> Results[Result]:
+def _in_local_processes(work: Work, given: Iterator[tuple[Piece, ...]], workers: int) -> Results:
     """The results of all pieces, in order; a process that is killed is replaced, and its work done again.
 
     Raises
@@ -110,7 +113,7 @@ def _in_local_processes(work: Callable[[Piece], Result], given: Iterator[tuple[P
                 if isinstance(job.error, WorkerError):
                     deaths += 1
                     break
-                found = cast(list[Result], job.outcome())
+                found = cast(list[list], job.outcome())
                 under_way.popleft()
                 deaths = 0
                 yield from found
@@ -118,10 +121,11 @@ def _in_local_processes(work: Callable[[Piece], Result], given: Iterator[tuple[P
                 return
         finally:
             jobs.close()
-    changes = ", ".join(f"{name} = {value}" for name, value in under_way[0][0].changes.items())
-    raise RuntimeError(f"{MOST_DEATHS} processes ended at or after {changes}, perhaps for want of memory; finished "
+    last = under_way[0][0]
+    where = ", ".join(f"{name} = {value}" for name, value in last.changes.items()) or f"piece {last.number}"
+    raise RuntimeError(f"{MOST_DEATHS} processes ended at or after {where}, perhaps for want of memory; finished "
                        "work is kept. Give fewer --workers and the same command again")
 
 
-def _all_of(work: Callable[[Piece], Result], task: tuple[Piece, ...]) -> list[Result]:
+def _all_of(work: Work, task: tuple[Piece, ...]) -> list[list]:
     return [work(piece) for piece in task]

@@ -91,7 +91,7 @@ class Design:
             raise ValueError(f"{self.points} points from {max(self.starts, 1)} starts each are more than {MOST_RUNS} "
                              "runs; give fewer")
         if self.scene["motor.speed"] == 0.0 and "motor.speed" not in self.names:
-            raise ValueError(f"motor.speed: 0 in {self.scene.name}, where the motor stands until it is told to turn; "
+            raise ValueError(f"motor.speed: 0 in {self.scene.name}, where the motor stands until a command; "
                              "give --set motor.speed=100")
 
     @property
@@ -280,8 +280,8 @@ def design_of(file: Mapping[str, Any], words: Mapping[str, Any]) -> Design:
     """
     said = {**DEFAULTS, **file, **words}
     for key, other in (("set", "vary"), ("vary", "set")):
-        kept = {name: value for name, value in file.get(key, {}).items() if name not in words.get(other, {})}
-        said[key] = {**kept, **words.get(key, {})}
+        left = {name: value for name, value in file.get(key, {}).items() if name not in words.get(other, {})}
+        said[key] = {**left, **words.get(key, {})}
     for name in said["set"]:
         if name in said["vary"]:
             raise ValueError(f"{name}: is set and varied; keep one")
