@@ -1,14 +1,10 @@
-"""How far a study is, and how long it will take; jobs on all cores that say so."""
+"""How far a study is, and how long it will take."""
 
 import time
-from collections.abc import Callable, Sequence
-from typing import TypeVar, cast
 
 from tqdm import tqdm
 
 from vibro_ros.process.front_door import say
-from vibro_ros.simulation.preparation import provide_kernels
-from vibro_ros.simulation.processes import core_count, in_processes
 
 _LINES = 10.0  # s between lines that say how far it is, where no bar can be drawn
 _DELAY = 2.0  # s before a bar is drawn
@@ -50,23 +46,3 @@ class Progress:
             self._said = now
 
 
-Item = TypeVar("Item")
-Result = TypeVar("Result")
-
-
-def computed(function: Callable[[Item], Result], items: Sequence[Item], what: str) -> list[Result]:
-    """Results of `function` for `items`, in their order; `what` names them on stderr.
-
-    Raises
-    ------
-    Exception
-        The first error of `function`; no process is left behind.
-    """
-    provide_kernels("exact")  # once for all that are forked
-    jobs = in_processes(function, items, min(core_count(), len(items)) or 1)
-    results: list[Result] = []
-    with Progress(what, "job", len(items)) as progress:
-        for job in jobs:
-            results.append(cast(Result, job.outcome()))
-            progress.add(1)
-    return results

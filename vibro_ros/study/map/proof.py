@@ -16,8 +16,10 @@ from vibro_ros.accuracy.starts import started
 from vibro_ros.configuration.command_choice import Choice, CommandChoice, has_choice
 from vibro_ros.configuration.command_map import CommandMap
 from vibro_ros.orbits.turn_map import TURN
+from vibro_ros.simulation.preparation import provide_kernels
+from vibro_ros.simulation.processes import core_count, in_processes
 from vibro_ros.study.map.design import MapDesign
-from vibro_ros.study.progress import computed
+from vibro_ros.study.progress import Progress
 
 PROOFS, QUICK_PROOFS = 185, 16
 """Mean speeds that are tried, equally spaced over what a map offers, or a quick one."""
@@ -67,11 +69,15 @@ def proved(command_map: CommandMap, design: MapDesign, count: int) -> tuple[Comm
     offered = CommandChoice(command_map)
     asked = np.linspace(offered.slowest, offered.fastest, count).tolist()
     done: dict[tuple[float, ...], Trial] = {}
+    provide_kernels("exact")  # once for all that are forked
     while True:
         choices = _choices(command_map, asked)
         new = [one for one in choices if _key(*one) not in done]
-        for trial in computed(partial(_trial, design), new, "commands tried"):
-            done[_key(trial.asked, trial.choice)] = trial
+        with Progress("commands tried", "job", len(new)) as progress:
+            for job in in_processes(partial(_trial, design), new, min(core_count(), len(new)) or 1):
+                trial = job.outcome()
+                done[_key(trial.asked, trial.choice)] = trial
+                progress.add(1)
         failed = [trial for trial in done.values()
                   if trial.error > MET and command_map.found.sure[list(trial.choice.rows)].all()]
         if not failed:
