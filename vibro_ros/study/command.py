@@ -122,21 +122,20 @@ def locked(folder: Path) -> Iterator[None]:
     except OSError as error:
         raise ValueError(f"{folder}: {error.strerror}; give an --output that can be written") from error
     try:
-        lock(descriptor, folder)
+        _lock(descriptor, folder)
         yield
     finally:
         os.close(descriptor)
 
 
-def lock(descriptor: int, path: Path) -> None:
-    """Keep other studies from an open file or folder for as long as it is open (ValueError when another has it)."""
+def _lock(descriptor: int, folder: Path) -> None:
     deadline = time.monotonic() + _PATIENCE
     while True:
         try:
             return fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
             if time.monotonic() > deadline:
-                raise ValueError(f"{path}: another study writes here; wait for its end, or give another "
+                raise ValueError(f"{folder}: another study writes here; wait for its end, or give another "
                                  "--output") from None
         except OSError:
             return

@@ -171,7 +171,7 @@ def test_everything_is_written(folder):
     ("--vary crank.radius=a:b", "'a' is not a number"),
     ("--fix guide.angle=7", "guide.angle: 7 is out of range"),
     ("--fix guide.angle=x", "--fix guide.angle=x: 'x' is not a number"),
-    ("--output /dev/null/x", "/dev/null/x: Not a directory; give a writable --output"),
+    ("--output /dev/null/x", "/dev/null/x: Not a directory; give an --output that can be written"),
 ])
 def test_bad_words_are_one_line(capsys, words, said):
     assert command.main(words.split()) == 2

@@ -13,7 +13,7 @@ from vibro_ros.model.scene import Scene
 from vibro_ros.process.front_door import Parser
 from vibro_ros.simulation.preparation import prepare_kernels
 from vibro_ros.simulation.processes import core_count
-from vibro_ros.study.command import run_study, settings_of, study_parser, write_files
+from vibro_ros.study.command import locked, run_study, settings_of, study_parser, write_files
 from vibro_ros.study.optimise.plan import DIRECTIONS, FRONT, OBJECTIVES, POWERS, QUICK, Effort, Plan, Reading
 from vibro_ros.study.optimise.result import Result, result_file, scene_file, studied
 from vibro_ros.study.optimise.search import METHODS, Candidates
@@ -33,13 +33,10 @@ def main(words: Sequence[str]) -> int:
 
 def _optimise(options: argparse.Namespace) -> int:
     plan, folder = plan_of(options), options.output
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise ValueError(f"{error.filename}: {error.strerror}; give a writable --output") from error
     prepare_kernels("study", plan.space.scene["solver.method"])
-    result, candidates = studied(plan, folder / RECORD, options.workers)
-    write_files(folder, files_of(result, candidates))
+    with locked(folder):
+        result, candidates = studied(plan, folder / RECORD, options.workers)
+        write_files(folder, files_of(result, candidates))
     print(folder / RECORD)
     return 0
 

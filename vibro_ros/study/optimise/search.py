@@ -16,7 +16,6 @@ from scipy.optimize import differential_evolution
 
 from vibro_ros.model.scene import Scene
 from vibro_ros.process.untrusted import content, opened, replace_file, write_all
-from vibro_ros.study.command import lock
 from vibro_ros.study.optimise.plan import CHOOSING, FAILED, POWERS, Plan, Trials, values_of_many
 from vibro_ros.study.optimise.space import Space
 from vibro_ros.study.progress import Progress
@@ -38,7 +37,7 @@ class Record:
     Raises
     ------
     ValueError
-        If the file is another search's, no record at all, damaged before its end, or in use.
+        If the file is another search's, no record at all, or damaged before its end.
     OSError
         If it cannot be read or written.
     """
@@ -49,16 +48,10 @@ class Record:
             replace_file(path, self._head)
         self._descriptor = opened(path, os.O_RDWR | os.O_APPEND, follow=False)
         try:
-            lock(self._descriptor, path)
             self._groups = self._read()
         except BaseException:
             os.close(self._descriptor)
             raise
-
-    @property
-    def evaluations(self) -> int:
-        """Number of candidates in the groups that it held when it was opened."""
-        return sum(len(points) for points, _ in self._groups)
 
     def recorded(self, number: int, points: np.ndarray) -> np.ndarray | None:
         """Values of the group `number`, from 0, which has to be of `points`; None if there is no such group.
@@ -84,7 +77,7 @@ class Record:
         os.fdatasync(self._descriptor)
 
     def close(self) -> None:
-        """Let another search have the file."""
+        """Close the file."""
         os.close(self._descriptor)
 
     def _read(self) -> list[tuple[np.ndarray, np.ndarray]]:

@@ -31,13 +31,12 @@ _DIRECTIONS = {"either": "in either direction", "forward": "forwards only", "bac
 _ENDS = {"low": "lower", "high": "upper", "": ""}
 
 
-def table(heads: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    """A table in Markdown."""
+def _table(heads: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
     lines = [f"| {' | '.join(heads)} |", "|---" * len(heads) + "|"]
     return "\n".join([*lines, *(f"| {' | '.join(row)} |" for row in rows)])
 
 
-def number(value: float) -> str:
+def _number(value: float) -> str:
     """`value` to three digits; a dash for what is no number."""
     if not math.isfinite(value):
         return "-"
@@ -45,23 +44,23 @@ def number(value: float) -> str:
     return f"{float(text):.0f}" if 1e3 <= abs(float(text)) < 1e6 else text
 
 
-def with_spread(found: Average | None, factor: float = 1.0) -> str:
+def _with_spread(found: Average | None, factor: float = 1.0) -> str:
     """Mean ± half the 95 % interval, times `factor`."""
     if found is None or not math.isfinite(found.mean):
         return "-"
-    return f"{number(factor * found.mean)} ± {factor * found.spread:.2g}"
+    return f"{_number(factor * found.mean)} ± {factor * found.spread:.2g}"
 
 
 def document(result: Result) -> str:
     """The summary of a search."""
-    parts = [f"# {title(result.plan)}", question(result), verdict(result),
-             "## Parameters", bounds_in_words(result), parameters_table(result),
-             "## Verification", verification_in_words(result), verification_table(result.verified),
-             "## Motion and energy", behaviour_in_words(result.behaviour), energy_table(result.behaviour),
-             "## Neighbourhood", neighbourhood_in_words(result.around), sensitivity_table(result.around)]
+    parts = [f"# {title(result.plan)}", _question(result), _verdict(result),
+             "## Parameters", _bounds_in_words(result), _parameters_table(result),
+             "## Verification", _verification_in_words(result), _verification_table(result.verified),
+             "## Motion and energy", _behaviour_in_words(result.behaviour), _energy_table(result.behaviour),
+             "## Neighbourhood", _neighbourhood_in_words(result.around), _sensitivity_table(result.around)]
     if result.front:
-        parts += ["## Speed against cost of transport", front_in_words(result.front, result.verified[:3]),
-                  front_table(result.front)]
+        parts += ["## Speed against cost of transport", _front_in_words(result.front, result.verified[:3]),
+                  _front_table(result.front)]
     return "\n\n".join(parts) + "\n"
 
 
@@ -71,10 +70,9 @@ def title(plan: Plan) -> str:
     return f"Optimum: {what}, scene {plan.space.scene.name}"
 
 
-def question(result: Result) -> str:
-    """Objective, power, score and effort, in sentences."""
+def _question(result: Result) -> str:
     plan, trials = result.plan, result.plan.effort.trials
-    floor = f" A robot slower than {number(plan.least_speed * 1e3)} mm/s does not count." if plan.least_speed else ""
+    floor = f" A robot slower than {_number(plan.least_speed * 1e3)} mm/s does not count." if plan.least_speed else ""
     how = "CMA-ES, one weight of speed and cost after the other," if plan.objective == FRONT else _METHODS[plan.method]
     return (f"P is mean mechanical power: {POWER[plan.reading.power]}. {how} tried {result.robots} robots, each "
             f"from the same {trials.starts} drawn starts over {trials.duration:g} s after {trials.settling:g} s. The "
@@ -82,25 +80,25 @@ def question(result: Result) -> str:
             f"starts must agree.{floor}")
 
 
-def verdict(result: Result) -> str:
+def _verdict(result: Result) -> str:
     """The optimum against the paper's under the same reading, in one sentence a quantity."""
     best, paper = (next(row for row in result.verified if row.robot == robot) for robot in (OPTIMUM, PAPER))
-    speeds = (f"The optimum goes at {with_spread(best.speed, 1e3)} mm/s, the paper's optimum (φ = 80°, m3 = 0.02 kg, "
-              f"l = 0.06 m) at {with_spread(paper.speed, 1e3)} mm/s: {_beats(paper.margin, 1e3, 'mm/s')}.")
+    speeds = (f"The optimum goes at {_with_spread(best.speed, 1e3)} mm/s, the paper's optimum (φ = 80°, m3 = 0.02 kg, "
+              f"l = 0.06 m) at {_with_spread(paper.speed, 1e3)} mm/s: {_beats(paper.margin, 1e3, 'mm/s')}.")
     if not math.isfinite(best.cost):
         return speeds
-    return (f"{speeds} Its V/P is {with_spread(best.ratio)} m/J against {with_spread(paper.ratio)} m/J: "
+    return (f"{speeds} Its V/P is {_with_spread(best.ratio)} m/J against {_with_spread(paper.ratio)} m/J: "
             f"{_beats(paper.ratio_margin, 1.0, 'm/J')}.")
 
 
 def _beats(margin: Average | None, factor: float, unit: str) -> str:
     if margin is None or not abs(margin.mean) > margin.spread:
-        return f"no difference beyond noise ({with_spread(margin, factor)} {unit})"
+        return f"no difference beyond noise ({_with_spread(margin, factor)} {unit})"
     more = "more" if margin.mean > 0.0 else "LESS"
-    return f"{number(factor * abs(margin.mean))} ± {factor * margin.spread:.2g} {unit} {more}"
+    return f"{_number(factor * abs(margin.mean))} ± {factor * margin.spread:.2g} {unit} {more}"
 
 
-def bounds_in_words(result: Result) -> str:
+def _bounds_in_words(result: Result) -> str:
     """Which parameters of the optimum lie on a bound, and what the score would gain beyond it."""
     ends = {variable.name: end for variable, end in zip(result.plan.space.variables, result.on_bound, strict=True)
             if end}
@@ -114,89 +112,83 @@ def bounds_in_words(result: Result) -> str:
             f"the robot's: {listed}. {100 * PERTURBATION:g} % beyond, {beyond}.")
 
 
-def parameters_table(result: Result) -> str:
+def _parameters_table(result: Result) -> str:
     """Each varied parameter: optimum, paper's value, bounds with reasons, and the bound that the optimum lies on."""
     rows = []
     for variable, end in zip(result.plan.space.variables, result.on_bound, strict=True):
         parameter = BY_NAME[variable.name]
-        rows.append([f"`{variable.name}`", variable.symbol, number(result.optimum[variable.name]),
-                     number(parameter.default), parameter.unit,
-                     f"{number(variable.low)} to {number(variable.high)}{', log' if variable.logarithmic else ''}",
+        rows.append([f"`{variable.name}`", variable.symbol, _number(result.optimum[variable.name]),
+                     _number(parameter.default), parameter.unit,
+                     f"{_number(variable.low)} to {_number(variable.high)}{', log' if variable.logarithmic else ''}",
                      _ENDS[end], variable.reason])
-    return table(["parameter", "symbol", "optimum", "paper", "unit", "bounds", "on bound", "why these bounds"], rows)
+    return _table(["parameter", "symbol", "optimum", "paper", "unit", "bounds", "on bound", "why these bounds"], rows)
 
 
-def verification_in_words(result: Result) -> str:
-    """How the table below was made."""
+def _verification_in_words(result: Result) -> str:
     trials = result.plan.effort.verifying
     return (f"{trials.starts} drawn starts that the search has not seen, {trials.duration:g} s each after "
             f"{trials.settling:g} s; mean ± half the 95 % interval. A margin is the optimum less the robot of the row, "
             "start by start.")
 
 
-def verification_table(rows: Sequence[Verified]) -> str:
-    """Every robot under every reading."""
-    return table(
+def _verification_table(rows: Sequence[Verified]) -> str:
+    return _table(
         ["reading", "robot", "speed [mm/s]", "same way from all starts", "P net [W]", "P delivered [W]", "V/P [m/J]",
          "cost of transport", "margin of speed [mm/s]", "margin of V/P [m/J]"],
-        ([row.reading, row.robot, with_spread(row.speed, 1e3), "yes" if row.agree else "no", with_spread(row.power),
-          with_spread(row.delivered), with_spread(row.ratio) if math.isfinite(row.cost) else "-", number(row.cost),
-          with_spread(row.margin, 1e3), with_spread(row.ratio_margin) if math.isfinite(row.cost) else "-"]
+        ([row.reading, row.robot, _with_spread(row.speed, 1e3), "yes" if row.agree else "no", _with_spread(row.power),
+          _with_spread(row.delivered), _with_spread(row.ratio) if math.isfinite(row.cost) else "-", _number(row.cost),
+          _with_spread(row.margin, 1e3), _with_spread(row.ratio_margin) if math.isfinite(row.cost) else "-"]
          for row in rows))
 
 
-def behaviour_in_words(found: Behaviour) -> str:
-    """How the robot moves from one start."""
+def _behaviour_in_words(found: Behaviour) -> str:
     seen = found.measures
-    sides = " and ".join(f"the {side} mass {number(seen[f'{side}_impacts'])} times a turn with up to "
-                         f"{number(seen[f'{side}_peak_force'])} N" for side in ("upper", "inclined"))
+    sides = " and ".join(f"the {side} mass {_number(seen[f'{side}_impacts'])} times a turn with up to "
+                         f"{_number(seen[f'{side}_peak_force'])} N" for side in ("upper", "inclined"))
     return (f"From one start {sides} strike their plates; the body is in the air for {100 * seen['air_share']:.0f} % "
             f"of the time and stands still for {100 * seen['stick_share']:.0f} %.")
 
 
-def energy_table(found: Behaviour) -> str:
-    """Where the energy comes from and goes, from one start."""
-    return table(["energy from one start", "mean power [W]"],
-                 ([words, number(found.powers[name])] for name, words in ACCOUNTS.items() if name in found.powers))
+def _energy_table(found: Behaviour) -> str:
+    return _table(["energy from one start", "mean power [W]"],
+                 ([words, _number(found.powers[name])] for name, words in ACCOUNTS.items() if name in found.powers))
 
 
-def neighbourhood_in_words(around: Neighbourhood) -> str:
-    """How robust the optimum is."""
+def _neighbourhood_in_words(around: Neighbourhood) -> str:
     worst = min((min(one.lower, one.upper), one.name) for one in around.sensitivities)
     return (f"Of {around.robots} robots within {100 * PERTURBATION:g} % in every parameter at once, half keep at least "
             f"{100 * around.median:.0f} % of the optimum's score and 95 % keep {100 * around.poorest:.0f} %. Alone, "
             f"`{worst[1]}` costs most: {100 * worst[0]:.0f} % are left.")
 
 
-def sensitivity_table(around: Neighbourhood) -> str:
-    """Each parameter: perturbed alone, and Sobol's indices."""
+def _sensitivity_table(around: Neighbourhood) -> str:
     shift = f"{100 * PERTURBATION:g} %"
-    return table(
+    return _table(
         ["parameter", f"score at -{shift}", f"score at +{shift}", "first-order index", "total index"],
-        ([f"`{one.name}`", number(one.lower), number(one.upper), f"{one.first:.2f} ± {one.first_spread:.2f}",
+        ([f"`{one.name}`", _number(one.lower), _number(one.upper), f"{one.first:.2f} ± {one.first_spread:.2f}",
           f"{one.total:.2f} ± {one.total_spread:.2f}"]
          for one in sorted(around.sensitivities, key=lambda one: -one.total)))
 
 
-def front_in_words(front: Sequence[FrontRobot], rows: Sequence[Verified]) -> str:
+def _front_in_words(front: Sequence[FrontRobot], rows: Sequence[Verified]) -> str:
     """From where to where a front reaches, and what of it is faster and cheaper than the paper's robots."""
-    text = (f"The front reaches from {number(1e3 * front[0].speed)} mm/s at a cost of transport of "
-            f"{number(front[0].cost)} to {number(1e3 * front[-1].speed)} mm/s at {number(front[-1].cost)}.")
+    text = (f"The front reaches from {_number(1e3 * front[0].speed)} mm/s at a cost of transport of "
+            f"{_number(front[0].cost)} to {_number(1e3 * front[-1].speed)} mm/s at {_number(front[-1].cost)}.")
     for row in rows:
         better = [one for one in front if one.speed > row.speed.mean + row.speed.spread and one.cost < row.cost]
         if row.robot != OPTIMUM and better:
-            text += (f" Against the {row.robot}, {number(1e3 * row.speed.mean)} mm/s at {number(row.cost)}, it has "
-                     f"{number(1e3 * better[0].speed)} mm/s at {number(better[0].cost)}.")
+            text += (f" Against the {row.robot}, {_number(1e3 * row.speed.mean)} mm/s at {_number(row.cost)}, it has "
+                     f"{_number(1e3 * better[0].speed)} mm/s at {_number(better[0].cost)}.")
     return text
 
 
-def front_table(front: Sequence[FrontRobot]) -> str:
+def _front_table(front: Sequence[FrontRobot]) -> str:
     """Robots of which none is both faster and cheaper than another."""
-    return table(["speed [mm/s]", "cost of transport", "P [W]", "V/P [m/J]", "motor speed [rad/s]", "crank [mm]",
+    return _table(["speed [mm/s]", "cost of transport", "P [W]", "V/P [m/J]", "motor speed [rad/s]", "crank [mm]",
                   "guide angle [°]", "inclined mass [kg]"],
-                 ([number(1e3 * one.speed), number(one.cost), number(one.power), number(one.speed / one.power),
-                   number(one.robot["motor.speed"]), number(1e3 * one.robot["crank.radius"]),
-                   number(math.degrees(one.robot["guide.angle"])), number(one.robot["mass.inclined"])]
+                 ([_number(1e3 * one.speed), _number(one.cost), _number(one.power), _number(one.speed / one.power),
+                   _number(one.robot["motor.speed"]), _number(1e3 * one.robot["crank.radius"]),
+                   _number(math.degrees(one.robot["guide.angle"])), _number(one.robot["mass.inclined"])]
                   for one in front))
 
 
