@@ -66,7 +66,7 @@ def test_a_port_that_is_taken_is_said_with_the_remedy(tmp_path, domain_id):
     (["--address", "192.0.2.1", "--port", "0"], "--address 192.0.2.1: nothing can listen there"),
     (["--robot", "1bad", "--port", "0"], "--robot 1bad: no node's name; give one such as /r1/vibro_robot"),
     (["--port", "0", "--ros-args", "-p", "robt:=x"], "robt: unknown parameter; did you mean robot?"),
-    (["--port", "0", "--ros-args", "-r", "odom"], "-r odom: not a rule"),
+    (["--port", "0", "--ros-args", "-r", "odom"], "ROS refuses the arguments: Couldn't parse remap rule: '-r odom'"),
 ])
 def test_what_is_wrong_is_one_line(tmp_path, domain_id, words, line):
     ended = run(tmp_path, *words)
