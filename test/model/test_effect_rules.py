@@ -4,8 +4,10 @@ import re
 from pathlib import Path
 
 import vibro_ros.model.modes
+from vibro_ros.model.energy import ACCOUNTS
 from vibro_ros.model.ground import GROUND_FORCES, GROUND_STATES, Ground
 from vibro_ros.model.modes import MODE_EVENTS
+from vibro_ros.model.support import SUPPORT
 
 ROOT = Path(__file__).resolve().parents[2]
 PLACES = vibro_ros.model.modes.__doc__.partition("Places of a new effect")[2]
@@ -28,7 +30,13 @@ def test_the_places_exist():
             assert re.search(rf"\b{part}\b", sources), name
 
 
-def test_every_force_of_the_ground_has_its_law_and_every_event_of_a_state_its_number():
-    assert all(callable(getattr(Ground, force.name)) for force in GROUND_FORCES)
+def test_every_force_of_the_ground_has_its_law_its_parameter_and_its_place_in_the_documents():
+    text = (ROOT / "docs/robot.md").read_text(encoding="utf-8")
+    for force in GROUND_FORCES:
+        assert callable(getattr(Ground, force.name)) and force.parameter in SUPPORT
+        assert force.symbol in text and force.parameter in text and force.account in ("", *ACCOUNTS)
+
+
+def test_every_event_of_a_state_of_the_ground_is_a_kind_of_event():
     events = {event for state in GROUND_STATES.values() for event in (state.begins, state.ends) if event}
     assert events == set(MODE_EVENTS)

@@ -41,9 +41,9 @@ class _Description:
         self._builder = ModeBuilder(scene)
         self._symbols = Symbols(self._model.forms)
         self._ground = self._builder.ground
-        self._has_friction = self._ground.has_dry_friction
+        self._has_dry_friction = self._ground.has_dry_friction
         # Without dry friction the states only say whether the body is on the ground.
-        self._friction_name = "friction" if self._has_friction else "ground"
+        self._friction_name = "friction" if self._has_dry_friction else "ground"
 
     def states(self) -> Iterator[str]:
         """One line for each coordinate, and one for a body that does not move."""
@@ -83,9 +83,9 @@ class _Description:
             upwards = self._scene.total_mass * self._model.system.acceleration[:, forms.height]
             yield from self._with_remark(f"{self._scene.total_mass:g} y'' = ", self._texts(upwards, "airborne"),
                                          "while airborne, else 0")
-        if self._has_friction or forms.body_hops:
+        if self._has_dry_friction or forms.body_hops:
             yield from self._normal_force()
-        if self._has_friction:
+        if self._has_dry_friction:
             yield from self._friction_force()
 
     def _texts(self, rows: np.ndarray, friction: str | None = None) -> dict[tuple[str, ...], str]:
@@ -232,7 +232,7 @@ class _Description:
             rigid = f"rigid, restitution {scene[f'{contact.side}.plate.restitution']:g}"
             kind = rigid if "resting" in contact.states else "compliant"
             words.append(f"{contact.side} contact, {kind}" + ", without tension" * ("released" in contact.states))
-        if self._has_friction:
+        if self._has_dry_friction:
             words.append(f"{scene['effects.friction']} friction, normal force {scene['effects.normal_force']}")
         words += ["the body leaves the ground"] * forms.body_hops
         words += ["reaction on the masses"] * (scene["effects.reaction"] and (forms.body_moves or forms.body_hops))
