@@ -34,6 +34,9 @@ _TIME_CONSTANTS = 40.0
 # by which a part grows over the one before it.
 _PART, _FIRST_PART, _GROWTH = 0.02, 0.1, 1000.0
 
+#: No number of a device's state is larger, in SI units and counts; beyond it a checkpoint is of no device.
+_LARGEST = 1e15
+
 _CAUSES = {
     event_loop.STUCK: "events follow each other without any progress of time",
     event_loop.DIVERGED: "a coordinate is no longer finite",
@@ -90,6 +93,7 @@ class Motion:
 
     def __init__(self, scene: Scene):
         self.time = 0.0
+        self._restored = False
         self._cuts_forces = scene["solver.method"] != "exact"
         self._room = np.empty((EVENTS_AT_ONCE, EVENT_COLUMNS))
         self._set_up(scene)
@@ -207,18 +211,21 @@ class Motion:
         """Begin to go on from what was written into the arrays of `lasting`."""
         library = self.state.library  # of which no series belongs to this state
         library.half[...], library.version[...], library.signal_cells[...] = 0.0, 0, 0
-        self._sampled = False
+        self._sampled, self._restored = False, True
 
     def is_possible(self) -> bool:
         """Whether what was written into the arrays of `lasting` points at nothing beyond the scene's tables, where a
-        kernel would read foreign memory, and needs no endless time to get to `time`."""
+        kernel would read foreign memory, is finite, and needs no endless time to get to `time`."""
         system, now = self.model.system, self.state.now[0]
         segment, drive, automaton = now["segment"], now["drive"], now["automaton"]
         places = ((automaton["guard"], NOTHING, system.guard.shape[1]), (drive["cell"], 0, len(system.signals.reach)),
                   (segment["slot"], 0, len(system.signals.start) + 1),
                   *((mode, 0, len(self.model.modes)) for mode in (automaton["mode"], *self._stepper.modes)))
         moving = (self.time, *(drive[name] for name in drive.dtype.names))
+        numbers = np.concatenate([np.ravel(part) for part in self.lasting()])
+        endless = np.count_nonzero(~(np.abs(numbers) <= _LARGEST))
         return (all(low <= place < high for place, low, high in places) and all(map(math.isfinite, moving))
+                and endless == (segment["cell_left"] == math.inf)  # of a crank that stands
                 and abs(self.time - segment["start"]) <= 2.0 * LONGEST_SEGMENT
                 and abs(segment["residue"]) <= LONGEST_SEGMENT and abs(segment["next_event"]) <= 1.0)
 
@@ -229,8 +236,11 @@ class Motion:
 
     def _fail(self, status: int, state: State) -> None:
         mode, step = self.model.modes[state.now["automaton"]["mode"][0]], self.scene["solver.step"]
-        remedy = "please report the scene" if self.scene["solver.method"] == "exact" else (
-            f"{self.scene['solver.method']} may need a solver.step below {step:g} s, or use solver.method exact")
+        method, remedy = self.scene["solver.method"], "please report the scene"
+        if method != "exact":
+            remedy = f"{method} may need a solver.step below {step:g} s, or use solver.method exact"
+        elif self._restored:
+            remedy = "restore a checkpoint that a device of this scene has made"
         time = state.now["segment"]["start"][0]
         raise SimulationError(f"at {time:.9g} s in mode {', '.join(mode.states)}: {_CAUSES[status]}; {remedy}")
 

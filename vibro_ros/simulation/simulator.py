@@ -260,7 +260,7 @@ class Simulator:
     def _overwrite(self, checkpoint: np.ndarray) -> None:
         self._motion.time, end = float(checkpoint[0]), 1
         for part in self._motion.lasting():
-            with np.errstate(invalid="ignore"):  # what is no integer becomes one that `is_possible` refuses
+            with np.errstate(invalid="ignore"):  # a number that is no integer becomes one that `is_possible` refuses
                 part[...] = checkpoint[end:end + part.size].reshape(part.shape)
             end += part.size
         self._motion.lasting_overwritten()
