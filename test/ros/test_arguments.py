@@ -51,20 +51,6 @@ def test_a_missing_file_is_named(tmp_path: Path):
         check_arguments(["--ros-args", "--params-file", str(tmp_path / "none.yaml")])
 
 
-# ROS's own rules: `*` stands for one name, `**` for any number; nested keys join to one name
-@pytest.mark.parametrize("section", [
-    "/**", "/lab/vibro_robot", "lab/vibro_robot", "/*/vibro_robot", "/**/vibro_robot", "/lab/*", "/lab/**",
-])
-def test_a_section_for_this_node_is_found(tmp_path: Path, section: str):
-    path = params_file(tmp_path, f"{section}:\n  ros__parameters:\n    gravity: 9.81\n")
-    check_addressed([path], "/lab/vibro_robot")
-
-
-def test_a_nested_section_is_found(tmp_path: Path):
-    path = params_file(tmp_path, "/lab:\n  vibro_robot:\n    ros__parameters:\n      gravity: 9.81\n")
-    check_addressed([path], "/lab/vibro_robot")
-
-
 @pytest.mark.parametrize("section", ["vibro_robt", "/vibro_robot", "/*", "/lab", "/hall/*", "/lab/vibro_robot/**/x"])
 def test_a_section_for_another_node_is_refused(tmp_path: Path, section: str):
     path = params_file(tmp_path, f"{section}:\n  ros__parameters:\n    gravity: 9.81\n")
