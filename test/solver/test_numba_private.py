@@ -1,6 +1,7 @@
 """What is private to numba: what it gives, what is said when a numba lacks it, and the plain road without it."""
 
 import copy
+import faulthandler
 import os
 import re
 import subprocess
@@ -181,4 +182,6 @@ print(len(run.events), hashlib.sha256(run.body_position.tobytes() + run.events.t
 
 
 def test_the_plain_road_computes_the_same_bits():
+    """The plain road takes 90 s of a processor to compile the kernels of rk4, once after each change of the solver."""
+    faulthandler.cancel_dump_traceback_later()  # `said` has a limit of its own, for a machine with other work
     assert said(RUN, VIBRO_ROS_KERNELS="plain") == said(RUN)
