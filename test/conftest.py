@@ -44,10 +44,17 @@ REPEATED = {
 }
 
 
+#: Files whose tests start processes or take seconds each; so does every test with a ROS domain. `make check` leaves
+#: them out by the mark `slow`.
+SLOW = {f"test_{name}.py" for name in (
+    "auto", "continuation", "damaged_bags", "feedback", "hostile_bags", "kernel_cache", "kernels", "kills", "playback",
+    "published_bifurcations", "recorder_faults", "recovery", "recurrence", "replay", "tutorial")}
+
+
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Mark as `slow` what starts processes, which `make check` leaves out, and as repeatable what `REPEATED` names."""
+    """Mark as `slow` what `make check` leaves out, and as repeatable what `REPEATED` names."""
     for item in items:
-        if "domain_id" in getattr(item, "fixturenames", ()):
+        if item.path.name in SLOW or "domain_id" in getattr(item, "fixturenames", ()):
             item.add_marker(pytest.mark.slow)
         if getattr(item, "originalname", "") in REPEATED and config.pluginmanager.hasplugin("rerunfailures"):
             item.add_marker(pytest.mark.flaky(reruns=1))

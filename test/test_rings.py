@@ -154,17 +154,12 @@ def test_no_cycle_among_modules(sources):
         ("vibro_ros.model.contact", "import rclpy"),
         ("vibro_ros.model.contact", "def read():\n    import yaml"),
         ("vibro_ros.model.scene", "from pathlib import Path"),
-        ("vibro_ros.model.scene", "text = open('scene.yaml').read()"),
         ("vibro_ros.solver.loop", "from time import monotonic"),
         ("vibro_ros.solver.loop", "from vibro_ros.simulation.simulator import Simulator"),
-        ("vibro_ros.solver.loop", "from vibro_ros.model.scene import Scene"),
-        ("vibro_ros.solver.loop", "from ..simulation.simulator import Simulator"),
         ("vibro_ros.solver.__init__", "from ..configuration.scene_file import load_scene"),
         ("vibro_ros.model.scene", "from vibro_ros import load_scene"),
         ("vibro_ros.simulation.simulator", "from vibro_ros.ros import robot"),
         ("vibro_ros.bag.recorder", "from rclpy.node import Node"),
-        ("vibro_ros.bag.reader", "from std_msgs.msg import Float64"),
-        ("vibro_ros.recordings.report", "import rclpy.serialization"),
         ("vibro_ros.recordings.report", "from vibro_ros.ros.robot.robot import main"),
         ("vibro_ros.ros.robot.robot", "from vibro_ros.recordings import report"),
         ("vibro_ros.__init__", "from vibro_ros.ros.robot.robot import main"),
@@ -175,18 +170,6 @@ def test_no_cycle_among_modules(sources):
 )
 def test_a_broken_ring_is_seen(module, source):
     assert len(violations(module, source)) == 1
-
-
-@pytest.mark.parametrize(
-    ("module", "source"),
-    [
-        ("vibro_ros.model.scene", "import numpy\nfrom vibro_ros.solver.flow import Flow\nfrom . import parameters"),
-        ("vibro_ros.ros.robot.robot", "import rclpy, time\nfrom vibro_ros.model.scene import Scene"),
-        ("vibro_ros.recordings.report", "from pathlib import Path\nfrom vibro_ros.bag import reader\nprint(reader)"),
-    ],
-)
-def test_an_arrow_inwards_is_allowed(module, source):
-    assert violations(module, source) == []
 
 
 @pytest.mark.parametrize("row", [" 2 process", "15 ros"])

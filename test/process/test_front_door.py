@@ -1,6 +1,5 @@
 """Every executable is entered and left in one way, whatever signals, streams and folders it meets."""
 
-import ast
 import os
 import signal
 import subprocess
@@ -78,16 +77,6 @@ def test_every_module_that_can_be_run_is_in_the_list():
     runnable = {file for file in (ROOT / "vibro_ros").rglob("*.py") if guard in file.read_text()}
     listed = {ROOT / f"{one.module.replace('.', '/')}.py" for one in EXECUTABLES.values()}
     assert runnable == listed
-
-
-@pytest.mark.parametrize("name", EXECUTABLES)
-def test_every_executable_begins_with_the_front_door(name):
-    """Before anything else is imported, so that Ctrl-C is heard; and no parser of arguments has errors of its own."""
-    source = (ROOT / f"{EXECUTABLES[name].module.replace('.', '/')}.py").read_text(encoding="utf-8")
-    tree = ast.parse(source)
-    first = next(node for node in tree.body[1:])
-    assert isinstance(first, ast.If) and f'enter("{name}")' in ast.unparse(first).replace("'", '"')
-    assert "argparse.ArgumentParser" not in source
 
 
 @pytest.mark.parametrize("name", EXECUTABLES)

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-import vibro_ros
 from research.literature import __main__ as literature
 from research.literature import capsule, gap_speed, two_phase
 from research.literature.capsule_equations import Capsule, Drive, harmonic, integrate
@@ -30,7 +29,6 @@ from research.literature.impact_oscillator import (
     difference,
     doubling,
     followed,
-    oscillator_scene,
     settled,
     started,
 )
@@ -59,12 +57,6 @@ def test_a_force_from_outside_is_an_internal_one_as_long_as_there_is_no_impact()
     assert capsule.outside_difference(capsule.REFERENCE, 3) < 1e-6
 
 
-def test_a_weak_drive_never_moves_the_capsule():
-    device = vibro_ros.Simulator(capsule.capsule_scene(QUIET))
-    device.advance_to(1.0)
-    assert device.state.body_position == 0.0
-
-
 def test_scipys_free_mass_is_the_driven_oscillator():
     """Capsule at rest: z = C (cos ω τ - cos τ), C = α/(1 - ω²)."""
     machine = Capsule(alpha=0.1, omega=0.5, beta=0.0, gamma=1.0, delta=10.0, xi=0.0)
@@ -79,30 +71,6 @@ def test_scipys_capsule_slides_under_a_constant_push_from_outside():
     found = integrate(machine, np.array([0.0, 0.5, 1.0]), Drive(lambda time: 0.5, reaction=0.0))
     assert np.all(found[:, 2] == 0.0)
     np.testing.assert_allclose(found[:, 0], 0.5 * (1.0 - np.cos([0.0, 0.5, 1.0])), atol=1e-10)
-
-
-def test_a_progression_counts_when_it_is_large_and_the_same_in_both_halves():
-    assert capsule.Progression(0.2, 0.201).settled
-    assert not capsule.Progression(0.2, 0.3).settled
-    assert not capsule.Progression(1e-3, 1e-3).settled
-    assert capsule.Progression(-0.2, -0.2).mean == -0.2
-
-
-def test_a_survey_finds_reversal_and_attractors_in_both_directions():
-    forth, back = capsule.Progression(0.5, 0.5), capsule.Progression(-0.5, -0.5)
-    survey = capsule.Survey(capsule.REFERENCE, {1.0: (back, back), 2.0: (forth, back), 3.0: (forth, forth)})
-    assert survey.signs_from_rest() == {1.0, -1.0}
-    assert survey.opposed_ratios() == [2.0]
-
-
-def test_the_scene_has_the_published_numbers():
-    scene, machine = capsule.capsule_scene(capsule.REFERENCE), capsule.REFERENCE
-    rate = math.sqrt(scene["inclined.spring.stiffness"] / scene["mass.inclined"])
-    friction = scene["ground.friction"] * scene.total_mass * scene["gravity"]
-    assert scene["mass.body"] / scene["mass.inclined"] == pytest.approx(machine.gamma)
-    assert scene["motor.speed"] / rate == pytest.approx(machine.omega)
-    assert scene["inclined.gap"] * scene["inclined.spring.stiffness"] / friction == pytest.approx(machine.delta)
-    assert scene["inclined.spring.damping"] / (2.0 * scene["mass.inclined"] * rate) == pytest.approx(machine.xi)
 
 
 def test_a_capsule_with_wheels_that_turn_one_way_never_moves_backwards():
@@ -130,13 +98,6 @@ def test_a_slide_within_a_step_ends_after_it_began():
     times = machine.period * np.array([1.0, 2.0])
     found = integrate(machine, times, harmonic(machine, -math.pi / 2.0, reaction=0.0), tolerance=1e-6)
     assert np.all(np.isfinite(found))
-
-
-def test_the_closed_form_has_the_fixed_point_of_the_cosine_as_its_limit():
-    angle = math.asin(two_phase.closed_form(-1.0))
-    assert angle == pytest.approx(math.cos(angle), abs=1e-12)
-    assert two_phase.closed_form(0.0) == 0.0
-    assert two_phase.closed_form(0.4) == pytest.approx(-two_phase.closed_form(-0.4))
 
 
 def test_the_closed_form_is_the_zero_of_the_mean_friction():
@@ -222,12 +183,6 @@ def test_the_closed_form_is_a_periodic_motion():
     assert -free * math.sin(period) + free_speed * math.cos(period) + forced_speed == pytest.approx(speed)
 
 
-def test_the_product_of_the_multipliers_is_the_restitution_squared():
-    oscillator = Oscillator(2.1, 0.05, 0.6)
-    multipliers = oscillator.multipliers(1, oscillator.speeds(1)[0])
-    assert np.prod(multipliers) == pytest.approx(0.36)
-
-
 def test_a_multiplier_is_one_at_the_fold():
     oscillator = Oscillator(1.9, 0.0, 0.8)
     at_fold = replace(oscillator, sigma=oscillator.fold(1) * (1.0 - 1e-12))
@@ -244,13 +199,6 @@ def test_the_orbit_ends_at_the_fold_and_doubles_where_a_multiplier_is_minus_one(
     place = doubling(oscillator, 1, -0.07, 0.0)
     motions = [followed(replace(oscillator, sigma=place + step), place - 0.01) for step in (-0.003, 0.003)]
     assert [(motion.impacts, motion.turns) for motion in motions] == [(1, 1), (2, 2)]
-
-
-def test_the_scene_has_the_literatures_numbers():
-    scene = oscillator_scene(Oscillator(1.9, 0.3, 0.8))
-    rate = math.sqrt(scene["upper.spring.stiffness"] / scene["mass.upper"])
-    assert scene["motor.speed"] / rate == pytest.approx(1.9)
-    assert scene["upper.gap"] / scene["crank.radius"] == pytest.approx(0.3)
 
 
 def test_the_document_is_what_the_findings_say():

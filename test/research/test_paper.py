@@ -21,7 +21,6 @@ from research.paper.claims import (
     SPANS,
     Point,
     Reading,
-    Span,
     instants,
     judged_pairs,
     mean_of,
@@ -81,12 +80,6 @@ def test_outcome_of_a_claim(claim, mean, outcome):
     assert settled(claim, speed_of(claim.series, mean), judged_pairs) == outcome
 
 
-def test_one_run_takes_the_first_start_as_it_is():
-    up = np.array([[1e-9, -5.0, -5.0]])
-    assert one_run_pairs(up) == HOLDS and one_run_pairs(-up) == DOES_NOT and judged_pairs(up) != HOLDS
-    assert one_run_pairs(np.array([[0.0, 1.0]])) == DOES_NOT
-
-
 def test_pure_noise_hardly_ever_settles_a_claim():
     """No difference: a pair is found the other way round in at most 5 % of the studies, and all pairs never hold."""
     draw = np.random.default_rng(11)
@@ -99,17 +92,6 @@ def test_what_diverges_is_told():
     for value in (np.inf, np.nan, -1e40):
         speed[Point("angle", 60.0)][3] = value
         assert settled(BEST, speed, judged_pairs) == DIVERGES and settled(BEST, speed, one_run_pairs) == HOLDS
-
-
-def test_speeds_are_those_of_the_span():
-    displacement = np.tile(np.square(INSTANTS), (3, 1))
-    assert speeds(displacement, Span(0.0, 2.0)).tolist() == [2.0] * 3
-    assert speeds(displacement, Span(10.0, 40.0)).tolist() == [50.0] * 3
-
-
-def test_an_interval_is_students():
-    """Of 1, 2, 3 with t = 4.3027 at two degrees of freedom."""
-    assert mean_of(np.array([1.0, 2.0, 3.0])) == pytest.approx((2.0, 4.302652729911275 / np.sqrt(3.0)), rel=1e-9)
 
 
 def test_backwards_is_not_forwards_but_may_be_fast():
@@ -202,14 +184,6 @@ def test_fine_steps_find_the_motion_of_the_robot(equations, rule, start):
     allowed = 1e-2 * np.abs(exact).max() if equations == "misprint" else 2e-4
     np.testing.assert_allclose(found, exact, rtol=0.0, atol=allowed)
     assert np.abs(exact).max() > 1e-4
-
-
-def test_reversed_friction_is_the_other_sign_and_smooth_friction_nearly_the_same():
-    """Over the first turn of the crank. Reversed, friction drives the body on."""
-    scene = scene_of("corrected", "weight", "zero")
-    eq5, smooth, turned = (rkfixed(scene, friction, 0.0, 1e-5, TIMES) for friction in ("eq5", "smooth", "reversed"))
-    assert np.abs(smooth - eq5).max() < 0.1 * np.abs(eq5).max()
-    assert np.abs(turned).max() > 2.0 * np.abs(eq5).max()
 
 
 def test_steps_longer_than_a_contact_diverge():

@@ -16,7 +16,7 @@ from tools import accuracy_report, bench, documents, effects, parameter_table
 from tools.generated_text import replaced
 from vibro_ros.accuracy.findings import MEAN_SPEED, NEEDS
 from vibro_ros.configuration.command_map import find_map, read_map
-from vibro_ros.configuration.scene_file import DEVICE_PARAMETERS, load_scene, shipped_scenes
+from vibro_ros.configuration.scene_file import load_scene, shipped_scenes
 from vibro_ros.messages.fields import JOINTS
 from vibro_ros.messages.topics import COMMAND_UNITS, ROBOT_TOPICS
 from vibro_ros.model.parameters import SCENE_PARAMETERS
@@ -88,11 +88,6 @@ def test_errors_are_the_ones_shown(line, tmp_path, domain_id, monkeypatch, capsy
     monkeypatch.chdir(tmp_path)
     assert import_module(f"vibro_ros.{words[0]}").main(words[1:]) == 2
     assert capsys.readouterr().err == f"{line}\n"
-
-
-@pytest.mark.parametrize("page", guide.PAGES.values(), ids=guide.PAGES)
-def test_a_page_of_the_guide_begins_with_its_readers_question(page):
-    assert re.match(r"# .+\n\n\*[^*]+\?\* [A-Z`]", page)
 
 
 def test_choices_of_every_effect_are_in_the_model():
@@ -175,11 +170,6 @@ def test_executables_and_their_exit_codes_are_those_of_their_help(capsys):
         assert not ended.value.code and codes(said) == codes(told), (name, said, told)
 
 
-def test_shipped_scenes_are_described():
-    paragraph = DOCUMENTS["robot.md"].partition("Shipped scenes: ")[2].partition("\n\n")[0]
-    assert set(re.findall(r"`(\w+)`", paragraph)) == set(shipped_scenes())
-
-
 def test_bench_table_has_the_benchmarks_scenes():
     table = DOCUMENTS["README.md"].partition("<!-- bench")[2].partition("<!-- end of bench")[0]
     assert re.findall(r"^\| `(\w+)` \|", table, re.MULTILINE) == list(bench.SCENES)
@@ -188,11 +178,6 @@ def test_bench_table_has_the_benchmarks_scenes():
 def test_parameter_table_is_up_to_date():
     text, marks = DOCUMENTS["parameters.md"], (parameter_table.BEGIN, parameter_table.END)
     assert replaced(text, *marks, parameter_table.parameter_table()) == text, "run `make documents`"
-
-
-def test_parameter_table_has_every_parameter_once():
-    rows = re.findall(r"^\| `([\w.]+)` \|", parameter_table.parameter_table(), re.MULTILINE)
-    assert rows == [parameter.name for parameter in (*DEVICE_PARAMETERS, *SCENE_PARAMETERS)]
 
 
 def test_a_document_without_a_place_for_the_table_is_refused(tmp_path):
