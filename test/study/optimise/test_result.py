@@ -162,6 +162,13 @@ def test_everything_is_written(folder):
     assert 0.005 <= robot["crank.radius"] <= 0.02 and robot["upper.gap"] == 0.001
 
 
+def test_numbers_text_and_scene_are_of_one_robot(folder):
+    numbers, scene = json.loads((folder / "optimum.json").read_text()), load_scene(folder / "optimum.yaml")
+    assert {name: scene[name] for name in numbers["optimum"]} == numbers["optimum"]
+    text = (folder / "optimum.md").read_text()
+    assert f"{numbers['robots']} robots" in text and all(f"`{name}`" in text for name in numbers["optimum"])
+
+
 @pytest.mark.parametrize(("words", "said"), [
     ("--scene paper", "--scene paper: has effects.reaction false"),
     ("--scene paper --objective front", "the cost of transport has no bound"),
