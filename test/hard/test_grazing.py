@@ -1,7 +1,6 @@
 """Grazing from both sides, compliant and rigid: once a period inside, never outside, and the square-root law.
 
-Damped motion under the crank forgets its past, e^-62 a turn; its highest point comes from a Fourier sum. What it
-does before is in test/model/test_contact.py: here each plate is also grazed by the other mass and by a rigid one.
+Damped motion under the crank forgets its past, e^-62 a turn; its highest point comes from a Fourier sum.
 """
 
 import numpy as np
@@ -15,9 +14,13 @@ STIFFNESS, DAMPING = 1e5, 200.0
 MASS = {"upper": 0.1, "inclined": 0.08}
 
 
+def steady_motion(side):
+    return SteadyMotion(100.0, MASS[side], STIFFNESS, DAMPING, 0.02, 0.06)
+
+
 def touched(side, kind, depth, stiffness=1e7):
     """Contacts after the third turn with the plate `depth` inside the steady motion's highest point."""
-    steady = SteadyMotion(100.0, MASS[side], STIFFNESS, DAMPING, 0.02, 0.06)
+    steady = steady_motion(side)
     instant, highest = steady.highest(TURN)
     other = {"upper": "inclined", "inclined": "upper"}[side]
     scene = vibro_ros.load_scene("unilateral").with_parameters({
@@ -32,14 +35,23 @@ def touched(side, kind, depth, stiffness=1e7):
 @pytest.mark.parametrize("kind", ["compliant", "restitution"])
 @pytest.mark.parametrize("side", ["upper", "inclined"])
 def test_a_nanometre_outside_is_never_touched(side, kind):
+    """A11. The event that must not happen."""
     assert len(touched(side, kind, -1e-9)[0]) == 0
 
 
 @pytest.mark.parametrize("side", ["upper", "inclined"])
 def test_a_nanometre_inside_is_touched_once_a_turn(side):
-    events, _ = touched(side, "compliant", 1e-9)
+    """A11. The steady motion is a Fourier sum good to 1e-16 m, the simulated one to about 1e-15 m."""
+    events, pull = touched(side, "compliant", 1e-9)
     assert len(events) == 5
     np.testing.assert_allclose(np.diff(events["time"]), TURN, rtol=0, atol=1e-9)  # 1e-15 m of a depth of 1e-9 m
+    steady = steady_motion(side)
+    instant, highest = steady.highest(TURN)
+    instant -= np.sqrt(2e-9 / pull)
+    for _ in range(5):
+        instant -= (steady.derivative(instant) - highest + 1e-9) / steady.derivative(instant, 1)
+    # 1e-15 m of 1e-9 m moves the speed √(2ad) by 5e-7 of itself
+    np.testing.assert_allclose(events["speed"], steady.derivative(instant, 1), rtol=2e-6)
 
 
 @pytest.mark.parametrize("side", ["upper", "inclined"])

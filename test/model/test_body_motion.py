@@ -92,13 +92,6 @@ def test_momentum_through_every_impact():
     assert np.abs(momentum).max() <= 1e-12
 
 
-def test_centre_of_mass_stays_without_friction():
-    """A29. Integrated: M x - m3 w sin φ is constant from a start at rest."""
-    run = vibro_ros.simulate(paper({"effects.friction": "none"}), duration=2.0, rate=1000.0)
-    moment = TOTAL_MASS * run.body_position - 0.08 * run.inclined_position * SINE
-    assert np.abs(moment - moment[0]).max() <= 1e-12
-
-
 TWINS = {"mass.inclined": 0.1, "guide.angle": 0.0, "effects.normal_force": "unilateral"}
 
 

@@ -5,7 +5,6 @@ A free mass is hit by a moving plate (no drive spring, motor stopped), so that n
 
 import numpy as np
 import pytest
-from exact_motion import SteadyMotion
 
 import vibro_ros
 
@@ -99,43 +98,3 @@ def test_peak_force_of_a_damped_contact(damping_ratio):
     depth = SPEED / damped * np.exp(-decay * times) * np.sin(damped * times)
     speed = SPEED * np.exp(-decay * times) * (np.cos(damped * times) - decay / damped * np.sin(damped * times))
     assert contact["peak_force"] == pytest.approx((STIFFNESS * depth + damping * speed).max(), rel=1e-9)
-
-
-GRAZING = {"upper.spring.stiffness": 1e5, "upper.spring.damping": 200.0,  # critical: forgets e⁻⁶² a turn
-           "effects.inclined_contact": "none"}
-TURN = 2 * np.pi / 100.0
-
-
-def grazing_contacts(depth):
-    """Contacts from the third turn to the eighth, with the plate `depth` inside the steady motion's highest point."""
-    steady = SteadyMotion(100.0, MASS, 1e5, 200.0, 0.02, 0.06)
-    _, highest = steady.highest(TURN)
-    scene = vibro_ros.load_scene("paper").with_parameters(GRAZING | {"upper.gap": highest - depth - 0.06})
-    events = contacts(vibro_ros.simulate(scene, duration=8 * TURN, rate=100.0).events)
-    return events[events["time"] > 2.5 * TURN], steady
-
-
-def test_a_plate_a_nanometre_inside_the_motion_is_touched_once_a_turn():
-    """A11. The steady motion is a Fourier sum good to 1e-16 m, the simulated one to about 1e-15 m."""
-    touched, steady = grazing_contacts(1e-9)
-    turns = np.floor((touched["time"] + TURN / 2) / TURN)
-    np.testing.assert_array_equal(turns, [3, 4, 5, 6, 7])
-    instant, highest = steady.highest(TURN)
-    instant -= np.sqrt(2e-9 / -steady.derivative(instant, 2))
-    for _ in range(5):
-        instant -= (steady.derivative(instant) - highest + 1e-9) / steady.derivative(instant, 1)
-    # 1e-15 m of 1e-9 m moves the speed √(2ad) by 5e-7 of itself
-    np.testing.assert_allclose(touched["speed"], steady.derivative(instant, 1), rtol=2e-6)
-
-
-def test_a_plate_a_nanometre_outside_the_motion_is_never_touched():
-    """A11. The event that must not happen."""
-    touched, _ = grazing_contacts(-1e-9)
-    assert len(touched) == 0
-
-
-def test_grazing_speed_follows_the_square_root_law():
-    """A11. Four times the depth, twice the speed; relative error of order of the contact's phase, 1e-3."""
-    (near, _), (far, _) = grazing_contacts(1e-10), grazing_contacts(4e-10)
-    assert len(near) == len(far) == 5
-    np.testing.assert_allclose(far["speed"] / near["speed"], 2.0, rtol=1e-3)

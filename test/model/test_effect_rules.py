@@ -1,22 +1,21 @@
-"""A new effect has at most twelve places, which exist under the names that the head of `model/modes.py` gives them."""
+"""A new effect: its places exist as the head of `model/modes.py` names them, and simulators without it refuse it."""
 
 import re
+from dataclasses import replace
 from pathlib import Path
+
+import pytest
 
 import vibro_ros.model.modes
 from vibro_ros.model.energy import ACCOUNTS
 from vibro_ros.model.ground import GROUND_FORCES, GROUND_STATES, Ground
 from vibro_ros.model.modes import MODE_EVENTS
-from vibro_ros.model.support import SUPPORT
+from vibro_ros.model.parameters import BY_NAME, SCENE_PARAMETERS
+from vibro_ros.model.support import ANY, SIMULATORS, SUPPORT, unsupported
 
 ROOT = Path(__file__).resolve().parents[2]
 PLACES = vibro_ros.model.modes.__doc__.partition("Places of a new effect")[2]
 FILES = re.findall(r"`([\w/]+\.py)`", PLACES)
-
-
-def test_a_new_effect_has_at_most_twelve_places():
-    numbers = [int(number) for number in re.findall(r"^(\d+)\. ", PLACES, re.MULTILINE)]
-    assert numbers == list(range(1, len(numbers) + 1)) and len(numbers) <= 12
 
 
 def test_the_places_exist():
@@ -40,3 +39,20 @@ def test_every_force_of_the_ground_has_its_law_its_parameter_and_its_place_in_th
 def test_every_event_of_a_state_of_the_ground_is_a_kind_of_event():
     events = {event for state in GROUND_STATES.values() for event in (state.begins, state.ends) if event}
     assert events == set(MODE_EVENTS)
+
+
+def test_every_parameter_of_the_equations_has_a_row():
+    """Who adds a parameter says here whether moreau, peer and baseline have it."""
+    assert set(SUPPORT) == {one.name for one in SCENE_PARAMETERS if not one.name.startswith("solver.")}
+    for name, known in SUPPORT.items():
+        assert len(known) == len(SIMULATORS) and all(ANY in (values,) or BY_NAME[name].default in values
+                                                     for values in known)
+
+
+@pytest.mark.parametrize("simulator", SIMULATORS)
+def test_a_new_number_is_refused_when_it_has_an_effect(simulator, monkeypatch):
+    monkeypatch.setitem(BY_NAME, "ground.wind", replace(BY_NAME["ground.friction"], name="ground.wind", default=0.0))
+    scene = vibro_ros.load_scene("paper")
+    for value, fault in ((0.0, ""), (0.3, f"ground.wind: 0.3 is not simulated by {simulator}; give 0.0")):
+        object.__setattr__(scene, "parameters", {**scene.parameters, "ground.wind": value})
+        assert unsupported(scene, simulator) == fault

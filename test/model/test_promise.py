@@ -5,7 +5,6 @@ import pytest
 
 import vibro_ros
 from vibro_ros.configuration.scene_file import shipped_scenes
-from vibro_ros.model.parameter_values import rounded_up
 from vibro_ros.simulation.simulator import ToleranceWarning
 
 TIMES = np.linspace(0.0, 0.2, 1001)
@@ -62,8 +61,3 @@ def test_the_default_is_warned_of_where_rounding_does_not_let_it_be_kept():
     with pytest.warns(ToleranceWarning, match="solver.tolerance: 1e-09 m is below what rounding allows with these rods "
                                               "and plates; give at least 3.7e-09 m, or softer plates"):
         vibro_ros.Simulator(scene)
-
-
-@pytest.mark.parametrize(("number", "expected"), [(1.01e-9, 1.1e-9), (2e-11, 2e-11), (9.91e-7, 1e-6), (6e-14, 6e-14)])
-def test_a_limit_is_rounded_up(number, expected):
-    assert rounded_up(number) == pytest.approx(expected, rel=1e-14) and rounded_up(number) >= number * (1.0 - 1e-9)

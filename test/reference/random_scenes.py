@@ -1,15 +1,11 @@
 """Scenes drawn at random, for a comparison with the reference beyond the stored tables.
 
-By hand: `python test/reference/random_scenes.py 0 100` compares seeds 0 to 99 and prints each distance.
 Left out is what no arithmetic decides: a body at rest without force under a negative normal force (so no
 standing motor or slider with the rule `printed`), and a mass that returns to zero penetration at zero speed.
 """
 
-import argparse
 import math
 import random
-import sys
-from pathlib import Path
 
 SIDES = ("upper", "inclined")
 
@@ -93,23 +89,3 @@ def reference(seed: int, duration: float) -> dict:
               for event in model.events]
     return {"parameters": PAPER | changes, "commands": commands, "events": events,
             "samples": {key: [decimal(row[key]) for row in rows] for key in rows[0]}}
-
-
-def main() -> None:
-    """Compare a range of seeds."""
-    sys.path[:0] = [str(Path(__file__).parents[2])]
-    from comparison import POSITIONS, column, replay
-
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("first", type=int)
-    parser.add_argument("stop", type=int)
-    options = parser.parse_args()
-    for seed in range(options.first, options.stop):
-        table = reference(seed, 0.1)
-        states, _ = replay(table)
-        worst = max(abs(column(table, key) - [getattr(state, key) for state in states]).max() for key in POSITIONS)
-        print(f"seed {seed}: {len(table['events'])} events, {worst:.1e} m{' !' if worst > 1e-9 else ''}", flush=True)
-
-
-if __name__ == "__main__":
-    main()

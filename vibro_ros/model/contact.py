@@ -22,17 +22,11 @@ class CompliantContact:
     plate would be, and the plate follows the mass back without force.
     """
 
-    initial = "open"
-
     def __init__(self, scene: Scene, forms: Forms, side: str):
         self.side = side
         self._forms = forms
         self._may_pull = scene["effects.adhesion"] or scene[f"{side}.plate.damping"] == 0.0
-
-    @property
-    def states(self) -> tuple[str, ...]:
-        """Names of the states."""
-        return ("open", "closed") if self._may_pull else ("open", "closed", "released")
+        self.states = ("open", "closed") if self._may_pull else ("open", "closed", "released")
 
     @staticmethod
     def context(ground: str, resting: frozenset[str]) -> tuple:
@@ -63,7 +57,6 @@ class RigidContact:
     of the body parts them. The last blow, after which the mass rests, leaves the body on the ground.
     """
 
-    initial = "open"
     states = ("open", "resting")
 
     def __init__(self, scene: Scene, forms: Forms, side: str):
@@ -95,17 +88,13 @@ class RigidContact:
             body = self._blow.thrown_body_jumps(0.0, resting)
         else:
             body = () if ground == "stick" else self._blow.sliding_body_jumps(0.0)
-        return [Target("resting", self._blow.mass_jumps(0.0) + body, entries=(slow,)) for slow in self._too_slow()]
-
-    def _too_slow(self) -> list[Form]:
-        """Forms [m/s]; the mass does not bounce if one of them is not negative."""
         forms = self._forms
         _, approach = forms.penetration(self.side)
-        slow = [REST_SPEED * forms.one - approach]
+        slow = [REST_SPEED * forms.one - approach]  # forms [m/s]; the mass rests if one of them is not negative
         if self._restitution > ALMOST_LOSSLESS:
             push = forms.resting_force(self.side, (forms.zero, forms.zero))
             slow.append(SHORTEST_BOUNCE / 2.0 / self._mass * push - approach)
-        return slow
+        return [Target("resting", self._blow.mass_jumps(0.0) + body, entries=(form,)) for form in slow]
 
     def _rebounds(self, ground: str) -> list[Target]:
         """Targets of a mass that bounces; the body is thrown up, slips on, or begins to slip."""

@@ -81,6 +81,9 @@ def account_table(builder: ModeBuilder, scene: Scene, guards: dict[str, np.ndarr
     for e, (_, weight, _) in enumerate(stored):
         stiffness[:, e] = weight
     struck = [(k, _momentum(forms, scene, side)) for k, side in enumerate(forms.plates) if booked]
+    # Energy [J] of the heights of a body that hops, with its masses, and of masses that feel their weight.
+    weights = (forms.weight(side) @ forms.one * forms.position(i) for i, side in enumerate(forms.guides))
+    potential = sum(weights, _height(forms, scene))
     decay = forms.channels.decay if forms.channels.decays else NOTHING
     driven = range(forms.channels.velocity(forms.channels.dynamic), forms.channels.velocity(forms.channels.coordinates))
     return AccountTable(
@@ -92,7 +95,7 @@ def account_table(builder: ModeBuilder, scene: Scene, guards: dict[str, np.ndarr
         rate_in_piece=np.array([rate in driven for *_, rate in powers], dtype=bool),
         stretch=np.array([form for form, *_ in stored]).reshape(len(stored), forms.channels.count),
         stiffness=stiffness,
-        potential=np.array(_potential(forms, scene) if booked else forms.zero),
+        potential=np.array(potential if booked else forms.zero),
         jump=_jump_accounts(builder, guards, np.array([account for *_, account in stored], dtype=np.int64)),
         momentum=np.array([form for _, form in struck]).reshape(len(struck), forms.channels.count),
         struck=np.array([k for k, _ in struck], dtype=np.int64))
@@ -142,21 +145,9 @@ def _powers(builder: ModeBuilder, scene: Scene) -> Iterator[Power]:
         if builder.has_compliant_plate(side):
             rate = builder.while_pressing(side, forms.penetration(side)[1])
             yield from _damper(_PLATE_DAMPERS, scene[f"{side}.plate.damping"], rate, mass, plate)
-    yield from _powers_on_the_body(builder, scene)
-
-
-def _damper(account: int, damping: float, rate: Form | ModeForms, mass: int, other: int) -> Iterator[Power]:
-    """-c (q' - s')², as two forces -c (q' - s') and c (q' - s') on the damper's ends."""
-    if damping > 0.0:
-        yield account, -damping * rate, mass
-        yield account, damping * rate, other
-
-
-def _powers_on_the_body(builder: ModeBuilder, scene: Scene) -> Iterator[Power]:
-    """The forces along the ground and, without the reaction, the forces that drive and lift the body."""
-    forms, paid = builder.forms, scene["effects.reaction"]
+    paid = scene["effects.reaction"]  # else the forces that drive and lift the body do work that nobody gives
     if forms.body_moves:
-        speed, decayed = forms.channels.velocity(forms.body), forms.decayed_normal_force()
+        speed, decayed = channels.velocity(forms.body), forms.decayed_normal_force()
         for law in builder.ground.along:
             force = law.sign * builder.ground_force(law.name)
             if forms.friction_decays:  # the decaying part by itself, which is a series in the pieces of a segment
@@ -167,7 +158,14 @@ def _powers_on_the_body(builder: ModeBuilder, scene: Scene) -> Iterator[Power]:
             yield _UNPAID, builder.at_contact(forms.inertial_force), speed
     if forms.body_hops and not paid:
         lift = scene.total_mass * scene["gravity"] * forms.one - builder.at_contact(forms.normal_force)
-        yield _UNPAID, np.where(builder.mode_set.airborne[:, None], lift, 0.0), forms.channels.velocity(forms.height)
+        yield _UNPAID, np.where(builder.mode_set.airborne[:, None], lift, 0.0), channels.velocity(forms.height)
+
+
+def _damper(account: int, damping: float, rate: Form | ModeForms, mass: int, other: int) -> Iterator[Power]:
+    """-c (q' - s')², as two forces -c (q' - s') and c (q' - s') on the damper's ends."""
+    if damping > 0.0:
+        yield account, -damping * rate, mass
+        yield account, damping * rate, other
 
 
 def _stored(builder: ModeBuilder, scene: Scene) -> Iterator[Stored]:
@@ -181,12 +179,6 @@ def _stored(builder: ModeBuilder, scene: Scene) -> Iterator[Stored]:
     for side in filter(builder.has_compliant_plate, forms.plates):
         weight = np.where(builder.mode_set.pressing[side], scene[f"{side}.plate.stiffness"], 0.0)
         yield forms.penetration(side)[0], weight, _BLOWS
-
-
-def _potential(forms: Forms, scene: Scene) -> Form:
-    """Energy [J] of the heights of a body that hops, with its masses, and of masses that feel their weight."""
-    weights = (forms.weight(side) @ forms.one * forms.position(i) for i, side in enumerate(forms.guides))
-    return sum(weights, _height(forms, scene))
 
 
 def _momentum(forms: Forms, scene: Scene, side: str) -> Form:

@@ -42,14 +42,22 @@ def contact_laws(scene: Scene, forms: Forms, modes: tuple[Mode, ...], step: floa
     gap = np.array([-forms.penetration(side)[0] for side in forms.plates]
                    + [forms.position(forms.height)] * forms.body_hops).reshape(-1, at.count)
     response = gap[:, :n] @ inverse.T  # a contact pushes where it widens its gap
-    friction = _coefficients(scene, forms)
-    slips = friction["holding"] > 0.0 and forms.body_moves
+    slips = scene.has_dry_friction and forms.body_moves
+    kinetic, static, falls = scene["ground.friction"], scene.resting_friction, float(forms.friction_decays)
+    friction: dict[str, Any] = dict.fromkeys(("sliding", "rise", "fading", "holding"), 0.0)
+    if scene.has_dry_friction:
+        friction = {"sliding": kinetic, "rise": falls * (static - kinetic),
+                    "fading": falls / scene["ground.stribeck_speed"], "holding": static}
+    swing = np.zeros(n)  # factors [kg] of the accelerations in N - M g, eq. (6)
+    if scene["effects.normal_force"] != "weight":
+        for i, side in enumerate(forms.guides):
+            swing[i] = scene[f"mass.{side}"] * scene.direction(side)[1]
     return Laws(
         inertia=inertia, stiffness=stiffness, load=load, inverse=inverse, gap=gap, **_plates(scene, forms),
         response=response, compliance=np.einsum("ij,ij->i", gap[:, :n], response),
         slipping=forms.body if slips else NOTHING, **friction,
         slip_response=inverse[:, forms.body].copy() if slips else np.zeros(n),
-        weight=scene.total_mass * scene["gravity"], swing=_swing(scene, forms),
+        weight=scene.total_mass * scene["gravity"], swing=swing,
         support=len(forms.plates) if forms.body_hops else NOTHING,
         negative=scene["effects.normal_force"] == "printed", mode=_mode_numbers(forms, modes))
 
@@ -98,34 +106,13 @@ def _forces(scene: Scene, forms: Forms) -> np.ndarray:
 
 def _plates(scene: Scene, forms: Forms) -> dict[str, Any]:
     """Laws of the plates and, by the rule `hop`, of the ground, where landings are inelastic: shape (contacts,)."""
-    ground = [0.0] * forms.body_hops
     rigid = [scene[f"effects.{side}_contact"] == "restitution" for side in forms.plates]
-    return {
-        "spring": np.array([scene[f"{side}.plate.stiffness"] for side in forms.plates] + ground),
-        "damper": np.array([scene[f"{side}.plate.damping"] for side in forms.plates] + ground),
-        "restitution": np.array([scene[f"{side}.plate.restitution"] for side in forms.plates] + ground),
+    numbers = {field: np.array([scene[f"{side}.plate.{name}"] for side in forms.plates] + [0.0] * forms.body_hops)
+               for field, name in (("spring", "stiffness"), ("damper", "damping"), ("restitution", "restitution"))}
+    return numbers | {
         "rigid": np.array(rigid + [True] * forms.body_hops, dtype=bool),
         "pulls": np.array([scene["effects.adhesion"]] * len(forms.plates) + [False] * forms.body_hops, dtype=bool),
     }
-
-
-def _coefficients(scene: Scene, forms: Forms) -> dict[str, Any]:
-    """Friction coefficients of the slipping body, which may fall with its speed, and of the body at rest."""
-    kinetic = scene["ground.friction"]
-    if not scene.has_dry_friction:
-        return {"sliding": 0.0, "rise": 0.0, "fading": 0.0, "holding": 0.0}
-    static, falls = scene.resting_friction, float(forms.friction_decays)
-    return {"sliding": kinetic, "rise": falls * (static - kinetic), "fading": falls / scene["ground.stribeck_speed"],
-            "holding": static}
-
-
-def _swing(scene: Scene, forms: Forms) -> np.ndarray:
-    """Factors [kg] of the accelerations in N - M g, eq. (6), shape (coordinates,)."""
-    swing = np.zeros(forms.channels.coordinates)
-    if scene["effects.normal_force"] != "weight":
-        for i, side in enumerate(forms.guides):
-            swing[i] = scene[f"mass.{side}"] * scene.direction(side)[1]
-    return swing
 
 
 def _mode_numbers(forms: Forms, modes: tuple[Mode, ...]) -> np.ndarray:

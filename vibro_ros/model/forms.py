@@ -53,15 +53,6 @@ def cached(method: Callable) -> Callable:
     return stored
 
 
-@functools.lru_cache(maxsize=64)
-def _units(count: int) -> tuple[np.ndarray, np.ndarray]:
-    """The forms of each channel and the form that is zero, read-only."""
-    units = np.eye(count), np.zeros(count)
-    for array in units:
-        array.setflags(write=False)
-    return units
-
-
 class Forms:
     """The linear forms of one scene.
 
@@ -107,8 +98,9 @@ class Forms:
             and scene["ground.static_friction"] > scene["ground.friction"])
         self.channels = Channels(len(self.guides) + self.body_moves + self.body_hops, len(self.guides),
                                  len(self.guides), len(self.plates), int(self.friction_decays))
-
-        self.units, self.zero = _units(self.channels.count)
+        self.units, self.zero = np.eye(self.channels.count), np.zeros(self.channels.count)
+        for shared in (self.units, self.zero):
+            shared.setflags(write=False)
         self.one = self.units[self.channels.one]
 
     @property
@@ -165,12 +157,6 @@ class Forms:
         """Push of the mass on its plate in contact, k (q - E) + c (q' - E') [N], with k4, c4 or k1, c1."""
         depth, rate = self.penetration(side)
         return self._scene[f"{side}.plate.stiffness"] * depth + self._scene[f"{side}.plate.damping"] * rate
-
-    @cached
-    def guide_force(self, side: str, closed: frozenset[str]) -> Form:
-        """F2 or F3 [N], where `closed` are the guides whose compliant plates are in contact."""
-        force = self.drive_force(side)
-        return force + self.plate_force(side) if side in closed else force
 
     @cached
     def weight(self, side: str) -> Form:

@@ -139,11 +139,6 @@ class Ground:
         else:
             self.states = ("grounded", *(("airborne",) if forms.body_hops else ()))
 
-    @property
-    def initial(self) -> str:
-        """State to start in; if its guards do not hold, another state follows at once."""
-        return self.states[0]
-
     def normal_force(self, state: str, normal: ModeForms, inertial: ModeForms) -> ModeForms:
         """N [N] in `state`, from N on the ground and F_in in every mode."""
         return self._forms.zero if state == "airborne" else normal

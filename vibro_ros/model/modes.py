@@ -18,7 +18,7 @@ Every effect needs places 1 to 3, 10 and 11. The others are for the effects that
    of its own adds them to `GROUND_STATES`, and their guards to `Ground.guards`; a shock is a matter of `shock.py`.
 5. `model/contact.py`, for a contact: a class as `RigidContact`, with the states of the plate, and with guards whose
    targets bring the jumps on the way.
-6. `model/forms.py`, for a force along a guide (`Forms.guide_force`, `Forms.weight`) and for a coordinate, ramp or other
+6. `model/forms.py`, for a force along a guide (`Forms.drive_force`, `Forms.weight`) and for a coordinate, ramp or other
    channel (`Forms.channels`). A force that reads x or x', such as -c x', makes x a dynamic coordinate: `Forms.channels`
    counts it, and `ModeBuilder.equations` eliminates the masses' accelerations from its row. A force that is no linear
    form, such as Stribeck's friction, has a channel of its own in the solver, and a driven x (`Forms.friction_decays`).
@@ -142,18 +142,14 @@ class ModeBuilder:
 
     @property
     def initial_mode(self) -> int:
-        """Number of the mode in which a run starts."""
-        return self.mode_set.number((*(contact.initial for contact in self.contacts), self.ground.initial))
+        """Number of the mode in which a run starts; if its guards do not hold, another mode follows at once."""
+        return self.mode_set.number((*("open" for _ in self.contacts), self.ground.states[0]))
 
     def equations(self) -> np.ndarray:
-        """Accelerations of the coordinates [m/s²]: those of the masses, then x'' and y'' of the body.
+        """Accelerations of the coordinates [m/s²], shape (modes, coordinates, channels): the masses', then x'' and y''.
 
         The rows of the solver's dynamic coordinates read no acceleration; the rows of the others may read those of the
         dynamic coordinates.
-
-        Returns
-        -------
-        ndarray, shape (modes, coordinates, channels)
         """
         forms, (along_x, upwards) = self.forms, self.body_acceleration()
         rows = np.empty((len(self.modes), forms.channels.coordinates, forms.channels.count))
@@ -191,33 +187,26 @@ class ModeBuilder:
         """
         scene, forms, body, n = self._scene, self.forms, self.body_acceleration(), len(self.forms.guides)
         inertia, loads = np.zeros((len(self.modes), n, n)), np.empty((len(self.modes), n, forms.channels.count))
+        first = forms.channels.acceleration(0)
+        accelerations = slice(first, first + n)  # of the masses
         for i, side in enumerate(forms.guides):
             mass = scene[f"mass.{side}"]
             inertia[:, i, i] = mass
-            loads[:, i] = -self._guide_force(side) - forms.weight(side)
+            force = forms.drive_force(side)
+            if self.has_compliant_plate(side):
+                pressing = self.mode_set.pressing[side][:, None]
+                force = np.where(pressing, force + forms.plate_force(side), force)
+            loads[:, i] = -force - forms.weight(side)
             if scene["effects.reaction"]:
-                by_masses, rest = self._split(mass * forms.along(side, body))
-                inertia[:, i] += by_masses
-                loads[:, i] -= rest
+                of_body = mass * forms.along(side, body)
+                inertia[:, i] += of_body[:, accelerations]
+                of_body[:, accelerations] = 0.0
+                loads[:, i] -= of_body
         # Only moving masses are solved for, because an elimination that pivots leaves rounding in a resting mass's row.
         solved = np.zeros_like(loads)
         for rows, blocks in self.mode_set.moving:
             solved[rows] = np.linalg.solve(inertia[blocks], loads[rows])
         return solved
-
-    def _split(self, form: ModeForms) -> tuple[np.ndarray, ModeForms]:
-        """The factors of the masses' accelerations in a form, shape (modes, guides), and the form without them."""
-        first = self.forms.channels.acceleration(0)
-        accelerations, rest = slice(first, first + len(self.forms.guides)), form.copy()
-        rest[:, accelerations] = 0.0
-        return form[:, accelerations], rest
-
-    def _guide_force(self, side: str) -> Form | ModeForms:
-        """F2 or F3 [N]."""
-        without = self.forms.guide_force(side, frozenset())
-        if not self.has_compliant_plate(side):
-            return without
-        return np.where(self.mode_set.pressing[side][:, None], self.forms.guide_force(side, frozenset({side})), without)
 
     def has_compliant_plate(self, side: str) -> bool:
         """Whether the guide `side` has a plate that yields."""
@@ -302,7 +291,7 @@ class ModeSet:
         The modes in which the body is in the air.
     inclined_closed : ndarray of int, shape (modes,)
         1 in the modes in which the inclined mass presses on its compliant plate, else 0.
-    moving : tuple of (tuple, tuple)
+    moving : list of (tuple, tuple)
         For each set of masses that move together in some modes, as indices of arrays by mode and guide: the rows of
         these masses, shape (modes, masses), and the blocks that couple them, shape (modes, masses, masses).
     contexts : tuple of tuple of Context
@@ -325,12 +314,25 @@ class ModeSet:
         self.ground = np.array([states[-1].index(mode.ground) for mode in self.modes])
         self.airborne = np.array([mode.ground == "airborne" for mode in self.modes])
         self.inclined_closed = np.array([int("inclined" in mode.closed) for mode in self.modes])
-        self.moving = tuple(self._moving(guides))
+        self.moving = []
+        for resting in dict.fromkeys(mode.resting for mode in self.modes):
+            moving = [i for i, side in enumerate(guides) if side not in resting]
+            rows = [m for m, mode in enumerate(self.modes) if mode.resting == resting]
+            if moving:
+                self.moving.append((np.ix_(rows, moving), np.ix_(rows, moving, moving)))
         self.contexts = tuple(tuple(_contexts(mode, kinds, contact_changes_ground_force)) for mode in self.modes)
         self.first_with = {context: m for m, contexts in reversed(list(enumerate(self.contexts)))
                            for context in contexts}
-        self.event_kind = self._event_kinds()
-        self.mode_after_ramp_change = self._modes_after_ramp_changes(len(plates))
+        self.event_kind = np.full((len(self.modes), len(self.modes)), NOTHING)
+        for before, after in itertools.permutations(range(len(self.modes)), 2):
+            old, new = self.modes[before].ground, self.modes[after].ground
+            event = GROUND_STATES[old].ends or GROUND_STATES[new].begins
+            if old != new and event:
+                self.event_kind[before, after] = MODE_EVENTS.index(event)
+        self.mode_after_ramp_change = np.empty((len(self.modes), len(plates)), dtype=np.int64)
+        for (m, mode), k in itertools.product(enumerate(self.modes), range(len(plates))):
+            parted = ["open" if i == k and state == "resting" else state for i, state in enumerate(mode.states)]
+            self.mode_after_ramp_change[m, k] = self.number(tuple(parted))
 
     def number(self, states: tuple[str, ...]) -> int:
         """Number of the mode with these states."""
@@ -343,32 +345,6 @@ class ModeSet:
         if target.ground:
             states[-1] = target.ground
         return self.number(tuple(states))
-
-    def _moving(self, guides: tuple[str, ...]) -> Iterator[tuple[tuple, tuple]]:
-        """The groups of `moving`; a mode in which every mass rests is in none."""
-        for resting in dict.fromkeys(mode.resting for mode in self.modes):
-            moving = [i for i, side in enumerate(guides) if side not in resting]
-            modes = [m for m, mode in enumerate(self.modes) if mode.resting == resting]
-            if moving:
-                yield np.ix_(modes, moving), np.ix_(modes, moving, moving)
-
-    def _event_kinds(self) -> np.ndarray:
-        table = np.full((len(self.modes), len(self.modes)), NOTHING)
-        for before, after in itertools.permutations(range(len(self.modes)), 2):
-            old, new = self.modes[before].ground, self.modes[after].ground
-            event = GROUND_STATES[old].ends or GROUND_STATES[new].begins
-            if old != new and event:
-                table[before, after] = MODE_EVENTS.index(event)
-        return table
-
-    def _modes_after_ramp_changes(self, plates: int) -> np.ndarray:
-        table = np.empty((len(self.modes), plates), dtype=np.int64)
-        for m, mode in enumerate(self.modes):
-            for k in range(plates):
-                new = list(mode.states)
-                new[k] = "open" if mode.states[k] == "resting" else mode.states[k]
-                table[m, k] = self.number(tuple(new))
-        return table
 
 
 def _sides_in(wanted: str, plates: tuple[str, ...], states: tuple[str, ...]) -> frozenset[str]:

@@ -27,7 +27,7 @@ def check_together(values: ParameterValues) -> None:
         One sentence that names the parameter, its value, the limit and the remedy.
     """
     for check in (_check_mechanism, _check_friction, _check_blows, _check_rates, _check_reaction, _check_misprint,
-                  _check_tolerance, _check_method, _check_accounts):
+                  _check_solver):
         check(values)
 
 
@@ -45,35 +45,22 @@ def _check_friction(values: ParameterValues) -> None:
     if values.resting_friction < kinetic:
         raise ValueError(f"ground.static_friction: {values.resting_friction:g} is below ground.friction, "
                          f"{kinetic:g}; give at least {kinetic:g}")
-    _check_stribeck(values)
-    highest = _highest_friction(values)
+    if values["effects.friction"] == "stribeck":  # a coefficient that changes with the speed is not linear
+        if values["effects.reaction"]:
+            raise ValueError("effects.friction: 'stribeck' has no exact solution with effects.reaction true, by which "
+                             "the friction moves the masses; choose static, or set effects.reaction to false")
+        if values["effects.normal_force"] == "hop":
+            raise ValueError("effects.friction: 'stribeck' has no exact law for a landing, in which the coefficient "
+                             "would change during the shock; choose static, or unilateral for effects.normal_force")
+    # The friction coefficient at which the inertia of slipping body and inclined mass is singular.
+    sine, mass = math.sin(values["guide.angle"]), values["mass.inclined"]
+    coupled = values["effects.reaction"] and values["effects.normal_force"] != "weight" and "inclined" in values.guides
+    coupling = coupled * mass * sine * abs(math.cos(values["guide.angle"]))
+    highest = (values.total_mass - mass * sine**2) / coupling if coupling else math.inf
     if values.has_dry_friction and kinetic >= highest:
         raise ValueError(f"ground.friction: at {kinetic:g} the reaction on the masses has no unique solution while "
                          f"the body slips (Painlevé's paradox); give less than {highest:g}, or set "
                          "effects.reaction to false")
-
-
-def _check_stribeck(values: ParameterValues) -> None:
-    """Refuse `stribeck` where a coefficient that changes with the speed makes masses or a landing nonlinear."""
-    if values["effects.friction"] != "stribeck":
-        return
-    if values["effects.reaction"]:
-        raise ValueError("effects.friction: 'stribeck' has no exact solution with effects.reaction true, by which "
-                         "the friction moves the masses; choose static, or set effects.reaction to false")
-    if values["effects.normal_force"] == "hop":
-        raise ValueError("effects.friction: 'stribeck' has no exact law for a landing, in which the coefficient "
-                         "would change during the shock; choose static, or unilateral for effects.normal_force")
-
-
-def _highest_friction(values: ParameterValues) -> float:
-    """Friction coefficient at which the inertia of slipping body and inclined mass is singular, or inf."""
-    sine, cosine = math.sin(values["guide.angle"]), math.cos(values["guide.angle"])
-    coupled = values["effects.reaction"] and values["effects.normal_force"] != "weight"
-    mass = values["mass.inclined"]
-    coupling = mass * sine * abs(cosine)
-    if not coupled or "inclined" not in values.guides or coupling == 0.0:
-        return math.inf
-    return (values.total_mass - mass * sine**2) / coupling
 
 
 def _check_blows(values: ParameterValues) -> None:
@@ -117,19 +104,13 @@ def _check_reaction(values: ParameterValues) -> None:
                  "long to simulate")
     else:
         return
-    raise ValueError(f"mass.body: {values['mass.body']:g} kg with effects.reaction {found}; give "
-                     f"{_heavier_body(values)}less ground.friction, stiffness and damping, or set effects.reaction "
-                     "to false")
-
-
-def _heavier_body(values: ParameterValues) -> str:
-    """The least mass of the body, to a factor of two, that passes, as part of a sentence; empty if none does."""
-    mass = values["mass.body"]
-    while (mass := 2.0 * mass) <= BY_NAME["mass.body"].maximum:
+    mass, remedy = values["mass.body"], ""
+    while not remedy and (mass := 2.0 * mass) <= BY_NAME["mass.body"].maximum:
         heavier = ParameterValues("", {**values.parameters, "mass.body": mass})
         if least_inertia(heavier) >= LEAST_INERTIA and fastest_rate(heavier) <= FASTEST_RATE:
-            return f"at least {mass:.2g} kg, "
-    return ""
+            remedy = f"at least {mass:.2g} kg, "
+    raise ValueError(f"mass.body: {values['mass.body']:g} kg with effects.reaction {found}; give {remedy}less "
+                     "ground.friction, stiffness and damping, or set effects.reaction to false")
 
 
 def _check_misprint(values: ParameterValues) -> None:
@@ -152,22 +133,18 @@ def _check_misprint(values: ParameterValues) -> None:
                          f"effects.reaction true; give false for effects.reaction, {false}")
 
 
-def _check_tolerance(values: ParameterValues) -> None:
-    """Refuse a promise that rounding does not let `exact` keep; `Simulator` warns of the default promise."""
+def _check_solver(values: ParameterValues) -> None:
+    """Refuse a promise that rounding does not let `exact` keep (`Simulator` warns of the default promise), a scene
+    that the method does not simulate, and accounts of a method whose errors no account would hold.
+    """
     if values["solver.tolerance"] != BY_NAME["solver.tolerance"].default and (fault := values.broken_promise):
         raise ValueError(fault)
     least = LEAST_SHARE * values.longest_rod
     if values["solver.accuracy"] < least:
         raise ValueError(f"solver.accuracy: {values['solver.accuracy']:g} m is below what rounding allows with rods "
                          f"of {values.longest_rod:g} m; give at least {least:g} m")
-
-
-def _check_method(values: ParameterValues) -> None:
     if values["solver.method"] == "moreau" and (fault := unsupported(values, "moreau")):
         raise ValueError(f"{fault}, or choose exact, auto, rk4 or semi_implicit_euler for solver.method")
-
-
-def _check_accounts(values: ParameterValues) -> None:
     if values["solver.accounts"] and values["solver.method"] != "exact":
         raise ValueError(f"solver.accounts: true needs solver.method exact, not {values['solver.method']}, whose "
                          "errors no account would hold; give false, or choose exact")

@@ -80,7 +80,10 @@ class ParameterValues:
 
         A part that is only rounding is 0, because an angle of π/2 means level and one of π upright.
         """
-        return _direction(self.guide_angle(side))
+        angle = self.guide_angle(side)
+        parts = -math.sin(angle), math.cos(angle)
+        along_x, upwards = (0.0 if abs(part) < _ANGLE_ROUNDING else part for part in parts)
+        return along_x, upwards
 
     @property
     def body_moves(self) -> bool:
@@ -95,12 +98,9 @@ class ParameterValues:
     @functools.cached_property
     def plates(self) -> tuple[str, ...]:
         """The guides with a plate; a compliant plate without stiffness and damping is no plate."""
-        return tuple(side for side in self.guides if self._has_plate(side))
-
-    def _has_plate(self, side: str) -> bool:
-        kind = self[f"effects.{side}_contact"]
-        return kind == "restitution" or (
-            kind == "compliant" and any(self[f"{side}.plate.{part}"] for part in ("stiffness", "damping")))
+        kinds = {side: self[f"effects.{side}_contact"] for side in self.guides}
+        return tuple(side for side, kind in kinds.items() if kind == "restitution" or (
+            kind == "compliant" and any(self[f"{side}.plate.{part}"] for part in ("stiffness", "damping"))))
 
     @property
     def longest_rod(self) -> float:
@@ -129,9 +129,3 @@ def rounded_up(number: float) -> float:
     """The least number of two digits that is not below `number`, so that the number in a message is accepted."""
     digit = 10.0 ** (math.floor(math.log10(number)) - 1)
     return float(f"{math.ceil(number / digit * (1.0 - 1e-9)) * digit:.2g}")
-
-
-@functools.lru_cache(maxsize=64)
-def _direction(angle: float) -> tuple[float, float]:
-    along_x, upwards = (0.0 if abs(part) < _ANGLE_ROUNDING else part for part in (-math.sin(angle), math.cos(angle)))
-    return along_x, upwards

@@ -86,19 +86,15 @@ class Parameter:
         if isinstance(self.default, float):
             return self._checked_number(value)
         if isinstance(self.default, tuple):
-            return self._checked_texts(value)
+            if not isinstance(value, (list, tuple)) or not all(isinstance(text, str) for text in value):
+                raise ValueError(f"{self.name}: {quoted(value)} is not {self.type_name}; write [one, another]")
+            return tuple(value) or self.default
         if type(value) is not type(self.default):
             raise ValueError(f"{self.name}: {quoted(value)} is not {self.type_name}; "
                              f"give {self.type_name}{self._hint()}")
         if self.choices and value not in self.choices:
             raise ValueError(f"{self.name}: {quoted(value)} is unknown; choose one of {', '.join(self.choices)}")
         return value
-
-    def _checked_texts(self, value: object) -> tuple[str, ...]:
-        """`value` as a tuple of texts; the default in place of an empty list."""
-        if not isinstance(value, (list, tuple)) or not all(isinstance(text, str) for text in value):
-            raise ValueError(f"{self.name}: {quoted(value)} is not {self.type_name}; write [one, another]")
-        return tuple(value) or self.default
 
     def _checked_number(self, value: Any) -> float:
         """`value` as a number within the limits, or as 0 if its magnitude is negligible."""

@@ -168,15 +168,6 @@ def check_parts(values: ParameterValues, given: Mapping[str, float], prefix: str
     ValueError
         With the value and the remedy.
     """
-    absent = _absent(values)
-    for name, value in given.items():
-        if value != 0.0 and name in absent:
-            unit = NUMBERS[name].unit if name in NUMBERS else "m"
-            raise ValueError(f"{prefix}{name}: {value:g} {unit}, but it stays 0 in this scene; leave it out, or give 0")
-
-
-def _absent(values: ParameterValues) -> set[str]:
-    """Names of the fields of a state that stay 0 in this scene."""
     absent = {f"{side}_{field}" for side in ("upper", "inclined") if side not in values.guides
               for field in ("position", "velocity")}
     absent |= {f"{side}_plate_position" for side in ("upper", "inclined") if side not in values.plates}
@@ -184,7 +175,10 @@ def _absent(values: ParameterValues) -> set[str]:
         absent |= {"body_position", "body_velocity"}
     if not values.body_hops:
         absent |= {"body_height", "body_vertical_velocity"}
-    return absent
+    for name, value in given.items():
+        if value != 0.0 and name in absent:
+            unit = NUMBERS[name].unit if name in NUMBERS else "m"
+            raise ValueError(f"{prefix}{name}: {value:g} {unit}, but it stays 0 in this scene; leave it out, or give 0")
 
 
 def outside_plates(values: ParameterValues, state: Mapping[str, float], prefix: str = "") -> dict[str, float]:

@@ -84,14 +84,7 @@ class Shock:
 class Blow:
     """A blow of a mass on its rigid plate: the jumps of the mass, and those of the body on the ground or thrown up.
 
-    Parameters
-    ----------
-    scene : Scene
-        The scene whose masses, guides and reaction count.
-    forms : Forms
-        The forms of the scene.
-    side : str
-        The guide.
+    `side` is the guide.
     """
 
     def __init__(self, scene: Scene, forms: Forms, side: str):
@@ -131,8 +124,7 @@ class Blow:
 
     def _speed_change(self, restitution: float) -> Form:
         """(1 + eps) a [m/s]."""
-        _, approach = self._forms.penetration(self._side)
-        return (1.0 + restitution) * approach
+        return (1.0 + restitution) * self._forms.penetration(self._side)[1]
 
 
 class Landing:
@@ -140,10 +132,6 @@ class Landing:
 
     Parameters
     ----------
-    scene : Scene
-        The scene whose masses, guides and reaction count.
-    forms : Forms
-        The forms of the scene.
     kinetic, static : float
         Friction coefficients while the body slips and while it sticks.
     resting : frozenset of str

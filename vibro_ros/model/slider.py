@@ -132,14 +132,10 @@ def signal_table(sliders: tuple[Slider, ...]) -> SignalTable:
     """Table of the sliders' positions over one turn, in cells whose series reach rounding; read only."""
     start = _cell_starts(sliders)
     series = _series(sliders, 0.5 * (start[:-1] + start[1:]), 0.5 * np.diff(start))
-    return SignalTable(start, _distances_to_singularity(sliders, start), np.ascontiguousarray(series.swapaxes(0, 1)))
-
-
-def _distances_to_singularity(sliders: tuple[Slider, ...], start: np.ndarray) -> np.ndarray:
-    """Distance [rad] from each cell to the nearest singularity of any slider, shape (cells,)."""
-    return np.array([min([_FARTHEST_SINGULARITY, *(slider.least_distance_to_singularity(first, last)
-                                                   for slider in sliders)])
-                     for first, last in zip(start[:-1], start[1:], strict=True)])
+    distances = np.array([min([_FARTHEST_SINGULARITY, *(slider.least_distance_to_singularity(first, last)
+                                                        for slider in sliders)])
+                          for first, last in zip(start[:-1], start[1:], strict=True)])
+    return SignalTable(start, distances, np.ascontiguousarray(series.swapaxes(0, 1)))
 
 
 def _cell_starts(sliders: tuple[Slider, ...]) -> np.ndarray:
@@ -158,10 +154,7 @@ def _half_cell(sliders: tuple[Slider, ...], start: float) -> float:
     Half a cell is CELL_STRIDE times the distance from the cell's middle to the nearest singularity. That distance
     changes by no more than the middle moves, so that the iteration contracts by CELL_STRIDE.
     """
-    half, last = 0.0, math.nan
+    half = 0.0
     for _ in range(_CONTRACTIONS):
-        if half == last:
-            break
-        last = half
         half = min([_LONGEST_HALF] + [CELL_STRIDE * s.distance_to_singularity(start + half) for s in sliders])
     return half

@@ -1,20 +1,14 @@
-"""A scene compiled to the tables that the event loop reads (`solver.system.System`).
-
-A guard has numbers, which are its forms and jumps, and places in the tables. The places are the same in all scenes of a
-sweep, as long as the guards lead to the same states and have equal forms in the same places. So the places are found
-once for the guards' *outlines*, which are guards with numbers of rows and matrices instead of forms and jumps.
-"""
+"""A scene compiled to the tables that the event loop reads (`solver.system.System`)."""
 
 import functools
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 
 from vibro_ros.model.energy import account_table, audit_tables
-from vibro_ros.model.forms import Form, Forms, Guard, Target
-from vibro_ros.model.modes import MODE_EVENTS, Mode, ModeBuilder, ModeSet
+from vibro_ros.model.forms import Form, Forms
+from vibro_ros.model.modes import MODE_EVENTS, Mode, ModeBuilder
 from vibro_ros.model.scene import Scene
 from vibro_ros.model.slider import Slider, signal_table
 from vibro_ros.solver.compilation import Laid
@@ -94,7 +88,9 @@ def _compile_machine(scene: Scene) -> Model:
         longest_segment=longest_segments(acceleration[first], channels)[flow],
         **guards,
         event_kind=builder.mode_set.event_kind,
-        event_quantity=_event_quantities(builder),
+        # Recorded with an event: the speed of the fall that a landing ends.
+        event_quantity=np.array([-forms.body_velocity()[1] if kind == "landing" else forms.zero
+                                 for kind in MODE_EVENTS]) + 0.0,  # no -0.0
         **_monitor_tables(builder),
         mode_after_ramp_change=builder.mode_set.mode_after_ramp_change,
         **audit_tables(builder, scene),
@@ -114,12 +110,6 @@ def _decay_table(builder: ModeBuilder) -> Decay:
     return Decay(factor, terms(factor), rate)
 
 
-def _event_quantities(builder: ModeBuilder) -> np.ndarray:
-    """Forms recorded with each kind of event, shape (kinds, channels): the speed of the fall that a landing ends."""
-    _, upwards = builder.forms.body_velocity()
-    return np.array([-upwards if kind == "landing" else builder.forms.zero for kind in MODE_EVENTS]) + 0.0  # no -0.0
-
-
 def _monitor_tables(builder: ModeBuilder) -> dict[str, np.ndarray]:
     """Fields of `System` for one monitor a plate: the force in contact, and the approach speed."""
     forms, modes = builder.forms, builder.modes
@@ -136,15 +126,34 @@ def _monitor_tables(builder: ModeBuilder) -> dict[str, np.ndarray]:
 
 def _guard_tables(builder: ModeBuilder) -> dict[str, np.ndarray]:
     """Fields of `System` for guards, their candidates and the jumps on the way; equal forms share a row."""
-    rows, matrices, forms = _Numbering(), _Numbering(), builder.forms
-    outlines = tuple(tuple(_outline(guard, rows, matrices, forms) for guard in builder.guards_in(context))
-                     for context in builder.mode_set.first_with)
-    places = _places(builder.mode_set, outlines)
-    channels = forms.channels
-    row = np.array([rows.arrays[number] for number in places.rows]).reshape(len(places.rows), channels.count)
-    matrix = np.array([matrices.arrays[number] for number in places.matrices])
-    return {**places.tables, "row": row, "row_terms": terms(row), "driven": _reads_driven(row, forms),
-            "jump_matrix": matrix.reshape(len(matrix), 2 * channels.coordinates, channels.count)}
+    mode_set, forms, channels = builder.mode_set, builder.forms, builder.forms.channels
+    by_context = {context: builder.guards_in(context) for context in mode_set.first_with}
+    guards = [[(context.effect, guard) for context in contexts for guard in by_context[context]]
+              for contexts in mode_set.contexts]
+    targets = [target for of_context in by_context.values() for guard in of_context for target in guard.targets]
+    matrix_of = {id(target): _jump_matrix(target.jumps, forms) for target in targets if target.jumps}
+    shape = (len(guards), max(1, max(map(len, guards))))
+    most_targets = max((len(guard.targets) for of_mode in guards for _, guard in of_mode), default=1)
+    guard_row, guard_effect, blow_monitor = (np.full(shape, NOTHING) for _ in range(3))
+    candidate, jump = (np.full((*shape, most_targets), NOTHING) for _ in range(2))
+    entry = np.full((*shape, most_targets, max((len(target.entries) for target in targets), default=0)), NOTHING)
+    rows, matrices = _Numbering(), _Numbering()
+    for m, of_mode in enumerate(guards):
+        for g, (effect, guard) in enumerate(of_mode):
+            guard_row[m, g] = rows.number(guard.form)
+            guard_effect[m, g] = UNCHECKED if guard.entries_decide else effect
+            blow_monitor[m, g] = effect if guard.is_blow else NOTHING
+            for c, target in enumerate(guard.targets):
+                candidate[m, g, c] = mode_set.target_mode(mode_set.modes[m], effect, target)
+                for e, form in enumerate(target.entries):
+                    entry[m, g, c, e] = rows.number(form)
+                if target.jumps:
+                    jump[m, g, c] = matrices.number(matrix_of[id(target)])
+    row = np.array(rows.arrays).reshape(len(rows.arrays), channels.count)
+    matrix = np.array(matrices.arrays).reshape(len(matrices.arrays), 2 * channels.coordinates, channels.count)
+    return {"guard": guard_row, "guard_effect": guard_effect, "candidate": candidate, "entry": entry, "jump": jump,
+            "blow_monitor": blow_monitor, "row": row, "row_terms": terms(row), "driven": _reads_driven(row, forms),
+            "jump_matrix": matrix}
 
 
 class _Numbering:
@@ -156,37 +165,11 @@ class _Numbering:
 
     def number(self, array: np.ndarray) -> int:
         """Return the number of `array`."""
+        array = array + 0.0  # no -0.0, whose bytes differ
         number = self._number_by_bytes.setdefault(array.tobytes(), len(self.arrays))
         if number == len(self.arrays):
             self.arrays.append(array)
         return number
-
-
-class _TargetOutline(NamedTuple):
-    target: Target  # without forms
-    entries: tuple[int, ...]
-    jump: int
-
-
-class _GuardOutline(NamedTuple):
-    row: int
-    targets: tuple[_TargetOutline, ...]
-    is_blow: bool
-    entries_decide: bool
-
-
-def _outline(guard: Guard, rows: _Numbering, matrices: _Numbering, forms: Forms) -> _GuardOutline:
-    row, targets = _row(guard.form, rows), []
-    for target in guard.targets:
-        jump = matrices.number(_jump_matrix(target.jumps, forms)) if target.jumps else NOTHING
-        entries = tuple([_row(form, rows) for form in target.entries])
-        without_forms = target._replace(jumps=(), entries=())
-        targets.append(_TargetOutline(without_forms, entries, jump))
-    return _GuardOutline(row, tuple(targets), guard.is_blow, guard.entries_decide)
-
-
-def _row(form: Form, rows: _Numbering) -> int:
-    return rows.number(form + 0.0)  # no -0.0, whose bytes differ
 
 
 def _jump_matrix(jumps: Iterable[tuple[int, Form]], forms: Forms) -> np.ndarray:
@@ -195,43 +178,6 @@ def _jump_matrix(jumps: Iterable[tuple[int, Form]], forms: Forms) -> np.ndarray:
     for channel, form in jumps:
         rows[channel] = form
     return rows
-
-
-class _Places(NamedTuple):
-    """Tables with numbers of rows and matrices; and these, by their numbers in the outlines, in the tables' order."""
-
-    tables: dict[str, np.ndarray]
-    rows: list[int]
-    matrices: list[int]
-
-
-@functools.lru_cache(maxsize=64)
-def _places(mode_set: ModeSet, outlines: tuple[tuple[_GuardOutline, ...], ...]) -> _Places:
-    """Places of guards in the tables; `outlines` are in the order of `ModeSet.first_with`."""
-    by_context = dict(zip(mode_set.first_with, outlines, strict=True))
-    guards = [[(context.effect, guard) for context in contexts for guard in by_context[context]]
-              for contexts in mode_set.contexts]
-    targets = [target for of_mode in guards for _, guard in of_mode for target in guard.targets]
-    most_targets = max((len(guard.targets) for of_mode in guards for _, guard in of_mode), default=1)
-    shape = (len(guards), max(1, max(map(len, guards))))
-    guard_row, guard_effect, blow_monitor = (np.full(shape, NOTHING) for _ in range(3))
-    candidate, jump = (np.full((*shape, most_targets), NOTHING) for _ in range(2))
-    entry = np.full((*shape, most_targets, max((len(target.entries) for target in targets), default=0)), NOTHING)
-    rows, matrices = dict[int, int](), dict[int, int]()
-    for m, of_mode in enumerate(guards):
-        for g, (effect, guard) in enumerate(of_mode):
-            guard_row[m, g] = rows.setdefault(guard.row, len(rows))
-            guard_effect[m, g] = UNCHECKED if guard.entries_decide else effect
-            blow_monitor[m, g] = effect if guard.is_blow else NOTHING
-            for c, outline in enumerate(guard.targets):
-                candidate[m, g, c] = mode_set.target_mode(mode_set.modes[m], effect, outline.target)
-                for e, row in enumerate(outline.entries):
-                    entry[m, g, c, e] = rows.setdefault(row, len(rows))
-                if outline.jump != NOTHING:
-                    jump[m, g, c] = matrices.setdefault(outline.jump, len(matrices))
-    tables = {"guard": guard_row, "guard_effect": guard_effect, "candidate": candidate, "entry": entry, "jump": jump,
-              "blow_monitor": blow_monitor}
-    return _Places(tables, list(rows), list(matrices))
 
 
 def _reads_driven(row: np.ndarray, forms: Forms) -> np.ndarray:

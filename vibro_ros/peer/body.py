@@ -100,7 +100,6 @@ class Body:
             self._run.announce_flight(2.0 * float(state[self._height + 1]) / fall)
 
     def _move_free_masses(self, along_x: float, upwards: float, not_free: frozenset[str]) -> None:
-        """Change the speeds of the free masses for jumps of x' and y' [m/s]."""
         for i, change in enumerate(self._equations.free_mass_jumps(along_x, upwards, not_free)):
             self._state[2 * i + 1] += change
 
@@ -121,7 +120,7 @@ class Body:
             self._unload(time)
         del self._run.events[known:]  # of states that were only tried
         if before != self.friction:
-            self._run.add_event(time, _kind(before, self.friction))
+            self._add_event(time, before)
 
     def _settle_friction(self, time: float) -> None:
         """Decide between stick and slip, at rest by the series of N and F_in."""
@@ -162,7 +161,8 @@ class Body:
 
     def _slip_or_unload(self, time: float, direction: float) -> None:
         """Slip in the direction of the sign of `direction`, or unload if N of the slipping body is negative."""
-        if self._without_load and self._forces_in(time, _slipping(direction))[0] < 0.0:
+        slipping = "slip_forward" if direction > 0.0 else "slip_backward"
+        if self._without_load and self._forces_in(time, slipping)[0] < 0.0:
             self._unload(time)
         else:
             self._slip(time, direction)
@@ -202,17 +202,20 @@ class Body:
         """Set the parameters of a state, and add an event if the state is another one."""
         self._body_parameters[:] = self._modes[friction, self.resting]
         if self.friction != friction:
-            if self.friction:
-                fall = -float(self._state[self._height + 1]) if self.friction == "airborne" else 0.0
-                self._run.add_event(time, _kind(self.friction, friction), fall)
-            self.friction = friction
+            before, self.friction = self.friction, friction
+            if before:
+                self._add_event(time, before, -float(self._state[self._height + 1]) if before == "airborne" else 0.0)
+
+    def _add_event(self, time: float, before: str, fall: float = 0.0) -> None:
+        """Add the event of a change from the state `before`; a landing ends a `fall` [m/s]."""
+        kind = "landing" if before == "airborne" else "lift_off" if self.friction == "airborne" else self.friction
+        self._run.add_event(time, kind, fall)
 
     def _slip(self, time: float, direction: float) -> None:
-        """Slip in the direction of the sign of `direction`."""
         forward = direction > 0.0
         if (self._state[self._speed] > 0.0) != forward or self._state[self._speed] == 0.0:
             self._state[self._speed] = _SPEED_NUDGE if forward else -_SPEED_NUDGE
-        self._enter(time, _slipping(direction))
+        self._enter(time, "slip_forward" if forward else "slip_backward")
 
     def _unload(self, time: float) -> None:
         """Enter the state without load: in flight by the rule `hop`, else on ground that does not pull."""
@@ -245,13 +248,3 @@ class Body:
         state[self._height + 1] = 0.0
         self.feel_shock(time, self.resting - staying)
         self.reconsider(time)
-
-
-def _slipping(direction: float) -> str:
-    """The state of a body that slips in the direction of the sign of `direction`."""
-    return "slip_forward" if direction > 0.0 else "slip_backward"
-
-
-def _kind(before: str, after: str) -> str:
-    """Kind of the event that is recorded for a change of state."""
-    return "landing" if before == "airborne" else "lift_off" if after == "airborne" else after

@@ -135,7 +135,9 @@ class Peer:
         while True:
             while waiting and waiting[0][0] <= now:
                 self._command(**waiting.pop(0)[1])
-            self._settle()
+            self._contacts.settle(0.0)  # all states by the motion, also where a guard is exactly zero
+            self._body.settle(0.0)
+            self._contacts.release_unpressed(0.0)
             stop = min([end, *(command[0] for command in waiting[:1]),
                         *(now + left for left in self._times_to_ramp_ends())])
             last = stop == end
@@ -151,12 +153,6 @@ class Peer:
         wall_time = wall_clock.perf_counter() - began
         found = np.array(self._run.events, dtype=_EVENT_DTYPE)
         return PeerRun(times, np.concatenate(parts), np.concatenate(driven), found, steps, wall_time)
-
-    def _settle(self) -> None:
-        """Decide the states of all plates and of the body from the motion, also where a guard is exactly zero."""
-        self._contacts.settle(0.0)
-        self._body.settle(0.0)
-        self._contacts.release_unpressed(0.0)
 
     def _start(self) -> None:
         scene = self.scene
@@ -187,14 +183,10 @@ class Peer:
             if given:
                 self._state[2 * i] += scene[f"start.{side}_position"]
                 self._state[2 * i + 1] = scene[f"start.{side}_velocity"]
-        if given:
-            self._start_body()
-
-    def _start_body(self) -> None:
-        equations, scene = self._equations, self.scene
-        if equations.body_moves:
+        equations = self._equations
+        if given and equations.body_moves:
             self._state[equations.body:equations.body + 2] = scene["start.body_position"], scene["start.body_velocity"]
-        if equations.hops:
+        if given and equations.hops:
             self._state[equations.height:equations.height + 2] = (
                 scene["start.body_height"], scene["start.body_vertical_velocity"])
 
@@ -275,14 +267,12 @@ class Peer:
 
     def _advance(self, times: np.ndarray, stop: float) -> tuple[np.ndarray, int]:
         """Samples at `times` [s], which are counted as now, and the number of steps to `stop` [s]."""
-        points, steps = self._propagate(times, stop)
+        equations, (points, steps) = self._equations, self._propagate(times, stop)
         samples = np.zeros((len(times), len(COLUMNS)))
-        for i, guide in enumerate(self._equations.guides):
-            column = COLUMNS.index(f"{guide.side}_position")
-            speed = self._plate_speeds[guide.side]
+        for i, guide in enumerate(equations.guides):
+            column, speed = COLUMNS.index(f"{guide.side}_position"), self._plate_speeds[guide.side]
             samples[:, column] = points[:, 2 * i] + (self._plates[guide.side] + speed * times)
             samples[:, column + 1] = points[:, 2 * i + 1] + speed
-        equations = self._equations
         for column, index, there in ((4, equations.body, equations.body_moves), (6, equations.height, equations.hops)):
             if there:
                 samples[:, column:column + 2] = points[:, index:index + 2]

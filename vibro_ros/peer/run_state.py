@@ -163,17 +163,14 @@ class Series:
 
     def _misread_load(self, time: float, series: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Coefficients of `Equations.misread_load` at `time` [s], and their rounding errors [N/s^n]."""
-        stiffness = self._parameter("inclined.spring")
+        number = self._equations.parameters.number
+        stiffness = float(self._parameters[number["inclined.spring"]])
         positions = series[(0, 2), :_POWERS]  # of the upper and of the inclined mass
         for position, guide in zip(positions, self._equations.guides, strict=True):
-            speed = self._parameter(f"{guide.side}.plate_speed")
-            position[0] += self._parameter(f"{guide.side}.plate") + speed * time
+            speed = float(self._parameters[number[f"{guide.side}.plate_speed"]])
+            position[0] += float(self._parameters[number[f"{guide.side}.plate"]]) + speed * time
             position[1] += speed
         return stiffness * (positions[1] - positions[0]), 2.0 * stiffness * self._rounding[:_POWERS]
-
-    def _parameter(self, name: str) -> float:
-        """Present value of a run-time parameter."""
-        return float(self._parameters[self._equations.parameters.number[name]])
 
 
 def _derivative(series: np.ndarray) -> np.ndarray:
