@@ -4,34 +4,14 @@ import signal
 import threading
 import time
 
-import numba
 import pytest
 
 from vibro_ros.process import front_door
 from vibro_ros.simulation import preparation
 from vibro_ros.simulation.preparation import Preparation
-from vibro_ros.solver import compilation
-from vibro_ros.solver.progress import Progress
+from vibro_ros.solver.kernel_cache import Progress
 
 PATIENCE = 60.0  # [s]
-
-
-@compilation.kernel
-def quarter(x):
-    """A part of a part."""
-    return 0.25 * x
-
-
-@compilation.kernel
-def half(x):
-    """A part."""
-    return 2.0 * quarter(x)
-
-
-@numba.njit
-def kernel(x):
-    """Never compiled here."""
-    return half(x) + quarter(x)
 
 
 @pytest.fixture
@@ -53,20 +33,12 @@ def test_work_that_compiles_nothing_says_nothing(progress):
 def test_how_far_it_is(progress):
     said: list[str] = []
     go_on = threading.Event()
-    progress.under_way.append(kernel.py_func)
+    progress.under_way.append("advance")
     work = Preparation(lambda: go_on.wait(PATIENCE), said.append)
     assert not work.done()
     assert said.pop() == "compiling: the first start after an update takes a quarter of a minute; Ctrl-C stops it"
-    progress.parts.add(half.py_func)
     assert not work.done()
-    assert said.pop() == "compiling kernel, 1 of 2 parts after 0 s"
-    progress.parts.add(quarter.py_func)
-    assert not work.done()
-    assert said.pop() == "compiling kernel, machine code of 2 parts after 0 s"
-    progress.under_way.clear()
-    progress.elsewhere.append("interrupt")
-    assert not work.done()
-    assert said.pop() == "compiling interrupt in another process after 0 s"
+    assert said.pop() == "compiling advance, 0 s so far"
     go_on.set()
     assert work.wait() is True
 
@@ -76,12 +48,12 @@ def test_a_python_program_is_told_what_it_waits_for_on_stderr(progress, monkeypa
 
     def compile_for_a_while(method):
         assert method == "moreau"
-        progress.under_way.append(kernel.py_func)
+        progress.under_way.append("advance")
         assert told.wait(PATIENCE)
 
     def say(program, text):
         front_door.say(program, text)
-        if "parts" in text:
+        if "so far" in text:
             told.set()
 
     monkeypatch.setattr(preparation, "compiled_methods", set())
@@ -90,13 +62,7 @@ def test_a_python_program_is_told_what_it_waits_for_on_stderr(progress, monkeypa
     preparation.provide_kernels("moreau")
     first, second, *_ = capsys.readouterr().err.splitlines()
     assert first.startswith("vibro_ros: compiling: the first start after an update takes")
-    assert second == "vibro_ros: compiling kernel, 0 of 2 parts after 0 s"
-
-
-def test_a_program_whose_kernels_are_there_starts_no_thread(monkeypatch):
-    monkeypatch.setattr(preparation, "compiled_methods", {"moreau"})
-    monkeypatch.setattr(preparation, "compile_kernels", None)
-    preparation.provide_kernels("moreau")
+    assert second == "vibro_ros: compiling advance, 0 s so far"
 
 
 def test_kernels_that_cannot_be_kept_are_told_with_a_remedy(progress):

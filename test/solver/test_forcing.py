@@ -12,7 +12,7 @@ from vibro_ros.solver.events import PHASE_KIND, RAMP_KIND
 from vibro_ros.solver.system import Channels
 
 ONE_SIGNAL = Channels(0, 0, 1, 0)
-SLIDERS = [Slider(0.02, 0.06, 0.7)] + [Slider(0.06 * (1 - 10.0**-n), 0.06, 0.7) for n in (1, 3, 6, 9, 12, 15)] + [
+SLIDERS = [Slider(0.02, 0.06, 0.7)] + [Slider(0.06 * (1 - 10.0**-n), 0.06, 0.7) for n in (1, 3, 9, 15)] + [
     Slider(0.06, 0.06, 0.7), Slider(0.06, 0.06, 0.0)]
 
 
@@ -88,7 +88,7 @@ def lagging(slider, lag, speed, target, times):
 
 
 @pytest.mark.parametrize("slider", SLIDERS)
-@pytest.mark.parametrize("lag", [1e-3, 0.02, 0.1, 0.5])
+@pytest.mark.parametrize("lag", [1e-3, 0.1, 0.5])
 @pytest.mark.parametrize(("speed", "target"), [(0.0, 100.0), (100.0, 0.0), (100.0, 130.0), (500.0, 1.0), (2.0, 2.001)])
 def test_lagging_speed(slider, lag, speed, target):
     """Through whole cells and parts of them: to the rounding of a position, and of the phase at the slider's speed."""

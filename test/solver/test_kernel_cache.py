@@ -10,8 +10,7 @@ import numba
 import pytest
 
 from vibro_ros.solver import kernel_cache, numba_private
-from vibro_ros.solver.kernel_cache import KernelFolder, cache_folder
-from vibro_ros.solver.progress import progress
+from vibro_ros.solver.kernel_cache import KernelFolder, cache_folder, progress
 
 
 def twice(x):
@@ -41,16 +40,11 @@ def test_a_kernel_is_compiled_once(folder):
     assert folder.stat().st_mode & 0o022 == file.stat().st_mode & 0o022 == 0
 
 
-DAMAGE = {
-    "empty": lambda whole: b"",
-    "truncated": lambda whole: whole[:len(whole) // 2],
-    "flipped bit in the checksum": lambda whole: bytes([whole[0] ^ 1]) + whole[1:],
-    "flipped bit at the end": lambda whole: whole[:-1] + bytes([whole[-1] ^ 1]),
-    "of something else": lambda whole: b"hello, world" * 1000,
-}
-
-
-@pytest.mark.parametrize("damage", DAMAGE.values(), ids=DAMAGE)
+@pytest.mark.parametrize("damage", [
+    lambda whole: b"",
+    lambda whole: whole[:len(whole) // 2],
+    lambda whole: whole[:-1] + bytes([whole[-1] ^ 1]),
+], ids=["empty", "truncated", "flipped bit"])
 def test_a_damaged_file_is_compiled_and_written_again(folder, damage):
     computed(folder)
     (file,) = folder.iterdir()

@@ -16,7 +16,6 @@ from vibro_ros.solver import compilation, numba_private
 from vibro_ros.solver.compilation import Laid
 from vibro_ros.solver.kernel_cache import KernelFolder
 from vibro_ros.solver.numba_private import Reference, missing_parts
-from vibro_ros.solver.progress import progress
 
 PAIR = np.dtype([("one", np.float64), ("other", np.int64)], align=True)
 
@@ -79,14 +78,6 @@ def test_kernels_read_and_write_tuples_and_their_layouts(kernels):
     assert (read.__name__, read.__doc__) == ("read", "Add what `weighted` returns.")
 
 
-def test_arrays_of_a_layout_may_change(kernels):
-    outer, (_, read) = example(4), kernels
-    laid = Laid(outer)
-    before = read(laid.layout, 1.0)
-    outer.numbers[...] *= 2
-    assert read(laid.layout, 1.0) == before + 3.0
-
-
 def test_a_copy_is_of_its_own_arrays(kernels):
     laid, (_, read) = Laid(example(4)), kernels
     copied = copy.deepcopy(laid)
@@ -108,16 +99,6 @@ def test_a_part_takes_one_pointer_for_all_fields(kernels):
     (signature,) = weighted.nopython_signatures
     assert isinstance(signature.args[0], Reference)
     assert len(str(signature.args[0])) < 40  # it stands in the name of every symbol
-
-
-def test_a_field_that_is_not_there_is_named(kernels):
-    @compilation.entry_kernel
-    def wrong(outer):
-        return outer.nothing
-
-    with pytest.raises(Exception, match="Unknown attribute 'nothing' of type Outer"):
-        wrong(example(1))
-    progress.under_way.clear()  # a kernel is under way until it is compiled
 
 
 def test_this_numba_has_every_private_part():

@@ -38,15 +38,6 @@ def test_value_and_derivatives(x):
         assert poly.value(p, x) == pytest.approx(float(derivatives[0]), abs=1e-15)
 
 
-@pytest.mark.parametrize("root", [0.0, 0.3, 1.0])
-def test_divide_by_root(root):
-    for quotient in DECAYING:
-        short = quotient[:-1]
-        product = np.convolve(short, [-root, 1.0])
-        poly.divide_by_root(product, root)
-        np.testing.assert_allclose(product, [*short, 0.0], rtol=0, atol=1e-15)
-
-
 @pytest.mark.parametrize("x", [0.0, 0.2, 0.9])
 def test_recentre(x):
     expected = np.array([Polynomial(p)(Polynomial([x, 1.0])).coef for p in DECAYING])
@@ -74,35 +65,6 @@ def test_displace(shift):
         np.testing.assert_allclose(Polynomial(target)(places), expected, rtol=0, atol=2e-15)
 
 
-def test_displace_stops_at_the_power_that_is_asked_for():
-    target, room, series = np.empty(LENGTH), np.empty(2 * LENGTH), np.zeros(LENGTH)
-    series[2] = 1e-5
-    p = Polynomial(DECAYING[0])
-    poly.displace(DECAYING[0], series, 3, 2, room, target)
-    expected = p(0.5) + p.deriv()(0.5) * 0.25e-5 + p.deriv(2)(0.5) * (0.25e-5) ** 2 / 2.0
-    assert poly.value(target, 0.5) == pytest.approx(expected, abs=2e-16)
-
-
-def test_differentiate_in_time():
-    """d/dt = d/dtau / duration; in place as well."""
-    p = DECAYING[0].copy()
-    expected = [*(np.arange(1, LENGTH) * p[1:] / 0.02), 0.0]
-    target = np.empty(LENGTH)
-    poly.differentiate(p, 0.02, target)
-    np.testing.assert_allclose(target, expected, rtol=1e-15)
-    poly.differentiate(p, 0.02, p)
-    np.testing.assert_array_equal(p, target)
-
-
-@pytest.mark.parametrize("channels", [(), (2,), (0, 2), (0, 1, 2)])
-def test_fill_form(channels):
-    target, form = np.zeros(LENGTH), np.array([0.5, -2.0, 3.0])
-    listed = np.array([*channels, *[-1] * (3 - len(channels))])
-    assert poly.fill_form(form, listed, DECAYING[:3].copy(), target) == bool(channels)
-    expected = sum((form[c] * DECAYING[c] for c in channels), np.zeros(LENGTH))
-    np.testing.assert_allclose(target, expected, rtol=0, atol=2e-15)
-
-
 @pytest.mark.parametrize("x", [-1.0, 0.3])
 def test_integrate_through(x):
     """Exact integral, `wanted` at x, but for the highest Chebyshev polynomial of the term beyond the length."""
@@ -116,17 +78,6 @@ def test_integrate_through(x):
         assert abs(Polynomial(target)(places) - exact(places)).max() <= 5e-16 + 2.0 * left_out
 
 
-def test_scale_argument():
-    target = np.empty(LENGTH)
-    poly.scale_argument(DECAYING[1], 0.5, target)
-    np.testing.assert_allclose(target, DECAYING[1] * 0.5 ** np.arange(LENGTH), rtol=0, atol=1e-15)
-
-
-def test_kernels_do_not_allocate():
-    """A 1 kHz loop must not collect garbage."""
-    assert polynomial.value.targetoptions["_nrt"] is False
-
-
 def test_a_power_loses_its_highest_chebyshev_polynomials_and_nothing_else():
     """numpy's conversions round sums of coefficients up to 1e3: 1e-12."""
     for power, replaced in enumerate(economized_powers(LENGTH, 12), start=LENGTH):
@@ -134,15 +85,6 @@ def test_a_power_loses_its_highest_chebyshev_polynomials_and_nothing_else():
         expected = Chebyshev(low).convert(kind=Polynomial).coef  # without trailing zeros
         np.testing.assert_allclose(replaced[:len(expected)], expected, rtol=0, atol=1e-12)
         assert not replaced[len(expected):].any()
-
-
-@pytest.mark.parametrize("power", [LENGTH, LENGTH + 1, LENGTH + 7])
-def test_a_power_is_off_by_the_factors_of_what_it_loses(power):
-    """The largest: 2^(1-n) (k over n) for T_(n - 2k) with n - 2k >= LENGTH; all of them are 1 at x = 1."""
-    x = np.linspace(-1.0, 1.0, 2001)
-    off = np.polynomial.polynomial.polyval(x, economized_powers(LENGTH, power + 1 - LENGTH)[-1]) - x**power
-    lost = Polynomial.basis(power).convert(kind=Chebyshev).coef[LENGTH:]
-    assert abs(off).max() == pytest.approx(abs(lost).sum(), rel=1e-6)
 
 
 def test_a_series_reaches_rounding_where_its_first_terms_do_not():

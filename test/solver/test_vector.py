@@ -29,10 +29,6 @@ def stored(function, *arguments):
     return target
 
 
-def test_numbers_go_where_they_came_from():
-    np.testing.assert_array_equal(stored(lambda target, p: store(target, vector(p)), P), P)
-
-
 def test_arrays_may_begin_anywhere():
     for first in range(9):
         room = np.zeros(LENGTH + 9)
@@ -50,13 +46,10 @@ def test_arithmetic():
 
 
 def test_places():
+    assert numba.njit(lambda p: last(vector(p)))(P) == P[-1]
     np.testing.assert_array_equal(stored(lambda target, p: store(target, raised(vector(p))), P), [0.0, *P[:-1]])
     np.testing.assert_array_equal(stored(lambda target, p: store(target, lowered(vector(p))), P), [*P[1:], 0.0])
     np.testing.assert_array_equal(stored(lambda target, p: store(target, with_first(vector(p), 7.0)), P), [7.0, *P[1:]])
-
-
-def test_last():
-    assert numba.njit(lambda p: last(vector(p)))(P) == P[-1]
 
 
 def test_places_by_size():

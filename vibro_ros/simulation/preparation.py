@@ -13,7 +13,7 @@ from typing import Generic, TypeVar, cast
 from vibro_ros.process.front_door import say
 from vibro_ros.simulation.kernels import compile_kernels, compiled_methods
 from vibro_ros.solver.compilation import PLAIN
-from vibro_ros.solver.progress import progress
+from vibro_ros.solver.kernel_cache import progress
 
 POLL = 0.05  # s, between two looks whether the work is done
 REPORTS = 2.0  # s, between two lines that say how far it is
@@ -39,10 +39,10 @@ class CompilationReport:
 
     def look(self) -> None:
         """Say how far it is, if that is due."""
-        what, now = progress.in_words(), time.monotonic()
-        if not what or now < self._due:
+        under_way, now = progress.under_way[:1], time.monotonic()
+        if not under_way or now < self._due:
             return
-        self._tell(f"compiling {what} after {now - self._begun:.0f} s" if self._due else
+        self._tell(f"compiling {under_way[0]}, {now - self._begun:.0f} s so far" if self._due else
                    f"compiling: {_FIRST}; Ctrl-C stops it")
         self._due = now + REPORTS
 

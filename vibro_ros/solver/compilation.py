@@ -12,8 +12,7 @@ from typing import Any, NamedTuple
 import llvmlite.binding as llvm
 import numba
 
-from vibro_ros.solver.kernel_cache import KernelFolder, cache_folder
-from vibro_ros.solver.progress import progress
+from vibro_ros.solver.kernel_cache import KernelFolder, cache_folder, progress
 
 _FOLDER = KernelFolder(cache_folder(numba.config.CACHE_DIR))
 _CONTRACT = {"contract"}  # multiply and add may be fused, but not reordered
@@ -129,12 +128,12 @@ def compile_entry(entry, kinds: tuple) -> None:
     if not PLAIN:
         entry.compile(kinds)
         return
-    progress.whole.append(entry.__name__)
+    progress.under_way.append(entry.__name__)
     try:
         entry.compile(kinds)
         (progress.loaded if entry.stats.cache_hits else progress.done).append(entry.__name__)
     finally:
-        progress.whole.pop()
+        progress.under_way.pop()
 
 
 # For those who must know how kernels round

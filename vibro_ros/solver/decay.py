@@ -199,7 +199,6 @@ def _finish_term(state, strength, start, term):
 
 @called_kernel
 def _resolve(system, state, point):
-    """See `resolve_piece`."""
     mode, segment, room = state.now[0].automaton.mode, state.now[0].segment, state.scratch.room[0]
     coordinate, channel = system.size[0].dynamic, len(state.z) - 2
     row, rate, whole = system.acceleration[mode, coordinate], system.decay.rate[mode], room.decay_segment[:]

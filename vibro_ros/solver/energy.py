@@ -32,8 +32,10 @@ _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(LENGTH)
 
 
 @kernel
-def _audited_work(system, state, x):
-    """Work of all forces from the flow's start to the local time `x`."""
+def audit_work(system, state, x):
+    """Add the work of the flow up to the local time `x`, where the flow ends."""
+    if system.power.shape[1] == 0:
+        return
     mode, start, force = state.now[0].automaton.mode, state.now[0].segment.flow_start, state.scratch.room[0].force[:]
     half = 0.5 * (x - start)
     nodes, power = repeated(start + half) + half * vector(_NODES), repeated(0.0)
@@ -42,16 +44,9 @@ def _audited_work(system, state, x):
         if indices_above(abs(vector(rate)), 0.0) != 0:  # a body that sticks has no power
             if fill_form(system.power[mode, k], system.power_terms[mode, k], state.z, force):
                 power = power + products(force, rate, nodes)
-    return total(power * vector(_WEIGHTS)) * half * state.now[0].segment.half
-
-
-@kernel
-def audit_work(system, state, x):
-    """Add the work of the flow up to the local time `x`, where the flow ends."""
-    if system.power.shape[1] > 0:
-        work, audit = _audited_work(system, state, x), state.now[0].audit
-        audit.work += work
-        audit.exchanged += abs(work)
+    work, audit = total(power * vector(_WEIGHTS)) * half * state.now[0].segment.half, state.now[0].audit
+    audit.work += work
+    audit.exchanged += abs(work)
 
 
 @kernel
@@ -65,19 +60,14 @@ def _energy(system, point):
 
 
 @kernel
-def _differ(point, after, count):
-    """Whether any of the first `count` channels does."""
-    for channel in range(count):
-        if after[channel] != point[channel]:
-            return True
-    return False
-
-
-@kernel
 def audit_jump(system, state, point, after):
     """Add what a jump from the channels `point` to `after` gives."""
-    if system.power.shape[1] > 0 and _differ(point, after, 2 * system.size[0].coordinates):
-        state.now[0].audit.energy += _energy(system, after) - _energy(system, point)
+    if system.power.shape[1] == 0:
+        return
+    for channel in range(2 * system.size[0].coordinates):
+        if after[channel] != point[channel]:
+            state.now[0].audit.energy += _energy(system, after) - _energy(system, point)
+            return
 
 
 def stored_energy(system: System, point: np.ndarray) -> float:
@@ -195,7 +185,6 @@ def _magnitude(system, state, start, x):
 
 @called_kernel
 def _book(system, state, x, accounts):
-    """See `book_work`."""
     start, powers = accounts.booked, state.scratch.room[0].power[:]
     if x <= start:
         return

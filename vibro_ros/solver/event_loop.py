@@ -106,16 +106,6 @@ def _begin_mode(system, state, point, same_flow):
 
 
 @kernel
-def _read_piece(system, state, x, point):
-    """Values of the driven coordinates, their velocities and the decaying term, by the local time of the piece."""
-    coordinates, y = system.size[0].coordinates, local_to_piece(state.now[0].segment, x)
-    for i in range(system.size[0].dynamic, coordinates):
-        point[i], point[coordinates + i] = value(state.z[i], y), value(state.z[coordinates + i], y)
-    if len(point) == len(state.z):
-        point[len(point) - 2] = value(state.z[len(point) - 2], y)
-
-
-@kernel
 def _read(system, state, x, point):
     """Values of the first len(point) channels at the local time `x`; at the mode's start, the bits it started with."""
     ramps = first_ramp(system.size[0])
@@ -126,25 +116,15 @@ def _read(system, state, x, point):
         else:
             point[channel] = value(state.z[channel], x)
     if state.now[0].segment.piece_half != 1.0:
-        _read_piece(system, state, x, point)
+        # The driven coordinates, their velocities and the decaying term are polynomials of the piece.
+        coordinates, y = system.size[0].coordinates, local_to_piece(state.now[0].segment, x)
+        for i in range(system.size[0].dynamic, coordinates):
+            point[i], point[coordinates + i] = value(state.z[i], y), value(state.z[coordinates + i], y)
+        if len(point) == len(state.z):
+            point[len(point) - 2] = value(state.z[len(point) - 2], y)
     if x == state.now[0].segment.mode_start:
         for channel in range(len(state.mode_point)):
             point[channel] = state.mode_point[channel]
-
-
-@kernel
-def _enter(state, mode, after, point):
-    """Let `mode` begin with the channels `after`, which become `point`."""
-    for channel in range(len(point)):
-        point[channel] = after[channel]
-    state.now[0].automaton.mode = mode
-
-
-@kernel
-def _move_forcing(system, state, x, point, events, count):
-    """Move the forcing to the local time `x`, where the next segment starts; returns the number of events."""
-    reached = advance_forcing(system, state, x)
-    return record_reached(system, state, reached, point, events, count) if reached else count
 
 
 @kernel
@@ -174,12 +154,15 @@ def _pass_event(system, state, point, events, count):
         audit_jump(system, state, point, after)
     if outcome != SEGMENT_ENDS:
         book_jump(system, state, mode, point, after)
-        _enter(state, mode, after, point)
+        for channel in range(len(point)):
+            point[channel] = after[channel]
+        automaton.mode = mode
     # What begins: another mode in the same segment, or a flow, in a segment that starts here.
     if outcome == FLOW_GOES_ON:
         segment.mode_start = x
         return MODE_BEGINS, count
-    return FLOW_BEGINS, _move_forcing(system, state, x, point, events, count)
+    reached = advance_forcing(system, state, x)
+    return FLOW_BEGINS, record_reached(system, state, reached, point, events, count) if reached else count
 
 
 @kernel
@@ -274,7 +257,7 @@ def begin_segment(system: Laid, state: Laid, point: np.ndarray) -> int:
 def interrupt(system, state, time, point):
     """Move clock and forcing to `time`, within the present segment, and read all channels there into `point`.
 
-    For a command: set the new rates after this, then call `transition.leave_for_ramp` for every ramp whose rate
+    For a command: set the new rates after this, then call `events.leave_for_ramp` for every ramp whose rate
     changes, and `begin_segment` with `point`.
     """
     segment = state.now[0].segment

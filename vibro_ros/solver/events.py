@@ -36,17 +36,6 @@ def _holds(system, state, row, point):
 
 
 @kernel
-def _may_enter(system, state, candidate, point):
-    """Whether the rows that the candidate needs before its jump are not negative at `point`."""
-    mode, guard = state.now[0].automaton.mode, state.now[0].automaton.guard
-    _fill_magnitude(state, point)
-    for entry in system.entry[mode, guard, candidate]:
-        if entry != NOTHING and not _holds(system, state, entry, point):
-            return False
-    return True
-
-
-@kernel
 def _accelerate(system, state, mode, point):
     """Set the accelerations of the dynamic coordinates at `point` to those of `mode`, and all magnitudes."""
     first, magnitude = first_acceleration(system.size[0]), state.scratch.magnitude
@@ -77,8 +66,10 @@ def jump(system, state, candidate, point, after):
 def _is_valid(system, state, candidate, point, after):
     """Whether a candidate of the firing guard may be entered from `point`; fills `after`, as `jump` does."""
     mode, guard = state.now[0].automaton.mode, state.now[0].automaton.guard
-    if not _may_enter(system, state, candidate, point):
-        return False
+    _fill_magnitude(state, point)
+    for entry in system.entry[mode, guard, candidate]:
+        if entry != NOTHING and not _holds(system, state, entry, point):
+            return False
     jump(system, state, candidate, point, after)
     target = system.candidate[mode, guard, candidate]
     _accelerate(system, state, target, after)
@@ -151,7 +142,7 @@ def leave_for_ramp(system, state, ramp, point, events, count):
 
 @kernel
 def record_reached(system, state, reached, point, events, count):
-    """Record at the segment's start what `forcing.advance_forcing` has `reached`; returns the number of events."""
+    """Record at the segment's start what `segment.advance_forcing` has `reached`; returns the number of events."""
     time = instant(state, -1.0)
     for k in range(len(state.ramp)):
         if reached & (1 << k):

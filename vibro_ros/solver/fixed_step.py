@@ -85,27 +85,11 @@ def _change_modes(system, state, step, events, count):
 
 
 @kernel
-def _raise_peaks(system, state, z):
-    mode = state.now[0].automaton.mode
-    for k in range(len(state.monitor)):
-        if system.monitored[mode, k]:
-            state.monitor[k].peak = max(state.monitor[k].peak, form_value(system.monitor[mode, k], z))
-
-
-@kernel
-def _move_forcing(system, state, point, events, count):
-    """Move clock and forcing to the step's end; returns the number of events."""
-    duration = 2.0 * state.now[0].segment.half
+def _pass_step(system, state, step, events, count):
+    mode, duration = state.now[0].automaton.mode, 2.0 * state.now[0].segment.half
     reached = advance_values(system, state, duration)
     advance_clock(state, duration)
-    return record_reached(system, state, reached, point, events, count)
-
-
-@kernel
-def _pass_step(system, state, step, events, count):
-    """Go on to the next step; returns the number of events."""
-    mode = state.now[0].automaton.mode
-    count = _move_forcing(system, state, step.start, events, count)
+    count = record_reached(system, state, reached, step.start, events, count)
     if step.scheme == MOREAU:
         count = enter_found_mode(system, state, step, events, count)
     for channel in range(len(step.start)):
@@ -114,8 +98,11 @@ def _pass_step(system, state, step, events, count):
         for i in range(system.size[0].coordinates):
             step.start_acceleration[i] = step.end_acceleration[i]
     else:
-        accelerate(system, state.now[0].automaton.mode, step.start, step.start_acceleration)
-    _raise_peaks(system, state, step.start)
+        mode = state.now[0].automaton.mode
+        accelerate(system, mode, step.start, step.start_acceleration)
+    for k in range(len(state.monitor)):
+        if system.monitored[mode, k]:
+            state.monitor[k].peak = max(state.monitor[k].peak, form_value(system.monitor[mode, k], step.start))
     if step.scheme != MOREAU:
         count = _change_modes(system, state, step, events, count)
     _finish_step(system, state, step)
@@ -124,7 +111,6 @@ def _pass_step(system, state, step, events, count):
 
 @kernel
 def _finish_step(system, state, step):
-    """Take the step from `Step.start`."""
     take_step(system, state, step)
     accelerate(system, state.now[0].automaton.mode, step.end, step.end_acceleration)
     state.now[0].automaton.segments += 1
@@ -160,7 +146,6 @@ def _interpolate(step, coordinates, s, z):
 
 @kernel
 def _read(system, state, step, x, z):
-    """All channels at the local time `x`."""
     if x <= -1.0:
         for channel in range(len(z)):
             z[channel] = step.start[channel]

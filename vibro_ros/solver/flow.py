@@ -32,27 +32,12 @@ def _compensated_sum(p):
 
 
 @kernel
-def _greatest_half(system, state, slot):
-    """Half the duration [s] of the longest segment that a slot's free motions serve."""
-    cells = len(system.signals.start) - 1
-    if slot < cells:
-        return state.now[0].segment.half
-    rate = 1.0 if slot == cells else CELL_RATE
-    return 0.5 * min(LONGEST_SEGMENT, rate * system.longest_segment[state.now[0].automaton.mode])
-
-
-@kernel
-def _free_slot(system, state):
-    """Slot of the library whose free motions serve the present segment."""
-    slot, cells = state.now[0].segment.slot, len(system.signals.start) - 1
-    return slot if slot == cells or state.now[0].drive.time_left == 0.0 else cells + 1
-
-
-@kernel
 def _provide_free_motion(system, state, flow, slot):
-    """Solve the free motions of a slot of the library, if it does not have them."""
-    library, segment = state.library, state.now[0].segment
-    half = _greatest_half(system, state, slot)
+    library, segment, cells = state.library, state.now[0].segment, len(system.signals.start) - 1
+    half = segment.half  # of the longest segment that the free motions serve
+    if slot >= cells:
+        rate = 1.0 if slot == cells else CELL_RATE
+        half = 0.5 * min(LONGEST_SEGMENT, rate * system.longest_segment[state.now[0].automaton.mode])
     if library.half[flow, slot] == half:
         return
     library.half[flow, slot] = half
@@ -65,7 +50,7 @@ def _provide_free_motion(system, state, flow, slot):
         motion[:] = 0.0
         motion[j, 0] = 1.0
         solve_series(system, state, motion)
-        if slot != len(system.signals.start) - 1:
+        if slot != cells:
             economize(system, state, motion)
         for c in range(components):
             library.free_end[flow, slot, j, c] = _compensated_sum(motion[c])
@@ -83,14 +68,12 @@ def fill_loads(system, state):
 
 @kernel
 def _component(system, c):
-    """Channel of component c."""
     coordinates, dynamic = system.size[0].coordinates, system.size[0].dynamic
     return c if c < dynamic else coordinates + c - dynamic
 
 
 @kernel
 def _provide_forced_motion(system, state, flow, slot, point):
-    """Solve a forced motion over this segment, if the library does not have the cell's."""
     library = state.library
     of_cell = slot == state.now[0].drive.cell
     if of_cell and library.version[flow, slot] == state.now[0].drive.version:
@@ -161,14 +144,6 @@ def _carry_to_middle(system, state, free, free_end, part):
 
 
 @kernel
-def _add_free_motion(system, state, free, c, part, forced, target):
-    """target = forced + component c of the free motion over the `part` about the middle of its segment."""
-    first, step = _coupled_components(system, state, c)
-    motion = _free_motion(free, c, first, step, state.scratch.room[0].free_at_middle[:])
-    store(target, vector(forced) + motion * powers(part))
-
-
-@kernel
 def _pass_through(system, state, point):
     """Adjust the constant terms, by a rounding or two, so that the series pass through `point` at the flow's start.
 
@@ -218,7 +193,8 @@ def solve_dynamic(system, state, point):
     """Series of the dynamic coordinates that pass through `point` at the flow's start."""
     z, slot, library = state.z, state.now[0].segment.slot, state.library
     flow = system.flow[state.now[0].automaton.mode]
-    free_slot = _free_slot(system, state)
+    cells = len(system.signals.start) - 1
+    free_slot = slot if slot == cells or state.now[0].drive.time_left == 0.0 else cells + 1
     _provide_free_motion(system, state, flow, free_slot)
     forced, free = library.forced[flow, slot], library.free[flow, free_slot]
     part = state.now[0].segment.half / library.half[flow, free_slot]
@@ -229,7 +205,10 @@ def solve_dynamic(system, state, point):
     for c in range(2 * system.size[0].dynamic):
         channel = _component(system, c)
         if needs_free:
-            _add_free_motion(system, state, free, c, part, forced[c], z[channel])
+            # The free motion over the `part` about the middle of its segment.
+            first, step = _coupled_components(system, state, c)
+            motion = _free_motion(free, c, first, step, state.scratch.room[0].free_at_middle[:])
+            store(z[channel], vector(forced[c]) + motion * powers(part))
         else:
             store(z[channel], vector(forced[c]))
     duration, share = 2.0 * state.now[0].segment.half, _share_that_stays(state)

@@ -41,16 +41,6 @@ def guard_value(system, row, point, magnitude):
 
 
 @kernel
-def _fill_guard(system, state, row, guard):
-    """Fill `guard` with the polynomial of a guard row; returns its rounding error."""
-    fill_form(system.row[row], system.row_terms[row], state.z, guard)
-    noise = NOISE * sparse_magnitude(system.row[row], system.row_terms[row], state.scale)
-    if state.now[0].automaton.standstills > _DOUBTFUL_STANDSTILLS:
-        guard[0] += _DOUBT * noise
-    return noise
-
-
-@kernel
 def _guard_root(system, state, row):
     """First root of a guard row between the mode's start and the next event; remembered until its polynomial
     changes. A row that reads a driven coordinate is a polynomial of the piece, whose local time it has."""
@@ -58,7 +48,10 @@ def _guard_root(system, state, row):
     if state.root[row] > segment.mode_start:
         return state.root[row]
     guard = room.guard[:]
-    noise = _fill_guard(system, state, row, guard)
+    fill_form(system.row[row], system.row_terms[row], state.z, guard)
+    noise = NOISE * sparse_magnitude(system.row[row], system.row_terms[row], state.scale)
+    if state.now[0].automaton.standstills > _DOUBTFUL_STANDSTILLS:
+        guard[0] += _DOUBT * noise
     start, limit, in_piece = segment.mode_start, segment.next_event, system.driven[row] and segment.piece_half != 1.0
     if in_piece:
         start, limit = local_to_piece(segment, start), local_to_piece(segment, min(limit, segment.piece_end))
@@ -161,12 +154,6 @@ def _upper_bound(p):
 
 
 @kernel
-def _third_derivative_bound(p):
-    """Bound of |p'''| on [-1, 1]."""
-    return total(vector(_THIRD) * abs(vector(p)))
-
-
-@kernel
 def _passed_touch(p, f, d, dd):
     """How far to go from f <= 0 to pass a minimum that is zero to rounding; 0 if p falls below that."""
     doubt = _TOUCH * sum_of_magnitudes(p)
@@ -182,7 +169,7 @@ def _march(p, a, limit):
     Near a simple root the steps converge faster than Newton's, from the safe side; a near miss
     (p > 0 at its minimum) is passed in a few steps, because its curvature is in the bound.
     """
-    third = _third_derivative_bound(p)
+    third = total(vector(_THIRD) * abs(vector(p)))  # a bound of |p'''| on [-1, 1]
     x = a
     reach = limit - x
     for _ in range(_MOST_STEPS):
@@ -215,12 +202,6 @@ def _march(p, a, limit):
 
 
 @kernel
-def _second_derivative_bound(p):
-    """Bound of |p''| on [-1, 1]."""
-    return total(vector(SECOND) * abs(vector(p)))
-
-
-@kernel
 def _evaluate_at_nodes(p, noise, values):
     """Fill `values` with p at all nodes; return how far p may lie beyond both its values between two neighbours."""
     even, odd = p[0] * vector(_POWERS_OF_NODES[0]), p[1] * vector(_POWERS_OF_NODES[1])
@@ -228,7 +209,8 @@ def _evaluate_at_nodes(p, noise, values):
         even = even + p[n] * vector(_POWERS_OF_NODES[n])
         odd = odd + p[n + 1] * vector(_POWERS_OF_NODES[n + 1])
     store(values, even + odd)
-    return 0.125 * _SPACING * _SPACING * _second_derivative_bound(p) + noise
+    bound = total(vector(SECOND) * abs(vector(p)))  # of |p''| on [-1, 1]
+    return 0.125 * _SPACING * _SPACING * bound + noise
 
 
 @kernel

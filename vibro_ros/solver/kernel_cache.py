@@ -20,6 +20,28 @@ _OTHERS_MAY_WRITE = stat.S_IWGRP | stat.S_IWOTH
 _OUR_NAME = "vibro_ros"  # of a folder between the user's caches and the kernels'
 
 
+class Progress:
+    """The kernels that this process has compiled or loaded, and those that it compiles now.
+
+    Attributes
+    ----------
+    under_way, done, loaded : list of str
+        Kernels that are being compiled, that have been compiled, and that were in the cache.
+    unwritable : str
+        Why the last compiled kernel could not be stored: folder and reason; empty when it could.
+    """
+
+    def __init__(self):
+        self.under_way: list[str] = []
+        self.done: list[str] = []
+        self.loaded: list[str] = []
+        self.unwritable = ""
+
+
+progress = Progress()
+"""The progress of this process."""
+
+
 @functools.cache
 def sources_digest() -> str:
     """Digest of this room's sources: a kernel holds what was inlined into it from any of them."""
@@ -41,7 +63,7 @@ def cache_folder(chosen: str) -> Path | None:
 
 
 def _distrust(status: os.stat_result, is_kind) -> str:
-    """Why a file of this status is not used; nothing if it is of the kind and only this user and root can write it."""
+    """Why a file of this status is not used; empty if it is of the kind and only this user and root can write it."""
     if not is_kind(status.st_mode):
         return "it is a link or no folder"
     if status.st_uid not in (os.geteuid(), _ROOT):

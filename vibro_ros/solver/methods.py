@@ -11,16 +11,15 @@ A method of fixed step:
    `fill_forcing_at` sliders and plates at an instant. It never reads the guards; `_change_modes` changes the mode at
    the step's end, by the candidates and jumps that the method exact has.
 3. A scheme that finds the mode itself, as `moreau.py` does, writes the mode into `Step.found`; `fixed_step._pass_step`
-   must then know it beside `MOREAU`. Laws between velocities and impulses are `Laws`, which `model/moreau_laws.py`
+   must then know it beside `MOREAU`. Laws between velocities and impulses are `Laws`, which `model/fixed_steps.py`
    makes of a scene.
 4. `fixed_step._interpolate` reads samples between the ends of a step: say there whether the scheme has earned cubic
    interpolation.
 5. Steps are a grid from the last command on, whatever is sampled, so that every cut of time gives the same bits. A
    scheme with a memory of earlier steps starts the memory again in `fixed_step.begin`.
 6. `SCHEMES` gives the scheme its name, and the choices of `solver.method` in `model/parameters.py` the same name.
-7. For `solver.method` auto: a weight in `STEP_WEIGHTS` (`simulation/counted_work.py`), which
-   `tools/work_weights.py` measures, and the growth of a step in `simulation/stability.py`, or the reason why any step
-   is stable.
+7. For `solver.method` auto, in `simulation/auto.py`: a weight in `STEP_WEIGHTS`, which `tools/work_weights.py`
+   measures, and the growth of a step, or the reason why any step is stable.
 8. For the accuracy study: a ladder of steps in `METHODS` (`accuracy/methods.py`), and a colour in `_STYLES`
    (`accuracy/diagram.py`).
 9. Tests: order of convergence, cut time, checkpoints and every effect in `test_fixed_steps.py`, published forces in

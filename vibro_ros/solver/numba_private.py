@@ -21,7 +21,7 @@ import hashlib
 import inspect
 import platform
 from collections.abc import Callable
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import numba
 import numpy as np
@@ -36,10 +36,10 @@ from numba.core.typed_passes import NativeLowering
 from numba.core.typing.templates import AttributeTemplate, infer_getattr
 from numba.extending import intrinsic, lower_getattr_generic, models, register_model
 
-from vibro_ros.solver.progress import progress
+from vibro_ros.solver.kernel_cache import KernelFolder, progress
 
 #: Versions of numba with which all tests have passed. Any other is checked at every start.
-TESTED = ("0.58.1", "0.68.1")
+TESTED = ("0.68.1",)
 
 
 # References
@@ -184,7 +184,6 @@ class _OfferToCallers(LoweringPass):
         # numba wants a built-in function here, for Python to call. Whatever it is called with, this one raises.
         state.cr = state.cr._replace(cfunc=[].remove)
         state.targetctx.insert_user_function(state.cr.cfunc, state.cr.fndesc, [state.library])
-        progress.parts.add(state.func_id.func)
         return True
 
 
@@ -213,25 +212,12 @@ def compiled_part(function: Callable, fastmath, inlined: bool):
 
 # Stored kernels
 
-class Store(Protocol):
-    """Where compiled kernels are kept: see `kernel_cache.KernelFolder`."""
-
-    def has(self, name: str) -> bool:
-        """Whether there is a kernel of this name."""
-
-    def read(self, name: str) -> bytes | None:
-        """The kernel of this name; None if it must be compiled."""
-
-    def write(self, name: str, data: bytes) -> str:
-        """Keep a kernel; returns why that cannot be, or nothing."""
-
-
 class _StoredKernel:
     """The cache of one kernel; what numba's dispatcher calls."""
 
     cache_path = None
 
-    def __init__(self, function: Callable, store: Store):
+    def __init__(self, function: Callable, store: KernelFolder):
         self._function, self._store = function, store
 
     def load_overload(self, signature, target):
@@ -242,12 +228,12 @@ class _StoredKernel:
             rtsys.initialize(target)
             progress.loaded.append(self._function.__name__)
             return compiler.CompileResult._rebuild(target, *serialize.loads(data))
-        progress.under_way.append(self._function)
+        progress.under_way.append(self._function.__name__)
         return None
 
     def save_overload(self, signature, compiled):
         """Keep a compiled kernel, if there is room for it."""
-        progress.under_way.remove(self._function)
+        progress.under_way.remove(self._function.__name__)
         progress.done.append(self._function.__name__)
         if not compiled.library.has_dynamic_globals:  # which hold addresses of this process
             data = serialize.dumps(compiled._reduce())
@@ -261,7 +247,7 @@ class _StoredKernel:
         return f"{name}-{hashlib.sha256(repr(key).encode()).hexdigest()[:32]}.kernel"
 
 
-def stored(dispatcher, store: Store):
+def stored(dispatcher, store: KernelFolder):
     """Store what numba's `dispatcher` compiles."""
     dispatcher._cache = _StoredKernel(dispatcher.py_func, store)
     return dispatcher
@@ -273,7 +259,7 @@ def is_stored(dispatcher, kinds: tuple) -> bool:
     return cache._store.has(cache.name(kinds, dispatcher.targetctx.codegen()))
 
 
-def compiled_entry(function: Callable, fastmath, store: Store):
+def compiled_entry(function: Callable, fastmath, store: KernelFolder):
     """A kernel that Python calls, stored with all that is inlined into it; inside, named tuples are references."""
     part = compiled_part(function, fastmath, inlined=True)
 
@@ -301,14 +287,16 @@ class _Outer(NamedTuple):
     inner: _Inner
 
 
-class _Memory(dict):
-    """A store in memory."""
+class _Memory(KernelFolder):
+    def __init__(self):
+        super().__init__(None)
+        self.kernels: dict[str, bytes] = {}
 
-    has, read = dict.__contains__, dict.get
+    def read(self, name):
+        return self.kernels.get(name)
 
     def write(self, name, data):
-        """See `Store`."""
-        self[name] = data
+        self.kernels[name] = data
         return ""
 
 
@@ -345,6 +333,6 @@ def _first_difference() -> str:
         return "a kernel no longer reads a named tuple by reference"
     if first(layout(outer), 0) != 4.0:
         return "a kernel no longer reads a named tuple that is laid out in memory"
-    if len(memory) != 2 or again(outer, 1) != 6.0 or not again.stats.cache_hits:
+    if len(memory.kernels) != 2 or again(outer, 1) != 6.0 or not again.stats.cache_hits:
         return "a stored kernel can no longer be loaded"
     return ""

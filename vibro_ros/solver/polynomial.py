@@ -148,12 +148,6 @@ def recentre(polynomials, x, terms, targets):
 
 
 @kernel
-def _times_x(p):
-    """The vector of x p, its power beyond the length economized."""
-    return raised(p) + last(p) * vector(_BEYOND)
-
-
-@kernel
 def displace(p, shift, terms, order, room, target):
     """Coefficients of target(x) = p(x + shift(x)), by Taylor's formula up to the `order`-th power of the shift.
 
@@ -165,7 +159,8 @@ def displace(p, shift, terms, order, room, target):
     for k in range(order - 1, -1, -1):
         product = shift[terms - 1] * result
         for n in range(terms - 2, -1, -1):
-            product = _times_x(product) + shift[n] * result
+            # x times the product, its power beyond the length economized
+            product = (raised(product) + last(product) * vector(_BEYOND)) + shift[n] * result
         result = product + vector(_CHOICES[k]) * vector(room[k:k + LENGTH])
     store(target, result)
 

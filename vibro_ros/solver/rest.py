@@ -36,7 +36,6 @@ _MOST_SWEEPS = 20
 
 @kernel
 def _is_driven(state):
-    """Whether a signal or a ramp changes."""
     drive = state.now[0].drive
     if drive.speed != 0.0 or drive.time_left > 0.0:
         return True
@@ -182,7 +181,6 @@ def _fill_following(load, stiffness, damping, half, q, v):
 
 @kernel
 def _follow(system, state, i):
-    """Series of dynamic coordinate i that follows the loads in the scratch."""
     coordinates, row = system.size[0].coordinates, system.acceleration[state.now[0].automaton.mode, i]
     _fill_following(state.scratch.room[0].load[:][i], -row[i], -row[coordinates + i], state.now[0].segment.half,
                     state.z[i], state.z[coordinates + i])

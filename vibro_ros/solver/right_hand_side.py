@@ -25,7 +25,8 @@ def phase_after(system, state, elapsed):
 
 
 @kernel
-def _fill_signals(system, state, elapsed, z):
+def fill_forcing_at(system, state, elapsed, z):
+    """Set the channels of signals, ramps and the constant to their values `elapsed` [s] after the step's start."""
     start = system.signals.start
     cells, signals, first = len(start) - 1, system.size[0].signals, first_signal(system.size[0])
     phase, speed = phase_after(system, state, elapsed)
@@ -41,12 +42,6 @@ def _fill_signals(system, state, elapsed, z):
         value, slope, _ = value_and_derivatives(system.signals.series[cell, k], y)
         z[first + k] = value
         z[first + signals + k] = slope * scale * speed
-
-
-@kernel
-def fill_forcing_at(system, state, elapsed, z):
-    """Set the channels of signals, ramps and the constant to their values `elapsed` [s] after the step's start."""
-    _fill_signals(system, state, elapsed, z)
     first, ramps = first_ramp(system.size[0]), system.size[0].ramps
     for k in range(ramps):
         ramp = state.ramp[k]
@@ -78,9 +73,9 @@ def accelerate(system, mode, z, accelerations):
 
 
 @kernel
-def _advance_phase(system, state, elapsed):
-    """Move the phase by `elapsed` [s], over as many cells as it takes; return whether its speed has reached its
-    target."""
+def advance_values(system, state, elapsed):
+    """Move phase and ramps by `elapsed` [s], but not the clock; return what has been reached, as
+    `segment.advance_forcing` does."""
     drive, start = state.now[0].drive, system.signals.start
     phase, speed = phase_after(system, state, elapsed)
     while phase >= start[drive.cell + 1]:
@@ -90,12 +85,5 @@ def _advance_phase(system, state, elapsed):
             drive.turns += 1
             phase -= start[len(start) - 1]
     drive.offset = phase - start[drive.cell]
-    return advance_speed(drive, elapsed, speed)
-
-
-@kernel
-def advance_values(system, state, elapsed):
-    """Move phase and ramps by `elapsed` [s], but not the clock; return what has been reached, as
-    `forcing.advance_forcing` does."""
-    reached = 1 << len(state.ramp) if _advance_phase(system, state, elapsed) else 0
+    reached = 1 << len(state.ramp) if advance_speed(drive, elapsed, speed) else 0
     return reached | advance_ramps(state, elapsed)

@@ -67,17 +67,6 @@ def advance_clock(state, elapsed):
 
 
 @kernel
-def _cell_times(drive, width):
-    """Duration [s] of the whole cell, of the `width` [rad], and the time [s] from its start to the segment's start; a
-    duration of 0 if no segment may be the cell."""
-    if drive.time_left > 0.0:
-        return drive.cell_time, drive.since
-    if drive.speed <= 0.0:
-        return 0.0, 0.0
-    return width / drive.speed, drive.offset / drive.speed
-
-
-@kernel
 def _spans_cell(system, state, duration, since, longest):
     """Whether a segment may be the whole cell: if the flow's series reaches so far, and nothing changes on the way."""
     if duration > min(LONGEST_SEGMENT, CELL_RATE * system.longest_segment[state.now[0].automaton.mode], longest):
@@ -123,14 +112,7 @@ def part_of_cell(system, state, longest):
 
 @kernel
 def _cell_width(system, drive):
-    """Width [rad] of the present cell."""
     return system.signals.start[drive.cell + 1] - system.signals.start[drive.cell]
-
-
-@kernel
-def _is_cell_over(drive, width):
-    """Whether the segment starts where the cell, of the `width` [rad], ends."""
-    return drive.offset >= width or (drive.time_left > 0.0 and 0.0 < drive.cell_time <= drive.since)
 
 
 @kernel
@@ -138,13 +120,18 @@ def choose_segment(system, state, longest):
     """Set the segment's extent, at most `longest` [s], and the local time at which flow and mode start."""
     segment, drive = state.now[0].segment, state.now[0].drive
     width = _cell_width(system, drive)
-    if _is_cell_over(drive, width):
+    if drive.offset >= width or (drive.time_left > 0.0 and 0.0 < drive.cell_time <= drive.since):
         enter_next_cell(system, drive)
         width = _cell_width(system, drive)
     if drive.offset == 0.0 and drive.time_left > 0.0:
         measure_cell(drive, width)
     segment.mode_start = -1.0
-    duration, since = _cell_times(drive, width)
+    # Of the whole cell, and from its start to the segment's start; 0 if no segment may be the cell.
+    duration, since = 0.0, 0.0
+    if drive.time_left > 0.0:
+        duration, since = drive.cell_time, drive.since
+    elif drive.speed > 0.0:
+        duration, since = width / drive.speed, drive.offset / drive.speed
     if _spans_cell(system, state, duration, since, longest):
         segment.cell_left = duration
         segment.half = 0.5 * duration
@@ -226,7 +213,6 @@ def _provide_cell_signals(system, state):
 
 @called_kernel
 def _fill_changing_signals(system, state):
-    """Polynomials of the signals while the speed changes."""
     segment, drive, library = state.now[0].segment, state.now[0].drive, state.library
     shift, width, cell = state.scratch.room[0].shift[:], _cell_width(system, drive), drive.cell
     first, terms = first_signal(system.size[0]), np.int64(2)
@@ -250,7 +236,6 @@ def _fill_changing_signals(system, state):
 
 @kernel
 def _fill_signals(system, state):
-    """Polynomials of the signals over the segment."""
     segment, drive, first = state.now[0].segment, state.now[0].drive, first_signal(system.size[0])
     if drive.time_left > 0.0:
         _fill_changing_signals(system, state)

@@ -42,7 +42,7 @@ SEGMENT = np.dtype([
     ("piece_half", np.float64),  # ... polynomials belong, half its length, and ...
     ("piece_end", np.float64),  # ... its end, or an earlier one: see `decay`
     ("slot", np.int64),  # of `Library`, for segments of this kind
-    ("cut_short", np.int64),  # segments that a stiff coordinate has cut short: see `following`
+    ("cut_short", np.int64),  # segments that a stiff coordinate has cut short: see `rest`
 ], align=True)
 
 #: The phase of the signals, and how its speed changes.
@@ -122,11 +122,11 @@ ROOM = np.dtype([
     ("displaced", np.float64, (2 * LENGTH,)),  # ... and a signal that it is put into
     ("acceleration", np.float64, (LENGTH,)),  # of a driven coordinate
     ("guard", np.float64, (LENGTH,)),  # whose root is searched
-    ("search", np.float64, (2, LENGTH)),  # of `roots.first_root`
+    ("search", np.float64, (2, LENGTH)),  # of `guards.first_root`
     ("peak", np.float64, (LENGTH,)),  # quantity whose peak is searched
-    ("peak_search", np.float64, (3, LENGTH)),  # of `roots.maximum`
+    ("peak_search", np.float64, (3, LENGTH)),  # of `guards.maximum`
     ("force", np.float64, (LENGTH,)),  # of which audit and accounts need the power
-    ("power", np.float64, (LENGTH,)),  # of `accounts`: the split power at the nodes of a flow ...
+    ("power", np.float64, (LENGTH,)),  # of `energy`: the split power at the nodes of a flow ...
     ("part_power", np.float64, (LENGTH,)),  # ... and of a part in which it keeps its sign
     ("decay_segment", np.float64, (2, LENGTH)),  # of `decay`: load and factor over the segment, ...
     ("decay_piece", np.float64, (2, LENGTH)),  # ... both over the piece, ...
