@@ -48,7 +48,7 @@ _GOLDEN = (math.sqrt(5.0) - 1.0) / 2.0
 
 
 def main(words: Sequence[str]) -> int:
-    """Print the table, as README has it."""
+    """Print the table that docs/accuracy.md has."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--duration", type=float, default=10.0, help="robot time [s] (default 10)")
     parser.add_argument("--repeats", type=int, default=7, help="rounds (default 7)")

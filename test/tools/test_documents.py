@@ -171,7 +171,7 @@ def test_executables_and_their_exit_codes_are_those_of_their_help(capsys):
 
 
 def test_bench_table_has_the_benchmarks_scenes():
-    table = DOCUMENTS["README.md"].partition("<!-- bench")[2].partition("<!-- end of bench")[0]
+    table = DOCUMENTS["accuracy.md"].partition(accuracy_report.BENCH)[2].partition("\n## ")[0]
     assert re.findall(r"^\| `(\w+)` \|", table, re.MULTILINE) == list(bench.SCENES)
 
 
