@@ -21,9 +21,9 @@ EXEMPT = {("vibro_ros.solver.kernel_cache", "os"), ("vibro_ros.solver.kernel_cac
           ("vibro_ros.solver.compilation", "os.environ")}
 
 
-def drawn_arrows(document: str) -> dict[str, set[str]]:
-    """Return the rooms that each room imports by the picture in a document; "" is the package's own `__init__`."""
-    picture = re.search(r"^```text\n( imports →.*?)^```", document, re.MULTILINE | re.DOTALL)[1]
+def drawn_arrows(document: str, head: str = "imports") -> dict[str, set[str]]:
+    """Return the rooms that each room imports by the picture with a `head`; "" is the package's own `__init__`."""
+    picture = re.search(rf"^```text\n( {head} →.*?)^```", document, re.MULTILINE | re.DOTALL)[1]
     head, *lines = picture.splitlines()
     column = {number.end() - 1: int(number[0]) for number in re.finditer(r"\d+", head)}
     rows = {int(line.split()[0]): line for line in lines}
@@ -36,6 +36,7 @@ def drawn_arrows(document: str) -> dict[str, set[str]]:
 
 ARCHITECTURE = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
 MAY_IMPORT = drawn_arrows(ARCHITECTURE)
+WITHIN_ROS = drawn_arrows(ARCHITECTURE, "within ros")
 
 
 def imported(module: str, source: str) -> Iterator[str]:
@@ -133,6 +134,40 @@ def test_every_arrow_that_is_drawn_is_used(sources):
     for module, source in sources.items():
         used[room_of(module)] |= {part_of(name) for name in imported(module, source)} - {None, room_of(module)}
     assert used == MAY_IMPORT
+
+
+def test_arrows_within_ros_are_those_that_are_drawn(sources):
+    used = {room: set() for room in WITHIN_ROS}
+    for module, source in sources.items():
+        if (room := ".".join(module.split(".")[1:3])) in used:
+            rooms = {".".join(name.split(".")[1:3]) for name in imported(module, source)}
+            used[room] |= rooms & used.keys() - {room}
+    assert used == WITHIN_ROS
+    assert set(used) == {f"ros.{file.parent.name}" for file in (ROOT / PACKAGE / "ros").glob("*/__init__.py")}
+
+
+def test_no_study_imports_another_one(sources):
+    studies = {file.parent.name for file in (ROOT / PACKAGE / "study").glob("*/__init__.py")} - {"running"}
+    assert len(studies) > 3
+    for module, source in sources.items():
+        words = module.split(".")
+        if words[1] == "study" and words[2] in studies:
+            others = {name.split(".")[2] for name in imported(module, source) if name.startswith("vibro_ros.study.")}
+            assert not others & studies - {words[2]}, module
+
+
+@pytest.mark.parametrize("page", ["architecture.md", "solver.md"])
+def test_places_in_the_code_exist(page):
+    """Each path between backticks is a file, and what follows its colon is defined there."""
+    tokens = re.findall(r"`([\w/]+\.(?:py|js))(?::([\w.]+))?`", (ROOT / "docs" / page).read_text(encoding="utf-8"))
+    assert len(tokens) > 10
+    for path, name in tokens:
+        file = next((root / path for root in (ROOT / PACKAGE, ROOT) if (root / path).is_file()), None)
+        assert file, f"{page}: {path} does not exist"
+        text = file.read_text(encoding="utf-8")
+        for word in filter(None, name.split(".")):
+            assert re.search(rf"^\s*(?:async def|def|class) {word}\b|^\s*(?:self\.)?{word}\b[^=\n]*=|^\s*{word}:", text,
+                             re.MULTILINE), f"{page}: {path} defines no {word}"
 
 
 def test_rooms_are_told_in_the_words_of_the_rooms():
