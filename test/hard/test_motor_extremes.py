@@ -88,20 +88,6 @@ def test_an_hour_at_motor_speed_zero_changes_no_bit(name):
     assert device.statistics["steps"] < 250_000  # 2 / 112 s each
 
 
-def test_the_device_at_rest_settles_under_its_weight_for_good():
-    """Masses with weight swing down on damped springs; from then on nothing changes, not even by rounding."""
-    device = vibro_ros.Simulator(vibro_ros.load_scene("device").with_parameters({
-        "upper.gap": 0.03, "inclined.gap": 0.03}))
-    device.advance_to(60.0)
-    settled = device.state
-    device.take_events()
-    device.advance_to(600.0)
-    assert abs(device.state.upper_position - settled.upper_position) <= 3e-17
-    assert abs(device.state.inclined_position - settled.inclined_position) <= 3e-17
-    assert device.state.body_position == settled.body_position
-    assert len(device.take_events()) == 0
-
-
 @pytest.mark.parametrize("speed", [0.0, 1e-20], ids=["motor off", "motor hardly on"])
 @pytest.mark.parametrize(("name", "weight"), [("damped", 0.0), ("device", 9.81)])
 def test_masses_pressed_on_soft_plates_stand_for_an_hour(name, weight, speed):

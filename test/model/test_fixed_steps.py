@@ -95,15 +95,6 @@ def test_commands_between_the_steps_act_as_they_do_exactly(method, name):
 
 
 @pytest.mark.parametrize("method", METHODS)
-def test_a_body_that_never_slips_stays_where_it_is_exactly(method):
-    """20 N of spring force at most, away from resonance, against 35 N of friction."""
-    run = vibro_ros.simulate(scene("no_impact", {"ground.friction": 3.0, "motor.speed": 30.0, "solver.step": 1e-4}),
-                             duration=0.5, rate=1e4, method=method)
-    assert not np.any(run.body_velocity) and not np.any(run.body_position)
-    assert "slip_forward" not in run.statistics and "slip_backward" not in run.statistics
-
-
-@pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("friction", ["coulomb", "static"])
 def test_a_body_that_comes_to_rest_has_no_speed_at_all(method, friction):
     made = scene("no_impact", {"motor.speed": 60.0, "effects.friction": friction, "ground.friction": 0.5,

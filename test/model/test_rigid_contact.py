@@ -92,12 +92,6 @@ def test_a_command_that_leaves_the_plate_as_it_moves_does_not_end_a_rest():
     np.testing.assert_allclose(rests["time"] + rests["duration"], [0.2, 0.8], rtol=0, atol=1e-12)
 
 
-def test_rest_costs_nothing():
-    run = vibro_ros.simulate(RIGID.with_parameters({"motor.speed": 0.0}), duration=3600.0, rate=0.1)
-    assert run.statistics["steps"] < 5000
-    assert not run.body_position.any()
-
-
 @pytest.mark.parametrize(("changes", "reason"), [
     ({"effects.normal_force": "printed"}, "effects.normal_force: 'printed' makes friction drive the body infinitely"),
     ({"guide.angle": 2.0}, "guide.angle: 2 rad points the inclined guide down"),

@@ -156,10 +156,3 @@ def test_rigid_plates_are_the_limit_of_stiff_ones(rule, changes, restitution):
     coarse, fine = np.array(errors)
     moved = coarse > 0.0
     np.testing.assert_allclose(np.log10(coarse[moved] / fine[moved]), 1.0, rtol=0, atol=0.15)
-
-
-@pytest.mark.parametrize("friction", ["none", "coulomb"])
-def test_a_guide_that_points_down_is_refused(friction):
-    """Its blow presses the body on the ground, whose answer is a shock of its own."""
-    with pytest.raises(ValueError, match="guide.angle: 2 rad points the inclined guide down.*; give at most 1.5708"):
-        RIGID.with_parameters({"guide.angle": 2.0, "effects.friction": friction})

@@ -83,7 +83,6 @@ class RigidContact:
         return [Guard(-depth, targets, f"{mass} <= {plate}", is_blow=True)]
 
     def _rests(self, ground: str, resting: frozenset[str]) -> list[Target]:
-        """Targets of a mass that is too slow to bounce."""
         if ground == "airborne":
             body = self._blow.thrown_body_jumps(0.0, resting)
         else:

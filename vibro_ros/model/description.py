@@ -4,7 +4,7 @@ from collections.abc import Iterable, Iterator
 
 import numpy as np
 
-from vibro_ros.model.forms import MASS, PLATE, SLIDER, Form, Forms, Guard, Target
+from vibro_ros.model.forms import MASS, PLATE, SLIDER, Form, Forms, Guard
 from vibro_ros.model.modes import MODE_EVENTS, OUTPUTS, Mode, ModeBuilder
 from vibro_ros.model.scene import Scene
 from vibro_ros.model.slider import Slider
@@ -46,7 +46,6 @@ class _Description:
         self._friction_name = "friction" if self._has_dry_friction else "ground"
 
     def states(self) -> Iterator[str]:
-        """One line for each coordinate, and one for a body that does not move."""
         meaning = {"u": "upper mass on its guide", "w": "inclined mass on its guide",
                    "x": f"body {'along' if self._model.forms.body_hops else 'on'} the ground",
                    "y": "body above the ground"}
@@ -56,7 +55,6 @@ class _Description:
             yield "x = 0    no force acts on the body along the ground"
 
     def forcing(self) -> Iterator[str]:
-        """Lines for the crank, the sliders and the plates."""
         scene, forms = self._scene, self._model.forms
         follows = {"ideal": "at once", "ramp": f"at {scene['motor.acceleration']:g} rad/s²",
                    "lag": f"with a time constant of {scene['motor.time_constant']:g} s"}[scene["effects.motor"]]
@@ -114,7 +112,6 @@ class _Description:
             yield f"{equation}    {remark}{f'; where {cases}' if cases else ''}"
 
     def _effect_names(self) -> list[str]:
-        """Names of the effects, in the order of `Mode.states`."""
         return [f"{contact.side} contact" for contact in self._builder.contacts] + [self._friction_name]
 
     def _equations_along_the_ground(self) -> Iterator[str]:
@@ -136,7 +133,6 @@ class _Description:
         return self._model.output[:, OUTPUTS.index(name)]
 
     def _normal_force(self) -> Iterator[str]:
-        """Lines for N."""
         normal, states = self._output("normal_force"), self._ground.states
         source = "eq. (6)" if normal[0, :self._model.forms.channels.one].any() else "weight"
         reported = "; reported as 0 where it is negative" * ("unloaded" in states)
@@ -177,29 +173,23 @@ class _Description:
                 own = {mode: [guard for guard, of_effect, _ in of_mode if of_effect == effect]
                        for mode, of_mode in guards.items() if mode.states[effect] == state}
                 for one in zip(*own.values(), strict=True):  # the same guard in all modes with this state
-                    [text] = {self._condition(guard, effect) for guard in one}
+                    [text] = {guard.text for guard in one}
+                    if "{force}" in text:
+                        plate = self._model.forms.plates[effect]
+                        text = text.format(force=self._symbols.text(self._model.forms.plate_force(plate)))
                     ends = {mode.states: self._end(mode, effect, guard) for mode, guard in zip(own, one, strict=True)}
                     yield from self._cases(f"{name} {state}: {text}    else ", ends)
 
-    def _condition(self, guard: Guard, effect: int) -> str:
-        """The condition of a guard, with the plate's force written out."""
-        if "{force}" not in guard.text:
-            return guard.text
-        return guard.text.format(force=self._symbols.text(self._model.forms.plate_force(
-            self._model.forms.plates[effect])))
-
     def _end(self, mode: Mode, effect: int, guard: Guard) -> str:
-        """The states to which a guard leads, and the speeds that jump on the way."""
-        targets = dict.fromkeys(self._target(mode, effect, target) for target in guard.targets)
+        """The states to which a guard leads, those that a shock changes as well, and the speeds that jump on the way.
+        """
+        others = [f"{name} open" for other, (name, state) in enumerate(zip(
+            self._effect_names(), mode.states, strict=True)) if other != effect and state == "resting"]
+        targets = dict[str, None]()
+        for target in guard.targets:
+            words = [target.state] if target.ground is None else [target.state, target.ground]
+            targets[" and ".join(words + others * target.frees_resting_masses)] = None
         return f"{' or '.join(targets)}{self._jumps(guard)}"
-
-    def _target(self, mode: Mode, effect: int, target: Target) -> str:
-        """The target state of the guard's effect, and of the friction and the plates that a shock changes."""
-        words = [target.state] if target.ground is None else [target.state, target.ground]
-        if target.frees_resting_masses:
-            others = enumerate(zip(self._effect_names(), mode.states, strict=True))
-            words += [f"{name} open" for other, (name, state) in others if other != effect and state == "resting"]
-        return " and ".join(words)
 
     def _jumps(self, guard: Guard) -> str:
         """The speeds that stop or jump when a guard fires."""
@@ -215,7 +205,6 @@ class _Description:
         return stopped + where * bool(jumping)
 
     def events(self) -> Iterator[str]:
-        """A line with the kinds of events that are recorded."""
         kinds = sorted(set(self._model.system.event_kind.ravel()) - {NOTHING})
         words = [f"{side}_contact" for side in self._model.forms.plates] + [MODE_EVENTS[kind] for kind in kinds]
         if self._scene["effects.motor"] != "ideal":
@@ -253,7 +242,6 @@ def _holds_for_all(holding: set[tuple[str, ...]], effect: int, every: Iterable[t
 
 
 def _slider_text(slider: Slider) -> str:
-    """The slider's position as a function of θ."""
     angle = f"(θ - {slider.angle:g})" if slider.angle else "θ"
     if slider.radius == slider.rod:
         return f"{slider.radius:g} (cos {angle} + |cos {angle}|)"
@@ -273,14 +261,8 @@ class Symbols:
 
     def __init__(self, forms: Forms):
         self._channels = forms.channels
-        self._coordinates = [MASS[side] for side in forms.guides] + ["x"] * forms.body_moves + (
-            ["y"] * forms.body_hops)
+        self.coordinates = [MASS[side] for side in forms.guides] + ["x"] * forms.body_moves + ["y"] * forms.body_hops
         self._guides, self._plates = forms.guides, forms.plates
-
-    @property
-    def coordinates(self) -> list[str]:
-        """Symbols of the coordinates, in their order."""
-        return self._coordinates
 
     def text(self, form: Form) -> str:
         """The form with its coefficients, such as ``-1000 (u - s_B) - 1e+07 (u - E)``; ``0`` when it is empty."""
@@ -296,7 +278,12 @@ class Symbols:
                 left[own] += factor
                 largest[own] = max(largest[own], abs(factor))
                 yield -factor, text
-        names = self._names()
+        at = self._channels
+        names = {at.one: ""}  # of the channels that may stand alone
+        for i, symbol in enumerate(self.coordinates):
+            names |= {at.position(i): symbol, at.velocity(i): f"{symbol}'"}
+            if i < at.dynamic:
+                names[at.acceleration(i)] = f"{symbol}''"
         for channel, factor in left.items():
             if abs(factor) > _ROUNDING * largest[channel]:
                 yield factor, names[channel]
@@ -312,16 +299,6 @@ class Symbols:
             i, mass, plate = self._guides.index(side), MASS[side], PLATE[side]
             yield at.position(i), at.ramp(k), f"({mass} - {plate})"
             yield at.velocity(i), at.ramp_rate(k), f"({mass}' - {plate}')"
-
-    def _names(self) -> dict[int, str]:
-        """Symbols of the channels that may stand alone in a text."""
-        at = self._channels
-        names = {at.one: ""}
-        for i, symbol in enumerate(self._coordinates):
-            names |= {at.position(i): symbol, at.velocity(i): f"{symbol}'"}
-            if i < at.dynamic:
-                names[at.acceleration(i)] = f"{symbol}''"
-        return names
 
 
 def ratio(form: Form, other: Form) -> float | None:

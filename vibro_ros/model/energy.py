@@ -80,7 +80,10 @@ def account_table(builder: ModeBuilder, scene: Scene, guards: dict[str, np.ndarr
         force[:, p] = form
     for e, (_, weight, _) in enumerate(stored):
         stiffness[:, e] = weight
-    struck = [(k, _momentum(forms, scene, side)) for k, side in enumerate(forms.plates) if booked]
+    # The momentum of a mass along its guide [N s], by which a shock of its plate is known.
+    body, plates = forms.body_velocity(), forms.plates if booked else ()
+    momenta = [scene[f"mass.{side}"] * (forms.velocity(forms.guides.index(side)) + (
+        forms.along(side, body) if scene["effects.reaction"] else 0.0)) for side in plates]
     # Energy [J] of the heights of a body that hops, with its masses, and of masses that feel their weight.
     weights = (forms.weight(side) @ forms.one * forms.position(i) for i, side in enumerate(forms.guides))
     potential = sum(weights, _height(forms, scene))
@@ -97,8 +100,8 @@ def account_table(builder: ModeBuilder, scene: Scene, guards: dict[str, np.ndarr
         stiffness=stiffness,
         potential=np.array(potential if booked else forms.zero),
         jump=_jump_accounts(builder, guards, np.array([account for *_, account in stored], dtype=np.int64)),
-        momentum=np.array([form for _, form in struck]).reshape(len(struck), forms.channels.count),
-        struck=np.array([k for k, _ in struck], dtype=np.int64))
+        momentum=np.array(momenta).reshape(len(momenta), forms.channels.count),
+        struck=np.arange(len(momenta), dtype=np.int64))
 
 
 def _kinetic_energies(forms: Forms, scene: Scene, with_body: bool) -> Iterator[tuple[Form, float]]:
@@ -179,14 +182,6 @@ def _stored(builder: ModeBuilder, scene: Scene) -> Iterator[Stored]:
     for side in filter(builder.has_compliant_plate, forms.plates):
         weight = np.where(builder.mode_set.pressing[side], scene[f"{side}.plate.stiffness"], 0.0)
         yield forms.penetration(side)[0], weight, _BLOWS
-
-
-def _momentum(forms: Forms, scene: Scene, side: str) -> Form:
-    """Momentum of a mass along its guide [N s], by which a shock of its plate is known."""
-    velocity = forms.velocity(forms.guides.index(side))
-    if scene["effects.reaction"]:
-        velocity = velocity + forms.along(side, forms.body_velocity())
-    return scene[f"mass.{side}"] * velocity
 
 
 def _jump_accounts(builder: ModeBuilder, guards: dict[str, np.ndarray], at_blows: np.ndarray) -> np.ndarray:

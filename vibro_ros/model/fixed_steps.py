@@ -34,7 +34,13 @@ _STATES = {STICK: ("stick", "grounded"), FORWARD: ("slip_forward", "grounded"),
 def contact_laws(scene: Scene, forms: Forms, modes: tuple[Mode, ...], step: float) -> Laws:
     """Laws of `scene` for steps of `step` [s]; `forms` and `modes` are those of the compiled scene."""
     at, n = forms.channels, forms.channels.coordinates
-    inertia, force = _inertia(scene, forms), _forces(scene, forms)
+    inertia, force = _inertia(scene, forms), np.zeros((n, at.count))  # all forces but those of contacts and friction
+    for i, side in enumerate(forms.guides):
+        force[i] = -forms.drive_force(side) - forms.weight(side)
+    if forms.body_moves:
+        force[forms.body] = Ground(scene, forms).driving_force("slip_forward", forms.zero, forms.zero)
+    if forms.body_hops:
+        force[forms.height] = -scene.total_mass * scene["gravity"] * forms.one
     stiffness, damping = -force[:, :n], -force[:, n:2 * n]
     load = force.copy()
     load[:, :2 * n] = 0.0
@@ -90,18 +96,6 @@ def _inertia(scene: Scene, forms: Forms) -> np.ndarray:
             inertia[row, i] = mass * scene.direction(side)[part]
             inertia[i, row] = felt * inertia[row, i]
     return inertia
-
-
-def _forces(scene: Scene, forms: Forms) -> np.ndarray:
-    """Forms of all forces but those of contacts and friction [N], shape (coordinates, channels)."""
-    force = np.zeros((forms.channels.coordinates, forms.channels.count))
-    for i, side in enumerate(forms.guides):
-        force[i] = -forms.drive_force(side) - forms.weight(side)
-    if forms.body_moves:
-        force[forms.body] = Ground(scene, forms).driving_force("slip_forward", forms.zero, forms.zero)
-    if forms.body_hops:
-        force[forms.height] = -scene.total_mass * scene["gravity"] * forms.one
-    return force
 
 
 def _plates(scene: Scene, forms: Forms) -> dict[str, Any]:

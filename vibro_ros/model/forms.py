@@ -71,6 +71,8 @@ class Forms:
         Whether x is a coordinate, the one after the masses: only an inclined mass drives the body.
     body_hops : bool
         Whether y, the body's height, is a coordinate, the last one: by the rule `hop` a mass can lift the body.
+    body, height : int
+        Numbers of the coordinates x and y.
     pressed_only : bool
         Whether a normal force below zero counts as zero.
     has_misprint : bool
@@ -91,6 +93,7 @@ class Forms:
         self.guides = scene.guides
         self.plates = scene.plates
         self.body_moves, self.body_hops = scene.body_moves, scene.body_hops
+        self.body, self.height = len(self.guides), len(self.guides) + self.body_moves
         self.pressed_only = pressed_only(scene)
         self.has_misprint = scene["effects.misprint"]
         self.friction_decays = (
@@ -102,16 +105,6 @@ class Forms:
         for shared in (self.units, self.zero):
             shared.setflags(write=False)
         self.one = self.units[self.channels.one]
-
-    @property
-    def body(self) -> int:
-        """Number of the coordinate x."""
-        return len(self.guides)
-
-    @property
-    def height(self) -> int:
-        """Number of the coordinate y."""
-        return len(self.guides) + self.body_moves
 
     def position(self, coordinate: int) -> Form:
         """A coordinate [m], by its number."""

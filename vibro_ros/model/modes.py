@@ -307,8 +307,9 @@ class ModeSet:
     def __init__(self, guides: tuple[str, ...], plates: tuple[str, ...],
                  kinds: tuple[type[CompliantContact | RigidContact], ...], states: tuple[tuple[str, ...], ...],
                  contact_changes_ground_force: bool):
-        self.modes = tuple(Mode(of_mode, _sides_in("closed", plates, of_mode), _sides_in("resting", plates, of_mode))
-                           for of_mode in itertools.product(*states))
+        self.modes = tuple(Mode(of_mode, *(
+            frozenset(side for side, state in zip(plates, of_mode, strict=False) if state == wanted)
+            for wanted in ("closed", "resting"))) for of_mode in itertools.product(*states))
         self._number_by_states = {mode.states: m for m, mode in enumerate(self.modes)}
         self.pressing = {side: np.array([side in mode.pressing for mode in self.modes]) for side in plates}
         self.ground = np.array([states[-1].index(mode.ground) for mode in self.modes])
@@ -345,11 +346,6 @@ class ModeSet:
         if target.ground:
             states[-1] = target.ground
         return self.number(tuple(states))
-
-
-def _sides_in(wanted: str, plates: tuple[str, ...], states: tuple[str, ...]) -> frozenset[str]:
-    """Guides whose contacts are in the state `wanted`."""
-    return frozenset(side for side, state in zip(plates, states, strict=False) if state == wanted)
 
 
 def _contexts(mode: Mode, kinds: tuple[type[CompliantContact | RigidContact], ...],

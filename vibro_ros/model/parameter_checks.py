@@ -114,7 +114,6 @@ def _check_reaction(values: ParameterValues) -> None:
 
 
 def _check_misprint(values: ParameterValues) -> None:
-    """Refuse the paper's misprint where its term has no meaning."""
     if not values["effects.misprint"]:
         return
     false = "or set effects.misprint to false"

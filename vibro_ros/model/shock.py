@@ -157,19 +157,17 @@ class Landing:
         forms = self._forms
         speed, fall = forms.body_velocity()
         forwards, backwards = speed + self._forwards * fall, speed + self._backwards * fall
+        if self._sticks:
+            after_a_stop = Target("stick", self._jumps(forms.zero))
+        elif self._backwards > 0.0:  # friction is too weak: the body slips back after speed / c of the fall has ended
+            after_a_stop = Target("slip_backward", self._jumps(self._backwards * (speed / self._forwards + fall)))
+        else:
+            after_a_stop = Target("slip_forward", self._jumps(self._forwards * (speed / self._backwards + fall)))
         # A shock that drives the body on never stops it. Then the speed before the shock decides, else the speed after.
         entries = forwards if self._forwards >= 0.0 else speed, backwards if self._backwards <= 0.0 else speed
         return (Target("slip_forward", self._jumps(forwards), entries=(entries[0],)),
                 Target("slip_backward", self._jumps(backwards), entries=(-entries[1],)),
-                self._after_a_stop(speed, fall))
-
-    def _after_a_stop(self, speed: Form, fall: Form) -> Target:
-        """The body sticks or, if friction is too weak, slips back after speed / c of the fall has been ended."""
-        if self._sticks:
-            return Target("stick", self._jumps(self._forms.zero))
-        if self._backwards > 0.0:
-            return Target("slip_backward", self._jumps(self._backwards * (speed / self._forwards + fall)))
-        return Target("slip_forward", self._jumps(self._forwards * (speed / self._backwards + fall)))
+                after_a_stop)
 
     def _jumps(self, speed_after: Form) -> Jumps:
         """Jumps of a landing that leaves the body with the speed `speed_after` [m/s] along the ground."""

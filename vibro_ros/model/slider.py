@@ -139,22 +139,19 @@ def signal_table(sliders: tuple[Slider, ...]) -> SignalTable:
 
 
 def _cell_starts(sliders: tuple[Slider, ...]) -> np.ndarray:
-    """Crank angles [rad] at which cells begin, and 2 pi; shape (cells + 1,). A cell ends at each kink."""
+    """Crank angles [rad] at which cells begin, and 2 pi; shape (cells + 1,). A cell ends at each kink.
+
+    Half the longest cell whose series reaches rounding is CELL_STRIDE times the distance from the cell's middle to the
+    nearest singularity. That distance changes by no more than the middle moves, so that the iteration contracts by
+    CELL_STRIDE.
+    """
     kinks = sorted({float(kink) for slider in sliders for kink in slider.kinks if kink > 0.0} | {_TURN})
     starts = [0.0]
     for kink in kinks:
         while starts[-1] < kink:
-            starts.append(min(starts[-1] + 2.0 * _half_cell(sliders, starts[-1]), kink))
+            half = 0.0
+            for _ in range(_CONTRACTIONS):
+                distances = (slider.distance_to_singularity(starts[-1] + half) for slider in sliders)
+                half = min([_LONGEST_HALF] + [CELL_STRIDE * distance for distance in distances])
+            starts.append(min(starts[-1] + 2.0 * half, kink))
     return np.array(starts)
-
-
-def _half_cell(sliders: tuple[Slider, ...], start: float) -> float:
-    """Half the longest cell from `start` [rad] whose series reaches rounding.
-
-    Half a cell is CELL_STRIDE times the distance from the cell's middle to the nearest singularity. That distance
-    changes by no more than the middle moves, so that the iteration contracts by CELL_STRIDE.
-    """
-    half = 0.0
-    for _ in range(_CONTRACTIONS):
-        half = min([_LONGEST_HALF] + [CELL_STRIDE * s.distance_to_singularity(start + half) for s in sliders])
-    return half

@@ -1,13 +1,12 @@
 """A scene compiled to the tables that the event loop reads (`solver.system.System`)."""
 
 import functools
-from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
 
 from vibro_ros.model.energy import account_table, audit_tables
-from vibro_ros.model.forms import Form, Forms
+from vibro_ros.model.forms import Forms
 from vibro_ros.model.modes import MODE_EVENTS, Mode, ModeBuilder
 from vibro_ros.model.scene import Scene
 from vibro_ros.model.slider import Slider, signal_table
@@ -79,6 +78,10 @@ def _compile_machine(scene: Scene) -> Model:
     flow = flow_numbers(acceleration, own)
     first = np.unique(flow, return_index=True)[1]  # mode of each flow
     guards = _guard_tables(builder)
+    # The decaying term of Stribeck's law: the normal force of a slipping body times exp(-abs(x') / v_s).
+    decaying = builder.modes if forms.friction_decays else ()
+    rate = np.array([builder.ground.decay_rate(mode.ground) for mode in decaying])
+    factor = builder.ground_force("normal_force")[:len(decaying)].copy()
     system = System(
         size=size_of(channels),
         acceleration=acceleration,
@@ -96,18 +99,10 @@ def _compile_machine(scene: Scene) -> Model:
         **audit_tables(builder, scene),
         accounts=account_table(builder, scene, guards),
         signals=signal_table(sliders),
-        decay=_decay_table(builder),
+        decay=Decay(factor, terms(factor), rate),
     )
     output = builder.outputs()
     return Model(forms, sliders, builder.modes, system, output, terms(output), builder.initial_mode)
-
-
-def _decay_table(builder: ModeBuilder) -> Decay:
-    """The decaying term of Stribeck's law: the normal force of a slipping body times exp(-abs(x') / v_s)."""
-    modes = builder.modes if builder.forms.friction_decays else ()
-    rate = np.array([builder.ground.decay_rate(mode.ground) for mode in modes])
-    factor = builder.ground_force("normal_force")[:len(modes)].copy()
-    return Decay(factor, terms(factor), rate)
 
 
 def _monitor_tables(builder: ModeBuilder) -> dict[str, np.ndarray]:
@@ -131,7 +126,11 @@ def _guard_tables(builder: ModeBuilder) -> dict[str, np.ndarray]:
     guards = [[(context.effect, guard) for context in contexts for guard in by_context[context]]
               for contexts in mode_set.contexts]
     targets = [target for of_context in by_context.values() for guard in of_context for target in guard.targets]
-    matrix_of = {id(target): _jump_matrix(target.jumps, forms) for target in targets if target.jumps}
+    # Positions and velocities after a jump are its matrix, shape (2 coordinates, channels), times the channels before.
+    matrix_of = {id(target): forms.units[:2 * channels.coordinates].copy() for target in targets if target.jumps}
+    for target in targets:
+        for channel, form in target.jumps:
+            matrix_of[id(target)][channel] = form
     shape = (len(guards), max(1, max(map(len, guards))))
     most_targets = max((len(guard.targets) for of_mode in guards for _, guard in of_mode), default=1)
     guard_row, guard_effect, blow_monitor = (np.full(shape, NOTHING) for _ in range(3))
@@ -149,11 +148,13 @@ def _guard_tables(builder: ModeBuilder) -> dict[str, np.ndarray]:
                     entry[m, g, c, e] = rows.number(form)
                 if target.jumps:
                     jump[m, g, c] = matrices.number(matrix_of[id(target)])
+    of_body = [channel(i) for channel in (channels.position, channels.velocity)
+               for i in range(channels.dynamic, channels.coordinates)]
     row = np.array(rows.arrays).reshape(len(rows.arrays), channels.count)
     matrix = np.array(matrices.arrays).reshape(len(matrices.arrays), 2 * channels.coordinates, channels.count)
     return {"guard": guard_row, "guard_effect": guard_effect, "candidate": candidate, "entry": entry, "jump": jump,
-            "blow_monitor": blow_monitor, "row": row, "row_terms": terms(row), "driven": _reads_driven(row, forms),
-            "jump_matrix": matrix}
+            "blow_monitor": blow_monitor, "row": row, "row_terms": terms(row),
+            "driven": np.any(row[:, of_body], axis=1), "jump_matrix": matrix}
 
 
 class _Numbering:
@@ -170,17 +171,3 @@ class _Numbering:
         if number == len(self.arrays):
             self.arrays.append(array)
         return number
-
-
-def _jump_matrix(jumps: Iterable[tuple[int, Form]], forms: Forms) -> np.ndarray:
-    """Matrix of positions and velocities after a jump, shape (2 coordinates, channels), times the channels before."""
-    rows = forms.units[:2 * forms.channels.coordinates].copy()
-    for channel, form in jumps:
-        rows[channel] = form
-    return rows
-
-
-def _reads_driven(row: np.ndarray, forms: Forms) -> np.ndarray:
-    """Whether each row reads a coordinate of the body, shape (rows,)."""
-    at, driven = forms.channels, range(forms.channels.dynamic, forms.channels.coordinates)
-    return np.any(row[:, [channel(i) for channel in (at.position, at.velocity) for i in driven]], axis=1)

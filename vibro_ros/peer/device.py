@@ -95,7 +95,6 @@ class Peer:
         self._actions.update(self._contacts.actions() | self._body.actions())
 
     def _event(self, name: str, guard: hy.expression) -> object:
-        """heyoka's event for one guard."""
         actions = self._actions
 
         def act(integrator, direction):
@@ -255,7 +254,6 @@ class Peer:
         return self._angle + self._speed * t + 0.5 * self._change * t * t, self._speed + self._change * t
 
     def _driven(self, t: np.ndarray) -> np.ndarray:
-        """Rows of `PeerRun.driven` after each time of `t` [s]."""
         found = np.zeros((len(t), len(DRIVEN)))
         found[:, 0], found[:, 1] = self._motor(t)
         for guide in self._equations.guides:

@@ -120,7 +120,6 @@ class Equations:
         self._body()
 
     def _motor(self) -> None:
-        """Crank angle and motor speed as functions of time."""
         at, t, lag = self.parameters, hy.time, self.scene["motor.time_constant"]
         extra = {"ideal": (0.0, 0.0), "ramp": (0.5 * at["change"] * t * t, at["change"] * t)}
         if self.scene["effects.motor"] == "lag":
@@ -130,7 +129,6 @@ class Equations:
         self.theta, self.omega = at["angle"] + at["speed"] * t + angle, at["speed"] + speed
 
     def _guide(self, side: str, angle: float) -> Guide:
-        """Constants and expressions of one guide."""
         scene, at = self.scene, self.parameters
         depth, rate = hy.make_vars(f"{side}_d", f"{side}_v")
         kind, rod, mass = scene[f"effects.{side}_contact"], scene[f"crank.{side}_rod"], scene[f"mass.{side}"]
@@ -177,7 +175,12 @@ class Equations:
         else:
             self.normal += self.cosine * misread
         x, self.velocity = hy.make_vars("x", "x_v")
-        along_x = at["mobility"] * (inward - (self._friction() * ground if self.has_dry_friction or self.hops else 0.0))
+        slide = at["slide"]  # F_fr as a multiple of N while the body slips
+        if self.scene["effects.friction"] == "stribeck":
+            extra = self.static_friction - self.scene["ground.friction"]
+            slide = slide + extra * at["direction"] * hy.exp(
+                -at["direction"] * self.velocity / self.scene["ground.stribeck_speed"])
+        along_x = at["mobility"] * (inward - (slide * ground if self.has_dry_friction or self.hops else 0.0))
         along, across, up = self.body_inertia({guide.side: self._unless_resting(guide, 1.0) for guide in self.guides})
         self.rise = (across * inward + along * ground) / (across**2 - along * up)
         self.system, self.forces = [], {}
@@ -198,15 +201,6 @@ class Equations:
         if self.hops:
             self.altitude, climb = hy.make_vars("y", "y_v")
             self.system += [(self.altitude, climb), (climb, at["air"] * self.rise)]
-
-    def _friction(self) -> hy.expression:
-        """F_fr as a multiple of N while the body slips: mu, and by Stribeck's law a part that decays with abs(x')."""
-        at, scene = self.parameters, self.scene
-        if scene["effects.friction"] != "stribeck":
-            return at["slide"]
-        extra = self.static_friction - scene["ground.friction"]
-        return at["slide"] + extra * at["direction"] * hy.exp(
-            -at["direction"] * self.velocity / scene["ground.stribeck_speed"])
 
     def misread_load(self) -> hy.expression | float:
         """What the paper's misprint adds to the inclined guide's load on the body [N]: -k1 (u - w) in contact."""

@@ -60,7 +60,13 @@ class Plates:
         self._enter(time, guide, "closed" if direction > 0 else "open")
         if guide.plate_damping > 0.0 or self._is_misread(guide):  # the force on the body has jumped
             self._body.reconsider(time)
-        self._check(time)
+        for other in self._compliant:  # which may have been met in the same instant, or missed by heyoka
+            depth = self._state[self._index[other.side]]
+            wrong = depth > 0.0 if self.contact[other.side] == "open" else depth < 0.0
+            if wrong and abs(depth) > 1e-13:
+                raise RuntimeError(f"heyoka missed the {other.side} plate by {depth:g} m before {time:.17g} s")
+            if wrong:
+                self._cross_plate(time, other, 1 if depth > 0.0 else -1)
 
     def _cross_force(self, time: float, guide: Guide, direction: int) -> None:
         """Close or release the contact, because the plate's force has passed zero upwards (1) or downwards (-1)."""
@@ -110,16 +116,6 @@ class Plates:
             run.begin_contact(time, side, self._state[self._index[side] + 1])
         elif old == "closed" and not acts:
             run.end_contact(time, side)
-
-    def _check(self, time: float) -> None:
-        """Cross the other plate if it was met in the same instant; refuse a plate that heyoka has missed."""
-        for guide in self._compliant:
-            depth = self._state[self._index[guide.side]]
-            wrong = depth > 0.0 if self.contact[guide.side] == "open" else depth < 0.0
-            if wrong and abs(depth) > 1e-13:
-                raise RuntimeError(f"heyoka missed the {guide.side} plate by {depth:g} m before {time:.17g} s")
-            if wrong:
-                self._cross_plate(time, guide, 1 if depth > 0.0 else -1)
 
     def _settle_compliant(self, time: float, guide: Guide) -> None:
         """Decide the state of a compliant contact by depth and force, at zero by the sign just after."""

@@ -155,22 +155,17 @@ class Series:
             inertial += share[guide.side][1] * inertia
             noise += guide.mass * _derivative(_derivative(self._rounding))
         if equations.scene["effects.misprint"]:
-            misread, rounding = self._misread_load(time, series)
+            number, positions = equations.parameters.number, series[(0, 2), :_POWERS]  # of the upper and inclined mass
+            stiffness = float(self._parameters[number["inclined.spring"]])
+            for position, guide in zip(positions, equations.guides, strict=True):
+                speed = float(self._parameters[number[f"{guide.side}.plate_speed"]])
+                position[0] += float(self._parameters[number[f"{guide.side}.plate"]]) + speed * time
+                position[1] += speed
+            misread = stiffness * (positions[1] - positions[0])  # `Equations.misread_load`
+            noise += 2.0 * stiffness * self._rounding[:_POWERS]
             normal += equations.cosine * misread * (equations.rule != "weight")
             inertial += equations.sine * misread
-            noise += rounding
         return normal, inertial, noise
-
-    def _misread_load(self, time: float, series: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Coefficients of `Equations.misread_load` at `time` [s], and their rounding errors [N/s^n]."""
-        number = self._equations.parameters.number
-        stiffness = float(self._parameters[number["inclined.spring"]])
-        positions = series[(0, 2), :_POWERS]  # of the upper and of the inclined mass
-        for position, guide in zip(positions, self._equations.guides, strict=True):
-            speed = float(self._parameters[number[f"{guide.side}.plate_speed"]])
-            position[0] += float(self._parameters[number[f"{guide.side}.plate"]]) + speed * time
-            position[1] += speed
-        return stiffness * (positions[1] - positions[0]), 2.0 * stiffness * self._rounding[:_POWERS]
 
 
 def _derivative(series: np.ndarray) -> np.ndarray:
