@@ -9,8 +9,7 @@ from scipy.linalg import eigvals
 import vibro_ros
 from vibro_ros.orbits.chaos import spectrum_from, turn_derivative
 from vibro_ros.orbits.turn_map import Stroboscope, TurnMap, free_cut
-from vibro_ros.study.lyapunov import lyapunov_exponent
-from vibro_ros.study.window import window
+from vibro_ros.study.measures import lyapunov_exponent, window
 
 
 def scene(name, **changes):
@@ -86,7 +85,7 @@ def test_the_sum_is_the_mean_logarithm_of_the_determinant():
 
 
 def test_the_largest_is_that_of_two_runs_that_part():
-    """`study/lyapunov.py` watches two devices over 20 s; both measure means of chaos, each with its spread."""
+    """`study/measures.py` watches two devices over 20 s; both measure means of chaos, each with its spread."""
     chaotic = scene("unilateral")
     spectrum = vibro_ros.lyapunov_spectrum(chaotic, turns=320, settling=64)
     device = vibro_ros.Simulator(chaotic)

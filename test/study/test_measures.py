@@ -7,8 +7,7 @@ import pytest
 
 import vibro_ros
 from vibro_ros.accuracy.starts import speed_of_start
-from vibro_ros.study.measures import LONGEST_PERIOD, MEASURES, checked_names, device_at_start, measure
-from vibro_ros.study.window import window
+from vibro_ros.study.measures import LONGEST_PERIOD, MEASURES, checked_names, device_at_start, measure, window
 
 SETTLING, DURATION = 1.5, 2.0
 

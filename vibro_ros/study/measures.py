@@ -2,19 +2,85 @@
 
 import difflib
 import math
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 from scipy.integrate import trapezoid
 
-from vibro_ros.accuracy.starts import started
+from vibro_ros.accuracy.starts import STARTING, started
 from vibro_ros.model.scene import Scene
-from vibro_ros.simulation.samples import Samples
+from vibro_ros.simulation.samples import LATEST, Samples
 from vibro_ros.simulation.simulator import Simulator
-from vibro_ros.study.lyapunov import lyapunov_exponent
-from vibro_ros.study.window import Window, checked_times, window
+
+#: Most turns [-] of one window; doubles count them exactly, and a run of so many takes hours.
+MOST_TURNS = 1e9
+# Part of a turn that rounding may take from a duration that was meant to be whole turns.
+_ROUNDING = 1e-9
+
+
+@dataclass(frozen=True)
+class Window:
+    """A measuring time.
+
+    Attributes
+    ----------
+    begin : float
+        Its first instant [s].
+    turn : float
+        Time of a turn at the scene's motor speed [s]; infinite if the motor stands.
+    turns : int
+        Whole turns of the window; 0 if the motor stands or turns less than once.
+    duration : float
+        Its length [s]: of the turns, or, without one, as given.
+    """
+
+    begin: float
+    turn: float
+    turns: int
+    duration: float
+
+    @property
+    def end(self) -> float:
+        """Its last instant [s]."""
+        return self.begin + self.duration
+
+
+def window(scene: Scene, settling: float, duration: float) -> Window:
+    """The largest whole number of turns within `duration` [s], after `settling` [s].
+
+    The speed of the body swings within a turn, so that a part of a turn would give a mean of another kind.
+    """
+    turn = 2.0 * math.pi / scene["motor.speed"] if scene["motor.speed"] > 0.0 else math.inf
+    turns = math.floor(min(duration / turn + _ROUNDING, MOST_TURNS))
+    return Window(settling, turn, turns, turns * turn if turns else duration)
+
+
+def checked_times(settling: float, duration: float, drawn_start: bool) -> None:
+    """Refuse times of a measurement that make no sense.
+
+    Parameters
+    ----------
+    settling, duration : float
+        Time that does not count [s], and time that does [s].
+    drawn_start : bool
+        Whether the start is a drawn one, which takes `STARTING` seconds.
+
+    Raises
+    ------
+    ValueError
+        Naming the value, the limit and the remedy.
+    """
+    least = STARTING if drawn_start else 0.0
+    if not least <= settling <= LATEST:
+        reason = f" (a drawn start takes {STARTING:g} s)" if drawn_start else ""
+        raise ValueError(f"settling: {settling:g} s is out of range; give a number from {least:g} to {LATEST:g} s"
+                         f"{reason}")
+    if not (0.0 < duration <= LATEST - settling):
+        raise ValueError(f"duration: {duration:g} s is out of range; give a number above 0, at most "
+                         f"{LATEST - settling:g} s")
+
 
 _STANDS, _MOVES = ("stick",), ("slip_forward", "slip_backward", "unloaded", "lift_off")
 _TELLS_NOT = ("loaded", "landing")
@@ -339,3 +405,65 @@ def measure(scene: Scene, names: Collection[str], settling: float, duration: flo
     if _LYAPUNOV in names:
         values[_LYAPUNOV] = lyapunov_exponent(device_at_start(scene, start), seen.window)
     return values
+
+
+_APART = 1e-10  # relative difference of the motor speeds in the moment
+# The distance counts by its maximum in a stretch of so many turns, or, where the motor stands, seconds.
+_TURNS, _STANDING, _SAMPLES = 2.0, 0.1, 64
+_SATURATED = 1e-4  # m, where the distance begins to feel the size of the motion
+_ROUNDING = 1e-13  # m, below which a distance says nothing
+_GROWN = 1e3  # times: what a distance grows by linearly, while phases drift apart, is less
+
+
+def lyapunov_exponent(device: Simulator, measured: Window) -> float:
+    """Exponent [1/s] of the motion of a device's masses over a measuring time, from its first instant on.
+
+    Returns
+    -------
+    float
+        [1/s]; 0 if no two runs have parted; NaN for a time of less than three stretches.
+
+    Raises
+    ------
+    SimulationError
+        If a run cannot go on.
+    """
+    stretch = _TURNS * measured.turn if measured.turns else _STANDING
+    count = math.floor(measured.duration / stretch)
+    if count < 3:
+        return math.nan
+    device.advance_to(measured.begin)
+    twin, ends = Simulator(device.scene), iter([measured.begin + stretch * k for k in range(1, count + 1)])
+    growth, watched, parted = 0.0, 0, False
+    for begun in ends:
+        distances = _distances(device, twin, begun, ends)
+        if len(distances) > 1:
+            growth, watched = growth + math.log(distances[-1] / distances[0]), watched + len(distances) - 1
+            parted = parted or distances[-1] > _GROWN * distances[0]
+    return growth / (watched * stretch) if parted else 0.0
+
+
+def _distances(device: Simulator, twin: Simulator, begun: float, ends: Iterator[float]) -> list[float]:
+    """Distances [m] of a pair that has parted a little by the instant `begun`, up to each of `ends`, until it is far
+    apart; what it takes of `ends` is gone."""
+    speed = device.scene["motor.speed"]
+    twin.restore(device.checkpoint())
+    twin.command(motor_speed=(1.0 - _APART) * speed)
+    for one in (device, twin):
+        one.advance_to(begun)
+    twin.command(motor_speed=speed)
+    distances: list[float] = []
+    for end in ends:
+        times = np.linspace(device.time, end, _SAMPLES)
+        distances.append(max(_ROUNDING, float(np.abs(_masses(device, times) - _masses(twin, times)).max())))
+        if distances[-1] > _SATURATED:
+            break
+    for one in (device, twin):
+        one.take_events()  # or they would be kept
+    return distances
+
+
+def _masses(device: Simulator, times: np.ndarray) -> np.ndarray:
+    """Positions of both masses [m] at `times`, shape (2, n)."""
+    samples = device.sample(times)
+    return np.stack([samples.upper_position, samples.inclined_position])

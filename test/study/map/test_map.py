@@ -14,12 +14,10 @@ from known_map import known_map
 import vibro_ros
 from vibro_ros.configuration.command_choice import CommandChoice
 from vibro_ros.configuration.command_map import PATCHWORK, Axis, read_map
-from vibro_ros.study.map import proof
-from vibro_ros.study.map.command import main
-from vibro_ros.study.map.design import GAP, SPEED, Line, MapDesign
+from vibro_ros.study.map import motions as motions_module
+from vibro_ros.study.map.command import main, rows_of_line
 from vibro_ros.study.map.motions import LEAST_CELLS, motions
-from vibro_ros.study.map.record import rows_of_line
-from vibro_ros.study.map.visits import UNSETTLED, Visit, visits
+from vibro_ros.study.map.visits import GAP, SPEED, UNSETTLED, Line, MapDesign, Visit, visits
 from vibro_ros.study.measures import measure
 from vibro_ros.study.running.runner import Piece
 
@@ -99,11 +97,11 @@ def test_other_machines_get_the_work_as_it_is():
 
 def test_cells_from_which_a_trial_leads_elsewhere_are_not_sure(monkeypatch):
     """The known map is of no machine: all that it says of the device is refuted, cell by cell."""
-    monkeypatch.setattr(proof, "STARTS", 1)
-    monkeypatch.setattr(proof, "SETTLING", 2.0)
+    monkeypatch.setattr(motions_module, "STARTS", 1)
+    monkeypatch.setattr(motions_module, "SETTLING", 2.0)
     command_map = known_map()
     few = replace(command_map.found, sure=command_map.found.sure * (command_map.found.speed_index < 2))
-    left, trials = proof.proved(replace(command_map, found=few), MapDesign(
+    left, trials = motions_module.proved(replace(command_map, found=few), MapDesign(
         vibro_ros.load_scene("device"), SIDES, command_map.speeds, command_map.gaps), 3)
     assert trials == [] and left.found.sure.sum() < few.sure.sum()
 
@@ -117,7 +115,7 @@ def test_a_map_without_sure_commands_is_still_a_map(tmp_path, capsys):
 
 def test_a_cell_has_each_motion_once():
     found, rows = motions([visit(), visit(speed=-0.050001), visit(speed=-0.06), visit(turns=2), visit(turns=0),
-                           visit(turns=0, speed=-0.053), visit(turns=UNSETTLED)], Axis(1.0, 2.0, 2), Axis(0.0, 1.0, 2))
+                           visit(turns=0, speed=-0.053), visit(turns=UNSETTLED)])
     assert sorted((one.turns, round(one.mean_speed, 4)) for one in rows) == [
         (0, -0.05), (1, -0.06), (1, -0.05), (2, -0.05)]
     assert found.motion.tolist() == [PATCHWORK] * 4
@@ -128,7 +126,7 @@ def test_neighbours_are_one_motion_unless_they_jump_or_are_of_another_kind():
     row = [visit(i, 0, speed=-0.05 - 0.002 * i) for i in range(count)]
     jumped = [visit(i, 1, speed=-0.2) for i in range(count)]
     other = [visit(i, 2, turns=2, speed=-0.2) for i in range(count)]
-    found, rows = motions([*row, *jumped, *other], Axis(1.0, 2.0, count), Axis(0.0, 1.0, 3))
+    found, rows = motions([*row, *jumped, *other])
     numbers = {(one.gap_index, number) for one, number in zip(rows, found.motion.tolist(), strict=True)}
     assert len(numbers) == len({number for _, number in numbers}) == 3
 
@@ -137,7 +135,7 @@ def test_two_motions_of_one_cell_are_never_one_even_around_the_end_of_a_fold():
     """Two sheets whose difference vanishes towards one side: a cusp."""
     sheets = [visit(i, j, speed=-0.05 - sign * 0.01 * i) for i in range(6) for j in range(4) for sign in (0, 1)
               if i or not sign]
-    found, rows = motions(sheets, Axis(1.0, 2.0, 6), Axis(0.0, 1.0, 4))
+    found, rows = motions(sheets)
     cells = [(one.speed_index, one.gap_index, number) for one, number in zip(rows, found.motion.tolist(), strict=True)]
     assert len(set(cells)) == len(cells) == len(sheets)
     assert PATCHWORK not in found.motion

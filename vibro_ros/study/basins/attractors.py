@@ -13,9 +13,8 @@ from vibro_ros.orbits.recurrence import SAME, Cloud, SettledMotion, number_among
 from vibro_ros.orbits.turn_map import Stroboscope, TurnMap, free_phase
 from vibro_ros.simulation.motion import SimulationError
 from vibro_ros.simulation.simulator import Simulator
-from vibro_ros.study.lyapunov import lyapunov_exponent
+from vibro_ros.study.measures import Window, lyapunov_exponent
 from vibro_ros.study.progress import Progress
-from vibro_ros.study.window import Window
 
 #: Starts along a side of a box of `basin_entropy`, as its authors have it.
 BOX = 5

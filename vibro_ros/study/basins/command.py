@@ -11,8 +11,18 @@ from vibro_ros.process.front_door import FAILURE, Parser, say
 from vibro_ros.simulation.simulator import ToleranceWarning
 from vibro_ros.study.basins.attractors import NOWHERE, BasinEntropy, Found, basin_entropy, found_in
 from vibro_ros.study.basins.result import attractors_table, draw_basins, in_words, starts_table
-from vibro_ros.study.basins.rows import FOLDER, NO_START, SHOCKS_FOLDER, settle_starts, stroboscope_of, upset_motions
-from vibro_ros.study.basins.starts import Design, Plane, chosen_starts, over_in_words
+from vibro_ros.study.basins.starts import (
+    FOLDER,
+    NO_START,
+    SHOCKS_FOLDER,
+    Design,
+    Plane,
+    chosen_starts,
+    over_in_words,
+    settle_starts,
+    stroboscope_of,
+    upset_motions,
+)
 from vibro_ros.study.command import (
     add_machine,
     add_runner,

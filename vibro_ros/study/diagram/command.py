@@ -2,7 +2,6 @@
 
 import argparse
 from collections.abc import Sequence
-from functools import partial
 
 from vibro_ros.model.parameters import BY_NAME
 from vibro_ros.model.scene import PREFIX, Scene
@@ -19,10 +18,8 @@ from vibro_ros.study.command import (
     study_parser,
     write_files,
 )
-from vibro_ros.study.diagram import nature, visits
-from vibro_ros.study.diagram.design import Design
 from vibro_ros.study.diagram.result import Diagram, draw_diagram, in_words, states_table, values_table
-from vibro_ros.study.running.blocks import BlockRun, ParquetBlocks
+from vibro_ros.study.diagram.visits import Design, measured, visited
 from vibro_ros.study.variation import Axis, varied_in_words
 
 VISITS, NATURES = "visits", "natures"
@@ -39,26 +36,15 @@ def main(words: Sequence[str]) -> int:
 
 def _diagram(options: argparse.Namespace) -> int:
     runner = runner_of(options)
-    axis = _axis(options)
-    design = _design(options, machine_of(options), axis)
+    design = _design(options, machine_of(options), _axis(options))
     with locked(options.output):
         for name in (VISITS, NATURES):
             (options.output / name).mkdir(exist_ok=True)
-        sizes = [len(design.visits_of_block(block)) for block in range(design.blocks)]
-        files, of_natures = (ParquetBlocks(options.output / name, design.document(), design.blocks, fields) for
-                             name, fields in ((VISITS, visits.fields_of(design)), (NATURES, nature.fields_of(design))))
-        run = BlockRun("values", files, sizes, partial(visits.rows_of, design))
-        run.do(lambda missing: visits.visits(design, missing, run.tables))
-        seen = tuple(one for block in range(design.blocks) for one in visits.visits_in(design, run.tables[block]))
-        natures = None
-        if design.exponents or design.cuts:
-            measuring = BlockRun("motions measured", of_natures, sizes)
-            work = partial(nature.nature_of, design, tuple(one.motion.turns for one in seen))
-            measuring.do(lambda missing: runner(work, nature.run_time(design), (design.scene["solver.method"],),
-                                                nature.pieces(design, seen, missing)))
-            natures = measuring.whole
+        states, seen = visited(design, options.output / VISITS)
+        natures = (measured(design, seen, options.output / NATURES, runner) if design.exponents or design.cuts else
+                   None)
         found = Diagram(design, seen, natures)
-        write_files(options.output, {STATES: states_table(design, run.whole), VALUES: values_table(found),
+        write_files(options.output, {STATES: states_table(design, states), VALUES: values_table(found),
                                      PICTURE: draw_diagram(found)})
     print("\n".join(in_words(found)))
     return 0

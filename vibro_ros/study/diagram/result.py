@@ -14,8 +14,7 @@ from matplotlib.axes import Axes
 from vibro_ros.accuracy.figures import new_figure, png, tidy, with_unit
 from vibro_ros.model.parameters import BY_NAME
 from vibro_ros.simulation.given_state import UNITS
-from vibro_ros.study.diagram.design import DOWN, UP, Design
-from vibro_ros.study.diagram.visits import Visit
+from vibro_ros.study.diagram.visits import DOWN, UP, Design, Visit
 from vibro_ros.study.running.blocks import KEY, file_of, fingerprint
 
 

@@ -4,19 +4,136 @@ So a motion is followed as far as it is stable, and where it ends depends on the
 cannot be shared among processes; a visit takes some hundredths of a second, unless nothing settles.
 """
 
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
 
 from vibro_ros.model.parameters import BY_NAME
-from vibro_ros.orbits.recurrence import CLOUD, FIRST_TURNS, SettledMotion, settle
-from vibro_ros.orbits.turn_map import Stroboscope, TurnMap
+from vibro_ros.model.scene import Scene
+from vibro_ros.orbits.chaos import LEAST_TURNS, spectrum_from, spectrum_of_cycle, zero_one_test
+from vibro_ros.orbits.chaos import LEAST_VALUES as LEAST_CUTS
+from vibro_ros.orbits.chaos import MOST_TURNS as MOST_MEASURED
+from vibro_ros.orbits.recurrence import CLOUD, FIRST_TURNS, SAME, SettledMotion, settle
+from vibro_ros.orbits.turn_map import Stroboscope, TurnMap, coordinates
 from vibro_ros.simulation.given_state import UNITS
-from vibro_ros.study.diagram.design import Design
-from vibro_ros.study.running.blocks import Field
-from vibro_ros.study.running.runner import Results
+from vibro_ros.study.running.blocks import BlockRun, Field, ParquetBlocks
+from vibro_ros.study.running.runner import Piece, Results, Runner
+from vibro_ros.study.variation import Axis, whole_number
+
+UP, DOWN = "up", "down"
+#: Most turns that a motion may be given to settle.
+MOST_SETTLING = 1_000_000
+_BLOCK = 8  # visits of a block: what an interruption can lose
+
+
+@dataclass(frozen=True)
+class Design:
+    """A diagram, checked.
+
+    Attributes
+    ----------
+    scene : Scene
+        What is varied, and how it starts at the first value.
+    axis : Axis
+        The parameter and its values, ascending.
+    phase : float
+        Crank angle [rad] at which the states are seen.
+    coordinate : str
+        Of the state, which the picture shows and the 0-1 test hears.
+    most_turns : int
+        Turns of the crank that a motion has to settle.
+    exponents, cuts : int
+        Turns over which Lyapunov exponents are measured, and cuts that the 0-1 test hears; 0 for neither.
+
+    Raises
+    ------
+    ValueError
+        For what contradicts itself or is too much; one line that names the remedy.
+    """
+
+    scene: Scene
+    axis: Axis
+    phase: float
+    coordinate: str
+    most_turns: int
+    exponents: int
+    cuts: int
+
+    def __post_init__(self) -> None:
+        whole_number("--most-turns", self.most_turns, FIRST_TURNS, MOST_SETTLING)
+        if self.exponents:
+            whole_number("--exponents (0: none)", self.exponents, LEAST_TURNS, MOST_MEASURED)
+        if self.cuts:
+            whole_number("--cuts (0: none)", self.cuts, LEAST_CUTS, MOST_MEASURED)
+        for value in self.axis.values:
+            try:
+                scene = self.scene_at(value)
+            except ValueError as error:
+                raise ValueError(f"--vary {self.axis.name}: at {value:g} there is no scene ({error})") from error
+            if scene["motor.speed"] == 0.0:
+                raise ValueError("motor.speed: 0 rad/s turns no crank; give --set motor.speed=100, or vary it above 0")
+            if coordinates(scene) != self.names:
+                raise ValueError(f"--vary {self.axis.name}: at {value:g} the state has other coordinates than at "
+                                 f"{self.axis.values[0]:g}; leave that value out")
+        if self.coordinate not in self.names:
+            raise ValueError(f"--coordinate {self.coordinate}: is none of the state; choose one of "
+                             f"{', '.join(self.names)}")
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The state's coordinates, fields of `Samples`."""
+        return coordinates(self.scene_at(self.axis.values[0]))
+
+    @property
+    def visits(self) -> int:
+        """Values, up and down."""
+        return 2 * len(self.axis.values)
+
+    @property
+    def blocks(self) -> int:
+        """Blocks."""
+        return -(-self.visits // _BLOCK)
+
+    @property
+    def sizes(self) -> list[int]:
+        """Visits of each block."""
+        return [len(self.visits_of_block(block)) for block in range(self.blocks)]
+
+    def visits_of_block(self, block: int) -> range:
+        """Numbers of the visits of a block."""
+        return range(block * _BLOCK, min((block + 1) * _BLOCK, self.visits))
+
+    def direction(self, visit: int) -> str:
+        """`UP` or `DOWN`."""
+        return UP if visit < len(self.axis.values) else DOWN
+
+    def place(self, visit: int) -> int:
+        """Place of the visited value among the values."""
+        return min(visit, self.visits - 1 - visit)
+
+    def value(self, visit: int) -> float:
+        """The visited value, in the parameter's unit."""
+        return float(self.axis.values[self.place(visit)])
+
+    def scene_at(self, value: object) -> Scene:
+        """The scene at a value (ValueError where it is none)."""
+        return self.scene.with_parameters({self.axis.name: value})
+
+    def map_of(self, visit: int) -> TurnMap:
+        """The turn map at a visit."""
+        return TurnMap(self.scene_at(self.value(visit)), self.phase)
+
+    def document(self) -> dict[str, object]:
+        """All that decides what is found, as JSON has it."""
+        fixed = {name: value for name, value in self.scene.parameters.items() if name != self.axis.name}
+        return {"scene": self.scene.name, "set": fixed, "vary": {self.axis.name: self.axis.document()},
+                "phase": self.phase, "coordinate": self.coordinate, "most_turns": self.most_turns,
+                "exponents": self.exponents, "cuts": self.cuts}
 
 
 @dataclass(frozen=True)
@@ -41,24 +158,42 @@ class Visit:
     states: np.ndarray
 
 
-def visits(design: Design, missing: Sequence[int], tables: Mapping[int, pa.Table]) -> Results:
-    """The visits of the blocks that are `missing`, in order; `tables` has each block by the time the next one begins.
+def visited(design: Design, folder: Path) -> tuple[pa.Table, tuple[Visit, ...]]:
+    """All visits, and their states as a table; blocks that are missing in the folder are computed.
 
     Raises
     ------
     SimulationError
         If a run cannot go on.
     """
-    for block in missing:
-        numbers = design.visits_of_block(block)
-        left = visits_in(design, tables[block - 1])[-1].states[-1] if block else None
-        for number in numbers:
-            one = visit(design, number, left)
-            left = one.states[-1]
-            yield [one]
+    parameter = BY_NAME[design.axis.name]
+    fields = [
+        Field("visit", pa.int64(), "1", "number of the visit"),
+        Field("direction", pa.string(), "1", "whether the values went up or down"),
+        Field(parameter.name, pa.float64(), parameter.unit or "1", parameter.description),
+        Field("period", pa.int64(), "1", "turns of the crank after which the motion repeats itself; 0: it does not"),
+        Field("settled", pa.bool_(), "1", "false: the motion still changes"),
+        Field("after", pa.int64(), "1", "turns that the motion was watched for"),
+        Field("mean_speed", pa.float64(), "m/s", "of the body, forwards positive"),
+        Field("cut", pa.int64(), "1", "number of the turn"),
+        *(Field(name, pa.float64(), UNITS[name], f"at the crank angle {design.phase:.17g}") for name in design.names)]
+    run = BlockRun("values", ParquetBlocks(folder, design.document(), design.blocks, fields), design.sizes,
+                   partial(_rows_of, design))
+
+    def visits(missing: Sequence[int]) -> Results:
+        for block in missing:
+            left = _visits_in(design, run.tables[block - 1])[-1].states[-1] if block else None
+            for number in design.visits_of_block(block):
+                one = _visit(design, number, left)
+                left = one.states[-1]
+                yield [one]
+
+    run.do(visits)
+    seen = tuple(one for block in range(design.blocks) for one in _visits_in(design, run.tables[block]))
+    return run.whole, seen
 
 
-def visit(design: Design, number: int, left: np.ndarray | None) -> Visit:
+def _visit(design: Design, number: int, left: np.ndarray | None) -> Visit:
     """A visit that begins in the state that the one before has `left`, SI units, shape (n,); or as the scene starts."""
     turn_map = design.map_of(number)
     stroboscope = Stroboscope(turn_map)
@@ -85,22 +220,7 @@ def _within_plates(turn_map: TurnMap, state: np.ndarray) -> np.ndarray:
     return moved
 
 
-def fields_of(design: Design) -> list[Field]:
-    """The columns of the visits' files, in which every state is a row."""
-    parameter = BY_NAME[design.axis.name]
-    return [
-        Field("visit", pa.int64(), "1", "number of the visit"),
-        Field("direction", pa.string(), "1", "whether the values went up or down"),
-        Field(parameter.name, pa.float64(), parameter.unit or "1", parameter.description),
-        Field("period", pa.int64(), "1", "turns of the crank after which the motion repeats itself; 0: it does not"),
-        Field("settled", pa.bool_(), "1", "false: the motion still changes"),
-        Field("after", pa.int64(), "1", "turns that the motion was watched for"),
-        Field("mean_speed", pa.float64(), "m/s", "of the body, forwards positive"),
-        Field("cut", pa.int64(), "1", "number of the turn"),
-        *(Field(name, pa.float64(), UNITS[name], f"at the crank angle {design.phase:.17g}") for name in design.names)]
-
-
-def rows_of(design: Design, one: Visit) -> list[dict]:
+def _rows_of(design: Design, one: Visit) -> list[dict]:
     """The rows of a visit, one a state."""
     about = {"visit": one.number, "direction": design.direction(one.number),
              design.axis.name: design.value(one.number), "period": one.motion.turns, "settled": one.settled,
@@ -109,7 +229,7 @@ def rows_of(design: Design, one: Visit) -> list[dict]:
             for cut, state in enumerate(one.states.tolist())]
 
 
-def visits_in(design: Design, table: pa.Table) -> list[Visit]:
+def _visits_in(design: Design, table: pa.Table) -> list[Visit]:
     """The visits that a block's table holds."""
     columns = {name: table[name].to_numpy() for name in ("visit", "period", "settled", "after", "mean_speed",
                                                          *design.names)}
@@ -121,3 +241,49 @@ def visits_in(design: Design, table: pa.Table) -> list[Visit]:
                                float(columns["mean_speed"][first]), int(columns["after"][first]))
         found.append(Visit(number, motion, bool(columns["settled"][first]), states))
     return found
+
+
+def nature_of(design: Design, settled: tuple[tuple[int, np.ndarray], ...], piece: Piece) -> list[dict]:
+    """Measure the visit that a piece has the number of: all Lyapunov exponents, and K of the 0-1 test; one row.
+
+    `settled` has of each visit the turns after which its motion repeats itself, or 0, and its last state in SI units.
+    """
+    turn_map = design.map_of(piece.number)
+    turns, state = settled[piece.number][0], settled[piece.number][1] / turn_map.units
+    exponents = spread = np.full(len(state), math.nan)
+    if design.exponents:
+        spectrum = (spectrum_of_cycle(turn_map, _turns_from(turn_map, state, turns)) if turns else
+                    spectrum_from(turn_map, state, design.exponents))
+        exponents, spread = spectrum.exponents, spectrum.spread
+    chaos = math.nan
+    if design.cuts:
+        seen = _turns_from(turn_map, state, design.cuts)
+        chaos = zero_one_test(seen[:, turn_map.names.index(design.coordinate)], SAME)
+    return [{"visit": piece.number, **{f"exponent_{k + 1}": one for k, one in enumerate(exponents.tolist())},
+             **{f"spread_{k + 1}": one for k, one in enumerate(spread.tolist())}, "zero_one": chaos}]
+
+
+def _turns_from(turn_map: TurnMap, state: np.ndarray, turns: int) -> np.ndarray:
+    stroboscope = Stroboscope(turn_map)
+    stroboscope.begin(state)
+    return stroboscope.turns(turns).states
+
+
+def measured(design: Design, seen: Sequence[Visit], folder: Path, runner: Runner) -> pa.Table:
+    """What kind of motion each visit has found, a row each; blocks that are missing in the folder are measured."""
+    numbers = range(1, len(design.names) + 1)
+    fields = [
+        Field("visit", pa.int64(), "1", "number of the visit"),
+        *(Field(f"exponent_{k}", pa.float64(), "1/s", "Lyapunov exponent; -inf: the direction is gone within a turn")
+          for k in numbers),
+        *(Field(f"spread_{k}", pa.float64(), "1/s", "half the width of the exponent's 95 % interval; 0 for a periodic "
+                "motion") for k in numbers),
+        Field("zero_one", pa.float64(), "1", "K of the 0-1 test: near 0 regular, near 1 chaotic")]
+    # Robot time [s], about: a derivative takes some fifteen turns, each begun in its own state.
+    run_time = (300.0 * design.exponents + design.cuts) * 0.06
+    run = BlockRun("motions measured", ParquetBlocks(folder, design.document(), design.blocks, fields), design.sizes)
+    work = partial(nature_of, design, tuple((one.motion.turns, one.states[-1]) for one in seen))
+    run.do(lambda missing: runner(work, run_time, (design.scene["solver.method"],), (
+        Piece(number, {design.axis.name: design.value(number)}, (None,))
+        for block in missing for number in design.visits_of_block(block))))
+    return run.whole

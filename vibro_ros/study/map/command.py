@@ -1,22 +1,24 @@
 """``study map``: the motions of a machine over motor speed and gap, as Parquet, pictures, and a file to command by."""
 
 import argparse
+import hashlib
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
+from pathlib import Path
 
 import pyarrow as pa
 
 from vibro_ros.configuration.command_map import LARGEST, SIDES, CommandMap, parameters_that_count, written
+from vibro_ros.orbits.turn_map import coordinates
 from vibro_ros.process.front_door import Parser
 from vibro_ros.simulation.provenance import software
 from vibro_ros.study.command import add_runner, locked, run_study, runner_of, study_parser, write_files
-from vibro_ros.study.map.design import BOTH, MapDesign, add_grid, design_of
-from vibro_ros.study.map.motions import curves, ends, motions
-from vibro_ros.study.map.proof import PROOFS, QUICK_PROOFS, proved
-from vibro_ros.study.map.record import ENDS, LINES, points_of, visits_of
+from vibro_ros.study.map.motions import PROOFS, QUICK_PROOFS, End, Point, curves, end_point, ends, motions, proved
 from vibro_ros.study.map.result import draw_costs, draw_map, map_in_words, trials_in_words
-from vibro_ros.study.map.visits import Visit
-from vibro_ros.study.running.blocks import file_of
+from vibro_ros.study.map.visits import BOTH, PHASE, MapDesign, Visit, add_grid, design_of, visits
+from vibro_ros.study.running.blocks import BlockRun, Field, ParquetBlocks, file_of
+from vibro_ros.study.running.runner import Piece, Runner
 
 TABLE, PICTURE, COSTS = "motions.parquet", "map.png", "costs.png"
 CURVES = 11
@@ -36,7 +38,11 @@ def _map(options: argparse.Namespace) -> int:
         for folder in (LINES, ENDS):
             (options.output / folder).mkdir(exist_ok=True)
         visits = visits_of(design, options.output / LINES, runner)
-        command_map, rows = _without_curves(design, visits)
+        found, rows = motions(visits)
+        if not rows:
+            raise RuntimeError("no visit has settled, so that there is no map; give another scene or other speeds")
+        parameters = parameters_that_count(design.scene, design.sides)
+        command_map = CommandMap(design.scene.name, parameters, design.sides, design.speeds, design.gaps, found, ())
         if gap_indices:
             all_ends = tuple(ends(command_map.found, rows, design.speeds, gap_indices))
             points = points_of(design, all_ends, options.output / ENDS, runner)
@@ -45,14 +51,6 @@ def _map(options: argparse.Namespace) -> int:
         write_files(options.output, _files(command_map, rows))
     print("\n".join([*map_in_words(command_map, visits), *trials_in_words(trials)]))
     return 0
-
-
-def _without_curves(design: MapDesign, visits: list[Visit]) -> tuple[CommandMap, list[Visit]]:
-    found, rows = motions(visits, design.speeds, design.gaps)
-    if not rows:
-        raise RuntimeError("no visit has settled, so that there is no map; give another scene or other motor speeds")
-    parameters = parameters_that_count(design.scene, design.sides)
-    return CommandMap(design.scene.name, parameters, design.sides, design.speeds, design.gaps, found, ()), rows
 
 
 def _rows_of_curves(design: MapDesign, count: int) -> range:
@@ -99,3 +97,66 @@ def _parser() -> Parser:
                         "and grazings are located, which takes the longest; 0: none (default: 11, or all if fewer)")
     add_runner(parser)
     return parser
+
+
+#: Folders of the two records.
+LINES, ENDS = "lines", "ends"
+_STATE = "state."  # begins the names of coordinates
+_RUN_TIME = 20.0  # robot time [s] of a visit, and of an end, about
+_VISIT = [
+    Field("speed_index", pa.int64(), "1", "index of the motor speed in the grid"),
+    Field("gap_index", pa.int64(), "1", "index of the gap in the grid"),
+    Field("turns", pa.int64(), "1", "turns after which the motion repeats itself; 0: it does not; -1: it did not "
+          "settle"),
+    Field("landings", pa.int64(), "1", "landings of the body within these turns"),
+    Field("mean_speed", pa.float64(), "m/s", "of the body, forwards positive"),
+    Field("cost_of_transport", pa.float64(), "1", "mean power / (weight x speed)"),
+    Field("stick_share", pa.float64(), "1", "share of the time in which the body stands on the ground"),
+    Field("air_share", pa.float64(), "1", "share of the time in which the body is in the air"),
+]
+_POINT = [
+    Field("kind", pa.string(), "1", "what becomes of the motion; null where its branch goes on or is lost"),
+    Field("turns", pa.int64(), "1", "turns after which the motion repeats itself"),
+    Field("motion", pa.int64(), "1", "number of the motion"),
+    Field("direction", pa.int64(), "1", "1 towards larger motor speeds, -1 towards smaller"),
+    Field("gap_index", pa.int64(), "1", "index of the gap in the grid"),
+    Field("motor_speed", pa.float64(), "rad/s", "where that is"),
+]
+
+
+def visits_of(design: MapDesign, lines: Path, runner: Runner) -> list[Visit]:
+    """All visits of a map; lines that are missing in the folder `lines` are swept (see `BlockRun.do`)."""
+    every = design.lines()
+    fields = [*_VISIT, *(Field(f"{_STATE}{name}", pa.float64(), f"crank.radius{' x motor.speed' * is_speed}",
+                               f"{name} at the cut, crank angle {PHASE:.6g} rad")
+                         for name in coordinates(design.scene) for is_speed in (name.endswith("velocity"),))]
+    sizes = [len(list(design.cells(line))) for line in every]
+    run = BlockRun("cells visited", ParquetBlocks(lines, design.document(), len(every), fields), sizes)
+    run.do(lambda missing: runner(partial(rows_of_line, design), _RUN_TIME, ("exact",), (
+        Piece(number, {}, (None,) * sizes[number]) for number in missing)))
+    return [Visit(**{one.name: row[one.name] for one in _VISIT}, state=tuple(
+        value for name, value in row.items() if name.startswith(_STATE) and value is not None))
+        for row in run.whole.to_pylist()]
+
+
+def rows_of_line(design: MapDesign, piece: Piece) -> list[dict]:
+    """Sweep the line that a piece has the number of; a row a visit."""
+    names = [f"{_STATE}{name}" for name in coordinates(design.scene)]
+    return [{**one._asdict(), **dict(zip(names, one.state, strict=False))}
+            for one in visits(design, design.lines()[piece.number])]
+
+
+def points_of(design: MapDesign, ends: tuple[End, ...], folder: Path, runner: Runner) -> list[Point]:
+    """The special point of each end that has one; points that are missing in the folder are looked for."""
+    if not ends:
+        return []
+    document = {**design.document(), "ends": hashlib.sha256(repr(list(ends)).encode()).hexdigest()}
+    run = BlockRun("ends of motions followed", ParquetBlocks(folder, document, len(ends), _POINT), [1] * len(ends))
+    run.do(lambda missing: runner(partial(_row_of_end, design, ends), 20.0 * _RUN_TIME, ("exact",), (
+        Piece(number, {}, (None,)) for number in missing)))
+    points = [Point(**row) for row in run.whole.to_pylist()]
+    return [point for point in points if point.kind is not None]
+
+
+def _row_of_end(design: MapDesign, ends: tuple[End, ...], piece: Piece) -> list[dict]:
+    return [end_point(design, ends[piece.number])._asdict()]

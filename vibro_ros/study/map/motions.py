@@ -7,17 +7,25 @@ meet, and behind that end nothing separates them.
 """
 
 from collections import defaultdict
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
+from contextlib import suppress
+from dataclasses import replace
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 
-from vibro_ros.configuration.command_map import PATCHWORK, Axis, Curve, Found
+from vibro_ros.accuracy.starts import started
+from vibro_ros.configuration.command_choice import Choice, CommandChoice, has_choice
+from vibro_ros.configuration.command_map import PATCHWORK, Axis, CommandMap, Curve, Found
 from vibro_ros.orbits.continuation import CORNER, follow, special_points
 from vibro_ros.orbits.family import Family, LostError
+from vibro_ros.orbits.turn_map import TURN
 from vibro_ros.simulation.motion import SimulationError
-from vibro_ros.study.map.design import MapDesign
-from vibro_ros.study.map.visits import PHASE, UNSETTLED, Visit
+from vibro_ros.simulation.preparation import provide_kernels
+from vibro_ros.simulation.processes import core_count, in_processes
+from vibro_ros.study.map.visits import PHASE, UNSETTLED, MapDesign, Visit
+from vibro_ros.study.progress import Progress
 
 LONG = 8
 """Turns beyond which a period tells nothing: a longer one counts as none, because a small change of the commands ends
@@ -28,16 +36,8 @@ _STEADY, _NOISY = (1e-5, 1e-4), (2e-3, 0.1)  # m/s, and share: differences of me
 _FROM_CELL_TO_CELL = (3e-3, 0.25)  # the same of neighbouring cells
 
 
-def motions(visits: Iterable[Visit], speeds: Axis, gaps: Axis) -> tuple[Found, list[Visit]]:
-    """The motions of each cell, with their numbers; and for each a visit that has found it.
-
-    Parameters
-    ----------
-    visits : iterable of Visit
-        Those that have not settled say nothing.
-    speeds, gaps : Axis
-        The grid.
-    """
+def motions(visits: Iterable[Visit]) -> tuple[Found, list[Visit]]:
+    """The motions of each cell, with their numbers; and for each a visit that has found it."""
     in_cell: dict[tuple[int, int], list[Visit]] = defaultdict(list)
     for visit in visits:
         cell = in_cell[visit.speed_index, visit.gap_index]
@@ -46,7 +46,7 @@ def motions(visits: Iterable[Visit], speeds: Axis, gaps: Axis) -> tuple[Found, l
     for cell in in_cell.values():
         cell.sort(key=lambda visit: visit.mean_speed)
     rows = [visit for _, cell in sorted(in_cell.items()) for visit in cell]
-    numbers = _numbers(rows, (speeds.count, gaps.count))
+    numbers = _numbers(rows)
     columns = {name: np.array([getattr(visit, name) for visit in rows]) for name in Found.__dataclass_fields__
                if name not in ("motion", "sure")}
     short = columns["turns"] <= LONG
@@ -69,52 +69,33 @@ def _same(one: Visit, other: Visit) -> bool:
     return _kind(one) == _kind(other) and _close(one, other, _STEADY if _kind(one)[0] else _NOISY)
 
 
-def _numbers(rows: Sequence[Visit], shape: tuple[int, int]) -> np.ndarray:
-    """Number of each row's motion, 0 for that of the most cells."""
-    groups = _Groups([(visit.speed_index, visit.gap_index) for visit in rows])
-    for first, last in sorted(_links(rows, shape), key=lambda pair: abs(
-            rows[pair[0]].mean_speed - rows[pair[1]].mean_speed)):
-        groups.join(first, last)
-    members = groups.members()
-    numbers = np.full(len(rows), PATCHWORK)
-    for number, group in enumerate(sorted((one for one in members if len(one) >= LEAST_CELLS), key=len, reverse=True)):
-        numbers[group] = number
-    return numbers
+def _numbers(rows: Sequence[Visit]) -> np.ndarray:
+    """Number of each row's motion, 0 for that of the most cells.
 
-
-def _links(rows: Sequence[Visit], shape: tuple[int, int]) -> Iterable[tuple[int, int]]:
-    """Pairs of rows in neighbouring cells that may be one motion."""
+    Rows of neighbouring cells are joined to groups, the most alike first, but never two rows of one cell to one group.
+    """
     at: dict[tuple[int, int], list[int]] = defaultdict(list)
     for row, visit in enumerate(rows):
         at[visit.speed_index, visit.gap_index].append(row)
-    for (i, j), here in at.items():
-        for beside in (at.get((i + 1, j), ()), at.get((i, j + 1), ())):
-            yield from ((first, last) for first in here for last in beside
-                        if _kind(rows[first]) == _kind(rows[last])
-                        and _close(rows[first], rows[last], _FROM_CELL_TO_CELL))
-
-
-class _Groups:
-    """Rows that are joined to groups, no two of one cell to the same."""
-
-    def __init__(self, cells: Sequence[tuple[int, int]]):
-        self._group = list(range(len(cells)))
-        self._rows = {row: [row] for row in range(len(cells))}
-        self._cells = {row: {cell} for row, cell in enumerate(cells)}
-
-    def join(self, first: int, last: int) -> None:
-        """Join the groups of two rows, unless they share a cell."""
-        small, large = sorted((self._group[first], self._group[last]), key=lambda group: len(self._rows[group]))
-        if small == large or self._cells[small] & self._cells[large]:
-            return
-        for row in self._rows[small]:
-            self._group[row] = large
-        self._rows[large] += self._rows.pop(small)
-        self._cells[large] |= self._cells.pop(small)
-
-    def members(self) -> list[list[int]]:
-        """The rows of each group."""
-        return list(self._rows.values())
+    links = [(first, last) for (i, j), here in list(at.items())
+             for beside in (at.get((i + 1, j), ()), at.get((i, j + 1), ())) for first in here for last in beside
+             if _kind(rows[first]) == _kind(rows[last]) and _close(rows[first], rows[last], _FROM_CELL_TO_CELL)]
+    group_of = list(range(len(rows)))
+    members = {row: [row] for row in range(len(rows))}
+    cells = {row: {(visit.speed_index, visit.gap_index)} for row, visit in enumerate(rows)}
+    for first, last in sorted(links, key=lambda pair: abs(rows[pair[0]].mean_speed - rows[pair[1]].mean_speed)):
+        small, large = sorted((group_of[first], group_of[last]), key=lambda group: len(members[group]))
+        if small == large or cells[small] & cells[large]:
+            continue
+        for row in members[small]:
+            group_of[row] = large
+        members[large] += members.pop(small)
+        cells[large] |= cells.pop(small)
+    numbers = np.full(len(rows), PATCHWORK)
+    numbered = [group for group in members.values() if len(group) >= LEAST_CELLS]
+    for number, group in enumerate(sorted(numbered, key=len, reverse=True)):
+        numbers[group] = number
+    return numbers
 
 
 LONGEST = 4
@@ -217,7 +198,9 @@ def curves(design: MapDesign, points: list[Point], gap_indices: range) -> tuple[
     for gap_index in gap_indices:
         left = [point for point in points if point.gap_index == gap_index]
         still_open = []
-        for distance, line, point in sorted(_near(open_lines, left), key=lambda one: one[0]):
+        near = [(abs(line[-1].motor_speed - point.motor_speed), line, point) for line in open_lines for point in left
+                if (line[-1].kind, line[-1].motion, line[-1].direction) == (point.kind, point.motion, point.direction)]
+        for distance, line, point in sorted(near, key=lambda one: one[0]):
             if distance <= reach and point in left and line not in still_open:
                 left.remove(point)
                 line.append(point)
@@ -231,9 +214,89 @@ def curves(design: MapDesign, points: list[Point], gap_indices: range) -> tuple[
                  for line in lines if len(line) > 1)
 
 
-def _near(lines: list[list[Point]], points: list[Point]) -> Iterator[tuple[float, list[Point], Point]]:
-    """Each line and each point that may continue it, with their distance [rad/s]."""
-    for line in lines:
-        for point in points:
-            if (line[-1].kind, line[-1].motion, line[-1].direction) == (point.kind, point.motion, point.direction):
-                yield abs(line[-1].motor_speed - point.motor_speed), line, point
+PROOFS, QUICK_PROOFS = 185, 16
+"""Mean speeds that are tried, equally spaced over what a map offers, or a quick one."""
+STARTS = 8
+"""Drawn starts of each, `accuracy.starts`: a first second at other motor speeds and gaps."""
+SETTLING, MEASURING = 10.0, 10.0
+"""Time [s] that does not count, and time that does, cut to whole turns."""
+MET = 0.05
+"""Deviation, as a share of what was asked, within which a trial leads where it should."""
+
+
+class Trial(NamedTuple):
+    """One mean speed asked for.
+
+    Attributes
+    ----------
+    asked, got : float
+        Mean speeds [m/s]; `got` is that of the start which is farthest off.
+    choice : Choice
+        The commands.
+    """
+
+    asked: float
+    got: float
+    choice: Choice
+
+    @property
+    def error(self) -> float:
+        """Deviation as a share of what was asked, dimensionless."""
+        return abs(self.got / self.asked - 1.0)
+
+
+def proved(command_map: CommandMap, design: MapDesign, count: int) -> tuple[CommandMap, list[Trial]]:
+    """The map without cells that are not sure after all, and the trials of its commands, by mean speed.
+
+    Parameters
+    ----------
+    command_map : CommandMap
+        With the cells that sweeps have found to be sure.
+    design : MapDesign
+        The machine and the grid.
+    count : int
+        Mean speeds to try.
+    """
+    if not has_choice(command_map):
+        return command_map, []
+    offered = CommandChoice(command_map)
+    asked = np.linspace(offered.slowest, offered.fastest, count).tolist()
+    done: dict[tuple[float, ...], Trial] = {}
+    provide_kernels("exact")  # once for all that are forked
+    while True:
+        choices = {}
+        if has_choice(command_map):
+            choice = CommandChoice(command_map)
+            for speed in asked:
+                with suppress(ValueError):  # a speed for which there are no sure commands
+                    chosen = choice.commands_for(speed)
+                    choices[(speed, *chosen.commands.values())] = (speed, chosen)
+        new = [key for key in choices if key not in done]
+        with Progress("commands tried", "job", len(new)) as progress:
+            tried = [choices[key] for key in new]
+            jobs = in_processes(partial(_trial, design), tried, min(core_count(), len(new)) or 1)
+            for key, job in zip(new, jobs, strict=True):
+                done[key] = job.outcome()
+                progress.add(1)
+        failed = [trial for trial in done.values()
+                  if trial.error > MET and command_map.found.sure[list(trial.choice.rows)].all()]
+        if not failed:
+            return command_map, [done[key] for key in choices]
+        sure = command_map.found.sure.copy()
+        sure[[row for trial in failed for row in trial.choice.rows]] = 0
+        command_map = replace(command_map, found=replace(command_map.found, sure=sure))
+
+
+def _trial(design: MapDesign, one: tuple[float, Choice]) -> Trial:
+    """Give the commands, all at once, to a device after each of the drawn starts."""
+    asked, choice = one
+    motor, gap = list(choice.commands.values())[:2]
+    turn, speeds = TURN / motor, []
+    duration = turn * round(MEASURING / turn)
+    for start in range(STARTS):
+        device = started(design.scene_with(motor, gap), np.random.default_rng((0, start)))
+        device.advance_to(SETTLING)
+        begin = device.state.body_position
+        device.advance_to(SETTLING + duration)
+        speeds.append((device.state.body_position - begin) / duration)
+    return Trial(asked, max(speeds, key=lambda speed: abs(speed - asked)), choice)

@@ -1,6 +1,5 @@
 """What a map says, in words and as pictures."""
 
-
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import BoundaryNorm, ListedColormap
@@ -10,7 +9,7 @@ from matplotlib.lines import Line2D
 from vibro_ros.accuracy.figures import new_figure, png
 from vibro_ros.configuration.command_choice import CommandChoice, has_choice
 from vibro_ros.configuration.command_map import PATCHWORK, Axis, CommandMap
-from vibro_ros.study.map.proof import STARTS, Trial
+from vibro_ros.study.map.motions import STARTS, Trial
 from vibro_ros.study.map.visits import UNSETTLED, Visit
 
 SHOWN = 22

@@ -1,17 +1,154 @@
 """What a machine does in a cell of the map, when it comes there from the cell before."""
 
+import argparse
 import math
+from collections.abc import Iterator
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
+from vibro_ros.configuration.command_map import MOST_ROWS, SIDES, Axis, parameters_that_count
+from vibro_ros.configuration.strict_yaml import read_scalar
 from vibro_ros.model.scene import Scene
 from vibro_ros.orbits.recurrence import SettledMotion, settle
 from vibro_ros.orbits.turn_map import Stroboscope, TurnMap
+from vibro_ros.process.front_door import Parser
 from vibro_ros.simulation.motion import SimulationError
 from vibro_ros.simulation.simulator import Simulator
-from vibro_ros.study.map.design import Line, MapDesign
+from vibro_ros.study.command import add_machine, machine_of
 from vibro_ros.study.measures import standing_and_airborne
+from vibro_ros.study.variation import whole_number
+
+SPEED, GAP = "motor_speed", "gap"
+
+
+@dataclass(frozen=True)
+class Line:
+    """A row or a column of the grid, swept from one end to the other.
+
+    Attributes
+    ----------
+    along : str
+        `SPEED` or `GAP`: what changes.
+    place : int
+        Index of what stays.
+    upwards : bool
+        Whether the smallest value comes first.
+    """
+
+    along: str
+    place: int
+    upwards: bool
+
+
+@dataclass(frozen=True)
+class MapDesign:
+    """A map to be made.
+
+    Attributes
+    ----------
+    scene : Scene
+        The machine; its own motor speed, gaps of `sides` and start do not count.
+    sides : tuple of str
+        Sides whose gaps are varied, both alike if there are two.
+    speeds, gaps : Axis
+        Motor speeds [rad/s] and gaps [m].
+    """
+
+    scene: Scene
+    sides: tuple[str, ...]
+    speeds: Axis
+    gaps: Axis
+
+    def scene_at(self, speed_index: int, gap_index: int) -> Scene:
+        """The machine in a cell (ValueError where the scene refuses the values)."""
+        return self.scene_with(float(self.speeds.values[speed_index]), float(self.gaps.values[gap_index]))
+
+    def scene_with(self, motor_speed: float, gap: float) -> Scene:
+        """The machine at a motor speed [rad/s] and a gap [m] (ValueError where the scene refuses the values)."""
+        return self.scene.with_parameters({"motor.speed": motor_speed, **{f"{side}.gap": gap for side in self.sides}})
+
+    def check(self) -> None:
+        """Refuse a grid with values that the scene refuses (ValueError)."""
+        for index in range(self.speeds.count):
+            self.scene_at(index, 0)
+        for index in range(self.gaps.count):
+            self.scene_at(0, index)
+
+    def lines(self) -> list[Line]:
+        """All rows and columns, each in both directions."""
+        return [Line(along, place, upwards) for along, other in ((SPEED, self.gaps), (GAP, self.speeds))
+                for place in range(other.count) for upwards in (True, False)]
+
+    def cells(self, line: Line) -> Iterator[tuple[int, int]]:
+        """Speed and gap index of each cell of a line, in its direction."""
+        axis = self.speeds if line.along == SPEED else self.gaps
+        for index in range(axis.count) if line.upwards else reversed(range(axis.count)):
+            yield (index, line.place) if line.along == SPEED else (line.place, index)
+
+    def document(self) -> dict[str, object]:
+        """All that the motions depend on, for the record."""
+        solver = {name: value for name, value in self.scene.parameters.items() if name.startswith("solver.")}
+        return {"parameters": parameters_that_count(self.scene, self.sides), "solver": solver, "gaps": list(self.sides),
+                **{name: [axis.low, axis.high, axis.count]
+                   for name, axis in ((SPEED, self.speeds), (GAP, self.gaps))}}
+
+
+BOTH = "both"
+MOTOR_SPEEDS, GAPS = "50:250:101", "-0.002:0.008:41"
+QUICK = "60:180:13", "0:0.006:4"
+"""Grids of a full and of a quick map."""
+
+
+def add_grid(parser: Parser) -> None:
+    """The options that name machine and grid."""
+    add_machine(parser, "device")
+    parser.add_argument("--motor-speed", metavar="LOW:HIGH:COUNT",
+                        help=f"motor speeds [rad/s] (default: {MOTOR_SPEEDS})")
+    parser.add_argument("--gap", metavar="LOW:HIGH:COUNT", help=f"gaps [m] (default: {GAPS})")
+    parser.add_argument("--quick", action="store_true", help=f"a coarse grid, {QUICK[0]} rad/s and {QUICK[1]} m, with "
+                        "few trials: a look within a minute")
+
+
+def design_of(options: argparse.Namespace) -> MapDesign:
+    """The map that is asked for.
+
+    Raises
+    ------
+    ValueError
+        For what is no grid or no scene; the message names value, limit and remedy.
+    """
+    scene = machine_of(options)
+    if scene["solver.method"] != "exact":
+        raise ValueError(f"solver.method: {scene['solver.method']} has no map; take exact, whose states repeat to "
+                         "rounding")
+    sides = SIDES if options.gaps == BOTH else (options.gaps,)
+    for side in sides:
+        if side not in scene.plates:
+            raise ValueError(f"--gaps {options.gaps}: {scene.name} has no {side} plate; give another scene or side")
+    speeds, gaps = QUICK if options.quick else (MOTOR_SPEEDS, GAPS)
+    design = MapDesign(scene, sides, _axis("--motor-speed", options.motor_speed or speeds),
+                       _axis("--gap", options.gap or gaps))
+    if design.speeds.low <= 0.0:
+        raise ValueError(f"--motor-speed: from {design.speeds.low:g} rad/s; a crank that stands has no motion: give "
+                         "speeds above 0")
+    if 4 * design.speeds.count * design.gaps.count > MOST_ROWS:
+        raise ValueError(f"--motor-speed, --gap: {design.speeds.count} x {design.gaps.count} cells; give at most "
+                         f"{MOST_ROWS // 4}")
+    design.check()
+    return design
+
+
+def _axis(option: str, text: str) -> Axis:
+    parts = [read_scalar(part) for part in text.split(":")]
+    if len(parts) != 3 or not all(isinstance(part, (int, float)) and not isinstance(part, bool) for part in parts[:2]):
+        raise ValueError(f"{option} {text}: give LOW:HIGH:COUNT")
+    low, high = float(parts[0]), float(parts[1])  # type: ignore[arg-type]
+    if not (-1e9 < low < high < 1e9):
+        raise ValueError(f"{option} {text}: is no range; give the smaller number first")
+    return Axis(low, high, whole_number(f"{option}: count", parts[2], 2, 10_000))
+
 
 PHASE = math.pi
 """Crank angle [rad] at which states are looked at: both sliders are far from the plates there."""
@@ -58,8 +195,16 @@ def visits(design: MapDesign, line: Line) -> list[Visit]:
     found, before = [], None
     for speed_index, gap_index in design.cells(line):
         turn_map = TurnMap(design.scene_at(speed_index, gap_index), PHASE)
+        stroboscope = Stroboscope(turn_map)
         try:
-            motion = _settled(turn_map, before)
+            try:
+                if before is None:
+                    stroboscope.begin_as()
+                else:
+                    stroboscope.begin(before / turn_map.units)
+            except ValueError:  # the state before cannot be in this cell
+                stroboscope.begin_as()
+            motion = settle(stroboscope, most=MOST_TURNS)
             seen = motion and _measured(turn_map, motion)
         except SimulationError:
             motion = seen = None
@@ -70,19 +215,6 @@ def visits(design: MapDesign, line: Line) -> list[Visit]:
             before = None
             found.append(Visit(speed_index, gap_index, UNSETTLED, 0, *_NOTHING, ()))
     return found
-
-
-def _settled(turn_map: TurnMap, before: np.ndarray | None) -> SettledMotion | None:
-    """The motion that follows from a state before [m, m/s], or from the scene's own start where that cannot be."""
-    stroboscope = Stroboscope(turn_map)
-    try:
-        if before is None:
-            stroboscope.begin_as()
-        else:
-            stroboscope.begin(before / turn_map.units)
-    except ValueError:
-        stroboscope.begin_as()
-    return settle(stroboscope, most=MOST_TURNS)
 
 
 def _measured(turn_map: TurnMap, motion: SettledMotion) -> tuple[int, float, float, float, float]:

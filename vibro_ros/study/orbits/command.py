@@ -23,9 +23,8 @@ from vibro_ros.study.command import (
     study_parser,
     write_files,
 )
-from vibro_ros.study.orbits.plan import Plan
 from vibro_ros.study.orbits.result import document, draw_orbits, in_words, names_of
-from vibro_ros.study.orbits.run import FOLDER, OrbitsRun, fields_of, rows_of
+from vibro_ros.study.orbits.run import FOLDER, OrbitsRun, Plan, fields_of, rows_of
 from vibro_ros.study.running.blocks import Field, file_of, table_of
 from vibro_ros.study.variation import Range, varied_in_words, whole_number
 

@@ -10,7 +10,7 @@ from vibro_ros.accuracy.figures import new_figure, png, tidy, with_unit
 from vibro_ros.model.parameters import BY_NAME
 from vibro_ros.orbits.branch import Branch
 from vibro_ros.orbits.continuation import CORNER, DOUBLING, FOLD, GRAZING, TORUS
-from vibro_ros.study.orbits.plan import Plan, Task
+from vibro_ros.study.orbits.run import Plan, Task
 
 #: By kind of special point, the letter that begins its name in picture and table.
 LETTERS = {FOLD: "F", DOUBLING: "P", TORUS: "N", GRAZING: "G", CORNER: "C"}

@@ -9,15 +9,16 @@ from vibro_ros.study.measures import MEASURES
 from vibro_ros.study.progress import Progress
 from vibro_ros.study.sweep.design import (
     DEFAULTS,
+    FOLDER,
     Design,
     design_of,
     given_in_words,
     read_sweep,
+    run_sweep,
     shipped_sweeps,
     sweep_path,
 )
 from vibro_ros.study.sweep.result import as_csv, draw_sweep, in_words, summary
-from vibro_ros.study.sweep.rows import FOLDER, run_sweep
 from vibro_ros.study.variation import SAMPLERS
 
 TABLE, PICTURE = "summary.csv", "sweep.png"

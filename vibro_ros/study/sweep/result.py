@@ -15,8 +15,7 @@ from scipy.stats import t as student
 from vibro_ros.accuracy.figures import new_figure, png, tidy, with_unit
 from vibro_ros.model.parameters import BY_NAME
 from vibro_ros.study.measures import MEASURES
-from vibro_ros.study.sweep.design import Design
-from vibro_ros.study.sweep.rows import NO_SCENE
+from vibro_ros.study.sweep.design import NO_SCENE, Design
 
 
 @dataclass(frozen=True)
