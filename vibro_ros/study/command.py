@@ -17,7 +17,7 @@ from vibro_ros.process.front_door import Parser, exit_code, say
 from vibro_ros.process.stop_signals import interrupted_code
 from vibro_ros.process.untrusted import replace_file
 from vibro_ros.simulation.processes import core_count
-from vibro_ros.study.running.runner import Runner, on_this_machine
+from vibro_ros.study.running.runner import Runner, run_on_this_machine
 from vibro_ros.study.variation import whole_number
 
 MOST_WORKERS = 4096
@@ -102,7 +102,7 @@ def runner_of(options: argparse.Namespace) -> Runner:
                              "needs") from error
         return partial(cluster.run_on_cluster, options.scheduler)
     workers = core_count() if options.workers is None else options.workers
-    return on_this_machine(whole_number("--workers", workers, 1, MOST_WORKERS))
+    return partial(run_on_this_machine, whole_number("--workers", workers, 1, MOST_WORKERS))
 
 
 @contextlib.contextmanager
@@ -121,25 +121,22 @@ def locked(folder: Path) -> Iterator[None]:
         descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
     except OSError as error:
         raise ValueError(f"{folder}: {error.strerror}; give an --output that can be written") from error
+    deadline = time.monotonic() + _PATIENCE
     try:
-        _lock(descriptor, folder)
+        while True:
+            try:
+                fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                break
+            except BlockingIOError:
+                if time.monotonic() > deadline:
+                    raise ValueError(f"{folder}: another study writes here; wait for its end, or give another "
+                                     "--output") from None
+                time.sleep(_POLL)
+            except OSError:
+                break
         yield
     finally:
         os.close(descriptor)
-
-
-def _lock(descriptor: int, folder: Path) -> None:
-    deadline = time.monotonic() + _PATIENCE
-    while True:
-        try:
-            return fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            if time.monotonic() > deadline:
-                raise ValueError(f"{folder}: another study writes here; wait for its end, or give another "
-                                 "--output") from None
-        except OSError:
-            return
-        time.sleep(_POLL)
 
 
 def write_files(folder: Path, files: Mapping[str, bytes]) -> None:

@@ -20,7 +20,7 @@ import vibro_ros
 from vibro_ros.study.command import locked
 from vibro_ros.study.measures import MEASURES, measure
 from vibro_ros.study.running import blocks
-from vibro_ros.study.running.runner import Piece, on_this_machine
+from vibro_ros.study.running.runner import Piece, run_on_this_machine
 from vibro_ros.study.sweep.command import main
 
 # 24 points of 3 starts, in blocks of a second of work when the time of a block is shortened.
@@ -277,7 +277,7 @@ class KillingWork:
 def killing(at, folder, times, count):
     """Results of `count` pieces of `KillingWork`, on two processes."""
     items = (Piece(k, {"k": k}, (0,)) for k in range(count))
-    return on_this_machine(2)(KillingWork(at, folder, times), 64.0, (), items)
+    return run_on_this_machine(2, KillingWork(at, folder, times), 64.0, (), items)
 
 
 def test_a_killed_worker_is_replaced(tmp_path):

@@ -85,18 +85,17 @@ def basin_entropy(numbers: np.ndarray, outside: int, side: int = BOX) -> BasinEn
     """
     rows, columns = (count // side for count in numbers.shape)
     boxes = numbers[:rows * side, :columns * side].reshape(rows, side, columns, side).swapaxes(1, 2)
-    entropies = np.array([_entropy(box) for box in boxes.reshape(rows * columns, side * side) if outside not in box])
-    if not len(entropies):
+    found = []
+    for box in boxes.reshape(rows * columns, side * side):
+        if outside not in box:
+            shares = np.unique(box, return_counts=True)[1] / len(box)
+            found.append(float(-np.sum(shares * np.log(shares))) if len(shares) > 1 else 0.0)
+    if not found:
         return None
+    entropies = np.array(found)
     mixed = entropies > 0.0
     boundary = float(entropies[mixed].mean()) if mixed.any() else math.nan
     return BasinEntropy(float(entropies.mean()), boundary, len(entropies), int(mixed.sum()))
-
-
-def _entropy(numbers: np.ndarray) -> float:
-    _, counts = np.unique(numbers, return_counts=True)
-    shares = counts / len(numbers)
-    return float(-np.sum(shares * np.log(shares))) if len(counts) > 1 else 0.0
 
 
 #: Numbers of starts that have none of the motions: nothing had settled; the start cannot be, or could not go on; the
@@ -182,20 +181,16 @@ def _compared(table: pa.Table, stroboscope: Stroboscope) -> tuple[np.ndarray, li
         states = values[(first[rows] // dimension)[:, None] + np.arange(width)]
         with Progress("starts compared", "start", len(rows)) as progress:
             for chosen, motion in _groups(states, period, stroboscope):
-                numbers[rows[chosen]] = UNSETTLED if motion is None else _numbered(motion, met)
                 progress.add(len(chosen))
+                if motion is None:
+                    numbers[rows[chosen]] = UNSETTLED
+                    continue
+                known = number_among(motion, met)
+                if known is None and len(met) < MOST_MOTIONS:
+                    known = len(met)
+                    met.append(motion)
+                numbers[rows[chosen]] = UNTOLD if known is None else known + 1
     return numbers, met
-
-
-def _numbered(motion: SettledMotion, met: list[SettledMotion]) -> int:
-    """Number of a motion among those that were `met`, to which it is added if it is new."""
-    known = number_among(motion, met)
-    if known is not None:
-        return known + 1
-    if len(met) == MOST_MOTIONS:
-        return UNTOLD
-    met.append(motion)
-    return len(met)
 
 
 def _groups(states: np.ndarray, period: int,
@@ -209,29 +204,25 @@ def _groups(states: np.ndarray, period: int,
         if not len(left):
             return
         state = states[left[0], -1]
-        motion = _periodic(state, period, stroboscope) if period else _wandering(state, stroboscope)
+        motion: SettledMotion | None
+        if period:
+            stroboscope.begin(state)
+            seen = stroboscope.turns(period)
+            speed = float(seen.positions[-1]) / (period * stroboscope.turn_map.period)
+            motion = SettledMotion(period, seen.states, speed, period)
+        else:
+            motion = _wandering(state, stroboscope)
         if group == MOST_MOTIONS:
             same = np.ones(len(left), dtype=bool)
         elif period and motion:
             same = np.any([np.abs(states[left, 0] - one).max(axis=1) <= SAME for one in motion.states], axis=0)
+        elif motion and not motion.turns:
+            same = Cloud(motion.states).holds(states[left])
         else:
-            same = _near(motion, states[left])
+            same = np.zeros(len(left), dtype=bool)
         same[0] = True
         yield left[same], motion
         left = left[~same]
-
-
-def _near(motion: SettledMotion | None, states: np.ndarray) -> np.ndarray:
-    """Which rows of states, shape (rows, m, n), wander as `motion` does."""
-    return Cloud(motion.states).holds(states) if motion and not motion.turns else np.zeros(len(states), dtype=bool)
-
-
-def _periodic(state: np.ndarray, period: int, stroboscope: Stroboscope) -> SettledMotion:
-    """The orbit that goes on from a settled state."""
-    stroboscope.begin(state)
-    seen = stroboscope.turns(period)
-    speed = float(seen.positions[-1]) / (period * stroboscope.turn_map.period)
-    return SettledMotion(period, seen.states, speed, period)
 
 
 def _wandering(state: np.ndarray, stroboscope: Stroboscope) -> SettledMotion | None:

@@ -9,7 +9,7 @@ from pathlib import Path
 from vibro_ros.orbits.turn_map import Stroboscope, free_cut
 from vibro_ros.process.front_door import FAILURE, Parser, say
 from vibro_ros.simulation.simulator import ToleranceWarning
-from vibro_ros.study.basins.attractors import NOWHERE, BasinEntropy, Found, basin_entropy, found_in
+from vibro_ros.study.basins.attractors import NOWHERE, basin_entropy, found_in
 from vibro_ros.study.basins.result import attractors_table, draw_basins, in_words, starts_table
 from vibro_ros.study.basins.starts import (
     FOLDER,
@@ -57,13 +57,16 @@ def _basins(options: argparse.Namespace) -> int:
         if (found.numbers == NOWHERE).all():
             reason = next(text for text in table["error"].to_pylist() if text)
             raise ValueError(f"none of {design.starts.count} starts can be simulated; the first one: {reason}")
-        upsets = []
+        upsets = None
         if design.shocks and len(found.attractors) > 1:
             upsets = upset_motions(design, tuple(one.motion for one in found.attractors),
                                    _folder(options.output, f"{SHOCKS_FOLDER}_{design.shocks}"), runner)
         write_files(options.output, {STARTS: starts_table(table, found), ATTRACTORS: attractors_table(found, upsets),
                                      PICTURE: draw_basins(design, table, found)})
-    print("\n".join(in_words(design, table, found, _entropy(design, found), upsets)))
+    entropy = None
+    if isinstance(design.starts, Plane):
+        entropy = basin_entropy(found.numbers.reshape([one.count for one in design.starts.over]), outside=NOWHERE)
+    print("\n".join(in_words(design, table, found, entropy, upsets)))
     if not options.scheduler:
         say("study", f"{_core_time() - begun:.1f} s of core time")
     failed = any(text and not text.startswith(NO_START) for text in table["error"].to_pylist())
@@ -73,12 +76,6 @@ def _basins(options: argparse.Namespace) -> int:
 def _folder(output: Path, name: str) -> Path:
     (output / name).mkdir(exist_ok=True)
     return output / name
-
-
-def _entropy(design: Design, found: Found) -> BasinEntropy | None:
-    if not isinstance(design.starts, Plane):
-        return None
-    return basin_entropy(found.numbers.reshape([one.count for one in design.starts.over]), outside=NOWHERE)
 
 
 def _design(options: argparse.Namespace) -> Design:

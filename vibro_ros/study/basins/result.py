@@ -26,7 +26,7 @@ def starts_table(table: pa.Table, found: Found) -> bytes:
     return file_of(table.add_column(table.num_columns - 4, field, pa.array(found.numbers, pa.int64())))
 
 
-def attractors_table(found: Found, upsets: list[pa.Table]) -> bytes:
+def attractors_table(found: Found, upsets: pa.Table | None) -> bytes:
     """All attractors, with what upsets them, as a Parquet file."""
     fields = [
         Field("attractor", pa.int64(), "1", "number of the motion"),
@@ -47,10 +47,9 @@ def attractors_table(found: Found, upsets: list[pa.Table]) -> bytes:
          "lyapunov_exponent": one.lyapunov, "multipliers_real": one.multipliers.real,
          "multipliers_imaginary": one.multipliers.imag, "states": one.motion.states.ravel()}
         for number, one in enumerate(found.attractors, 1)], fields)
-    if upsets:
-        shocks = pa.concat_tables([one.replace_schema_metadata() for one in upsets])
-        for name in shocks.column_names[1:]:
-            table = table.append_column(shocks.schema.field(name).with_name(f"shock_{name}"), shocks[name])
+    if upsets is not None:
+        for name in upsets.column_names[1:]:
+            table = table.append_column(upsets.schema.field(name).with_name(f"shock_{name}"), upsets[name])
     return file_of(table)
 
 
@@ -59,52 +58,46 @@ _PART = 0.05  # of the largest part of a shock: smaller parts are left out
 
 
 def in_words(design: Design, table: pa.Table, found: Found, entropy: BasinEntropy | None,
-             upsets: list[pa.Table]) -> list[str]:
+             upsets: pa.Table | None) -> list[str]:
     """What was found, a line each."""
     over = ", ".join(f"{one.name} {one.low:g} to {one.high:g} {one.unit}" for one in design.starts.over)
     watched = float(np.mean(table["after"].to_numpy()))
     lines = [f"{design.starts.count} starts over {over}; watched for {watched:.1f} turns on average, cut at "
              f"{design.phase:.4f} rad"]
     for number, attractor in enumerate(found.attractors[:_SHOWN], 1):
-        lines.append(f"motion {number}: {motion_in_words(attractor)}; {_share(attractor)}; {_stability(attractor)}")
+        share = attractor.fraction
+        if not attractor.motion.turns:
+            stability = f"largest Lyapunov exponent {attractor.lyapunov:.3g} 1/s"
+        elif len(attractor.multipliers):
+            stability = f"largest Floquet multiplier {abs(attractor.multipliers[0]):.4f}"
+        else:
+            stability = "no orbit closes by Newton's method"
+        lines.append(f"motion {number}: {_motion_in_words(attractor)}; {attractor.count} "
+                     f"start{'s' * (attractor.count > 1)}, {100.0 * share.share:.2f} % (95 % interval "
+                     f"{100.0 * share.low:.2f} to {100.0 * share.high:.2f} %); {stability}")
     if len(found.attractors) > _SHOWN:
         lines.append(f"{len(found.attractors) - _SHOWN} more motions; without losses every start has one of its own")
-    for row in (row for one in upsets[:_SHOWN] for row in one.to_pylist()):
+    for row in upsets.slice(0, _SHOWN).to_pylist() if upsets is not None else ():
         lines.append(f"motion {row['attractor']}: {_upset(design, row)}")
     if entropy:
-        lines.append(entropy_in_words(entropy))
-    return lines + _left_over(design, table, found)
+        says = "so the boundary is fractal" if entropy.fractal else (
+            f"not above log 2 = {math.log(2.0):.3f}, which leaves open whether the boundary is fractal")
+        lines.append(f"basin entropy {entropy.entropy:.4f}, of the {entropy.mixed} of {entropy.boxes} boxes with more "
+                     f"than one motion {entropy.boundary:.4f}, {says}" if entropy.mixed else
+                     f"basin entropy 0: each of {entropy.boxes} boxes has one motion")
+    for number, what in ((UNSETTLED, f"starts had not settled within {design.most_turns} turns"),
+                         (UNTOLD, f"starts have other motions than the first {MOST_MOTIONS}"),
+                         (NOWHERE, "starts cannot be, or could not go on")):
+        if count := int(np.sum(found.numbers == number)):
+            reason = next(text for text in table["error"].to_pylist() if text) if number == NOWHERE else ""
+            lines.append(f"{count} {what}{f', such as: {reason}' if reason else ''}")
+    return lines
 
 
-def motion_in_words(attractor: Attractor) -> str:
-    """Mean speed and period."""
+def _motion_in_words(attractor: Attractor) -> str:
     turns = attractor.motion.turns
     again = f"again after {turns} turn{'s' * (turns > 1)}" if turns else f"not again within {LONGEST_PERIOD} turns"
     return f"{attractor.motion.mean_speed * 1e3:.4g} mm/s, {again}"
-
-
-def entropy_in_words(entropy: BasinEntropy) -> str:
-    """The basin entropies and what they say about the boundary."""
-    if not entropy.mixed:
-        return f"basin entropy 0: each of {entropy.boxes} boxes has one motion"
-    says = "so the boundary is fractal" if entropy.fractal else (
-        f"not above log 2 = {math.log(2.0):.3f}, which leaves open whether the boundary is fractal")
-    return (f"basin entropy {entropy.entropy:.4f}, of the {entropy.mixed} of {entropy.boxes} boxes with more than one "
-            f"motion {entropy.boundary:.4f}, {says}")
-
-
-def _share(attractor: Attractor) -> str:
-    share = attractor.fraction
-    return (f"{attractor.count} start{'s' * (attractor.count > 1)}, {100.0 * share.share:.2f} % (95 % interval "
-            f"{100.0 * share.low:.2f} to {100.0 * share.high:.2f} %)")
-
-
-def _stability(attractor: Attractor) -> str:
-    if not attractor.motion.turns:
-        return f"largest Lyapunov exponent {attractor.lyapunov:.3g} 1/s"
-    if not len(attractor.multipliers):
-        return "no orbit closes by Newton's method"
-    return f"largest Floquet multiplier {abs(attractor.multipliers[0]):.4f}"
 
 
 def _upset(design: Design, row: dict) -> str:
@@ -122,17 +115,6 @@ def _upset(design: Design, row: dict) -> str:
     after = f"motion {row['leads_to']}" if row["leads_to"] != UNTOLD else "another motion"
     return (f"smallest shock found {row['size']:.3g}: at {row['crank_angle']:.3f} rad {change}, to {after}; "
             f"one coordinate alone: {alone}")
-
-
-def _left_over(design: Design, table: pa.Table, found: Found) -> list[str]:
-    lines = []
-    for number, what in ((UNSETTLED, f"starts had not settled within {design.most_turns} turns"),
-                         (UNTOLD, f"starts have other motions than the first {MOST_MOTIONS}"),
-                         (NOWHERE, "starts cannot be, or could not go on")):
-        if count := int(np.sum(found.numbers == number)):
-            reason = next(text for text in table["error"].to_pylist() if text) if number == NOWHERE else ""
-            lines.append(f"{count} {what}{f', such as: {reason}' if reason else ''}")
-    return lines
 
 
 # Okabe and Ito's colours, which the colour-blind can tell apart; further motions share the last one.
@@ -198,7 +180,7 @@ def _draw_shares(axes: Axes, found: Found) -> None:
 
 
 def _legend(found: Found) -> list[Patch]:
-    shown = [Patch(color=_colour(number), label=f"{number}: {motion_in_words(one)}, "
+    shown = [Patch(color=_colour(number), label=f"{number}: {_motion_in_words(one)}, "
                    f"{100.0 * one.fraction.share:.3g} % of the starts")
              for number, one in enumerate(found.attractors[:len(_COLOURS)], 1)]
     if np.any((found.numbers < 1) & (found.numbers != NOWHERE)):

@@ -21,7 +21,7 @@ from vibro_ros.simulation.given_state import UNITS
 from vibro_ros.simulation.motion import SimulationError
 from vibro_ros.simulation.simulator import ToleranceWarning
 from vibro_ros.study.basins.attractors import UNTOLD
-from vibro_ros.study.running.blocks import NUMBERS, BlockRun, Field, ParquetBlocks
+from vibro_ros.study.running.blocks import NUMBERS, Field, ParquetBlocks, completed
 from vibro_ros.study.running.runner import Piece, Runner
 from vibro_ros.study.variation import whole_number
 
@@ -291,13 +291,9 @@ def rows_of(design: Design, piece: Piece) -> list[dict]:
         rows.append({
             **start, "turns": motion.turns if motion else None, "after": motion.after if motion else after,
             "mean_speed": motion.mean_speed if motion else math.nan,
-            "states": _kept(motion).ravel() if motion else [], "error": error})
+            "states": [] if motion is None else motion.states[-1:].ravel() if motion.turns else
+            motion.states[::len(motion.states) // KEPT_STATES].ravel(), "error": error})
     return rows
-
-
-def _kept(motion: SettledMotion) -> np.ndarray:
-    """The states that tell a motion, shape (m, n)."""
-    return motion.states[-1:] if motion.turns else motion.states[::len(motion.states) // KEPT_STATES]
 
 
 def stroboscope_of(scene: Scene, phase: float) -> Stroboscope:
@@ -323,7 +319,7 @@ FOLDER = "blocks"
 
 
 def settle_starts(design: Design, folder: Path, runner: Runner) -> pa.Table:
-    """Where each start leads, a row a start; blocks that are missing in the folder are computed (see `BlockRun.do`)."""
+    """Where each start leads, a row a start; blocks that are missing in the folder are computed (see `completed`)."""
     fields = [
         *(Field(one.name, pa.float64(), one.unit, "of the start; other coordinates are as the scene starts")
           for one in design.starts.over),
@@ -336,19 +332,18 @@ def settle_starts(design: Design, folder: Path, runner: Runner) -> pa.Table:
               "and crank radii times motor speed"),
         Field("error", pa.string(), "1", "why the start leads nowhere; else null")]
     blocks = ParquetBlocks(folder, design.document(), design.blocks, fields)
-    run = BlockRun("starts", blocks, [len(design.rows_of_block(block)) for block in range(design.blocks)])
-    run.do(lambda missing: runner(
+    sizes = [len(design.rows_of_block(block)) for block in range(design.blocks)]
+    return completed("starts", blocks, sizes, lambda missing: runner(
         partial(rows_of, design), design.run_time, (design.scene["solver.method"],),
         itertools.chain.from_iterable(pieces(design, block) for block in missing)))
-    return run.whole
 
 
 SHOCKS_FOLDER = "shocks"
 _ALONG = 10  # parts of the tries that each coordinate alone gets
 
 
-def upset_motions(design: Design, motions: tuple[SettledMotion, ...], folder: Path, runner: Runner) -> list[pa.Table]:
-    """What upsets each of several motions, a table each; missing ones are computed (see `BlockRun.do`)."""
+def upset_motions(design: Design, motions: tuple[SettledMotion, ...], folder: Path, runner: Runner) -> pa.Table:
+    """What upsets each of several motions, a row each; missing ones are computed (see `completed`)."""
     names, real = coordinates(design.scene), pa.float64()
     fields = [
         Field("attractor", pa.int64(), "1", "number of the motion, counted from 1"),
@@ -360,11 +355,9 @@ def upset_motions(design: Design, motions: tuple[SettledMotion, ...], folder: Pa
         *(Field(f"alone.{name}", real, UNITS[name], "smallest change of this coordinate alone that changes the motion")
           for name in names)]
     blocks = ParquetBlocks(folder, {**design.document(), "shocks": design.shocks}, len(motions), fields)
-    run = BlockRun("shocks", blocks, [1] * len(motions))
-    run.do(lambda missing: runner(
+    return completed("shocks", blocks, [1] * len(motions), lambda missing: runner(
         partial(upset_of, design, motions), design.shocks * design.run_time, (design.scene["solver.method"],),
         (Piece(number, {}, (None,)) for number in missing)))
-    return [run.tables[number] for number in range(len(motions))]
 
 
 def upset_of(design: Design, motions: tuple[SettledMotion, ...], piece: Piece) -> list[dict]:

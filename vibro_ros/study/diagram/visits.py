@@ -21,7 +21,7 @@ from vibro_ros.orbits.chaos import MOST_TURNS as MOST_MEASURED
 from vibro_ros.orbits.recurrence import CLOUD, FIRST_TURNS, SAME, SettledMotion, settle
 from vibro_ros.orbits.turn_map import Stroboscope, TurnMap, coordinates
 from vibro_ros.simulation.given_state import UNITS
-from vibro_ros.study.running.blocks import BlockRun, Field, ParquetBlocks
+from vibro_ros.study.running.blocks import Field, ParquetBlocks, completed
 from vibro_ros.study.running.runner import Piece, Results, Runner
 from vibro_ros.study.variation import Axis, whole_number
 
@@ -177,20 +177,18 @@ def visited(design: Design, folder: Path) -> tuple[pa.Table, tuple[Visit, ...]]:
         Field("mean_speed", pa.float64(), "m/s", "of the body, forwards positive"),
         Field("cut", pa.int64(), "1", "number of the turn"),
         *(Field(name, pa.float64(), UNITS[name], f"at the crank angle {design.phase:.17g}") for name in design.names)]
-    run = BlockRun("values", ParquetBlocks(folder, design.document(), design.blocks, fields), design.sizes,
-                   partial(_rows_of, design))
+    blocks = ParquetBlocks(folder, design.document(), design.blocks, fields)
 
     def visits(missing: Sequence[int]) -> Results:
         for block in missing:
-            left = _visits_in(design, run.tables[block - 1])[-1].states[-1] if block else None
+            left = _visits_in(design, blocks.read(block - 1))[-1].states[-1] if block else None
             for number in design.visits_of_block(block):
                 one = _visit(design, number, left)
                 left = one.states[-1]
                 yield [one]
 
-    run.do(visits)
-    seen = tuple(one for block in range(design.blocks) for one in _visits_in(design, run.tables[block]))
-    return run.whole, seen
+    whole = completed("values", blocks, design.sizes, visits, partial(_rows_of, design))
+    return whole, tuple(_visits_in(design, whole))
 
 
 def _visit(design: Design, number: int, left: np.ndarray | None) -> Visit:
@@ -281,9 +279,9 @@ def measured(design: Design, seen: Sequence[Visit], folder: Path, runner: Runner
         Field("zero_one", pa.float64(), "1", "K of the 0-1 test: near 0 regular, near 1 chaotic")]
     # Robot time [s], about: a derivative takes some fifteen turns, each begun in its own state.
     run_time = (300.0 * design.exponents + design.cuts) * 0.06
-    run = BlockRun("motions measured", ParquetBlocks(folder, design.document(), design.blocks, fields), design.sizes)
+    blocks = ParquetBlocks(folder, design.document(), design.blocks, fields)
     work = partial(nature_of, design, tuple((one.motion.turns, one.states[-1]) for one in seen))
-    run.do(lambda missing: runner(work, run_time, (design.scene["solver.method"],), (
-        Piece(number, {design.axis.name: design.value(number)}, (None,))
-        for block in missing for number in design.visits_of_block(block))))
-    return run.whole
+    return completed("motions measured", blocks, design.sizes, lambda missing: runner(
+        work, run_time, (design.scene["solver.method"],),
+        (Piece(number, {design.axis.name: design.value(number)}, (None,))
+         for block in missing for number in design.visits_of_block(block))))

@@ -17,7 +17,7 @@ from vibro_ros.study.command import add_runner, locked, run_study, runner_of, st
 from vibro_ros.study.map.motions import PROOFS, QUICK_PROOFS, End, Point, curves, end_point, ends, motions, proved
 from vibro_ros.study.map.result import draw_costs, draw_map, map_in_words, trials_in_words
 from vibro_ros.study.map.visits import BOTH, PHASE, MapDesign, Visit, add_grid, design_of, visits
-from vibro_ros.study.running.blocks import BlockRun, Field, ParquetBlocks, file_of
+from vibro_ros.study.running.blocks import Field, ParquetBlocks, completed, file_of
 from vibro_ros.study.running.runner import Piece, Runner
 
 TABLE, PICTURE, COSTS = "motions.parquet", "map.png", "costs.png"
@@ -125,18 +125,19 @@ _POINT = [
 
 
 def visits_of(design: MapDesign, lines: Path, runner: Runner) -> list[Visit]:
-    """All visits of a map; lines that are missing in the folder `lines` are swept (see `BlockRun.do`)."""
+    """All visits of a map; lines that are missing in the folder `lines` are swept (see `completed`)."""
     every = design.lines()
     fields = [*_VISIT, *(Field(f"{_STATE}{name}", pa.float64(), f"crank.radius{' x motor.speed' * is_speed}",
                                f"{name} at the cut, crank angle {PHASE:.6g} rad")
                          for name in coordinates(design.scene) for is_speed in (name.endswith("velocity"),))]
     sizes = [len(list(design.cells(line))) for line in every]
-    run = BlockRun("cells visited", ParquetBlocks(lines, design.document(), len(every), fields), sizes)
-    run.do(lambda missing: runner(partial(rows_of_line, design), _RUN_TIME, ("exact",), (
-        Piece(number, {}, (None,) * sizes[number]) for number in missing)))
+    blocks = ParquetBlocks(lines, design.document(), len(every), fields)
+    rows = completed("cells visited", blocks, sizes, lambda missing: runner(
+        partial(rows_of_line, design), _RUN_TIME, ("exact",),
+        (Piece(number, {}, (None,) * sizes[number]) for number in missing))).to_pylist()
     return [Visit(**{one.name: row[one.name] for one in _VISIT}, state=tuple(
         value for name, value in row.items() if name.startswith(_STATE) and value is not None))
-        for row in run.whole.to_pylist()]
+        for row in rows]
 
 
 def rows_of_line(design: MapDesign, piece: Piece) -> list[dict]:
@@ -151,11 +152,11 @@ def points_of(design: MapDesign, ends: tuple[End, ...], folder: Path, runner: Ru
     if not ends:
         return []
     document = {**design.document(), "ends": hashlib.sha256(repr(list(ends)).encode()).hexdigest()}
-    run = BlockRun("ends of motions followed", ParquetBlocks(folder, document, len(ends), _POINT), [1] * len(ends))
-    run.do(lambda missing: runner(partial(_row_of_end, design, ends), 20.0 * _RUN_TIME, ("exact",), (
-        Piece(number, {}, (None,)) for number in missing)))
-    points = [Point(**row) for row in run.whole.to_pylist()]
-    return [point for point in points if point.kind is not None]
+    blocks = ParquetBlocks(folder, document, len(ends), _POINT)
+    rows = completed("ends of motions followed", blocks, [1] * len(ends), lambda missing: runner(
+        partial(_row_of_end, design, ends), 20.0 * _RUN_TIME, ("exact",),
+        (Piece(number, {}, (None,)) for number in missing))).to_pylist()
+    return [Point(**row) for row in rows if row["kind"] is not None]
 
 
 def _row_of_end(design: MapDesign, ends: tuple[End, ...], piece: Piece) -> list[dict]:

@@ -25,15 +25,24 @@ def map_in_words(command_map: CommandMap, visits: list[Visit]) -> list[str]:
     periodic = float(np.mean(found.turns > 0))
     fastest, slowest = int(np.argmax(np.abs(found.mean_speed))), int(np.argmin(np.abs(found.mean_speed)))
     forwards = int(np.sum(found.mean_speed > 0.0))
+    place = (f"{command_map.speeds.values[found.speed_index[fastest]]:g} rad/s, gap "
+                  f"{command_map.gaps.values[found.gap_index[fastest]] * 1e3:g} mm")
+    kinds = [curve.kind for curve in command_map.curves]
+    curves = ", ".join(f"{kinds.count(kind)} of {kind}" for kind in dict.fromkeys(kinds))
+    sure = "no sure commands for any mean speed"
+    if has_choice(command_map):
+        choice = CommandChoice(command_map)
+        sure = (f"sure commands for {choice.covered:.0%} of the mean speeds from {choice.slowest * 1e3:.1f} to "
+                f"{choice.fastest * 1e3:.1f} mm/s")
     return [
         f"{len(cells)} of {command_map.speeds.count * command_map.gaps.count} cells have a motion, "
         f"{np.sum(counts > 1)} have more than one; {unsettled} of {len(visits)} visits did not settle",
         f"{len(numbered)} motions of neighbouring cells; {periodic:.0%} of what was found repeats itself within 8 "
         "turns",
         f"mean speeds from {found.mean_speed[slowest] * 1e3:.1f} to {found.mean_speed[fastest] * 1e3:.1f} mm/s "
-        f"({_place(command_map, fastest)}); {forwards} go forwards",
-        f"curves: {', '.join(_curves(command_map)) or 'none'}",
-        _sure(command_map),
+        f"({place}); {forwards} go forwards",
+        f"curves: {curves or 'none'}",
+        sure,
     ]
 
 
@@ -52,25 +61,6 @@ def trials_in_words(trials: list[Trial]) -> list[str]:
             f"at most, and by {median:.1%} in the median"]
 
 
-def _sure(command_map: CommandMap) -> str:
-    if not has_choice(command_map):
-        return "no sure commands for any mean speed"
-    choice = CommandChoice(command_map)
-    return (f"sure commands for {choice.covered:.0%} of the mean speeds from {choice.slowest * 1e3:.1f} to "
-            f"{choice.fastest * 1e3:.1f} mm/s")
-
-
-def _place(command_map: CommandMap, row: int) -> str:
-    found = command_map.found
-    return (f"{command_map.speeds.values[found.speed_index[row]]:g} rad/s, gap "
-            f"{command_map.gaps.values[found.gap_index[row]] * 1e3:g} mm")
-
-
-def _curves(command_map: CommandMap) -> list[str]:
-    kinds = dict.fromkeys(curve.kind for curve in command_map.curves)
-    return [f"{sum(curve.kind == kind for curve in command_map.curves)} of {kind}" for kind in kinds]
-
-
 WIDTH, HEIGHT = 9.6, 8.4  # in
 #: Colours of periods (Okabe and Ito's, which the colour-blind tell apart) and what they say.
 _PERIODS = (("#dddddd", "none up to 8"), ("#0072b2", "1"), ("#56b4e9", "2"), ("#009e73", "3"),
@@ -87,9 +77,18 @@ def draw_map(command_map: CommandMap) -> bytes:
     _draw_periods(figure, lower, command_map)
     for axes in (upper, lower):
         _draw_curves(axes, command_map)
-    _draw_coexistence(upper, command_map)
-    figure.legend(handles=_legend(command_map), loc="outside lower center", ncols=5, frameon=False)
-    upper.set_title(f"{command_map.scene}: motions over motor speed and gap of {_sides(command_map)}")
+    found = command_map.found
+    cells, counts = np.unique(np.column_stack([found.speed_index, found.gap_index]), axis=0, return_counts=True)
+    several = cells[counts > 1]  # each gets a dot
+    upper.plot(command_map.speeds.values[several[:, 0]], command_map.gaps.values[several[:, 1]] * 1e3, ".",
+               color="white", markersize=2.5, markeredgewidth=0.0)
+    handles = [Line2D([], [], color=colour, linestyle=style, label=kind) for kind, (colour, style) in _STYLES.items()
+               if any(curve.kind == kind for curve in command_map.curves)]
+    handles.append(Line2D([], [], color="white", markeredgecolor="grey", marker="o", markersize=5, linestyle="",
+                          label="more than one motion"))
+    figure.legend(handles=handles, loc="outside lower center", ncols=5, frameon=False)
+    sides = "both plates" if len(command_map.sides) > 1 else f"the {command_map.sides[0]} plate"
+    upper.set_title(f"{command_map.scene}: motions over motor speed and gap of {sides}")
     lower.set_xlabel("motor speed [rad/s]")
     return png(figure)
 
@@ -146,23 +145,3 @@ def _draw_curves(axes: Axes, command_map: CommandMap) -> None:
         axes.plot(curve.motor_speed, np.array(curve.gap) * 1e3, color=colour, linestyle=style, linewidth=1.1)
     axes.set_xlim(*_edges(command_map.speeds)[[0, -1]])
     axes.set_ylim(*_edges(command_map.gaps, 1e3)[[0, -1]])
-
-
-def _draw_coexistence(axes: Axes, command_map: CommandMap) -> None:
-    """A dot in each cell with more than one motion."""
-    found = command_map.found
-    cells, counts = np.unique(np.column_stack([found.speed_index, found.gap_index]), axis=0, return_counts=True)
-    several = cells[counts > 1]
-    axes.plot(command_map.speeds.values[several[:, 0]], command_map.gaps.values[several[:, 1]] * 1e3, ".",
-              color="white", markersize=2.5, markeredgewidth=0.0)
-
-
-def _legend(command_map: CommandMap) -> list[Line2D]:
-    handles = [Line2D([], [], color=colour, linestyle=style, label=kind) for kind, (colour, style) in _STYLES.items()
-               if any(curve.kind == kind for curve in command_map.curves)]
-    return [*handles, Line2D([], [], color="white", markeredgecolor="grey", marker="o", markersize=5, linestyle="",
-                             label="more than one motion")]
-
-
-def _sides(command_map: CommandMap) -> str:
-    return "both plates" if len(command_map.sides) > 1 else f"the {command_map.sides[0]} plate"

@@ -4,7 +4,7 @@ import itertools
 import json
 import math
 import os
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -176,7 +176,11 @@ class Evaluations:
         points = np.clip(points, 0.0, 1.0)
         values = self._record.recorded(len(self._groups), points)
         if values is None:
-            values = np.array(list(self._computed(points)))
+            found, robots = [], [self._space.buildable(point) for point in points]
+            for one in values_of_many(robots, self._trials, self._workers):
+                found.append(one)
+                self._progress.add(1)
+            values = np.array(found)
             self._record.append(points, values)
         else:
             self._progress.add(len(points))
@@ -189,12 +193,6 @@ class Evaluations:
         if not self._groups:
             return Candidates(np.empty((0, self._space.dimension)), np.empty((0, self._trials.starts, 0)))
         return Candidates(*map(np.concatenate, zip(*self._groups, strict=True)))
-
-    def _computed(self, points: np.ndarray) -> Iterator[np.ndarray]:
-        robots = [self._space.buildable(point) for point in points]
-        for values in values_of_many(robots, self._trials, self._workers):
-            self._progress.add(1)
-            yield values
 
 
 def descend(scores: Scores, begin: np.ndarray, sigma: float, seed: int) -> None:
@@ -281,41 +279,40 @@ def by_weights(evaluations: Evaluations, plan: Plan) -> None:
     """Seek one of `WEIGHTS` after the other, again and again, until the budget is spent."""
     with suppress(SpentError):
         for number, weight in enumerate(itertools.cycle(WEIGHTS)):
-            turn, again = _Turn(evaluations, plan, weight), number >= len(WEIGHTS)
-            begin = turn.best() if again else np.full(plan.space.dimension, 0.5)
+            begin, sigma = np.full(plan.space.dimension, 0.5), SIGMA
+            if number >= len(WEIGHTS):
+                known = evaluations.gathered()
+                begin, sigma = known.points[int(np.argmax(_weighted(plan, weight, *known)))], _NARROW
             with suppress(_TurnOverError):
-                descend(turn, begin, _NARROW if again else SIGMA, plan.seed + number)
+                descend(_turn(evaluations, plan, weight), begin, sigma, plan.seed + number)
 
 
 class _TurnOverError(Exception):
     """It is the next weight's turn: ends the library's loop."""
 
 
-class _Turn:
+def _turn(evaluations: Evaluations, plan: Plan, weight: float) -> Scores:
     """Scores of candidates by one weight, for `_TURN` candidates."""
+    left = _TURN
 
-    def __init__(self, evaluations: Evaluations, plan: Plan, weight: float):
-        self._evaluations, self._plan, self._weight, self._left = evaluations, plan, weight, _TURN
-
-    def __call__(self, points: np.ndarray) -> np.ndarray:
-        if self._left <= 0:
+    def scores(points: np.ndarray) -> np.ndarray:
+        nonlocal left
+        if left <= 0:
             raise _TurnOverError
-        self._left -= len(points)
-        return self._scores(points, self._evaluations(points))
+        left -= len(points)
+        return _weighted(plan, weight, points, evaluations(points))
 
-    def best(self) -> np.ndarray:
-        """The best point so far of all candidates."""
-        candidates = self._evaluations.gathered()
-        return candidates.points[int(np.argmax(self._scores(candidates.points, candidates.values)))]
+    return scores
 
-    def _scores(self, points: np.ndarray, values: np.ndarray) -> np.ndarray:
-        return np.array([self._score(*self._plan.speed_and_cost(point, one))
-                         for point, one in zip(points, values, strict=True)])
 
-    def _score(self, pace: float, cost: float) -> float:
-        if pace <= 0.0 or not np.isfinite(cost):
-            return FAILED + max(pace, FAILED)
-        return float(self._weight * np.log(pace) - (1.0 - self._weight) * np.log(cost))
+def _weighted(plan: Plan, weight: float, points: np.ndarray, values: np.ndarray) -> np.ndarray:
+    scores = []
+    for point, one in zip(points, values, strict=True):
+        pace, cost = plan.speed_and_cost(point, one)
+        counts = pace > 0.0 and np.isfinite(cost)
+        scores.append(float(weight * np.log(pace) - (1.0 - weight) * np.log(cost)) if counts else
+                      FAILED + max(pace, FAILED))
+    return np.array(scores)
 
 
 def front_of(plan: Plan, candidates: Candidates, workers: int, progress: Progress) -> list[FrontRobot]:

@@ -53,14 +53,11 @@ def _with_spread(found: Average | None, factor: float = 1.0) -> str:
 
 def document(result: Result) -> str:
     """The summary of a search."""
-    parts = [f"# {title(result.plan)}", _question(result), _verdict(result),
-             "## Parameters", _bounds_in_words(result), _parameters_table(result),
-             "## Verification", _verification_in_words(result), _verification_table(result.verified),
-             "## Motion and energy", _behaviour_in_words(result.behaviour), _energy_table(result.behaviour),
-             "## Neighbourhood", _neighbourhood_in_words(result.around), _sensitivity_table(result.around)]
+    parts = [f"# {title(result.plan)}", *_question_and_verdict(result), "## Parameters", *_parameters(result),
+             "## Verification", *_verification(result), "## Motion and energy", *_motion_and_energy(result.behaviour),
+             "## Neighbourhood", *_neighbourhood(result.around)]
     if result.front:
-        parts += ["## Speed against cost of transport", _front_in_words(result.front, result.verified[:3]),
-                  _front_table(result.front)]
+        parts += ["## Speed against cost of transport", *_front(result.front, result.verified[:3])]
     return "\n\n".join(parts) + "\n"
 
 
@@ -70,25 +67,22 @@ def title(plan: Plan) -> str:
     return f"Optimum: {what}, scene {plan.space.scene.name}"
 
 
-def _question(result: Result) -> str:
+def _question_and_verdict(result: Result) -> list[str]:
+    """How was searched; and the optimum against the paper's under the same reading, a sentence a quantity."""
     plan, trials = result.plan, result.plan.effort.trials
     floor = f" A robot slower than {_number(plan.least_speed * 1e3)} mm/s does not count." if plan.least_speed else ""
     how = "CMA-ES, one weight of speed and cost after the other," if plan.objective == FRONT else _METHODS[plan.method]
-    return (f"P is mean mechanical power: {POWER[plan.reading.power]}. {how} tried {result.robots} robots, each "
+    asked = (f"P is mean mechanical power: {POWER[plan.reading.power]}. {how} tried {result.robots} robots, each "
             f"from the same {trials.starts} drawn starts over {trials.duration:g} s after {trials.settling:g} s. The "
             f"score is the lower quartile of these starts. Speed counts {_DIRECTIONS[plan.reading.direction]}, and all "
             f"starts must agree.{floor}")
-
-
-def _verdict(result: Result) -> str:
-    """The optimum against the paper's under the same reading, in one sentence a quantity."""
     best, paper = (next(row for row in result.verified if row.robot == robot) for robot in (OPTIMUM, PAPER))
     speeds = (f"The optimum goes at {_with_spread(best.speed, 1e3)} mm/s, the paper's optimum (φ = 80°, m3 = 0.02 kg, "
               f"l = 0.06 m) at {_with_spread(paper.speed, 1e3)} mm/s: {_beats(paper.margin, 1e3, 'mm/s')}.")
     if not math.isfinite(best.cost):
-        return speeds
-    return (f"{speeds} Its V/P is {_with_spread(best.ratio)} m/J against {_with_spread(paper.ratio)} m/J: "
-            f"{_beats(paper.ratio_margin, 1.0, 'm/J')}.")
+        return [asked, speeds]
+    return [asked, f"{speeds} Its V/P is {_with_spread(best.ratio)} m/J against {_with_spread(paper.ratio)} m/J: "
+            f"{_beats(paper.ratio_margin, 1.0, 'm/J')}."]
 
 
 def _beats(margin: Average | None, factor: float, unit: str) -> str:
@@ -98,22 +92,19 @@ def _beats(margin: Average | None, factor: float, unit: str) -> str:
     return f"{_number(factor * abs(margin.mean))} ± {factor * margin.spread:.2g} {unit} {more}"
 
 
-def _bounds_in_words(result: Result) -> str:
-    """Which parameters of the optimum lie on a bound, and what the score would gain beyond it."""
+def _parameters(result: Result) -> list[str]:
+    """Which parameters of the optimum lie on a bound, what the score would gain beyond it, and a table of all."""
     ends = {variable.name: end for variable, end in zip(result.plan.space.variables, result.on_bound, strict=True)
             if end}
-    if not ends:
-        return "No parameter lies on a bound."
-    alone = {one.name: one for one in result.around.sensitivities}
-    gain, where = max((alone[name].lower if end == "low" else alone[name].upper, name) for name, end in ends.items())
-    listed = ", ".join(f"`{name}` ({_ENDS[end]})" for name, end in ends.items())
-    beyond = f"`{where}` gains most, {100 * (gain - 1.0):.1f} % of the score" if gain > 1.0 else "none gains"
-    return (f"{len(ends)} of {len(result.on_bound)} parameters lie on a bound, and are the bounds' choice as much as "
-            f"the robot's: {listed}. {100 * PERTURBATION:g} % beyond, {beyond}.")
-
-
-def _parameters_table(result: Result) -> str:
-    """Each varied parameter: optimum, paper's value, bounds with reasons, and the bound that the optimum lies on."""
+    said = "No parameter lies on a bound."
+    if ends:
+        alone = {one.name: one for one in result.around.sensitivities}
+        gain, where = max((alone[name].lower if end == "low" else alone[name].upper, name)
+                          for name, end in ends.items())
+        listed = ", ".join(f"`{name}` ({_ENDS[end]})" for name, end in ends.items())
+        beyond = f"`{where}` gains most, {100 * (gain - 1.0):.1f} % of the score" if gain > 1.0 else "none gains"
+        said = (f"{len(ends)} of {len(result.on_bound)} parameters lie on a bound, and are the bounds' choice as much "
+                f"as the robot's: {listed}. {100 * PERTURBATION:g} % beyond, {beyond}.")
     rows = []
     for variable, end in zip(result.plan.space.variables, result.on_bound, strict=True):
         parameter = BY_NAME[variable.name]
@@ -121,56 +112,48 @@ def _parameters_table(result: Result) -> str:
                      _number(parameter.default), parameter.unit,
                      f"{_number(variable.low)} to {_number(variable.high)}{', log' if variable.logarithmic else ''}",
                      _ENDS[end], variable.reason])
-    return _table(["parameter", "symbol", "optimum", "paper", "unit", "bounds", "on bound", "why these bounds"], rows)
+    heads = ["parameter", "symbol", "optimum", "paper", "unit", "bounds", "on bound", "why these bounds"]
+    return [said, _table(heads, rows)]
 
 
-def _verification_in_words(result: Result) -> str:
+def _verification(result: Result) -> list[str]:
     trials = result.plan.effort.verifying
-    return (f"{trials.starts} drawn starts that the search has not seen, {trials.duration:g} s each after "
+    said = (f"{trials.starts} drawn starts that the search has not seen, {trials.duration:g} s each after "
             f"{trials.settling:g} s; mean ± half the 95 % interval. A margin is the optimum less the robot of the row, "
             "start by start.")
-
-
-def _verification_table(rows: Sequence[Verified]) -> str:
-    return _table(
+    return [said, _table(
         ["reading", "robot", "speed [mm/s]", "same way from all starts", "P net [W]", "P delivered [W]", "V/P [m/J]",
          "cost of transport", "margin of speed [mm/s]", "margin of V/P [m/J]"],
         ([row.reading, row.robot, _with_spread(row.speed, 1e3), "yes" if row.agree else "no", _with_spread(row.power),
           _with_spread(row.delivered), _with_spread(row.ratio) if math.isfinite(row.cost) else "-", _number(row.cost),
           _with_spread(row.margin, 1e3), _with_spread(row.ratio_margin) if math.isfinite(row.cost) else "-"]
-         for row in rows))
+         for row in result.verified))]
 
 
-def _behaviour_in_words(found: Behaviour) -> str:
+def _motion_and_energy(found: Behaviour) -> list[str]:
     seen = found.measures
     sides = " and ".join(f"the {side} mass {_number(seen[f'{side}_impacts'])} times a turn with up to "
                          f"{_number(seen[f'{side}_peak_force'])} N" for side in ("upper", "inclined"))
-    return (f"From one start {sides} strike their plates; the body is in the air for {100 * seen['air_share']:.0f} % "
+    said = (f"From one start {sides} strike their plates; the body is in the air for {100 * seen['air_share']:.0f} % "
             f"of the time and stands still for {100 * seen['stick_share']:.0f} %.")
+    return [said, _table(["energy from one start", "mean power [W]"], (
+        [words, _number(found.powers[name])] for name, words in ACCOUNTS.items() if name in found.powers))]
 
 
-def _energy_table(found: Behaviour) -> str:
-    return _table(["energy from one start", "mean power [W]"],
-                 ([words, _number(found.powers[name])] for name, words in ACCOUNTS.items() if name in found.powers))
-
-
-def _neighbourhood_in_words(around: Neighbourhood) -> str:
+def _neighbourhood(around: Neighbourhood) -> list[str]:
     worst = min((min(one.lower, one.upper), one.name) for one in around.sensitivities)
-    return (f"Of {around.robots} robots within {100 * PERTURBATION:g} % in every parameter at once, half keep at least "
+    said = (f"Of {around.robots} robots within {100 * PERTURBATION:g} % in every parameter at once, half keep at least "
             f"{100 * around.median:.0f} % of the optimum's score and 95 % keep {100 * around.poorest:.0f} %. Alone, "
             f"`{worst[1]}` costs most: {100 * worst[0]:.0f} % are left.")
-
-
-def _sensitivity_table(around: Neighbourhood) -> str:
     shift = f"{100 * PERTURBATION:g} %"
-    return _table(
+    return [said, _table(
         ["parameter", f"score at -{shift}", f"score at +{shift}", "first-order index", "total index"],
         ([f"`{one.name}`", _number(one.lower), _number(one.upper), f"{one.first:.2f} ± {one.first_spread:.2f}",
           f"{one.total:.2f} ± {one.total_spread:.2f}"]
-         for one in sorted(around.sensitivities, key=lambda one: -one.total)))
+         for one in sorted(around.sensitivities, key=lambda one: -one.total)))]
 
 
-def _front_in_words(front: Sequence[FrontRobot], rows: Sequence[Verified]) -> str:
+def _front(front: Sequence[FrontRobot], rows: Sequence[Verified]) -> list[str]:
     """From where to where a front reaches, and what of it is faster and cheaper than the paper's robots."""
     text = (f"The front reaches from {_number(1e3 * front[0].speed)} mm/s at a cost of transport of "
             f"{_number(front[0].cost)} to {_number(1e3 * front[-1].speed)} mm/s at {_number(front[-1].cost)}.")
@@ -179,17 +162,13 @@ def _front_in_words(front: Sequence[FrontRobot], rows: Sequence[Verified]) -> st
         if row.robot != OPTIMUM and better:
             text += (f" Against the {row.robot}, {_number(1e3 * row.speed.mean)} mm/s at {_number(row.cost)}, it has "
                      f"{_number(1e3 * better[0].speed)} mm/s at {_number(better[0].cost)}.")
-    return text
-
-
-def _front_table(front: Sequence[FrontRobot]) -> str:
-    """Robots of which none is both faster and cheaper than another."""
-    return _table(["speed [mm/s]", "cost of transport", "P [W]", "V/P [m/J]", "motor speed [rad/s]", "crank [mm]",
-                  "guide angle [°]", "inclined mass [kg]"],
-                 ([_number(1e3 * one.speed), _number(one.cost), _number(one.power), _number(one.speed / one.power),
+    heads = ["speed [mm/s]", "cost of transport", "P [W]", "V/P [m/J]", "motor speed [rad/s]", "crank [mm]",
+             "guide angle [°]", "inclined mass [kg]"]
+    return [text, _table(
+        heads, ([_number(1e3 * one.speed), _number(one.cost), _number(one.power), _number(one.speed / one.power),
                    _number(one.robot["motor.speed"]), _number(1e3 * one.robot["crank.radius"]),
                    _number(math.degrees(one.robot["guide.angle"])), _number(one.robot["mass.inclined"])]
-                  for one in front))
+                  for one in front))]
 
 
 # Speed [m/s] below which a robot stands still for all that can be seen.
@@ -227,7 +206,9 @@ def draw_front(result: Result, candidates: Candidates, title: str) -> Figure:
                       for point, values in zip(candidates.points, candidates.values, strict=True)])
     every = every[np.isfinite(every[:, 1]) & (every[:, 0] > _SLOWEST)]
     axes.plot(1e3 * every[:, 0], every[:, 1], ".", ms=2.0, color=_ALL, label="a robot of the search", rasterized=True)
-    _draw_front_line(axes, result.front)
+    front = result.front
+    axes.plot([1e3 * one.speed for one in front], [one.cost for one in front], "-o", ms=3.0, color=_BEST,
+              label="front, from fresh starts")
     for row, mark in zip(result.verified, "*sD", strict=False):
         if row.cost > 0.0:
             axes.errorbar(1e3 * row.speed.mean, row.cost, xerr=1e3 * row.speed.spread, fmt=mark, ms=8.0,
@@ -235,11 +216,6 @@ def draw_front(result: Result, candidates: Candidates, title: str) -> Figure:
     axes.set(xscale="log", yscale="log", xlabel="mean speed [mm/s]", ylabel=_COST, title=title)
     axes.legend(frameon=False)
     return figure
-
-
-def _draw_front_line(axes: Axes, front: Sequence[FrontRobot]) -> None:
-    axes.plot([1e3 * one.speed for one in front], [one.cost for one in front], "-o", ms=3.0, color=_BEST,
-              label="front, from fresh starts")
 
 
 def draw_sensitivity(around: Neighbourhood, title: str) -> Figure:

@@ -307,13 +307,11 @@ def behaviour_of(scene: Scene, trials: Trials) -> Behaviour:
         If a run cannot go on.
     """
     measures = measure(scene, _MEASURES, trials.settling, trials.duration, VERIFYING)
-    return Behaviour(measures, _powers(scene, trials) if scene["solver.method"] == "exact" else {})
-
-
-def _powers(scene: Scene, trials: Trials) -> dict[str, float]:
+    if scene["solver.method"] != "exact":
+        return Behaviour(measures, {})
     device = device_at_start(scene.with_parameters({"solver.accounts": True}), VERIFYING)
     booked = []
     for time in (trials.settling, trials.settling + trials.duration):
         device.advance_to(time)
         booked.append(device.statistics["energy_accounts"])
-    return {name: (booked[1][name] - booked[0][name]) / trials.duration for name in ACCOUNTS}
+    return Behaviour(measures, {name: (booked[1][name] - booked[0][name]) / trials.duration for name in ACCOUNTS})

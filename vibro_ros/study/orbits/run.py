@@ -2,7 +2,7 @@
 
 import contextlib
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -13,7 +13,7 @@ import pyarrow as pa
 
 from vibro_ros.model.parameters import BY_NAME
 from vibro_ros.model.scene import Scene
-from vibro_ros.orbits.branch import Branch, Notice, Special, branch_from, doubled_branch_from, family_of, lies_on
+from vibro_ros.orbits.branch import Branch, Special, branch_from, doubled_branch_from, family_of, lies_on
 from vibro_ros.orbits.continuation import DOUBLING
 from vibro_ros.orbits.family import Family
 from vibro_ros.orbits.orbit import Seed, seeds_of
@@ -21,7 +21,7 @@ from vibro_ros.orbits.turn_map import coordinates
 from vibro_ros.process.front_door import say
 from vibro_ros.study.progress import Progress
 from vibro_ros.study.running.blocks import NUMBERS, Field, ParquetBlocks
-from vibro_ros.study.running.runner import Piece, Runner
+from vibro_ros.study.running.runner import Piece, Results, Runner, Work
 
 UP, DOWN, DOUBLED = "upwards", "downwards", "doubled"
 _LINES = 10.0  # s between lines that say how far a branch is
@@ -96,46 +96,32 @@ class Plan:
         """The orbits over the range; ValueError for a range that the scene refuses."""
         return family_of(self.scene, self.name, self.low, self.high, turns, phase)
 
-    def seeds(self, value: float) -> list[Seed]:
-        """Orbits at a value of the parameter; their states in the units of the family."""
-        scene = self.scene.with_parameters({self.name: value})
-        found = []
-        for seed in seeds_of(scene, self.starts, self.turns):
-            family = self.family(seed.turns, seed.phase)
-            ratio = family.units_of(scene) / family.units
-            found.append(Seed(seed.turns, float(seed.phase), seed.state * ratio))
-        return found
-
-    def branch(self, task: Task, notice: Notice | None = None) -> Branch:
-        """Follow a branch; `notice` hears of each orbit."""
-        family = self.family(task.turns, task.phase)
-        share = family.share(task.value)
-        if task.way == DOUBLED:
-            return doubled_branch_from(family, task.state, share, self.points, notice)
-        direction = 1.0 if task.way == UP else -1.0
-        return branch_from(family, task.state, share, direction, self.points, notice)
-
 
 def seeds_of_piece(plan: Plan, piece: Piece) -> list[list[Seed]]:
-    """The orbits at the value of `plan.begin` that a piece has the number of, as one result."""
-    return [plan.seeds(plan.begin[piece.number])]
+    """Orbits at the value of the parameter that a piece has, in the units of their families, as one result."""
+    scene, found = plan.scene.with_parameters(piece.changes), []
+    for seed in seeds_of(scene, plan.starts, plan.turns):
+        family = plan.family(seed.turns, seed.phase)
+        ratio = family.units_of(scene) / family.units
+        found.append(Seed(seed.turns, float(seed.phase), seed.state * ratio))
+    return [found]
 
 
 def branches_of_piece(plan: Plan, tasks: dict[int, Task], piece: Piece) -> list[Branch]:
     """The branch that a piece has the number of, as one result; now and then a line says how far it is."""
-    return [plan.branch(tasks[piece.number], _notice(plan, piece.number))]
-
-
-def _notice(plan: Plan, number: int) -> Notice:
-    said = time.monotonic()
+    said, task = time.monotonic(), tasks[piece.number]
 
     def notice(orbits: int, value: float) -> None:
         nonlocal said
         if time.monotonic() - said > _LINES:
             said = time.monotonic()
-            say("study", f"branch {number}: {orbits} orbits, {plan.name} = {value:.6g}")
+            say("study", f"branch {piece.number}: {orbits} orbits, {plan.name} = {value:.6g}")
 
-    return notice
+    family = plan.family(task.turns, task.phase)
+    share = family.share(task.value)
+    if task.way == DOUBLED:
+        return [doubled_branch_from(family, task.state, share, plan.points, notice)]
+    return [branch_from(family, task.state, share, 1.0 if task.way == UP else -1.0, plan.points, notice)]
 
 
 FOLDER = "branches"
@@ -242,7 +228,7 @@ class OrbitsRun:
 
     def __init__(self, plan: Plan, folder: Path, runner: Runner):
         self._plan, self._files = plan, branch_files(folder, plan)
-        self._compute = partial(runner, run_time=_RUN_TIME, methods=(plan.scene["solver.method"],))
+        self._runner = runner
         self._doubled: set[tuple[int, int]] = set()  # number of a branch and of its special point
         self.done: list[tuple[Task, Branch]] = []
 
@@ -257,7 +243,14 @@ class OrbitsRun:
             When the disk is full or refuses, or a run cannot go on; finished branches are kept.
         """
         self._files.check_folder()
-        for value, seeds in self._seeds():
+        begin, found = self._plan.begin, list[tuple[float, list[Seed]]]()
+        pieces = (Piece(number, {self._plan.name: value}, (number,)) for number, value in enumerate(begin))
+        with contextlib.closing(self._compute(partial(seeds_of_piece, self._plan), pieces)) as results, \
+                Progress("orbits looked for", "value", len(begin)) as progress:
+            for value, (seeds,) in zip(begin, results, strict=True):
+                found.append((value, seeds))
+                progress.add(1)
+        for value, seeds in found:
             for seed in seeds:
                 family = self._plan.family(seed.turns, seed.phase)
                 if not any(lies_on(family, seed, family.share(value), branch) for _, branch in self.done):
@@ -265,43 +258,34 @@ class OrbitsRun:
         while tasks := self._doublings():
             self._follow(tasks)
 
-    def _seeds(self) -> list[tuple[float, list[Seed]]]:
-        begin = self._plan.begin
-        pieces = (Piece(number, {self._plan.name: value}, (number,)) for number, value in enumerate(begin))
-        found = list[tuple[float, list[Seed]]]()
-        with contextlib.closing(self._compute(partial(seeds_of_piece, self._plan), items=pieces)) as results, \
-                Progress("orbits looked for", "value", len(begin)) as progress:
-            for value, (seeds,) in zip(begin, results, strict=True):
-                found.append((value, seeds))
-                progress.add(1)
-        return found
+    def _compute(self, work: Work, pieces: Iterator[Piece]) -> Results:
+        return self._runner(work, _RUN_TIME, (self._plan.scene["solver.method"],), pieces)
 
     def _follow(self, tasks: Sequence[Task]) -> None:
         """Do the tasks, or read what was done before; their branches come in the order of the tasks."""
         numbers = range(len(self.done), len(self.done) + len(tasks))
         if numbers.stop > MOST_BRANCHES:
             raise RuntimeError(f"there are more than {MOST_BRANCHES} branches; give fewer --turns or a smaller range")
-        known = {number: self._read(number) for number in numbers}
+        names = coordinates(self._plan.scene)
+        known = {number: table and branch_of(table, self._plan.name, names)
+                 for number, table in ((number, self._files.read(number)) for number in numbers)}
         missing = {number: task for number, task in zip(numbers, tasks, strict=True) if known[number] is None}
         for number, task in missing.items():
             say("study", f"branch {number}: {task.turns} turn{'s' * (task.turns > 1)}, {task.way} from "
                          f"{self._plan.name} = {task.value:.9g}, at most {self._plan.points} orbits")
         pieces = (Piece(number, {self._plan.name: task.value}, (number,)) for number, task in missing.items())
         work = partial(branches_of_piece, self._plan, missing)
-        with contextlib.closing(self._compute(work, items=pieces)) as results:
+        with contextlib.closing(self._compute(work, pieces)) as results:
             for number, (branch,) in zip(missing, results, strict=True):
                 known[number] = branch
                 if len(branch):  # a branch that does not begin is tried again, which is soon done
                     self._files.write(number, rows_of(branch))
         self.done += [(task, branch) for task, branch in zip(tasks, known.values(), strict=True) if branch is not None]
 
-    def _read(self, number: int) -> Branch | None:
-        table = self._files.read(number)
-        return None if table is None else branch_of(table, self._plan.name, coordinates(self._plan.scene))
-
     def _doublings(self) -> list[Task]:
         """The first period doubling of each branch whose branch of doubled period is not known yet."""
         tasks: list[Task] = []
+        span = self._plan.high - self._plan.low
         for parent, (_, branch) in enumerate(self.done):
             if 2 * branch.turns > self._plan.turns:
                 continue
@@ -309,17 +293,12 @@ class OrbitsRun:
                 if special.kind != DOUBLING or (parent, number) in self._doubled:
                     continue
                 self._doubled.add((parent, number))
-                if not self._is_known(branch.turns, special.value, tasks):
+                begun = any(task.way == DOUBLED and task.turns == branch.turns
+                            and abs(task.value - special.value) < _SAME * span
+                            for task in (*tasks, *(task for task, _ in self.done)))
+                ended = any(other.turns == 2 * branch.turns and other.end.startswith("joins")
+                            and abs(other.values[-1] - special.value) < _JOINS * span for _, other in self.done)
+                if not (begun or ended):
                     tasks.append(Task(DOUBLED, branch.turns, special.phase, special.state, special.value, parent))
                     break
         return tasks
-
-    def _is_known(self, turns: int, value: float, tasks: Sequence[Task]) -> bool:
-        """Whether a branch begins at a period doubling of orbits of so many turns, or ends there."""
-        span = self._plan.high - self._plan.low
-        begun = (*tasks, *(task for task, _ in self.done))
-        if any(task.way == DOUBLED and task.turns == turns and abs(task.value - value) < _SAME * span
-               for task in begun):
-            return True
-        return any(branch.turns == 2 * turns and branch.end.startswith("joins")
-                   and abs(branch.values[-1] - value) < _JOINS * span for _, branch in self.done)

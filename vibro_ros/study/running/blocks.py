@@ -134,71 +134,51 @@ def _digest(document: bytes, table: pa.Table) -> bytes:
     return hashlib.sha256(document + repr((columns, table.to_pylist())).encode()).hexdigest().encode()
 
 
-class BlockRun:
-    """The blocks of a study in a folder that nobody else writes into.
+def completed(what: str, blocks: ParquetBlocks, sizes: Sequence[int], compute: Callable[[list[int]], Results],
+              rows_of: Callable[[Any], Sequence[dict]] = lambda row: [row]) -> pa.Table:
+    """All blocks of a study as one table: those that are there are read, the others are computed.
 
     Parameters
     ----------
     what : str
         What is done, for the lines that say how far it is.
     blocks : ParquetBlocks
-        The files.
+        The files, in a folder that nobody else writes into.
     sizes : sequence of int
         Results of each block.
+    compute : callable
+        Gives, for the numbers of blocks, lists of their results, in order.
     rows_of : callable, optional
         The rows of a result; without it, a result is a row.
 
-    Attributes
-    ----------
-    tables : dict of int to Table
-        The blocks that are done.
+    Raises
+    ------
+    ForeignBlockError
+        For files of another study.
+    OSError
+        For files that cannot be read.
+    RuntimeError
+        When the disk is full or refuses, or the runs cannot go on; finished blocks are kept.
     """
-
-    def __init__(self, what: str, blocks: ParquetBlocks, sizes: Sequence[int],
-                 rows_of: Callable[[Any], Sequence[dict]] = lambda row: [row]):
-        self._what, self._blocks, self._sizes, self._rows_of = what, blocks, sizes, rows_of
-        self.tables: dict[int, pa.Table] = {}
-
-    @property
-    def whole(self) -> pa.Table:
-        """All blocks as one table, once they are done."""
-        return pa.concat_tables([self.tables[block].replace_schema_metadata() for block in range(len(self._sizes))])
-
-    def do(self, compute: Callable[[list[int]], Results]) -> None:
-        """Read the blocks that are there, and compute the others.
-
-        Parameters
-        ----------
-        compute : callable
-            Gives, for the numbers of blocks, lists of their results, in order.
-
-        Raises
-        ------
-        ForeignBlockError
-            For files of another study.
-        OSError
-            For files that cannot be read.
-        RuntimeError
-            When the disk is full or refuses, or the runs cannot go on; finished blocks are kept.
-        """
-        self._blocks.check_folder()
-        with Progress("blocks checked", "block", len(self._sizes)) as progress:
-            for block in range(len(self._sizes)):
-                table = self._blocks.read(block)
-                if table is not None:
-                    self.tables[block] = table
-                progress.add(1)
-        missing = [block for block in range(len(self._sizes)) if block not in self.tables]
-        done = sum(self._sizes[block] for block in self.tables)
-        with contextlib.closing(compute(missing)) as results, \
-                Progress(self._what, "run", sum(self._sizes), done) as progress:
-            for block in missing:
-                found: list = []
-                while len(found) < self._sizes[block]:
-                    some = next(results)
-                    found += some
-                    progress.add(len(some))
-                self.tables[block] = self._blocks.write(block, [row for one in found for row in self._rows_of(one)])
+    blocks.check_folder()
+    tables: dict[int, pa.Table] = {}
+    with Progress("blocks checked", "block", len(sizes)) as progress:
+        for block in range(len(sizes)):
+            table = blocks.read(block)
+            if table is not None:
+                tables[block] = table
+            progress.add(1)
+    missing = [block for block in range(len(sizes)) if block not in tables]
+    done = sum(sizes[block] for block in tables)
+    with contextlib.closing(compute(missing)) as results, Progress(what, "run", sum(sizes), done) as progress:
+        for block in missing:
+            found: list = []
+            while len(found) < sizes[block]:
+                some = next(results)
+                found += some
+                progress.add(len(some))
+            tables[block] = blocks.write(block, [row for one in found for row in rows_of(one)])
+    return pa.concat_tables([tables[block].replace_schema_metadata() for block in range(len(sizes))])
 
 
 def table_of(rows: Sequence[dict], fields: Sequence[Field]) -> pa.Table:

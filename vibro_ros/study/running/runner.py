@@ -2,10 +2,9 @@
 
 import itertools
 from collections import deque
-from collections.abc import Callable, Generator, Iterator
+from collections.abc import Callable, Generator, Iterator, Sequence
 from dataclasses import dataclass
-from functools import partial
-from typing import Protocol, cast
+from typing import cast
 
 from vibro_ros.model.parameters import Value
 from vibro_ros.simulation.preparation import prepare_kernels
@@ -44,33 +43,9 @@ Work = Callable[[Piece], list]
 """Runs a piece, and returns as many results as it has starts; other processes get it pickled."""
 
 
-class Runner(Protocol):
-    """Who computes."""
-
-    def __call__(self, work: Work, run_time: float, methods: tuple[str, ...], items: Iterator[Piece]) -> Results:
-        """The results of all pieces, in order.
-
-        Parameters
-        ----------
-        work : Work
-            What is done with each piece.
-        run_time : float
-            Robot time of a run [s], about.
-        methods : tuple of str
-            Each `solver.method` whose kernels are needed.
-        items : iterator of Piece
-            Taken as they are needed.
-        """
-
-
-def on_this_machine(workers: int) -> Runner:
-    """A runner with so many processes."""
-    def run(work: Work, run_time: float, methods: tuple[str, ...], items: Iterator[Piece]) -> Results:
-        for method in methods:
-            prepare_kernels("study", method)
-        return _in_local_processes(work, tasks(items, run_time, _TASK_TIME, _TASK_ROWS), workers)
-
-    return run
+Runner = Callable[[Work, float, tuple[str, ...], Iterator[Piece]], Results]
+"""Yields the results of all pieces, in order. Its arguments are the work, the robot time of a run [s], about, each
+`solver.method` whose kernels are needed, and the pieces, which are taken as they are needed."""
 
 
 def tasks(items: Iterator[Piece], run_time: float, time: float, most: int) -> Iterator[tuple[Piece, ...]]:
@@ -88,14 +63,18 @@ def tasks(items: Iterator[Piece], run_time: float, time: float, most: int) -> It
         yield tuple(task)
 
 
-def _in_local_processes(work: Work, given: Iterator[tuple[Piece, ...]], workers: int) -> Results:
-    """The results of all pieces, in order; a process that is killed is replaced, and its work done again.
+def run_on_this_machine(workers: int, work: Work, run_time: float, methods: Sequence[str],
+                        items: Iterator[Piece]) -> Results:
+    """A `Runner` once `workers` are given; a process that is killed is replaced, and its work done again.
 
     Raises
     ------
     RuntimeError
         If `MOST_DEATHS` processes in a row end before the same task is done.
     """
+    for method in methods:
+        prepare_kernels("study", method)
+    given = tasks(items, run_time, _TASK_TIME, _TASK_ROWS)
     under_way: deque[tuple[Piece, ...]] = deque()
     deaths = 0
 
@@ -107,7 +86,7 @@ def _in_local_processes(work: Work, given: Iterator[tuple[Piece, ...]], workers:
     while deaths < MOST_DEATHS:
         given = itertools.chain(tuple(under_way), given)
         under_way.clear()
-        jobs = in_processes(partial(_all_of, work), taken(given), workers)
+        jobs = in_processes(lambda task: [work(piece) for piece in task], taken(given), workers)
         try:
             for job in jobs:
                 if isinstance(job.error, WorkerError):
@@ -125,7 +104,3 @@ def _in_local_processes(work: Work, given: Iterator[tuple[Piece, ...]], workers:
     where = ", ".join(f"{name} = {value}" for name, value in last.changes.items()) or f"piece {last.number}"
     raise RuntimeError(f"{MOST_DEATHS} processes ended at or after {where}, perhaps for want of memory; finished "
                        "work is kept. Give fewer --workers and the same command again")
-
-
-def _all_of(work: Work, task: tuple[Piece, ...]) -> list[list]:
-    return [work(piece) for piece in task]

@@ -35,7 +35,7 @@ def _sweep(options: argparse.Namespace) -> int:
     design = design_of(file, given_in_words(options))
     check_points(design)
     with locked(options.output / FOLDER):
-        found = summary(design, run_sweep(design, options.output / FOLDER, runner).whole)
+        found = summary(design, run_sweep(design, options.output / FOLDER, runner))
         print(options.output / FOLDER)
         write_files(options.output, {TABLE: as_csv(found).encode(), PICTURE: draw_sweep(found)})
     print("\n".join(in_words(found)))

@@ -16,7 +16,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pyarrow as pa
@@ -30,8 +30,8 @@ from vibro_ros.simulation.motion import SimulationError
 from vibro_ros.simulation.simulator import ToleranceWarning
 from vibro_ros.study.command import settings_of
 from vibro_ros.study.measures import MEASURES, checked_names, checked_times, measure
-from vibro_ros.study.running.blocks import BlockRun, Field, ParquetBlocks
-from vibro_ros.study.running.runner import PIECE, Piece, Results, Runner, Work
+from vibro_ros.study.running.blocks import Field, ParquetBlocks, completed
+from vibro_ros.study.running.runner import PIECE, Piece, Runner
 from vibro_ros.study.variation import (
     Axis,
     Range,
@@ -248,10 +248,6 @@ def _checked(key: str, value: object, folder: Path) -> Any:
         return list(checked_names(value))
     if key == "starts":
         return whole_number("starts", value, 0, MOST_STARTS)
-    return _time(key, value)
-
-
-def _time(key: str, value: object) -> float:
     if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
         raise ValueError(f"{key}: {value!r} is not a number; give seconds")
     return float(value)
@@ -305,30 +301,22 @@ NO_SCENE = "no such scene: "
 _TYPES = {float: pa.float64(), bool: pa.bool_(), str: pa.string()}
 
 
-def run_sweep(design: Design, folder: Path, runner: Runner) -> BlockRun:
-    """All blocks of a design, in a folder that nobody else writes into; those that are missing are computed.
+def run_sweep(design: Design, folder: Path, runner: Runner) -> pa.Table:
+    """All rows of a design, in a folder that nobody else writes into; blocks that are missing are computed.
 
     Raises
     ------
     ValueError, OSError, RuntimeError
-        As `BlockRun.do`.
+        As `completed`.
     """
     blocks = ParquetBlocks(folder, design.document(), design.blocks, fields_of(design))
-    run = BlockRun("sweep", blocks, [len(design.rows_of_block(block)) for block in range(design.blocks)])
-
-    def compute(missing: list[int]) -> Results:
-        items = itertools.chain.from_iterable(pieces(design, block) for block in missing)
-        varied = next((axis.values for axis in design.axes if axis.name == "solver.method"), None)
-        return runner(work_of(design), design.settling + design.duration,
-                      varied or (design.scene["solver.method"],), items)
-
-    run.do(compute)
-    return run
-
-
-def work_of(design: Design) -> Work:
-    """What is done with every piece of a design."""
-    return partial(rows_of, design.scene, design.measures, design.settling, design.duration)
+    sizes = [len(design.rows_of_block(block)) for block in range(design.blocks)]
+    methods = next((axis.values for axis in design.axes if axis.name == "solver.method"),
+                   (design.scene["solver.method"],))
+    return completed("sweep", blocks, sizes, lambda missing: runner(
+        partial(rows_of, design.scene, design.measures, design.settling, design.duration),
+        design.settling + design.duration, cast(tuple[str, ...], methods),
+        itertools.chain.from_iterable(pieces(design, block) for block in missing)))
 
 
 def rows_of(scene: Scene, measures: tuple[str, ...], settling: float, duration: float, piece: Piece) -> list[dict]:
