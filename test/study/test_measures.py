@@ -7,7 +7,7 @@ import pytest
 
 import vibro_ros
 from vibro_ros.accuracy.starts import speed_of_start
-from vibro_ros.study.measures import LONGEST_PERIOD, MEASURES, checked_names, device_at_start, measure, window
+from vibro_ros.study.measures import MEASURES, device_at_start, measure, window
 
 SETTLING, DURATION = 1.5, 2.0
 
@@ -54,15 +54,11 @@ def test_measures_are_those_of_dense_samples(name, start):
             assert found[f"{side}_peak_force"] == own["peak_force"].max()
 
 
-def test_power_of_a_fixed_step_is_near_the_exact_one():
+def test_power_of_a_fixed_step_is_near_the_exact_one_and_ratios_are_made_of_it():
     scene = running("damped")
     exact, fixed = (measure(scene.with_parameters({"solver.method": method}), ["mean_power", "delivered_power"],
                             SETTLING, DURATION) for method in ("exact", "rk4"))
     assert list(fixed.values()) == pytest.approx(list(exact.values()), rel=2e-3)
-
-
-def test_ratios_are_made_of_speed_and_power():
-    scene = running("damped")
     found = measure(scene, list(MEASURES), SETTLING, DURATION)
     weight = (1.0 + 0.1 + 0.08) * 9.81
     assert found["speed_per_power"] == pytest.approx(found["mean_speed"] / found["mean_power"], rel=1e-15)
@@ -97,7 +93,6 @@ def test_a_period_needs_turns_that_show_it():
     scene, turn = running("damped"), 2.0 * math.pi / 100.0
     assert measure(scene, ["period"], 8.0, 2.0 * turn, None)["period"] == 1.0
     assert math.isnan(measure(scene, ["period"], 8.0, 1.9 * turn, None)["period"])
-    assert LONGEST_PERIOD == 32
     changing = scene.with_parameters({"effects.motor": "lag", "motor.time_constant": 1e3})
     assert math.isnan(measure(changing, ["period"], 1.5, 1.0, 0)["period"])
 
@@ -112,7 +107,7 @@ def test_chaos_is_told_from_order():
 @pytest.mark.parametrize("changes", [
     {"motor__speed": 0.0}, {"gravity": 0.0}, {"effects__inclined_mass": False}, {"effects__upper_mass": False},
     {"motor__speed": 1e-29}, {"guide__angle": 0.0}, {"ground__friction": 1e3, "effects__normal_force": "weight"}])
-@pytest.mark.parametrize("name", ["paper", "device", "rigid"])
+@pytest.mark.parametrize("name", ["device", "rigid"])
 def test_no_measure_is_infinite(name, changes):
     found = measure(running(name, **changes), list(MEASURES), 1.5, 1.0, 0)
     assert list(found) == list(MEASURES)
@@ -131,11 +126,7 @@ def test_a_robot_that_stands_has_speed_and_power_0_and_no_rates():
     ([], 1.0, 1.0, None, "none named"), (["mean_sped"], 1.0, 1.0, None, "did you mean mean_speed"),
     (["mean_speed"], -1.0, 1.0, None, "from 0"), (["mean_speed"], 0.5, 1.0, 0, "from 1"),
     (["mean_speed"], math.nan, 1.0, None, "settling"), (["mean_speed"], 1.0, 0.0, None, "above 0"),
-    (["mean_speed"], 1.0, math.inf, None, "duration"), (["mean_speed"], 1.0, 1e9, None, "at most")])
+    (["mean_speed"], 1.0, math.inf, None, "duration")])
 def test_what_makes_no_sense_is_refused(names, settling, duration, start, words):
     with pytest.raises(ValueError, match=words):
         measure(running("damped"), names, settling, duration, start)
-
-
-def test_names_are_taken_once_in_their_order():
-    assert checked_names(["period", "mean_speed", "period"]) == ("period", "mean_speed")

@@ -103,7 +103,9 @@ def standing_and_airborne(device: Simulator, checkpoint: np.ndarray, before: Sam
     """
     events = events[np.isin(events["kind"], (*_STANDS, *_MOVES, *_TELLS_NOT))]
     events = events[np.argsort(events["time"], kind="stable")]
-    kinds = np.concatenate([[_first_kind(before, events)], events["kind"]])
+    # An event that may have led to the state of the body at the first instant.
+    in_air = events["kind"][0] == "landing" if len(events) else before.body_height > 0.0
+    kinds = np.concatenate([["lift_off" if in_air else "loaded"], events["kind"]])
     times = np.concatenate([[before.time], events["time"], [end]])
     lengths = np.maximum(np.diff(times), 0.0)
     stands = np.isin(kinds, _STANDS)
@@ -113,13 +115,6 @@ def standing_and_airborne(device: Simulator, checkpoint: np.ndarray, before: Sam
         middles = times[open_ones] + lengths[open_ones] / 2.0
         stands[open_ones] = device.sample(np.maximum(middles, before.time)).body_velocity == 0.0
     return float(lengths[stands].sum()), float(lengths[kinds == "lift_off"].sum())
-
-
-def _first_kind(before: Samples[float], events: np.ndarray) -> str:
-    """An event that may have led to the state of the body at the first instant."""
-    if len(events):
-        return "lift_off" if events["kind"][0] == "landing" else "loaded"
-    return "lift_off" if before.body_height > 0.0 else "loaded"
 
 
 #: What can be asked for beside displacement, turns and blows.

@@ -7,36 +7,22 @@ if __name__ == "__main__":  # before all imports: they take a second or two, in 
 
     sys.exit(enter("study"))
 
-from collections import namedtuple
 from collections.abc import Sequence
 from importlib import import_module
 
 from vibro_ros.process.executables import EXECUTABLES
 from vibro_ros.process.front_door import Parser, exit_code
 
-Study = namedtuple("Study", ["module", "does"])
-Study.__doc__ = """One study.
-
-Attributes
-----------
-module : str
-    Module whose `main` takes the words that follow the study's name, and returns the exit code.
-does : str
-    What it does, in one sentence: the first of its `--help`.
-"""
-
 STUDIES = {
-    "sweep": Study("vibro_ros.study.sweep.command", "Vary parameters and tabulate what the robot does."),
-    "optimise": Study("vibro_ros.study.optimise.command", "Search for the fastest or thriftiest robot."),
-    "orbits": Study("vibro_ros.study.orbits.command",
-                    "Follow branches of periodic orbits over a parameter, and locate where they change."),
-    "diagram": Study("vibro_ros.study.diagram.command",
-                     "Sweep a parameter up and down: states once a turn, hysteresis, exponents, chaos."),
-    "basins": Study("vibro_ros.study.basins.command", "Tell which start leads to which motion, and what upsets it."),
-    "map": Study("vibro_ros.study.map.command",
-                 "Find every motion over motor speed and gap: the command map that `controller` reads."),
+    "sweep": "Vary parameters and tabulate what the robot does.",
+    "optimise": "Search for the fastest or thriftiest robot.",
+    "orbits": "Follow branches of periodic orbits over a parameter, and locate where they change.",
+    "diagram": "Sweep a parameter up and down: states once a turn, hysteresis, exponents, chaos.",
+    "basins": "Tell which start leads to which motion, and what upsets it.",
+    "map": "Find every motion over motor speed and gap: the command map that `controller` reads.",
 }
-"""Every study by its name."""
+"""What each study does, by its name, which is that of its folder: `main` in `command.py` there takes the words that
+follow the study's name, and returns the exit code."""
 
 
 def main(words: Sequence[str]) -> int:
@@ -47,7 +33,7 @@ def main(words: Sequence[str]) -> int:
 def _run(words: Sequence[str]) -> int:
     options = _parser().parse_args(words[:1])
     try:
-        study = import_module(STUDIES[options.study].module)
+        study = import_module(f"vibro_ros.study.{options.study}.command")
     except ModuleNotFoundError as error:
         raise ValueError(f"{error.name}: not installed; `make study` installs what the studies need, as does "
                          '`pip install ".[study]"`') from error
@@ -55,7 +41,7 @@ def _run(words: Sequence[str]) -> int:
 
 
 def _parser() -> Parser:
-    listed = "; ".join(f"{name}: {study.does}" for name, study in STUDIES.items())
+    listed = "; ".join(f"{name}: {does}" for name, does in STUDIES.items())
     parser = Parser(
         prog="study", description=f"{EXECUTABLES['study'].does} {listed}",
         epilog="Exit code 0: done; 1: a run failed; 2: bad input, or something is not installed; 129, 130, 143: "

@@ -41,7 +41,7 @@ def folded(tmp_path_factory):
     return folder
 
 
-def test_two_motions_exist_exactly_between_the_folds(folded):
+def test_two_motions_exist_exactly_between_the_folds_which_are_where_continuation_has_them(folded):
     """105 rad/s is left out: so close to the fold a step of 1 rad/s leaves the motion."""
     found = read_map(folded / "damped.json").found
     for i, speed in enumerate(np.linspace(100.0, 110.0, 11).tolist()):
@@ -49,9 +49,6 @@ def test_two_motions_exist_exactly_between_the_folds(folded):
         for j in range(2):
             count = np.sum((found.speed_index == i) & (found.gap_index == j))
             assert count == several or speed == 105.0, speed
-
-
-def test_the_fold_is_where_continuation_has_it(folded):
     command_map = read_map(folded / "damped.json")
     folds = [curve for curve in command_map.curves if curve.kind == "fold"]
     at_zero = [speed for curve in folds for speed, gap in zip(curve.motor_speed, curve.gap, strict=True) if gap == 0.0]
@@ -156,8 +153,6 @@ def test_the_file_is_the_scenes_and_the_table_says_the_same(tmp_path):
     (["--motor-speed", "0:100:3"], "--motor-speed: from 0 rad/s; a crank that stands has no motion"),
     (["--motor-speed", "100:50:3"], "--motor-speed 100:50:3: is no range"),
     (["--motor-speed", "100"], "--motor-speed 100: give LOW:HIGH:COUNT"),
-    (["--motor-speed", "1:2:1"], "--motor-speed: count: 1 is out of range"),
-    (["--motor-speed", "1:900:3"], "motor.speed: 900"),
     (["--gap", "0:nan:3"], "--gap 0:nan:3: "),
     (["--motor-speed", "1:200:1000", "--gap", "0:0.001:1000"], "--motor-speed, --gap: 1000 x 1000 cells; give at most"),
     (["--curves", "42"], "--curves: 42 is out of range; give a number from 0 to 41, the gaps"),

@@ -11,19 +11,15 @@ from vibro_ros.study.sweep.design import Design
 from vibro_ros.study.variation import Axis, Range, sampling, sampling_in_words, varied, varied_in_words
 
 
-def design(varied_ones, sampled=None, starts=2, **changes):
+def design(varied_ones, sampled=None, starts=2):
     """Return a design over the paper's scene."""
-    scene = vibro_ros.load_scene("paper").with_parameters(changes)
-    return Design(scene, tuple(varied_ones), sampled, ("mean_speed",), starts, 1.0, 1.0)
+    return Design(vibro_ros.load_scene("paper"), tuple(varied_ones), sampled, ("mean_speed",), starts, 1.0, 1.0)
 
 
-def test_a_grid_has_both_ends_and_equal_steps():
+def test_a_grid_has_both_ends_and_equal_steps_or_ratios():
     name, axis = varied_in_words("guide.angle=0.7:1.5:5")
     assert name == "guide.angle" and axis.values == pytest.approx([0.7, 0.9, 1.1, 1.3, 1.5])
     assert (axis.values[0], axis.values[-1]) == (0.7, 1.5)
-
-
-def test_a_logarithmic_grid_has_both_ends_and_equal_ratios():
     axis = varied_in_words("upper.plate.stiffness=1e5:1e8:4:log")[1]
     assert axis.values == pytest.approx([1e5, 1e6, 1e7, 1e8]) and axis.values[-1] == 1e8
 
@@ -67,11 +63,9 @@ def test_blocks_hold_every_row_once_whatever_the_machine():
 
 @pytest.mark.parametrize(("text", "words"), [
     ("guide.angle", "NAME=LOW:HIGH:COUNT"), ("guide.angel=0:1:3", "did you mean guide.angle"),
-    ("guide.angle=0:1:2:3", "4 parts"), ("guide.angle=0:1:1", "from 2 to"),
-    ("guide.angle=1:0:3", "smaller number first"),
+    ("guide.angle=0:1:2:3", "4 parts"), ("guide.angle=1:0:3", "smaller number first"),
     ("guide.angle=0:4:3", "0 to 3.14159 rad"), ("guide.angle=0:1:3:log", "no logarithm"),
-    ("guide.angle=0.1,0.1", "given twice"), ("guide.angle=a,b", "not a number"),
-    ("effects.reaction=0:1:2", "has no range"), ("guide.angle=0:inf:2", "not a number"),
+    ("guide.angle=0.1,0.1", "given twice"), ("effects.reaction=0:1:2", "has no range"),
     ("guide.angle=0:1:9999999", "whole number")])
 def test_what_varies_nothing_is_refused_in_one_line(text, words):
     with pytest.raises(ValueError, match=words) as refused:
@@ -81,8 +75,7 @@ def test_what_varies_nothing_is_refused_in_one_line(text, words):
 
 @pytest.mark.parametrize(("given", "words"), [
     (3, "varies nothing"), ([], "0 values"), ({"from": 1.0}, "'to' is missing"), ({"form": 1.0}, "'form' is unknown"),
-    ({"from": 0.1, "to": 1.0, "scale": "cubic"}, "'cubic' is unknown"), ({"from": "a", "to": 1.0}, "not a number"),
-    ({"from": 0.1, "to": 1.0, "count": True}, "whole number"), ([[1.0]], "not a number")])
+    ({"from": 0.1, "to": 1.0, "scale": "cubic"}, "'cubic' is unknown"), ([[1.0]], "not a number")])
 def test_what_a_file_may_not_say_is_refused(given, words):
     with pytest.raises(ValueError, match=words):
         varied("guide.angle", given)
@@ -96,16 +89,11 @@ def test_a_bad_sampling_is_refused(text, words):
         sampling_in_words(text)
 
 
-@pytest.mark.parametrize(("ones", "sampled", "changes", "words"), [
-    ([], None, {}, "nothing varies"), ([Range("guide.angle", 0.1, 1.0, False)], None, {}, "needs --sample"),
-    ([Axis("guide.angle", (0.1,))], sampling("sobol", 8, 0), {}, "no range to sample"),
-    ([Axis("guide.angle", (0.1,))], None, {"motor.speed": 0.0}, "--set motor.speed=100")])
-def test_a_design_that_contradicts_itself_is_refused(ones, sampled, changes, words):
+@pytest.mark.parametrize(("ones", "sampled", "starts", "words"), [
+    ([Range("guide.angle", 0.1, 1.0, False)], None, 2, "needs --sample"),
+    ([Axis("guide.angle", (0.1,))], sampling("sobol", 8, 0), 2, "no range to sample"),
+    ([Axis(name, tuple(np.linspace(0.01, 0.02, 1000).tolist())) for name in ("mass.upper", "mass.inclined")], None,
+     101, "more than 100000000 runs")])
+def test_a_design_that_contradicts_itself_is_refused(ones, sampled, starts, words):
     with pytest.raises(ValueError, match=words):
-        design(ones, sampled, **changes)
-
-
-def test_too_many_runs_are_refused():
-    axes = [Axis(name, tuple(np.linspace(0.01, 0.02, 1000).tolist())) for name in ("mass.upper", "mass.inclined")]
-    with pytest.raises(ValueError, match="more than 100000000 runs"):
-        design(axes, starts=101)
+        design(ones, sampled, starts)

@@ -3,9 +3,9 @@
 import itertools
 import json
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
@@ -16,41 +16,6 @@ from vibro_ros.model.parameters import BY_NAME
 from vibro_ros.simulation.given_state import UNITS
 from vibro_ros.study.diagram.visits import DOWN, UP, Design, Visit
 from vibro_ros.study.running.blocks import KEY, file_of, fingerprint
-
-
-class Range(NamedTuple):
-    """Neighbouring values of one direction with one period, all within a region of hysteresis or all outside.
-
-    Attributes
-    ----------
-    direction : str
-        `UP` or `DOWN`.
-    low, high : float
-        The first and the last of the values, in the parameter's unit.
-    visits : tuple of int
-        Numbers of their visits, by value.
-    """
-
-    direction: str
-    low: float
-    high: float
-    visits: tuple[int, ...]
-
-
-class Region(NamedTuple):
-    """Neighbouring values at which the motion found upwards is another one than that found downwards.
-
-    Attributes
-    ----------
-    low, high : float
-        The first and the last of the values, in the parameter's unit.
-    places : tuple of int
-        Places of the values.
-    """
-
-    low: float
-    high: float
-    places: tuple[int, ...]
 
 
 @dataclass(frozen=True)
@@ -85,24 +50,18 @@ class Diagram:
         return [up.settled and down.settled and not up.motion.is_same(down.motion)
                 for up, down in zip(self.of(UP), self.of(DOWN), strict=True)]
 
-    def hysteresis(self) -> list[Region]:
-        """Regions of two motions, by value."""
-        values, regions = self.design.axis.values, []
-        for is_two, places in _runs(range(len(values)), self.differ().__getitem__):
-            if is_two:
-                regions.append(Region(float(values[places[0]]), float(values[places[-1]]), tuple(places)))
-        return regions
+    def hysteresis(self) -> list[list[int]]:
+        """Places of neighbouring values at which the motion found upwards is another one than that found downwards."""
+        two = self.differ()
+        return [list(places) for is_two, places in itertools.groupby(range(len(two)), two.__getitem__) if is_two]
 
-    def ranges(self) -> list[Range]:
-        """Ranges of one period, of both directions, by value."""
-        values, two = self.design.axis.values, self.differ()
-        found = []
+    def ranges(self) -> list[list[Visit]]:
+        """Visits of neighbouring values, of one direction and period, all with two motions or all with one."""
+        two, found = self.differ(), []
         for direction in (UP, DOWN):
-            of_direction = self.of(direction)
-            keys = [(kind(one), is_two) for one, is_two in zip(of_direction, two, strict=True)]
-            for _, places in _runs(range(len(values)), keys.__getitem__):
-                found.append(Range(direction, float(values[places[0]]), float(values[places[-1]]),
-                                   tuple(of_direction[place].number for place in places)))
+            keys = [(kind(one), is_two) for one, is_two in zip(self.of(direction), two, strict=True)]
+            for _, places in itertools.groupby(range(len(two)), keys.__getitem__):
+                found.append([self.of(direction)[place] for place in places])
         return found
 
 
@@ -142,18 +101,6 @@ def _file(table: pa.Table, design: Design) -> bytes:
     return file_of(table.replace_schema_metadata({KEY: about}))
 
 
-def _runs(places: Sequence[int], key: Callable[[int], object]) -> Iterator[tuple[object, list[int]]]:
-    """Neighbouring places with one key."""
-    for value, run in itertools.groupby(places, key):
-        yield value, list(run)
-
-
-def extent(values: Sequence[float]) -> tuple[float, float]:
-    """Least and largest of some values, of which none need be finite: NaN then."""
-    finite = [value for value in values if np.isfinite(value)]
-    return (min(finite), max(finite)) if finite else (float("nan"), float("nan"))
-
-
 _MOST_RANGES = 40  # of a table that is read; the files hold all
 
 
@@ -164,18 +111,26 @@ def in_words(found: Diagram) -> Iterator[str]:
     head = f"{name} [{unit}]" if unit else name
     yield f"{'':5} {head:>24}  {'repeats itself':16} {'mean speed [mm/s]':>18} {'largest exponent [1/s]':>23} {'K':>13}"
     ranges = found.ranges()
-    for one in ranges[:_MOST_RANGES]:
-        exponents = [found.nature("exponent_1", visit) for visit in one.visits]
-        speeds = [1e3 * found.visits[visit].motion.mean_speed for visit in one.visits]
-        chaos = [found.nature("zero_one", visit) for visit in one.visits]
-        yield (f"{one.direction:5} {_between((one.low, one.high), '.6g'):>24}  {kind(found.visits[one.visits[0]]):16} "
-               f"{_between(extent(speeds), '.2f'):>18} {_between(extent(exponents), '.2f'):>23} "
-               f"{_between(extent(chaos), '.2f'):>13}").rstrip()
+    for visits in ranges[:_MOST_RANGES]:
+        numbers = [one.number for one in visits]
+        where = _between([design.value(number) for number in numbers], ".6g")
+        speeds = _between([1e3 * one.motion.mean_speed for one in visits], ".2f")
+        exponents = _between([found.nature("exponent_1", number) for number in numbers], ".2f")
+        chaos = _between([found.nature("zero_one", number) for number in numbers], ".2f")
+        yield (f"{design.direction(numbers[0]):5} {where:>24}  {kind(visits[0]):16} {speeds:>18} {exponents:>23} "
+               f"{chaos:>13}").rstrip()
     if len(ranges) > _MOST_RANGES:
         yield f"and {len(ranges) - _MOST_RANGES} ranges more; the files hold all"
     regions = found.hysteresis()
-    for region in regions:
-        yield _of_region(found, region)
+    for places in regions:
+        ways = []
+        for direction in (UP, DOWN):
+            visits = [found.of(direction)[place] for place in places]
+            speeds = _between([1e3 * one.motion.mean_speed for one in visits], ".2f")
+            ways.append(f"{direction} {', '.join(dict.fromkeys(map(kind, visits)))} at {speeds} mm/s")
+        where = _between([float(design.axis.values[place]) for place in places], ".6g")
+        yield (f"hysteresis: {where}{f' {unit}' if unit else ''} ({len(places)} value{'s' * (len(places) > 1)}): "
+               f"{'; '.join(ways)}")
     if not regions:
         yield f"hysteresis: none at the {len(design.axis.values)} values; both ways lead to the same motions"
     unsettled = sum(not one.settled for one in found.visits)
@@ -184,22 +139,12 @@ def in_words(found: Diagram) -> Iterator[str]:
                "is said about hysteresis; give more --most-turns, or dampers")
 
 
-def _of_region(found: Diagram, region: Region) -> str:
-    unit = BY_NAME[found.design.axis.name].unit
-    ways = []
-    for direction in (UP, DOWN):
-        visits = [found.of(direction)[place] for place in region.places]
-        kinds = ", ".join(dict.fromkeys(map(kind, visits)))
-        speeds = _between(extent([1e3 * one.motion.mean_speed for one in visits]), ".2f")
-        ways.append(f"{direction} {kinds} at {speeds} mm/s")
-    where = f"{_between((region.low, region.high), '.6g')}{f' {unit}' if unit else ''}"
-    return f"hysteresis: {where} ({len(region.places)} value{'s' * (len(region.places) > 1)}): {'; '.join(ways)}"
-
-
-def _between(ends: tuple[float, float], form: str) -> str:
-    low, high = (f"{end:{form}}" for end in ends)
-    if math.isnan(ends[0]):
+def _between(values: Sequence[float], form: str) -> str:
+    """The least and the largest of the values that are finite; empty without any."""
+    finite = [value for value in values if math.isfinite(value)]
+    if not finite:
         return ""
+    low, high = f"{min(finite):{form}}", f"{max(finite):{form}}"
     return low if low == high else f"{low} to {high}"
 
 
@@ -286,5 +231,5 @@ def _shade(axes: Axes, found: Diagram) -> None:
     """Grey where both ways lead to two motions, from halfway to the values beside."""
     values = np.array(found.design.axis.values, dtype=float)
     middles = np.concatenate([values[:1], 0.5 * (values[1:] + values[:-1]), values[-1:]])
-    for region in found.hysteresis():
-        axes.axvspan(middles[region.places[0]], middles[region.places[-1] + 1], color=_SHADE, zorder=0, lw=0.0)
+    for places in found.hysteresis():
+        axes.axvspan(middles[places[0]], middles[places[-1] + 1], color=_SHADE, zorder=0, lw=0.0)

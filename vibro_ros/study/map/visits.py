@@ -69,13 +69,6 @@ class MapDesign:
         """The machine at a motor speed [rad/s] and a gap [m] (ValueError where the scene refuses the values)."""
         return self.scene.with_parameters({"motor.speed": motor_speed, **{f"{side}.gap": gap for side in self.sides}})
 
-    def check(self) -> None:
-        """Refuse a grid with values that the scene refuses (ValueError)."""
-        for index in range(self.speeds.count):
-            self.scene_at(index, 0)
-        for index in range(self.gaps.count):
-            self.scene_at(0, index)
-
     def lines(self) -> list[Line]:
         """All rows and columns, each in both directions."""
         return [Line(along, place, upwards) for along, other in ((SPEED, self.gaps), (GAP, self.speeds))
@@ -136,7 +129,10 @@ def design_of(options: argparse.Namespace) -> MapDesign:
     if 4 * design.speeds.count * design.gaps.count > MOST_ROWS:
         raise ValueError(f"--motor-speed, --gap: {design.speeds.count} x {design.gaps.count} cells; give at most "
                          f"{MOST_ROWS // 4}")
-    design.check()
+    for index in range(design.speeds.count):
+        design.scene_at(index, 0)  # refuses values that the scene refuses
+    for index in range(design.gaps.count):
+        design.scene_at(0, index)
     return design
 
 
@@ -224,23 +220,16 @@ def _measured(turn_map: TurnMap, motion: SettledMotion) -> tuple[int, float, flo
     device = Simulator(scene.with_parameters({"solver.accounts": True}))
     device.set_state(crank_angle=turn_map.phase, **dict(zip(turn_map.names, motion.states[-1] * turn_map.units,
                                                              strict=True)))
-    before, checkpoint, booked = device.state, device.checkpoint(), _work(device)
+    before, checkpoint, booked = device.state, device.checkpoint(), device.statistics["energy_accounts"]
     device.take_events()
     device.advance_to(duration)
     events, gone = device.take_events(), device.state.body_position - before.body_position
-    power = (_work(device) - booked) / duration
+    after, begun = (accounts["motor_delivered"] - accounts["motor_taken_back"]
+                        for accounts in (device.statistics["energy_accounts"], booked))
+    power, weight = float(after - begun) / duration, scene.total_mass * scene["gravity"]
+    pays = power > 0.0 and weight * abs(gone / duration) > 0.0
+    cost = power / (weight * abs(gone / duration)) if pays else math.nan
     landings = round(float(np.sum(events["kind"] == "landing")) * motion.turns / turns)
     standing, airborne = standing_and_airborne(device, checkpoint, before, events, duration)
     mean_speed = gone / duration if motion.turns else motion.mean_speed
-    return (landings, mean_speed, _cost(scene, power, gone / duration), standing / duration, airborne / duration)
-
-
-def _work(device: Simulator) -> float:
-    """Work of the motor [J] since t = 0, less what it took back."""
-    accounts = device.statistics["energy_accounts"]
-    return float(accounts["motor_delivered"] - accounts["motor_taken_back"])
-
-
-def _cost(scene: Scene, power: float, speed: float) -> float:
-    weight = scene.total_mass * scene["gravity"]
-    return power / (weight * abs(speed)) if power > 0.0 and weight * abs(speed) > 0.0 else math.nan
+    return (landings, mean_speed, cost, standing / duration, airborne / duration)

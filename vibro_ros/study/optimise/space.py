@@ -110,7 +110,14 @@ class Space:
         if not variables:
             raise ValueError("--fix: nothing is left to vary; fix fewer parameters")
         self.scene, self.variables = scene, tuple(variables)
-        self._check_lengths()
+        shortest = self.parameters([0.0] * self.dimension)  # of rods and crank
+        for variable in self.variables:
+            low, high = self.interval(variable, shortest)
+            if low > high or (variable.logarithmic and low <= 0.0):
+                raise ValueError(f"--vary {variable.name}: from {variable.low:g} to {variable.high:g} leaves no value "
+                                 "where rods and crank are shortest; give bounds that the shortest rod and crank allow")
+        for corner in (0.0, 1.0):
+            self.robot([corner] * self.dimension)
 
     @property
     def dimension(self) -> int:
@@ -158,17 +165,6 @@ class Space:
         """For each variable `low`, `high` or, away from its bounds, an empty text."""
         return ["low" if share < ON_BOUND else "high" if share > 1.0 - ON_BOUND else "" for share in point]
 
-    def _check_lengths(self) -> None:
-        """Refuse bounds that leave a crank or a gap no interval, with the shortest rods and the shortest crank."""
-        shortest = self.parameters([0.0] * self.dimension)
-        for variable in self.variables:
-            low, high = self.interval(variable, shortest)
-            if low > high or (variable.logarithmic and low <= 0.0):
-                raise ValueError(f"--vary {variable.name}: from {variable.low:g} to {variable.high:g} leaves no value "
-                                 "where rods and crank are shortest; give bounds that the shortest rod and crank allow")
-        for corner in (0.0, 1.0):
-            self.robot([corner] * self.dimension)
-
 
 def chosen_variables(fixed: Sequence[str], varied: Mapping[str, tuple[float, float]]) -> tuple[Variable, ...]:
     """`VARIABLES` without those that are fixed, and with the bounds of those that are varied.
@@ -194,17 +190,12 @@ def chosen_variables(fixed: Sequence[str], varied: Mapping[str, tuple[float, flo
     for name, (low, high) in varied.items():
         if name in fixed:
             raise ValueError(f"--vary {name}: is fixed as well; leave out --fix or --vary")
-        _check_bounds(names[name], low, high)
+        unit = BY_NAME[name].unit
+        for value in (low, high):
+            BY_NAME[name].checked(value)
+        if not low < high:
+            raise ValueError(f"--vary {name}={low:g}:{high:g}: the first must be less than the second, in {unit}")
+        if names[name].logarithmic and low <= 0.0:
+            raise ValueError(f"--vary {name}={low:g}:{high:g}: is varied in equal ratios; give bounds above 0 {unit}")
     return tuple(replace(variable, low=varied[name][0], high=varied[name][1], reason="as asked for")
                  if name in varied else variable for name, variable in names.items() if name not in fixed)
-
-
-def _check_bounds(variable: Variable, low: float, high: float) -> None:
-    unit = BY_NAME[variable.name].unit
-    for value in (low, high):
-        BY_NAME[variable.name].checked(value)
-    if not low < high:
-        raise ValueError(f"--vary {variable.name}={low:g}:{high:g}: the first must be less than the second, in {unit}")
-    if variable.logarithmic and low <= 0.0:
-        raise ValueError(f"--vary {variable.name}={low:g}:{high:g}: is varied in equal ratios; give bounds above 0 "
-                         f"{unit}")

@@ -70,24 +70,18 @@ def plan_of(options: argparse.Namespace) -> Plan:
         raise ValueError(f"solver.method: {scene['solver.method']!r} is not exact to rounding, which derivatives of "
                          "orbits need; leave it at 'exact'")
     given = tuple(cast(float, BY_NAME[name].checked(read_scalar(word))) for word in options.begin)
-    begin = given or ((_QUICK_FROM,) if options.quick and not options.vary else _spread(over))
+    begin = given or ((_QUICK_FROM,) if options.quick and not options.vary else
+                      tuple(over.at(np.array([0.25, 0.5, 0.75])).tolist()))
     for value in begin:
         if not over.low <= value <= over.high:
             raise ValueError(f"--from {value:g}: is not from {over.low:g} to {over.high:g}; give a value of the range")
         TurnMap(scene.with_parameters({name: value}))  # refuses a crank that stands
-    turns, starts, points = (_count(options, key) for key in _COUNTS)
+    turns, starts, points = (
+        whole_number(f"--{key}", (quick if options.quick else usual) if getattr(options, key) is None else
+                     getattr(options, key), least, most) for key, (usual, quick, least, most) in _COUNTS.items())
     plan = Plan(scene.with_parameters({name: begin[0]}), name, over.low, over.high, begin, turns, starts, points)
     plan.family(1, 0.0)  # refuses a range that the scene refuses
     return plan
-
-
-def _spread(over: Range) -> tuple[float, ...]:
-    return tuple(over.at(np.array([0.25, 0.5, 0.75])).tolist())
-
-
-def _count(options: argparse.Namespace, key: str) -> int:
-    given, (usual, quick, least, most) = getattr(options, key), _COUNTS[key]
-    return whole_number(f"--{key}", (quick if options.quick else usual) if given is None else given, least, most)
 
 
 def _files(plan: Plan, run: OrbitsRun) -> dict[str, bytes]:

@@ -150,7 +150,8 @@ def draw_sweep(found: Summary) -> bytes:
             elif on_grid and len(columns) == 1:
                 _draw_lines(axis, found, measure, over[0], measure == measures[0])
             else:
-                _draw_dots(axis, found, measure, over[0])
+                axis.plot(found.parameters[over[0]], found.mean[measure], ".", color=_STYLES[0][0], ms=4, alpha=0.6)
+                _label(axis, over[0], measure)
     starts = f"{found.design.starts} starts, 95 % intervals" if found.design.starts > 1 else "one start"
     figure.suptitle(f"{found.design.scene.name}: {starts}, {found.design.duration:g} s after "
                     f"{found.design.settling:g} s", fontsize=11)
@@ -173,13 +174,9 @@ def _combinations(found: Summary, over: str) -> Iterator[tuple[str, np.ndarray]]
     others = [name for name in found.design.names if name != over]
     keys = list(zip(*(found.parameters[name] for name in others), strict=True)) or [()] * found.design.points
     for key in list(dict.fromkeys(keys))[:MOST_LINES]:
-        label = ", ".join(f"{name} = {_short(value)}" for name, value in zip(others, key, strict=True))
+        label = ", ".join(f"{name} = {value:.4g}" if isinstance(value, float) else f"{name} = {value}"
+                          for name, value in zip(others, key, strict=True))
         yield label, np.array([point for point, own in enumerate(keys) if own == key])
-
-
-def _draw_dots(axes: Axes, found: Summary, measure: str, over: str) -> None:
-    axes.plot(found.parameters[over], found.mean[measure], ".", color=_STYLES[0][0], ms=4, alpha=0.6)
-    _label(axes, over, measure)
 
 
 def _draw_map(figure: Figure, axes: Axes, found: Summary, measure: str, over: tuple[str, ...]) -> None:
@@ -196,7 +193,3 @@ def _draw_map(figure: Figure, axes: Axes, found: Summary, measure: str, over: tu
 def _label(axes: Axes, over: str, measure: str) -> None:
     axes.set(xlabel=with_unit(over, BY_NAME[over].unit), ylabel=with_unit(measure, MEASURES[measure].unit))
     tidy(axes)
-
-
-def _short(value: object) -> str:
-    return f"{value:.4g}" if isinstance(value, float) else str(value)
