@@ -94,13 +94,6 @@ def test_a_flood_of_strange_stamps_displaces_no_sample():
         assert rows.stamps.tolist() == [batch]
 
 
-def test_of_two_messages_with_one_stamp_the_first_counts():
-    found = together(4)
-    found["odom"].append(Reading(4, 41, [105.0, 106.0]))
-    rows = Joining().join(found, COLUMNS)
-    assert rows.stamps.tolist() == [4] and rows.values[0, 1] == 5.0
-
-
 def test_one_setback_is_another_run_and_two_are_two_robots():
     now = [0.0]
     runs = Runs(lambda: now[0])

@@ -6,12 +6,12 @@ import time
 import numpy as np
 import pytest
 from asking import answer_of
+from motion_reader import Motion
 from page_visitor import PageVisitor, address_of
 from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
 from rcl_interfaces.srv import SetParameters
 
 import vibro_ros
-from vibro_ros.view.motion import Motion
 from vibro_ros.view.protocol import COLUMNS
 
 CRAWL = ("--ros-args", "-p", "record.enabled:=false", "-p", "motor.speed:=100.0")

@@ -1,26 +1,66 @@
 """Pages of a real browser, which fail their test when they complain or ask another host for anything."""
 
+import os
 import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from urllib.parse import urlsplit
 
 import pytest
 
-from tools.browser import Engine, Session, running
+from tools.browser import Engine, NoBrowserError, Session, chosen_engine, running
 
 sys.path.insert(0, str(Path(__file__).parent))
 
 from live_view import LiveView  # noqa: E402 (beside the tests)
 from real_processes import bench, compiled, start, udp_only  # noqa: E402 (in the folder above)
-from watched_page import Watch, engine_or_outcome  # noqa: E402 (beside the tests)
 
 __all__ = ["bench", "compiled", "start", "udp_only"]
+HERE = {"127.0.0.1", "localhost", "[::1]", "::1"}
+NO_HOST = {"about", "blob", "data", "file"}  # schemes by which nothing leaves the machine
+
+
+class Watch:
+    """What a page complains of, and what it asks other hosts for.
+
+    A test that provokes a complaint takes it with `expect`; what is left fails the test.
+    """
+
+    def __init__(self) -> None:
+        self.complaints: list[str] = []
+
+    def follow(self, page) -> None:
+        page.on("console", lambda said: self._hear(said.type, said.text))
+        page.on("pageerror", lambda error: self.complaints.append(f"error: {error}"))
+        page.on("crash", lambda page: self.complaints.append(f"crash: {page.url}"))
+        page.on("request", lambda request: self._look(request.url))
+        page.on("websocket", lambda socket: self._look(socket.url))
+
+    def expect(self, words: str) -> None:
+        """Take the complaints that hold `words`; at least one must be there."""
+        left = [one for one in self.complaints if words not in one]
+        assert len(left) < len(self.complaints), f"no complaint holds {words!r}: {self.complaints}"
+        self.complaints = left
+
+    def _hear(self, kind: str, text: str) -> None:
+        if kind in ("error", "warning", "assert"):
+            self.complaints.append(f"{kind}: {text}")
+
+    def _look(self, url: str) -> None:
+        parts = urlsplit(url)
+        if parts.scheme not in NO_HOST and parts.hostname not in HERE:
+            self.complaints.append(f"asks another host: {url}")
 
 
 @pytest.fixture(scope="session")
 def engine() -> Engine:
     """The browser to use. Without one, tests are skipped on a developer's machine and fail where `CI` is set."""
-    return engine_or_outcome()
+    try:
+        return chosen_engine()
+    except NoBrowserError as error:
+        if os.environ.get("CI"):
+            pytest.fail(str(error))
+        pytest.skip(str(error))
 
 
 @pytest.fixture(scope="session")

@@ -1,7 +1,11 @@
-"""What a test reads off the page of the view, and how it waits for that."""
+"""What a test reads off the page of the view, how it waits for that, and the page's modules without the page."""
 
+import json
 import time
 from collections.abc import Callable
+from typing import Any
+
+from vibro_ros.view.page import import_map
 
 PATIENCE = 30.0  # [s] deadline of what takes a second on an idle machine
 
@@ -12,6 +16,11 @@ def until(page, done: Callable, what: str = "") -> None:
     while not done(page):
         assert time.monotonic() < deadline, f"{what or done.__name__}: not within {PATIENCE} s; {state(page)}"
         page.wait_for_timeout(20)
+
+
+def wait_for(page, condition: str) -> None:
+    """Wait until JavaScript's `condition` holds."""
+    until(page, lambda page: page.evaluate(condition), condition)
 
 
 def state(page) -> str:
@@ -50,3 +59,22 @@ def said(page) -> str:
 def exactness(page) -> str:
     """What the page says of how exact its slow motion is."""
     return page.inner_text("#exactness")
+
+
+class Modules:
+    """The page's modules, in an empty page of the browser.
+
+    Parameters
+    ----------
+    page : playwright page
+        Empty.
+    """
+
+    def __init__(self, page):
+        page.set_content(f'<!doctype html><script type="importmap">{import_map()}</script>')
+        self._page = page
+
+    def call(self, module: str, body: str, *values: object) -> Any:
+        """What JavaScript's `body` returns with the names that `module` exports as `m`, and `values` as `v`."""
+        program = f'async (v) => {{ const m = await import("vibro/{module}.js"); {body} }}'
+        return self._page.evaluate(program, json.loads(json.dumps(values)))

@@ -5,6 +5,7 @@ import zlib
 
 import numpy as np
 import pytest
+from motion_reader import Motion
 from robot_bag import START, offset_times, rewritten, robot_bag
 
 import vibro_ros
@@ -14,7 +15,6 @@ from vibro_ros.configuration.scene_file import shipped_scenes
 from vibro_ros.messages.topics import ROBOT_TOPICS
 from vibro_ros.simulation.samples import Samples
 from vibro_ros.view.bag_motion import bag_motion
-from vibro_ros.view.motion import Motion
 
 RATE = 200.0
 PLACES = ("position", "height", "angle")

@@ -4,11 +4,11 @@ import json
 
 import numpy as np
 import pytest
+from motion_reader import Motion
 from robot_bag import offset_times
 
 import vibro_ros
 from vibro_ros.configuration.scene_file import shipped_scenes
-from vibro_ros.view.motion import Motion
 from vibro_ros.view.slow_motion import motion_between
 
 PLACES = ("position", "height", "angle")

@@ -5,6 +5,7 @@ import time
 
 import numpy as np
 import pytest
+from motion_reader import Motion
 from robot_bag import START, rewritten, robot_bag
 
 import vibro_ros
@@ -12,7 +13,6 @@ from vibro_ros.bag.cdr import deserialised, serialised
 from vibro_ros.bag.stream import BagError
 from vibro_ros.messages.topics import ROBOT_TOPICS
 from vibro_ros.view.bag_motion import bag_motion
-from vibro_ros.view.motion import Motion
 
 RATE = 200.0
 END = START + 10**9  # ns

@@ -10,24 +10,18 @@ from visitor import BINARY, TEXT, Visit, read_answer
 SECRET = "secret-of-the-machine"
 MOST_PAGES = 8
 BAD_REQUESTS = [
-    b"", b"{", b"[]", b"null", b"7", b'"reset"', b"{}", b"[" * 4000, b'{"id":' * 600,
-    b'{"id": 1}', b'{"id": 1, "call": "quit"}', b'{"id": 1, "call": "pause", "on": "yes"}',
-    b'{"id": 1, "call": ["reset"]}', b'{"id": 1, "command": "motor_speed", "value": NaN}',
-    b'{"id": 1, "command": "motor_speed", "value": 1e999}',
+    b"", b"[]", b"7", b"{}", b"[" * 4000, b'{"id": 1}', b'{"id": 1, "call": "quit"}', b'{"id": 1, "call": ["reset"]}',
+    b'{"id": 1, "call": "pause", "on": "yes"}', b'{"id": 1, "command": "motor_speed", "value": NaN}',
     b'{"id": 1, "command": "motor_speed", "value": "100"}', b'{"id": 1, "command": "motor_speed", "value": true}',
     b'{"id": 1, "command": "motor_speed", "value": ' + b"9" * 3000 + b"}",
-    b'{"id": 1, "command": "/rosout", "value": 1}',
-    b'{"id": 1, "command": {"a": 1}, "value": 1}', b'{"id": 1, "slow_motion": -1}', b'{"id": 1, "slow_motion": 1e9}',
-    b'{"id": 1, "slow_motion": null}', b'{"id": 1e400, "call": "reset"}', b'{"id": [], "call": "reset"}',
-    b'{"id": 1, "call": "reset", "call": "pause", "__proto__": 1}',
+    b'{"id": 1, "command": {"a": 1}, "value": 1}', b'{"id": 1, "slow_motion": 1e9}',
+    b'{"id": 1e400, "call": "reset"}', b'{"id": 1, "call": "reset", "call": "pause", "__proto__": 1}',
 ]
-
 NO_REQUESTS = {
     "tls": b"\x16\x03\x01\x02\x00\x01\x00\x01\xfc\x03\x03" + bytes(500),
     "headers": b"GET / HTTP/1.1\r\n" + b"x: y\r\n" * 100_000,
     "url": b"GET /" + b"a" * 1_000_000 + b" HTTP/1.1\r\n\r\n",
-    "version": b"GET / HTTP/9.9\r\nhost: \xff\xff\r\n\r\n",
-    "empty lines": b"\r\n" * 10_000, "word": b"GET\r\n\r\n", "zeros": bytes(100_000),
+    "version": b"GET / HTTP/9.9\r\nhost: \xff\xff\r\n\r\n", "zeros": bytes(100_000),
     "length": b"POST / HTTP/1.1\r\nhost: 127.0.0.1\r\ncontent-length: 99999999999999\r\n\r\n",
     "negative": b"POST / HTTP/1.1\r\nhost: 127.0.0.1\r\ncontent-length: -1\r\n\r\n",
     "chunk": b"POST / HTTP/1.1\r\nhost: 127.0.0.1\r\ntransfer-encoding: chunked\r\n\r\nffffffffffffffff\r\n",

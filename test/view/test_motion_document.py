@@ -4,9 +4,9 @@ import json
 
 import numpy as np
 import pytest
-from numpy.polynomial import chebyshev
+from motion_reader import Motion
 
-from vibro_ros.view.motion import UNKNOWN, Motion, MotionWriter
+from vibro_ros.view.motion import UNKNOWN, MotionWriter
 
 NAMES, STEPS = ("one", "two", "three"), (1e-3, 1.0, 1e-9)
 
@@ -45,19 +45,6 @@ def test_the_docstring_is_enough_to_read_a_document():
             assert (motion.coefficients[piece, q, :degree + 1] == numbers[place:place + degree + 1]).all()
             place += degree + 1
     assert place == len(numbers)
-
-
-def test_values_between_the_borders():
-    borders, coefficients, document = written(np.random.default_rng(5), steps=(1e-12, 1e-12, 1e-12))
-    motion = Motion(*document)
-    times = np.sort(np.random.default_rng(6).uniform(borders[0, 0], borders[-1, 1], 1000))
-    found = motion.at(times)
-    for k, time in enumerate(times):
-        piece = int(np.flatnonzero(borders[:, 0] <= time)[-1])
-        begin, end = borders[piece]
-        for q, name in enumerate(motion.quantities):
-            expected = chebyshev.chebval((time - begin) / (end - begin) * 2 - 1, coefficients[piece, q])
-            np.testing.assert_allclose(found[name][k], expected, atol=12e-12, rtol=1e-12)
 
 
 def test_nothing_is_known_outside_and_in_gaps_and_of_numbers_that_are_not_finite():

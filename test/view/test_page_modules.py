@@ -5,10 +5,11 @@ import math
 
 import numpy as np
 import pytest
-from page_modules import Modules
+from motion_reader import Motion
+from page_reading import Modules
 
 from vibro_ros.model.slider import Slider
-from vibro_ros.view.motion import Motion, MotionWriter
+from vibro_ros.view.motion import MotionWriter
 
 EXACT = 4e-16  # relative: the same operations in another order
 
@@ -125,31 +126,6 @@ def test_of_many_samples_in_a_pixel_the_extremes_are_drawn(modules):
     assert min(value for _, value in points) == values.min() and max(value for _, value in points) == values.max()
 
 
-def test_frames_are_taken_apart(modules):
-    body = """
-        const bytes = new Uint8Array(v[0]); const view = new DataView(bytes.buffer);
-        view.setUint32(0, v[1], true); view.setUint32(4, v[2], true);
-        const frame = m.decode(bytes.buffer, 3);
-        return frame && {type: frame.type, rows: frame.rows?.length, payload: frame.payload?.byteLength};"""
-    assert modules.call("connection", body, 8 + 48, 1, 2) == {"type": 1, "rows": 6, "payload": None}
-    assert modules.call("connection", body, 8 + 40, 2, 7) == {"type": 2, "rows": None, "payload": 40}
-    for size, kind, number in ((8 + 40, 1, 2), (8 + 48, 3, 2), (8, 1, 1)):
-        assert modules.call("connection", body, size, kind, number) is None
-
-
-def test_impacts_are_found_by_time_and_side(modules):
-    found = modules.call("impacts", """
-        const list = [[1, "upper"], [3, "inclined"], [2, "upper"], [4, "upper"]];
-        const impacts = new m.Impacts(3, list.map(([time, side]) => ({time, end: time + 0.1, side, peak_force: 1})));
-        return {kept: impacts.list.map((one) => one.time), next: impacts.next(2).time,
-                previous: impacts.previous(3).time,
-                none: impacts.previous(2) === undefined && impacts.next(4) === undefined,
-                last: impacts.last("upper", 3.5, 9).time, during: impacts.light("inclined", 3.05, 0.1).glow,
-                later: impacts.light("inclined", 3.2, 0.1).glow, between: impacts.between(2, 4).length};""")
-    assert found.pop("later") == pytest.approx(math.exp(-1.0))
-    assert found == {"kept": [2, 3, 4], "next": 3, "previous": 2, "none": True, "last": 2, "during": 1, "between": 2}
-
-
 def test_the_live_clock_follows_the_samples_evenly(modules):
     drawn = np.array(modules.call("clocks", """
         const clock = new m.LiveClock();
@@ -163,13 +139,6 @@ def test_the_live_clock_follows_the_samples_evenly(modules):
     steps = np.diff(drawn[60:])
     assert np.all(steps > 0.0) and np.all(np.abs(steps * 60 - 1.0) < 0.2)
     assert 0.0 < 299 / 60 - drawn[-1] < 0.1
-
-
-def test_words_tell_the_state(modules):
-    state = {"time": 1.5, "body_position": -0.1234, "body_height": 0.001, "normal_force": 0.0, "motor_speed": 100.0}
-    assert modules.call("said", 'return m.stateWords(v[0], ["upper"]);', state) == (
-        "At 1.50 seconds the body is at \u2212123.4 millimetres, body in the air, the motor turns at 100.0 radians per "
-        "second. The upper mass strikes its plate.")
 
 
 def test_pictures_are_left_out_only_while_the_machine_is_behind(modules):

@@ -5,7 +5,7 @@ import re
 
 import numpy as np
 import pytest
-from page_modules import wait_for
+from page_reading import wait_for
 from robot_bag import robot_bag
 
 import vibro_ros
@@ -109,7 +109,7 @@ def test_nothing_lies_outside_of_the_window(open_page, file, width, height):
     assert page.locator("#mechanism").bounding_box()["width"] > 0.45 * width
 
 
-def test_a_folder_s_name_is_text_and_no_program(open_page, bag, tmp_path):
+def test_a_folder_s_name_is_text_and_no_program():
     name = "</title></script><script>document.title = 'taken'</script>"
     text = page_text({"mode": "live", "title": name, "version": "<!--", "robot": name})
     assert "<script>document" not in text and MARK in text

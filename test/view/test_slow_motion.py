@@ -1,7 +1,9 @@
 """Slow motions are computed one after the other, and what goes wrong with one is said to the page that asked."""
 
+import itertools
 import threading
 import time
+import warnings
 
 import numpy as np
 import pytest
@@ -9,7 +11,7 @@ import pytest
 import vibro_ros
 from vibro_ros.view import slow_motion
 from vibro_ros.view.protocol import COLUMNS, MOST_SECONDS
-from vibro_ros.view.slow_motion import MOST_WAITING, History, SlowMotions
+from vibro_ros.view.slow_motion import MOST_WAITING, History, SlowMotions, motion_between
 
 PATIENCE = 60.0  # [s] of what takes milliseconds once the kernels are there
 SCENE = vibro_ros.load_scene("device")
@@ -70,6 +72,20 @@ def test_more_than_a_few_do_not_wait(motions):
     assert f"{MOST_WAITING} slow motions wait already; ask again later" in found
     going_on.set()
     until(lambda: len(found) == MOST_WAITING + 5)
+
+
+def test_huge_numbers_in_the_samples_are_no_warning_on_the_terminal(motions, capfd):
+    device = vibro_ros.Simulator(SCENE)
+    rows = [device.values.copy() for tick in range(40) if not device.advance_to(tick / 200.0)]
+    asked = motions(motion_between)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        for name, value in itertools.product(COLUMNS[1:], (1e300, -1.7e308, np.inf, 5e-324)):
+            samples = dict(zip(COLUMNS, np.array(rows).T.copy(), strict=True))
+            samples[name][[5, 9]] = value, -value
+            header, _ = answer(asked, samples)
+            assert header["end"] > header["begin"], name
+    assert capfd.readouterr() == ("", "")
 
 
 @pytest.mark.parametrize("rate", [10, 1000])

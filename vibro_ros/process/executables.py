@@ -51,3 +51,8 @@ EXECUTABLES = {
         "Show a live robot in the browser, with its knobs and buttons, until SIGINT, SIGTERM or SIGHUP."),
 }
 """Every executable by its name; those that are installed first."""
+
+
+def shows_live_robot(words):
+    """Whether a command line of `view` is about a live robot, not about a recording."""
+    return not words or words[0].startswith("-") and words[0].partition("=")[0] not in ("--output", "--help", "-h")

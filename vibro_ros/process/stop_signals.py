@@ -7,12 +7,16 @@ other ROS nodes do. SIGQUIT (Ctrl-\\) always ends the process where it stands.
 
 import os
 import signal
+import sys
 from collections.abc import Callable
 from functools import partial
 from types import FrameType
 
+from vibro_ros.process.executables import shows_live_robot
+
 ENDLESS = {"robot", "live_view"}
-"""Executables that a signal ends well, with exit code 0; the others exit with 128 + its number."""
+"""Executables that a signal ends well, with exit code 0, like a `view` of a live robot; the others exit with 128 + its
+number."""
 _STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
@@ -109,7 +113,8 @@ process = Process()
 
 def end_at_once(program: str) -> None:
     """Let stop signals end the process from now on: an executable `program` that has nothing open yet."""
-    process.program, process.endless = program, program in ENDLESS
+    process.program = program
+    process.endless = program in ENDLESS or program == "view" and shows_live_robot(sys.argv[1:])
     process.heard = tuple(number for number in _STOP_SIGNALS
                           if number != signal.SIGHUP or signal.getsignal(number) is not signal.SIG_IGN)
     _on_stop_signals(process.leave)

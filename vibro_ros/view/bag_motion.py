@@ -35,8 +35,8 @@ MOST_FAULTS = 5
 UNKNOWN_ROBOT = "device"
 """Scene whose lengths are drawn when a bag does not say which robot moved."""
 
-#: Shares of the work that are done when the samples are read, simulated again, and followed.
-_READ, _SIMULATED, _FOLLOWED = 0.5, 0.6, 0.7
+#: Shares of the work that are done when the samples are read, and simulated again or followed.
+_READ, _SIMULATED = 0.5, 0.7
 
 
 def bag_motion(folder: Path, progress: Progress = lambda share: None) -> tuple[dict[str, Any], dict[str, Any], bytes]:
@@ -68,15 +68,18 @@ def bag_motion(folder: Path, progress: Progress = lambda share: None) -> tuple[d
 
 
 class _Making:
-    """Makes the motion of one bag, step by step."""
-
     def __init__(self, stream: BagStream, progress: Progress):
         self._stream, self._progress = stream, progress
         self._faults: list[str] = []  # why it could not be simulated again from its commands
         self._notes: list[str] = []
         self._exact: list[ExactRun] = []
         self._scene: Scene | None = None
-        self._facts = self._known_facts()
+        self._facts: RunFacts | None = None
+        try:
+            self._facts = run_facts(stream)
+        except BagError as error:
+            said = str(error).removeprefix(f"{stream.folder}: ").partition(";")[0]
+            self._faults.append(f"the bag {said}" if said.startswith(("says", "cannot")) else said)
         self._recorded = Recorded(stream, self._part(0.0, _READ))
         if self._facts and not self._are_ticks(self._facts):
             self._scene, self._facts = self._facts.scene, None
@@ -85,7 +88,6 @@ class _Making:
             raise BagError(f"{stream.folder}: holds no state to draw; give a bag with odom or joint_states")
 
     def result(self) -> tuple[dict[str, Any], dict[str, Any], bytes]:
-        """See `bag_motion`."""
         if self._facts:
             self._simulate(self._facts)
         self._follow(self._open_spans())
@@ -95,7 +97,13 @@ class _Making:
             self._tracks = self._recorded.tracks(self._times)
         scene = self._scene or load_scene(UNKNOWN_ROBOT)
         names = [name for name in shown(scene) if self._scene or name in self._tracks]
-        made = self._assembled(names, between)
+        rest = [interpolated(self._tracks, names, span, self._resets()) for span in between]
+        made = Assembly(names, self._stretches, [times for one in self._exact for times in one.instants], rest)
+        made.write(LARGEST, self._part(_SIMULATED, 1.0))
+        if made.end < math.inf:
+            self._notes.append(f"the motion after {made.end:.6g} s is left out: it would not fit into a page")
+        if self._recorded.cut_short:
+            self._notes.append("the end of the recording is left out: it is too long for a page")
         resolved = made.end < math.inf or len(made.exact) == len(self._stretches)
         facts = {"exact": resolved and not between, "why": self._why(bool(between), resolved),
                  "exact_spans": spans(made.exact), "impacts": self._impacts(made.end),
@@ -107,22 +115,12 @@ class _Making:
 
     @property
     def _stretches(self) -> list[Stretch]:
-        found = [stretch for one in self._exact for stretch in one.stretches]
-        return sorted(found, key=lambda stretch: stretch.span)
+        return sorted((stretch for one in self._exact for stretch in one.stretches), key=lambda stretch: stretch.span)
 
     def _part(self, begin: float, end: float) -> Progress:
         return lambda share: self._progress(begin + (end - begin) * share)
 
-    def _known_facts(self) -> RunFacts | None:
-        try:
-            return run_facts(self._stream)
-        except BagError as error:
-            said = str(error).removeprefix(f"{self._stream.folder}: ").partition(";")[0]
-            self._faults.append(f"the bag {said}" if said.startswith(("says", "cannot")) else said)
-            return None
-
     def _nanoseconds(self, arrays: Arrays, start: int) -> np.ndarray:
-        """Recorded stamps [ns] after `start`."""
         return np.rint(arrays["time"] * 1e9).astype(np.int64) + (self._stream.start - start)
 
     def _are_ticks(self, facts: RunFacts) -> bool:
@@ -143,7 +141,6 @@ class _Making:
         return arrays.get("stamp", arrays["time"])
 
     def _simulate(self, facts: RunFacts) -> None:
-        """Simulate the run again, from the commands that the robot received."""
         is_late = self._stream.start > facts.start
         prepare_kernels("view", facts.scene["solver.method"])
         run = Resimulation(facts, self._tracks, not is_late)
@@ -156,7 +153,6 @@ class _Making:
         self._faults += run.faults
 
     def _follow(self, between: list[Span]) -> None:
-        """Follow the samples of what is not exact yet."""
         if not between:
             return
         prepare_kernels("view", "exact")
@@ -169,11 +165,10 @@ class _Making:
         self._scene, device = scene, quiet_device(scene)
         samples, times = common_samples(self._tracks, state_of(scene))
         even = times if self._facts else regular(times)
-        for number, (begin, end) in enumerate(between):
+        for begin, end in between:
             inside = slice(*np.searchsorted(times, [begin, np.nextafter(end, np.inf)]))
-            share = _SIMULATED + (_FOLLOWED - _SIMULATED) * np.array([number, number + 1]) / len(between)
             one = Following(device, {name: column[inside] for name, column in samples.items()}, even[inside])
-            one.follow(self._part(*share.tolist()))
+            one.follow()
             self._exact.append(one)
             self._faults += one.faults
 
@@ -192,17 +187,6 @@ class _Making:
                 found.append((begin, span[0]))
             begin = span[1]
         return found
-
-    def _assembled(self, names: list[str], between: list[Span]) -> Assembly:
-        """Everything in the order of time."""
-        rest = [interpolated(self._tracks, names, span, self._resets()) for span in between]
-        made = Assembly(names, self._stretches, [times for one in self._exact for times in one.instants], rest)
-        made.write(LARGEST, self._part(_FOLLOWED, 1.0))
-        if made.end < math.inf:
-            self._notes.append(f"the motion after {made.end:.6g} s is left out: it would not fit into a page")
-        if self._recorded.cut_short:
-            self._notes.append("the end of the recording is left out: it is too long for a page")
-        return made
 
     def _why(self, is_open: bool, resolved: bool) -> str:
         """Why not everything is exact; empty when it is. That the samples had to be followed is only a note."""

@@ -7,7 +7,7 @@ known: the motor's speed and the plates' places at the next sample say where the
 
 import functools
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
@@ -19,7 +19,7 @@ from vibro_ros.simulation.simulator import Simulator
 from vibro_ros.view.machine import quantities
 from vibro_ros.view.motion import is_place
 from vibro_ros.view.recorded import Track
-from vibro_ros.view.stretch import AGREEMENT, LONGEST, ExactRun, Progress, quiet_device
+from vibro_ros.view.stretch import AGREEMENT, LONGEST, ExactRun, quiet_device
 
 DRIFT = 2e-11
 """Distance [m, rad] from a recorded position, beyond which the simulation goes on from what was recorded."""
@@ -57,11 +57,9 @@ class Following(ExactRun):
         self._since: int | None = None  # the sample at which the device was put where it was published
         self._plates: dict[str, float] = {}  # where they were sent [m]
 
-    def follow(self, progress: Progress = lambda share: None) -> None:
-        """Go through all samples; `progress` is told the share that is done."""
+    def follow(self) -> None:
+        """Go through all samples."""
         for k in range(len(self._times) - 1):
-            if k % 200 == 0:
-                progress(k / len(self._times))
             if self._samples["crank_angle"][k + 1] < self._samples["crank_angle"][k]:
                 self._end(k)
                 self.resets.append(float(self._times[k + 1]))
@@ -94,7 +92,7 @@ class Following(ExactRun):
         if distance > DRIFT:
             self._end(k + 1)
         elif self._device.time - self.begin >= LONGEST:
-            self._close(k + 1)
+            self.close(self._device.scene, float(self._times[k + 1]) - self._offset, self._offset)
             self.open(self._device)
 
     @property
@@ -102,7 +100,6 @@ class Following(ExactRun):
         return float(self._times[self._since or 0])
 
     def _put(self, k: int) -> None:
-        """Put the device where sample k was published."""
         device = self._device
         device.reset()
         device.set_state(**{name: float(self._samples[name][k]) for name in self._state})
@@ -114,7 +111,13 @@ class Following(ExactRun):
     def _go(self, k: int) -> float:
         """Go to the sample after k; the greatest distance from a published position [m, rad] there."""
         device = self._device
-        if command := {**self._motor(k), **dict(self._gaps(k))}:
+        command = self._motor(k)
+        for side, sent in self._plates.items():
+            place = float(self._samples[f"{side}_plate_position"][k + 1])
+            if place != sent:
+                self._plates[side] = place
+                command[f"{side}_gap"] = place - device.scene[f"crank.{side}_rod"]
+        if command:
             self.command(device, command)
         device.advance_to(max(device.time, float(self._times[k + 1]) - self._offset))
         state = device.state
@@ -132,22 +135,10 @@ class Following(ExactRun):
             return {"motor_speed": target}
         return {} if self._device.commanded_motor_speed == speed else {"motor_speed": speed}
 
-    def _gaps(self, k: int) -> Iterator[tuple[str, float]]:
-        """Commands after which the plates stand where they do in the sample after k."""
-        for side, sent in self._plates.items():
-            place = float(self._samples[f"{side}_plate_position"][k + 1])
-            if place != sent:
-                self._plates[side] = place
-                yield f"{side}_gap", place - self._device.scene[f"crank.{side}_rod"]
-
-    def _close(self, k: int) -> None:
-        """End the stretch at the sample k."""
-        self.close(self._device.scene, float(self._times[k]) - self._offset, self._offset)
-
     def _end(self, k: int) -> None:
         """Let nothing be known from the sample k on."""
         if self._since is not None:
-            self._close(k)
+            self.close(self._device.scene, float(self._times[k]) - self._offset, self._offset)
         self._since = None
         self._device.take_events()
 

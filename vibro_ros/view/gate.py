@@ -14,7 +14,7 @@ import ipaddress
 import re
 import secrets
 import time
-from collections.abc import Callable, Collection
+from collections.abc import Collection
 from urllib.parse import urlsplit
 
 RATE = 20.0
@@ -85,31 +85,15 @@ def is_loopback(address: str) -> bool:
 
 
 class Allowance:
-    """The allowance of one connection.
+    """The allowance of one connection; `strikes` counts the messages that were refused lately."""
 
-    Parameters
-    ----------
-    now : callable
-        The clock [s].
-
-    Attributes
-    ----------
-    strikes : float
-        Messages that were refused lately, dimensionless.
-    """
-
-    def __init__(self, now: Callable[[], float] = time.monotonic):
+    def __init__(self):
         self.strikes = 0.0
-        self._now, self._last, self._tokens = now, now(), BURST
-
-    @property
-    def over(self) -> bool:
-        """Whether the connection is to end."""
-        return self.strikes > MOST_STRIKES
+        self._last, self._tokens = time.monotonic(), BURST
 
     def admits(self) -> bool:
         """Whether a message that has come now may be looked at."""
-        now = self._now()
+        now = time.monotonic()
         self._tokens = min(BURST, self._tokens + (now - self._last) * RATE)
         self._last = now
         if self._tokens < 1.0:
@@ -118,7 +102,3 @@ class Allowance:
         self._tokens -= 1.0
         self.strikes = max(0.0, self.strikes - 0.1)
         return True
-
-    def strike(self) -> None:
-        """Count a message that meant nothing."""
-        self.strikes += 1.0

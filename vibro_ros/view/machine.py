@@ -35,6 +35,10 @@ def machine(scene: Scene) -> dict[str, Any]:
     >>> [(guide["side"], guide["rod"]) for guide in robot["guides"]]
     [('upper', 0.06), ('inclined', 0.06)]
     """
+    knobs = [("motor_speed", 0.0, scene["motor.max_speed"], scene["motor.speed"])]
+    for side in scene.plates:
+        rod = scene[f"crank.{side}_rod"]  # the limit of `Scene.checked_gap`
+        knobs.append((f"{side}_gap", -rod, rod, scene[f"{side}.gap"]))
     return {
         "name": scene.name,
         "crank_radius": scene["crank.radius"],
@@ -42,8 +46,9 @@ def machine(scene: Scene) -> dict[str, Any]:
         "free_length": FREE_LENGTH, "mass_height": MASS_HEIGHT, "headroom": HEADROOM, "clearance": CLEARANCE,
         "guides": [{"side": side, "angle": scene.guide_angle(side), "rod": scene[f"crank.{side}_rod"],
                     "plate": side in scene.plates, "end": guide_end(scene, side)} for side in scene.guides],
-        "knobs": [_motor_knob(scene), *(_gap_knob(scene, side) for side in scene.plates)],
-        "quantities": {name: unit(name) for name in quantities(scene)},
+        "knobs": [{"name": name, "unit": COMMAND_UNITS[name], "from": low, "to": high, "value": value}
+                  for name, low, high, value in knobs],
+        "quantities": {name: _UNITS[name.rpartition("_")[2]] for name in quantities(scene)},
     }
 
 
@@ -59,19 +64,3 @@ def shown(scene: Scene) -> tuple[str, ...]:
     """Those of its `quantities` whose motion is shown: not the torque, power over speed, of which nothing but rounding
     is left where the crank hardly turns."""
     return tuple(name for name in quantities(scene) if name != "motor_torque")
-
-
-def unit(name: str) -> str:
-    """Unit of a field of `Samples`."""
-    return _UNITS[name.rpartition("_")[2]]
-
-
-def _motor_knob(scene: Scene) -> dict[str, Any]:
-    return {"name": "motor_speed", "unit": COMMAND_UNITS["motor_speed"], "from": 0.0, "to": scene["motor.max_speed"],
-            "value": scene["motor.speed"]}
-
-
-def _gap_knob(scene: Scene, side: str) -> dict[str, Any]:
-    rod = scene[f"crank.{side}_rod"]  # the limit of `Scene.checked_gap`
-    return {"name": f"{side}_gap", "unit": COMMAND_UNITS[f"{side}_gap"], "from": -rod, "to": rod,
-            "value": scene[f"{side}.gap"]}

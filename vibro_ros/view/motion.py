@@ -114,51 +114,6 @@ class MotionWriter:
         return header, borders.astype("<f8").tobytes() + coefficients.astype("<f8").tobytes() + degrees.tobytes()
 
 
-class Motion:
-    """Reads a document, as `page/motion.js` does in a browser.
-
-    Parameters
-    ----------
-    header, payload : dict, bytes
-        The document.
-
-    Attributes
-    ----------
-    borders : ndarray, shape (pieces, 2)
-        Begin and end [s] of each piece.
-    known : ndarray of bool, shape (pieces, quantities)
-        Where a quantity is known.
-    coefficients : ndarray, shape (pieces, quantities, n)
-        Of the Chebyshev polynomials (SI); 0 where nothing is known.
-    """
-
-    def __init__(self, header: Mapping[str, Any], payload: bytes):
-        self.header, self.quantities = header, tuple(header["quantities"])
-        pieces, count = header["pieces"], header["coefficients"]
-        self.borders = np.frombuffer(payload, "<f8", 2 * pieces).reshape(pieces, 2)
-        degrees = np.frombuffer(payload, np.uint8, pieces * len(self.quantities), 8 * (2 * pieces + count))
-        degrees = degrees.reshape(pieces, len(self.quantities))
-        self.known = degrees != UNKNOWN
-        ends = np.where(self.known, degrees.astype(int) + 1, 0)[:, :, None]
-        orders = np.arange(int(ends.max(initial=1)))
-        self.coefficients = np.zeros((*degrees.shape, len(orders)))
-        self.coefficients[orders < ends] = np.frombuffer(payload, "<f8", count, 16 * pieces)
-
-    def at(self, times: np.ndarray) -> dict[str, np.ndarray]:
-        """Every quantity at `times` [s], each of shape (n,); NaN where nothing is known."""
-        times = np.asarray(times, dtype=float)
-        if not len(self.borders):
-            return {name: np.full(len(times), np.nan) for name in self.quantities}
-        piece = np.clip(np.searchsorted(self.borders[:, 0], times, side="right") - 1, 0, len(self.borders) - 1)
-        begin, end = self.borders[piece].T
-        inside = (times >= begin) & (times <= end)
-        s = (times - begin) / (end - begin) * 2.0 - 1.0
-        return {name: np.where(
-            inside & self.known[piece, q],
-            np.polynomial.chebyshev.chebval(s, self.coefficients[piece, q].T, tensor=False), np.nan)
-            for q, name in enumerate(self.quantities)}
-
-
 class Impact(NamedTuple):
     """A contact: first and last instant [s], side, peak force [N]."""
 

@@ -12,7 +12,8 @@ import hashlib
 import json
 import re
 import zlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
+from html import escape
 from importlib import resources
 from typing import Any
 
@@ -45,13 +46,18 @@ def page_text(setting: Mapping[str, Any], motion: tuple[Mapping[str, Any], bytes
     ValueError
         When a number in the setting or the header is not finite, which JSON cannot say.
     """
-    data = "\n".join(_data(setting, motion))
+    elements = [f'<script id="setting" type="application/json">{_json(setting)}</script>']
+    if motion:
+        packed = base64.b64encode(zlib.compress(motion[1])).decode()
+        elements += [f'<script id="motion-header" type="application/json">{_json(motion[0])}</script>',
+                     f'<script id="motion-payload" type="text/plain">{packed}</script>']
+    data = "\n".join(elements)
     meta = ""
     if not nonce:
         nonce = hashlib.sha256(data.encode()).hexdigest()[:32]  # the same recording gives the same file
         meta = f'<meta http-equiv="Content-Security-Policy" content="{policy(nonce)}">'
     parts = {
-        "policy": meta, "title": _escaped(str(setting["title"])), "data": data,
+        "policy": meta, "title": escape(str(setting["title"])), "data": data,
         "style": f'<style nonce="{nonce}">\n{_file("style.css")}</style>',
         "modules": f'<script type="importmap" nonce="{nonce}">{import_map()}</script>\n'
                    f'<script type="module" nonce="{nonce}">import "vibro/main.js";</script>'}
@@ -64,18 +70,12 @@ def policy(nonce: str, connect: str = "'none'") -> str:
             f"connect-src {connect}; base-uri 'none'; form-action 'none'")
 
 
-def modules() -> dict[str, str]:
-    """Text of each module of the page by its file's name."""
-    return {file.name: file.read_text(encoding="utf-8") for file in sorted(FILES.iterdir(), key=lambda one: one.name)
-            if file.name.endswith(".js")}
-
-
 @functools.cache
 def import_map() -> str:
     """JSON that leads the name of each module to a `data:` URL."""
     urls = {}
-    for name, text in modules().items():
-        named = f"{text}//# sourceURL=vibro/{name}\n"  # for the browser's tools
+    for name in sorted(file.name for file in FILES.iterdir() if file.name.endswith(".js")):
+        named = f"{_file(name)}//# sourceURL=vibro/{name}\n"  # for the browser's tools
         urls[f"vibro/{name}"] = "data:text/javascript;base64," + base64.b64encode(named.encode()).decode()
     return json.dumps({"imports": urls})
 
@@ -85,19 +85,6 @@ def _file(name: str) -> str:
     return (FILES / name).read_text(encoding="utf-8")
 
 
-def _data(setting: Mapping[str, Any], motion: tuple[Mapping[str, Any], bytes] | None) -> Iterator[str]:
-    yield f'<script id="setting" type="application/json">{_json(setting)}</script>'
-    if motion:
-        header, payload = motion
-        yield f'<script id="motion-header" type="application/json">{_json(header)}</script>'
-        packed = base64.b64encode(zlib.compress(payload)).decode()
-        yield f'<script id="motion-payload" type="text/plain">{packed}</script>'
-
-
 def _json(data: Mapping[str, Any]) -> str:
     """JSON that ends no script element: all beyond ASCII is escaped, and so is what begins a tag."""
     return json.dumps(data, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")
-
-
-def _escaped(text: str) -> str:
-    return "".join(f"&#{ord(letter)};" if letter in "<>&\"'" else letter for letter in text)

@@ -67,8 +67,8 @@ class Assembly:
         self._device: Simulator | None = None
         self._places = [q for q, name in enumerate(names) if is_place(name)]
         rest = [one for one in rest if len(one[0])]
-        largest = np.max([np.zeros(len(names)), *map(self._largest, stretches),
-                          *(_bound(coefficients) for _, coefficients in rest)], axis=0)
+        bounds = [np.nan_to_num(np.abs(one[1]).sum(axis=2), posinf=np.inf).max(axis=0) for one in rest]
+        largest = np.max([np.zeros(len(names)), *map(self._largest, stretches), *bounds], axis=0)
         self._parts: list[tuple[float, Stretch | Interpolated]] = [
             *((one.span[0], one) for one in stretches), *((float(one[0][0, 0]), one) for one in rest)]
         self._parts.sort(key=lambda part: part[0])
@@ -83,27 +83,19 @@ class Assembly:
                 self.end = begin
                 return
             if isinstance(part, Stretch):
-                borders, coefficients, resolved = self._pieces(part)
+                borders = self._borders(part)
+                a_second = MOST_A_SECOND if part.scene["solver.method"] == "exact" else MOST_OF_STEPS
+                most = len(borders) + int(a_second * (part.end - part.begin))
+                allowed = 0.5 * self.writer.precision
+                borders, coefficients, resolved = fitted(self._sampler(part), borders, allowed, most)
                 if resolved[self._places].all():
                     self.exact.append(part)
-                part = borders, coefficients
+                part = borders + part.offset, coefficients
             self.writer.add(*part)
 
-    def _pieces(self, stretch: Stretch) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Borders [s] by robot time, and coefficients, of a stretch, and which quantities they resolve: see `fitted`.
-        """
-        borders = self._borders(stretch)
-        a_second = MOST_A_SECOND if stretch.scene["solver.method"] == "exact" else MOST_OF_STEPS
-        most = len(borders) + a_second * (stretch.end - stretch.begin)
-        borders, coefficients, resolved = fitted(self._sampler(stretch), borders, 0.5 * self.writer.precision,
-                                                 int(most))
-        return borders + stretch.offset, coefficients, resolved
-
     def _borders(self, stretch: Stretch) -> np.ndarray:
-        first, last = np.searchsorted(self._instants, stretch.span)
-        commands = [time for time, _ in stretch.commands]
-        return cut(stretch.begin, stretch.end,
-                   np.concatenate([self._instants[first:last] - stretch.offset, commands]))
+        events = self._instants[slice(*np.searchsorted(self._instants, stretch.span))] - stretch.offset
+        return cut(stretch.begin, stretch.end, np.concatenate([events, [time for time, _ in stretch.commands]]))
 
     def _largest(self, stretch: Stretch) -> np.ndarray:
         """Largest magnitude of each quantity in a stretch, by samples within the pieces, shape (quantities,)."""
@@ -165,9 +157,14 @@ def fitted(sample: Sampler, borders: np.ndarray, allowed: np.ndarray,
     while len(borders):
         values = sample(_instants(borders, _PLACES).ravel())
         coefficients = np.einsum("kn,pnq->pqk", _TRANSFORM, values.reshape(len(borders), NODES, -1), optimize=True)
-        tails = _tails(borders, coefficients, allowed)
+        # Instants are rounded, the more the later they are; a quantity's change in that time is no sign of anything.
+        rounding = np.spacing(borders[:, 1]) / (borders[:, 1] - borders[:, 0])
+        noise = 8.0 * rounding[:, None] * np.abs(coefficients[:, :, 1:]).max(axis=2)
+        tails = np.abs(coefficients[:, :, -_TAIL:]).max(axis=2) / np.maximum(allowed, noise)  # at most 1: neglected
         worst = tails.max(axis=1, initial=0.0)
-        in_vain = np.where(_helped(worst, before), 0, in_vain + 1)
+        if len(before):  # a half shrinks unless the tails are rounding, or the steps of a method
+            helped = worst.reshape(-1, 2).min(axis=1) <= np.maximum(1.0, _HELPED * before)
+            in_vain = np.where(np.repeat(helped, 2), 0, in_vain + 1)
         is_last = (borders[:, 1] - borders[:, 0] <= SHORTEST) | (in_vain >= _HOPELESS)
         halved = (worst > 1.0) & ~is_last
         total += np.count_nonzero(halved)
@@ -175,7 +172,9 @@ def fitted(sample: Sampler, borders: np.ndarray, allowed: np.ndarray,
             is_last, halved = is_last | halved, np.full(len(halved), False)
         resolved &= (tails[is_last & (borders[:, 1] - borders[:, 0] > SHORTEST)] <= 1.0).all(axis=0)
         done.append((borders[~halved], coefficients[~halved]))
-        borders, before, in_vain = _halves(borders[halved]), worst[halved], np.repeat(in_vain[halved], 2)
+        (begin, end), middle = borders[halved].T, borders[halved].mean(axis=1)
+        borders = np.column_stack([begin, middle, middle, end]).reshape(-1, 2)
+        before, in_vain = worst[halved], np.repeat(in_vain[halved], 2)
     found, polynomials = (np.concatenate(parts) for parts in zip(*done, strict=True))
     order = np.argsort(found[:, 0], kind="stable")
     return found[order], polynomials[order], resolved
@@ -206,32 +205,3 @@ def _instants(borders: np.ndarray, places: np.ndarray) -> np.ndarray:
     middle, half = borders.mean(axis=1), 0.5 * (borders[:, 1] - borders[:, 0])
     inside = middle[:, None] + half[:, None] * places
     return np.clip(inside, borders[:, :1], borders[:, 1:])  # rounding leads out of no piece
-
-
-def _tails(borders: np.ndarray, coefficients: np.ndarray, allowed: np.ndarray) -> np.ndarray:
-    """The last coefficients over what is allowed of them, shape (p, quantities): at most 1 where they do not count.
-
-    Instants are rounded, the more the later they are; what a quantity changes by in that time is no sign of anything.
-    """
-    rounding = np.spacing(borders[:, 1]) / (borders[:, 1] - borders[:, 0])
-    noise = 8.0 * rounding[:, None] * np.abs(coefficients[:, :, 1:]).max(axis=2)
-    return np.abs(coefficients[:, :, -_TAIL:]).max(axis=2) / np.maximum(allowed, noise)
-
-
-def _helped(worst: np.ndarray, before: np.ndarray) -> np.ndarray:
-    """Whether halving has made the tails of one half shrink, shape (p,); if not, they are rounding, or the steps of a
-    method. `before` are the `worst` tails of the whole, shape (p / 2,)."""
-    if not len(before):
-        return np.full(len(worst), True)
-    return np.repeat(worst.reshape(-1, 2).min(axis=1) <= np.maximum(1.0, _HELPED * before), 2)
-
-
-def _halves(borders: np.ndarray) -> np.ndarray:
-    middle = borders.mean(axis=1)
-    return np.column_stack([borders[:, 0], middle, middle, borders[:, 1]]).reshape(-1, 2)
-
-
-def _bound(coefficients: np.ndarray) -> np.ndarray:
-    """Bound of the magnitude of every quantity, from its coefficients of shape (p, quantities, n); 0 if unknown."""
-    bounds = np.abs(coefficients).sum(axis=2)
-    return np.where(np.isnan(bounds), 0.0, bounds).max(axis=0, initial=0.0)

@@ -11,7 +11,7 @@ import math
 import struct
 from collections import deque
 from dataclasses import dataclass
-from typing import Any, NamedTuple, NoReturn
+from typing import Any
 
 from vibro_ros.messages.topics import COMMAND_UNITS
 from vibro_ros.process.untrusted import one_line
@@ -85,7 +85,7 @@ def read_request(text: str | bytes) -> Request:
     if isinstance(text, bytes):
         raise RefusedError("bytes are no request; send text")
     try:
-        asked = json.loads(text, parse_constant=_refuse_constant)
+        asked = json.loads(text)
     except (ValueError, RecursionError):
         raise RefusedError("no JSON; send an object such as {\"id\": 1, \"call\": \"reset\"}") from None
     if not isinstance(asked, dict):
@@ -93,30 +93,26 @@ def read_request(text: str | bytes) -> Request:
     id = asked.pop("id", None)
     if type(id) is not int or not 0 <= id < _MOST_IDS:
         raise RefusedError(f"id: give an integer from 0 to {_MOST_IDS - 1}, which the answer repeats")
+    names = set(asked)
     try:
-        return _read(id, asked)
+        if names == {"command", "value"}:
+            return Command(id, _one_of(asked, "command", tuple(COMMAND_UNITS)), _number(asked, "value"))
+        if names == {"call"}:
+            return Call(id, _one_of(asked, "call", PLAIN_CALLS))
+        if names == {"call", "on"}:
+            name = _one_of(asked, "call", SWITCHES)
+            if type(asked["on"]) is not bool:
+                raise ValueError(f"on: {_shown(asked['on'])} is not true or false; give one of them")
+            return Call(id, name, asked["on"])
+        if names == {"slow_motion"}:
+            seconds = _number(asked, "slow_motion")
+            if not 0.0 < seconds <= MOST_SECONDS:
+                raise ValueError(f"slow_motion: {seconds:g} s is out of range; give above 0 to {MOST_SECONDS:g} s")
+            return SlowMotion(id, seconds)
+        raise ValueError(f"{_shown(sorted(names))} is no request; send command and value, call, call and on, or "
+                         "slow_motion")
     except ValueError as error:
         raise RefusedError(str(error), id) from None
-
-
-def _read(id: int, asked: dict[str, Any]) -> Request:
-    names = set(asked)
-    if names == {"command", "value"}:
-        return Command(id, _one_of(asked, "command", tuple(COMMAND_UNITS)), _number(asked, "value"))
-    if names == {"call"}:
-        return Call(id, _one_of(asked, "call", PLAIN_CALLS))
-    if names == {"call", "on"}:
-        name = _one_of(asked, "call", SWITCHES)
-        if type(asked["on"]) is not bool:
-            raise ValueError(f"on: {_shown(asked['on'])} is not true or false; give one of them")
-        return Call(id, name, asked["on"])
-    if names == {"slow_motion"}:
-        seconds = _number(asked, "slow_motion")
-        if not 0.0 < seconds <= MOST_SECONDS:
-            raise ValueError(f"slow_motion: {seconds:g} s is out of range; give above 0 to {MOST_SECONDS:g} s")
-        return SlowMotion(id, seconds)
-    raise ValueError(f"{_shown(sorted(names))} is no request; send command and value, call, call and on, or "
-                     "slow_motion")
 
 
 def _one_of(asked: dict[str, Any], name: str, choices: tuple[str, ...]) -> str:
@@ -136,10 +132,6 @@ def _number(asked: dict[str, Any], name: str) -> float:
     return number
 
 
-def _refuse_constant(name: str) -> NoReturn:
-    raise ValueError(name)
-
-
 def _shown(value: object) -> str:
     return one_line(repr(value), 60)
 
@@ -155,19 +147,9 @@ def text_frame(kind: str, **fields: object) -> str:
     return json.dumps({"kind": kind, **fields}, allow_nan=False, separators=(",", ":"))
 
 
-def sample_frame(data: bytes) -> bytes:
-    """A frame of rows."""
-    return _HEAD.pack(SAMPLES, len(data) // (8 * len(COLUMNS))) + data
-
-
 def motion_frame(id: int, payload: bytes) -> bytes:
     """The frame of a motion's payload, for the request `id`."""
     return _HEAD.pack(MOTION, id) + payload
-
-
-class _Item(NamedTuple):
-    kind: str
-    data: str | bytes
 
 
 class Outbox:
@@ -177,7 +159,7 @@ class Outbox:
     """
 
     def __init__(self):
-        self._line: deque[_Item] = deque()
+        self._line: deque[tuple[str, str | bytes]] = deque()  # kind and data
         self._bytes = 0
 
     def __len__(self) -> int:
@@ -185,7 +167,7 @@ class Outbox:
 
     def add_samples(self, rows: bytes) -> None:
         """Rows of samples, without a frame's head."""
-        self._line.append(_Item("samples", rows))
+        self._line.append(("samples", rows))
         self._bytes += len(rows)
         if self._bytes > MOST_BYTES:
             self._drop_oldest("samples")
@@ -193,18 +175,18 @@ class Outbox:
     def add_text(self, kind: str, text: str) -> None:
         """A text; one of a kind that says how things stand replaces the one that waits, and what it makes void."""
         if kind in ("robot", "absent"):  # what waits is of the time before
-            self._line = deque(one for one in self._line if one.kind not in ("robot", "absent", "samples", "impacts"))
+            self._line = deque(one for one in self._line if one[0] not in ("robot", "absent", "samples", "impacts"))
             self._bytes = 0
         elif kind == "status":
-            self._line = deque(one for one in self._line if one.kind != kind)
-        self._line.append(_Item(kind, text))
-        if len(self._line) > MOST_TEXTS and sum(type(one.data) is str for one in self._line) > MOST_TEXTS:
+            self._line = deque(one for one in self._line if one[0] != kind)
+        self._line.append((kind, text))
+        if len(self._line) > MOST_TEXTS and sum(type(data) is str for _, data in self._line) > MOST_TEXTS:
             self._drop_oldest("impacts", "log", "answer", "status")
 
     def add_motion(self, text: str, payload: bytes) -> None:
         """A motion: its header's text and its payload's frame; one that waits is dropped."""
-        self._line = deque(one for one in self._line if one.kind != "motion")
-        self._line += [_Item("motion", text), _Item("motion", payload)]
+        self._line = deque(one for one in self._line if one[0] != "motion")
+        self._line += [("motion", text), ("motion", payload)]
 
     def take(self) -> str | bytes:
         """The next frame; rows that follow one another make one frame."""
@@ -212,16 +194,16 @@ class Outbox:
         if isinstance(data, str) or kind != "samples":
             return data
         self._bytes -= len(data)
-        while len(data) < AT_ONCE and self._line and self._line[0].kind == "samples":
-            more = self._line.popleft().data
+        while len(data) < AT_ONCE and self._line and self._line[0][0] == "samples":
+            _, more = self._line.popleft()
             assert isinstance(more, bytes)
             self._bytes -= len(more)
             data += more
-        return sample_frame(data)
+        return _HEAD.pack(SAMPLES, len(data) // (8 * len(COLUMNS))) + data
 
     def _drop_oldest(self, *kinds: str) -> None:
         for item in self._line:
-            if item.kind in kinds:
+            if item[0] in kinds:
                 self._line.remove(item)
-                self._bytes -= len(item.data) if item.kind == "samples" else 0
+                self._bytes -= len(item[1]) if item[0] == "samples" else 0
                 return

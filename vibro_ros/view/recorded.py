@@ -1,6 +1,6 @@
 """A recording's samples, impacts and inputs; and the motion interpolated between samples, where it is not exact."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -99,15 +99,12 @@ class Recorded:
             if topic in inputs:
                 self.inputs.append(Input(stamp, inputs[topic], bytes(data)))
             else:
-                self._append(series[topic], topic, read[topic], stamp, data)
+                try:
+                    series[topic].append(stamp, data)
+                except ValueError as error:
+                    self._stream.unreadable.add(topic, read[topic], stamp, error)
             read[topic] += 1
         self.arrays |= {name: series[topic].arrays() for topic, name in names.items() if read[topic]}
-
-    def _append(self, series: Series, topic: str, index: int, stamp: int, data: bytes) -> None:
-        try:
-            series.append(stamp, data)
-        except ValueError as error:
-            self._stream.unreadable.add(topic, index, stamp, error)
 
     def read_forces(self) -> None:
         """Read the other topics as well, which only an interpolated motion needs."""
@@ -116,10 +113,17 @@ class Recorded:
     def tracks(self, times_of: Callable[[Arrays], np.ndarray]) -> dict[str, Track]:
         """Every recorded quantity; `times_of` gives the instants [s] of a topic's samples."""
         found: dict[str, Track] = {}
-        for topic, columns in self._columns():
+        columns_of: dict[str, Columns] = {topic: columns for topic, columns in _BODY.items() if topic in self.arrays}
+        if joints := self.arrays.get("joint_states"):
+            columns_of["joint_states"] = {
+                quantity: (f"{joint}.{part}", None, 1.0) for joint, quantities in JOINTS.items()
+                for quantity, part in zip(quantities, ("position", "velocity", "effort"), strict=True)
+                if f"{joint}.{part}" in joints}
+        for topic, columns in columns_of.items():
             arrays = self.arrays[topic]
             times, first = np.unique(times_of(arrays), return_index=True)
-            values = {name: _column(arrays, *column)[first] for name, column in columns.items()}
+            values = {name: sign * (arrays[column] if part is None else arrays[column][:, part])[first]
+                      for name, (column, part, sign) in columns.items()}
             for name, of_name in values.items():
                 finite = np.isfinite(of_name)
                 rates = values.get(RATES.get(name, ""))
@@ -127,16 +131,6 @@ class Recorded:
                     finite &= np.isfinite(rates)
                 found[name] = Track(times[finite], of_name[finite], None if rates is None else rates[finite])
         return found
-
-    def _columns(self) -> Iterator[tuple[str, Columns]]:
-        """Topics that were read, and where their quantities stand in the arrays."""
-        yield from ((topic, columns) for topic, columns in _BODY.items() if topic in self.arrays)
-        if "joint_states" in self.arrays:
-            arrays = self.arrays["joint_states"]
-            yield "joint_states", {
-                quantity: (f"{joint}.{part}", None, 1.0) for joint, quantities in JOINTS.items()
-                for quantity, part in zip(quantities, ("position", "velocity", "effort"), strict=True)
-                if f"{joint}.{part}" in arrays}
 
     def impacts(self) -> list[tuple[float, str, float]]:
         """Stamp [s] after the bag's first message, side and peak force [N] of each recorded impact."""
@@ -152,11 +146,6 @@ class Recorded:
 RATES = {"body_position": "body_velocity", "body_height": "body_vertical_velocity",
           **{position: velocity for position, velocity, _ in JOINTS.values()}}
 """The rate of a quantity."""
-
-
-def _column(arrays: Arrays, name: str, part: int | None, sign: float) -> np.ndarray:
-    column = arrays[name]
-    return sign * (column if part is None else column[:, part])
 
 
 def interpolated(tracks: Mapping[str, Track], names: Sequence[str], span: Span,
@@ -189,12 +178,8 @@ def interpolated(tracks: Mapping[str, Track], names: Sequence[str], span: Span,
     borders = borders[np.diff(borders)[:, 0] > NEAR]
     if not names:
         return borders, np.empty((len(borders), 0, DEGREE + 1))
-    wanted = [tracks.get(name) for name in names]
-
-    def values(instants: np.ndarray) -> np.ndarray:
-        return np.stack([_at(track, instants) for track in wanted], axis=2)
-
-    return borders, polynomials_through(borders, values, DEGREE + 1)
+    return borders, polynomials_through(
+        borders, lambda instants: np.stack([_at(tracks.get(name), instants) for name in names], axis=2), DEGREE + 1)
 
 
 def lowered(crank: Track) -> list[float]:

@@ -76,7 +76,12 @@ class Resimulation(ExactRun):
     def _go_to(self, tick: int, progress: Progress) -> None:
         """Go on to a sample, as long as what is computed is what was recorded."""
         while self._is_known and self._rerun.tick < tick:
-            self._doubt_pause()
+            if self._reached < len(self._ticks):  # a spoilt stamp would ask for years of simulation
+                before = int(self._ticks[self._reached - 1]) if self._reached else 0
+                pause = int(self._ticks[self._reached]) - before
+                if pause > LONGEST_PAUSE * self._facts.rate:
+                    self._lose(self._rerun.tick, f"nothing was recorded for {pause / self._facts.rate:.3g} s")
+                    break
             step = min(tick, max(self._rerun.tick, 0) + max(1, round(LONGEST * self._facts.rate)))
             try:
                 self._step(step)
@@ -89,18 +94,8 @@ class Resimulation(ExactRun):
         self._rerun.tick = max(tick, self._rerun.tick)
         self._reached = int(np.searchsorted(self._ticks, tick, side="right"))
 
-    def _doubt_pause(self) -> None:
-        """Simulate no long time of which nothing was recorded: a spoilt stamp would ask for years."""
-        if self._reached < len(self._ticks):
-            before = int(self._ticks[self._reached - 1]) if self._reached else 0
-            pause = int(self._ticks[self._reached]) - before
-            if pause > LONGEST_PAUSE * self._facts.rate:
-                self._lose(self._rerun.tick, f"nothing was recorded for {pause / self._facts.rate:.3g} s")
-
     def _step(self, tick: int) -> None:
         """Simulate to a sample and compare what was recorded on the way."""
-        if not self._is_known:
-            return
         device, first = self._rerun.device, self._reached
         self._reached = int(np.searchsorted(self._ticks, tick, side="right"))
         ticks, recorded = self._ticks[first:self._reached], self._recorded[first:self._reached]
@@ -127,7 +122,6 @@ class Resimulation(ExactRun):
         return self._rerun.origin / self._facts.rate
 
     def _close(self, tick: int) -> None:
-        """End the stretch at a sample."""
         self.close(self.scene, self._own_time(tick), self._offset)
 
     def _lose(self, good: int, fault: str) -> None:

@@ -7,13 +7,13 @@ nothing. Nothing that a page or a stranger sends ends the server.
 """
 
 import asyncio
-import json
 import logging
 import secrets
 import threading
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from errno import EADDRINUSE
+from itertools import count
 from socket import SO_SNDBUF, SOL_SOCKET, socket
 from typing import Any
 
@@ -24,7 +24,7 @@ from tornado.web import Application, Finish, RequestHandler
 from tornado.websocket import WebSocketClosedError, WebSocketHandler
 
 from vibro_ros.process.front_door import say
-from vibro_ros.view.gate import RATE, Allowance, Gate
+from vibro_ros.view.gate import MOST_STRIKES, RATE, Allowance, Gate
 from vibro_ros.view.motion import Document
 from vibro_ros.view.page import policy
 from vibro_ros.view.protocol import LONGEST, Outbox, RefusedError, Request, motion_frame, read_request, text_frame
@@ -68,16 +68,18 @@ class Server:
     ----------
     error : Exception or None
         What ended the thread before it was asked to.
+    pages, numbers : dict, iterator
+        Open pages by their numbers, and the numbers of the next ones; for the server's thread.
     """
 
     def __init__(self, sockets: Sequence[socket], gate: Gate, page: Callable[[str], str],
                  asked: Callable[[int, Request], object], greeting: Callable[[], Sequence[tuple[str, str]]]):
         self.error: Exception | None = None
         self.gate, self.page, self.asked, self.greeting = gate, page, asked, greeting
-        self._sockets, self._pages = sockets, dict[int, "Live"]()
+        self._sockets, self.pages = sockets, dict[int, "_Live"]()
         self._loop: asyncio.AbstractEventLoop | None = None
         self._stop = asyncio.Event()
-        self._ready, self._count = threading.Event(), 0
+        self._ready, self.numbers = threading.Event(), count(1)
         self._thread = threading.Thread(target=self._run, name="server")
 
     def __enter__(self) -> "Server":
@@ -90,19 +92,14 @@ class Server:
         self._post(self._stop.set)
         self._thread.join()
 
-    @property
-    def pages(self) -> int:
-        """Number of pages that are open."""
-        return len(self._pages)
-
     def send(self, kind: str, text: str) -> None:
         """Send a text to all pages; for any thread, like all that follow."""
-        if self._pages:
+        if self.pages:
             self._post(self._to_all, Outbox.add_text, kind, text)
 
     def send_samples(self, rows: bytes) -> None:
         """Send rows of samples, `protocol.COLUMNS` as float64, to all pages."""
-        if self._pages:
+        if self.pages:
             self._post(self._to_all, Outbox.add_samples, rows)
 
     def answer(self, page: int, id: int | None, done: bool, words: str) -> None:
@@ -114,25 +111,13 @@ class Server:
         text = text_frame("motion", id=id, header=motion[0])
         self._post(self._to, page, Outbox.add_motion, text, motion_frame(id, motion[1]))
 
-    def admit(self, page: "Live") -> int | None:
-        """The number of a page that has just opened; None where there are too many. For the server's thread."""
-        if len(self._pages) >= MOST_PAGES:
-            return None
-        self._count += 1
-        self._pages[self._count] = page
-        return self._count
-
-    def forget(self, number: int) -> None:
-        """Take note that a page has gone. For the server's thread."""
-        self._pages.pop(number, None)
-
     def _to_all(self, add: Callable[..., None], *what: object) -> None:
-        for page in self._pages:
-            self._to(page, add, *what)
+        for page in self.pages.values():
+            page.put(add, *what)
 
     def _to(self, page: int, add: Callable[..., None], *what: object) -> None:
-        if page in self._pages:
-            self._pages[page].put(add, *what)
+        if page in self.pages:
+            self.pages[page].put(add, *what)
 
     def _post(self, call: Callable[..., object], *arguments: object) -> None:
         """Have the server's thread make a call; nothing once it has ended."""
@@ -152,23 +137,21 @@ class Server:
 
     async def _serve(self) -> None:
         self._loop = asyncio.get_running_loop()
-        self._loop.set_exception_handler(
-            lambda loop, context: _say_fault(context.get("exception"), context.get("message", "")))
         application = Application(
-            [("/", Page, {"server": self}), ("/live", Live, {"server": self})], default_handler_class=Nothing,
+            [("/", _Page, {"server": self}), ("/live", _Live, {"server": self})], default_handler_class=_Nothing,
             default_handler_args={"server": self}, log_function=lambda handler: None, websocket_ping_interval=PINGS,
             websocket_ping_timeout=PINGS, websocket_max_message_size=LONGEST)
         http = _Http(application, max_header_size=16_384, max_body_size=LONGEST, idle_connection_timeout=IDLE,
                      body_timeout=IDLE)
-        http.of_pages = lambda: [page.ws_connection.stream for page in self._pages.values() if page.ws_connection]
+        http.of_pages = lambda: [page.ws_connection.stream for page in self.pages.values() if page.ws_connection]
         http.add_sockets(self._sockets)
         self._ready.set()
         await self._stop.wait()
         http.stop()
-        for page in list(self._pages.values()):
+        for page in list(self.pages.values()):
             page.close(1001, "the view has ended")
         deadline = self._loop.time() + FAREWELL
-        while self._pages and self._loop.time() < deadline:
+        while self.pages and self._loop.time() < deadline:
             await asyncio.sleep(0.01)
         http.close_streams()
 
@@ -200,8 +183,7 @@ class _Visitor(RequestHandler):
         self._server = server
         self._stream: Any = self.request.connection.stream  # type: ignore[union-attr]
 
-    def set_default_headers(self) -> None:
-        """Say nothing of the server, and let browsers keep, guess, frame and pass on nothing."""
+    def set_default_headers(self) -> None:  # browsers keep, guess, frame and pass on nothing
         self.clear_header("Server")
         for name, value in {"Cache-Control": "no-store", "X-Content-Type-Options": "nosniff", "X-Frame-Options": "DENY",
                             "Referrer-Policy": "no-referrer", "Cross-Origin-Resource-Policy": "same-origin",
@@ -210,21 +192,15 @@ class _Visitor(RequestHandler):
             self.set_header(name, value)
 
     def prepare(self) -> None:
-        """Refuse a host that is not this machine."""
         if not self._server.gate.knows_host(self._header("Host")):
             self._refuse(403, _HOST)
 
-    def compute_etag(self) -> None:
-        """Nothing: what is not kept needs no mark by which it is known again."""
-
     def check_token(self) -> None:
-        """Refuse who does not know the token."""
         given = self.get_query_arguments("token")
         if len(given) != 1 or not self._server.gate.knows_token(given[0]):
             self._refuse(403, _TOKEN)
 
     def write_error(self, status_code: int, **_: Any) -> None:
-        """One line, which tells nothing of the machine."""
         self._tell(status_code, self._reason)
 
     def _header(self, name: str) -> str:
@@ -242,50 +218,46 @@ class _Visitor(RequestHandler):
         self.finish(f"{words}\n")
 
 
-class Nothing(_Visitor):
+class _Nothing(_Visitor):
     """Every other path."""
 
     def prepare(self) -> None:
-        """Refuse."""
         super().prepare()
         self._refuse(404, "nothing is here")
 
 
-class Page(_Visitor):
-    """The page."""
+class _Page(_Visitor):
+    """The page: only its own scripts, known by a nonce, can run in it, and it can talk to nobody else."""
 
     def get(self) -> None:
-        """Send it; nothing but its own scripts, known by a nonce, can run in it, and it can talk to nobody else."""
         self.check_token()
         nonce = secrets.token_urlsafe(16)
-        host = self._header("Host")
-        rules = policy(nonce, connect=f"ws://{host} wss://{host}")
+        rules = policy(nonce, connect="ws://{0} wss://{0}".format(self._header("Host")))
         self.set_header("Content-Security-Policy", f"{rules}; frame-ancestors 'none'")
         self.set_header("Content-Type", "text/html; charset=utf-8")
         self.finish(self._server.page(nonce))
 
 
-class Live(_Visitor, WebSocketHandler):
+class _Live(_Visitor, WebSocketHandler):
     """The web socket of one open page."""
 
     def prepare(self) -> None:
-        """Refuse other hosts, other origins, and who does not know the token."""
         super().prepare()
         if not self._server.gate.knows_origin(self._header("Origin"), self._header("Host")):
             self._refuse(403, _ORIGIN)
         self.check_token()
 
     def check_origin(self, origin: str) -> bool:
-        """True: `prepare` has checked it, also where there is none."""
-        return True
+        return True  # `prepare` has checked it
 
     def open(self, *_: str, **__: str) -> None:
-        """Greet the page, unless there are too many."""
         self._outbox, self._news, self._allowance = Outbox(), asyncio.Event(), Allowance()
-        self._number = self._server.admit(self)
-        if self._number is None:
+        self._number: int | None = None
+        if len(self._server.pages) >= MOST_PAGES:
             self.close(1013, "too many pages are open already; close one")
             return
+        self._number = next(self._server.numbers)
+        self._server.pages[self._number] = self
         self.set_nodelay(True)
         self._stream.socket.setsockopt(SOL_SOCKET, SO_SNDBUF, SOCKET_BUFFER)
         for kind, text in self._server.greeting():
@@ -298,38 +270,34 @@ class Live(_Visitor, WebSocketHandler):
         self._news.set()
 
     def on_message(self, message: str | bytes) -> None:
-        """Take what the page asks, unless it asks too much."""
         if self._number is None:
             return
-        if not self._allowance.admits():
-            self._answer(_id_in(message), f"more than {RATE:g} requests a second; ask again later")
-        else:
-            try:
-                self._server.asked(self._number, read_request(message))
-            except RefusedError as error:
-                self._allowance.strike()
-                self._answer(error.id, str(error))
+        is_admitted = self._allowance.admits()
+        try:
+            request = read_request(message)
+            if not is_admitted:
+                raise RefusedError(f"more than {RATE:g} requests a second; ask again later", request.id)
+            self._server.asked(self._number, request)
+        except RefusedError as error:
+            if is_admitted:
+                self._allowance.strikes += 1.0
+            self.put(Outbox.add_text, "answer", text_frame("answer", id=error.id, done=False, words=str(error)))
         self._watch()
 
     def on_ping(self, data: bytes) -> None:
-        """Count it: each makes an answer that a page which does not read lets lie."""
         if self._number is not None:
-            self._allowance.admits()
+            self._allowance.admits()  # each makes an answer that waits while the page does not read
             self._watch()
 
     def on_close(self) -> None:
-        """Forget the page."""
         number, self._number = getattr(self, "_number", None), None
         if number is not None:
-            self._server.forget(number)
+            self._server.pages.pop(number, None)
             self._sender.cancel()
             self._outbox = Outbox()  # what waited may be megabytes, and Python may find that this object is gone late
 
-    def _answer(self, id: int | None, words: str) -> None:
-        self.put(Outbox.add_text, "answer", text_frame("answer", id=id, done=False, words=words))
-
     def _watch(self) -> None:
-        if self._allowance.over:
+        if self._allowance.strikes > MOST_STRIKES:
             self.close(1008, "too many requests that are none")
 
     async def _send(self) -> None:
@@ -342,15 +310,6 @@ class Live(_Visitor, WebSocketHandler):
                     frame = self._outbox.take()
                     await self.write_message(frame, binary=isinstance(frame, bytes))
         self.close()
-
-
-def _id_in(message: str | bytes) -> int | None:
-    """The id of a request that is not looked at further."""
-    with suppress(ValueError, RecursionError):
-        asked = json.loads(message)
-        if isinstance(asked, dict) and type(asked.get("id")) is int:
-            return asked["id"]
-    return None
 
 
 class _Http(HTTPServer):
@@ -368,44 +327,34 @@ class _Http(HTTPServer):
         self.of_pages: Callable[[], Sequence[Any]] = list
 
     def handle_stream(self, stream: Any, address: Any) -> None:
-        """As in `HTTPServer`."""
         self._open = [one for one in self._open if not one.closed()]
         if len(self._open) >= MOST_CONNECTIONS:
-            self._end_oldest()
+            of_pages = self.of_pages()  # fewer than connections; the oldest of the others most likely says nothing
+            silent = next(one for one in self._open if one not in of_pages)
+            self._open.remove(silent)
+            silent.close()
         self._open.append(stream)
         stream.max_write_buffer_size = MOST_UNSENT
         super().handle_stream(stream, address)
 
-    def _end_oldest(self) -> None:
-        """Close the oldest connection that is no open page: most likely one that says nothing."""
-        kept = self.of_pages()
-        silent = next(one for one in self._open if one not in kept)  # there are fewer pages than connections
-        self._open.remove(silent)
-        silent.close()
-
     def close_streams(self) -> None:
-        """Close every connection at once."""
         for stream in self._open:
             stream.close()
 
 
 def _quiet_tornado() -> None:
-    """Let Tornado say nothing by itself: what strangers send is no news, and a fault of ours is one line."""
-    for name in ("tornado.access", "tornado.general", "asyncio"):
-        logging.getLogger(name).addHandler(logging.NullHandler())
-        logging.getLogger(name).propagate = False
-    faults = logging.getLogger("tornado.application")
-    faults.handlers, faults.propagate = [_Faults()], False
+    """Let Tornado say nothing by itself: a bad request of a visitor is no news, and a fault of ours is one line."""
+    for name in ("tornado.access", "tornado.general", "tornado.application", "asyncio"):
+        logger = logging.getLogger(name)
+        logger.handlers, logger.propagate = [logging.NullHandler()], False
+        if name in ("tornado.application", "asyncio"):
+            logger.handlers = [_Faults(logging.ERROR)]
 
 
 class _Faults(logging.Handler):
-    """Says errors that Tornado has caught, in one line each."""
+    """Says errors that Tornado or asyncio has caught, in one line each."""
 
     def emit(self, record: logging.LogRecord) -> None:
-        """As in `Handler`."""
-        _say_fault(record.exc_info[1] if record.exc_info else None, record.getMessage())
-
-
-def _say_fault(error: object, message: str) -> None:
-    fault = f"{type(error).__name__}: {error}" if error else message
-    say("view", f"the server failed with {fault}; please report it. It goes on")
+        error = record.exc_info[1] if record.exc_info else None
+        fault = f"{type(error).__name__}: {error}" if error else record.getMessage()
+        say("view", f"the server failed with {fault}; please report it. It goes on")

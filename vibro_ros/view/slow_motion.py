@@ -7,7 +7,7 @@ started on this machine has compiled the same ones, and one compilation is enoug
 
 import threading
 from collections import deque
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from queue import Full, Queue
 
 import numpy as np
@@ -22,7 +22,7 @@ from vibro_ros.view.motion import Document, impacts_as_json
 from vibro_ros.view.pieces import Assembly
 from vibro_ros.view.protocol import COLUMNS, MOST_SECONDS
 from vibro_ros.view.recorded import RATES, Track, interpolated
-from vibro_ros.view.stretch import Span, Stretch, quiet_device, spans
+from vibro_ros.view.stretch import quiet_device, spans
 
 MOST_WAITING = 8
 """Motions that wait for those before them: one for each page."""
@@ -109,6 +109,7 @@ class History:
         return dict(zip(COLUMNS, np.ascontiguousarray(rows.T), strict=True))
 
 
+@np.errstate(over="ignore", invalid="ignore")  # anybody may publish any number
 def motion_between(scene: Scene, samples: Mapping[str, np.ndarray]) -> Document:
     """The motion of a robot from the first of some samples to the last, from these samples alone.
 
@@ -125,42 +126,31 @@ def motion_between(scene: Scene, samples: Mapping[str, np.ndarray]) -> Document:
     header, payload : dict, bytes
         The document, see `motion`. ``why`` names the first reason why not all is exact.
     """
-    samples, names = _finite(samples), shown(scene)
-    times = regular(samples["time"])
+    columns = {name: np.asarray(column, dtype=float) for name, column in samples.items()}
+    columns = {name: column for name, column in columns.items() if name == "time" or np.isfinite(column).any()}
+    stamps = columns.pop("time")
+    order = np.flatnonzero(np.logical_and.reduce(  # every sample has the whole state
+        [np.isfinite(column) for column in (stamps, *(columns[name] for name in UNITS if name in columns))]))
+    order = order[np.unique(stamps[order], return_index=True)[1]]
+    samples, names = {name: column[order] for name, column in columns.items()}, shown(scene)
+    times = regular(stamps[order])
     followed = Following(quiet_device(scene), samples, times)
     missing = [name for name in state_of(scene) if name not in samples]
     if not missing:
         followed.follow()
-    tracks = {name: Track(times, values, samples.get(RATES.get(name, ""))) for name, values in samples.items()
-              if name != "time"}
-    rest = [interpolated(tracks, names, span, followed.resets) for span in _not_exact(followed.stretches, times)]
+    tracks = {name: Track(times, values, samples.get(RATES.get(name, ""))) for name, values in samples.items()}
+    borders = np.ravel(spans(followed.stretches)).tolist()
+    if len(times):
+        borders = [float(times[0]), *borders, float(times[-1])]
+    rest = [interpolated(tracks, names, span, followed.resets)
+            for span in zip(borders[::2], borders[1::2], strict=True)]
     made = Assembly(names, followed.stretches, followed.instants, rest)
     made.write()
     why = ""
-    if len(made.exact) < len(followed.stretches) or any(len(borders) for borders, _ in rest):
+    if len(made.exact) < len(followed.stretches) or any(len(one) for one, _ in rest):
         faults = [*(f"{name} is not published" for name in missing), *followed.faults,
                   "the motion changes too often to be drawn finely"]
         why = f"{faults[0]}; there the motion is interpolated between the samples"
     return made.writer.document({
         "exact": not why, "why": why, "exact_spans": spans(made.exact), "impacts": impacts_as_json(followed.impacts),
         "resets": followed.resets})
-
-
-def _finite(samples: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """The samples by ascending time, without fields that nobody published; every sample has the whole state."""
-    times = np.asarray(samples["time"], dtype=float)
-    columns = {name: np.asarray(column, dtype=float) for name, column in samples.items()}
-    columns = {name: column for name, column in columns.items() if np.isfinite(column).any()}
-    whole = np.isfinite(times)
-    for name in UNITS:
-        whole &= np.isfinite(columns.get(name, times))
-    order = np.flatnonzero(whole)
-    order = order[np.unique(times[order], return_index=True)[1]]
-    return {**{"time": times[order]}, **{name: column[order] for name, column in columns.items() if name != "time"}}
-
-
-def _not_exact(stretches: list[Stretch], times: np.ndarray) -> Iterator[Span]:
-    """Begin and end [s] of what no stretch covers."""
-    if len(times):
-        begins, ends = zip(*spans(stretches), strict=True) if stretches else ((), ())
-        yield from zip((float(times[0]), *ends), (*begins, float(times[-1])), strict=True)

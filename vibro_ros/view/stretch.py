@@ -1,8 +1,7 @@
 """Stretches of a run that the simulator computes again, each of which can be sampled as often as wanted."""
 
 import warnings
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -130,12 +129,9 @@ def spans(stretches: Sequence[Stretch]) -> list[Span]:
     return found
 
 
-@contextmanager
-def quiet() -> Iterator[None]:
-    """No warning of a tolerance that a scene cannot keep: its robot has given it."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", ToleranceWarning)
-        yield
+def quiet() -> warnings.catch_warnings:
+    """A context without the warning of a tolerance that a scene cannot keep: its robot has given it."""
+    return warnings.catch_warnings(action="ignore", category=ToleranceWarning)
 
 
 def quiet_device(scene: Scene) -> Simulator:

@@ -15,31 +15,23 @@ from pathlib import Path
 from tqdm import tqdm
 
 from vibro_ros.bag.stream import BagError
-from vibro_ros.process.executables import EXECUTABLES
+from vibro_ros.process.executables import EXECUTABLES, shows_live_robot
 from vibro_ros.process.front_door import Parser, exit_code
-from vibro_ros.process.stop_signals import process
 from vibro_ros.process.untrusted import one_line, open_to_read, replace_file
 from vibro_ros.view.bag_motion import bag_motion
 from vibro_ros.view.page import MARK, page_text
 
-LIVE = "vibro_ros.ros.live.view"
-"""Module that shows a live robot; named only, because nothing else here needs ROS."""
-OF_BAG = ("--output", "--help", "-h")
-"""Options with which a command line may begin that is about a recording."""
 _HEAD = 4096  # bytes of a file, within which a page has its mark
 
 
 def main(words: Sequence[str]) -> int:
     """Run the executable; returns its exit code."""
-    if not words or words[0].startswith("-") and words[0].partition("=")[0] not in OF_BAG:
-        return exit_code("view", lambda: _live(words))
-    return exit_code("view", lambda: _run(words))
+    return exit_code("view", lambda: _live(words) if shows_live_robot(words) else _run(words))
 
 
 def _live(words: Sequence[str]) -> int:
-    process.endless = True
     try:
-        live = import_module(LIVE)
+        live = import_module("vibro_ros.ros.live.view")  # nothing else here needs ROS
     except ModuleNotFoundError as error:
         raise RuntimeError(f"{(error.name or str(error)).partition('.')[0]}: no such Python module here; a live robot "
                            "needs ROS 2 Jazzy: source an installation, or use the environment that `make setup` makes"
@@ -87,26 +79,19 @@ def write_page(bag_folder: Path, output: Path | None = None) -> Path:
     path = Path(output).absolute() if output else folder.with_name(f"{folder.name}_view.html")
     if path.resolve().is_relative_to(folder):
         raise BagError(f"{path}: lies inside the recording, which is never written to; give another --output")
-    _check_free(path)
+    if path.exists() or path.is_symlink():
+        with open_to_read(path) as file:
+            if MARK.encode() not in file.read(_HEAD):
+                raise BagError(f"{path}: is there, and no page that `view` wrote; give another --output")
     with tqdm(total=1.0, desc="view", delay=1.0, disable=None, leave=False,
               bar_format="{desc}: {percentage:3.0f} %|{bar}| {elapsed}") as bar:
         parts, header, payload = bag_motion(folder, lambda share: bar.update(max(0.0, share - bar.n)))
-    setting = {**parts, "mode": "bag", "version": metadata.version("vibro_ros")}
-    text = page_text(setting, (header, payload))
+    text = page_text({**parts, "mode": "bag", "version": metadata.version("vibro_ros")}, (header, payload))
     try:
         replace_file(path, text.encode())
     except OSError as error:
         raise BagError(f"{path}: cannot write: {error.strerror or error}; give a writable --output") from None
     return path
-
-
-def _check_free(path: Path) -> None:
-    """Refuse a file that is there, unless it is an older page."""
-    if not path.exists() and not path.is_symlink():
-        return
-    with open_to_read(path) as file:
-        if MARK.encode() not in file.read(_HEAD):
-            raise BagError(f"{path}: is there, and no page that `view` wrote; give another --output")
 
 
 def _parser() -> Parser:

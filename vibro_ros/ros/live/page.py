@@ -7,7 +7,6 @@ from functools import partial
 from time import monotonic
 from typing import Any, NamedTuple
 
-import numpy as np
 from rclpy.client import Client
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
@@ -17,12 +16,11 @@ from rclpy.task import Future
 from std_msgs.msg import Float64
 from std_srvs.srv import SetBool, Trigger
 
-from vibro_ros.messages.topics import COMMAND_UNITS
-from vibro_ros.model.scene import Scene
+from vibro_ros.messages.topics import COMMAND_UNITS, SET
 from vibro_ros.process.untrusted import one_line
 from vibro_ros.ros.live.robot import LiveRobot
 from vibro_ros.ros.live.scene import Settings
-from vibro_ros.ros.live.words import Words, is_change
+from vibro_ros.ros.live.words import Words
 from vibro_ros.ros.node import qos
 from vibro_ros.ros.node.node import SteadyNode
 from vibro_ros.view.machine import machine
@@ -56,7 +54,7 @@ Answer = Callable[[bool, str], object]
 
 
 class Standing(NamedTuple):
-    """How things stand: why there is no robot, or which one, since when, and what it offers."""
+    """How things stand: why there is no robot, or which one, since when, and the services that it offers."""
 
     absence: str
     settings: Settings | None
@@ -65,17 +63,7 @@ class Standing(NamedTuple):
 
 
 class LivePage:
-    """Stands between a robot and the server of its pages.
-
-    Parameters
-    ----------
-    node : SteadyNode
-        Listens, publishes and calls.
-    executor : Executor
-        Of the node.
-    robot : str
-        Full name of the robot's node.
-    """
+    """Stands between the robot, whose node has the full name `robot`, and the server of its pages."""
 
     def __init__(self, node: SteadyNode, executor: Executor, robot: str):
         self._node, self._executor, self._name = node, executor, robot
@@ -99,9 +87,8 @@ class LivePage:
 
     def greeting(self) -> list[tuple[str, str]]:
         """What a page that has just opened is told; for the server's thread."""
-        standing = self._standing
-        told = [(kind, self._text(standing)) for kind in [_kind(standing)]]
-        return [*told, ("status", self._status())] if self._words.status else told
+        frames = [self._frame(self._standing)]
+        return [*frames, ("status", self._status())] if self._words.status else frames
 
     def _poll(self, server: Server) -> None:
         origin = self._robot.origin
@@ -125,22 +112,22 @@ class LivePage:
     def _stand(self, server: Server) -> None:
         """Tell the pages how things stand, if that has changed."""
         robot = self._robot
-        standing = Standing(robot.absence, robot.settings, robot.origin, self._requests.offers)
-        if standing.absence:
-            standing = Standing(standing.absence, None, None, {})
+        absence = robot.absence
+        standing = (Standing(absence, None, None, {}) if absence
+                    else Standing("", robot.settings, robot.origin, self._requests.offers))
         before, self._standing = self._standing, standing
         if standing == before:
             return
         if standing.settings and standing.settings != before.settings:
             self._words.begin(standing.settings.prefix)
             self._slow_motions.prepare(standing.settings.scene["solver.method"])
-        server.send(_kind(standing), self._text(standing))
+        server.send(*self._frame(standing))
 
     def _tell(self, server: Server) -> None:
         """Hand on what the robot says beside its samples."""
         operations = self._words.operations()
-        if is_change(operations):
-            self._robot.read_again()
+        if any(one.name == SET for one in operations):
+            self._robot.reader.read()
         if operations and self._words.status:
             server.send("status", self._status())
         last, origin = self._history.last(), self._standing.origin
@@ -152,7 +139,6 @@ class LivePage:
             server.send("log", text_frame("log", level=level, words=words))
 
     def _obey(self) -> None:
-        """Do what the pages have asked for."""
         while self._orders and self._server:
             page, request = self._orders.popleft()
             answer = partial(self._server.answer, page, request.id)
@@ -178,32 +164,20 @@ class LivePage:
     def _status(self) -> str:
         return text_frame("status", **{**STATUS, **self._words.status})
 
-    def _text(self, standing: Standing) -> str:
-        """The frame that says how things stand."""
+    def _frame(self, standing: Standing) -> tuple[str, str]:
+        """Kind and text of the frame that says how things stand; a knob shows what the robot does now."""
         if standing.settings is None:
-            return text_frame("absent", words=standing.absence)
-        drawn = _with_values(standing.settings.scene, self._history.last())
-        return text_frame("robot", name=self._name, machine=drawn, columns=list(COLUMNS),
-                           origin=str(standing.origin or 0), offers=dict(standing.offers))
-
-
-def _kind(standing: Standing) -> str:
-    return "absent" if standing.settings is None else "robot"
-
-
-def _with_values(scene: Scene, last: np.ndarray | None) -> dict[str, Any]:
-    """The machine of a scene, whose knobs show what the robot does now instead of what its scene begins with."""
-    drawn = machine(scene)
-    if last is None:
-        return drawn
-    now = dict(zip(COLUMNS, last.tolist(), strict=True))
-    for knob in drawn["knobs"]:
-        if knob["name"] == "motor_speed":
-            knob["value"] = now["motor_speed"]
-        elif knob["name"] in COMMAND_UNITS:
-            side = knob["name"].removesuffix("_gap")
-            knob["value"] = now[f"{side}_plate_position"] - scene[f"crank.{side}_rod"]
-    return drawn
+            return "absent", text_frame("absent", words=standing.absence)
+        scene, last = standing.settings.scene, self._history.last()
+        drawn = machine(scene)
+        if last is not None:
+            now = dict(zip(COLUMNS, last.tolist(), strict=True))
+            for knob in drawn["knobs"]:
+                side = knob["name"].removesuffix("_gap")
+                knob["value"] = now["motor_speed"] if side == "motor_speed" else (
+                    now[f"{side}_plate_position"] - scene[f"crank.{side}_rod"])
+        return "robot", text_frame("robot", name=self._name, machine=drawn, columns=list(COLUMNS),
+                                   origin=str(standing.origin or 0), offers=dict(standing.offers))
 
 
 @dataclass(eq=False)
@@ -218,15 +192,7 @@ class _Waiting:
 
 
 class Requests:
-    """The publishers and clients of one robot.
-
-    Parameters
-    ----------
-    node : Node
-        Publishes and calls, in its executor's thread.
-    robot : str
-        Full name of the robot's node.
-    """
+    """The publishers and clients of one robot; all that follows is for the executor's thread."""
 
     def __init__(self, node: Node, robot: str):
         self._robot = robot

@@ -36,12 +36,7 @@ _KINDS = {"odom": Odometry, "joint_states": JointState, "ground_contact": Wrench
 class LiveRobot:
     """Follows one robot through its starts and ends.
 
-    Parameters
-    ----------
-    node : SteadyNode
-        Listens; counts and says what it refuses.
-    robot : str
-        Full name of the robot's node.
+    The node counts and says what it refuses; `robot` is the full name of the robot's node.
 
     Attributes
     ----------
@@ -103,10 +98,6 @@ class LiveRobot:
             self.settings, self.origin, self._fault = None, None, ""
         self._publishers, self._unread = found, False
 
-    def read_again(self) -> None:
-        """Ask for the parameters once more: some have changed."""
-        self.reader.read()
-
     @property
     def absence(self) -> str:
         """Why there is nothing to show, in words; empty if there is."""
@@ -132,7 +123,7 @@ class LiveRobot:
 
     def _taken(self, rows: Rows) -> np.ndarray:
         """The rows of the present run, by its own clock."""
-        nothing, rivals = np.empty((0, len(FIELDS))), self._runs.rivals
+        nothing, rivals = rows.values[:0], self._runs.rivals
         restarted = self._runs.restarted(rows.counts)
         if restarted:
             self.origin = None
@@ -161,22 +152,19 @@ class LiveRobot:
         self._read_at, self._doubtful = time.monotonic(), False
         self._fault = found if isinstance(found, str) else ""
         settings = None if isinstance(found, str) else found
-        if self.settings is None or settings is None or _differ(self.settings, settings):
+        if self.settings is None or settings is None or self.settings.prefix != settings.prefix or any(
+                value != settings.scene[name] and not BY_NAME[name].while_running
+                for name, value in self.settings.scene.parameters.items()):
             self.origin, self._joining, self._last = None, Joining(), -1
         self.settings = settings
         self._decoder = Decoder(settings.scene, settings.prefix) if settings else None
 
 
 class Runs:
-    """Tells the samples of one run from those of the next, and one robot from two.
+    """Tells the samples of one run from those of the next, and one robot from two, by the clock `now` [s].
 
     A robot that is restarted counts its messages from 1. Two robots that publish on the same topics make the count
     go back again and again.
-
-    Parameters
-    ----------
-    now : callable
-        The clock [s].
     """
 
     def __init__(self, now: Callable[[], float] = time.monotonic):
@@ -197,9 +185,3 @@ class Runs:
         self._last = int(counts[-1])
         self._setbacks.extend([self._now()] * min(len(setbacks), 2))
         return len(setbacks) > 0
-
-
-def _differ(one: Settings, other: Settings) -> bool:
-    """Whether two settings are of machines that one run cannot turn into each other."""
-    return one.prefix != other.prefix or any(value != other.scene[name] and not BY_NAME[name].while_running
-                                             for name, value in one.scene.parameters.items())

@@ -6,6 +6,7 @@ second has no use for a turn for each of 3000 messages a second; taken together,
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from itertools import count
 from typing import Any, NamedTuple
 
@@ -40,21 +41,7 @@ _SPEED, _TORQUE, _POWER = (FIELDS.index(name) for name in ("motor_speed", "motor
 class QuietSubscription:
     """A topic whose messages are taken as bytes when the view looks; nothing wakes for them.
 
-    Parameters
-    ----------
-    node : Node
-        Subscribes.
-    kind : type
-        Of the messages.
-    topic : str
-        As for `Node.create_subscription`.
-    profile : QoSProfile
-        Whose depth says how many messages wait at most.
-
-    Attributes
-    ----------
-    topic : str
-        The full name.
+    At most as many messages wait as the profile's depth says; `topic` is the topic's full name.
     """
 
     def __init__(self, node: Node, kind: type, topic: str, profile: QoSProfile):
@@ -79,15 +66,13 @@ class _Never(CallbackGroup):
     """Lets the executor run nothing, so that it does not wait for it either."""
 
     def can_execute(self, entity: object) -> bool:
-        """Never."""
         return False
 
     def beginning_execution(self, entity: object) -> bool:
-        """Never."""
         return False
 
     def ending_execution(self, entity: object) -> None:
-        """Nothing to do."""
+        pass
 
 
 class Reading(NamedTuple):
@@ -101,12 +86,7 @@ class Reading(NamedTuple):
 class Decoder:
     """Reads the messages of a robot of a known scene, whatever library and byte order wrote them.
 
-    Parameters
-    ----------
-    scene : Scene
-        Says which joints there are.
-    prefix : str
-        Begins the names of the robot's frames.
+    The names of the robot's frames begin with `prefix`.
 
     Attributes
     ----------
@@ -115,9 +95,8 @@ class Decoder:
     """
 
     def __init__(self, scene: Scene, prefix: str):
-        self._joints = joints_of(scene)
-        self._frames = {"odom": prefix + ODOM, "joint_states": prefix + BASE, "ground_contact": prefix + BASE}
-        self._base = prefix + BASE
+        self._joints, self._base = joints_of(scene), prefix + BASE
+        self._frames = {"odom": prefix + ODOM, "joint_states": self._base, "ground_contact": self._base}
         joints = [JOINTS[joint][part] for part in range(3) for joint in self._joints]
         self.columns = {topic: [FIELDS.index(name) for name in names]
                         for topic, names in zip(STAMPED, (_BODY, joints, _GROUND), strict=True)}
@@ -154,14 +133,8 @@ class Decoder:
 class Rows(NamedTuple):
     """Samples, in the order in which their odometry came.
 
-    Attributes
-    ----------
-    stamps : ndarray of int, shape (n,)
-        ROS time [ns].
-    counts : ndarray of int, shape (n,)
-        Counts of the odometry's publisher.
-    values : ndarray, shape (n, len(FIELDS))
-        All quantities; `time` is 0.
+    `stamps` are ROS time [ns], `counts` those of the odometry's publisher, both of int and shape (n,); in `values`,
+    shape (n, len(FIELDS)), `time` is 0.
     """
 
     stamps: np.ndarray
@@ -169,12 +142,11 @@ class Rows(NamedTuple):
     values: np.ndarray
 
 
+@dataclass
 class _Row:
-    """A stamp's readings by topic, the batch in which the first came, and the odometry's number in the order of all."""
-
-    def __init__(self, batch: int):
-        self.batch, self.order = batch, 0
-        self.parts: dict[str, Reading] = {}
+    batch: int  # in which the first reading came
+    order: int = 0  # of the odometry
+    parts: dict[str, Reading] = field(default_factory=dict)
 
 
 class Joining:
@@ -204,7 +176,10 @@ class Joining:
                     row.order = next(self._number)
                 if len(row.parts) == len(STAMPED):
                     complete.append(self._waiting.pop(one.stamp))
-        self._give_up()
+        for stamp in list(self._waiting):  # give up the oldest
+            if self._waiting[stamp].batch > self._batch - PATIENCE and len(self._waiting) <= MOST_WAITING:
+                break
+            del self._waiting[stamp]
         complete.sort(key=lambda row: row.order)
         values = np.zeros((len(complete), len(FIELDS)))
         for number, row in enumerate(complete):
@@ -215,10 +190,3 @@ class Joining:
         odometry = [row.parts["odom"] for row in complete]
         return Rows(np.array([one.stamp for one in odometry], np.int64),
                     np.array([one.number for one in odometry], np.int64), values)
-
-    def _give_up(self) -> None:
-        """Forget the stamps that have waited too long, and the oldest where too many wait."""
-        for stamp in list(self._waiting):
-            if self._waiting[stamp].batch > self._batch - PATIENCE and len(self._waiting) <= MOST_WAITING:
-                return
-            del self._waiting[stamp]

@@ -73,14 +73,12 @@ def _value(name: str, message: ParameterValue) -> Any:
 class SceneReader:
     """Asks a robot for its parameters, again and again until it answers.
 
-    Parameters
+    The node asks in its executor's thread. `found` is given the settings, or in words why there are none.
+
+    Attributes
     ----------
-    node : Node
-        Asks, in its executor's thread.
-    robot : str
-        Full name of the robot's node.
-    found : callable
-        Is given the settings, or in words why there are none.
+    reading : bool
+        Whether an answer is awaited.
     """
 
     def __init__(self, node: Node, robot: str, found: Callable[[Settings | str], object]):
@@ -88,27 +86,23 @@ class SceneReader:
         self._list = node.create_client(ListParameters, f"{robot}/list_parameters")
         self._get = node.create_client(GetParameters, f"{robot}/get_parameters")
         self._asked: tuple[Client, Future] | None = None
-        self._due, self._listed, self._wanted = 0.0, False, True
+        self._due, self._listed = 0.0, False
+        self.reading = True
 
     @property
     def sees_robot(self) -> bool:
         """Whether a node of the robot's name offers its parameters."""
         return self._get.service_is_ready()
 
-    @property
-    def reading(self) -> bool:
-        """Whether an answer is awaited."""
-        return self._wanted
-
     def read(self) -> None:
         """Ask from the beginning, as soon as possible; what was asked before is forgotten."""
         self._forget()
-        self._listed, self._wanted, self._due = False, True, 0.0
+        self._listed, self.reading, self._due = False, True, 0.0
 
     def tick(self) -> None:
         """Ask, if that is due; to be called often."""
         now = time.monotonic()
-        if not self._wanted or now < self._due:
+        if not self.reading or now < self._due:
             return
         client, request = (self._get, GetParameters.Request(names=list(_NAMES))) if self._listed else (
             self._list, ListParameters.Request())
@@ -132,7 +126,7 @@ class SceneReader:
             found: Settings | str = settings_of(future.result().values)
         except ValueError as error:
             found = one_line(error, 300)
-        self._wanted = False
+        self.reading = False
         self._found(found)
 
     def _forget(self) -> None:

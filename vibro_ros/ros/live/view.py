@@ -64,16 +64,23 @@ def _run(words: Sequence[str]) -> int:
     with StopRequest() as stop, process.node_running(NODE_NAME, words) as (node, executor):
         check_addressed(files, node.get_fully_qualified_name())
         robot = _robot(node, options.robot)
-        gate = Gate(options.address, [socket.gethostname()])
         setting: dict[str, Any] = {"mode": "live", "title": f"{robot} live", "robot": robot,
                                    "version": metadata.version("vibro_ros")}
         page = LivePage(node, executor, robot)
-        server = Server(sockets, gate, lambda nonce: page_text(setting, None, nonce), page.ask, page.greeting)
+        server = Server(sockets, Gate(options.address, [socket.gethostname()]),
+                        lambda nonce: page_text(setting, None, nonce), page.ask, page.greeting)
         with server:
             stop.hold()
             page.begin(server)
             gc.freeze()  # all of this lasts: what comes and goes, such as pages, is then found sooner when it has gone
-            address = _tell(node, options, server, sockets[0].getsockname()[1])
+            name = "127.0.0.1" if options.address in ("", "0.0.0.0", "::") else options.address
+            port = sockets[0].getsockname()[1]
+            address = f"http://{f'[{name}]' if ':' in name else name}:{port}/?token={server.gate.token}"
+            print(f"view: {address}", flush=True)
+            if not is_loopback(options.address):
+                node.get_logger().warning("other machines reach this page, and who has its whole address commands the "
+                                          "robot; they write this machine's address or name, "
+                                          f"{socket.gethostname()}, in it")
             with _redirect(address) if options.open else nullcontext() as url:
                 if url and not webbrowser.open(url):
                     node.get_logger().warning("no browser could be opened; open the address above")
@@ -85,9 +92,8 @@ def _run(words: Sequence[str]) -> int:
 
 def _robot(node: SteadyNode, given: str | None) -> str:
     """Full name of the robot's node."""
-    settings = {parameter.name: parameter.default for parameter in PARAMETERS}
-    settings |= checked_parameters(take_overrides(node), PARAMETERS)
-    name = given if given is not None else settings["robot"]
+    settings = checked_parameters(take_overrides(node), PARAMETERS)
+    name = given if given is not None else settings.get("robot", ROBOT)
     declare(node, PARAMETERS, {"robot": name})
     full = name if name.startswith("/") else f"{node.get_namespace().rstrip('/')}/{name}"
     try:
@@ -96,18 +102,6 @@ def _robot(node: SteadyNode, given: str | None) -> str:
     except Exception:
         raise ValueError(f"--robot {peer_text(name)}: no node's name; give one such as /r1/vibro_robot") from None
     return full
-
-
-def _tell(node: SteadyNode, options: argparse.Namespace, server: Server, port: int) -> str:
-    """Say where the page is; its address."""
-    everywhere = options.address in ("", "0.0.0.0", "::")
-    name = "127.0.0.1" if everywhere else options.address
-    address = f"http://{f'[{name}]' if ':' in name else name}:{port}/?token={server.gate.token}"
-    print(f"view: {address}", flush=True)
-    if not is_loopback(options.address):
-        node.get_logger().warning("other machines reach this page, and who has its whole address commands the robot; "
-                                  f"they write this machine's address or name, {socket.gethostname()}, in it")
-    return address
 
 
 @contextmanager
@@ -123,10 +117,7 @@ def _redirect(address: str) -> Iterator[str]:
 
 
 def _port(text: str) -> int:
-    try:
-        port = int(text)
-    except ValueError:
-        port = -1
+    port = int(text) if text.isdecimal() else -1
     if not 0 <= port <= 65535:
         raise argparse.ArgumentTypeError(f"{text} is no port; give a number from 0 to 65535, 0 for any that is free")
     return port
@@ -136,7 +127,7 @@ def _parser() -> Parser:
     parser = Parser(
         prog="view", description=EXECUTABLES["live_view"].does,
         epilog="ROS parameters (--ros-args -p name:=value):\n"
-        + parameter_lines(PARAMETERS, {parameter.name: parameter.default for parameter in PARAMETERS})
+        + parameter_lines(PARAMETERS, {"robot": ROBOT})
         + "\n\nTopics can be remapped with --ros-args -r.\n\n"
         "Exit code 0: ended by SIGINT, SIGTERM or SIGHUP; 1: the server failed; 2: bad argument, or the port is taken.",
         formatter_class=argparse.RawDescriptionHelpFormatter)

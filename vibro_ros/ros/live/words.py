@@ -5,7 +5,7 @@ robot's is left alone. Texts are shown as texts, on one line, and not too long.
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 from diagnostic_msgs.msg import DiagnosticArray
@@ -16,17 +16,9 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 from std_msgs.msg import String
 
 from vibro_ros.bag.cdr import deserialised
+from vibro_ros.messages import topics
 from vibro_ros.messages.fields import PLATES
-from vibro_ros.messages.topics import (
-    OPERATIONS,
-    OPERATIONS_TYPE,
-    PAUSE,
-    RESUME,
-    ROBOT_TOPICS,
-    SET,
-    Operation,
-    read_operation,
-)
+from vibro_ros.messages.topics import OPERATIONS, PAUSE, RESUME, Operation, read_operation
 from vibro_ros.process.untrusted import one_line
 from vibro_ros.ros.live.samples import SECOND, QuietSubscription
 from vibro_ros.ros.node import qos
@@ -42,7 +34,6 @@ _NO_RECORDING, _FAULT = "not recording", 2
 """What the robot says when it records nothing, and the level of diagnostics at which it cannot."""
 WARNING, ERROR = 30, 40
 """Levels of rcl_interfaces/msg/Log."""
-_DIAGNOSTICS_TYPE, _LOG_TYPE = "diagnostic_msgs/msg/DiagnosticArray", "rcl_interfaces/msg/Log"
 _LOG = QoSProfile(depth=100, reliability=ReliabilityPolicy.RELIABLE)
 
 
@@ -55,14 +46,7 @@ class Impact(NamedTuple):
 
 
 class Words:
-    """Listens to one robot.
-
-    Parameters
-    ----------
-    node : Node
-        Listens.
-    robot : str
-        Full name of the robot's node.
+    """Listens to the robot whose node has the full name `robot`.
 
     Attributes
     ----------
@@ -86,13 +70,18 @@ class Words:
 
     def impacts(self) -> list[Impact]:
         """Contacts that have come since the last call."""
-        found = map(self._impact, _read(self._impacts, ROBOT_TOPICS["impacts"]))
-        return [impact for impact in found if impact]
+        found = []
+        for message in _read(self._impacts, topics.ROBOT_TOPICS["impacts"]):
+            stamp, side = message.header.stamp, self._frames.get(message.header.frame_id)
+            force = message.wrench.force.z
+            if side and math.isfinite(force) and stamp.sec >= 0 and 0 <= stamp.nanosec < SECOND:
+                found.append(Impact(stamp.sec * SECOND + stamp.nanosec, side, float(force)))
+        return found
 
     def operations(self) -> list[Operation]:
         """What was done to the run since the last call; whether it is paused goes into the status."""
         found = []
-        for message in _read(self._operations, OPERATIONS_TYPE):
+        for message in _read(self._operations, topics.OPERATIONS_TYPE):
             try:
                 found.append(read_operation(message.data))
             except ValueError:
@@ -104,26 +93,18 @@ class Words:
     def diagnostics(self) -> bool:
         """Whether the robot has said anything of itself since the last call, which then is the status."""
         heard = False
-        for message in _read(self._diagnostics, _DIAGNOSTICS_TYPE):
-            own = [one for one in message.status if one.hardware_id == self._robot]
-            for one in own:
-                self._take(one)
-            heard = heard or bool(own)
+        for message in _read(self._diagnostics, "diagnostic_msgs/msg/DiagnosticArray"):
+            for one in message.status:
+                if one.hardware_id == self._robot:
+                    self._take(one)
+                    heard = True
         return heard
 
     def log(self) -> list[tuple[str, str]]:
         """Level and words of the robot's warnings and errors since the last call."""
         return [("error" if message.level >= ERROR else "warning", one_line(message.msg, LONGEST_LINE))
-                for message in _read(self._log, _LOG_TYPE)
+                for message in _read(self._log, "rcl_interfaces/msg/Log")
                 if message.name == self._logger and message.level >= WARNING]
-
-    def _impact(self, message: Any) -> Impact | None:
-        header, force = message.header, message.wrench.force.z
-        side = self._frames.get(header.frame_id)
-        stamp = header.stamp
-        if side is None or not math.isfinite(force) or stamp.sec < 0 or not 0 <= stamp.nanosec < SECOND:
-            return None
-        return Impact(stamp.sec * SECOND + stamp.nanosec, side, float(force))
 
     def _take(self, status: Any) -> None:
         values = {pair.key: pair.value for pair in status.values}
@@ -142,11 +123,6 @@ class Words:
         if status.message in ("paused", "running"):
             self.status["paused"] = status.message == "paused"
         self.status.setdefault("paused", self.status["real_time_factor"] == 0.0)
-
-
-def is_change(operations: Sequence[Operation]) -> bool:
-    """Whether any of these has changed parameters."""
-    return any(one.name == SET for one in operations)
 
 
 def _read(subscription: QuietSubscription, type_name: str) -> list[Any]:
