@@ -1,13 +1,15 @@
 """A small bag as the robot records it, made without ROS: `replay` finds it identical."""
 
 import json
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 from vibro_ros.bag.cdr import blank, serialised
 from vibro_ros.bag.metadata import Topic, defined
+from vibro_ros.bag.stream import BagStream
 from vibro_ros.bag.writer import BagWriter, Storage
 from vibro_ros.configuration.scene_file import DEVICE_PARAMETERS, load_scene
-from vibro_ros.messages.topics import COMMAND_UNITS, ROBOT_TOPICS, TF_TOPICS
+from vibro_ros.messages.topics import CHECKPOINT, CHECKPOINT_TYPE, COMMAND_UNITS, ROBOT_TOPICS, TF_TOPICS
 from vibro_ros.recordings.rerun import Rerun, RunFacts
 from vibro_ros.simulation.provenance import provenance
 
@@ -50,3 +52,23 @@ def _commands(tick: int, hostile: bytes) -> list[tuple[str, bytes]]:
     message.data = 60.0 + tick
     good = ("motor_speed", serialised(message, "std_msgs/msg/Float64"))
     return [good, *((name, hostile) for name in COMMAND_UNITS if hostile)]
+
+
+def rewritten(folder: Path, target: Path, changed: Callable[[str, int, bytes], tuple | None] | None = None,
+              custom: Mapping[str, str] | None = None, extra: Sequence[tuple[str, int, bytes]] = (),
+              storage: Storage | None = None) -> Path:
+    """A bag again, each message as `changed` gives it, or left out; `extra` messages on the checkpoint's topic."""
+    with BagStream(folder) as stream:
+        own = {**stream.metadata, **(custom or {})}
+        names = {name: one.type_name for name, one in stream.topics.items()}
+        if extra:
+            names[f"/{CHECKPOINT}"] = CHECKPOINT_TYPE
+            own["topics"] = json.dumps(json.loads(own["topics"]) | {CHECKPOINT: f"/{CHECKPOINT}"})
+        writer = BagWriter(target, defined([Topic(name, kind, 10) for name, kind in names.items()]), own,
+                           storage or Storage())
+        messages = [changed(*message) if changed else message for message in stream.messages()]
+        for topic, stamp, data in sorted([*filter(None, messages), *extra], key=lambda message: message[1]):
+            writer.write(1 + list(names).index(topic), stamp, bytes(data))
+        writer.flush()
+        writer.close({})
+    return target

@@ -101,15 +101,6 @@ def test_the_report_begins_with_the_price_of_a_digit(rows):
     assert [line for line in head.splitlines() if line.startswith("- ")] == [f"- {text}" for text in told]
 
 
-def test_the_head_of_a_users_report_has_the_findings(rows, tmp_path):
-    study = accuracy.Accuracy({}, QUICK)
-    study.rows, study.growths = {"damped": rows}, {"damped": Growth(0.0, 0.1, False, 15.0)}
-    text = study.write_text_and_diagrams(tmp_path, False)[0].read_text(encoding="utf-8")
-    head = text.partition("Measured on")[0]
-    assert [line[2:] for line in head.splitlines() if line.startswith("- ")] == study.findings("damped")
-    assert "- Every position to 1 mm for 0.2 s: exact (" in head and "itself off by" in text
-
-
 def speeds(*values):
     exact = Measurement("s", AVERAGE, "exact", "tolerance", 1e-9, 20.0, 16, mean_speed=-0.1, mean_speed_spread=0.001)
     return [exact, *(Measurement("s", AVERAGE, "rk4", "step", step, 20.0, 16, mean_speed=speed, mean_speed_spread=0.001,

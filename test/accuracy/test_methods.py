@@ -1,6 +1,5 @@
 """The table of methods: each against heyoka or exact, and a wrong one must look wrong."""
 
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -65,13 +64,6 @@ def test_a_hundredth_of_the_step_is_well_worth_it(method, coarse, fine):
     """First order gains a factor of 100; half of its decades at least, whatever the scatter."""
     assert error(METHODS[method](scene("rigid"), TIMES, fine), "rigid") < 0.1 * error(
         METHODS[method](scene("rigid"), TIMES, coarse), "rigid")
-
-
-def test_ladders_run_from_coarse_to_fine():
-    for name, method in METHODS.items():
-        assert method.setting in ("step", "tolerance") and method.ladder
-        assert list(method.ladder) == sorted(method.ladder, reverse=True), name
-    assert replace(METHODS["rk4"], ladder=(1e-3,)).ladder == (1e-3,)
 
 
 def test_columns_are_fields_of_a_run():

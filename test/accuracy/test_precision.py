@@ -11,7 +11,6 @@ from vibro_ros.accuracy.findings import BELOW, markdown
 from vibro_ros.accuracy.measurement import AVERAGE, REFERENCE, TRAJECTORY
 from vibro_ros.accuracy.methods import ComparedMethod
 from vibro_ros.accuracy.precision import LONG, SHORT, Comparison, SceneStudy, growth
-from vibro_ros.accuracy.starts import Average
 
 
 def of(rows, method, compared=TRAJECTORY):
@@ -87,7 +86,7 @@ def test_chaos_is_seen_where_it_is_and_nowhere_else():
 
 def test_what_diverges_has_no_mean_speed(monkeypatch):
     """No robot is faster than sound; 1e6 m/s is a finite number all the same."""
-    monkeypatch.setattr(precision, "speed_over_starts", lambda *_: Average(1e6, 1e5, 2))
+    monkeypatch.setattr(precision, "speeds_of_starts", lambda *_: np.array([1.1e6, 0.9e6]))
     study = SceneStudy(vibro_ros.load_scene("damped"), QUICK)
     found = [row for row in study.rows({"rk4": ComparedMethod(unable, "step", (1e-4,))}) if row.compared == AVERAGE]
     assert found and all(math.isnan(row.mean_speed) and "diverged" in row.note for row in found)

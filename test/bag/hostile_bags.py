@@ -182,15 +182,6 @@ def hard_linked(folder: Path) -> None:
     os.link(part(folder), folder.parent / "outside" / "same")
 
 
-def foldered(name: str) -> Maker:
-    """A folder in the place of a file."""
-    def make(folder: Path) -> None:
-        path = part(folder) if name == "part" else folder / name
-        path.unlink(missing_ok=True)
-        (path / "x").mkdir(parents=True)
-    return make
-
-
 OF_MCAP: dict[str, Maker] = {
     **{f"flip {seed}": flipped(seed) for seed in range(10)},
     **{f"noise {seed}": noise(seed, 1 + 7 * seed ** 2) for seed in (0, 3, 6, 9)},
@@ -250,11 +241,9 @@ OF_METADATA: dict[str, Maker] = {
     "link to metadata": linked("metadata.yaml", "precious"),
     "link to zero as metadata": linked("metadata.yaml", "/dev/zero"),
     "pipe as metadata": piped("metadata.yaml"),
-    "folder as metadata": foldered("metadata.yaml"),
     "link as part": linked("part", "precious"),
     "link to zero as part": linked("part", "/dev/zero"),
     "pipe as part": piped("part"),
-    "folder as part": foldered("part"),
     "link as torn": without_metadata(torn(linked("run_0.mcap.torn", "precious"))),
     "another name outside": without_metadata(torn(hard_linked)),
 }

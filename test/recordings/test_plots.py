@@ -51,29 +51,11 @@ def test_every_axis_has_its_unit_and_both_columns_share_time(shown):
     assert np.ptp(right.get_xlim()) == pytest.approx(MOMENT)
 
 
-def test_no_label_covers_a_label_or_a_number(bag):
-    """A second axis on the right of the left column has its own, as in a recording with N at or below 0."""
-    load = np.tile([0.0, 0.0, 11.6], (len(bag["ground_contact"]["time"]), 1))
-    load[::2, 2] = -5.0
-    figure = plot_run(changed(bag, "ground_contact", force=load))
-    assert any(axes.get_ylabel().endswith("[%]") for axes in figure.axes)
-    figure.draw_without_rendering()
-    labels = [axes.yaxis.label.get_window_extent() for axes in figure.axes]
-    numbers = [one.get_window_extent() for axes in figure.axes for one in axes.get_yticklabels()]
-    assert [one for k, one in enumerate(labels) if one.count_overlaps([*labels[:k], *numbers])] == []
-
-
 def test_body_moves_in_millimetres_from_its_first_sample(shown, bag):
     time, drawn = shown[ROWS[0]][0].get_lines()[0].get_data()
     kept = np.isfinite(time)
     np.testing.assert_array_equal(time[kept], bag["odom"]["time"])
     np.testing.assert_allclose(drawn[kept], -250.0 * time[kept], rtol=0, atol=1e-9)
-
-
-def test_a_long_way_is_shown_in_metres(bag):
-    far = changed(bag, "odom", position=1000.0 * bag["odom"]["position"])
-    left, _ = panels(plot_run(far))["body displacement [m]"]
-    assert np.nanmin(left.get_lines()[0].get_ydata()) == pytest.approx(-1000.0)
 
 
 def test_curves_break_at_the_gap_and_only_there(shown):
@@ -116,9 +98,9 @@ def test_mean_power_is_exact(shown):
 def test_a_mean_over_turns_does_not_swing_with_the_crank():
     time = np.linspace(0.0, 10.0, 5001)
     angle = 2.0 * np.pi * 3.7 * time
-    middle, mean = plots.mean_over_turns(time, 1.0 + np.cos(angle), time, angle, np.linspace(0.0, 10.0, 61))
-    inside = (middle > 0.5) & (middle < 9.5)
-    np.testing.assert_allclose(mean[inside], 1.0, atol=1e-4)
+    middle, mean = plots.mean_over_turns(time, 1.0 + np.cos(angle), time, angle)
+    assert len(middle) == 37
+    np.testing.assert_allclose(mean, 1.0, atol=1e-4)
 
 
 def test_every_blow_has_its_peak_force(shown, bag):
@@ -127,17 +109,6 @@ def test_every_blow_has_its_peak_force(shown, bag):
         time, force = drawn[f"{guide} impacts"].get_data()
         assert len(time) == count
         np.testing.assert_array_equal(force, 1000.0)
-
-
-def test_many_blows_are_drawn_as_their_range(bag, monkeypatch):
-    monkeypatch.setattr(plots, "FEW", 40)
-    force = np.zeros((90, 3))
-    force[:, 2] = np.arange(90.0)
-    drawn = lines(panels(plot_run(changed(bag, "impacts", force=force)))["peak force [N]"][0])
-    strongest = drawn["upper impacts, strongest and weakest (dots)"].get_ydata()
-    upper = force[bag["impacts"]["frame"] == "upper_plate", 2]
-    assert np.nanmax(strongest) == upper.max()
-    assert len(drawn["inclined impacts"].get_xdata()) == 30
 
 
 def test_the_share_of_samples_that_the_ground_does_not_carry(bag):
@@ -194,13 +165,6 @@ def test_what_a_recording_lacks_is_left_out(known_run, options, rows):
     figure = plot_run(read_bag(known_run(**options)))
     figure.canvas.draw()
     assert list(panels(figure)) == rows
-
-
-def test_a_mass_without_its_plate_is_drawn(known_run):
-    bag = read_bag(known_run(joints=["crank", "inclined_mass", "inclined_plate", "upper_mass"]))
-    shown = panels(plot_run(bag))
-    assert "its plate" in lines(shown["inclined mass [mm]"][0])
-    assert "its plate" not in lines(shown["upper mass [mm]"][0])
 
 
 def test_a_long_line_keeps_its_ends_and_extremes():

@@ -167,22 +167,16 @@ class Accuracy:
 
     def section(self, name: str, picture: str) -> str:
         """One scene in Markdown: diagram, chaos, reference and mean speeds."""
-        rows = self.rows[name]
+        rows, chaos = self.rows[name], str(self.growths[name])
+        reference, allowed = reference_of(rows), self.growths[name].comparable
+        if reference.horizon > allowed:
+            horizon = (f"Trajectories are compared within {reference.horizon:g} s as asked for, BEYOND the "
+                       f"{allowed:.2g} s that chaos allows: the errors show it as much as the methods.")
+        else:
+            horizon = f"Trajectories are compared within {reference.horizon:g} s only; beyond, averages are."
         return "\n\n".join([f"## {name}", f"![{name}: error over cost, and mean speed over the step]({picture})",
-                            f"{_sentence(self.growths[name])} {self._horizon(name)}",
-                            reference_in_words(reference_of(rows)), speeds_table(rows)])
-
-    def _horizon(self, name: str) -> str:
-        horizon, allowed = reference_of(self.rows[name]).horizon, self.growths[name].comparable
-        if horizon > allowed:
-            return (f"Trajectories are compared within {horizon:g} s as asked for, BEYOND the {allowed:.2g} s that "
-                    "chaos allows: the errors show it as much as the methods.")
-        return f"Trajectories are compared within {horizon:g} s only; beyond, averages are."
-
-
-def _sentence(growth: Growth) -> str:
-    text = str(growth)
-    return f"{text[0].upper()}{text[1:]}."
+                            f"{chaos[0].upper()}{chaos[1:]}. {horizon}", reference_in_words(reference),
+                            speeds_table(rows)])
 
 
 def chosen_methods(names: Sequence[str] | None) -> dict[str, ComparedMethod]:

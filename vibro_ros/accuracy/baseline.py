@@ -262,16 +262,6 @@ def integrate_rk4(scene: Scene, start: np.ndarray, duration: float, rate: float,
         For a parameter that it does not have (`model.support`), and for rigid plates together with the reaction on the
         masses or a body that hops.
     """
-    _refuse_unsupported(scene)
-    per_sample = max(1, round(1.0 / (rate * step)))
-    samples = np.empty((round(duration * rate) + 1, 8))
-    _integrate(tuple(start), _guide(scene, "upper", 0.0), _guide(scene, "inclined", scene["guide.angle"]),
-               _machine(scene, speed), _flight(scene), 1.0 / (rate * per_sample), per_sample, samples)
-    return samples
-
-
-def _refuse_unsupported(scene: Scene) -> None:
-    """Raise ValueError for a parameter that would be left out, or taken for another."""
     if fault := unsupported(scene, "baseline"):
         raise ValueError(f"scene {scene.name}: {fault}")
     if any(scene[f"effects.{side}_contact"] == "restitution" for side in scene.guides):
@@ -279,6 +269,11 @@ def _refuse_unsupported(scene: Scene) -> None:
             if scene[name] not in values:
                 raise ValueError(f"scene {scene.name}: {name}: {scene[name]!r} is not simulated by baseline with rigid "
                                  "plates")
+    per_sample = max(1, round(1.0 / (rate * step)))
+    samples = np.empty((round(duration * rate) + 1, 8))
+    _integrate(tuple(start), _guide(scene, "upper", 0.0), _guide(scene, "inclined", scene["guide.angle"]),
+               _machine(scene, speed), _flight(scene), 1.0 / (rate * per_sample), per_sample, samples)
+    return samples
 
 
 def _guide(scene: Scene, side: str, angle: float) -> Guide:

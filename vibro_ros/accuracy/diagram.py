@@ -88,7 +88,10 @@ def _draw_speeds(axes: Axes, rows: Sequence[Measurement]) -> None:
         axes.axhline(exact.mean_speed, color="black", lw=1.2)
         axes.axhspan(exact.mean_speed - exact.mean_speed_spread, exact.mean_speed + exact.mean_speed_spread,
                      color="#999999", alpha=0.5, lw=0)
-        axes.set_ylim(*_limits([row.mean_speed for row in averages], exact))
+        reach = _LARGEST_DIFFERENCE * max(abs(exact.mean_speed), 10.0 * exact.mean_speed_spread) or 1.0
+        shown = [0.0, *(row.mean_speed for row in averages if abs(row.mean_speed - exact.mean_speed) <= reach)]
+        margin = 0.12 * (max(shown) - min(shown)) or 1.0
+        axes.set_ylim(min(shown) - margin, max(shown) + margin)
         near = WITHIN * abs(exact.mean_speed)
         axes.axhspan(exact.mean_speed - near, exact.mean_speed + near, color=_NEAR, lw=0, zorder=0)
     for name in dict.fromkeys(row.method for row in averages if row is not exact):
@@ -109,11 +112,3 @@ def style(name: str) -> dict[str, object]:
     colour, marker = _STYLES.get(name.removesuffix("_blind"), _OTHER)
     hollow = {"mfc": "white"} if name.endswith("_blind") else {}
     return {"color": colour, "marker": marker, "ms": 14 if marker == "*" else 5, **hollow}
-
-
-def _limits(speeds: Sequence[float], exact: Measurement) -> tuple[float, float]:
-    """Of the panel of mean speeds: 0, and all that differ from the exact one by at most `_LARGEST_DIFFERENCE`."""
-    reach = _LARGEST_DIFFERENCE * max(abs(exact.mean_speed), 10.0 * exact.mean_speed_spread) or 1.0
-    shown = [0.0, *(speed for speed in speeds if abs(speed - exact.mean_speed) <= reach)]
-    margin = 0.12 * (max(shown) - min(shown)) or 1.0
-    return min(shown) - margin, max(shown) + margin

@@ -1,8 +1,9 @@
 """A study of accuracy in words: findings, prices of a digit, advice, and the tables in Markdown."""
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import takewhile
 
 import numpy as np
 from scipy.stats import t as student
@@ -30,7 +31,14 @@ def markdown(rows: Sequence[Measurement]) -> str:
     reference = reference_of(rows)
     lines = [f"Trajectories, compared within {reference.horizon:g} s; errors are the largest within it.", "",
              _line(_HEADING), "|---" * len(_HEADING) + "|"]
-    lines += [_line(_trajectory(row, reference)) for row in rows if row.compared == TRAJECTORY]
+    for row in rows:
+        if row.compared == TRAJECTORY:
+            errors = [BELOW if value <= least else "one kind missed" if math.isinf(value) else _number(value, unit)
+                      for value, least, unit in zip(row.errors, reference.errors, ("m", "m", "m", "s", "m/s"),
+                                                    strict=True)]
+            setting = f"{row.setting} {row.value:.2g}" + (" s" if row.setting == "step" else "")
+            lines.append(_line((row.method, setting, _number(row.cost), _number(row.wall_time, "s"), row.repeats,
+                                *errors, row.note)))
     return "\n".join(lines)
 
 
@@ -39,7 +47,8 @@ def reference_in_words(row: Measurement) -> str:
     if math.isnan(row.body_error):
         return f"Reference: exact; no independent method could check it ({row.note})."
     return (f"Reference: exact; it agrees with {row.method} at tolerance {row.value:g} within {row.horizon:g} s to "
-            f"{_metres(row.path_error)} (body), {_metres(row.mass_error)} (masses), {_number(row.event_error, 's')} "
+            f"{_number(row.path_error, 'm')} (body), {_number(row.mass_error, 'm')} (masses), "
+            f"{_number(row.event_error, 's')} "
             f"(contacts), {_number(row.speed_error, 'm/s')} (mean speed): the reference's uncertainty.")
 
 
@@ -130,28 +139,8 @@ def _speed(row: Measurement) -> str:
     return f"{1e3 * row.mean_speed:.2f} ± {1e3 * row.mean_speed_spread:.2g} mm/s"
 
 
-def _trajectory(row: Measurement, reference: Measurement) -> tuple:
-    errors = [_error(value, least, unit) for value, least, unit in
-              zip(row.errors, reference.errors, ("m", "m", "m", "s", "m/s"), strict=True)]
-    return (row.method, _setting(row), _number(row.cost), _number(row.wall_time, "s"), row.repeats, *errors, row.note)
-
-
-def _error(value: float, least: float, unit: str) -> str:
-    if value <= least:
-        return BELOW
-    return "one kind missed" if math.isinf(value) else _number(value, unit)
-
-
-def _metres(value: float) -> str:
-    return _number(value, "m")
-
-
 def _number(value: float, unit: str = "") -> str:
     return f"{value:.2g} {unit}".strip() if not math.isnan(value) else "-"
-
-
-def _setting(row: Measurement) -> str:
-    return f"{row.setting} {row.value:.2g}" + (" s" if row.setting == "step" else "")
 
 
 def _line(cells: Sequence[object]) -> str:
@@ -310,18 +299,12 @@ def cheapest(rows: Sequence[Measurement], need: Need) -> dict[str, Measurement]:
     found = {}
     if known and not getattr(known[-1], need.column) >= need.limit:  # NaN: nothing to compare
         for name in COMPILED:
-            able = list(_able(rows, name, need))
+            own = [row for row in rows if (row.compared, row.method, row.horizon) == (NEED, name, need.horizon)]
+            able = list(takewhile(lambda row: getattr(row, need.column) < need.limit,
+                                  sorted(own, key=lambda row: row.value)))
             if able:
                 found[name] = able[-1]
     return dict(sorted(found.items(), key=lambda item: item[1].wall_time if math.isnan(item[1].cost) else item[1].cost))
-
-
-def _able(rows: Sequence[Measurement], method: str, need: Need) -> Iterator[Measurement]:
-    own = [row for row in rows if row.compared == NEED and row.method == method and row.horizon == need.horizon]
-    for row in sorted(own, key=lambda row: row.value):
-        if not getattr(row, need.column) < need.limit:
-            return
-        yield row
 
 
 def _advice(rows: Sequence[Measurement], need: Need, comparable: float) -> str:
@@ -336,7 +319,10 @@ def _advice(rows: Sequence[Measurement], need: Need, comparable: float) -> str:
     best = cheapest(rows, need)
     fixed = [name for name in best if name in SCHEMES]
     shown = [row for name, row in best.items() if name not in fixed[1:]]
-    return "; ".join(f"{_use(row)} ({two_digits(row.cost)})" for row in shown) or "nothing that was measured"
+    uses = [row.method if row.method == "exact" else f"{row.method} {row.value:.2g}" + " s" * (row.setting == "step")
+            for row in shown]
+    return "; ".join(f"{use} ({two_digits(row.cost)})" for use, row in zip(uses, shown, strict=True)) or (
+        "nothing that was measured")
 
 
 def _mean_speed_advice(rows: Sequence[Measurement]) -> str:
@@ -350,8 +336,3 @@ def _mean_speed_advice(rows: Sequence[Measurement]) -> str:
     if starts > _MOST_STARTS:
         return f"not measured: ± {spread:.0%} after {exact.repeats} starts"
     return f"exact, {starts} start{'s' * (starts > 1)} of {exact.horizon:g} s after {SETTLING:g} s"
-
-
-def _use(row: Measurement) -> str:
-    unit = " s" if row.setting == "step" else ""
-    return row.method if row.method == "exact" else f"{row.method} {row.value:.2g}{unit}"

@@ -74,7 +74,8 @@ def _event_error(answer: Answer, reference: Answer) -> float:
         return math.nan
     if found.keys() != expected.keys():
         return math.inf
-    return max(_distance(found[kind], expected[kind]) for kind in expected)
+    return max(max(directed_hausdorff(some, others)[0], directed_hausdorff(others, some)[0])
+               for kind in expected for some, others in [(found[kind][:, None], expected[kind][:, None])])
 
 
 def _contacts(answer: Answer) -> dict[str, np.ndarray]:
@@ -82,12 +83,6 @@ def _contacts(answer: Answer) -> dict[str, np.ndarray]:
     events = answer.events[answer.events["time"] > _BEGINNING]
     kinds = (kind for kind in np.unique(events["kind"]) if kind.endswith("_contact"))
     return {str(kind): np.sort(events["time"][events["kind"] == kind]) for kind in kinds}
-
-
-def _distance(some: np.ndarray, others: np.ndarray) -> float:
-    """Return the Hausdorff distance of two sets of instants [s], shapes (n,) and (m,)."""
-    some, others = some[:, None], others[:, None]
-    return max(directed_hausdorff(some, others)[0], directed_hausdorff(others, some)[0])
 
 
 TRAJECTORY, NEED, AVERAGE, REFERENCE = "trajectory", "need", "mean speed", "reference"

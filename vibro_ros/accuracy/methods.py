@@ -200,11 +200,9 @@ def by_baseline(scene: Scene, times: np.ndarray, step: float) -> Answer:
                   wall_time)
 
 
-def _thinned(method: ComparedMethod) -> ComparedMethod:
-    """One setting a decade, or a hundredth for what a right-hand side in Python makes slow."""
-    return replace(method, ladder=method.ladder[::2 if method.setting == "step" else 4])
-
-
-#: Name to method of a study: every method, with ladders that take seconds, and the baseline.
-STUDIED: dict[str, ComparedMethod] = {name: _thinned(method) for name, method in METHODS.items()} | {
+#: Name to method of a study: every method with one setting a decade, or every second decade where a right-hand side in
+#: Python is slow, and the baseline.
+STUDIED: dict[str, ComparedMethod] = {
+    name: replace(method, ladder=method.ladder[::2 if method.setting == "step" else 4])
+    for name, method in METHODS.items()} | {
     "baseline": ComparedMethod(by_baseline, "step", (BASELINE_STEP,))}

@@ -20,7 +20,7 @@ from vibro_ros.accuracy.methods import (
     by_baseline,
     drive_speed,
 )
-from vibro_ros.accuracy.starts import STARTING, average, from_start, speed_over_starts
+from vibro_ros.accuracy.starts import STARTING, average, speeds_of_starts, started_at_share
 from vibro_ros.accuracy.timing import typical
 from vibro_ros.model.scene import Scene
 from vibro_ros.simulation.motion import SimulationError
@@ -261,7 +261,7 @@ class SceneStudy:
         scene = self.scene.with_parameters(parameters | {"solver.method": name, "solver.audit": False})
         began = wall_clock.perf_counter()
         try:
-            found = speed_over_starts(scene, duration, starts)
+            found = average(speeds_of_starts(scene, duration, starts))
         except SimulationError as error:
             return replace(row, repeats=0, note=str(error))
         row = replace(row, wall_time=wall_clock.perf_counter() - began)
@@ -365,5 +365,5 @@ def _masses(scene: Scene, duration: float, share: float, change: float) -> np.nd
     """Positions of both masses, shape (2, n), of one start."""
     windows = round(duration / _WINDOW)
     times = STARTING + _WINDOW / _PER_WINDOW * np.arange(1, windows * _PER_WINDOW + 1)
-    run = from_start(scene, (1.0 + share) * (1.0 - change) - 1.0, cruising_speed(scene), times)
+    run = started_at_share(scene, (1.0 + share) * (1.0 - change) - 1.0, cruising_speed(scene)).sample(times)
     return np.stack([run.upper_position, run.inclined_position])

@@ -15,7 +15,6 @@ from scipy.stats import t as student
 from vibro_ros.model.scene import Scene
 from vibro_ros.simulation.preparation import provide_kernels
 from vibro_ros.simulation.processes import core_count, in_processes
-from vibro_ros.simulation.samples import Samples
 from vibro_ros.simulation.simulator import Simulator
 
 #: Time [s] that a start is given before its mean speed counts, and of that, the time at other motor speeds.
@@ -40,19 +39,14 @@ def average(values: np.ndarray) -> Average:
     return Average(float(np.mean(values)), float(spread), int(np.sum(values > 0.0)))
 
 
-def speed_over_starts(scene: Scene, duration: float, starts: int) -> Average:
-    """Mean speed of the body [m/s] by the scene's own method over `duration` [s], once it has settled.
+def speeds_of_starts(scene: Scene, duration: float, starts: int, batch: int = 0) -> np.ndarray:
+    """Mean speed of the body [m/s] of each start, shape (starts,), shared among all cores; another `batch`, others.
 
     Raises
     ------
     SimulationError
         If a run cannot go on.
     """
-    return average(speeds_of_starts(scene, duration, starts))
-
-
-def speeds_of_starts(scene: Scene, duration: float, starts: int, batch: int = 0) -> np.ndarray:
-    """Mean speed of the body [m/s] of each start, shape (starts,), shared among all cores; another `batch`, others."""
     provide_kernels(scene["solver.method"])  # once for all that are forked
     jobs = in_processes(partial(speed_of_start, scene, duration, batch), range(starts), core_count())
     return np.array([job.outcome() for job in jobs])
@@ -72,7 +66,10 @@ def started(scene: Scene, draw: np.random.Generator) -> Simulator:
     device, speed, reach = Simulator(scene), scene["motor.speed"], _GAPS * scene["crank.radius"]
     gaps = {f"{side}_gap": scene[f"{side}.gap"] for side in scene.guides}
     for end in (*np.sort(draw.uniform(_FIRST_END, STARTING, _STRETCHES - 1)), STARTING):
-        aside = {name: _within_rod(scene, name, gap + draw.uniform(-reach, reach)) for name, gap in gaps.items()}
+        aside = {}
+        for name, gap in gaps.items():
+            rod = scene[f"crank.{name.removesuffix('_gap')}_rod"]
+            aside[name] = min(max(gap + draw.uniform(-reach, reach), -rod), rod)
         device.command(motor_speed=speed * draw.uniform(_SLOWEST, 1.0), **aside)
         device.advance_to(end)
     device.command(motor_speed=speed, **gaps)
@@ -86,13 +83,3 @@ def started_at_share(scene: Scene, share: float, speed: float) -> Simulator:
     device.advance_to(STARTING)
     device.command(motor_speed=speed)
     return device
-
-
-def from_start(scene: Scene, share: float, speed: float, times: np.ndarray) -> Samples:
-    """Samples at `times` [s], none before `STARTING`, of the device of `started_at_share`."""
-    return started_at_share(scene, share, speed).sample(times)
-
-
-def _within_rod(scene: Scene, name: str, gap: float) -> float:
-    rod = scene[f"crank.{name.removesuffix('_gap')}_rod"]
-    return min(max(gap, -rod), rod)

@@ -99,11 +99,7 @@ def _leaves(one: Any, other: Any, path: str) -> Iterator[tuple[str, object, obje
         for i, (left, right) in enumerate(zip(one, other, strict=False)):
             yield from _leaves(left, right, f"{path}[{i}]")
     else:
-        yield path, _plain(one), _plain(other)
-
-
-def _plain(value: Any) -> object:
-    return value.item() if isinstance(value, np.generic) else value
+        yield path, *(value.item() if isinstance(value, np.generic) else value for value in (one, other))
 
 
 def _bits(value: object) -> object:

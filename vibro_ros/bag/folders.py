@@ -63,7 +63,8 @@ def bag_files(folder: Path) -> tuple[list[Path], list[str]]:
                 flaws.append(f"{entry.name}: is {kind}, and only regular files of the folder are read")
             elif suffix == SUFFIX:
                 files.append(folder / entry.name)
-    return sorted(files, key=lambda file: (_number(file), file.name)), sorted(flaws)
+    numbers = {file: re.search(r"_(\d{1,18})$", file.stem) for file in files}
+    return sorted(files, key=lambda file: (int(found[1]) if (found := numbers[file]) else 0, file.name)), sorted(flaws)
 
 
 def lock(folder: Path) -> int:
@@ -109,7 +110,9 @@ def writers(folders: Iterable[Path]) -> dict[Path, list[int]]:
             for link in (process / "fd").iterdir():
                 with contextlib.suppress(OSError):
                     folder = by_name.get(os.path.dirname(os.readlink(link)))
-                    if folder and _is_for_writing(process / "fdinfo" / link.name):
+                    lines = (process / "fdinfo" / link.name).read_text().splitlines() if folder else []
+                    flags = next((int(line.split()[1], 8) for line in lines if line.startswith("flags:")), os.O_RDONLY)
+                    if folder and flags & os.O_ACCMODE != os.O_RDONLY:
                         found.setdefault(folder, set()).add(int(process.name))
     return {folder: sorted(processes) for folder, processes in found.items()}
 
@@ -132,16 +135,6 @@ def unsealed_bags(directory: Path, pattern: str = "*") -> list[Path]:
         return []
     in_use = writers(folders) if folders else {}
     return [folder for folder in folders if folder not in in_use and not _is_locked(folder)]
-
-
-def _number(file: Path) -> int:
-    found = re.search(r"_(\d{1,18})$", file.stem)
-    return int(found[1]) if found else 0
-
-
-def _is_for_writing(information: Path) -> bool:
-    flags = next(line.split()[1] for line in information.read_text().splitlines() if line.startswith("flags:"))
-    return int(flags, 8) & os.O_ACCMODE != os.O_RDONLY
 
 
 def _is_unsealed(folder: Path) -> bool:

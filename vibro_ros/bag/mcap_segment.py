@@ -12,7 +12,7 @@ import os
 import struct
 import zlib
 from collections import defaultdict
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from mcap.data_stream import RecordBuilder
@@ -271,28 +271,23 @@ class Summary:
 
     def ending(self, at: int) -> bytes:
         """All that closes a file whose data end at the offset `at`: end of data, summary, footer; without checksums."""
-        end = packed(DataEnd(data_section_crc=0))
+        end, (first, last) = packed(DataEnd(data_section_crc=0)), self.span
         pieces, offsets, position = [end], [], at + len(end)
         summary = position
-        for opcode, group in self._groups():
+        indexes = zlib.decompress(bytes(self._indexes) + self._compressor.copy().flush()) if self.indexed else b""
+        statistics = Statistics(
+            attachment_count=0, channel_count=len(self.channels), channel_message_counts=self.counts,
+            chunk_count=self.chunks, message_count=self.messages, message_start_time=first, message_end_time=last,
+            metadata_count=len(self.metadata), schema_count=len(self.schemas))
+        for opcode, group in ((Opcode.SCHEMA, packed(*self.schemas.values())),
+                              (Opcode.CHANNEL, packed(*self.channels.values())), (Opcode.CHUNK_INDEX, indexes),
+                              (Opcode.METADATA_INDEX, packed(*self.metadata)), (Opcode.STATISTICS, packed(statistics))):
             if group:
                 offsets.append(SummaryOffset(group_opcode=opcode, group_start=position, group_length=len(group)))
                 pieces.append(group)
                 position += len(group)
         footer = Footer(summary_start=summary, summary_offset_start=position, summary_crc=0)
         return b"".join([*pieces, packed(*offsets, footer), MAGIC])
-
-    def _groups(self) -> Iterator[tuple[Opcode, bytes]]:
-        first, last = self.span
-        yield Opcode.SCHEMA, packed(*self.schemas.values())
-        yield Opcode.CHANNEL, packed(*self.channels.values())
-        if self.indexed:
-            yield Opcode.CHUNK_INDEX, zlib.decompress(bytes(self._indexes) + self._compressor.copy().flush())
-        yield Opcode.METADATA_INDEX, packed(*self.metadata)
-        yield Opcode.STATISTICS, packed(Statistics(
-            attachment_count=0, channel_count=len(self.channels), channel_message_counts=self.counts,
-            chunk_count=self.chunks, message_count=self.messages, message_start_time=first, message_end_time=last,
-            metadata_count=len(self.metadata), schema_count=len(self.schemas)))
 
 
 def packed(*records: McapRecord) -> bytes:

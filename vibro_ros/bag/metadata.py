@@ -108,7 +108,16 @@ def defined(topics: Sequence[Topic]) -> list[Definition]:
             raise ValueError(f"{topic.name}: unknown message type {topic.type_name!r}; give one of ROS 2 Jazzy's")
         if names.count(topic.name) > 1:
             raise ValueError(f"{topic.name}: given twice; a topic is recorded once")
-    return [_definition(topic) for topic in topics]
+    definitions = []
+    for topic in topics:
+        text, _ = jazzy_types().generate_msgdef(topic.type_name, ros_version=2)
+        qos = {"history": "keep_last", "depth": topic.qos_depth, "reliability": "reliable",
+               "durability": _LASTING if topic.lasting else "volatile",
+               "deadline": dict(_FOREVER), "lifespan": dict(_FOREVER), "liveliness": "automatic",
+               "liveliness_lease_duration": dict(_FOREVER), "avoid_ros_namespace_conventions": False}
+        digest = jazzy_types().hash_rihs01(topic.type_name)
+        definitions.append(Definition(TopicInformation(topic.name, topic.type_name, [qos], digest), text))
+    return definitions
 
 
 def bag_information(files: Sequence[FileInformation], topics: Iterable[TopicInformation],
@@ -151,11 +160,12 @@ def bag_information(files: Sequence[FileInformation], topics: Iterable[TopicInfo
 def agrees(information: Mapping, expected: Mapping) -> bool:
     """Whether metadata.yaml's `information` is what `bag_information` would say, as far as readers of ROS use it."""
     try:
-        topics = {one["topic_metadata"]["name"]: one for one in information["topics_with_message_count"]}
+        topics, others = ({one["topic_metadata"]["name"]: (one["message_count"], one["topic_metadata"]["type"],
+                                                           one["topic_metadata"]["serialization_format"])
+                           for one in of["topics_with_message_count"]} for of in (information, expected))
         return (sorted(information["relative_file_paths"]) == sorted(expected["relative_file_paths"])
                 and (not expected["message_count"] or all(information[key] == expected[key] for key in _COUNTED))
-                and all(_is_same_topic(topics[one["topic_metadata"]["name"]], one)
-                        for one in expected["topics_with_message_count"] if one["message_count"]))
+                and all(topics[name] == other for name, other in others.items() if other[0]))
     except (KeyError, TypeError):
         return False
 
@@ -215,22 +225,6 @@ def depth_of(profiles: Sequence[Mapping], otherwise: int) -> int:
     """History depth of the first of QoS profiles; `otherwise` without a valid one."""
     depth = profiles[0].get("depth") if profiles else None
     return depth if type(depth) is int and 0 <= depth <= _MOST_DEPTH else otherwise
-
-
-def _definition(topic: Topic) -> Definition:
-    text, _ = jazzy_types().generate_msgdef(topic.type_name, ros_version=2)
-    qos = {"history": "keep_last", "depth": topic.qos_depth, "reliability": "reliable",
-           "durability": _LASTING if topic.lasting else "volatile",
-           "deadline": dict(_FOREVER), "lifespan": dict(_FOREVER), "liveliness": "automatic",
-           "liveliness_lease_duration": dict(_FOREVER), "avoid_ros_namespace_conventions": False}
-    digest = jazzy_types().hash_rihs01(topic.type_name)
-    return Definition(TopicInformation(topic.name, topic.type_name, [qos], digest), text)
-
-
-def _is_same_topic(said: Mapping, expected: Mapping) -> bool:
-    one, other = said["topic_metadata"], expected["topic_metadata"]
-    return (said["message_count"] == expected["message_count"]
-            and all(one[key] == other[key] for key in ("type", "serialization_format")))
 
 
 class _Dumper(getattr(yaml, "CSafeDumper", yaml.SafeDumper)):  # type: ignore[misc]

@@ -85,17 +85,15 @@ class Bag(Mapping[str, Arrays]):
         MissingTopicError
             When no topic, or more than one, is called so.
         """
-        found = [topic for topic in self.arrays if name in (topic, _last(topic)) and self._as_robot_types(topic)]
+        types = {topic: one.type_name for topic, one in self.topics.items()}
+        found = [topic for topic in self.arrays if name in (topic, _last(topic))
+                 and ROBOT_TOPICS.get(_last(topic), types[topic]) == types[topic]]
         if len(found) > 1:
             raise MissingTopicError(f"{self.path}: {name} is ambiguous; give one of {', '.join(found)}")
         if not found:
             recorded = ", ".join(f"{topic} ({one.type_name})" for topic, one in self.topics.items()) or "none"
             raise MissingTopicError(f"{self.path}: topic {name} is missing; recorded topics: {recorded}")
         return found[0]
-
-    def _as_robot_types(self, topic: str) -> bool:
-        type_name = self.topics[topic].type_name
-        return ROBOT_TOPICS.get(_last(topic), type_name) == type_name
 
 
 def _last(topic: str) -> str:
@@ -169,23 +167,19 @@ def read_bag(path: str | Path, columns: Mapping[str, Sequence[str]] | None = Non
 def load_bag(path: str | Path, columns: Mapping[str, Sequence[str]] | None = None) -> Bag:
     """`read_bag` without its warning, for those who name the flaws themselves."""
     with BagStream(path) as stream:
-        arrays = {topic: one.arrays() for topic, one in _series(stream, columns).items()}
+        series = {topic: Series(one.type_name, stream.start, ("*",) if columns is None else columns[_last(topic)])
+                  for topic, one in stream.topics.items()
+                  if one.type_name in _LAYOUTS and (columns is None or _last(topic) in columns)}
+        seen: Counter[str] = Counter()
+        for topic, stamp, data in stream.messages(frozenset(series)):
+            try:
+                series[topic].append(stamp, data)
+            except ValueError as error:
+                stream.unreadable.add(topic, seen[topic], stamp, error)
+            seen[topic] += 1
+        arrays = {topic: one.arrays() for topic, one in series.items()}
         return Bag(stream.folder, stream.start, (stream.end - stream.start) * 1e-9, stream.metadata, stream.topics,
                    arrays, tuple(stream.flaws))
-
-
-def _series(stream: BagStream, columns: Mapping[str, Sequence[str]] | None) -> "dict[str, Series]":
-    series = {topic: Series(one.type_name, stream.start, ("*",) if columns is None else columns[_last(topic)])
-              for topic, one in stream.topics.items()
-              if one.type_name in _LAYOUTS and (columns is None or _last(topic) in columns)}
-    seen: Counter[str] = Counter()
-    for topic, stamp, data in stream.messages(frozenset(series)):
-        try:
-            series[topic].append(stamp, data)
-        except ValueError as error:
-            stream.unreadable.add(topic, seen[topic], stamp, error)
-        seen[topic] += 1
-    return series
 
 
 @dataclass(frozen=True)
@@ -239,13 +233,6 @@ class Series:
 
     def arrays(self) -> dict[str, np.ndarray]:
         """The columns by name, as `vibro_ros.read_bag` lists them; nothing can be appended any more."""
-        arrays = self._arrays()
-        if self._ascending:
-            return arrays
-        order = np.argsort(arrays["time"], kind="stable")
-        return {name: column[order] for name, column in arrays.items()}
-
-    def _arrays(self) -> dict[str, np.ndarray]:
         arrays = {"time": _as_array(self._times)}
         if self._stamped:
             arrays["stamp"] = _as_array(self._stamps)
@@ -256,7 +243,10 @@ class Series:
         for name, width in self._columns.items():
             end += width
             arrays[name] = rows[:, end - 1] if width == 1 else rows[:, end - width:end]
-        return arrays
+        if self._ascending:
+            return arrays
+        order = np.argsort(arrays["time"], kind="stable")
+        return {name: column[order] for name, column in arrays.items()}
 
     def _read(self, data: bytes) -> None:
         message = deserialised(data, self._type)
@@ -306,12 +296,12 @@ def _wrench(message: Any) -> tuple[float, ...]:
     return *_xyz(message.wrench.force), *_xyz(message.wrench.torque)
 
 
+_JOINT_QUANTITIES = ("position", "velocity", "effort")
+
+
 def _joints(message: Any) -> tuple[float, ...]:
     joints = len(message.name)
     return tuple(chain(*(getattr(message, quantity)[:joints].tolist() for quantity in _JOINT_QUANTITIES)))
-
-
-_JOINT_QUANTITIES = ("position", "velocity", "effort")
 
 
 def _joint_widths(message: Any) -> dict[str, int]:
@@ -321,14 +311,10 @@ def _joint_widths(message: Any) -> dict[str, int]:
             for name, _ in zip(message.name, getattr(message, quantity), strict=False)}
 
 
-def _fixed(**widths: int) -> Callable[[object], dict[str, int]]:
-    return lambda message: widths
-
-
+_ODOMETRY = {"position": 3, "orientation": 4, "linear_velocity": 3, "angular_velocity": 3}
 _LAYOUTS = {
-    "std_msgs/msg/Float64": _Layout(_fixed(value=1), lambda message: (message.data,), stamped=False),
-    "nav_msgs/msg/Odometry": _Layout(
-        _fixed(position=3, orientation=4, linear_velocity=3, angular_velocity=3), _odometry),
-    "geometry_msgs/msg/WrenchStamped": _Layout(_fixed(force=3, torque=3), _wrench, framed=True),
+    "std_msgs/msg/Float64": _Layout(lambda message: {"value": 1}, lambda message: (message.data,), stamped=False),
+    "nav_msgs/msg/Odometry": _Layout(lambda message: _ODOMETRY, _odometry),
+    "geometry_msgs/msg/WrenchStamped": _Layout(lambda message: {"force": 3, "torque": 3}, _wrench, framed=True),
     "sensor_msgs/msg/JointState": _Layout(_joint_widths, _joints),
 }

@@ -18,7 +18,7 @@ from pathlib import Path
 from queue import Empty, SimpleQueue
 from threading import Lock, Thread
 
-from vibro_ros.bag.metadata import LAST_STAMP, Definition, Topic, defined
+from vibro_ros.bag.metadata import LAST_STAMP, Topic, defined
 from vibro_ros.bag.writer import BagWriter, Storage
 
 FLUSH_PERIOD = 0.05  # s, that a message stays in memory only; 0.1 is promised, and a busy machine is late
@@ -111,7 +111,14 @@ class Recorder:
         self._queue: deque[tuple[int | _Places, int, bytes]] = deque(
             (self._topics[topic], stamp, data) for topic, stamp, data in earlier)
         self._places: dict[Together, _Places] = {}
-        self._writer = _opened(self.folder, definitions, metadata, storage)
+        try:
+            self._writer = BagWriter(self.folder, definitions, metadata, storage)
+        except FileExistsError as error:
+            raise FileExistsError(f"{folder} exists already; a recording never overwrites: "
+                                  "give a new folder") from error
+        except OSError as error:
+            raise OSError(f"cannot record to {folder}: {error.strerror}; "
+                          "give a folder that can be written") from error
         self.begin_files_with(lasting)
         self._thread = Thread(target=self._run, name="bag writer", daemon=True)
         self._thread.start()
@@ -262,20 +269,23 @@ class Recorder:
             self._stop(error)
 
     def _write_queue(self) -> None:
-        """Write what is queued until told to close, flushing every `FLUSH_PERIOD`."""
+        """Write what is queued until `close` asks to end, flushing every `FLUSH_PERIOD`."""
         closing = False
         while not closing:
-            self._wait()
+            self._waking = self._due
+            with contextlib.suppress(Empty):
+                self._bell.get(timeout=max(0.0, self._due + PATIENCE - time.monotonic()))
+            self._waking = math.inf
             closing = self._closing  # asked before the queue is emptied for the last time
-            self._write_known()
+            self._write_batch()
             while self._queue:
-                self._write_known()
                 self._write_batch()
-                time.sleep(0)  # offer the interpreter lock
-                self._flush_when_due()
-            self._flush_when_due()
 
     def _write_batch(self) -> None:
+        """Describe what has become known, write up to `BATCH` messages, and flush when that is due."""
+        if self._known:
+            known, self._known = self._known, {}
+            self._writer.describe(known)
         until = self._taken + BATCH
         while self._queue and self._taken < until:
             topic, stamp, data = self._queue.popleft()
@@ -285,20 +295,7 @@ class Recorder:
                 continue
             for number, begin, end in topic:
                 self._writer.write(number, stamp, data[begin:end])
-
-    def _wait(self) -> None:
-        """Wait until a flush is due, or somebody rings."""
-        self._waking = self._due
-        with contextlib.suppress(Empty):
-            self._bell.get(timeout=max(0.0, self._due + PATIENCE - time.monotonic()))
-        self._waking = math.inf
-
-    def _write_known(self) -> None:
-        if self._known:
-            known, self._known = self._known, {}
-            self._writer.describe(known)
-
-    def _flush_when_due(self) -> None:
+        time.sleep(0)  # offer the interpreter lock
         if time.monotonic() >= self._due:
             self._writer.flush()
             self._due = time.monotonic() + FLUSH_PERIOD
@@ -318,14 +315,10 @@ class Recorder:
         if not self.sealed:
             self._writer.abandon()
         self._gone = not self.folder.exists()
-        self.fault = f"recording to {self.folder} stopped: {reason}; {self._remains()}"
-
-    def _remains(self) -> str:
-        if self.sealed:
-            return f"the bag is sealed with its {self.written} messages"
-        if self._gone:
-            return "the folder is gone"
-        return f"the bag is not sealed; `recover {self.folder}` seals it once it can be written"
+        remains = (f"the bag is sealed with its {self.written} messages" if self.sealed
+                   else "the folder is gone" if self._gone
+                   else f"the bag is not sealed; `recover {self.folder}` seals it once it can be written")
+        self.fault = f"recording to {self.folder} stopped: {reason}; {remains}"
 
     def _discard_queue(self) -> None:
         with contextlib.suppress(IndexError):
@@ -369,14 +362,3 @@ class Snapshot:
 def _count(topic: int | _Places) -> int:
     """Number of messages in an entry of the queue."""
     return 1 if isinstance(topic, int) else len(topic)
-
-
-def _opened(folder: Path, definitions: Sequence[Definition], metadata: Mapping[str, str],
-            storage: Storage) -> BagWriter:
-    try:
-        return BagWriter(folder, definitions, metadata, storage)
-    except FileExistsError as error:
-        raise FileExistsError(f"{folder} exists already; a recording never overwrites: "
-                              "give a new folder") from error
-    except OSError as error:
-        raise OSError(f"cannot record to {folder}: {error.strerror}; give a folder that can be written") from error

@@ -4,7 +4,7 @@ A readable bag is never changed. Everything is read before anything is written. 
 readable record, and its torn end is kept beside it before. metadata.yaml appears whole, at last. When a step fails (the
 disk is full), nothing readable is lost, and recovery can be repeated. No link is followed.
 
-Files are sealed in place: a copy of a long recording would take as much room again, and half an hour for each 10 GB.
+Files are sealed in place: a copy of a long recording would take as much room again.
 """
 
 import os
@@ -76,8 +76,13 @@ def recover(path: str | Path, keep_torn: bool = True) -> Recovery:
     RecoveryError
         When it is no bag, holds nothing that can be read, is being recorded, or cannot be written.
     """
+    path = Path(path)
+    if not path.exists():
+        raise RecoveryError(f"{path}: no such folder; give the folder of a recording")
+    if not path.is_dir() and path.suffix != SUFFIX:
+        raise RecoveryError(f"{path}: a file, not a bag; give the folder of a recording")
+    folder = path if path.is_dir() else path.absolute().parent
     try:
-        folder = _folder_of(Path(path))
         with locked(folder):
             if found := writers([folder]):
                 processes = ", ".join(map(str, found[folder]))
@@ -104,20 +109,19 @@ def described(recovery: Recovery, stamp: Callable[[int], str]) -> Iterable[str]:
     yield from not_read(recovery.flaws)
 
 
-def _folder_of(path: Path) -> Path:
-    if not path.exists():
-        raise RecoveryError(f"{path}: no such folder; give the folder of a recording")
-    if path.is_dir():
-        return path
-    if path.suffix != SUFFIX:
-        raise RecoveryError(f"{path}: a file, not a bag; give the folder of a recording")
-    return path.absolute().parent
-
-
 def _recovered(folder: Path, keep_torn: bool) -> Recovery:
-    _check_files(folder)
+    paths, flaws = bag_files(folder)
+    if not paths:
+        reason = flaws[0] if flaws else "not a bag, it holds no .mcap file"
+        raise RecoveryError(f"{folder}: {reason}; give the folder of a recording")
+    if not any(path.stat().st_size for path in paths):
+        raise RecoveryError(f"{folder}: {paths[0].name} is empty (0 bytes), nothing was recorded; delete the folder")
     bag = BagContents(folder, all_files=True)
-    _check_readable(folder, bag)
+    if not bag.files:
+        raise RecoveryError(f"{folder / bag.flaws[-1]}; give the folder of a recording")
+    damaged = [file.flaws[0] for file in bag.files if file.damaged or (file.sealed and file.flaws)]
+    if damaged and not any(file.information.messages for file in bag.files):
+        raise RecoveryError(f"{folder}: nothing in it can be read: {damaged[0]}")
     files = [file.information for file in bag.files]
     topics = list({topic.name: topic for file in reversed(bag.files) for topic in file.topics}.values())
     if (bag.information and all(file.sealed for file in bag.files)
@@ -139,25 +143,6 @@ def _recovered(folder: Path, keep_torn: bool) -> Recovery:
             metadata.unlink()
     write_metadata(metadata, bag_information(files, topics, custom))
     return _read_back(folder, cut, tuple(kept))
-
-
-def _check_files(folder: Path) -> None:
-    """Refuse a folder that is no bag, and one that is empty."""
-    files, flaws = bag_files(folder)
-    if not files:
-        reason = flaws[0] if flaws else "not a bag, it holds no .mcap file"
-        raise RecoveryError(f"{folder}: {reason}; give the folder of a recording")
-    if not any(file.stat().st_size for file in files):
-        raise RecoveryError(f"{folder}: {files[0].name} is empty (0 bytes), nothing was recorded; delete the folder")
-
-
-def _check_readable(folder: Path, bag: BagContents) -> None:
-    """Refuse a bag of which nothing is left to be read, as it is."""
-    if not bag.files:
-        raise RecoveryError(f"{folder / bag.flaws[-1]}; give the folder of a recording")
-    damaged = [file.flaws[0] for file in bag.files if file.damaged or (file.sealed and file.flaws)]
-    if damaged and not any(file.information.messages for file in bag.files):
-        raise RecoveryError(f"{folder}: nothing in it can be read: {damaged[0]}")
 
 
 def _seal(file: McapFile, metadata: str, keep_torn: bool) -> list[Path]:

@@ -3,8 +3,10 @@
 import errno
 import heapq
 import json
+import os
+from collections import Counter
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from itertools import count
 from pathlib import Path
 
@@ -93,7 +95,7 @@ class BagStream:
         self.folder = Path(path)
         self.unreadable = Unreadable()
         try:
-            _check_folder(self.folder)
+            self._check_folder()
             contents = BagContents(self.folder)
         except OSError as error:
             raise BagError(f"{self.folder}: cannot be read: {error.strerror or error}") from error
@@ -111,6 +113,19 @@ class BagStream:
 
     def __exit__(self, *_: object) -> None:
         """Files are open only while messages are read."""
+
+    def _check_folder(self) -> None:
+        folder = self.folder
+        if not folder.exists():
+            raise BagError(f"{folder}: no such folder; give the folder of a recording")
+        if not folder.is_dir():
+            raise BagError(f"{folder}: a file, not a bag; give the folder that holds metadata.yaml")
+        if not os.path.lexists(folder / FILE_NAME):
+            files, flaws = bag_files(folder)
+            raise BagError(f"{folder}: " + (
+                "the bag is not sealed: its recorder still runs, or was killed; end the recorder, or seal it with "
+                f"`recover {folder}`" if files else f"nothing in it can be read: {flaws[0]}" if flaws else
+                "not a bag, it holds no metadata.yaml; give the folder of a recording"))
 
     @property
     def flaws(self) -> list[str]:
@@ -229,30 +244,22 @@ class BagContents:
         return [path for path in paths if path.name in names]
 
 
-@dataclass
-class _Counted:
-    """Unreadable messages of one topic: how many, and number, stamp and reason of the first."""
-
-    index: int
-    stamp: int
-    reason: str
-    count: int = 0
-
-
-@dataclass
 class Unreadable:
     """Counts unreadable messages, and keeps the first of each topic."""
 
-    _topics: dict[str, _Counted] = field(default_factory=dict)
+    def __init__(self) -> None:
+        self._counts: Counter[str] = Counter()
+        self._firsts: dict[str, str] = {}
 
     def add(self, topic: str, index: int, stamp: int, reason: object) -> None:
         """Count one: its topic, number on that topic in the bag from 0, recorded stamp [ns], and what is wrong."""
-        self._topics.setdefault(topic, _Counted(index, stamp, str(reason))).count += 1
+        self._counts[topic] += 1
+        self._firsts.setdefault(topic, f"the first is number {index} at {stamp} ns: {reason}")
 
     def lines(self) -> list[str]:
         """A sentence for each topic."""
-        return [f"{topic}: {one.count} unreadable message{'s' if one.count > 1 else ''}, the first is number "
-                f"{one.index} at {one.stamp} ns: {one.reason}" for topic, one in self._topics.items()]
+        return [f"{topic}: {count} unreadable message{'s' if count > 1 else ''}, {self._firsts[topic]}"
+                for topic, count in self._counts.items()]
 
 
 def not_read(flaws: Sequence[str]) -> list[str]:
@@ -278,11 +285,8 @@ def robot_topics(stream: BagStream) -> dict[str, str]:
         recorded = stream.topics.get(topic)
         if recorded and recorded.type_name != _TYPES[name]:
             raise BagError(f"{stream.folder}: {topic} is {recorded.type_name}, not the robot's {_TYPES[name]}")
-    return found or _by_last_part(stream)
-
-
-def _by_last_part(stream: BagStream) -> dict[str, str]:
-    found: dict[str, str] = {}
+    if found:
+        return found
     for topic, recorded in stream.topics.items():
         name = topic.rpartition("/")[2]
         if ROBOT_TOPICS.get(name) == recorded.type_name:
@@ -305,19 +309,3 @@ def _in_time(messages: Iterator[Message]) -> Iterator[Message]:
             yield first
     while held:
         yield heapq.heappop(held)[2]
-
-
-def _check_folder(folder: Path) -> None:
-    if not folder.exists():
-        raise BagError(f"{folder}: no such folder; give the folder of a recording")
-    if not folder.is_dir():
-        raise BagError(f"{folder}: a file, not a bag; give the folder that holds metadata.yaml")
-    if (folder / FILE_NAME).exists() or (folder / FILE_NAME).is_symlink():
-        return
-    files, flaws = bag_files(folder)
-    if files:
-        raise BagError(f"{folder}: the bag is not sealed: its recorder still runs, or was killed; "
-                       f"end the recorder, or seal it with `recover {folder}`")
-    if flaws:
-        raise BagError(f"{folder}: nothing in it can be read: {flaws[0]}")
-    raise BagError(f"{folder}: not a bag, it holds no metadata.yaml; give the folder of a recording")

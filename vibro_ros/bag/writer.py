@@ -126,8 +126,13 @@ class BagWriter:
     def write(self, topic: int, stamp: int, data: bytes) -> None:
         """Take a message (OSError when the disk fails); a new file begins only where time goes on."""
         if self._limited:
-            if stamp > self._last and self._is_full(stamp, len(data)):
-                self._split()
+            limit, longest = self._storage.segment_size, self._storage.max_duration
+            if 0 <= self._last < stamp and ((longest and stamp - self._first >= longest * 1e9)
+                                            or (limit and self._segment.size + len(data) > limit)):
+                self._segment.flush()
+                self._finish_segment()
+                self._make_room()
+                self._begin_segment()
             self._first, self._last = min(self._first, stamp), max(self._last, stamp)
         if self._waiting:
             waiting, self._waiting = self._waiting, ()
@@ -167,19 +172,6 @@ class BagWriter:
             os.close(self._lock)
             self._lock = -1
 
-    def _is_full(self, stamp: int, size: int) -> bool:
-        if self._last < 0:
-            return False
-        limit, longest = self._storage.segment_size, self._storage.max_duration
-        return bool((longest and stamp - self._first >= longest * 1e9)
-                    or (limit and self._segment.size + size > limit))
-
-    def _split(self) -> None:
-        self._segment.flush()
-        self._finish_segment()
-        self._make_room()
-        self._begin_segment()
-
     def _begin_segment(self) -> None:
         path = self.folder / f"{self.folder.name}_{self._number}{SUFFIX}"
         metadata = as_text(self._information([FileInformation(path.name, 0, 0)]))
@@ -189,7 +181,6 @@ class BagWriter:
         self._waiting = self._lasting
 
     def _finish_segment(self) -> None:
-        """Seal the file that is written."""
         segment, file = self._segment, self._segment.information
         segment.seal(as_text(self._information([file])))
         self._finished.append((file, segment.path.stat().st_size))

@@ -51,7 +51,13 @@ class Difference:
                 f"{self.recorded!r}, replayed {self.replayed!r}")
         if isinstance(self.recorded, str) or isinstance(self.replayed, str):
             return text
-        return f"{text}, difference {self.replayed - self.recorded!r}{_in_ulps(self.recorded, self.replayed)}"
+        values = (self.recorded, self.replayed)
+        text = f"{text}, difference {self.replayed - self.recorded!r}"
+        if not all(isinstance(value, float) and math.isfinite(value) for value in values) or (
+                math.copysign(1.0, self.recorded) != math.copysign(1.0, self.replayed)):
+            return text
+        first, second = struct.unpack("<2q", struct.pack("<2d", *values))  # consecutive floats: consecutive integers
+        return f"{text} ({abs(first - second)} ulp)"
 
 
 @dataclass
@@ -96,8 +102,13 @@ def compare(stream: BagStream) -> Comparison:
     BagError
         When the bag is damaged, or does not say what was simulated.
     """
-    facts = run_facts(stream)
-    return _Comparing(stream, facts).result()
+    comparing = _Comparing(stream, run_facts(stream))
+    for stamp, group in ticks(stream, comparing.found.facts):
+        comparing.found.difference = comparing.sample(stamp, group)
+        if comparing.found.difference:
+            break
+        comparing.found.last = comparing.found.facts.time(comparing.rerun.tick)
+    return comparing.found
 
 
 class _Comparing:
@@ -105,8 +116,8 @@ class _Comparing:
 
     def __init__(self, stream: BagStream, facts: RunFacts):
         self._stream, self._facts = stream, facts
-        self._rerun = Rerun(facts, facts.scene)
-        self._found = Comparison(facts, notes=notes(stream, facts))
+        self.rerun = Rerun(facts, facts.scene)
+        self.found = Comparison(facts, notes=notes(stream, facts))
         self._seen: Counter = Counter()
         self._recorded = {name for name, topic in facts.topics.items() if topic in stream.topics}
         self._may_lack = stream.metadata.get("dropped") != "0" or bool(stream.flaws)
@@ -116,31 +127,22 @@ class _Comparing:
         self._late = stream.start > facts.start and CHECKPOINT in self._recorded
         self._lacking: list[tuple[str, int]] = []  # messages that follow others and are not there: topic, sample
 
-    def result(self) -> Comparison:
-        """Compare until the bag ends or differs."""
-        for stamp, group in ticks(self._stream, self._facts):
-            self._found.difference = self._sample(stamp, group)
-            if self._found.difference:
-                break
-            self._found.last = self._facts.time(self._rerun.tick)
-        return self._found
-
-    def _sample(self, stamp: int, group: list[tuple[str, bytes]]) -> Difference | None:
+    def sample(self, stamp: int, group: list[tuple[str, bytes]]) -> Difference | None:
         """Compare what was recorded with one stamp, and give its commands to the device."""
         tick = self._facts.tick(stamp)
         if self._late and tick is not None:
             self._restore(tick, stamp, group)
             return None
-        if tick is None or tick <= self._rerun.tick or not self._is_likely(tick, stamp, group):
+        if tick is None or tick <= self.rerun.tick or not self._is_likely(tick, stamp, group):
             return self._difference(group[0][0], stamp, "recorded stamp", stamp,
-                                    self._facts.stamp(self._rerun.tick + 1))
+                                    self._facts.stamp(self.rerun.tick + 1))
         replayed = self._advance(tick)
         if self._failure:
             return self._difference(group[0][0], stamp, "message", "a message", self._failure)
         if self._lacking and not self._may_lack:
             name, lacking = self._lacking[0]
             return self._difference(name, self._facts.stamp(lacking), "message", ABSENT, "a message")
-        self._found.missing += len(self._lacking)
+        self.found.missing += len(self._lacking)
         self._lacking.clear()
         difference = self._match(stamp, group, replayed)
         self._command(stamp, group)
@@ -150,7 +152,7 @@ class _Comparing:
         """Whether a header bears a stamp out that lies far ahead: a spoilt one would cost years of simulation."""
         if tick > self._most:
             return False
-        if tick - self._rerun.tick < LONGEST_PAUSE * self._facts.rate or not self._recorded.intersection(STAMPED):
+        if tick - self.rerun.tick < LONGEST_PAUSE * self._facts.rate or not self._recorded.intersection(STAMPED):
             return True
         try:
             headers = [deserialised(data, ROBOT_TOPICS[name]).header.stamp for name, data in group if name in STAMPED]
@@ -166,10 +168,10 @@ class _Comparing:
         commanded: list[tuple[str, bytes]] = []
         for i, (name, data) in enumerate(group):
             if name == OPERATIONS:
-                self._rerun.receive(name, data)
+                self.rerun.receive(name, data)
             if name == CHECKPOINT:
                 try:
-                    self._rerun.restore(tick, data)
+                    self.rerun.restore(tick, data)
                 except ValueError as error:
                     raise BagError(f"{self._stream.folder}: {error}") from error
                 self._late, self._begun = False, True
@@ -183,9 +185,9 @@ class _Comparing:
     def _advance(self, tick: int) -> list[tuple[str, bytes]]:
         """Go to a sample; what it publishes."""
         try:
-            while not self._failure and self._rerun.tick < tick - 1:
-                self._lack([name for name, _ in self._rerun.step()], begun=self._begun)
-            return self._rerun.step() if not self._failure else []
+            while not self._failure and self.rerun.tick < tick - 1:
+                self._lack([name for name, _ in self.rerun.step()], begun=self._begun)
+            return self.rerun.step() if not self._failure else []
         except SimulationError as error:
             self._failure = str(error)
             return []
@@ -199,7 +201,7 @@ class _Comparing:
         for name, data in group:
             if name in INPUTS or name == CHECKPOINT:
                 continue
-            waiting = [self._rerun.lasting[name]] if name in self._rerun.lasting else expected.get(name, [])
+            waiting = [self.rerun.lasting[name]] if name in self.rerun.lasting else expected.get(name, [])
             found = [first_difference(data, other, ROBOT_TOPICS[name]) for other in waiting]
             if None not in found:
                 where, recorded, is_now = (found and found[0]) or ("message", "a message", ABSENT)
@@ -208,31 +210,34 @@ class _Comparing:
             self._lack([name] * skipped, begun)
             del waiting[:skipped + 1]
             self._seen[name] += 1
-            self._found.compared[self._facts.topics[name]] += 1
+            self.found.compared[self._facts.topics[name]] += 1
         # A bag may begin and end amid a sample, so this counts only once more follows.
         self._lack([name for name, waiting in expected.items() for _ in waiting], begun)
         return None
 
     def _lack(self, names: list[str], begun: bool) -> None:
         if begun:
-            self._lacking += [(name, self._rerun.tick) for name in names if name in self._recorded]
+            self._lacking += [(name, self.rerun.tick) for name in names if name in self._recorded]
 
     def _command(self, stamp: int, group: list[tuple[str, bytes]]) -> None:
         try:
             for name, data in group:
                 if name in INPUTS:
-                    unreadable = self._rerun.receive(name, data)
+                    unreadable = self.rerun.receive(name, data)
                     if unreadable:
                         self._stream.unreadable.add(self._facts.topics[name], self._seen[name], stamp, unreadable)
-                    self._found.commands += not unreadable and name in COMMAND_UNITS
+                    self.found.commands += not unreadable and name in COMMAND_UNITS
                     self._seen[name] += 1
         except SimulationError as error:
             self._failure = str(error)
 
     def _difference(self, name: str, stamp: int, where: str, recorded: object, replayed: object) -> Difference:
         time = (stamp - self._facts.start) * 1e-9
-        return Difference(self._facts.topics[name], self._seen[name], stamp, time, _named(name, where, self._facts),
-                          recorded, replayed)
+        index = where.rpartition("[")[2].rstrip("]")
+        joints = joints_of(self._facts.scene)
+        if name == "joint_states" and index.isdigit() and int(index) < len(joints):
+            where = f"{where} ({joints[int(index)]})"
+        return Difference(self._facts.topics[name], self._seen[name], stamp, time, where, recorded, replayed)
 
 
 def notes(stream: BagStream, facts: RunFacts) -> list[str]:
@@ -254,21 +259,3 @@ def notes(stream: BagStream, facts: RunFacts) -> list[str]:
     if stream.flaws:
         found.append("part of the bag cannot be read; a command may be in it")
     return found
-
-
-def _named(name: str, where: str, facts: RunFacts) -> str:
-    """A field with the joint that it is of."""
-    index = where.rpartition("[")[2].rstrip("]")
-    joints = joints_of(facts.scene)
-    if name == "joint_states" and index.isdigit() and int(index) < len(joints):
-        return f"{where} ({joints[int(index)]})"
-    return where
-
-
-def _in_ulps(one: object, other: object) -> str:
-    """Steps from one floating-point number to the next between two of them; not across zero."""
-    if not (isinstance(one, float) and isinstance(other, float) and math.isfinite(one) and math.isfinite(other)
-            and math.copysign(1.0, one) == math.copysign(1.0, other)):
-        return ""
-    first, second = struct.unpack("<2q", struct.pack("<2d", one, other))  # consecutive floats are consecutive integers
-    return f" ({abs(first - second)} ulp)"

@@ -53,36 +53,48 @@ def energy_of(bag: Bag) -> dict[str, Any]:
 def _energy(bag: Bag, stream: BagStream, facts: RunFacts) -> dict[str, Any]:
     if (method := facts.scene["solver.method"]) != "exact":
         raise _UnknownError(f"the accounts need solver.method exact; the run was recorded with {method}")
-    first, last = _ticks(bag, facts)
+    times = bag["odom"]["time"]
+    first, last = (facts.tick(bag.start_ns + round(float(time) * 1e9)) for time in times[[0, -1]])
+    if first is None or last is None:
+        raise _UnknownError("the stamps of its odometry are not those of the robot's samples")
     prepare_kernels("report", method)
     rerun = Rerun(facts, facts.scene.with_parameters({"solver.accounts": True}))
     commands = _commands(stream, facts)
-    if stream.start > facts.start:
-        first = max(first, _restored(rerun, commands))
+    if stream.start > facts.start:  # the run begins at the bag's first checkpoint
+        tick, name, data = next((one for one in commands if one[1] == CHECKPOINT), (0, "", b""))
+        if not name:
+            raise _UnknownError("the recording begins after the robot's start, without a checkpoint")
+        try:
+            rerun.restore(tick, data)
+        except ValueError as error:
+            raise _UnknownError(str(error)) from error
+        first = max(first, tick)
     if last - rerun.tick > most_ticks(stream, facts):
         raise _UnknownError(f"only {len(bag['odom']['time'])} of {last - rerun.tick} samples of odometry are recorded")
     with tqdm(total=last, desc="energy", unit=" samples", delay=_SILENCE) as bar:
         run = _Run(rerun, bar)
-        before = run.until(last, first, commands)
+        before: dict[str, float] = {}
+        for tick, name, data in commands:
+            if tick > last:
+                break
+            if tick < rerun.tick:
+                raise _UnknownError("its commands lie out of the order of time")
+            if tick >= first and not before:
+                before = run.accounts_at(first)
+            if name != CHECKPOINT:
+                run.receive(tick, name, data)
+        before = before or run.accounts_at(first)
+        after = run.accounts_at(last)
     body = bag["odom"]
     x = body["position"][:, 0]
     if rerun.device.state.body_position != x[-1]:
         raise _UnknownError("simulated again, the run is not the recorded one; `replay` tells where they part")
     moved = changes(body["time"], x, reset_times(bag["joint_states"])).sum()
-    accounts = {name: amount - before[name] for name, amount in run.accounts().items()}
+    accounts = {name: amount - before[name] for name, amount in after.items()}
     net, duration = accounts["motor_delivered"] - accounts["motor_taken_back"], facts.time(last - first)
     carried = facts.scene.total_mass * facts.scene["gravity"] * abs(float(moved))
     return {"duration": duration, "accounts": accounts, "mean_power": net / duration if duration else None,
             "cost_of_transport": net / carried if carried else None}
-
-
-def _ticks(bag: Bag, facts: RunFacts) -> tuple[int, int]:
-    """Numbers of the first and the last recorded sample."""
-    times = bag["odom"]["time"]
-    first, last = (facts.tick(bag.start_ns + round(float(time) * 1e9)) for time in times[[0, -1]])
-    if first is None or last is None:
-        raise _UnknownError("the stamps of its odometry are not those of the robot's samples")
-    return first, last
 
 
 def _commands(stream: BagStream, facts: RunFacts) -> Iterator[tuple[int, str, bytes]]:
@@ -95,18 +107,6 @@ def _commands(stream: BagStream, facts: RunFacts) -> Iterator[tuple[int, str, by
         yield tick, names[topic], data
 
 
-def _restored(rerun: Rerun, commands: Iterator[tuple[int, str, bytes]]) -> int:
-    """Let a run that is recorded from later on begin at its first checkpoint; the number of that sample."""
-    for tick, name, data in commands:
-        if name == CHECKPOINT:
-            try:
-                rerun.restore(tick, data)
-            except ValueError as error:
-                raise _UnknownError(str(error)) from error
-            return tick
-    raise _UnknownError("the recording begins after the robot's start, without a checkpoint")
-
-
 class _Run:
     """The run on its way, shown by a bar of progress."""
 
@@ -114,44 +114,21 @@ class _Run:
         self._rerun, self._bar = rerun, bar
         self._before_reset: dict[str, float] = {}
 
-    def accounts(self) -> dict[str, float]:
-        """Energy accounts since the start [J], those from before resets with them."""
-        now = self._rerun.device.statistics["energy_accounts"]
-        return {name: amount + self._before_reset.get(name, 0.0) for name, amount in now.items()}
-
-    def until(self, last: int, first: int, commands: Iterator[tuple[int, str, bytes]]) -> dict[str, float]:
-        """Simulate up to the sample `last`; the accounts at the sample `first`."""
-        before: dict[str, float] = {}
-        for tick, name, data in commands:
-            if tick > last:
-                break
-            if tick < self._rerun.tick:
-                raise _UnknownError("its commands lie out of the order of time")
-            if tick >= first and not before:
-                before = self._accounts_at(first)
-            if name != CHECKPOINT:
-                self._go_to(tick)
-                self._receive(name, data)
-        before = before or self._accounts_at(first)
-        self._go_to(last)
-        return before
-
-    def _receive(self, name: str, data: bytes) -> None:
-        accounts, resets = self.accounts(), self._rerun.resets
-        self._rerun.receive(name, data)
-        if self._rerun.resets != resets:
-            self._before_reset = accounts
-
-    def _accounts_at(self, tick: int) -> dict[str, float]:
-        self._go_to(tick)
-        return self.accounts()
-
-    def _go_to(self, tick: int) -> None:
+    def accounts_at(self, tick: int) -> dict[str, float]:
+        """Energy accounts [J] from the start to a sample that does not lie behind, across resets."""
         while True:
             self._rerun.go_to(min(tick, self._rerun.tick + _AT_ONCE))
             self._bar.update(self._rerun.tick - self._bar.n)
             if self._rerun.tick == tick:
-                return
+                now = self._rerun.device.statistics["energy_accounts"]
+                return {name: amount + self._before_reset.get(name, 0.0) for name, amount in now.items()}
+
+    def receive(self, tick: int, name: str, data: bytes) -> None:
+        """Give the device what it received after a sample."""
+        accounts, resets = self.accounts_at(tick), self._rerun.resets
+        self._rerun.receive(name, data)
+        if self._rerun.resets != resets:
+            self._before_reset = accounts
 
 
 def energy_as_lines(energy: dict[str, Any]) -> list[str]:

@@ -5,6 +5,7 @@ Lines of a recording that is longer than a picture is wide lose no peak, and a g
 
 import math
 from collections.abc import Callable, Iterator
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
+from scipy.integrate import cumulative_trapezoid
 
 from vibro_ros.bag.reader import Arrays, Bag
 from vibro_ros.recordings.summary import GAP, impacts_of
@@ -25,7 +27,6 @@ _BAR = 1.75  # in, height of the bars of energy
 LEAST_BINS, MOST_BINS = 24, 240  # of a band over the whole run
 TURNS = 3.0  # of the crank in a bin: the motion may repeat itself after several
 POINTS = 2000  # blocks of a line of many samples; more than the picture has pixels across
-LONGEST_MEAN = 2  # bins to both sides
 TINT = 0.3  # of a band's colour in white; opaque, so that nothing mixes with what lies below
 
 # Okabe and Ito's palette, which the colour-blind tell apart
@@ -102,7 +103,7 @@ def _panels(bag: Bag) -> Iterator[Panel]:
         yield _draw_height
     for guide in _GUIDE_COLOURS:
         if f"{guide}_mass.position" in bag["joint_states"]:
-            yield _mass_panel(guide)
+            yield partial(_draw_mass, guide)
     if len(_impacts(bag)["time"]):
         yield _draw_blows
     if "ground_contact" in bag and len(bag["ground_contact"]["time"]):
@@ -143,35 +144,29 @@ def _draw_height(axes: Axes, bag: Bag, span: Span) -> None:
     axes.set_ylabel("body height [mm]")
 
 
-def _mass_panel(guide: str) -> Panel:
-    """Panel of one mass: its position with the contacts, and the plate."""
-    def draw(axes: Axes, bag: Bag, span: Span) -> None:
-        joints, colour = bag["joint_states"], _GUIDE_COLOURS[guide]
-        contacts, plate = _contacts(bag, guide)
-        time = np.concatenate([joints["time"], contacts])
-        order = np.argsort(time, kind="stable")
-        position = np.concatenate([joints[f"{guide}_mass.position"], plate])[order] * MM
-        _swings(axes, bag, time[order], position, span, colour, f"range of the {guide} mass", f"{guide} mass")
-        if f"{guide}_plate.position" in joints:
-            line(axes, joints["time"], joints[f"{guide}_plate.position"] * MM, span, color=_BODY, lw=1.0,
-                 ls=(0, (4, 2)), label="its plate")
-        if _is_moment(span) and len(contacts):
-            shown = (contacts >= span[0]) & (contacts <= span[1])
-            axes.plot(contacts[shown], plate[shown] * MM, _GUIDE_MARKS[guide], color=colour, ms=7, mec="white", mew=0.7,
-                      label="impact, at the plate", zorder=4)
-        axes.margins(y=0.12)
-        axes.set_ylabel(f"{guide} mass [mm]")
-    return draw
+def _draw_mass(guide: str, axes: Axes, bag: Bag, span: Span) -> None:
+    """Draw the position of one mass with its contacts, and its plate.
 
-
-def _contacts(bag: Bag, guide: str) -> tuple[np.ndarray, np.ndarray]:
-    """Instants [s] at which the mass met its plate, and where both were then [m]: between samples, a mass shows less.
+    At a contact the mass is where the plate is; samples alone would show less of its travel.
     """
-    joints, impacts = bag["joint_states"], _impacts(bag)
-    if f"{guide}_plate.position" not in joints or not len(impacts["stamp"]):
-        return np.array([]), np.array([])
-    times = impacts["stamp"][impacts_of(bag, guide)]
-    return times, np.interp(times, joints["time"], joints[f"{guide}_plate.position"])
+    joints, impacts, colour = bag["joint_states"], _impacts(bag), _GUIDE_COLOURS[guide]
+    contacts = met = np.array([])
+    if f"{guide}_plate.position" in joints:
+        plate = joints[f"{guide}_plate.position"]
+        line(axes, joints["time"], plate * MM, span, color=_BODY, lw=1.0, ls=(0, (4, 2)), label="its plate")
+        if len(impacts["stamp"]):
+            contacts = impacts["stamp"][impacts_of(bag, guide)]
+            met = np.interp(contacts, joints["time"], plate)
+    time = np.concatenate([joints["time"], contacts])
+    order = np.argsort(time, kind="stable")
+    position = np.concatenate([joints[f"{guide}_mass.position"], met])[order] * MM
+    _swings(axes, bag, time[order], position, span, colour, f"range of the {guide} mass", f"{guide} mass")
+    if _is_moment(span) and len(contacts):
+        shown = (contacts >= span[0]) & (contacts <= span[1])
+        axes.plot(contacts[shown], met[shown] * MM, _GUIDE_MARKS[guide], color=colour, ms=7, mec="white", mew=0.7,
+                  label="impact, at the plate", zorder=4)
+    axes.margins(y=0.12)
+    axes.set_ylabel(f"{guide} mass [mm]")
 
 
 def _draw_blows(axes: Axes, bag: Bag, span: Span) -> None:
@@ -196,7 +191,12 @@ def _draw_blows(axes: Axes, bag: Bag, span: Span) -> None:
 def _draw_ground(axes: Axes, bag: Bag, span: Span) -> None:
     time, force = bag["ground_contact"]["time"], bag["ground_contact"]["force"][:, 2]
     _swings(axes, bag, time, force, span, _FORCE, "range of N", "N")
-    _scale_to(axes, force)
+    usual = float(np.percentile(np.abs(force), 95))
+    if usual > 0.0 and np.abs(force).max() > STRONG * usual:  # then a logarithmic scale beyond the usual
+        axes.set_yscale("symlog", linthresh=usual)
+        powers = 10.0 ** np.arange(np.ceil(np.log10(usual)), 1 + np.ceil(np.log10(np.abs(force).max())))
+        axes.set_yticks([*-powers[::-1], 0.0, *powers])
+        axes.minorticks_off()
     if _is_short(span):
         _shade_air(axes, bag, span)
     else:
@@ -207,22 +207,9 @@ def _draw_ground(axes: Axes, bag: Bag, span: Span) -> None:
         beside.set_ylabel(f"{_NONE} [%]", color=_TEXT)
         beside.tick_params(color=_FRAME, labelcolor=_TEXT)
         beside.spines[:].set_visible(False)
-        axes.plot([], [], color=_BODY, lw=0.9, label=f"share of the samples with {_NONE}, {_share_of_none(bag)} in all")
+        axes.plot([], [], color=_BODY, lw=0.9,
+                  label=f"share of the samples with {_NONE}, {np.mean(force <= 0.0):.0%} in all")
     axes.set_ylabel("ground force N [N]")
-
-
-def _scale_to(axes: Axes, force: np.ndarray) -> None:
-    """Beyond what most samples stay below, a logarithmic scale if some go far beyond."""
-    usual = float(np.percentile(np.abs(force), 95))
-    if usual > 0.0 and np.abs(force).max() > STRONG * usual:
-        axes.set_yscale("symlog", linthresh=usual)
-        powers = 10.0 ** np.arange(np.ceil(np.log10(usual)), 1 + np.ceil(np.log10(np.abs(force).max())))
-        axes.set_yticks([*-powers[::-1], 0.0, *powers])
-        axes.minorticks_off()
-
-
-def _share_of_none(bag: Bag) -> str:
-    return f"{np.mean(bag['ground_contact']['force'][:, 2] <= 0.0):.0%}"
 
 
 def _shade_air(axes: Axes, bag: Bag, span: Span) -> None:
@@ -252,8 +239,7 @@ def _draw_power(axes: Axes, bag: Bag, span: Span) -> None:
     power, joints = bag["motor_power"], bag["joint_states"]
     _swings(axes, bag, power["time"], power["value"], span, _POWER, "range of the power", "power")
     if not _is_moment(span):
-        mean = mean_over_turns(power["time"], power["value"], joints["time"], joints["crank.position"],
-                               _edges(bag, span))
+        mean = mean_over_turns(power["time"], power["value"], joints["time"], joints["crank.position"])
         axes.plot(*mean, color=_BODY, lw=1.4, label="mean over whole turns", zorder=2)
     axes.axhline(0.0, color=_FRAME, lw=0.8, zorder=1)
     axes.set_ylabel("motor power [W]")
@@ -262,7 +248,8 @@ def _draw_power(axes: Axes, bag: Bag, span: Span) -> None:
 def _edges(bag: Bag, span: Span) -> np.ndarray:
     """Where the bins of a band begin and end [s]."""
     speed = float(np.abs(bag["joint_states"]["crank.velocity"]).max())
-    return np.linspace(*span, bins_for(span[1] - span[0], speed) + 1)
+    bins = np.clip((span[1] - span[0]) * speed / math.tau / TURNS, LEAST_BINS, MOST_BINS)
+    return np.linspace(*span, int(bins) + 1)
 
 
 def _swings(axes: Axes, bag: Bag, time: np.ndarray, values: np.ndarray, span: Span, colour: str, of_band: str,
@@ -355,15 +342,11 @@ def visible(samples: np.ndarray, values: np.ndarray) -> np.ndarray:
     return np.unique(np.concatenate([blocks[:, 0], blocks[:, -1], *extremes, samples[blocks.size:]]))
 
 
-def bins_for(duration: float, speed: float) -> int:
-    """Number of bins for a recording of `duration` [s] of a crank that turns with up to `speed` [rad/s]."""
-    return int(np.clip(duration * speed / math.tau / TURNS, LEAST_BINS, MOST_BINS))
-
-
 def band(axes: Axes, time: np.ndarray, values: np.ndarray, edges: np.ndarray, colour: str, label: str) -> None:
     """The range that a quick oscillation fills: minimum and maximum between each two `edges` [s], with its outline."""
     middle, low, high = extremes(time, values, edges)
-    axes.fill_between(middle, low, high, color=tinted(colour), lw=0, label=label, zorder=1.5)
+    tinted = tuple(1.0 - TINT * (1.0 - part) for part in to_rgb(colour))
+    axes.fill_between(middle, low, high, color=tinted, lw=0, label=label, zorder=1.5)
     for edge in (low, high):
         axes.plot(middle, edge, color=colour, lw=0.7, zorder=1.6)
 
@@ -396,11 +379,10 @@ def share(time: np.ndarray, true: np.ndarray, edges: np.ndarray) -> tuple[np.nda
 
 
 def mean_over_turns(time: np.ndarray, values: np.ndarray, angle_time: np.ndarray,
-                    angle: np.ndarray, edges: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Mean of a quantity that swings with the crank, over whole turns around the middle of each bin; NaN at gaps.
+                    angle: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Mean of a quantity that swings with the crank over each so many whole turns; NaN where a gap lies in them.
 
-    Means over bins that cut a turn anywhere would swing themselves. Where the crank hardly turns, the mean is over
-    `LONGEST_MEAN` bins to both sides.
+    Means that cut a turn anywhere would swing themselves.
 
     Parameters
     ----------
@@ -408,49 +390,26 @@ def mean_over_turns(time: np.ndarray, values: np.ndarray, angle_time: np.ndarray
         Samples [s], [W].
     angle_time, angle : ndarray, shape (m,)
         Samples of the crank's angle [s], [rad].
-    edges : ndarray, shape (k + 1,)
-        Of the bins [s], equally spaced.
 
     Returns
     -------
     ndarray, ndarray, each of shape (k,)
-        Middle of what each mean is over [s], and the means; the samples themselves where there are fewer than two.
+        Middle of the turns that each mean is over [s], and the means; k is `MOST_BINS` at most.
     """
-    if len(time) < 2:
-        return time, values
-    width, middle = edges[1] - edges[0], (edges[1:] + edges[:-1]) / 2
-    on = np.concatenate([[0.0], np.cumsum(np.maximum(np.diff(angle), 0.0))])  # a reset turns the crank back
-    turned = on / math.tau + 1e-9 * (angle_time - angle_time[0])  # rises where the crank stands
-    at = np.interp(middle, angle_time, turned)
-    turns = np.maximum(1.0, np.round(np.interp(middle + width, angle_time, turned) - at))
-    begin, end = (np.interp(at + half * turns, turned, angle_time) for half in (-0.5, 0.5))
-    begin = np.maximum(np.maximum(begin, middle - LONGEST_MEAN * width), time[0])
-    end = np.minimum(np.minimum(end, middle + LONGEST_MEAN * width), time[-1])
-    with np.errstate(invalid="ignore", divide="ignore"):  # where hostile angles leave a mean no time
-        means = (_integral(time, values, end) - _integral(time, values, begin)) / (end - begin)
+    turned = np.concatenate([[0.0], np.cumsum(np.maximum(np.diff(angle), 0.0))]) / math.tau  # a reset turns it back
+    turns = np.arange(0.0, turned[-1] + 1e-9, max(1.0, np.ceil(turned[-1] / MOST_BINS)))
+    ends = np.unique(np.clip(np.interp(turns, turned, angle_time), time[0], time[-1]))
+    work = np.interp(ends, time, cumulative_trapezoid(values, time, initial=0.0))
+    means = np.diff(work) / np.diff(ends)
     for after in gaps(time):
-        means[(begin < time[after]) & (end > time[after - 1])] = np.nan
-    return (begin + end) / 2, means
-
-
-def _integral(time: np.ndarray, values: np.ndarray, until: np.ndarray) -> np.ndarray:
-    """Integral from the first sample to each of the instants `until`, of straight lines between samples."""
-    pauses = np.diff(time)
-    whole = np.concatenate([[0.0], np.cumsum(pauses * (values[1:] + values[:-1]) / 2)])
-    at = np.clip(np.searchsorted(time, until, side="right") - 1, 0, len(time) - 2)
-    since = until - time[at]
-    return whole[at] + since * (values[at] + since * (values[at + 1] - values[at]) / pauses[at] / 2)
+        means[(ends[:-1] < time[after]) & (ends[1:] > time[after - 1])] = np.nan
+    return (ends[1:] + ends[:-1]) / 2, means
 
 
 def gaps(time: np.ndarray, periods: float = GAP) -> np.ndarray:
     """Indices of the samples that follow a pause of more than so many periods."""
     pauses = np.diff(time)
     return np.flatnonzero(pauses > periods * np.median(pauses)) + 1 if len(pauses) else np.array([], dtype=int)
-
-
-def tinted(colour: str) -> tuple[float, float, float]:
-    """The colour of a band."""
-    return tuple(1.0 - TINT * (1.0 - part) for part in to_rgb(colour))
 
 
 def _bins(time: np.ndarray, edges: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -9,9 +9,10 @@ if __name__ == "__main__":  # before all imports: they take a second or two, in 
 
 import argparse
 import json
+import os
 from collections.abc import Iterator, Mapping, Sequence
 from importlib import import_module
-from itertools import count
+from itertools import chain, count
 from pathlib import Path
 
 from vibro_ros.bag.metadata import Topic, defined
@@ -20,7 +21,6 @@ from vibro_ros.bag.writer import BagWriter, Storage
 from vibro_ros.configuration.scene_file import DEVICE_PARAMETERS
 from vibro_ros.configuration.strict_yaml import read_scalar
 from vibro_ros.messages.topics import COMMAND_UNITS, INPUTS, LASTING, OPERATIONS, OPERATIONS_TYPE, ROBOT_TOPICS
-from vibro_ros.model.scene import Scene
 from vibro_ros.process.executables import EXECUTABLES
 from vibro_ros.process.front_door import Parser, exit_code, say
 from vibro_ros.process.untrusted import one_line
@@ -47,7 +47,12 @@ def main(words: Sequence[str]) -> int:
 
 
 def _run(words: Sequence[str]) -> int:
-    check_combination(words)
+    given = {word.partition("=")[0]: word for word in words if word.startswith("--")}
+    if "--publish" in given and "--set" in given:
+        raise ValueError("--set: simulates the run again, and --publish plays what was recorded; give one of the two")
+    alone = [word for option, word in given.items() if option in OF_PUBLISH]
+    if alone and "--publish" not in given:
+        raise ValueError(f"{alone[0]}: is for playing the bag to ROS; add --publish, or leave {alone[0]} out")
     if "--publish" in words:
         return import_module(PLAYBACK).main([word for word in words if word != "--publish"])
     options = _parser().parse_args(words)
@@ -59,22 +64,6 @@ def _run(words: Sequence[str]) -> int:
         raise ValueError(f"{error.filename or options.bag}: {error.strerror or error}") from error
     except MemoryError:
         raise ValueError(f"{options.bag}: not enough memory to read it") from None
-
-
-def check_combination(words: Sequence[str]) -> None:
-    """Refuse options that do nothing together.
-
-    Raises
-    ------
-    ValueError
-        Naming the option and the remedy.
-    """
-    options = {word.partition("=")[0]: word for word in words if word.startswith("--")}
-    if "--publish" in options and "--set" in options:
-        raise ValueError("--set: simulates the run again, and --publish plays what was recorded; give one of the two")
-    alone = [word for option, word in options.items() if option in OF_PUBLISH]
-    if alone and "--publish" not in options:
-        raise ValueError(f"{alone[0]}: is for playing the bag to ROS; add --publish, or leave {alone[0]} out")
 
 
 def _compare(bag: Path) -> int:
@@ -104,8 +93,13 @@ def described(found: Comparison) -> list[str]:
 def _vary(bag: Path, changes: Mapping[str, object]) -> int:
     """Compute the run again with other parameters, into a new bag."""
     folder, failure = write_variation(bag, changes)
-    for title, one in (("recorded", bag), ("replayed with " + _shown(changes), folder)):
-        print(f"{title}:\n{_summary(one)}")
+    replayed = "replayed with " + ", ".join(f"{name}={value}" for name, value in changes.items())
+    for title, one in (("recorded", bag), (replayed, folder)):
+        try:
+            summary = as_text(summarise(load_samples(one)))
+        except BagError as error:
+            summary = f"no summary: {error}\n"
+        print(f"{title}:\n{summary}")
     print(one_line(folder))
     if failure:
         say("replay", failure)
@@ -138,7 +132,11 @@ def write_variation(bag: Path, changes: Mapping[str, object]) -> tuple[Path, str
     OSError
         When the new bag cannot be written.
     """
-    _check_of_scene(changes)
+    of_node = {parameter.name for parameter in DEVICE_PARAMETERS}
+    for name, value in changes.items():
+        if name in of_node:  # when commands took effect is counted in samples of the recorded rate
+            raise ValueError(f"{name}={value}: is a parameter of the node, which the recording fixes; change one of "
+                             f"the scene, such as guide.angle=1.2, or record again with -p {name}:={value}")
     with BagStream(bag) as stream:
         facts = run_facts(stream)
         if stream.start > facts.start:
@@ -146,36 +144,27 @@ def write_variation(bag: Path, changes: Mapping[str, object]) -> tuple[Path, str
                            "what another would have done until then is unknown; give a bag of the run's beginning")
         rerun = Rerun(facts, facts.scene.with_parameters(changes))
         topics = _topics(stream, facts)
-        writer = BagWriter(_new_folder(bag), defined([*topics.values()]),
-                           _metadata(stream, facts, rerun.scene, changes), Storage())
+        whole = bag.resolve()
+        folders = (whole.with_name(f"{whole.name}_replay{suffix}") for suffix in
+                   chain([""], (f"_{number}" for number in count(2))))
+        custom = {"scene": rerun.scene.name, "topics": json.dumps(facts.topics),
+                  **provenance({**facts.settings, **rerun.scene.parameters}, facts.start),
+                  "replay_of": whole.name, "changes": json.dumps(dict(changes))}
+        writer = BagWriter(next(folder for folder in folders if not os.path.lexists(folder)),
+                           defined([*topics.values()]), custom, Storage())
         numbers = {name: number for number, name in enumerate(topics, start=1)}
         writer.begin_files_with([(numbers[name], data) for name, data in rerun.lasting.items() if name in numbers])
         try:
-            return writer.folder, _write(writer, numbers, _messages(stream, facts, rerun))
+            for written, (stamp, name, data) in enumerate(_messages(stream, facts, rerun)):
+                writer.write(numbers[name], stamp, data)
+                if written % FLUSH_MESSAGES == 0:
+                    writer.flush()
+            return writer.folder, ""
+        except SimulationError as error:
+            return writer.folder, str(error)
         finally:
             writer.flush()
             writer.close({"written": str(writer.stored), "dropped": "0", "lost": "0"})
-
-
-def _check_of_scene(changes: Mapping[str, object]) -> None:
-    """Refuse parameters of the node: when commands took effect is counted in samples of the recorded rate."""
-    of_node = {parameter.name for parameter in DEVICE_PARAMETERS}
-    for name, value in changes.items():
-        if name in of_node:
-            raise ValueError(f"{name}={value}: is a parameter of the node, which the recording fixes; change one of "
-                             f"the scene, such as guide.angle=1.2, or record again with -p {name}:={value}")
-
-
-def _write(writer: BagWriter, numbers: Mapping[str, int], messages: Iterator[tuple[int, str, bytes]]) -> str:
-    """Write every message; why the simulation could not go on, or nothing."""
-    try:
-        for written, (stamp, name, data) in enumerate(messages):
-            writer.write(numbers[name], stamp, data)
-            if written % FLUSH_MESSAGES == 0:
-                writer.flush()
-    except SimulationError as error:
-        return str(error)
-    return ""
 
 
 def _topics(stream: BagStream, facts: RunFacts) -> dict[str, Topic]:
@@ -206,31 +195,6 @@ def _messages(stream: BagStream, facts: RunFacts, rerun: Rerun) -> Iterator[tupl
             if name in INPUTS:
                 yield stamp, name, data
                 rerun.receive(name, data)
-
-
-def _metadata(stream: BagStream, facts: RunFacts, scene: Scene, changes: Mapping[str, object]) -> dict[str, str]:
-    return {"scene": scene.name, "topics": json.dumps(facts.topics),
-            **provenance({**facts.settings, **scene.parameters}, facts.start),
-            "replay_of": stream.folder.resolve().name, "changes": json.dumps(dict(changes))}
-
-
-def _new_folder(bag: Path) -> Path:
-    bag = bag.resolve()
-    folder, suffixes = bag.with_name(f"{bag.name}_replay"), count(2)
-    while folder.exists() or folder.is_symlink():
-        folder = bag.with_name(f"{bag.name}_replay_{next(suffixes)}")
-    return folder
-
-
-def _summary(bag: Path) -> str:
-    try:
-        return as_text(summarise(load_samples(bag)))
-    except BagError as error:
-        return f"no summary: {error}\n"
-
-
-def _shown(changes: Mapping[str, object]) -> str:
-    return ", ".join(f"{name}={value}" for name, value in changes.items())
 
 
 def _changes(texts: Sequence[str]) -> dict[str, object]:

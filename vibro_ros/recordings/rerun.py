@@ -37,7 +37,9 @@ from vibro_ros.simulation.simulator import Simulator
 #: Pause [s] of robot time without a message, after which a stamp is doubted.
 LONGEST_PAUSE = 10.0
 #: Robot time [s] that is simulated for a bag that holds no samples, only commands.
-LONGEST_UNSAMPLED = 3600.0
+LONGEST_UNSAMPLED = 86_400.0
+#: Samples of it at most.
+MOST_UNSAMPLED = 40_000_000
 #: Steps of a fixed step in a sample.
 MOST_STEPS = 1_000_000
 _TRANSFORM = "geometry_msgs/msg/TransformStamped"
@@ -193,20 +195,21 @@ class Rerun:
         str
             Why the message cannot be read, which the robot refused for the same reason; else empty.
         """
-        return self._operate(data) if name == OPERATIONS else self._command(name, data)
-
-    def _operate(self, data: bytes) -> str:
         try:
-            operation = read_operation(deserialised(data, OPERATIONS_TYPE).data)
+            value = deserialised(data, OPERATIONS_TYPE if name == OPERATIONS else ROBOT_TOPICS[name]).data
+            operation = read_operation(value) if name == OPERATIONS else None
         except ValueError as error:
             self.refused += 1
             return str(error)
         try:
-            perform(operation, self.device)
-        except ValueError:  # in a variation
+            if operation is None:
+                self.device.command(**{name: value})
+            else:
+                perform(operation, self.device)
+        except ValueError:  # of an operation, in a variation only
             self.refused += 1
         else:
-            if operation.name == RESET:
+            if operation is not None and operation.name == RESET:
                 self.origin = self.tick + 1
                 self.resets += 1
         return ""
@@ -215,18 +218,6 @@ class Rerun:
         """Go to the sample `tick`; a device that was reset after it stands at its start already."""
         if self.tick >= self.origin:
             self.device.advance_to(self._facts.time(self.tick - self.origin))
-
-    def _command(self, name: str, data: bytes) -> str:
-        try:
-            value = deserialised(data, ROBOT_TOPICS[name]).data
-        except ValueError as error:
-            self.refused += 1
-            return str(error)
-        try:
-            self.device.command(**{name: value})
-        except ValueError:
-            self.refused += 1
-        return ""
 
     def _messages(self) -> Iterator[tuple[str, bytes]]:
         state, events, stamp = self.device.state, self.device.take_events(), self._facts.stamp(self.tick)
@@ -242,7 +233,6 @@ class Rerun:
                 began = fields.stamp_at(start, float(event["time"]))
                 fields.fill_impact(self._blank["impacts"], event, began, self._prefix)
                 yield "impacts", self._bytes("impacts")
-
         if self._frames:
             turns = self._frames.turns(state.crank_angle)
             self._frames.fill(self._blank["tf"].transforms, state, turns, stamp)
@@ -266,7 +256,9 @@ def most_ticks(stream: BagStream, facts: RunFacts) -> int:
     """Samples that a recorded run may have by the number of its messages: stretched stamps would cost years."""
     recorded = max((stream.topics[facts.topics[name]].messages for name in SAMPLED
                     if facts.topics.get(name) in stream.topics), default=0)
-    return round(4 * recorded + (LONGEST_PAUSE if recorded else LONGEST_UNSAMPLED) * facts.rate)
+    if not recorded:
+        return min(round(LONGEST_UNSAMPLED * facts.rate), MOST_UNSAMPLED)
+    return round(4 * recorded + LONGEST_PAUSE * facts.rate)
 
 
 def ticks(stream: BagStream, facts: RunFacts) -> Iterator[tuple[int, list[tuple[str, bytes]]]]:

@@ -90,7 +90,8 @@ def summarise(bag: Bag) -> dict[str, Any]:
         "crank_turns": turns,
         "impacts": impacts,
         "impacts_per_turn": {guide: _ratio(number, turns) for guide, number in impacts.items()},
-        "mean_power": _time_mean(power["time"], power["value"]),
+        "mean_power": _ratio(float(np.diff(power["time"]) @ (power["value"][1:] + power["value"][:-1])) / 2,
+                             float(np.ptp(power["time"]))),
         "recorder": bag.metadata,
         "topics": {topic: _topic_summary(bag, topic) for topic in bag.topics},
         "not_read": list(bag.flaws),
@@ -160,11 +161,6 @@ def _samples(bag: Bag, name: str) -> Arrays:
     if not len(arrays["time"]):
         raise BagError(f"{bag.path}: {bag.full_name(name)} holds no message; record a robot that runs")
     return arrays
-
-
-def _time_mean(time: np.ndarray, values: np.ndarray) -> float | None:
-    """Mean over time by the trapezoidal rule (numpy's own changes its name between releases)."""
-    return _ratio(float(np.diff(time) @ (values[1:] + values[:-1])) / 2, float(np.ptp(time)))
 
 
 def _ratio(numerator: float, denominator: float) -> float | None:
