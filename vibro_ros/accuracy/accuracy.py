@@ -13,7 +13,7 @@ import importlib.util
 import os
 import platform
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import astuple, fields, replace
 from datetime import datetime, timezone
 from importlib import metadata
@@ -69,17 +69,14 @@ def row_writer(path: Path):
 
 def machine() -> str:
     """What costs depend on: versions, processor, date."""
-    versions = [f"vibro_ros {_version('vibro_ros') or 'from source'}", f"Python {platform.python_version()}"]
-    versions += [f"{package} {version}" if (version := _version(package)) else f"no {package}" for package in _PACKAGES]
+    installed: dict[str, str] = {}
+    for package in ("vibro_ros", *_PACKAGES):
+        with suppress(metadata.PackageNotFoundError):
+            installed[package] = f"{package} {metadata.version(package)}"
+    versions = [installed.get("vibro_ros", "vibro_ros from source"), f"Python {platform.python_version()}",
+                *(installed.get(package, f"no {package}") for package in _PACKAGES)]
     return (f"{', '.join(versions)}; {platform.system()} {platform.machine()}, {os.cpu_count()} cores; "
             f"{datetime.now(timezone.utc):%Y-%m-%d}")
-
-
-def _version(package: str) -> str | None:
-    try:
-        return metadata.version(package)
-    except metadata.PackageNotFoundError:
-        return None
 
 
 class Accuracy:

@@ -126,9 +126,7 @@ class Tables:
 
 def located(name: str, tables: Tables, times: np.ndarray, tolerance: float, work: Work):
     """Integrate by the solver `name` with event location: states at `times`, shape (n, 2 coordinates), and events."""
-    run = _Located(name, tables, times, tolerance, work)
-    run.integrate()
-    return run.states, run.events
+    return _Located(name, tables, times, tolerance, work).integrate()
 
 
 class _Located:
@@ -138,23 +136,23 @@ class _Located:
         self._make, self._tables, self._times, self._work = SOLVERS[name], tables, times, work
         self._tolerance = tolerance
         self._at_once = 0
-        self.states = np.zeros((len(times), len(tables.start)))
-        self.events: list[tuple[float, str]] = []
+        self._states = np.zeros((len(times), len(tables.start)))
 
     def integrate(self):
         tables, time, y, mode = self._tables, 0.0, self._tables.start, self._tables.first_mode
-        done = 0
+        done, states, events = 0, self._states, []
         while done < len(self._times):
             stop = self._times[-1] if time >= tables.motor_settled else min(self._times[-1], tables.motor_settled)
             ended, y_end, guard, done = self._piece(time, y, mode, stop, done)
             self._at_once = self._at_once + 1 if ended == time else 0
             time, y = ended, y_end
             if guard == NOTHING and time >= self._times[-1]:
-                self.states[done:] = y
+                states[done:] = y
                 break
             if guard != NOTHING:
                 mode, y, kinds = tables.change(mode, guard, tables.point(time, y, mode))
-                self.events += [(time, kind) for kind in kinds]
+                events += [(time, kind) for kind in kinds]
+        return states, events
 
     def _piece(self, time, y, mode, stop, done):
         """Integrate to the next event or to `stop`: instant, coordinates, guard that fires, and samples taken."""
@@ -169,7 +167,7 @@ class _Located:
             ended, guard = self._first_event(dense, solver.t_old, solver.t, mode)
             upto = int(np.searchsorted(self._times, ended, side="right" if guard == NOTHING else "left"))
             if upto > done:
-                self.states[done:upto] = dense(self._times[done:upto]).T
+                self._states[done:upto] = dense(self._times[done:upto]).T
                 done = upto
             if guard != NOTHING:
                 return ended, dense(ended), guard, done

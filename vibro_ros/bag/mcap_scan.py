@@ -149,7 +149,6 @@ class McapFile:
             self.flaws.append(f"{self.path.name}: changed while it was read: {error}")
 
     def _scan(self) -> None:
-        """Take in every record; the bytes behind `end` are torn."""
         at = self.end = self._header()
         skipped, reason = 0, ""  # bytes since the last readable record, and why the first of them cannot be read
         while at + HEAD.size <= self.size and not self.ended:
@@ -177,7 +176,11 @@ class McapFile:
         said = self._summary_said() if self.ended else None
         for channel in self.summary.counts.keys() - self.summary.channels.keys():
             self._unannounced += self.summary.counts.pop(channel)
-        self.sealed = said is not None and self._is_true(*said)
+        if said is not None:  # do readers that trust the summary find every readable message?
+            start, messages, chunks = said
+            complete = messages in (None, self.summary.messages)
+            self.sealed = (complete and (not chunks or sorted(chunks) == list(self._blocks))
+                           if start else not self.damaged)
 
     def _header(self) -> int:
         """Offset of the first record after the header."""
@@ -208,7 +211,6 @@ class McapFile:
         return self._chunk_ahead if self._chunk_ahead < self.size else 0
 
     def _take(self, opcode: int, at: int, length: int) -> None:
-        """Take a record of data in (MalformedError when it cannot be read)."""
         if opcode == Opcode.DATA_END:
             self._check_ending(at)
             return
@@ -277,7 +279,6 @@ class McapFile:
         self._blocks.append(at)
 
     def _enter(self, entries: dict[int, array], content: bytes, begin: int, end: int, offset: int) -> None:
-        """Note the message between two offsets."""
         channel, stamp = _message_head(content, begin, end)
         self.ordered &= stamp >= self._last_stamp
         self._last_stamp = stamp
@@ -337,12 +338,6 @@ class McapFile:
         except MalformedError:
             return None
         return (footer.summary_start, messages, chunks) if footer.summary_start == start * (position > start) else None
-
-    def _is_true(self, start: int, messages: int | None, chunks: list[int]) -> bool:
-        """Whether readers that trust such a summary find every readable message."""
-        if not start:  # they go through the file
-            return not self.damaged
-        return messages in (None, self.summary.messages) and (not chunks or sorted(chunks) == list(self._blocks))
 
     def _read(self, at: int, size: int) -> bytes:
         self._file.seek(at)

@@ -187,7 +187,6 @@ class BagWriter:
         self._segment = None
 
     def _make_room(self) -> None:
-        """Delete the oldest files until another one fits."""
         room = self._storage.max_bytes - self._storage.segment_size - _METADATA_SIZE
         while self._storage.max_bytes and self._finished and sum(size for _, size in self._finished) > room:
             file, _ = self._finished.popleft()

@@ -77,7 +77,6 @@ def plot_run(bag: Bag, caption: str = "", energy: dict[str, Any] | None = None) 
         for axis, span in zip(row, (whole, moment), strict=True):
             draw(axis, bag, span)
             _tidy(axis, span)
-            _legend_above(axis)
         row[0].axvspan(*moment, color=_MARKED, lw=0, zorder=0)
         for edge in moment:
             row[0].axvline(edge, color=_TEXT, lw=0.6, ls=(0, (2, 2)), zorder=3)
@@ -270,15 +269,6 @@ def _is_moment(span: Span) -> bool:
     return span[1] - span[0] < 1.5 * MOMENT
 
 
-def _legend_above(axes: Axes) -> None:
-    handles, labels = axes.get_legend_handles_labels()
-    if handles:
-        legend = axes.legend(handles, labels, loc="lower left", bbox_to_anchor=(0.0, 0.98), ncols=len(handles),
-                    frameon=False, fontsize=8.5, labelcolor=_TEXT, borderaxespad=0.0, columnspacing=1.2,
-                    handletextpad=0.5)
-        legend.set_in_layout(False)
-
-
 def _tidy(axes: Axes, span: Span) -> None:
     axes.set_xlim(*span)
     axes.grid(color=_GRID, lw=0.8)
@@ -289,6 +279,10 @@ def _tidy(axes: Axes, span: Span) -> None:
     axes.spines[["left", "bottom"]].set_color(_FRAME)
     axes.tick_params(color=_FRAME, labelcolor=_TEXT)
     axes.yaxis.label.set_color(_TEXT)
+    handles, labels = axes.get_legend_handles_labels()
+    if handles:
+        axes.legend(handles, labels, loc="lower left", bbox_to_anchor=(0.0, 0.98), ncols=len(handles), frameon=False,
+                    fontsize=8.5, labelcolor=_TEXT, borderaxespad=0.0, columnspacing=1.2, handletextpad=0.5)
 
 
 def draw_energy(axes: Axes, energy: dict[str, Any]) -> None:
