@@ -89,22 +89,13 @@ def test_every_scene_parameter_can_be_given_its_default(scene_file):
 
 @pytest.mark.parametrize(("line", "named"), [
     ("guide.angel: 1.0", ["guide.angel", "did you mean guide.angle?"]),
-    ("xyzzy: 1.0", ["xyzzy", "--help"]),
     ('"a\\nb": 1.0', ["unknown"]),
-    ("mass: 1.0", ["mass", "unknown"]),
     ("mass.body: heavy", ["mass.body", "heavy", "number", "kg"]),
-    ("mass.body: [1.0]", ["mass.body", "[1.0]", "number"]),
     ("mass.body:", ["mass.body", "no value"]),
     ("mass.body: .nan", ["mass.body", "nan", "finite"]),
-    ("mass.body: 1" + "0" * 400, ["mass.body", "number"]),
-    ("mass.body: &a 1.0\n    mass.upper: *a", ["line 4", "alias", "write the value out"]),
-    ("mass.body: 0.0", ["mass.body", "0", "above 0"]),
     ("guide.angle: 3.2", ["guide.angle", "3.2", "3.14159"]),
     ("crank.radius: 0.07", ["crank.radius", "0.07", "0.06", "longer rod"]),
-    ("motor.speed: 600.0", ["motor.speed", "600", "500", "motor.max_speed"]),
-    ("upper.gap: 0.1", ["upper.gap", "0.1", "0.06"]),
     ('effects.motor: "a\\nb"', ["effects.motor", "ideal, ramp"]),
-    ("mass.body: 1.0\n    mass.body: 2.0", ["mass.body", "twice"]),
     ("mass.body: 1.0\n    mass: {body: 2.0}", ["mass.body", "twice"]),
     ("mass.body: !!python/object:os.system x", ["line 3", "python/object"])], ids=lambda value: str(value)[:40])
 def test_a_wrong_line_is_refused(scene_file, line, named):
@@ -113,9 +104,7 @@ def test_a_wrong_line_is_refused(scene_file, line, named):
 
 
 @pytest.mark.parametrize(("content", "named"), [
-    ("", "parameter file"), ("5", "parameter file"), ("- 1", "parameter file"), ("&a [*a]", "alias"),
-    ("/**:\n  mass.body: 1.0\n", "ros__parameters"), ("/**:\n  ros__parameters:\n", "ros__parameters"),
-    ("mass.body: 1.0\n", "ros__parameters"), ("/**:\n  ros__parameters: {}\n  other: 1\n", "ros__parameters"),
+    ("", "parameter file"),
     ("/**:\n\tros__parameters: {}", "line 2"), ("a: 1\n---\nb: 2", "YAML"), ("a: [1, 2", "YAML"),
     ("{a: 1, a: 2}", "twice"),
     (b"\xff\xfe\x00", "YAML"), (HEAD + "    ? [a]\n    : 1.0\n", "a key that is"),

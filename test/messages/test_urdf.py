@@ -14,7 +14,6 @@ from scipy.spatial.transform import Rotation
 from vibro_ros.configuration.scene_file import load_scene
 from vibro_ros.messages.fields import joints_of
 from vibro_ros.messages.urdf import robot_description
-from vibro_ros.model.slider import Slider
 
 CHECK_URDF = Path(sys.executable).parent / "check_urdf"  # urdfdom's, the parser of robot_state_publisher and RViz
 CHANGES = {
@@ -101,16 +100,6 @@ def test_links_lie_where_the_model_has_their_parts(scene, angle):
         matrix = kinematics.in_root(part, positions)
         np.testing.assert_allclose(matrix[:3, 3], hub + along[part] * np.array([x, 0.0, z]), atol=TOLERANCE)
         np.testing.assert_allclose(matrix[:3, 2], [x, 0.0, z], atol=TOLERANCE)  # z leads along the guide
-
-
-def test_rods_lead_from_the_pin_to_their_sliders_while_the_crank_stands_at_0(scene):
-    kinematics = Kinematics(robot_description(scene))
-    for side in scene.guides:
-        rod, angle = scene[f"crank.{side}_rod"], scene.guide_angle(side)
-        end = kinematics.in_root(f"{side}_rod", {"crank": 0.0}) @ [0.0, 0.0, rod, 1.0]
-        reach = Slider(scene["crank.radius"], rod, angle).position(0.0)
-        expected = kinematics.in_root(f"{side}_guide", {}) @ [0.0, 0.0, reach, 1.0]
-        np.testing.assert_allclose(end, expected, atol=TOLERANCE)
 
 
 @pytest.mark.parametrize("angle", ANGLES)

@@ -107,8 +107,3 @@ def test_a_body_that_sticks_and_a_landing_forget_directions():
 def test_numbers_out_of_range_are_refused(arguments, words):
     with pytest.raises(ValueError, match=words):
         vibro_ros.lyapunov_spectrum(scene("damped"), **arguments)
-
-
-def test_a_crank_that_stands_is_refused():
-    with pytest.raises(ValueError, match=r"motor\.speed: 0 rad/s turns no crank"):
-        vibro_ros.lyapunov_spectrum(vibro_ros.load_scene("device"))

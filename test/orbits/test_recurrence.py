@@ -171,8 +171,3 @@ def test_a_strange_attractor_is_known_from_any_start_and_told_from_what_is_not_i
     one, other = henon(0.1, 0.1, 1.4), henon(-0.2, 0.05, 1.4)
     assert Cloud(other).holds(one) and Cloud(one).holds(other)
     assert Cloud(other).holds(np.stack([one + [0.0, 0.1], one, one * [-1.0, 1.0]])).tolist() == [False, True, False]
-
-
-def test_a_crank_that_stands_is_refused():
-    with pytest.raises(ValueError, match=r"motor.speed: 0 rad/s turns no crank"):
-        settled_motion(scene("damped", **{"motor.speed": 0.0}))

@@ -30,15 +30,6 @@ def test_chaos_and_noise_are_near_1(series):
     assert vibro_ros.zero_one_test(series) > 0.95
 
 
-def test_the_displacement_is_the_mean_square_of_the_walk():
-    """All lags by one correlation, against the sum as it is written in the paper."""
-    from vibro_ros.orbits.chaos import _mean_square
-
-    walk, lags = np.cumsum(np.exp(1j * np.random.default_rng(2).uniform(0.0, 7.0, 300))), np.arange(1, 31)
-    direct = [np.mean(np.abs(walk[lag:lag + 270] - walk[:270])**2) for lag in lags]
-    assert _mean_square(walk, lags) == pytest.approx(direct, rel=1e-9)
-
-
 def test_motions_of_the_robot():
     """`damped` repeats itself every turn, `unilateral` has an exponent of 6 1/s."""
     found = {}

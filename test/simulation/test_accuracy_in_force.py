@@ -1,6 +1,5 @@
 """What is said of the accuracy in force is known, and holds."""
 
-import numpy as np
 import pytest
 
 import vibro_ros
@@ -8,7 +7,7 @@ from tools.work_weights import UNKEPT, known_scenes
 from vibro_ros.configuration.scene_file import shipped_scenes
 from vibro_ros.simulation import accuracy_in_force as in_force
 from vibro_ros.simulation.accuracy_in_force import KNOWN, KNOWN_SPEED, accuracy_in_force, next_cheaper_choice
-from vibro_ros.simulation.auto import HORIZON, choose_method, counted_work
+from vibro_ros.simulation.auto import choose_method, counted_work
 
 
 def test_what_is_known_of_the_shipped_scenes_is_what_is_found_now():
@@ -21,19 +20,6 @@ def test_what_is_known_of_the_shipped_scenes_is_what_is_found_now():
         assert found.cheaper.method == known.cheaper.method
         assert found.cheaper[1:] == pytest.approx(known.cheaper[1:], rel=0.05), name
         assert f'"{name}": Known(' in known_scenes()
-
-
-@pytest.mark.parametrize("name", shipped_scenes())
-def test_the_next_cheaper_choice_loses_what_is_said(name):
-    scene = vibro_ros.load_scene(name).with_parameters({"motor.speed": KNOWN_SPEED})
-    cheaper, times = KNOWN[name].cheaper, np.linspace(0.0, HORIZON, 7919)
-    off = []
-    for method in ("exact", cheaper.method):
-        run = vibro_ros.simulate(scene.with_parameters({"solver.step": cheaper.step}), times=times, method=method)
-        off.append(np.array([run.body_position, run.body_height, run.upper_position, run.inclined_position]))
-    assert np.abs(off[0] - off[1]).max() == pytest.approx(cheaper.error, rel=0.1)
-    told = next_cheaper_choice(scene, None)
-    assert f"{cheaper.method}, step" in told and f"{cheaper.error:.2g} m" in told
 
 
 def test_exact_is_the_cheaper_choice_for_who_steps_finely():

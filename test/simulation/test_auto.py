@@ -1,6 +1,5 @@
 """`solver.tolerance` is kept, and `solver.method: auto` picks what is cheapest for the accuracy asked for."""
 
-import dataclasses
 import math
 import multiprocessing
 import random
@@ -11,12 +10,11 @@ import numpy as np
 import pytest
 
 import vibro_ros
-from tools import work_weights
 from vibro_ros.accuracy.methods import METHODS, UnableError
 from vibro_ros.configuration.scene_file import shipped_scenes
 from vibro_ros.model.scene import Scene
 from vibro_ros.simulation import auto
-from vibro_ros.simulation.auto import EXACT_WEIGHTS, choose_method, is_stable
+from vibro_ros.simulation.auto import choose_method, is_stable
 from vibro_ros.simulation.kernels import compile_kernels
 from vibro_ros.solver import event_loop, fixed_step
 
@@ -135,18 +133,6 @@ def test_auto_is_exact_in_every_shipped_scene_that_runs(name):
     assert choose_method(scene).method == "exact"
 
 
-@pytest.mark.parametrize("name", ["device", "unilateral"])
-def test_auto_stays_exact_where_no_step_is_cheaper(name):
-    scene = vibro_ros.load_scene(name).with_parameters({"solver.method": "auto", "motor.speed": 100.0,
-                                                        "solver.accuracy": 1e-6})
-    device = vibro_ros.Simulator(scene)
-    assert device.choice.method == "exact" and "no step of fixed length keeps the accuracy" in str(device.choice)
-    other = vibro_ros.Simulator(scene.with_parameters({"solver.method": "exact"}))
-    for each in (device, other):
-        each.advance_to(0.1)
-    assert dataclasses.astuple(device.state) == dataclasses.astuple(other.state)
-
-
 def test_a_scene_at_rest_is_promised_its_rest_and_its_start():
     """Standing still with its masses pressed on their plates, exact takes two hundred segments; steps take less."""
     scene = vibro_ros.load_scene("device").with_parameters({"solver.method": "auto", "solver.accuracy": 1e-3})
@@ -181,12 +167,6 @@ def test_every_process_picks_the_same():
         busy.kill()
         busy.join()
     assert found == [repr(expected)] * 3
-
-
-def test_many_scenes_are_simulated_by_the_same_picks():
-    scenes = [any_scene(seed) for seed in range(8)]
-    for run, scene in zip(vibro_ros.simulate_many(scenes, duration=0.05, rate=1e3, workers=2), scenes, strict=True):
-        assert run.statistics["solver.method"] == choose_method(scene).method
 
 
 def measured(orders, exact_steps=10_000):
@@ -229,26 +209,6 @@ def test_a_step_that_a_contact_would_make_unstable_is_not_picked():
     far = scene.with_parameters({"upper.gap": 0.05, "inclined.gap": 0.05, "solver.accuracy": 1e-2})
     picked = auto.choose(far, measured(dict.fromkeys(("rk4", "semi_implicit_euler", "moreau"), 9.0)))
     assert is_stable(far, picked.method, picked.step)
-
-
-def test_counted_work_is_near_measured_time():
-    """Within a factor of 4 on a machine that does something else as well; the weights' command tells more."""
-    scene = vibro_ros.load_scene("damped")
-    for method in ("exact", "rk4"):
-        [run] = work_weights.timed_by(scene, method)
-        assert 0.25 < run.counted / run.seconds < 4.0
-    assert "| `damped` |" in work_weights.ratio_table(
-        {"damped": {name: work_weights.timed_by(scene, name) for name in ("exact", *work_weights.STEP_WEIGHTS)}})
-
-
-def test_the_weights_that_are_fitted_are_those_that_made_the_times():
-    scenes = [vibro_ros.load_scene("device").with_parameters(changes) for changes in (
-        {}, {"solver.audit": False}, {"effects.motor": "lag"}, {"effects.motor": "lag", "solver.audit": False})]
-    scenes.append(vibro_ros.load_scene("paper").with_parameters({"effects.friction": "stribeck"}))
-    made = [work_weights.Timed(scene, command, 100 * k + 50, 30 * k**2 + 7, 1.0)
-            for k, scene in enumerate(scenes) for command in (None, 500.0)]
-    runs = [dataclasses.replace(run, seconds=run.counted) for run in made]
-    assert work_weights.exact_weights(runs) == pytest.approx(dict(EXACT_WEIGHTS), rel=1e-6)
 
 
 @pytest.mark.parametrize("method", ["exact", "rk4"])

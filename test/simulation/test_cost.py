@@ -86,19 +86,6 @@ def test_time_alone_takes_no_memory():
     assert long < short + 4096  # bytes: nothing that is proportional to 990 s, 64 000 segments or 16 000 turns
 
 
-def test_events_and_samples_take_their_own_size():
-    """An event is 104 bytes in a `Run`, a sample 22 numbers; making them takes a few times that at most."""
-    scene = vibro_ros.load_scene("damped")
-    short, long = (vibro_ros.simulate(scene, times=np.array([time])) for time in (10.0, 100.0))
-    few, many = (peak_memory(lambda time=time: vibro_ros.simulate(scene, times=np.array([time])))
-                 for time in (10.0, 100.0))
-    assert many - few < 4 * (long.events.nbytes - short.events.nbytes)
-    quiet = scene.with_parameters(EVENTLESS)
-    few, many = (peak_memory(lambda rate=rate: vibro_ros.simulate(quiet, duration=1.0, rate=rate))
-                 for rate in (1e3, 1e5))
-    assert many - few < 4 * 22 * 8 * 99_000
-
-
 def test_a_simulator_keeps_events_until_they_are_taken_and_not_after():
     made = driven("damped")
     made.advance_to(1.0)

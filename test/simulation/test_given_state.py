@@ -107,19 +107,14 @@ def test_energy_stays_balanced(name):
 
 REFUSED = [
     ({"time": 1.0}, "time: cannot be given; give any of body_position"),
-    ({"motor_power": 1.0}, "motor_power: cannot be given"),
     ({"upper_position": math.nan}, "upper_position: nan is not finite; give a number"),
-    ({"upper_position": math.inf}, "upper_position: inf is not finite"),
     ({"upper_position": "0.05"}, "upper_position: '0.05' is not a number; give a number from -1e+06 to 1e+06 m"),
-    ({"upper_position": True}, "upper_position: True is not a number"),
-    ({"upper_position": np.zeros(2)}, "upper_position: array([0., 0.]) is not a number"),
     ({"body_velocity": 1e7}, "give a number from -1e+06 to 1e+06 m/s"),
     ({"crank_angle": -0.1}, "crank_angle: -0.1 is out of range"),
     ({"motor_speed": 1e6}, "motor.max_speed"),
     ({"upper_plate_position": 0.2}, "upper_plate_position: 0.2 is out of range; give a number from 0 to 0.12 m"),
     ({"upper_position": 0.07}, "upper_position: 0.07 m lies beyond the rigid plate at 0.06 m; give at most that"),
     ({"body_height": 0.01}, "body_height: 0.01 m, but it stays 0 in this scene; leave it out, or give 0"),
-    ({"body_position": 3.0, "upper_position": 0.07}, "beyond the rigid plate"),
 ]
 
 
@@ -135,16 +130,3 @@ def test_what_cannot_be_is_refused_and_changes_nothing(given, words):
     for one in (device, other):
         one.advance_to(1.0)
     assert device.state == other.state
-
-
-def test_a_mass_on_a_rigid_plate_as_far_as_rounding_goes_is_put_on_it():
-    device = vibro_ros.Simulator(vibro_ros.load_scene("rigid"))
-    device.set_state(upper_position=0.06 + 1e-15, upper_velocity=0.0)
-    assert device.state.upper_position == 0.06
-
-
-def test_parts_that_a_scene_lacks_stay_at_0():
-    device = running("damped", **{"effects.upper_mass": False})
-    device.set_state(upper_position=0.0)
-    with pytest.raises(ValueError, match="upper_velocity: 1 m/s, but it stays 0"):
-        device.set_state(upper_velocity=1.0)

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 import vibro_ros
-from vibro_ros.model.parameters import SCENE_PARAMETERS
 
 SCENES = ("paper", "unilateral", "damped", "frictionless", "rigid", "device", "no_impact")
 
@@ -141,11 +140,6 @@ def test_no_limit_falls_below_the_speed_that_was_commanded():
     device.set_parameters({"motor.max_speed": 110.0})
     with pytest.raises(ValueError, match="the limit is motor.max_speed"):
         device.command(motor_speed=120.0)
-
-
-def test_what_may_change_is_what_the_issue_of_live_parameters_names():
-    assert {one.name for one in SCENE_PARAMETERS if one.while_running} == {
-        "ground.friction", "motor.max_speed", "motor.acceleration", "motor.time_constant", "gap_actuator.speed"}
 
 
 @pytest.mark.parametrize("method", ["exact", "rk4", "auto"])

@@ -50,14 +50,3 @@ def test_the_torque_of_a_crank_that_stands_is_the_limit_of_that_of_one_that_cree
         forces = {"upper": state.upper_drive_force, "inclined": state.inclined_drive_force}
         assert state.motor_speed == 0.0
         assert state.motor_torque == pytest.approx(sum(forces[side] * slopes[side] for side in slopes), rel=1e-7)
-
-
-def test_a_field_can_be_kept_without_the_others():
-    found = commanded("device", "exact").sampled(TIMES)
-    assert all(values.base is None for values in found.values())
-
-
-def test_the_values_of_now_are_those_of_the_state_in_the_order_of_its_fields():
-    device = vibro_ros.Simulator(vibro_ros.load_scene("device"))
-    device.advance_to(0.1)
-    assert device.values.tolist() == [getattr(device.state, name) for name in FIELDS]

@@ -99,11 +99,8 @@ def test_energy_is_balanced_from_a_start_in_motion():
 
 @pytest.mark.parametrize(("start", "words"), [
     ({"upper_position": 0.07}, "start.upper_position: 0.07 m lies beyond the rigid plate at 0.06 m; give at most that"),
-    ({"body_height": -1.0}, "start.body_height: -1 is out of range; give a number from 0 to 1e+06 m"),
     ({"body_height": 0.1}, "start.body_height: 0.1 m, but it stays 0 in this scene; leave it out, or give 0"),
-    ({"crank_angle": -0.1}, "start.crank_angle: -0.1 is out of range; give a number from 0 to 1e+09 rad"),
     ({"body_velocity": math.nan}, "start.body_velocity: nan is not finite"),
-    ({"body_velocity": "fast"}, "start.body_velocity: 'fast' is not a number"),
     ({"upper_postion": 0.05}, "start.upper_postion: unknown parameter; did you mean start.upper_position?"),
 ])
 def test_what_cannot_be_is_refused(start, words):

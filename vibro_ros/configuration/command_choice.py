@@ -89,7 +89,13 @@ class CommandChoice:
         share = np.where(span == 0.0, 0.0, (speed - self._from) / np.where(span == 0.0, 1.0, span))
         within = np.flatnonzero((share >= 0.0) & (share <= 1.0) & ((span != 0.0) | (self._from == speed)))
         if not len(within):
-            raise ValueError(self._refusal(speed))
+            low, high = sorted((self.slowest, self.fastest))
+            if not low <= speed <= high:
+                raise ValueError(f"{speed:g} m/s is out of range of the map of {self._map.scene}; give a mean speed "
+                                 f"from {low:.4g} to {high:.4g} m/s")
+            ends = np.concatenate([self._from, self._to])
+            raise ValueError(f"no command of the map of {self._map.scene} surely gives {speed:g} m/s; the nearest that "
+                             f"one gives are {ends[ends < speed].max():.4g} and {ends[ends > speed].min():.4g} m/s")
         best = within[np.lexsort([np.abs(span[within]), -self._clear[within]])[0]]
         first, last, at = self._first[best], self._last[best], share[best]
         motor, gap = (axis.values[index[first]] + at * (axis.values[index[last]] - axis.values[index[first]])
@@ -98,15 +104,6 @@ class CommandChoice:
         values = (float(f"{motor:.6g}"), *[round(float(gap), 8)] * len(self._map.sides))
         return Choice(dict(zip(self._map.commands, values, strict=True)), int(first if at < 0.5 else last),
                       (int(first), int(last)), int(self._clear[best]))
-
-    def _refusal(self, speed: float) -> str:
-        low, high = sorted((self.slowest, self.fastest))
-        if not low <= speed <= high:
-            return (f"{speed:g} m/s is out of range of the map of {self._map.scene}; give a mean speed from {low:.4g} "
-                    f"to {high:.4g} m/s")
-        ends = np.concatenate([self._from, self._to])
-        return (f"no command of the map of {self._map.scene} surely gives {speed:g} m/s; the nearest that one gives "
-                f"are {ends[ends < speed].max():.4g} and {ends[ends > speed].min():.4g} m/s")
 
 
 def has_choice(command_map: CommandMap) -> bool:

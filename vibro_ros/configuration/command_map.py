@@ -177,7 +177,8 @@ class CommandMap:
         """The first parameter by which `scene` is another machine than the map's, in words; empty without any."""
         for name, value in self.parameters.items():
             if scene[name] != value:
-                return f"{name} is {_shown(value)} there, {_shown(scene[name])} here"
+                there, here = (f"{one:.6g}" if isinstance(one, float) else str(one) for one in (value, scene[name]))
+                return f"{name} is {there} there, {here} here"
         return ""
 
     def rows_at(self, commands: Mapping[str, float]) -> np.ndarray:
@@ -232,20 +233,16 @@ def read_map(path: Path) -> CommandMap:
 
 def written(command_map: CommandMap, made_by: str) -> str:
     """The text of a map's file, of as many digits as its meaning needs."""
-    found = command_map.found
-    columns = {name: [_rounded(value) for value in getattr(found, name).tolist()] for name in _COLUMNS}
+    columns = {name: [_rounded(value) for value in getattr(command_map.found, name).tolist()] for name in _COLUMNS}
+    axes = {name: {"from": axis.low, "to": axis.high, "count": axis.count}
+            for name, axis in (("motor_speed", command_map.speeds), ("gap", command_map.gaps))}
     document = {
         "type": TYPE, "made_by": made_by, "scene": command_map.scene, "parameters": dict(command_map.parameters),
-        "gaps": list(command_map.sides),
-        "motor_speed": _axis_document(command_map.speeds), "gap": _axis_document(command_map.gaps), "found": columns,
+        "gaps": list(command_map.sides), **axes, "found": columns,
         "curves": [{"kind": curve.kind, "turns": curve.turns, "motor_speed": list(curve.motor_speed),
                     "gap": list(curve.gap)} for curve in command_map.curves]}
     lines = ",\n".join(f" {json.dumps(key)}: {json.dumps(value, allow_nan=False)}" for key, value in document.items())
     return f"{{\n{lines}\n}}\n"
-
-
-def _axis_document(axis: Axis) -> dict[str, float]:
-    return {"from": axis.low, "to": axis.high, "count": axis.count}
 
 
 def _rounded(value: float) -> float | None:
@@ -275,22 +272,30 @@ def _command_map(document: Any) -> CommandMap:
     speeds, gaps = (_axis(document[name], name) for name in ("motor_speed", "gap"))
     if speeds.low <= 0.0:
         raise ValueError(f"motor_speed: from {speeds.low:g} rad/s; give speeds above 0")
-    return CommandMap(_text(document["scene"], "scene"), _parameters(document["parameters"], sides), sides, speeds,
-                      gaps, _found(document["found"], speeds.count, gaps.count),
+    scene, defaults = document["scene"], parameters_that_count(Scene("paper", {}), sides)
+    if not isinstance(scene, str) or not scene.isprintable() or len(scene) > 200:
+        raise ValueError("scene: is no text of at most 200 characters")
+    given = _mapping(document["parameters"], "parameters", tuple(defaults), complete=False)
+    # A parameter that the file lacks has its default, because an older version wrote the file.
+    parameters = checked_parameters(defaults | given, tuple(BY_NAME.values()))
+    return CommandMap(scene, parameters, sides, speeds, gaps, _found(document["found"], speeds.count, gaps.count),
                       tuple(_curve(curve, f"curves[{number}]")
                             for number, curve in enumerate(_list(document["curves"], "curves", 10_000))))
 
 
-def _parameters(given: Any, sides: tuple[str, ...]) -> Mapping[str, Value]:
-    """The parameters of a map; one that the file lacks has its default, because an older version wrote the file."""
-    defaults = parameters_that_count(Scene("paper", {}), sides)
-    _mapping(given, "parameters", tuple(defaults), complete=False)
-    return checked_parameters(defaults | given, tuple(BY_NAME.values()))
-
-
 def _found(given: Any, speeds: int, gaps: int) -> Found:
     given = _mapping(given, "found", _COLUMNS)
-    columns = {name: _column(given[name], name) for name in _COLUMNS}
+    columns = {}
+    for name in _COLUMNS:
+        where, rows = f"found.{name}", _list(given[name], f"found.{name}", MOST_ROWS)
+        if name in _WHOLE:
+            if not all(type(value) is int and abs(value) < 2**53 for value in rows):
+                raise ValueError(f"{where}: holds what is no whole number")
+            columns[name] = np.array(rows, dtype=int)
+        else:
+            may_lack = name == "cost_of_transport"
+            columns[name] = np.array([math.nan if value is None and may_lack else _number(value, where)
+                                      for value in rows])
     if len({len(column) for column in columns.values()}) > 1:
         raise ValueError("found: its columns have not the same length")
     for name, least, most in (("speed_index", 0, speeds - 1), ("gap_index", 0, gaps - 1), ("motion", PATCHWORK, 10**6),
@@ -298,16 +303,6 @@ def _found(given: Any, speeds: int, gaps: int) -> Found:
         if len(columns[name]) and not least <= columns[name].min() <= columns[name].max() <= most:
             raise ValueError(f"found.{name}: holds a number that is not from {least} to {most}")
     return Found(**columns)
-
-
-def _column(given: Any, name: str) -> np.ndarray:
-    rows = _list(given, f"found.{name}", MOST_ROWS)
-    if name in _WHOLE:
-        if not all(type(value) is int and abs(value) < 2**53 for value in rows):
-            raise ValueError(f"found.{name}: holds what is no whole number")
-        return np.array(rows, dtype=int)
-    may_lack = name == "cost_of_transport"
-    return np.array([math.nan if value is None and may_lack else _number(value, f"found.{name}") for value in rows])
 
 
 def _curve(given: Any, where: str) -> Curve:
@@ -350,17 +345,7 @@ def _list(given: Any, where: str, most: int) -> list[Any]:
     return given
 
 
-def _text(given: Any, where: str) -> str:
-    if not isinstance(given, str) or not given.isprintable() or len(given) > 200:
-        raise ValueError(f"{where}: is no text of at most 200 characters")
-    return given
-
-
 def _number(given: Any, where: str) -> float:
     if isinstance(given, bool) or not isinstance(given, (int, float)) or not abs(given) <= 1e9:
         raise ValueError(f"{where}: holds what is no number up to 1e9 in magnitude")
     return float(given)
-
-
-def _shown(value: Value) -> str:
-    return f"{value:.6g}" if isinstance(value, float) else str(value)

@@ -97,18 +97,14 @@ def _sections(tree: object, above: str) -> Iterator[tuple[str, dict[str, object]
         if key != SECTION:
             yield from _sections(value, f"{above}{'/' * (above != '' and not above.endswith('/'))}{key}")
         elif above and isinstance(value, Mapping):
-            yield above, _flat(value)
+            flat: dict[str, object] = {}
+            for name, leaf in _leaves(value, ""):
+                if name in flat:
+                    raise ValueError(f"{name}: is given twice, dotted and nested; keep one")
+                flat[name] = leaf
+            yield above, flat
         else:
             raise ValueError(f"{above}: {_NONE}" if above else _NONE)
-
-
-def _flat(tree: Mapping) -> dict[str, object]:
-    flat: dict[str, object] = {}
-    for name, value in _leaves(tree, ""):
-        if name in flat:
-            raise ValueError(f"{name}: is given twice, dotted and nested; keep one")
-        flat[name] = value
-    return flat
 
 
 def _leaves(tree: Mapping, prefix: str) -> Iterator[tuple[str, object]]:

@@ -1,10 +1,9 @@
 """Scenes and device parameters from ordinary ROS parameter files, and where the shipped ones lie."""
 
 import os
-from collections.abc import Iterator
 from pathlib import Path
 
-from vibro_ros.configuration.parameter_file import Sections, absolute, check_addressed, merged, own_parameters, sections
+from vibro_ros.configuration.parameter_file import absolute, check_addressed, merged, own_parameters, sections
 from vibro_ros.model.parameters import SCENE_PARAMETERS, Parameter, checked_parameters
 from vibro_ros.model.scene import Scene
 
@@ -106,7 +105,12 @@ def _load(path: Path, node: str | None, above: tuple[Path, ...]) -> Scene:
         what = "is a change of itself" if path.resolve() in above else f"is the end of {MOST_SCENES} changes"
         raise ValueError(f"{path}: as a scene it {what}; let its `scene` be one of {', '.join(shipped_scenes())}")
     given = sections(path)
-    own = node or _robot_in(path, given)
+    named = {absolute(pattern) for pattern, _ in given if "*" not in pattern}
+    robots = sorted(name for name in named if name.rpartition("/")[2] == NODE_NAME)
+    if not node and len(robots) > 1:
+        raise ValueError(f"{path}: holds parameters for {', '.join(robots)}; name one of them: "
+                         f"load_scene(..., node={robots[0]!r})")
+    own = node or (robots[0] if robots else f"/{NODE_NAME}")
     check_addressed(path, given, own)
     try:
         checked = checked_parameters(own_parameters(merged(given, own)), (*SCENE_PARAMETERS, *DEVICE_PARAMETERS))
@@ -119,16 +123,6 @@ def _load(path: Path, node: str | None, above: tuple[Path, ...]) -> Scene:
         return Scene(path.stem, {**start, **{name: value for name, value in checked.items() if name not in device}})
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
-
-
-def _robot_in(path: Path, given: Sections) -> str:
-    """The node `NODE_NAME` of a file, in the one namespace that its sections name, or in none."""
-    named = {absolute(pattern) for pattern, _ in given if "*" not in pattern}
-    robots = sorted(node for node in named if node.rpartition("/")[2] == NODE_NAME)
-    if len(robots) > 1:
-        raise ValueError(f"{path}: holds parameters for {', '.join(robots)}; name one of them: "
-                         f"load_scene(..., node={robots[0]!r})")
-    return robots[0] if robots else f"/{NODE_NAME}"
 
 
 def _scene_path(name: str, folder: Path) -> Path:
@@ -155,19 +149,15 @@ def config_folder() -> Path:
     FileNotFoundError
         If the package was installed without its data; one line that names where it was looked for.
     """
-    candidates = list(_candidates(Path(__file__).resolve().parents[1]))
+    package = Path(__file__).resolve().parents[1]
+    # <prefix>/lib/python3.x/site-packages/vibro_ros; Debian puts `local/` before `lib/`.
+    underlays = filter(None, os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep))
+    candidates = [prefix / "share" / "vibro_ros" / "config"
+                  for prefix in [*package.parents[:5], *map(Path, underlays)]]
+    if (package.parent / "package.xml").is_file():
+        candidates.insert(0, package.parent / "config")
     for folder in candidates:
         if folder.is_dir():
             return folder
     looked_for = ", ".join(map(str, candidates))
     raise FileNotFoundError(f"vibro_ros is installed without its config folder (looked for {looked_for}); reinstall it")
-
-
-def _candidates(package: Path) -> Iterator[Path]:
-    """The folders that config/ may be, the most specific first, for the folder of the imported package."""
-    if (package.parent / "package.xml").is_file():
-        yield package.parent / "config"
-    # <prefix>/lib/python3.x/site-packages/vibro_ros; Debian puts `local/` before `lib/`.
-    underlays = filter(None, os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep))
-    for prefix in [*package.parents[:5], *map(Path, underlays)]:
-        yield prefix / "share" / "vibro_ros" / "config"

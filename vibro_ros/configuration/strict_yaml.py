@@ -99,7 +99,15 @@ def parsed(text: str, limits: Limits = LIMITS) -> object:
         With the line, for one that is not YAML or exceeds the limits.
     """
     try:
-        _check(text, limits)
+        depth = values = 0
+        for event in yaml.parse(text, _Loader):
+            depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
+            values += isinstance(event, yaml.NodeEvent)
+            reason = (f"the alias *{event.anchor}; write the value out" if isinstance(event, yaml.AliasEvent) else
+                      f"lists and mappings nested more than {limits.depth} deep" if depth > limits.depth else
+                      f"more than {limits.values} keys and values" if values > limits.values else "")
+            if reason:
+                raise _LimitError(problem=reason, problem_mark=event.start_mark)
         return yaml.load(text, _Loader)
     except yaml.MarkedYAMLError as error:
         line = f"line {error.problem_mark.line + 1}: " if error.problem_mark else ""
@@ -144,21 +152,6 @@ def read_yaml(path: Path, limits: Limits = LIMITS, follow: bool = True) -> objec
         line, colon, reason = str(error).partition(": ")
         where = f"{path}, {line}: {reason}" if colon and line.startswith("line ") else f"{path}: {error}"
         raise ValueError(where) from error
-
-
-def _check(text: str, limits: Limits) -> None:
-    """Scan the events of `text` (YAMLError for a document that exceeds a limit)."""
-    depth = values = 0
-    for event in yaml.parse(text, _Loader):
-        depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
-        values += isinstance(event, yaml.NodeEvent)
-        if isinstance(event, yaml.AliasEvent):
-            raise _LimitError(problem=f"the alias *{event.anchor}; write the value out", problem_mark=event.start_mark)
-        if depth > limits.depth:
-            raise _LimitError(problem=f"lists and mappings nested more than {limits.depth} deep",
-                              problem_mark=event.start_mark)
-        if values > limits.values:
-            raise _LimitError(problem=f"more than {limits.values} keys and values", problem_mark=event.start_mark)
 
 
 def _shown(node: yaml.Node) -> str:

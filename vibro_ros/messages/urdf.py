@@ -96,7 +96,15 @@ def robot_description(scene: Scene) -> str:
     str
         XML, the same text for the same scene.
     """
-    return _Description(scene).text()
+    root = Element("robot", name=ROBOT)
+    for name, colour in MATERIALS.items():
+        SubElement(SubElement(root, "material", name=name), "color", rgba=_text((*colour, 1.0)))
+    SubElement(root, "link", name=BASE)  # without inertia, as KDL wants it of the root
+    for joint in robot_joints(scene):
+        _fill_link(SubElement(root, "link", name=joint.child), joint.child, scene)
+        _add_joint(root, joint, scene)
+    indent(root)
+    return f'<?xml version="1.0"?>\n{tostring(root, encoding="unicode")}\n'
 
 
 def robot_joints(scene: Scene) -> tuple[Joint, ...]:
@@ -140,84 +148,49 @@ def hub_height(scene: Scene) -> float:
     return max(scene["crank.radius"], *depths, 0.0) + CLEARANCE
 
 
-class _Description:
-    """The document, written link by link."""
-
-    def __init__(self, scene: Scene):
-        self._scene = scene
-        self._root = Element("robot", name=ROBOT)
-        for name, colour in MATERIALS.items():
-            SubElement(SubElement(self._root, "material", name=name), "color", rgba=_text((*colour, 1.0)))
-        SubElement(self._root, "link", name=BASE)  # without inertia, as KDL wants it of the root
-        for joint in robot_joints(scene):
-            self._add_link(joint.child)
-            self._add_joint(joint)
-
-    def text(self) -> str:
-        indent(self._root)
-        return f'<?xml version="1.0"?>\n{tostring(self._root, encoding="unicode")}\n'
-
-    def _add_link(self, name: str) -> None:
-        link = SubElement(self._root, "link", name=name)
-        if name == BODY:
-            self._fill_body(link)
-        elif name == CRANK:
-            self._fill_crank(link)
-        else:
-            side, _, part = name.rpartition("_")
-            fill = {"guide": self._fill_guide, "rod": self._fill_rod, "mass": self._fill_mass,
-                    "plate": self._fill_plate}[part]
-            fill(link, side)
-
-    def _add_joint(self, joint: Joint) -> None:
-        element = SubElement(self._root, "joint", name=joint.child, type=joint.kind)
-        SubElement(element, "parent", link=joint.parent)
-        SubElement(element, "child", link=joint.child)
-        SubElement(element, "origin", xyz=_text((0.0, 0.0, joint.height)), rpy=_text((0.0, -joint.angle, 0.0)))
-        if joint.kind in (CONTINUOUS, PRISMATIC):
-            SubElement(element, "axis", xyz="0 -1 0" if joint.kind == CONTINUOUS else "0 0 1")
-        if joint.kind == PRISMATIC:
-            lower, upper, speed = self._limits(joint)
-            SubElement(element, "limit", lower=_text([lower]), upper=_text([upper]), effort=_text([UNLIMITED]),
-                       velocity=_text([speed]))
-
-    def _limits(self, joint: Joint) -> tuple[float, float, float]:
-        """Least and greatest position [m] and the speed [m/s] of a joint that slides."""
+def _add_joint(root: Element, joint: Joint, scene: Scene) -> None:
+    element = SubElement(root, "joint", name=joint.child, type=joint.kind)
+    SubElement(element, "parent", link=joint.parent)
+    SubElement(element, "child", link=joint.child)
+    SubElement(element, "origin", xyz=_text((0.0, 0.0, joint.height)), rpy=_text((0.0, -joint.angle, 0.0)))
+    if joint.kind in (CONTINUOUS, PRISMATIC):
+        SubElement(element, "axis", xyz="0 -1 0" if joint.kind == CONTINUOUS else "0 0 1")
+    if joint.kind == PRISMATIC:
         side, _, part = joint.child.rpartition("_")
-        if part == "mass":
-            return -UNLIMITED, UNLIMITED, UNLIMITED
-        return 0.0, 2.0 * self._scene[f"crank.{side}_rod"], self._scene["gap_actuator.speed"]
+        lower, upper, speed = -UNLIMITED, UNLIMITED, UNLIMITED
+        if part == "plate":
+            lower, upper, speed = 0.0, 2.0 * scene[f"crank.{side}_rod"], scene["gap_actuator.speed"]
+        SubElement(element, "limit", lower=_text([lower]), upper=_text([upper]), effort=_text([UNLIMITED]),
+                   velocity=_text([speed]))
 
-    def _fill_body(self, link: Element) -> None:
-        hub, (length, width, height) = hub_height(self._scene), SLED
-        middle = (SLED_MIDDLE, 0.0, height / 2)
-        _add_inertial(link, self._scene["mass.body"], (length, width, hub), (SLED_MIDDLE, 0.0, hub / 2))
-        _add_box(link, SLED, middle, "body", solid=True)
+
+def _fill_link(link: Element, name: str, scene: Scene) -> None:
+    """What is seen of a link, what of it may be touched, and its inertia."""
+    side, _, part = name.rpartition("_")
+    if part == BODY:
+        hub, (length, width, height) = hub_height(scene), SLED
+        _add_inertial(link, scene["mass.body"], (length, width, hub), (SLED_MIDDLE, 0.0, hub / 2))
+        _add_box(link, SLED, (SLED_MIDDLE, 0.0, height / 2), "body", solid=True)
         _add_box(link, (*COLUMN, hub - height), (0.0, COLUMN_BEHIND, (hub + height) / 2), "body")
-
-    def _fill_guide(self, link: Element, side: str) -> None:
-        start, end = CLEARANCE / 2, guide_end(self._scene, side)
-        for across in (-RAIL, RAIL):
-            _add_box(link, (BAR / 2, BAR, end - start), (across, 0.0, (start + end) / 2), "rail")
-        _add_box(link, (2 * RAIL + BAR / 2, BAR, BAR), (0.0, 0.0, end), "rail")
-
-    def _fill_crank(self, link: Element) -> None:
-        radius = self._scene["crank.radius"]
+    elif part == CRANK:
+        radius = scene["crank.radius"]
         _add_box(link, (BAR, BAR, radius), (0.0, CRANK_BEHIND, radius / 2), "dark")
         for height in (0.0, radius):  # shaft and pin, along y
             _add_cylinder(link, BAR, 2 * CRANK_BEHIND, height, "dark", tilt=math.pi / 2)
-
-    def _fill_rod(self, link: Element, side: str) -> None:
-        length = self._scene[f"crank.{side}_rod"]
+    elif part == "guide":
+        start, end = CLEARANCE / 2, guide_end(scene, side)
+        for across in (-RAIL, RAIL):
+            _add_box(link, (BAR / 2, BAR, end - start), (across, 0.0, (start + end) / 2), "rail")
+        _add_box(link, (2 * RAIL + BAR / 2, BAR, BAR), (0.0, 0.0, end), "rail")
+    elif part == "rod":
+        length = scene[f"crank.{side}_rod"]
         _add_cylinder(link, BAR / 2, length, length / 2, "metal")
         SubElement(_add_visual(link, (0.0, 0.0, length), "metal"), "sphere", radius=_text([BAR]))
-
-    def _fill_mass(self, link: Element, side: str) -> None:
+    elif part == "mass":
         size, middle = (MASS_WIDTH, MASS_WIDTH, MASS_HEIGHT), (0.0, 0.0, FREE_LENGTH + MASS_HEIGHT / 2)
-        _add_inertial(link, self._scene[f"mass.{side}"], size, middle)
+        _add_inertial(link, scene[f"mass.{side}"], size, middle)
         _add_box(link, size, middle, side, solid=True)
-
-    def _fill_plate(self, link: Element, side: str) -> None:
+    else:
         middle = (0.0, 0.0, FREE_LENGTH + MASS_HEIGHT + PLATE_HEIGHT / 2)
         _add_box(link, (PLATE_WIDTH, PLATE_WIDTH, PLATE_HEIGHT), middle, "dark", solid=True)
 

@@ -238,7 +238,9 @@ def whole_branch(start: BranchPoint, points: int, notice: Notice | None = None) 
     try:
         for before, after in follow_on(start):
             if not 0.0 <= after.place.share <= 1.0:
-                end = _leaves(family, after.place.share)
+                unit = BY_NAME[family.name].unit.replace("1", "")
+                value = family.high if after.place.share > 1.0 else family.low
+                end = f"{family.name} leaves its range at {value:g} {unit}".rstrip()
                 last = _at_end(before, after)
                 special += [(len(found), one) for one in special_points(before, last)]
                 found.append(last)
@@ -268,11 +270,6 @@ def _at_end(before: BranchPoint, after: BranchPoint) -> BranchPoint:
     vector, _ = corrected(before.family, guess, across)
     vector[-1] = share
     return point_at(before.family, vector, before.tangent)
-
-
-def _leaves(family: Family, share: float) -> str:
-    unit = BY_NAME[family.name].unit.replace("1", "")
-    return f"{family.name} leaves its range at {family.high if share > 1.0 else family.low:g} {unit}".rstrip()
 
 
 class _Closing:
@@ -328,7 +325,8 @@ def gathered(family: Family, points: list[BranchPoint], special: list[tuple[int,
         np.array([point.family.phase for point in points]),
         np.array([point.place.state for point in points]).reshape(-1, n),
         {name: np.array([getattr(one, name) for one in strobe]).reshape(-1, family.turns) for name in names},
-        tuple(_special(at, one) for at, one in special), end)
+        tuple(Special(one.kind, one.point.value, one.width, one.point.mean_speed, one.point.multipliers, one.change,
+                      one.point.family.phase, one.point.place.state, at) for at, one in special), end)
 
 
 def _strobe(point: BranchPoint) -> Samples[np.ndarray]:
@@ -338,9 +336,3 @@ def _strobe(point: BranchPoint) -> Samples[np.ndarray]:
     turn_map.put(device, point.place.state)
     ahead = -turn_map.phase % TURN / TURN
     return device.sample((ahead + np.arange(point.family.turns)) * turn_map.period)
-
-
-def _special(at: int, one: SpecialPoint) -> Special:
-    point = one.point
-    return Special(one.kind, point.value, one.width, point.mean_speed, point.multipliers, one.change,
-                   point.family.phase, point.place.state, at)

@@ -119,7 +119,13 @@ def spectrum_from(turn_map: TurnMap, state: np.ndarray, turns: int) -> LyapunovS
     for turn in range(aligning + turns):
         matrix, state = turn_derivative(turn_map, state)
         axes, logarithms[turn] = _stretched(matrix, axes)
-    return _of_logarithms(logarithms[aligning:], turn_map.period)
+    measured = logarithms[aligning:]
+    found = measured.mean(axis=0) / turn_map.period
+    order = np.argsort(-found, kind="stable")
+    spread, lasting = np.zeros_like(found), np.isfinite(found)
+    means = np.array([part[:, lasting].mean(axis=0) for part in np.array_split(measured, _PARTS)]) / turn_map.period
+    spread[lasting] = student.ppf(0.975, _PARTS - 1) * sem(means, axis=0)
+    return LyapunovSpectrum(found[order], spread[order], turns)
 
 
 def spectrum_of_cycle(turn_map: TurnMap, states: np.ndarray) -> LyapunovSpectrum:
@@ -179,17 +185,6 @@ def _stretched(matrix: np.ndarray, axes: np.ndarray) -> tuple[np.ndarray, np.nda
     stretch = np.abs(np.diag(triangle))
     gone = stretch <= RESOLVED * np.abs(matrix).max(initial=0.0)
     return axes, np.where(gone, -np.inf, np.log(np.where(gone, 1.0, stretch)))
-
-
-def _of_logarithms(logarithms: np.ndarray, period: float) -> LyapunovSpectrum:
-    """Exponents from the logarithms of all turns, shape (turns, n), of `period` [s] each."""
-    found = logarithms.mean(axis=0) / period
-    order = np.argsort(-found, kind="stable")
-    spread = np.zeros_like(found)
-    lasting = np.isfinite(found)
-    means = np.array([part[:, lasting].mean(axis=0) for part in np.array_split(logarithms, _PARTS)]) / period
-    spread[lasting] = student.ppf(0.975, _PARTS - 1) * sem(means, axis=0)
-    return LyapunovSpectrum(found[order], spread[order], len(logarithms))
 
 
 def zero_one_test(series: Sequence[float] | np.ndarray, noise: float = 1e-9) -> float:

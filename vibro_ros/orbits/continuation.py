@@ -134,7 +134,11 @@ def _next(point: BranchPoint, step: float) -> tuple[list[BranchPoint], float]:
                 return [after], min(LONGEST_STEP, step * longer)
             reason = f"the branch bends too sharply near {family.name} = {after.value:.9g}"
         except LostError as error:
-            reason, crosses = str(error), _differs(point, guess)
+            reason = str(error)
+            try:
+                crosses = not same_order(family.order(Place.of(guess)), point.passage.order)
+            except (SimulationError, ValueError):
+                crosses = False
         if (crosses or step < _SHORT) and (last := edge(point, step)):
             return [last, beyond(last)], FIRST_STEP
         step *= 0.5
@@ -142,14 +146,6 @@ def _next(point: BranchPoint, step: float) -> tuple[list[BranchPoint], float]:
             raise LostError(f"too unstable to be followed beyond {family.name} = {point.value:.9g}: a disturbance "
                             f"grows {abs(point.multipliers[0]):.4g}-fold until the motion repeats itself")
     raise LostError(reason)
-
-
-def _differs(point: BranchPoint, guess: np.ndarray) -> bool:
-    """Whether the events of a guess come in another order than those of a point."""
-    try:
-        return not same_order(point.family.order(Place.of(guess)), point.passage.order)
-    except (SimulationError, ValueError):
-        return False
 
 
 def _well_cut(point: BranchPoint) -> BranchPoint:
@@ -191,7 +187,8 @@ def located(before: BranchPoint, after: BranchPoint, test: Callable[[BranchPoint
     low, high, at_low, at_high = 0.0, 1.0, test(before), test(after)
     low_point, high_point = before, after
     while (high - low) * length > 0.1 * tolerance and _width(low_point, high_point, (high - low) * length) > tolerance:
-        middle = _between(low, high, at_low, at_high)
+        secant = low + (high - low) * at_low / (at_low - at_high)
+        middle = min(max(secant, low + 1e-3 * (high - low)), high - 1e-3 * (high - low))
         vector, _ = corrected(family, start + middle * span, normal, length)
         point = point_at(family, vector, before.tangent, length, fine=True)
         at = test(point)
@@ -210,11 +207,6 @@ def _width(low: BranchPoint, high: BranchPoint, arc: float) -> float:
     """How much of the parameter's range lies between two points; at a fold the tangents tell, not the difference."""
     within = max(abs(low.tangent[-1]), abs(high.tangent[-1])) * arc
     return float(max(within, abs(low.place.share - high.place.share), 0.0 if arc < _ARC else arc))
-
-
-def _between(low: float, high: float, at_low: float, at_high: float) -> float:
-    secant = low + (high - low) * at_low / (at_low - at_high)
-    return min(max(secant, low + 1e-3 * (high - low)), high - 1e-3 * (high - low))
 
 
 def edge(point: BranchPoint, step: float) -> BranchPoint | None:
@@ -300,17 +292,14 @@ def beyond(before: BranchPoint) -> BranchPoint:
             for arc, sign, depth in itertools.product(_ENTRIES, (1.0, -1.0), _DEPTHS):
                 if found := _entered(before, sign * direction, arc, depth):
                     return found
-    raise LostError(f"the branch ends at {family.name} = {before.value:.9g}, where its events change "
-                    f"({_change_ahead(before)}); no orbit was found beyond")
-
-
-def _change_ahead(before: BranchPoint) -> str:
-    """What is different beyond an edge, in words."""
+    change = "which ones was not found"
     for probe in (_CLEAR, *_PROBES):
-        order = before.family.order(Place.of(before.place.vector + probe * before.tangent))
+        order = family.order(Place.of(before.place.vector + probe * before.tangent))
         if not same_order(order, before.passage.order):
-            return change_in_words(before.passage.order, order)
-    return "which ones was not found"
+            change = change_in_words(before.passage.order, order)
+            break
+    raise LostError(f"the branch ends at {family.name} = {before.value:.9g}, where its events change ({change}); no "
+                    "orbit was found beyond")
 
 
 def _direction(family: Family, before: BranchPoint, probe: float) -> np.ndarray | None:
@@ -368,20 +357,14 @@ class SpecialPoint:
     change: str = ""
 
 
-def fold_test(point: BranchPoint) -> float:
-    """The parameter's part of the tangent."""
-    return float(point.tangent[-1])
-
-
-def doubling_test(point: BranchPoint) -> float:
-    """Product of lambda + 1."""
-    return float(np.prod(point.multipliers + 1.0).real)
-
-
-def torus_test(point: BranchPoint) -> float:
-    """Product of lambda_i lambda_j - 1 over all pairs."""
+def _torus_test(point: BranchPoint) -> float:
     first, second = np.triu_indices(len(point.multipliers), 1)
     return float(np.prod(point.multipliers[first] * point.multipliers[second] - 1.0).real)
+
+
+_TESTS: dict[str, Callable[[BranchPoint], float]] = {
+    FOLD: lambda point: float(point.tangent[-1]),
+    DOUBLING: lambda point: float(np.prod(point.multipliers + 1.0).real), TORUS: _torus_test}
 
 
 def special_points(before: BranchPoint, after: BranchPoint) -> Iterator[SpecialPoint]:
@@ -390,27 +373,21 @@ def special_points(before: BranchPoint, after: BranchPoint) -> Iterator[SpecialP
     A pair of special points of one kind between two neighbours is not seen: neighbours are at most
     `continuation.LONGEST_STEP` apart, and closer where the branch bends.
     """
-    if not same_order(before.passage.order, after.passage.order):
-        yield from _crossing(before, after)
+    orders = before.passage.order, after.passage.order
+    if not same_order(*orders):
+        change = change_in_words(*orders) + "; the branch turns back" * (before.tangent[-1] * after.tangent[-1] < 0.0)
+        if contacts_of(orders[0]) != contacts_of(orders[1]):
+            yield SpecialPoint(GRAZING, before, before.width, change)
+        elif not _is_smooth(before, after):
+            yield SpecialPoint(CORNER, before, before.width, change)
         return
-    tests = {FOLD: fold_test, DOUBLING: doubling_test, TORUS: torus_test}
-    for kind, test in tests.items():
+    for kind, test in _TESTS.items():
         if (test(before) > 0.0) != (test(after) > 0.0):
             point, width = located(before, after, test, TOLERANCE)
-            if kind != TORUS or _has_unit_pair(point):
+            pair = np.abs(point.multipliers[point.multipliers.imag != 0.0])
+            # Real multipliers whose product is 1 are a neutral saddle, which is no Neimark-Sacker point.
+            if kind != TORUS or (len(pair) and np.abs(pair - 1.0).min() < _UNIT):
                 yield SpecialPoint(kind, point, width)
-
-
-def _crossing(before: BranchPoint, after: BranchPoint) -> Iterator[SpecialPoint]:
-    """The grazing or corner at `before`, behind which the events are those of `after`."""
-    orders = before.passage.order, after.passage.order
-    change = change_in_words(*orders)
-    if before.tangent[-1] * after.tangent[-1] < 0.0:
-        change += "; the branch turns back"
-    if contacts_of(orders[0]) != contacts_of(orders[1]):
-        yield SpecialPoint(GRAZING, before, before.width, change)
-    elif not _is_smooth(before, after):
-        yield SpecialPoint(CORNER, before, before.width, change)
 
 
 def _is_smooth(before: BranchPoint, after: BranchPoint) -> bool:
@@ -425,9 +402,3 @@ def _is_smooth(before: BranchPoint, after: BranchPoint) -> bool:
     here, there = np.poly(before.multipliers), np.poly(near.multipliers)
     return bool(1.0 - before.tangent @ near.tangent < _SMOOTH
                 and np.abs(here - there).max() < _SMOOTH * np.abs(here).max())
-
-
-def _has_unit_pair(point: BranchPoint) -> bool:
-    """Whether a complex pair lies on the unit circle: real multipliers whose product is 1 are a neutral saddle."""
-    complex_ones = point.multipliers[np.abs(point.multipliers.imag) > 0.0]
-    return bool(len(complex_ones) and np.abs(np.abs(complex_ones) - 1.0).min() < _UNIT)

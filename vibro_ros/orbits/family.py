@@ -82,7 +82,7 @@ class Family:
         if not low < high:
             raise ValueError(f"{name}: from {low:g} to {high:g} is no range; give the smaller value first")
         self.scene, self.name, self.low, self.high, self.turns, self.phase = scene, name, low, high, turns, phase
-        self.units = self.units_of(scene)
+        self.units = TurnMap(scene, 0.0).units
         self.map_at = lru_cache(_MAPS)(self._map_at)
 
     def value(self, share: float) -> float:
@@ -96,11 +96,6 @@ class Family:
     def scene_at(self, share: float) -> Scene:
         """The machine there (ValueError where the scene refuses the value)."""
         return self.scene.with_parameters({self.name: self.value(share)})
-
-    @staticmethod
-    def units_of(scene: Scene) -> np.ndarray:
-        """What 1 is of each coordinate of a scene's own turn map [m or m/s], shape (n,)."""
-        return TurnMap(scene, 0.0).units
 
     def _map_at(self, share: float) -> TurnMap:
         turn_map = TurnMap(self.scene_at(share), self.phase)
@@ -273,22 +268,14 @@ def corrected(family: Family, guess: np.ndarray, normal: np.ndarray,
     raise LostError(f"Newton's method does not close an orbit near {family.name} = {family.value(guess[-1]):.9g}")
 
 
-def tangent_at(family: Family, place: Place, along: np.ndarray, reach: float,
-               fine: bool = False) -> tuple[np.ndarray, np.ndarray]:
-    """Unit tangent of the branch in the direction of `along`, and the derivative of the map by the state, (n, n)."""
-    held, n = family.held(place), len(place.state)
-    matrix = family.jacobian(place, held, reach, fine)
-    *_, rows = np.linalg.svd(matrix)
-    tangent = rows[-1] if rows[-1] @ along >= 0.0 else -rows[-1]
-    return tangent, matrix[:, :n] + np.eye(n)
-
-
 def point_at(family: Family, vector: np.ndarray, along: np.ndarray,
              reach: float = LONGEST_STEP, fine: bool = False) -> BranchPoint:
     """The branch's point at a solution, shape (n + 1,); `reach` and `fine` as for `Family.jacobian`."""
-    here = orbit_of(family, Place.of(vector))
-    tangent, matrix = tangent_at(family, here.place, along, reach, fine)
-    found = np.linalg.eigvals(matrix)
+    here, n = orbit_of(family, Place.of(vector)), len(vector) - 1
+    matrix = family.jacobian(here.place, family.held(here.place), reach, fine)
+    *_, rows = np.linalg.svd(matrix)
+    tangent = rows[-1] if rows[-1] @ along >= 0.0 else -rows[-1]
+    found = np.linalg.eigvals(matrix[:, :n] + np.eye(n))
     return BranchPoint(family, here.place, tangent, found[np.argsort(-np.abs(found), kind="stable")], here.mean_speed,
                        here.passage)
 

@@ -68,7 +68,12 @@ class Shocked:
     def __init__(self, stroboscope: Stroboscope, motion: SettledMotion, seed: int = 0):
         self._stroboscope, self._motion = stroboscope, motion
         self._draw = np.random.default_rng(seed)
-        self._angles, self._states = _along(stroboscope, motion)
+        turn_map, device = stroboscope.turn_map, Simulator(stroboscope.turn_map.scene)
+        turn_map.put(device, motion.states[-1])
+        spacing = motion.turns / PLACES if motion.turns else 1.0 + 1.0 / PLACES
+        samples = device.sample(np.arange(PLACES) * spacing * turn_map.period)
+        self._angles = np.mod(samples.crank_angle, TURN)  # rad, where in a turn shocks are tried
+        self._states = np.column_stack([getattr(samples, name) for name in turn_map.names]) / turn_map.units
 
     def along(self, coordinate: int, tries: int) -> Shock | None:
         """The smallest fatal shock that is found to change one coordinate of the state alone; None for none.
@@ -96,9 +101,14 @@ class Shocked:
         tries : int
             Shocks that are drawn, dimensionless: a half from all directions, and a half from near the best one.
         """
+        def near(best: Shock | None) -> np.ndarray:
+            assert best
+            moved = best.change / best.size + self._cone * self._draw.uniform() * self._direction()
+            return moved / np.linalg.norm(moved) * (1.0 - 0.1 * self._cone)
+
         best = self._shortest(best, lambda best: self._direction() * self._length(best, self._states.shape[1]),
                               tries - tries // 2)
-        return best and self._shortest(best, self._near, tries // 2)
+        return best and self._shortest(best, near, tries // 2)
 
     def _shortest(self, best: Shock | None, drawn: Callable[[Shock | None], np.ndarray], tries: int) -> Shock | None:
         """The shortest of fatal shocks that are drawn, each no longer than the one before; `drawn` gives them in
@@ -108,34 +118,23 @@ class Shocked:
             place = int(self._draw.integers(PLACES))
             shock = self._fatal(place, drawn(best) * (best.size if best else LARGEST))
             self._cone = _WIDEST if shock else max(_NARROWEST, _NARROWING * self._cone)
-            best = self._shortened(place, shock) if shock else best
+            if shock:  # shortened along its ray to the edge of the basin
+                low, high, best = 0.0, 1.0, shock
+                for _ in range(_HALVINGS):
+                    middle = 0.5 * (low + high)
+                    if found := self._fatal(place, middle / high * best.change):
+                        best, high = found, middle
+                    else:
+                        low = middle
         return best
 
     def _direction(self) -> np.ndarray:
-        """A unit vector, all directions alike."""
         direction = self._draw.normal(size=self._states.shape[1])
         return direction / np.linalg.norm(direction)
 
     def _length(self, best: Shock | None, dimension: int) -> float:
         """A share of the best shock's length, as in a ball; without one, of any order of magnitude."""
         return self._draw.uniform() ** (1.0 / dimension) if best else 10.0 ** (-_ORDERS * self._draw.uniform())
-
-    def _near(self, best: Shock | None) -> np.ndarray:
-        """A point of the unit ball near the best shock."""
-        assert best
-        moved = best.change / best.size + self._cone * self._draw.uniform() * self._direction()
-        return moved / np.linalg.norm(moved) * (1.0 - 0.1 * self._cone)
-
-    def _shortened(self, place: int, shock: Shock) -> Shock:
-        """The shock at the edge of the basin that lies on the ray of a fatal one."""
-        low, high = 0.0, 1.0
-        for _ in range(_HALVINGS):
-            middle = 0.5 * (low + high)
-            if found := self._fatal(place, middle / high * shock.change):
-                shock, high = found, middle
-            else:
-                low = middle
-        return shock
 
     def _fatal(self, place: int, change: np.ndarray) -> Shock | None:
         """The shock, if it can be and the motion is another one afterwards."""
@@ -149,13 +148,3 @@ class Shocked:
         if after is None or after.is_same(self._motion):
             return None
         return Shock(float(np.linalg.norm(change)), change, angle, after)
-
-
-def _along(stroboscope: Stroboscope, motion: SettledMotion) -> tuple[np.ndarray, np.ndarray]:
-    """Crank angles [rad], shape (PLACES,), and states, shape (PLACES, n), at instants of a motion."""
-    turn_map, device = stroboscope.turn_map, Simulator(stroboscope.turn_map.scene)
-    turn_map.put(device, motion.states[-1])
-    spacing = motion.turns / PLACES if motion.turns else 1.0 + 1.0 / PLACES
-    samples = device.sample(np.arange(PLACES) * spacing * turn_map.period)
-    states = np.column_stack([getattr(samples, name) for name in turn_map.names]) / turn_map.units
-    return np.mod(samples.crank_angle, TURN), states

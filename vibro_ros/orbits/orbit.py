@@ -4,7 +4,6 @@ Newton's method finds states to which the turn map comes back, with the map's de
 begins with states of the motion that the scene settles to, or for `seeds_of` that several starts settle to.
 """
 
-from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -131,11 +130,15 @@ def find_orbit(scene: Scene, turns: int = 1) -> Orbit:
         device.advance_to(max(device.time, settled * period))
         phase, _ = free_phase(scene, device)
         turn_map = TurnMap(scene, phase)
-        seen = _history(turn_map, device)
-        for guess in _guesses(seen, turns):
-            if closed := close(turn_map, guess, turns):
+        ahead = (phase - device.state.crank_angle) % TURN / TURN
+        samples = device.sample(device.time + (ahead + np.arange(2 * MOST_TURNS)) * period)
+        seen = np.column_stack([getattr(samples, name) for name in turn_map.names]) / turn_map.units
+        returns = np.abs(seen[turns:] - seen[:-turns]).max(axis=1)
+        for best in np.argsort(returns, kind="stable")[:_GUESSES]:
+            if closed := close(turn_map, seen[best], turns):
                 return orbit_at(turn_map, closed, turns)
-        repeats = repeats or _repeats_after(seen)
+        repeats = repeats or next((count for count in range(1, MOST_TURNS + 1)
+                                   if np.abs(seen[count:] - seen[:-count]).max() < _CLOSE), 0)
     found = f"; it repeats itself after {repeats} turns: give turns={repeats}" if repeats else (
         f", nor one that repeats itself within {MOST_TURNS} turns")
     raise OrbitNotFoundError(f"{scene.name}: at {scene['motor.speed']:g} rad/s no motion was found that repeats itself "
@@ -150,27 +153,6 @@ def orbit_at(turn_map: TurnMap, closed: Closed, turns: int) -> Orbit:
     multipliers[:len(found)] = found[np.argsort(-np.abs(found), kind="stable")]
     mean_speed = turn_map(closed.state, turns).advance / (turns * turn_map.period)
     return Orbit(turn_map.scene, int(turns), turn_map.sample(closed.state), multipliers, mean_speed, closed.residual)
-
-
-def _history(turn_map: TurnMap, device: Simulator) -> np.ndarray:
-    """States at the next 2 `MOST_TURNS` cuts of a device that goes on, shape (cuts, n)."""
-    ahead = (turn_map.phase - device.state.crank_angle) % TURN / TURN
-    times = device.time + (ahead + np.arange(2 * MOST_TURNS)) * turn_map.period
-    samples = device.sample(times)
-    return np.column_stack([getattr(samples, name) for name in turn_map.names]) / turn_map.units
-
-
-def _guesses(history: np.ndarray, turns: int) -> Iterator[np.ndarray]:
-    """States that come back best after `turns` turns, the best first."""
-    returns = np.abs(history[turns:] - history[:-turns]).max(axis=1)
-    for at in np.argsort(returns, kind="stable")[:_GUESSES]:
-        yield history[at]
-
-
-def _repeats_after(history: np.ndarray) -> int:
-    """Least number of turns after which all states come back; 0 when they do not."""
-    return next((turns for turns in range(1, MOST_TURNS + 1)
-                 if np.abs(history[turns:] - history[:-turns]).max() < _CLOSE), 0)
 
 
 def derivative(turn_map: TurnMap, state: np.ndarray, turns: int, free: np.ndarray, step: float = STEP) -> np.ndarray:
@@ -190,47 +172,35 @@ def derivative(turn_map: TurnMap, state: np.ndarray, turns: int, free: np.ndarra
     return np.array(columns).T
 
 
-def close(turn_map: TurnMap, guess: np.ndarray, turns: int,
-          derivative_of: Callable[..., np.ndarray] = derivative) -> Closed | None:
+def close(turn_map: TurnMap, guess: np.ndarray, turns: int) -> Closed | None:
     """The orbit that Newton's method finds from `guess`; None when there is none within its reach.
 
     A full step that makes the residual larger is halved. What a plate, the ground or friction holds at the cut is held.
     """
-    state, residual = guess, _residual(turn_map, guess, turns)
+    state, residual = guess, turn_map(guess, turns).state - guess
     for _ in range(_MOST_STEPS):
         free = ~turn_map.held(state)
         difference = np.zeros_like(state)
         try:
-            matrix = derivative_of(turn_map, state, turns, free) - np.eye(int(free.sum()))
+            matrix = derivative(turn_map, state, turns, free) - np.eye(int(free.sum()))
             difference[free] = np.linalg.solve(matrix, residual[free])
         except (np.linalg.LinAlgError, SimulationError, ValueError):
             return None
-        better = _shortened(turn_map, state, residual, difference, turns)
-        if better is None:
+        part = 1.0
+        while part >= _SHORTEST:
+            moved = state - part * difference
+            try:
+                after = turn_map(moved, turns).state - moved
+            except (SimulationError, ValueError):
+                after = np.full_like(residual, np.inf)
+            if np.abs(after).max() < np.abs(residual).max():
+                state, residual = moved, after
+                break
+            part *= 0.5
+        else:
             break
-        state, residual = better
     size = float(np.abs(residual).max(initial=0.0))
     return Closed(state, size) if size <= CLOSED else None
-
-
-def _shortened(turn_map: TurnMap, state: np.ndarray, residual: np.ndarray, difference: np.ndarray,
-               turns: int) -> tuple[np.ndarray, np.ndarray] | None:
-    """State and residual after a Newton step or a part of it that makes the residual smaller; None without any."""
-    part = 1.0
-    while part >= _SHORTEST:
-        moved = state - part * difference
-        try:
-            after = _residual(turn_map, moved, turns)
-        except (SimulationError, ValueError):
-            after = np.full_like(residual, np.inf)
-        if np.abs(after).max() < np.abs(residual).max():
-            return moved, after
-        part *= 0.5
-    return None
-
-
-def _residual(turn_map: TurnMap, state: np.ndarray, turns: int) -> np.ndarray:
-    return turn_map(state, turns).state - state
 
 
 @dataclass(frozen=True)
@@ -284,8 +254,16 @@ def seeds_of(scene: Scene, starts: int, most_turns: int) -> list[Seed]:
             continue
         there = TurnMap(scene, orbit.state.crank_angle)
         state = there.read(orbit.state)
-        found.append(Seed(_least(there, state, turns), there.phase, state))
-    return _different(scene, sorted(found, key=lambda seed: seed.turns))
+        least = next(part for part in range(1, turns + 1)
+                     if turns % part == 0 and np.abs(there(state, part).state - state).max() < SAME)
+        found.append(Seed(least, there.phase, state))
+    different: list[Seed] = []
+    for seed in sorted(found, key=lambda seed: seed.turns):
+        turn_map = TurnMap(scene, seed.phase)
+        if not any(seed.turns == other.turns and is_same(turn_map, _recut(scene, other, seed.phase), seed.state,
+                                                         seed.turns) for other in different):
+            different.append(seed)
+    return different
 
 
 def _drawn(turn_map: TurnMap, start: int) -> dict[str, float]:
@@ -300,27 +278,9 @@ def _drawn(turn_map: TurnMap, start: int) -> dict[str, float]:
     return given
 
 
-def _least(turn_map: TurnMap, state: np.ndarray, turns: int) -> int:
-    """The least part of `turns` after which an orbit repeats itself."""
-    return next(part for part in range(1, turns + 1)
-                if turns % part == 0 and np.abs(turn_map(state, part).state - state).max() < SAME)
-
-
-def _different(scene: Scene, seeds: Sequence[Seed]) -> list[Seed]:
-    """Seeds without those that are the same orbit as one before."""
-    kept: list[Seed] = []
-    for seed in seeds:
-        turn_map = TurnMap(scene, seed.phase)
-        if not any(seed.turns == other.turns and is_same(turn_map, _recut(scene, other, seed.phase), seed.state,
-                                                         seed.turns) for other in kept):
-            kept.append(seed)
-    return kept
-
-
 def _recut(scene: Scene, seed: Seed, phase: float) -> np.ndarray:
     """The state of a seed at another cut."""
-    here, there = TurnMap(scene, seed.phase), TurnMap(scene, phase)
-    stroboscope = Stroboscope(there)
+    here, stroboscope = TurnMap(scene, seed.phase), Stroboscope(TurnMap(scene, phase))
     sample = here.sample(seed.state)
     given = {name: getattr(sample, name) for name in here.names}
     return stroboscope.begin_as(crank_angle=seed.phase, **given).states[-1]

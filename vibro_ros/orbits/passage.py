@@ -13,7 +13,6 @@ import numpy as np
 from scipy.optimize import brentq
 
 from vibro_ros.orbits.turn_map import CELLS, TURN, TurnEnd, TurnMap, events_in_cells, middle_of_longest
-from vibro_ros.simulation.samples import Samples
 from vibro_ros.simulation.simulator import Simulator
 
 #: Kinds of events, and of contacts that end, in the order in which they happen.
@@ -180,15 +179,11 @@ def _least_gap(turn_map: TurnMap, state: np.ndarray, side: str, first: float, la
     """Distance [m] of a mass from its plate where it turns back between two instants [s]."""
     device = Simulator(turn_map.scene)
 
-    def at(time: float) -> Samples[float]:
+    def apart(time: float, what: str) -> float:
         turn_map.put(device, state)
         device.advance_to(time)
-        return device.state
+        return getattr(device.state, f"{side}_plate_{what}") - getattr(device.state, f"{side}_{what}")
 
-    def leaving(time: float) -> float:
-        now = at(time)
-        return getattr(now, f"{side}_plate_velocity") - getattr(now, f"{side}_velocity")
-
-    turn = brentq(leaving, first, last, xtol=1e-12) if leaving(first) < 0.0 < leaving(last) else first
-    now = at(turn)
-    return max(0.0, getattr(now, f"{side}_plate_position") - getattr(now, f"{side}_position"))
+    turns_back = apart(first, "velocity") < 0.0 < apart(last, "velocity")
+    turn = brentq(apart, first, last, args=("velocity",), xtol=1e-12) if turns_back else first
+    return max(0.0, apart(turn, "position"))

@@ -101,10 +101,12 @@ def settle(stroboscope: Stroboscope, first: int = FIRST_TURNS, most: int = MOST_
     """
     seen = stroboscope.turns(first)
     while True:
-        if turns := period_of(seen.states):
-            return _settled(stroboscope, seen, turns)
-        if len(seen.states) >= 4 * CLOUD and _is_stationary(seen.states):
-            return _settled(stroboscope, seen, 0)
+        turns = period_of(seen.states)
+        if turns or (len(seen.states) >= 4 * CLOUD and _is_stationary(seen.states)):
+            over = turns or len(seen.states) // 2
+            gone = float(seen.positions[-1] - seen.positions[-1 - over])
+            return SettledMotion(turns, seen.states[-(turns or CLOUD):].copy(),
+                                 gone / (over * stroboscope.turn_map.period), len(seen.states))
         more = min(2 * len(seen.states), most) - len(seen.states)
         if more <= 0:
             return None
@@ -208,10 +210,3 @@ def _is_stationary(states: np.ndarray) -> bool:
     now, before = min((_returns(states, turns) for turns in range(1, LONGEST_PERIOD + 1)), key=lambda pair: pair[0])
     quarter = len(states) // 4
     return now > _STANDS * before and bool(Cloud(states[-2 * quarter:-quarter]).holds(states[-quarter:]))
-
-
-def _settled(stroboscope: Stroboscope, seen: Cuts, turns: int) -> SettledMotion:
-    over = turns or len(seen.states) // 2
-    gone = float(seen.positions[-1] - seen.positions[-1 - over])
-    return SettledMotion(turns, seen.states[-(turns or CLOUD):].copy(), gone / (over * stroboscope.turn_map.period),
-                         len(seen.states))

@@ -5,7 +5,7 @@ velocity, in a scene whose body hops of its height and vertical velocity too. Th
 of it, because nothing depends on it; how far a turn moves the body comes beside the state. The motor is steady.
 
 States are counted in units of the machine, so that no coordinate outweighs another: lengths in `crank.radius` l,
-velocities in l omega.
+velocities in l omega. Whatever lets a device run raises a SimulationError if the run cannot go on.
 
 A good cut is a phase of the crank where nothing touches and nothing happens. A cut that lies within a contact, or at an
 instant where the friction changes, makes the map rough: two states that are close could be in different modes there.
@@ -57,10 +57,8 @@ class TurnMap:
 
     Attributes
     ----------
-    scene : Scene
-        The same.
-    phase : float
-        The same [rad].
+    scene, phase
+        The parameters.
     names : tuple of str
         Names of the state's coordinates, fields of `Samples`.
     units : ndarray, shape (n,)
@@ -89,15 +87,7 @@ class TurnMap:
         self._start = self.device.checkpoint()
 
     def __call__(self, state: np.ndarray, turns: int = 1) -> TurnEnd:
-        """Where `turns` turns lead from `state`, shape (n,).
-
-        Raises
-        ------
-        ValueError
-            For a state that cannot be.
-        SimulationError
-            If the run cannot go on.
-        """
+        """Where `turns` turns lead from `state`, shape (n,) (ValueError for a state that cannot be)."""
         self.put(self.device, state)
         self.device.advance_to(turns * self.period)
         return TurnEnd(self.read(self.device.state), self.device.state.body_position)
@@ -165,11 +155,6 @@ class Stroboscope:
     turn_map : TurnMap
         Scene, cut and units.
 
-    Attributes
-    ----------
-    turn_map : TurnMap
-        The same.
-
     Raises
     ------
     ValueError
@@ -193,22 +178,8 @@ class Stroboscope:
     def begin_as(self, **given: float) -> Cuts:
         """Begin as the scene starts, but with what is `given`, and go on to the first cut.
 
-        Parameters
-        ----------
-        given : float
-            As `Simulator.set_state` takes it, in SI units.
-
-        Returns
-        -------
-        Cuts
-            The first cut: within the first turn, or the start itself.
-
-        Raises
-        ------
-        ValueError
-            For a state that cannot be.
-        SimulationError
-            If the run cannot go on.
+        `given` is as `Simulator.set_state` takes it, in SI units (ValueError for a state that cannot be). The first cut
+        lies within the first turn, or is the start itself.
         """
         self._device.restore(self._start)
         if given:
@@ -218,13 +189,7 @@ class Stroboscope:
         return self.turns(1)
 
     def turns(self, count: int) -> Cuts:
-        """Go on over `count` turns; the cuts that follow the last one.
-
-        Raises
-        ------
-        SimulationError
-            If the run cannot go on.
-        """
+        """Go on over `count` turns; the cuts that follow the last one."""
         times = self._cut + np.arange(1, count + 1) * self.turn_map.period
         samples = self._device.sample(times)
         self._device.take_events()  # or they would be kept

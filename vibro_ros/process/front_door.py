@@ -61,9 +61,14 @@ def enter(program: str) -> int:
         say(program, "stopped")
     finally:
         change_nothing()
-    code = _flushed(program, code)
-    if _works_on():
-        os._exit(code)
+    try:
+        sys.stdout.flush()
+    except OSError as error:
+        say(program, f"{error.filename}: {error.strerror}")
+        code = code or FAILURE
+    threading = sys.modules.get("threading")
+    if threading and any(thread.daemon for thread in threading.enumerate()):
+        os._exit(code)  # a thread that was left alone, such as a compilation, would crash the interpreter's end
     return code
 
 
@@ -115,7 +120,10 @@ def _run(program: str) -> int:
         main = import_module(EXECUTABLES[program].module).main
     except ModuleNotFoundError as error:
         missing = (error.name or str(error)).partition(".")[0]
-        say(program, f"{missing}: no such Python module here; {_remedy(missing)}")
+        of_ros = missing == "rclpy" or missing.endswith(("_msgs", "_srvs"))
+        say(program, f"{missing}: no such Python module here; " + (
+            "source a ROS 2 Jazzy installation, or use the environment that `make setup` makes" if of_ros else
+            "install what setup.py names"))
         return FAILURE
     interrupt_what_runs()
     try:
@@ -124,32 +132,11 @@ def _run(program: str) -> int:
         return end.code if isinstance(end.code, int) else 0
 
 
-def _remedy(module: str) -> str:
-    if module == "rclpy" or module.endswith(("_msgs", "_srvs")):
-        return "source a ROS 2 Jazzy installation, or use the environment that `make setup` makes"
-    return "install what setup.py names"
-
-
-def _flushed(program: str, code: int) -> int:
-    try:
-        sys.stdout.flush()
-    except OSError as error:
-        say(program, f"{error.filename}: {error.strerror}")
-        return code or FAILURE
-    return code
-
-
 def _leave(interrupted: list[int]) -> None:
     """End an interrupted process with its exit code: Python would end by SIGINT if the interrupt met code that `exec`
     runs, whoever has caught it."""
     if interrupted:
         os._exit(interrupted[0])
-
-
-def _works_on() -> bool:
-    """Whether a thread still works that was left alone, such as a compilation: it would crash the interpreter's end."""
-    threading = sys.modules.get("threading")
-    return threading is not None and any(thread.daemon for thread in threading.enumerate())
 
 
 class Forgiving(io.FileIO):

@@ -49,9 +49,11 @@ def next_cheaper_choice(scene: Scene, choice: Choice | None) -> str:
     """What costs less than what `scene` is simulated by, how much less, and what it loses, in words."""
     if choice:
         return _in_words(choice.cheaper, choice.cost, f"the first {HORIZON:g} s")
-    known = KNOWN.get(scene.name) if _is_shipped(scene) else None
-    if known is None:
+    shipped = load_scene(scene.name) if scene.name in KNOWN else None
+    if shipped is None or any(value != shipped[name] for name, value in scene.parameters.items()
+                              if name != "motor.speed" and not name.startswith("solver.")):
         return _UNKNOWN
+    known = KNOWN[scene.name]
     where = f"the first {HORIZON:g} s at {KNOWN_SPEED:g} rad/s"
     if scene["solver.method"] == "exact":
         return _in_words(known.cheaper, known.exact_cost, where)
@@ -66,12 +68,3 @@ def _in_words(cheaper: Candidate | None, cost: float, where: str) -> str:
         return "none: whatever costs less goes wrong"
     return (f"{cheaper.method}, step {cheaper.step:.3g} s: {cheaper.cost / cost:.2g} of the work, but off by "
             f"{cheaper.error:.2g} m in {where}")
-
-
-def _is_shipped(scene: Scene) -> bool:
-    """Whether `scene` is the shipped one of its name, but for the motor's speed and the solver."""
-    if scene.name not in KNOWN:
-        return False
-    shipped = load_scene(scene.name).parameters
-    return all(value == shipped[name] for name, value in scene.parameters.items()
-               if name != "motor.speed" and not name.startswith("solver."))

@@ -122,19 +122,16 @@ def measured(scene: Scene, speed: float | None, times: np.ndarray) -> Measured:
 
 def choose(scene: Scene, measure: Measure) -> Choice:
     """Pick for `scene`; the same in every process."""
-    trial = Trial(scene, measure)
-    tried = [candidate for name in SCHEMES for candidate in _allowed(trial.down_to_accurate(name))]
-    kept = [candidate for candidate in tried if candidate.error <= trial.limit]
+    trial, tried = Trial(scene, measure), list[Candidate]()
+    for name in SCHEMES:
+        with contextlib.suppress(ValueError):  # of a method that the scene refuses
+            tried.extend(trial.down_to_accurate(name))
+    accurate = [candidate for candidate in tried if candidate.error <= trial.limit]
     exact = Candidate("exact", math.inf, 0.0, trial.exact_cost)
-    picked = min([exact, *kept], key=lambda candidate: candidate.cost)
-    cheaper = next_cheaper(picked.cost, tried)
+    picked = min([exact, *accurate], key=lambda candidate: candidate.cost)
+    cheaper = min((candidate for candidate in tried if candidate.cost < picked.cost),
+                  key=lambda candidate: candidate.error, default=None)
     return Choice(*picked, trial.exact_cost, cheaper and trial.looked_at_closely(cheaper))
-
-
-def next_cheaper(cost: float, tried: list[Candidate]) -> Candidate | None:
-    """Of the candidates that cost less than `cost` and do not diverge, the one with the smallest error."""
-    less = [candidate for candidate in tried if candidate.cost < cost and math.isfinite(candidate.error)]
-    return min(less, key=lambda candidate: candidate.error, default=None)
 
 
 def chosen(scene: Scene, choice: Choice) -> Scene:
@@ -167,17 +164,23 @@ class Trial:
         exact = scene.with_parameters({"solver.method": "exact"})
         runs = [measure(exact, command, self._times) for command in self._commands]
         self._references = [run.positions for run in runs]
-        self.exact_cost = self._cost(exact, runs)
+        works = [counted_work(exact, run.steps, run.events, command is not None)
+                 for run, command in zip(runs, self._commands, strict=True)]
+        self.exact_cost = sum(works) / len(works) / HORIZON
 
     def down_to_accurate(self, method: str) -> Iterator[Candidate]:
         """Steps of `method` that cost clearly less than exact, from the coarsest to the first that is accurate."""
         for step in _ladder():
-            candidate = self._tried(method, step)
-            if candidate.cost > CLEARLY_LESS * self.exact_cost:
+            scene = self._by(method, step)
+            cost = counted_work(scene, round(HORIZON / step)) / HORIZON
+            if cost > CLEARLY_LESS * self.exact_cost:
                 return
-            if math.isfinite(candidate.error):
-                yield candidate
-            if candidate.error <= self.limit:
+            error = self._error(scene, _STRIDE) if is_stable(scene, method, step) else math.inf
+            if error <= self.limit:
+                error = self._error(scene)
+            if math.isfinite(error):
+                yield Candidate(method, step, error, cost)
+            if error <= self.limit:
                 return
 
     def looked_at_closely(self, candidate: Candidate) -> Candidate:
@@ -187,42 +190,16 @@ class Trial:
     def _by(self, method: str, step: float) -> Scene:
         return self._scene.with_parameters({"solver.method": method, "solver.step": step})
 
-    def _tried(self, method: str, step: float) -> Candidate:
-        scene = self._by(method, step)
-        cost = counted_work(scene, round(HORIZON / step)) / HORIZON
-        if cost > CLEARLY_LESS * self.exact_cost or not is_stable(scene, method, step):
-            return Candidate(method, step, math.inf, cost)
-        error = self._error(scene, _STRIDE)
-        return Candidate(method, step, self._error(scene) if error <= self.limit else error, cost)
-
     def _error(self, scene: Scene, stride: int = 1) -> float:
-        """Largest error [m] in the promised motions, at every instant of the grid or at each of `stride`."""
         times = self._times[::stride]
-        found = (self._measure(scene, command, times).positions for command in self._commands)
-        return max(_off(positions, reference[:, ::stride])
-                   for positions, reference in zip(found, self._references, strict=True))
-
-    def _cost(self, scene: Scene, runs: list[Measured]) -> float:
-        works = [counted_work(scene, run.steps, run.events, command is not None)
-                 for run, command in zip(runs, self._commands, strict=True)]
-        return sum(works) / len(works) / HORIZON
-
-
-def _allowed(candidates: Iterator[Candidate]) -> Iterator[Candidate]:
-    """`candidates` up to the first whose method the scene refuses."""
-    with contextlib.suppress(ValueError):
-        yield from candidates
+        errors = [float(np.abs(self._measure(scene, command, times).positions - reference[:, ::stride]).max())
+                  for command, reference in zip(self._commands, self._references, strict=True)]
+        return max(error if math.isfinite(error) else math.inf for error in errors)
 
 
 def _ladder() -> list[float]:
-    """Steps [s] from coarse to fine."""
     count = round(_STEPS_A_DECADE * math.log10(_COARSEST / _FINEST))
     return [_COARSEST * 10.0 ** (-k / _STEPS_A_DECADE) for k in range(count + 1)]
-
-
-def _off(positions: np.ndarray, reference: np.ndarray) -> float:
-    error = float(np.abs(positions - reference).max())
-    return error if math.isfinite(error) else math.inf
 
 
 def counts_of_exact(scene: Scene, segments: int, events: int, speeding: bool) -> dict[str, float]:
@@ -259,36 +236,28 @@ def is_stable(scene: Scene, scheme: str, step: float) -> bool:
     """
     if scheme == "moreau":  # springs, dampers and contacts are implicit
         return True
-    return all(_amplification(matrix, scheme, step) <= _growth(matrix, step) * (1.0 + _ROUNDING)
-               for matrix in _matrices(scene))
-
-
-def _matrices(scene: Scene) -> list[np.ndarray]:
-    """Matrix A of y' = A y for the dynamic coordinates and their velocities, by mode."""
     model = compile_scene(scene)
     channels, rows = model.forms.channels, model.system.acceleration
     dynamic, first = channels.dynamic, channels.coordinates
-    matrices = np.zeros((len(rows), 2 * dynamic, 2 * dynamic))
+    matrices = np.zeros((len(rows), 2 * dynamic, 2 * dynamic))  # A of y' = A y, coordinates and velocities, by mode
     matrices[:, :dynamic, dynamic:] = np.eye(dynamic)
     matrices[:, dynamic:, :dynamic] = rows[:, :dynamic, :dynamic]
     matrices[:, dynamic:, dynamic:] = rows[:, :dynamic, first:first + dynamic]
-    return list(matrices)
+    for matrix in matrices:
+        growth = float(np.exp(max(0.0, step * np.linalg.eigvals(matrix).real.max())))  # of the motion itself
+        if _amplification(matrix, scheme, step) > growth * (1.0 + _ROUNDING):
+            return False
+    return True
 
 
 def _amplification(matrix: np.ndarray, scheme: str, step: float) -> float:
     """Spectral radius of a step."""
-    size, part = len(matrix), step * matrix
+    unit, part = np.eye(len(matrix)), step * matrix
     if scheme == "rk4":
-        grown = np.eye(size) + part @ (np.eye(size) + part / 2.0 @ (np.eye(size) + part / 3.0 @ (
-            np.eye(size) + part / 4.0)))
+        grown = unit + part @ (unit + part / 2.0 @ (unit + part / 3.0 @ (unit + part / 4.0)))
     else:
-        half = size // 2
-        grown = np.eye(size)
+        half = len(matrix) // 2
+        grown = unit
         grown[half:] += part[half:]
         grown[:half] += step * grown[half:]
     return float(np.abs(np.linalg.eigvals(grown)).max())
-
-
-def _growth(matrix: np.ndarray, step: float) -> float:
-    """By how much the motion itself may grow during a step, at least 1."""
-    return float(np.exp(max(0.0, step * np.linalg.eigvals(matrix).real.max())))

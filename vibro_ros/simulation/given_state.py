@@ -105,18 +105,32 @@ def place(scene: Scene, model: Model, state: State, point: np.ndarray, values: M
     turned : bool
         Whether the crank's angle is given; else it keeps its bits, which a sum of turns and an angle has lost.
     """
-    _place_coordinates(model, point, values)
+    forms, at, angle = model.forms, model.forms.channels, values["crank_angle"]
+    for i, side in enumerate(forms.guides):
+        point[at.position(i)], point[at.velocity(i)] = values[f"{side}_position"], values[f"{side}_velocity"]
+    if forms.body_moves:
+        point[at.position(forms.body)] = values["body_position"]
+        point[at.velocity(forms.body)] = values["body_velocity"]
+    if forms.body_hops:
+        point[at.position(forms.height)] = values["body_height"]
+        point[at.velocity(forms.height)] = values["body_vertical_velocity"]
     if turned:
-        _place_crank(model, state, values["crank_angle"])
+        drive, starts, rest = state.now["drive"][0], model.system.signals.start, math.fmod(angle, _TURN)
+        cell = min(int(np.searchsorted(starts, rest, side="right")) - 1, len(starts) - 2)
+        drive["turns"], drive["cell"] = round((angle - rest) / _TURN), cell
+        drive["offset"], drive["since"] = rest - starts[cell], 0.0
     state.now["drive"]["speed"] = values["motor_speed"]
-    channels = model.forms.channels
-    for k, side in enumerate(model.forms.plates):
-        state.ramp["value"][k] = point[channels.ramp(k)] = values[f"{side}_plate_position"]
+    for k, side in enumerate(forms.plates):
+        state.ramp["value"][k] = point[at.ramp(k)] = values[f"{side}_plate_position"]
     for k, slider in enumerate(model.sliders):  # they move with the crank; the energy of the drives is theirs
-        point[channels.signal(k)] = slider.position(values["crank_angle"])
+        point[at.signal(k)] = slider.position(angle)
     mode = _mode(scene, model, point)
     state.now["automaton"]["mode"] = mode
-    _begin_contacts(model, state, point, mode)
+    for k, side in enumerate(forms.plates):
+        if model.system.monitored[mode, k]:  # a contact that was under way has ended nowhere, and is no event
+            monitor = state.monitor[k]
+            monitor["since"], monitor["peak"] = state.now["segment"]["start"][0], 0.0
+            monitor["approach"] = forms.penetration(side)[1] @ point
 
 
 def book(scene: Scene, model: Model, state: State, before: np.ndarray, old_mode: int, point: np.ndarray) -> None:
@@ -140,26 +154,6 @@ def book(scene: Scene, model: Model, state: State, before: np.ndarray, old_mode:
         mode = int(state.now["automaton"]["mode"][0])
         state.now["accounts"]["stored"] += (stored_on_accounts(model.system, mode, point)
                                             - stored_on_accounts(model.system, old_mode, before))
-
-
-def _place_coordinates(model: Model, point: np.ndarray, values: Mapping[str, float]) -> None:
-    forms, at = model.forms, model.forms.channels
-    for i, side in enumerate(forms.guides):
-        point[at.position(i)], point[at.velocity(i)] = values[f"{side}_position"], values[f"{side}_velocity"]
-    if forms.body_moves:
-        point[at.position(forms.body)] = values["body_position"]
-        point[at.velocity(forms.body)] = values["body_velocity"]
-    if forms.body_hops:
-        point[at.position(forms.height)] = values["body_height"]
-        point[at.velocity(forms.height)] = values["body_vertical_velocity"]
-
-
-def _place_crank(model: Model, state: State, angle: float) -> None:
-    drive, starts = state.now["drive"][0], model.system.signals.start
-    rest = math.fmod(angle, _TURN)
-    cell = min(int(np.searchsorted(starts, rest, side="right")) - 1, len(starts) - 2)
-    drive["turns"], drive["cell"] = round((angle - rest) / _TURN), cell
-    drive["offset"], drive["since"] = rest - starts[cell], 0.0
 
 
 def _mode(scene: Scene, model: Model, point: np.ndarray) -> int:
@@ -189,12 +183,3 @@ def _friction(model: Model, state: str, point: np.ndarray) -> str:
         return state
     speed = point[at.velocity(forms.body)] if forms.body_moves else 0.0
     return ("stick", "slip_forward", "slip_backward")[int(np.sign(speed))]
-
-
-def _begin_contacts(model: Model, state: State, point: np.ndarray, mode: int) -> None:
-    """Let the monitors that are on begin now: a contact that was under way has ended nowhere, and is no event."""
-    for k, side in enumerate(model.forms.plates):
-        if model.system.monitored[mode, k]:
-            monitor = state.monitor[k]
-            monitor["since"], monitor["peak"] = state.now["segment"]["start"][0], 0.0
-            monitor["approach"] = model.forms.penetration(side)[1] @ point

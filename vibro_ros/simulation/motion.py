@@ -1,6 +1,7 @@
 """A scene in motion: the state of its solver, advanced in time and changed by commands, with its events and energy.
 
-Arguments are not checked here, and `solver.method` is a method, not auto: `Simulator` sees to both.
+Arguments are not checked here, and `solver.method` is a method, not auto: `Simulator` sees to both. Every call that
+lets time pass or a segment begin raises a SimulationError if the motion cannot go on.
 """
 
 import math
@@ -77,8 +78,6 @@ class Motion:
 
     Attributes
     ----------
-    scene : Scene
-        The same.
     model : Model
         The scene, compiled.
     time : float
@@ -103,7 +102,6 @@ class Motion:
         self.events = EventLog(self.model.forms.plates)
 
     def _set_up(self, scene: Scene) -> None:
-        """Make all that the motion of `scene` needs besides its state."""
         self.scene = scene
         self.model: Model = compile_scene(scene)
         self._stepper = new_stepper(scene, self.model)
@@ -112,13 +110,7 @@ class Motion:
         self._sampled = False  # whether they are of `time`, and nothing was commanded since
 
     def command(self, speed: float | None, gaps: Mapping[str, float]) -> None:
-        """Ask for a motor speed [rad/s] and, by side, for gaps [m], from now on; gaps without a plate change nothing.
-
-        Raises
-        ------
-        SimulationError
-            If the motion cannot go on.
-        """
+        """Ask for a motor speed [rad/s] and, by side, gaps [m], from now on; gaps without a plate change nothing."""
         self._sampled = False
         self._stepper.interrupt(self.state, self.time, self.point)
         if speed is not None:
@@ -132,11 +124,6 @@ class Motion:
         """Go on as `scene`, which differs in parameters that may change while the device runs.
 
         What is on its way, the motor's speed or a plate, goes on to its target as the new scene has it.
-
-        Raises
-        ------
-        SimulationError
-            If the motion cannot go on.
         """
         self._stepper.interrupt(self.state, self.time, self.point)
         old, same_machine = self.model, scene.machine == self.scene.machine
@@ -157,8 +144,6 @@ class Motion:
         ------
         ValueError
             For what cannot be; nothing is changed then.
-        SimulationError
-            If the motion cannot go on.
         """
         values = checked_state(self.scene, given, dict(zip(FIELDS, self.now().tolist(), strict=True)))
         target = values["motor_speed"] if self.scene["effects.motor"] == "ideal" else self.motor_target
@@ -251,7 +236,7 @@ class Motion:
         return self.quantities(times, trace)
 
     def advance_to(self, time: float) -> None:
-        """Advance to `time` [s] (SimulationError: see `advance`), and keep what is sampled there for `now`."""
+        """Advance to `time` [s], and keep what is sampled there for `now`."""
         self._instant[0] = time
         advance = self._advance if time <= self.time + _FIRST_PART else self.advance
         advance(self._instant, self._trace)
@@ -291,11 +276,6 @@ class Motion:
 
         A long way is gone in parts of some milliseconds of computation, between which Python hears Ctrl-C. Where the
         parts end depends on the machine; the motion does not.
-
-        Raises
-        ------
-        SimulationError
-            If the motion cannot go on.
         """
         done, part = 0, _FIRST_PART
         while done < len(times):
@@ -343,7 +323,11 @@ class EventLog:
     """
 
     def __init__(self, plates: Sequence[str]):
-        self._kinds = _names_of_kinds(plates)
+        self._kinds = np.zeros(PHASE_KIND + 1, dtype=EVENT_DTYPE["kind"])  # names by the solver's numbers
+        self._kinds[:len(MODE_EVENTS)] = MODE_EVENTS
+        self._kinds[PHASE_KIND] = "motor_ramp_end"
+        for k, side in enumerate(plates):
+            self._kinds[MONITOR_KIND + k], self._kinds[RAMP_KIND + k] = f"{side}_contact", "gap_reached"
         self._counts = np.zeros(len(self._kinds), dtype=np.int64)
         self._untaken: list[np.ndarray] = []
 
@@ -376,16 +360,6 @@ class EventLog:
             name = str(self._kinds[kind])
             counts[name] = counts.get(name, 0) + int(self._counts[kind])
         return counts
-
-
-def _names_of_kinds(plates: Sequence[str]) -> np.ndarray:
-    """Return the names of the kinds of recorded events, by the solver's numbers."""
-    names = np.zeros(PHASE_KIND + 1, dtype=EVENT_DTYPE["kind"])
-    names[:len(MODE_EVENTS)] = MODE_EVENTS
-    names[PHASE_KIND] = "motor_ramp_end"
-    for k, side in enumerate(plates):
-        names[MONITOR_KIND + k], names[RAMP_KIND + k] = f"{side}_contact", "gap_reached"
-    return names
 
 
 def energy_accounts(model: Model, state: State, time: float) -> dict[str, float]:
@@ -442,7 +416,11 @@ def carried_over(model: Model, state: State, point: np.ndarray, new_model: Model
     State, ndarray, shape (channels of `new_model`,)
         To begin a segment with.
     """
-    mode = _mode(model, int(state.now["automaton"]["mode"][0]), point, new_model)
+    *contacts, friction = model.modes[int(state.now["automaton"]["mode"][0])].states
+    speed = point[model.forms.channels.velocity(model.forms.body)] if model.forms.body_moves else 0.0
+    moving = ("stick", "slip_forward", "slip_backward")[int(np.sign(speed))]
+    numbers = {one.states: number for number, one in enumerate(new_model.modes)}
+    mode = next(numbers[(*contacts, name)] for name in (friction, moving, "grounded") if (*contacts, name) in numbers)
     new = new_state(new_model.system, 0.0, state.ramp["value"], mode)
     for name in ("now", "ramp", "monitor"):
         getattr(new, name)[...] = getattr(state, name)
@@ -451,17 +429,3 @@ def carried_over(model: Model, state: State, point: np.ndarray, new_model: Model
     kept = channels.ramp_rate(channels.ramps)  # what stands behind begins with the segment
     new_point[:kept] = point[:kept]
     return new, new_point
-
-
-def _mode(model: Model, mode: int, point: np.ndarray, new_model: Model) -> int:
-    """Number of the new mode with the same contacts, in which friction begins as the body moves."""
-    *contacts, friction = model.modes[mode].states
-    numbers = {one.states: number for number, one in enumerate(new_model.modes)}
-    moving = ("stick", "slip_forward", "slip_backward")[int(np.sign(_body_velocity(model, point)))]
-    return next(numbers[(*contacts, name)] for name in (friction, moving, "grounded") if (*contacts, name) in numbers)
-
-
-def _body_velocity(model: Model, point: np.ndarray) -> float:
-    """Velocity of the body along the ground [m/s]."""
-    forms = model.forms
-    return float(point[forms.channels.velocity(forms.body)]) if forms.body_moves else 0.0

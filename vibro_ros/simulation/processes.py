@@ -13,6 +13,7 @@ import pickle
 import signal
 from collections import deque
 from collections.abc import Callable, Generator, Iterable
+from contextlib import suppress
 from dataclasses import dataclass
 from multiprocessing.connection import Connection, wait
 from typing import Any
@@ -190,10 +191,8 @@ class _Worker:
 
     def give(self, job: Job) -> None:
         self.given.append(job)
-        try:
+        with suppress(OSError):  # the process has ended, which `take` says
             self.pipe.send(job.item)
-        except OSError:  # the process has ended, which `take` says
-            pass
 
     def take(self) -> Job:
         """Wait for the oldest job's answer; return the job, done."""
@@ -219,22 +218,17 @@ def _work(pipe: Connection, others: list[Connection], function: Callable) -> Non
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
     for other in others:
         other.close()
-    try:
+    with suppress(EOFError, OSError):
         while True:
-            _send(pipe, _applied(function, pipe.recv()))
-    except (EOFError, OSError):
-        pass
-
-
-def _send(pipe: Connection, outcome: tuple[Any, Exception | None]) -> None:
-    """Send a result and an error: the arrays as they are, all else pickled. A pickled array is copied six times."""
-    arrays: list[pickle.PickleBuffer] = []
-    try:
-        answer = pickle.dumps(outcome, pickle.HIGHEST_PROTOCOL, buffer_callback=arrays.append)
-    except Exception as error:
-        words = f"its result cannot be handed over: {type(error).__name__}: {error}"
-        arrays, answer = [], pickle.dumps((None, WorkerError(words)))
-    parts = [array.raw() for array in arrays]
-    pipe.send((answer, [part.nbytes for part in parts]))
-    for part in parts:
-        pipe.send_bytes(part)
+            outcome = _applied(function, pipe.recv())
+            arrays: list[pickle.PickleBuffer] = []  # sent as they are: a pickled array is copied six times
+            try:
+                answer = pickle.dumps(outcome, pickle.HIGHEST_PROTOCOL, buffer_callback=arrays.append)
+            except Exception as error:
+                words = f"its result cannot be handed over: {type(error).__name__}: {error}"
+                arrays, answer = [], pickle.dumps((None, WorkerError(words)))
+            parts = [array.raw() for array in arrays]
+            pipe.send((answer, [part.nbytes for part in parts]))
+            for part in parts:
+                pipe.send_bytes(part)
+            del outcome, arrays, answer, parts  # while this process waits, they would keep their memory

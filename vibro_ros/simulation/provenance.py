@@ -17,9 +17,6 @@ from vibro_ros.model.scene import Scene
 from vibro_ros.model.tables import compile_scene
 from vibro_ros.solver.compilation import multiply_add, processor
 
-NO_SEED = "none"
-"""Seed of a run: nothing in the device is random."""
-
 # Rooms and modules whose text decides the numbers that a robot publishes.
 _PACKAGE = "vibro_ros"
 _ROOMS = ("model", "solver")
@@ -39,14 +36,10 @@ def provenance(parameters: Mapping[str, Value], start: int) -> dict[str, str]:
     start : int
         ROS time [ns] of simulated time 0.
     """
-    return {"parameters": json.dumps(dict(parameters)), "solver": _solver(parameters),
-            **software(), "tables": tables(parameters), "start": str(start), "seed": NO_SEED}
-
-
-def _solver(parameters: Mapping[str, Value]) -> str:
-    """The method that ran, and its step if it has one."""
     method = parameters["solver.method"]
-    return method if method == "exact" else f"{method}, step {parameters['solver.step']:g} s"
+    solver = method if method == "exact" else f"{method}, step {parameters['solver.step']:g} s"
+    return {"parameters": json.dumps(dict(parameters)), "solver": solver, **software(), "tables": tables(parameters),
+            "start": str(start), "seed": "none"}  # nothing in the device is random
 
 
 @functools.cache
@@ -57,7 +50,11 @@ def software() -> dict[str, str]:
     whether kernels round a product before they add to it; `processor`, for which they are compiled; `c_library`, whose
     sine, cosine and exponential are used.
     """
-    return {"version": _version(), "platform": f"{platform.machine()}, Python {platform.python_version()}, "
+    try:
+        installed = version("vibro_ros")
+    except PackageNotFoundError:  # run from a source folder that was never installed
+        installed = "unknown"
+    return {"version": installed, "platform": f"{platform.machine()}, Python {platform.python_version()}, "
                                                f"numpy {np.__version__}, numba {numba.__version__}",
             "sources": _digest(_sources()), "arithmetic": f"multiply and add {multiply_add()}",
             "processor": processor(), "c_library": " ".join(platform.libc_ver()).strip() or "unknown"}
@@ -84,11 +81,8 @@ def _sources() -> Iterator[bytes]:
     of_rooms = [(room, name) for room in _ROOMS for name in sorted(
         module.name for module in pkgutil.iter_modules(import_module(f"{_PACKAGE}.{room}").__path__))]
     for room, name in (*of_rooms, *_MODULES):
-        yield from (name.encode(), _text(f"{_PACKAGE}.{room}", name))
-
-
-def _text(package: str, name: str) -> bytes:
-    return b"\n".join((pkgutil.get_data(package, f"{name}.py") or b"").splitlines())
+        text = pkgutil.get_data(f"{_PACKAGE}.{room}", f"{name}.py") or b""
+        yield from (name.encode(), b"\n".join(text.splitlines()))
 
 
 def _digest(parts: Iterator[bytes]) -> str:
@@ -97,10 +91,3 @@ def _digest(parts: Iterator[bytes]) -> str:
         digest.update(b"%d " % len(part))
         digest.update(part)
     return digest.hexdigest()[:16]
-
-
-def _version() -> str:
-    try:
-        return version("vibro_ros")
-    except PackageNotFoundError:  # run from a source folder that was never installed
-        return "unknown"

@@ -32,7 +32,7 @@ class Readout:
     """
 
     def __init__(self, model: Model):
-        self._model, self._forms = model, (model.output, model.output_terms)
+        self._model = model
         forms = model.forms
         self._drives = np.array([(FIELDS.index(f"{side}_drive_force"), forms.channels.signal_rate(k))
                                  for k, side in enumerate(forms.guides)], dtype=np.int64).reshape(-1, 2)
@@ -52,7 +52,7 @@ class Readout:
         angle = trace.phases[0, 1]
         if trace.phases[0, 2] == 0.0 and angle != self._slopes_at:  # a crank that stands, stands at one angle
             self._slopes, self._slopes_at = self._slopes_where_standing(trace.phases), angle
-        self._fill(times, trace, self._slopes, self._values)
+        read_samples(*self._arguments(times, trace, self._slopes, self._values))
         return self._values[:, 0]
 
     def quantities(self, times: np.ndarray, trace: Trace) -> dict[str, np.ndarray]:
@@ -69,7 +69,8 @@ class Readout:
         for first in range(0, len(times), _AT_ONCE):
             part = slice(first, min(first + _AT_ONCE, len(times)))
             sampled, values = trace.part(part.start, part.stop), np.empty((len(FIELDS), part.stop - first))
-            self._fill(times[part], sampled, self._slopes_where_standing(sampled.phases), values)
+            slopes = self._slopes_where_standing(sampled.phases)
+            read_samples(*self._arguments(times[part], sampled, slopes, values))
             for name, row in zip(FIELDS, values, strict=True):
                 found[name][part] = row
         return found
@@ -78,11 +79,9 @@ class Readout:
         """The kernels, with arguments of the types that they are called with; `times` and `trace` as in `values`."""
         return [(read_samples, self._arguments(times, trace, self._slopes, self._values))]
 
-    def _fill(self, times: np.ndarray, trace: Trace, slopes: np.ndarray, values: np.ndarray) -> None:
-        read_samples(*self._arguments(times, trace, slopes, values))
-
     def _arguments(self, times: np.ndarray, trace: Trace, slopes: np.ndarray, values: np.ndarray) -> tuple:
-        return *self._forms, self._model.forms.pressed_only, self._drives, slopes, times, *trace, values
+        model = self._model
+        return (model.output, model.output_terms, model.forms.pressed_only, self._drives, slopes, times, *trace, values)
 
     def _slopes_where_standing(self, phases: np.ndarray) -> np.ndarray:
         """ds/dtheta [m/rad] of each slider where the crank stands, elsewhere 0; shape (sliders, n)."""

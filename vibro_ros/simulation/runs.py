@@ -140,7 +140,8 @@ def simulate_many(scenes: Iterable[Scene], duration: float | None = None, rate: 
         raise ValueError(f"workers: {workers!r} is no number of processes; give 1 or more")
     run = functools.partial(simulate, times=times, tolerance=tolerance, method=method,
                             commands=_checked_commands(commands))
-    return _results(_checked(scenes), functools.partial(_reduced, run, reduce) if reduce else run, workers, method)
+    simulation = (lambda scene: reduce(run(scene))) if reduce else run  # forks inherit it, so it needs no name
+    return _results(_checked(scenes), simulation, workers, method)
 
 
 def _commanded_samples(device: Simulator, times: np.ndarray, commands: Commands) -> Samples:
@@ -159,7 +160,6 @@ def _commanded_samples(device: Simulator, times: np.ndarray, commands: Commands)
 
 
 def _checked_commands(commands: Commands) -> tuple[tuple[float, dict[str, float]], ...]:
-    """Copy of `commands`; a ValueError for instants and names that make no sense."""
     copied = tuple((float(instant), dict(command)) for instant, command in commands)
     instants = [0.0, *(instant for instant, _ in copied)]
     if not all(map(math.isfinite, instants)) or sorted(instants) != instants:
@@ -176,10 +176,6 @@ def _overriding(tolerance: float | None, method: str | None) -> dict[str, object
     return {name: value for name, value in overrides.items() if value is not None}
 
 
-def _reduced(simulation: Callable[[Scene], Run], reduce: Callable[[Run], Result], scene: Scene) -> Result:
-    return reduce(simulation(scene))
-
-
 def _results(scenes: Iterator[Scene], simulation: Callable, workers: int, method: str | None) -> Iterator:
     """Yield what `simulation` returns of each scene; raise a SimulationError in place of the first that it cannot."""
     first = next(scenes, None)
@@ -190,25 +186,17 @@ def _results(scenes: Iterator[Scene], simulation: Callable, workers: int, method
     jobs = in_processes(simulation, itertools.chain([first], scenes), workers)
     try:
         for number, job in enumerate(jobs):
-            if job.error is not None:
-                raise SimulationError(f"scene {number} ({_distinction(job.item, first)}): {_in_words(job.error)}")
+            if error := job.error:
+                different = {name: value for name, value in job.item.parameters.items() if value != first[name]}
+                scene = ", ".join([job.item.name, *(f"{name} = {value!r}" for name, value in different.items())])
+                kind = "" if isinstance(error, SimulationError | WorkerError) else f"{type(error).__name__}: "
+                raise SimulationError(f"scene {number} ({scene}): {kind}{error}")
             yield job.result
     finally:
         jobs.close()
 
 
-def _in_words(error: Exception) -> str:
-    return str(error) if isinstance(error, SimulationError | WorkerError) else f"{type(error).__name__}: {error}"
-
-
-def _distinction(scene: Scene, first: Scene) -> str:
-    """Return a scene's name and the parameters in which it differs from the first."""
-    different = {name: value for name, value in scene.parameters.items() if value != first[name]}
-    return ", ".join([scene.name, *(f"{name} = {value!r}" for name, value in different.items())])
-
-
 def _checked(scenes: Iterable[Scene]) -> Iterator[Scene]:
-    """Yield each of `scenes`; a TypeError for anything else among them."""
     for number, scene in enumerate(scenes):
         if not isinstance(scene, Scene):
             raise TypeError(f"scene {number}: {scene!r} is not a Scene; vibro_ros.load_scene makes one of a name")

@@ -17,6 +17,7 @@ from vibro_ros.orbits.branch import Branch, Special, branch_from, doubled_branch
 from vibro_ros.orbits.continuation import DOUBLING
 from vibro_ros.orbits.family import Family
 from vibro_ros.orbits.orbit import Seed, seeds_of
+from vibro_ros.orbits.turn_map import TurnMap
 from vibro_ros.orbits.turn_map import coordinates
 from vibro_ros.process.front_door import say
 from vibro_ros.study.progress import Progress
@@ -102,7 +103,7 @@ def seeds_of_piece(plan: Plan, piece: Piece) -> list[list[Seed]]:
     scene, found = plan.scene.with_parameters(piece.changes), []
     for seed in seeds_of(scene, plan.starts, plan.turns):
         family = plan.family(seed.turns, seed.phase)
-        ratio = family.units_of(scene) / family.units
+        ratio = TurnMap(scene).units / family.units
         found.append(Seed(seed.turns, float(seed.phase), seed.state * ratio))
     return [found]
 
