@@ -17,8 +17,7 @@ from vibro_ros.orbits.branch import Branch, Special, branch_from, doubled_branch
 from vibro_ros.orbits.continuation import DOUBLING
 from vibro_ros.orbits.family import Family
 from vibro_ros.orbits.orbit import Seed, seeds_of
-from vibro_ros.orbits.turn_map import TurnMap
-from vibro_ros.orbits.turn_map import coordinates
+from vibro_ros.orbits.turn_map import TurnMap, coordinates
 from vibro_ros.process.front_door import say
 from vibro_ros.study.progress import Progress
 from vibro_ros.study.running.blocks import NUMBERS, Field, ParquetBlocks
