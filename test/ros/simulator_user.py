@@ -6,8 +6,7 @@ from asking import wait_until_known
 from rclpy.action import ActionClient
 from rclpy.qos import QoSProfile
 
-from vibro_ros.ros.robot.services import NAMES
-from vibro_ros.ros.robot.simulation_rules import MOST_STEPS, Code
+from vibro_ros.ros.robot.services import MOST_STEPS, NAMES, Code
 
 STILL_ON_THE_WAY = 200  # samples, of a second, that may come although the robot has paused
 

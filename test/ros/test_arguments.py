@@ -7,7 +7,7 @@ import rclpy
 from rclpy.context import Context
 from rclpy.node import Node
 
-from vibro_ros.ros.node.arguments import check_addressed, check_arguments, check_names, own_arguments
+from vibro_ros.ros.node.arguments import check_addressed, check_names, own_arguments
 
 
 def params_file(folder: Path, text: str) -> Path:
@@ -24,38 +24,6 @@ def params_file(folder: Path, text: str) -> Path:
 ])
 def test_own_arguments_are_those_outside_ros_args(words: list[str], own: list[str]):
     assert own_arguments(words) == own
-
-
-def test_the_files_are_returned(tmp_path: Path):
-    path = params_file(tmp_path, "/**:\n  ros__parameters:\n    gravity: 9.81\n")
-    assert check_arguments(["--ros-args", "--params-file", str(path)]) == (path,)
-
-
-@pytest.mark.parametrize("text, reason", [
-    ("/**:\n  ros__parameters:\n    mass: [1,\n", "not YAML"),
-    ("", "holds no parameters"),
-    ("gravity: 9.81\n", "holds no parameters"),
-    ("- 1\n", "holds no parameters"),
-    ("\x00", "not YAML"),
-])
-def test_a_bad_file_is_named_with_its_reason(tmp_path: Path, text: str, reason: str):
-    path = params_file(tmp_path, text)
-    with pytest.raises(ValueError, match=reason) as refusal:
-        check_arguments(["--ros-args", "--params-file", str(path)])
-    assert str(refusal.value).startswith(str(path))
-    assert "\n" not in str(refusal.value)
-
-
-def test_a_missing_file_is_named(tmp_path: Path):
-    with pytest.raises(ValueError, match=r"none\.yaml: No such file"):
-        check_arguments(["--ros-args", "--params-file", str(tmp_path / "none.yaml")])
-
-
-@pytest.mark.parametrize("section", ["vibro_robt", "/vibro_robot", "/*", "/lab", "/hall/*", "/lab/vibro_robot/**/x"])
-def test_a_section_for_another_node_is_refused(tmp_path: Path, section: str):
-    path = params_file(tmp_path, f"{section}:\n  ros__parameters:\n    gravity: 9.81\n")
-    with pytest.raises(ValueError, match="none for this node; address them to /lab/vibro_robot"):
-        check_addressed([path], "/lab/vibro_robot")
 
 
 @pytest.mark.parametrize("section", [

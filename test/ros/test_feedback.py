@@ -37,11 +37,11 @@ def go_to(position: float, within: float = 0.005) -> PositionGoal:
 
 
 @pytest.mark.parametrize("before", BEFORE[::3], ids=str)
-@pytest.mark.parametrize("speed", [-0.01, -0.035, -0.06])
-@pytest.mark.parametrize("name, reach", [("device", -0.06), ("damped", -0.06)])
-def test_a_mean_speed_is_held(name, reach, speed, before):
+@pytest.mark.parametrize("speed", [-0.01, -0.06])
+@pytest.mark.parametrize("name", ["device", "damped"])
+def test_a_mean_speed_is_held(name, speed, before):
     """Judged by the device itself, over the second half, and not by what the law says of it."""
-    trial = pursue(scene(name), hold(speed), 10.0, reach, before)
+    trial = pursue(scene(name), hold(speed), 10.0, before=before)
     half = len(trial.positions) // 2
     mean = (trial.positions[-1] - trial.positions[half]) / (0.005 * (len(trial.positions) - 1 - half))
     assert mean == pytest.approx(speed, abs=0.006)  # the tolerance, and what the ends of whole turns differ by
@@ -51,8 +51,7 @@ def test_a_mean_speed_is_held(name, reach, speed, before):
 
 
 @pytest.mark.parametrize("before", BEFORE[1::2], ids=str)
-@pytest.mark.parametrize("within", [0.001, 0.005])
-@pytest.mark.parametrize("way", [0.01, 0.5])
+@pytest.mark.parametrize("way, within", [(0.01, 0.005), (0.5, 0.001)])
 @pytest.mark.parametrize("name", ["device", "damped"])
 def test_a_position_is_reached_and_stood_at(name, way, within, before):
     target = -0.2 - way  # what comes before makes up to 0.13 m
@@ -133,11 +132,9 @@ def silent_after(instant: int):
 
 
 HOSTILE = {
-    "silence": (silent_after(-1), r"no odometry for 2\.[01] s; is there a robot that publishes odom\?$"),
     "silence later": (silent_after(3_000_000_000), r"no odometry for 2\.[01] s; is there"),
     "NaN": (lambda stamp, position: ((stamp, math.nan),), "samples refused, the last for a position of nan m;"),
     "far beyond": (lambda stamp, position: ((stamp, 1.7e308),), "the last for a position of 1.7e\\+308 m;"),
-    "infinity": (lambda stamp, position: ((stamp, -math.inf),), "samples refused, the last for a position of -inf m;"),
     "a clock that stands": (lambda stamp, position: ((7, position),), "the last for a stamp 0 s before the latest;"),
     "a clock set back": (lambda stamp, position: ((stamp - (stamp > 10**9) * 10**12, position),), "before the latest;"),
     "two robots": (lambda stamp, position: ((stamp, position), *[(stamp + 1, -5.0)] * (stamp > 10**9)),
@@ -146,10 +143,9 @@ HOSTILE = {
 
 
 @pytest.mark.parametrize("heard, reason", HOSTILE.values(), ids=HOSTILE)
-@pytest.mark.parametrize("goal", [hold(-0.05), go_to(-0.5)], ids=["hold", "go_to"])
-def test_odometry_that_cannot_be_believed_ends_the_entry(goal, heard, reason):
+def test_odometry_that_cannot_be_believed_ends_the_entry(heard, reason):
     with pytest.raises(GoalError, match=reason):
-        pursue(scene("device"), goal, 20.0, heard=heard)
+        pursue(scene("device"), hold(-0.05), 20.0, heard=heard)
 
 
 def worst_visitor(stamp: int, position: float):
@@ -174,10 +170,9 @@ def test_an_odometry_that_was_reset_is_followed_from_there():
     assert "held: mean speed -0.05" in trial.words[-1] or "held: mean speed -0.04" in trial.words[-1]
 
 
-@pytest.mark.parametrize("rate", [5.0, 20.0])
-def test_seldom_odometry_suffices(rate):
+def test_seldom_odometry_suffices():
     def seldom(stamp, position):
-        return ((stamp, position),) if stamp % round(1e9 / rate) == 0 else ()
+        return ((stamp, position),) if stamp % 200_000_000 == 0 else ()
 
     trial = pursue(scene("device"), hold(-0.05, within=0.01), 20.0, heard=seldom)
     assert trial.words[-1].startswith("held")
@@ -188,18 +183,3 @@ def test_stamps_count_whatever_the_time_of_the_controller():
     trial = pursue(scene("device"), hold(-0.025), 20.0, heard=lambda stamp, position: ((2 * stamp, 2.0 * position),))
     assert trial.words[-1].startswith("held")
     assert all(map(math.isfinite, trial.commands))
-
-
-def test_the_tables_say_how_well(start):
-    measuring = start("goal_accuracy", "--runs", "2")
-    assert measuring.end() == 0, measuring.text
-    rows = [line for line in measuring.lines if line.startswith("| ") and "---" not in line]
-    assert len(rows) == 2 + 7 + 6
-    assert all(row.endswith(" | 0 |") for row in rows if "runs" not in row and "within" not in row), measuring.text
-
-
-@pytest.mark.parametrize("words", [("--runs", "0"), ("--reach", "0"), ("--scene", "nowhere")])
-def test_the_tables_refuse_what_means_nothing(start, words):
-    measuring = start("goal_accuracy", *words)
-    assert measuring.end() == 2
-    assert len(measuring.lines) == 1

@@ -15,12 +15,9 @@ from vibro_ros.recordings import replay
 pytest.importorskip("tf2_msgs.msg", reason="types of tf2_msgs are not built: no compiler")
 TOLERANCE = 1e-11  # m and parts of a matrix: the URDF's text has 12 digits
 ROBOTS = {
-    "device": {"motor.speed": 80.0},
-    "paper": {"scene": "paper"},
     "steep, other rods": {"scene": "damped", "guide.angle": 1.3, "crank.upper_rod": 0.05, "crank.inclined_rod": 0.08},
     "no contacts": {"scene": "no_impact", "motor.speed": 40.0},
     "no upper mass": {"motor.speed": 80.0, "effects.upper_mass": False},
-    "no masses": {"motor.speed": 80.0, "effects.upper_mass": False, "effects.inclined_mass": False},
 }
 
 

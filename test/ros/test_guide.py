@@ -24,8 +24,9 @@ OF_RCLPY = {"parameter_events", "rosout"}
 OF_ACTIONS = "/_action/"  # in the names of the topics and services that make up an action
 SERVICES_OF_RCLPY = {"describe_parameters", "get_parameter_types", "get_parameters", "get_type_description",
                      "list_parameters", "set_parameters", "set_parameters_atomically"}
-KINDS_OF_ROBOT = [
-    (), ("solver.method:=moreau", "solver.step:=5.0e-5"), ("solver.method:=auto",), ("rate.real_time_factor:=0.0",)]
+KINDS_OF_ROBOT = [  # what each is told, and how it says what it runs by
+    (("solver.method:=moreau", "solver.step:=5.0e-5"), "moreau, step 5e-05 s"), (("solver.method:=auto",), "exact"),
+    (("rate.real_time_factor:=0.0",), "exact")]
 
 
 def parameters(words) -> list[str]:
@@ -55,8 +56,8 @@ def documented_controls() -> dict[str, dict[str, str]]:
     return named
 
 
-def test_topics_services_and_parameters_are_those_of_a_running_robot(start, bench):
-    robot = start("robot", "--ros-args", "-p", "record.enabled:=false")
+def test_topics_services_parameters_joints_and_frames_are_those_of_a_running_robot(start, bench):
+    robot = start("robot", "--ros-args", "-p", "record.enabled:=false", *parameters(()))
     robot.wait_for("ready:")
     topics = documented_topics()
     told = {way: {name: kind for name, (direction, kind) in topics.items() if direction == way}
@@ -95,30 +96,26 @@ def test_topics_services_and_parameters_are_those_of_a_running_robot(start, benc
     rows = guide.first_column("name", "default", "unit", "allowed", "meaning")
     rows += guide.first_column("name", "default", "`device`", "unit", "allowed", "meaning")
     assert set(given) == set(rows)
-    stop(robot)
 
-
-def test_joints_and_frames_are_those_of_a_running_robot(start, bench):
-    kept = {"odom": None, "joint_states": None, "ground_contact": None, "impacts": set()}
+    latest = {"odom": None, "joint_states": None, "ground_contact": None, "impacts": set()}
     for name, kind in (("odom", Odometry), ("joint_states", JointState), ("ground_contact", WrenchStamped)):
-        bench.node.create_subscription(kind, name, lambda message, name=name: kept.update({name: message}), 10)
-    bench.node.create_subscription(WrenchStamped, "impacts", lambda one: kept["impacts"].add(one.header.frame_id), 1000)
-    robot = start("robot", "--ros-args", "-p", "record.enabled:=false", *parameters(()))
-    bench.spin_until(lambda: all(kept.values()) and len(kept["impacts"]) == 2, "a message of each topic")
+        bench.node.create_subscription(kind, name, lambda message, name=name: latest.update({name: message}), 10)
+    bench.node.create_subscription(WrenchStamped, "impacts", lambda one: latest["impacts"].add(one.header.frame_id), 10)
+    bench.spin_until(lambda: all(latest.values()) and len(latest["impacts"]) == 2, "a message of each topic")
     stop(robot)
-    assert kept["joint_states"].name == guide.first_column("joint", "position", "velocity", "effort")
-    frames = {kept["odom"].header.frame_id, kept["odom"].child_frame_id, kept["joint_states"].header.frame_id,
-              kept["ground_contact"].header.frame_id, *kept["impacts"]}
-    told = set(guide.first_column("frame", "in", "is"))
-    assert frames < told
-    assert told == {"odom", "base_link", *(joint.child for joint in robot_joints(load_scene("device")))}
+    assert latest["joint_states"].name == guide.first_column("joint", "position", "velocity", "effort")
+    frames = {latest["odom"].header.frame_id, latest["odom"].child_frame_id, latest["joint_states"].header.frame_id,
+              latest["ground_contact"].header.frame_id, *latest["impacts"]}
+    documented_frames = set(guide.first_column("frame", "in", "is"))
+    assert frames < documented_frames
+    assert documented_frames == {"odom", "base_link", *(joint.child for joint in robot_joints(load_scene("device")))}
 
 
 def test_keys_of_diagnostics_and_of_custom_data_are_those_of_running_robots(start, listener, tmp_path):
     """Each robot has some of the keys: all together have all, and none has another."""
     compile_kernels("auto")
     seen: dict[str, set[str]] = {"simulation": set(), "recorder": set()}
-    for number, words in enumerate(KINDS_OF_ROBOT, start=1):
+    for number, (words, solver) in enumerate(KINDS_OF_ROBOT, start=1):
         listener.parts.clear()
         robot = start("robot", "--ros-args", *parameters(words))
         robot.wait_for("ready:")
@@ -127,7 +124,12 @@ def test_keys_of_diagnostics_and_of_custom_data_are_those_of_running_robots(star
             if words == ("rate.real_time_factor:=0.0",):
                 assert not [key for key in values if key.startswith("lateness")]
             keys |= set(values)
+            if status == "simulation":
+                assert values["solver method"] == solver.split(",")[0]
+                assert values["accuracy in force"].startswith("rounding" if solver == "exact" else "not known")
         stop(robot)
         assert len(bags(tmp_path)) == number
-        assert set(read_bag(bags(tmp_path)[-1], {}).metadata) == guide.custom_data()
+        metadata = read_bag(bags(tmp_path)[-1], {}).metadata
+        assert set(metadata) == guide.custom_data()
+        assert metadata["solver"] == solver
     assert seen == guide.diagnostics()

@@ -8,6 +8,7 @@ from known_map import known_map
 
 from vibro_ros.bag.reader import read_bag
 from vibro_ros.configuration.command_map import find_map, written
+from vibro_ros.ros.controller import controller
 from vibro_ros.ros.controller.map_adviser import MotionWatch
 
 FASTER = 4.0
@@ -78,12 +79,10 @@ def test_the_map_of_another_machine_gives_no_commands(start, tmp_path):
     (["-p", "map:=none.json"], "map: 'none.json' is no such file; give a path or one of device"),
     (["-p", "map:=bad.json"], "bad.json: no command map: type: 'x' is not 'vibro_ros command map, version 1'; make one "
      "with `study map`")])
-def test_a_bad_map_is_one_line_and_nothing_is_sent(start, tmp_path, words, reason):
+def test_a_bad_map_is_one_line_and_nothing_is_sent(refusal, tmp_path, words, reason):
     document = json.loads(written(known_map(), "a test"))
     (tmp_path / "bad.json").write_text(json.dumps(document | {"type": "x"}))
-    controller = start("controller", "crawl", "--ros-args", *words)
-    assert controller.end() == 2
-    assert controller.lines[-1] == f"controller: {reason}"
+    assert refusal(controller.main, "crawl", "--ros-args", *words) == f"controller: {reason}"
 
 
 STANDING = {"motor_speed": 0.0, "upper_gap": 0.0, "inclined_gap": 0.0}

@@ -205,16 +205,10 @@ def test_the_motor_stops_when_commands_stay_away_and_replay_knows_when(start, be
     assert_replays(folder, 40)
 
 
-def test_a_paused_robot_hears_signals_and_seals_its_bag(start):
-    robot = start("robot", "--ros-args", "-p", "rate.start_paused:=true", "-p", "rate.publish:=0.1")
-    robot.wait_for("paused until")
-    stop(robot, signal.SIGTERM)
-
-
-def test_operations_are_answered_at_the_lowest_rate_too(start, call):
+def test_operations_are_answered_at_the_lowest_rate_too_and_signals_heard(start, call):
     robot = start("robot", "--ros-args", "-p", "rate.publish:=0.1", "-p", "motor.speed:=50.0")
     robot.wait_for("ready")
     assert "the sample at 10 s of robot time" in done(call(Trigger, "reset"))  # long before that sample
     done(call(SetBool, "pause", data=True))
     assert "to 10 s" in done(call(Trigger, "step"))
-    stop(robot)
+    stop(robot, signal.SIGTERM)

@@ -2,17 +2,10 @@
 
 import pytest
 import rclpy
-import yaml
-from asking import known_client
-from observation import stop
-from rcl_interfaces.srv import GetParameters, ListParameters
 from rclpy.context import Context
 from rclpy.node import Node
-from rclpy.parameter import parameter_value_to_python
 
 from vibro_ros.configuration.parameter_file import merged, own_parameters, sections
-from vibro_ros.configuration.scene_file import load_scene
-from vibro_ros.model.parameters import SCENE_PARAMETERS
 from vibro_ros.ros.node.arguments import folder_of
 
 NODE = "/lab/vibro_robot"
@@ -83,52 +76,3 @@ def test_rcl_takes_the_value_from_the_same_place(order, tmp_path, domain_id, mon
         words += ["--params-file", f"{name}/file.yaml"]
     given = own_parameters_by_rcl(words, domain_id)
     assert str(folder_of("scene", ["--ros-args", *words], NODE)) == given.get("scene", ".")
-
-
-@pytest.fixture
-def parameters_of(start, bench):
-    """Everything that a robot says of itself, as `ros2 param dump` asks for it."""
-    def ask(kind, name, request):
-        client = known_client(bench, kind, name)
-        future = client.call_async(request)
-        bench.spin_until(future.done, name)
-        bench.node.destroy_client(client)
-        return future.result()
-
-    def run(*words: str) -> dict[str, object]:
-        robot = start("robot", "--ros-args", *words, "-p", "record.enabled:=false")
-        robot.wait_for("ready:")
-        names = sorted(ask(ListParameters, "list_parameters", ListParameters.Request()).result.names)
-        values = ask(GetParameters, "get_parameters", GetParameters.Request(names=names)).values
-        stop(robot)
-        return {name: parameter_value_to_python(value) for name, value in zip(names, values, strict=True)}
-    return run
-
-
-def dumped(parameters: dict[str, object]) -> str:
-    """The text that `ros2 param dump` writes: nested by the dots of the names."""
-    tree: dict = {}
-    for name, value in parameters.items():
-        *groups, last = name.split(".")
-        below = tree
-        for group in groups:
-            below = below.setdefault(group, {})
-        below[last] = list(value) if isinstance(value, (list, tuple)) else value
-    return yaml.dump({"/vibro_robot": {"ros__parameters": tree}}, default_flow_style=False)
-
-
-def test_one_file_is_one_robot_by_every_road(parameters_of, tmp_path):
-    (tmp_path / "lab").mkdir()
-    mine, base, dump = tmp_path / "lab" / "mine.yaml", tmp_path / "lab" / "base.yaml", tmp_path / "dump.yaml"
-    base.write_text(section("/**", "scene: unilateral", "guide.angle: 1.2", "gravity: 1.6"))
-    mine.write_text(section("vibro_controller", "rate: 20.0") + section("/**", "scene: base.yaml", "gravity: 3.7"))
-    scene = {parameter.name for parameter in SCENE_PARAMETERS}
-    whole = parameters_of("--params-file", "lab/mine.yaml")
-    dump.write_text(dumped(whole))
-    roads = {"--params-file": whole, "scene": parameters_of("-p", "scene:=lab/mine.yaml"),
-             "--params-file of a dump": parameters_of("--params-file", "dump.yaml"),
-             "scene of a dump": parameters_of("-p", "scene:=dump.yaml"),
-             "load_scene": load_scene(mine).parameters, "load_scene of a dump": load_scene(dump).parameters}
-    expected = {**load_scene("unilateral").parameters, "guide.angle": 1.2, "gravity": 3.7}
-    for road, parameters in roads.items():
-        assert {name: parameters[name] for name in scene} == expected, road

@@ -8,62 +8,16 @@ from pathlib import Path
 
 import pytest
 import yaml
-from asking import answer_of, known_client
-from observation import stop
-from rcl_interfaces.msg import ParameterType
+from asking import answer_of
+from observation import bags, stop
 from rcl_interfaces.srv import DescribeParameters, GetParameters, ListParameters, SetParameters
 from rclpy.parameter import Parameter, get_parameter_value, parameter_dict_from_yaml_file, parameter_value_to_python
 
+from vibro_ros.bag.reader import read_bag
 from vibro_ros.configuration.scene_file import DEVICE_PARAMETERS, load_scene
 from vibro_ros.model.parameters import SCENE_PARAMETERS
-from vibro_ros.ros.node.parameters import descriptor
 
-KINDS = {
-    bool: (ParameterType.PARAMETER_BOOL, "bool_value"),
-    str: (ParameterType.PARAMETER_STRING, "string_value"),
-    float: (ParameterType.PARAMETER_DOUBLE, "double_value"),
-    tuple: (ParameterType.PARAMETER_STRING_ARRAY, "string_array_value"),
-}
 TABLE = (*DEVICE_PARAMETERS, *SCENE_PARAMETERS)
-
-
-@pytest.fixture
-def ask(start, bench):
-    """Call a parameter service of a robot with one integer, one file and one override more than its defaults."""
-    robot = start("robot", "--ros-args", "-p", "record.enabled:=false", "-p", "mass.body:=2", "-p", "scene:=damped")
-
-    def call(kind, name: str, **fields):
-        future = known_client(bench, kind, name).call_async(kind.Request(**fields))
-        bench.spin_until(future.done, f"answer of {name}")
-        return future.result()
-
-    robot.wait_for("ready")
-    return call
-
-
-def test_every_parameter_is_there_with_range_description_and_value(ask):
-    names = [parameter.name for parameter in TABLE]
-    assert set(names) <= set(ask(ListParameters, "list_parameters").result.names)
-    described = ask(DescribeParameters, "describe_parameters", names=names).descriptors
-    values = ask(GetParameters, "get_parameters", names=names).values
-    scene = load_scene("damped").with_parameters({"mass.body": 2.0})
-    expected = {parameter.name: parameter.default for parameter in DEVICE_PARAMETERS} | dict(scene.parameters)
-    expected |= {"record.enabled": False, "scene": "damped"}
-    for parameter, told, value in zip(TABLE, described, values, strict=True):
-        assert told.read_only is not parameter.while_running
-        assert parameter.description in told.description
-        assert parameter.unit in told.description
-        assert all(choice in told.additional_constraints for choice in parameter.choices)
-        kind, field = KINDS[type(parameter.default)]
-        assert (told.type, value.type) == (kind, kind), parameter.name
-        shown = getattr(value, field)
-        assert (tuple(shown) if kind == ParameterType.PARAMETER_STRING_ARRAY else shown) == expected[parameter.name]
-
-
-def test_a_range_is_the_tables():
-    (speed,) = (parameter for parameter in SCENE_PARAMETERS if parameter.name == "motor.speed")
-    (span,) = descriptor(speed).floating_point_range
-    assert (span.from_value, span.to_value, span.step) == (0.0, 1e4, 0.0)
 
 
 NODE = "/vibro_robot"
@@ -134,6 +88,7 @@ def test_a_dump_is_taken_back_and_starts_the_same_robot(start, parameters, tmp_p
     assert parameters.dump() == dumped
     stop(first)
     assert "refused: " not in first.text
+    assert set(read_bag(bags(tmp_path)[0]).topics) == {"/odom"}
     second = start("robot", "--ros-args", "--params-file", str(file))
     second.wait_for("ready")
     assert parameters.dump() == dumped
@@ -150,19 +105,46 @@ REFUSED = (
 )
 
 
-def test_what_somebody_types_is_refused_in_words_that_help_and_every_parameter_is_described(robot, parameters):
+def test_what_somebody_types_is_refused_in_words_that_help_and_every_parameter_is_described(start, parameters):
+    """Of a robot with one integer, one scene and one override more than its defaults."""
+    robot = start("robot", "--ros-args", "-p", "record.enabled:=false", "-p", "mass.body:=3", "-p", "scene:=damped")
+    robot.wait_for("ready")
     for name, words, reason in REFUSED:
         assert parameters.set(name, words) == (False, reason)
-    for one in parameters.describe([*parameters.dump()]):
-        assert len(one.description) > 10, one.name
-        assert one.type, one.name
+    values = parameters.dump()
+    scene = load_scene("damped").with_parameters({"mass.body": 3.0})
+    expected = {parameter.name: parameter.default for parameter in DEVICE_PARAMETERS} | dict(scene.parameters)
+    expected |= {"record.enabled": False, "scene": "damped"}
+    for parameter, shown in zip(TABLE, parameters.describe([one.name for one in TABLE]), strict=True):
+        value = values[parameter.name]
+        assert (tuple(value) if isinstance(value, list) else value) == expected[parameter.name]
+        assert type(expected[parameter.name]) is type(parameter.default)
+        assert shown.read_only is not parameter.while_running
+        assert parameter.description in shown.description and parameter.unit in shown.description
+        assert all(choice in shown.additional_constraints for choice in parameter.choices)
+    for one in parameters.describe([*values]):
+        assert one.type and len(one.description) > 10, one.name
     (speed,) = parameters.describe(["motor.max_speed"])
     assert speed.description.endswith("[rad/s]") and not speed.read_only
     assert (speed.floating_point_range[0].to_value, speed.additional_constraints) == (10_000.0, "above 0")
+    stop(robot)
 
 
-@pytest.fixture
-def robot(start):
-    robot = start("robot", "--ros-args", "-p", "record.enabled:=false")
-    robot.wait_for("ready")
-    return robot
+def test_one_file_is_one_robot_by_every_road(start, parameters, tmp_path):
+    """By `--params-file`, the parameter `scene`, `load_scene`, and a dump."""
+    (tmp_path / "lab").mkdir()
+    mine = tmp_path / "lab" / "mine.yaml"
+    (tmp_path / "lab" / "base.yaml").write_text(
+        "/**: {ros__parameters: {scene: unilateral, guide.angle: 1.2, gravity: 1.6}}\n")
+    mine.write_text("vibro_controller: {ros__parameters: {rate: 20.0}}\n"
+                    "/**: {ros__parameters: {scene: base.yaml, gravity: 3.7}}\n")
+    roads = {"load_scene": load_scene(mine).parameters}
+    for road in (("--params-file", "lab/mine.yaml"), ("-p", "scene:=lab/mine.yaml")):
+        robot = start("robot", "--ros-args", *road, "-p", "record.enabled:=false")
+        robot.wait_for("ready:")
+        roads[road] = parameters.dump()
+        roads["load_scene", road] = load_scene(written(roads[road], tmp_path / "dump.yaml")).parameters
+        stop(robot)
+    expected = {**load_scene("unilateral").parameters, "guide.angle": 1.2, "gravity": 3.7}
+    for road, values in roads.items():
+        assert {parameter.name: values[parameter.name] for parameter in SCENE_PARAMETERS} == expected, road

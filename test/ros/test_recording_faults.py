@@ -9,13 +9,12 @@ import resource
 import signal
 import subprocess
 import sys
-import threading
 import time
 from pathlib import Path
 
 import pytest
 from diagnostic_msgs.msg import DiagnosticStatus
-from observation import bags, stamps_of, stop, value_of
+from observation import bags, stamps_of, stop
 
 from vibro_ros.bag.reader import read_bag
 from vibro_ros.bag.recovery import recover
@@ -85,23 +84,6 @@ def test_a_full_disk_is_told_once_and_recording_resumes_when_there_is_room(start
                for found in (stamps_of(first), stamps_of(second)))
 
 
-def test_a_removed_folder_is_told_once_and_the_robot_goes_on(start, listener, record, tmp_path):
-    robot = start("robot")
-    listener.spin_for_samples(20)
-    (folder,) = bags(tmp_path)
-    folder.rename(tmp_path / "away")  # at once; files that go one after the other are told of differently
-    assert "No such file or directory; the folder is gone" in robot.wait_for("not recorded: ")
-    listener.spin_for_samples(50)
-    done, said = record(False)
-    assert done and said.startswith("not recording: recording to vibro_robot_")
-    assert record(True)[0]
-    listener.spin_for_samples(20)
-    stop(robot, code=1)
-    assert robot.text.count("not recorded: ") == 1
-    (folder,) = bags(tmp_path)
-    assert len(stamps_of(folder)) >= 20
-
-
 SLOW = """
 import sys, time
 from vibro_ros.bag.mcap_segment import McapSegment
@@ -136,88 +118,6 @@ def test_a_disk_that_stalls_for_two_seconds_costs_no_message_and_no_time(compile
     # a machine too busy to run the robot at all drops time, but that leaves no hole in the stamps
     assert recorded == [recorded[0] + i * 1_000_000 for i in range(len(recorded))]
     assert len(recorded) >= 2800
-
-
-class Disk:
-    """A file system in a file, mounted where only the robot sees it and as long as that runs."""
-
-    def __init__(self, folder: Path):
-        self._image, self.folder = folder / "image", folder / "disk"
-        self.folder.mkdir()
-        with self._image.open("wb") as image:
-            image.truncate(2**26)  # bytes; the least that has a journal, as disks have
-        made = subprocess.run(["mkfs.ext4", "-q", str(self._image)], capture_output=True)
-        if made.returncode or subprocess.run([*self.mounted, "true"], capture_output=True).returncode:
-            pytest.skip("no disk of one's own can be mounted here: that takes root, mkfs.ext4 and a loop device")
-
-    @property
-    def mounted(self) -> list[str]:
-        """What comes before a command that is to see the disk."""
-        script = 'mount -o loop "$0" "$1" && shift && exec "$@"'
-        return ["unshare", "--mount", "sh", "-c", script, str(self._image), str(self.folder)]
-
-    def stall(self, pid: int, seconds: float) -> None:
-        """Let every write wait; in a process of its own, that ends it whatever becomes of the test."""
-        freeze = 'fsfreeze --freeze "$0" && sleep "$1"; fsfreeze --unfreeze "$0"'
-        subprocess.run(["nsenter", "--target", str(pid), "--mount", "sh", "-c", freeze, str(self.folder), str(seconds)],
-                       check=True)
-
-    def seen_by(self, pid: int) -> Path:
-        """The disk's folder while the robot runs."""
-        return Path(f"/proc/{pid}/root{self.folder}")
-
-    def copied(self) -> Path:
-        """All that is on the disk, once the robot has ended."""
-        copy = self.folder.with_name("copy")
-        subprocess.run([*self.mounted, "cp", "-r", str(self.folder), str(copy)], check=True)
-        return copy
-
-
-def fill(ballast: Path) -> None:
-    """Make this file as large as the disk allows."""
-    with ballast.open("ab", buffering=0) as file, pytest.raises(OSError, match="No space left"):
-        while file.write(bytes(4096)):
-            pass
-
-
-@pytest.mark.quiet
-def test_a_disk_that_stalls_and_then_fills_up_costs_the_robot_nothing(start, listener, record, tmp_path):
-    disk = Disk(tmp_path)
-    robot = start("robot", "--ros-args", "-p", "rate.publish:=1000.0", "-p", f"record.directory:={disk.folder}",
-                  before=disk.mounted)
-    listener.spin_for_samples(500)
-    before = len(listener.stamps)
-    stall = threading.Thread(target=disk.stall, args=(robot.pid, 2.0))
-    stall.start()
-    listener.wait_for_status("recorder", lambda status: value_of(status, "backlog") > 500)  # waiting for the disk
-    listener.bench.spin_until(lambda: not stall.is_alive(), "the disk's answer")
-    assert len(listener.stamps) - before > 200  # of 2000; a robot that waits for the disk sends none
-    heard = list(listener.stamps)
-    listener.parts.clear()
-    _, values = listener.wait_for_status("recorder", lambda status: value_of(status, "backlog") < 100)
-    assert (values["dropped"], values["lost"]) == ("0", "0")
-    assert "not recorded" not in robot.text
-    ballast = disk.seen_by(robot.pid) / "ballast"
-    fill(ballast)
-    assert "No space left on device; the bag is " in robot.wait_for("not recorded: ")
-    fill(ballast)
-    done, said = record(True)
-    assert not done and "No space left on device" in said
-    ballast.unlink()
-    assert record(True)[0]
-    listener.parts.clear()  # what was said of the first bag
-    listener.wait_for_status("recorder", lambda status: status.level == DiagnosticStatus.OK
-                             and value_of(status, "written") > 1000)
-    stop(robot, code=1)
-    assert robot.text.count("not recorded: ") == 1
-    first, second = bags(disk.copied())
-    recover(first)  # sealed only where the last block had room for the index
-    for folder in (first, second):
-        recorded = stamps_of(folder)
-        # a machine too busy to run the robot at all drops time, but that leaves no hole in the stamps
-        assert recorded == [recorded[0] + i * 1_000_000 for i in range(len(recorded))]
-        assert len(recorded) >= 200
-    assert set(heard) <= set(stamps_of(first))
 
 
 @contextlib.contextmanager

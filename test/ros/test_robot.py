@@ -5,11 +5,9 @@ import math
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import numpy as np
-import pytest
 from mcap.reader import make_reader
 from operated_robot import COMMANDS, HEARD, PERIOD, Operator, stop
 from rclpy.serialization import deserialize_message
@@ -125,23 +123,18 @@ def compare_with_simulation(folder: Path, start_ns: int, recorded: dict[str, lis
     np.testing.assert_allclose(impacts["stamp"], [event["time"] for event in contacts], rtol=0.0, atol=1e-9)
 
 
-@pytest.mark.parametrize("awaited, number", [("]: scene ", signal.SIGINT), ("ready", signal.SIGTERM),
-                                             ("ready", signal.SIGHUP)])
-def test_a_signal_ends_it_cleanly(start, tmp_path, number, awaited):
+def test_a_signal_while_starting_ends_it_cleanly(start):
     robot = start("robot")
-    robot.wait_for(awaited)
-    robot.send(number)
+    robot.wait_for("]: scene ")
+    robot.send(signal.SIGINT)
     assert robot.end() == 0, robot.text
     assert "Traceback" not in robot.text
-    for folder in tmp_path.glob("vibro_robot_*"):
-        assert "odom" in read_bag(folder)
-    assert awaited != "ready" or len(list(tmp_path.glob("vibro_robot_*"))) == 1
 
 
 def test_an_impatient_user_changes_nothing(start, tmp_path):
     robot = start("robot")
     robot.wait_for("ready")
-    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGINT):
+    for number in (signal.SIGTERM, signal.SIGHUP, signal.SIGINT):
         robot.send(number)
     assert robot.end() == 0, robot.text
     (folder,) = tmp_path.glob("vibro_robot_*")
@@ -156,9 +149,6 @@ def test_bad_commands_are_refused_and_the_robot_goes_on(start, bench):
     bench.spin_until(lambda: operator.joint("crank")[1] == 80.0, "motor at speed")
     refusals = (
         ("motor_speed", math.nan, "motor.speed: nan is not finite"),
-        ("motor_speed", math.inf, "motor.speed: inf is not finite"),
-        ("motor_speed", -math.inf, "motor.speed: -inf is not finite"),
-        ("motor_speed", -1.0, "motor.speed: -1 is out of range; give a number from 0"),
         ("motor_speed", 501.0, "motor.speed: 501 is out of range; give a number from 0 to 500 rad/s"),
         ("upper_gap", 0.07, "upper.gap: 0.07 is out of range; give a number from -0.06 to 0.06 m"),
         ("inclined_gap", math.nan, "inclined.gap: nan is not finite"),
@@ -177,34 +167,6 @@ def test_bad_commands_are_refused_and_the_robot_goes_on(start, bench):
     assert robot.end() == 0
     assert "nothing recorded" in robot.lines[-1]
     assert f"{len(refusals)} commands refused" in robot.lines[-1]
-
-
-def test_namespace_and_remapping_hold_for_topics_and_bag(start, bench, tmp_path):
-    robot = start("robot", "--ros-args", "-r", "__ns:=/lab", "-r", "odom:=body/odom", "-r", "motor_speed:=speed")
-    names = {topic: f"/lab/{topic}" for topic in (*HEARD, *COMMANDS)}
-    names |= {"odom": "/lab/body/odom", "motor_speed": "/lab/speed"}
-    operator = Operator(bench, names=names)
-    operator.wait_for_robot()
-    operator.command(motor_speed=50.0)
-    bench.spin_until(lambda: operator.joint("crank")[1] == 50.0, "motor at speed")
-    bag = read_bag(tmp_path / stop(robot))
-    assert set(bag.topics) == {*names.values(), "/lab/robot_description", "/lab/vibro_robot/operations", "/tf",
-                               "/tf_static"}
-    assert bag["/lab/speed"]["value"].tolist() == [50.0]
-
-
-def test_a_stall_is_dropped_and_told_and_the_stamps_stay_even(start, bench, tmp_path):
-    robot = start("robot")
-    operator = Operator(bench)
-    operator.wait_for_robot()
-    robot.send(signal.SIGSTOP)
-    time.sleep(0.5)  # the stall itself
-    robot.send(signal.SIGCONT)
-    assert "of simulated time dropped" in robot.wait_for("stalled: ")
-    operator.spin_for_samples(20)
-    bag = read_bag(tmp_path / stop(robot))
-    # [s] stamps are whole nanoseconds, and doubles of about 10 s
-    np.testing.assert_allclose(np.diff(bag["odom"]["stamp"]), PERIOD * 1e-9, rtol=0.0, atol=1e-12)
 
 
 PLAIN_ROAD = """

@@ -70,18 +70,6 @@ entries:
     assert played.command_at(7.75) == {"motor_speed": 15.0}
 
 
-def test_an_entry_says_what_it_does(tmp_path):
-    played = script(tmp_path, """
-entries:
-  - {for: 2.0, motor_speed: {from: 0.0, to: 100.0}, upper_gap: 0.0005, note: off we go}
-  - {for: 1.0}
-""")
-    assert [one.describe() for one in played.segments] == [
-        "entry 1, 2 s: motor_speed 0 -> 100 rad/s, upper_gap 0.0005 m (off we go)",
-        "entry 2, 1 s: as before",
-    ]
-
-
 def test_goals_are_read_with_what_is_left_out(tmp_path):
     played = script(tmp_path, """
 entries:
@@ -116,7 +104,6 @@ BAD = {
     "no timeout": ("entries: [{go_to: 1.0}]\n", "entry 1: go_to: no longest time; give `timeout: <seconds>`"),
     "hold too short": ("entries: [{hold_speed: 1.0, for: 3.9}]\n",
                        "entry 1: hold_speed: 3.9 s is too short to settle and to be measured; give at least 4 s"),
-    "hold NaN": ("entries: [{hold_speed: .nan, for: 9.0}]\n", "entry 1: hold_speed: nan is not finite; give a number"),
     "goal and speed": ("entries: [{go_to: 1.0, timeout: 9.0, motor_speed: 50.0}]\n",
                        "entry 1: motor_speed: 50.0 is no range; beside a goal give the range that feedback uses"),
     "empty range": ("entries: [{go_to: 1.0, timeout: 9.0, motor_speed: {from: 50, to: 50}}]\n",
@@ -126,21 +113,17 @@ BAD = {
     "ramp after hold": ("entries: [{hold_speed: 1.0, for: 9.0}, {for: 1.0, motor_speed: {to: 9.0}}]\n",
                         "entry 2: motor_speed: no value to start the ramp from; give `from`"),
     "empty": ("", "the file is empty"),
-    "empty list": ("entries: []\n", "entries is []; give a list with at least one entry"),
     "a list": ("- {for: 1.0}\n", "is not a mapping; give `entries`"),
     "not YAML": ("entries: [\n", "line 2: not YAML"),
     "no duration": ("entries: [{motor_speed: 1.0}]\n", "entry 1: no duration; give `for: <seconds>`"),
-    "negative duration": ("entries: [{for: 1.0}, {for: -1.0}]\n", "entry 2: for: leaves -1 s"),
     "negative time": ("entries: [{at: -1.0, for: 1.0}]\n", "entry 1: at: -1 is negative; give a time of at least 0 s"),
     "backwards": ("entries: [{for: 3.0}, {at: 2.0, for: 1.0}]\n",
                   "entry 2: at: 2 s lies before the end of the entry before"),
     "no time left": ("entries: [{at: 2.0}, {at: 2.0, for: 1.0}]\n", "entry 1: at of the next entry: leaves 0 s"),
     "NaN": ("entries: [{for: 1.0, motor_speed: .nan}]\n",
             "entry 1: motor_speed: nan is not finite; give a number in rad/s"),
-    "too long a number": (f"entries: [{{for: 1.0, upper_gap: 1{'0' * 400}}}]\n", "is not finite"),
     "negative speed": ("entries: [{for: 1.0, motor_speed: -5}]\n", "entry 1: motor_speed: -5 is negative"),
     "unknown key": ("entries: [{for: 1.0, motor_sped: 1.0}]\n", "entry 1: motor_sped: unknown key; give at, for"),
-    "key twice": ("entries:\n  - {for: 1.0, for: 2.0}\n", "line 2: not YAML: 'for' is given twice"),
     "ramp without end": ("entries: [{for: 1.0, motor_speed: {from: 1.0}}]\n",
                          "entry 1: motor_speed: a ramp needs `to`"),
     "ramp from nowhere": ("entries: [{for: 1.0, motor_speed: {to: 1.0}}]\n",
@@ -183,12 +166,6 @@ def test_the_shipped_goals_are_within_reach():
     goals = read_script(find_script("goals")).goals
     assert [type(goal) for _, goal in goals] == [SpeedGoal, PositionGoal]
     check_reach(goals, -0.06)
-
-
-def test_crawl_crawls_speeds_up_stops_and_crawls_again():
-    crawl = read_script(find_script("crawl"))
-    assert crawl.duration == 18.0
-    assert [crawl.command_at(time)["motor_speed"] for time in (3.0, 9.0, 12.0, 15.0)] == [100.0, 130.0, 0.0, 100.0]
 
 
 def test_a_speed_over_ground_becomes_the_commands_of_the_map_and_keeps_them(tmp_path):

@@ -1,23 +1,20 @@
 """A live robot as a simulator to a program that knows simulation_interfaces and nothing of this robot."""
 
 import signal
-import subprocess
-import sys
-import textwrap
 from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
-from asking import known_client, wait_until_known
+from asking import known_client
 from observation import bags, stamps_of
 from rosbags.rosbag2 import Reader
-from simulator_user import Simulator, ended
+from simulator_user import ended
 from std_srvs.srv import SetBool, Trigger
 
 from vibro_ros.bag.cdr import deserialised
+from vibro_ros.recordings import replay
 from vibro_ros.ros.node.node import SteadyNode
-from vibro_ros.ros.robot.services import NAMES
-from vibro_ros.ros.robot.simulation_rules import FEATURES, MOST_STEPS, Code, State
+from vibro_ros.ros.robot.services import FEATURES, MOST_STEPS, NAMES, Code, State
 
 STEPS = 12
 
@@ -89,7 +86,7 @@ def operations(bag: Path) -> list[tuple[int, str]]:
         return [(stamp, deserialised(bytes(data), one.msgtype).data) for one, stamp, data in reader.messages(chosen)]
 
 
-def test_many_steps_hold_nobody_up_tell_how_far_they_are_and_can_be_cancelled(simulator):
+def test_many_steps_hold_nobody_up_tell_how_far_they_are_and_can_be_cancelled(simulator, listener):
     simulator.become(State.PAUSED)
     goal = simulator.send(MOST_STEPS)
     simulator.bench.spin_until(lambda: len(simulator.feedback) > 2, "feedback")
@@ -109,9 +106,7 @@ def test_many_steps_hold_nobody_up_tell_how_far_they_are_and_can_be_cancelled(si
     status, code, words = simulator.result(simulator.send(STEPS))
     assert (status, code, words) == (4, Code.OK, "")  # 4: succeeded
     simulator.bench.spin_until(lambda: simulator.feedback[-1] == (STEPS, 0), "feedback of the last step")
-
-
-def test_another_state_ends_the_steps(simulator, listener):
+    # another state ends the steps
     for state in (State.PLAYING, State.STOPPED):
         simulator.become(State.PAUSED)
         future = simulator.begin_many_steps(listener)
@@ -134,9 +129,7 @@ def test_a_robot_that_ends_answers_who_waits_and_leaves_a_bag_that_replays(simul
     result = simulator.answer(future).result
     assert (result.result, result.error_message) == (Code.OPERATION_FAILED, "the simulation has ended")
     bag = ended(simulator.robot)
-    replay = [sys.executable, "-m", "vibro_ros.recordings.replay", str(bag)]
-    done = subprocess.run(replay, cwd=tmp_path, capture_output=True, text=True)
-    assert done.returncode == 0, done.stdout + done.stderr
+    assert replay.main([str(tmp_path / bag)]) == 0
 
 
 def test_requests_that_come_together_are_answered_one_by_one(simulator):
@@ -155,7 +148,10 @@ def test_requests_that_come_together_are_answered_one_by_one(simulator):
 
 
 def test_without_the_package_one_line_says_so(start, tmp_path, monkeypatch):
-    shadow(monkeypatch, tmp_path, "raise ImportError('not here')")
+    package = tmp_path / "shadow" / "simulation_interfaces"
+    package.mkdir(parents=True)
+    (package / "__init__.py").write_text("raise ImportError('not here')")
+    monkeypatch.setenv("PYTHONPATH", str(package.parent), prepend=":")
     robot = start("robot")
     robot.wait_for("ready: ")
     lines = [line.split("]: ")[1] for line in robot.lines if "simulation_interfaces" in line]
@@ -163,33 +159,6 @@ def test_without_the_package_one_line_says_so(start, tmp_path, monkeypatch):
     robot.send(signal.SIGINT)
     ended(robot)
     assert len(bags(tmp_path)) == 1
-
-
-def test_a_type_that_is_missing_is_left_out_of_the_features(types, bench, start, tmp_path, monkeypatch):
-    real = Path(types.srv.__file__).parents[1]
-    package = shadow(monkeypatch, tmp_path, f"__path__.append({str(real)!r})")
-    (package / "action.py").write_text("")
-    robot = start("robot")
-    robot.wait_for("ready: ")
-    lines = [line.split("]: ")[1] for line in robot.lines if "simulation_interfaces" in line]
-    assert lines == ["simulation_interfaces lacks SimulateSteps: without ~/simulate_steps"]
-    simulator = Simulator(bench, types)
-    bench.spin_until(simulator.clients["GetSimulatorFeatures"].service_is_ready, "service")
-    wait_until_known(bench)
-    features = simulator.answer(simulator.begin("GetSimulatorFeatures")).features.features
-    assert list(features) == sorted({feature for name in simulator.clients for feature in FEATURES[name]})
-    simulator.action.destroy()
-    robot.send(signal.SIGINT)
-    ended(robot)
-
-
-def shadow(monkeypatch, folder: Path, text: str) -> Path:
-    """Let robots find another package simulation_interfaces first."""
-    package = folder / "shadow" / "simulation_interfaces"
-    package.mkdir(parents=True)
-    (package / "__init__.py").write_text(textwrap.dedent(text))
-    monkeypatch.setenv("PYTHONPATH", str(package.parent), prepend=":")
-    return package
 
 
 def test_a_callback_that_fails_is_answered_all_the_same(types):

@@ -23,6 +23,7 @@ from vibro_ros.configuration.scene_file import NODE_NAME
 from vibro_ros.process.executables import EXECUTABLES
 from vibro_ros.process.stop_signals import StopRequest
 from vibro_ros.ros.controller import player
+from vibro_ros.ros.node import process
 
 PROMPT = 10.0  # [s] deadline of what takes 0.1 s on an idle machine
 LATE = 0.03  # [s] of the promptest of the first messages; opening a bag alone took 0.07 s when stamps lagged by it
@@ -35,23 +36,11 @@ def cold(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
     return tmp_path / "kernels"
 
 
-@pytest.mark.parametrize("number, delay", [(signal.SIGINT, 0.0), (signal.SIGHUP, 2.5)])
-def test_a_robot_that_compiles_says_so_and_ends_at_once(start, cold, tmp_path, number, delay):
+def test_a_robot_that_compiles_says_so_does_not_listen_and_ends_at_once_and_the_controller_waits(start, cold, bench,
+                                                                                                 tmp_path):
     robot = start("robot")
     line = robot.wait_for("compiling")
     assert line.endswith("compiling: the first start after an update takes a quarter of a minute; Ctrl-C stops it")
-    time.sleep(delay)  # another instant of the compilation
-    robot.send(number)
-    assert robot.end(PROMPT) == 0, robot.text
-    assert robot.lines[-1] == "robot: stopped while starting"
-    assert "Traceback" not in robot.text and "gnored" not in robot.text
-    assert list(tmp_path.glob("vibro_robot_*")) == []
-    assert [file.suffix for file in cold.glob("*/*") if file.suffix != ".kernel"] == []  # no part of a file
-
-
-def test_a_robot_that_compiles_is_there_but_does_not_listen_and_the_controller_waits(start, cold, bench):
-    robot = start("robot")
-    robot.wait_for("compiling")
     publisher = bench.node.create_publisher(Float64, "motor_speed", 10)
     bench.spin_until(lambda: bench.node.count_publishers("odom") == 1, "the robot in the graph")
     controller = start("controller", "crawl")
@@ -59,7 +48,11 @@ def test_a_robot_that_compiles_is_there_but_does_not_listen_and_the_controller_w
     assert publisher.get_subscription_count() == 0
     assert not controller.ended
     robot.send(signal.SIGINT)
-    assert robot.end(PROMPT) == 0
+    assert robot.end(PROMPT) == 0, robot.text
+    assert robot.lines[-1] == "robot: stopped while starting"
+    assert "Traceback" not in robot.text and "gnored" not in robot.text
+    assert list(tmp_path.glob("vibro_robot_*")) == []
+    assert [file.suffix for file in cold.glob("*/*") if file.suffix != ".kernel"] == []  # no part of a file
     controller.send(signal.SIGTERM)
     assert controller.end(PROMPT) == 143
     assert "aborted" not in controller.text  # nothing was sent
@@ -201,14 +194,11 @@ def test_who_waits_is_told_of_a_robot_that_is_there_and_does_not_listen(bench, d
     ("HOME", None, "HOME is not set"),
     ("ROS_LOG_DIR", "/dev/null/logs", "/dev/null/logs: Not a directory"),
 ])
-def test_without_a_place_for_its_log_the_robot_runs_all_the_same(start, monkeypatch, variable, value, reason):
+def test_a_node_without_a_place_for_its_log_runs_all_the_same(domain_id, monkeypatch, capfd, variable, value, reason):
     monkeypatch.delenv("ROS_LOG_DIR", raising=False)
     monkeypatch.delenv("ROS_HOME", raising=False)
     monkeypatch.setenv(variable, value) if value else monkeypatch.delenv(variable)
-    robot = start("robot", "--ros-args", "-p", "record.enabled:=false")
-    robot.wait_for("ready: ")
-    robot.send(signal.SIGINT)
-    assert robot.end() == 0, robot.text
-    line = robot.wait_for("ROS writes no log file")
-    assert line.endswith(f"ROS writes no log file: {reason}; set ROS_LOG_DIR to a folder that can be written")
-    assert [line for line in robot.lines if "[INFO]" not in line] == [line]
+    with process.node_running("robot", ()) as (_, executor):
+        executor.spin_once(0.1)
+    said = capfd.readouterr().err
+    assert f"ROS writes no log file: {reason}; set ROS_LOG_DIR to a folder that can be written" in said

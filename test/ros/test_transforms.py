@@ -57,16 +57,6 @@ def test_beside_a_robot_state_publisher_it_says_where_the_base_is_and_no_more(st
     assert replay.main([str(folder)]) == 0
 
 
-def test_without_frames_there_are_no_topics_of_tf(start, bench, listener, tmp_path):
-    robot = start("robot", "--ros-args", "-p", "tf.publish:=none")
-    listener.spin_for_samples(20)
-    assert offered(bench, "/tf") == offered(bench, "/tf_static") == []
-    stop(robot)
-    (folder,) = bags(tmp_path)
-    assert not {"/tf", "/tf_static"} & set(read_bag(folder).topics)
-    assert replay.main([str(folder)]) == 0
-
-
 def test_a_robot_without_tf2_msgs_says_so_once_and_does_all_else(start, listener, tmp_path, monkeypatch):
     package = tmp_path / "shadow" / "tf2_msgs"
     package.mkdir(parents=True)
@@ -96,7 +86,7 @@ def test_names_can_be_remapped_and_recorded_alone(start, bench, listener, tmp_pa
         assert stream.topics["/lab/tf_static"].lasting and not stream.topics["/lab/tf"].lasting
 
 
-def test_another_robot_of_the_same_commands_has_its_own_frames(start, listener, tmp_path):
+def test_another_robot_of_the_same_commands_has_its_own_frames_and_a_moved_frame_is_found(start, listener, tmp_path):
     robot = start("robot", "--ros-args", "-p", "motor.speed:=80.0", "-p", "rate.real_time_factor:=4.0")
     listener.spin_for_samples(100)
     stop(robot)
@@ -107,13 +97,6 @@ def test_another_robot_of_the_same_commands_has_its_own_frames(start, listener, 
     guide = next(one for one in fixed.transforms if one.child_frame_id == "inclined_guide")
     assert math.isclose(2.0 * math.acos(guide.transform.rotation.w), 1.2)
     assert 'rpy="0 -1.2 0"' in messages_of(varied)["/robot_description"][0].data
-
-
-def test_a_frame_that_another_hand_has_moved_is_found(start, listener, tmp_path):
-    robot = start("robot", "--ros-args", "-p", "motor.speed:=80.0", "-p", "rate.real_time_factor:=4.0")
-    listener.spin_for_samples(100)
-    stop(robot)
-    (folder,) = bags(tmp_path)
 
     def turn(messages: list) -> list:
         seen = [i for i, (topic, *_) in enumerate(messages) if topic == "/tf"]

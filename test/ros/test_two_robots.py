@@ -1,9 +1,6 @@
 """Two robots in one graph: namespaces and frame prefixes keep them apart, live and in their bags."""
 
-import os
 import signal
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
@@ -15,6 +12,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64
 
 from vibro_ros.bag.reader import read_bag
+from vibro_ros.recordings import replay, report
 
 SPEEDS = {"r1": 90.0, "lab/r2": 60.0}
 PREFIX = {"r1": "r1/", "lab/r2": "zweiter·"}
@@ -22,11 +20,6 @@ PREFIX = {"r1": "r1/", "lab/r2": "zweiter·"}
 
 def frames_of(message) -> set[str]:
     return {message.header.frame_id, getattr(message, "child_frame_id", message.header.frame_id)}
-
-
-def run(module: str, *words: str) -> subprocess.CompletedProcess:
-    return subprocess.run([sys.executable, "-m", f"vibro_ros.recordings.{module}", *words], env={**os.environ},
-                          text=True, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, check=False)
 
 
 @pytest.fixture
@@ -76,9 +69,7 @@ def check_bag(bag: Path, name: str) -> None:
     own = {topic for topic in recording.topics if topic.startswith(f"/{name}/")}
     assert set(recording.topics) - own == {"/tf", "/tf_static"}
     assert set(recording["impacts"]["frame"]) <= {PREFIX[name] + f"{side}_plate" for side in ("upper", "inclined")}
-    replayed = run("replay", str(bag))
-    assert replayed.returncode == 0, replayed.stdout
-    reported = run("report", str(bag))
-    assert reported.returncode == 0, reported.stdout
+    assert replay.main([str(bag)]) == 0
+    assert report.main([str(bag)]) == 0
     summary = (bag.with_name(f"{bag.name}_report") / "summary.txt").read_text()
     assert f"{len(recording['impacts']['frame'])}" in summary

@@ -79,21 +79,16 @@ def _run(argv: Sequence[str] | None) -> int:
         map_path = find_map(settings["map"])
         command_map = read_map(map_path)
         script = read_script(path, command_map)
-        _check_goals(path, script, settings["reach"])
+        if settings["reach"] == 0.0:
+            raise ValueError("reach: 0 is out of range; give a mean speed other than 0 m/s, "
+                             "negative if the robot goes backwards")
+        try:
+            check_reach(script.goals, settings["reach"])
+        except ValueError as error:
+            raise ValueError(f"{path}: {error}") from None
         longest = " at most" if script.goals else ""
         node.get_logger().info(f"script {path}: {script.duration:g} s{longest}, {', '.join(script.commands)}")
         return _play(script, (command_map, map_path), settings, node, executor, stop)
-
-
-def _check_goals(path: Path, script: Script, reach: float) -> None:
-    """Refuse what the robot cannot reach before anything is sent."""
-    if reach == 0.0:
-        raise ValueError("reach: 0 is out of range; give a mean speed other than 0 m/s, "
-                         "negative if the robot goes backwards")
-    try:
-        check_reach(script.goals, reach)
-    except ValueError as error:
-        raise ValueError(f"{path}: {error}") from None
 
 
 def _play(script: Script, known: tuple[CommandMap, Path], settings: Mapping[str, Value], node: Node, executor: Executor,
@@ -204,7 +199,10 @@ class ScriptPlayer:
         """Send what changes at an `instant` [s] of the script, counted as if nothing had been saved."""
         segment = self._script.segment_at(instant)
         if segment and segment is not self._segment:
-            self._begin(segment)
+            self._segment = segment
+            self._say(segment.describe())
+            for name in segment.given:  # sent again: somebody else may have commanded meanwhile
+                self._sent.pop(name, None)
         commands = self._script.command_at(instant)
         if segment:
             unknown = {MOTOR: math.nan} if self._script.goals else {}
@@ -212,13 +210,6 @@ class ScriptPlayer:
             self._advise(f"entry {segment.entry}", {**unknown, **commands}, {**unknown, **later})
         for name, value in commands.items():
             self._send_change(name, value)
-
-    def _begin(self, segment: Segment) -> None:
-        """Say what comes, and send again what the entry gives: somebody else may have commanded meanwhile."""
-        self._segment = segment
-        self._say(segment.describe())
-        for name in segment.given:
-            self._sent.pop(name, None)
 
     def _send_change(self, name: str, value: float) -> None:
         if self._sent.get(name) != value:

@@ -44,26 +44,8 @@ class SpeedGoal:
 
     def describe(self) -> str:
         """What is to be done, for people."""
-        return f"hold {self.speed:g} m/s within {self.within:g} m/s, {_motor_text(self.motor)}"
-
-    def check_reach(self, reach: float) -> None:
-        """Refuse a speed that the robot does not hold.
-
-        Parameters
-        ----------
-        reach : float
-            Mean speed [m/s] that the robot holds at most; its sign is that of the way it goes.
-
-        Raises
-        ------
-        ValueError
-            With the speeds that it does hold.
-        """
-        if not 0.0 < self.speed / reach <= 1.0:
-            low, high = sorted((0.0, reach))
-            raise ValueError(f"hold_speed: {self.speed:g} m/s is out of reach of a robot that goes {way(reach)}; give "
-                             f"one between {low:g} and {high:g} m/s, and not 0, or set `reach` for another robot")
-
+        low, high = self.motor
+        return f"hold {self.speed:g} m/s within {self.within:g} m/s, motor {low:g} to {high:g} rad/s"
 
 @dataclass(frozen=True)
 class PositionGoal:
@@ -85,7 +67,8 @@ class PositionGoal:
 
     def describe(self) -> str:
         """What is to be done, for people."""
-        return f"go to {self.position:g} m within {self.within:g} m, {_motor_text(self.motor)}"
+        low, high = self.motor
+        return f"go to {self.position:g} m within {self.within:g} m, motor {low:g} to {high:g} rad/s"
 
 
 Goal = SpeedGoal | PositionGoal
@@ -99,7 +82,7 @@ def check_reach(goals: Iterable[tuple[str, Goal]], reach: float) -> None:
     goals : iterable of (str, Goal)
         The number of the entry, and its goal, in order.
     reach : float
-        Mean speed [m/s] that the robot holds at most, as in `SpeedGoal.check_reach`.
+        Mean speed [m/s] that the robot holds at most; its sign is that of the way it goes.
 
     Raises
     ------
@@ -108,30 +91,25 @@ def check_reach(goals: Iterable[tuple[str, Goal]], reach: float) -> None:
     """
     before: tuple[str, PositionGoal] | None = None
     for entry, goal in goals:
-        try:
-            if isinstance(goal, SpeedGoal):
-                goal.check_reach(reach)
-            else:
-                if before:
-                    _check_order(goal, *before, reach)
-                before = entry, goal
-        except ValueError as error:
-            raise ValueError(f"entry {entry}: {error}") from None
+        if isinstance(goal, SpeedGoal):
+            if not 0.0 < goal.speed / reach <= 1.0:
+                low, high = sorted((0.0, reach))
+                raise ValueError(f"entry {entry}: hold_speed: {goal.speed:g} m/s is out of reach of a robot that goes "
+                                 f"{way(reach)}; give one between {low:g} and {high:g} m/s, and not 0, or set `reach` "
+                                 "for another robot")
+            continue
+        if before:
+            earlier, passed = before
+            if (goal.position - passed.position) * reach < -(goal.within + passed.within) * abs(reach):
+                raise ValueError(f"entry {entry}: go_to: {goal.position:g} m is out of reach after entry {earlier} "
+                                 f"went to {passed.position:g} m: the robot goes {way(reach)} only; give positions in "
+                                 "the order in which it passes them")
+        before = entry, goal
 
 
 def way(reach: float) -> str:
     """The way that a robot of that `reach` [m/s] goes."""
     return "backwards" if reach < 0.0 else "forwards"
-
-
-def _check_order(goal: PositionGoal, entry: str, before: PositionGoal, reach: float) -> None:
-    if (goal.position - before.position) * reach < -(goal.within + before.within) * abs(reach):
-        raise ValueError(f"go_to: {goal.position:g} m is out of reach after entry {entry} went to {before.position:g} "
-                         f"m: the robot goes {way(reach)} only; give positions in the order in which it passes them")
-
-
-def _motor_text(motor: tuple[float, float]) -> str:
-    return f"motor {motor[0]:g} to {motor[1]:g} rad/s"
 
 
 WINDOW = 0.25
@@ -314,19 +292,16 @@ class Holding:
         said = (f"mean speed {mean:.4f} m/s over the last {self._span:.1f} s, {low:.4f} to {high:.4f} m/s over "
                 f"{SHORT:g} s each")
         if abs(mean - self._goal.speed) > self._goal.within:
+            advice = "give more time or a wider tolerance"
+            if self._at_high > self._duration / 4.0:
+                advice = (f"the motor was at {self._high:g} rad/s for {self._at_high:.1f} s: the robot goes no faster "
+                          f"{way(self._reach)}; give a smaller speed or a wider motor_speed")
+            elif self._at_low > self._duration / 4.0:
+                advice = (f"the motor was at {self._low:g} rad/s for {self._at_low:.1f} s: the robot goes no slower; "
+                          "give a larger speed or a wider motor_speed")
             wanted = f"{self._goal.speed:g} m/s not held within {self._goal.within:g} m/s"
-            raise GoalError(f"{wanted}: {said}{self._cause()}")
+            raise GoalError(f"{wanted}: {said}; {advice}")
         self.words.append(f"held: {said}")
-
-    def _cause(self) -> str:
-        if self._at_high > self._duration / 4.0:
-            return (f"; the motor was at {self._high:g} rad/s for {self._at_high:.1f} s: the robot goes no faster "
-                    f"{way(self._reach)}; give a smaller speed or a wider motor_speed")
-        if self._at_low > self._duration / 4.0:
-            return (f"; the motor was at {self._low:g} rad/s for {self._at_low:.1f} s: the robot goes no slower; "
-                    "give a larger speed or a wider motor_speed")
-        return "; give more time or a wider tolerance"
-
 
 APPROACH = 0.7
 """Time [s] at `reach` below which the motor is slowed down; the distance then shrinks to 1/e in as long."""
@@ -491,12 +466,6 @@ class Pursuit:
         GoalError
             With the reason; the motor is then to be stopped.
         """
-        self._check_odometry(time)
-        if self._track.position is None:
-            return None
-        return self._law.step(time - self._began, self._track)
-
-    def _check_odometry(self, time: float) -> None:
         track = self._track
         silence = time - max(self._began, self._began if track.heard is None else track.heard)
         if silence > SILENCE:
@@ -504,3 +473,4 @@ class Pursuit:
             raise GoalError(f"no odometry for {silence:.1f} s{refused}; is there a robot that publishes odom?")
         if (leaps := track.leaps - self._leaps) > MOST_LEAPS:
             raise GoalError(f"the position in odom leapt {leaps} times; let one robot alone publish there")
+        return None if track.position is None else self._law.step(time - self._began, track)

@@ -19,7 +19,6 @@ from rclpy.node import Node
 from rclpy.publisher import Publisher
 
 from vibro_ros.configuration.command_map import CommandMap
-from vibro_ros.model.scene import Scene
 from vibro_ros.process.stop_signals import StopRequest
 from vibro_ros.ros.live.scene import SceneReader, Settings
 from vibro_ros.ros.node import process
@@ -125,7 +124,9 @@ class MapAdviser:
                            "`study map` and give it as the parameter `map`")
             self._node.get_logger().info(f"no warnings of other motions: {self._fault}")
         else:
-            self._watch = MotionWatch(self._map, _initial(found.scene))
+            self._watch = MotionWatch(self._map, {
+                "motor_speed": found.scene["motor.speed"], "upper_gap": found.scene["upper.gap"],
+                "inclined_gap": found.scene["inclined.gap"]})
             self._judge()
 
 
@@ -133,10 +134,6 @@ def _can_be_asked(name: str) -> bool:
     """Whether the name that a peer gives itself is one that ROS makes services of; a name not yet known begins with _.
     """
     return bool(re.fullmatch(r"(/[A-Za-z][A-Za-z0-9_]*)+", name)) and "__" not in name and len(name) < LONGEST_NAME
-
-
-def _initial(scene: Scene) -> dict[str, float]:
-    return {"motor_speed": scene["motor.speed"], "upper_gap": scene["upper.gap"], "inclined_gap": scene["inclined.gap"]}
 
 
 class MotionWatch:

@@ -10,17 +10,16 @@ if __name__ == "__main__":  # before all imports: they take a second or two, in 
 import argparse
 import math
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 
-from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rosgraph_msgs.msg import Clock
 
 from vibro_ros.bag.cdr import check
-from vibro_ros.bag.stream import BagError, BagStream, RecordedTopic, not_read, robot_topics
+from vibro_ros.bag.stream import BagError, BagStream, not_read, robot_topics
 from vibro_ros.messages.topics import COMMAND_UNITS
 from vibro_ros.process.executables import EXECUTABLES
 from vibro_ros.process.front_door import Parser, exit_code
@@ -126,7 +125,10 @@ def _play(stream: BagStream, options: argparse.Namespace, words: Sequence[str]) 
     with StopRequest() as stop, process.node_running(NODE_NAME, words) as (node, executor):
         clock = node.create_publisher(Clock, "/clock", _reliable(10)) if options.clock else None
         messages = RecordedMessages(stream, tuple(topics), options.rate, clock)
-        player = Player(node, executor, _publishers(node, topics), () if options.all_topics else commands,
+        publishers = {topic: node.create_publisher(message_class(one.type_name), topic,
+                                                   _reliable(one.qos_depth, one.lasting))
+                      for topic, one in topics.items()}
+        player = Player(node, executor, publishers, () if options.all_topics else commands,
                         names.get("motor_speed", ""), messages.publish_clock_after,
                         CLOCK_PERIOD if clock else process.POLL)
         node.get_logger().info(f"playing {', '.join(topics)}")
@@ -137,37 +139,19 @@ def _play(stream: BagStream, options: argparse.Namespace, words: Sequence[str]) 
     return code
 
 
-def _publishers(node: Node, topics: Mapping[str, RecordedTopic]) -> dict[str, Publisher]:
-    return {topic: node.create_publisher(message_class(one.type_name), topic, _reliable(one.qos_depth, one.lasting))
-            for topic, one in topics.items()}
-
-
 def _reliable(depth: int, lasting: bool = False) -> QoSProfile:
     durability = DurabilityPolicy.TRANSIENT_LOCAL if lasting else DurabilityPolicy.VOLATILE
     return QoSProfile(depth=max(depth, 1), reliability=ReliabilityPolicy.RELIABLE, durability=durability)
 
 
-def _positive(text: str) -> float:
-    value = _number(text, "above 0")
-    if value <= 0.0:
-        raise argparse.ArgumentTypeError(f"{text} is not above 0")
-    return value
-
-
-def _not_negative(text: str) -> float:
-    value = _number(text, "of at least 0")
-    if value < 0.0:
-        raise argparse.ArgumentTypeError(f"{text} is below 0; give a number of at least 0")
-    return value
-
-
-def _number(text: str, wanted: str) -> float:
+def _number(text: str, positive: bool) -> float:
+    """A number of at least 0 from the command line, or above 0."""
     try:
         value = float(text)
     except ValueError:
         value = math.nan
-    if not math.isfinite(value):
-        raise argparse.ArgumentTypeError(f"{text} is not a number; give one {wanted}")
+    if not math.isfinite(value) or value < 0.0 or (positive and value == 0.0):
+        raise argparse.ArgumentTypeError(f"{text} is no number {'above 0' if positive else 'of at least 0'}; give one")
     return value
 
 
@@ -181,9 +165,9 @@ def _parser() -> Parser:
     parser.add_argument("bag", type=Path, metavar="BAG_FOLDER", help="folder of a recording, sealed")
     parser.add_argument("--all-topics", action="store_true",
                         help="play every topic instead of the commands alone, and wait for nobody")
-    parser.add_argument("--rate", type=_positive, default=1.0, metavar="FACTOR",
+    parser.add_argument("--rate", type=partial(_number, positive=True), default=1.0, metavar="FACTOR",
                         help="recorded seconds per second (default: 1)")
     parser.add_argument("--clock", action="store_true", help="publish recorded time on /clock, at least at 100 Hz")
-    parser.add_argument("--wait", type=_not_negative, metavar="SECONDS", help="longest time to wait "
+    parser.add_argument("--wait", type=partial(_number, positive=False), metavar="SECONDS", help="longest time to wait "
                         "until a robot listens to every command (default: 0, which is without end)")
     return parser

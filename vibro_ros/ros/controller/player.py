@@ -184,27 +184,26 @@ class Player:
         stop.hold()  # the motor must be told to stop
         done = False
         try:
-            done = self._play(moments, stop)
+            self._timeline.begin()
+            for instant, act in moments:
+                self._wait_until(instant, stop)
+                if stop:
+                    break
+                act()
+            done = True
         finally:
-            if stop or not done:
-                self._stop_motor()
-            self._finish()
+            if self._moved and (stop or not done):  # a stopped motor is what an operator means who aborts
+                self.send(self._motor, Float64(data=0.0))
+                self._node.get_logger().info(f"aborted: {self._motor} 0 rad/s")
+            deadline = time.monotonic() + LAST_WORD  # a publisher that goes takes undelivered messages with it
+            for publisher in self._publishers.values():
+                publisher.wait_for_all_acked(Duration(seconds=max(0.0, deadline - time.monotonic())))
         return stop.exit_code
 
     def send(self, name: str, message: object) -> None:
         """Publish a message, or its serialised bytes."""
         self._publishers[name].publish(message)
         self._moved |= name == self._motor
-
-    def _play(self, moments: Moments, stop: StopRequest) -> bool:
-        """Do everything at its time; whether it was all done before a `stop`."""
-        self._timeline.begin()
-        for instant, act in moments:
-            self._wait_until(instant, stop)
-            if stop:
-                return False
-            act()
-        return True
 
     def _wait_until(self, instant: float, stop: StopRequest) -> None:
         """Return at `instant` or on `stop`; `meanwhile` gets no time beyond it, so that time never goes back."""
@@ -213,19 +212,6 @@ class Player:
             self._executor.spin_once(timeout_sec=self._timeline.longest_wait(instant - elapsed, self._period))
             if gone := deaf(self._needed):
                 raise RuntimeError(f"the robot is gone: nobody listens to {', '.join(gone)} any more")
-
-    def _stop_motor(self) -> None:
-        """Command motor speed 0 if the motor was commanded: what an operator means who aborts."""
-        if self._moved:
-            self.send(self._motor, Float64(data=0.0))
-            self._node.get_logger().info(f"aborted: {self._motor} 0 rad/s")
-
-    def _finish(self) -> None:
-        """Give the last messages `LAST_WORD` to arrive: a publisher that goes takes undelivered ones with it."""
-        deadline = time.monotonic() + LAST_WORD
-        for publisher in self._publishers.values():
-            publisher.wait_for_all_acked(Duration(seconds=max(0.0, deadline - time.monotonic())))
-
 
 def deaf(publishers: Sequence[Publisher]) -> list[str]:
     """Topics of `publishers` that nobody subscribes to."""

@@ -79,9 +79,12 @@ class Segment:
         words = [self.goal.describe()] if self.goal else []
         if self.speed_over_ground is not None:
             words = [f"{self.speed_over_ground:g} m/s over ground"]
-        words = words + [_course_text(name, self.courses[name]) for name in self.given] or ["as before"]
+        for name in self.given:
+            course = self.courses[name]
+            start = f"{course.start:g} -> " if course.start != course.end else ""
+            words.append(f"{name} {start}{course.end:g} {COMMAND_UNITS[name]}")
         note = f" ({self.note})" if self.note else ""
-        return f"entry {self.entry}, {self.duration:g} s: {', '.join(words)}{note}"
+        return f"entry {self.entry}, {self.duration:g} s: {', '.join(words or ['as before'])}{note}"
 
 
 @dataclass(frozen=True)
@@ -132,10 +135,3 @@ class Script:
         """When commands of the script change [s], in order, if every goal takes its longest time."""
         for segment in self.segments:
             yield from segment.instants(rate)
-
-
-def _course_text(name: str, course: Course) -> str:
-    unit = COMMAND_UNITS[name]
-    if course.start == course.end:
-        return f"{name} {course.end:g} {unit}"
-    return f"{name} {course.start:g} -> {course.end:g} {unit}"

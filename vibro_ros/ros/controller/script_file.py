@@ -104,7 +104,10 @@ class _Unfolding:
         entries = block.get("entries")
         if not isinstance(entries, list) or not entries:
             raise ValueError(f"{where}entries is {_shown(entries)}; give a list with at least one entry")
-        for _ in range(_repeats(block.get("repeat", 1), where)):
+        repeats = block.get("repeat", 1)
+        if type(repeats) is not int or repeats < 1:
+            raise ValueError(f"{where}repeat: {_shown(repeats)} is not a count; give a whole number of at least 1")
+        for _ in range(repeats):
             for segment in self._entries(entries, start, prefix):
                 yield segment
                 start_of_next = segment.end
@@ -150,7 +153,6 @@ class _Unfolding:
                       speed_over_ground=speed)
 
     def _chosen(self, speed: float, where: str) -> dict[str, Course]:
-        """The commands that give a mean speed [m/s], by the command map."""
         try:
             if self._map is None:
                 raise ValueError("there is no command map here; give motor_speed and gaps")
@@ -162,12 +164,18 @@ class _Unfolding:
     def _pursuit(self, entry: Mapping, later: list[object], block_start: float, start: float, number: str) -> Segment:
         """The segment of an entry with a goal; what the motor does at its end is known only if it stands then."""
         where = f"entry {number}: "
-        goal = _read_goal(entry, _GAPS, where)
+        goal = _read_goal(entry, where)
         reaches = isinstance(goal, PositionGoal)
-        duration = _longest_time(entry, where) if reaches else _duration(entry, later, start - block_start, where)
-        self._open_ends += reaches
         if not reaches:
-            _check_shortest(duration, where)
+            duration = _duration(entry, later, start - block_start, where)
+            if duration < SHORTEST:
+                raise ValueError(f"{where}hold_speed: {duration:g} s is too short to settle and to be measured; give "
+                                 f"at least {SHORTEST:g} s")
+        elif "timeout" in entry:
+            duration = _positive_number(entry["timeout"], f"{where}timeout", "s")
+        else:
+            raise ValueError(f"{where}go_to: no longest time; give `timeout: <seconds>`")
+        self._open_ends += reaches
         given = {name: Course(level, level) for name in _GAPS if name in entry
                  for level in (_command_value(name, entry[name], where),)}
         courses = {name: Course(value, value) for name, value in self._last.items() if name != MOTOR} | given
@@ -212,37 +220,17 @@ def _duration(entry: Mapping, later: list[object], start: float, where: str) -> 
     return duration
 
 
-def _repeats(value: object, where: str) -> int:
-    if type(value) is not int or value < 1:
-        raise ValueError(f"{where}repeat: {_shown(value)} is not a count; give a whole number of at least 1")
-    return value
-
-
-def _read_goal(entry: Mapping, gaps: tuple[str, ...], where: str) -> Goal:
-    """The goal of an entry that has one of `GOAL_KEYS`, beside which it may give commands of `gaps`."""
+def _read_goal(entry: Mapping, where: str) -> Goal:
+    """The goal of an entry that has one of `GOAL_KEYS`, beside which it may give gaps."""
     if all(key in entry for key in GOAL_KEYS):
         raise ValueError(f"{where}hold_speed and go_to: one entry has one goal; make two entries of it")
     motor = _motor(entry.get("motor_speed", {}), where)
     if "go_to" in entry:
-        _refuse_unknown(entry, ("at", "timeout", "note", "go_to", "within", "motor_speed", *gaps), where)
+        _refuse_unknown(entry, ("at", "timeout", "note", "go_to", "within", "motor_speed", *_GAPS), where)
         return PositionGoal(_finite_number(entry["go_to"], f"{where}go_to", "m"), _within(entry, "m", where), motor)
-    _refuse_unknown(entry, ("at", "for", "note", "hold_speed", "within", "motor_speed", *gaps), where)
+    _refuse_unknown(entry, ("at", "for", "note", "hold_speed", "within", "motor_speed", *_GAPS), where)
     speed = _finite_number(entry["hold_speed"], f"{where}hold_speed", "m/s")
     return SpeedGoal(speed, _within(entry, "m/s", where), motor)
-
-
-def _longest_time(entry: Mapping, where: str) -> float:
-    """How long [s] the entry of a position goal may last."""
-    if "timeout" not in entry:
-        raise ValueError(f"{where}go_to: no longest time; give `timeout: <seconds>`")
-    return _positive_number(entry["timeout"], f"{where}timeout", "s")
-
-
-def _check_shortest(duration: float, where: str) -> None:
-    """Refuse a time that is too short to hold a speed in."""
-    if duration < SHORTEST:
-        raise ValueError(f"{where}hold_speed: {duration:g} s is too short to settle and to be measured; give at least "
-                         f"{SHORTEST:g} s")
 
 
 def _within(entry: Mapping, unit: str, where: str) -> float:
@@ -291,5 +279,4 @@ def _refuse_unknown(given: Mapping, known: tuple[str, ...], where: str) -> None:
 
 
 def _shown(value: object) -> str:
-    """A value as a refusal shows it."""
     return "missing" if value is None else repr(value)

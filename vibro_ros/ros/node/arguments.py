@@ -76,20 +76,16 @@ def check_names(node: Node, names: Iterable[str]) -> None:
     """
     names_of: dict[str, str] = {}
     for name in names:
-        topic = _resolved(node, name)
+        try:
+            topic = node.resolve_topic_name(name)
+        except RuntimeError:  # the names are good: rcl has refused bad rules and namespaces before
+            raise ValueError(f"{name}: its full name is too long; give a namespace or a remapping that leaves it at "
+                             f"most {TOPIC_LENGTH} characters") from None
         if topic in TAKEN:
             raise ValueError(f"{name}: has the name {topic}, which stands for something else; remap it to another")
         if topic in names_of:
             raise ValueError(f"{names_of[topic]} and {name} have one name, {topic}; remap one of them to another")
         names_of[topic] = name
-
-
-def _resolved(node: Node, name: str) -> str:
-    try:
-        return node.resolve_topic_name(name)
-    except RuntimeError:  # the names are good: rcl has refused bad rules and namespaces before
-        raise ValueError(f"{name}: its full name is too long; give a namespace or a remapping that leaves it at most "
-                         f"{TOPIC_LENGTH} characters") from None
 
 
 def _pairs(words: Sequence[str]) -> Iterator[tuple[str, str]]:

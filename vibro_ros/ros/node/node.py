@@ -11,7 +11,6 @@ from functools import partial
 from inspect import iscoroutinefunction
 from typing import Any
 
-from builtin_interfaces.msg import Time
 from rcl_interfaces.msg import ParameterDescriptor, ParameterType, SetParametersResult
 from rcl_interfaces.srv import SetParameters, SetParametersAtomically
 from rclpy.exceptions import InvalidParameterValueException
@@ -100,7 +99,6 @@ class SteadyNode(Node):
             return _refused(request, response, f"{type(error).__name__}; the node's log says more")
 
     def _counted(self, name: str, response: Any) -> Any:
-        """`response`, counted as a refusal if it is one."""
         if reason := _reason_of(response):
             self.refusals.refuse(name, reason)
         return response
@@ -123,11 +121,13 @@ class SteadyNode(Node):
         return response
 
     def _take_clock(self, name: str, callback: Callable, message: Clock) -> None:
-        if fault := _clock_fault(message.clock):
-            self.refusals.refuse(name, fault)
-        else:
+        seconds, nanoseconds = message.clock.sec, message.clock.nanosec
+        if 0 <= seconds <= LAST_SECOND and nanoseconds < 1_000_000_000:
             callback(message)
             self.clock_heard = True
+        else:
+            self.refusals.refuse(name, f"{seconds} s and {nanoseconds} ns is no time; give 0 to {LAST_SECOND} s and "
+                                       "below 1000000000 ns")
 
 
 class SteadyExecutor(SingleThreadedExecutor):
@@ -156,7 +156,8 @@ class SteadyExecutor(SingleThreadedExecutor):
         if error := task.exception():
             if entity:
                 _release(entity)
-            self._refusals.catch(_name_of(entity), error)
+            name = getattr(entity, "topic_name", None) or getattr(entity, "service_name", None)
+            self._refusals.catch(name or (type(entity).__name__ if entity else "task"), error)
 
 
 def _fix(node: Node, name: str, meaning: str) -> None:
@@ -211,25 +212,10 @@ def _refused(request: Any, response: Any, reason: str) -> Any:
     return response
 
 
-def _clock_fault(message: Time) -> str:
-    """Why `message` is no time for /clock; empty when it is one."""
-    if not (0 <= message.sec <= LAST_SECOND and message.nanosec < 1_000_000_000):
-        return f"{message.sec} s and {message.nanosec} ns is no time; give 0 to {LAST_SECOND} s and below 1000000000 ns"
-    return ""
-
-
 def _release(entity: Any) -> None:
-    """Let `entity` and its callback group run again: an error while a message is taken leaves both marked as busy.
-
-    The first of the two marks is private to rclpy 7. Without it a subscription or service that met a malformed message
-    would be deaf for ever; `test_node.py` fails where another rclpy marks entities in another way.
+    """Let `entity` and its callback group run again: an error while a message is taken leaves both marked as busy, and
+    the entity deaf for ever. The first mark is private to rclpy 7; `test_node.py` fails where another rclpy differs.
     """
     entity._executor_event = False
     if not entity.callback_group.can_execute(entity):
         entity.callback_group.ending_execution(entity)
-
-
-def _name_of(entity: Any) -> str:
-    """The topic or service of an entity; else what it is, such as Timer."""
-    kind = type(entity).__name__ if entity else "task"
-    return getattr(entity, "topic_name", None) or getattr(entity, "service_name", None) or kind

@@ -44,12 +44,16 @@ def declare(node: Node, table: Iterable[Parameter], values: Mapping[str, Value])
 
 def descriptor(parameter: Parameter) -> ParameterDescriptor:
     """A new descriptor (`declare_parameter` changes the one it is given)."""
+    ranges, largest = [], sys.float_info.max
+    if isinstance(parameter.default, float) and not _unlimited(parameter):
+        low, high = max(parameter.minimum, -largest), min(parameter.maximum, largest)
+        ranges = [FloatingPointRange(from_value=low, to_value=high, step=0.0)]
     return ParameterDescriptor(
         name=parameter.name,
         description=f"{parameter.description} [{parameter.unit}]" if parameter.unit else parameter.description,
         additional_constraints=constraints(parameter),
         read_only=not parameter.while_running,
-        floating_point_range=_ranges(parameter),
+        floating_point_range=ranges,
     )
 
 
@@ -106,14 +110,6 @@ def parameter_lines(table: Iterable[Parameter], values: Mapping[str, Value]) -> 
         f"{parameter.description}{_limits(parameter)}"
         for parameter in table
     )
-
-
-def _ranges(parameter: Parameter) -> list[FloatingPointRange]:
-    if not isinstance(parameter.default, float) or _unlimited(parameter):
-        return []
-    largest = sys.float_info.max
-    low, high = max(parameter.minimum, -largest), min(parameter.maximum, largest)
-    return [FloatingPointRange(from_value=low, to_value=high, step=0.0)]
 
 
 def _unlimited(parameter: Parameter) -> bool:

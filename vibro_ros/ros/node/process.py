@@ -92,14 +92,17 @@ def wait_for_time(node: Node, executor: Executor, stopped: Callable[[], bool]) -
     Without `use_sim_time` that is at once. With it time begins when a message on /clock says one above 0, which
     stands for "not set" in ROS. A signal that raises ends the wait, too.
     """
-    clock, began = node.get_clock(), time.monotonic()
+    clock, began, topic = node.get_clock(), time.monotonic(), node.resolve_topic_name(CLOCK)
 
     def over() -> bool:
         return stopped() or not clock.ros_time_is_active or clock.now().nanoseconds > 0
 
     while not over():
         waited = time.monotonic() - began
-        node.get_logger().info(_awaited(node, waited))
+        lack = "its time is 0 so far" if node.count_publishers(topic) else "nobody publishes it"
+        node.get_logger().info(
+            f"use_sim_time: waiting for the first time on {topic} ({waited:.0f} s; {lack}); start a simulator that "
+            "publishes it, or start this node without use_sim_time")
         due = began + waited + REMINDER
         spin_until(executor, lambda: over() or time.monotonic() > due)  # noqa: B023 (called within this turn)
 
@@ -125,10 +128,3 @@ def _first_sentence(error: Exception) -> str:
     text = str(error).removeprefix("failed to initialize rcl: ")
     sentence = text.split(", at /")[0].split(". Error: ")[0].splitlines()[0]
     return "; ".join([sentence, *(remedy for words, remedy in REMEDIES.items() if words in sentence)])
-
-
-def _awaited(node: Node, waited: float) -> str:
-    topic = node.resolve_topic_name(CLOCK)
-    lack = "its time is 0 so far" if node.count_publishers(topic) else "nobody publishes it"
-    return (f"use_sim_time: waiting for the first time on {topic} ({waited:.0f} s; {lack}); start a simulator that "
-            "publishes it, or start this node without use_sim_time")

@@ -67,7 +67,7 @@ class Diagnostics:
     def _counters(self) -> dict[str, float]:
         """What only grows; numbers that the stepping thread may change meanwhile, each of them whole."""
         statistics = self._run.device.statistics
-        return {"wall": time.monotonic(), "simulated": self._run.robot_time.time, "ticks": self._stepping.ticks,
+        return {"wall": time.monotonic(), "simulated": self._run.robot_time.time, "ticks": self._run.robot_time.ticks,
                 "busy": self._stepping.busy, "unloaded": self._stepping.unloaded, "dropped": self._run.pacing.dropped,
                 "missed": self._run.pacing.missed, "refused": self._run.subscriptions.refused,
                 "displaced": self._run.subscriptions.dropped, "requests": self._node.refusals.count,

@@ -53,11 +53,6 @@ class Request(Future):
         if self._counted:
             self._counted(self.completed)
 
-    def give_up(self) -> None:
-        """Ask for no more samples; the answer says how many there were."""
-        self.given_up = True
-
-
 class Operations:
     """The operations of one run; each that is performed is published and recorded.
 
@@ -181,7 +176,7 @@ class Operations:
         self._robot_time.restart()
         answer = f"reset: the sample at {self._robot_time.due:.9g} s of robot time is the start"
         if self.paused and not self._left:  # a sample takes a period of robot time, and the start is to be seen
-            self._take_samples(request, 1, answer)
+            self._counted, self._left, self._answer = request, 1, answer
         else:
             request.set_result(answer)
 
@@ -218,7 +213,7 @@ class Operations:
         if self._left:
             raise ValueError(f"{self._left} steps that were asked for before are still to be taken; ask again later")
         self._done(request.operation)
-        self._take_samples(request, request.operation.steps)
+        self._counted, self._left, self._answer = request, request.operation.steps, ""
 
     def _set(self, request: Request) -> None:
         parameters = request.operation.parameters
@@ -235,9 +230,6 @@ class Operations:
         data = _serialised(operation)
         self._publisher.publish(data)
         self._record(self.topic, self._robot_time.stamp, data)
-
-    def _take_samples(self, request: Request, count: int, answer: str = "") -> None:
-        self._counted, self._left, self._answer = request, count, answer
 
     def _end_steps(self) -> None:
         """Answer the request that waited for samples, as many as there were."""

@@ -62,11 +62,6 @@ class Pacing:
         self._origin, self._begin = now(), 0.0  # [s] by the wall clock, and the simulated time of that instant
         self._lateness: deque[float] = deque(maxlen=MOST_LATENESSES)
 
-    @property
-    def follows_clock(self) -> bool:
-        """Whether samples are due by the wall clock, not as soon as they can be had."""
-        return self.factor != 0.0
-
     def start(self, instant: float | None = None) -> None:
         """Let simulated time 0 be an `instant` [s] of the wall clock; now unless given."""
         self._origin, self._begin = self._now() if instant is None else instant, 0.0

@@ -88,8 +88,12 @@ def plan_recording(settings: Mapping[str, Value], received: Mapping[str, str], p
     """
     storage = Storage(settings["record.compression"], int(settings["record.max_size"]),
                       settings["record.max_duration"], int(settings["record.max_bytes"]))
-    topics = _chosen(settings["record.topics"], {**_published(publishers), **_received(received)})
-    return Plan(Path(settings["record.directory"]).expanduser(), topics, storage, metadata, settings["record.snapshot"])
+    types = {**ROBOT_TOPICS, OPERATIONS: OPERATIONS_TYPE}
+    topics = {name: Topic(publisher.topic_name, types[name], PUBLISHED[name].depth, name in LASTING)
+              for name, publisher in publishers.publishers.items()}
+    topics |= {name: Topic(resolved, types[name], qos.COMMANDS.depth) for name, resolved in received.items()}
+    chosen = _chosen(settings["record.topics"], topics)
+    return Plan(Path(settings["record.directory"]).expanduser(), chosen, storage, metadata, settings["record.snapshot"])
 
 
 def check_directory(directory: Path) -> None:
@@ -103,7 +107,6 @@ def check_directory(directory: Path) -> None:
 
 
 def _chosen(names: Sequence[str], topics: Mapping[str, Topic]) -> tuple[Topic, ...]:
-    """The topics that are named, by the robot's own names for them or by resolved ones."""
     if not names:
         raise ValueError(f"record.topics: [] names no topic; give [{_ALL}], some of {', '.join(topics)}, or "
                          "record.enabled false to record nothing")
@@ -115,16 +118,6 @@ def _chosen(names: Sequence[str], topics: Mapping[str, Topic]) -> tuple[Topic, .
             raise ValueError(f"record.topics: {name!r} is not a topic of the robot; choose from {', '.join(topics)}, "
                              f"or {_ALL}")
     return tuple(dict.fromkeys(by_name[name] for name in names))
-
-
-def _published(publishers: RobotPublishers) -> dict[str, Topic]:
-    return {topic: Topic(publishers.publishers[topic].topic_name, ROBOT_TOPICS[topic], profile.depth, topic in LASTING)
-            for topic, profile in PUBLISHED.items() if topic in publishers.publishers}
-
-
-def _received(names: Mapping[str, str]) -> dict[str, Topic]:
-    types = {**ROBOT_TOPICS, OPERATIONS: OPERATIONS_TYPE}
-    return {name: Topic(resolved, types[name], qos.COMMANDS.depth) for name, resolved in names.items()}
 
 
 class Recording:
@@ -143,6 +136,8 @@ class Recording:
     ----------
     faults : list of str
         Why recordings stopped, in order.
+    latest : Recorder or None
+        The bag that is being written, or was written last; None when there was none.
     """
 
     def __init__(self, plan: Plan, log: RcutilsLogger):
@@ -158,7 +153,7 @@ class Recording:
         self._checkpoint_bytes = plan.storage.segment_size / CHECKPOINTS_A_FILE or math.inf
         self._snapshot: Snapshot | None = None
         self._recorder: Recorder | None = None  # the one that messages go to
-        self._latest: Recorder | None = None
+        self.latest: Recorder | None = None
         self._watched: list[Recorder] = []
         self._dropped = 0
         self._throttle = Throttle(burst=1)
@@ -172,11 +167,6 @@ class Recording:
         for recorder in self._watched:
             recorder.close()
         self.watch()
-
-    @property
-    def latest(self) -> Recorder | None:
-        """The bag that is being written, or was written last; None when there was none."""
-        return self._latest
 
     @property
     def crowded(self) -> bool:
@@ -213,23 +203,19 @@ class Recording:
     def record(self, topic: str | Together, stamp: int, data: bytes) -> None:
         """Queue one message, or several that come together, for the bag: resolved topic name, ROS time [ns], serialised
         message. Never blocks."""
+        recorder, snapshot = self._recorder, self._snapshot
         if isinstance(topic, Together):
-            self._record_together(topic, stamp, data)
+            self._since_checkpoint += len(data)
+            if recorder is not None:
+                recorder.write_together(topic, stamp, data)
+            elif snapshot is not None:
+                for name, message in topic.split(data):
+                    self.record(name, stamp, message)
         elif topic in self._names:
-            recorder, snapshot = self._recorder, self._snapshot
             if recorder is not None:
                 recorder.write(topic, stamp, data)
             elif snapshot is not None:
                 snapshot.write(topic, stamp, data)
-
-    def _record_together(self, together: Together, stamp: int, data: bytes) -> None:
-        recorder = self._recorder
-        self._since_checkpoint += len(data)
-        if recorder is not None:
-            recorder.write_together(together, stamp, data)
-        elif self._snapshot is not None:
-            for topic, message in together.split(data):
-                self.record(topic, stamp, message)
 
     def checkpoint(self, stamp: int, messages: Callable[[], Iterable[tuple[str, bytes]]]) -> None:
         """Record the device's whole state, `messages` of topics and bytes, if the bag needs it; in the stepping thread.
@@ -294,7 +280,7 @@ class Recording:
 
     def summary(self) -> str:
         """Where the last bag is and what is in it, for people."""
-        return f"bag {_contents(self._latest)}" if self._latest else "nothing recorded"
+        return f"bag {_contents(self.latest)}" if self.latest else "nothing recorded"
 
     def _start(self) -> tuple[bool, str]:
         if self._recorder and not self._recorder.ended:
@@ -321,9 +307,7 @@ class Recording:
 
         So callers make the robot write no more than a recording from its start would.
         """
-        if self._snapshot is None:
-            return self._write_snapshot({})
-        ahead = self._saved + self._plan.snapshot * 1e9 - self._snapshot.latest
+        ahead = self._saved + self._plan.snapshot * 1e9 - self._snapshot.latest if self._snapshot else 0
         if self._saved >= 0 and ahead > 0:
             return False, (f"the last snapshot ended less than the {self._plan.snapshot:g} s ago that one holds; ask "
                            f"again in {ahead * 1e-9:.3g} s of robot time: nothing between the two is lost")
@@ -347,7 +331,7 @@ class Recording:
                 recorder = Recorder(folder, (*self._plan.topics, *checkpoint), {**self._plan.metadata, **more},
                                     storage=self._plan.storage, earlier=earlier, lasting=self._lasting)
                 break
-        self._latest, self._dropped = recorder, 0
+        self.latest, self._dropped = recorder, 0
         self._watched.append(recorder)
         return recorder
 

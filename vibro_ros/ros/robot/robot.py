@@ -13,7 +13,7 @@ import json
 import sys
 import time
 import warnings
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 
@@ -63,7 +63,6 @@ from vibro_ros.simulation.preparation import Preparation
 from vibro_ros.simulation.provenance import provenance
 from vibro_ros.simulation.simulator import Simulator, ToleranceWarning
 
-CHECKPOINT_DEPTH = 1
 WATCH = 0.2
 """Longest time [s] from a signal, or a failure of the device or the recording, until the node acts on it."""
 
@@ -119,11 +118,12 @@ def _configure(node: SteadyNode, words: Sequence[str]) -> tuple[dict[str, Value]
 
 def _plan(node: SteadyNode, settings: Mapping[str, Value], scene: Scene, publishers: RobotPublishers) -> Plan:
     """How to record, as far as it is known before the start; whatever is wrong with it is found here."""
-    checkpoint = Topic(f"{node.get_fully_qualified_name()}/{CHECKPOINT}", CHECKPOINT_TYPE, CHECKPOINT_DEPTH)
+    checkpoint = Topic(f"{node.get_fully_qualified_name()}/{CHECKPOINT}", CHECKPOINT_TYPE, qos_depth=1)
     received = {**{name: node.resolve_topic_name(name) for name in COMMAND_UNITS},
                 OPERATIONS: node.resolve_topic_name(f"~/{OPERATIONS}")}
     topics = {**received, **publishers.topics, CHECKPOINT: checkpoint.name}
-    plan = plan_recording(settings, received, publishers, _metadata(settings, scene, topics))
+    metadata = {"scene": str(settings["scene"]), "topics": json.dumps(topics)}  # `provenance` comes with the start
+    plan = plan_recording(settings, received, publishers, metadata)
     if settings["record.enabled"]:
         check_directory(plan.directory)
     return replace(plan, checkpoint=checkpoint, namespace=node.get_namespace())
@@ -145,18 +145,21 @@ def _prepare(node: SteadyNode, settings: Mapping[str, Value], scene: Scene, plan
 
 def _operate(node: SteadyNode, executor: Executor, settings: Mapping[str, Value], device: Simulator,
              publishers: RobotPublishers, plan: Plan, stop: StopRequest) -> int:
-    """Step, publish, record and listen until a signal or a failure."""
     log, parameters = node.get_logger(), {**settings, **device.scene.parameters}
     plan = replace(plan, metadata={**plan.metadata, **provenance(parameters, _now(node, settings))})
     stop.hold()  # before the bag is opened, so that no signal can come between its opening and its sealing
     with open_recording(plan, settings["record.enabled"], log) as recording:
         # not before: commands would wait and come in a burst
         run = _new_run(node, settings, device, publishers, recording)
-        begin = _start(node, settings, run)
+        # the clocks are read last, when all that takes time is done; the bag is open by then
+        run.robot_time.start, begin = _now(node, settings, run), time.monotonic()
+        recording.describe({"start": str(run.robot_time.start)})
         recording.begin_files_with(publishers.begin(run.robot_time.start))
         with Stepping(run, log, begin) as stepping:
+            pause = (f"; paused until ros2 service call {node.get_fully_qualified_name()}/pause std_srvs/srv/SetBool "
+                     "'{data: false}'" if run.operations.paused else "")
             log.info(f"ready: {settings['rate.publish']:g} Hz, real-time factor "
-                     f"{settings['rate.real_time_factor']:g}, {recording.destination()}{_waits(node, run)}")
+                     f"{settings['rate.real_time_factor']:g}, {recording.destination()}{pause}")
             diagnostics = Diagnostics(node, run, stepping, partial(_now, node, settings, run))
 
             def over() -> bool:
@@ -170,7 +173,9 @@ def _operate(node: SteadyNode, executor: Executor, settings: Mapping[str, Value]
             recording.save(stepping.error)
     if stepping.error or recording.faults:
         diagnostics.publish_last()
-    log.info(_summary(run))
+    log.info(f"{recording.summary()}; {run.robot_time.time:.3f} s simulated, {run.pacing.dropped:.3f} s dropped in "
+             f"{run.pacing.stalls} stalls, {run.subscriptions.refused} commands refused, {run.subscriptions.dropped} "
+             "dropped")
     if stepping.error:
         raise stepping.error
     if recording.faults:
@@ -191,36 +196,19 @@ def _new_run(node: SteadyNode, settings: Mapping[str, Value], device: Simulator,
     follow_parameters(node, operations)
     control = SimulationControl(node, operations, robot_time)
     offer_simulation(node, control)
+    clock = None
+    if settings["clock.publish"]:
+        publisher = node.create_publisher(Clock, CLOCK, qos.CLOCK)
+
+        def publish_clock() -> None:
+            """After each sample, so that a controller of any rate has every sample before the time that it is of."""
+            seconds, nanoseconds = divmod(robot_time.stamp, SECOND)
+            publisher.publish(Clock(clock=Time(sec=seconds, nanosec=nanoseconds)))
+
+        clock = publish_clock
     return Run(device, robot_time, pacing, subscriptions, publishers, operations, recording, control,
                timeout=CommandTimeout(settings["command.timeout"]) if settings["command.timeout"] else None,
-               clock=_clock_publisher(node, robot_time) if settings["clock.publish"] else None, lock_step=lock_step)
-
-
-def _clock_publisher(node: Node, robot_time: RobotTime) -> Callable[[], None]:
-    """What publishes the time of the last sample.
-
-    A controller of any rate then finds every sample before the time at which it was taken, and none twice.
-    """
-    publisher = node.create_publisher(Clock, CLOCK, qos.CLOCK)
-
-    def publish() -> None:
-        seconds, nanoseconds = divmod(robot_time.stamp, SECOND)
-        publisher.publish(Clock(clock=Time(sec=seconds, nanosec=nanoseconds)))
-
-    return publish
-
-
-def _summary(run: Run) -> str:
-    """What the run was, for people."""
-    return (f"{run.recording.summary()}; {run.robot_time.time:.3f} s simulated, {run.pacing.dropped:.3f} s dropped in "
-            f"{run.pacing.stalls} stalls, {run.subscriptions.refused} commands refused, {run.subscriptions.dropped} "
-            "dropped")
-
-
-def _waits(node: Node, run: Run) -> str:
-    """What a robot that starts paused waits for, for people."""
-    return (f"; paused until ros2 service call {node.get_fully_qualified_name()}/pause std_srvs/srv/SetBool "
-            "'{data: false}'" if run.operations.paused else "")
+               clock=clock, lock_step=lock_step)
 
 
 def _now(node: Node, settings: Mapping[str, Value], run: Run | None = None) -> int:
@@ -228,21 +216,6 @@ def _now(node: Node, settings: Mapping[str, Value], run: Run | None = None) -> i
     if settings["clock.publish"]:
         return run.robot_time.stamp if run else 0
     return node.get_clock().now().nanoseconds
-
-
-def _start(node: Node, settings: Mapping[str, Value], run: Run) -> float:
-    """Let robot time 0 be now; the instant by the monotonic clock [s].
-
-    The clocks are read last, when all that takes time is done; the bag is open by then and hears of it now.
-    """
-    run.robot_time.start, begin = _now(node, settings, run), time.monotonic()
-    run.recording.describe({"start": str(run.robot_time.start)})
-    return begin
-
-
-def _metadata(settings: Mapping[str, Value], scene: Scene, topics: Mapping[str, str]) -> dict[str, str]:
-    """What the bag says of itself beside its `provenance`: `scene`, and the `topics` by the robot's own names."""
-    return {"scene": str(settings["scene"]), "topics": json.dumps(topics)}
 
 
 def _parser() -> Parser:

@@ -105,17 +105,6 @@ class Run:
     clock: Callable[[], None] | None = None
     lock_step: LockStep | None = None
 
-    def keep_checkpoint(self) -> None:
-        """Offer the bag, which seldom wants it, the device's whole state, and first the parameters that changed."""
-        self.recording.checkpoint(self.robot_time.stamp, self._checkpoint)
-
-    def _checkpoint(self) -> Iterator[tuple[str, bytes]]:
-        if changes := self.operations.changes():
-            yield self.operations.topic, changes
-        state = Float64MultiArray(data=array("d", self.device.checkpoint()))
-        yield self.recording.checkpoint_topic, serialize_message(state)
-
-
 class Stepping:
     """Advances the device tick by tick in its own thread, takes what has arrived before and publishes after each.
 
@@ -160,51 +149,41 @@ class Stepping:
         self._run.operations.woken.set()
         self._thread.join()
 
-    @property
-    def ticks(self) -> int:
-        """Steps taken."""
-        return self._run.robot_time.ticks
-
     def _step_until_stopped(self) -> None:
         try:
-            self._step()
+            self._run.pacing.start(self._begin)
+            self._publish()
+            while self._wait():
+                begun = time.perf_counter()
+                self._run.device.advance_to(self._run.robot_time.due_of_device)
+                self._run.robot_time.ticks += 1
+                self.busy += time.perf_counter() - begun
+                self.unloaded += self._publish().item(NORMAL_FORCE) <= 0.0
+                self._run.operations.count_sample()
         except Exception as error:  # the main thread says it, after it has sealed the bag
             self.error = error
         finally:
             self._run.operations.end(OVER)
 
-    def _step(self) -> None:
-        self._run.pacing.start(self._begin)
-        self._publish()
-        while self._wait():
-            begun = time.perf_counter()
-            self._run.device.advance_to(self._run.robot_time.due_of_device)
-            self._run.robot_time.ticks += 1
-            self.busy += time.perf_counter() - begun
-            self.unloaded += self._publish().item(NORMAL_FORCE) <= 0.0
-            self._run.operations.count_sample()
-
     def _wait(self) -> bool:
         """Wait until the next sample may be taken, while what arrives is given to the device; False at the end."""
+        run = self._run
         while not self._stopped.is_set():
             if self._is_held():
-                self._stand_still()
+                if not run.operations.woken.wait(LONGEST_SLEEP) and run.clock:
+                    run.clock()  # again, for nodes that have just begun to listen
+                run.operations.woken.clear()
             elif self._waits_for_bag():
                 self._stopped.wait(FOR_BAG)
-            elif not self._run.operations.paused:
-                dropped = self._run.pacing.wait_until(self._run.robot_time.due, self._interrupted)
-                if dropped:
-                    self._report_stall(dropped)
+            elif not run.operations.paused:
+                dropped = run.pacing.wait_until(run.robot_time.due, self._interrupted)
+                stall = f"stalled: {dropped:.3f} s of simulated time dropped, {run.pacing.dropped:.3f} s in all"
+                if dropped and (text := self._throttle.admit(stall)):
+                    self._log.warning(text)
             self._take()
             if not self._is_held() and not self._waits_for_bag():
                 return not self._stopped.is_set()
         return False
-
-    def _stand_still(self) -> None:
-        """Wait a little for a request; repeat the time on /clock, for nodes that have just begun to listen."""
-        if not self._run.operations.woken.wait(LONGEST_SLEEP) and self._run.clock:
-            self._run.clock()
-        self._run.operations.woken.clear()
 
     def _interrupted(self) -> bool:
         """Take what has arrived; whether the wait for the next sample is over."""
@@ -217,7 +196,7 @@ class Stepping:
     def _waits_for_bag(self) -> bool:
         """Whether the disk is to come first, because no clock asks for the next sample."""
         run = self._run
-        return (run.operations.paused or not run.pacing.follows_clock) and run.recording.crowded
+        return (run.operations.paused or not run.pacing.factor) and run.recording.crowded
 
     def _take(self) -> None:
         """Give the device what has arrived, and look after a motor that nobody commands."""
@@ -230,20 +209,21 @@ class Stepping:
             run.operations.stop_motor()
             self._log.warning(run.timeout.words)
 
-    def _report_stall(self, dropped: float) -> None:
-        text = self._throttle.admit(
-            f"stalled: {dropped:.3f} s of simulated time dropped, {self._run.pacing.dropped:.3f} s in all")
-        if text:
-            self._log.warning(text)
-
     def _publish(self) -> np.ndarray:
-        """Publish and record the sample of this instant, and return its values."""
         run, values = self._run, self._run.device.values
         run.publishers.publish(values, run.device.take_events(), run.robot_time.stamp, run.robot_time.stamp_of,
-                            run.recording.record)
-        run.keep_checkpoint()
+                               run.recording.record)
+        run.recording.checkpoint(run.robot_time.stamp, self._checkpoint)
         if run.clock:
             run.clock()
         if run.lock_step:
             run.lock_step.ask()
         return values
+
+    def _checkpoint(self) -> Iterator[tuple[str, bytes]]:
+        """The device's whole state, and before it the parameters that changed; the bag seldom asks for them."""
+        run = self._run
+        if changes := run.operations.changes():
+            yield run.operations.topic, changes
+        state = Float64MultiArray(data=array("d", run.device.checkpoint()))
+        yield run.recording.checkpoint_topic, serialize_message(state)

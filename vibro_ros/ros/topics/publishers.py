@@ -66,10 +66,17 @@ class RobotPublishers:
     """
 
     def __init__(self, node: Node, scene: Scene, prefix: str = "", transforms: str = NONE):
-        self.frames = _frames(node, scene, prefix, transforms)
+        self.frames: Frames | None = None
+        if transforms != NONE:
+            try:
+                message_class(ROBOT_TOPICS["tf"])
+                self.frames = Frames(scene, prefix, transforms)
+            except ValueError as error:
+                node.get_logger().info(f"no tf: {error}")
+        left_out = TF_TOPICS if self.frames is None else () if self.frames.fixed else ("tf_static",)
         self.publishers: dict[str, Publisher] = {
             topic: node.create_publisher(message_class(ROBOT_TOPICS[topic]), published_name(topic), profile)
-            for topic, profile in PUBLISHED.items() if topic not in _left_out(self.frames)
+            for topic, profile in PUBLISHED.items() if topic not in left_out
         }
         self._prefix, names, warn = prefix, self.topics, node.get_logger().warning
         self._description = serialize_message(filled("robot_description", fields.fill_robot_description, scene))
@@ -127,7 +134,11 @@ class RobotPublishers:
         record : callable
             The bag.
         """
-        numbers = self._numbers_of(values)
+        numbers = values
+        if self.frames is not None:
+            numbers = self._numbers
+            numbers[:len(FIELDS)] = values
+            numbers[len(FIELDS):] = self.frames.turns(values.item(CRANK_ANGLE))
         self._sheet.fill(numbers, stamp)
         for publisher, message in self._filled:
             publisher.publish(message.tobytes())
@@ -135,22 +146,14 @@ class RobotPublishers:
         for topic, make in self._made:
             self._publish(topic, serialize_message(make(numbers.tolist(), stamp)), stamp, record)
         for time, kind, _, peak_force, _ in events.tolist():
-            if kind in PLATES:
-                self._publish("impacts", self._impact_bytes(kind, peak_force, stamp_of(time)), stamp, record)
-
-    def _numbers_of(self, values: np.ndarray) -> np.ndarray:
-        """The sample's values, and the numbers of tf that are no field of it."""
-        if self.frames is None:
-            return values
-        self._numbers[:len(FIELDS)] = values
-        self._numbers[len(FIELDS):] = self.frames.turns(values.item(CRANK_ANGLE))
-        return self._numbers
-
-    def _impact_bytes(self, kind: str, peak_force: float, began: int) -> bytes:
-        if sheet := self._impact_sheets.get(kind):
-            sheet.fill(np.array([peak_force]), began)
-            return sheet.messages[0].tobytes()
-        return serialize_message(_impact(self._prefix, kind, [peak_force], began))
+            if kind not in PLATES:
+                continue
+            if sheet := self._impact_sheets.get(kind):
+                sheet.fill(np.array([peak_force]), stamp_of(time))
+                data = sheet.messages[0].tobytes()
+            else:
+                data = serialize_message(_impact(self._prefix, kind, [peak_force], stamp_of(time)))
+            self._publish("impacts", data, stamp, record)
 
     def _publish(self, topic: str, data: bytes, stamp: int, record: Record) -> None:
         publisher = self.publishers[topic]
@@ -217,23 +220,4 @@ def _transforms(frames: Frames, numbers: Sequence[float], stamp: int) -> Any:
 
 
 def _impact(prefix: str, kind: str, numbers: Sequence[float], stamp: int) -> Any:
-    """The message of a contact of this kind, from its peak force."""
     return filled("impacts", fields.fill_impact, {"kind": kind, "peak_force": numbers[0]}, stamp, prefix)
-
-
-def _frames(node: Node, scene: Scene, prefix: str, published: str) -> Frames | None:
-    if published == NONE:
-        return None
-    try:
-        message_class(ROBOT_TOPICS["tf"])
-    except ValueError as error:
-        node.get_logger().info(f"no tf: {error}")
-        return None
-    return Frames(scene, prefix, published)
-
-
-def _left_out(frames: Frames | None) -> tuple[str, ...]:
-    """The topics that a robot with these frames does not have."""
-    if frames is None:
-        return TF_TOPICS
-    return () if frames.fixed else ("tf_static",)
