@@ -87,7 +87,7 @@ class RosTime:
             self._first = self._latest = now
         if now < self._latest:
             raise RuntimeError(
-                f"{self._topic()} jumped back from {_seconds(self._latest)} to {_seconds(now)} s: a reset simulation, "
+                f"{self._topic()} jumped back from {self._latest / 1e9:.9g} to {now / 1e9:.9g} s: a reset simulation, "
                 "or two clocks at once; leave one publisher there, and play the script again")
         if now > self._latest:
             self._latest, self._progress, self._said = now, time.monotonic(), False
@@ -104,7 +104,7 @@ class RosTime:
             return
         self._said = True
         if self._node.clock_heard:
-            text = f"ROS time stands still at {_seconds(self._latest)} s: the simulation is paused, or gone"
+            text = f"ROS time stands still at {self._latest / 1e9:.9g} s: the simulation is paused, or gone"
         elif self._node.count_publishers(self._topic()):
             text = f"use_sim_time: no time on {self._topic()} so far: the simulation is paused"
         else:
@@ -122,10 +122,6 @@ Timeline = WallTime | RosTime
 def timeline(node: SteadyNode) -> Timeline:
     """The time in which `node` plays."""
     return RosTime(node) if node.get_clock().ros_time_is_active else WallTime()
-
-
-def _seconds(nanoseconds: int) -> str:
-    return f"{nanoseconds / 1e9:.9g}"
 
 
 class Player:

@@ -34,7 +34,7 @@ _OVER_GROUND = "speed_over_ground"
 
 def shipped_scripts() -> tuple[str, ...]:
     """Names of the scripts that come with the package."""
-    return tuple(sorted(path.stem for path in _shipped_folder().glob("*.yaml")))
+    return tuple(sorted(path.stem for path in (config_folder() / "controller").glob("*.yaml")))
 
 
 def find_script(name_or_path: str) -> Path:
@@ -46,15 +46,11 @@ def find_script(name_or_path: str) -> Path:
         When there is neither.
     """
     if name_or_path in shipped_scripts():
-        return _shipped_folder() / f"{name_or_path}.yaml"
+        return config_folder() / "controller" / f"{name_or_path}.yaml"
     if not os.path.isfile(name_or_path):  # which is false, not an error, for a name that no file can have
         missing = f"{name_or_path}: no such script" if name_or_path else "no script given"
         raise ValueError(f"{missing}; give a path or one of {', '.join(shipped_scripts())}")
     return Path(name_or_path)
-
-
-def _shipped_folder() -> Path:
-    return config_folder() / "controller"
 
 
 def read_script(path: Path, command_map: CommandMap | None = None) -> Script:

@@ -61,7 +61,10 @@ def node_running(name: str, words: Sequence[str]) -> Iterator[tuple[SteadyNode, 
         rclpy.try_shutdown()
         if not isinstance(error, RuntimeError | InvalidNodeNameException | InvalidNamespaceException):
             raise
-        raise ValueError(f"ROS refuses the arguments: {_first_sentence(error)}") from error
+        text = str(error).removeprefix("failed to initialize rcl: ")
+        sentence = text.split(", at /")[0].split(". Error: ")[0].splitlines()[0]  # without the places in rcl's source
+        said = "; ".join([sentence, *(remedy for about, remedy in REMEDIES.items() if about in sentence)])
+        raise ValueError(f"ROS refuses the arguments: {said}") from error
     finally:
         set_logger_level("rcl", LoggingSeverity.UNSET)
     if fault:
@@ -121,10 +124,3 @@ def _log_folder_fault() -> str:
     except OSError as error:
         return f"{folder}: {error.strerror}"
     return ""
-
-
-def _first_sentence(error: Exception) -> str:
-    """The part of an rcl message that a user can act on, without the places in rcl's source; and the remedy."""
-    text = str(error).removeprefix("failed to initialize rcl: ")
-    sentence = text.split(", at /")[0].split(". Error: ")[0].splitlines()[0]
-    return "; ".join([sentence, *(remedy for words, remedy in REMEDIES.items() if words in sentence)])

@@ -84,11 +84,13 @@ class Diagnostics:
             DiagnosticStatus.OK, "paused" if self._run.operations.paused else "running")
         if self._stepping.error:
             level, text = DiagnosticStatus.ERROR, str(self._stepping.error)
+        late = self._run.pacing.take_lateness()  # nothing of a device that never waits
+        of_ticks = zip(("median", "p99", "max"), np.quantile(late, (0.5, 0.99, 1.0)), strict=True) if late else ()
         values = {
             "simulated time [s]": f"{self._run.robot_time.time:.6f}",
             "real-time factor": f"{change['simulated'] / wall:.4f}",
             "missed deadlines": f"{self._run.pacing.missed}",
-            **self._lateness(),
+            **{f"lateness {name} [us]": f"{1e6 * value:.1f}" for name, value in of_ticks},
             "dropped time [s]": f"{self._run.pacing.dropped:.6f}",
             "stalls": f"{self._run.pacing.stalls}",
             "cost of a step [us]": f"{1e6 * change['busy'] / max(change['ticks'], 1):.1f}",
@@ -112,14 +114,6 @@ class Diagnostics:
         if residual is not None:
             values["energy residual [J]"] = f"{residual:.3e}"
         return self._status("simulation", level, text, values)
-
-    def _lateness(self) -> dict[str, str]:
-        """How late the ticks since the last report began; nothing of a device that never waits."""
-        late = self._run.pacing.take_lateness()
-        if not late:
-            return {}
-        of_ticks = zip(("median", "p99", "max"), np.quantile(late, (0.5, 0.99, 1.0)), strict=True)
-        return {f"lateness {name} [us]": f"{1e6 * value:.1f}" for name, value in of_ticks}
 
     def _recorder(self) -> DiagnosticStatus:
         recording, recorder = self._run.recording, self._run.recording.latest

@@ -176,10 +176,11 @@ class Stepping:
             elif self._waits_for_bag():
                 self._stopped.wait(FOR_BAG)
             elif not run.operations.paused:
-                dropped = run.pacing.wait_until(run.robot_time.due, self._interrupted)
-                stall = f"stalled: {dropped:.3f} s of simulated time dropped, {run.pacing.dropped:.3f} s in all"
-                if dropped and (text := self._throttle.admit(stall)):
-                    self._log.warning(text)
+                if dropped := run.pacing.wait_until(run.robot_time.due, self._interrupted):
+                    text = self._throttle.admit(f"stalled: {dropped:.3f} s of simulated time dropped, "
+                                                f"{run.pacing.dropped:.3f} s in all")
+                    if text:
+                        self._log.warning(text)
             self._take()
             if not self._is_held() and not self._waits_for_bag():
                 return not self._stopped.is_set()
