@@ -108,11 +108,11 @@ def main(words: Sequence[str]) -> int:
         raise ValueError(f"--runs {options.runs} --reach {options.reach:g}: give a run at least, and no reach of 0")
     scene = load_scene(options.scene).with_parameters({"effects.motor": "ramp", "motor.speed": 0.0})
     compile_kernels(scene["solver.method"])
-    print(f"| hold | mean of {options.runs} runs [mm/s] | standard deviation | furthest off | missed |")
+    print(f"| hold | mean of {options.runs} runs [mm/s] | standard deviation | largest error | missed |")
     print("|---|---|---|---|---|")
     for share in SHARES:
         print(_held(scene, share * options.reach, options.reach, options.runs), flush=True)
-    print("\n| go | within | furthest off [mm] | time: median [s] | longest [s] | missed |\n|---|---|---|---|---|---|")
+    print("\n| go | within | largest error [mm] | time: median [s] | longest [s] | missed |\n|---|---|---|---|---|---|")
     for way in WAYS:
         for within in (WITHIN, 0.001):
             print(_reached(scene, way, within, options.reach, options.runs), flush=True)
