@@ -146,7 +146,10 @@ class _Description:
         law = f"N exp(-|x'|/{self._scene['ground.stribeck_speed']:g})"
         for m, state in enumerate(self._ground.states):
             falling = float(decayed @ friction[m])
-            factor = ratio(friction[m] - falling * decayed, normal)
+            form, size = friction[m] - falling * decayed, float(normal @ normal)
+            factor: float | None = float(form @ normal) / size if size else 0.0
+            if abs(form - factor * normal).max() > _ROUNDING * abs(form).max():
+                factor = None  # no multiple of N: friction balances the other forces
             sliding = [(part, symbol) for part, symbol in ((factor, "N"), (falling, law)) if part]
             yield f"F_fr = {self._ground.driving_symbol if factor is None else _sum(sliding)}    while {state}"
 
@@ -299,13 +302,6 @@ class Symbols:
             i, mass, plate = self._guides.index(side), MASS[side], PLATE[side]
             yield at.position(i), at.ramp(k), f"({mass} - {plate})"
             yield at.velocity(i), at.ramp_rate(k), f"({mass}' - {plate}')"
-
-
-def ratio(form: Form, other: Form) -> float | None:
-    """The factor c with form = c `other`, exactly or to rounding; None if there is no such factor."""
-    size = float(other @ other)
-    factor = float(form @ other) / size if size else 0.0
-    return factor if abs(form - factor * other).max() <= _ROUNDING * abs(form).max() else None
 
 
 def _sum(terms: Iterable[tuple[float, str]]) -> str:

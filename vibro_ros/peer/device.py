@@ -107,10 +107,6 @@ class Peer:
             return hy.t_event(guard, callback=act)
         return hy.t_event(guard, callback=act, cooldown=0.0)
 
-    def run(self, duration: float, rate: float) -> PeerRun:
-        """Run from the start for `duration` [s], sampled `rate` times a second."""
-        return self.integrate(np.arange(round(duration * rate) + 1) / rate)
-
     def integrate(self, times: np.ndarray, commands: Iterable[tuple[float, Mapping[str, float]]] = ()) -> PeerRun:
         """Run from the start.
 
