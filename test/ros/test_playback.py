@@ -86,7 +86,7 @@ def test_an_abort_stops_the_motor(commanded, start, bench):
     (["--rate", "fast"], "argument --rate: fast is no number above 0; give one"),
     (["--all-topics", "--wait", "2"], "--wait 2: --all-topics waits for nobody; leave one of the two out"),
     (["--nonsense"], "unrecognized arguments: --nonsense; `replay --publish --help` shows what there is"),
-    (["--ros-args", "-p", "speed"], "-p speed: not a parameter"),
+    (["--ros-args", "-p", "speed"], "parameter override rule: '-p speed'"),
 ])
 def test_bad_arguments_of_a_playback_are_refused(recorded, words, reason):
     with pytest.raises(ValueError, match=re.escape(reason)):
