@@ -375,7 +375,8 @@ def special_points(before: BranchPoint, after: BranchPoint) -> Iterator[SpecialP
     """
     orders = before.passage.order, after.passage.order
     if not same_order(*orders):
-        change = change_in_words(*orders) + "; the branch turns back" * (before.tangent[-1] * after.tangent[-1] < 0.0)
+        turns_back = before.tangent[-1] * after.tangent[-1] < 0.0
+        change = change_in_words(*orders) + ("; the branch turns back" if turns_back else "")
         if contacts_of(orders[0]) != contacts_of(orders[1]):
             yield SpecialPoint(GRAZING, before, before.width, change)
         elif not _is_smooth(before, after):
