@@ -5,6 +5,7 @@ as equidistant speeds, may miss part of it. A start is therefore drawn: three st
 random length and with a random motor speed and random gaps, all from a generator of its own number.
 """
 
+from contextlib import closing
 from dataclasses import dataclass
 from functools import partial
 
@@ -48,8 +49,9 @@ def speeds_of_starts(scene: Scene, duration: float, starts: int, batch: int = 0)
         If a run cannot go on.
     """
     provide_kernels(scene["solver.method"])  # once for all that are forked
-    jobs = in_processes(partial(speed_of_start, scene, duration, batch), range(starts), core_count())
-    return np.array([job.outcome() for job in jobs])
+    found = in_processes(partial(speed_of_start, scene, duration, batch), range(starts), core_count())
+    with closing(found) as jobs:  # else a raised error would keep the workers until it is collected
+        return np.array([job.outcome() for job in jobs])
 
 
 def speed_of_start(scene: Scene, duration: float, batch: int, number: int) -> float:
