@@ -10,7 +10,7 @@ from PIL import Image
 
 import vibro_ros
 from tools import animation
-from tools.mechanism import FREE_LENGTH, HUB_HEIGHT, MASS_HEIGHT, Mechanism
+from tools.mechanism import HUB_HEIGHT, Mechanism
 
 PICTURE = Path(__file__).resolve().parents[2] / "docs" / "robot.gif"
 
@@ -48,21 +48,6 @@ def test_crank_and_rods_have_their_lengths_and_meet(drawn, device):
         assert rod[0] == pytest.approx(crank[1], abs=1e-9)
 
 
-def test_masses_are_where_the_simulation_has_them(drawn, device):
-    """A mass's lower face is its position plus the drawn length of its spring, along its guide."""
-    state = device.state
-    for colour, position, angle in (("upper", state.upper_position, 0.0),
-                                    ("inclined", state.inclined_position, device.scene["guide.angle"])):
-        body = [patch for patch in drawn.patches
-                if patch.get_facecolor()[:3] == pytest.approx(_rgb(colour)) and patch.get_height() == MASS_HEIGHT]
-        assert len(body) == 1
-        to_data = body[0].get_transform() - drawn.transData
-        foot = to_data.transform([0.0, body[0].get_y()])
-        along = position * 1e3 + FREE_LENGTH
-        expected = [state.body_position * 1e3 - along * np.sin(angle), along * np.cos(angle)]
-        assert foot == pytest.approx(expected, abs=1e-9)
-
-
 def test_the_whole_robot_hops(device):
     """What stands in the air in the simulation stands in the air in the picture, to scale."""
     scene = vibro_ros.load_scene("device").with_parameters({"motor.speed": 100.0})
@@ -79,24 +64,6 @@ def test_the_whole_robot_hops(device):
         lowest.append(corners[:, 1].min() + HUB_HEIGHT)
         assert lowest[-1] == pytest.approx(hopping.state.body_height * 1e3, abs=1e-9)
     assert max(lowest) > 5.0 and min(lowest) == pytest.approx(0.0, abs=1e-9)
-
-
-def _rgb(side):
-    return tuple(int(animation.COLOURS[side][k:k + 2], 16) / 255 for k in (1, 3, 5))
-
-
-def test_a_frame_lights_the_plates_that_were_struck_just_before(monkeypatch):
-    lights = []
-    monkeypatch.setattr(animation, "FRAMES_PER_TURN", 8)
-    monkeypatch.setattr(Mechanism, "show", lambda self, state, glow: lights.append((state.time, glow)))
-    shown = animation.Animation("damped", turns=1)
-    assert sum(1 for _ in shown.images()) == shown.frames == len(lights)
-    scene = vibro_ros.load_scene("damped")
-    events = vibro_ros.simulate(scene, times=[0.0, lights[-1][0]]).events
-    for time, glow in lights:
-        for side, brightness in glow.items():
-            struck = events["time"][(events["kind"] == f"{side}_contact") & (events["time"] <= time)]
-            assert (brightness > np.exp(-1.0)) == (time - struck.max() < animation.GLOW), (time, side)
 
 
 def test_the_committed_gif_moves_and_is_small():

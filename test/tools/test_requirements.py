@@ -18,11 +18,8 @@ ROSDEP_KEYS = {"PIL": "python3-pil", "mcap": "python3-mcap-pip", "rosbags": "pyt
                "llvmlite": "python3-numba", "lz4": "python3-rosbags-pip"}  # these two are brought by others
 ROSDEP_KEYS |= {name: f"python3-{name}" for name in ("matplotlib", "numba", "numpy", "scipy", "tornado", "tqdm")}
 LOCKS = ("requirements.txt", "requirements-bench.txt", "requirements-browser.txt", "requirements-study.txt")
-# Of the extras `bench`, `study`, `cluster` and `test`; only the rooms peer, study and project import them.
-NO_ROSDEP_KEY = {"heyoka", "SALib", "cma", "distributed", "playwright", "PySide6", "pyarrow"}
-# Dependencies of rclpy's wheels; only `make setup` imports them, which a ROS installation does not call.
-GENERATORS = {"rosidl_adapter", "rosidl_generator_c", "rosidl_generator_py", "rosidl_generator_type_description",
-              "rosidl_typesupport_c", "rosidl_typesupport_fastrtps_c", "rosidl_typesupport_introspection_c"}
+# Of the extras `bench`, `study`, `cluster` and `test`; only the rooms peer and study import them.
+NO_ROSDEP_KEY = {"heyoka", "SALib", "cma", "distributed", "pyarrow"}
 
 
 def canonical(name: str) -> str:
@@ -76,7 +73,7 @@ def test_package_xml_is_valid_and_names_what_is_imported():
     assert warnings == []
     assert package.package_format == 3
     declared = {dependency.name for dependency in package.exec_depends}
-    imported = foreign_imports() - NO_ROSDEP_KEY - GENERATORS
+    imported = foreign_imports() - NO_ROSDEP_KEY
     assert {ROSDEP_KEYS.get(name, name) for name in imported} - declared == set()
 
 
