@@ -210,7 +210,7 @@ class Motion:
         numbers = np.concatenate([np.ravel(part) for part in self.lasting()])
         endless = np.count_nonzero(~(np.abs(numbers) <= _LARGEST))
         return (all(low <= place < high for place, low, high in places) and all(map(math.isfinite, moving))
-                and endless == (segment["cell_left"] == math.inf)  # of a crank that stands
+                and endless == (segment["cell_left"] > _LARGEST)  # of a crank that stands, or nearly so
                 and abs(self.time - segment["start"]) <= 2.0 * LONGEST_SEGMENT
                 and abs(segment["residue"]) <= LONGEST_SEGMENT and abs(segment["next_event"]) <= 1.0)
 
