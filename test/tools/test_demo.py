@@ -152,7 +152,7 @@ def test_the_page_is_there_and_one_interrupt_ends_all(tool, tmp_path):
     with urlopen(re.search(r"http://\S+", one.text)[0], timeout=PATIENCE) as page:
         assert b"/vibro_robot" in page.read()
     children = one.children()
-    assert set(children) == {"live_view", "robot"}
+    assert set(children) == {"view", "robot"}
     os.killpg(one.process.pid, signal.SIGINT)
     assert one.end() == 0, one.text
     assert not any(Path(f"/proc/{pid}").exists() for pid in children.values())
