@@ -13,6 +13,7 @@ from rcl_interfaces.srv import GetParameters, SetParameters, SetParametersAtomic
 from rclpy.qos import QoSProfile
 from rclpy.serialization import deserialize_message
 from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from std_srvs.srv import SetBool, Trigger
 
@@ -66,9 +67,13 @@ def test_a_run_through_every_operation_has_no_stamp_twice_and_replays_to_the_las
     operator.wait_for_robot()
     assert "not paused" in call(Trigger, "step").message
     operator.spin_for_samples(40)
-    assert done(call(SetBool, "pause", data=True)).startswith("paused at")
+    answer = done(call(SetBool, "pause", data=True))
+    assert answer.startswith("paused at")
     done(call(SetBool, "pause", data=True))
-    bench.spin_until(lambda: len(operator.heard["odom"]) == len(operator.heard["motor_power"]), "the last sample")
+    angle = 100.0 * float(answer.split()[2])  # [rad] of the crank then: it has turned at 100 rad/s from the start
+    bench.spin_until(lambda: abs(operator.joint("crank")[0] - angle) < 1e-3, "the joints of the last sample")
+    last = deserialize_message(operator.heard["joint_states"][-1], JointState).header.stamp
+    bench.spin_until(lambda: operator.odom().header.stamp == last, "the odometry of the last sample")
     before = len(operator.heard["odom"])
     operator.command(motor_speed=120.0)  # of the same instant as the pause
     for _ in range(3):
