@@ -91,7 +91,7 @@ def test_the_page_of_a_running_robot(start, published, view, open_page, bench):
 def shows_what_was_published(page, view, published) -> None:
     with view.address.visit() as visit:
         origin = int(visit.wait_for("robot")["origin"])
-    frames = drawn_frames(page, 40)
+    frames = drawn_frames(page, 120)  # of the browser; the view hears the robot 30 times a second
     assert len({frame["time"] for frame in frames}) >= 20
     published.hear_until(origin + round(frames[-1]["time"] * 1e9))
     for frame in frames:
