@@ -263,6 +263,25 @@ def test_an_iterator_that_is_dropped_leaves_nothing_running():
     assert time.monotonic() - began < 20.0
 
 
+INTERRUPTED_FORK = """
+import os, signal
+from vibro_ros.process import stop_signals
+from vibro_ros.simulation.processes import in_processes
+stop_signals.end_at_once("study")
+stop_signals.interrupt_what_runs()
+os.register_at_fork(before=lambda: os.kill(os.getpid(), signal.SIGINT))
+try:
+    list(in_processes(abs, range(3), 2))
+except KeyboardInterrupt:
+    print("interrupted")
+"""
+
+
+def test_a_stop_signal_in_a_hook_of_a_fork_is_not_lost():
+    run = subprocess.run([sys.executable, "-c", INTERRUPTED_FORK], capture_output=True, text=True, timeout=60.0)
+    assert (run.returncode, run.stdout) == (0, "interrupted\n"), run.stderr
+
+
 def test_workers_end_with_a_parent_that_is_killed(tmp_path):
     program = ("import itertools, os, signal, multiprocessing, vibro_ros\n"
                "scenes = itertools.repeat(vibro_ros.load_scene('no_impact'))\n"

@@ -255,14 +255,13 @@ def test_a_command_reaches_the_robot_once_and_a_stranger_s_never(start, view, be
 def test_a_page_that_does_not_read_costs_the_others_nothing(start, view):
     start("robot", "--ros-args", "-p", "rate.publish:=1000.0", "-p", "motor.speed:=100.0",
           "-p", "record.enabled:=false")
-    with view.address.visit() as reading, view.address.visit(receive_buffer=4096) as deaf:
+    with view.address.visit() as reading:
         reading.wait_for("robot", patience=60.0)
-        samples = samples_heard(reading, 500)
-        before = view.memory
-        samples += samples_heard(reading, 5000)
-        assert samples >= 5500
-        assert view.memory - before < 8.0  # MB; what was not read of 5 s is 2 MB, as a list of numbers ten times that
-        del deaf
+        samples_heard(reading, 3000)  # the view has the robot's scene and a few diagnostics, and no more to allocate
+        with view.address.visit(receive_buffer=4096):
+            before = view.memory
+            assert samples_heard(reading, 5000) >= 5000
+            assert view.memory - before < 8.0  # MB; what was not read of 5 s is 2 MB, as numbers in lists ten times that
     assert is_served(view)
 
 

@@ -8,8 +8,8 @@ other ROS nodes do. SIGQUIT (Ctrl-\\) always ends the process where it stands.
 import os
 import signal
 import sys
-from collections.abc import Callable
-from functools import partial
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from types import FrameType
 
 from vibro_ros.process.executables import shows_live_robot
@@ -77,6 +77,8 @@ class Process:
         Stop signals that were not ignored when the process began.
     signal : int or None
         Number of the signal that interrupted the process first.
+    defers : bool
+        Whether the interruption waits for the end of `interrupted_afterwards`.
     """
 
     def __init__(self):
@@ -85,6 +87,7 @@ class Process:
         self.stage = " while starting"
         self.heard = _STOP_SIGNALS
         self.signal: int | None = None
+        self.defers = False
 
     def code_after(self, number: int) -> int:
         """Exit code of a process that the signal `number` ends."""
@@ -104,7 +107,8 @@ class Process:
         if self.signal is not None:
             self.leave(number, frame)
         self.signal = number
-        raise KeyboardInterrupt
+        if not self.defers:
+            raise KeyboardInterrupt
 
 
 process = Process()
@@ -118,8 +122,6 @@ def end_at_once(program: str) -> None:
     process.heard = tuple(number for number in _STOP_SIGNALS
                           if number != signal.SIGHUP or signal.getsignal(number) is not signal.SIG_IGN)
     _on_stop_signals(process.leave)
-    os.register_at_fork(before=partial(signal.pthread_sigmask, signal.SIG_BLOCK, _STOP_SIGNALS),
-                        after_in_parent=_unblock, after_in_child=_give_signals_back)
 
 
 def interrupt_what_runs() -> None:
@@ -137,18 +139,19 @@ def interrupted_code() -> int:
     return process.code_after(process.signal or signal.SIGINT)
 
 
-def _give_signals_back() -> None:
-    """In a forked process, which others end by signals: let them do what they usually do.
+@contextmanager
+def interrupted_afterwards() -> Iterator[None]:
+    """Raise the KeyboardInterrupt of a stop signal that comes inside at the end.
 
-    Blocked while it forks, because a signal in between would find no handler of Python's and be lost.
+    For code that calls back from where Python can only ignore an exception, such as the hooks of a fork.
     """
-    _on_stop_signals(signal.SIG_DFL)
-    signal.signal(signal.SIGINT, signal.default_int_handler)
-    _unblock()
-
-
-def _unblock() -> None:
-    signal.pthread_sigmask(signal.SIG_UNBLOCK, _STOP_SIGNALS)
+    before, process.defers = process.signal, True
+    try:
+        yield
+    finally:
+        process.defers = False
+    if process.signal != before:
+        raise KeyboardInterrupt
 
 
 def _on_stop_signals(receive: Callable[[int, FrameType | None], object] | signal.Handlers) -> None:

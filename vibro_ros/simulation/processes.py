@@ -18,6 +18,8 @@ from dataclasses import dataclass
 from multiprocessing.connection import Connection, wait
 from typing import Any
 
+from vibro_ros.process.stop_signals import interrupted_afterwards
+
 #: Items a process that may be ahead of the result that is due.
 AHEAD = 4
 #: Results [B] that may wait for an earlier one that is still under way, beyond `AHEAD`: where one item takes as long as
@@ -186,7 +188,8 @@ class _Worker:
         self.pipe, far = _FORK.Pipe()
         self.process = _FORK.Process(target=_work, args=(far, [*others, self.pipe], function), daemon=True,
                                      name="vibro_ros worker")
-        self.process.start()
+        with interrupted_afterwards():
+            self.process.start()
         far.close()
 
     def give(self, job: Job) -> None:
