@@ -261,7 +261,7 @@ def test_a_page_that_does_not_read_costs_the_others_nothing(start, view):
         with view.address.visit(receive_buffer=4096):
             before = view.memory
             assert samples_heard(reading, 5000) >= 5000
-            assert view.memory - before < 8.0  # MB; what was not read of 5 s is 2 MB, as numbers in lists ten times that
+            assert view.memory - before < 8.0  # MB: what is not read of 5 s is 2 MB, as lists of numbers ten times that
     assert is_served(view)
 
 
