@@ -5,6 +5,7 @@ import sys
 
 import numpy as np
 import pytest
+from rosbags.typesys import Stores, get_typestore
 
 import vibro_ros
 from vibro_ros.bag.reader import BagError, BagWarning, MissingTopicError, read_bag
@@ -53,6 +54,63 @@ def test_columns_are_the_messages_numbers(bag):
     assert list(impacts["frame"]) == ["upper_plate", "inclined_plate"] * (N // 2)
     np.testing.assert_array_equal(bag["motor_power"]["value"], 0.25 * i)
     np.testing.assert_allclose(impacts["stamp"], 1e-3 * i - 1e-9, rtol=0, atol=1e-15)  # to the nanosecond
+
+
+def transforms(stamp, children):
+    """A message of tf2_msgs, made by rosbags: a transform for each child."""
+    store = get_typestore(Stores.ROS2_JAZZY)
+    make = {name.rpartition("/")[2]: kind for name, kind in store.types.items() if name.startswith(
+        ("tf2_msgs", "geometry_msgs", "std_msgs/msg/Header", "builtin_interfaces/msg/Time"))}
+    header = make["Header"](stamp=make["Time"](*divmod(stamp, 10**9)), frame_id="odom")
+    return bytes(store.serialize_cdr(make["TFMessage"]([make["TransformStamped"](
+        header, child, make["Transform"](make["Vector3"](0.5, 0.0, float(i)), make["Quaternion"](0.0, 0.0, 0.6, 0.8)))
+        for i, child in enumerate(children)]), "tf2_msgs/msg/TFMessage"))
+
+
+@pytest.fixture
+def mixed(tmp_path, published, start_ns):
+    """Samples, two messages of transforms, of which one names too long a frame, and an operation."""
+    store = get_typestore(Stores.ROS2_JAZZY)
+    reset = bytes(store.serialize_cdr(store.types["std_msgs/msg/String"](data="reset"), "std_msgs/msg/String"))
+    with Recorder(tmp_path / "run", [*topics(), Topic("/tf", "tf2_msgs/msg/TFMessage", 10),
+                                     Topic("/vibro_robot/operations", "std_msgs/msg/String", 10)], {}) as recorder:
+        write_run(recorder, published, start_ns, count=3)
+        recorder.write("/tf", start_ns + 2, transforms(start_ns, ["base_link", "crank"]))
+        recorder.write("/tf", start_ns + 3, transforms(start_ns, ["base_link", "m" * 1001]))
+        recorder.write("/vibro_robot/operations", start_ns + 4, reset)
+    with pytest.warns(BagWarning, match="/tf: 1 unreadable message, .* its frame has more than 1000 characters"):
+        return read_bag(tmp_path / "run")
+
+
+def test_transforms_are_a_row_each_and_operations_texts(mixed):
+    tf, operations = mixed["tf"], mixed["operations"]
+    np.testing.assert_allclose(tf["time"], [2e-9, 2e-9], rtol=0, atol=1e-15)
+    np.testing.assert_array_equal(tf["stamp"], [0.0, 0.0])
+    assert (list(tf["frame"]), list(tf["child"])) == (["odom"] * 2, ["base_link", "crank"])
+    np.testing.assert_array_equal(tf["translation"], [[0.5, 0.0, 0.0], [0.5, 0.0, 1.0]])
+    np.testing.assert_array_equal(tf["rotation"], [[0.0, 0.0, 0.6, 0.8]] * 2)
+    assert list(operations["text"]) == ["reset"]
+
+
+def test_every_topic_is_a_table_of_pandas(mixed):
+    pandas = pytest.importorskip("pandas")
+    tables = mixed.to_pandas()
+    assert list(tables) == list(mixed)
+    odom = tables["odom"]
+    assert odom is tables["/odom"] and isinstance(odom, pandas.DataFrame) and odom.index.name == "time"
+    assert list(odom)[:5] == ["stamp", "position.x", "position.y", "position.z", "orientation.x"]
+    assert list(tables["tf"])[-4:] == [f"rotation.{axis}" for axis in "xyzw"]
+    for topic, arrays in mixed.items():
+        for name, array in arrays.items():
+            of_table = tables[topic].reset_index()
+            found = of_table[[one for one in of_table if one == name or array.ndim == 2 and one.startswith(f"{name}.")]]
+            np.testing.assert_array_equal(found.to_numpy().reshape(array.shape), array)
+
+
+def test_without_pandas_it_is_named_with_the_remedy(mixed, monkeypatch):
+    monkeypatch.setitem(sys.modules, "pandas", None)
+    with pytest.raises(ModuleNotFoundError, match=r"^to_pandas needs pandas \([^\n]*\): pip install pandas$"):
+        mixed.to_pandas()
 
 
 def test_counts_types_and_metadata(bag):

@@ -14,9 +14,9 @@ from rclpy.qos import QoSProfile
 from rclpy.serialization import deserialize_message
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
-from std_msgs.msg import String
 from std_srvs.srv import SetBool, Trigger
 
+from vibro_ros.bag.reader import read_bag
 from vibro_ros.bag.stream import BagStream
 from vibro_ros.recordings.comparison import compare
 
@@ -49,9 +49,7 @@ def stamps_and_places(operator: Operator) -> list[tuple[int, float]]:
 
 
 def operations_in(folder: Path) -> list[str]:
-    with BagStream(folder) as stream:
-        return [deserialize_message(data, String).data
-                for _, _, data in stream.messages(frozenset({"/vibro_robot/operations"}))]
+    return list(read_bag(folder)["operations"]["text"])
 
 
 def assert_replays(folder: Path, samples: int) -> None:

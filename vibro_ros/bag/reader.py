@@ -4,17 +4,20 @@ import warnings
 from array import array
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from fnmatch import fnmatchcase
 from itertools import accumulate, chain
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from vibro_ros.bag.cdr import deserialised
 from vibro_ros.bag.stream import BagError, BagStream, RecordedTopic
 from vibro_ros.messages.topics import ROBOT_TOPICS
+
+if TYPE_CHECKING:
+    import pandas
 
 __all__ = ["Arrays", "Bag", "BagError", "BagWarning", "MissingTopicError", "RecordedTopic", "load_bag",
            "read_bag"]
@@ -95,6 +98,39 @@ class Bag(Mapping[str, Arrays]):
             raise MissingTopicError(f"{self.path}: topic {name} is missing; recorded topics: {recorded}")
         return found[0]
 
+    def to_pandas(self) -> "Mapping[str, pandas.DataFrame]":
+        """Every topic as a table of pandas, with the index ``time`` [s]; found by the same names as in the bag.
+
+        Returns
+        -------
+        mapping of str to pandas.DataFrame
+            The bag's arrays as columns of the same names. An array of shape (n, 3) becomes three columns such as
+            ``position.x``, ``position.y`` and ``position.z``; a quaternion becomes four, with ``.w`` as the last.
+
+        Raises
+        ------
+        ModuleNotFoundError
+            Without pandas; the message says how to install it.
+
+        Examples
+        --------
+        >>> tables = vibro_ros.read_bag("vibro_robot_2026_11_21-10_29_21").to_pandas()
+        >>> tables["odom"]["position.x"].diff().abs().sum()
+        >>> tables["joint_states"]["upper_mass.position"].plot()
+        """
+        try:
+            import pandas
+        except ModuleNotFoundError as error:
+            raise ModuleNotFoundError(f"to_pandas needs pandas ({error}): pip install pandas", name="pandas") from None
+        tables = {}
+        for topic, arrays in self.arrays.items():
+            columns: Arrays = {}
+            for name, values in arrays.items():
+                columns |= {name: values} if values.ndim == 1 else {
+                    f"{name}.{axis}": column for axis, column in zip("xyzw", values.T, strict=False)}
+            tables[topic] = pandas.DataFrame(columns, index=pandas.Index(columns.pop("time"), name="time"))
+        return replace(self, arrays=tables)
+
 
 def _last(topic: str) -> str:
     return topic.rpartition("/")[2]
@@ -133,6 +169,11 @@ def read_bag(path: str | Path, columns: Mapping[str, Sequence[str]] | None = Non
         sensor_msgs/msg/JointState        ``time``, ``stamp`` and, for each joint, ``<joint>.position``
                                           [m or rad], ``<joint>.velocity`` [m/s or rad/s],
                                           ``<joint>.effort`` [N or N m], shape (n,)
+        tf2_msgs/msg/TFMessage            one row for each transform: ``time``, ``stamp``, ``frame`` and ``child``
+                                          (texts, shape (n,)), ``translation`` [m] shape (n, 3), ``rotation``
+                                          (quaternion x, y, z, w) shape (n, 4)
+        std_msgs/msg/String               ``time``, ``text`` (shape (n,), of Python texts): the robot's operations,
+                                          such as ``reset`` or ``set {"ground.friction": 0.1}``, and its URDF
         ================================  ==========================================================
 
         Topics of other types are counted, not read. What cannot be read - a damaged part of a file, a message
@@ -184,12 +225,13 @@ def load_bag(path: str | Path, columns: Mapping[str, Sequence[str]] | None = Non
 
 @dataclass(frozen=True)
 class _Layout:
-    """Columns of a message type: their widths, and a message's numbers in that order."""
+    """Columns of a message type: widths of the numbers, the numbers in that order, and texts, of each row."""
 
     widths: Callable[[Any], dict[str, int]]
     numbers: Callable[[Any], tuple[float, ...]]
     stamped: bool = True
-    framed: bool = False
+    texts: Mapping[str, Callable[[Any], str]] = field(default_factory=dict)
+    rows: Callable[[Any], Sequence[Any]] = lambda message: (message,)
 
 
 class Series:
@@ -211,10 +253,9 @@ class Series:
         self._start_ns = start_ns
         self._times, self._stamps, self._rows = array("d"), array("d"), array("d")
         self._ascending = True
-        self._frames: dict[str, int] = {}
-        self._frame = array("L")
+        self._texts: dict[str, dict[str, int]] = {name: {} for name in self._layout.texts if self._wants(name)}
+        self._text_numbers = {name: array("L") for name in self._texts}
         self._stamped = self._layout.stamped and self._wants("stamp")
-        self._framed = self._layout.framed and self._wants("frame")
         self._choose(None)
 
     def append(self, time_ns: int, data: bytes) -> None:
@@ -225,19 +266,19 @@ class Series:
         ValueError
             When it cannot be read, or does not fit to the columns; nothing is added then.
         """
-        if self._patterns:
-            self._read(data)
+        rows = self._read(data) if self._patterns else 1
         time = (time_ns - self._start_ns) * 1e-9
         self._ascending &= not self._times or time >= self._times[-1]
-        self._times.append(time)
+        self._times.extend([time] * rows)
 
     def arrays(self) -> dict[str, np.ndarray]:
         """The columns by name, as `vibro_ros.read_bag` lists them; nothing can be appended any more."""
         arrays = {"time": _as_array(self._times)}
         if self._stamped:
             arrays["stamp"] = _as_array(self._stamps)
-        if self._framed:
-            arrays["frame"] = np.array(list(self._frames), dtype=str)[_as_array(self._frame)]
+        for name, texts in self._texts.items():  # as objects a long text takes memory once, not in every row
+            kind = object if self._type == "std_msgs/msg/String" else str
+            arrays[name] = np.array(list(texts), dtype=kind)[_as_array(self._text_numbers[name])]
         rows = _as_array(self._rows).reshape(len(self._times), len(self._chosen))
         end = 0
         for name, width in self._columns.items():
@@ -248,23 +289,30 @@ class Series:
         order = np.argsort(arrays["time"], kind="stable")
         return {name: column[order] for name, column in arrays.items()}
 
-    def _read(self, data: bytes) -> None:
-        message = deserialised(data, self._type)
-        if self._framed and len(message.header.frame_id) > LONGEST_FRAME:
-            raise ValueError(f"its frame has more than {LONGEST_FRAME} characters")
-        widths, numbers = self._layout.widths(message), self._layout.numbers(message)
+    def _read(self, data: bytes) -> int:
+        rows = self._layout.rows(deserialised(data, self._type))
+        found = [self._checked(row) for row in rows]
+        for row, (numbers, texts) in zip(rows, found, strict=True):
+            self._rows.extend(numbers if len(self._chosen) == len(numbers) else [numbers[i] for i in self._chosen])
+            if self._stamped:
+                stamp = row.header.stamp
+                self._stamps.append((stamp.sec * 1_000_000_000 + stamp.nanosec - self._start_ns) * 1e-9)
+            for name, text in texts.items():
+                known = self._texts[name]
+                self._text_numbers[name].append(known.setdefault(text, len(known)))
+        return len(rows)
+
+    def _checked(self, row: Any) -> tuple[tuple[float, ...], dict[str, str]]:
+        """The numbers and texts of a row (ValueError when they do not fit to the columns)."""
+        texts = {name: self._layout.texts[name](row) for name in self._texts}
+        widths, numbers = self._layout.widths(row), self._layout.numbers(row)
         if len(numbers) != sum(widths.values()):
             raise ValueError("it names a joint twice")
         if not self._times:
-            self._choose(message)
+            self._choose(row)
         elif widths != self._widths:
             raise ValueError("its joints are others than those of the first message")
-        self._rows.extend(numbers if len(self._chosen) == len(numbers) else [numbers[i] for i in self._chosen])
-        if self._stamped:
-            stamp = message.header.stamp
-            self._stamps.append((stamp.sec * 1_000_000_000 + stamp.nanosec - self._start_ns) * 1e-9)
-        if self._framed:
-            self._frame.append(self._frames.setdefault(message.header.frame_id, len(self._frames)))
+        return numbers, texts
 
     def _choose(self, message: Any) -> None:
         """Fix the columns from the first message; without one, from the type."""
@@ -286,14 +334,23 @@ def _xyz(vector: Any) -> tuple[float, float, float]:
     return vector.x, vector.y, vector.z
 
 
+def _xyzw(turn: Any) -> tuple[float, float, float, float]:
+    return turn.x, turn.y, turn.z, turn.w
+
+
 def _odometry(message: Any) -> tuple[float, ...]:
     pose, twist = message.pose.pose, message.twist.twist
-    turn = pose.orientation
-    return *_xyz(pose.position), turn.x, turn.y, turn.z, turn.w, *_xyz(twist.linear), *_xyz(twist.angular)
+    return *_xyz(pose.position), *_xyzw(pose.orientation), *_xyz(twist.linear), *_xyz(twist.angular)
 
 
 def _wrench(message: Any) -> tuple[float, ...]:
     return *_xyz(message.wrench.force), *_xyz(message.wrench.torque)
+
+
+def _frame(name: str) -> str:
+    if len(name) > LONGEST_FRAME:
+        raise ValueError(f"its frame has more than {LONGEST_FRAME} characters")
+    return name
 
 
 _JOINT_QUANTITIES = ("position", "velocity", "effort")
@@ -315,6 +372,14 @@ _ODOMETRY = {"position": 3, "orientation": 4, "linear_velocity": 3, "angular_vel
 _LAYOUTS = {
     "std_msgs/msg/Float64": _Layout(lambda message: {"value": 1}, lambda message: (message.data,), stamped=False),
     "nav_msgs/msg/Odometry": _Layout(lambda message: _ODOMETRY, _odometry),
-    "geometry_msgs/msg/WrenchStamped": _Layout(lambda message: {"force": 3, "torque": 3}, _wrench, framed=True),
+    "std_msgs/msg/String": _Layout(lambda message: {}, lambda message: (), stamped=False,
+                                   texts={"text": lambda message: message.data}),
+    "geometry_msgs/msg/WrenchStamped": _Layout(lambda message: {"force": 3, "torque": 3}, _wrench,
+                                               texts={"frame": lambda message: _frame(message.header.frame_id)}),
     "sensor_msgs/msg/JointState": _Layout(_joint_widths, _joints),
+    "tf2_msgs/msg/TFMessage": _Layout(
+        lambda row: {"translation": 3, "rotation": 4},
+        lambda row: (*_xyz(row.transform.translation), *_xyzw(row.transform.rotation)),
+        texts={"frame": lambda row: _frame(row.header.frame_id), "child": lambda row: _frame(row.child_frame_id)},
+        rows=lambda message: message.transforms),
 }
