@@ -139,7 +139,7 @@ def compiled_peer(scene: Scene) -> Callable[[np.ndarray], np.ndarray]:
     ModuleNotFoundError
         Without the extra `bench`.
     """
-    from vibro_ros.peer import Peer
+    from tools.peer import Peer
 
     peer = Peer(scene, _TOLERANCE)
     commands = ((0.0, {"motor_speed": SPEED}),) if scene["motor.speed"] == 0.0 else ()

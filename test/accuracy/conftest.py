@@ -19,7 +19,7 @@ from quick_study import QUICK, exploding, unable, with_less_damping  # noqa: E40
 def rows() -> list[Measurement]:
     """Rows of the scene damped, by right, wrong, exploding and unable methods."""
     steps = (1e-4, 1e-5, 1e-6)
-    table = {"exact": METHODS["exact"], "rk4": ComparedMethod(METHODS["rk4"].run, "step", steps),
+    table = {"exact": METHODS["exact"], "rk4": ComparedMethod(METHODS["rk4"].run, "step", steps, compiled=True),
              "planted": ComparedMethod(with_less_damping, "step", steps),
              "exploding": ComparedMethod(exploding, "step", (1e-4,)),
              "unable": ComparedMethod(unable, "step", (1e-4,)), "baseline": STUDIED["baseline"]}

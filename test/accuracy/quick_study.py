@@ -1,11 +1,18 @@
 """A study that takes seconds, and methods that are wrong in ways that it must show."""
 
+from dataclasses import replace
+from importlib.util import find_spec
+
 import numpy as np
 
 from vibro_ros.accuracy.methods import METHODS, Answer, UnableError
 from vibro_ros.accuracy.precision import Effort
 
 QUICK = Effort(repeats=1, horizon=0.1, starts=2, duration=0.5)
+if find_spec("heyoka"):
+    from tools.peer.accuracy import CHECKS
+
+    QUICK = replace(QUICK, checks=CHECKS)
 
 
 def with_less_damping(scene, times, step):

@@ -64,16 +64,6 @@ def test_bad_input_is_refused_before_anything_is_written(options, reason, tmp_pa
     assert not (tmp_path / "new").exists()
 
 
-@pytest.mark.parametrize("options", [["--methods", "heyoka"], ["--methods", "exact", "heyoka"]])
-def test_heyoka_that_is_asked_for_and_missing_is_refused(options, monkeypatch, tmp_path, capsys):
-    monkeypatch.setattr(accuracy.importlib.util, "find_spec", lambda name: None)
-    assert accuracy.main(["--scene", "paper", *options, "--output", str(tmp_path / "new")]) == 2
-    said = capsys.readouterr().err
-    assert said.count("\n") == 1 and "heyoka: not installed; `pip install heyoka` with Python 3.11 or later" in said
-    assert not (tmp_path / "new").exists()
-    assert "heyoka" in accuracy.chosen_methods(None)  # who asks for all gets a row that says so
-
-
 def test_the_executable_ends_its_workers_without_a_word(tmp_path):
     """They are forked from a process that has the front door's signal handlers."""
     options = ["--scene", "damped", "--methods", "exact", "--horizon", "0.05", "--repeats", "1", "--starts", "2"]

@@ -1,4 +1,4 @@
-"""The table of methods: each against heyoka or exact, and a wrong one must look wrong."""
+"""The table of methods: each against exact, and a wrong one must look wrong."""
 
 
 import numpy as np
@@ -50,12 +50,6 @@ def test_what_a_method_cannot_do_it_says(name):
         METHODS["LSODA_blind"](scene(name), TIMES, 1e-6)
     with pytest.raises(UnableError, match="rk4 may need a solver.step below 0.01 s"):
         METHODS["rk4"](scene("damped"), np.linspace(0.0, 20.0, 11), 1e-2)
-
-
-def test_heyoka_agrees_with_exact():
-    pytest.importorskip("heyoka", reason="heyoka, the extra `bench`, has no wheel for Python 3.10")
-    for name in ("device", "paper"):
-        assert error(METHODS["heyoka"](scene(name), TIMES, 1e-15), name) < 1e-12  # m; test_peer has the reason
 
 
 @pytest.mark.parametrize(("method", "coarse", "fine"), [("rk4", 1e-4, 1e-6), ("semi_implicit_euler", 1e-4, 1e-6),

@@ -9,7 +9,6 @@ if __name__ == "__main__":  # before all imports: they take a second or two, in 
 
 import argparse
 import csv
-import importlib.util
 import os
 import platform
 from collections.abc import Callable, Mapping, Sequence
@@ -47,7 +46,9 @@ from vibro_ros.simulation.preparation import prepare_kernels
 from vibro_ros.solver.methods import SCHEMES
 
 TABLE, TEXT = "accuracy.csv", "accuracy.md"
-_PACKAGES = ("numpy", "numba", "scipy", "heyoka")
+_PACKAGES = ("numpy", "numba", "scipy")
+#: What is measured unless an option asks for more or less.
+EFFORT = Effort()
 _LEAST_HORIZON = 1e-3  # s, one sample
 
 
@@ -69,12 +70,10 @@ def row_writer(path: Path):
 
 def machine() -> str:
     """What costs depend on: versions, processor, date."""
-    installed: dict[str, str] = {}
-    for package in ("vibro_ros", *_PACKAGES):
-        with suppress(metadata.PackageNotFoundError):
-            installed[package] = f"{package} {metadata.version(package)}"
-    versions = [installed.get("vibro_ros", "vibro_ros from source"), f"Python {platform.python_version()}",
-                *(installed.get(package, f"no {package}") for package in _PACKAGES)]
+    versions = ["vibro_ros from source", f"Python {platform.python_version()}",
+                *(f"{package} {metadata.version(package)}" for package in _PACKAGES)]
+    with suppress(metadata.PackageNotFoundError):
+        versions[0] = f"vibro_ros {metadata.version('vibro_ros')}"
     return (f"{', '.join(versions)}; {platform.system()} {platform.machine()}, {os.cpu_count()} cores; "
             f"{datetime.now(timezone.utc):%Y-%m-%d}")
 
@@ -176,39 +175,36 @@ class Accuracy:
                             speeds_table(rows)])
 
 
-def chosen_methods(names: Sequence[str] | None) -> dict[str, ComparedMethod]:
-    """The methods named, in the table's order; all for None.
+def chosen_methods(names: Sequence[str] | None, studied: Mapping[str, ComparedMethod]) -> dict[str, ComparedMethod]:
+    """The methods named of those `studied`, in their order; all for None.
 
     Raises
     ------
     ValueError
-        For no name, a name that the table does not have, and a method that is not installed.
+        For no name, and for a name that is not studied.
     """
     if names is not None and not names:
-        raise ValueError(f"--methods: none named; methods are {', '.join(STUDIED)}")
+        raise ValueError(f"--methods: none named; methods are {', '.join(studied)}")
     for name in names or ():
-        if name not in STUDIED:
-            raise ValueError(f"{name or repr(name)}: no such method; methods are {', '.join(STUDIED)}")
-        if name == "heyoka" and importlib.util.find_spec("heyoka") is None:
-            raise ValueError("heyoka: not installed; `pip install heyoka` with Python 3.11 or later, or name other "
-                             "methods")
-    return {name: method for name, method in STUDIED.items() if names is None or name in names}
+        if name not in studied:
+            raise ValueError(f"{name or repr(name)}: no such method; methods are {', '.join(studied)}")
+    return {name: method for name, method in studied.items() if names is None or name in names}
 
 
-def main(words: Sequence[str]) -> int:
-    """Run the executable; returns its exit code."""
-    options = _parser().parse_args(words)
+def main(words: Sequence[str], studied: Mapping[str, ComparedMethod] = STUDIED, effort: Effort = EFFORT) -> int:
+    """Run the executable with the methods `studied` and what the words leave of `effort`; returns its exit code."""
+    options = _parser(studied, effort).parse_args(words)
     try:
-        return exit_code("accuracy", lambda: _measure(options))
+        return exit_code("accuracy", lambda: _measure(options, studied, effort))
     except KeyboardInterrupt:
         say("accuracy", f"interrupted before the diagrams; the rows are in {options.output / TABLE}")
         return interrupted_code()
 
 
-def _measure(options: argparse.Namespace) -> int:
+def _measure(options: argparse.Namespace, studied: Mapping[str, ComparedMethod], effort: Effort) -> int:
     try:
-        methods = chosen_methods(options.methods)
-        effort = _effort(options)
+        methods = chosen_methods(options.methods, studied)
+        effort = _asked_effort(options, effort)
         scenes = shipped_scenes() if options.all else [options.scene]
         for scene in scenes:
             load_scene(scene)
@@ -237,7 +233,7 @@ def _run(scenes: Sequence[str], study: Accuracy, folder: Path) -> int:
     return code
 
 
-def _effort(options: argparse.Namespace) -> Effort:
+def _asked_effort(options: argparse.Namespace, effort: Effort) -> Effort:
     if options.repeats < 1:
         raise ValueError(f"--repeats {options.repeats}: must be at least 1")
     if options.horizon is not None and not _LEAST_HORIZON <= options.horizon <= 1e3:
@@ -246,12 +242,11 @@ def _effort(options: argparse.Namespace) -> Effort:
         raise ValueError(f"--starts {options.starts}: must be at least 2, or there is no confidence interval")
     if not options.patience > 0.0:
         raise ValueError(f"--patience {options.patience:g}: must be positive")
-    return replace(Effort(), repeats=options.repeats, horizon=options.horizon, starts=options.starts,
+    return replace(effort, repeats=options.repeats, horizon=options.horizon, starts=options.starts,
                    patience=options.patience, patience_for_averages=4.0 * options.patience)
 
 
-def _parser() -> Parser:
-    default = Effort()
+def _parser(studied: Mapping[str, ComparedMethod], default: Effort) -> Parser:
     parser = Parser(
         prog="accuracy",
         description=f"{EXECUTABLES['accuracy'].does} The table is Markdown and CSV. Ctrl-C keeps what is done.",
@@ -260,7 +255,7 @@ def _parser() -> Parser:
     which = parser.add_mutually_exclusive_group(required=True)
     which.add_argument("--scene", metavar="NAME", help="shipped scene or scene file")
     which.add_argument("--all", action="store_true", help="every shipped scene")
-    parser.add_argument("--methods", nargs="*", metavar="METHOD", help=f"of {', '.join(STUDIED)} "
+    parser.add_argument("--methods", nargs="*", metavar="METHOD", help=f"of {', '.join(studied)} "
                         "(default: all)")
     parser.add_argument("--horizon", type=float, metavar="S", help="compare trajectories within so many seconds "
                         "(default: 5 Lyapunov times, 1 s at most)")

@@ -13,8 +13,8 @@ from vibro_ros.accuracy.precision import RATE
 # Okabe and Ito's colours, which the colour-blind can tell apart, and markers for everybody else who cannot.
 _STYLES = {"exact": ("#000000", "*"), "rk4": ("#0072b2", "o"), "semi_implicit_euler": ("#009e73", "s"),
            "moreau": ("#d55e00", "^"), "DOP853": ("#cc79a7", "v"), "Radau": ("#e69f00", "<"), "LSODA": ("#56b4e9", ">"),
-           "heyoka": ("#5b2c83", "D"), "baseline": ("#777777", "X")}
-_OTHER = ("#a00000", "P")
+           "baseline": ("#777777", "X")}
+_OTHER = ("#5b2c83", "D")
 _BAND, _NEAR = "#dddddd", "#f6e58d"
 # m or s, longer than the robot and the horizon: a method that is off by more has diverged, and leaves the panel.
 _LARGEST_ERROR = 1.0

@@ -11,7 +11,7 @@ from scipy.stats import t as student
 from vibro_ros.accuracy.diagram import WITHIN
 from vibro_ros.accuracy.measurement import AVERAGE, NEED, REFERENCE, TRAJECTORY, Measurement
 from vibro_ros.accuracy.methods import BASELINE_STEP
-from vibro_ros.accuracy.precision import COMPILED, LONG, SHORT
+from vibro_ros.accuracy.precision import LONG, SHORT
 from vibro_ros.accuracy.starts import SETTLING
 from vibro_ros.accuracy.tables_by_scipy import SOLVERS
 from vibro_ros.solver.methods import SCHEMES
@@ -147,10 +147,10 @@ def _line(cells: Sequence[object]) -> str:
     return f"| {' | '.join(str(cell).replace('|', '/') for cell in cells)} |"
 
 
-#: Kind of method, in words, to the methods whose slope is fitted in common.
+#: Kind of method, in words, to the methods whose slope is fitted in common; every other method is a kind of its own.
 KINDS: Mapping[str, tuple[str, ...]] = {
-    "heyoka": ("heyoka",), **{f"`{scheme}`": (scheme,) for scheme in SCHEMES},
-    "scipy's solvers with events": tuple(SOLVERS)}
+    **{f"`{scheme}`": (scheme,) for scheme in SCHEMES}, "scipy's solvers with events": tuple(SOLVERS)}
+_WITHOUT_PRICE = ("exact", "baseline", *(f"{name}_blind" for name in SOLVERS))
 # Of a fit: errors above this are not small beside the robot's motion [m], and errors that are not so many times the
 # reference's own have ended at rounding.
 _LARGEST_ERROR, _ABOVE_REFERENCE = 1e-2, 10.0
@@ -225,7 +225,10 @@ def _points(rows: Sequence[Measurement], method: str, kind: str) -> np.ndarray:
 
 def prices_in_words(rows: Mapping[str, Sequence[Measurement]]) -> list[str]:
     """A sentence for each kind of method that was measured: what one more digit of every position costs by it."""
-    sentences = [f"One more digit of every position by {kind} costs {price}." for kind, methods in KINDS.items()
+    known = {*_WITHOUT_PRICE, *(method for methods in KINDS.values() for method in methods)}
+    kinds = {row.method: (row.method,) for own in rows.values() for row in own
+             if row.compared == TRAJECTORY and row.method not in known} | dict(KINDS)
+    sentences = [f"One more digit of every position by {kind} costs {price}." for kind, methods in kinds.items()
                  if (price := price_over_scenes(rows, methods))]
     exact = [row.cost for own in rows.values() for row in own
              if row.method == "exact" and row.compared == NEED and row.horizon == SHORT and math.isfinite(row.cost)]
@@ -298,8 +301,9 @@ def cheapest(rows: Sequence[Measurement], need: Need) -> dict[str, Measurement]:
     known = [row for row in rows if row.compared == REFERENCE and row.horizon == need.horizon]
     found = {}
     if known and not getattr(known[-1], need.column) >= need.limit:  # NaN: nothing to compare
-        for name in COMPILED:
-            own = [row for row in rows if (row.compared, row.method, row.horizon) == (NEED, name, need.horizon)]
+        measured = [row for row in rows if (row.compared, row.horizon) == (NEED, need.horizon)]
+        for name in dict.fromkeys(row.method for row in measured if row.method != "baseline"):
+            own = [row for row in measured if row.method == name]
             able = list(takewhile(lambda row: getattr(row, need.column) < need.limit,
                                   sorted(own, key=lambda row: row.value)))
             if able:
@@ -313,7 +317,7 @@ def _advice(rows: Sequence[Measurement], need: Need, comparable: float) -> str:
     measured = [row for row in rows if row.compared == NEED and row.horizon == need.horizon]
     if not measured:
         return "not measured"
-    done = [row for row in measured if row.method in COMPILED and math.isfinite(row.position_error)]
+    done = [row for row in measured if row.method != "baseline" and math.isfinite(row.position_error)]
     if done and all(math.isnan(getattr(row, need.column)) for row in done):
         return "nothing touches"
     best = cheapest(rows, need)

@@ -7,12 +7,11 @@ method, also a wrong one, add it to a copy of the table: ``METHODS | {"mine": Co
 (1e-4,))}``; for other settings, `dataclasses.replace` its `ladder`.
 """
 
-import importlib.util
 import math
 import time as wall_clock
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
-from functools import lru_cache, partial
+from functools import partial
 
 import numpy as np
 
@@ -76,11 +75,14 @@ class ComparedMethod:
         What the setting is: `step` [s] or `tolerance`.
     ladder : tuple of float
         Settings from coarse to fine for a study.
+    compiled : bool
+        Whether it may meet a need for least: a right-hand side in Python costs a hundred times as much.
     """
 
     run: Callable[..., Answer]
     setting: str
     ladder: tuple[float, ...]
+    compiled: bool = False
 
     def __call__(self, scene: Scene, times: np.ndarray, setting: float) -> Answer:
         """See `run`."""
@@ -92,7 +94,8 @@ def drive_speed(scene: Scene) -> float | None:
     return min(DRIVE_SPEED, scene["motor.max_speed"]) if scene["motor.speed"] == 0.0 else None
 
 
-def _events(found) -> np.ndarray:
+def event_array(found: Iterable[tuple[float, str]]) -> np.ndarray:
+    """Instants [s] and kinds as `Answer.events`."""
     events = np.array([(time, kind) for time, kind in found], dtype=EVENT_DTYPE)
     return events[np.argsort(events["time"], kind="stable")]
 
@@ -114,7 +117,7 @@ def by_simulator(name: str, evaluations: int, scene: Scene, times: np.ndarray, s
     events = device.take_events()
     found = [(event["time"], event["kind"]) for event in events if event["kind"] not in _FORCING_EVENTS]
     steps = device.statistics["steps"]
-    return Answer(times, np.stack([getattr(samples, column) for column in COLUMNS], axis=1), _events(found), steps,
+    return Answer(times, np.stack([getattr(samples, column) for column in COLUMNS], axis=1), event_array(found), steps,
                   steps * evaluations, wall_time)
 
 
@@ -136,48 +139,24 @@ def by_scipy(name: str, integrate: Callable, scene: Scene, times: np.ndarray, se
     columns += [COLUMNS.index("body_position")] * forms.body_moves + [COLUMNS.index("body_height")] * forms.body_hops
     for i, column in enumerate(columns):
         samples[:, column], samples[:, column + 1] = states[:, i], states[:, len(columns) + i]
-    return Answer(times, scipy_tables.finite(samples), _events(found), work.steps, work.evaluations, wall_time)
+    return Answer(times, scipy_tables.finite(samples), event_array(found), work.steps, work.evaluations, wall_time)
 
 
-@lru_cache(maxsize=1)
-def _peer(scene: Scene, tolerance: float):
-    """The peer, which takes longer to compile than to run: kept for the next run of the same scene."""
-    from vibro_ros.peer import Peer
-
-    return Peer(scene, tolerance)
-
-
-def by_heyoka(scene: Scene, times: np.ndarray, setting: float) -> Answer:
-    """The peer; needs the optional extra `bench`. Its tolerance is relative to the state, at least 1e-15."""
-    if importlib.util.find_spec("heyoka") is None:
-        raise UnableError("heyoka is not installed: the optional extra `bench` has it")
-    speed = drive_speed(scene)
-    commands = () if speed is None else ((0.0, {"motor_speed": speed}),)
-    try:
-        run = _peer(scene, setting).integrate(times, commands)
-    except (RuntimeError, ValueError) as error:
-        raise UnableError(f"heyoka: {error}") from error
-    return Answer(times, run.samples, _events(zip(run.events["time"], run.events["kind"], strict=True)), run.steps, 0,
-                  run.wall_time)
-
-
-def _ladder(coarsest: float, finest: float) -> tuple[float, ...]:
+def ladder(coarsest: float, finest: float) -> tuple[float, ...]:
     """Powers of ten, two a decade, from coarse to fine."""
     count = round(2.0 * math.log10(coarsest / finest)) + 1
     return tuple(coarsest * 10.0 ** (-0.5 * k) for k in range(count))
 
 
-#: Name to method: the device's own, scipy's with event location and without it, and heyoka.
+#: Name to method: the device's own, and scipy's with event location and without it.
 METHODS: dict[str, ComparedMethod] = {
-    "exact": ComparedMethod(partial(by_simulator, "exact", 0), "tolerance", (1e-9,)),
-    "rk4": ComparedMethod(partial(by_simulator, "rk4", 4), "step", _ladder(1e-3, 1e-7)),
-    "semi_implicit_euler": ComparedMethod(partial(by_simulator, "semi_implicit_euler", 1), "step", _ladder(1e-3, 1e-7)),
-    "moreau": ComparedMethod(partial(by_simulator, "moreau", 1), "step", _ladder(1e-3, 1e-7)),
-    **{name: ComparedMethod(partial(by_scipy, name, scipy_tables.located), "tolerance", _ladder(1e-3, 1e-12))
+    "exact": ComparedMethod(partial(by_simulator, "exact", 0), "tolerance", (1e-9,), True),
+    **{name: ComparedMethod(partial(by_simulator, name, evaluations), "step", ladder(1e-3, 1e-7), True)
+       for name, evaluations in (("rk4", 4), ("semi_implicit_euler", 1), ("moreau", 1))},
+    **{name: ComparedMethod(partial(by_scipy, name, scipy_tables.located), "tolerance", ladder(1e-3, 1e-12))
        for name in scipy_tables.SOLVERS},
-    **{f"{name}_blind": ComparedMethod(partial(by_scipy, name, scipy_tables.blind), "tolerance", _ladder(1e-3, 1e-6))
+    **{f"{name}_blind": ComparedMethod(partial(by_scipy, name, scipy_tables.blind), "tolerance", ladder(1e-3, 1e-6))
        for name in scipy_tables.SOLVERS},
-    "heyoka": ComparedMethod(by_heyoka, "tolerance", _ladder(1e-5, 1e-15)),
 }
 
 
@@ -196,8 +175,7 @@ def by_baseline(scene: Scene, times: np.ndarray, step: float) -> Answer:
         raise UnableError(str(error)) from error
     wall_time = wall_clock.perf_counter() - began
     steps = round(times[-1] / step)
-    return Answer(times, samples, np.empty(0, METHODS["exact"](scene, times[:1], 1e-9).events.dtype), steps, 4 * steps,
-                  wall_time)
+    return Answer(times, samples, np.empty(0, EVENT_DTYPE), steps, 4 * steps, wall_time)
 
 
 #: Name to method of a study: every method with one setting a decade, or every second decade where a right-hand side in

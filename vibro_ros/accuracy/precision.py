@@ -1,12 +1,12 @@
 """Measured rows of a work–precision study: what each method and setting costs, and how far off it is."""
 
-import importlib.util
 import math
 import statistics
 import time as wall_clock
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from vibro_ros.accuracy.methods import (
     BASELINE_STEP,
     METHODS,
     STUDIED,
+    Answer,
     ComparedMethod,
     UnableError,
     by_baseline,
@@ -36,17 +37,27 @@ RUNNING_SPEED = 100.0
 AVERAGE_STEPS = (1e-3, 5e-4, 2e-4, 1e-4, 5e-5, 2e-5, 1e-5, 5e-6, 2e-6, 1e-6)
 #: Horizons [s] of what is asked for: a short one, which chaos allows everywhere, and a long one.
 SHORT, LONG = 0.2, 10.0
-#: Methods that may meet a need for least: compiled ones, as a right-hand side in Python costs a hundred times as much.
-COMPILED = ("exact", *SCHEMES, "heyoka")
 # The golden ratio's part beyond one: multiples of it lie in all parts of an interval alike.
 _GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
 _OF_BASELINE = 1001  # samples that the baseline is run for at most
-_FINEST_EXACT, _FINEST_PEER, _FINEST_LOCATED = 1e-12, 1e-15, 1e-13  # tolerances
-_MOST_EVALUATIONS = 3e5  # a second, of a reference without heyoka: the shipped scenes need up to 7e4
+_FINEST_EXACT, _FINEST_LOCATED = 1e-12, 1e-13  # tolerances
+_MOST_EVALUATIONS = 3e5  # a second, of DOP853 as a check: the shipped scenes need up to 7e4
 # Starts for the exact mean, times those of the others: it is what they are measured against, and cheap.
 _MORE_STARTS = 4
 # m/s, about that of sound: a body that is faster has no mean speed, its method has diverged.
 _DIVERGED = 300.0
+
+
+class Check(NamedTuple):
+    """An independent method that checks the reference: its name, an `Answer` of it, and its finest tolerance."""
+
+    name: str
+    run: Callable[[Scene, np.ndarray, float], Answer]
+    tolerance: float
+
+
+#: scipy's DOP853 with located events, on the tables that the exact method integrates.
+BY_DOP853 = Check("DOP853", partial(METHODS["DOP853"].run, most_evaluations=_MOST_EVALUATIONS), _FINEST_LOCATED)
 
 
 @dataclass(frozen=True)
@@ -70,6 +81,8 @@ class Effort:
         Starts of a mean speed, at least 2; the spread between them does not shrink with their duration.
     duration : float
         Time of each start that counts [s].
+    checks : tuple of Check
+        Independent methods, the most accurate first; the first that has the scene checks the reference.
     """
 
     repeats: int = 5
@@ -79,6 +92,7 @@ class Effort:
     thorough: tuple[str, ...] = ()
     starts: int = 32
     duration: float = 5.0
+    checks: tuple[Check, ...] = (BY_DOP853,)
 
 
 def running(scene: Scene) -> Scene:
@@ -112,7 +126,7 @@ class Comparison:
     reference : Answer
         By the exact method, at `instants`.
     uncertainty : Measurement
-        Errors of the reference against the most accurate independent method at hand, named there.
+        Errors of the reference against the first of `Effort.checks` that has the scene, named there.
     """
 
     def __init__(self, scene: Scene, horizon: float, effort: Effort, kind: str = TRAJECTORY):
@@ -134,16 +148,15 @@ class Comparison:
         return Measurement(self.scene.name, compared, name, setting, value, self.horizon, **{"repeats": 1} | numbers)
 
     def _uncertainty(self) -> Measurement:
-        peers = {"heyoka": (METHODS["heyoka"], _FINEST_PEER)} if importlib.util.find_spec("heyoka") else {}
-        patient = partial(METHODS["DOP853"].run, most_evaluations=_MOST_EVALUATIONS)
         reasons = []
-        for name, (method, tolerance) in (peers | {"DOP853": (patient, _FINEST_LOCATED)}).items():
+        for check in self._effort.checks:
             try:
-                found = method(self.scene, self.instants, tolerance)
+                found = check.run(self.scene, self.instants, check.tolerance)
             except UnableError as error:
                 reasons.append(str(error))
                 continue
-            return self._row(REFERENCE, name, "tolerance", tolerance, **_named(errors(self.reference, found)))
+            return self._row(REFERENCE, check.name, "tolerance", check.tolerance,
+                             **_named(errors(self.reference, found)))
         return self._row(REFERENCE, "none", "tolerance", math.nan, note="; ".join(reasons))
 
     def _ladder(self, name: str, method: ComparedMethod) -> Iterator[Measurement]:
@@ -239,7 +252,7 @@ class SceneStudy:
     @staticmethod
     def _asked(horizon: float, methods: Mapping[str, ComparedMethod]) -> dict[str, ComparedMethod]:
         """The methods that are compared within the horizon of a need, and the baseline, whose error is reported."""
-        asked = {name: methods[name] for name in COMPILED if name in methods}
+        asked = {name: method for name, method in methods.items() if method.compiled}
         return asked | ({"baseline": STUDIED["baseline"]} if asked and horizon == SHORT else {})
 
     def _averages(self, name: str) -> Iterator[Measurement]:

@@ -22,9 +22,9 @@ pytest.importorskip("heyoka", reason="heyoka, the extra `bench`, has no wheel fo
 import peer_agreement
 from peer_agreement import assert_agreement, simulated
 
-from vibro_ros.peer import Peer
+from tools.peer import Peer
 
-sys.path.insert(0, str(Path(__file__).parents[1] / "reference"))
+sys.path.insert(0, str(Path(__file__).parents[2] / "reference"))
 from random_scenes import draw
 
 WITHOUT_FRICTION_AND_PLATES = {

@@ -8,7 +8,7 @@ import numpy as np
 from forces_by_hand import SIDES, Motion
 
 import vibro_ros
-from vibro_ros.peer import COLUMNS, DRIVEN, Peer
+from tools.peer import COLUMNS, DRIVEN, Peer
 
 TOLERANCE = 1e-18  # of the fastest mass's speed, a step: a body that breaks away is at first 1e-10 times as fast
 POSITION = 1e-11  # m; speeds: that times 1e4/s, a contact's angular frequency

@@ -7,7 +7,7 @@ import math
 import heyoka as hy
 import numpy as np
 
-from vibro_ros.peer.equations import Equations, Guide
+from tools.peer.equations import Equations, Guide
 
 _SHORT_FLIGHT = 1e-5  # s; heyoka may take too long to find a root in a small part of a step, which lasts about 1e-3 s
 _TIME = hy.expression("t")

@@ -3,9 +3,9 @@
 from collections.abc import Callable
 from typing import Any
 
-from vibro_ros.peer.body import Body
-from vibro_ros.peer.equations import Equations, Guide
-from vibro_ros.peer.run_state import RunState, Series
+from tools.peer.body import Body
+from tools.peer.equations import Equations, Guide
+from tools.peer.run_state import RunState, Series
 
 _DEPTH_NUDGE = 1e-27  # m
 _LEAST_RISE = 1e-26  # m; heyoka does not find the end of a bounce that rises less

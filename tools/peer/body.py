@@ -4,8 +4,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from vibro_ros.peer.equations import BODY_PARAMETERS, Equations, Guide
-from vibro_ros.peer.run_state import RunState, Series, leading_sign
+from tools.peer.equations import BODY_PARAMETERS, Equations, Guide
+from tools.peer.run_state import RunState, Series, leading_sign
 
 _HEIGHT_NUDGE = 1e-23  # m
 _SPEED_NUDGE = 1e-18  # m/s; outweighs the rounding error, 1e-12 N, of the force with which a stick ends

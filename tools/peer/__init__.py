@@ -4,6 +4,6 @@ The peer is written from the equations of docs/robot.md. Of this package the pee
 neither the compiled tables nor the solver. The peer needs the optional extra `bench`.
 """
 
-from vibro_ros.peer.device import COLUMNS, DRIVEN, Peer, PeerRun
+from tools.peer.device import COLUMNS, DRIVEN, Peer, PeerRun
 
 __all__ = ["COLUMNS", "DRIVEN", "Peer", "PeerRun"]

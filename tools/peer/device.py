@@ -14,15 +14,13 @@ from dataclasses import dataclass
 import heyoka as hy
 import numpy as np
 
+from tools.peer.body import Body
+from tools.peer.equations import Equations
+from tools.peer.plates import Plates
+from tools.peer.run_state import RunState, Series
+from vibro_ros.accuracy.methods import COLUMNS
 from vibro_ros.model.scene import Scene
-from vibro_ros.peer.body import Body
-from vibro_ros.peer.equations import Equations
-from vibro_ros.peer.plates import Plates
-from vibro_ros.peer.run_state import RunState, Series
 
-#: Columns of `PeerRun.samples`.
-COLUMNS = ("upper_position", "upper_velocity", "inclined_position", "inclined_velocity", "body_position",
-           "body_velocity", "body_height", "body_vertical_velocity")
 #: Columns of `PeerRun.driven`.
 DRIVEN = ("crank_angle", "motor_speed", "upper_plate_position", "upper_plate_velocity", "inclined_plate_position",
           "inclined_plate_velocity")

@@ -1,0 +1,44 @@
+"""The executable `accuracy` with heyoka: one more method, and the first check of the reference.
+
+`python -m tools.peer.accuracy --scene mine.yaml` measures a user's scene so. heyoka's equations are written apart from
+the tables that `exact` and scipy's solvers integrate, so that it checks those tables as well.
+"""
+
+import sys
+from functools import lru_cache
+
+import numpy as np
+
+from tools.peer import Peer
+from vibro_ros.accuracy.accuracy import main
+from vibro_ros.accuracy.methods import STUDIED, Answer, ComparedMethod, drive_speed, event_array, ladder
+from vibro_ros.accuracy.precision import BY_DOP853, Check, Effort
+from vibro_ros.accuracy.tables_by_scipy import UnableError
+from vibro_ros.model.scene import Scene
+
+
+@lru_cache(maxsize=1)
+def _peer(scene: Scene, tolerance: float) -> Peer:
+    """The peer, which takes longer to compile than to run: kept for the next run of the same scene."""
+    return Peer(scene, tolerance)
+
+
+def by_heyoka(scene: Scene, times: np.ndarray, tolerance: float) -> Answer:
+    """The peer as a method; its tolerance is relative to the state, at least 1e-15."""
+    speed = drive_speed(scene)
+    commands = () if speed is None else ((0.0, {"motor_speed": speed}),)
+    try:
+        run = _peer(scene, tolerance).integrate(times, commands)
+    except (RuntimeError, ValueError) as error:
+        raise UnableError(f"heyoka: {error}") from error
+    return Answer(times, run.samples, event_array(zip(run.events["time"], run.events["kind"], strict=True)), run.steps,
+                  0, run.wall_time)
+
+
+#: Every method of a study, and heyoka with a setting every second decade.
+STUDIED_WITH_HEYOKA = STUDIED | {"heyoka": ComparedMethod(by_heyoka, "tolerance", ladder(1e-5, 1e-15)[::4], True)}
+#: What checks the reference, heyoka first.
+CHECKS = (Check("heyoka", by_heyoka, 1e-15), BY_DOP853)
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:], STUDIED_WITH_HEYOKA, Effort(checks=CHECKS)))
