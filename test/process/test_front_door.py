@@ -252,10 +252,11 @@ def test_a_file_never_gets_the_number_of_a_closed_stream(tmp_path):
 def test_without_ros_it_says_what_to_do(start):
     program = ("import sys; sys.modules['rclpy'] = None; from vibro_ros.process import front_door; "
                "sys.exit(front_door.enter('robot'))")
-    code, out, err = said_after(start("-c", program))
+    code, out, err = said_after(start("-c", program, "--help"))
     assert (code, out) == (1, "")
-    assert err == ("robot: rclpy: no such Python module here; source a ROS 2 Jazzy installation, or use the "
-                   "environment that `make setup` makes\n")
+    assert err == ("robot: rclpy: no such Python module here; ROS 2 is missing. Source an installation of it "
+                   "(. /opt/ros/jazzy/setup.bash), or run `make setup` in a clone and then .venv/bin/robot, or add the "
+                   "wheels to this Python: pip install '.[ros]' in a clone\n")
 
 
 def test_an_unknown_option_is_one_line(start):

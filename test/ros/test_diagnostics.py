@@ -3,9 +3,17 @@
 import signal
 import time
 
+from asking import answer_of
 from diagnostic_msgs.msg import DiagnosticStatus
 from observation import bags, stamps_of, stop, value_of
+from rclpy.node import Node
+from rclpy.qos import QoSProfile, ReliabilityPolicy
 from std_msgs.msg import Float64
+from std_srvs.srv import SetBool
+
+
+def values_of(listener) -> dict[str, str]:
+    return {pair.key: pair.value for pair in listener.parts["vibro_robot: simulation"].values}
 
 
 def test_the_last_diagnostics_of_a_failed_simulation_arrive(start, listener):
@@ -30,8 +38,10 @@ def test_the_last_diagnostics_of_a_recording_that_failed_at_its_end_arrive(start
 
 
 def test_diagnostics_tell_how_it_goes(start, listener, bench, tmp_path):
-    robot = start("robot", "--ros-args", "-p", "motor.speed:=100.0")
-    speed = bench.node.create_publisher(Float64, "motor_speed", 10)
+    robot = start("robot", "--ros-args", "-p", "motor.speed:=100.0",
+                  "-p", "qos_overrides./motor_speed.subscription.reliability:=best_effort")
+    hasty = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
+    speed = bench.node.create_publisher(Float64, "motor_speed", hasty)
     status, values = listener.wait_for_status("simulation", lambda status: status.level == DiagnosticStatus.OK)
     assert status.hardware_id == "/vibro_robot"
     assert float(values["real-time factor"]) > 0.2  # on however busy a machine
@@ -55,12 +65,24 @@ def test_diagnostics_tell_how_it_goes(start, listener, bench, tmp_path):
     status, values = listener.wait_for_status("recorder", lambda status: True)
     assert (status.level, values["dropped"], values["lost"]) == (DiagnosticStatus.OK, "0", "0")
     assert int(values["written"]) > 0 and int(values["backlog"]) >= 0 and values["fault"] == ""
+    assert values_of(listener)["nodes of this name"] == "1" and float(values_of(listener)["stamps behind [s]"]) < 1.0
+    namesake = Node("vibro_robot", context=bench.node.context)
+    status, _ = listener.wait_for_status("simulation", lambda status: "2 nodes are named" in status.message)
+    assert status.level == DiagnosticStatus.WARN
+    robot.wait_for("2 nodes are named /vibro_robot: all of them take each command")
+    namesake.destroy_node()
+    for on in (True, False):
+        answer = answer_of(bench, SetBool, "/vibro_robot/pause", data=on).message
+        if on:
+            assert "meanwhile stamps fall behind the wall clock, unless clock.publish" in answer
+            bench.spin_until(lambda: float(values_of(listener)["stamps behind [s]"]) > 2.0, "stamps that fall behind")
+    listener.wait_for_status("simulation", lambda status: "s behind the wall clock after pauses" in status.message)
     robot.send(signal.SIGSTOP)
     time.sleep(0.5)  # the stall itself
     robot.send(signal.SIGCONT)
     status, values = listener.wait_for_status("simulation", lambda status: "dropped" in status.message)
     assert status.level == DiagnosticStatus.WARN and float(values["dropped time [s]"]) > 0.3
     stop(robot)
-    assert "of simulated time dropped" in robot.wait_for("stalled: ")
+    assert "because the computer did not let the robot run in time; leave it a core" in robot.wait_for("stalled: ")
     stamps = stamps_of(bags(tmp_path)[0])
     assert {after - one for one, after in zip(stamps, stamps[1:], strict=False)} == {5_000_000}  # [ns]

@@ -79,7 +79,7 @@ def test_commands_services_and_refusals_in_the_robot_s_words(start, view, visit)
     page = visit()
     page.wait_for_robot(offers={"reset": True, "step": True, "pause": True, "record": True})
     assert page.ask(command="motor_speed", value=1e6)["done"]
-    refusal = "command refused: motor.speed: 1e+06 is out of range; give a number from 0 to 500 rad/s"
+    refusal = "command refused: /motor_speed: 1e+06 is out of range; give a number from 0 to 500 rad/s"
     page.wait(lambda: any(one["kind"] == "log" and one["words"].startswith(refusal) for one in list(page.texts)),
               "the refusal")
     assert page.ask(call="step") | {"id": 0} == {"kind": "answer", "id": 0, "done": False,

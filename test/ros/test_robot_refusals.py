@@ -24,6 +24,12 @@ BAD_PARAMETERS = {
     "lock-step with no node": (["-p", "clock.publish:=true", "-p", "clock.lock_step:=[a b]"], "a b is no node's name"),
     "lock-step with itself": (["-p", "clock.publish:=true", "-p", "clock.lock_step:=[vibro_robot]"],
                               "the robot cannot wait for itself"),
+    "quality of service": (["-p", "qos_overrides./odom.publisher.reliability:=perhaps"],
+                           "'perhaps' is unknown; choose one of reliable, best_effort"),
+    "no depth": (["-p", "qos_overrides./odom.publisher.depth:=0"], "0 is no depth; give a whole number from 1"),
+    "no such topic": (["-p", "qos_overrides./odm.publisher.depth:=5"], "this node has no publisher /odm; give one of"),
+    "no such policy": (["-p", "qos_overrides./odom.publisher.deadline:=5"], "deadline cannot be overridden here; give"),
+    "no topic": (["-p", "qos_overrides.odom:=5"], "qos_overrides.odom: not understood; write qos_overrides./TOPIC"),
     "ROS argument": (["--log-level", "loud"], "ROS refuses the arguments: Couldn't parse log level"),
     "missing file": (["--params-file", "none.yaml"], "none.yaml: No such file or directory"),
 }

@@ -7,7 +7,7 @@ from vibro_ros.messages.topics import RESET, RESUME, STEP, Operation
 from vibro_ros.ros.robot.operations import Operations
 from vibro_ros.ros.robot.pacing import Pacing, RobotTime
 from vibro_ros.ros.robot.services import SimulationControl, outcome
-from vibro_ros.ros.robot.stepping import Run, Stepping
+from vibro_ros.ros.robot.stepping import SUMMARY, Run, StallReport, Stepping
 from vibro_ros.ros.topics.publishers import RobotPublishers
 from vibro_ros.ros.topics.subscriptions import CommandSubscriptions
 
@@ -58,3 +58,17 @@ def test_whoever_asked_is_answered_when_the_run_cannot_go_on(bench, monkeypatch)
     assert str(stepping.error) == "no start" and robot_time.ticks == 0
     assert (outcome(failing), outcome(behind)) == ((False, "no start"), (False, "the simulation has ended"))
     assert outcome(operations.ask(Operation(RESET))) == (False, "the simulation has ended")
+
+
+def test_stalls_are_told_when_they_begin_and_then_once_a_minute_with_their_cause():
+    clock, lines = [100.0], []
+    report = StallReport(lines.append, lambda: clock[0])
+    clock[0] += 10.0
+    report.add(0.2, 0.2, busy=0.1, ticks=2000)
+    for _ in range(60):
+        clock[0] += 1.01
+        report.add(0.5, 30.2, busy=0.1 + 58.0, ticks=3000)
+    first, second = lines
+    assert first.startswith("stalled: 0.200 s of simulated time dropped, because the computer did not let the robot")
+    assert second.startswith(f"stalled 60 times in {SUMMARY * 1.01:.0f} s: 30.000 s of simulated time dropped, 30.200 "
+                             "s since the start, because a step takes 19 ms, longer than it lasts; lower rate.real_")

@@ -1,6 +1,7 @@
 """What takes long before a run: how far it is, how it fails, how it is left alone."""
 
 import signal
+import sys
 import threading
 import time
 
@@ -41,6 +42,21 @@ def test_how_far_it_is(progress):
     assert said.pop() == "compiling advance, 0 s so far"
     go_on.set()
     assert work.wait() is True
+
+
+def test_on_a_terminal_one_line_renews_itself(progress, monkeypatch, capsys):
+    monkeypatch.setattr(preparation, "RENEWAL", 0.0)
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
+    said: list[str] = []
+    go_on = threading.Event()
+    progress.under_way.append("advance")
+    work = Preparation(lambda: go_on.wait(PATIENCE), said.append)
+    assert not any([work.done(), work.done(), work.done()])
+    go_on.set()
+    work.wait()
+    lines = capsys.readouterr().err
+    assert len(said) == 1 and lines.startswith("compiling advance, 0 s so far\x1b[K\r" * 2)
+    assert lines.endswith("\r\x1b[K\r") and "\n" not in lines
 
 
 def test_a_python_program_is_told_what_it_waits_for_on_stderr(progress, monkeypatch, capsys):

@@ -120,10 +120,11 @@ def _run(program: str) -> int:
         main = import_module(EXECUTABLES[program].module).main
     except ModuleNotFoundError as error:
         missing = (error.name or str(error)).partition(".")[0]
-        of_ros = missing == "rclpy" or missing.endswith(("_msgs", "_srvs"))
+        of_ros = missing == "rclpy" or missing.endswith(("_msgs", "_srvs", "_interfaces"))
         say(program, f"{missing}: no such Python module here; " + (
-            "source a ROS 2 Jazzy installation, or use the environment that `make setup` makes" if of_ros else
-            "install what setup.py names"))
+            "ROS 2 is missing. Source an installation of it (. /opt/ros/jazzy/setup.bash), or run `make setup` in a "
+            f"clone and then .venv/bin/{program}, or add the wheels to this Python: pip install '.[ros]' in a clone"
+            if of_ros else "install what setup.py names"))
         return FAILURE
     interrupt_what_runs()
     try:

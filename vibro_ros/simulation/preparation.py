@@ -5,6 +5,7 @@ thread that can be left alone: its main thread hears every signal at once. A Pyt
 and another thread tells how far it is.
 """
 
+import sys
 import threading
 import time
 from collections.abc import Callable
@@ -16,7 +17,8 @@ from vibro_ros.solver.compilation import PLAIN
 from vibro_ros.solver.kernel_cache import progress
 
 POLL = 0.05  # s, between two looks whether the work is done
-REPORTS = 2.0  # s, between two lines that say how far it is
+REPORTS = 10.0  # s, between two lines that say how far it is
+RENEWAL = 0.5  # s, after which the one line on a terminal is written again
 _FIRST = (f"the plain road, because {PLAIN}: a start takes minutes and a run ten times as long" if PLAIN else
           "the first start after an update takes a quarter of a minute")
 _STACK = 64 * 2**20  # bytes; the compiler's recursion is deep, and the usual stack of a thread is 2 MiB in some shells
@@ -25,7 +27,7 @@ Result = TypeVar("Result")
 
 
 class CompilationReport:
-    """Says what is being compiled, and how far it is.
+    """Says what is being compiled, and how far it is: on a terminal in one line of stderr that renews itself.
 
     Parameters
     ----------
@@ -34,7 +36,7 @@ class CompilationReport:
     """
 
     def __init__(self, tell: Callable[[str], object]):
-        self._tell = tell
+        self._tell, self._terminal = tell, sys.stderr.isatty()
         self._begun, self._due, self._compiled = time.monotonic(), 0.0, len(progress.done)
 
     def look(self) -> None:
@@ -42,15 +44,25 @@ class CompilationReport:
         under_way, now = progress.under_way[:1], time.monotonic()
         if not under_way or now < self._due:
             return
-        self._tell(f"compiling {under_way[0]}, {now - self._begun:.0f} s so far" if self._due else
-                   f"compiling: {_FIRST}; Ctrl-C stops it")
-        self._due = now + REPORTS
+        text = f"compiling {under_way[0]}, {now - self._begun:.0f} s so far"
+        if not self._due:
+            self._tell(f"compiling: {_FIRST}; Ctrl-C stops it")
+        elif self._terminal:  # the cursor goes back, so that whatever is written next takes the line's place
+            self._renew(text)
+        else:
+            self._tell(text)
+        self._due = now + (RENEWAL if self._terminal else REPORTS)
 
     def end(self) -> None:
         """Say why kernels are not kept."""
+        if self._terminal and self._due:
+            self._renew("")
         if progress.unwritable and len(progress.done) > self._compiled:
             self._tell(f"the compiled kernels cannot be kept: {progress.unwritable}; every start compiles them again. "
                        "Set NUMBA_CACHE_DIR to a folder that only you can write and that has room")
+
+    def _renew(self, text: str) -> None:
+        print(f"{text}\033[K", end="\r", file=sys.stderr, flush=True)
 
 
 class Preparation(Generic[Result]):

@@ -23,6 +23,7 @@ from rclpy.qos import QoSProfile
 from std_msgs.msg import Float64
 
 from vibro_ros.configuration.command_map import CommandMap, find_map, read_map, shipped_maps
+from vibro_ros.messages.topics import COMMAND_UNITS
 from vibro_ros.model.parameters import Parameter, Value, checked_parameters
 from vibro_ros.process.executables import EXECUTABLES
 from vibro_ros.process.front_door import Parser, exit_code
@@ -32,10 +33,9 @@ from vibro_ros.ros.controller.map_adviser import STAY, MapAdviser
 from vibro_ros.ros.controller.player import Moments, Player, timeline
 from vibro_ros.ros.controller.script import MOTOR, Script, Segment
 from vibro_ros.ros.controller.script_file import find_script, read_script, shipped_scripts
-from vibro_ros.ros.node import process
+from vibro_ros.ros.node import process, qos
 from vibro_ros.ros.node.arguments import check_addressed, check_arguments, own_arguments
 from vibro_ros.ros.node.parameters import declare, parameter_lines, take_overrides
-from vibro_ros.ros.node.qos import COMMANDS
 
 NODE_NAME = "vibro_controller"
 PARAMETERS = (
@@ -73,6 +73,7 @@ def _run(argv: Sequence[str] | None) -> int:
         check_addressed(files, node.get_fully_qualified_name())
         settings = {parameter.name: parameter.default for parameter in PARAMETERS}
         settings |= checked_parameters(take_overrides(node), PARAMETERS)
+        qos.check_overrides(node, COMMAND_UNITS, (ODOM,))
         settings["script"] = arguments.script or settings["script"]
         declare(node, PARAMETERS, settings)
         path = find_script(settings["script"])
@@ -93,7 +94,7 @@ def _run(argv: Sequence[str] | None) -> int:
 
 def _play(script: Script, known: tuple[CommandMap, Path], settings: Mapping[str, Value], node: Node, executor: Executor,
           stop: StopRequest) -> int:
-    publishers = {name: node.create_publisher(Float64, name, COMMANDS) for name in script.commands}
+    publishers = {name: node.create_publisher(Float64, name, qos.COMMANDS) for name in script.commands}
     adviser = MapAdviser(node, *known, publishers[script.commands[0]])
     prepare = partial(adviser.require, executor) if script.needs_map else lambda stop: None
     player = Player(node, executor, publishers, script.commands, MOTOR, lambda elapsed: adviser.tick(), prepare=prepare,

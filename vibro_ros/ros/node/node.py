@@ -5,6 +5,7 @@ second on `/clock`. Here such a request is answered with words, because a caller
 such a message is refused.
 """
 
+import copy
 import re
 from collections.abc import Callable
 from functools import partial
@@ -16,6 +17,9 @@ from rcl_interfaces.srv import SetParameters, SetParametersAtomically
 from rclpy.exceptions import InvalidParameterValueException
 from rclpy.executors import ShutdownException, SingleThreadedExecutor, TimeoutException
 from rclpy.node import Node
+from rclpy.publisher import Publisher
+from rclpy.qos import QoSPolicyKind, QoSProfile
+from rclpy.qos_overriding_options import QoSOverridingOptions
 from rclpy.service import Service
 from rclpy.subscription import Subscription
 from rosgraph_msgs.msg import Clock
@@ -23,6 +27,7 @@ from std_srvs.srv import SetBool, Trigger
 from type_description_interfaces.srv import GetTypeDescription
 
 from vibro_ros.configuration.parameter_file import FIXED_OF_RCLPY
+from vibro_ros.ros.node import qos
 from vibro_ros.ros.node.parameters import change_of, set_refusal
 from vibro_ros.ros.node.refusals import Refusals, peer_text
 
@@ -72,12 +77,29 @@ class SteadyNode(Node):
         callback = partial(answer, self.resolve_service_name(srv_name), callback)
         return super().create_service(srv_type, srv_name, callback, **options)
 
-    def create_subscription(self, msg_type: type, topic: str, callback: Callable, *options: Any,
-                            **more: Any) -> Subscription:
-        """As in `Node`; a message on `/clock` that is no time does not reach `callback`."""
+    def create_publisher(self, msg_type: type, topic: str, qos_profile: QoSProfile | int, **options: Any) -> Publisher:
+        """As in `Node`, with the `qos_overrides` that the user has given."""
+        qos_profile, options = self._overridden(topic, "publisher", qos_profile, options)
+        return super().create_publisher(msg_type, topic, qos_profile, **options)
+
+    def create_subscription(self, msg_type: type, topic: str, callback: Callable, qos_profile: QoSProfile | int,
+                            **options: Any) -> Subscription:
+        """As in `Node`, with `qos_overrides`; a message on `/clock` that is no time does not reach `callback`."""
         if msg_type is Clock:
             callback = partial(self._take_clock, self.resolve_topic_name(topic), callback)
-        return super().create_subscription(msg_type, topic, callback, *options, **more)
+        qos_profile, options = self._overridden(topic, "subscription", qos_profile, options)
+        return super().create_subscription(msg_type, topic, callback, qos_profile, **options)
+
+    def _overridden(self, topic: str, kind: str, profile: QoSProfile | int, options: dict[str, Any]
+                    ) -> tuple[QoSProfile | int, dict[str, Any]]:
+        """What rclpy needs to apply the overrides of a topic; without any, it declares no parameters for them.
+
+        The profile is a copy then, because rclpy changes the one that it is given.
+        """
+        name = f"{qos.OVERRIDES}.{self.resolve_topic_name(topic)}.{kind}"
+        given = [policy for policy in QoSPolicyKind if self.has_parameter(f"{name}.{policy.name.lower()}")]
+        return (copy.copy(profile), {**options, "qos_overriding_options": QoSOverridingOptions(given)}) if given else (
+            profile, options)
 
     def _answer(self, name: str, callback: Callable, request: Any, response: Any) -> Any:
         try:

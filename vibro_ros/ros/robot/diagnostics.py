@@ -24,6 +24,8 @@ NOT_EVENTS = ("steps", "energy_residual", "energy_exchanged", "solver.method", "
 REFUSED = {"refused": "commands refused", "displaced": "commands dropped", "requests": "requests refused",
            "failures": "callbacks failed"}
 """What is said of counters that have grown within a period."""
+BEHIND = 1.0
+"""Time [s] by which stamps may be behind the wall clock without a warning: short stalls are warned of as such."""
 
 
 class Diagnostics:
@@ -42,6 +44,7 @@ class Diagnostics:
     def __init__(self, node: SteadyNode, run: Run, stepping: Stepping, now: Callable[[], int]):
         self._node, self._run, self._stepping, self._now = node, run, stepping, now
         self._publisher = node.create_publisher(DiagnosticArray, TOPIC, qos.DIAGNOSTICS)
+        self._namesakes = 0
         self._before = self._counters()
         self._accuracy = {"accuracy in force": accuracy_in_force(run.device.scene, run.device.choice),
                           "next cheaper choice": next_cheaper_choice(run.device.scene, run.device.choice)}
@@ -80,6 +83,12 @@ class Diagnostics:
         if change["dropped"] > 0.0:
             complaints.append(f"{change['dropped']:.3f} s of simulated time dropped")
         complaints += [f"{change[name]:.0f} {what}" for name, what in REFUSED.items() if change[name]]
+        behind = self._behind()
+        if behind > BEHIND and self._run.pacing.factor == 1.0 and not self._run.operations.paused:
+            complaints.append(f"stamps are {behind:.2f} s behind the wall clock after pauses or stalls; start the "
+                              "robot with clock.publish and its peers with use_sim_time, so that all have one time")
+        if self._other_robots():
+            complaints.append(self._doubled)
         level, text = (DiagnosticStatus.WARN, ", ".join(complaints)) if complaints else (
             DiagnosticStatus.OK, "paused" if self._run.operations.paused else "running")
         if self._stepping.error:
@@ -93,6 +102,8 @@ class Diagnostics:
             **{f"lateness {name} [us]": f"{1e6 * value:.1f}" for name, value in of_ticks},
             "dropped time [s]": f"{self._run.pacing.dropped:.6f}",
             "stalls": f"{self._run.pacing.stalls}",
+            "stamps behind [s]": f"{behind:.6f}",
+            "nodes of this name": f"{1 + self._namesakes}",
             "cost of a step [us]": f"{1e6 * change['busy'] / max(change['ticks'], 1):.1f}",
             "share of time spent simulating": f"{change['busy'] / wall:.4f}",
             "events per second": f"{change['events'] / wall:.1f}",
@@ -114,6 +125,24 @@ class Diagnostics:
         if residual is not None:
             values["energy residual [J]"] = f"{residual:.3e}"
         return self._status("simulation", level, text, values)
+
+    def _behind(self) -> float:
+        """How far [s] the last sample's stamp is behind ROS time; 0 where robot time is ROS time."""
+        return max(0.0, (self._now() - self._run.robot_time.stamp) / SECOND)
+
+    def _other_robots(self) -> int:
+        """How many other nodes of the graph have this node's full name; the log says so when their number grows."""
+        before, own = self._namesakes, (self._node.get_name(), self._node.get_namespace())
+        self._namesakes = max(0, self._node.get_node_names_and_namespaces().count(own) - 1)
+        if self._namesakes > before:
+            self._node.get_logger().warning(self._doubled)
+        return self._namesakes
+
+    @property
+    def _doubled(self) -> str:
+        return (f"{self._namesakes + 1} nodes are named {self._node.get_fully_qualified_name()}: all of them take each "
+                "command, and their topics are mixed; give each robot a namespace, such as --ros-args -r __ns:=/r1 "
+                "(a robot that was killed counts for 20 s)")
 
     def _recorder(self) -> DiagnosticStatus:
         recording, recorder = self._run.recording, self._run.recording.latest

@@ -186,7 +186,8 @@ class Operations:
             self._done(request.operation)
             self.paused = True
             take_priority(self._pacing.factor, self.paused)
-        request.set_result(f"paused at {self._robot_time.time:.9g} s of robot time")
+        request.set_result(f"paused at {self._robot_time.time:.9g} s of robot time; meanwhile stamps fall behind the "
+                           "wall clock, unless clock.publish gives all nodes robot time")
 
     def _resume(self, request: Request) -> None:
         if self.paused and self._lock_step:

@@ -35,7 +35,7 @@ from vibro_ros.ros.node.arguments import check_addressed, check_arguments, check
 from vibro_ros.ros.node.node import SteadyNode
 from vibro_ros.ros.node.parameters import declare, parameter_lines, take_overrides
 from vibro_ros.ros.node.process import CLOCK, wait_for_time
-from vibro_ros.ros.robot.diagnostics import Diagnostics
+from vibro_ros.ros.robot.diagnostics import TOPIC, Diagnostics
 from vibro_ros.ros.robot.lock_step import LockStep, checked_nodes
 from vibro_ros.ros.robot.operations import Operations
 from vibro_ros.ros.robot.pacing import Pacing, RobotTime, take_priority
@@ -85,6 +85,8 @@ def _run(words: Sequence[str]) -> int:
         check_addressed(files, node.get_fully_qualified_name())
         check_names(node, (*COMMAND_UNITS, *map(published_name, PUBLISHED)))
         settings, scene = _configure(node, words)
+        qos.check_overrides(node, (*map(published_name, PUBLISHED), f"~/{OPERATIONS}", TOPIC,
+                                   *[CLOCK] * settings["clock.publish"]), COMMAND_UNITS)
         publishers = RobotPublishers(node, scene, settings["frame_prefix"], settings["tf.publish"])
         plan = _plan(node, settings, scene, publishers)
         node.get_logger().info(f"scene {settings['scene']}")

@@ -1,5 +1,6 @@
 """The thread that steps the device in real time, and the parts of a run that it works with."""
 
+import math
 import threading
 import time
 from array import array
@@ -12,7 +13,6 @@ from rclpy.impl.rcutils_logger import RcutilsLogger
 from rclpy.serialization import serialize_message
 from std_msgs.msg import Float64MultiArray
 
-from vibro_ros.ros.node.refusals import Throttle
 from vibro_ros.ros.robot.lock_step import LockStep
 from vibro_ros.ros.robot.operations import Operations
 from vibro_ros.ros.robot.pacing import LONGEST_SLEEP, Pacing, RobotTime
@@ -26,6 +26,8 @@ from vibro_ros.simulation.simulator import Simulator
 WATCHED = "motor_speed"
 """The command without which `command.timeout` stops the motor."""
 OVER = "the simulation has ended"
+SUMMARY = 60.0
+"""Least time [s] between two lines that tell of stalls."""
 FOR_BAG = 0.001
 """Wait [s] of samples that are faster than the disk, until they look again."""
 
@@ -63,6 +65,54 @@ class CommandTimeout:
             return False
         self.count += 1
         return True
+
+
+class StallReport:
+    """Says why simulated time was dropped: when stalls begin, then in a summary once a minute at most.
+
+    Parameters
+    ----------
+    warn : callable
+        Is given the lines.
+    now : callable
+        The wall clock [s].
+    """
+
+    def __init__(self, warn: Callable[[str], object], now: Callable[[], float] = time.monotonic):
+        self._warn, self._now = warn, now
+        self._said, self._began, self._busy = -math.inf, now(), 0.0
+        self._count, self._dropped = 0, 0.0
+
+    def add(self, dropped: float, total: float, busy: float, ticks: int) -> None:
+        """Take note of a stall.
+
+        Parameters
+        ----------
+        dropped, total : float
+            Simulated time [s] that it cost, and that all stalls of the run have cost.
+        busy : float
+            Wall time [s] that the run's steps have taken, without publishing.
+        ticks : int
+            How many steps these were.
+        """
+        now = self._now()
+        self._count, self._dropped = self._count + 1, self._dropped + dropped
+        if now < self._said + SUMMARY:
+            return
+        if busy - self._busy > 0.8 * (now - self._began):
+            why = (f"because a step takes {1e3 * busy / max(ticks, 1):.2g} ms, longer than it lasts; lower "
+                   "rate.real_time_factor, or choose solver.method exact")
+        else:
+            why = ("because the computer did not let the robot run in time; leave it a core, or raise "
+                   "rate.max_catch_up")
+        if math.isinf(self._said):
+            self._warn(f"stalled: {dropped:.3f} s of simulated time dropped, {why}. Stamps stay behind the wall clock "
+                       "by what is dropped")
+        else:
+            self._warn(f"stalled {self._count} times in {now - self._said:.0f} s: {self._dropped:.3f} s of simulated "
+                       f"time dropped, {total:.3f} s since the start, {why}")
+        self._said, self._began, self._busy = now, now, busy
+        self._count, self._dropped = 0, 0.0
 
 
 @dataclass(frozen=True)
@@ -105,6 +155,7 @@ class Run:
     clock: Callable[[], None] | None = None
     lock_step: LockStep | None = None
 
+
 class Stepping:
     """Advances the device tick by tick in its own thread, takes what has arrived before and publishes after each.
 
@@ -136,7 +187,7 @@ class Stepping:
         self.busy = 0.0
         self.unloaded = 0
         self._run, self._log, self._begin = run, log, begin
-        self._throttle = Throttle()
+        self._stalls = StallReport(log.warning)
         self._stopped = threading.Event()
         self._thread = threading.Thread(target=self._step_until_stopped, name="stepping")
 
@@ -177,10 +228,7 @@ class Stepping:
                 self._stopped.wait(FOR_BAG)
             elif not run.operations.paused:
                 if dropped := run.pacing.wait_until(run.robot_time.due, self._interrupted):
-                    text = self._throttle.admit(f"stalled: {dropped:.3f} s of simulated time dropped, "
-                                                f"{run.pacing.dropped:.3f} s in all")
-                    if text:
-                        self._log.warning(text)
+                    self._stalls.add(dropped, run.pacing.dropped, self.busy, run.robot_time.ticks)
             self._take()
             if not self._is_held() and not self._waits_for_bag():
                 return not self._stopped.is_set()

@@ -18,6 +18,7 @@ from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.node import Node
 from rclpy.subscription import Subscription
+from rclpy.topic_endpoint_info import TopicEndpointInfo
 from std_msgs.msg import Float64
 
 from vibro_ros.bag.cdr import deserialised
@@ -117,8 +118,10 @@ class CommandSubscriptions:
         try:
             device.command(**{name: self._value(name, data)})
         except ValueError as error:
-            self._refused += 1
-            self._warn(name, f"command refused: {error}")
+            self._refused += 1  # the device names the parameter, `motor.speed`; a peer knows the topic
+            reason = str(error).removeprefix(f"{name.replace('_', '.')}: ")
+            topic = self.topics[name]
+            self._warn(name, f"command refused: {reason if reason.startswith(topic) else f'{topic}: {reason}'}")
         else:
             self.accepted[name] += 1
 
@@ -229,14 +232,19 @@ def _warn_of_other_types(node: Node, types: Mapping[str, str]) -> None:
     known: set[tuple[str, str, str]] = set()
     throttle = Throttle()
 
+    def name_of(one: TopicEndpointInfo) -> str:
+        if "_BARE_DDS_APP_" in one.node_name:
+            return "a program without ROS"
+        return peer_text(f"{one.node_namespace.rstrip('/')}/{one.node_name}")
+
     def look() -> None:
         before = known.copy()
         known.clear()
-        known.update((topic, f"{one.node_namespace.rstrip('/')}/{one.node_name}", one.topic_type)
+        known.update((topic, name_of(one), one.topic_type)
                      for topic, kind in types.items() for one in node.get_publishers_info_by_topic(topic)
-                     if one.topic_type != kind)
+                     if one.topic_type != kind and "_UNKNOWN_" not in one.node_name)  # DDS learns the node's name later
         for topic, publisher, kind in sorted(known - before):
-            if text := throttle.admit(f"{topic}: {peer_text(publisher)} publishes {peer_text(kind)}, which cannot "
+            if text := throttle.admit(f"{topic}: {publisher} publishes {peer_text(kind)}, which cannot "
                                       f"arrive; publish {types[topic]}"):
                 node.get_logger().warning(text)
 
