@@ -8,6 +8,7 @@ import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from tools.wrong_speed import draw_ways
 from vibro_ros.accuracy.accuracy import TABLE, TEXT, Accuracy, row_writer
@@ -23,16 +24,15 @@ from vibro_ros.accuracy.findings import (
     reference_of,
 )
 from vibro_ros.accuracy.measurement import Measurement
-from vibro_ros.accuracy.precision import Effort
 from vibro_ros.configuration.scene_file import load_scene, shipped_scenes
 from vibro_ros.solver.methods import SCHEMES
 
 FOLDER, WAYS = "accuracy", "ways.png"
 BENCH = "## What a run costs"
-EFFORT = Effort(repeats=3, patience_for_averages=3.0)
+_EFFORT: dict[str, Any] = {"repeats": 3, "patience_for_averages": 3.0}
 #: The scene whose mean speed is looked at more closely, and steps [s] of rk4 whose ways are drawn.
 CLOSER, STEPS = "paper", (2e-4, 1e-4, 5e-5, 1e-5)
-_CLOSER_EFFORT = replace(EFFORT, starts=64, patience_for_averages=6.0, thorough=("rk4",))
+_CLOSER_EFFORT: dict[str, Any] = _EFFORT | {"starts": 64, "patience_for_averages": 6.0, "thorough": ("rk4",)}
 
 
 def summary_table(study: Accuracy) -> str:
@@ -139,15 +139,15 @@ def main(words: Sequence[str]) -> int:
 
 
 def _write(docs: Path) -> None:
-    from tools.peer.accuracy import CHECKS, STUDIED_WITH_HEYOKA  # heyoka, which has no wheel for Python 3.10
+    from tools.peer.accuracy import EFFORT, STUDIED_APART  # heyoka, which has no wheel for Python 3.10
 
     folder = docs / FOLDER
     folder.mkdir(parents=True, exist_ok=True)
     bench, ticks = printed("tools.bench"), printed("tools.tick_cost")
-    study = Accuracy(STUDIED_WITH_HEYOKA, replace(EFFORT, checks=CHECKS))
+    study = Accuracy(STUDIED_APART, replace(EFFORT, **_EFFORT))
     with row_writer(folder / TABLE) as write:
         for name in shipped_scenes():
-            study.measure(name, write, replace(_CLOSER_EFFORT, checks=CHECKS) if name == CLOSER else None)
+            study.measure(name, write, replace(EFFORT, **_CLOSER_EFFORT) if name == CLOSER else None)
     study.draw(folder)
     draw_ways(load_scene(CLOSER), STEPS).savefig(folder / WAYS)
     (docs / TEXT).write_text(document(study, bench, ticks), encoding="utf-8")

@@ -13,7 +13,7 @@ from importlib import metadata
 
 import numpy as np
 
-from vibro_ros.accuracy.baseline import integrate_rk4
+from tools.baseline import integrate_rk4
 from vibro_ros.accuracy.timing import LEAST_TIME, RATE, seconds, typical, typical_seconds
 from vibro_ros.configuration.scene_file import load_scene
 from vibro_ros.model.scene import Scene

@@ -10,9 +10,9 @@ from vibro_ros.accuracy.precision import Effort
 
 QUICK = Effort(repeats=1, horizon=0.1, starts=2, duration=0.5)
 if find_spec("heyoka"):
-    from tools.peer.accuracy import CHECKS
+    from tools.peer.accuracy import EFFORT
 
-    QUICK = replace(QUICK, checks=CHECKS)
+    QUICK = replace(QUICK, checks=EFFORT.checks)
 
 
 def with_less_damping(scene, times, step):

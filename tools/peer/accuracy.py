@@ -1,7 +1,8 @@
-"""The executable `accuracy` with heyoka: one more method, and the first check of the reference.
+"""The executable `accuracy` with two robots that are written apart: heyoka's, and the baseline.
 
-`python -m tools.peer.accuracy --scene mine.yaml` measures a user's scene so. heyoka's equations are written apart from
-the tables that `exact` and scipy's solvers integrate, so that it checks those tables as well.
+`python -m tools.peer.accuracy --scene mine.yaml` measures a user's scene so. heyoka is one more method, and the first
+check of the reference: its equations are written apart from the tables that `exact` and scipy's solvers integrate, so
+that it checks those tables as well. Costs are ratios to Runge-Kutta 4 as one would write it by hand for one scene.
 """
 
 import sys
@@ -9,6 +10,7 @@ from functools import lru_cache
 
 import numpy as np
 
+from tools.baseline import by_baseline
 from tools.peer import Peer
 from vibro_ros.accuracy.accuracy import main
 from vibro_ros.accuracy.methods import STUDIED, Answer, ComparedMethod, drive_speed, event_array, ladder
@@ -35,10 +37,13 @@ def by_heyoka(scene: Scene, times: np.ndarray, tolerance: float) -> Answer:
                   0, run.wall_time)
 
 
+#: The baseline by hand.
+BASELINE = ComparedMethod(by_baseline, "step", (1e-5,))
 #: Every method of a study, and heyoka with a setting every second decade.
-STUDIED_WITH_HEYOKA = STUDIED | {"heyoka": ComparedMethod(by_heyoka, "tolerance", ladder(1e-5, 1e-15)[::4], True)}
-#: What checks the reference, heyoka first.
-CHECKS = (Check("heyoka", by_heyoka, 1e-15), BY_DOP853)
+STUDIED_APART = STUDIED | {"baseline": BASELINE, "heyoka": ComparedMethod(
+    by_heyoka, "tolerance", ladder(1e-5, 1e-15)[::4], True)}
+#: The usual effort, the reference checked by heyoka first.
+EFFORT = Effort(checks=(Check("heyoka", by_heyoka, 1e-15), BY_DOP853), baseline=BASELINE)
 
 if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:], STUDIED_WITH_HEYOKA, Effort(checks=CHECKS)))
+    sys.exit(main(sys.argv[1:], STUDIED_APART, EFFORT))

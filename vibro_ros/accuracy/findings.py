@@ -10,7 +10,7 @@ from scipy.stats import t as student
 
 from vibro_ros.accuracy.diagram import WITHIN
 from vibro_ros.accuracy.measurement import AVERAGE, NEED, REFERENCE, TRAJECTORY, Measurement
-from vibro_ros.accuracy.methods import BASELINE_STEP
+from vibro_ros.accuracy.methods import BASELINE
 from vibro_ros.accuracy.precision import LONG, SHORT
 from vibro_ros.accuracy.starts import SETTLING
 from vibro_ros.accuracy.tables_by_scipy import SOLVERS
@@ -240,7 +240,7 @@ def prices_in_words(rows: Mapping[str, Sequence[Measurement]]) -> list[str]:
 
 def baseline_in_words(rows: Mapping[str, Sequence[Measurement]]) -> str:
     """What `RK4 = 1` is, and how far off it is itself."""
-    text = f"RK4 = 1 is the cost of fixed-step Runge-Kutta 4 of {BASELINE_STEP:g} s (`baseline`)"
+    text = f"RK4 = 1 is the cost of fixed-step Runge-Kutta 4 of {BASELINE.ladder[0]:g} s (`baseline`)"
     off = {name: row.position_error for name, own in rows.items() for row in own
            if row.method == "baseline" and row.compared == NEED and math.isfinite(row.position_error)}
     if not off:

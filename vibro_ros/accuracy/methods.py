@@ -16,11 +16,9 @@ from functools import partial
 import numpy as np
 
 from vibro_ros.accuracy import tables_by_scipy as scipy_tables
-from vibro_ros.accuracy.baseline import integrate_rk4
 from vibro_ros.accuracy.tables_by_scipy import UnableError
 from vibro_ros.model.scene import Scene
 from vibro_ros.simulation.motion import SimulationError
-from vibro_ros.simulation.runs import simulate
 from vibro_ros.simulation.simulator import Simulator
 
 #: Columns of `Answer.samples`: u, u', w, w', x, x', y, y'.
@@ -160,27 +158,11 @@ METHODS: dict[str, ComparedMethod] = {
 }
 
 
-#: Step of the baseline [s].
-BASELINE_STEP = 1e-5
-
-
-def by_baseline(scene: Scene, times: np.ndarray, step: float) -> Answer:
-    """The baseline as a method; `times` are those of one rate. It has no events."""
-    first = simulate(scene, times=np.zeros(1))
-    start = np.array([first.upper_position[0], 0.0, first.inclined_position[0], 0.0])
-    began = wall_clock.perf_counter()
-    try:
-        samples = integrate_rk4(scene, start, times[-1], 1.0 / times[1], step, drive_speed(scene))
-    except ValueError as error:
-        raise UnableError(str(error)) from error
-    wall_time = wall_clock.perf_counter() - began
-    steps = round(times[-1] / step)
-    return Answer(times, samples, np.empty(0, EVENT_DTYPE), steps, 4 * steps, wall_time)
-
-
+#: What costs are ratios to: the device's own Runge-Kutta 4 with steps of 1e-5 s.
+BASELINE = ComparedMethod(METHODS["rk4"].run, "step", (1e-5,))
 #: Name to method of a study: every method with one setting a decade, or every second decade where a right-hand side in
 #: Python is slow, and the baseline.
 STUDIED: dict[str, ComparedMethod] = {
     name: replace(method, ladder=method.ladder[::2 if method.setting == "step" else 4])
     for name, method in METHODS.items()} | {
-    "baseline": ComparedMethod(by_baseline, "step", (BASELINE_STEP,))}
+    "baseline": BASELINE}

@@ -12,13 +12,11 @@ import numpy as np
 
 from vibro_ros.accuracy.measurement import AVERAGE, NEED, REFERENCE, TRAJECTORY, Errors, Measurement, errors
 from vibro_ros.accuracy.methods import (
-    BASELINE_STEP,
+    BASELINE,
     METHODS,
-    STUDIED,
     Answer,
     ComparedMethod,
     UnableError,
-    by_baseline,
     drive_speed,
 )
 from vibro_ros.accuracy.starts import STARTING, average, speeds_of_starts, started_at_share
@@ -83,6 +81,8 @@ class Effort:
         Time of each start that counts [s].
     checks : tuple of Check
         Independent methods, the most accurate first; the first that has the scene checks the reference.
+    baseline : ComparedMethod
+        What costs are ratios to, with the step of its ladder, each of whose steps costs the same.
     """
 
     repeats: int = 5
@@ -93,6 +93,7 @@ class Effort:
     starts: int = 32
     duration: float = 5.0
     checks: tuple[Check, ...] = (BY_DOP853,)
+    baseline: ComparedMethod = BASELINE
 
 
 def running(scene: Scene) -> Scene:
@@ -198,10 +199,11 @@ class Comparison:
         return errors(method(self.scene, ends, value), METHODS["exact"](self.scene, ends, _FINEST_EXACT))
 
     def _baseline(self) -> float:
-        """Wall time of the baseline now [s], each of whose steps costs the same; NaN where it lacks an effect."""
+        """Wall time of the baseline now [s]; NaN where it lacks an effect."""
         times = self.times[:_OF_BASELINE]
         try:
-            return by_baseline(self.scene, times, BASELINE_STEP).wall_time * self.horizon / float(times[-1])
+            wall_time = self._effort.baseline(self.scene, times, self._effort.baseline.ladder[0]).wall_time
+            return wall_time * self.horizon / float(times[-1])
         except UnableError:
             return math.nan
 
@@ -249,11 +251,10 @@ class SceneStudy:
         for name in _devices(methods):
             yield from self._averages(name)
 
-    @staticmethod
-    def _asked(horizon: float, methods: Mapping[str, ComparedMethod]) -> dict[str, ComparedMethod]:
+    def _asked(self, horizon: float, methods: Mapping[str, ComparedMethod]) -> dict[str, ComparedMethod]:
         """The methods that are compared within the horizon of a need, and the baseline, whose error is reported."""
         asked = {name: method for name, method in methods.items() if method.compiled}
-        return asked | ({"baseline": STUDIED["baseline"]} if asked and horizon == SHORT else {})
+        return asked | ({"baseline": self._effort.baseline} if asked and horizon == SHORT else {})
 
     def _averages(self, name: str) -> Iterator[Measurement]:
         if name == "exact":

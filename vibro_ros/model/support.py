@@ -1,8 +1,8 @@
 """Which simulators have which parameters.
 
 The methods `exact`, `auto`, `rk4` and `semi_implicit_euler` integrate the compiled equations, so that they have every
-parameter. Three simulators hold equations of their own: Moreau's time stepping (`model.fixed_steps`), the baseline
-(`accuracy.baseline`) and the peer (`tools/peer`, beside the package). `SUPPORT` says of every parameter which values
+parameter. Three simulators hold equations of their own: Moreau's time stepping (`model.fixed_steps`) and, beside the
+package, the baseline (`tools/baseline.py`) and the peer (`tools/peer`). `SUPPORT` says of every parameter which values
 each of the three has. Of a parameter that the table lacks they have only the default, with which a new parameter has no
 effect, so that a new choice or number is refused until its equations are written.
 """

@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from tools import bench
+from tools import baseline, bench
 from vibro_ros import load_scene
-from vibro_ros.accuracy import baseline
 
 DURATION = {"rigid": 0.2, "device": 0.6}  # s; the device's motor takes 0.5 s to its speed; 0.3 s for the others
 

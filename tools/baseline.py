@@ -5,13 +5,17 @@ is what makes fixed steps inexact here: that is the comparison's point, not an o
 """
 
 import math
+import time as wall_clock
 from typing import NamedTuple
 
 import numba
 import numpy as np
 
+from vibro_ros.accuracy.methods import EVENT_DTYPE, Answer, drive_speed
+from vibro_ros.accuracy.tables_by_scipy import UnableError
 from vibro_ros.model.scene import Scene
 from vibro_ros.model.support import unsupported
+from vibro_ros.simulation.runs import simulate
 from vibro_ros.solver.compilation import stored_kernel
 
 _RULES = {"weight": 0, "unilateral": 1, "printed": 2, "hop": 1}  # hop: on the ground, where N cannot pull
@@ -274,6 +278,20 @@ def integrate_rk4(scene: Scene, start: np.ndarray, duration: float, rate: float,
     _integrate(tuple(start), _guide(scene, "upper", 0.0), _guide(scene, "inclined", scene["guide.angle"]),
                _machine(scene, speed), _flight(scene), 1.0 / (rate * per_sample), per_sample, samples)
     return samples
+
+
+def by_baseline(scene: Scene, times: np.ndarray, step: float) -> Answer:
+    """The baseline as a method of `accuracy`; `times` are those of one rate. It has no events."""
+    first = simulate(scene, times=np.zeros(1))
+    start = np.array([first.upper_position[0], 0.0, first.inclined_position[0], 0.0])
+    began = wall_clock.perf_counter()
+    try:
+        samples = integrate_rk4(scene, start, times[-1], 1.0 / times[1], step, drive_speed(scene))
+    except ValueError as error:
+        raise UnableError(str(error)) from error
+    wall_time = wall_clock.perf_counter() - began
+    steps = round(times[-1] / step)
+    return Answer(times, samples, np.empty(0, EVENT_DTYPE), steps, 4 * steps, wall_time)
 
 
 def _guide(scene: Scene, side: str, angle: float) -> Guide:
