@@ -66,7 +66,8 @@ DOCUMENTS = {
          "out/study/map/costs.png": "docs/map_costs.png"}),
     "accuracy": Document(
         "docs/accuracy.md", ("tools.accuracy_report",), 15.0,
-        (*_PHYSICS, "vibro_ros/accuracy", "tools/peer", "tools/baseline.py", "tools/accuracy_report.py", "tools/tick_cost.py")),
+        (*_PHYSICS, "vibro_ros/accuracy", "tools/peer", "tools/baseline.py", "tools/accuracy_report.py",
+         "tools/tick_cost.py")),
     "paper": Document(
         "docs/paper.md", ("research.paper",), 15.0, (*_PHYSICS, "research/paper")),
     "optimum": Document(
