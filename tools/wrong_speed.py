@@ -8,7 +8,6 @@ from matplotlib.figure import Figure
 
 from vibro_ros.accuracy.diagram import style
 from vibro_ros.accuracy.figures import new_figure, tidy
-from vibro_ros.accuracy.precision import cruising_speed
 from vibro_ros.accuracy.starts import STARTING, started_at_share
 from vibro_ros.model.scene import Scene
 
@@ -37,7 +36,7 @@ def _draw(axes: Axes, scene: Scene, title: str) -> None:
     times = np.arange(round(STARTING * _PER_SECOND), round(_END * _PER_SECOND) + 1) / _PER_SECOND
     colour = style(scene["solver.method"])["color"]
     for k in range(_STARTS):
-        way = started_at_share(scene, k / _STARTS, cruising_speed(scene)).sample(times).body_position
+        way = started_at_share(scene, k / _STARTS, scene["motor.speed"]).sample(times).body_position
         axes.plot(times, way - way[0], color=colour, lw=1.0, alpha=0.7)
     axes.axhline(0.0, color="#777777", lw=0.8, ls=":")
     axes.set_title(title, fontsize=10, loc="left")

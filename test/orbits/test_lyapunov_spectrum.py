@@ -7,9 +7,8 @@ import pytest
 from scipy.linalg import eigvals
 
 import vibro_ros
-from vibro_ros.orbits.chaos import spectrum_from, turn_derivative
+from vibro_ros.orbits.chaos import exponent_of_pairs, spectrum_from, turn_derivative
 from vibro_ros.orbits.turn_map import Stroboscope, TurnMap, free_cut
-from vibro_ros.study.measures import lyapunov_exponent, window
 
 
 def scene(name, **changes):
@@ -89,7 +88,7 @@ def test_the_largest_is_that_of_two_runs_that_part():
     chaotic = scene("unilateral")
     spectrum = vibro_ros.lyapunov_spectrum(chaotic, turns=320, settling=64)
     device = vibro_ros.Simulator(chaotic)
-    other = lyapunov_exponent(device, window(chaotic, 4.0, 20.0))
+    other = exponent_of_pairs(device, 4.0, 20.0)
     assert spectrum.exponents[0] > 3.0
     assert spectrum.exponents[0] == pytest.approx(other, abs=2.0 * spectrum.spread[0])
 

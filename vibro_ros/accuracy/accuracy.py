@@ -141,7 +141,7 @@ class Accuracy:
                 f"median of the runs that {LEAST_TIME:g} s allow, as ratios to the baseline, run in turn with them. "
                 f"Every run whose cost is measured is sampled at {RATE:g} Hz; `make bench` samples at {BENCH_RATE:g} "
                 "Hz, where `exact` costs less because it reads fewer samples off each segment. A ladder ends where a "
-                f"run takes more than {self._effort.patience:g} s. `_blind`: without location of events.\n\n"
+                f"run takes more than {self._effort.patience:g} s.\n\n"
                 f"Errors are looked for in other runs, at {INSTANTS} instants of each horizon that lie off the grids "
                 "of samples and steps; `every position` is the body along the ground, its height and both masses. A "
                 f"scene whose motor stands still at first is studied running, at {RUNNING_SPEED:g} rad/s from the "

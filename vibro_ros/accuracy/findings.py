@@ -150,7 +150,6 @@ def _line(cells: Sequence[object]) -> str:
 #: Kind of method, in words, to the methods whose slope is fitted in common; every other method is a kind of its own.
 KINDS: Mapping[str, tuple[str, ...]] = {
     **{f"`{scheme}`": (scheme,) for scheme in SCHEMES}, "scipy's solvers with events": tuple(SOLVERS)}
-_WITHOUT_PRICE = ("exact", "baseline", *(f"{name}_blind" for name in SOLVERS))
 # Of a fit: errors above this are not small beside the robot's motion [m], and errors that are not so many times the
 # reference's own have ended at rounding.
 _LARGEST_ERROR, _ABOVE_REFERENCE = 1e-2, 10.0
@@ -225,9 +224,9 @@ def _points(rows: Sequence[Measurement], method: str, kind: str) -> np.ndarray:
 
 def prices_in_words(rows: Mapping[str, Sequence[Measurement]]) -> list[str]:
     """A sentence for each kind of method that was measured: what one more digit of every position costs by it."""
-    known = {*_WITHOUT_PRICE, *(method for methods in KINDS.values() for method in methods)}
-    kinds = {row.method: (row.method,) for own in rows.values() for row in own
-             if row.compared == TRAJECTORY and row.method not in known} | dict(KINDS)
+    known = {"exact", "baseline", *(method for methods in KINDS.values() for method in methods)}
+    kinds = {row.method: (row.method,) for own in rows.values() for row in own if row.compared == TRAJECTORY
+             and row.method not in known and not row.method.endswith("_blind")} | dict(KINDS)
     sentences = [f"One more digit of every position by {kind} costs {price}." for kind, methods in kinds.items()
                  if (price := price_over_scenes(rows, methods))]
     exact = [row.cost for own in rows.values() for row in own

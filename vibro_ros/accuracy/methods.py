@@ -121,7 +121,7 @@ def by_simulator(name: str, evaluations: int, scene: Scene, times: np.ndarray, s
 
 def by_scipy(name: str, integrate: Callable, scene: Scene, times: np.ndarray, setting: float,
              most_evaluations: float = _MOST_EVALUATIONS) -> Answer:
-    """One of scipy's solvers on the scene's tables, with `tables_by_scipy.located` or `.blind`.
+    """One of scipy's solvers on the scene's tables, integrated as `tables_by_scipy.located` does.
 
     It gives up after `most_evaluations` a second of the run, and not before as many in all.
     """
@@ -146,14 +146,12 @@ def ladder(coarsest: float, finest: float) -> tuple[float, ...]:
     return tuple(coarsest * 10.0 ** (-0.5 * k) for k in range(count))
 
 
-#: Name to method: the device's own, and scipy's with event location and without it.
+#: Name to method: the device's own, and scipy's with event location.
 METHODS: dict[str, ComparedMethod] = {
     "exact": ComparedMethod(partial(by_simulator, "exact", 0), "tolerance", (1e-9,), True),
     **{name: ComparedMethod(partial(by_simulator, name, evaluations), "step", ladder(1e-3, 1e-7), True)
        for name, evaluations in (("rk4", 4), ("semi_implicit_euler", 1), ("moreau", 1))},
     **{name: ComparedMethod(partial(by_scipy, name, scipy_tables.located), "tolerance", ladder(1e-3, 1e-12))
-       for name in scipy_tables.SOLVERS},
-    **{f"{name}_blind": ComparedMethod(partial(by_scipy, name, scipy_tables.blind), "tolerance", ladder(1e-3, 1e-6))
        for name in scipy_tables.SOLVERS},
 }
 

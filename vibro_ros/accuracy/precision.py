@@ -17,11 +17,11 @@ from vibro_ros.accuracy.methods import (
     Answer,
     ComparedMethod,
     UnableError,
-    drive_speed,
 )
 from vibro_ros.accuracy.starts import STARTING, average, speeds_of_starts, started_at_share
 from vibro_ros.accuracy.timing import typical
 from vibro_ros.model.scene import Scene
+from vibro_ros.orbits.chaos import exponent_of_pairs
 from vibro_ros.simulation.motion import SimulationError
 from vibro_ros.solver.methods import SCHEMES
 
@@ -302,10 +302,6 @@ def _named(off: Errors) -> dict[str, float]:
 #: Longest horizon [s] of a comparison by every method, and how many Lyapunov times it may have: an error of the first
 #: instant has grown e^5 = 150 times by then.
 LONGEST_HORIZON, LYAPUNOV_TIMES = 1.0, 5.0
-_APART = 1e-10  # relative difference of the motor speeds in the first second
-_WINDOW, _PER_WINDOW = 0.1, 50  # s; the distance counts by its maximum in a window, longer than a turn of the crank
-_SATURATED = 1e-4  # m, where the distance begins to feel the size of the motion
-_GROWN = 1e3  # times: what a distance grows by linearly, while phases drift apart, is less
 
 
 @dataclass(frozen=True)
@@ -349,35 +345,10 @@ class Growth:
         return f"no chaos seen: motions that start close stay close for {self.duration:g} s"
 
 
-def cruising_speed(scene: Scene) -> float:
-    """Motor speed [rad/s] at which a scene is studied."""
-    return drive_speed(scene) or scene["motor.speed"]
-
-
 def growth(scene: Scene, duration: float = 15.0, starts: int = 24) -> Growth:
-    """Estimate the largest Lyapunov exponent of the masses' motion from pairs of exact runs."""
+    """Estimate the largest Lyapunov exponent of the masses' motion from pairs of exact runs; the motor turns."""
     scene = scene.with_parameters({"solver.method": "exact", "solver.audit": False})
-    pairs = [_growth_of_pair(scene, duration, k / starts) for k in range(starts)]
-    rate = average(np.array([rate for rate, _ in pairs]))
-    parted = sum(parted for _, parted in pairs)
-    return Growth(rate.mean, rate.spread, 2 * parted > starts and rate.mean > rate.spread, duration)
-
-
-def _growth_of_pair(scene: Scene, duration: float, share: float) -> tuple[float, bool]:
-    """Exponent [1/s] that fits the distance of a pair best, and whether the pair has parted."""
-    apart = np.abs(_masses(scene, duration, share, 0.0) - _masses(scene, duration, share, _APART)).max(axis=0)
-    apart = np.maximum(apart.reshape(-1, _PER_WINDOW).max(axis=1), np.finfo(float).tiny)
-    parted = bool(apart.max() > _GROWN * apart[0])
-    until = int(np.argmax(apart > _SATURATED)) if (apart > _SATURATED).any() else len(apart)
-    if until < 2:
-        return 0.0, False
-    times = _WINDOW * np.arange(until)
-    return float(np.polyfit(times, np.log(apart[:until]), 1)[0]), parted
-
-
-def _masses(scene: Scene, duration: float, share: float, change: float) -> np.ndarray:
-    """Positions of both masses, shape (2, n), of one start."""
-    windows = round(duration / _WINDOW)
-    times = STARTING + _WINDOW / _PER_WINDOW * np.arange(1, windows * _PER_WINDOW + 1)
-    run = started_at_share(scene, (1.0 + share) * (1.0 - change) - 1.0, cruising_speed(scene)).sample(times)
-    return np.stack([run.upper_position, run.inclined_position])
+    rates = np.array([exponent_of_pairs(started_at_share(scene, k / starts, scene["motor.speed"]), STARTING, duration)
+                      for k in range(starts)])
+    rate = average(rates)
+    return Growth(rate.mean, rate.spread, 2 * np.count_nonzero(rates) > starts and rate.mean > rate.spread, duration)

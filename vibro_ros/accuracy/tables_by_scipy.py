@@ -1,9 +1,7 @@
-"""scipy's integrators on a scene's tables: with its guards located as events, or blind to them.
+"""scipy's integrators on a scene's tables, with its guards located as events.
 
-*Located*: each step's guards are evaluated on the dense output; the first that has turned negative is located by
-`brentq`, the mode changes there by the tables' candidates and jumps, and the integrator starts again.
-*Blind*: the mode is read off the state at each evaluation of the right-hand side, so that contact and friction are
-discontinuities which the step control must find. That is what a first script does. It has no way to let a speed jump.
+Each step's guards are evaluated on the dense output; the first that has turned negative is located by `brentq`, the
+mode changes there by the tables' candidates and jumps, and the integrator starts again.
 """
 
 import functools
@@ -159,10 +157,10 @@ class _Located:
         tables, work = self._tables, self._work
         if stop <= time:
             return time, y, NOTHING, done
-        solver = self._make(_counted(lambda t, y: tables.slope(t, y, mode), work), time, y, stop,
+        solver = self._make(counted(lambda t, y: tables.slope(t, y, mode), work), time, y, stop,
                             rtol=max(self._tolerance, 1e-13), atol=self._tolerance)
         while solver.status == "running":
-            _step(solver, work)
+            step(solver, work)
             dense = solver.dense_output()
             ended, guard = self._first_event(dense, solver.t_old, solver.t, mode)
             upto = int(np.searchsorted(self._times, ended, side="right" if guard == NOTHING else "left"))
@@ -204,26 +202,8 @@ class _Located:
         return before if self._at_once < _MOST_AT_ONCE else after
 
 
-def blind(name: str, tables: Tables, times: np.ndarray, tolerance: float, work: Work):
-    """Integrate by the solver `name` without event location: states at `times`; no events."""
-    choose = _mode_by_state(tables)
-    slope = _counted(lambda t, y: tables.slope(t, y, choose(t, y)), work)
-    solver = SOLVERS[name](slope, 0.0, tables.start, times[-1], rtol=max(tolerance, 1e-13), atol=tolerance)
-    states, done = np.zeros((len(times), len(tables.start))), 0
-    while done < len(times) and times[done] <= 0.0:
-        states[done] = tables.start
-        done += 1
-    while solver.status == "running":
-        _step(solver, work)
-        dense = solver.dense_output()
-        upto = int(np.searchsorted(times, solver.t, side="right"))
-        if upto > done:
-            states[done:upto] = dense(times[done:upto]).T
-            done = upto
-    return states, []
-
-
-def _step(solver: OdeSolver, work: Work):
+def step(solver: OdeSolver, work: Work) -> None:
+    """Take a step of an integration (`UnableError` where it fails or costs too much)."""
     message = solver.step()
     work.steps += 1
     if solver.status == "failed":
@@ -232,50 +212,13 @@ def _step(solver: OdeSolver, work: Work):
         raise UnableError(f"more than {work.most_evaluations:g} evaluations, at {solver.t:g} s")
 
 
-def _counted(slope: Callable, work: Work) -> Callable:
+def counted(slope: Callable, work: Work) -> Callable:
+    """`slope`, whose calls are counted."""
     @functools.wraps(slope)
-    def counted(t, y):
+    def slope_and_count(t, y):
         work.evaluations += 1
         return slope(t, y)
-    return counted
-
-
-def _mode_by_state(tables: Tables) -> Callable[[float, np.ndarray], int]:
-    """The mode that positions and speeds alone tell, eqs. (4) and (5)."""
-    model, forms = tables.model, tables.model.forms
-    names = {mode.ground for mode in model.modes}
-    if forms.body_hops or any("resting" in mode.states for mode in model.modes):
-        raise UnableError("without events no speed can jump: no rigid plates and no landing")
-    number = {mode.states: m for m, mode in enumerate(model.modes)}
-    depths = [forms.penetration(side)[0] for side in forms.plates]
-    pushes = [forms.plate_force(side) for side in forms.plates]
-    may_let_go = ["released" in {mode.states[k] for mode in model.modes} for k in range(len(depths))]
-
-    def contact(k: int, z: np.ndarray) -> str:
-        if depths[k] @ z <= 0.0:
-            return "open"
-        return "released" if may_let_go[k] and pushes[k] @ z < 0.0 else "closed"
-
-    def friction(time: float, y: np.ndarray, contacts: tuple[str, ...]) -> str:
-        speed = y[tables.channels.velocity(forms.body)]
-        if speed == 0.0:
-            m = number[(*contacts, "stick")]
-            guard = tables.broken_guard(m, tables.point(time, y, m))
-            if guard == NOTHING:
-                return "stick"
-            return model.modes[tables.change(m, guard, tables.point(time, y, m))[0]].ground
-        slipping = "slip_forward" if speed > 0.0 else "slip_backward"
-        if "unloaded" not in names:
-            return slipping
-        m = number[(*contacts, "unloaded")]
-        return slipping if tables.broken_guard(m, tables.point(time, y, m)) != NOTHING else "unloaded"
-
-    def choose(time: float, y: np.ndarray) -> int:
-        z = tables.point(time, y, tables.first_mode)
-        contacts = tuple(contact(k, z) for k in range(len(depths)))
-        return number[(*contacts, "grounded" if names == {"grounded"} else friction(time, y, contacts))]
-
-    return choose
+    return slope_and_count
 
 
 def finite(states: np.ndarray) -> np.ndarray:

@@ -13,9 +13,13 @@ Journal on Applied Dynamical Systems 8 (2009) 129-145: a plane walk p(n) + i q(n
 when the series x is regular, and diffuses like a Brownian motion when the series is chaotic. K is the correlation of
 the walk's mean square displacement with time, by their eq. (2.4) without the oscillating part; the median over
 frequencies c leaves out those that resonate with the series.
+
+Where no turn map is at hand, or many starts are measured, the largest exponent comes from pairs of runs that begin
+close together, which cost two runs.
 """
 
-from collections.abc import Sequence
+import math
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -26,7 +30,8 @@ from vibro_ros.model.scene import Scene
 from vibro_ros.orbits.orbit import STEP
 from vibro_ros.orbits.recurrence import FIRST_TURNS, settle
 from vibro_ros.orbits.recurrence import MOST_TURNS as MOST_SETTLING
-from vibro_ros.orbits.turn_map import Stroboscope, TurnMap, free_cut
+from vibro_ros.orbits.turn_map import TURN, Stroboscope, TurnMap, free_cut
+from vibro_ros.simulation.simulator import Simulator
 
 LEAST_TURNS, MOST_TURNS = 20, 1_000_000
 """Turns that are measured, at least and at most."""
@@ -185,6 +190,65 @@ def _stretched(matrix: np.ndarray, axes: np.ndarray) -> tuple[np.ndarray, np.nda
     stretch = np.abs(np.diag(triangle))
     gone = stretch <= RESOLVED * np.abs(matrix).max(initial=0.0)
     return axes, np.where(gone, -np.inf, np.log(np.where(gone, 1.0, stretch)))
+
+
+_APART = 1e-10  # relative difference of the motor speeds while a pair parts
+# The distance counts by its maximum in a stretch of so many turns, or, where the motor stands, seconds.
+_TURNS, _STANDING, _SAMPLES = 2.0, 0.1, 64
+_SATURATED = 1e-4  # m, where the distance begins to feel the size of the motion
+_ROUNDING = 1e-13  # m, below which a distance says nothing
+_GROWN = 1e3  # times: a distance that grows linearly, while phases drift apart, grows less
+
+
+def exponent_of_pairs(device: Simulator, begin: float, duration: float) -> float:
+    """Largest Lyapunov exponent of the masses' motion over `duration` [s] from the instant `begin` [s] on.
+
+    Returns
+    -------
+    float
+        [1/s]; 0 if no two runs have parted; NaN for a time of less than three stretches of two turns.
+
+    Raises
+    ------
+    SimulationError
+        If a run cannot go on.
+    """
+    speed = device.scene["motor.speed"]
+    stretch = _TURNS * TURN / speed if speed > 0.0 else _STANDING
+    count = math.floor(duration / stretch)
+    if count < 3:
+        return math.nan
+    device.advance_to(begin)
+    twin, ends = Simulator(device.scene), iter([begin + stretch * k for k in range(1, count + 1)])
+    growth, watched, parted = 0.0, 0, False
+    for begun in ends:
+        distances = _distances(device, twin, begun, ends)
+        if len(distances) > 1:
+            growth, watched = growth + math.log(distances[-1] / distances[0]), watched + len(distances) - 1
+            parted = parted or distances[-1] > _GROWN * distances[0]
+    return growth / (watched * stretch) if parted else 0.0
+
+
+def _distances(device: Simulator, twin: Simulator, begun: float, ends: Iterator[float]) -> list[float]:
+    """Distances [m] of a pair that has parted a little by the instant `begun`, at each of `ends` until it is far apart;
+    these ends are taken from the iterator."""
+    speed = device.scene["motor.speed"]
+    twin.restore(device.checkpoint())
+    twin.command(motor_speed=(1.0 - _APART) * speed)
+    for one in (device, twin):
+        one.advance_to(begun)
+    twin.command(motor_speed=speed)
+    distances: list[float] = []
+    for end in ends:
+        first, second = (one.sample(np.linspace(one.time, end, _SAMPLES)) for one in (device, twin))
+        apart = max(np.abs(first.upper_position - second.upper_position).max(),
+                    np.abs(first.inclined_position - second.inclined_position).max())
+        distances.append(max(_ROUNDING, float(apart)))
+        if distances[-1] > _SATURATED:
+            break
+    for one in (device, twin):
+        one.take_events()  # or they would be kept
+    return distances
 
 
 def zero_one_test(series: Sequence[float] | np.ndarray, noise: float = 1e-9) -> float:

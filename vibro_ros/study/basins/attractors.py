@@ -8,12 +8,12 @@ from typing import NamedTuple
 import numpy as np
 import pyarrow as pa
 
+from vibro_ros.orbits.chaos import exponent_of_pairs
 from vibro_ros.orbits.orbit import close, orbit_at
 from vibro_ros.orbits.recurrence import SAME, Cloud, SettledMotion, number_among, settle
 from vibro_ros.orbits.turn_map import Stroboscope, TurnMap, free_phase
 from vibro_ros.simulation.motion import SimulationError
 from vibro_ros.simulation.simulator import Simulator
-from vibro_ros.study.measures import Window, lyapunov_exponent
 from vibro_ros.study.progress import Progress
 
 #: Starts along a side of a box of `basin_entropy`, as its authors have it.
@@ -241,8 +241,8 @@ def _attractor(motion: SettledMotion, count: int, possible: int, turn_map: TurnM
     turn_map.put(device, motion.states[-1])
     none = np.empty(0, dtype=complex)
     if not motion.turns:
-        window = Window(device.time, turn_map.period, _MEASURED, _MEASURED * turn_map.period)
-        return Attractor(motion, count, fraction, none, lyapunov_exponent(device, window))
+        exponent = exponent_of_pairs(device, device.time, _MEASURED * turn_map.period)
+        return Attractor(motion, count, fraction, none, exponent)
     multipliers = _multipliers(motion, device, turn_map)
     largest = float(np.abs(multipliers).max(initial=0.0))
     rate = math.log(largest) / (motion.turns * turn_map.period) if largest > 0.0 else math.nan
