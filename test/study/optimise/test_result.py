@@ -10,7 +10,7 @@ from vibro_ros.accuracy.starts import average
 from vibro_ros.configuration.scene_file import load_scene
 from vibro_ros.study.optimise import command
 from vibro_ros.study.optimise.plan import MEASURED, VERIFYING, Reading, Trials, values_of, values_of_many
-from vibro_ros.study.optimise.search import Evaluations, Record
+from vibro_ros.study.optimise.search import Evaluations, candidate_files
 from vibro_ros.study.optimise.space import VARIABLES, Space
 from vibro_ros.study.optimise.verification import (
     OPTIMUM,
@@ -99,9 +99,8 @@ def test_robots_that_cannot_be_built_are_passed_over(tmp_path):
     points = np.random.default_rng(0).random((12, 17))
     points[0] = space.point(of_scene(space) | {"guide.angle": 0.8, "mass.inclined": 0.25, "mass.upper": 0.02})
     assert space.buildable(points[0]) is None
-    record = Record(tmp_path / "record", {})
-    values = Evaluations(space, SHORT, record, 12, 1, Counting())(points)
-    record.close()
+    files = candidate_files(tmp_path, {})
+    values = Evaluations(space, SHORT, files, 12, 1, Counting())(points)
     built = [space.buildable(point) is not None for point in points]
     assert 0 < sum(built) < 12
     assert np.isfinite(values).all(axis=(1, 2)).tolist() == built
@@ -149,7 +148,7 @@ def folder(tmp_path_factory):
 def test_everything_is_written_and_of_one_robot(folder):
     assert {path.name for path in folder.iterdir()} == {
         "optimum.md", "optimum.yaml", "optimum.json", "convergence.png", "sensitivity.png", "front.png",
-        "evaluations.jsonl"}
+        "candidates"}
     robot, numbers = load_scene(folder / "optimum.yaml"), json.loads((folder / "optimum.json").read_text())
     assert all(robot[name] == value for name, value in numbers["optimum"].items())
     assert 0.005 <= robot["crank.radius"] <= 0.02 and robot["upper.gap"] == 0.001

@@ -20,7 +20,7 @@ from vibro_ros.study.optimise.search import METHODS, Candidates
 from vibro_ros.study.optimise.space import Space, chosen_variables
 from vibro_ros.study.optimise.text import document, draw_convergence, draw_front, draw_sensitivity, title
 
-RECORD, TEXT, SCENE, NUMBERS = "evaluations.jsonl", "optimum.md", "optimum.yaml", "optimum.json"
+FOLDER, TEXT, SCENE, NUMBERS = "candidates", "optimum.md", "optimum.yaml", "optimum.json"
 _MOST = {"budget": 10**6, "starts": 1000, "workers": 1024, "seed": 2**31 - 2}
 _LEAST = {"budget": 1, "starts": 2, "workers": 1, "seed": 0}
 _VARIED = re.compile(r"([^=]+)=([^:]+):([^:]+)")
@@ -35,9 +35,10 @@ def _optimise(options: argparse.Namespace) -> int:
     plan, folder = plan_of(options), options.output
     prepare_kernels("study", plan.space.scene["solver.method"])
     with locked(folder):
-        result, candidates = studied(plan, folder / RECORD, options.workers)
+        (folder / FOLDER).mkdir(exist_ok=True)
+        result, candidates = studied(plan, folder / FOLDER, options.workers)
         write_files(folder, files_of(result, candidates))
-    print(folder / RECORD)
+    print(folder / FOLDER)
     return 0
 
 

@@ -1,6 +1,6 @@
 """What a search is asked for: objective, effort and runs of a robot; and the values that come of these runs."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass
 from functools import partial
 from typing import NamedTuple, cast
@@ -267,7 +267,7 @@ class Plan:
         weight = robot.total_mass * robot["gravity"]
         return speed(values, self.reading), cost_of_transport(values, self.reading, weight)
 
-    def identity(self) -> Mapping[str, object]:
+    def identity(self) -> dict[str, object]:
         """All that the candidates and their values depend on, in numbers and texts; the budget is not among it."""
         return {"objective": self.objective, "method": self.method, "reading": dict(self.reading._asdict()),
                 "least_speed": self.least_speed, "seed": self.seed, "trials": asdict(self.effort.trials),

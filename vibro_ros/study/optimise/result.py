@@ -3,7 +3,7 @@
 import json
 import math
 from collections.abc import Iterator, Mapping
-from contextlib import closing, contextmanager
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -19,8 +19,8 @@ from vibro_ros.study.optimise.search import (
     Candidates,
     Evaluations,
     FrontRobot,
-    Record,
     by_weights,
+    candidate_files,
     front_of,
     search,
 )
@@ -81,26 +81,26 @@ class Result:
     front: tuple[FrontRobot, ...]
 
 
-def studied(plan: Plan, record: Path, workers: int) -> tuple[Result, Candidates]:
+def studied(plan: Plan, folder: Path, workers: int) -> tuple[Result, Candidates]:
     """Search and verify; returns all candidates of the search as well.
 
     Parameters
     ----------
     plan : Plan
         What is asked for.
-    record : Path
-        File of the search, from which it goes on.
+    folder : Path
+        Of the files of the search, which goes on from them; it exists, and nobody else writes into it.
     workers : int
         Processes.
 
     Raises
     ------
     ValueError
-        If the record is another search's, or no candidate moves.
-    OSError
-        If the record cannot be written.
+        If the files are another search's, or no candidate moves.
+    OSError, RuntimeError
+        If files cannot be read, or written.
     """
-    candidates = _searched(plan, record, workers)
+    candidates = _searched(plan, folder, workers)
     scores = np.array([plan.score(values) for values in candidates.values])
     point = _chosen(plan, candidates, scores, workers)
     optimum, effort, space = plan.space.parameters(point), plan.effort, plan.space
@@ -119,9 +119,10 @@ def studied(plan: Plan, record: Path, workers: int) -> tuple[Result, Candidates]
                   tuple(front)), candidates
 
 
-def _searched(plan: Plan, path: Path, workers: int) -> Candidates:
-    with closing(Record(path, plan.identity())) as record, stage("search", plan.effort.budget) as progress:
-        evaluations = Evaluations(plan.space, plan.effort.trials, record, plan.effort.budget, workers, progress)
+def _searched(plan: Plan, folder: Path, workers: int) -> Candidates:
+    files = candidate_files(folder, plan.identity())
+    with stage("search", plan.effort.budget) as progress:
+        evaluations = Evaluations(plan.space, plan.effort.trials, files, plan.effort.budget, workers, progress)
         if plan.objective == FRONT:
             by_weights(evaluations, plan)
         else:

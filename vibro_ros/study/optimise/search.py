@@ -1,111 +1,42 @@
 """The search for the best robot: candidates in groups, proposed by a library, evaluated here and recorded."""
 
 import itertools
-import json
-import math
-import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import cma
 import numpy as np
 from scipy.optimize import differential_evolution
 
 from vibro_ros.model.scene import Scene
-from vibro_ros.process.untrusted import content, opened, replace_file, write_all
-from vibro_ros.study.optimise.plan import CHOOSING, FAILED, POWERS, Plan, Trials, values_of_many
+from vibro_ros.study.optimise.plan import CHOOSING, FAILED, MEASURED, POWERS, Plan, Trials, values_of_many
 from vibro_ros.study.optimise.space import Space
 from vibro_ros.study.progress import Progress
+from vibro_ros.study.running.blocks import NUMBERS, Field, ParquetBlocks
 
-#: Largest file that is read [B]: a million candidates with 17 coordinates and 4 starts.
-LARGEST = 10**9
+#: Most groups of candidates of a search, a file each.
+MOST_GROUPS = 1_000_000
+FIELDS = [
+    Field("point", NUMBERS, "1", "coordinates in the unit cube of the varied parameters"),
+    Field("values", NUMBERS, "1", f"{', '.join(MEASURED)} of each start, one after the other, in SI units; NaN where a "
+          "run cannot go on")]
 
 
-class Record:
-    """The groups of one search.
-
-    Parameters
-    ----------
-    path : Path
-        The file; made if there is none.
-    search : mapping
-        What the search depends on, of numbers, texts, and lists and mappings of these.
+def candidate_files(folder: Path, search: dict) -> ParquetBlocks:
+    """The files of a `search` in a folder that exists: one a group of candidates, a row a candidate.
 
     Raises
     ------
-    ValueError
-        If the file is another search's, no record at all, or damaged before its end.
-    OSError
-        If it cannot be read or written.
+    ForeignBlockError
+        For files of another search.
     """
-
-    def __init__(self, path: Path, search: Mapping[str, object]):
-        self._path, self._head = path, _line({"search": search})
-        if not os.path.lexists(path):
-            replace_file(path, self._head)
-        self._descriptor = opened(path, os.O_RDWR | os.O_APPEND, follow=False)
-        try:
-            self._groups = self._read()
-        except BaseException:
-            os.close(self._descriptor)
-            raise
-
-    def recorded(self, number: int, points: np.ndarray) -> np.ndarray | None:
-        """Values of the group `number`, from 0, which has to be of `points`; None if there is no such group.
-
-        Raises
-        ------
-        ValueError
-            If the group is of other candidates.
-        """
-        if number >= len(self._groups):
-            return None
-        known, values = self._groups[number]
-        if not np.array_equal(known, points):
-            raise ValueError(f"{self._path}: its group {number} is of other candidates than this version proposes on "
-                             "this machine; give another --output")
-        return values
-
-    def append(self, points: np.ndarray, values: np.ndarray) -> None:
-        """Write a group: shape (n, dimension) and (n, starts, measures); on disk before it returns (OSError)."""
-        rows = [[[number if math.isfinite(number) else None for number in start] for start in one]
-                for one in values.tolist()]
-        write_all(self._descriptor, _line({"points": points.tolist(), "values": rows}))
-        os.fdatasync(self._descriptor)
-
-    def close(self) -> None:
-        """Close the file."""
-        os.close(self._descriptor)
-
-    def _read(self) -> list[tuple[np.ndarray, np.ndarray]]:
-        data = content(self._path, LARGEST, follow=False)
-        whole = data[:data.rfind(b"\n") + 1]
-        head, *lines = whole.splitlines(keepends=True) or [b""]
-        if head != self._head:
-            raise ValueError(f"{self._path}: is not the record of this search, but of one with other options, another "
-                             "scene or another version; give another --output, or delete it")
-        if len(whole) < len(data):
-            os.ftruncate(self._descriptor, len(whole))
-        return [self._group(number, line) for number, line in enumerate(lines)]
-
-    def _group(self, number: int, line: bytes) -> tuple[np.ndarray, np.ndarray]:
-        try:
-            group: Any = json.loads(line)
-            points = np.array(group["points"], dtype=float)
-            values = np.array(group["values"], dtype=float)  # None becomes NaN
-        except (ValueError, TypeError, KeyError, RecursionError, OverflowError):
-            points = values = np.empty(0)
-        if points.ndim != 2 or values.ndim != 3 or len(points) != len(values) or not np.isfinite(points).all():
-            raise ValueError(f"{self._path}: line {number + 2} is no group of candidates; delete this line and all "
-                             "after it, or give another --output")
-        return points, values
-
-
-def _line(content: Mapping[str, object]) -> bytes:
-    return (json.dumps(content, allow_nan=False, sort_keys=True, ensure_ascii=True) + "\n").encode()
+    files = ParquetBlocks(folder, search, MOST_GROUPS, FIELDS)
+    files.check_folder()
+    files.read(0)  # later, a library would catch the error
+    return files
 
 
 #: First standard deviation of CMA-ES in parts of the cube's edge.
@@ -127,7 +58,7 @@ class Candidates(NamedTuple):
     points : ndarray, shape (n, dimension)
         In the unit cube.
     values : ndarray, shape (n, starts, measures)
-        Columns as `objective.MEASURED`.
+        Columns as `plan.MEASURED`.
     """
 
     points: np.ndarray
@@ -147,8 +78,8 @@ class Evaluations:
         What a candidate means.
     trials : Trials
         The runs of a candidate.
-    record : Record
-        Gives the values of groups that it holds, and is given those of others.
+    files : ParquetBlocks
+        Groups whose values are known are read there, and others written.
     budget : int
         No group begins beyond so many candidates.
     workers : int
@@ -157,8 +88,9 @@ class Evaluations:
         Counts every candidate that is done.
     """
 
-    def __init__(self, space: Space, trials: Trials, record: Record, budget: int, workers: int, progress: Progress):
-        self._space, self._trials, self._record = space, trials, record
+    def __init__(self, space: Space, trials: Trials, files: ParquetBlocks, budget: int, workers: int,
+                 progress: Progress):
+        self._space, self._trials, self._files = space, trials, files
         self._budget, self._workers, self._progress = budget, workers, progress
         self._groups: list[Candidates] = []
         self._count = 0
@@ -168,21 +100,28 @@ class Evaluations:
 
         Raises
         ------
-        SpentError, ValueError, OSError
-            As `Record` for the last two.
+        SpentError
+            When the budget is spent.
+        OSError, RuntimeError
+            For files that cannot be read or written, or are of other candidates.
         """
         if self._count >= self._budget:
             raise SpentError
-        points = np.clip(points, 0.0, 1.0)
-        values = self._record.recorded(len(self._groups), points)
-        if values is None:
+        points, number = np.clip(points, 0.0, 1.0), len(self._groups)
+        table = self._files.read(number)
+        if table is None:
             found, robots = [], [self._space.buildable(point) for point in points]
             for one in values_of_many(robots, self._trials, self._workers):
                 found.append(one)
                 self._progress.add(1)
             values = np.array(found)
-            self._record.append(points, values)
+            self._files.write(number, [{"point": point, "values": one.ravel()}
+                                       for point, one in zip(points, values, strict=True)])
         else:
+            if not np.array_equal(np.array(table["point"].to_pylist()), points):
+                raise RuntimeError(f"{self._files.path(number)}: is of other candidates than this version proposes on "
+                                   "this machine; give another --output")
+            values = np.array(table["values"].to_pylist()).reshape(len(points), self._trials.starts, -1)
             self._progress.add(len(points))
         self._groups.append(Candidates(points, values))
         self._count += len(points)

@@ -13,6 +13,7 @@ import hashlib
 import io
 import json
 import os
+import re
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -70,11 +71,12 @@ class ParquetBlocks:
 
     def check_folder(self) -> None:
         """Delete what an interrupted write has left (ForeignBlockError for files of another study)."""
-        own = {self.path(block).name for block in range(self._count)}
         for name in sorted(os.listdir(self._folder)):
-            if is_temporary(name) and name[1:].partition(".parquet")[0] + ".parquet" in own:
+            found = re.fullmatch(r"\.?(block_(\d{6})\.parquet)(\.\w+)?", name)
+            own = found[1] if found and int(found[2]) < self._count else ""
+            if own and is_temporary(name):
                 (self._folder / name).unlink()
-            elif name not in own:
+            elif name != own:
                 raise ForeignBlockError(f"{self._folder / name}: is no block of this study; give another --output, or "
                                         "delete that folder")
 
