@@ -13,9 +13,9 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from PIL import Image
 
+from tools.generated_text import given_file
 from tools.mechanism import COLOURS, DARK, EDGE, HUB_HEIGHT, MM, Mechanism, legend
 from vibro_ros.configuration.scene_file import load_scene
-from vibro_ros.process.front_door import given_file
 from vibro_ros.simulation.runs import simulate
 from vibro_ros.simulation.samples import Run, Samples
 

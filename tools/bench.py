@@ -7,6 +7,7 @@ import os
 import platform
 import statistics
 import sys
+import time
 from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from importlib import metadata
@@ -14,7 +15,7 @@ from importlib import metadata
 import numpy as np
 
 from tools.baseline import integrate_rk4
-from vibro_ros.accuracy.timing import LEAST_TIME, RATE, seconds, typical, typical_seconds
+from vibro_ros.accuracy.precision import LEAST_TIME, typical
 from vibro_ros.configuration.scene_file import load_scene
 from vibro_ros.model.scene import Scene
 from vibro_ros.model.tables import compile_scene
@@ -38,6 +39,8 @@ COLUMNS = {
 STEP = 1e-5
 #: Motor speed [rad/s] commanded at t = 0 of a scene whose motor stands still.
 SPEED = 100.0
+#: Samples per second of robot time that a run is asked for.
+RATE = 200.0
 #: Time [s] from the start over which the baseline's own error is measured.
 SHORT = 0.2
 _PACKAGES = ("numpy", "numba", "heyoka")
@@ -45,6 +48,18 @@ _TOLERANCE = 1e-9  # heyoka's: over 10 s of each scene, its errors are below the
 _COMPILED = ("no_impact", "unilateral", "device")
 _SAMPLED = ("no_impact", "frictionless", "device")
 _GOLDEN = (math.sqrt(5.0) - 1.0) / 2.0
+
+
+def seconds(function: Callable, *arguments: object) -> float:
+    """Wall time [s] of one call."""
+    began = time.perf_counter()
+    function(*arguments)
+    return time.perf_counter() - began
+
+
+def typical_seconds(function: Callable) -> float:
+    """Wall time [s] of a call; `typical` of many."""
+    return typical(partial(seconds, function))
 
 
 def main(words: Sequence[str]) -> int:

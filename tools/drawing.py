@@ -12,11 +12,11 @@ import numpy as np
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 
+from tools.generated_text import given_file
 from tools.mechanism import COLOURS, DARK, FREE_LENGTH, HUB_HEIGHT, MASS_HEIGHT, MM, Mechanism
 from vibro_ros.configuration.scene_file import load_scene
 from vibro_ros.model.scene import Scene
 from vibro_ros.model.slider import Slider
-from vibro_ros.process.front_door import given_file
 from vibro_ros.simulation.samples import Samples
 from vibro_ros.simulation.simulator import Simulator
 

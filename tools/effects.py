@@ -16,9 +16,9 @@ from pathlib import Path
 import numpy as np
 from tqdm import tqdm
 
+from tools.bench import RATE, seconds
 from tools.generated_text import write_between
 from vibro_ros.accuracy.starts import SETTLING, started_at_share
-from vibro_ros.accuracy.timing import RATE, seconds
 from vibro_ros.configuration.scene_file import load_scene
 from vibro_ros.model.parameters import Value
 from vibro_ros.model.scene import Scene

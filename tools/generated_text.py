@@ -1,9 +1,17 @@
 """Text in a document that a program writes, between two marks."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
-from vibro_ros.process.front_door import given_file
+
+@contextmanager
+def given_file(path: Path) -> Iterator[None]:
+    """Raise an OSError about the file that the command line names as the ValueError that bad input is."""
+    try:
+        yield
+    except OSError as error:
+        raise ValueError(f"{path}: {error.strerror or error}") from error
 
 
 def replaced(document: str, begin: str, end: str, text: str) -> str:

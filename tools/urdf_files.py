@@ -5,9 +5,9 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+from tools.generated_text import given_file
 from vibro_ros.configuration.scene_file import load_scene, shipped_scenes
 from vibro_ros.messages.urdf import robot_description
-from vibro_ros.process.front_door import given_file
 
 
 def write_urdf(scene: str, folder: Path) -> Path:

@@ -7,7 +7,8 @@ import pytest
 from scipy.linalg import eigvals
 
 import vibro_ros
-from vibro_ros.orbits.chaos import exponent_of_pairs, spectrum_from, turn_derivative
+from vibro_ros.orbits.chaos import exponent_of_pairs, spectrum_from
+from vibro_ros.orbits.orbit import derivative
 from vibro_ros.orbits.turn_map import Stroboscope, TurnMap, free_cut
 
 
@@ -77,7 +78,7 @@ def test_the_sum_is_the_mean_logarithm_of_the_determinant():
     found = spectrum_from(turn_map, state, 50)
     logarithms = []
     for turn in range(55):
-        matrix, state = turn_derivative(turn_map, state)
+        matrix, state = derivative(turn_map, state)
         if turn >= 5:
             logarithms.append(np.linalg.slogdet(matrix)[1])
     assert found.exponents.sum() == pytest.approx(np.mean(logarithms) / turn_map.period, abs=1e-6)

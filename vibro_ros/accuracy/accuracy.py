@@ -33,10 +33,8 @@ from vibro_ros.accuracy.findings import (
 )
 from vibro_ros.accuracy.measurement import Measurement
 from vibro_ros.accuracy.methods import STUDIED, ComparedMethod, UnableError
-from vibro_ros.accuracy.precision import INSTANTS, RATE, RUNNING_SPEED, Effort, Growth, SceneStudy
+from vibro_ros.accuracy.precision import INSTANTS, LEAST_TIME, RATE, RUNNING_SPEED, Effort, Growth, SceneStudy
 from vibro_ros.accuracy.starts import SETTLING
-from vibro_ros.accuracy.timing import LEAST_TIME
-from vibro_ros.accuracy.timing import RATE as BENCH_RATE
 from vibro_ros.configuration.scene_file import load_scene, shipped_scenes
 from vibro_ros.process.executables import EXECUTABLES
 from vibro_ros.process.front_door import FAILURE, Parser, exit_code, say
@@ -139,9 +137,8 @@ class Accuracy:
         return (f"Measured on: {machine()}.\n\n"
                 f"{baseline_in_words(self.rows)} Costs are medians of at most {self._effort.repeats} rounds, each the "
                 f"median of the runs that {LEAST_TIME:g} s allow, as ratios to the baseline, run in turn with them. "
-                f"Every run whose cost is measured is sampled at {RATE:g} Hz; `make bench` samples at {BENCH_RATE:g} "
-                "Hz, where `exact` costs less because it reads fewer samples off each segment. A ladder ends where a "
-                f"run takes more than {self._effort.patience:g} s.\n\n"
+                f"Every run whose cost is measured is sampled at {RATE:g} Hz. A ladder ends where a run takes more "
+                f"than {self._effort.patience:g} s.\n\n"
                 f"Errors are looked for in other runs, at {INSTANTS} instants of each horizon that lie off the grids "
                 "of samples and steps; `every position` is the body along the ground, its height and both masses. A "
                 f"scene whose motor stands still at first is studied running, at {RUNNING_SPEED:g} rad/s from the "

@@ -19,7 +19,6 @@ from vibro_ros.accuracy.methods import (
     UnableError,
 )
 from vibro_ros.accuracy.starts import STARTING, average, speeds_of_starts, started_at_share
-from vibro_ros.accuracy.timing import typical
 from vibro_ros.model.scene import Scene
 from vibro_ros.orbits.chaos import exponent_of_pairs
 from vibro_ros.simulation.motion import SimulationError
@@ -27,6 +26,8 @@ from vibro_ros.solver.methods import SCHEMES
 
 #: Samples per second of robot time in the runs whose cost is measured.
 RATE = 1000.0
+#: Time [s] that the median cost of a round is taken over, at least.
+LEAST_TIME = 0.1
 #: Instants at which errors are looked for, in each horizon; they lie off all grids of samples and steps.
 INSTANTS = 50_000
 #: Motor speed [rad/s] of a study of a scene whose motor stands still, if it may turn so fast.
@@ -65,7 +66,7 @@ class Effort:
     Attributes
     ----------
     repeats : int
-        Rounds of each row, each of runs for `timing.LEAST_TIME`; costs are medians.
+        Rounds of each row, each of runs for `LEAST_TIME`; costs are medians.
     horizon : float or None
         Time over which trajectories are compared [s]; by the Lyapunov time if None.
     patience : float
@@ -282,6 +283,18 @@ class SceneStudy:
         if not abs(found.mean) + found.spread < _DIVERGED:
             return replace(row, note=f"diverged: faster than {_DIVERGED:g} m/s")
         return replace(row, mean_speed=found.mean, mean_speed_spread=found.spread, starts_forwards=found.positive)
+
+
+def typical(timed: Callable[[], float]) -> float:
+    """Median of the wall times [s] that `timed` returns, one a run, of as many runs as fit into `LEAST_TIME`.
+
+    A single run of milliseconds would be measured with caches that the run before it left cold, or with what else the
+    machine did just then.
+    """
+    began, times = wall_clock.perf_counter(), []
+    while wall_clock.perf_counter() - began < LEAST_TIME:
+        times.append(timed())
+    return statistics.median(times)
 
 
 def _devices(methods: Mapping[str, ComparedMethod]) -> list[str]:

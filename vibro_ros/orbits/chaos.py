@@ -27,7 +27,7 @@ from scipy.stats import sem
 from scipy.stats import t as student
 
 from vibro_ros.model.scene import Scene
-from vibro_ros.orbits.orbit import STEP
+from vibro_ros.orbits.orbit import derivative
 from vibro_ros.orbits.recurrence import FIRST_TURNS, settle
 from vibro_ros.orbits.recurrence import MOST_TURNS as MOST_SETTLING
 from vibro_ros.orbits.turn_map import TURN, Stroboscope, TurnMap, free_cut
@@ -122,7 +122,7 @@ def spectrum_from(turn_map: TurnMap, state: np.ndarray, turns: int) -> LyapunovS
     logarithms = np.empty((aligning + turns, len(state)))
     axes = _first_axes(len(state))
     for turn in range(aligning + turns):
-        matrix, state = turn_derivative(turn_map, state)
+        matrix, state = derivative(turn_map, state)
         axes, logarithms[turn] = _stretched(matrix, axes)
     measured = logarithms[aligning:]
     found = measured.mean(axis=0) / turn_map.period
@@ -140,7 +140,7 @@ def spectrum_of_cycle(turn_map: TurnMap, states: np.ndarray) -> LyapunovSpectrum
     multipliers are stretched by goes to and fro for ever; its mean is a weighted one, which converges faster than any
     power of the number of turns: S. Das, Y. Saiki, E. Sander and J. A. Yorke, Nonlinearity 30 (2017) 4111-4140.
     """
-    matrices = [turn_derivative(turn_map, state)[0] for state in states]
+    matrices = [derivative(turn_map, state)[0] for state in states]
     laps = max(64, REPEATED // len(matrices))
     axes, logarithms = _first_axes(len(states[0])), []
     for matrix in laps * matrices:
@@ -153,29 +153,6 @@ def spectrum_of_cycle(turn_map: TurnMap, states: np.ndarray) -> LyapunovSpectrum
     found = np.full(len(lasting), -np.inf)
     found[lasting] = np.average(of_laps[laps // 4:, lasting], axis=0, weights=weights) / turn_map.period
     return LyapunovSpectrum(np.sort(found)[::-1], np.zeros_like(found), len(matrices))
-
-
-def turn_derivative(turn_map: TurnMap, state: np.ndarray, step: float = STEP) -> tuple[np.ndarray, np.ndarray]:
-    """Derivative of one turn, shape (n, n), and the state after it, shape (n,).
-
-    The column of a coordinate that something holds is 0. Where a coordinate cannot be moved one way, because a rigid
-    plate or the ground is there, the difference is one-sided.
-    """
-    after, held = turn_map(state).state, turn_map.held(state)
-    matrix = np.zeros((len(state), len(state)))
-    for i in np.flatnonzero(~held):
-        ends, reach = [], 0.0
-        for moved in (step, -step):
-            there = state.copy()
-            there[i] += moved
-            try:
-                ends.append(turn_map(there).state)
-                reach += step
-            except ValueError:
-                ends.append(after)
-        if reach:
-            matrix[:, i] = (ends[0] - ends[1]) / reach
-    return matrix, after
 
 
 def _first_axes(count: int) -> np.ndarray:

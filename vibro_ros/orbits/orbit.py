@@ -149,27 +149,35 @@ def orbit_at(turn_map: TurnMap, closed: Closed, turns: int) -> Orbit:
     """The orbit of a state that comes back, with multipliers and mean speed."""
     free = ~turn_map.held(closed.state)
     multipliers = np.zeros(len(free), dtype=complex)
-    found = np.linalg.eigvals(derivative(turn_map, closed.state, turns, free))
+    found = np.linalg.eigvals(derivative(turn_map, closed.state, turns)[0][np.ix_(free, free)])
     multipliers[:len(found)] = found[np.argsort(-np.abs(found), kind="stable")]
     mean_speed = turn_map(closed.state, turns).advance / (turns * turn_map.period)
     return Orbit(turn_map.scene, int(turns), turn_map.sample(closed.state), multipliers, mean_speed, closed.residual)
 
 
-def derivative(turn_map: TurnMap, state: np.ndarray, turns: int, free: np.ndarray, step: float = STEP) -> np.ndarray:
-    """Derivative of the map over `turns` by the coordinates that are `free`, shape (free, free).
+def derivative(turn_map: TurnMap, state: np.ndarray, turns: int = 1,
+               step: float = STEP) -> tuple[np.ndarray, np.ndarray]:
+    """Derivative of the map over `turns`, shape (n, n), and the state after them, shape (n,).
 
-    Central differences of a map that is exact to rounding: the error is that of their step, where nothing grazes
-    a plate within it.
+    Central differences of a map that is exact to rounding: the error is that of their step, where nothing grazes a
+    plate within it. The column of a coordinate that something holds is 0. Where a coordinate cannot be moved one way,
+    because a rigid plate or the ground is there, the difference is one-sided.
     """
-    columns = []
-    for i in np.flatnonzero(free):
-        ends = []
-        for sign in (step, -step):
-            moved = state.copy()
-            moved[i] += sign
-            ends.append(turn_map(moved, turns).state)
-        columns.append((ends[0] - ends[1])[free] / (2.0 * step))
-    return np.array(columns).T
+    after, held = turn_map(state, turns).state, turn_map.held(state)
+    matrix = np.zeros((len(state), len(state)))
+    for i in np.flatnonzero(~held):
+        ends, reach = [], 0.0
+        for moved in (step, -step):
+            there = state.copy()
+            there[i] += moved
+            try:
+                ends.append(turn_map(there, turns).state)
+                reach += step
+            except ValueError:
+                ends.append(after)
+        if reach:
+            matrix[:, i] = (ends[0] - ends[1]) / reach
+    return matrix, after
 
 
 def close(turn_map: TurnMap, guess: np.ndarray, turns: int) -> Closed | None:
@@ -182,7 +190,7 @@ def close(turn_map: TurnMap, guess: np.ndarray, turns: int) -> Closed | None:
         free = ~turn_map.held(state)
         difference = np.zeros_like(state)
         try:
-            matrix = derivative(turn_map, state, turns, free) - np.eye(int(free.sum()))
+            matrix = derivative(turn_map, state, turns)[0][np.ix_(free, free)] - np.eye(int(free.sum()))
             difference[free] = np.linalg.solve(matrix, residual[free])
         except (np.linalg.LinAlgError, SimulationError, ValueError):
             return None

@@ -14,11 +14,9 @@ import errno
 import io
 import os
 import sys
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from functools import partial
 from importlib import import_module
-from pathlib import Path
 from typing import Any, NoReturn
 
 from vibro_ros.process.executables import EXECUTABLES
@@ -104,15 +102,6 @@ def exit_code(program: str, body: Callable[[], int]) -> int:
 def say(program: str, text: str) -> None:
     """Write one line on stderr."""
     print(f"{program}: {one_line(' '.join(text.split()))}", file=sys.stderr, flush=True)
-
-
-@contextmanager
-def given_file(path: Path) -> Iterator[None]:
-    """Raise an OSError about the file that the command line names as the ValueError that bad input is."""
-    try:
-        yield
-    except OSError as error:
-        raise ValueError(f"{path}: {error.strerror or error}") from error
 
 
 def _run(program: str) -> int:

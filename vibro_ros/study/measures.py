@@ -144,8 +144,8 @@ class Observation:
         Of the crank [-].
     steady : bool
         Whether the motor had its commanded speed from the first instant to the last, and turned.
-    contacts : structured ndarray, shape (n,)
-        Contacts that ended in the time, as `Simulator.take_events` gives them.
+    events : structured ndarray, shape (n,)
+        Events that ended in the time, as `Simulator.take_events` gives them.
     delivered, taken_back : float
         Work of the motor while its power was positive, and while it was negative, both >= 0 [J]; NaN unless asked.
     standing, airborne : float
@@ -160,7 +160,7 @@ class Observation:
     displacement: float
     turns: float
     steady: bool
-    contacts: np.ndarray
+    events: np.ndarray
     delivered: float
     taken_back: float
     standing: float
@@ -184,8 +184,18 @@ def observe(scene: Scene, wanted: Collection[str], settling: float, duration: fl
     measured, accounts = window(scene, settling, duration), WORK in wanted and scene["solver.method"] == "exact"
     device = device_at_start(scene.with_parameters({"solver.accounts": True}) if accounts else scene, start)
     device.advance_to(measured.begin)
+    return observed(device, wanted, measured)
+
+
+def observed(device: Simulator, wanted: Collection[str], measured: Window) -> Observation:
+    """Run a device on, which is at the first instant of a measuring time, and gather what is `wanted`, as `observe`.
+
+    The work is that of `solver.accounts` where the device keeps them.
+    """
     device.take_events()
-    before, checkpoint = device.state, device.checkpoint() if REST in wanted else None
+    scene, before = device.scene, device.state
+    checkpoint = device.checkpoint() if REST in wanted else None
+    accounts = WORK in wanted and scene["solver.accounts"] and scene["solver.method"] == "exact"
     booked = _booked(device) if accounts else None
     delivered, taken_back, strobe = _sampled(device, measured, WORK in wanted and not accounts, TURNS in wanted)
     device.advance_to(measured.end)
@@ -198,8 +208,7 @@ def observe(scene: Scene, wanted: Collection[str], settling: float, duration: fl
     return Observation(
         scene=scene, window=measured, displacement=after.body_position - before.body_position,
         turns=(after.crank_angle - before.crank_angle) / (2.0 * math.pi),
-        steady=before.motor_speed == after.motor_speed == scene["motor.speed"] > 0.0,
-        contacts=events[np.isin(events["kind"], ("upper_contact", "inclined_contact"))],
+        steady=before.motor_speed == after.motor_speed == scene["motor.speed"] > 0.0, events=events,
         delivered=float(delivered), taken_back=float(taken_back), standing=standing, airborne=airborne, strobe=strobe)
 
 
@@ -288,14 +297,14 @@ def _cost(power: float, seen: Observation) -> float:
 
 
 def _impacts(side: str) -> Callable[[Observation], float]:
-    return lambda seen: _ratio(float(np.sum(seen.contacts["kind"] == f"{side}_contact")), seen.turns)
+    return lambda seen: _ratio(float(np.sum(seen.events["kind"] == f"{side}_contact")), seen.turns)
 
 
 def _peak_force(side: str) -> Callable[[Observation], float]:
     def largest(seen: Observation) -> float:
         if seen.scene[f"effects.{side}_contact"] == "restitution":
             return math.nan
-        return float(seen.contacts["peak_force"][seen.contacts["kind"] == f"{side}_contact"].max(initial=0.0))
+        return float(seen.events["peak_force"][seen.events["kind"] == f"{side}_contact"].max(initial=0.0))
 
     return largest
 

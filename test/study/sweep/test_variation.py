@@ -7,7 +7,7 @@ import pytest
 from scipy.stats import qmc
 
 import vibro_ros
-from vibro_ros.study.sweep.design import Design
+from vibro_ros.study.sweep.design import Design, pieces
 from vibro_ros.study.variation import Axis, Range, sampling, sampling_in_words, varied, varied_in_words
 
 
@@ -52,13 +52,10 @@ def test_points_are_every_combination_with_every_sample_and_rows_every_start():
     assert [(one["guide.angle"], one["effects.normal_force"]) for one in changes[::4]] == [
         (0.5, "printed"), (0.5, "hop"), (1.0, "printed"), (1.0, "hop")]
     assert [one["mass.inclined"] for one in changes[:4]] == [one["mass.inclined"] for one in changes[4:8]]
-    assert [(drawn.point_of(row), drawn.start_of(row)) for row in (0, 2, 3, 47)] == [(0, 0), (0, 2), (1, 0), (15, 2)]
-
-
-def test_blocks_hold_every_row_once_whatever_the_machine():
+    parts = [(piece.number, start) for piece in pieces(drawn, range(48)) for start in piece.starts]
+    assert [parts[row] for row in (0, 2, 3, 47)] == [(0, 0), (0, 2), (1, 0), (15, 2)]
     drawn = design([Axis("guide.angle", tuple(np.linspace(0.1, 3.0, 1000).tolist()))], starts=5)
-    rows = [row for block in range(drawn.blocks) for row in drawn.rows_of_block(block)]
-    assert rows == list(range(5000)) and drawn.block_rows == 1024
+    assert [row for rows in drawn.blocks for row in rows] == list(range(5000)) and len(drawn.blocks[0]) == 1024
 
 
 @pytest.mark.parametrize(("text", "words"), [

@@ -21,7 +21,7 @@ from vibro_ros.simulation.given_state import UNITS
 from vibro_ros.simulation.motion import SimulationError
 from vibro_ros.simulation.simulator import ToleranceWarning
 from vibro_ros.study.basins.attractors import UNTOLD
-from vibro_ros.study.running.blocks import NUMBERS, Field, ParquetBlocks, completed
+from vibro_ros.study.running.blocks import NUMBERS, Field, ParquetBlocks, completed, cut
 from vibro_ros.study.running.runner import Piece, Runner
 from vibro_ros.study.variation import whole_number
 
@@ -251,15 +251,6 @@ class Design:
         """Robot time [s] of a start that settles at once."""
         return self.turns * TURN / self.scene["motor.speed"]
 
-    @property
-    def blocks(self) -> int:
-        """Blocks of starts."""
-        return -(-self.starts.count // BLOCK_ROWS)
-
-    def rows_of_block(self, block: int) -> range:
-        """Numbers of the starts of a block."""
-        return range(block * BLOCK_ROWS, min((block + 1) * BLOCK_ROWS, self.starts.count))
-
     def document(self) -> dict:
         """All that decides where the starts lead, as JSON has it."""
         return {"scene": self.scene.name, "set": dict(self.scene.parameters), "phase": self.phase,
@@ -308,11 +299,10 @@ def _stroboscope(name: str, parameters: tuple[tuple[str, Value], ...], phase: fl
         return Stroboscope(TurnMap(Scene(name, dict(parameters)), phase))
 
 
-def pieces(design: Design, block: int) -> Iterator[Piece]:
+def pieces(starts: range) -> Iterator[Piece]:
     """The pieces of a block, in the order of its starts."""
-    rows = design.rows_of_block(block)
-    for first in range(rows.start, rows.stop, PIECE):
-        yield Piece(first, {}, tuple(range(first, min(first + PIECE, rows.stop))))
+    for first in range(starts.start, starts.stop, PIECE):
+        yield Piece(first, {}, tuple(range(first, min(first + PIECE, starts.stop))))
 
 
 FOLDER = "blocks"
@@ -331,11 +321,11 @@ def settle_starts(design: Design, folder: Path, runner: Runner) -> pa.Table:
         Field("states", NUMBERS, "1", "states of the settled motion at the cut, one after the other, in crank radii "
               "and crank radii times motor speed"),
         Field("error", pa.string(), "1", "why the start leads nowhere; else null")]
-    blocks = ParquetBlocks(folder, design.document(), design.blocks, fields)
-    sizes = [len(design.rows_of_block(block)) for block in range(design.blocks)]
-    return completed("starts", blocks, sizes, lambda missing: runner(
+    starts = cut(design.starts.count, BLOCK_ROWS)
+    blocks = ParquetBlocks(folder, design.document(), len(starts), fields)
+    return completed("starts", blocks, list(map(len, starts)), lambda missing: runner(
         partial(rows_of, design), design.run_time, (design.scene["solver.method"],),
-        itertools.chain.from_iterable(pieces(design, block) for block in missing)))
+        itertools.chain.from_iterable(pieces(starts[block]) for block in missing)))
 
 
 SHOCKS_FOLDER = "shocks"

@@ -21,7 +21,7 @@ from vibro_ros.orbits.chaos import MOST_TURNS as MOST_MEASURED
 from vibro_ros.orbits.recurrence import CLOUD, FIRST_TURNS, SAME, SettledMotion, settle
 from vibro_ros.orbits.turn_map import Stroboscope, TurnMap, coordinates
 from vibro_ros.simulation.given_state import UNITS
-from vibro_ros.study.running.blocks import Field, ParquetBlocks, completed
+from vibro_ros.study.running.blocks import Field, ParquetBlocks, completed, cut
 from vibro_ros.study.running.runner import Piece, Results, Runner
 from vibro_ros.study.variation import Axis, whole_number
 
@@ -95,18 +95,9 @@ class Design:
         return 2 * len(self.axis.values)
 
     @property
-    def blocks(self) -> int:
-        """Blocks."""
-        return -(-self.visits // _BLOCK)
-
-    @property
-    def sizes(self) -> list[int]:
-        """Visits of each block."""
-        return [len(self.visits_of_block(block)) for block in range(self.blocks)]
-
-    def visits_of_block(self, block: int) -> range:
-        """Numbers of the visits of a block."""
-        return range(block * _BLOCK, min((block + 1) * _BLOCK, self.visits))
+    def blocks(self) -> list[range]:
+        """Numbers of the visits of each block."""
+        return cut(self.visits, _BLOCK)
 
     def direction(self, visit: int) -> str:
         """`UP` or `DOWN`."""
@@ -177,17 +168,17 @@ def visited(design: Design, folder: Path) -> tuple[pa.Table, tuple[Visit, ...]]:
         Field("mean_speed", pa.float64(), "m/s", "of the body, forwards positive"),
         Field("cut", pa.int64(), "1", "number of the turn"),
         *(Field(name, pa.float64(), UNITS[name], f"at the crank angle {design.phase:.17g}") for name in design.names)]
-    blocks = ParquetBlocks(folder, design.document(), design.blocks, fields)
+    blocks = ParquetBlocks(folder, design.document(), len(design.blocks), fields)
 
     def visits(missing: Sequence[int]) -> Results:
         for block in missing:
             left = _visits_in(design, blocks.read(block - 1))[-1].states[-1] if block else None
-            for number in design.visits_of_block(block):
+            for number in design.blocks[block]:
                 one = _visit(design, number, left)
                 left = one.states[-1]
                 yield [one]
 
-    whole = completed("values", blocks, design.sizes, visits, partial(_rows_of, design))
+    whole = completed("values", blocks, list(map(len, design.blocks)), visits, partial(_rows_of, design))
     return whole, tuple(_visits_in(design, whole))
 
 
@@ -279,9 +270,9 @@ def measured(design: Design, seen: Sequence[Visit], folder: Path, runner: Runner
         Field("zero_one", pa.float64(), "1", "K of the 0-1 test: near 0 regular, near 1 chaotic")]
     # Robot time [s], about: a derivative takes some fifteen turns, each begun in its own state.
     run_time = (300.0 * design.exponents + design.cuts) * 0.06
-    blocks = ParquetBlocks(folder, design.document(), design.blocks, fields)
+    blocks = ParquetBlocks(folder, design.document(), len(design.blocks), fields)
     work = partial(nature_of, design, tuple((one.motion.turns, one.states[-1]) for one in seen))
-    return completed("motions measured", blocks, design.sizes, lambda missing: runner(
+    return completed("motions measured", blocks, list(map(len, design.blocks)), lambda missing: runner(
         work, run_time, (design.scene["solver.method"],),
         (Piece(number, {design.axis.name: design.value(number)}, (None,))
-         for block in missing for number in design.visits_of_block(block))))
+         for block in missing for number in design.blocks[block])))

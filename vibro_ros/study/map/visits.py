@@ -17,7 +17,7 @@ from vibro_ros.process.front_door import Parser
 from vibro_ros.simulation.motion import SimulationError
 from vibro_ros.simulation.simulator import Simulator
 from vibro_ros.study.command import add_machine, machine_of
-from vibro_ros.study.measures import standing_and_airborne
+from vibro_ros.study.measures import MEASURES, REST, WORK, Window, observed
 from vibro_ros.study.variation import whole_number
 
 SPEED, GAP = "motor_speed", "gap"
@@ -216,20 +216,11 @@ def visits(design: MapDesign, line: Line) -> list[Visit]:
 def _measured(turn_map: TurnMap, motion: SettledMotion) -> tuple[int, float, float, float, float]:
     """Landings, mean speed, cost of transport, and shares of the time in which the body stands and flies."""
     turns = motion.turns * math.ceil(_LEAST_TURNS / motion.turns) if motion.turns else _WITHOUT_PERIOD
-    scene, duration = turn_map.scene, turns * turn_map.period
-    device = Simulator(scene.with_parameters({"solver.accounts": True}))
+    device = Simulator(turn_map.scene.with_parameters({"solver.accounts": True}))
     device.set_state(crank_angle=turn_map.phase, **dict(zip(turn_map.names, motion.states[-1] * turn_map.units,
                                                              strict=True)))
-    before, checkpoint, booked = device.state, device.checkpoint(), device.statistics["energy_accounts"]
-    device.take_events()
-    device.advance_to(duration)
-    events, gone = device.take_events(), device.state.body_position - before.body_position
-    after, begun = (accounts["motor_delivered"] - accounts["motor_taken_back"]
-                        for accounts in (device.statistics["energy_accounts"], booked))
-    power, weight = float(after - begun) / duration, scene.total_mass * scene["gravity"]
-    pays = power > 0.0 and weight * abs(gone / duration) > 0.0
-    cost = power / (weight * abs(gone / duration)) if pays else math.nan
-    landings = round(float(np.sum(events["kind"] == "landing")) * motion.turns / turns)
-    standing, airborne = standing_and_airborne(device, checkpoint, before, events, duration)
-    mean_speed = gone / duration if motion.turns else motion.mean_speed
-    return (landings, mean_speed, cost, standing / duration, airborne / duration)
+    seen = observed(device, (WORK, REST), Window(0.0, turn_map.period, turns, turns * turn_map.period))
+    landings = round(float(np.sum(seen.events["kind"] == "landing")) * motion.turns / turns)
+    speed, cost, standing, airborne = (MEASURES[name].value(seen) for name in (
+        "mean_speed", "cost_of_transport", "stick_share", "air_share"))
+    return landings, speed if motion.turns else motion.mean_speed, cost, standing, airborne

@@ -183,6 +183,11 @@ def completed(what: str, blocks: ParquetBlocks, sizes: Sequence[int], compute: C
     return pa.concat_tables([tables[block].replace_schema_metadata() for block in range(len(sizes))])
 
 
+def cut(rows: int, size: int) -> list[range]:
+    """Numbers of the rows of each block, `size` of them; the last block may have fewer."""
+    return [range(first, min(first + size, rows)) for first in range(0, rows, size)]
+
+
 def table_of(rows: Sequence[dict], fields: Sequence[Field]) -> pa.Table:
     """A table whose schema says units and meanings."""
     schema = pa.schema([pa.field(one.name, one.type, metadata={"unit": one.unit, "meaning": one.meaning})

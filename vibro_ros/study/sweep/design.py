@@ -30,7 +30,7 @@ from vibro_ros.simulation.motion import SimulationError
 from vibro_ros.simulation.simulator import ToleranceWarning
 from vibro_ros.study.command import settings_of
 from vibro_ros.study.measures import MEASURES, checked_names, checked_times, measure
-from vibro_ros.study.running.blocks import Field, ParquetBlocks, completed
+from vibro_ros.study.running.blocks import Field, ParquetBlocks, completed, cut
 from vibro_ros.study.running.runner import PIECE, Piece, Runner
 from vibro_ros.study.variation import (
     Axis,
@@ -127,26 +127,9 @@ class Design:
         return self.points * max(self.starts, 1)
 
     @property
-    def block_rows(self) -> int:
-        """Rows of a block; the last one may have fewer."""
-        return max(1, min(_BLOCK_ROWS, int(_BLOCK_TIME / (self.settling + self.duration))))
-
-    @property
-    def blocks(self) -> int:
-        """Blocks."""
-        return -(-self.rows // self.block_rows)
-
-    def rows_of_block(self, block: int) -> range:
-        """Numbers of the rows of a block."""
-        return range(block * self.block_rows, min((block + 1) * self.block_rows, self.rows))
-
-    def point_of(self, row: int) -> int:
-        """Number of a row's point."""
-        return row // max(self.starts, 1)
-
-    def start_of(self, row: int) -> int | None:
-        """Number of a row's start; None for the scene's own."""
-        return row % self.starts if self.starts else None
+    def blocks(self) -> list[range]:
+        """Numbers of the rows of each block."""
+        return cut(self.rows, max(1, min(_BLOCK_ROWS, int(_BLOCK_TIME / (self.settling + self.duration)))))
 
     def changes(self, point: int) -> dict[str, Value]:
         """Values of the varied parameters at a point."""
@@ -309,14 +292,14 @@ def run_sweep(design: Design, folder: Path, runner: Runner) -> pa.Table:
     ValueError, OSError, RuntimeError
         As `completed`.
     """
-    blocks = ParquetBlocks(folder, design.document(), design.blocks, fields_of(design))
-    sizes = [len(design.rows_of_block(block)) for block in range(design.blocks)]
+    rows = design.blocks
+    blocks = ParquetBlocks(folder, design.document(), len(rows), fields_of(design))
     methods = next((axis.values for axis in design.axes if axis.name == "solver.method"),
                    (design.scene["solver.method"],))
-    return completed("sweep", blocks, sizes, lambda missing: runner(
+    return completed("sweep", blocks, list(map(len, rows)), lambda missing: runner(
         partial(rows_of, design.scene, design.measures, design.settling, design.duration),
         design.settling + design.duration, cast(tuple[str, ...], methods),
-        itertools.chain.from_iterable(pieces(design, block) for block in missing)))
+        itertools.chain.from_iterable(pieces(design, rows[block]) for block in missing)))
 
 
 def rows_of(scene: Scene, measures: tuple[str, ...], settling: float, duration: float, piece: Piece) -> list[dict]:
@@ -338,14 +321,15 @@ def rows_of(scene: Scene, measures: tuple[str, ...], settling: float, duration: 
     return rows
 
 
-def pieces(design: Design, block: int) -> Iterator[Piece]:
-    """The pieces of a block, in the order of its rows."""
-    rows = design.rows_of_block(block)
-    first = rows.start
+def pieces(design: Design, rows: range) -> Iterator[Piece]:
+    """The pieces of a block, in the order of its rows: those of one point together, with the numbers of their starts,
+    None for the scene's own."""
+    first, starts = rows.start, max(design.starts, 1)
     while first < rows.stop:
-        point = design.point_of(first)
-        end = min(rows.stop, first + PIECE, (point + 1) * max(design.starts, 1))
-        yield Piece(point, design.changes(point), tuple(map(design.start_of, range(first, end))))
+        point = first // starts
+        end = min(rows.stop, first + PIECE, (point + 1) * starts)
+        yield Piece(point, design.changes(point),
+                    tuple(row % starts if design.starts else None for row in range(first, end)))
         first = end
 
 
