@@ -22,6 +22,8 @@ from vibro_ros.view.view import write_page
 
 MOVED = 0.01
 """Least way [m] from the start that counts as motion; the shipped script makes more than ten times that."""
+TIMEOUT = "command.timeout:=1.0"
+"""The motor stops [s] even when somebody kills all but the robot."""
 ALWAYS_THERE = ("odom", "joint_states", "ground_contact", "impacts", "motor_power", "motor_speed")
 """Topics that hold messages after every script that makes the robot move."""
 
@@ -73,7 +75,7 @@ def _run(script: str, output: Path) -> Path | None:
 def _play(script: str, output: Path, environment: Mapping[str, str], stop: StopRequest) -> None:
     """Run both processes until the script ends or `stop`; neither is left behind."""
     record_to = f"record.directory:={json.dumps(str(output))}"  # quoted, or a folder named 2026 would be a number
-    robot_words = ("vibro_ros.ros.robot.robot", "--ros-args", "-p", record_to)
+    robot_words = ("vibro_ros.ros.robot.robot", "--ros-args", "-p", record_to, "-p", TIMEOUT)
     controller_words = ("vibro_ros.ros.controller.controller", script)  # it waits: the robot may compile
     with (
         Child(*robot_words, environment=environment) as robot,

@@ -5,6 +5,10 @@ from functools import partial
 from pathlib import Path
 
 import pytest
+from asking import answer_of
+from rcl_interfaces.msg import Parameter as ParameterMessage
+from rcl_interfaces.msg import ParameterValue
+from rcl_interfaces.srv import SetParameters
 from std_msgs.msg import Float64
 
 from vibro_ros.bag.reader import read_bag
@@ -64,7 +68,8 @@ entries:
         *["entry 2.1, 0.1 s: motor_speed 20 rad/s", "entry 2.2, 0.1 s: motor_speed 0 rad/s"] * 2,
         "entry 3, 0.1 s: motor_speed 0 rad/s",
     ]
-    assert "script done" in controller.lines[-1]
+    assert controller.lines[-1].endswith("script done; /motor_speed is at 0 rad/s, so that the motor stops")
+    assert "/bench does not say its limits" in controller.text
 
 
 def test_without_a_robot_it_gives_up(start):
@@ -149,3 +154,47 @@ def test_a_goal_without_odometry_fails_and_the_motor_is_told_to_stop(start, benc
     assert controller.lines[-1].endswith(" s; is there a robot that publishes odom?")
     bench.spin_until(lambda: len(listener.heard["motor_speed"]) == 2, "the stop")
     assert listener.heard["motor_speed"] == [9.0, 0.0]
+
+
+def test_what_the_robot_refuses_is_refused_before_the_start_or_ends_the_script(start, bench, tmp_path):
+    """The limits are those of the robot at each moment; with a timeout it hears the motor's command again and again."""
+    robot = start("robot", "--ros-args", "-p", "motor.max_speed:=60.0", "-p", "command.timeout:=0.5")
+    controller = start("controller", write(tmp_path, """
+entries:
+  - {for: 0.5, motor_speed: 50.0}
+  - {for: 0.5, upper_gap: 0.07}
+"""))
+    assert controller.end() == 2
+    assert controller.lines[-1] == (
+        "controller: script.yaml: entry 2: /upper_gap: 0.07 is out of range; give a number from -0.06 to 0.06 m (the "
+        "limit is the rod's length); /vibro_robot refuses it")
+    goes_on = start("controller", write(tmp_path, "entries: [{for: 1.5, motor_speed: 30.0}]\n"))
+    assert goes_on.end() == 0
+    assert goes_on.lines[-1].endswith("script done; /motor_speed is at 30 rad/s, and command.timeout of /vibro_robot "
+                                      "stops the motor in 0.5 s")
+    robot.wait_for("command.timeout: no /motor_speed for 0.5 s")
+    controller = start("controller", write(tmp_path, "entries: [{for: 2, motor_speed: 20}, {for: 1, motor_speed: 55}]"))
+    controller.wait_for("entry 1, ")
+    limit = ParameterMessage(name="motor.max_speed", value=ParameterValue(type=3, double_value=40.0))
+    results = answer_of(bench, SetParameters, "/vibro_robot/set_parameters", parameters=[limit]).results
+    assert results[0].successful, results[0].reason
+    assert controller.end() == 1
+    assert controller.lines[-1] == (
+        "controller: /motor_speed: 55 is out of range; give a number from 0 to 40 rad/s (the limit is motor.max_speed)"
+        "; /vibro_robot refuses it")
+    assert controller.lines[-2].endswith("aborted: /motor_speed 0 rad/s")
+    robot.send(signal.SIGINT)
+    assert robot.end() == 0
+    assert " 0 commands refused" in robot.lines[-1] and robot.text.count("command.timeout: ") == 1
+    (bag,) = (read_bag(folder) for folder in tmp_path.glob("vibro_robot_*"))
+    assert list(bag["motor_speed"]["value"]).count(30.0) == 10
+
+
+def test_a_motor_that_goes_on_is_told_in_the_last_line(start, bench, tmp_path):
+    listener = Listener(bench)
+    controller = start("controller", write(tmp_path, "entries: [{for: 0.1, motor_speed: 9.0}]\n"))
+    listener.spin_until_ended(controller)
+    assert controller.end() == 0
+    assert "[WARN]" in controller.lines[-1] and controller.lines[-1].endswith(
+        "script done, and the motor goes on: /motor_speed stays at 9 rad/s until another command comes; stop it with "
+        "ros2 topic pub --once /motor_speed std_msgs/msg/Float64 '{data: 0.0}'")

@@ -13,7 +13,8 @@ DEVICE = vibro_ros.load_scene("device")
 
 
 def values(**changes: object) -> list[ParameterValue]:
-    given = {**DEVICE.parameters, "scene": "/somewhere/mine.yaml", "frame_prefix": "r1/", **changes}
+    given = {**DEVICE.parameters, "scene": "/somewhere/mine.yaml", "frame_prefix": "r1/", "command.timeout": 0.5,
+             **changes}
     return [Parameter(name, value=given[name]).get_parameter_value() if given[name] is not None else ParameterValue()
             for name in NAMES]
 
@@ -21,7 +22,7 @@ def values(**changes: object) -> list[ParameterValue]:
 def test_the_scene_is_what_the_parameters_say():
     settings = settings_of(values(**{"guide.angle": 1.2}))
     assert settings.scene == vibro_ros.Scene("mine", {**DEVICE.parameters, "guide.angle": 1.2})
-    assert settings.prefix == "r1/"
+    assert (settings.prefix, settings.command_timeout) == ("r1/", 0.5)
 
 
 @pytest.mark.parametrize(("changes", "words"), [
@@ -32,8 +33,8 @@ def test_the_scene_is_what_the_parameters_say():
     ({"mass.body": None}, "mass.body: None is not a number"),
     ({"effects.motor": "x" * 1000}, "effects.motor: a text of 1000 characters"),
     ({"frame_prefix": "x" * 1000}, "frame_prefix: a text of 1000 characters"),
-    ({"frame_prefix": 3}, "frame_prefix: 3 is no text"),
-    ({"scene": None}, "scene: None is no text"),
+    ({"frame_prefix": 3}, "frame_prefix: 3 is not a text"),
+    ({"scene": None}, "scene: None is not a text"),
 ])
 def test_values_that_no_robot_has_are_refused(changes, words):
     with pytest.raises(ValueError, match=words):

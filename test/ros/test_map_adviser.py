@@ -41,7 +41,7 @@ def test_a_speed_over_ground_is_met(start, tmp_path):
         assert abs(mean / speed - 1.0) < SHARE, (speed, mean)
 
 
-def test_a_crossing_is_said_before_the_command_is_sent(start, tmp_path):
+def test_a_crossing_is_said_before_the_command_is_sent_and_is_no_warning(start, tmp_path):
     (tmp_path / "known.json").write_text(written(known_map(), "a test"))
     robot = start("robot", "--ros-args", "-p", "record.enabled:=false")
     controller = start("controller", write(tmp_path, """
@@ -54,9 +54,11 @@ entries:
     assert controller.end() == 0, controller.text
     robot.send(signal.SIGINT)
     assert robot.end() == 0
-    warnings = [line.split("]: ")[1] for line in controller.lines if "[WARN]" in line]
-    assert warnings == ["entry 2: motor_speed 70 rad/s at gap 0 mm crosses into another motion: from -50 mm/s, period "
-                        "1 turn, 1 landing to -90 mm/s, period 2 turns, 2 landings"]
+    assert "[WARN]" not in controller.text  # the script asked for it, and only one motion is possible there
+    assert [line.split("]: ")[1] for line in controller.lines if " leads " in line] == [
+        "entry 2 leads at motor_speed 70 rad/s and gap 0 mm from the motion of -50 mm/s (period 1 turn, 1 landing) to "
+        "that of -90 mm/s (period 2 turns, 2 landings)"]
+    assert controller.lines[-1].endswith("script done; /motor_speed is at 0 rad/s, so that the motor stops")
 
 
 def test_the_map_of_another_machine_gives_no_commands(start, tmp_path):
@@ -69,7 +71,7 @@ def test_the_map_of_another_machine_gives_no_commands(start, tmp_path):
     entries = "entries: [{for: 1, motor_speed: 20}, {for: 1, motor_speed: 0}]\n"
     plain = start("controller", write(tmp_path, entries))
     assert plain.end() == 0, plain.text
-    assert "no warnings of other motions: " in plain.text
+    assert "nothing is said of other motions: " in plain.text
     robot.send(signal.SIGINT)
     assert robot.end() == 0
     assert "Traceback" not in controller.text + plain.text
@@ -93,35 +95,36 @@ def said(*courses, initial=None):
     watch, words = MotionWatch(known_map(), initial or STANDING), []
     for course in courses:
         speed, later = course if isinstance(course, tuple) else (course, course)
-        words.append(watch.warning({"motor_speed": speed}, {"motor_speed": later}))
+        words.append(watch.remark({"motor_speed": speed}, {"motor_speed": later})[0])
     return words
 
 
 def test_a_crossing_is_said_once_with_both_motions():
     assert said(50.0, 60.0, 70.0, 80.0) == ["", "", (
-        "motor_speed 70 rad/s at gap 0 mm crosses into another motion: from -60 mm/s, period 1 turn, 1 landing to -90 "
-        "mm/s, period 2 turns, 2 landings"), ""]
+        "leads at motor_speed 70 rad/s and gap 0 mm from the motion of -60 mm/s (period 1 turn, 1 landing) to that of "
+        "-90 mm/s (period 2 turns, 2 landings)"), ""]
 
 
 def test_a_motion_goes_on_where_it_still_exists():
     assert said(70.0, 60.0, 50.0)[:2] == ["", ""]
-    assert "crosses" in said(70.0, 60.0, 50.0)[2]
+    assert "leads" in said(70.0, 60.0, 50.0)[2]
     assert said(50.0, 60.0, 50.0, 60.0) == [""] * 4
 
 
 def test_a_start_from_standing_crosses_nothing_but_where_two_motions_exist_it_says_so():
     assert said(50.0) == said(70.0) == said(100.0) == [""]
-    assert said(60.0) == ["motor_speed 60 rad/s at gap 0 mm has more than one motion, and the way there decides: -60 "
-                          "mm/s, period 1 turn, 1 landing or -80 mm/s, period 2 turns, 2 landings"]
+    assert said(60.0) == ["allows more than one motion at motor_speed 60 rad/s and gap 0 mm, and the motion before "
+                          "decides: -60 mm/s (period 1 turn, 1 landing) or -80 mm/s (period 2 turns, 2 landings)"]
+    assert MotionWatch(known_map(), STANDING).remark({"motor_speed": 60.0}, {"motor_speed": 60.0})[1]
     assert said(50.0, 0.0, 70.0) == [""] * 3  # it stood meanwhile
 
 
 def test_what_is_only_passed_through_is_no_crossing():
     assert said(50.0, (70.0, 100.0), 100.0)[:2] == ["", ""]
     words = said(50.0, (70.0, 100.0), 100.0)[2]
-    assert "from -50 mm/s, period 1 turn, 1 landing to -100 mm/s, without a period" in words
+    assert "of -50 mm/s (period 1 turn, 1 landing) to that of -100 mm/s (without a period)" in words
     assert said(50.0, (70.0, 50.0), 50.0) == [""] * 3
-    assert "crosses" in said(50.0, (100.0, 60.0), 60.0)[2]  # after another motion it may come back in either
+    assert "more than one" in said(50.0, (100.0, 60.0), 60.0)[2]  # after another motion it may come back in either
 
 
 def test_nothing_is_said_of_what_is_not_known():
@@ -129,18 +132,18 @@ def test_nothing_is_said_of_what_is_not_known():
     assert said(50.0, 1e6, 70.0) == [""] * 3
     watch = MotionWatch(known_map(), STANDING)
     apart = {"motor_speed": 50.0, "upper_gap": 0.0, "inclined_gap": 0.004}
-    assert watch.warning(apart, apart) == ""
+    assert watch.remark(apart, apart)[0] == ""
 
 
 def test_a_robot_that_turned_before_is_in_its_motion():
     turning = {"motor_speed": 50.0, "upper_gap": 0.001, "inclined_gap": 0.001}
     assert said(50.0, initial=turning) == [""]
-    assert said(70.0, initial=turning)[0].startswith("motor_speed 70 rad/s at gap 1 mm crosses")
+    assert said(70.0, initial=turning)[0].startswith("leads at motor_speed 70 rad/s and gap 1 mm from")
 
 
 @pytest.mark.parametrize("gap", [0.0, 0.004])
 def test_gaps_lead_into_another_motion_as_the_motor_does(gap):
     watch = MotionWatch(known_map(), STANDING)
     command = {"motor_speed": 70.0, "upper_gap": gap, "inclined_gap": gap}
-    assert watch.warning(command, command) == ""
-    assert "crosses" in watch.warning({**command, "motor_speed": 110.0}, {**command, "motor_speed": 110.0})
+    assert watch.remark(command, command)[0] == ""
+    assert "leads" in watch.remark({**command, "motor_speed": 110.0}, {**command, "motor_speed": 110.0})[0]

@@ -162,7 +162,7 @@ def test_stamps_grow_by_a_period_through_resets_and_the_device_begins_at_0(rate:
 
 
 def test_the_watchdog_counts_from_the_last_command_that_took_effect():
-    device, watchdog, accepted = vibro_ros.Simulator(vibro_ros.load_scene("device")), CommandTimeout(0.5), Counter()
+    device, watchdog, accepted = vibro_ros.Simulator(vibro_ros.load_scene("device")), CommandTimeout(0.5, ""), Counter()
     assert not watchdog.is_over(10.0, accepted, device)  # a motor that nobody asked to turn needs no stop
     device.command(motor_speed=50.0)
     accepted["motor_speed"] += 1
@@ -175,7 +175,7 @@ def test_the_watchdog_counts_from_the_last_command_that_took_effect():
 
 def test_a_motor_that_turns_from_the_start_is_watched_from_the_start():
     device = vibro_ros.Simulator(vibro_ros.load_scene("paper"))
-    watchdog = CommandTimeout(0.5)
+    watchdog = CommandTimeout(0.5, "")
     assert not watchdog.is_over(0.49, Counter(), device)
     assert watchdog.is_over(0.5, Counter(), device)
 

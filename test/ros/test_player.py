@@ -133,6 +133,7 @@ def test_times_that_are_none_are_refused_and_change_nothing(start, simulator, tm
     controller.wait_for("/clock: refused: ")
     assert not controller.ended
     simulator.begin_at(10 * MILLISECOND)
+    until_heard(simulator, 1)
     simulator.publish(110 * MILLISECOND)
     assert controller.end() == 0, controller.text
 

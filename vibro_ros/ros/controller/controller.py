@@ -11,8 +11,9 @@ import argparse
 import math
 import sys
 from collections import deque
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
+from heapq import merge
 from itertools import count
 from pathlib import Path
 
@@ -28,6 +29,7 @@ from vibro_ros.model.parameters import Parameter, Value, checked_parameters
 from vibro_ros.process.executables import EXECUTABLES
 from vibro_ros.process.front_door import Parser, exit_code
 from vibro_ros.process.stop_signals import StopRequest
+from vibro_ros.ros.controller.commanded_robot import CommandedRobot
 from vibro_ros.ros.controller.feedback import RATE, GoalError, Pursuit, Track, check_reach
 from vibro_ros.ros.controller.map_adviser import STAY, MapAdviser
 from vibro_ros.ros.controller.player import Moments, Player, timeline
@@ -50,6 +52,8 @@ PARAMETERS = (
 )
 
 ODOM = "odom"
+REPETITIONS = 3
+"""How often the motor's command comes within the robot's `command.timeout`."""
 ODOMETRY_DEPTH = 1000
 """Samples that may wait for the next command: a second's at 1 kHz."""
 
@@ -95,16 +99,65 @@ def _run(argv: Sequence[str] | None) -> int:
 def _play(script: Script, known: tuple[CommandMap, Path], settings: Mapping[str, Value], node: Node, executor: Executor,
           stop: StopRequest) -> int:
     publishers = {name: node.create_publisher(Float64, name, qos.COMMANDS) for name in script.commands}
-    adviser = MapAdviser(node, *known, publishers[script.commands[0]])
-    prepare = partial(adviser.require, executor) if script.needs_map else lambda stop: None
-    player = Player(node, executor, publishers, script.commands, MOTOR, lambda elapsed: adviser.tick(), prepare=prepare,
+    robot = CommandedRobot(node, publishers[script.commands[0]])
+    adviser = MapAdviser(node, *known, robot)
+
+    def prepare(stop: StopRequest) -> None:
+        robot.wait(executor, stop)
+        if stop:
+            return
+        check_limits(script, str(settings["script"]), robot)
+        if script.needs_map:
+            adviser.require()
+
+    def meanwhile(_: float) -> None:
+        robot.tick()
+        adviser.judge()
+
+    def send(name: str, message: Float64) -> None:
+        robot.note(name, message.data)
+        player.send(name, message)
+
+    player = Player(node, executor, publishers, script.commands, MOTOR, meanwhile, prepare=prepare,
                     timeline=timeline(node))
     odometer = Odometer(node) if script.goals else None
-    played = ScriptPlayer(script, settings["reach"], odometer, player.send, node.get_logger().info, adviser.advise)
+    played = ScriptPlayer(script, settings["reach"], odometer, send, node.get_logger().info, adviser.advise, robot)
     code = player.run(played.moments(settings["rate"]), settings["wait"], stop)
     if not code:
-        node.get_logger().info("script done")
+        _say_what_still_runs(node, robot)
     return code
+
+
+def check_limits(script: Script, file: str, robot: CommandedRobot) -> None:
+    """Refuse the script of a `file` of which the robot would refuse a command.
+
+    Raises
+    ------
+    ValueError
+        Naming the entry, the topic, the limit and the robot.
+    """
+    for segment in script.segments:
+        values = [(name, value) for name in segment.given
+                  for value in (segment.courses[name].start, segment.courses[name].end)]
+        if segment.goal:
+            values.append((MOTOR, segment.goal.motor[1]))
+        for name, value in values:
+            if reason := robot.refusal(name, value):
+                raise ValueError(f"{file}: entry {segment.entry}: {reason}")
+
+
+def _say_what_still_runs(node: Node, robot: CommandedRobot) -> None:
+    topic, speed, log = node.resolve_topic_name(MOTOR), robot.sent_speed, node.get_logger()
+    if speed is None:
+        log.info(f"script done; it has not commanded {topic}, where the motor stays as it was")
+    elif not speed:
+        log.info(f"script done; {topic} is at 0 rad/s, so that the motor stops")
+    elif timeout := robot.timeout:
+        log.info(f"script done; {topic} is at {speed:g} rad/s, and command.timeout of {robot.name} stops the motor in "
+                 f"{timeout:g} s")
+    else:
+        log.warning(f"script done, and the motor goes on: {topic} stays at {speed:g} rad/s until another command "
+                    f"comes; stop it with ros2 topic pub --once {topic} std_msgs/msg/Float64 '{{data: 0.0}}'")
 
 
 def _parser() -> Parser:
@@ -114,9 +167,9 @@ def _parser() -> Parser:
         + "; maps: " + ", ".join(shipped_maps()),
         epilog="ROS parameters (--ros-args -p name:=value):\n"
         + parameter_lines(PARAMETERS, {parameter.name: parameter.default for parameter in PARAMETERS})
-        + "\n\nExit code 0: played to the end; 1: no robot, it is not that of the map, it went away, /clock jumped\n"
-        "back, or a speed or a position was not held or reached, with the motor told to stop; 2: bad script,\n"
-        "parameter or map, or out of reach;\n"
+        + "\n\nExit code 0: played to the end; 1: no robot, it is not that of the map, it went away or refuses a\n"
+        "command, /clock jumped back, or a speed or a position was not held or reached, with the motor told to stop;\n"
+        "2: bad script, parameter or map, out of reach, or beyond the robot's limits;\n"
         "129, 130, 143: aborted by SIGHUP, SIGINT or SIGTERM, and the motor told to stop.",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
@@ -172,13 +225,15 @@ class ScriptPlayer:
     advise : callable
         Given, before they are sent, the number of the entry, all commands that stand then, and those that stand
         `STAY` later; NaN for a motor speed that feedback has given.
+    robot : CommandedRobot
+        Says how often the motor's command must be repeated.
     """
 
     def __init__(self, script: Script, reach: float, odometer: Odometer | None,
                  send: Callable[[str, Float64], None], say: Callable[[str], object],
-                 advise: Callable[[str, Mapping[str, float], Mapping[str, float]], object]):
+                 advise: Callable[[str, Mapping[str, float], Mapping[str, float]], object], robot: CommandedRobot):
         self._script, self._reach, self._odometer = script, reach, odometer
-        self._send, self._say, self._advise = send, say, advise
+        self._send, self._say, self._advise, self._robot = send, say, advise, robot
         self._sent: dict[str, float] = {}
         self._segment: Segment | None = None
         self._saved = 0.0
@@ -189,12 +244,21 @@ class ScriptPlayer:
         What follows a position that was reached sooner than it might have been comes so much sooner.
         """
         for segment in self._script.segments:
-            for instant in segment.instants(rate):
+            for instant in merge(segment.instants(rate), self._repetitions(segment)):
                 yield instant - self._saved, partial(self._send_changes, instant)
             if segment.goal:
                 yield from self._pursue(segment)
         end = self._script.duration
         yield end - self._saved, partial(self._send_changes, end)
+
+    def _repetitions(self, segment: Segment) -> Iterator[float]:
+        """When the motor's command is due again [s], for a robot that stops its motor without commands."""
+        if self._robot.timeout and MOTOR in segment.courses:
+            period = self._robot.timeout / REPETITIONS
+            for step in count(1):
+                if (instant := segment.start + step * period) >= segment.end:
+                    return
+                yield instant
 
     def _send_changes(self, instant: float) -> None:
         """Send what changes at an `instant` [s] of the script, counted as if nothing had been saved."""
@@ -213,7 +277,7 @@ class ScriptPlayer:
             self._send_change(name, value)
 
     def _send_change(self, name: str, value: float) -> None:
-        if self._sent.get(name) != value:
+        if self._sent.get(name) != value or (name == MOTOR and self._robot.timeout):
             self._send(name, Float64(data=value))
             self._sent[name] = value
 

@@ -6,134 +6,94 @@ the robot to settle to them, are no crossing; what counts is the motion in which
 outside of the map, as from standing still, crosses nothing.
 """
 
-import math
-import re
-import time
 from collections import deque
 from collections.abc import Mapping
-from functools import partial
 from pathlib import Path
 
-from rclpy.executors import Executor
 from rclpy.node import Node
-from rclpy.publisher import Publisher
 
 from vibro_ros.configuration.command_map import CommandMap
-from vibro_ros.process.stop_signals import StopRequest
-from vibro_ros.ros.live.scene import SceneReader, Settings
-from vibro_ros.ros.node import process
+from vibro_ros.ros.controller.commanded_robot import PATIENCE, CommandedRobot
 
 STAY = 1.0
 """Time [s] for which a motion must go on to be one that the commands stay in."""
-PATIENCE = 5.0
-"""Longest wait [s] for the robot's parameters, where a script needs to know that the map is the robot's."""
-LOOKS = 0.2
-"""Time [s] between two looks for nodes that hear the commands."""
-MOST_ASKED = 16
-"""Nodes that are asked, of those that hear the commands."""
-LONGEST_NAME = 200
-"""Characters of a node's full name."""
 MOST_UNJUDGED = 1000
 """Commands that are kept while the robot has not answered; of a robot that never does, the latest."""
 
 
 class MapAdviser:
-    """Learns from the nodes that hear the commands which robot they are, and warns.
+    """Says where commands lead the robot into another motion, once the robot is known to be that of the map.
 
     Parameters
     ----------
     node : Node
-        Asks, and logs.
+        Logs.
     command_map : CommandMap
         What is known of the commands.
     path : Path
         The map's file, for words.
-    publisher : Publisher
-        Of a command: who subscribes to it is asked for its scene.
+    robot : CommandedRobot
+        Hears the commands.
     """
 
-    def __init__(self, node: Node, command_map: CommandMap, path: Path, publisher: Publisher):
-        self._node, self._map, self._path, self._publisher = node, command_map, path, publisher
-        self._readers: dict[str, SceneReader] = {}
+    def __init__(self, node: Node, command_map: CommandMap, path: Path, robot: CommandedRobot):
+        self._node, self._map, self._path, self._robot = node, command_map, path, robot
         self._watch: MotionWatch | None = None
         self._fault = ""  # why the map is not the robot's
-        self._last_look = -math.inf
         self._unjudged: deque[tuple[str, Mapping[str, float], Mapping[str, float]]] = deque(maxlen=MOST_UNJUDGED)
 
-    def tick(self) -> None:
-        """Ask the robot, if that is due; to be called often."""
-        now = time.monotonic()
-        if self._watch or self._fault or now < self._last_look + LOOKS:
-            return
-        self._last_look = now
-        for info in self._node.get_subscriptions_info_by_topic(self._publisher.topic_name):
-            name = f"{info.node_namespace.rstrip('/')}/{info.node_name}"
-            if name not in self._readers and len(self._readers) < MOST_ASKED and _can_be_asked(name):
-                self._readers[name] = SceneReader(self._node, name, partial(self._take, name))
-        for reader in self._readers.values():
-            reader.tick()
-
-    def require(self, executor: Executor, stop: StopRequest) -> None:
-        """Return when the map is known to be the robot's, or on `stop`.
+    def require(self) -> None:
+        """Refuse a robot that is not that of the map.
 
         Raises
         ------
         RuntimeError
-            When it is another's, or the robot does not say which machine it is.
+            When the map is another machine's, or the robot has not said which machine it is.
         """
-        deadline = time.monotonic() + PATIENCE
-
-        def over() -> bool:
-            self.tick()
-            return bool(stop or self._watch or self._fault or time.monotonic() > deadline)
-
-        process.spin_until(executor, over)
+        self.judge()
         if self._fault:
             raise RuntimeError(f"speed_over_ground: {self._fault}")
-        if not (stop or self._watch):
-            raise RuntimeError(f"speed_over_ground: {', '.join(self._readers) or 'the robot'} does not say in "
-                               f"{PATIENCE:g} s which machine it is; give motor_speed and gaps, or start a robot of "
-                               "this package")
+        if not self._watch:
+            raise RuntimeError(f"speed_over_ground: {self._robot} does not say in {PATIENCE:g} s which machine it is; "
+                               "give motor_speed and gaps, or start a robot of this package")
 
     def advise(self, where: str, commands: Mapping[str, float], later: Mapping[str, float]) -> None:
-        """Warn if commands, which are about to be sent, cross into another motion.
+        """Say if commands, which are about to be sent, lead into another motion.
 
         Parameters
         ----------
         where : str
             Names the script's entry.
         commands, later : mapping of str to float
-            As `MotionWatch.warning` takes them.
+            As `MotionWatch.remark` takes them.
         """
         self._unjudged.append((where, commands, later))
-        self._judge()
+        self.judge()
 
-    def _judge(self) -> None:
+    def judge(self) -> None:
         """Say what there is to say, late only of what was sent before the robot has answered."""
+        if not self._watch and not self._fault and self._robot.settings:
+            self._compare()
+        log = self._node.get_logger()
         while self._watch and self._unjudged:
             where, commands, later = self._unjudged.popleft()
-            if words := self._watch.warning(commands, later):
-                self._node.get_logger().warning(f"{where}: {words}")
+            words, undecided = self._watch.remark(commands, later)
+            if undecided:
+                log.warning(f"{where} {words}")
+            elif words:
+                log.info(f"{where} {words}")
 
-    def _take(self, name: str, found: Settings | str) -> None:
-        """What a node has answered; one that is no robot, as a recorder, says nothing."""
-        if isinstance(found, str) or self._watch or self._fault:
-            return
-        if words := self._map.difference(found.scene):
-            self._fault = (f"{self._path} is the map of another machine than {name}: {words}; make one with "
-                           "`study map` and give it as the parameter `map`")
-            self._node.get_logger().info(f"no warnings of other motions: {self._fault}")
+    def _compare(self) -> None:
+        """Whether the robot is that of the map, and where its commands stand."""
+        assert self._robot.settings
+        scene = self._robot.settings.scene
+        if words := self._map.difference(scene):
+            self._fault = (f"{self._path} is the map of another machine than {self._robot.name}: {words}; make one "
+                           "with `study map` and give it as the parameter `map`")
+            self._node.get_logger().info(f"nothing is said of other motions: {self._fault}")
         else:
-            self._watch = MotionWatch(self._map, {
-                "motor_speed": found.scene["motor.speed"], "upper_gap": found.scene["upper.gap"],
-                "inclined_gap": found.scene["inclined.gap"]})
-            self._judge()
-
-
-def _can_be_asked(name: str) -> bool:
-    """Whether the name that a peer gives itself is one that ROS makes services of; a name not yet known begins with _.
-    """
-    return bool(re.fullmatch(r"(/[A-Za-z][A-Za-z0-9_]*)+", name)) and "__" not in name and len(name) < LONGEST_NAME
+            self._watch = MotionWatch(self._map, {"motor_speed": scene["motor.speed"], "upper_gap": scene["upper.gap"],
+                                                  "inclined_gap": scene["inclined.gap"]})
 
 
 class MotionWatch:
@@ -152,8 +112,11 @@ class MotionWatch:
         self._motions = self._possible(initial)
         self._passing = False
 
-    def warning(self, commands: Mapping[str, float], later: Mapping[str, float]) -> str:
-        """What is to be said before commands are sent; empty if nothing.
+    def remark(self, commands: Mapping[str, float], later: Mapping[str, float]) -> tuple[str, bool]:
+        """What is to be said before commands are sent, empty if nothing; and whether they leave the motion undecided.
+
+        A change into the one motion that the commands have is what they ask for. Where they have several, the motion
+        before decides which of them it will be.
 
         Parameters
         ----------
@@ -166,20 +129,19 @@ class MotionWatch:
         lasting = {motion: words for motion, words in here.items() if motion in then}
         if here and not lasting:
             self._passing = True
-            return ""
+            return "", False
         before, passed, self._passing = self._motions, self._passing, False
         staying = {motion: words for motion, words in lasting.items() if motion in before}
         if staying and not (passed and len(here) > 1):
             self._motions = staying
-            return ""
+            return "", False
         self._motions = lasting
-        there = " or ".join(lasting.values())
-        if before and lasting:
-            was = " or ".join(before.values())
-            return f"{self._place(commands)} crosses into another motion: from {was} to {there}"
+        place = self._place(commands)
         if len(lasting) > 1:
-            return f"{self._place(commands)} has more than one motion, and the way there decides: {there}"
-        return ""
+            return f"allows more than one motion at {place}, and the motion before decides: {_joined(lasting)}", True
+        if before and lasting:
+            return f"leads at {place} from the motion of {_joined(before)} to that of {_joined(lasting)}", False
+        return "", False
 
     def _possible(self, commands: Mapping[str, float]) -> dict[int, str]:
         """Motions at commands by number, in words."""
@@ -189,4 +151,10 @@ class MotionWatch:
 
     def _place(self, commands: Mapping[str, float]) -> str:
         motor, gap, *_ = ({**self._initial, **commands}[name] for name in self._map.commands)
-        return f"motor_speed {motor:.6g} rad/s at gap {gap * 1e3:.3g} mm"
+        return f"motor_speed {motor:.6g} rad/s and gap {gap * 1e3:.3g} mm"
+
+
+def _joined(motions: Mapping[int, str]) -> str:
+    """Motions as parts of a sentence: each by its speed, and the rest of its words in parentheses."""
+    first, *others = [f"{words.replace(', ', ' (', 1)})" for words in motions.values()]
+    return " or ".join([", ".join([first, *others[:-1]]), *others[-1:]])

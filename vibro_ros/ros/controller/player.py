@@ -190,7 +190,7 @@ class Player:
         finally:
             if self._moved and (stop or not done):  # a stopped motor is what an operator means who aborts
                 self.send(self._motor, Float64(data=0.0))
-                self._node.get_logger().info(f"aborted: {self._motor} 0 rad/s")
+                self._node.get_logger().info(f"aborted: {self._publishers[self._motor].topic_name} 0 rad/s")
             deadline = time.monotonic() + LAST_WORD  # a publisher that goes takes undelivered messages with it
             for publisher in self._publishers.values():
                 publisher.wait_for_all_acked(Duration(seconds=max(0.0, deadline - time.monotonic())))

@@ -13,6 +13,7 @@ from rclpy.node import Node
 from rclpy.parameter import parameter_value_to_python
 from rclpy.task import Future
 
+from vibro_ros.configuration.scene_file import DEVICE_PARAMETERS
 from vibro_ros.model.parameters import SCENE_PARAMETERS, checked_parameters
 from vibro_ros.model.scene import Scene
 from vibro_ros.process.untrusted import one_line
@@ -21,8 +22,8 @@ from vibro_ros.ros.node.refusals import peer_text
 AGAIN = 1.0
 """Time [s] without an answer after which a question is asked once more. DDS drops a question or its answer where robot
 and view know each other on one side only."""
-OF_DEVICE = ("scene", "frame_prefix")
-"""Parameters of the node that the view needs beside those of the scene."""
+OF_DEVICE = ("scene", "frame_prefix", "command.timeout")
+"""Parameters of the node that peers need beside those of the scene."""
 LONGEST_TEXT = 200
 """Characters of a text among the parameters."""
 _GROUPS = frozenset(parameter.name.partition(".")[0] for parameter in SCENE_PARAMETERS)
@@ -31,10 +32,11 @@ _NAMES = (*(parameter.name for parameter in SCENE_PARAMETERS), *OF_DEVICE)
 
 @dataclass(frozen=True)
 class Settings:
-    """What the view knows of a robot: its scene, and what the names of its frames begin with."""
+    """What peers know of a robot: its scene, what the names of its frames begin with, and its `command.timeout` [s]."""
 
     scene: Scene
     prefix: str
+    command_timeout: float
 
 
 def check_names(names: Sequence[str]) -> None:
@@ -52,12 +54,10 @@ def settings_of(values: Sequence[ParameterValue]) -> Settings:
     if len(values) != len(_NAMES):
         raise ValueError(f"it answers {len(values)} values to {len(_NAMES)} names")
     given: Mapping[str, Any] = {name: _value(name, value) for name, value in zip(_NAMES, values, strict=True)}
-    for name in OF_DEVICE:
-        if not isinstance(given[name], str):
-            raise ValueError(f"{name}: {peer_text(repr(given[name]))} is no text")
+    of_device = checked_parameters({name: given[name] for name in OF_DEVICE}, DEVICE_PARAMETERS)
     of_scene = {name: value for name, value in given.items() if name not in OF_DEVICE}
-    return Settings(Scene(one_line(Path(given["scene"]).stem, 60), checked_parameters(of_scene, SCENE_PARAMETERS)),
-                    given["frame_prefix"])
+    return Settings(Scene(one_line(Path(of_device["scene"]).stem, 60), checked_parameters(of_scene, SCENE_PARAMETERS)),
+                    of_device["frame_prefix"], of_device["command.timeout"])
 
 
 def _value(name: str, message: ParameterValue) -> Any:

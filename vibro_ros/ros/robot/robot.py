@@ -209,7 +209,8 @@ def _new_run(node: SteadyNode, settings: Mapping[str, Value], device: Simulator,
 
         clock = publish_clock
     return Run(device, robot_time, pacing, subscriptions, publishers, operations, recording, control,
-               timeout=CommandTimeout(settings["command.timeout"]) if settings["command.timeout"] else None,
+               timeout=CommandTimeout(settings["command.timeout"], subscriptions.topics["motor_speed"])
+               if settings["command.timeout"] else None,
                clock=clock, lock_step=lock_step)
 
 

@@ -41,6 +41,8 @@ class CommandTimeout:
     ----------
     limit : float
         Longest time [s].
+    topic : str
+        Full name of the command's topic, for words.
 
     Attributes
     ----------
@@ -50,10 +52,10 @@ class CommandTimeout:
         What is said when it is.
     """
 
-    def __init__(self, limit: float):
+    def __init__(self, limit: float, topic: str):
         self.count = 0
-        self.words = (f"command.timeout: no {WATCHED} for {limit:g} s of robot time; the motor stops. Publish {WATCHED}"
-                      " more often, or start the robot with a longer command.timeout")
+        self.words = (f"command.timeout: no {topic} for {limit:g} s of robot time; the motor stops. Publish {topic} "
+                      "more often, or start the robot with a longer command.timeout")
         self._limit = limit
         self._last, self._accepted = 0.0, 0
 

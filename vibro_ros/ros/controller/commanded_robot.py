@@ -1,0 +1,165 @@
+"""The robot that hears the commands: which machine it is, what it refuses, and for how long a command counts.
+
+The robot's parameters are asked for before the first command. Of them only `motor.max_speed` is a limit that can change
+while the robot runs; the robot never lowers it below the speed that it was commanded. So a command that is within the
+limits known here is taken, and one that was sent and lies beyond a limit that the robot announces later was refused.
+"""
+
+import re
+import time
+from contextlib import suppress
+from dataclasses import replace
+from functools import partial
+
+from rcl_interfaces.msg import ParameterEvent
+from rclpy.executors import Executor
+from rclpy.node import Node
+from rclpy.parameter import parameter_value_to_python
+from rclpy.publisher import Publisher
+from rclpy.qos import qos_profile_parameter_events
+
+from vibro_ros.process.stop_signals import StopRequest
+from vibro_ros.ros.controller.script import MOTOR
+from vibro_ros.ros.live.scene import SceneReader, Settings
+from vibro_ros.ros.node import process
+
+PATIENCE = 5.0
+"""Longest wait [s] for the robot's parameters before the first command."""
+STRANGERS = 1.0
+"""Time [s] after which nobody is waited for if all that hear the commands have said that they are no robots."""
+LOOKS = 0.2
+"""Time [s] between two looks for nodes that hear the commands."""
+MOST_ASKED = 16
+"""Nodes that are asked, of those that hear the commands."""
+LONGEST_NAME = 200
+"""Characters of a node's full name."""
+LIVE_LIMIT = "motor.max_speed"
+
+
+class CommandedRobot:
+    """Learns from the nodes that hear the commands which robot they are; the first one that answers counts.
+
+    Parameters
+    ----------
+    node : Node
+        Asks in its executor's thread.
+    publisher : Publisher
+        Of a command: who subscribes to it is asked.
+
+    Attributes
+    ----------
+    name : str
+        The robot's full name; empty as long as it is not known.
+    settings : Settings or None
+        Its parameters, as they are now.
+    sent_speed : float or None
+        The motor speed [rad/s] that was sent last.
+    """
+
+    def __init__(self, node: Node, publisher: Publisher):
+        self.name, self.settings = "", None  # type: str, Settings | None
+        self._node, self._publisher = node, publisher
+        self._readers: dict[str, SceneReader] = {}
+        self._last_look = 0.0
+        self.sent_speed: float | None = None
+        self._refused = ""
+        node.create_subscription(ParameterEvent, "/parameter_events", self._hear, qos_profile_parameter_events)
+
+    def tick(self) -> None:
+        """Ask, if that is due; to be called often.
+
+        Raises
+        ------
+        RuntimeError
+            When the robot has refused the motor speed that was sent last.
+        """
+        if self._refused:
+            raise RuntimeError(self._refused)
+        now = time.monotonic()
+        if self.settings or now < self._last_look + LOOKS:
+            return
+        self._last_look = now
+        for info in self._node.get_subscriptions_info_by_topic(self._publisher.topic_name):
+            name = f"{info.node_namespace.rstrip('/')}/{info.node_name}"
+            if name not in self._readers and len(self._readers) < MOST_ASKED and _can_be_asked(name):
+                self._readers[name] = SceneReader(self._node, name, partial(self._take, name))
+        for reader in self._readers.values():
+            reader.tick()
+
+    def wait(self, executor: Executor, stop: StopRequest) -> None:
+        """Return when the robot is known, when there is none of this package to be known, or on `stop`."""
+        begun = time.monotonic()
+
+        def over() -> bool:
+            self.tick()
+            waited = time.monotonic() - begun
+            answered = waited > STRANGERS and not any(reader.reading for reader in self._readers.values())
+            return bool(stop or self.settings or answered or waited > PATIENCE)
+
+        process.spin_until(executor, over)
+        if not (stop or self.settings):
+            self._node.get_logger().info(f"{self} does not say its limits: what it refuses shows in its log only")
+
+    def __str__(self) -> str:
+        return self.name or ", ".join(self._readers) or "the robot"
+
+    @property
+    def timeout(self) -> float:
+        """The robot's `command.timeout` [s]; 0 if it has none, or is not known."""
+        return self.settings.command_timeout if self.settings else 0.0
+
+    def refusal(self, command: str, value: float) -> str:
+        """Why the robot would refuse the value of a command, in the unit of its topic; empty if it takes it.
+
+        Parameters
+        ----------
+        command : str
+            A name of `COMMAND_UNITS`.
+        value : float
+            The value [rad/s or m].
+        """
+        if not self.settings:
+            return ""
+        scene, side = self.settings.scene, command.partition("_")[0]
+        try:
+            scene.checked_motor_speed(value) if command == MOTOR else scene.checked_gap(side, value)
+        except ValueError as error:
+            reason = str(error).partition(": ")[2]  # the scene names the parameter
+            return f"{self._node.resolve_topic_name(command)}: {reason}; {self.name} refuses it"
+        return ""
+
+    def note(self, command: str, value: float) -> None:
+        """Take note that a value is sent.
+
+        Raises
+        ------
+        RuntimeError
+            When the robot refuses it.
+        """
+        if reason := self.refusal(command, value):
+            raise RuntimeError(reason)
+        if command == MOTOR:
+            self.sent_speed = value
+
+    def _take(self, name: str, found: Settings | str) -> None:
+        """What a node has answered; a node that is no robot, such as a recorder, answers in words."""
+        if isinstance(found, Settings) and not self.settings:
+            self.name, self.settings = name, found
+
+    def _hear(self, event: ParameterEvent) -> None:
+        """Follow the one limit of the robot that may change."""
+        if not self.settings or event.node != self.name:
+            return
+        for parameter in event.changed_parameters:
+            if parameter.name == LIVE_LIMIT:
+                with suppress(ValueError, RuntimeError):  # of another program that has taken the robot's name
+                    change = {LIVE_LIMIT: parameter_value_to_python(parameter.value)}
+                    self.settings = replace(self.settings, scene=self.settings.scene.with_parameters(change))
+        if self.sent_speed is not None:
+            self._refused = self.refusal(MOTOR, self.sent_speed)
+
+
+def _can_be_asked(name: str) -> bool:
+    """Whether the name that a peer gives itself is one that ROS makes services of; a name not yet known begins with _.
+    """
+    return bool(re.fullmatch(r"(/[A-Za-z][A-Za-z0-9_]*)+", name)) and "__" not in name and len(name) < LONGEST_NAME
