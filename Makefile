@@ -31,7 +31,7 @@ CHROMIUM := chromium chromium-browser google-chrome google-chrome-stable
 NEEDS_QT = $(if $(filter-out qt,$(VIBRO_ROS_BROWSER)),,$(if $(VIBRO_ROS_BROWSER),qt,$(shell \
 	for name in $(CHROMIUM); do $$name --version >/dev/null 2>&1 && exit; done; echo qt)))
 
-.PHONY: help setup demo view test check lint conflict-markers site bench study documents accuracy paper literature map picture clean another-python
+.PHONY: help setup demo view test check lint conflict-markers site package bench study documents accuracy paper literature map picture clean another-python
 
 help:  ## list these commands
 	@sed -n 's/^\([a-z ]*\):[^#]*## /  make \1\t/p' $(MAKEFILE_LIST) | expand -t 18
@@ -71,6 +71,9 @@ conflict-markers:
 	@git grep --no-index --exclude-standard -nIE '^([<]{7}|[|]{7}|={7}|[>]{7})( |$$)'; found=$$?; test $$found -eq 1 || { \
 		echo "lint: a merge has left its marks in these lines; write what they should say" >&2; \
 		exit 1; }
+
+package: $(READY)  ## build wheel and sdist into out/dist, and try the wheel's robot from an empty folder; two minutes
+	@$(BIN)/python -m tools.package
 
 bench: $(READY) $(PEER)  ## compare the exact solver's cost with fixed-step Runge-Kutta and heyoka
 	@$(BIN)/python -m tools.bench

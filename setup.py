@@ -22,23 +22,26 @@ setup(
     name=NAME,
     version=PACKAGE.findtext("version"),
     description=PACKAGE.findtext("description"),
+    long_description=Path("README.md").read_text(encoding="utf-8"),
+    long_description_content_type="text/markdown",
+    project_urls={url.get("type").capitalize(): url.text for url in PACKAGE.iterfind("url")},
     maintainer=PACKAGE.findtext("maintainer"),
     maintainer_email=PACKAGE.find("maintainer").get("email"),
     license=PACKAGE.findtext("license"),
     packages=find_packages(include=[NAME, f"{NAME}.*"]),
-    package_data={f"{NAME}.view": ["page/*"]},
+    package_data={NAME: ["py.typed"], f"{NAME}.view": ["page/*"]},
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
         (SHARE, ["package.xml"]),
         *config_files(),
     ],
     zip_safe=True,
-    python_requires=">=3.10,<3.14",
-    install_requires=["llvmlite", "lz4", "matplotlib", "mcap", "numba", "numpy", "pillow", "PyYAML",
-                      "rosbags==0.11.9", "scipy", "tornado", "tqdm"],
+    python_requires=">=3.10,<3.15",
+    install_requires=['backports-zstd ; python_version < "3.14"', "llvmlite", "lz4", "matplotlib", "mcap", "numba",
+                      "numpy", "pillow", "PyYAML", "rosbags>=0.11", "scipy", "tornado", "tqdm"],
     extras_require={
-        # The peer that bench and tests compare with: 104 MB, and no wheel for Python 3.10.
-        "bench": ['heyoka==7.13.2 ; python_version >= "3.11"'],
+        # The peer that bench and tests compare with: 104 MB.
+        "bench": ["heyoka==7.13.2"],
         # ROS 2 Jazzy as wheels; not asked for by default, so that an apt installation is never shadowed.
         "ros": [
             "ros-jazzy-diagnostic-msgs",
@@ -59,7 +62,7 @@ setup(
             "cmeel-urdfdom",
             "codespell",
             "colcon-common-extensions",
-            "cyclonedds",  # a peer by another vendor's DDS
+            'cyclonedds ; python_version < "3.14"',  # a peer by another vendor's DDS; no wheel beyond
             "mkdocs",
             "mpmath",
             "mypy",
@@ -73,7 +76,7 @@ setup(
             "pytest-xdist",
             "python-flint",
             "ruff",
-            "setuptools<80",  # later ones break colcon's `develop` and `install_scripts`
+            "setuptools",  # colcon-core asks for one below 80
         ],
     },
     entry_points={

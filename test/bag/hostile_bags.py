@@ -8,9 +8,8 @@ from pathlib import Path
 
 import lz4.frame
 from mcap.records import Channel, Chunk, Message, Schema
-from rosbags.rosbag2.storage_mcap import zstd
 
-from vibro_ros.bag.mcap_segment import HEAD, MAGIC, packed
+from vibro_ros.bag.mcap_segment import HEAD, MAGIC, packed, zstd
 
 Maker = Callable[[Path], None]
 """Changes the bag folder that it is given; `folder.parent / "outside"` has files that nobody may change."""

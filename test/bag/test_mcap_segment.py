@@ -10,11 +10,10 @@ from mcap.reader import make_reader
 from mcap.records import Chunk, Schema
 from mcap.stream_reader import StreamReader
 from rosbags.rosbag2 import Reader
-from rosbags.rosbag2.storage_mcap import zstd
 
 from vibro_ros.bag.cdr import jazzy_types
 from vibro_ros.bag.mcap_scan import MalformedError, chunk_content, parsed
-from vibro_ros.bag.mcap_segment import CHUNK_SIZE, HEAD, McapSegment, packed
+from vibro_ros.bag.mcap_segment import CHUNK_SIZE, HEAD, McapSegment, packed, zstd
 from vibro_ros.bag.metadata import Topic, defined
 
 ODOMETRY = "nav_msgs/msg/Odometry"

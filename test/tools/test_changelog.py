@@ -5,13 +5,17 @@ from importlib.metadata import version
 from pathlib import Path
 from xml.etree import ElementTree
 
+import yaml
+
 ROOT = Path(__file__).resolve().parents[2]
 ENTRIES = re.findall(r"^## (\S+)\n(.*?)(?=^## |\Z)", (ROOT / "CHANGELOG.md").read_text(), re.MULTILINE | re.DOTALL)
 PACKAGE = ElementTree.parse(ROOT / "package.xml").getroot()
 
 
 def test_the_top_entry_is_the_packages_version():
-    assert ENTRIES[0][0] == PACKAGE.findtext("version") == version("vibro_ros")
+    cited = yaml.safe_load((ROOT / "CITATION.cff").read_text())
+    assert ENTRIES[0][0] == PACKAGE.findtext("version") == version("vibro_ros") == cited["version"]
+    assert cited["license"] == PACKAGE.findtext("license")
 
 
 def test_versions_fall_and_each_tells_of_its_bits():

@@ -15,7 +15,8 @@ from ament_index_python.packages import get_package_share_directory
 from vibro_ros.process.executables import EXECUTABLES
 
 ROOT = Path(__file__).resolve().parents[2]
-SOURCES = ("LICENSE", "config", "package.xml", "resource", "setup.cfg", "setup.py", "vibro_ros")
+SOURCES = ("LICENSE", "MANIFEST.in", "README.md", "config", "package.xml", "pyproject.toml", "resource", "setup.cfg",
+           "setup.py", "vibro_ros")
 CONFIG = sorted(file.relative_to(ROOT) for file in (ROOT / "config").rglob("*") if file.is_file())
 DEADLINE = 300.0  # [s] for one build; it takes a few seconds on an idle machine
 
@@ -73,11 +74,13 @@ def colcon(source) -> Installation:
 
 @pytest.fixture(scope="module")
 def wheel(source, tmp_path_factory) -> Installation:
-    """Build a wheel and install it below a prefix of its own."""
+    """Build an sdist, of it a wheel, and install the wheel below a prefix of its own."""
     folder = tmp_path_factory.mktemp("wheel")
     pip = [sys.executable, "-m", "pip", "--disable-pip-version-check"]
     offline = ["--no-deps", "--no-index"]
-    run([*pip, "wheel", *offline, "--no-build-isolation", "--use-pep517", "--wheel-dir", ".", str(source)], folder)
+    run([sys.executable, "setup.py", "--quiet", "sdist", "--dist-dir", str(folder)], source)
+    (sdist,) = folder.glob("*.tar.gz")
+    run([*pip, "wheel", *offline, "--no-build-isolation", "--use-pep517", "--wheel-dir", ".", str(sdist)], folder)
     (built,) = folder.glob("*.whl")
     run([*pip, "install", *offline, "--ignore-installed", "--prefix", str(folder / "prefix"), str(built)], folder)
     (executables,) = (folder / "prefix").glob("**/bin")  # Debian's pip puts `local/` before it
@@ -118,6 +121,11 @@ def test_configuration_is_installed_and_found(installation, tmp_path):
     program = "from vibro_ros.configuration.scene_file import config_folder; print(config_folder())"
     found = installation.run(f'"{sys.executable}" -c "{program}"', tmp_path)
     assert Path(found.strip()) == share / "config"
+
+
+def test_type_checkers_see_its_types_and_tests_are_not_shipped(wheel):
+    (packages,) = wheel.prefix.glob("**/*-packages")
+    assert (packages / "vibro_ros" / "py.typed").is_file() and not (packages / "test").exists()
 
 
 def test_ament_index_knows_the_package(installation, monkeypatch):

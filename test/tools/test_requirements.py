@@ -13,13 +13,14 @@ from packaging.requirements import Requirement
 from packaging.version import Version
 
 ROOT = Path(__file__).resolve().parents[2]
-ROSDEP_KEYS = {"PIL": "python3-pil", "mcap": "python3-mcap-pip", "rosbags": "python3-rosbags-pip",
+ROSDEP_KEYS = {"PIL": "python3-pil", "mcap": "mcap-ros2-support", "rosbags": "python3-rosbags-pip",
                "yaml": "python3-yaml",  # not python3-<import>
-               "llvmlite": "python3-numba", "lz4": "python3-rosbags-pip"}  # these two are brought by others
+               "llvmlite": "python3-numba",  # these are brought by others
+               **dict.fromkeys(("lz4", "backports"), "python3-rosbags-pip")}
 ROSDEP_KEYS |= {name: f"python3-{name}" for name in ("matplotlib", "numba", "numpy", "scipy", "tornado", "tqdm")}
-LOCKS = ("requirements.txt", "requirements-bench.txt", "requirements-browser.txt", "requirements-study.txt")
-# Of the extras `bench`, `study`, `cluster` and `test`; only the rooms peer and study import them.
-NO_ROSDEP_KEY = {"heyoka", "SALib", "cma", "distributed", "pyarrow"}
+LOCKS = [f"requirements{part}.txt" for part in ("", "-bench", "-browser", "-study")]
+# Of the extras `bench`, `study`, `cluster` and `test`; only the rooms peer and study import them, and `Bag.to_pandas`.
+NO_ROSDEP_KEY = {"heyoka", "SALib", "cma", "distributed", "pandas", "pyarrow"}
 
 
 def canonical(name: str) -> str:
@@ -83,4 +84,4 @@ def foreign_imports() -> set[str]:
     nodes = [node for tree in trees for node in ast.walk(tree)]
     names = {name.name for node in nodes if isinstance(node, ast.Import) for name in node.names}
     names |= {node.module for node in nodes if isinstance(node, ast.ImportFrom) and not node.level}
-    return {name.split(".")[0] for name in names} - sys.stdlib_module_names - {"vibro_ros"}
+    return {name.split(".")[0] for name in names} - sys.stdlib_module_names - {"compression", "vibro_ros"}  # 3.14

@@ -33,9 +33,8 @@ from mcap.records import (
     Schema,
     Statistics,
 )
-from rosbags.rosbag2.storage_mcap import zstd
 
-from vibro_ros.bag.mcap_segment import HEAD, MAGIC, METADATA_KEY, METADATA_NAME, Summary, message_indexes, packed
+from vibro_ros.bag.mcap_segment import HEAD, MAGIC, METADATA_KEY, METADATA_NAME, Summary, message_indexes, packed, zstd
 from vibro_ros.bag.metadata import LAST_STAMP, FileInformation, TopicInformation, custom_data, qos_profiles
 from vibro_ros.process.untrusted import open_to_read
 

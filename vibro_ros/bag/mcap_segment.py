@@ -10,6 +10,7 @@ it keeps 55 MB of chunk indexes an hour in memory; and when the disk is full it 
 
 import os
 import struct
+import sys
 import zlib
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
@@ -32,9 +33,13 @@ from mcap.records import (
     SummaryOffset,
 )
 from mcap.writer import MCAP0_MAGIC as MAGIC
-from rosbags.rosbag2.storage_mcap import zstd
 
 from vibro_ros.bag.metadata import Definition, FileInformation, as_text
+
+if sys.version_info >= (3, 14):
+    from compression import zstd
+else:
+    from backports import zstd
 
 METADATA_NAME = "rosbag2"
 METADATA_KEY = "serialized_metadata"

@@ -17,7 +17,7 @@ import pytest
 import vibro_ros
 from vibro_ros.model.parameters import BY_NAME, SCENE_PARAMETERS
 
-pytest.importorskip("heyoka", reason="heyoka, the extra `bench`, has no wheel for Python 3.10")
+pytest.importorskip("heyoka", reason="heyoka, the extra `bench`, is not installed")
 
 import peer_agreement
 from peer_agreement import assert_agreement, simulated

@@ -1,0 +1,73 @@
+"""Build sdist and wheel into out/dist, the wheel from the sdist, and let the wheel's robot run from an empty folder."""
+
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import venv
+from collections.abc import Mapping
+from pathlib import Path
+
+from tools.demo import ros_environment
+
+ROOT = Path(__file__).resolve().parents[1]
+OUTPUT = ROOT / "out" / "dist"
+DEADLINE = 600.0
+"""How long [s] each program may take: the installer loads half a gigabyte, and the robot compiles its kernels."""
+SCRIPT = "entries:\n  - {for: 2.0, motor_speed: {from: 0.0, to: 100.0}}\n  - {for: 1.0, motor_speed: 0.0}\n"
+
+
+def main() -> int:
+    """Build and try; the exit code of the first program that fails, else 0."""
+    shutil.rmtree(OUTPUT, ignore_errors=True)
+    with tempfile.TemporaryDirectory() as folder:
+        environment = Path(folder, "venv")
+        venv.create(environment, with_pip=True)
+        programs, empty = environment / "bin", Path(folder, "empty")
+        empty.mkdir()
+        pip = [programs / "python", "-m", "pip", "--disable-pip-version-check", "--quiet", "install"]
+        try:
+            _run([*pip, "build"])
+            _run([programs / "python", "-m", "build", "--outdir", OUTPUT, ROOT])
+            (wheel,) = OUTPUT.glob("*.whl")
+            _run([*pip, f"{wheel}[ros]"])
+            try_installed(programs, empty)
+        except subprocess.CalledProcessError as error:
+            print(f"package: {' '.join(map(str, error.cmd))}: exit code {error.returncode}", file=sys.stderr)
+            return 1
+    print("package:", *(path.relative_to(ROOT) for path in sorted(OUTPUT.iterdir())))
+    return 0
+
+
+def try_installed(programs: Path, folder: Path) -> None:
+    """Drive the installed robot from `folder`, which is empty, record it, and report on the recording.
+
+    Raises
+    ------
+    subprocess.CalledProcessError
+        When a program ends with another exit code than 0.
+    """
+    hidden = ("PYTHONPATH", "AMENT_PREFIX_PATH", "LD_LIBRARY_PATH", "_ROS_WHEELS_BOOTSTRAP_COMPLETE")
+    environment = {name: value for name, value in ros_environment().items() if name not in hidden}
+    Path(folder, "script.yaml").write_text(SCRIPT, encoding="utf-8")
+    robot = subprocess.Popen([programs / "robot"], cwd=folder, env=environment)
+    try:
+        _run([programs / "controller", "script.yaml"], folder, environment)
+    finally:
+        robot.send_signal(signal.SIGINT)
+        robot.wait(DEADLINE)
+    if robot.returncode:
+        raise subprocess.CalledProcessError(robot.returncode, robot.args)
+    (bag,) = folder.glob("vibro_robot_*")
+    for program in ("report", "replay", "view"):
+        _run([programs / program, bag], folder, environment)
+
+
+def _run(command: list, folder: Path = ROOT, environment: Mapping[str, str] = os.environ) -> None:
+    subprocess.run(command, cwd=folder, env=environment, check=True, timeout=DEADLINE)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
