@@ -16,7 +16,7 @@ _TABLE = {parameter.name: parameter for parameter in SCENE_PARAMETERS}
 # Where a range spans decades down to zero, the decades drawn end this far below the default or, where that is 0, at 1.
 _DECADES = 3.0
 _OTHERWISE = {"effects.misprint", "guide.angle", "crank.radius", "upper.gap", "inclined.gap", "motor.speed",
-              "ground.static_friction"}
+              "ground.static_friction", "ground.friction_backward"}
 _STARTS = "start.state"
 _DRAWN_ALONE = [parameter for name, parameter in _TABLE.items()
                 if name not in _OTHERWISE and not name.startswith("solver.")
@@ -74,6 +74,10 @@ def _values(rng):
     values["motor.speed"] = min(values["motor.max_speed"], _number(rng, _TABLE["motor.speed"], wild))
     values["effects.misprint"] = _may_be_misprinted(values) and _one_of(rng, [False, True])
     values["ground.static_friction"] = min(1e3, values["ground.friction"] * _one_of(rng, [1.0, 1.2, 3.0]))
+    if values["effects.friction"] == "coulomb":
+        values["ground.friction_backward"] = _one_of(rng, [-1.0, min(1e3, values["ground.friction"] * 3.0), 0.0])
+    if values["effects.friction"] == "stribeck":
+        values["ground.viscous_friction"] = 0.0
     return values | _given_start(rng, values) if values[_STARTS] == "given" else values
 
 

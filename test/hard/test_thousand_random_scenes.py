@@ -145,7 +145,8 @@ def check_plates(scene, device, rows):
 def force_rounding(scene, rows, closed=("upper", "inclined")):
     """Rounding of the forces in a row of samples [N]: stiffness times the positions whose difference it multiplies;
     of the plates, of those that are `closed`."""
-    total = scene.total_mass * scene["gravity"] * np.ones(SAMPLES)
+    total = scene.total_mass * scene["gravity"] + abs(scene["ground.drag"]) * np.ones(SAMPLES)
+    total += scene["ground.viscous_friction"] * np.abs(rows["body_velocity"]).max()
     for side in scene.guides:
         rod = 2.0 * scene[f"crank.{side}_rod"]
         speed = rod * rows["motor_speed"].max() + np.abs(rows[f"{side}_velocity"]) + scene["gap_actuator.speed"]
@@ -187,8 +188,8 @@ def check_friction(scene, rows):
     if law == "none":
         assert not friction.any()
         return
-    kinetic = scene["ground.friction"]
-    static = kinetic if law == "coulomb" else scene["ground.static_friction"]
+    kinetic = np.where(speed < 0.0, scene.kinetic_frictions[1], scene.kinetic_frictions[0])
+    static = max(scene.kinetic_frictions) if law == "coulomb" else scene["ground.static_friction"]
     rounding = (1.0 + static) * rounding
     # Speeds are rounded to the largest that a segment of up to a second passes through.
     passed = np.abs(speed).max() + static * np.abs(normal).max() / scene.total_mass
@@ -246,7 +247,7 @@ def check_accounts(scene, accounts, allowed):
         allowed += 1e-11 * (abs(accounts["unpaid"]) + abs(accounts["friction"]))
     assert abs(accounts["residual"]) <= allowed
     taking = {"drive_dampers", "plate_dampers", "blows", "landings"}
-    taking |= {"friction"} if scene["effects.normal_force"] != "printed" else set()
+    taking |= {"friction"} if scene["effects.normal_force"] != "printed" and scene["ground.drag"] == 0.0 else set()
     assert all(accounts[name] >= -allowed for name in ("motor_delivered", "motor_taken_back", *taking))
     assert accounts["unpaid"] == 0.0 or not scene["effects.reaction"]
 

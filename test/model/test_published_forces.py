@@ -37,7 +37,7 @@ def test_published_forces_obey_their_laws(name, method, rule):
             np.testing.assert_allclose(run.normal_force, weight, rtol=1e-14)
         if rule in ("unilateral", "hop"):
             assert run.normal_force.min() >= 0.0
-        assert (np.abs(run.friction_force) <= scene.resting_friction * np.abs(run.normal_force) + rounding).all()
+        assert (np.abs(run.friction_force) <= max(scene.resting_frictions) * np.abs(run.normal_force) + rounding).all()
         assert run.body_height.min() >= -STEP * max(1e-9, np.abs(run.body_vertical_velocity).max()) - 1e-15
         for side in scene.plates:
             pulls = scene["effects.adhesion"] and scene[f"{side}.plate.damping"] > 0.0 and name != "rigid"

@@ -32,7 +32,7 @@ class Body:
     def __init__(self, equations: Equations, run: RunState, series: Series):
         self._equations, self._run, self._series = equations, run, series
         self._state, self._speed, self._height = run.state, equations.body + 1, equations.height
-        rubs, self._static_friction = equations.has_dry_friction, equations.static_friction
+        rubs, self._static_frictions = equations.has_dry_friction, equations.static_frictions
         self._initial = "stick" if rubs else "free"
         self._without_load = _WITHOUT_LOAD.get(equations.rule, "") if rubs or equations.hops else ""
         self._modes = {(state, resting): np.array(equations.body_parameters(state, resting))
@@ -129,8 +129,8 @@ class Body:
         else:
             self._forces_in(time, "stick")
             normal, inertial, noise = self._series.ground_force_series(time)
-            noise = (1.0 + self._static_friction) * noise
-            bounds = self._static_friction * normal - inertial, self._static_friction * normal + inertial
+            noise = (1.0 + max(self._static_frictions.values())) * noise
+            bounds = [friction * normal - sign * inertial for sign, friction in self._static_frictions.items()]
             if all(leading_sign(bound, noise) >= 0 for bound in bounds):
                 self._state[self._speed] = 0.0
                 self._enter(time, "stick")
@@ -179,7 +179,7 @@ class Body:
         """Stop the body; then it sticks, or slips in the direction of F_in."""
         self._state[self._speed] = 0.0
         normal, inertial = self._forces_in(time, "stick")
-        if abs(inertial) <= self._static_friction * normal:
+        if abs(inertial) <= self._static_frictions[float(np.copysign(1.0, inertial))] * normal:
             self._enter(time, "stick")
         else:
             self._slip_or_unload(time, inertial)

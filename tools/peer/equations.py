@@ -82,13 +82,15 @@ class Equations:
     body, height : int
         Indices of x and y in the state, if they are there.
     normal, inertial : expression
-        N and F_in [N], of a body on the ground.
+        N and all forces along the ground but dry friction [N], of a body on the ground.
     rise : expression
         y'' [m/s²] of a body in the air.
     forces : dict of str to expression
         Force along each guide [N] in the body's frame, which presses the mass on a rigid plate.
-    static_friction : float
-        Friction coefficient of a body that sticks.
+    frictions, static_frictions : dict of float to float
+        Friction coefficients of a body that slips, and of one that sticks, forwards (1) and backwards (-1).
+    pull, viscous : float
+        Constant force against forward motion [N], of slope and drag, and the viscous resistance [N s/m].
     blow_share : float
         The ratio m3 sin(phi) / M: the part of a jump of w' by which a rigid blow changes x'.
 
@@ -107,13 +109,21 @@ class Equations:
         sides = [side for side in tilt if scene[f"effects.{side}_mass"]]
         self.total = math.fsum([scene["mass.body"], *(scene[f"mass.{side}"] for side in sides)])
         self.sine, self.cosine = math.sin(tilt["inclined"]), math.cos(tilt["inclined"])
-        self.body_moves = "inclined" in sides and self.sine != 0.0
+        slope = scene["ground.slope"]
+        self.downhill, self.down = scene["gravity"] * math.sin(slope), scene["gravity"] * math.cos(slope)
+        self.pull = self.total * self.downhill + scene["ground.drag"]
+        self.viscous = scene["ground.viscous_friction"]
+        self.body_moves = "inclined" in sides and self.sine != 0.0 or slope != 0.0 or any(
+            scene[f"ground.{name}"] != 0.0 for name in ("drag", "viscous_friction"))
         law = scene["effects.friction"]
-        self.static_friction = scene["ground.static_friction" if law in ("static", "stribeck") else "ground.friction"]
-        self.has_dry_friction = self.body_moves and law != "none" and self.static_friction > 0.0
+        forward, backward = scene["ground.friction"], scene["ground.friction_backward"]
+        self.frictions = {1.0: forward, -1.0: backward if backward >= 0.0 else forward}
+        static = scene["ground.static_friction"]
+        self.static_frictions = {1.0: static, -1.0: static} if law in ("static", "stribeck") else self.frictions
+        self.has_dry_friction = self.body_moves and law != "none" and max(self.static_frictions.values()) > 0.0
         self.rule = scene["effects.normal_force"]
         self.hops = self.rule == "hop" and bool(sides)
-        self.blow_share = scene["mass.inclined"] * self.sine / self.total if self.body_moves else 0.0
+        self.blow_share = scene["mass.inclined"] * self.sine / self.total if "inclined" in sides else 0.0
         self.guides = [self._guide(side, tilt[side]) for side in sides]
         self.body = 2 * len(self.guides)
         self.height = self.body + 2 * self.body_moves
@@ -137,7 +147,7 @@ class Equations:
         if scene[f"{side}.spring.damping"] > 0.0:
             load -= scene[f"{side}.spring.damping"] * (rate + at[f"{side}.plate_speed"] - slope * self.omega)
         if scene["effects.mass_weight"]:
-            load -= mass * scene["gravity"] * math.cos(angle)
+            load -= mass * (self.down * math.cos(angle) - self.downhill * math.sin(angle))
         spring, damper = scene[f"{side}.plate.stiffness"], scene[f"{side}.plate.damping"]
         if kind == "compliant":
             load -= at[f"{side}.spring"] * depth
@@ -159,8 +169,10 @@ class Equations:
 
     def _body(self) -> None:
         """Equations of the rows x, y, u, w of the mass matrix; on the ground y = 0, and row y gives N."""
-        self.normal, self.inertial = hy.expression(self.total * self.scene["gravity"]), hy.expression(0.0)
-        inward, ground, at = hy.expression(0.0), self.normal, self.parameters
+        x, self.velocity = hy.make_vars("x", "x_v")
+        others = hy.expression(-self.pull) - self.viscous * self.velocity
+        self.normal, self.inertial = hy.expression(self.total * self.down), others
+        inward, ground, at = others, self.normal, self.parameters
         share = {"upper": 0.0, "inclined": self.sine if self.body_moves else 0.0}
         upwards = {"upper": 1.0, "inclined": self.cosine}
         for guide in self.guides:
@@ -174,10 +186,9 @@ class Equations:
             ground = self.normal
         else:
             self.normal += self.cosine * misread
-        x, self.velocity = hy.make_vars("x", "x_v")
         slide = at["slide"]  # F_fr as a multiple of N while the body slips
         if self.scene["effects.friction"] == "stribeck":
-            extra = self.static_friction - self.scene["ground.friction"]
+            extra = self.static_frictions[1.0] - self.frictions[1.0]
             slide = slide + extra * at["direction"] * hy.exp(
                 -at["direction"] * self.velocity / self.scene["ground.stribeck_speed"])
         along_x = at["mobility"] * (inward - (slide * ground if self.has_dry_friction or self.hops else 0.0))
@@ -246,7 +257,7 @@ class Equations:
         if state == "airborne":
             return -across / up, 0.0, up / (along * up - across**2), 0.0, 0.0, 1.0
         direction = {"slip_forward": 1.0, "slip_backward": -1.0}.get(state, 0.0)
-        slide = self.scene["ground.friction"] * direction
+        slide = self.frictions[direction] * direction if direction else 0.0
         lift = 0.0 if self.rule == "weight" else slide * across
         return slide, direction, 1.0 / (along + lift), 0.0, abs(direction), 0.0
 
@@ -269,9 +280,8 @@ class Equations:
         changes of x' and y' by `body_inertia`. If the body stops, the rest of the fall meets a body at rest.
         """
         along, across, up = self.body_inertia(dict.fromkeys(resting, 0.0))
-        mu = self.scene["ground.friction"] if self.has_dry_friction else 0.0
-
         def per_fall(direction: float) -> float:
+            mu = self.frictions[direction] if self.has_dry_friction else 0.0
             return (across + direction * mu * up) / (along + direction * mu * across)
 
         after = speed
@@ -280,7 +290,7 @@ class Equations:
             if not self.has_dry_friction or after * speed > 0.0:
                 return after, False
             fall *= after / (after - speed)
-        if self.has_dry_friction and abs(across) <= self.static_friction * up:
+        if self.has_dry_friction and abs(across) <= self.static_frictions[-math.copysign(1.0, across)] * up:
             return 0.0, True
         return per_fall(-math.copysign(1.0, across)) * fall, False
 
@@ -307,13 +317,14 @@ class Equations:
             if guide.has_kink:
                 found[f"{side} kink"] = guide.crank
         if self.has_dry_friction:
-            stick, slip, bound = at["stick"], at["slip"], self.static_friction * self.normal
-            found["body forward"] = (stick * (bound - self.inertial) + slip * self.velocity
+            stick, slip = at["stick"], at["slip"]
+            forward, backward = (self.static_frictions[sign] * self.normal for sign in (1.0, -1.0))
+            found["body forward"] = (stick * (forward - self.inertial) + slip * self.velocity
                                      + (1.0 - stick - slip))
             if self.scene["effects.friction"] == "stribeck":
                 faded = at["direction"] * self.velocity - _FADED * self.scene["ground.stribeck_speed"]
                 found["decay"] = slip * faded + (1.0 - slip)
-            found["body backward"] = stick * (bound + self.inertial) + (1.0 - stick)
+            found["body backward"] = stick * (backward + self.inertial) + (1.0 - stick)
         if self.hops:
             found["normal"] = at["air"] * self.altitude + (1.0 - at["air"]) * (self.normal + at["normal_offset"])
         elif self.has_dry_friction and self.rule == "unilateral":

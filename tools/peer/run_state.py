@@ -146,8 +146,12 @@ class Series:
         """Coefficients of N and F_in at `time` [s], and their rounding errors [N/s^n], each shape (_POWERS,)."""
         series, equations = self._expand(time), self._equations
         normal, inertial, noise = np.zeros((3, _POWERS))
-        normal[0] = equations.total * equations.scene["gravity"]
-        noise[0] = _NOISE * normal[0]
+        normal[0], inertial[0] = equations.total * equations.down, -equations.pull
+        noise[0] = _NOISE * (normal[0] + abs(equations.pull))
+        if equations.viscous:
+            speed = series[equations.body + 1]
+            inertial -= equations.viscous * speed[:_POWERS]
+            noise += equations.viscous * self._rounding[1:_POWERS + 1]
         share = {"upper": (1.0, 0.0), "inclined": (equations.cosine, equations.sine)}
         for i, guide in enumerate(equations.guides):
             inertia = guide.mass * _derivative(series[2 * i + 1])[:_POWERS]

@@ -111,8 +111,11 @@ class Tables:
         candidate = _choose(self.system, self.state, z)
         after = int(self.system.candidate[mode, guard, candidate])
         kinds = []
-        if self.system.event_kind[mode, after] != NOTHING:
-            kinds.append(MODE_EVENTS[self.system.event_kind[mode, after]])
+        kind = self.system.event_kind[mode, after]
+        if kind == NOTHING:
+            kind = self.system.guard_event[mode, guard]
+        if kind != NOTHING:
+            kinds.append(MODE_EVENTS[kind])
         struck = self.system.blow_monitor[mode, guard]
         met = [k for k in range(self.system.monitored.shape[1])
                if self.system.monitored[after, k] and not self.system.monitored[mode, k]]

@@ -5,6 +5,7 @@ from collections.abc import Iterable, Iterator
 import numpy as np
 
 from vibro_ros.model.forms import MASS, PLATE, SLIDER, Form, Forms, Guard
+from vibro_ros.model.ground import GROUND_STATES
 from vibro_ros.model.modes import MODE_EVENTS, OUTPUTS, Mode, ModeBuilder
 from vibro_ros.model.scene import Scene
 from vibro_ros.model.slider import Slider
@@ -147,9 +148,8 @@ class _Description:
         for m, state in enumerate(self._ground.states):
             falling = float(decayed @ friction[m])
             form, size = friction[m] - falling * decayed, float(normal @ normal)
-            factor: float | None = float(form @ normal) / size if size else 0.0
-            if abs(form - factor * normal).max() > _ROUNDING * abs(form).max():
-                factor = None  # no multiple of N: friction balances the other forces
+            balances = GROUND_STATES[state].friction is None  # the other forces
+            factor = None if balances else float(form @ normal) / size if size else 0.0
             sliding = [(part, symbol) for part, symbol in ((factor, "N"), (falling, law)) if part]
             yield f"F_fr = {self._ground.driving_symbol if factor is None else _sum(sliding)}    while {state}"
 

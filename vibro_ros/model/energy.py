@@ -118,8 +118,14 @@ def _distance_from_rod(forms: Forms, scene: Scene, side: str) -> Form:
 
 
 def _height(forms: Forms, scene: Scene) -> Form:
-    """Energy [J] of the height of a body that hops, with its masses."""
-    return scene.total_mass * scene["gravity"] * forms.position(forms.height) if forms.body_hops else forms.zero
+    """Energy [J] of the height of a body that hops or is on a slope, with its masses."""
+    energy: Form = forms.zero
+    downhill, down = scene.gravity
+    if forms.body_hops:
+        energy = energy + scene.total_mass * down * forms.position(forms.height)
+    if downhill != 0.0:
+        energy = energy + scene.total_mass * downhill * forms.position(forms.body)
+    return energy
 
 
 def _audited_powers(builder: ModeBuilder, scene: Scene, with_body: bool) -> Iterator[tuple[Form | ModeForms, int]]:
@@ -131,7 +137,7 @@ def _audited_powers(builder: ModeBuilder, scene: Scene, with_body: bool) -> Iter
         if side in forms.plates:
             force = force - builder.while_pressing(side, builder.contact_force(side))
         yield force, forms.channels.velocity(i)
-    for force in builder.ground.along if with_body else ():
+    for force in builder.ground.works if with_body else ():
         yield force.sign * builder.ground_force(force.name), forms.channels.velocity(forms.body)
 
 
@@ -151,7 +157,7 @@ def _powers(builder: ModeBuilder, scene: Scene) -> Iterator[Power]:
     paid = scene["effects.reaction"]  # else the forces that drive and lift the body do work that nobody gives
     if forms.body_moves:
         speed, decayed = channels.velocity(forms.body), forms.decayed_normal_force()
-        for law in builder.ground.along:
+        for law in builder.ground.works:
             force = law.sign * builder.ground_force(law.name)
             if forms.friction_decays:  # the decaying part by itself, which is a series in the pieces of a segment
                 yield ACCOUNTS.index(law.account), force * decayed, speed
@@ -160,7 +166,7 @@ def _powers(builder: ModeBuilder, scene: Scene) -> Iterator[Power]:
         if not paid:
             yield _UNPAID, builder.at_contact(forms.inertial_force), speed
     if forms.body_hops and not paid:
-        lift = scene.total_mass * scene["gravity"] * forms.one - builder.at_contact(forms.normal_force)
+        lift = scene.total_mass * scene.gravity[1] * forms.one - builder.at_contact(forms.normal_force)
         yield _UNPAID, np.where(builder.mode_set.airborne[:, None], lift, 0.0), channels.velocity(forms.height)
 
 

@@ -40,7 +40,7 @@ def contact_laws(scene: Scene, forms: Forms, modes: tuple[Mode, ...], step: floa
     if forms.body_moves:
         force[forms.body] = Ground(scene, forms).driving_force("slip_forward", forms.zero, forms.zero)
     if forms.body_hops:
-        force[forms.height] = -scene.total_mass * scene["gravity"] * forms.one
+        force[forms.height] = -scene.total_mass * scene.gravity[1] * forms.one
     stiffness, damping = -force[:, :n], -force[:, n:2 * n]
     load = force.copy()
     load[:, :2 * n] = 0.0
@@ -49,7 +49,7 @@ def contact_laws(scene: Scene, forms: Forms, modes: tuple[Mode, ...], step: floa
                    + [forms.position(forms.height)] * forms.body_hops).reshape(-1, at.count)
     response = gap[:, :n] @ inverse.T  # a contact pushes where it widens its gap
     slips = scene.has_dry_friction and forms.body_moves
-    kinetic, static, falls = scene["ground.friction"], scene.resting_friction, float(forms.friction_decays)
+    (kinetic, _), (static, _), falls = scene.kinetic_frictions, scene.resting_frictions, float(forms.friction_decays)
     friction: dict[str, Any] = dict.fromkeys(("sliding", "rise", "fading", "holding"), 0.0)
     if scene.has_dry_friction:
         friction = {"sliding": kinetic, "rise": falls * (static - kinetic),
@@ -63,7 +63,7 @@ def contact_laws(scene: Scene, forms: Forms, modes: tuple[Mode, ...], step: floa
         response=response, compliance=np.einsum("ij,ij->i", gap[:, :n], response),
         slipping=forms.body if slips else NOTHING, **friction,
         slip_response=inverse[:, forms.body].copy() if slips else np.zeros(n),
-        weight=scene.total_mass * scene["gravity"], swing=swing,
+        weight=scene.total_mass * scene.gravity[1], swing=swing,
         support=len(forms.plates) if forms.body_hops else NOTHING,
         negative=scene["effects.normal_force"] == "printed", mode=_mode_numbers(forms, modes))
 
@@ -73,7 +73,7 @@ def cut_to_laws(scene: Scene, quantities: MutableMapping[str, np.ndarray]) -> No
     if pressed_only(scene):
         normal = np.maximum(quantities["normal_force"], 0.0)
         quantities["normal_force"] = np.where(quantities["body_height"] > _STANDING, 0.0, normal)
-    bound = scene.resting_friction * np.abs(quantities["normal_force"])
+    bound = max(scene.resting_frictions) * np.abs(quantities["normal_force"])
     quantities["friction_force"] = np.clip(quantities["friction_force"], -bound, bound) + 0.0  # no -0.0
     for side in scene.plates:
         if scene[f"effects.{side}_contact"] == "restitution" or not (

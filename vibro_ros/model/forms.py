@@ -68,7 +68,7 @@ class Forms:
     plates : tuple of str
         Guides that have a plate; the position of plate k is ramp k.
     body_moves : bool
-        Whether x is a coordinate, the one after the masses: only an inclined mass drives the body.
+        Whether x is a coordinate, the one after the masses: a force other than dry friction acts along the ground.
     body_hops : bool
         Whether y, the body's height, is a coordinate, the last one: by the rule `hop` a mass can lift the body.
     body, height : int
@@ -99,8 +99,10 @@ class Forms:
         self.friction_decays = (
             self.body_moves and scene.has_dry_friction and scene["effects.friction"] == "stribeck"
             and scene["ground.static_friction"] > scene["ground.friction"])
-        self.channels = Channels(len(self.guides) + self.body_moves + self.body_hops, len(self.guides),
-                                 len(self.guides), len(self.plates), int(self.friction_decays))
+        # A viscous force makes x enter its own equation, so that x is a dynamic coordinate as the masses are.
+        dynamic = len(self.guides) + (scene["ground.viscous_friction"] != 0.0)
+        self.channels = Channels(len(self.guides) + self.body_moves + self.body_hops, dynamic, len(self.guides),
+                                 len(self.plates), int(self.friction_decays))
         self.units, self.zero = np.eye(self.channels.count), np.zeros(self.channels.count)
         for shared in (self.units, self.zero):
             shared.setflags(write=False)
@@ -156,7 +158,9 @@ class Forms:
         """Pull of a mass's weight along its guide, inwards [N]; zero without the weight of the masses."""
         if not self._scene["effects.mass_weight"]:
             return self.zero
-        return self._scene[f"mass.{side}"] * self._scene["gravity"] * self._scene.direction(side)[1] * self.one
+        (downhill, down), (along_x, upwards) = self._scene.gravity, self._scene.direction(side)
+        mass = self._scene[f"mass.{side}"]
+        return (mass * down * upwards + mass * downhill * along_x) * self.one
 
     def resting_force(self, side: str, body: tuple[Form | ModeForms, Form | ModeForms]) -> Form | ModeForms:
         """Push of a mass on the rigid plate on which the mass rests [N], which holds q'' at 0.
@@ -177,9 +181,11 @@ class Forms:
     def normal_force(self, inclined_closed: bool) -> Form:
         """N = M g + m2 u'' + m3 w'' cos(phi) [N], eq. (6); M g by the rule `weight`. In the air this form is -M y''.
 
+        On a slope g cos(alpha) takes the place of g.
+
         The misprint adds its part where `inclined_closed`: while the inclined mass presses on its compliant plate.
         """
-        normal = self._scene.total_mass * self._scene["gravity"] * self.one
+        normal = self._scene.total_mass * self._scene.gravity[1] * self.one
         if self._scene["effects.normal_force"] == "weight":
             return normal
         _, upwards = self._scene.direction("inclined")
@@ -252,6 +258,8 @@ class Guard(NamedTuple):
     entries_decide : bool
         Whether a target is valid by its entries alone, even if its own guards fail after the jump. A landing is such a
         guard, because the body has landed even if it lifts off again at once.
+    event : str
+        Kind of the event that is recorded where the state does not change, or empty.
     """
 
     form: np.ndarray
@@ -259,6 +267,7 @@ class Guard(NamedTuple):
     text: str
     is_blow: bool = False
     entries_decide: bool = False
+    event: str = ""
 
 
 def without_jump(*states: str) -> tuple[Target, ...]:

@@ -36,7 +36,8 @@ class GroundForce(NamedTuple):
     sign : float
         Sign of the force in that equation.
     account : str
-        The energy account of the force's work; empty for a force that does no work.
+        The energy account of the force's work; empty for N, which does no work, and for the weight, whose work is
+        the change of a stored energy.
     parameter : str
         The choice or the number that decides the force.
     set_valued : bool
@@ -56,6 +57,9 @@ class GroundForce(NamedTuple):
 #: Every force of the ground on the body.
 GROUND_FORCES = (
     GroundForce("normal_force", "N", UPWARDS, 1.0, "", "effects.normal_force", set_valued=True),
+    GroundForce("downhill_force", "F_g", ALONG, -1.0, "", "ground.slope", set_valued=False),
+    GroundForce("viscous_force", "F_v", ALONG, -1.0, "friction", "ground.viscous_friction", set_valued=False),
+    GroundForce("drag_force", "F_0", ALONG, -1.0, "friction", "ground.drag", set_valued=False),
     GroundForce("friction_force", "F_fr", ALONG, -1.0, "friction", "effects.friction", set_valued=True),
 )
 
@@ -117,6 +121,8 @@ class Ground:
         The names of `GROUND_STATES` that the scene can be in.
     along : tuple of GroundForce
         The forces along the ground that the scene has.
+    works : tuple of GroundForce
+        Those whose work is booked on an account.
     driving_symbol : str
         Symbol of F_in and the forces along the ground but dry friction.
     """
@@ -124,12 +130,12 @@ class Ground:
     def __init__(self, scene: Scene, forms: Forms):
         self._scene = scene
         self._forms = forms
-        self._kinetic = scene["ground.friction"]
-        self._static = scene.resting_friction
-        self._rule = scene["effects.normal_force"]
+        self._kinetic, self._static = scene.kinetic_frictions, scene.resting_frictions
+        self._rule, self._restitution = scene["effects.normal_force"], scene["ground.restitution"]
         self.has_dry_friction = scene.has_dry_friction and forms.body_moves
         self.along = tuple(force for force in GROUND_FORCES if force.row == ALONG and forms.body_moves and (
             self.has_dry_friction if force.set_valued else scene[force.parameter] != 0.0))
+        self.works = tuple(force for force in self.along if force.account)
         self._others = tuple(force for force in self.along if not force.set_valued)
         self.driving_symbol = "F_in" + "".join(f" {'+' if force.sign > 0.0 else '-'} {force.symbol}"
                                                for force in self._others)
@@ -148,10 +154,23 @@ class Ground:
         multiple = GROUND_STATES[state].friction
         if multiple is None:
             return self.driving_force(state, normal, inertial)
-        force = self._kinetic * normal
+        kinetic, static = (pair[multiple < 0.0] for pair in (self._kinetic, self._static))
+        force = kinetic * normal
         if self._forms.friction_decays:
-            force = force + (self._static - self._kinetic) * self._forms.decayed_normal_force()
+            force = force + (static - kinetic) * self._forms.decayed_normal_force()
         return multiple * force
+
+    def downhill_force(self, state: str, normal: ModeForms, inertial: ModeForms) -> Form:
+        """M g sin(alpha) [N]: the weight of body and masses down a slope on which x points uphill."""
+        return self._scene.total_mass * self._scene.gravity[0] * self._forms.one
+
+    def viscous_force(self, state: str, normal: ModeForms, inertial: ModeForms) -> Form:
+        """c_v x' [N]."""
+        return self._scene["ground.viscous_friction"] * self._forms.velocity(self._forms.body)
+
+    def drag_force(self, state: str, normal: ModeForms, inertial: ModeForms) -> Form:
+        """F_0 [N]."""
+        return self._scene["ground.drag"] * self._forms.one
 
     def driving_force(self, state: str, normal: ModeForms, inertial: ModeForms) -> ModeForms:
         """F_in and every force along the ground but dry friction [N] in `state`."""
@@ -181,12 +200,13 @@ class Ground:
         symbol = f"({self.driving_symbol})" if self._others else self.driving_symbol
         if state == "airborne":
             height = self._forms.position(self._forms.height)
-            return [Guard(height, tuple(self._landings(resting)), "y >= 0", entries_decide=True)]
+            return [Guard(height, tuple(self._landings(resting)), "y >= 0", entries_decide=True,
+                          event="landing")]
         if state == "stick":
-            bound = f"{symbol} <= {self._static:g} N"
+            forward, backward = self._static
             return self._normal_force_guards(state, normal) + [
-                Guard(self._static * normal - driving, without_jump("slip_forward"), bound),
-                Guard(self._static * normal + driving, without_jump("slip_backward"), f"-{bound}"),
+                Guard(forward * normal - driving, without_jump("slip_forward"), f"{symbol} <= {forward:g} N"),
+                Guard(backward * normal + driving, without_jump("slip_backward"), f"-{symbol} <= {backward:g} N"),
             ]
         if state == "rest":
             return [Guard(-normal, without_jump("stick"), "N <= 0"),
@@ -216,19 +236,27 @@ class Ground:
         return [Guard(normal, without_jump(*slipping, *targets), "N >= 0")] if targets else []
 
     def _landings(self, resting: frozenset[str]) -> Iterator[Target]:
-        """Targets of a landing. Masses at rest that feel the landing stay on their plates if the landing is slow."""
-        if not (resting and self._scene["effects.reaction"]):
-            yield from self._landing(frozenset())
+        """Targets of a landing. If it is slow, the body and the masses at rest stay where they are."""
+        felt = resting if self._scene["effects.reaction"] else frozenset()
+        bounces = list(self._landing(frozenset()).bounces(self.has_dry_friction)) if self._restitution else []
+        if not (felt or bounces):
+            yield from self._inelastic_landing(frozenset())
             return
         _, rise = self._forms.body_velocity()
         slow = REST_SPEED * self._forms.one + rise
-        for target in self._landing(resting):
+        for target in self._inelastic_landing(felt):
             yield target._replace(entries=(slow, *target.entries))
-        for target in self._landing(frozenset()):
-            yield target._replace(frees_resting_masses=True)
+        for target in bounces or self._inelastic_landing(frozenset()):
+            yield target._replace(frees_resting_masses=bool(felt))
 
-    def _landing(self, resting: frozenset[str]) -> tuple[Target, ...]:
-        """Targets of a landing in which the masses of `resting` stay on their plates."""
+    def _inelastic_landing(self, resting: frozenset[str]) -> tuple[Target, ...]:
+        landing = self._landing(resting)
         if not self.has_dry_friction:
-            return Landing(self._scene, self._forms, 0.0, 0.0, resting).targets_without_friction("grounded")
-        return Landing(self._scene, self._forms, self._kinetic, self._static, resting).targets_with_friction()
+            return landing.targets_without_friction("grounded")
+        return landing.targets_with_friction()
+
+    def _landing(self, resting: frozenset[str]) -> Landing:
+        """A landing in which the masses of `resting` stay on their plates."""
+        none = (0.0, 0.0)
+        frictions = (self._kinetic, self._static) if self.has_dry_friction else (none, none)
+        return Landing(self._scene, self._forms, *frictions, resting, self._restitution)

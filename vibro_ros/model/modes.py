@@ -154,9 +154,15 @@ class ModeBuilder:
         """
         forms, (along_x, upwards) = self.forms, self.body_acceleration()
         rows = np.empty((len(self.modes), forms.channels.coordinates, forms.channels.count))
-        rows[:, :len(forms.guides)] = self._mass_accelerations()
+        masses = slice(len(forms.guides))
+        rows[:, masses] = self._mass_accelerations()
         if forms.body_moves:
             rows[:, forms.body] = along_x
+        if forms.channels.dynamic > len(forms.guides):  # x is one of them
+            first = forms.channels.acceleration(0)
+            of_masses = slice(first, first + len(forms.guides))
+            rows[:, forms.body, of_masses] = 0.0
+            rows[:, forms.body] += np.einsum("mi,mic->mc", along_x[:, of_masses], rows[:, masses])
         if forms.body_hops:
             rows[:, forms.height] = upwards
         return rows

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from vibro_ros.model.parameter_values import LEAST_SHARE, ParameterValues
-from vibro_ros.model.parameters import BY_NAME
+from vibro_ros.model.parameters import AS_FORWARD, BY_NAME
 from vibro_ros.model.support import unsupported
 
 #: Fastest rate [1/s] of a mass on its springs and dampers that is simulated. A step lasts two of the mass's time
@@ -41,11 +41,24 @@ def _check_mechanism(values: ParameterValues) -> None:
 
 
 def _check_friction(values: ParameterValues) -> None:
-    kinetic = values["ground.friction"]
-    if values.resting_friction < kinetic:
-        raise ValueError(f"ground.static_friction: {values.resting_friction:g} is below ground.friction, "
+    kinetic, backward, law = values["ground.friction"], values["ground.friction_backward"], values["effects.friction"]
+    if values.resting_frictions[0] < kinetic:
+        raise ValueError(f"ground.static_friction: {values.resting_frictions[0]:g} is below ground.friction, "
                          f"{kinetic:g}; give at least {kinetic:g}")
-    if values["effects.friction"] == "stribeck":  # a coefficient that changes with the speed is not linear
+    if AS_FORWARD < backward < 0.0:
+        raise ValueError(f"ground.friction_backward: {backward:g} is below 0; give at least 0, or {AS_FORWARD:g} for "
+                         "that of ground.friction")
+    if backward not in (AS_FORWARD, kinetic) and law in ("static", "stribeck"):
+        raise ValueError(f"ground.friction_backward: {backward:g} has no coefficient of its own for a body at rest by "
+                         f"effects.friction {law!r}; choose coulomb, or give {AS_FORWARD:g}")
+    if backward > BY_NAME["ground.friction"].maximum and values["effects.normal_force"] != "weight":
+        raise ValueError(f"ground.friction_backward: {backward:g} makes a one-way wheel, which is sound only where N "
+                         "is never 0, and elsewhere slides on its tyre; choose weight for effects.normal_force, or "
+                         f"give at most {BY_NAME['ground.friction'].maximum:g}")
+    if law == "stribeck":  # a coefficient that changes with the speed is not linear
+        if values["ground.viscous_friction"]:
+            raise ValueError(f"ground.viscous_friction: {values['ground.viscous_friction']:g} N·s/m has no exact "
+                             "solution with effects.friction 'stribeck'; choose static, or give 0")
         if values["effects.reaction"]:
             raise ValueError("effects.friction: 'stribeck' has no exact solution with effects.reaction true, by which "
                              "the friction moves the masses; choose static, or set effects.reaction to false")
@@ -57,8 +70,10 @@ def _check_friction(values: ParameterValues) -> None:
     coupled = values["effects.reaction"] and values["effects.normal_force"] != "weight" and "inclined" in values.guides
     coupling = coupled * mass * sine * abs(math.cos(values["guide.angle"]))
     highest = (values.total_mass - mass * sine**2) / coupling if coupling else math.inf
-    if values.has_dry_friction and kinetic >= highest:
-        raise ValueError(f"ground.friction: at {kinetic:g} the reaction on the masses has no unique solution while "
+    largest = max(values.kinetic_frictions)
+    if values.has_dry_friction and largest >= highest:
+        name = "ground.friction" if largest == kinetic else "ground.friction_backward"
+        raise ValueError(f"{name}: at {largest:g} the reaction on the masses has no unique solution while "
                          f"the body slips (Painlevé's paradox); give less than {highest:g}, or set "
                          "effects.reaction to false")
 
@@ -77,6 +92,11 @@ def _check_blows(values: ParameterValues) -> None:
 
 def _check_rates(values: ParameterValues) -> None:
     """Refuse a mass that is so light for its springs and dampers that a simulation would take too long."""
+    viscous, body = values["ground.viscous_friction"], values["mass.body"]
+    if viscous > FASTEST_RATE * body:
+        raise ValueError(f"ground.viscous_friction: {viscous:g} N·s/m stops mass.body, {body:g} kg, faster than "
+                         f"{FASTEST_RATE:g} 1/s, which takes too long to simulate; give at most "
+                         f"{FASTEST_RATE * body:g} N·s/m")
     for side in values.guides:
         parts = ("spring", "plate") if values[f"effects.{side}_contact"] == "compliant" else ("spring",)
         stiffness = {f"{side}.{part}.stiffness": values[f"{side}.{part}.stiffness"] for part in parts}
@@ -186,8 +206,8 @@ def _inertias(values: ParameterValues) -> Iterator[np.ndarray]:
     rule, total = values["effects.normal_force"], values.total_mass
     masses = np.array([values[f"mass.{side}"] for side in values.guides])
     across, up = np.reshape([values.direction(side) for side in values.guides], (-1, 2)).T
-    slip = values["ground.friction"] if values.has_dry_friction and rule != "weight" else 0.0
-    for friction in (0.0, slip, -slip):
+    forward, backward = values.kinetic_frictions if values.has_dry_friction and rule != "weight" else (0.0, 0.0)
+    for friction in (0.0, forward, -backward):
         yield np.diag(masses) - np.outer(masses * across, masses * (across + friction * up)) / total
     if rule == "hop":
         yield np.diag(masses) - sum(np.outer(masses * part, masses * part) for part in (across, up)) / total

@@ -20,7 +20,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from vibro_ros.model.parameters import BY_NAME, Value, parameter_named
+from vibro_ros.model.parameters import AS_FORWARD, BY_NAME, Value, parameter_named
 
 #: Least error as a part of the rods' length: 4500 times the rounding of a number.
 LEAST_SHARE = 1e-12
@@ -55,16 +55,31 @@ class ParameterValues:
         return math.fsum(self[f"mass.{part}"] for part in ("body", *self.guides))
 
     @property
-    def resting_friction(self) -> float:
-        """Friction coefficient of a body at rest, which has its own parameter by the laws `static` and `stribeck`."""
+    def kinetic_frictions(self) -> tuple[float, float]:
+        """Friction coefficients of a body that moves forwards and backwards."""
+        forward, backward = self["ground.friction"], self["ground.friction_backward"]
+        return forward, forward if backward == AS_FORWARD else backward
+
+    @property
+    def resting_frictions(self) -> tuple[float, float]:
+        """Friction coefficients that hold a body at rest against a push forwards and backwards.
+
+        By the laws `static` and `stribeck` they are one parameter of their own.
+        """
         own = self["effects.friction"] in ("static", "stribeck")
-        return self["ground.static_friction" if own else "ground.friction"]
+        return (self["ground.static_friction"],) * 2 if own else self.kinetic_frictions
 
     @property
     def has_dry_friction(self) -> bool:
         """Whether there is dry friction: not with a coefficient of 0, nor with the rule `weight` without gravity."""
         weightless = self["effects.normal_force"] == "weight" and self["gravity"] == 0.0
-        return self["effects.friction"] != "none" and self.resting_friction > 0.0 and not weightless
+        return self["effects.friction"] != "none" and max(self.resting_frictions) > 0.0 and not weightless
+
+    @functools.cached_property
+    def gravity(self) -> tuple[float, float]:
+        """Gravitational acceleration [m/s²], backwards along the ground and towards it: g sin(α) and g cos(α)."""
+        slope = self["ground.slope"]
+        return self["gravity"] * math.sin(slope), self["gravity"] * math.cos(slope)
 
     @functools.cached_property
     def guides(self) -> tuple[str, ...]:
@@ -87,8 +102,9 @@ class ParameterValues:
 
     @property
     def body_moves(self) -> bool:
-        """Whether anything drives the body along the ground: not an upper mass, nor a mass on an upright guide."""
-        return "inclined" in self.guides and self.direction("inclined")[0] != 0.0
+        """Whether a force other than dry friction acts along the ground: none of a mass on an upright guide does."""
+        pushed = any(self[f"ground.{name}"] != 0.0 for name in ("slope", "viscous_friction", "drag"))
+        return pushed or ("inclined" in self.guides and self.direction("inclined")[0] != 0.0)
 
     @property
     def body_hops(self) -> bool:

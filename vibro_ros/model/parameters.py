@@ -19,6 +19,9 @@ Value = Any
 NEGLIGIBLE = 1e-30
 
 
+#: `ground.friction_backward` that means the coefficient of forward motion.
+AS_FORWARD = -1.0
+
 LONGEST_QUOTE = 200
 """Characters of a given value that a message repeats."""
 
@@ -178,6 +181,16 @@ _TABLE: tuple[Parameter, ...] = (
               "ground.friction", minimum=0.0, maximum=1e3),
     Parameter("ground.stribeck_speed", 0.01, "m/s", "speed v_s over which friction falls from static to kinetic: "
               "μ(v) = μ + (μs - μ) exp(-abs(v)/v_s)", minimum=1e-6, maximum=1e3),
+    Parameter("ground.friction_backward", AS_FORWARD, "", "kinetic friction coefficient of backward motion, as over "
+              "bristles or one-way wheels; -1: the same as ground.friction", minimum=AS_FORWARD, maximum=1e6,
+              while_running=True),
+    Parameter("ground.restitution", 0.0, "", "restitution of a landing, by the rule hop: the impulse while the ground "
+              "rebounds over that while it is compressed (Poisson's law)", minimum=0.0, maximum=1.0),
+    Parameter("ground.slope", 0.0, "rad", "angle of the ground, α; x points uphill", minimum=-1.5, maximum=1.5),
+    Parameter("ground.viscous_friction", 0.0, "N·s/m", "viscous resistance c_v: a force -c_v x' on the body, on the "
+              "ground and above it", minimum=0.0, maximum=1e6),
+    Parameter("ground.drag", 0.0, "N", "constant force F_0 on the body against forward motion, such as a load that "
+              "it pulls, on the ground and above it", minimum=-1e6, maximum=1e6),
     Parameter("gravity", 9.81, "m/s²", "gravitational acceleration, g", minimum=0.0, maximum=1e3),
     Parameter("motor.speed", 100.0, "rad/s", "motor speed at t = 0, and the command until another arrives",
               minimum=0.0, maximum=1e4),
@@ -203,7 +216,7 @@ _TABLE: tuple[Parameter, ...] = (
     # Beyond 1e9 rad an angle in double precision is coarser than 1e-7 rad.
     _start("crank_angle", "rad", "the crank's angle", minimum=0.0, maximum=1e9),
     Parameter("effects.upper_mass", True, "", "simulate the upper mass"),
-    Parameter("effects.inclined_mass", True, "", "simulate the inclined mass; without it nothing drives the body"),
+    Parameter("effects.inclined_mass", True, "", "simulate the inclined mass; without it no mass drives the body"),
     Parameter("effects.upper_contact", "compliant", "", "contact of the upper mass with its plate",
               choices=("none", "restitution", "compliant")),
     Parameter("effects.inclined_contact", "compliant", "", "contact of the inclined mass with its plate",
@@ -213,7 +226,8 @@ _TABLE: tuple[Parameter, ...] = (
               "ground.static_friction holds a body at rest; stribeck: and falls to ground.friction with the speed",
               choices=("none", "coulomb", "static", "stribeck")),
     Parameter("effects.normal_force", "printed", "", "weight: N = M g; unilateral: eq. (6), not below 0; "
-              "printed: eq. (6), may be negative; hop: at 0 the body leaves the ground and lands inelastically",
+              "printed: eq. (6), may be negative; hop: at 0 the body leaves the ground, and lands as "
+              "ground.restitution says",
               choices=("weight", "unilateral", "printed", "hop")),
     Parameter("effects.reaction", False, "", "the body's acceleration acts back on the masses; then energy balances"),
     Parameter("effects.misprint", False, "", "the paper's ξ2 for ξ3 in eqs. (1), (6) and (7) taken literally: while "

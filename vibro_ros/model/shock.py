@@ -15,7 +15,7 @@ A body on the ground gets this change along x alone if the blow is too slow to c
 on the ground. Otherwise dy' >= 0 while no guide points down: the ground, which cannot pull, gives no impulse and no
 friction, and the body lifts off.
 
-A landing is an inelastic shock with friction: the ground gives the body the impulse (P_x, P_y) that ends the fall, so
+A landing is a shock with friction: the ground gives the body the impulse (P_x, P_y) that ends the fall, so
 that y' is 0 afterwards. The elements of A are M_xx, M_xy and M_yy,
 
     P_x = M_xx dx' + M_xy dy'        P_y = M_xy dx' + M_yy dy'
@@ -28,13 +28,17 @@ While the body slips, P_x = -sigma mu P_y with sigma = sign(x'), so that
 ground vanishes before the fall has ended sticks if abs(M_xy) <= mu_s M_yy; otherwise the body slips the other way for
 the rest of the shock.
 
+With a restitution e of the ground (Poisson's law, in E. J. Routh's two phases), P_y grows after the fall has ended by e
+times what it was then, under the same friction, and the body is in the air again. A landing slower than `REST_SPEED` is
+the last.
+
 A mass that rests on a rigid plate and feels the body move parts from the plate: the mass goes on falling or, where
 friction throws the body against the mass, strikes the plate at once. If the fall is slower than `REST_SPEED`, the
 mass stays at rest and lands with the body as one, because otherwise hops and bounces that belong together would follow
 each other without end.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from typing import Any
 
 import numpy as np
@@ -132,20 +136,23 @@ class Landing:
 
     Parameters
     ----------
-    kinetic, static : float
-        Friction coefficients while the body slips and while it sticks.
+    kinetic, static : (float, float)
+        Friction coefficients while the body slips, forwards and backwards, and while it sticks.
     resting : frozenset of str
         Guides whose masses rest on rigid plates and stay there.
+    restitution : float
+        Impulse while the ground rebounds over that while it is compressed; 0 for an inelastic landing.
     """
 
-    def __init__(self, scene: Scene, forms: Forms, kinetic: float, static: float,
-                 resting: frozenset[str] = frozenset()):
-        self._forms = forms
+    def __init__(self, scene: Scene, forms: Forms, kinetic: tuple[float, float], static: tuple[float, float],
+                 resting: frozenset[str] = frozenset(), restitution: float = 0.0):
+        self._forms, self._restitution = forms, restitution
         self._shock = Shock(scene, forms, resting)
         (along, across), (_, up) = self._shock.inertia
-        self._forwards, self._backwards = ((across + sign * kinetic * up) / (along + sign * kinetic * across)
-                                           for sign in (1.0, -1.0))
-        self._sticks = abs(across) <= static * up
+        self._forwards, self._backwards = ((across + sign * friction * up) / (along + sign * friction * across)
+                                           for sign, friction in zip((1.0, -1.0), kinetic, strict=True))
+        self._sticks = -static[0] * up <= across <= static[1] * up
+        self._across, self._up = across, up
 
     def targets_without_friction(self, state: str) -> tuple[Target, ...]:
         """The one target without friction: `state`."""
@@ -169,11 +176,36 @@ class Landing:
                 Target("slip_backward", self._jumps(backwards), entries=(-entries[1],)),
                 after_a_stop)
 
-    def _jumps(self, speed_after: Form) -> Jumps:
-        """Jumps of a landing that leaves the body with the speed `speed_after` [m/s] along the ground."""
+    def bounces(self, has_friction: bool) -> Iterator[Target]:
+        """Targets of a landing after which the body is in the air again, in the order to try them."""
+        forms, share = self._forms, self._restitution
+        speed, fall = forms.body_velocity()
+        whole = (1.0 + share) * fall  # the change of y' of a body that slips one way all the time
+        if not has_friction:
+            yield Target("airborne", self._jumps(speed + self._forwards * whole, -share * fall))
+            return
+        slips = self._forwards, self._backwards
+        for sign, slip in zip((1.0, -1.0), slips, strict=True):
+            after = speed + slip * whole
+            entry = after if sign * slip >= 0.0 else speed  # a shock that drives the body on never stops it
+            yield Target("airborne", self._jumps(after, -share * fall), entries=(sign * entry,))
+        # The body stops when y' has changed by `until`, and sticks or slips the other way. P_y = (M_yy - c M_xy) dy'.
+        then = 0.0 if self._sticks else self._backwards if self._backwards > 0.0 else self._forwards
+        for sign, slip in zip((1.0, -1.0), slips, strict=True):
+            if sign * slip > 0.0:
+                until, ratio = speed / slip, (self._up - slip * self._across) / (self._up - then * self._across)
+                left = -fall - until  # of the compression, below 0 where the ground rebounds already
+                for rise, entries in ((share * (ratio * until + left), (left,)),
+                                      (ratio * (left - share * fall) - left, ())):
+                    yield Target("airborne", self._jumps(-then * (left + rise), rise), entries=(sign * speed, *entries))
+
+    def _jumps(self, speed_after: Form, rise_after: Form | None = None) -> Jumps:
+        """Jumps of a landing that leaves the body with the speed `speed_after` [m/s] along the ground and `rise_after`
+        [m/s] upwards, 0 if None."""
         forms, at = self._forms, self._forms.channels
         speed, fall = forms.body_velocity()
-        jumps = [(at.position(forms.height), forms.zero), (at.velocity(forms.height), forms.zero)]
+        rise = forms.zero if rise_after is None else rise_after
+        jumps = [(at.position(forms.height), forms.zero), (at.velocity(forms.height), rise)]
         if forms.body_moves:
             jumps.append((at.velocity(forms.body), speed_after))
-        return (*jumps, *self._shock.free_mass_jumps((speed_after - speed, -fall)))
+        return (*jumps, *self._shock.free_mass_jumps((speed_after - speed, rise - fall)))

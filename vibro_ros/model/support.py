@@ -10,7 +10,7 @@ effect, so that a new choice or number is refused until its equations are writte
 from collections.abc import Mapping
 
 from vibro_ros.model.parameter_values import ParameterValues
-from vibro_ros.model.parameters import BY_NAME, Value
+from vibro_ros.model.parameters import AS_FORWARD, BY_NAME, Value
 
 SIMULATORS = ("moreau", "peer", "baseline")
 ANY = None
@@ -32,6 +32,8 @@ SUPPORT: Mapping[str, tuple[tuple[Value, ...] | None, ...]] = {
         "start.body_velocity", "start.body_height", "start.body_vertical_velocity", "start.upper_position",
         "start.upper_velocity", "start.inclined_position", "start.inclined_velocity", "start.crank_angle"),
         (ANY, ANY, ANY)),
+    **dict.fromkeys(("ground.slope", "ground.viscous_friction", "ground.drag"), (ANY, ANY, (0.0,))),
+    "ground.friction_backward": ((AS_FORWARD,), ANY, (AS_FORWARD,)),
     "start.state": (("rest", "zero", "given"), ("rest", "zero", "given"), ("rest", "zero")),
     "effects.upper_mass": (_SWITCH, _SWITCH, (True,)),
     "effects.inclined_mass": (_SWITCH, _SWITCH, (True,)),

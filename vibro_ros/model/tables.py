@@ -133,7 +133,7 @@ def _guard_tables(builder: ModeBuilder) -> dict[str, np.ndarray]:
             matrix_of[id(target)][channel] = form
     shape = (len(guards), max(1, max(map(len, guards))))
     most_targets = max((len(guard.targets) for of_mode in guards for _, guard in of_mode), default=1)
-    guard_row, guard_effect, blow_monitor = (np.full(shape, NOTHING) for _ in range(3))
+    guard_row, guard_effect, guard_event, blow_monitor = (np.full(shape, NOTHING) for _ in range(4))
     candidate, jump = (np.full((*shape, most_targets), NOTHING) for _ in range(2))
     entry = np.full((*shape, most_targets, max((len(target.entries) for target in targets), default=0)), NOTHING)
     rows, matrices = _Numbering(), _Numbering()
@@ -141,6 +141,7 @@ def _guard_tables(builder: ModeBuilder) -> dict[str, np.ndarray]:
         for g, (effect, guard) in enumerate(of_mode):
             guard_row[m, g] = rows.number(guard.form)
             guard_effect[m, g] = UNCHECKED if guard.entries_decide else effect
+            guard_event[m, g] = MODE_EVENTS.index(guard.event) if guard.event else NOTHING
             blow_monitor[m, g] = effect if guard.is_blow else NOTHING
             for c, target in enumerate(guard.targets):
                 candidate[m, g, c] = mode_set.target_mode(mode_set.modes[m], effect, target)
@@ -153,7 +154,7 @@ def _guard_tables(builder: ModeBuilder) -> dict[str, np.ndarray]:
     row = np.array(rows.arrays).reshape(len(rows.arrays), channels.count)
     matrix = np.array(matrices.arrays).reshape(len(matrices.arrays), 2 * channels.coordinates, channels.count)
     return {"guard": guard_row, "guard_effect": guard_effect, "candidate": candidate, "entry": entry, "jump": jump,
-            "blow_monitor": blow_monitor, "row": row, "row_terms": terms(row),
+            "guard_event": guard_event, "blow_monitor": blow_monitor, "row": row, "row_terms": terms(row),
             "driven": np.any(row[:, of_body], axis=1), "jump_matrix": matrix}
 
 

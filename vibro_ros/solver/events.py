@@ -192,6 +192,8 @@ def record_mode_change(system, state, mode, point, events, count):
     previous = state.now[0].automaton.mode
     time = instant(state, state.now[0].segment.next_event)
     kind = system.event_kind[previous, mode]
+    if kind == NOTHING:
+        kind = system.guard_event[previous, state.now[0].automaton.guard]
     if kind != NOTHING:
         count = record(events, count, time, kind, form_value(system.event_quantity[kind], point), 0.0, 0.0)
     struck = system.blow_monitor[previous, state.now[0].automaton.guard]

@@ -248,6 +248,8 @@ class System(NamedTuple):
         Rows of the positions and velocities after a jump.
     blow_monitor : ndarray of int, shape (m, g)
         Monitor for which the guard records a blow without duration, or `NOTHING`.
+    guard_event : ndarray of int, shape (m, g)
+        Kind of the event recorded when the guard fires and `event_kind` has none, or `NOTHING`.
     mode_after_ramp_change : ndarray of int, shape (m, k)
         Mode that follows when the rate of ramp k changes.
     event_kind : ndarray of int, shape (m, m)
@@ -299,6 +301,7 @@ class System(NamedTuple):
     jump: np.ndarray
     jump_matrix: np.ndarray
     blow_monitor: np.ndarray
+    guard_event: np.ndarray
     mode_after_ramp_change: np.ndarray
     event_kind: np.ndarray
     event_quantity: np.ndarray

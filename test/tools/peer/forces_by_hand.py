@@ -86,16 +86,17 @@ class Motion:
     def _ground(self):
         """The unknowns: first with a body at rest that sticks, then slipping where it would not, then unloaded."""
         scene, law = self.scene, self.scene["effects.friction"]
-        kinetic = scene["ground.friction"]
-        static = scene["ground.static_friction"] if law in ("static", "stribeck") else kinetic
-        moves = self.has("inclined") and np.sin(self.tilt("inclined")) != 0.0
+        moves = self.has("inclined") and np.sin(self.tilt("inclined")) != 0.0 or any(
+            scene[f"ground.{name}"] for name in ("slope", "drag", "viscous_friction"))
         air = (self._rule == "hop") & ((self.at["body_height"] != 0.0) | (self.at["body_vertical_velocity"] != 0.0))
-        if law == "none" or not moves or static == 0.0:
+        if law == "none" or not moves:
             return self._solve(air, np.zeros(len(self), dtype=bool), np.zeros(len(self)))
         speed = self.at["body_velocity"]
+        kinetic, static = self._frictions(speed)
         falling = (static - kinetic) * np.exp(-np.abs(speed) / scene["ground.stribeck_speed"]) * (law == "stribeck")
         slide, sticks = np.where(air, 0.0, np.sign(speed) * (kinetic + falling)), (speed == 0.0) & ~air
         solution = self._solve(air, sticks, slide)
+        kinetic, static = self._frictions(np.where(speed == 0.0, solution[:, FRICTION], speed))
         breaks = sticks & (np.abs(solution[:, FRICTION]) > static * solution[:, NORMAL] * (1 + 1e-12) + 1e-12)
         at_first = static if law == "stribeck" else kinetic
         slide = np.where(breaks, np.sign(solution[:, FRICTION]) * at_first, slide)
@@ -104,6 +105,13 @@ class Motion:
             loose = solution[:, NORMAL] < 0.0
             solution = self._solve(air, sticks & ~breaks & ~loose, np.where(loose, 0.0, slide))
         return solution
+
+    def _frictions(self, direction):
+        """Coefficients of a body that slips, and of one that sticks, in the directions of the signs of `direction`."""
+        forward, backward = self.scene["ground.friction"], self.scene["ground.friction_backward"]
+        kinetic = np.where(direction < 0.0, forward if backward == -1.0 else backward, forward)
+        own = self.scene["effects.friction"] in ("static", "stribeck")
+        return kinetic, np.full(len(self), self.scene["ground.static_friction"]) if own else kinetic
 
     def _solve(self, air, sticks, slide):
         """With F_fr = `slide` N where the body does not stick; masses that a plate would have to hold leave it."""
@@ -118,11 +126,14 @@ class Motion:
         scene = self.scene
         acts, weighs = float(scene["effects.reaction"]), float(scene["effects.mass_weight"])
         masses = [scene[f"mass.{side}"] * self.has(side) for side in SIDES]
-        total, gravity = scene["mass.body"] + sum(masses), scene["gravity"]
+        total, slope = scene["mass.body"] + sum(masses), scene["ground.slope"]
+        downhill, gravity = scene["gravity"] * np.sin(slope), scene["gravity"] * np.cos(slope)
         rows, known = np.zeros((len(self), 8, 8)), np.zeros((len(self), 8))
         rows[:, X, X] = rows[:, Y, Y] = total
         rows[:, X, FRICTION], rows[:, Y, NORMAL] = 1.0, -1.0
         known[:, Y] = -total * gravity
+        known[:, X] = -total * downhill - scene["ground.drag"]
+        known[:, X] -= scene["ground.viscous_friction"] * self.at["body_velocity"]
         if scene["effects.misprint"]:  # k1 (u - w) by which the printed force on the body differs from F3
             misread = np.where(self.push("inclined") != 0.0, scene["inclined.plate.stiffness"] * (
                 self.at["upper_position"] - self.at["inclined_position"]), 0.0)
@@ -138,7 +149,7 @@ class Motion:
             rows[:, U + i, U + i] = mass if mass else 1.0
             rows[:, U + i, X], rows[:, U + i, Y] = acts * mass * across, acts * mass * up
             rows[:, U + i, force] = 1.0
-            known[:, U + i] = self.drive(side) - self.push(side) - weighs * mass * gravity * up
+            known[:, U + i] = self.drive(side) - self.push(side) - weighs * mass * (gravity * up + downhill * across)
             rows[:, force, U + i], rows[:, force, force] = rests, ~rests
         rows[:, NORMAL, NORMAL], rows[:, NORMAL, Y] = air, ~air
         rows[:, FRICTION, X] = sticks

@@ -120,7 +120,7 @@ def assert_forces_agree(times, samples, moved, position):
         slope = scene["ground.static_friction"] * np.abs(forces["normal_force"]) / scene["ground.stribeck_speed"]
         decay = slope * np.abs(samples["body_velocity"] - moved.at["body_velocity"])
     torque = 2.0 * scene["crank.radius"] * sum(limits[f"{side}_drive_force"] for side in SIDES)  # |ds/dθ| <= 2 l
-    limits |= {"normal_force": together, "friction_force": (1.0 + scene["ground.friction"]) * together + decay,
+    limits |= {"normal_force": together, "friction_force": (1.0 + max(scene.kinetic_frictions)) * together + decay,
                "motor_torque": torque, "motor_power": torque * np.abs(moved.at["motor_speed"])}
     for name, limit in limits.items():
         assert_close(name, times, samples[name], forces[name], limit)

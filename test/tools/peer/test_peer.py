@@ -130,6 +130,22 @@ EFFECTS = {
             "inclined.plate.restitution": 0.0, "inclined.gap": -0.0152, "upper.gap": -0.0117, "mass.inclined": 0.4716,
             "mass.upper": 0.4185, "inclined.spring.stiffness": 358.9158, "motor.speed": 76.2974}, ()),
     "a rigid plate throws up a body that only jumps": (HOP | RIGID | HEAVY | {"effects.inclined_mass": False}, ()),
+    "slope": (UNILATERAL | HEAVY | {"ground.slope": 0.1}, GAPS),
+    "slope downhill, hop and reaction": (HOP | DAMPERS | HEAVY | {"ground.slope": -0.3}, ()),
+    "viscous friction": (UNILATERAL | {"ground.viscous_friction": 5.0}, ()),
+    "viscous friction and reaction": (UNILATERAL | DAMPERS | HEAVY | {"ground.viscous_friction": 20.0}, GAPS),
+    "viscous friction and rigid plates": (UNILATERAL | RIGID | {"ground.viscous_friction": 20.0}, SPEED_UP),
+    "viscous friction, hop, no dry friction": (
+        HOP | DAMPERS | HEAVY | {"ground.viscous_friction": 3.0, "effects.friction": "none"}, SPEED_UP),
+    "viscous friction of a heavy oil": ({"ground.viscous_friction": 3e3, "effects.normal_force": "weight"}, ()),
+    "drag as printed": ({"ground.drag": 1.0}, ()),
+    "drag on a body that no mass drives": (
+        UNILATERAL | THROWN | {"effects.inclined_mass": False, "ground.drag": -3.0, "start.inclined_position": 0.0,
+                               "start.inclined_velocity": 0.0}, ()),
+    "bristles": (UNILATERAL | {"ground.friction": 0.1, "ground.friction_backward": 0.5}, ()),
+    "bristles on a body that hops": (
+        HOP | DAMPERS | HEAVY | {"ground.friction": 0.4, "ground.friction_backward": 0.05, "ground.slope": 0.05}, ()),
+    "one-way wheels": ({"effects.normal_force": "weight", "ground.friction": 0.0, "ground.friction_backward": 1e6}, ()),
     "ideal motor": (UNILATERAL, SPEED_UP),
     "ramp motor": (UNILATERAL | {"effects.motor": "ramp", "motor.acceleration": 800.0}, SPEED_UP),
     "lag motor": (UNILATERAL | {"effects.motor": "lag", "motor.time_constant": 0.03}, SPEED_UP),
