@@ -243,8 +243,9 @@ def check_energy(scene, device, rows):
 def check_accounts(scene, accounts, allowed):
     """What is received is lost or stored, to the rounding of the audit. Nothing but the friction of eq. (6) gives where
     it should take, and with the reaction nothing is unpaid."""
-    if scene["effects.misprint"]:  # what the masses exchange, by which the audit is measured, is little beside this
-        allowed += 1e-11 * (abs(accounts["unpaid"]) + abs(accounts["friction"]))
+    if scene["effects.misprint"] or any(scene[f"ground.{name}"] for name in ("slope", "drag", "viscous_friction")):
+        # What the masses exchange, by which the audit is measured, is little beside this.
+        allowed += 1e-11 * (abs(accounts["unpaid"]) + abs(accounts["friction"]) + abs(accounts["stored"]))
     assert abs(accounts["residual"]) <= allowed
     taking = {"drive_dampers", "plate_dampers", "blows", "landings"}
     taking |= {"friction"} if scene["effects.normal_force"] != "printed" and scene["ground.drag"] == 0.0 else set()

@@ -139,7 +139,7 @@ class Ground:
         self._others = tuple(force for force in self.along if not force.set_valued)
         self.driving_symbol = "F_in" + "".join(f" {'+' if force.sign > 0.0 else '-'} {force.symbol}"
                                                for force in self._others)
-        without_load = WITHOUT_LOAD[self._rule]
+        without_load = WITHOUT_LOAD[self._rule] if self._rule != "hop" or forms.body_hops else ()
         if self.has_dry_friction:
             self.states = ("stick", "slip_forward", "slip_backward", *without_load)
         else:
