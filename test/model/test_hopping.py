@@ -5,8 +5,6 @@ import pytest
 from hopping_body import HoppingBody
 
 import vibro_ros
-from vibro_ros.model.forms import Forms
-from vibro_ros.model.shock import Landing
 
 BODY, UPPER, INCLINED = 1.0, 0.1, 0.08
 TOTAL, GRAVITY = BODY + UPPER + INCLINED, 9.81
@@ -108,39 +106,6 @@ def test_a_landing_takes_the_energy_of_the_fall(changes):
     hard = fall < -0.05
     assert np.count_nonzero(hard) > 5
     np.testing.assert_allclose((energy[::2] - energy[1::2])[hard], (felt * fall**2 / 2)[hard], rtol=1e-4)
-
-
-def routh(x, y, across, along, up, friction, steps=4000):
-    """x' after a shock that brakes y' to 0, in small equal parts of the fall, each with the friction of its instant."""
-    part = -y / steps
-    for _ in range(steps):
-        rates = {sign: -(across + sign * friction * up) / (along + sign * friction * across) for sign in (1.0, -1.0)}
-        if abs(x) > part * max(map(abs, rates.values())):
-            x += part * rates[np.sign(x)]
-        elif abs(across) <= friction * up:
-            x = 0.0
-        else:
-            x += part * rates[-np.sign(across)]
-    return x
-
-
-@pytest.mark.parametrize("friction", [0.001, 0.03, 0.2, 0.8])
-@pytest.mark.parametrize("angle", [0.4, 0.9, 1.4, 1.9, 2.7])
-def test_a_shock_slips_sticks_or_turns_back_as_coulomb_asks_at_every_instant(angle, friction):
-    """The closed form against the shock in 4000 parts, which stops the body to one of them."""
-    made = vibro_ros.Scene("shock", HOP | REACTION | {"guide.angle": angle, "mass.inclined": 0.5})
-    forms, total = Forms(made), made.total_mass
-    ex, ey = -np.sin(angle), np.cos(angle)
-    along, across, up = total - 0.5 * ex**2, -0.5 * ex * ey, total - 0.1 - 0.5 * ey**2
-    targets = Landing(made, forms, friction, friction).targets_with_friction()
-    for x in np.random.default_rng(3).uniform(-0.6, 0.6, 12):
-        z = np.zeros(forms.channels.count)
-        z[forms.channels.velocity(forms.body)], z[forms.channels.velocity(forms.height)] = x, -0.7
-        target = next(target for target in targets if all(entry @ z >= 0.0 for entry in target.entries))
-        after = dict(target.jumps)[forms.channels.velocity(forms.body)] @ z
-        assert after == pytest.approx(routh(x, -0.7, across, along, up, friction), abs=2e-3)
-        assert (target.state == "stick") == (after == 0.0)
-        assert target.state == "stick" or (target.state == "slip_forward") == (after > 0.0)
 
 
 @pytest.mark.parametrize("excess", [-1e-6, 1e-6])

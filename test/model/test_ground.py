@@ -1,0 +1,200 @@
+"""The ground: known answers A52 to A56, by the public interface."""
+
+import math
+
+import numpy as np
+import pytest
+
+import vibro_ros
+
+GRAVITY = 9.81
+#: A block: no masses, so that its own speed and the ground's forces are all there is.
+BLOCK = {"effects.upper_mass": False, "effects.inclined_mass": False, "effects.normal_force": "weight",
+         "start.state": "given"}
+#: A body whose masses do nothing, which hops.
+BALL = {"effects.upper_contact": "none", "effects.inclined_contact": "none", "upper.spring.stiffness": 0.0,
+        "inclined.spring.stiffness": 0.0, "effects.normal_force": "hop", "start.state": "given",
+        "start.upper_position": 0.06, "start.inclined_position": 0.06}
+
+
+def paper(*changes):
+    scene = vibro_ros.load_scene("paper")
+    for change in changes:
+        scene = scene.with_parameters(change)
+    return scene
+
+
+def simulated(duration, *changes, rate=1000.0):
+    return vibro_ros.simulate(paper(*changes), duration=duration, rate=rate)
+
+
+def when(run, kind):
+    """Instants [s] of the events of one kind."""
+    return run.events["time"][run.events["kind"] == kind]
+
+
+def test_a_block_runs_up_a_slope_and_stays():
+    """A52. v0/G and v0²/2G, G = g (sin α + μ cos α); it stays, because tan α < μ."""
+    slope, friction, speed = 0.1, 0.2, 1.0
+    rate = GRAVITY * (math.sin(slope) + friction * math.cos(slope))
+    run = simulated(1.0, BLOCK, {"ground.slope": slope, "start.body_velocity": speed})
+    assert when(run, "stick") == pytest.approx([speed / rate], abs=1e-15)
+    assert run.body_position[-1] == pytest.approx(speed**2 / 2.0 / rate, abs=1e-15)
+    assert run.body_velocity[-1] == 0.0
+    assert run.normal_force == pytest.approx(GRAVITY * math.cos(slope), rel=1e-15)
+
+
+@pytest.mark.parametrize("viscous", [1e-3, 3.0, 1e4])
+def test_a_block_runs_up_a_slope_through_oil(viscous):
+    """A52. With γ = c_v/M: ln(1 + γ v0/G)/γ, and v0/γ − (G/γ²) ln(1 + γ v0/G)."""
+    slope, friction, speed = 0.1, 0.2, 1.0
+    rate = GRAVITY * (math.sin(slope) + friction * math.cos(slope))
+    run = simulated(0.5, BLOCK, {"ground.slope": slope, "ground.viscous_friction": viscous,
+                                 "start.body_velocity": speed})
+    share = viscous * speed / rate  # of the oil in the first deceleration
+    assert when(run, "stick") == pytest.approx([math.log1p(share) / viscous], abs=1e-15)
+    way = (speed / viscous) * ((share - math.log1p(share)) / share)
+    assert run.body_position[-1] == pytest.approx(way, abs=1e-12 if viscous < 1.0 else 1e-15)
+
+
+def test_a_block_slides_down_at_its_terminal_speed():
+    """A52. M g (sin α − μ cos α)/c_v."""
+    run = simulated(20.0, BLOCK, {"ground.slope": 0.5, "ground.viscous_friction": 3.0}, rate=10.0)
+    limit = GRAVITY * (math.sin(0.5) - 0.2 * math.cos(0.5)) / 3.0
+    assert run.body_velocity[-1] == pytest.approx(-limit, abs=1e-14)
+
+
+@pytest.mark.parametrize(("drag", "goes_back"), [(1.9, False), (3.0, True)])
+def test_a_load_stops_a_block_and_may_pull_it_back(drag, goes_back):
+    """A53. v' = −(μ g + F_0/M) until the stop, and then, where F_0 > μ M g, −(F_0/M − μ g)."""
+    stop = 1.0 / (drag + 0.2 * GRAVITY)
+    run = simulated(1.0, BLOCK, {"ground.drag": drag, "start.body_velocity": 1.0})
+    assert when(run, "slip_backward" if goes_back else "stick") == pytest.approx([stop], abs=1e-15)
+    back = (drag - 0.2 * GRAVITY) * (1.0 - stop) if goes_back else 0.0
+    assert run.body_velocity[-1] == pytest.approx(-back, abs=1e-14)
+    assert run.friction_force[-1] == pytest.approx(-0.2 * GRAVITY if goes_back else -drag, abs=1e-14)
+
+
+def test_forwards_and_backwards_each_have_their_friction():
+    """A53. The block stops after v0/(μ g), with the μ of its direction."""
+    for speed, friction in ((1.0, 0.2), (-1.0, 0.5)):
+        run = simulated(1.0, BLOCK | {"ground.drag": 1e-20}, {  # a drag, so that x is a coordinate
+            "ground.friction_backward": 0.5, "start.body_velocity": speed})
+        assert when(run, "stick") == pytest.approx([1.0 / (friction * GRAVITY)], abs=1e-15)
+
+
+def test_a_one_way_wheel_never_rolls_back():
+    """A53. By the rule `weight` the body of the paper's robot moves on, or stands, and the friction that locks it is
+    what its masses push with."""
+    run = simulated(1.0, {"effects.normal_force": "weight", "ground.friction": 0.01, "ground.friction_backward": 1e6})
+    assert (run.body_velocity >= 0.0).all() and run.body_position[-1] > 0.01
+    assert np.count_nonzero(run.body_velocity == 0.0) > 10
+    assert run.friction_force.min() < -9.0  # 80 times what the friction of forward motion is
+
+
+@pytest.mark.parametrize(("speed", "friction"), [(1.0, 0.2), (-1.0, 0.5), (0.0, 0.2)])
+def test_a_body_bounces_to_rest(speed, friction):
+    """A54. Landings at eᵏ√(2gh); each takes μ (1 + e) of its speed from x' until the body stands; rest after
+    √(2h/g)(1 + e)/(1 − e)."""
+    height, restitution = 0.1, 0.7
+    run = simulated(2.0, BALL, {"ground.restitution": restitution, "start.body_height": height,
+                                "start.body_velocity": speed, "ground.friction_backward": 0.5})
+    landings = run.events[run.events["kind"] == "landing"]
+    fall, first = math.sqrt(2.0 * GRAVITY * height), math.sqrt(2.0 * height / GRAVITY)
+    powers = restitution ** np.arange(len(landings))
+    assert landings["speed"] == pytest.approx(fall * powers, abs=1e-14)
+    assert landings["time"] == pytest.approx(
+        first + 2.0 * first * restitution * (1.0 - powers) / (1.0 - restitution), abs=1e-14)
+    assert landings["speed"][-1] <= 1e-9 < landings["speed"][-2]
+    place, left = speed * first, abs(speed)
+    for power in powers:
+        left = max(0.0, left - friction * (1.0 + restitution) * fall * power)
+        place += math.copysign(left, speed) * 2.0 * restitution * fall * power / GRAVITY
+    assert run.body_position[-1] == pytest.approx(place, abs=1e-14)
+    assert (run.body_height[-1], run.body_vertical_velocity[-1], run.body_velocity[-1]) == (0.0, 0.0, 0.0)
+
+
+def struck(inertia, speed, fall, friction, static, restitution):
+    """x' and y' after a landing, by Routh's method in small steps of the impulse P_y: no formula of the model.
+
+    The body's velocity changes by A^-1 (P_x, P_y). A body that slips forwards gets P_x = -mu P_y, and so on; at a
+    stop the friction that holds it decides.
+    """
+    inverse, velocity, given, end = np.linalg.inv(inertia), np.array([speed, -fall]), 0.0, math.inf
+    hold = -inverse[0, 1] / inverse[0, 0]  # P_x for each P_y by which x' does not change
+    while given < end:
+        direction = np.sign(velocity[0])
+        if direction == 0.0:
+            pushed = -np.sign(hold)  # where x' would go without friction
+            sticks = abs(hold) <= static[0 if pushed > 0.0 else 1]
+            along = hold if sticks else -pushed * friction[0 if pushed > 0.0 else 1]
+        else:
+            along = -direction * friction[0 if direction > 0.0 else 1]
+        change = inverse @ (along, 1.0)
+        steps = [fall * 1e3 if end == math.inf else end - given]
+        if change[0] * direction < 0.0:
+            steps.append(-velocity[0] / change[0])
+        if velocity[1] < 0.0:
+            steps.append(-velocity[1] / change[1])
+        step = min(steps)
+        before, velocity, given = velocity, velocity + step * change, given + step
+        if direction and velocity[0] * direction <= 1e-15 * abs(speed):
+            velocity[0] = 0.0
+        if before[1] < 0.0 <= velocity[1] + 1e-15 * fall:
+            velocity[1], end = 0.0, (1.0 + restitution) * given
+    return velocity
+
+
+@pytest.mark.parametrize("restitution", [0.0, 0.6])
+@pytest.mark.parametrize("speed", [-2.0, -0.3, -0.02, 0.0, 0.02, 0.3, 2.0])
+@pytest.mark.parametrize(("angle", "friction", "backward"), [
+    (0.8, 0.2, 0.2), (0.8, 0.003, 0.003), (2.2, 0.3, 0.01), (2.2, 0.001, 0.6), (1.2, 0.05, 0.4)])
+def test_a_landing_is_poissons(angle, friction, backward, speed, restitution):
+    """A55. The speeds after a landing on one mass that feels it, of a body that slips on, stops, or is turned back
+    while the ground is compressed or rebounds."""
+    fall, mass = 0.5, 0.6
+    scene = paper(BALL, {
+        "effects.upper_mass": False, "start.upper_position": 0.0, "mass.inclined": mass, "effects.reaction": True,
+        "guide.angle": angle, "ground.friction": friction, "ground.friction_backward": backward,
+        "ground.restitution": restitution, "start.body_velocity": speed, "start.body_height": 1e-13,
+        "start.body_vertical_velocity": -fall})
+    direction = np.array([-math.sin(angle), math.cos(angle)])
+    inertia = 1.6 * np.eye(2) - mass * np.outer(direction, direction)
+    expected = struck(inertia, speed, fall, (friction, backward), (friction, backward), restitution)
+    device = vibro_ros.Simulator(scene)
+    device.advance_to(1e-12)
+    found = np.array([device.state.body_velocity, device.state.body_vertical_velocity])
+    assert found == pytest.approx(expected, abs=1e-10)  # gravity in 1e-12 s
+    mass_speed = -direction @ (found - (speed, -fall))  # a free mass keeps its speed in space
+    assert device.state.inclined_velocity == pytest.approx(mass_speed, abs=1e-10)
+    assert device.take_events()["kind"][0] == "landing"
+
+
+@pytest.mark.parametrize("changes", [
+    {"ground.slope": 0.2}, {"ground.slope": -0.2, "ground.viscous_friction": 4.0}, {"ground.drag": 0.7},
+    {"ground.restitution": 0.5}, {"ground.friction_backward": 0.6}])
+def test_energy_balances_on_every_ground(changes):
+    """A56. By audit and accounts, in `device` and in the paper's equations."""
+    for scene in (vibro_ros.load_scene("device").with_parameters({"motor.speed": 100.0}), paper()):
+        device = vibro_ros.Simulator(scene.with_parameters({"solver.audit": True, "solver.accounts": True, **changes}))
+        device.advance_to(1.0)
+        statistics = device.statistics
+        accounts = statistics["energy_accounts"]
+        exchanged = statistics["energy_exchanged"] + abs(accounts["friction"]) + abs(accounts["stored"])
+        assert abs(statistics["energy_residual"]) <= 1e-11 * exchanged
+        assert abs(accounts["residual"]) <= 1e-11 * exchanged
+
+
+@pytest.mark.parametrize(("changes", "refusal"), [
+    ({"ground.friction_backward": -0.5}, "ground.friction_backward: -0.5 is below 0; give at least 0, or -1"),
+    ({"ground.friction_backward": 0.3, "effects.friction": "static"}, "choose coulomb, or give -1"),
+    ({"ground.friction_backward": 1e4}, "choose weight for effects.normal_force, or give at most 1000"),
+    ({"ground.viscous_friction": 1.0, "effects.friction": "stribeck"}, "choose static, or give 0"),
+    ({"ground.viscous_friction": 1e5, "mass.body": 1e-3}, "give at most 10000 N·s/m"),
+    ({"ground.slope": 1.6}, "ground.slope: 1.6 is out of range; give a number from -1.5 to 1.5 rad"),
+    ({"ground.restitution": 0.5, "solver.method": "moreau", "effects.normal_force": "hop"},
+     "ground.restitution: 0.5 is not simulated by moreau; give 0.0, or choose exact"),
+])
+def test_what_no_ground_can_be_is_refused(changes, refusal):
+    with pytest.raises(ValueError, match=refusal):
+        paper(changes)
