@@ -94,7 +94,7 @@ def build(channels, modes, guards=(), signals=None, monitor=None, decay=None):
         flow=flow_numbers(acceleration, channels.dynamic), longest_segment=longest_segments(acceleration, channels),
         row=row, row_terms=terms(row), driven=row[:, driven].any(axis=1),
         coupled=couplings(acceleration, channels), guard=number, guard_effect=effect, candidate=candidate, entry=entry,
-        jump=jump, blow_monitor=blow,
+        jump=jump, blow_monitor=blow, guard_event=np.full_like(blow, NOTHING),
         jump_matrix=np.array(matrices).reshape(len(matrices), 2 * channels.coordinates, channels.count),
         mode_after_ramp_change=np.tile(np.arange(count)[:, None], (1, channels.ramps)), event_kind=event,
         event_quantity=np.zeros((count, channels.count)),

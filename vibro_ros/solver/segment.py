@@ -39,9 +39,9 @@ def local_time(state, time):
 
 @kernel
 def instant(state, x):
-    """Instant [s] of the local time `x`."""
+    """Instant [s] of the local time `x`; not before 0, where a segment that is a whole cell may have begun."""
     segment = state.now[0].segment
-    return segment.start + (segment.residue + segment.half * (x + 1.0))
+    return max(0.0, segment.start + (segment.residue + segment.half * (x + 1.0)))
 
 
 @kernel
