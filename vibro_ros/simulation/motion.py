@@ -396,9 +396,9 @@ def energy_accounts(model: Model, state: State, time: float) -> dict[str, float]
 def carried_over(model: Model, state: State, point: np.ndarray, new_model: Model) -> tuple[State, np.ndarray]:
     """State and channels of `new_model` that go on from those of `model`, where the motion stands at a segment's end.
 
-    The two models are of scenes that differ in the ground's friction alone, so that coordinates, sliders and plates are
-    the same. The states of the friction are not: there may be none where the coefficient is 0. A state that does not hold
-    on the new ground, such as sticking, is left at the first event.
+    The two models are of scenes that differ in friction coefficients alone, so that coordinates, sliders and plates are
+    the same. The states of the friction are not: there may be none where the coefficient is 0. A state that does not
+    hold on the new ground, such as sticking, is left at the first event.
 
     Parameters
     ----------
