@@ -38,7 +38,7 @@ def _shown(value: Value) -> str:
     if isinstance(value, bool):
         return f"`{str(value).lower()}`"
     if isinstance(value, tuple):
-        return f"`[{', '.join(value)}]`"
+        return f"`[{', '.join(map(str, value))}]`"
     if isinstance(value, str):
         return f"`{value}`" if value else "empty"
     return _number(value)
@@ -54,6 +54,8 @@ def _number(value: float) -> str:
 def _allowed(parameter: Parameter) -> str:
     if isinstance(parameter.default, bool):
         return "`true`, `false`"
+    if parameter.is_numbers:
+        return f"{len(parameter.default)} numbers from {parameter.minimum:g} to {parameter.maximum:g}"
     if isinstance(parameter.default, tuple):
         return "list of texts"
     if isinstance(parameter.default, str):

@@ -90,6 +90,7 @@ def test_a_prefix_begins_the_name_of_every_frame_as_it_is():
     (event,) = np.array([(0.25, "upper_contact", 0.7, 812.5, 3e-4)], dtype=EVENT_DTYPE)
     odometry = filled("odom", fields.fill_odometry, STATE, STAMP, "r1/")
     assert (odometry.header.frame_id, odometry.child_frame_id) == ("r1/odom", "r1/base_link")
+    assert not odometry.pose.covariance.any() and not odometry.twist.covariance.any()
     joints = filled("joint_states", fields.fill_joint_states, STATE, JOINTS, STAMP, "r1/")
     assert (joints.header.frame_id, list(joints.name)) == ("r1/base_link", JOINTS)
     assert filled("ground_contact", fields.fill_ground_contact, STATE, STAMP, "r1_").header.frame_id == "r1_base_link"
@@ -186,7 +187,7 @@ def test_what_cannot_be_filled_in_place_is_said(make, type_name, reason):
 
 def test_what_cannot_be_filled_in_place_is_serialised_by_rclpy_and_published_and_recorded(bench, monkeypatch):
     make = NOT_FILLED[0][0]
-    monkeypatch.setattr(publishers, "makers", lambda scene, prefix: {**makers(scene, prefix), "motor_power": make})
+    monkeypatch.setattr(publishers, "makers", lambda scene, prefix, _: {**makers(scene, prefix), "motor_power": make})
     publishing, heard, recorded = RobotPublishers(bench.node, load_scene("device")), [], {}
     bench.node.create_subscription(Float64, "motor_power", heard.append, 10)
     bench.spin_until(publishing.publishers["motor_power"].get_subscription_count, "discovery")

@@ -24,6 +24,8 @@ BAD_PARAMETERS = {
     "lock-step with no node": (["-p", "clock.publish:=true", "-p", "clock.lock_step:=[a b]"], "a b is no node's name"),
     "lock-step with itself": (["-p", "clock.publish:=true", "-p", "clock.lock_step:=[vibro_robot]"],
                               "the robot cannot wait for itself"),
+    "five variances": (["-p", "odom.pose_covariance_diagonal:=[1.0,2.0,3.0,4.0,5.0]"], "is not a list of 6 numbers"),
+    "a variance below 0": (["-p", "odom.twist_covariance_diagonal:=[0,0,0,0,0,-1]"], "-1 is out of range; give a"),
     "quality of service": (["-p", "qos_overrides./odom.publisher.reliability:=perhaps"],
                            "'perhaps' is unknown; choose one of reliable, best_effort"),
     "no depth": (["-p", "qos_overrides./odom.publisher.depth:=0"], "0 is no depth; give a whole number from 1"),

@@ -12,6 +12,8 @@ MOST_SCENES = 16  # in a chain, each a change of the next
 
 NOBODY = ("none",)  # `clock.lock_step` by default: a list of texts cannot be empty in ROS
 
+ZEROS = (0.0,) * 6
+
 #: Parameters of the device around the physics; scenes do not contain them.
 DEVICE_PARAMETERS: tuple[Parameter, ...] = (
     Parameter("scene", "device", "", "a shipped scene's name, or the path of a parameter file, whose own `scene` it "
@@ -19,6 +21,10 @@ DEVICE_PARAMETERS: tuple[Parameter, ...] = (
     Parameter("frame_prefix", "", "", "put before the name of every frame as it is, such as r1/ for one of two robots"),
     Parameter("tf.publish", "all", "", "frames on /tf: none; base_link in odom, beside a robot_state_publisher; or all "
               "of the robot", choices=("none", "base", "all")),
+    Parameter("odom.pose_covariance_diagonal", ZEROS, "", "variances of x, y, z [m²] and of the rotations about them "
+              "[rad²] in the pose of odom; zeros: odom is the truth", minimum=0.0, maximum=1e12),
+    Parameter("odom.twist_covariance_diagonal", ZEROS, "", "likewise of the twist of odom [m²/s², rad²/s²]",
+              minimum=0.0, maximum=1e12),
     Parameter("rate.publish", 200.0, "Hz", "rate at which the states are published", minimum=0.1, maximum=1e4),
     Parameter("rate.real_time_factor", 1.0, "", "simulated seconds per second; 0 = as fast as it can",
               minimum=0.0, maximum=1e3, while_running=True, smallest=1e-6),

@@ -59,8 +59,9 @@ def joints_of(scene: Scene) -> list[str]:
     return [joint for joint in JOINTS if joint in ("crank", *parts)]
 
 
-def fill_odometry(message: Any, state: Samples, stamp: int, prefix: str = "") -> None:
-    """Position [m] and velocity [m/s] of the body."""
+def fill_odometry(message: Any, state: Samples, stamp: int, prefix: str = "",
+                  variances: Sequence[Sequence[float]] = ((), ())) -> None:
+    """Position [m] and velocity [m/s] of the body; `variances` are the diagonals of both covariances, of 6 numbers."""
     fill_header(message.header, stamp, prefix + ODOM)
     message.child_frame_id = prefix + BASE
     pose, twist = message.pose.pose, message.twist.twist
@@ -69,6 +70,9 @@ def fill_odometry(message: Any, state: Samples, stamp: int, prefix: str = "") ->
     pose.orientation.w = 1.0
     twist.linear.x = float(state.body_velocity)
     twist.linear.z = float(state.body_vertical_velocity)
+    for part, diagonal in zip((message.pose, message.twist), variances, strict=True):
+        for index, variance in enumerate(diagonal):
+            part.covariance[7 * index] = float(variance)
 
 
 def fill_joint_states(message: Any, state: Samples, joints: Sequence[str], stamp: int, prefix: str = "") -> None:

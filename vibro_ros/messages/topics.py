@@ -31,6 +31,9 @@ ROBOT_TOPICS = {
 }
 """Type of each topic; a topic in a bag that ends like one of these and has another type is somebody else's."""
 
+VARIANCES = ("odom.pose_covariance_diagonal", "odom.twist_covariance_diagonal")
+"""Parameters of the node with the variances in `odom`."""
+
 TF_TOPICS = ("tf", "tf_static")
 """Topics that all robots of a graph share, outside of namespaces, and that need a package which may be missing."""
 

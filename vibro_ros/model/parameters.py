@@ -6,11 +6,13 @@ Defaults are the paper's values.
 
 import difflib
 import math
-from collections.abc import Iterable, Mapping
+from array import array
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-#: A parameter's value, of the type of its default: bool, float, str or tuple of str. Who names a parameter knows which.
+#: A parameter's value, of the type of its default: bool, float, str, tuple of str or tuple of so many floats. Who names
+#: a parameter knows which.
 Value = Any
 
 #: A number of a scene that is smaller in magnitude, in its unit, counts as zero, because products and quotients of
@@ -40,14 +42,14 @@ class Parameter:
     ----------
     name : str
         Dotted name, the same in YAML, in ROS and in Python.
-    default : bool, float, str or tuple of str
-        Default value, whose type is the parameter's type.
+    default : bool, float, str, tuple of str or tuple of float
+        Default value, whose type is the parameter's type; a list of numbers always has as many as the default.
     unit : str
         SI unit, empty for pure numbers and choices.
     description : str
         One line for users.
     minimum, maximum : float
-        Inclusive limits of a number, in its unit.
+        Inclusive limits of a number, or of each of a list, in its unit.
     positive : bool
         True when zero is excluded although `minimum` is 0.
     choices : tuple of str
@@ -75,7 +77,14 @@ class Parameter:
     @property
     def type_name(self) -> str:
         """Name of the type as a user writes it."""
+        if self.is_numbers:
+            return f"a list of {len(self.default)} numbers"
         return {bool: "true or false", float: "a number", str: "a text", tuple: "a list of texts"}[type(self.default)]
+
+    @property
+    def is_numbers(self) -> bool:
+        """Whether it is a list of numbers."""
+        return isinstance(self.default, tuple) and isinstance(self.default[0], float)
 
     def checked(self, value: object) -> Value:
         """Return `value` as this parameter's type.
@@ -88,6 +97,10 @@ class Parameter:
         """
         if isinstance(self.default, float):
             return self._checked_number(value)
+        if self.is_numbers:
+            if not isinstance(value, Sequence | array) or isinstance(value, str) or len(value) != len(self.default):
+                raise ValueError(f"{self.name}: {quoted(value)} is not {self.type_name}; give {self.type_name}")
+            return tuple(map(self._checked_number, value))
         if isinstance(self.default, tuple):
             if not isinstance(value, (list, tuple)) or not all(isinstance(text, str) for text in value):
                 raise ValueError(f"{self.name}: {quoted(value)} is not {self.type_name}; write [one, another]")

@@ -25,6 +25,7 @@ from vibro_ros.messages.topics import (
     OPERATIONS_TYPE,
     RESET,
     ROBOT_TOPICS,
+    VARIANCES,
     perform,
     read_operation,
 )
@@ -152,6 +153,7 @@ class Rerun:
         self.resets = 0
         self.origin = 0
         self._facts, self._prefix = facts, facts.settings["frame_prefix"]
+        self._variances = [facts.settings[name] for name in VARIANCES]
         prepare_kernels("replay", scene["solver.method"])
         self.device = Simulator(scene)
         self.scene = self.device.scene
@@ -222,7 +224,7 @@ class Rerun:
     def _messages(self) -> Iterator[tuple[str, bytes]]:
         state, events, stamp = self.device.state, self.device.take_events(), self._facts.stamp(self.tick)
         start = self._facts.stamp(self.origin)
-        fields.fill_odometry(self._blank["odom"], state, stamp, self._prefix)
+        fields.fill_odometry(self._blank["odom"], state, stamp, self._prefix, self._variances)
         fields.fill_joint_states(self._blank["joint_states"], state, self._joints, stamp, self._prefix)
         fields.fill_ground_contact(self._blank["ground_contact"], state, stamp, self._prefix)
         fields.fill_motor_power(self._blank["motor_power"], state)

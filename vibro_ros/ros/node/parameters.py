@@ -118,7 +118,7 @@ def _unlimited(parameter: Parameter) -> bool:
 
 def _limits(parameter: Parameter) -> str:
     words = [constraints(parameter)] if constraints(parameter) else []
-    if isinstance(parameter.default, float) and not _unlimited(parameter):
+    if isinstance(parameter.default, float) or parameter.is_numbers and not _unlimited(parameter):
         words.append(f"{parameter.minimum:g} to {parameter.maximum:g}")
     return f" ({', '.join(words)})" if words else ""
 
@@ -127,5 +127,5 @@ def _yaml(value: Value) -> str:
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, tuple):
-        return f"[{', '.join(value)}]"
+        return f"[{', '.join(map(str, value))}]"
     return f'"{value}"' if isinstance(value, str) else repr(value)

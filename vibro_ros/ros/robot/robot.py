@@ -24,7 +24,7 @@ from rosgraph_msgs.msg import Clock
 
 from vibro_ros.bag.metadata import Topic
 from vibro_ros.configuration.scene_file import DEVICE_PARAMETERS, NODE_NAME, load_scene, scene_origin, shipped_scenes
-from vibro_ros.messages.topics import CHECKPOINT, CHECKPOINT_TYPE, COMMAND_UNITS, OPERATIONS, published_name
+from vibro_ros.messages.topics import CHECKPOINT, CHECKPOINT_TYPE, COMMAND_UNITS, OPERATIONS, VARIANCES, published_name
 from vibro_ros.model.parameters import SCENE_PARAMETERS, Value, checked_parameters
 from vibro_ros.model.scene import Scene
 from vibro_ros.process.executables import EXECUTABLES
@@ -87,7 +87,8 @@ def _run(words: Sequence[str]) -> int:
         settings, scene = _configure(node, words)
         qos.check_overrides(node, (*map(published_name, PUBLISHED), f"~/{OPERATIONS}", TOPIC,
                                    *[CLOCK] * settings["clock.publish"]), COMMAND_UNITS)
-        publishers = RobotPublishers(node, scene, settings["frame_prefix"], settings["tf.publish"])
+        publishers = RobotPublishers(node, scene, settings["frame_prefix"], settings["tf.publish"],
+                                     [settings[name] for name in VARIANCES])
         plan = _plan(node, settings, scene, publishers)
         node.get_logger().info(f"scene {settings['scene']}")
         preparation = Preparation(partial(_prepare, node, settings, scene, plan), node.get_logger().info)

@@ -24,6 +24,7 @@ from vibro_ros.ros.node import qos
 from vibro_ros.ros.topics.templates import Make, Sheet, checked_template, plain_bytes
 from vibro_ros.simulation.samples import CRANK_ANGLE, FIELDS, Samples
 
+Variances = Sequence[Sequence[float]]
 MakeOfSample = Callable[[Samples, int], Any]
 """Makes the message of a sample and a stamp [ns]."""
 Record = Callable[[str | Together, int, bytes], None]
@@ -56,6 +57,8 @@ class RobotPublishers:
     transforms : str
         What of the frames is published, of `messages.frames`. Where the type of their messages is missing, there are
         none, and the log says so.
+    variances : pair of sequences of float
+        Of the pose and of the twist in `odom`, as `messages.fields.fill_odometry` takes them.
 
     Attributes
     ----------
@@ -65,7 +68,8 @@ class RobotPublishers:
         Those that are published.
     """
 
-    def __init__(self, node: Node, scene: Scene, prefix: str = "", transforms: str = NONE):
+    def __init__(self, node: Node, scene: Scene, prefix: str = "", transforms: str = NONE,
+                 variances: Variances = ((), ())):
         self.frames: Frames | None = None
         if transforms != NONE:
             try:
@@ -80,7 +84,7 @@ class RobotPublishers:
         }
         self._prefix, names, warn = prefix, self.topics, node.get_logger().warning
         self._description = serialize_message(filled("robot_description", fields.fill_robot_description, scene))
-        made = sample_makers(scene, prefix)
+        made = sample_makers(scene, prefix, variances)
         made |= {"tf": partial(_transforms, self.frames)} if self.frames else {}
         self._numbers = np.zeros(len(FIELDS) + (len(self.frames.turns(0.0)) if self.frames else 0))
         checked = {topic: checked_template(make, ROBOT_TOPICS[topic], len(self._numbers), warn)
@@ -161,11 +165,11 @@ class RobotPublishers:
         record(publisher.topic_name, stamp, data)
 
 
-def makers(scene: Scene, prefix: str) -> Mapping[str, MakeOfSample]:
+def makers(scene: Scene, prefix: str, variances: Variances = ((), ())) -> Mapping[str, MakeOfSample]:
     """What makes the message of each topic that has every sample, in the order in which they are published."""
     joints = joints_of(scene)
     return {
-        "odom": lambda state, stamp: filled("odom", fields.fill_odometry, state, stamp, prefix),
+        "odom": lambda state, stamp: filled("odom", fields.fill_odometry, state, stamp, prefix, variances),
         "joint_states": lambda state, stamp: filled("joint_states", fields.fill_joint_states, state, joints, stamp,
                                                     prefix),
         "ground_contact": lambda state, stamp: filled("ground_contact", fields.fill_ground_contact, state, stamp,
@@ -174,9 +178,9 @@ def makers(scene: Scene, prefix: str) -> Mapping[str, MakeOfSample]:
     }
 
 
-def sample_makers(scene: Scene, prefix: str) -> dict[str, Make]:
+def sample_makers(scene: Scene, prefix: str, variances: Variances = ((), ())) -> dict[str, Make]:
     """`makers` whose messages are made of the values of a sample's fields."""
-    return {topic: partial(_made, make) for topic, make in makers(scene, prefix).items()}
+    return {topic: partial(_made, make) for topic, make in makers(scene, prefix, variances).items()}
 
 
 def filled(topic: str, fill: Callable[..., None], *about: Any) -> Any:
