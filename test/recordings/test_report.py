@@ -56,6 +56,32 @@ def test_output_can_be_chosen_and_a_report_can_be_repeated(record_run, tmp_path)
     assert not folder.with_name("run_report").exists()
 
 
+def test_two_recordings_are_compared_in_one_table_and_one_picture(record_run, tmp_path, capsys):
+    shorter, run = record_run("shorter", count=401), record_run()
+    first = rewritten(shorter, tmp_path / "first", custom={"parameters": '{"guide.angle": 1.0, "gravity": 9.81}'})
+    second = rewritten(run, tmp_path / "second", custom={"parameters": '{"guide.angle": 1.2, "gravity": 9.81}'})
+    assert report.main([str(first), str(second)]) == 0
+    rows = {line[:25].strip(): line[25:].split() for line in capsys.readouterr().out.splitlines()}
+    assert rows["guide.angle"] == ["1.0", "1.2"] and "gravity" not in rows
+    assert rows["duration [s]"] == ["2", "4", "+2"]
+    assert rows["displacement [m]"] == ["-0.5", "-1", "-0.5"]
+    assert rows["mean power [W]"] == ["3", "4", "+1"]
+    output = tmp_path / "first_against_second"
+    assert [one["duration"] for one in json.loads((output / "summary.json").read_text())] == [2.0, 4.0]
+    assert min(imread(output / "report.png").shape[:2]) >= 900
+
+
+def test_of_two_recordings_neither_is_trusted_or_written_into(record_run, tmp_path, capsys):
+    run = record_run()
+    hostile = rewritten(run, tmp_path / "hostile", custom={"parameters": '["\x1b[2J' + "x" * 10_000})
+    before = contents(hostile)
+    assert report.main([str(run), str(hostile), "--output", str(hostile / "inside")]) == 2
+    assert "lies inside the recording" in one_error_line(capsys)
+    assert report.main([str(run), str(hostile)]) == 0
+    printed = capsys.readouterr().out
+    assert contents(hostile) == before and "\x1b" not in printed and max(map(len, printed.splitlines())) < 400
+
+
 def one_error_line(capsys):
     captured = capsys.readouterr()
     assert captured.out == ""

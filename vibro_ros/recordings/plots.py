@@ -95,6 +95,38 @@ def plot_run(bag: Bag, caption: str = "", energy: dict[str, Any] | None = None) 
     return figure
 
 
+def plot_pair(first: Bag, second: Bag) -> Figure:
+    """Displacement, motor speed and mean power of two recordings, one over the other.
+
+    Parameters
+    ----------
+    first, second : Bag
+        Recordings with odometry, joint states and motor power; each begins at time 0.
+
+    Returns
+    -------
+    Figure
+        Three rows that share time [s].
+    """
+    figure = Figure(figsize=(13.0, 8.0), dpi=120, facecolor="white", layout="constrained")
+    FigureCanvasAgg(figure)
+    rows = figure.subplots(3, 1, sharex=True)
+    span = (0.0, max(first.duration, second.duration, 1e-3))
+    for name, bag, colour in zip(("first", "second"), (first, second), _GUIDE_COLOURS.values(), strict=True):
+        body, joints, power = bag["odom"], bag["joint_states"], bag["motor_power"]
+        x = body["position"][:, 0]
+        line(rows[0], body["time"], (x - x[0]) * MM, span, color=colour, label=f"{name}: {bag.path.name}")
+        line(rows[1], joints["time"], joints["crank.velocity"], span, color=colour)
+        rows[2].plot(*mean_over_turns(power["time"], power["value"], joints["time"], joints["crank.position"]),
+                     color=colour, lw=1.3)
+    for axes, label in zip(rows, ("body displacement [mm]", "motor [rad/s]", "power, mean over whole turns [W]"),
+                           strict=True):
+        axes.set_ylabel(label)
+        _tidy(axes, span)
+    rows[-1].set_xlabel("time from the start of each recording [s]", color=_TEXT)
+    return figure
+
+
 def _panels(bag: Bag) -> Iterator[Panel]:
     """The panels that the recording has something for, from top to bottom."""
     yield _draw_body

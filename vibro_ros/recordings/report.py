@@ -1,4 +1,4 @@
-"""Executable ``report``: sum a recording up in words, numbers and a picture."""
+"""Executable ``report``: sum a recording up, or two beside each other, in words, numbers and a picture."""
 
 if __name__ == "__main__":  # before all imports: they take a second or two, in which a signal may come
     import sys
@@ -16,19 +16,23 @@ from vibro_ros.process.executables import EXECUTABLES
 from vibro_ros.process.front_door import Parser, exit_code
 from vibro_ros.process.untrusted import one_line
 from vibro_ros.recordings.energy import energy_of
-from vibro_ros.recordings.plots import plot_run
-from vibro_ros.recordings.summary import as_caption, as_text, load_samples, summarise
+from vibro_ros.recordings.plots import plot_pair, plot_run
+from vibro_ros.recordings.summary import as_caption, as_text, load_samples, pair_as_text, summarise
 
 
-def write_report(bag_folder: Path, output: Path | None = None) -> tuple[str, tuple[Path, ...]]:
-    """Write summary.txt, summary.json and report.png about a recording.
+def write_report(bag_folder: Path, output: Path | None = None,
+                 other: Path | None = None) -> tuple[str, tuple[Path, ...]]:
+    """Write summary.txt, summary.json and report.png about a recording, or about two beside each other.
 
     Parameters
     ----------
     bag_folder : Path
         The recording; nothing is ever written into it.
     output : Path, optional
-        Where to write, made when missing; ``<bag folder>_report`` beside the recording by default.
+        Where to write, made when missing; beside the recording by default, ``<bag folder>_report``, or
+        ``<bag folder>_against_<name of the other>``.
+    other : Path, optional
+        A second recording, which is compared with the first.
 
     Returns
     -------
@@ -38,21 +42,26 @@ def write_report(bag_folder: Path, output: Path | None = None) -> tuple[str, tup
     Raises
     ------
     BagError
-        When the recording cannot be read or `output` lies inside it.
+        When a recording cannot be read or `output` lies inside it.
     OSError
         When `output` cannot be written.
     """
-    folder = Path(bag_folder).resolve()
-    output = Path(output).resolve() if output else folder.with_name(f"{folder.name}_report")
-    if output.is_relative_to(folder):
+    folders = [Path(one).resolve() for one in (bag_folder, other) if one]
+    ending = f"against_{folders[1].name}" if other else "report"
+    output = Path(output).resolve() if output else folders[0].with_name(f"{folders[0].name}_{ending}")
+    if any(output.is_relative_to(folder) for folder in folders):
         raise BagError(f"{output}: lies inside the recording, which is never written to; give another --output")
-    bag = load_samples(folder)
-    summary = summarise(bag) | {"energy": energy_of(bag)}
-    text, figure = as_text(summary), plot_run(bag, as_caption(summary), summary["energy"])
+    bags = [load_samples(folder) for folder in folders]
+    summaries = [summarise(bag) | {"energy": energy_of(bag)} for bag in bags]
+    if other:
+        text, figure = pair_as_text(*summaries), plot_pair(*bags)
+    else:
+        text, figure = as_text(summaries[0]), plot_run(bags[0], as_caption(summaries[0]), summaries[0]["energy"])
     output.mkdir(parents=True, exist_ok=True)
     files = tuple(output / name for name in ("summary.txt", "summary.json", "report.png"))
     files[0].write_text(text, encoding="utf-8")
-    files[1].write_text(json.dumps(summary, indent=2, ensure_ascii=False) + "\n", encoding="utf-8")
+    written = json.dumps(summaries if other else summaries[0], indent=2, ensure_ascii=False)
+    files[1].write_text(f"{written}\n", encoding="utf-8")
     figure.savefig(files[2])
     return text, files
 
@@ -65,7 +74,7 @@ def main(words: Sequence[str]) -> int:
 def _run(words: Sequence[str]) -> int:
     options = _parser().parse_args(words)
     try:
-        text, files = write_report(options.bag, options.output)
+        text, files = write_report(options.bag, options.output, options.other)
     except BagError as error:
         raise ValueError(str(error)) from error
     except OSError as error:
@@ -81,9 +90,12 @@ def _run(words: Sequence[str]) -> int:
 
 def _parser() -> Parser:
     parser = Parser(prog="report", description=f"{EXECUTABLES['report'].does} Distance, speed, impacts, power and gaps "
-                    "in the stream are summed up.",
+                    "in the stream are summed up; of two recordings, their differences.",
                     epilog="Exit code 0: written; 2: no readable recording, or nowhere to write; 129, 130, 143: "
                     "stopped by SIGHUP, SIGINT, SIGTERM.")
     parser.add_argument("bag", type=Path, metavar="BAG_FOLDER", help="folder of the recording")
-    parser.add_argument("--output", type=Path, metavar="DIR", help="where to write (default: BAG_FOLDER_report)")
+    parser.add_argument("other", type=Path, metavar="OTHER_BAG_FOLDER", nargs="?",
+                        help="a second recording: one table and one picture compare the two")
+    parser.add_argument("--output", type=Path, metavar="DIR",
+                        help="where to write (default: BAG_FOLDER_report, or BAG_FOLDER_against_OTHER)")
     return parser

@@ -1,5 +1,6 @@
 """The numbers of a recording: how far, how fast, how many impacts, how much power, what is missing."""
 
+import json
 import math
 from dataclasses import replace
 from pathlib import Path
@@ -122,6 +123,54 @@ def as_text(summary: dict[str, Any]) -> str:
     energy = ["", *energy_as_lines(summary["energy"])] if "energy" in summary else []
     return "\n".join([*(f"{label:<{width}}{value}" for label, value in lines), *energy, "", *_table(summary["topics"]),
                       *not_read(summary["not_read"])]) + "\n"
+
+
+def pair_as_text(first: dict[str, Any], second: dict[str, Any]) -> str:
+    """Two summaries with their energy in one table for people: parameters that differ, and each number of both."""
+    parameters = [_parameters(one) for one in (first, second)]
+    rows: list[tuple[str, ...]] = [("", "first", "second", "second - first")]
+    rows += [(one_line(name), *(_shown(one.get(name)) for one in parameters), "")
+             for name in sorted(parameters[0].keys() | parameters[1].keys())
+             if parameters[0].get(name) != parameters[1].get(name)]
+    numbers, others = _numbers(first), _numbers(second)
+    for name in {**numbers, **others}:
+        one, other = numbers.get(name), others.get(name)
+        difference = "-" if one is None or other is None else f"{other - one:+.6g}"
+        rows.append((name, *("-" if value is None else f"{value:.6g}" for value in (one, other)), difference))
+    widths = [max(len(row[column]) for row in rows) for column in range(4)]
+    lines = ["  ".join([row[0].ljust(widths[0]), *(text.rjust(width) for text, width in
+                                                   zip(row[1:], widths[1:], strict=True))]).rstrip() for row in rows]
+    for title, summary in (("first", first), ("second", second)):
+        lines += [f"{title}: {line}" for line in (
+            *(energy_as_lines(summary["energy"]) if "unknown" in summary["energy"] else ()),
+            *not_read(summary["not_read"]))]
+    return "\n".join([f"first   {one_line(first['bag'])}", f"second  {one_line(second['bag'])}", "", *lines]) + "\n"
+
+
+def _numbers(summary: dict[str, Any]) -> dict[str, float | None]:
+    """The numbers of a summary that can be compared, by their names with units."""
+    speed, energy = summary["mean_speed"], summary["energy"]
+    return {
+        "duration [s]": summary["duration"], "displacement [m]": summary["displacement"],
+        "path [m]": summary["path_length"], "mean speed [mm/s]": None if speed is None else speed * 1e3,
+        "crank turns": summary["crank_turns"],
+        **{f"{guide} impacts": number for guide, number in summary["impacts"].items()},
+        **{f"{guide} impacts per turn": number for guide, number in summary["impacts_per_turn"].items()},
+        "mean power [W]": summary["mean_power"], "cost of transport": energy.get("cost_of_transport"),
+        **{f"{name.replace('_', ' ')} [J]": amount for name, amount in energy.get("accounts", {}).items() if amount}}
+
+
+def _parameters(summary: dict[str, Any]) -> dict[str, Any]:
+    """The recorded parameters; none where the recording does not say them."""
+    try:
+        found = json.loads(summary["recorder"].get("parameters", "{}"))
+    except (ValueError, RecursionError):
+        return {}
+    return found if isinstance(found, dict) else {}
+
+
+def _shown(value: object) -> str:
+    return "-" if value is None else one_line(value)
 
 
 def as_caption(summary: dict[str, Any]) -> str:
