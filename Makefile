@@ -59,7 +59,7 @@ check: lint  ## the fast loop, a minute: lint, and the tests that need no proces
 lint: $(READY) conflict-markers site  ## check style, spelling, types and links; name generated pages that are older than their code
 	@$(BIN)/ruff check
 	@$(BIN)/oxlint --format=unix vibro_ros/view/page
-	@$(BIN)/codespell *.md Makefile setup.py config docs research test tools vibro_ros
+	@$(BIN)/codespell *.md Makefile setup.py config docs examples research test tools vibro_ros
 	@$(BIN)/mypy --no-error-summary
 	@$(BIN)/python -m tools.documents --check
 
@@ -105,7 +105,7 @@ define LINK_PACKAGE
 rm -rf $(VENV)/lib/vibro_ros $(VENV)/share/vibro_ros
 mkdir -p $(VENV)/lib/vibro_ros $(VENV)/share/vibro_ros $(VENV)/share/ament_index/resource_index/packages
 ln -sf $(CURDIR)/resource/vibro_ros $(VENV)/share/ament_index/resource_index/packages/
-ln -s $(CURDIR)/package.xml $(CURDIR)/config $(VENV)/share/vibro_ros/
+ln -s $(CURDIR)/package.xml $(CURDIR)/config $(CURDIR)/examples/launch $(VENV)/share/vibro_ros/
 for name in $$($(BIN)/python -c '$(INSTALLED)'); do ln -s ../../bin/$$name $(VENV)/lib/vibro_ros/$$name || exit; done
 endef
 

@@ -33,6 +33,7 @@ setup(
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
         (SHARE, ["package.xml"]),
+        (f"{SHARE}/launch", sorted(map(str, Path("examples/launch").glob("*.launch.py")))),
         *config_files(),
     ],
     zip_safe=True,

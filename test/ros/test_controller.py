@@ -1,6 +1,8 @@
 """The controller as a process of its own; the test plays the robot, or a real one runs."""
 
 import signal
+import subprocess
+import sys
 from functools import partial
 from pathlib import Path
 
@@ -14,6 +16,7 @@ from std_msgs.msg import Float64
 from vibro_ros.bag.reader import read_bag
 from vibro_ros.ros.controller import controller
 
+FIRST_NODE = Path(__file__).resolve().parents[2] / "examples" / "first_node.py"
 COMMANDS = ("motor_speed", "upper_gap", "inclined_gap")
 
 
@@ -121,8 +124,11 @@ def test_bad_input_is_one_line(refusal, tmp_path, words, reason):
     assert refusal(controller.main, *words) == reason
 
 
-def test_goals_are_reached_with_a_real_robot(start, tmp_path):
+def test_the_first_node_and_goals_are_reached_with_a_real_robot(start, tmp_path):
     robot = start("robot")
+    first = subprocess.run([sys.executable, FIRST_NODE, "--ros-args", "-p", "distance:=0.1"], capture_output=True,
+                           text=True, timeout=60.0, check=True)
+    assert 0.1 <= -float(first.stderr.partition("stopped after ")[2].partition(" m")[0]) < 0.2, first.stderr
     controller = start("controller", write(tmp_path, """
 entries:
   - {for: 0.2, motor_speed: 50.0}

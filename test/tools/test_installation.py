@@ -15,8 +15,8 @@ from ament_index_python.packages import get_package_share_directory
 from vibro_ros.process.executables import EXECUTABLES
 
 ROOT = Path(__file__).resolve().parents[2]
-SOURCES = ("LICENSE", "MANIFEST.in", "README.md", "config", "package.xml", "pyproject.toml", "resource", "setup.cfg",
-           "setup.py", "vibro_ros")
+SOURCES = ("LICENSE", "MANIFEST.in", "README.md", "config", "examples", "package.xml", "pyproject.toml", "resource",
+           "setup.cfg", "setup.py", "vibro_ros")
 CONFIG = sorted(file.relative_to(ROOT) for file in (ROOT / "config").rglob("*") if file.is_file())
 DEADLINE = 300.0  # [s] for one build; it takes a few seconds on an idle machine
 
@@ -118,6 +118,8 @@ def test_configuration_is_installed_and_found(installation, tmp_path):
     assert CONFIG
     for file in CONFIG:
         assert (share / file).read_bytes() == (ROOT / file).read_bytes()
+    assert {file.name for file in (share / "launch").glob("*.py")} == {
+        file.name for file in (ROOT / "examples" / "launch").glob("*.py")}
     program = "from vibro_ros.configuration.scene_file import config_folder; print(config_folder())"
     found = installation.run(f'"{sys.executable}" -c "{program}"', tmp_path)
     assert Path(found.strip()) == share / "config"
