@@ -64,7 +64,7 @@ lint: $(READY) conflict-markers site  ## check style, spelling, types and links;
 	@$(BIN)/python -m tools.documents --check
 
 site: $(READY)  ## build the documents as web pages into out/site; a link that leads nowhere is an error
-	@$(BIN)/mkdocs build --strict --quiet || { $(BIN)/mkdocs build --strict; exit 1; }
+	@$(BIN)/python -m mkdocs build --strict --quiet || { $(BIN)/python -m mkdocs build --strict; exit 1; }
 
 # 1 of git's exit codes is "found nothing"; without a repository it looks at all files that .gitignore does not name.
 conflict-markers:

@@ -2,26 +2,13 @@
 
 import doctest
 import inspect
-from collections.abc import Iterator
 
 import pytest
 from known_recording import known_run, record_run  # noqa: F401 (fixtures)
 
 import vibro_ros
+from tools.api_page import public
 
-
-def public() -> Iterator[tuple[str, object]]:
-    """Every name that users call, with what has its docstring: functions, classes, and the methods of these."""
-    for name in vibro_ros.__all__:
-        found = getattr(vibro_ros, name)
-        yield name, found
-        yield from ((f"{name}.{key}", value) for key, value in vars(found).items()
-                    if not key.startswith("_") and key in USED.get(name, [key])
-                    and (inspect.isfunction(value) or isinstance(value, property)))
-
-
-#: Methods for users, of a class that has others for the physics.
-USED = {"Scene": ["with_parameters", "describe"]}
 PUBLIC = dict(public())
 
 

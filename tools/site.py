@@ -12,6 +12,8 @@ from typing import Any
 
 from mkdocs.structure.files import File, Files
 
+from tools.api_page import api_page
+
 ROOT = Path(__file__).resolve().parents[1]
 #: Pages outside docs/, by their names on the site.
 OUTSIDE = {"README.md": "index.md", "CONTRIBUTING.md": "contributing.md", "CHANGELOG.md": "changelog.md"}
@@ -21,10 +23,25 @@ _log = logging.getLogger("mkdocs.hooks.site")
 
 
 def on_files(files: Files, config: Any) -> Files:
-    """Add the pages outside docs/."""
+    """Add the pages outside docs/, that of the Python interface, and that of all pictures."""
     for name, page in OUTSIDE.items():
         files.append(File.generated(config, page, content=(ROOT / name).read_text(encoding="utf-8")))
+    files.append(File.generated(config, "api.md", content=api_page()))
+    files.append(File.generated(config, "gallery.md", content=gallery()))
     return files
+
+
+def gallery() -> str:
+    """Every picture of the documents once, with its description and the page that explains it."""
+    lines, shown = ["# Gallery", ""], set()
+    for page in [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]:
+        for found in _LINK.finditer(page.read_text(encoding="utf-8")):
+            picture = os.path.relpath(page.parent / found["path"], ROOT / "docs")
+            if found["shown"].startswith("!") and picture not in shown:
+                shown.add(picture)
+                there = os.path.relpath(page, ROOT / "docs")
+                lines += [f"{found['shown']}({picture})\n", f"{found['shown'].strip('![]')}: [{page.stem}]({there})\n"]
+    return "\n".join(lines)
 
 
 def on_page_markdown(markdown: str, page: Any, **_: Any) -> str:
