@@ -1,13 +1,13 @@
 """Robot and view as two processes, until Ctrl-C: what `make view` starts."""
 
 import json
+import os
 import sys
 import time
 from collections.abc import Sequence
 from pathlib import Path
 
 from tools.child import Child
-from tools.demo import ros_environment
 from vibro_ros.process.front_door import Parser, exit_code
 from vibro_ros.process.stop_signals import StopRequest
 
@@ -24,7 +24,8 @@ def main(words: Sequence[str]) -> int:
 def _run(words: Sequence[str]) -> int:
     options = _parser().parse_args(words)
     options.output.mkdir(parents=True, exist_ok=True)
-    environment = ros_environment()
+    # The user's domain, so that README's next commands find this robot; on this machine alone, unless the user chose.
+    environment = {"ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST", **os.environ}
     settings = {"motor.speed": SPEED, "record.enabled": "false",  # the page's button begins a recording
                 "record.directory": json.dumps(str(options.output))}
     robot_words = [word for name, value in settings.items() for word in ("-p", f"{name}:={value}")]
@@ -35,7 +36,7 @@ def _run(words: Sequence[str]) -> int:
         Child("vibro_ros.ros.robot.robot", "--ros-args", *robot_words, environment=environment) as robot,
     ):
         stop.hold()  # neither process may be left behind
-        print(f"      look | ROS_DOMAIN_ID={environment['ROS_DOMAIN_ID']}; open the address below in a browser; "
+        print(f"      look | ROS domain {environment.get('ROS_DOMAIN_ID') or 0}; open the address below in a browser; "
               "Ctrl-C ends all", flush=True)
         while not stop and view.exit_code is None and robot.exit_code is None:
             time.sleep(_POLL)

@@ -89,11 +89,13 @@ def test_commands_services_and_refusals_in_the_robot_s_words(start, view, visit)
     assert page.ask(call="step")["words"].startswith("stepped 1 of 1 periods")
     assert page.ask(call="pause", on=False)["done"]
     assert page.ask(command="upper_gap", value=0.0005)["done"]
-    rows = page.wait_for_rows(100)
+    page.wait_for_rows(100)
     page.wait(lambda: column(page.rows[-1], "upper_plate_position")[-1] == 0.0605, "the gap")
-    late = visit()  # its knobs show what is, not what the scene began with
-    knobs = {knob["name"]: knob["value"] for knob in late.wait_for_robot()["machine"]["knobs"]}
-    assert knobs["motor_speed"] == column(rows, "motor_speed")[-1] and abs(knobs["upper_gap"] - 0.0005) < 1e-12
+    late = visit()  # its knobs show what is in force, not what the scene began with, nor what was refused
+    late.wait(lambda: late.last("commands").get("values") == {"upper_gap": 0.0005}, "what is in force")
+    assert page.ask(parameter="ground.friction", value=2e3)["words"].startswith("ground.friction: 2000")
+    assert page.ask(parameter="ground.friction", value=0.4)["done"]
+    late.wait(lambda: late.last("robot")["machine"]["knobs"][-1]["value"] == 0.4, "the floor")
     ends_well(view, signal.SIGTERM)
 
 
@@ -115,9 +117,10 @@ def test_slow_motion_of_the_last_second(start, view, visit):
     ends_well(view, signal.SIGHUP)
 
 
-def test_a_robot_that_is_started_anew_or_killed_is_picked_up_again(udp_only, start, view, visit):
+def test_a_robot_that_is_started_anew_or_killed_is_picked_up_again(udp_only, start, view, visit, domain_id):
     page = visit()
-    page.wait_for_absence("no robot /vibro_robot; start one")
+    page.wait_for_absence(f"no robot /vibro_robot, nor another one, in ROS domain {domain_id}; start one there")
+    view.wait_for("nor another one")
     robot = start("robot", *CRAWL)
     first = page.wait_for_robot()
     robot.send(signal.SIGINT)
@@ -151,13 +154,15 @@ def test_two_robots_of_one_name_are_said_to_be_two_and_nothing_is_drawn(start, v
     ends_well(view)
 
 
-def test_a_robot_in_a_namespace_under_another_name(start, visit):
+def test_a_robot_in_a_namespace_under_another_name(start, visit, view):
+    strange = visit()
     view = start("live_view", "--port", "0", "--robot", "crawler", "--ros-args", "-r", "__ns:=/r1", "-r",
                  "odom:=there")
     start("robot", *CRAWL, "-r", "__ns:=/r1", "-r", "__node:=crawler", "-r", "odom:=there", "-p", "frame_prefix:=r1/")
     page = visit(view)
     page.wait_for_robot(name="/r1/crawler")
     page.wait_for_rows(50)
+    strange.wait_for_absence("but /r1/crawler; to show the first: view --robot /r1/crawler --ros-args -r __ns:=/r1")
     page.wait(lambda: page.last("impacts"), "impacts")
     assert page.ask(call="reset")["done"]
     assert page.ask(command="motor_speed", value=-1.0)["done"]

@@ -144,13 +144,14 @@ def test_the_user_decides_who_may_meet_whom(monkeypatch, chosen, used):
     assert 1 <= int(environment["ROS_DOMAIN_ID"]) <= 101
 
 
-def test_the_page_is_there_and_one_interrupt_ends_all(tool, tmp_path):
+def test_the_page_is_there_and_one_interrupt_ends_all(tool, tmp_path, domain_id):
     """Ctrl-C in a terminal goes to all three processes at once."""
     one = tool("tools.look", "--port", "0")
     one.wait_for("ready: 200 Hz")
     one.wait_for("view: http://")
     with urlopen(re.search(r"http://\S+", one.text)[0], timeout=PATIENCE) as page:
         assert b"/vibro_robot" in page.read()
+    assert f"look | ROS domain {domain_id};" in one.text  # that of README's next commands
     children = one.children()
     assert set(children) == {"view", "robot"}
     os.killpg(one.process.pid, signal.SIGINT)

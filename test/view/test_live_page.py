@@ -4,16 +4,18 @@ import contextlib
 import signal
 import time
 
+import numpy as np
 import pytest
 from live_view import LiveView
 from nav_msgs.msg import Odometry
-from page_reading import drawn, drawn_frames, said, shows_robot, until
+from page_reading import drawn, drawn_frames, said, shows_robot, until, wait_for
 from rcl_interfaces.msg import Log
 from rclpy.qos import QoSProfile
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64
 
 from vibro_ros.messages.fields import JOINTS
+from vibro_ros.view.page import MARK
 
 CRAWL = ("--ros-args", "-p", "motor.speed:=100.0", "-p", "record.enabled:=false")
 QOS = QoSProfile(depth=10_000)
@@ -130,13 +132,15 @@ def shows_slow_motion_of_the_last_second(page) -> None:
     until(page, lambda page: drawn(page)["time"] > end, "live again")
 
 
-def test_a_knob_s_command_reaches_the_robot_and_a_refusal_is_shown_in_its_words(start, published, view, page, bench):
+def test_what_a_page_asks_for_is_what_the_robot_does_and_what_it_shows_is_in_force(start, view, open_page, bench,
+                                                                                  engine, tmp_path):
     robot = start("robot", "--ros-args", "-p", "record.enabled:=false")
     heard: list[float] = []
     bench.node.create_subscription(Float64, "motor_speed", lambda message: heard.append(message.data), 10)
+    page = open_page()
     open_robot(page, view)
     speed = commanded_speed(page, bench, heard)
-    page.fill("#upper_gap", "0.0005")
+    page.fill("#upper_gap", "0,5")  # a German keyboard's decimal sign; typed in mm, sent in m
     page.press("#upper_gap", "Tab")
     until(page, lambda page: abs(drawn(page)["quantities"]["upper_plate_position"] - 0.0605) < 1e-12, "the gap")
     page.fill("#motor_speed", "1e6")
@@ -145,6 +149,88 @@ def test_a_knob_s_command_reaches_the_robot_and_a_refusal_is_shown_in_its_words(
     until(page, lambda page: refusal in said(page), refusal)
     bench.spin_until(lambda: heard[-1] == 1e6, "what was refused")
     assert drawn(page)["quantities"]["motor_speed"] == speed
+    assert "1000000 is refused; the robot takes 0 to 500" in page.inner_text("#motor_speed_words")
+    until(page, lambda page: shown(page, "motor_speed") == [speed] * 3, "the speed in force")
+    page.fill("#motor_speed", "4.5.0")
+    page.press("#motor_speed", "Enter")
+    until(page, lambda page: "“4.5.0” is no number" in page.inner_text("#motor_speed_words"), "no number")
+    until(page, lambda page: shown(page, "motor_speed") == [speed] * 3, "the speed in force")
+    assert heard[-1] == 1e6  # nothing was sent
+    follows_what_is_in_force(page, bench)
+    sets_another_floor(page, view)
+    if engine.many_pages:  # Qt WebEngine saves nothing unless its program asks where
+        saves_samples_and_slow_motion(page, open_page(), tmp_path)
+    stops_the_motor_that_a_page_has_commanded(page, view, bench, heard)
+
+
+def shown(page, name: str) -> list[float]:
+    """What field, slider and words of a knob say."""
+    return [float(page.input_value(f"#{name}")), float(page.input_value(f".knob:has(#{name}) [type=range]")),
+            float(page.inner_text(f"#{name}_now").removeprefix("now "))]
+
+
+def follows_what_is_in_force(page, bench) -> None:
+    publisher = bench.node.create_publisher(Float64, "motor_speed", 10)
+    bench.spin_until(lambda: publisher.get_subscription_count() >= 2, "robot and view")
+    publisher.publish(Float64(data=110.0))
+    until(page, lambda page: shown(page, "motor_speed") == [110.0] * 3, "another node's command")
+    page.focus(".knob:has(#motor_speed) [type=range]")
+    page.keyboard.press("ArrowUp")
+    until(page, lambda page: drawn(page)["quantities"]["motor_speed"] == 110.5, "one step from what is in force")
+    page.click("#reset")
+    until(page, lambda page: shown(page, "motor_speed") == [0.0] * 3, "the start")
+    until(page, lambda page: shown(page, "upper_gap") == [0.0] * 3, "the start")
+
+
+def sets_another_floor(page, view) -> None:
+    page.fill("#ground_friction", "0,35")
+    page.press("#ground_friction", "Enter")
+    with view.address.visit() as visit:
+        while visit.wait_for("robot")["machine"]["knobs"][-1]["value"] != 0.35:
+            pass
+    page.fill("#ground_friction", "-1")
+    page.press("#ground_friction", "Enter")
+    until(page, lambda page: "ground.friction: -1" in said(page), "the robot's refusal")
+    until(page, lambda page: page.input_value("#ground_friction") == "0.35", "what is in force")
+
+
+def saves_samples_and_slow_motion(page, other, folder) -> None:
+    samples = np.genfromtxt(saved(page, "#save-samples", folder / "samples.csv"), delimiter=",", names=True)
+    assert np.all(np.diff(samples["time"]) > 0.0) and samples["time"][-1] - samples["time"][0] > 1.0
+    row = samples[len(samples) // 2]
+    shown = page.evaluate("time => vibro.show(time)", row["time"])["quantities"]
+    assert {name: row[name] for name in shown} == shown  # bit for bit
+    page.click("#slow")
+    until(page, lambda page: page.is_enabled("#timeline"), "slow motion")
+    file = saved(page, "#save-page", folder / "slow.html")
+    begin, end = (page.get_attribute("#timeline", name) for name in ("min", "max"))
+    page.press("body", "Escape")
+    other.goto(file.as_uri())
+    wait_for(other, "Boolean(window.vibro) && Number.isFinite(vibro.drawn().time)")
+    assert [other.get_attribute("#timeline", name) for name in ("min", "max")] == [begin, end]
+    assert MARK in file.read_text()[:4096] and "connect-src 'none'" in file.read_text()[:4096]
+
+
+def saved(page, button: str, path):
+    """The file that the browser saves when a button is clicked."""
+    with page.expect_download() as download:
+        page.click(button)
+    download.value.save_as(path)
+    return path
+
+
+def stops_the_motor_that_a_page_has_commanded(page, view, bench, heard) -> None:
+    page.fill("#motor_speed", "70")
+    page.press("#motor_speed", "Enter")
+    until(page, lambda page: shown(page, "motor_speed") == [70.0] * 3, "the motor turns")
+    page.click("#stop")
+    until(page, lambda page: shown(page, "motor_speed") == [0.0] * 3, "the motor stands")
+    page.fill("#motor_speed", "80")
+    page.press("#motor_speed", "Enter")
+    until(page, lambda page: shown(page, "motor_speed") == [80.0] * 3, "the motor turns")
+    page.close()
+    bench.spin_until(lambda: heard[-1] == 0.0, "the motor's stop")
+    view.executable.wait_for("the motor was commanded from one; sent motor_speed 0")
 
 
 def commanded_speed(page, bench, heard: list[float]) -> float:

@@ -15,17 +15,21 @@ def test_lengths_limits_and_units_of_every_shipped_scene(name):
     robot = json.loads(json.dumps(machine(scene), allow_nan=False))
     assert (robot["name"], robot["crank_radius"]) == (name, scene["crank.radius"])
     assert [guide["side"] for guide in robot["guides"]] == list(scene.guides)
-    assert [knob["name"] for knob in robot["knobs"]] == ["motor_speed", *(f"{side}_gap" for side in scene.plates)]
+    floor = ["ground.friction"] if scene["effects.friction"] != "none" else []
+    assert [knob["name"] for knob in robot["knobs"]] == [
+        "motor_speed", *(f"{side}_gap" for side in scene.plates), *floor]
     assert list(robot["quantities"]) == list(quantities(scene))
 
 
-def test_the_robot_refuses_beyond_a_knobs_limits_and_nowhere_before():
-    device = vibro_ros.Simulator(vibro_ros.load_scene("device"))
+@pytest.mark.parametrize("changes", [{"effects.reaction": False}, {"effects.friction": "static"}])
+def test_the_robot_refuses_beyond_a_knobs_limits_and_nowhere_before(changes):
+    device = vibro_ros.Simulator(vibro_ros.load_scene("device").with_parameters(changes))
     for knob in machine(device.scene)["knobs"]:
         for limit, beyond in ((knob["from"], -1e-6), (knob["to"], 1e-6)):
-            device.command(**{knob["name"]: limit})
+            turn = device.set_parameters if knob["parameter"] else lambda one: device.command(**one)
+            turn({knob["name"]: limit})
             with pytest.raises(ValueError):
-                device.command(**{knob["name"]: limit + beyond})
+                turn({knob["name"]: limit + beyond})
 
 
 def test_a_robot_without_a_mass_or_a_plate_has_no_quantities_of_them():
@@ -33,7 +37,7 @@ def test_a_robot_without_a_mass_or_a_plate_has_no_quantities_of_them():
         {"effects.upper_mass": False, "effects.inclined_contact": "none"})
     robot = machine(scene)
     assert [(guide["side"], guide["plate"]) for guide in robot["guides"]] == [("inclined", False)]
-    assert [knob["name"] for knob in robot["knobs"]] == ["motor_speed"]
+    assert [knob["name"] for knob in robot["knobs"]] == ["motor_speed", "ground.friction"]
     assert not any("upper" in name or "plate" in name for name in robot["quantities"])
     assert robot["quantities"]["inclined_position"] == "m" and robot["quantities"]["inclined_drive_force"] == "N"
     assert robot["quantities"]["crank_angle"] == "rad" and robot["quantities"]["motor_speed"] == "rad/s"

@@ -152,6 +152,51 @@ def test_pictures_are_left_out_only_while_the_machine_is_behind(modules):
     assert all(drawn[2][-300:])
 
 
+@pytest.mark.parametrize("typed, number", [
+    ("4,5", 4.5), (" 4.5 ", 4.5), (",5", 0.5), ("\u22120,25", -0.25), ("1e-3", 1e-3), ("45", 45.0), ("1,000", 1.0),
+    ("4.5.0", None), ("1.234,5", None), ("1,234.5", None), ("1,2,3", None), ("1 000", None), ("0x10", None), ("", None),
+    ("1e999", None), ("Infinity", None), ("\u0664", None), ("4,5 rad/s", None), ("-", None), ("e5", None)])
+def test_a_number_is_what_people_type_and_never_another_one(modules, typed, number):
+    assert modules.call("knobs", "const found = m.numberOf(v[0]); return Number.isNaN(found) ? null : found;",
+                        typed) == number
+
+
+def test_means_begin_at_a_reset_and_leave_out_what_is_not_known(modules):
+    """Six seconds at 10 mm/s, then back at the start, then two at -20 mm/s, of which one is spent in the air."""
+    times = np.arange(0.0, 8.001, 0.01)
+    before = times < 6.0
+    rows = np.stack([times, np.where(before, 0.01 * times, -0.02 * (times - 6.0)), times >= 7.0,
+                     np.where(before, 100.0 * times, times - 6.0)], axis=1)
+    call = """const ring = new m.Ring(["time", "body_position", "body_height", "crank_angle"], 1000);
+        ring.push(Float64Array.from(v[0]));
+        const {means} = await import("vibro/mean.js");
+        return v[1].map((time) => Object.values(means(ring, time)));"""
+    found = np.array(modules.call("ring", call, rows.ravel().tolist(), [5.99, 8.0, 2.0]))
+    np.testing.assert_allclose(found[:, 0], [5.0, 2.0, 2.0], atol=0.02)
+    np.testing.assert_allclose(found[:, 1], [0.01, -0.02, 0.01], rtol=1e-9)
+    np.testing.assert_allclose(found[:, 2], [0.0, 0.5, 0.0], atol=0.01)
+
+
+def test_the_path_of_a_motion_is_what_it_is_at_the_same_instants(modules):
+    header, payload = random_motion()
+    motion = Motion(header, payload)
+    points = modules.call("motion", BUFFER + """
+        const points = [];
+        new m.Motion(v[1], buffer).path(["q0", "q2"], v[1].begin - 1, v[1].end, 1e-3, (time, values) => {
+          points.push([time, ...values.map((one) => Number.isNaN(one) ? null : one)]);
+        });
+        return points;""", binary(payload), header)
+    breaks = [time for time, *values in points if None in values]
+    assert breaks == [motion.borders[20, 0]]
+    known = np.array([point for point in points if None not in point])
+    assert known[0, 0] == header["begin"] and known[-1, 0] == header["end"]
+    steps = np.diff(known[:, 0])
+    assert np.all(steps >= 0.0) and np.sort(steps)[-2] <= 1e-3 + 1e-12  # but for the gap
+    inside = ~np.isin(known[:, 0], motion.borders)
+    at = motion.at(known[inside, 0])
+    np.testing.assert_allclose(known[inside, 1:], np.stack([at["q0"], at["q2"]], axis=1), rtol=1e-13, atol=1e-13)
+
+
 def test_a_throttled_command_ends_with_the_last_value(modules):
     calls = modules.call("knobs", """
         const calls = [];

@@ -132,7 +132,7 @@ def check_places(page, width: int, touch: bool) -> None:
         assert not touch or box["bottom"] - box["top"] >= SMALLEST_TARGET, box
         assert not any(overlap(box, other) for other in boxes[:number]), box
     labels = page.evaluate(BOXES, "#knobs label")
-    for label, name in zip(labels, ("motor_speed", "upper_gap", "inclined_gap"), strict=True):
+    for label, name in zip(labels, ("motor_speed", "upper_gap", "inclined_gap", "ground_friction"), strict=True):
         knob = next(box for box in boxes if box["name"] == name)
         below = [one["top"] for one in labels if one["top"] > label["top"] + 2]
         assert knob["top"] < min(below, default=1e9)
@@ -177,10 +177,10 @@ def hears_what_is_there(page) -> None:
     heard = [(node["role"]["value"], node.get("name", {}).get("value", ""))
              for node in nodes if not node["ignored"]]
     for role, name in heard:
-        if role in ("button", "slider", "spinbutton", "checkbox", "combobox", "image"):
+        if role in ("button", "slider", "textbox", "checkbox", "combobox", "image"):
             assert name.strip(), (role, heard)
     roles = [role for role, _ in heard]
-    assert {"heading", "main", "log", "image", "spinbutton", "slider", "button", "checkbox"} <= set(roles)
+    assert {"heading", "main", "log", "image", "textbox", "slider", "button", "checkbox"} <= set(roles)
     assert page.get_attribute("html", "lang") == "en"
     assert page.get_attribute("#said", "aria-live") == "polite"
     until(page, lambda page: re.search("[0-9]", page.get_attribute("#mechanism", "aria-label")), "the state in words")

@@ -4,8 +4,10 @@ from typing import Any
 
 from vibro_ros.messages.topics import COMMAND_UNITS
 from vibro_ros.messages.urdf import CLEARANCE, FREE_LENGTH, HEADROOM, MASS_HEIGHT, guide_end, hub_height
+from vibro_ros.model.parameters import BY_NAME
 from vibro_ros.model.scene import Scene
 from vibro_ros.simulation.samples import FIELDS
+from vibro_ros.view.protocol import PARAMETERS
 
 #: Unit of a quantity by the last word of its name; `crank_angle` is the only angle, `motor_speed` the only speed.
 _UNITS = {"time": "s", "position": "m", "height": "m", "velocity": "m/s", "angle": "rad", "speed": "rad/s",
@@ -25,8 +27,9 @@ def machine(scene: Scene) -> dict[str, Any]:
         ``name`` of the scene; ``crank_radius``; ``hub_height`` of the crank's centre above the ground; ``free_length``,
         ``mass_height``, ``headroom`` and ``clearance`` of `messages.outlines`; ``guides``, for each mass that the scene
         has: ``side``, ``angle``, ``rod`` [m], ``plate`` (whether there is one) and ``end``, the distance of the guide's
-        end from the crank's centre; ``knobs``, for each command that does something: ``name``, ``unit``, ``from`` and
-        ``to`` (the limits beyond which the robot refuses) and ``value`` (what holds before the first command);
+        end from the crank's centre; ``knobs``, for each command and each parameter that does something: ``name``,
+        ``unit``, ``from`` and ``to`` (the limits beyond which the robot refuses), ``value`` (of a command what holds
+        before the first one) and ``parameter``, whether it is one;
         ``quantities``, the unit of each.
 
     Examples
@@ -39,6 +42,10 @@ def machine(scene: Scene) -> dict[str, Any]:
     for side in scene.plates:
         rod = scene[f"crank.{side}_rod"]  # the limit of `Scene.checked_gap`
         knobs.append((f"{side}_gap", -rod, rod, scene[f"{side}.gap"]))
+    if scene["effects.friction"] != "none":
+        highest = BY_NAME["ground.friction"].maximum
+        rough = scene.resting_friction if scene["effects.friction"] in ("static", "stribeck") else highest
+        knobs.append(("ground.friction", 0.0, rough, scene["ground.friction"]))
     return {
         "name": scene.name,
         "crank_radius": scene["crank.radius"],
@@ -46,8 +53,8 @@ def machine(scene: Scene) -> dict[str, Any]:
         "free_length": FREE_LENGTH, "mass_height": MASS_HEIGHT, "headroom": HEADROOM, "clearance": CLEARANCE,
         "guides": [{"side": side, "angle": scene.guide_angle(side), "rod": scene[f"crank.{side}_rod"],
                     "plate": side in scene.plates, "end": guide_end(scene, side)} for side in scene.guides],
-        "knobs": [{"name": name, "unit": COMMAND_UNITS[name], "from": low, "to": high, "value": value}
-                  for name, low, high, value in knobs],
+        "knobs": [{"name": name, "unit": COMMAND_UNITS.get(name, ""), "from": low, "to": high, "value": value,
+                   "parameter": name in PARAMETERS} for name, low, high, value in knobs],
         "quantities": {name: _UNITS[name.rpartition("_")[2]] for name in quantities(scene)},
     }
 

@@ -46,13 +46,15 @@ def page_text(setting: Mapping[str, Any], motion: tuple[Mapping[str, Any], bytes
     ValueError
         When a number in the setting or the header is not finite, which JSON cannot say.
     """
+    if nonce:
+        setting = {**setting, "policy": policy("NONCE")}  # of the file that the page may save
     elements = [f'<script id="setting" type="application/json">{_json(setting)}</script>']
     if motion:
         packed = base64.b64encode(zlib.compress(motion[1])).decode()
         elements += [f'<script id="motion-header" type="application/json">{_json(motion[0])}</script>',
                      f'<script id="motion-payload" type="text/plain">{packed}</script>']
     data = "\n".join(elements)
-    meta = ""
+    meta = "<!-- policy -->"
     if not nonce:
         nonce = hashlib.sha256(data.encode()).hexdigest()[:32]  # the same recording gives the same file
         meta = f'<meta http-equiv="Content-Security-Policy" content="{policy(nonce)}">'

@@ -28,6 +28,8 @@ MOST_SECONDS = 5.0
 """Longest slow motion [s] that a page may ask for; the view keeps so much."""
 PLAIN_CALLS = ("reset", "step")
 SWITCHES = ("pause", "record")
+PARAMETERS = ("ground.friction",)
+"""Parameters of the scene that a page may set; each may change while the robot runs."""
 _MOST_IDS = 2**32  # a binary frame has so much room for one
 MOST_BYTES = 2_000_000
 """Of samples that wait for one page: 10 s at 1 kHz."""
@@ -40,6 +42,15 @@ AT_ONCE = 250_000
 @dataclass(frozen=True)
 class Command:
     """A command to publish: `value` under the topic's `name`, in the topic's unit."""
+
+    id: int
+    name: str
+    value: float
+
+
+@dataclass(frozen=True)
+class Change:
+    """A parameter of the robot to set, by its name and in its unit."""
 
     id: int
     name: str
@@ -63,7 +74,7 @@ class SlowMotion:
     seconds: float
 
 
-Request = Command | Call | SlowMotion
+Request = Command | Change | Call | SlowMotion
 
 
 class RefusedError(ValueError):
@@ -97,6 +108,8 @@ def read_request(text: str | bytes) -> Request:
     try:
         if names == {"command", "value"}:
             return Command(id, _one_of(asked, "command", tuple(COMMAND_UNITS)), _number(asked, "value"))
+        if names == {"parameter", "value"}:
+            return Change(id, _one_of(asked, "parameter", PARAMETERS), _number(asked, "value"))
         if names == {"call"}:
             return Call(id, _one_of(asked, "call", PLAIN_CALLS))
         if names == {"call", "on"}:
@@ -109,8 +122,8 @@ def read_request(text: str | bytes) -> Request:
             if not 0.0 < seconds <= MOST_SECONDS:
                 raise ValueError(f"slow_motion: {seconds:g} s is out of range; give above 0 to {MOST_SECONDS:g} s")
             return SlowMotion(id, seconds)
-        raise ValueError(f"{_shown(sorted(names))} is no request; send command and value, call, call and on, or "
-                         "slow_motion")
+        raise ValueError(f"{_shown(sorted(names))} is no request; send command and value, parameter and value, "
+                         "call, call and on, or slow_motion")
     except ValueError as error:
         raise RefusedError(str(error), id) from None
 
@@ -177,7 +190,7 @@ class Outbox:
         if kind in ("robot", "absent"):  # what waits is of the time before
             self._line = deque(one for one in self._line if one[0] not in ("robot", "absent", "samples", "impacts"))
             self._bytes = 0
-        elif kind == "status":
+        elif kind in ("status", "commands"):
             self._line = deque(one for one in self._line if one[0] != kind)
         self._line.append((kind, text))
         if len(self._line) > MOST_TEXTS and sum(type(data) is str for _, data in self._line) > MOST_TEXTS:

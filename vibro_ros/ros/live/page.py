@@ -7,25 +7,36 @@ from functools import partial
 from time import monotonic
 from typing import Any, NamedTuple
 
+from rcl_interfaces.srv import SetParameters
 from rclpy.client import Client
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.executors import Executor
 from rclpy.node import Node
+from rclpy.parameter import Parameter
 from rclpy.task import Future
-from std_msgs.msg import Float64
 from std_srvs.srv import SetBool, Trigger
 
-from vibro_ros.messages.topics import COMMAND_UNITS, SET
+from vibro_ros.messages.topics import SET
 from vibro_ros.process.untrusted import one_line
+from vibro_ros.ros.live.commands import RETURN, Commands
 from vibro_ros.ros.live.robot import LiveRobot
 from vibro_ros.ros.live.scene import Settings
 from vibro_ros.ros.live.words import Words
-from vibro_ros.ros.node import qos
 from vibro_ros.ros.node.node import SteadyNode
 from vibro_ros.view.machine import machine
 from vibro_ros.view.motion import Document
-from vibro_ros.view.protocol import COLUMNS, PLAIN_CALLS, SWITCHES, Call, Command, Request, SlowMotion, text_frame
+from vibro_ros.view.protocol import (
+    COLUMNS,
+    PLAIN_CALLS,
+    SWITCHES,
+    Call,
+    Change,
+    Command,
+    Request,
+    SlowMotion,
+    text_frame,
+)
 from vibro_ros.view.server import Server
 from vibro_ros.view.slow_motion import History, SlowMotions
 
@@ -33,6 +44,8 @@ PERIOD = 1.0 / 30.0
 """Time [s] between two batches of samples."""
 LOOKS = 0.5
 """Time [s] between two looks who publishes and who offers services."""
+LASTING = 5.0
+"""Time [s] after which the terminal says that there is no robot; a robot that is started with the view takes two."""
 MOST_ORDERS = 400
 """Requests of pages that wait for the node."""
 AROUND = 1.0
@@ -42,8 +55,8 @@ PATIENCE = 5.0
 AGAIN = 1.0
 """Time [s] after which a request of `REPEATABLE` is sent once more."""
 REPEATABLE = ("pause",)
-"""Services that may be called twice: a robot that is paused already does nothing. A second `step` would be another
-one, a second `reset` too, and a second `record` would write another snapshot."""
+"""What may be asked twice: a robot that is paused already does nothing. A second `step` would be another one, a second
+`reset` too, a second `record` would write another snapshot, and a parameter may have been set anew meanwhile."""
 MOST_WAITING = 50
 """Calls that wait for an answer at once."""
 STATUS = {"real_time_factor": 0.0, "dropped_share": 0.0, "refused": 0, "paused": False, "recording": ""}
@@ -67,12 +80,14 @@ class LivePage:
 
     def __init__(self, node: SteadyNode, executor: Executor, robot: str):
         self._node, self._executor, self._name = node, executor, robot
-        self._requests, self._words = Requests(node, robot), Words(node, robot)
+        self._commands, self._requests, self._words = Commands(node), Requests(node, robot), Words(node, robot)
         self._robot = LiveRobot(node, robot)  # last, so that a robot which has told its parameters knows all clients
         self._slow_motions = SlowMotions(node.get_logger().info)
         self._history, self._orders = History(), deque[tuple[int, Request]](maxlen=MOST_ORDERS)
         self._standing = Standing("the view is starting", None, None, {})
+        self._in_force = text_frame("commands", values={})
         self._looked = float("-inf")
+        self._absence, self._since = "", monotonic()
         self._server: Server | None = None
 
     def begin(self, server: Server) -> None:
@@ -87,27 +102,44 @@ class LivePage:
 
     def greeting(self) -> list[tuple[str, str]]:
         """What a page that has just opened is told; for the server's thread."""
-        frames = [self._frame(self._standing)]
+        frames = [self._frame(self._standing), ("commands", self._in_force)]
         return [*frames, ("status", self._status())] if self._words.status else frames
+
+    def end(self) -> None:
+        """Stop the motor, if a page has made it turn: nobody is left who could stop it here."""
+        if self._commands.end():
+            self._node.get_logger().info("the motor was commanded from a page; sent motor_speed 0")
 
     def _poll(self, server: Server) -> None:
         origin = self._robot.origin
         rows = self._robot.poll()
         if self._robot.origin != origin:
             self._history.clear()
+            if origin is not None:
+                self._commands.forget()
         if self._words.diagnostics():
             self._robot.hear()
             server.send("status", self._status())
         if (now := monotonic()) > self._looked + LOOKS:
             self._looked = now
             self._robot.look()
+            self._say_absence(now)
         self._stand(server)
         if len(rows):
             self._history.add(rows)
             server.send_samples(rows.tobytes())
         self._tell(server)
+        self._command(server)
         self._requests.tick()
         self._slow_motions.watch()
+
+    def _say_absence(self, now: float) -> None:
+        """Say in the terminal, once, why there is nothing to show, if that lasts."""
+        if self._standing.absence != self._absence:
+            self._absence, self._since = self._standing.absence, now
+        elif self._absence and now > self._since + LASTING:
+            self._since = float("inf")
+            self._node.get_logger().warning(self._absence)
 
     def _stand(self, server: Server) -> None:
         """Tell the pages how things stand, if that has changed."""
@@ -126,6 +158,8 @@ class LivePage:
     def _tell(self, server: Server) -> None:
         """Hand on what the robot says beside its samples."""
         operations = self._words.operations()
+        settings = self._standing.settings
+        self._commands.hear(settings.scene if settings else None, operations)
         if any(one.name == SET for one in operations):
             self._robot.reader.read()
         if operations and self._words.status:
@@ -138,14 +172,24 @@ class LivePage:
         for level, words in self._words.log():
             server.send("log", text_frame("log", level=level, words=words))
 
+    def _command(self, server: Server) -> None:
+        """Tell the pages which commands are in force, and stop a motor that they have left turning."""
+        in_force = text_frame("commands", values=self._commands.in_force)
+        if in_force != self._in_force:
+            self._in_force = in_force
+            server.send("commands", in_force)
+        if self._standing.settings and self._commands.watch(len(server.pages), self._standing.settings):
+            self._node.get_logger().warning(f"no page has been open for {RETURN:g} s, and the motor was commanded from "
+                                            "one; sent motor_speed 0")
+
     def _obey(self) -> None:
         while self._orders and self._server:
             page, request = self._orders.popleft()
             answer = partial(self._server.answer, page, request.id)
             if isinstance(request, Command):
-                self._requests.command(request, answer)
-            elif isinstance(request, Call):
-                self._requests.call(request, answer)
+                self._commands.send(request, answer)
+            elif isinstance(request, Call | Change):
+                self._requests.ask(request, answer)
             else:
                 self._slow_motion(page, request, self._server)
 
@@ -165,26 +209,19 @@ class LivePage:
         return text_frame("status", **{**STATUS, **self._words.status})
 
     def _frame(self, standing: Standing) -> tuple[str, str]:
-        """Kind and text of the frame that says how things stand; a knob shows what the robot does now."""
+        """Kind and text of the frame that says how things stand."""
         if standing.settings is None:
             return "absent", text_frame("absent", words=standing.absence)
-        scene, last = standing.settings.scene, self._history.last()
-        drawn = machine(scene)
-        if last is not None:
-            now = dict(zip(COLUMNS, last.tolist(), strict=True))
-            for knob in drawn["knobs"]:
-                side = knob["name"].removesuffix("_gap")
-                knob["value"] = now["motor_speed"] if side == "motor_speed" else (
-                    now[f"{side}_plate_position"] - scene[f"crank.{side}_rod"])
-        return "robot", text_frame("robot", name=self._name, machine=drawn, columns=list(COLUMNS),
-                                   origin=str(standing.origin or 0), offers=dict(standing.offers))
+        return "robot", text_frame("robot", name=self._name, machine=machine(standing.settings.scene),
+                                   columns=list(COLUMNS), origin=str(standing.origin or 0),
+                                   offers=dict(standing.offers))
 
 
 @dataclass(eq=False)
 class _Waiting:
-    """One call that waits for its answer, and each request that was sent for it."""
+    """What waits for its answer, and each request that was sent for it."""
 
-    call: Call
+    asked: Call | Change
     answer: Answer
     client: Client
     begun: float
@@ -192,13 +229,13 @@ class _Waiting:
 
 
 class Requests:
-    """The publishers and clients of one robot; all that follows is for the executor's thread."""
+    """The clients of one robot's services; all that follows is for the executor's thread."""
 
     def __init__(self, node: Node, robot: str):
         self._robot = robot
-        self._publishers = {name: node.create_publisher(Float64, name, qos.COMMANDS) for name in COMMAND_UNITS}
         kinds = {**dict.fromkeys(PLAIN_CALLS, Trigger), **dict.fromkeys(SWITCHES, SetBool)}
         self._clients = {name: node.create_client(kind, f"{robot}/{name}") for name, kind in kinds.items()}
+        self._setting = node.create_client(SetParameters, f"{robot}/set_parameters")
         self._waiting: list[_Waiting] = []
 
     @property
@@ -206,24 +243,15 @@ class Requests:
         """Which services the robot offers."""
         return {name: client.service_is_ready() for name, client in self._clients.items()}
 
-    def command(self, command: Command, answer: Answer) -> None:
-        """Publish a command, as it is: the robot knows its limits, and says when it refuses."""
-        publisher = self._publishers[command.name]
-        if not publisher.get_subscription_count():
-            answer(False, f"nobody listens to {publisher.topic_name}; is the robot running?")
-            return
-        publisher.publish(Float64(data=command.value))
-        answer(True, f"{command.name} {command.value:g} {COMMAND_UNITS[command.name]} sent")
-
-    def call(self, call: Call, answer: Answer) -> None:
-        """Call a service."""
-        client = self._clients[call.name]
+    def ask(self, asked: Call | Change, answer: Answer) -> None:
+        """Call a service, or set a parameter."""
+        client = self._clients[asked.name] if isinstance(asked, Call) else self._setting
         if not client.service_is_ready():
             answer(False, f"nobody offers {client.srv_name}; is the robot running?")
         elif len(self._waiting) >= MOST_WAITING:
             answer(False, f"{MOST_WAITING} requests wait for the robot's answer already; ask again later")
         else:
-            waiting = _Waiting(call, answer, client, monotonic(), [])
+            waiting = _Waiting(asked, answer, client, monotonic(), [])
             self._waiting.append(waiting)
             self._send(waiting)
 
@@ -234,21 +262,34 @@ class Requests:
             if now > one.begun + PATIENCE:
                 self._end(one, False, f"{one.client.srv_name} has not answered for {PATIENCE:g} s; it may still do "
                                       "what was asked")
-            elif one.call.name in REPEATABLE and now > one.begun + AGAIN * len(one.sent):
+            elif one.asked.name in REPEATABLE and now > one.begun + AGAIN * len(one.sent):
                 self._send(one)
 
     def _send(self, one: _Waiting) -> None:
-        request: Any = Trigger.Request() if one.call.on is None else SetBool.Request(data=one.call.on)
-        future = one.client.call_async(request)
+        future = one.client.call_async(_message(one.asked))
         one.sent.append(future)
         future.add_done_callback(lambda done: self._take(one, done))
 
     def _take(self, one: _Waiting, future: Future) -> None:
-        if one in self._waiting and not future.cancelled():
-            self._end(one, bool(future.result().success), one_line(future.result().message, 500))
+        if one not in self._waiting or future.cancelled():
+            return
+        response: Any = future.result()
+        if isinstance(one.asked, Call):
+            done, words = response.success, response.message
+        else:
+            done, words = all(result.successful for result in response.results), " ".join(
+                result.reason for result in response.results)
+        self._end(one, bool(done), one_line(words, 500))
 
     def _end(self, one: _Waiting, done: bool, words: str) -> None:
         self._waiting.remove(one)
         for future in one.sent:
             one.client.remove_pending_request(future)
         one.answer(done, words)
+
+
+def _message(asked: Call | Change) -> Any:
+    """The request of a service."""
+    if isinstance(asked, Change):
+        return SetParameters.Request(parameters=[Parameter(asked.name, value=asked.value).to_parameter_msg()])
+    return Trigger.Request() if asked.on is None else SetBool.Request(data=asked.on)

@@ -10,10 +10,12 @@ from nav_msgs.msg import Odometry
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import JointState
 
+from vibro_ros.messages.topics import OPERATIONS, OPERATIONS_TYPE
 from vibro_ros.model.parameters import BY_NAME
 from vibro_ros.ros.live.samples import STAMPED, Decoder, Joining, QuietSubscription, Rows
 from vibro_ros.ros.live.scene import SceneReader, Settings
 from vibro_ros.ros.node.node import SteadyNode
+from vibro_ros.ros.node.refusals import peer_text
 from vibro_ros.simulation.samples import FIELDS, TIME
 
 SAMPLES = QoSProfile(depth=2000, reliability=ReliabilityPolicy.RELIABLE)
@@ -30,6 +32,8 @@ FIRST = 1.5
 RIVALRY = 2.0
 """Time [s] within which a publisher begins to count from 1 again once at most; a robot needs about a second to start.
 """
+MOST_NAMED = 5
+"""Other robots that are named."""
 _KINDS = {"odom": Odometry, "joint_states": JointState, "ground_contact": WrenchStamped}
 
 
@@ -54,6 +58,7 @@ class LiveRobot:
         self._runs, self._joining = Runs(), Joining()
         self._decoder: Decoder | None = None
         self._fault, self._publishers = "", frozenset[bytes]()
+        self._others: list[str] = []
         self._heard = self._row_heard = self._read_at = float("-inf")
         self._unread = self._doubtful = False
         self._last = -1
@@ -97,6 +102,7 @@ class LiveRobot:
         if self._publishers and not found:  # it has gone, and who comes next is to be asked what it is
             self.settings, self.origin, self._fault = None, None, ""
         self._publishers, self._unread = found, False
+        self._others = [] if found else self._robots_seen()
 
     @property
     def absence(self) -> str:
@@ -108,8 +114,7 @@ class LiveRobot:
         if self._fault:
             return f"{self._robot} cannot be shown: {self._fault}"
         if not self._publishers and not (self.reader.sees_robot and self.settings is None):
-            return (f"no robot {self._robot}; start one (ros2 run vibro_ros robot) in the same ROS domain and "
-                    "namespace, or give its node's name with --robot")
+            return self._nobody()
         silent = now > self._heard + SILENCE
         if self.settings is None or (self._doubtful and not silent):
             return f"{self._robot} is there; waiting for its parameters"
@@ -120,6 +125,26 @@ class LiveRobot:
         if silent:
             return f"{self._robot} has not been heard for {SILENCE:g} s; it was killed, or something keeps it"
         return ""
+
+    def _robots_seen(self) -> list[str]:
+        """Full names of other robots' nodes in this domain: those that publish what is done to their runs."""
+        last = f"/{OPERATIONS}"
+        names = [topic.removesuffix(last) for topic, types in self._node.get_topic_names_and_types()
+                 if topic.endswith(last) and OPERATIONS_TYPE in types and self._node.count_publishers(topic)]
+        return sorted(peer_text(name) for name in names if name != self._robot)
+
+    def _nobody(self) -> str:
+        """That the robot is not there, who is, and what can be done."""
+        domain = f"in ROS domain {self._node.context.get_domain_id()}"
+        if not self._others:
+            return (f"no robot {self._robot}, nor another one, {domain}; start one there (ros2 run vibro_ros robot), "
+                    "or the view in the domain of yours (ROS_DOMAIN_ID)")
+        more = f" and {len(self._others) - MOST_NAMED} more" if len(self._others) > MOST_NAMED else ""
+        first = self._others[0]
+        space = first.rpartition("/")[0] or "/"
+        remap = f" --ros-args -r __ns:={space}" if space != self._node.get_namespace() else ""
+        return (f"no robot {self._robot} {domain}, but {', '.join(self._others[:MOST_NAMED])}{more}; to show the "
+                f"first: view --robot {first}{remap}")
 
     def _taken(self, rows: Rows) -> np.ndarray:
         """The rows of the present run, by its own clock."""

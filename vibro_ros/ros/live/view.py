@@ -85,6 +85,7 @@ def _run(words: Sequence[str]) -> int:
                 if url and not webbrowser.open(url):
                     node.get_logger().warning("no browser could be opened; open the address above")
                 process.spin_until(executor, lambda: bool(stop or server.error))
+                page.end()
     if server.error:
         raise RuntimeError(f"the server ended: {server.error}")
     return 0

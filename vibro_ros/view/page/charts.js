@@ -1,18 +1,12 @@
 /** Strip charts on one canvas, one above the other, with one axis of time. */
 
+import {GAP, LEFT, RIGHT, TIME_TICK, TITLE, drawAxis, drawGrid, drawTitle, stroke} from "vibro/axes.js";
 import {stripsOf} from "vibro/strips.js";
 import {line} from "vibro/stage.js";
-import {font, theme} from "vibro/surface.js";
-import {axisRange, fixed, tickText, ticks} from "vibro/ticks.js";
+import {theme} from "vibro/surface.js";
+import {axisRange, ticks} from "vibro/ticks.js";
 
-const LEFT = 50; // px, for the numbers of the axes
-const RIGHT = 10;
-const TITLE = 20;
-const BOTTOM = 34; // for the axis of time
-const GAP = 6; // between strips
-const VALUE = 62; // for a value of the legend
-const TICK = 22; // px between the ticks of a value, at least
-const TIME_TICK = 72; // px between the ticks of time, at least
+const BOTTOM = 34; // px, for the axis of time
 const FUTURE = 0.3; // share of the window that lies ahead, when what comes is known
 const PALE = 0.35; // how strongly what comes is drawn
 
@@ -69,7 +63,8 @@ export class Charts {
       this.#drawStrip(context, place, number, {values, impacts, timeTicks: timeTicks.ticks});
       top += TITLE + height + GAP;
     }
-    drawTimeAxis(context, frame, top - GAP, timeTicks);
+    drawAxis(context, frame, top - GAP, timeTicks);
+    context.fillText("time [s]", frame.left + frame.width, top - GAP + 19);
   }
 
   /**
@@ -155,54 +150,6 @@ function extent(lines) {
   return [low, high];
 }
 
-function drawGrid(context, place, range, y, timeTicks) {
-  const {left, width, top, height} = place;
-  const marks = ticks(range.low, range.high, height / TICK);
-  context.lineWidth = 1;
-  context.strokeStyle = theme.line;
-  for (const mark of timeTicks) {
-    const x = Math.round(place.x(mark)) + 0.5;
-    line(context, x, top, x, top + height);
-  }
-  context.font = font(11);
-  context.fillStyle = theme.soft;
-  context.textAlign = "right";
-  context.textBaseline = "middle";
-  for (const mark of marks.ticks) {
-    const at = Math.round(y(mark)) + 0.5;
-    line(context, left, at, left + width, at);
-    context.fillText(tickText(mark, marks.step), left - 6, at);
-  }
-}
-
-function drawTitle(context, place, strip, values) {
-  const base = place.top - 6;
-  const legend = strip.series.filter((one) => !one.dashed).toReversed();
-  context.font = font(12);
-  const taken = legend.reduce((sum, one) => sum + VALUE + labelWidth(context, one), 0);
-  context.textBaseline = "alphabetic";
-  context.textAlign = "left";
-  context.font = font(12, "600");
-  context.fillStyle = theme.ink;
-  const title = `${strip.title} [${strip.unit}]`;
-  const fits = context.measureText(title).width + taken < place.width;
-  context.fillText(fits ? title : `${strip.short ?? strip.title} [${strip.unit}]`, place.left, base);
-  let right = place.left + place.width;
-  context.font = font(12);
-  context.textAlign = "right";
-  for (const series of legend) {
-    context.fillStyle = theme[series.colour];
-    context.fillText(fixed(values[series.name] * strip.scale * (series.sign ?? 1), strip.decimals), right, base);
-    right -= VALUE;
-    context.fillText(series.label ?? "", right + 8, base);
-    right -= labelWidth(context, series);
-  }
-}
-
-function labelWidth(context, series) {
-  return series.label ? context.measureText(series.label).width + 4 : 0;
-}
-
 function drawLine(context, place, points, y, ahead) {
   const split = ahead ? firstAfter(points, place.time) : points.length;
   context.lineJoin = "bevel"; // cheap, where a curve is dense
@@ -228,22 +175,6 @@ function firstAfter(points, time) {
   return 2 * low;
 }
 
-// A curve through points, with a break where a value is no number.
-function stroke(context, place, points, y, first, end) {
-  let pen = false;
-  context.beginPath();
-  for (let k = first; k < end; k += 2) {
-    const known = !Number.isNaN(points[k + 1]);
-    if (known && pen) {
-      context.lineTo(place.x(points[k]), y(points[k + 1]));
-    } else if (known) {
-      context.moveTo(place.x(points[k]), y(points[k + 1]));
-    }
-    pen = known;
-  }
-  context.stroke();
-}
-
 function drawImpacts(context, place, impacts) {
   const found = impacts.between(place.begin, place.end);
   const half = Math.min(3.5, Math.max(0.75, place.width / Math.max(1, found.length) / 4));
@@ -256,19 +187,4 @@ function drawImpacts(context, place, impacts) {
     context.lineTo(x, place.top + 6);
     context.fill();
   }
-}
-
-function drawTimeAxis(context, frame, bottom, timeTicks) {
-  context.font = font(11);
-  context.fillStyle = theme.soft;
-  context.textBaseline = "top";
-  for (const mark of timeTicks.ticks) {
-    const x = frame.x(mark);
-    const text = tickText(mark, timeTicks.step);
-    const half = context.measureText(text).width / 2;
-    context.textAlign = "center";
-    context.fillText(text, Math.min(x, frame.left + frame.width + RIGHT - half), bottom + 4);
-  }
-  context.textAlign = "right";
-  context.fillText("time [s]", frame.left + frame.width, bottom + 19);
 }

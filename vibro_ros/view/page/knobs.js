@@ -1,27 +1,136 @@
-/** The knobs: a number and a slider for each command. The robot, not the page, refuses a bad number. */
+/** The knobs: a number and a slider for each command. The robot, not the page, refuses a number beyond its limits. */
 
 import {fixed} from "vibro/ticks.js";
 
-const NAMES = {motor_speed: "motor speed", upper_gap: "upper gap", inclined_gap: "inclined gap"};
+const NAMES = {
+  "motor_speed": "motor speed", "upper_gap": "upper gap", "inclined_gap": "inclined gap",
+  "ground.friction": "floor friction",
+};
 const PAUSE = 100; // ms between two commands of a slider that is being moved
-const GAPS = [-0.005, 0.02]; // m, where a slider of a gap is useful; the number takes any
+const SETTLED = 1000; // ms after which a knob that nobody moves shows what is in force
+const GAPS = [-5, 20]; // mm, where a slider of a gap is useful; the number takes any
+const FRICTION = 1; // up to which a slider is useful
 const MILLI = 1e3;
+const NUMBER = /^[+-]?(?:\d+\.?\d*|\.\d+)(?:e[+-]?\d+)?$/iu;
+
+// One knob. It shows its unit, in which it is typed: mm of a gap, whose message is in m.
+class Knob {
+  initial = Number.NaN; // what is in force before the first command and the first sample [SI]
+  #knob;
+  #scale;
+  #now;
+  #number;
+  #slider;
+  #output;
+  #words;
+  #typing = false; // whether somebody has typed what has not been sent
+  #moved = -SETTLED; // when somebody moved it last [ms]
+
+  constructor(knob, machine, box, ask) {
+    const gap = knob.unit === "m";
+    this.#knob = knob;
+    this.#scale = gap ? MILLI : 1;
+    this.#now = nowOf(knob, machine);
+    const name = NAMES[knob.name] ?? knob.name;
+    const unit = gap ? "mm" : knob.unit;
+    const id = knob.name.replace(".", "_");
+    const [from, to] = [this.#scale * knob.from, this.#scale * knob.to];
+    const [min, max] = gap ? [Math.max(GAPS[0], from), Math.min(GAPS[1], to)]
+      : [from, knob.parameter ? Math.min(FRICTION, to) : to];
+    const step = knob.parameter || gap ? 0.01 : 0.5;
+    const label = make("label", {htmlFor: id, textContent: unit ? `${name} [${unit}]` : name});
+    this.#number = make("input", {type: "text", inputMode: "decimal", id, autocomplete: "off", spellcheck: false});
+    this.#slider = make("input", {type: "range", min, max, step, ariaLabel: `${name}, slider`});
+    this.#output = make("span", {className: "now", id: `${id}_now`});
+    this.#words = make("span", {className: "refusal", id: `${id}_words`, role: "alert"});
+    this.#number.setAttribute("aria-describedby", `${id}_words ${id}_now`);
+    const row = make("div", {className: "knob"});
+    row.append(label, this.#number, this.#output, this.#slider, this.#words);
+    box.append(row);
+    this.#listen((value) => ask(knob, value / this.#scale));
+  }
+
+  #listen(call) {
+    const send = throttled(call, PAUSE);
+    this.#slider.addEventListener("input", () => {
+      this.#take(Number(this.#slider.value), send);
+    });
+    this.#number.addEventListener("input", () => {
+      this.#typing = true;
+      this.#words.textContent = "";
+    });
+    this.#number.addEventListener("change", () => this.#read(send));
+    this.#number.addEventListener("blur", () => {
+      this.#typing = false;
+    });
+    this.#number.addEventListener("keydown", (event) => {
+      if (event.key === "Escape" && this.#typing) {
+        event.stopPropagation();
+        this.#settle();
+      }
+    });
+  }
+
+  enable(on) {
+    this.#number.disabled = !on;
+    this.#slider.disabled = !on;
+  }
+
+  show(values, commands) {
+    const now = this.#now(values);
+    const value = commands[this.#knob.name] ?? (Number.isFinite(now) ? now : this.initial);
+    const words = this.#knob.parameter ? "" : `now ${fixed(now * this.#scale, this.#scale === 1 ? 1 : 3)}`;
+    put(this.#output, "textContent", words);
+    if (!this.#typing && performance.now() > this.#moved + SETTLED) {
+      put(this.#number, "value", text(value * this.#scale));
+      put(this.#slider, "value", text(value * this.#scale));
+    }
+  }
+
+  // Send what has been typed, if it is a number; in either case the knob shows what is in force afterwards.
+  #read(send) {
+    const typed = this.#number.value;
+    const value = numberOf(typed);
+    this.#settle();
+    if (Number.isNaN(value)) {
+      this.#words.textContent = `“${typed.slice(0, 20)}” is no number; type one such as 4.5`;
+    } else {
+      this.#slider.value = value;
+      this.#take(value, send);
+    }
+  }
+
+  #take(value, send) {
+    this.#moved = performance.now();
+    this.#number.value = text(value);
+    const [from, to] = [this.#scale * this.#knob.from, this.#scale * this.#knob.to];
+    const refused = value < from || value > to;
+    this.#words.textContent = refused ? `${text(value)} is refused; the robot takes ${text(from)} to ${text(to)}` : "";
+    send(value);
+  }
+
+  #settle() {
+    this.#typing = false;
+    this.#moved = -SETTLED;
+  }
+
+}
 
 export class Knobs {
-  #command;
+  #ask;
   #box;
   #knobs;
   #made;
 
-  /** @param {function(string, number): void} command is called with name and value */
-  constructor(command) {
-    this.#command = command;
+  /** @param {function(object, number): void} ask is called with a knob, as the machine has it, and a value [SI] */
+  constructor(ask) {
+    this.#ask = ask;
     this.#box = document.querySelector("#knobs");
     this.#knobs = [];
   }
 
   /**
-   * Make the knobs of a machine; those that are there already keep their values and the focus.
+   * Make the knobs of a machine; those that are there already keep the focus.
    * @param {object} machine as the robot message describes it
    */
   load(machine) {
@@ -29,84 +138,62 @@ export class Knobs {
     if (this.#made !== wanted) {
       this.#made = wanted;
       this.#box.textContent = "";
-      this.#knobs = machine.knobs.map((knob) => this.#make(knob, machine));
+      this.#knobs = machine.knobs.map((knob) => new Knob(knob, machine, this.#box, this.#ask));
     }
     for (const [k, {value}] of machine.knobs.entries()) {
-      const {number, slider} = this.#knobs[k];
-      if (document.activeElement !== number && document.activeElement !== slider) {
-        number.value = text(value);
-        slider.value = value;
-      }
+      this.#knobs[k].initial = value;
     }
   }
 
   /** @param {boolean} on whether there is a robot to command */
   enable(on) {
-    for (const {number, slider} of this.#knobs) {
-      number.disabled = !on;
-      slider.disabled = !on;
+    for (const knob of this.#knobs) {
+      knob.enable(on);
     }
   }
 
   /**
-   * Show what is so now beside what was asked for.
+   * Show what is in force.
    * @param {object} values quantities by name
+   * @param {object} commands values [SI] by the name of their knob, of those that have been given
    */
-  show(values) {
+  show(values, commands) {
     for (const knob of this.#knobs) {
-      const now = knob.now(values);
-      if (now !== knob.shown) {
-        knob.shown = now;
-        knob.output.textContent = now;
-      }
+      knob.show(values, commands);
     }
   }
-
-  #make(knob, machine) {
-    const row = element("div", {className: "knob"});
-    this.#box.append(row);
-    const name = NAMES[knob.name] ?? knob.name;
-    row.append(element("label", {htmlFor: knob.name, textContent: name}));
-    const gap = knob.unit === "m";
-    const [min, max] = gap ? [Math.max(GAPS[0], knob.from), Math.min(GAPS[1], knob.to)] : [knob.from, knob.to];
-    const slider = element("input", {type: "range", min, max, step: gap ? 1e-5 : 0.5});
-    slider.setAttribute("aria-label", `${name}, slider`);
-    const number = element("input", {type: "number", id: knob.name, step: "any", autocomplete: "off"});
-    const output = element("span", {className: "now"});
-    const unit = element("span", {className: "unit", id: `${knob.name}_unit`, textContent: knob.unit});
-    number.setAttribute("aria-describedby", unit.id);
-    row.append(number, unit, slider, output);
-    const send = throttled((value) => this.#command(knob.name, value), PAUSE);
-    slider.addEventListener("input", () => {
-      number.value = text(Number(slider.value));
-      send(Number(slider.value));
-    });
-    number.addEventListener("change", () => {
-      if (Number.isFinite(number.valueAsNumber)) {
-        slider.value = number.value;
-        send(number.valueAsNumber);
-      }
-    });
-    return {number, slider, output, now: nowOf(knob, machine)};
-  }
 }
 
-// What of the samples a knob commands, as text.
+// What of the samples a knob commands [SI].
 function nowOf(knob, machine) {
   const guide = machine.guides.find((one) => knob.name === `${one.side}_gap`);
-  if (guide) {
-    return (values) => `now ${fixed((values[`${guide.side}_plate_position`] - guide.rod) * MILLI, 3)} mm`;
-  }
-  return (values) => `now ${fixed(values[knob.name], 1)} ${knob.unit}`;
+  return guide ? (values) => values[`${guide.side}_plate_position`] - guide.rod : (values) => values[knob.name];
 }
 
-// A number of six digits as an input has it.
+// A number of six digits as a field has it.
 function text(value) {
   return String(Number(value.toPrecision(6)));
 }
 
-function element(tag, properties) {
+function put(element, property, value) {
+  if (element[property] !== value) {
+    element[property] = value;
+  }
+}
+
+function make(tag, properties) {
   return Object.assign(document.createElement(tag), properties);
+}
+
+/**
+ * A number as people type it, with a decimal point or a decimal comma.
+ * @param {string} typed
+ * @returns {number} NaN for anything else: thousands cannot be told from decimals where both signs stand
+ */
+export function numberOf(typed) {
+  const plain = typed.trim().replace("\u2212", "-").replace(/^[^.,]*,[^.,]*$/u, (one) => one.replace(",", "."));
+  const value = NUMBER.test(plain) ? Number(plain) : Number.NaN;
+  return Number.isFinite(value) ? value : Number.NaN;
 }
 
 /**

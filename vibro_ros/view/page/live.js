@@ -6,12 +6,14 @@ import {Knobs} from "vibro/knobs.js";
 import {LiveClock} from "vibro/clocks.js";
 import {Motion} from "vibro/motion.js";
 import {Ring} from "vibro/ring.js";
-import {note, say, sayAbsent} from "vibro/said.js";
+import {note, pressed, say, sayAbsent} from "vibro/said.js";
+import {csv, recordedPage, save} from "vibro/save.js";
 import {Scene} from "vibro/scene.js";
 import {fixed} from "vibro/ticks.js";
 
-const SAMPLES = 30_000; // that are kept: 6 s of a robot that publishes 5000 a second
-const AWAY = "The view is away. A view that is started anew prints a new address; open that one.";
+const SAMPLES = 60_000; // that are kept: a minute of a robot that publishes 1000 a second
+const MINUTE = 60; // s
+const AWAY = "The view is away, and the robot may run on. A view that is started anew prints a new address; open it.";
 const IMPACTS = 2000;
 const SLOW = 1; // s of slow motion
 const SLOW_SPEED = "0.03"; // until somebody chooses another one: two seconds for a turn of the crank
@@ -27,19 +29,35 @@ class Live {
   #ring;
   #offers;
   #paused;
+  #commands = {}; // in force
+  #machine;
+  #setting;
+  #page;
+  #shown; // what slow motion plays: header and payload
 
-  constructor() {
+  /**
+   * @param {object} setting of the page
+   * @param {string} page as the server has sent it
+   */
+  constructor(setting, page) {
+    this.#setting = setting;
+    this.#page = page;
     this.#scene = new Scene();
     this.#clock = new LiveClock();
     this.#connection = new Connection({
       robot: (message) => this.#meet(message), absent: ({words}) => this.#miss(words),
+      commands: ({values}) => {
+        this.#commands = values;
+      },
       impacts: ({list}) => this.#impacts?.add(list), status: (message) => this.#tell(message),
       log: ({level, words}) => say(level, words), answer: ({done, words}) => say(done ? "info" : "error", words),
       samples: (rows) => this.#take(rows), motion: (header, payload) => this.#slow(header, payload),
       lost: (reason) => this.#miss(reason || AWAY),
     });
-    this.#knobs = new Knobs((command, value) => this.#connection.ask({command, value}, sayFailure));
-    this.#buttons = Object.fromEntries(["reset", "pause", "step", "record", "slow", "live"]
+    this.#knobs = new Knobs(({name, parameter}, value) => {
+      this.#connection.ask({[parameter ? "parameter" : "command"]: name, value}, sayFailure);
+    });
+    this.#buttons = Object.fromEntries(["stop", "reset", "pause", "step", "record", "slow", "live", "save-samples"]
       .map((name) => [name, document.querySelector(`#${name}`)]));
     this.#wire();
     const speed = document.querySelector("#speed");
@@ -52,11 +70,20 @@ class Live {
     sayAbsent("Waiting for the robot…");
     this.#connection.open();
     this.#scene.run();
-    setInterval(() => this.#knobs.show(this.#scene.view.values), 100);
+    const newest = {};
+    setInterval(() => {
+      this.#ring?.read(this.#ring.end, newest);
+      this.#knobs.show(newest, this.#commands);
+    }, 100);
   }
 
   #wire() {
-    const {reset, pause, step, record, slow, live} = this.#buttons;
+    const {stop, reset, pause, step, record, slow, live, "save-samples": samples} = this.#buttons;
+    stop.addEventListener("click", () => this.#connection.ask({command: "motor_speed", value: 0}, sayFailure));
+    samples.addEventListener("click", () => {
+      save(`${this.#setting.robot}_last_minute.csv`, csv(this.#ring, Object.keys(this.#machine.quantities), MINUTE));
+    });
+    document.querySelector("#save-page").addEventListener("click", () => this.#savePage());
     for (const [button, call] of [[reset, "reset"], [step, "step"]]) {
       button.addEventListener("click", () => this.#connection.ask({call}));
     }
@@ -69,12 +96,12 @@ class Live {
     slow.addEventListener("click", () => this.#connection.ask({slow_motion: SLOW}));
     live.addEventListener("click", () => this.#goLive());
     document.addEventListener("keydown", (event) => {
-      const chord = event.ctrlKey || event.metaKey || event.altKey;
-      const typing = chord || event.target.matches("input[type=number], select");
       if (event.key === "Escape" && this.#scene.motion) {
         this.#goLive();
-      } else if (event.key === "s" && !typing && !slow.disabled) {
-        slow.click();
+      } else if (pressed(event, "s")) {
+        slow.click(); // does nothing while it is disabled
+      } else if (pressed(event, "x")) {
+        stop.click();
       }
     });
   }
@@ -92,6 +119,7 @@ class Live {
       this.#goLive();
     }
     this.#scene.view.setMachine(machine);
+    this.#machine = machine;
     this.#knobs.load(machine);
     this.#enable(true, offers);
     sayAbsent("");
@@ -111,6 +139,8 @@ class Live {
     }
     this.#buttons.step.disabled = !(offers.step && this.#paused);
     this.#buttons.slow.disabled = !on;
+    this.#buttons.stop.disabled = !on;
+    this.#buttons["save-samples"].disabled = !this.#ring;
   }
 
   #take(rows) {
@@ -132,9 +162,16 @@ class Live {
 
   #slow(header, payload) {
     const motion = new Motion(header, payload);
+    this.#shown = [header, payload];
     this.#scene.play(motion, new Impacts(header.impacts.length + 1, header.impacts));
     this.#scene.player.playing = true;
     this.#show(true);
+  }
+
+  async #savePage() {
+    const title = `${this.#setting.robot} in slow motion`;
+    const setting = {...this.#setting, mode: "bag", title, machine: this.#machine};
+    save(`${title}.html`, await recordedPage(this.#page, setting, ...this.#shown));
   }
 
   #goLive() {
@@ -173,7 +210,11 @@ function press(button, on) {
   button.setAttribute("aria-pressed", String(on));
 }
 
-/** Show the robot of the server that this page came from. */
-export function startLive() {
-  new Live().start();
+/**
+ * Show the robot of the server that this page came from.
+ * @param {object} setting of the page
+ * @param {string} page as the server has sent it
+ */
+export function startLive(setting, page) {
+  new Live(setting, page).start();
 }

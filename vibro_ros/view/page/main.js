@@ -4,8 +4,10 @@ import {Impacts} from "vibro/impacts.js";
 import {startLive} from "vibro/live.js";
 import {Motion} from "vibro/motion.js";
 import {note, say} from "vibro/said.js";
+import {save} from "vibro/save.js";
 import {Scene} from "vibro/scene.js";
 
+const page = `<!doctype html>\n${document.documentElement.outerHTML}\n`; // before anything changes it
 const setting = json("setting");
 document.body.dataset.mode = setting.mode;
 document.title = setting.title;
@@ -15,7 +17,7 @@ try {
   if (setting.mode === "bag") {
     showBag(json("motion-header"), await bytes("motion-payload"));
   } else {
-    startLive();
+    startLive(setting, page);
   }
 } catch (error) {
   say("error", String(error.message ?? error));
@@ -31,6 +33,7 @@ function showBag(header, payload) {
   scene.player.playing = !globalThis.matchMedia("(prefers-reduced-motion: reduce)").matches;
   note((setting.notes ?? []).join(" "));
   scene.run();
+  document.querySelector("#save-page").addEventListener("click", () => save(`${setting.title}.html`, page));
 }
 
 // Data of the page that are JSON, by the id of their element.

@@ -143,6 +143,33 @@ export class Motion {
     }
   }
 
+  /**
+   * Quantities at the same instants: both ends of each piece, and so many in between that no step is longer.
+   * @param {string[]} names
+   * @param {number} from [s]
+   * @param {number} to [s]
+   * @param {number} step longest time between two instants [s]
+   * @param {function(number, number[]): void} point is called for each instant: time [s], values; NaN in a gap
+   */
+  path(names, from, to, step, point) {
+    const indices = names.map((name) => this.#index.get(name));
+    let known = Math.max(from, this.begin);
+    for (let piece = this.piece(from); piece < this.header.pieces && this.#borders[2 * piece] <= to; piece += 1) {
+      const begin = Math.max(from, this.#borders[2 * piece]);
+      const end = Math.min(to, this.#borders[2 * piece + 1]);
+      if (begin - known > GAP) {
+        point(begin, names.map(() => Number.NaN));
+      }
+      const steps = Math.max(1, Math.ceil((end - begin) / step));
+      const last = begin <= end ? steps : -1;
+      for (let k = 0; k <= last; k += 1) {
+        const time = begin + (end - begin) * k / steps;
+        point(time, indices.map((index) => this.#value(piece, index, time)));
+      }
+      known = Math.max(known, end);
+    }
+  }
+
   // Points of one block of steps; the steps lie at fixed instants, so that a curve that moves by does not shimmer.
   #block(name, step, number) {
     const key = `${name} ${step} ${number}`;

@@ -174,4 +174,19 @@ export class Ring {
     }
     cell.hand(point);
   }
+
+  /**
+   * Quantities at the same instants: those of the samples.
+   * @param {string[]} names
+   * @param {number} from [s]
+   * @param {number} to [s]
+   * @param {number} _ step that a motion needs
+   * @param {function(number, number[]): void} point is called for each sample: time [s], values
+   */
+  path(names, from, to, _, point) {
+    const last = this.row(to);
+    for (let row = this.row(from) + 1; row <= last; row += 1) {
+      point(this.at("time", row), names.map((name) => this.at(name, row)));
+    }
+  }
 }

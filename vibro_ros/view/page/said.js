@@ -65,6 +65,41 @@ export function sayExactness(exact, why) {
 }
 
 /**
+ * Let a button, and the key H, open and close the words about what is seen.
+ * @param {function(boolean): void} changed is called with whether they are open
+ */
+export function explain(changed) {
+  const [button, words, close] = ["#explain", "#about", "#close"].map((one) => document.querySelector(one));
+  const show = (on) => {
+    words.hidden = !on;
+    button.setAttribute("aria-expanded", String(on));
+    (on ? close : button).focus();
+    changed(on);
+  };
+  button.addEventListener("click", () => show(words.hidden));
+  close.addEventListener("click", () => show(false));
+  document.addEventListener("keydown", (event) => {
+    if (event.key === "Escape" && !words.hidden) {
+      event.stopImmediatePropagation();
+      show(false);
+    } else if (pressed(event, "h")) {
+      show(words.hidden);
+    }
+  });
+}
+
+/**
+ * Whether an event is the press of a letter that nobody types into a field.
+ * @param {KeyboardEvent} event
+ * @param {string} letter
+ * @returns {boolean}
+ */
+export function pressed(event, letter) {
+  const typing = event.ctrlKey || event.metaKey || event.altKey || event.target.matches("input[type=text], select");
+  return event.key.toLowerCase() === letter && !typing;
+}
+
+/**
  * What the body does.
  * @param {object} values quantities by name
  * @returns {string}

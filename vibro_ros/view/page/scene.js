@@ -1,8 +1,9 @@
 /** The loop: sixty times a second the clock goes on, and what it shows is drawn. */
 
 import {Player} from "vibro/clocks.js";
+import {Means} from "vibro/mean.js";
 import {Readings} from "vibro/strips.js";
-import {sayExactness} from "vibro/said.js";
+import {explain, sayExactness} from "vibro/said.js";
 import {clockDecimals, fixed} from "vibro/ticks.js";
 import {Marks, Transport, scrub} from "vibro/transport.js";
 import {View} from "vibro/view.js";
@@ -10,6 +11,7 @@ import {View} from "vibro/view.js";
 const LONGEST = 0.1; // s between two pictures; a page that was hidden goes on where it was
 const LIVE_WINDOW = 6; // s
 const LIVE_CHARTS = 6; // of so many frames one has charts, so that a page takes little from the robot
+const TABLE = "the numbers of the present are in the table that follows.";
 const LATE = 0.021; // s between two frames, from which on the machine is behind
 const WEIGHT = 0.05; // of the last interval
 const WORSE = 0.3; // s of lateness, after which one more of some pictures is left out
@@ -48,7 +50,9 @@ export class Thrift {
 export class Scene {
   #clock;
   #readings;
+  #means;
   #live;
+  #ring = null; // of a live robot
   #held;
   #text;
 
@@ -60,10 +64,23 @@ export class Scene {
     this.motion = null; // what the player plays; null while the robot is live
     this.#clock = document.querySelector("#clock");
     this.#readings = new Readings();
+    this.#means = new Means();
     this.#live = null;
     this.#held = Number.NaN; // instant that somebody asked to see
-    document.querySelector("#forces").addEventListener("change", (event) => {
-      this.view.forces = event.target.checked;
+    for (const name of ["forces", "traces"]) {
+      document.querySelector(`#${name}`).addEventListener("change", (event) => {
+        this.view[name] = event.target.checked;
+        this.view.change();
+      });
+    }
+    const kind = document.querySelector("#kind");
+    kind.addEventListener("change", () => {
+      this.view.portraits = kind.value === "portraits";
+      document.querySelector("#charts").setAttribute("aria-label", `${kind.selectedOptions[0].text}; ${TABLE}`);
+      this.view.change();
+    });
+    explain((on) => {
+      this.view.names = on;
       this.view.change();
     });
     scrub(document.querySelector("#charts"), this);
@@ -92,6 +109,7 @@ export class Scene {
   follow(ring, impacts, clock) {
     this.motion = null;
     this.#live = clock;
+    this.#ring = ring;
     this.#held = Number.NaN;
     this.#load(ring, impacts, false);
     this.transport.enable(false);
@@ -166,6 +184,7 @@ export class Scene {
       sayExactness(this.motion.exactAt(this.player.time), this.motion.header.why);
     }
     this.#readings.show(this.view.values, now);
+    this.#means.show(this.#ring ?? this.view.source, this.#time, now);
     const text = `${fixed(this.view.values.time, clockDecimals(pace.speed))} s`;
     if (text !== this.#text && Number.isFinite(this.view.values.time)) {
       this.#text = text;

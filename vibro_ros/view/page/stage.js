@@ -6,7 +6,7 @@ import {font, theme} from "vibro/surface.js";
 
 const MARGIN = 14; // px, beside the mechanism
 const BELOW = 40; // px, for the ground's marks and the force from below
-const ABOVE = 22; // px, for the state in words
+const ABOVE = 44; // px, for the state in words and what may be drawn
 const LEAST_HOP = 1e-4; // m that is marked
 const MARKS = 0.01; // m from mark to mark
 

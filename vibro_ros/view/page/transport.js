@@ -181,8 +181,8 @@ export class Marks {
 export function scrub(canvas, scene) {
   let grip = null; // where the pointer went down
   canvas.addEventListener("pointerdown", (event) => {
-    if (scene.motion && event.button === 0) {
-      const [at, edge] = [scene.view.timeAt(event.offsetX), scene.view.timeAt(event.offsetX + 1)];
+    const [at, edge] = [scene.view.timeAt(event.offsetX), scene.view.timeAt(event.offsetX + 1)];
+    if (scene.motion && event.button === 0 && Number.isFinite(at)) {
       grip = {x: event.offsetX, time: scene.player.time, at, pace: edge - at, moved: false};
       canvas.setPointerCapture(event.pointerId);
     }

@@ -2,18 +2,22 @@
 
 import {Charts} from "vibro/charts.js";
 import {Impacts} from "vibro/impacts.js";
-import {drawForces, drawMechanism} from "vibro/mechanism.js";
+import {drawForces, drawNames, drawTraces} from "vibro/annotations.js";
+import {drawMechanism} from "vibro/mechanism.js";
+import {Portraits} from "vibro/portraits.js";
 import {Stage} from "vibro/stage.js";
 import {Surface, followTheme, font, theme} from "vibro/surface.js";
 import {bodyState, stateWords} from "vibro/said.js";
 
 const FADE = 0.05; // s of watching, in which a flash fades
 const FAST = 0.5; // robot time over time on the wall, from which on peak forces would only flicker
+const TRACE = 1; // s, the longest trace
 const WORDS = 1000; // ms between two descriptions in words
 
 export class View {
   #stage;
   #charts;
+  #portraits;
   #changed;
   #spoken;
   #lit;
@@ -27,9 +31,13 @@ export class View {
     this.values = {time: Number.NaN};
     this.impacts = new Impacts(1);
     this.forces = false;
+    this.traces = false;
+    this.names = false;
+    this.portraits = false; // in place of the strip charts
     this.source = null;
     this.#stage = null;
     this.#charts = new Charts();
+    this.#portraits = new Portraits();
     this.#changed = true;
     this.#spoken = 0;
     this.#lit = {};
@@ -64,6 +72,7 @@ export class View {
     this.impacts = impacts;
     if (source) {
       this.#charts.load(source, ahead);
+      this.#portraits.load(source, ahead);
     }
     this.values = {time: Number.NaN};
     this.change();
@@ -89,9 +98,10 @@ export class View {
     this.#changed = skip;
     this.#time = time;
     this.#lit = this.#lights(this.values.time, pace.speed);
-    this.#drawPicture(this.#lit);
+    this.#drawPicture(this.#lit, Math.min(TRACE, pace.window));
     if (!skip) {
-      this.#charts.draw(this.#strips, time, pace.window, this.values, this.impacts);
+      (this.portraits ? this.#portraits : this.#charts)
+        .draw(this.#strips, time, pace.window, this.values, this.impacts);
     }
   }
 
@@ -108,13 +118,19 @@ export class View {
     return lights;
   }
 
-  #drawPicture(lights) {
+  #drawPicture(lights, window) {
     const context = this.#picture.begin();
     const {width, height} = this.#picture;
     this.#stage.fit(width, height, this.values);
     this.#stage.drawGround(context);
     drawMechanism(context, this.#stage, this.values, lights);
     this.#stage.drawHeight(context, this.values);
+    if (this.traces) {
+      drawTraces(context, this.#stage, this.source, this.#time, window);
+    }
+    if (this.names) {
+      drawNames(context, this.#stage, this.values);
+    }
     if (this.forces) {
       drawForces(context, this.#stage, this.values);
     }
@@ -147,10 +163,10 @@ export class View {
 
   /**
    * @param {number} x place on the charts' canvas [px]
-   * @returns {number} the instant that is drawn there [s]
+   * @returns {number} the instant that is drawn there [s]; NaN where charts have no axis of time
    */
   timeAt(x) {
-    return this.#charts.timeAt(x);
+    return this.portraits ? Number.NaN : this.#charts.timeAt(x);
   }
 
   /** @returns {{time: number, quantities: object}} what the last picture shows */

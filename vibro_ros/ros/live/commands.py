@@ -1,0 +1,124 @@
+"""The commands of a live robot: the pages' are published, everybody's are heard, and so it is known which are in force.
+
+A page is a dead man's switch: the motor stops once a page has commanded it and no page is open any more.
+"""
+
+import time
+from collections import deque
+from collections.abc import Callable, Sequence
+
+from rclpy.duration import Duration
+from rclpy.node import Node
+from std_msgs.msg import Float64
+
+from vibro_ros.bag.cdr import deserialised
+from vibro_ros.messages.topics import COMMAND_UNITS, RESET, TIMEOUT, Operation
+from vibro_ros.model.scene import Scene
+from vibro_ros.ros.live.samples import QuietSubscription
+from vibro_ros.ros.live.scene import Settings
+from vibro_ros.ros.node import qos
+from vibro_ros.view.protocol import Command
+
+SPEED = "motor_speed"
+MOST = 200
+"""Messages of one topic that are looked at in one batch."""
+RETURN = 3.0
+"""Time [s] in which a page that is loaded again comes back, or one that has lost its connection."""
+REPEATS = 3
+"""Commands in one `command.timeout` of the robot, so that one or two may be lost."""
+FAREWELL = Duration(seconds=1)
+"""How long the last command may take to the robot when the view ends."""
+
+
+class Commands:
+    """Publishes and hears the commands of one robot, in the executor's thread, by the clock `now` [s].
+
+    Attributes
+    ----------
+    in_force : dict of str to float
+        By topic, what was commanded in this run [SI] and has effect; a command that nobody has given is missing.
+    of_page : bool
+        Whether a page's command keeps the motor turning.
+    """
+
+    def __init__(self, node: Node, now: Callable[[], float] = time.monotonic):
+        self.in_force: dict[str, float] = {}
+        self.of_page = False
+        self._topics = {name: QuietSubscription(node, Float64, name, qos.COMMANDS) for name in COMMAND_UNITS}
+        self._publishers = {name: node.create_publisher(Float64, name, qos.COMMANDS) for name in COMMAND_UNITS}
+        self._sent = deque[float](maxlen=MOST)  # speeds of pages that have not been heard yet
+        self._now = now
+        self._seen = self._repeated = now()
+
+    def send(self, command: Command, answer: Callable[[bool, str], object]) -> None:
+        """Publish a command, as it is: the robot knows its limits, and says when it refuses."""
+        publisher = self._publishers[command.name]
+        if not publisher.get_subscription_count() > 1:  # the view hears it, too
+            answer(False, f"nobody listens to {publisher.topic_name}; is the robot running?")
+            return
+        self._publish(command.name, command.value)
+        answer(True, f"{command.name} {command.value:g} {COMMAND_UNITS[command.name]} sent")
+
+    def forget(self) -> None:
+        """Another run has begun, or there is no robot."""
+        self.in_force, self.of_page = {}, False
+
+    def hear(self, scene: Scene | None, operations: Sequence[Operation]) -> None:
+        """Take what was commanded since the last call, and what operations have made of it.
+
+        Without a `scene` there is no robot that obeys.
+        """
+        for name, topic in self._topics.items():
+            for data, _ in topic.take(MOST):
+                if scene is None or (value := _valid(scene, name, data)) is None:
+                    continue
+                self.in_force[name] = value
+                if name == SPEED:
+                    is_own = value in self._sent
+                    self.of_page = is_own and value > 0.0
+                    while is_own and self._sent.popleft() != value:  # what was sent before was refused, or is lost
+                        pass
+        for operation in operations:
+            if operation.name == RESET:
+                self.forget()
+            elif operation.name == TIMEOUT:
+                self.in_force[SPEED], self.of_page = 0.0, False
+
+    def watch(self, pages: int, settings: Settings) -> bool:
+        """Keep the motor turning while pages are open, and stop it when they have gone; whether it was stopped now."""
+        now = self._now()
+        if pages:
+            self._seen = now
+        if not self.of_page:
+            return False
+        if now > self._seen + RETURN:
+            self._publish(SPEED, 0.0)
+            self.of_page = False
+            return True
+        if settings.command_timeout and now > self._repeated + settings.command_timeout / REPEATS:
+            self._repeated = now
+            self._publish(SPEED, self.in_force[SPEED])
+        return False
+
+    def end(self) -> bool:
+        """Stop a motor that a page keeps turning, because the view ends; whether that was so."""
+        if self.of_page:
+            self._publish(SPEED, 0.0)
+            self._publishers[SPEED].wait_for_all_acked(FAREWELL)
+        return self.of_page
+
+    def _publish(self, name: str, value: float) -> None:
+        if name == SPEED:
+            self._sent.append(value)
+        self._publishers[name].publish(Float64(data=value))
+
+
+def _valid(scene: Scene, name: str, data: bytes) -> float | None:
+    """The command in a message; None if the robot refuses it."""
+    try:
+        value = float(deserialised(data, "std_msgs/msg/Float64").data)
+        if name == SPEED:
+            return scene.checked_motor_speed(value)
+        return scene.checked_gap(name.removesuffix("_gap"), value)
+    except ValueError:
+        return None

@@ -1,0 +1,137 @@
+/** What is drawn over the mechanism on demand: forces, the ways of the masses, the names of the parts. */
+
+import {RAIL, SLED, arrowLength, sliderPosition} from "vibro/geometry.js";
+import {PLATE, massPlace, plateFace} from "vibro/mechanism.js";
+import {font, theme} from "vibro/surface.js";
+import {forceText} from "vibro/ticks.js";
+
+const LEAST = 0.05; // N, of a force that is drawn
+const HEAD = 7; // px, of an arrow
+const TRACE_STEPS = 1000; // of a motion
+const LINE = 14; // px, between two names
+
+/**
+ * Draw the forces of an instant as arrows: of the ground on the body, of drives and plates on the masses. Their length
+ * grows with the logarithm of the force, and the number stands beside it.
+ * @param {CanvasRenderingContext2D} context
+ * @param {object} stage fitted to the canvas
+ * @param {object} values quantities by name
+ */
+export function drawForces(context, stage, values) {
+  const {machine, middle, scale, sole} = stage;
+  const behind = middle - scale * (SLED.back - 0.012);
+  arrow(context, [behind, sole + arrowLength(values.normal_force)], [0, -1], values.normal_force, theme.force);
+  const ahead = middle + scale * SLED.front;
+  arrow(context, [ahead, sole + 5], [1, 0], -values.friction_force, theme.force);
+  for (const guide of machine.guides) {
+    const colour = theme[guide.side];
+    const out = [-Math.sin(guide.angle), -Math.cos(guide.angle)];
+    const mass = massPlace(machine, guide, values);
+    const drive = values[`${guide.side}_drive_force`];
+    arrow(context, stage.point(guide.angle, 0.0185, mass), out, drive, colour);
+    if (guide.plate) {
+      const face = plateFace(machine, guide, values);
+      const plate = -values[`${guide.side}_plate_force`];
+      arrow(context, stage.point(guide.angle, -0.0185, face), out, plate, colour);
+    }
+  }
+}
+
+/**
+ * Draw the ways of the masses and of the crank's centre over the ground.
+ * @param {CanvasRenderingContext2D} context
+ * @param {object} stage fitted to the canvas
+ * @param {object} source a `Ring` or a `Motion`
+ * @param {number} time the present [s]
+ * @param {number} window how much time is shown, up to the present [s]
+ */
+export function drawTraces(context, stage, source, time, window) {
+  const {machine, middle, scale, body} = stage;
+  const hub = stage.ground - scale * machine.hub_height;
+  const ways = machine.guides.map(({side, angle}) => ({
+    colour: side, names: [`${side}_position`],
+    place: (position) => {
+      const along = position + machine.free_length + machine.mass_height / 2;
+      return [-along * Math.sin(angle), along * Math.cos(angle)];
+    },
+  }));
+  for (const {colour, names, place} of [...ways, {colour: "soft", names: [], place: () => [0, 0]}]) {
+    context.strokeStyle = theme[colour];
+    context.lineWidth = 1;
+    context.lineJoin = "bevel";
+    context.beginPath();
+    source.path(["body_position", "body_height", ...names], time - window, time, window / TRACE_STEPS,
+      (_, [position, height, ofMass]) => {
+        const [x, z] = place(ofMass);
+        context.lineTo(middle + scale * (position - body + x), hub - scale * (height + z));
+      });
+    context.stroke();
+  }
+}
+
+/**
+ * Write beside the parts what they are called.
+ * @param {CanvasRenderingContext2D} context
+ * @param {object} stage fitted to the canvas
+ * @param {object} values quantities by name
+ */
+export function drawNames(context, stage, values) {
+  const {machine} = stage;
+  for (const guide of machine.guides) {
+    const slider = sliderPosition(machine.crank_radius, guide.rod, (values.crank_angle || 0) - guide.angle);
+    const mass = massPlace(machine, guide, values);
+    const parts = {rod: slider / 2, slider, spring: (slider + mass) / 2,
+      [`${guide.side} mass`]: mass + machine.mass_height / 2};
+    if (guide.plate) {
+      parts.plate = plateFace(machine, guide, values) + PLATE.height / 2;
+    }
+    const right = guide.angle < 0.2;
+    let free = Number.NaN; // px, where the last name stands
+    context.fillStyle = theme.ink;
+    for (const [name, along] of Object.entries(parts)) {
+      const [x, y] = stage.point(guide.angle, right ? RAIL + 0.004 : -RAIL - 0.004, along);
+      free = Math.min(y, Number.isNaN(free) ? y : free - LINE);
+      label(context, name, x, free, !right);
+    }
+  }
+  context.fillStyle = theme.ink;
+  label(context, "crank", ...stage.point(0, 0.006, -0.012), false);
+  const [left, over] = [stage.middle - stage.scale * SLED.back, stage.sole - stage.scale * (SLED.height + 0.008)];
+  label(context, "body", left, over, false);
+}
+
+// An arrow from a point along a direction, backwards for a negative force, with its number at the tip.
+function arrow(context, [x, y], [toX, toY], force, colour) {
+  if (!(Math.abs(force) > LEAST)) {
+    return;
+  }
+  const sign = Math.sign(force);
+  const [alongX, alongY] = [sign * toX, sign * toY];
+  const length = Math.max(HEAD + 2, arrowLength(force));
+  const [tipX, tipY] = [x + alongX * length, y + alongY * length];
+  context.strokeStyle = colour;
+  context.fillStyle = colour;
+  context.lineWidth = 2;
+  context.lineCap = "butt";
+  context.beginPath();
+  context.moveTo(x, y);
+  context.lineTo(tipX - alongX * (HEAD - 1), tipY - alongY * (HEAD - 1));
+  context.stroke();
+  context.beginPath();
+  context.moveTo(tipX, tipY);
+  context.lineTo(tipX - alongX * HEAD - alongY * 4, tipY - alongY * HEAD + alongX * 4);
+  context.lineTo(tipX - alongX * HEAD + alongY * 4, tipY - alongY * HEAD - alongX * 4);
+  context.fill();
+  label(context, forceText(Math.abs(force)), tipX + (alongX < -0.3 ? -5 : 6), tipY + 4 * alongY, alongX < -0.3);
+}
+
+// A text with a rim, so that it can be read on the drawing.
+function label(context, text, x, y, left) {
+  context.font = font(11, "600");
+  context.textAlign = left ? "right" : "left";
+  context.textBaseline = "middle";
+  context.strokeStyle = theme.panel;
+  context.lineWidth = 3;
+  context.strokeText(text, x, y);
+  context.fillText(text, x, y);
+}

@@ -1,0 +1,104 @@
+/** Phase portraits: speed over place of each mass, and of the body's hops. */
+
+import {GAP, LEFT, RIGHT, TIME_TICK, TITLE, drawAxis, drawGrid, drawTitle, stroke} from "vibro/axes.js";
+import {line} from "vibro/stage.js";
+import {theme} from "vibro/surface.js";
+import {axisRange, ticks} from "vibro/ticks.js";
+
+const MILLI = 1e3;
+const AXIS = 20; // px, for the numbers below
+const LEAST = [1, 0.1]; // mm and m/s, of an axis
+const DOT = 1.5; // px, of a sample
+
+const PORTRAITS = [
+  {title: "upper mass: position [mm], plate dashed, and speed", short: "upper mass", colour: "upper",
+    x: "upper_position", y: "upper_velocity", plate: "upper_plate_position"},
+  {title: "inclined mass: position [mm], plate dashed, and speed", short: "inclined mass", colour: "inclined",
+    x: "inclined_position", y: "inclined_velocity", plate: "inclined_plate_position"},
+  {title: "body: height [mm], and upward speed", short: "body", colour: "ink",
+    x: "body_height", y: "body_vertical_velocity"},
+];
+
+export class Portraits {
+  #source = null;
+  #ahead = false;
+  #portraits = [];
+  #ranges = [];
+
+  /**
+   * Show another source.
+   * @param {object} source a `Ring` or a `Motion`
+   * @param {boolean} ahead whether what lies between samples is known
+   */
+  load(source, ahead) {
+    this.#source = source;
+    this.#ahead = ahead;
+    this.#portraits = PORTRAITS.filter(({x}) => source.has(x));
+    this.#ranges = this.#portraits.map(() => [null, null]);
+  }
+
+  /**
+   * Draw.
+   * @param {object} surface to draw on
+   * @param {number} time the present [s]
+   * @param {number} window how much time is shown, up to the present [s]
+   * @param {object} values quantities at the present, by name
+   */
+  draw(surface, time, window, values) {
+    const context = surface.begin();
+    const width = Math.max(10, surface.width - LEFT - RIGHT);
+    const height = surface.height / this.#portraits.length - TITLE - AXIS - GAP;
+    for (const [number, portrait] of this.#portraits.entries()) {
+      const points = [];
+      this.#source.path([portrait.x, portrait.y], time - window, time, window / width, (_, [x, y]) => {
+        points.push(x * MILLI, y);
+      });
+      const ranges = this.#ranges[number].map((range, part) => axisRange(range, ...extent(points, part), LEAST[part]));
+      this.#ranges[number] = ranges;
+      const [across, up] = ranges;
+      const top = number * (height + TITLE + AXIS + GAP) + TITLE;
+      this.#drawOne(context, {
+        left: LEFT, width, top, height, ranges, x: (x) => LEFT + (x - across.low) / (across.high - across.low) * width,
+        y: (y) => top + height * (up.high - y) / (up.high - up.low),
+      }, {portrait, points, values});
+    }
+  }
+
+  #drawOne(context, place, {portrait, points, values}) {
+    const [across, up] = place.ranges;
+    const marks = ticks(across.low, across.high, place.width / TIME_TICK);
+    drawGrid(context, place, up, place.y, marks.ticks);
+    const series = [{name: portrait.y, colour: portrait.colour}];
+    drawTitle(context, place, {...portrait, unit: "m/s", scale: 1, decimals: 3, series}, values);
+    drawAxis(context, place, place.top + place.height, marks);
+    context.strokeStyle = theme[portrait.colour];
+    context.fillStyle = theme[portrait.colour];
+    context.lineWidth = 1;
+    const plate = place.x(values[portrait.plate] * MILLI);
+    if (plate > place.left && plate < place.left + place.width) {
+      context.setLineDash([5, 4]);
+      line(context, plate, place.top, plate, place.top + place.height);
+      context.setLineDash([]);
+    }
+    if (this.#ahead) {
+      stroke(context, place, points, place.y, 0, points.length);
+    }
+    for (let k = 0; k < points.length && !this.#ahead; k += 2) { // nothing is invented between samples
+      context.fillRect(place.x(points[k]) - DOT / 2, place.y(points[k + 1]) - DOT / 2, DOT, DOT);
+    }
+    context.fillStyle = theme.accent;
+    context.beginPath();
+    context.arc(place.x(values[portrait.x] * MILLI), place.y(values[portrait.y]), 4, 0, 2 * Math.PI);
+    context.fill();
+  }
+}
+
+// Least and greatest of every other number.
+function extent(points, first) {
+  let [low, high] = [Infinity, -Infinity];
+  for (let k = first; k < points.length; k += 2) {
+    low = Math.min(low, points[k]);
+    high = Math.max(high, points[k]);
+  }
+  return [low, high];
+}
