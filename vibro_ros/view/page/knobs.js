@@ -23,6 +23,7 @@ class Knob {
   #slider;
   #output;
   #words;
+  #force = ""; // what is in force, as the field has it
   #typing = false; // whether somebody has typed what has not been sent
   #moved = -SETTLED; // when somebody moved it last [ms]
 
@@ -81,18 +82,19 @@ class Knob {
     const value = commands[this.#knob.name] ?? (Number.isFinite(now) ? now : this.initial);
     const words = this.#knob.parameter ? "" : `now ${fixed(now * this.#scale, this.#scale === 1 ? 1 : 3)}`;
     put(this.#output, "textContent", words);
+    this.#force = text(value * this.#scale);
     if (!this.#typing && performance.now() > this.#moved + SETTLED) {
-      put(this.#number, "value", text(value * this.#scale));
-      put(this.#slider, "value", text(value * this.#scale));
+      this.#settle();
     }
   }
 
-  // Send what has been typed, if it is a number; in either case the knob shows what is in force afterwards.
+  // Send what has been typed, if it is a number.
   #read(send) {
     const typed = this.#number.value;
     const value = numberOf(typed);
-    this.#settle();
+    this.#typing = false;
     if (Number.isNaN(value)) {
+      this.#settle();
       this.#words.textContent = `“${typed.slice(0, 20)}” is no number; type one such as 4.5`;
     } else {
       this.#slider.value = value;
@@ -109,11 +111,12 @@ class Knob {
     send(value);
   }
 
+  // Show what is in force.
   #settle() {
     this.#typing = false;
-    this.#moved = -SETTLED;
+    put(this.#number, "value", this.#force);
+    put(this.#slider, "value", this.#force);
   }
-
 }
 
 export class Knobs {
