@@ -43,9 +43,9 @@ def machine(scene: Scene) -> dict[str, Any]:
         rod = scene[f"crank.{side}_rod"]  # the limit of `Scene.checked_gap`
         knobs.append((f"{side}_gap", -rod, rod, scene[f"{side}.gap"]))
     if scene["effects.friction"] != "none":
-        highest = BY_NAME["ground.friction"].maximum
-        rough = scene.resting_friction if scene["effects.friction"] in ("static", "stribeck") else highest
-        knobs.append(("ground.friction", 0.0, rough, scene["ground.friction"]))
+        at_rest = scene["effects.friction"] in ("static", "stribeck")  # by a coefficient of its own, the largest
+        largest = scene["ground.static_friction"] if at_rest else BY_NAME["ground.friction"].maximum
+        knobs.append(("ground.friction", 0.0, largest, scene["ground.friction"]))
     return {
         "name": scene.name,
         "crank_radius": scene["crank.radius"],
