@@ -14,6 +14,8 @@ BAD_REQUESTS = [
     b'{"id": 1, "call": "pause", "on": "yes"}', b'{"id": 1, "command": "motor_speed", "value": NaN}',
     b'{"id": 1, "command": "motor_speed", "value": "100"}', b'{"id": 1, "command": "motor_speed", "value": true}',
     b'{"id": 1, "command": "motor_speed", "value": ' + b"9" * 3000 + b"}",
+    b'{"id": 1, "parameter": "motor.max_speed", "value": 1}',
+    b'{"id": 1, "parameter": "ground.friction", "value": "x"}',
     b'{"id": 1, "command": {"a": 1}, "value": 1}', b'{"id": 1, "slow_motion": 1e9}',
     b'{"id": 1e400, "call": "reset"}', b'{"id": 1, "call": "reset", "call": "pause", "__proto__": 1}',
 ]

@@ -119,6 +119,15 @@ def test_a_live_page_can_be_read_reached_and_heard(start, view, open_page):
         if not touch:
             assert page.evaluate("document.scrollingElement.scrollHeight <= innerHeight")  # all at a glance
         check_places(page, width, touch)
+        page.click("#explain")
+        for theme in ("light", "dark"):
+            page.emulate_media(color_scheme=theme)
+            assert page.evaluate(UNREADABLE, LEAST_CONTRAST) == []
+        assert page.evaluate("document.scrollingElement.scrollWidth <= innerWidth")
+        page.keyboard.press("Escape")
+        page.evaluate("scrollTo(0, document.scrollingElement.scrollHeight)")
+        stop = page.locator("#stop").bounding_box()
+        assert 0.0 <= stop["y"] and stop["y"] + stop["height"] <= page.evaluate("innerHeight")  # wherever one reads
     hears_what_is_there(pages[0])
     reaches_everything_by_keyboard(pages[0])
 
@@ -126,7 +135,8 @@ def test_a_live_page_can_be_read_reached_and_heard(start, view, open_page):
 def check_places(page, width: int, touch: bool) -> None:
     """Check that controls stand in the window and apart, large enough for a finger, and beside their own labels."""
     boxes = page.evaluate(BOXES, CONTROLS)
-    assert {"motor_speed", "upper_gap", "reset", "pause", "step", "record", "slow"} <= {box["name"] for box in boxes}
+    assert {"motor_speed", "upper_gap", "ground_friction", "stop", "reset", "pause", "step", "record", "slow"} <= {
+        box["name"] for box in boxes}
     for number, box in enumerate(boxes):
         assert box["left"] >= 0.0 and box["right"] <= width, box
         assert not touch or box["bottom"] - box["top"] >= SMALLEST_TARGET, box

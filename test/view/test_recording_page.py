@@ -5,7 +5,7 @@ import re
 
 import numpy as np
 import pytest
-from page_reading import wait_for
+from page_reading import until, wait_for
 from robot_bag import robot_bag
 
 import vibro_ros
@@ -97,6 +97,77 @@ def test_the_picture_is_described_in_words(opened):
     assert opened.get_attribute("#mechanism", "role") == "img"
     wait_for(opened, "document.querySelectorAll('#readings td').length > 6")
     assert "mm" in opened.text_content("#readings tr:first-child td")
+
+
+def picture(page, name: str) -> str:
+    return page.evaluate(f"document.querySelector('{name}').toDataURL()")
+
+
+def test_the_mean_speed_is_that_of_the_simulator_over_the_time_that_it_names(opened):
+    run = vibro_ros.simulate(vibro_ros.load_scene("device"), times=np.linspace(0.0, SECONDS, 4001),
+                             commands=[(0.0, {"motor_speed": SPEED})])
+    for moment in (1.0, SECONDS):
+        opened.evaluate("(time) => vibro.show(time)", moment)
+        until(opened, lambda page, moment=moment: page.inner_text("#mean-over") == f"mean of the last {moment:.1f} s")
+        speed = 1e3 * run.body_position[round(moment * 2000)] / moment
+        assert opened.inner_text("#mean-speed").replace("\u2212", "-") == f"{speed:.1f} mm/s"
+    opened.keyboard.press("h")
+    in_air = 100.0 * (run.body_height > 0.0).mean()
+    assert abs(float(opened.inner_text("#airborne").removesuffix(" %")) - in_air) < 0.6
+
+
+def test_the_page_says_what_is_seen_when_it_is_asked(opened, page):
+    opened.evaluate("vibro.show(1.0)")
+    plain = picture(opened, "#mechanism")
+    opened.keyboard.press("h")
+    until(opened, lambda page: picture(page, "#mechanism") != plain, "names in the drawing")
+    words = opened.inner_text("#about")
+    assert all(name in words for name in ("body", "crank", "rods", "sliders", "mass", "plates", "spring", "Keys"))
+    assert opened.evaluate("document.activeElement.id") == "close"
+    opened.keyboard.press("Escape")
+    assert opened.is_hidden("#about") and opened.evaluate("document.activeElement.id") == "explain"
+    until(opened, lambda page: picture(page, "#mechanism") == plain, "the drawing without names")
+    opened.check("#traces")
+    until(opened, lambda page: picture(page, "#mechanism") != plain, "traces")
+
+
+def test_what_the_page_says_of_the_air_holds():
+    for speed, share, words in ((60.0, 2 / 3, "two thirds of the time at 60"), (200.0, 0.9, "nine tenths at 200")):
+        scene = vibro_ros.load_scene("device").with_parameters({"motor.speed": speed})
+        run = vibro_ros.simulate(scene, duration=12.0, rate=1000.0)
+        assert (run.body_height[6000:] > 0.0).mean() == pytest.approx(share, abs=0.05)
+        blows = run.events[run.events["kind"] == "upper_contact"]
+        assert np.median(blows["duration"]) == pytest.approx(0.3e-3, abs=0.05e-3)
+        assert np.median(blows["peak_force"]) > 1e3
+        assert 1e-3 < run.body_height[6000:].max() < 0.1
+        assert words in " ".join(page_text({"mode": "live", "title": ""}).split())
+
+
+def test_phase_portraits_are_drawn_in_place_of_the_strip_charts(opened):
+    opened.evaluate("vibro.show(1.0)")
+    strips = picture(opened, "#charts")
+    opened.select_option("#kind", "portraits")
+    until(opened, lambda page: picture(page, "#charts") != strips, "portraits")
+    assert opened.get_attribute("#charts", "aria-label").startswith("phase portraits; ")
+    opened.locator("#charts").click(position={"x": 200, "y": 100})
+    assert opened.evaluate("vibro.drawn().time") == 1.0  # its axis is none of time
+    opened.select_option("#kind", "time")
+    until(opened, lambda page: picture(page, "#charts") == strips, "strip charts")
+
+
+def test_the_page_saves_itself(opened, file, engine, tmp_path):
+    if not engine.many_pages:
+        pytest.skip("Qt WebEngine saves nothing unless its program asks where")
+    with opened.expect_download() as download:
+        opened.click("#save-page")
+    saved = tmp_path / "saved.html"
+    download.value.save_as(saved)
+    shown = opened.evaluate("vibro.show(1.0)")
+    opened.goto(saved.as_uri())
+    wait_for(opened, "Boolean(window.vibro) && Number.isFinite(vibro.drawn().time)")
+    assert opened.evaluate("vibro.show(1.0)") == shown
+    assert all(MARK in text and "Content-Security-Policy" in text
+               for text in (one.read_text()[:4096] for one in (file, saved)))
 
 
 @pytest.mark.parametrize("width, height", [(1280, 720), (390, 844)])

@@ -3,7 +3,7 @@
 import {fixed} from "vibro/ticks.js";
 
 const SECONDS = 5; // over which is averaged, or less where the run has begun later
-const STEP = 1e-3; // s, between two looks at a motion that is known everywhere
+const STEP = 2.5e-4; // s, between two looks at a motion that is known everywhere
 const EVERY = 250; // ms between two readings
 const RESET = 1; // rad, by which only a reset turns the crank back
 const NAMES = ["body_position", "body_height", "crank_angle"];
