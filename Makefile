@@ -130,7 +130,7 @@ $(READY): $(PACKAGES) setup.py setup.cfg package.xml vibro_ros/process/executabl
 	@touch $@
 
 # The command writes the stamp, unless there is no compiler that works: it then says so, and the robot runs without.
-$(TYPES): $(PACKAGES) $(shell find tools/interfaces -name '*.py' -o -path '*/declared/*' -type f)
+$(TYPES): $(PACKAGES) $(shell find tools/interfaces interfaces -name '*.py' -o -name '*.action' -o -path '*/declared/*' -type f)
 	@$(BIN)/python -m tools.interfaces.command
 
 # Only the studies need them.

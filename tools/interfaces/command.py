@@ -32,7 +32,8 @@ def main(words: Sequence[str]) -> int:
 
 def _provide(prefix: Path) -> int:
     packages = interface_packages()
-    names = " and ".join(package.name for package in packages)
+    *most, last = (package.name for package in packages)
+    names = f"{', '.join(most)} and {last}"
     try:
         with workshop(prefix) as folder:
             stamp, wanted = prefix / STAMP, fingerprint(packages)

@@ -1,8 +1,9 @@
-"""The definitions of the interface packages that PyPI lacks.
+"""The definitions of the interface packages that PyPI lacks, and of this project's own.
 
 Those of `tf2_msgs` are in the pinned package rosbags. Those of `simulation_interfaces` 2.1.0 are declared here, in the
 folder `declared`: the types that the robot serves, and no others. A type's hash does not depend on comments, so that
-equal hashes show that the declarations agree with the package's own.
+equal hashes show that the declarations agree with the package's own. `vibro_ros_interfaces` is an ordinary package in
+the folder `interfaces`, which colcon builds by cmake.
 """
 
 import hashlib
@@ -11,10 +12,13 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from importlib.metadata import distributions
 from pathlib import Path
+from xml.etree import ElementTree
 
 from rosbags.typesys import Stores, get_typestore
 
 DECLARED = Path(__file__).parent / "declared"
+OWN = Path(__file__).resolve().parents[2] / "interfaces"
+_OF_ACTIONS = ("action_msgs", "builtin_interfaces", "service_msgs", "unique_identifier_msgs")
 _OF_TF2_MSGS = ("TF2Error", "TFMessage")
 _MAKERS = ("ros-", "empy", "numpy")  # distributions whose templates, headers and libraries are used
 _NEXT_TYPE = "=" * 80  # in rosbags' text of a type, before each type that it contains
@@ -46,7 +50,7 @@ class InterfacePackage:
 
 def interface_packages() -> tuple[InterfacePackage, ...]:
     """Every package that is built."""
-    return _tf2_msgs(), _simulation_interfaces()
+    return _tf2_msgs(), _simulation_interfaces(), _vibro_ros_interfaces()
 
 
 def _tf2_msgs() -> InterfacePackage:
@@ -59,12 +63,21 @@ def _tf2_msgs() -> InterfacePackage:
 
 
 def _simulation_interfaces() -> InterfacePackage:
-    folder = DECLARED / "simulation_interfaces"
-    files = sorted(file for kind in ("msg", "srv", "action") for file in folder.glob(f"{kind}/*.{kind}"))
-    texts = {str(file.relative_to(folder)): file.read_text(encoding="utf-8") for file in files}
     return InterfacePackage("simulation_interfaces", "2.1.0", "Apache-2.0",
-                            "Types that vibro_ros serves, declared by vibro_ros after the package of this name.", texts,
-                            ("action_msgs", "builtin_interfaces", "service_msgs", "unique_identifier_msgs"))
+                            "Types that vibro_ros serves, declared by vibro_ros after the package of this name.",
+                            _texts(DECLARED / "simulation_interfaces"), _OF_ACTIONS)
+
+
+def _vibro_ros_interfaces() -> InterfacePackage:
+    folder = OWN / "vibro_ros_interfaces"
+    about = ElementTree.parse(folder / "package.xml").getroot()
+    return InterfacePackage("vibro_ros_interfaces", str(about.findtext("version")), str(about.findtext("license")),
+                            str(about.findtext("description")), _texts(folder), _OF_ACTIONS)
+
+
+def _texts(folder: Path) -> dict[str, str]:
+    files = sorted(file for kind in ("msg", "srv", "action") for file in folder.glob(f"{kind}/*.{kind}"))
+    return {str(file.relative_to(folder)): file.read_text(encoding="utf-8") for file in files}
 
 
 def fingerprint(packages: Iterable[InterfacePackage]) -> str:

@@ -14,7 +14,8 @@ from tools.interfaces.definitions import fingerprint, interface_packages
 MODULE = "tools.interfaces.command"
 PATIENCE = 60.0  # [s] deadline of what takes a second on an idle machine
 WITHOUT = "; the robot runs without them"
-BUILDING = "setup: building the Python types of tf2_msgs and simulation_interfaces (a quarter of a minute)"
+NAMES = "tf2_msgs, simulation_interfaces and vibro_ros_interfaces"
+BUILDING = f"setup: building the Python types of {NAMES} (a quarter of a minute)"
 
 
 
@@ -46,7 +47,7 @@ def files(prefix: Path) -> list[Path]:
 ])
 def test_without_a_compiler_one_line_says_so(prefix, variables, reason):
     assert run(prefix, **variables) == (
-        f"setup: types of tf2_msgs and simulation_interfaces not built: {reason}{WITHOUT}\n")
+        f"setup: types of {NAMES} not built: {reason}{WITHOUT}\n")
     assert not files(prefix)
 
 
@@ -57,7 +58,7 @@ def test_without_a_compiler_one_line_says_so(prefix, variables, reason):
 def test_a_compiler_that_fails_is_one_line_and_leaves_nothing(prefix, compiler, complaint):
     building, line = run(prefix, CC=compiler).splitlines()
     assert building == BUILDING
-    assert line.startswith(f"setup: types of tf2_msgs and simulation_interfaces not built: {complaint}")
+    assert line.startswith(f"setup: types of {NAMES} not built: {complaint}")
     assert line.endswith(WITHOUT)
     assert not files(prefix)
 

@@ -1,24 +1,28 @@
-"""The robot that hears the commands: which machine it is, what it refuses, and for how long a command counts.
+"""The robot that hears the commands: which machine it is, what it refuses, for how long a command counts; its odometry.
 
 The robot's parameters are asked for before the first command. Of them only `motor.max_speed` is a limit that can change
 while the robot runs; the robot never lowers it below the speed that it was commanded. So a command that is within the
 limits known here is taken, and one that was sent and lies beyond a limit that the robot announces later was refused.
 """
 
+import math
 import re
 import time
+from collections import deque
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 
+from nav_msgs.msg import Odometry
 from rcl_interfaces.msg import ParameterEvent
 from rclpy.executors import Executor
 from rclpy.node import Node
 from rclpy.parameter import parameter_value_to_python
 from rclpy.publisher import Publisher
-from rclpy.qos import qos_profile_parameter_events
+from rclpy.qos import QoSProfile, qos_profile_parameter_events
 
 from vibro_ros.process.stop_signals import StopRequest
+from vibro_ros.ros.controller.feedback import Track
 from vibro_ros.ros.controller.script import MOTOR
 from vibro_ros.ros.live.scene import SceneReader, Settings
 from vibro_ros.ros.node import process
@@ -34,6 +38,9 @@ MOST_ASKED = 16
 LONGEST_NAME = 200
 """Characters of a node's full name."""
 LIVE_LIMIT = "motor.max_speed"
+ODOM = "odom"
+ODOMETRY_DEPTH = 1000
+"""Samples that may wait for the next command: a second's at 1 kHz."""
 
 
 class CommandedRobot:
@@ -61,6 +68,7 @@ class CommandedRobot:
         self._node, self._publisher = node, publisher
         self._readers: dict[str, SceneReader] = {}
         self._last_look = 0.0
+        self._asked = time.monotonic()
         self.sent_speed: float | None = None
         self._refused = ""
         node.create_subscription(ParameterEvent, "/parameter_events", self._hear, qos_profile_parameter_events)
@@ -88,17 +96,28 @@ class CommandedRobot:
 
     def wait(self, executor: Executor, stop: StopRequest) -> None:
         """Return when the robot is known, when there is none of this package to be known, or on `stop`."""
-        begun = time.monotonic()
+        self.ask_again()
 
         def over() -> bool:
             self.tick()
-            waited = time.monotonic() - begun
-            answered = waited > STRANGERS and not any(reader.reading for reader in self._readers.values())
-            return bool(stop or self.settings or answered or waited > PATIENCE)
+            return bool(stop or self.answered)
 
         process.spin_until(executor, over)
         if not (stop or self.settings):
             self._node.get_logger().info(f"{self} does not say its limits: what it refuses shows in its log only")
+
+    def ask_again(self) -> None:
+        """Forget what the robot has answered, and ask for it: a robot of other limits may have taken its place."""
+        self.name, self.settings, self._refused, self._asked = "", None, "", time.monotonic()
+        for reader in self._readers.values():
+            reader.read()
+
+    @property
+    def answered(self) -> bool:
+        """Whether the robot is known, or need not be waited for any more."""
+        waited = time.monotonic() - self._asked
+        reading = not self._readers or any(reader.reading for reader in self._readers.values())
+        return bool(self.settings or waited > (PATIENCE if reading else STRANGERS))
 
     def __str__(self) -> str:
         return self.name or ", ".join(self._readers) or "the robot"
@@ -157,6 +176,41 @@ class CommandedRobot:
                     self.settings = replace(self.settings, scene=self.settings.scene.with_parameters(change))
         if self.sent_speed is not None:
             self._refused = self.refusal(MOTOR, self.sent_speed)
+
+
+class Odometer:
+    """Hears `odom`, and hands its samples to a track.
+
+    With `use_sim_time` only samples older than ROS time are handed over. In lock-step these are there for certain,
+    while of the sample and the clock of one instant either may come first: what is commanded would depend on that.
+
+    Parameters
+    ----------
+    node : Node
+        Listens, from now on.
+    """
+
+    def __init__(self, node: Node):
+        self.track = Track()
+        self._clock = node.get_clock()
+        self._waiting: deque[tuple[int, float]] = deque(maxlen=ODOMETRY_DEPTH)
+        node.create_subscription(Odometry, ODOM, self._hear, QoSProfile(depth=ODOMETRY_DEPTH))
+
+    def restart(self) -> None:
+        """Begin another track, of what is heard from now on."""
+        self.track = Track()
+        self._waiting.clear()
+
+    def _hear(self, message: Odometry) -> None:
+        stamp = message.header.stamp
+        self._waiting.append((stamp.sec * 1_000_000_000 + stamp.nanosec, message.pose.pose.position.x))
+
+    def read(self, time: float) -> Track:
+        """The track with all samples that count at `time` [s] of the script."""
+        limit = self._clock.now().nanoseconds if self._clock.ros_time_is_active else math.inf
+        while self._waiting and self._waiting[0][0] < limit:
+            self.track.add(*self._waiting.popleft(), time)
+        return self.track
 
 
 def _can_be_asked(name: str) -> bool:

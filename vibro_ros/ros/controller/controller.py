@@ -10,17 +10,16 @@ if __name__ == "__main__":  # before all imports: they take a second or two, in 
 import argparse
 import math
 import sys
-from collections import deque
+import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 from heapq import merge
 from itertools import count
 from pathlib import Path
 
-from nav_msgs.msg import Odometry
+from rclpy.duration import Duration
 from rclpy.executors import Executor
 from rclpy.node import Node
-from rclpy.qos import QoSProfile
 from std_msgs.msg import Float64
 
 from vibro_ros.configuration.command_map import CommandMap, find_map, read_map, shipped_maps
@@ -29,14 +28,16 @@ from vibro_ros.model.parameters import Parameter, Value, checked_parameters
 from vibro_ros.process.executables import EXECUTABLES
 from vibro_ros.process.front_door import Parser, exit_code
 from vibro_ros.process.stop_signals import StopRequest
-from vibro_ros.ros.controller.commanded_robot import CommandedRobot
-from vibro_ros.ros.controller.feedback import RATE, GoalError, Pursuit, Track, check_reach
+from vibro_ros.ros.controller.actions import NAMES, GoalServer, action_types
+from vibro_ros.ros.controller.commanded_robot import ODOM, CommandedRobot, Odometer
+from vibro_ros.ros.controller.feedback import RATE, GoalError, Pursuit, check_reach
 from vibro_ros.ros.controller.map_adviser import STAY, MapAdviser
-from vibro_ros.ros.controller.player import Moments, Player, timeline
+from vibro_ros.ros.controller.player import LAST_WORD, Moments, Player, timeline
 from vibro_ros.ros.controller.script import MOTOR, Script, Segment
 from vibro_ros.ros.controller.script_file import find_script, read_script, shipped_scripts
 from vibro_ros.ros.node import process, qos
 from vibro_ros.ros.node.arguments import check_addressed, check_arguments, own_arguments
+from vibro_ros.ros.node.node import SteadyNode
 from vibro_ros.ros.node.parameters import declare, parameter_lines, take_overrides
 
 NODE_NAME = "vibro_controller"
@@ -51,11 +52,8 @@ PARAMETERS = (
               "ground, and says when commands cross into another motion, if it is the robot's"),
 )
 
-ODOM = "odom"
 REPETITIONS = 3
 """How often the motor's command comes within the robot's `command.timeout`."""
-ODOMETRY_DEPTH = 1000
-"""Samples that may wait for the next command: a second's at 1 kHz."""
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -72,6 +70,8 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _run(argv: Sequence[str] | None) -> int:
     words = sys.argv[1:] if argv is None else argv
     arguments = _parser().parse_args(own_arguments(words))
+    if arguments.serve and arguments.script:
+        raise ValueError("--serve: takes goals from other programs, not from a script; leave one of the two out")
     files = check_arguments(words)
     with StopRequest() as stop, process.node_running(NODE_NAME, words) as (node, executor):
         check_addressed(files, node.get_fully_qualified_name())
@@ -80,13 +80,15 @@ def _run(argv: Sequence[str] | None) -> int:
         qos.check_overrides(node, COMMAND_UNITS, (ODOM,))
         settings["script"] = arguments.script or settings["script"]
         declare(node, PARAMETERS, settings)
+        if settings["reach"] == 0.0:
+            raise ValueError("reach: 0 is out of range; give a mean speed other than 0 m/s, "
+                             "negative if the robot goes backwards")
+        if arguments.serve:
+            return _serve(settings, node, executor, stop)
         path = find_script(settings["script"])
         map_path = find_map(settings["map"])
         command_map = read_map(map_path)
         script = read_script(path, command_map)
-        if settings["reach"] == 0.0:
-            raise ValueError("reach: 0 is out of range; give a mean speed other than 0 m/s, "
-                             "negative if the robot goes backwards")
         try:
             check_reach(script.goals, settings["reach"])
         except ValueError as error:
@@ -128,6 +130,21 @@ def _play(script: Script, known: tuple[CommandMap, Path], settings: Mapping[str,
     return code
 
 
+def _serve(settings: Mapping[str, Value], node: SteadyNode, executor: Executor, stop: StopRequest) -> int:
+    """Pursue goals of other programs until a signal."""
+    types = action_types()
+    publisher = node.create_publisher(Float64, MOTOR, qos.COMMANDS)
+    stop.hold()  # the motor must be told to stop
+    server = GoalServer(node, types, CommandedRobot(node, publisher), publisher, timeline(node), settings["reach"])
+    node.get_logger().info("ready: actions " + ", ".join(map(node.resolve_service_name, NAMES.values())))
+    process.spin_until(executor, lambda: bool(stop))
+    server.ending = True
+    over = time.monotonic() + LAST_WORD * server.busy  # the goal's sender is to have its result
+    process.spin_until(executor, lambda: time.monotonic() >= over)
+    publisher.wait_for_all_acked(Duration(seconds=LAST_WORD))
+    return 0
+
+
 def check_limits(script: Script, file: str, robot: CommandedRobot) -> None:
     """Refuse the script of a `file` of which the robot would refuse a command.
 
@@ -167,44 +184,16 @@ def _parser() -> Parser:
         + "; maps: " + ", ".join(shipped_maps()),
         epilog="ROS parameters (--ros-args -p name:=value):\n"
         + parameter_lines(PARAMETERS, {parameter.name: parameter.default for parameter in PARAMETERS})
-        + "\n\nExit code 0: played to the end; 1: no robot, it is not that of the map, it went away or refuses a\n"
-        "command, /clock jumped back, or a speed or a position was not held or reached, with the motor told to stop;\n"
-        "2: bad script, parameter or map, out of reach, or beyond the robot's limits;\n"
+        + "\n\nExit code 0: played to the end, or --serve ended by a signal; 1: no robot, it is not that of the map,\n"
+        "it went away or refuses a command, /clock jumped back, or a speed or a position was not held or reached,\n"
+        "with the motor told to stop; 2: bad script, parameter or map, out of reach, or beyond the robot's limits;\n"
         "129, 130, 143: aborted by SIGHUP, SIGINT or SIGTERM, and the motor told to stop.",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("script", nargs="?", help="a shipped script's name, or the path of a YAML file")
+    parser.add_argument("--serve", action="store_true", help="offer the actions go_to and hold_speed to other "
+                        "programs, until a signal, instead of playing a script")
     return parser
-
-
-class Odometer:
-    """Hears `odom`, and hands its samples to a track.
-
-    With `use_sim_time` only samples older than ROS time are handed over. In lock-step these are there for certain,
-    while of the sample and the clock of one instant either may come first: what is commanded would depend on that.
-
-    Parameters
-    ----------
-    node : Node
-        Listens, from now on.
-    """
-
-    def __init__(self, node: Node):
-        self.track = Track()
-        self._clock = node.get_clock()
-        self._waiting: deque[tuple[int, float]] = deque(maxlen=ODOMETRY_DEPTH)
-        node.create_subscription(Odometry, ODOM, self._hear, QoSProfile(depth=ODOMETRY_DEPTH))
-
-    def _hear(self, message: Odometry) -> None:
-        stamp = message.header.stamp
-        self._waiting.append((stamp.sec * 1_000_000_000 + stamp.nanosec, message.pose.pose.position.x))
-
-    def read(self, time: float) -> Track:
-        """The track with all samples that count at `time` [s] of the script."""
-        limit = self._clock.now().nanoseconds if self._clock.ros_time_is_active else math.inf
-        while self._waiting and self._waiting[0][0] < limit:
-            self.track.add(*self._waiting.popleft(), time)
-        return self.track
 
 
 class ScriptPlayer:

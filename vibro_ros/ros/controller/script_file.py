@@ -80,6 +80,22 @@ def read_script(path: Path, command_map: CommandMap | None = None) -> Script:
     return script
 
 
+def read_goal(entry: Mapping[str, object]) -> tuple[float, Goal]:
+    """The longest time [s] and the goal of one entry that is not in a script.
+
+    Raises
+    ------
+    ValueError
+        For what a script's entry must not be, in the same words.
+    """
+    try:
+        segment = _Unfolding(None).pursuit(entry, [], 0.0, 0.0, "")
+    except ValueError as error:
+        raise ValueError(str(error).removeprefix("entry : ")) from None
+    assert segment.goal
+    return segment.duration, segment.goal
+
+
 class _Unfolding:
     """Unfolds blocks to segments while it remembers where each command stands."""
 
@@ -134,7 +150,7 @@ class _Unfolding:
             yield from self.block(entry, start, f"{number}.")
             return
         if any(key in entry for key in GOAL_KEYS):
-            yield self._pursuit(entry, later, block_start, start, number)
+            yield self.pursuit(entry, later, block_start, start, number)
             return
         over_ground = _OVER_GROUND in entry
         allowed = () if over_ground else (*COMMAND_UNITS, *GOAL_KEYS)
@@ -157,7 +173,7 @@ class _Unfolding:
         except ValueError as error:
             raise ValueError(f"{where}{_OVER_GROUND}: {error}") from None
 
-    def _pursuit(self, entry: Mapping, later: list[object], block_start: float, start: float, number: str) -> Segment:
+    def pursuit(self, entry: Mapping, later: list[object], block_start: float, start: float, number: str) -> Segment:
         """The segment of an entry with a goal; what the motor does at its end is known only if it stands then."""
         where = f"entry {number}: "
         goal = _read_goal(entry, where)

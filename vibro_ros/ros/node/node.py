@@ -7,7 +7,7 @@ such a message is refused.
 
 import copy
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Generator
 from functools import partial
 from inspect import iscoroutinefunction
 from typing import Any
@@ -180,6 +180,14 @@ class SteadyExecutor(SingleThreadedExecutor):
                 _release(entity)
             name = getattr(entity, "topic_name", None) or getattr(entity, "service_name", None)
             self._refusals.catch(name or (type(entity).__name__ if entity else "task"), error)
+
+
+class NextTurn:
+    """What a coroutine awaits to go on at the executor's next turn."""
+
+    def __await__(self) -> Generator[None, None, None]:
+        """Give the turn away once."""
+        yield
 
 
 def _fix(node: Node, name: str, meaning: str) -> None:

@@ -7,7 +7,7 @@ refused, is said by pure functions of numbers, which are those of version 2.1.0.
 
 import math
 import time
-from collections.abc import Awaitable, Callable, Generator, Iterable, Sequence
+from collections.abc import Awaitable, Callable, Iterable, Sequence
 from concurrent.futures import TimeoutError as FutureTimeoutError
 from enum import IntEnum, IntFlag
 from importlib import import_module
@@ -24,7 +24,7 @@ from std_srvs.srv import SetBool, Trigger
 
 from vibro_ros.messages.topics import PAUSE, RESET, RESUME, SET, STEP, Operation
 from vibro_ros.model.parameters import checked_parameters
-from vibro_ros.ros.node.node import SteadyNode
+from vibro_ros.ros.node.node import NextTurn, SteadyNode
 from vibro_ros.ros.node.parameters import TABLE
 from vibro_ros.ros.robot.operations import Operations, Request
 from vibro_ros.ros.robot.pacing import RobotTime
@@ -102,14 +102,7 @@ async def finished(node: Node, request: Request, patience: float = PATIENCE) -> 
     begun = time.monotonic()
     request.add_done_callback(lambda _: node.executor and node.executor.wake())
     while not request.done() and time.monotonic() < begun + patience:
-        await _Turn()
-
-
-class _Turn:
-    """Waits for the executor's next turn."""
-
-    def __await__(self) -> Generator[None, None, None]:
-        yield
+        await NextTurn()
 
 
 def outcome(request: Request, patience: float = 0.0) -> tuple[bool, str]:

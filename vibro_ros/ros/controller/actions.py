@@ -1,0 +1,194 @@
+"""`controller --serve`: a position or a mean speed as a goal of another program, with feedback and cancel.
+
+The actions `go_to` and `hold_speed` have the types of `vibro_ros_interfaces`, and goals, laws and words of a script's
+entries. One goal at a time has the motor. However a goal ends that has commanded the motor, it is told to stop, because
+nobody else may look after it. Each goal is accepted, so that its result can say in words what is wrong with it.
+"""
+
+import math
+from functools import partial
+from importlib import import_module
+from typing import Any
+
+from rclpy.action import ActionServer, CancelResponse
+from rclpy.action.server import ServerGoalHandle
+from rclpy.publisher import Publisher
+from rclpy.type_support import NoTypeSupportImportedException, check_for_type_support
+from std_msgs.msg import Float64
+
+from vibro_ros.ros.controller.commanded_robot import CommandedRobot, Odometer
+from vibro_ros.ros.controller.feedback import RATE, Pursuit, check_reach
+from vibro_ros.ros.controller.player import Timeline, deaf
+from vibro_ros.ros.controller.script import MOTOR
+from vibro_ros.ros.controller.script_file import read_goal
+from vibro_ros.ros.node.node import NextTurn, SteadyNode
+
+PACKAGE = "vibro_ros_interfaces"
+NAMES = {"GoTo": "go_to", "HoldSpeed": "hold_speed"}
+"""The actions, by their types."""
+RESULT_TIMEOUT = 60
+"""How long [s] the result of a goal can be asked for; each goal that was ever sent takes memory meanwhile."""
+
+
+def action_types() -> dict[str, Any]:
+    """The types of the actions.
+
+    Raises
+    ------
+    ValueError
+        Where they are not installed.
+    """
+    try:
+        types = {name: getattr(import_module(f"{PACKAGE}.action"), name) for name in NAMES}
+        for kind in types.values():
+            check_for_type_support(kind)
+    except (ImportError, AttributeError, NoTypeSupportImportedException):
+        raise ValueError(f"--serve: {PACKAGE} is not installed, so there are no actions; `make setup` builds it where "
+                         "there is a C compiler, and colcon from the folder interfaces") from None
+    return types
+
+
+class _CancelledError(Exception):
+    """The goal's sender has cancelled it."""
+
+
+class GoalServer:
+    """Offers the actions from now on; for the executor's thread.
+
+    Parameters
+    ----------
+    node : SteadyNode
+        Offers.
+    types : dict of str to type
+        Of `action_types`.
+    robot : CommandedRobot
+        Takes the commands.
+    publisher : Publisher
+        Of the motor's speed.
+    time : Timeline
+        The time in which goals count.
+    reach : float
+        Mean speed [m/s] that the robot holds at most; its sign is that of the way it goes.
+
+    Attributes
+    ----------
+    busy : bool
+        Whether a goal is being pursued.
+    ending : bool
+        Whether the controller is about to end, and no goal is to be pursued any more.
+    """
+
+    def __init__(self, node: SteadyNode, types: dict[str, Any], robot: CommandedRobot, publisher: Publisher,
+                 time: Timeline, reach: float):
+        self.busy = self.ending = self._moved = False
+        self._node, self._robot, self._publisher = node, robot, publisher
+        self._time, self._reach, self._odometer = time, reach, Odometer(node)
+        for kind, name in NAMES.items():
+            ActionServer(node, types[kind], name, partial(self._execute, types[kind], name),
+                         cancel_callback=lambda _: CancelResponse.ACCEPT, result_timeout=RESULT_TIMEOUT)
+        node.create_timer(0.5 / RATE, lambda: None)  # the executor's turns, in which goals are pursued
+
+    async def _execute(self, kind: Any, name: str, handle: ServerGoalHandle) -> Any:
+        result, path = kind.Result(), self._node.resolve_service_name(name)
+        if self.busy:
+            result.message = "another goal is being pursued; cancel it, or wait for its end"
+            self._node.refusals.refuse(path, result.message)
+            handle.abort()
+            return result
+        self.busy, self._moved = True, False
+        try:
+            result.message = await self._pursue(kind, name, handle)
+            handle.succeed()
+        except _CancelledError:
+            result.message = "cancelled"
+            handle.canceled()
+        except (ValueError, RuntimeError) as error:
+            result.message = str(error).removeprefix(f"entry {name}: ")
+            self._node.refusals.refuse(path, result.message)
+            handle.abort()
+        except Exception as error:  # whatever it is, the caller waits for a result
+            result.message = f"{type(error).__name__}; the node's log says more"
+            self._node.refusals.catch(path, error)
+            handle.abort()
+        finally:
+            if self._moved:
+                self._publisher.publish(Float64(data=0.0))
+            self.busy = False
+        result.position = self._position()
+        self._node.get_logger().info(f"{path}: {result.message}{'; the motor is told to stop' * self._moved}")
+        return result
+
+    async def _pursue(self, kind: Any, name: str, handle: ServerGoalHandle) -> str:
+        """What was reached, in words.
+
+        Raises
+        ------
+        ValueError
+            For a goal that cannot be, or that the robot cannot reach.
+        RuntimeError
+            When the goal was missed, or the robot is not there.
+        _CancelledError
+            When it was cancelled.
+        """
+        duration, goal = read_goal(_entry(name, handle.request))
+        check_reach([(name, goal)], self._reach)
+        await self._ask_robot(handle)
+        if reason := self._robot.refusal(MOTOR, goal.motor[1]):
+            raise ValueError(reason)
+        self._node.get_logger().info(f"{goal.describe()}, {duration:g} s")
+        self._odometer.restart()
+        self._time.begin()
+        pursuit = Pursuit(goal, 0.0, duration, self._reach, self._odometer.track)
+        words, speed, due = "", 0.0, 0.0
+        while not pursuit.over:
+            self._check(handle)
+            if (elapsed := self._time.elapsed()) < due:
+                await NextTurn()
+                continue
+            due = (math.floor(elapsed * RATE) + 1) / RATE
+            self._odometer.read(elapsed)
+            given = pursuit.motor_speed(elapsed)
+            for words in pursuit.take_words():
+                self._node.get_logger().info(f"{name}: {words}")
+            if given is not None:
+                speed = given
+                self._robot.note(MOTOR, speed)
+                self._publisher.publish(Float64(data=speed))
+                self._moved = True
+            handle.publish_feedback(kind.Feedback(elapsed=elapsed, position=self._position(), motor_speed=speed))
+        return words
+
+    async def _ask_robot(self, handle: ServerGoalHandle) -> None:
+        """Wait until there is a robot and it has said its limits, which may be others than at the goal before."""
+        self._robot.ask_again()
+        while not self._robot.answered:
+            self._check(handle)
+            await NextTurn()
+        if topics := deaf([self._publisher]):
+            raise RuntimeError(f"nobody listens to {', '.join(topics)}; start a robot")
+
+    def _check(self, handle: ServerGoalHandle) -> None:
+        """Raise if the goal is not to be pursued any more."""
+        if handle.is_cancel_requested:
+            raise _CancelledError
+        if self.ending:
+            raise RuntimeError("the controller ends")
+        if self._robot.settings and deaf([self._publisher]):
+            raise RuntimeError(f"{self._robot} is gone")
+        self._robot.tick()
+
+    def _position(self) -> float:
+        """Mean position [m] of the body; NaN before it was heard."""
+        position = self._odometer.track.position
+        return math.nan if position is None else position
+
+
+def _entry(name: str, goal: Any) -> dict[str, object]:
+    """A goal as an entry of a script: what is left at 0 has the script's default."""
+    entry: dict[str, object] = {"go_to": goal.position, "timeout": goal.timeout} if name == "go_to" else {
+        "hold_speed": goal.speed, "for": goal.duration}
+    if goal.within:
+        entry["within"] = goal.within
+    if goal.motor_from or goal.motor_to:
+        entry["motor_speed"] = {"from": goal.motor_from, "to": goal.motor_to}
+    return entry
