@@ -10,6 +10,7 @@ from motion_reader import Motion
 from page_visitor import PageVisitor, address_of
 from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
 from rcl_interfaces.srv import SetParameters
+from std_msgs.msg import Float64
 
 import vibro_ros
 from vibro_ros.view.protocol import COLUMNS
@@ -74,7 +75,9 @@ def test_what_is_sent_is_what_was_published_in_one_row_a_sample(start, view, vis
     ends_well(view)
 
 
-def test_commands_services_and_refusals_in_the_robot_s_words(start, view, visit):
+def test_commands_services_and_refusals_in_the_robot_s_words(start, view, visit, bench):
+    speeds: list[float] = []
+    bench.node.create_subscription(Float64, "motor_speed", lambda message: speeds.append(message.data), 10)
     start("robot", *CRAWL)
     page = visit()
     page.wait_for_robot(offers={"reset": True, "step": True, "pause": True, "record": True})
@@ -96,7 +99,11 @@ def test_commands_services_and_refusals_in_the_robot_s_words(start, view, visit)
     assert page.ask(parameter="ground.friction", value=2e3)["words"].startswith("ground.friction: 2000")
     assert page.ask(parameter="ground.friction", value=0.4)["done"]
     late.wait(lambda: late.last("robot")["machine"]["knobs"][-1]["value"] == 0.4, "the floor")
+    assert page.ask(command="motor_speed", value=50.0)["done"]
+    late.wait(lambda: late.last("commands")["values"].get("motor_speed") == 50.0, "the command of another page")
     ends_well(view, signal.SIGTERM)
+    bench.spin_until(lambda: speeds[-1:] == [0.0], "nobody is left who could stop the motor")
+    assert "sent motor_speed 0" in view.text
 
 
 def test_slow_motion_of_the_last_second(start, view, visit):
@@ -155,14 +162,17 @@ def test_two_robots_of_one_name_are_said_to_be_two_and_nothing_is_drawn(start, v
 
 
 def test_a_robot_in_a_namespace_under_another_name(start, visit, view):
-    strange = visit()
+    stranger = visit()
+    neighbour = visit(start("live_view", "--port", "0", "--ros-args", "-r", "__ns:=/r1", "-r", "odom:=there"))
     view = start("live_view", "--port", "0", "--robot", "crawler", "--ros-args", "-r", "__ns:=/r1", "-r",
                  "odom:=there")
     start("robot", *CRAWL, "-r", "__ns:=/r1", "-r", "__node:=crawler", "-r", "odom:=there", "-p", "frame_prefix:=r1/")
     page = visit(view)
     page.wait_for_robot(name="/r1/crawler")
     page.wait_for_rows(50)
-    strange.wait_for_absence("but /r1/crawler; to show the first: view --robot /r1/crawler --ros-args -r __ns:=/r1")
+    stranger.wait_for_absence("but /r1/crawler; to show the first: view --robot /r1/crawler --ros-args -r __ns:=/r1")
+    words = neighbour.wait_for_absence("no robot /r1/vibro_robot")  # its topics are there, under another node's name
+    assert words.endswith("view --robot /r1/crawler")
     page.wait(lambda: page.last("impacts"), "impacts")
     assert page.ask(call="reset")["done"]
     assert page.ask(command="motor_speed", value=-1.0)["done"]

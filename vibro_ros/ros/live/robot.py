@@ -102,7 +102,7 @@ class LiveRobot:
         if self._publishers and not found:  # it has gone, and who comes next is to be asked what it is
             self.settings, self.origin, self._fault = None, None, ""
         self._publishers, self._unread = found, False
-        self._others = [] if found else self._robots_seen()
+        self._others = [] if self.settings else self._robots_seen()
 
     @property
     def absence(self) -> str:
@@ -113,7 +113,8 @@ class LiveRobot:
                     "--ros-args -r __ns:=/r1")
         if self._fault:
             return f"{self._robot} cannot be shown: {self._fault}"
-        if not self._publishers and not (self.reader.sees_robot and self.settings is None):
+        is_missing = self.settings is None and not self.reader.sees_robot
+        if not self._publishers and (is_missing or self.settings) or (is_missing and self._others):
             return self._nobody()
         silent = now > self._heard + SILENCE
         if self.settings is None or (self._doubtful and not silent):
