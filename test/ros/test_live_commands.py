@@ -6,11 +6,9 @@ from std_msgs.msg import Float64
 import vibro_ros
 from vibro_ros.messages.topics import RESET, TIMEOUT, Operation
 from vibro_ros.ros.live.commands import RETURN, Commands
-from vibro_ros.ros.live.scene import Settings
 from vibro_ros.view.protocol import Command
 
 SCENE = vibro_ros.load_scene("device")
-SETTINGS = Settings(SCENE, "", 0.0)
 
 
 class Both:
@@ -51,19 +49,19 @@ def both(bench):
 def test_a_motor_that_a_page_commanded_stops_when_the_pages_have_gone_and_no_other_one(both):
     device = both.commands
     both.page(50.0)
-    assert device.of_page and not device.watch(1, SETTINGS)
+    assert device.of_page and not device.watch(1, 0.0)
     both.page(1e6, 55.0)
     assert device.of_page and device.in_force == {"motor_speed": 55.0}
     both.now += 0.9 * RETURN
-    assert not device.watch(0, SETTINGS)  # a page that is loaded again comes back in time
+    assert not device.watch(0, 0.0)  # a page that is loaded again comes back in time
     both.now += 0.2 * RETURN
-    assert device.watch(0, SETTINGS) and not device.watch(0, SETTINGS)
+    assert device.watch(0, 0.0) and not device.watch(0, 0.0)
     both.wait_for(0.0)
     both.page(60.0)
     both.other(80.0)
     assert device.in_force == {"motor_speed": 80.0} and not device.of_page
     both.now += 2.0 * RETURN
-    assert not device.watch(0, SETTINGS) and not device.end()
+    assert not device.watch(0, 0.0) and not device.end()
     for operation, left in ((TIMEOUT, {"motor_speed": 0.0}), (RESET, {})):
         both.page(70.0)
         device.hear(SCENE, [Operation(operation)])
@@ -77,5 +75,5 @@ def test_a_robot_with_a_timeout_hears_the_page_s_command_again_and_again(both, b
     both.page(50.0)
     for number in range(3):
         both.now += 0.2
-        assert not both.commands.watch(1, Settings(SCENE, "", 0.5))
+        assert not both.commands.watch(1, 0.5)
         bench.spin_until(lambda number=number: len(both.heard) == number + 2, "the command again")

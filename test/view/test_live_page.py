@@ -286,7 +286,7 @@ def test_a_robot_that_comes_late_goes_and_comes_back_is_shown(udp_only, start, v
     first.send(signal.SIGKILL)
     first.end()
     until(page, lambda page: page.is_visible("#absent"), "the robot's absence")
-    assert page.is_disabled("#motor_speed")
+    assert page.is_disabled("#motor_speed") and page.is_enabled("#stop")
     second = start("robot", *CRAWL, "-p", "scene:=no_impact")
     until(page, shows_robot)
     until(page, lambda page: page.locator("#upper_gap").count() == 0, "another machine, without plates")

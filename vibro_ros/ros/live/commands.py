@@ -15,7 +15,6 @@ from vibro_ros.bag.cdr import deserialised
 from vibro_ros.messages.topics import COMMAND_UNITS, RESET, TIMEOUT, Operation
 from vibro_ros.model.scene import Scene
 from vibro_ros.ros.live.samples import QuietSubscription
-from vibro_ros.ros.live.scene import Settings
 from vibro_ros.ros.node import qos
 from vibro_ros.view.protocol import Command
 
@@ -84,8 +83,11 @@ class Commands:
             elif operation.name == TIMEOUT:
                 self.in_force[SPEED], self.of_page = 0.0, False
 
-    def watch(self, pages: int, settings: Settings) -> bool:
-        """Keep the motor turning while pages are open, and stop it when they have gone; whether it was stopped now."""
+    def watch(self, pages: int, timeout: float) -> bool:
+        """Keep the motor turning while pages are open, and stop it when they have gone; whether it was stopped now.
+
+        `timeout` [s] is the robot's `command.timeout`, 0 if it has none.
+        """
         now = self._now()
         if pages:
             self._seen = now
@@ -95,7 +97,7 @@ class Commands:
             self._publish(SPEED, 0.0)
             self.of_page = False
             return True
-        if settings.command_timeout and now > self._repeated + settings.command_timeout / REPEATS:
+        if timeout and now > self._repeated + timeout / REPEATS:
             self._repeated = now
             self._publish(SPEED, self.in_force[SPEED])
         return False

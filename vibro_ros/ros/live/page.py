@@ -178,7 +178,8 @@ class LivePage:
         if in_force != self._in_force:
             self._in_force = in_force
             server.send("commands", in_force)
-        if self._standing.settings and self._commands.watch(len(server.pages), self._standing.settings):
+        settings = self._standing.settings
+        if self._commands.watch(len(server.pages), settings.command_timeout if settings else 0.0):
             self._node.get_logger().warning(f"no page has been open for {RETURN:g} s, and the motor was commanded from "
                                             "one; sent motor_speed 0")
 

@@ -139,7 +139,6 @@ class Live {
     }
     this.#buttons.step.disabled = !(offers.step && this.#paused);
     this.#buttons.slow.disabled = !on;
-    this.#buttons.stop.disabled = !on;
     this.#buttons["save-samples"].disabled = !this.#ring;
   }
 

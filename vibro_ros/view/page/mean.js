@@ -39,6 +39,7 @@ export class Means {
   #over = document.querySelector("#mean-over");
   #airborne = document.querySelector("#airborne");
   #written = -EVERY;
+  #time = Number.NaN; // that was read last
 
   /**
    * @param {object | null} source a `Ring` or a `Motion`
@@ -46,10 +47,11 @@ export class Means {
    * @param {number} now time on the wall [ms]
    */
   show(source, time, now) {
-    if (!source || !Number.isFinite(time) || now - this.#written < EVERY) {
+    if (!source || !Number.isFinite(time) || now - this.#written < EVERY || time === this.#time) {
       return;
     }
     this.#written = now;
+    this.#time = time;
     const {seconds, speed, airborne} = means(source, time);
     this.#speed.textContent = `${fixed(speed * 1e3, 1)} mm/s`;
     this.#over.textContent = `mean of the last ${fixed(seconds, 1)} s`;
