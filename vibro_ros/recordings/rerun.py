@@ -8,6 +8,7 @@ real-time factor).
 """
 
 import json
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -32,6 +33,7 @@ from vibro_ros.messages.topics import (
 from vibro_ros.model.parameters import SCENE_PARAMETERS, Value, checked_parameters
 from vibro_ros.model.scene import Scene
 from vibro_ros.process.untrusted import one_line
+from vibro_ros.simulation.motion import SimulationError
 from vibro_ros.simulation.preparation import prepare_kernels
 from vibro_ros.simulation.simulator import Simulator
 
@@ -41,8 +43,9 @@ LONGEST_PAUSE = 10.0
 LONGEST_UNSAMPLED = 86_400.0
 #: Samples of it at most.
 MOST_UNSAMPLED = 40_000_000
-#: Steps of a fixed step in a sample.
+#: Steps of a sample at most.
 MOST_STEPS = 1_000_000
+_PART = 0.1  # s of robot time between two looks at the steps
 _TRANSFORM = "geometry_msgs/msg/TransformStamped"
 SAMPLED = ("odom", "joint_states", "ground_contact", "motor_power")
 
@@ -218,8 +221,17 @@ class Rerun:
 
     def _advance(self) -> None:
         """Go to the sample `tick`; a device that was reset after it stands at its start already."""
-        if self.tick >= self.origin:
-            self.device.advance_to(self._facts.time(self.tick - self.origin))
+        if self.tick < self.origin:
+            return
+        until, most = self._facts.time(self.tick - self.origin), 0
+        while until - self.device.time > _PART:
+            samples = math.ceil((until - self.device.time) * self._facts.rate)
+            most = most or self.device.statistics["steps"] + MOST_STEPS * samples
+            self.device.advance_to(self.device.time + _PART)
+            if self.device.statistics["steps"] > most:
+                raise SimulationError(f"at {self.device.time:.9g} s: more than {MOST_STEPS} steps a sample; the robot "
+                                      "that recorded this bag cannot have taken them")
+        self.device.advance_to(until)
 
     def _messages(self) -> Iterator[tuple[str, bytes]]:
         state, events, stamp = self.device.state, self.device.take_events(), self._facts.stamp(self.tick)

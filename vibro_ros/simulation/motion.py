@@ -13,6 +13,7 @@ import numpy as np
 from vibro_ros.model.energy import ACCOUNTS, LOSSES
 from vibro_ros.model.fixed_steps import contact_laws, cut_to_laws
 from vibro_ros.model.modes import MODE_EVENTS
+from vibro_ros.model.parameters import BY_NAME
 from vibro_ros.model.scene import Scene
 from vibro_ros.model.tables import Model, compile_scene
 from vibro_ros.simulation.given_state import book, checked_state, place, started
@@ -28,6 +29,8 @@ from vibro_ros.solver.state import State, lasting, new_state
 from vibro_ros.solver.system import NOTHING
 
 EVENTS_AT_ONCE = 4096
+#: So many events take at least this time [s]; only in a state that no machine has, as of a forged checkpoint, less.
+_PROGRESS = 1e-9
 #: After so many of its time constants a lagging motor has reached its speed, to rounding.
 _TIME_CONSTANTS = 40.0
 
@@ -37,6 +40,9 @@ _PART, _FIRST_PART, _GROWTH = 0.02, 0.1, 1000.0
 
 #: No number of a device's state is larger, in SI units and counts; beyond it a checkpoint is of no device.
 _LARGEST = 1e15
+#: Nor is a local time of the present segment, but for rounding.
+_LOCAL = 1.0 + 1e-9
+_CLOSE = 1e-6  # relative, of what follows from other numbers
 
 _CAUSES = {
     event_loop.STUCK: "events follow each other without any progress of time",
@@ -200,19 +206,46 @@ class Motion:
 
     def is_possible(self) -> bool:
         """Whether what was written into the arrays of `lasting` points at nothing beyond the scene's tables, where a
-        kernel would read foreign memory, is finite, and needs no endless time to get to `time`."""
+        kernel would read foreign memory, is finite, lies within the segment where it is a local time, and needs no
+        endless time to get to `time` or on from there."""
         system, now = self.model.system, self.state.now[0]
         segment, drive, automaton = now["segment"], now["drive"], now["automaton"]
         places = ((automaton["guard"], NOTHING, system.guard.shape[1]), (drive["cell"], 0, len(system.signals.reach)),
                   (segment["slot"], 0, len(system.signals.start) + 1),
                   *((mode, 0, len(self.model.modes)) for mode in (automaton["mode"], *self._stepper.modes)))
-        moving = (self.time, *(drive[name] for name in drive.dtype.names))
+        if not all(low <= place < high for place, low, high in places):
+            return False
+        shortest = 0.25 * self.scene["solver.step"] if self._cuts_forces else 0.0  # a fixed step is never cut
+        local = ("flow_start", "mode_start", "next_event", "piece_middle", "piece_end")
+        within = ((now["accounts"]["booked"], -_LOCAL, _LOCAL), *((segment[name], -_LOCAL, _LOCAL) for name in local),
+                  (segment["half"], shortest, LONGEST_SEGMENT), (segment["piece_half"], 0.0, 1.0),
+                  (segment["residue"], -LONGEST_SEGMENT, LONGEST_SEGMENT),
+                  (self.time - segment["start"], -2.0 * LONGEST_SEGMENT, 2.0 * LONGEST_SEGMENT))
+        moving, constant = (self.time, *(drive[name] for name in drive.dtype.names)), self.state.z[-1]
         numbers = np.concatenate([np.ravel(part) for part in self.lasting()])
         endless = np.count_nonzero(~(np.abs(numbers) <= _LARGEST))
-        return (all(low <= place < high for place, low, high in places) and all(map(math.isfinite, moving))
-                and endless == (segment["cell_left"] > _LARGEST)  # of a crank that stands, or nearly so
-                and abs(self.time - segment["start"]) <= 2.0 * LONGEST_SEGMENT
-                and abs(segment["residue"]) <= LONGEST_SEGMENT and abs(segment["next_event"]) <= 1.0)
+        return (all(map(math.isfinite, moving)) and all(low <= number <= high for number, low, high in within)
+                and constant[0] in (0.0, 1.0) and not constant[1:].any() and self._can_drive()
+                and endless == (segment["cell_left"] > _LARGEST))  # of a crank that stands, or nearly so
+
+    def _can_drive(self) -> bool:
+        """Whether the motor and the plates of the scene can move as the drive and the ramps have it."""
+        scene, drive, law = self.scene, self.state.now["drive"][0], self.scene["effects.motor"]
+        start, fastest = self.model.system.signals.start, BY_NAME["motor.max_speed"].maximum
+        width, time, lag = start[drive["cell"] + 1] - start[drive["cell"]], drive["cell_time"], drive["lag"]
+        if drive["time_left"] > 0.0 and time != 0.0:  # which must be the time that the cell takes
+            passed = time * (drive["cell_speed"] + 0.5 * drive["acceleration"] * time)
+            if lag > 0.0:
+                away = drive["cell_speed"] - drive["target"]
+                passed = drive["target"] * time - away * lag * math.expm1(-time / lag)
+            if not abs(passed - width) <= _CLOSE * width:
+                return False
+        return (all(0.0 <= drive[name] <= fastest for name in ("speed", "target", "cell_speed"))
+                and abs(drive["acceleration"]) in (0.0, scene["motor.acceleration"] * (law == "ramp"))
+                and lag in (0.0, scene["motor.time_constant"] * (law == "lag"))
+                and all(abs(rate) in (0.0, scene["gap_actuator.speed"]) for rate in self.state.ramp["rate"])
+                and all(drive[name] >= 0.0 for name in ("since", "cell_time", "time_left"))
+                and 0.0 <= drive["offset"] <= width * (1.0 + _CLOSE))
 
     def _begin_segment(self, state: State) -> None:
         status = self._stepper.begin(state, self.point)
@@ -296,14 +329,22 @@ class Motion:
         self._sampled = False
         end, status = float(times[-1]), event_loop.EVENTS_FULL
         while status == event_loop.EVENTS_FULL:
+            begun = self._mode_began()
             status, taken, count = self._stepper.advance(self.state, times, self.point, *trace, self._room)
             if count:
                 self.events.add(self._room[:count])
             if status == event_loop.EVENTS_FULL:
                 times, trace = times[taken:], trace.part(taken, len(times))
+                if self._mode_began() - begun < _PROGRESS:
+                    status = event_loop.STUCK
         if status != event_loop.REACHED:
             self._fail(status, self.state)
         self.time = end
+
+    def _mode_began(self) -> float:
+        """Instant [s] at which the present mode began."""
+        segment = self.state.now["segment"][0]
+        return float(segment["start"] + segment["half"] * (segment["mode_start"] + 1.0))
 
     def quantities(self, times: np.ndarray, trace: Trace) -> dict[str, np.ndarray]:
         """Return the fields of `Samples` at `times` [s] from the trace that `advance` has filled."""
@@ -336,6 +377,7 @@ class EventLog:
         if len(events) == 0:
             return
         self._untaken.append(events.copy())
+        np.maximum(events[:, 0], 0.0, out=self._untaken[-1][:, 0])  # a root beside the start, less rounding
         self._counts += np.bincount(events[:, 1].astype(np.int64), minlength=len(self._counts))
 
     def take(self) -> np.ndarray:
