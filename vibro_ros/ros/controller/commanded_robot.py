@@ -29,8 +29,8 @@ from vibro_ros.ros.node import process
 
 PATIENCE = 5.0
 """Longest wait [s] for the robot's parameters before the first command."""
-STRANGERS = 1.0
-"""Time [s] after which nobody is waited for if all that hear the commands have said that they are no robots."""
+ALL_ANSWERED = 1.0
+"""Time [s] after which the wait is over if every node that hears the commands has answered that it is no robot."""
 LOOKS = 0.2
 """Time [s] between two looks for nodes that hear the commands."""
 MOST_ASKED = 16
@@ -64,13 +64,12 @@ class CommandedRobot:
     """
 
     def __init__(self, node: Node, publisher: Publisher):
-        self.name, self.settings = "", None  # type: str, Settings | None
+        self.name = self._refused = ""
+        self.settings: Settings | None = None
+        self.sent_speed: float | None = None
         self._node, self._publisher = node, publisher
         self._readers: dict[str, SceneReader] = {}
-        self._last_look = 0.0
-        self._asked = time.monotonic()
-        self.sent_speed: float | None = None
-        self._refused = ""
+        self._asked, self._last_look = time.monotonic(), 0.0
         node.create_subscription(ParameterEvent, "/parameter_events", self._hear, qos_profile_parameter_events)
 
     def tick(self) -> None:
@@ -117,7 +116,7 @@ class CommandedRobot:
         """Whether the robot is known, or need not be waited for any more."""
         waited = time.monotonic() - self._asked
         reading = not self._readers or any(reader.reading for reader in self._readers.values())
-        return bool(self.settings or waited > (PATIENCE if reading else STRANGERS))
+        return bool(self.settings or waited > (PATIENCE if reading else ALL_ANSWERED))
 
     def __str__(self) -> str:
         return self.name or ", ".join(self._readers) or "the robot"

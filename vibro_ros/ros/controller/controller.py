@@ -77,7 +77,7 @@ def _run(argv: Sequence[str] | None) -> int:
         check_addressed(files, node.get_fully_qualified_name())
         settings = {parameter.name: parameter.default for parameter in PARAMETERS}
         settings |= checked_parameters(take_overrides(node), PARAMETERS)
-        qos.check_overrides(node, COMMAND_UNITS, (ODOM,))
+        qos.check_overrides(node, COMMAND_UNITS, (ODOM, process.CLOCK))
         settings["script"] = arguments.script or settings["script"]
         declare(node, PARAMETERS, settings)
         if settings["reach"] == 0.0:

@@ -86,7 +86,7 @@ def _run(words: Sequence[str]) -> int:
         check_names(node, (*COMMAND_UNITS, *map(published_name, PUBLISHED)))
         settings, scene = _configure(node, words)
         qos.check_overrides(node, (*map(published_name, PUBLISHED), f"~/{OPERATIONS}", TOPIC,
-                                   *[CLOCK] * settings["clock.publish"]), COMMAND_UNITS)
+                                   *[CLOCK] * settings["clock.publish"]), (*COMMAND_UNITS, CLOCK))
         publishers = RobotPublishers(node, scene, settings["frame_prefix"], settings["tf.publish"],
                                      [settings[name] for name in VARIANCES])
         plan = _plan(node, settings, scene, publishers)
