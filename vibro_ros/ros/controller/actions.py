@@ -86,7 +86,6 @@ class GoalServer:
         for kind, name in NAMES.items():
             ActionServer(node, types[kind], name, partial(self._execute, types[kind], name),
                          cancel_callback=lambda _: CancelResponse.ACCEPT, result_timeout=RESULT_TIMEOUT)
-        node.create_timer(0.5 / RATE, lambda: None)  # the executor's turns, in which goals are pursued
 
     async def _execute(self, kind: Any, name: str, handle: ServerGoalHandle) -> Any:
         result, path = kind.Result(), self._node.resolve_service_name(name)
