@@ -88,7 +88,7 @@ def test_bad_input_is_refused_in_one_line(words, message, capsys, tmp_path):
 
 def test_a_branch_is_read_as_it_was_written(tmp_path):
     """Special points stand between the orbits that they lie between."""
-    plan = plan_of(parser().parse_args(["--quick"]))
+    plan = plan_of(parser().parse_args(["--quick", "--scene", "damped"]))
     random = np.random.default_rng(7)
     names = ("upper_position", "upper_velocity", "inclined_position", "inclined_velocity", "body_velocity")
     multipliers = random.normal(size=(4, 5)) + 1j * random.normal(size=(4, 5))

@@ -6,6 +6,7 @@ import warnings
 from collections.abc import Sequence
 from pathlib import Path
 
+from vibro_ros.accuracy.precision import running
 from vibro_ros.orbits.turn_map import Stroboscope, free_cut
 from vibro_ros.process.front_door import FAILURE, Parser, say
 from vibro_ros.simulation.simulator import ToleranceWarning
@@ -79,7 +80,7 @@ def _folder(output: Path, name: str) -> Path:
 
 
 def _design(options: argparse.Namespace) -> Design:
-    scene = machine_of(options)
+    scene = running(machine_of(options))
     if scene.broken_promise:
         say("study", f"warning: {scene.broken_promise}")
     quick = _QUICK if options.quick else {}

@@ -30,7 +30,7 @@ from vibro_ros.study.variation import Range, varied_in_words, whole_number
 
 BRANCHES, SPECIAL, PICTURE, TEXT = "branches.parquet", "special_points.parquet", "orbits.png", "orbits.md"
 MOST_TURNS = 32
-_QUICK_VARY, _QUICK_FROM = "motor.speed=98:112", 100.0
+_QUICK_VARY, _QUICK_FROM = "motor.speed=60:66", 65.0
 # Default, default with --quick, least and most of the numbers that an option gives.
 _COUNTS = {"turns": (8, 2, 1, MOST_TURNS), "starts": (4, 2, 1, 1000), "points": (400, 120, 2, 100_000)}
 
@@ -104,7 +104,7 @@ def parser() -> Parser:
     own = study_parser(
         "orbits", "Look for periodic orbits, stable and unstable, follow their branches over a parameter, through "
         "folds, grazings and corners, and from period doublings on; locate and name special points.")
-    add_machine(own, "damped")
+    add_machine(own, "device")
     own.add_argument("--vary", metavar="NAME=LOW:HIGH", help="the parameter that changes, and its range")
     own.add_argument("--from", dest="begin", action="append", default=[], metavar="VALUE", help="where orbits are "
                      "looked for; repeatable (default: at a quarter, a half and three quarters of the range)")
@@ -114,6 +114,6 @@ def parser() -> Parser:
                      "(default: 4)")
     own.add_argument("--points", type=int, metavar="N", help="most orbits of a branch (default: 400)")
     add_runner(own)
-    own.add_argument("--quick", action="store_true", help="the fold of `damped` between 98 and 112 rad/s, in half a "
-                     "minute; options that are given win")
+    own.add_argument("--quick", action="store_true", help="the folds of `device` between 60 and 66 rad/s, in a minute; "
+                     "options that are given win")
     return own
