@@ -161,6 +161,17 @@ def test_a_number_is_what_people_type_and_never_another_one(modules, typed, numb
                         typed) == number
 
 
+def test_csv_has_the_last_rows_with_all_their_digits(modules):
+    rows = np.stack([np.arange(100) + 1 / 3, np.random.default_rng(9).normal(size=100), np.zeros(100)], axis=1)
+    text = modules.call("ring", """const ring = new m.Ring(["time", "noise", "absent"], 1000);
+        ring.push(Float64Array.from(v[0]));
+        const {csv} = await import("vibro/save.js");
+        return csv(ring, ["noise"], 59.5);""", rows.ravel().tolist())
+    head, *lines = text.splitlines()
+    assert head == "time,noise"
+    assert [[float(one) for one in line.split(",")] for line in lines] == rows[-60:, :2].tolist()
+
+
 def test_means_begin_at_a_reset_and_leave_out_what_is_not_known(modules):
     """Six seconds at 10 mm/s, then back at the start, then two at -20 mm/s, of which one is spent in the air."""
     times = np.arange(0.0, 8.001, 0.01)

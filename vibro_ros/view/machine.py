@@ -24,13 +24,13 @@ def machine(scene: Scene) -> dict[str, Any]:
     Returns
     -------
     dict
-        ``name`` of the scene; ``crank_radius``; ``hub_height`` of the crank's centre above the ground; ``free_length``,
-        ``mass_height``, ``headroom`` and ``clearance`` of `messages.outlines`; ``guides``, for each mass that the scene
-        has: ``side``, ``angle``, ``rod`` [m], ``plate`` (whether there is one) and ``end``, the distance of the guide's
-        end from the crank's centre; ``knobs``, for each command and each parameter that does something: ``name``,
-        ``unit``, ``from`` and ``to`` (the limits beyond which the robot refuses), ``value`` (of a command what holds
-        before the first one) and ``parameter``, whether it is one;
-        ``quantities``, the unit of each.
+        ``name`` of the scene; ``hops``, whether its body can leave the ground; ``crank_radius``; ``hub_height`` of the
+        crank's centre above the ground; ``free_length``, ``mass_height``, ``headroom`` and ``clearance`` of
+        `messages.outlines`; ``guides``, for each mass that the scene has: ``side``, ``angle``, ``rod`` [m], ``plate``
+        (whether there is one) and ``end``, the distance of the guide's end from the crank's centre; ``knobs``, for each
+        command and each parameter that does something: ``name``, ``unit``, ``from`` and ``to`` (the limits beyond which
+        the robot refuses), ``value`` (of a command what holds before the first one) and ``parameter``, whether it is
+        one; ``quantities``, the unit of each.
 
     Examples
     --------
@@ -47,7 +47,7 @@ def machine(scene: Scene) -> dict[str, Any]:
         largest = scene["ground.static_friction"] if at_rest else BY_NAME["ground.friction"].maximum
         knobs.append(("ground.friction", 0.0, largest, scene["ground.friction"]))
     return {
-        "name": scene.name,
+        "name": scene.name, "hops": scene["effects.normal_force"] == "hop",
         "crank_radius": scene["crank.radius"],
         "hub_height": hub_height(scene),
         "free_length": FREE_LENGTH, "mass_height": MASS_HEIGHT, "headroom": HEADROOM, "clearance": CLEARANCE,

@@ -29,11 +29,12 @@ export class Portraits {
    * Show another source.
    * @param {object} source a `Ring` or a `Motion`
    * @param {boolean} ahead whether what lies between samples is known
+   * @param {boolean} hops whether the body can leave the ground
    */
-  load(source, ahead) {
+  load(source, ahead, hops) {
     this.#source = source;
     this.#ahead = ahead;
-    this.#portraits = PORTRAITS.filter(({x}) => source.has(x));
+    this.#portraits = PORTRAITS.filter(({x}) => source.has(x) && (hops || x !== "body_height"));
     this.#ranges = this.#portraits.map(() => [null, null]);
   }
 
@@ -74,7 +75,7 @@ export class Portraits {
     context.strokeStyle = theme[portrait.colour];
     context.fillStyle = theme[portrait.colour];
     context.lineWidth = 1;
-    const plate = place.x(values[portrait.plate] * MILLI);
+    const plate = this.#source.has(portrait.plate) ? place.x(values[portrait.plate] * MILLI) : Number.NaN;
     if (plate > place.left && plate < place.left + place.width) {
       context.setLineDash([5, 4]);
       line(context, plate, place.top, plate, place.top + place.height);

@@ -58,6 +58,7 @@ export class View {
    */
   setMachine(machine) {
     this.#stage = new Stage(machine);
+    document.querySelector("#air").hidden = !machine.hops;
     this.change();
   }
 
@@ -72,7 +73,7 @@ export class View {
     this.impacts = impacts;
     if (source) {
       this.#charts.load(source, ahead);
-      this.#portraits.load(source, ahead);
+      this.#portraits.load(source, ahead, this.#stage.machine.hops);
     }
     this.values = {time: Number.NaN};
     this.change();
