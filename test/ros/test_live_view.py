@@ -130,6 +130,8 @@ def test_a_robot_that_is_started_anew_or_killed_is_picked_up_again(udp_only, sta
     view.wait_for("nor another one")
     robot = start("robot", *CRAWL)
     first = page.wait_for_robot()
+    assert page.ask(command="upper_gap", value=0.0005)["done"]
+    page.wait(lambda: page.last("commands")["values"] == {"upper_gap": 0.0005}, "what is in force")
     robot.send(signal.SIGINT)
     assert robot.end() == 0
     page.wait_for_absence("no robot")
@@ -137,6 +139,9 @@ def test_a_robot_that_is_started_anew_or_killed_is_picked_up_again(udp_only, sta
     second = page.wait_for_robot()
     assert second["machine"]["crank_radius"] == 0.015 and int(second["origin"]) > int(first["origin"])
     page.wait_for_rows(50)
+    assert page.last("commands")["values"] == {}  # nobody has commanded this one
+    assert page.ask(command="motor_speed", value=50.0)["done"]
+    page.wait(lambda: page.last("commands")["values"] == {"motor_speed": 50.0}, "what is in force")
     assert "crank_radius" not in first or first["machine"]["crank_radius"] == 0.02
     robot.kill()
     page.wait_for_absence("has not been heard for 3 s")
@@ -145,6 +150,7 @@ def test_a_robot_that_is_started_anew_or_killed_is_picked_up_again(udp_only, sta
     third = page.wait_for_robot()  # and not the killed one again, whatever of the new one is heard first
     assert third["machine"]["crank_radius"] == 0.02 and int(third["origin"]) > int(second["origin"])
     assert column(page.wait_for_rows(100), "time")[0] < time.monotonic() - begun + 1.0  # counted from the new origin
+    assert page.last("commands")["values"] == {}
     ends_well(view)
 
 

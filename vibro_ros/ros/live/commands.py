@@ -35,7 +35,8 @@ class Commands:
     Attributes
     ----------
     in_force : dict of str to float
-        By topic, what was commanded in this run [SI] and has effect; a command that nobody has given is missing.
+        By topic, what was commanded in this run [SI] and has effect. What is missing nobody has commanded, or it is not
+        known; then what the robot does is in force.
     of_page : bool
         Whether a page's command keeps the motor turning.
     """
@@ -58,14 +59,10 @@ class Commands:
         self._publish(command.name, command.value)
         answer(True, f"{command.name} {command.value:g} {COMMAND_UNITS[command.name]} sent")
 
-    def forget(self) -> None:
-        """Another run has begun, or there is no robot."""
-        self.in_force, self.of_page = {}, False
-
     def hear(self, scene: Scene | None, operations: Sequence[Operation]) -> None:
         """Take what was commanded since the last call, and what operations have made of it.
 
-        Without a `scene` there is no robot that obeys.
+        Without a `scene` there is no robot that obeys; the next one begins anew.
         """
         for name, topic in self._topics.items():
             for data, _ in topic.take(MOST):
@@ -77,11 +74,12 @@ class Commands:
                     self.of_page = is_own and value > 0.0
                     while is_own and self._sent.popleft() != value:  # what was sent before was refused, or is lost
                         pass
-        for operation in operations:
-            if operation.name == RESET:
-                self.forget()
-            elif operation.name == TIMEOUT:
-                self.in_force[SPEED], self.of_page = 0.0, False
+        names = {operation.name for operation in operations}
+        if scene is None or RESET in names:
+            self.in_force, self.of_page = {}, False
+        elif TIMEOUT in names:  # or a command that came after it: the samples tell
+            self.in_force.pop(SPEED, None)
+            self.of_page = False
 
     def watch(self, pages: int, timeout: float) -> bool:
         """Keep the motor turning while pages are open, and stop it when they have gone; whether it was stopped now.

@@ -115,8 +115,6 @@ class LivePage:
         rows = self._robot.poll()
         if self._robot.origin != origin:
             self._history.clear()
-            if origin is not None:
-                self._commands.forget()
         if self._words.diagnostics():
             self._robot.hear()
             server.send("status", self._status())
@@ -158,8 +156,7 @@ class LivePage:
     def _tell(self, server: Server) -> None:
         """Hand on what the robot says beside its samples."""
         operations = self._words.operations()
-        settings = self._standing.settings
-        self._commands.hear(settings.scene if settings else None, operations)
+        self._commands.hear(self._robot.settings.scene if self._robot.settings else None, operations)
         if any(one.name == SET for one in operations):
             self._robot.reader.read()
         if operations and self._words.status:
@@ -178,7 +175,7 @@ class LivePage:
         if in_force != self._in_force:
             self._in_force = in_force
             server.send("commands", in_force)
-        settings = self._standing.settings
+        settings = self._robot.settings
         if self._commands.watch(len(server.pages), settings.command_timeout if settings else 0.0):
             self._node.get_logger().warning(f"no page has been open for {RETURN:g} s, and the motor was commanded from "
                                             "one; sent motor_speed 0")
