@@ -57,6 +57,8 @@ def _command(rng, scene):
     """Keywords of a command: another speed, and gaps that are the scene's or some tenths of a millimetre off."""
     factor, faster = _one_of(rng, [0.0, 0.5, 1.0, 2.0]), _one_of(rng, [0.0, 10.0])
     wanted = {"motor_speed": min(scene["motor.max_speed"], scene["motor.speed"] * factor + faster)}
+    if scene.linkage and scene["effects.motor"] == "ideal":  # whose speed may not jump then
+        wanted = {}
     for side in SIDES:
         gap, rod = scene[f"{side}.gap"] + _one_of(rng, [0.0, 1e-4, -1e-4, 1e-3, -1e-3]), scene[f"crank.{side}_rod"]
         wanted[f"{side}_gap"] = min(max(gap, -rod), rod)

@@ -1,5 +1,6 @@
 """A thousand scenes from the legal ranges, each held against what must be true of all of them."""
 
+import math
 from collections import Counter
 
 import numpy as np
@@ -147,6 +148,11 @@ def force_rounding(scene, rows, closed=("upper", "inclined")):
     of the plates, of those that are `closed`."""
     total = scene.total_mass * scene["gravity"] + abs(scene["ground.drag"]) * np.ones(SAMPLES)
     total += scene["ground.viscous_friction"] * np.abs(rows["body_velocity"]).max()
+    for part in scene.linkage:
+        rod = scene.parameters.get(f"crank.{part.removesuffix('_slider')}_rod", math.inf)
+        sharpness = 1.0 / math.sqrt(1.0 - (scene["crank.radius"] / rod) ** 2)  # of the slider's turn, at the most
+        change = rows["motor_speed"].max() ** 2 * sharpness + 2.0 * motor_acceleration(scene)
+        total += scene[f"mass.{part}"] * scene["crank.radius"] * change
     for side in scene.guides:
         rod = 2.0 * scene[f"crank.{side}_rod"]
         speed = rod * rows["motor_speed"].max() + np.abs(rows[f"{side}_velocity"]) + scene["gap_actuator.speed"]
@@ -157,6 +163,12 @@ def force_rounding(scene, rows, closed=("upper", "inclined")):
         positions = np.abs(rows["upper_position"]) + np.abs(rows["inclined_position"])
         total += scene["inclined.plate.stiffness"] * positions
     return 64 * ROUNDING * total
+
+
+def motor_acceleration(scene):
+    """Largest change of the motor's speed [rad/s²]."""
+    return {"ideal": 0.0, "ramp": scene["motor.acceleration"],
+            "lag": scene["motor.max_speed"] / scene["motor.time_constant"]}[scene["effects.motor"]]
 
 
 def check_height(scene, device, rows):
@@ -236,6 +248,9 @@ def check_energy(scene, device, rows):
             scene[f"mass.{side}"] * scene["gravity"] * np.abs(rows[f"{side}_position"]).max() for side in scene.guides)
     # Each step rounds the place of a slider, too, now up, now down, against a spring however little its mass moves.
     allowed += 4 * ROUNDING * stored_energy(scene, rows) * max(1.0, np.sqrt(statistics["steps"]))
+    if scene.linkage or scene["ground.slope"]:  # and the speed of a body that runs down a slope, or is shaken
+        moving = 0.5 * scene.total_mass * np.abs(rows["body_velocity"]).max() ** 2
+        allowed += 16 * ROUNDING * moving * np.sqrt(statistics["steps"])
     assert abs(statistics["energy_residual"]) <= allowed
     check_accounts(scene, statistics["energy_accounts"], allowed)
 

@@ -18,14 +18,16 @@ class HoppingBody:
         self.p = scene
         m1, m2, m3 = (scene[f"mass.{part}"] for part in ("body", "upper", "inclined"))
         ex, ey = -np.sin(scene["guide.angle"]), np.cos(scene["guide.angle"])
-        total = m1 + m2 + m3
+        total = m1 + m2 + m3 + sum(scene[f"mass.{part}"] for part in ("upper_slider", "inclined_slider", "crank_pin"))
         self.inertia = np.array([[total, 0, 0, m3 * ex], [0, total, m2, m3 * ey],
                                  [0, m2, m2, 0], [m3 * ex, m3 * ey, 0, m3]])
         if not scene["effects.reaction"]:
             self.inertia[2:, :2] = 0.0
         self.inverse = np.linalg.inv(self.inertia)
-        weights = scene["effects.mass_weight"] * scene["gravity"] * np.array([m2, m3 * ey])
-        self.weight = np.array([0.0, -total * scene["gravity"], *-weights])
+        fall = -scene["gravity"] * np.array([np.sin(scene["ground.slope"]), np.cos(scene["ground.slope"])])
+        weights = scene["effects.mass_weight"] * np.array([m2 * fall[1], m3 * np.dot((ex, ey), fall)])
+        self.weight = np.array([*total * fall, *weights])
+        self.weight[0] -= scene["ground.drag"]
         self.rigid = [scene[f"effects.{side}_contact"] == "restitution" for side in ("upper", "inclined")]
         self.friction = scene["ground.friction"] * (scene["effects.friction"] != "none")
 
@@ -36,12 +38,27 @@ class HoppingBody:
         slope = -radius * np.sin(theta) - radius**2 * np.sin(theta) * np.cos(theta) / root
         return radius * np.cos(theta) + root, rate * slope
 
+    def linkage(self, t):
+        """Inertia of sliders and crank pin in the body's frame [N], along x and upwards, at a steady motor speed."""
+        p, rate, radius = self.p, self.p["motor.speed"], self.p["crank.radius"]
+        theta = rate * t
+        force = -p["mass.crank_pin"] * radius * rate**2 * np.array([-np.sin(theta), np.cos(theta)])
+        for side, angle in (("upper", 0.0), ("inclined", p["guide.angle"])):
+            sine, cosine = np.sin(theta - angle), np.cos(theta - angle)
+            root = np.sqrt(p[f"crank.{side}_rod"] ** 2 - (radius * sine) ** 2)
+            bend = -radius * cosine - radius**2 * (cosine**2 - sine**2) / root
+            bend -= (radius**2 * sine * cosine) ** 2 / root**3
+            force += p[f"mass.{side}_slider"] * rate**2 * bend * np.array([-np.sin(angle), np.cos(angle)])
+        return force
+
     def depth(self, z, i, side):
         return z[2 + i] - self.p[f"crank.{side}_rod"] - self.p[f"{side}.gap"]
 
     def accelerations(self, t, z, mode, closed):
         """q'' and the ground's forces."""
         loads = self.weight.copy()
+        loads[:2] -= self.linkage(t)
+        loads[0] -= self.p["ground.viscous_friction"] * z[4]
         for i, side in enumerate(("upper", "inclined")):
             s, rate = self.slider(t, side)
             loads[2 + i] -= self.p[f"{side}.spring.stiffness"] * (z[2 + i] - s)

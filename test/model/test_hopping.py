@@ -42,8 +42,10 @@ def around(instants, machine):
 @pytest.mark.parametrize("changes", [
     {}, HEAVY, REACTION | {"ground.friction": 0.6, "guide.angle": 1.2},
     REACTION | {"effects.friction": "none", "guide.angle": 2.2}, STRUCK, HEAVY | STRUCK,
-    HEAVY | STRUCK | {"effects.inclined_contact": "compliant"}],
-    ids=["no reaction", "heavy", "rough", "ice", "rigid", "heavy rigid", "rigid and compliant"])
+    HEAVY | STRUCK | {"effects.inclined_contact": "compliant"},
+    HEAVY | {"ground.slope": 0.1, "ground.viscous_friction": 2.0, "ground.drag": 0.3},
+    HEAVY | {"mass.upper_slider": 0.02, "mass.inclined_slider": 0.03, "mass.crank_pin": 0.01, "ground.slope": 0.05}],
+    ids=["no reaction", "heavy", "rough", "ice", "rigid", "heavy rigid", "rigid and compliant", "ground", "linkage"])
 def test_the_full_equations_integrated_by_scipy_give_the_same_motion(changes):
     """A38. DOP853 at rtol 1e-12 in steps of 0.2 ms: positions to 1e-12 m, speeds to 1e-9 m/s (its error in a dashpot's
     force), every lift-off and landing to 1e-11 s."""

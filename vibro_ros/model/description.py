@@ -60,8 +60,8 @@ class _Description:
         follows = {"ideal": "at once", "ramp": f"at {scene['motor.acceleration']:g} rad/s²",
                    "lag": f"with a time constant of {scene['motor.time_constant']:g} s"}[scene["effects.motor"]]
         yield f"θ' = {scene['motor.speed']:g} rad/s    follows a command {follows}"
-        for side, slider in zip(forms.guides, self._model.sliders, strict=True):
-            yield f"{SLIDER[side]} = {_slider_text(slider)}"
+        for symbol, slider in zip(self._symbols.signals, self._model.sliders, strict=True):
+            yield f"{symbol} = {_slider_text(slider)}"
         for side in forms.plates:
             position = scene[f"crank.{side}_rod"] + scene[f"{side}.gap"]
             yield f"{PLATE[side]} = {position:g} m    follows a command at {scene['gap_actuator.speed']:g} m/s"
@@ -227,6 +227,7 @@ class _Description:
         if self._has_dry_friction:
             words.append(f"{scene['effects.friction']} friction, normal force {scene['effects.normal_force']}")
         words += ["the body leaves the ground"] * forms.body_hops
+        words += [f"mass of the {part.replace('_', ' ')}" for part in scene.linkage]
         words += ["reaction on the masses"] * (scene["effects.reaction"] and (forms.body_moves or forms.body_hops))
         words += ["the paper's misprint taken literally"] * forms.has_misprint
         words += ["weight of the masses"] * any(forms.weight(side).any() for side in forms.guides)
@@ -245,7 +246,9 @@ def _holds_for_all(holding: set[tuple[str, ...]], effect: int, every: Iterable[t
 
 
 def _slider_text(slider: Slider) -> str:
-    angle = f"(θ - {slider.angle:g})" if slider.angle else "θ"
+    angle = f"(θ {'-' if slider.angle > 0.0 else '+'} {abs(slider.angle):g})" if slider.angle else "θ"
+    if slider.rod == 0.0:
+        return f"{slider.radius:g} cos {angle}"
     if slider.radius == slider.rod:
         return f"{slider.radius:g} (cos {angle} + |cos {angle}|)"
     return f"{slider.radius:g} cos {angle} + √({slider.rod:g}² - {slider.radius:g}² sin² {angle})"
@@ -266,6 +269,8 @@ class Symbols:
         self._channels = forms.channels
         self.coordinates = [MASS[side] for side in forms.guides] + ["x"] * forms.body_moves + ["y"] * forms.body_hops
         self._guides, self._plates = forms.guides, forms.plates
+        self.signals = [SLIDER[side] for side in forms.guides]
+        self.signals += ["p_x", "p_y"][:forms.channels.signals - len(self.signals)]  # of the crank pin
 
     def text(self, form: Form) -> str:
         """The form with its coefficients, such as ``-1000 (u - s_B) - 1e+07 (u - E)``; ``0`` when it is empty."""
@@ -287,6 +292,8 @@ class Symbols:
             names |= {at.position(i): symbol, at.velocity(i): f"{symbol}'"}
             if i < at.dynamic:
                 names[at.acceleration(i)] = f"{symbol}''"
+        for k, symbol in enumerate(self.signals[:at.signal_accelerations]):
+            names[at.signal_acceleration(k)] = f"{symbol}''"
         for channel, factor in left.items():
             if abs(factor) > _ROUNDING * largest[channel]:
                 yield factor, names[channel]

@@ -27,6 +27,7 @@ is then m1 V² / 2 and that of the masses includes the body's motion; without th
 a body of the total mass M.
 """
 
+import math
 from collections.abc import Iterator
 
 import numpy as np
@@ -56,7 +57,7 @@ def audit_tables(builder: ModeBuilder, scene: Scene) -> dict[str, np.ndarray]:
     stored += [(_distance_from_rod(forms, scene, side), scene[f"{side}.spring.stiffness"])
                for side in forms.guides if audited]
     if audited and with_body:
-        stored += [(rate, scene["mass.body"]) for rate in forms.body_velocity()]
+        stored += [(rate, _moved_mass(scene)) for rate in forms.body_velocity()]
     potential = _height(forms, scene) if audited and with_body else forms.zero
     powers = list(_audited_powers(builder, scene, with_body)) if audited else []
     force = np.empty((len(builder.modes), len(powers), forms.channels.count))
@@ -85,7 +86,10 @@ def account_table(builder: ModeBuilder, scene: Scene, guards: dict[str, np.ndarr
     momenta = [scene[f"mass.{side}"] * (forms.velocity(forms.guides.index(side)) + (
         forms.along(side, body) if scene["effects.reaction"] else 0.0)) for side in plates]
     # Energy [J] of the heights of a body that hops, with its masses, and of masses that feel their weight.
-    weights = (forms.weight(side) @ forms.one * forms.position(i) for i, side in enumerate(forms.guides))
+    weights = [forms.weight(side) @ forms.one * forms.position(i) for i, side in enumerate(forms.guides)]
+    if scene["effects.mass_weight"]:
+        weights += [part.mass * float(np.dot(part.direction, scene.gravity)) * forms.units[
+            forms.channels.signal(part.signal)] for part in forms.linkage]
     potential = sum(weights, _height(forms, scene))
     decay = forms.channels.decay if forms.channels.decays else NOTHING
     driven = range(forms.channels.velocity(forms.channels.dynamic), forms.channels.velocity(forms.channels.coordinates))
@@ -110,6 +114,11 @@ def _kinetic_energies(forms: Forms, scene: Scene, with_body: bool) -> Iterator[t
         parts = zip(scene.direction(side), forms.body_velocity(), strict=True)
         velocities = [part * forms.velocity(i) + rate for part, rate in parts] if with_body else [forms.velocity(i)]
         yield from ((velocity, scene[f"mass.{side}"]) for velocity in velocities)
+
+
+def _moved_mass(scene: Scene) -> float:
+    """Mass [kg] that moves as the body does, when the masses on the guides are counted by themselves."""
+    return math.fsum(scene[f"mass.{part}"] for part in ("body", *scene.linkage))
 
 
 def _distance_from_rod(forms: Forms, scene: Scene, side: str) -> Form:
@@ -137,6 +146,11 @@ def _audited_powers(builder: ModeBuilder, scene: Scene, with_body: bool) -> Iter
         if side in forms.plates:
             force = force - builder.while_pressing(side, builder.contact_force(side))
         yield force, forms.channels.velocity(i)
+    if with_body:  # the linkage's masses push the body as forces that are known in time
+        for moves, row, push in zip((forms.body_moves, forms.body_hops), (forms.body, forms.height),
+                                    forms.linkage_inertia(), strict=True):
+            if moves and forms.linkage:
+                yield -push, forms.channels.velocity(row)
     for force in builder.ground.works if with_body else ():
         yield force.sign * builder.ground_force(force.name), forms.channels.velocity(forms.body)
 
@@ -148,6 +162,8 @@ def _powers(builder: ModeBuilder, scene: Scene) -> Iterator[Power]:
         slider, mass = channels.signal_rate(i), channels.velocity(i)
         yield _MOTOR, -forms.drive_force(side), slider
         yield from _damper(_DRIVE_DAMPERS, scene[f"{side}.spring.damping"], forms.stretch(side)[1], mass, slider)
+    for part in forms.linkage:
+        yield _MOTOR, builder.linkage_force(part), channels.signal_rate(part.signal)
     for k, side in enumerate(forms.plates):
         plate, mass = channels.ramp_rate(k), channels.velocity(forms.guides.index(side))
         yield _PLATES, builder.while_pressing(side, -builder.contact_force(side)), plate
@@ -182,7 +198,14 @@ def _stored(builder: ModeBuilder, scene: Scene) -> Iterator[Stored]:
     forms, paid = builder.forms, scene["effects.reaction"]
     yield from ((velocity, mass, _BLOWS) for velocity, mass in _kinetic_energies(forms, scene, paid))
     for rate in forms.body_velocity():
-        yield rate, scene["mass.body"] if paid else scene.total_mass, _BLOWS if paid else _UNPAID
+        yield rate, _moved_mass(scene) if paid else scene.total_mass, _BLOWS if paid else _UNPAID
+    # With V the body's velocity, m (s' + e V)²/2 - m (e V)²/2, because the body has the m V²/2. What a shock of the
+    # body changes of it, the crank gives.
+    for part in forms.linkage:
+        rate, (speed, rise) = forms.units[forms.channels.signal_rate(part.signal)], forms.body_velocity()
+        of_body = float(paid) * (part.direction[0] * speed + part.direction[1] * rise)
+        yield rate + of_body, part.mass, _MOTOR
+        yield of_body, -part.mass, _MOTOR
     for side in forms.guides:
         yield forms.stretch(side)[0], scene[f"{side}.spring.stiffness"], _BLOWS
     for side in filter(builder.has_compliant_plate, forms.plates):
@@ -195,4 +218,5 @@ def _jump_accounts(builder: ModeBuilder, guards: dict[str, np.ndarray], at_blows
     effect, plates = guards["guard_effect"][:, :, None], len(builder.forms.plates)
     others = np.where(builder.mode_set.airborne[:, None, None], _LANDINGS, _FRICTION)
     others = np.where((0 <= effect) & (effect < plates), _PLATE_DAMPERS, others)
-    return np.where(guards["blow_monitor"][:, :, None] != NOTHING, at_blows, others)
+    own = (guards["blow_monitor"][:, :, None] != NOTHING) | (at_blows == _MOTOR)
+    return np.where(own, at_blows, others)

@@ -12,7 +12,7 @@ k1 (zeta_2 - xi_H) for k1 (xi_3 - xi_H), so that the body feels k1 (u - H) in pl
 """
 
 import functools
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -53,6 +53,24 @@ def cached(method: Callable) -> Callable:
     return stored
 
 
+class LinkageMass(NamedTuple):
+    """A mass that the crank moves as it turns.
+
+    Attributes
+    ----------
+    mass : float
+        Mass [kg].
+    signal : int
+        Number of the signal that is its place along `direction`.
+    direction : (float, float)
+        Its parts along x and upwards.
+    """
+
+    mass: float
+    signal: int
+    direction: tuple[float, float]
+
+
 class Forms:
     """The linear forms of one scene.
 
@@ -64,7 +82,8 @@ class Forms:
     Attributes
     ----------
     guides : tuple of str
-        Guides whose masses are simulated; the mass of guide i is coordinate i, the slider is signal i.
+        Guides whose masses are simulated; the mass of guide i is coordinate i, the slider is signal i. Where the crank
+        pin has a mass, its places along x and upwards are the last two signals.
     plates : tuple of str
         Guides that have a plate; the position of plate k is ramp k.
     body_moves : bool
@@ -79,6 +98,8 @@ class Forms:
         Whether the body feels the upper mass's position where the inclined plate is in contact.
     friction_decays : bool
         Whether the friction coefficient falls with the speed: Stribeck's law with a static coefficient above mu.
+    linkage : tuple of LinkageMass
+        The masses of sliders and crank pin.
     channels : Channels
         The places of the channels in z.
     units : ndarray, shape (channels, channels)
@@ -101,12 +122,33 @@ class Forms:
             and scene["ground.static_friction"] > scene["ground.friction"])
         # A viscous force makes x enter its own equation, so that x is a dynamic coordinate as the masses are.
         dynamic = len(self.guides) + (scene["ground.viscous_friction"] != 0.0)
-        self.channels = Channels(len(self.guides) + self.body_moves + self.body_hops, dynamic, len(self.guides),
-                                 len(self.plates), int(self.friction_decays))
+        signals = len(self.guides) + 2 * ("crank_pin" in scene.linkage)
+        self.channels = Channels(len(self.guides) + self.body_moves + self.body_hops, dynamic, signals,
+                                 len(self.plates), int(self.friction_decays), signals if scene.linkage else 0)
+        self.linkage = tuple(self._linkage_masses())
         self.units, self.zero = np.eye(self.channels.count), np.zeros(self.channels.count)
         for shared in (self.units, self.zero):
             shared.setflags(write=False)
         self.one = self.units[self.channels.one]
+
+    def _linkage_masses(self) -> Iterator[LinkageMass]:
+        """A mass at a slider, and the crank pin's, once for each direction."""
+        scene = self._scene
+        for i, side in enumerate(self.guides):
+            if f"{side}_slider" in scene.linkage:
+                yield LinkageMass(scene[f"mass.{side}_slider"], i, scene.direction(side))
+        if "crank_pin" in scene.linkage:
+            for k, direction in enumerate(((1.0, 0.0), (0.0, 1.0))):
+                yield LinkageMass(scene["mass.crank_pin"], len(self.guides) + k, direction)
+
+    @cached
+    def linkage_inertia(self) -> tuple[Form, Form]:
+        """Sum of m e s'' of the linkage's masses [N], along x and upwards."""
+        along_x, upwards = self.zero, self.zero
+        for part in self.linkage:
+            force = part.mass * self.units[self.channels.signal_acceleration(part.signal)]
+            along_x, upwards = along_x + part.direction[0] * force, upwards + part.direction[1] * force
+        return along_x, upwards
 
     def position(self, coordinate: int) -> Form:
         """A coordinate [m], by its number."""
@@ -189,7 +231,7 @@ class Forms:
         if self._scene["effects.normal_force"] == "weight":
             return normal
         _, upwards = self._scene.direction("inclined")
-        normal = normal + self._inertia("upper") + upwards * self._inertia("inclined")
+        normal = normal + self._inertia("upper") + upwards * self._inertia("inclined") + self.linkage_inertia()[1]
         return normal - upwards * self._misread_force() if inclined_closed and self.has_misprint else normal
 
     def decayed_normal_force(self) -> Form:
@@ -198,9 +240,10 @@ class Forms:
 
     @cached
     def inertial_force(self, inclined_closed: bool) -> Form:
-        """F_in = m3 w'' sin(phi) [N], eq. (7), and what the misprint adds where `inclined_closed`."""
+        """F_in = m3 w'' sin(phi) [N], eq. (7), what the linkage's masses add, and the misprint's part where
+        `inclined_closed`."""
         along_x, _ = self._scene.direction("inclined")
-        inertial = -along_x * self._inertia("inclined")
+        inertial = -along_x * self._inertia("inclined") - self.linkage_inertia()[0]
         return inertial + along_x * self._misread_force() if inclined_closed and self.has_misprint else inertial
 
     def _misread_force(self) -> Form:

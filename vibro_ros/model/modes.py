@@ -42,7 +42,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from vibro_ros.model.contact import CompliantContact, RigidContact, make_contact
-from vibro_ros.model.forms import Form, Forms, Guard, ModeForms, Target, cached
+from vibro_ros.model.forms import Form, Forms, Guard, LinkageMass, ModeForms, Target, cached
 from vibro_ros.model.ground import GROUND_FORCES, GROUND_STATES, Ground
 from vibro_ros.model.scene import Scene
 from vibro_ros.solver.system import NOTHING
@@ -263,7 +263,8 @@ class ModeBuilder:
         return self.ground.guards(context.state, normal, inertial, mode.resting)
 
     def outputs(self) -> np.ndarray:
-        """Forms of the `OUTPUTS`, shape (modes, len(OUTPUTS), channels); zero for what the scene does not have."""
+        """Forms of the `OUTPUTS`, zero for what the scene does not have, and of the linkage's forces; shape (modes,
+        len(OUTPUTS) + linkage, channels)."""
         forms, rows = self.forms, dict[str, Form | ModeForms]()
         if forms.body_moves:
             rows |= {"body_position": forms.position(forms.body), "body_velocity": forms.velocity(forms.body)}
@@ -277,10 +278,23 @@ class ModeBuilder:
             rows[f"{side}_plate_position"], rows[f"{side}_plate_velocity"] = forms.plate(side)
             rows[f"{side}_plate_force"] = self.while_pressing(side, self.contact_force(side))
         rows |= {force.name: self.ground_force(force.name) for force in GROUND_FORCES if force.name in _OUTPUT_ROWS}
-        outputs = np.zeros((len(self.modes), len(OUTPUTS), forms.channels.count))
+        outputs = np.zeros((len(self.modes), len(OUTPUTS) + len(forms.linkage), forms.channels.count))
         for name, form in rows.items():
             outputs[:, _OUTPUT_ROWS[name]] = form
+        for k, part in enumerate(forms.linkage, start=len(OUTPUTS)):
+            outputs[:, k] = self.linkage_force(part)
         return outputs
+
+    def linkage_force(self, part: LinkageMass) -> ModeForms:
+        """Force of the crank that moves a mass of the linkage in its direction [N]."""
+        forms, scene, (along_x, upwards) = self.forms, self._scene, part.direction
+        load = np.tile(forms.units[forms.channels.signal_acceleration(part.signal)], (len(self.modes), 1))
+        if scene["effects.reaction"]:
+            of_body = self.body_acceleration()
+            load += along_x * of_body[0] + upwards * of_body[1]
+        if scene["effects.mass_weight"]:
+            load += (along_x * scene.gravity[0] + upwards * scene.gravity[1]) * forms.one
+        return part.mass * load
 
 
 class ModeSet:

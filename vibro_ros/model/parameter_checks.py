@@ -14,6 +14,9 @@ from vibro_ros.model.support import unsupported
 #: constants, so at this rate a simulated second takes 5e6 steps, some ten seconds. 1 g on 1e9 N/m reaches 1e6 1/s.
 FASTEST_RATE = 1e7
 
+#: Shortest rod of a slider that has a mass, as a multiple of the crank's radius.
+LEAST_ROD = 1.001
+
 #: Part of a mass's inertia that a yielding body must leave to the mass, so that rounding leaves ten digits of it.
 LEAST_INERTIA = 1e-6
 
@@ -38,6 +41,10 @@ def _check_mechanism(values: ParameterValues) -> None:
         if radius > rod:
             raise ValueError(f"crank.radius: {radius:g} m is longer than crank.{side}_rod, {rod:g} m, and would "
                              f"jam the mechanism; give a radius of at most {rod:g} m or a longer rod")
+        if rod < LEAST_ROD * radius and f"{side}_slider" in values.linkage:
+            raise ValueError(f"mass.{side}_slider: {values[f'mass.{side}_slider']:g} kg would be struck twice a turn, "
+                             f"because the speed of a slider jumps whose rod, {rod:g} m, is as long as the crank; give "
+                             f"0, or a crank.{side}_rod of at least {LEAST_ROD * radius:g} m")
 
 
 def _check_friction(values: ParameterValues) -> None:

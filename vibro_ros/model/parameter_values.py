@@ -51,8 +51,15 @@ class ParameterValues:
 
     @functools.cached_property
     def total_mass(self) -> float:
-        """M = m1 + m2 + m3 [kg], of the masses that the scene has."""
-        return math.fsum(self[f"mass.{part}"] for part in ("body", *self.guides))
+        """M [kg]: m1, and m2, m3 and the masses of the linkage that the scene has."""
+        return math.fsum([*(self[f"mass.{part}"] for part in ("body", *self.guides)),
+                          *(self[f"mass.{part}"] for part in self.linkage)])
+
+    @functools.cached_property
+    def linkage(self) -> tuple[str, ...]:
+        """The parts of the linkage that have a mass: sliders of the guides that the scene has, and the crank pin."""
+        return tuple(part for part in (*(f"{side}_slider" for side in self.guides), "crank_pin")
+                     if self[f"mass.{part}"] > 0.0)
 
     @property
     def kinetic_frictions(self) -> tuple[float, float]:
@@ -104,12 +111,13 @@ class ParameterValues:
     def body_moves(self) -> bool:
         """Whether a force other than dry friction acts along the ground: none of a mass on an upright guide does."""
         pushed = any(self[f"ground.{name}"] != 0.0 for name in ("slope", "viscous_friction", "drag"))
-        return pushed or ("inclined" in self.guides and self.direction("inclined")[0] != 0.0)
+        leans = "inclined" in self.guides and self.direction("inclined")[0] != 0.0
+        return pushed or leans or "crank_pin" in self.linkage
 
     @property
     def body_hops(self) -> bool:
         """Whether the body may leave the ground."""
-        return self["effects.normal_force"] == "hop" and bool(self.guides)
+        return self["effects.normal_force"] == "hop" and bool(self.guides or self.linkage)
 
     @functools.cached_property
     def plates(self) -> tuple[str, ...]:

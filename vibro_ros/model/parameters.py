@@ -181,6 +181,10 @@ _TABLE: tuple[Parameter, ...] = (
     _mass("mass.body", 1.0, "the body, m1"),
     _mass("mass.upper", 0.1, "the upper impact mass, m2"),
     _mass("mass.inclined", 0.08, "the inclined impact mass, m3"),
+    *(Parameter(f"mass.{name}", 0.0, "kg", f"mass of {what}, lumped, with its share of the rod{ends}", minimum=0.0,
+                maximum=1e6) for name, what, ends in (
+        ("upper_slider", "the upper slider", ""), ("inclined_slider", "the inclined slider", ""),
+        ("crank_pin", "the crank pin", "s"))),
     _length("crank.radius", 0.02, "crank radius DA, l; at most the rods' length"),
     _length("crank.upper_rod", 0.06, "connecting rod AB, L2"),
     _length("crank.inclined_rod", 0.06, "connecting rod AC, L3"),

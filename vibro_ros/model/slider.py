@@ -41,7 +41,7 @@ class Slider:
     radius : float
         Crank radius l [m].
     rod : float
-        Rod length L [m], at least l.
+        Rod length L [m], at least l; 0 for the crank pin itself, whose s is l cos(theta - psi).
     angle : float
         Angle psi of its guide from the vertical [rad].
     """
@@ -59,6 +59,8 @@ class Slider:
         """ds/dtheta [m/rad]; at a kink, which there is for l = L, the value behind the kink."""
         psi = theta - self.angle
         sine, cosine = np.sin(psi), np.cos(psi)
+        if self.rod == 0.0:
+            return -self.radius * sine
         if self.radius == self.rod:
             return -self.radius * sine * (1.0 + np.where(cosine == 0.0, -np.sign(sine), np.sign(cosine)))
         return -self.radius * sine * (1.0 + self.radius * cosine / self.root(psi))
@@ -66,13 +68,13 @@ class Slider:
     @property
     def kinks(self) -> np.ndarray:
         """Crank angles in [0, 2 pi) at which the slope jumps; empty unless l = L."""
-        if self.radius < self.rod:
+        if self.radius != self.rod:
             return np.empty(0)
         return np.sort(np.mod(self.angle + np.array([0.5, 1.5]) * math.pi, _TURN))
 
     def distance_to_singularity(self, theta: float) -> float:
         """Distance in the complex plane from theta to the nearest branch point [rad]; infinite if l = L."""
-        if self.radius == self.rod:
+        if self.radius >= self.rod:
             return math.inf
         along = math.remainder(theta - self.angle - 0.5 * math.pi, math.pi)
         return math.hypot(along, math.acosh(self.rod / self.radius))
@@ -86,7 +88,10 @@ class Slider:
         return min(self.distance_to_singularity(start), self.distance_to_singularity(end))
 
     def root(self, psi: Any) -> Any:
-        """sqrt(L² - l² sin² psi), factored because the difference would cancel where l is close to L."""
+        """sqrt(L² - l² sin² psi), factored because the difference would cancel where l is close to L; 0 without a rod.
+        """
+        if self.rod == 0.0:
+            return 0.0 * psi
         return np.sqrt((self.rod - self.radius) * (self.rod + self.radius) + (self.radius * np.cos(psi)) ** 2)
 
 
@@ -96,7 +101,7 @@ def _series(sliders: tuple[Slider, ...], middle: np.ndarray, half: np.ndarray) -
     angle, radius, half_square = numbers.reshape(-1, 3).T[:, :, None]
     psi = middle - angle
     cosine = radius[:, :, None] * _cosine_series(psi, half, 1.0)
-    root = np.empty_like(cosine)
+    root = np.zeros_like(cosine)
     square = half_square[:, :, None] * _cosine_series(2.0 * psi, half, 2.0)  # of the root, but for the constant term
     for k, slider in enumerate(sliders):
         if slider.radius == slider.rod:

@@ -33,6 +33,7 @@ SUPPORT: Mapping[str, tuple[tuple[Value, ...] | None, ...]] = {
         "start.upper_velocity", "start.inclined_position", "start.inclined_velocity", "start.crank_angle"),
         (ANY, ANY, ANY)),
     **dict.fromkeys(("ground.slope", "ground.viscous_friction", "ground.drag"), (ANY, ANY, (0.0,))),
+    **dict.fromkeys(("mass.upper_slider", "mass.inclined_slider", "mass.crank_pin"), ((0.0,), (0.0,), (0.0,))),
     "ground.restitution": ((0.0,), (0.0,), (0.0,)),
     "ground.friction_backward": ((AS_FORWARD,), ANY, (AS_FORWARD,)),
     "start.state": (("rest", "zero", "given"), ("rest", "zero", "given"), ("rest", "zero")),

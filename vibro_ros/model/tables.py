@@ -1,6 +1,7 @@
 """A scene compiled to the tables that the event loop reads (`solver.system.System`)."""
 
 import functools
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -34,14 +35,14 @@ class Model:
     forms : Forms
         The linear forms of the scene.
     sliders : tuple of Slider
-        Sliders of the simulated masses.
+        The signals: sliders of the simulated masses, and the two directions of a crank pin that has a mass.
     modes : tuple of Mode
         The modes of the scene, by their numbers in the system.
     system : System
         The tables of the event loop.
-    output : ndarray, shape (modes, len(OUTPUTS), channels)
-        Forms of the outputs.
-    output_terms : ndarray of int, shape (modes, len(OUTPUTS), channels)
+    output : ndarray, shape (modes, len(OUTPUTS) + linkage, channels)
+        Forms of the outputs, and of the forces that move the masses of `Forms.linkage`.
+    output_terms : ndarray of int, shape (modes, len(OUTPUTS) + linkage, channels)
         Channels that the forms of the outputs read; see `solver.system.terms`.
     initial_mode : int
         Number of the mode in which a run starts.
@@ -70,8 +71,10 @@ def compile_scene(scene: Scene) -> Model:
 def _compile_machine(scene: Scene) -> Model:
     builder = ModeBuilder(scene)
     forms, channels = builder.forms, builder.forms.channels
-    sliders = tuple(Slider(scene["crank.radius"], scene[f"crank.{side}_rod"], scene.guide_angle(side))
-                    for side in forms.guides)
+    sliders = [Slider(scene["crank.radius"], scene[f"crank.{side}_rod"], scene.guide_angle(side))
+               for side in forms.guides]
+    if "crank_pin" in scene.linkage:  # at l (-sin(theta), cos(theta))
+        sliders += [Slider(scene["crank.radius"], 0.0, angle) for angle in (-0.5 * math.pi, 0.0)]
     acceleration = builder.equations() + 0.0  # no -0.0
     # With the reaction the body's energy is audited as well, so that a segment ends where the body's equation changes.
     own = channels.coordinates if scene["effects.reaction"] else channels.dynamic
@@ -98,11 +101,11 @@ def _compile_machine(scene: Scene) -> Model:
         mode_after_ramp_change=builder.mode_set.mode_after_ramp_change,
         **audit_tables(builder, scene),
         accounts=account_table(builder, scene, guards),
-        signals=signal_table(sliders),
+        signals=signal_table(tuple(sliders)),
         decay=Decay(factor, terms(factor), rate),
     )
     output = builder.outputs()
-    return Model(forms, sliders, builder.modes, system, output, terms(output), builder.initial_mode)
+    return Model(forms, tuple(sliders), builder.modes, system, output, terms(output), builder.initial_mode)
 
 
 def _monitor_tables(builder: ModeBuilder) -> dict[str, np.ndarray]:

@@ -43,6 +43,7 @@ def started(scene: Scene, model: Model, point: np.ndarray) -> State:
         # The very bits that the flow uses: a mass at rest on its slider must feel no force at all.
         sliders = point[channels.signal(0):channels.signal(len(model.sliders))]
         read_signals(system, state, sliders)
+        _set_slider_rates(model, point, 0.0, scene["motor.speed"])
         point[channels.ramp(0):channels.ramp(channels.ramps)] = state.ramp["value"]
         if scene["start.state"] == "rest":
             for i, side in enumerate(forms.guides):
@@ -124,6 +125,7 @@ def place(scene: Scene, model: Model, state: State, point: np.ndarray, values: M
         state.ramp["value"][k] = point[at.ramp(k)] = values[f"{side}_plate_position"]
     for k, slider in enumerate(model.sliders):  # they move with the crank; the energy of the drives is theirs
         point[at.signal(k)] = slider.position(angle)
+    _set_slider_rates(model, point, angle, values["motor_speed"])
     mode = _mode(scene, model, point)
     state.now["automaton"]["mode"] = mode
     for k, side in enumerate(forms.plates):
@@ -131,6 +133,12 @@ def place(scene: Scene, model: Model, state: State, point: np.ndarray, values: M
             monitor = state.monitor[k]
             monitor["since"], monitor["peak"] = state.now["segment"]["start"][0], 0.0
             monitor["approach"] = forms.penetration(side)[1] @ point
+
+
+def _set_slider_rates(model: Model, point: np.ndarray, angle: float, speed: float) -> None:
+    """Set the speeds of the signals [m/s], whose energy is that of the linkage's masses."""
+    for k, slider in enumerate(model.sliders):
+        point[model.forms.channels.signal_rate(k)] = slider.slope(angle) * speed
 
 
 def book(scene: Scene, model: Model, state: State, before: np.ndarray, old_mode: int, point: np.ndarray) -> None:

@@ -37,7 +37,10 @@ class Readout:
         self._drives = np.array([(FIELDS.index(f"{side}_drive_force"), forms.channels.signal_rate(k))
                                  for k, side in enumerate(forms.guides)], dtype=np.int64).reshape(-1, 2)
         self._values = np.empty((len(FIELDS), 1))
-        self._slopes, self._slopes_at = np.zeros((len(self._drives), 1)), np.nan
+        # Rows of the outputs that are forces on masses of the linkage, with the channel of its speed, and its signal.
+        self._linkage = np.array([(len(OUTPUTS) + k, forms.channels.signal_rate(part.signal), part.signal)
+                                  for k, part in enumerate(forms.linkage)], dtype=np.int64).reshape(-1, 3)
+        self._slopes, self._slopes_at = np.zeros((len(model.sliders), 1)), np.nan
 
     def values(self, times: np.ndarray, trace: Trace) -> np.ndarray:
         """Values of all `FIELDS` at one instant, shape (fields,), until the next call.
@@ -81,11 +84,12 @@ class Readout:
 
     def _arguments(self, times: np.ndarray, trace: Trace, slopes: np.ndarray, values: np.ndarray) -> tuple:
         model = self._model
-        return (model.output, model.output_terms, model.forms.pressed_only, self._drives, slopes, times, *trace, values)
+        return (model.output, model.output_terms, model.forms.pressed_only, self._drives, self._linkage, slopes, times,
+                *trace, values)
 
     def _slopes_where_standing(self, phases: np.ndarray) -> np.ndarray:
-        """ds/dtheta [m/rad] of each slider where the crank stands, elsewhere 0; shape (sliders, n)."""
-        slopes, stands = np.zeros((len(self._drives), len(phases))), phases[:, 2] == 0.0
+        """ds/dtheta [m/rad] of each signal where the crank stands, elsewhere 0; shape (signals, n)."""
+        slopes, stands = np.zeros((len(self._model.sliders), len(phases))), phases[:, 2] == 0.0
         if stands.any():
             for k, slider in enumerate(self._model.sliders):
                 slopes[k, stands] = slider.slope(phases[stands, 1])
@@ -99,19 +103,21 @@ def _plus_product(sum_so_far, one, other):
 
 
 @entry_kernel
-def read_samples(forms, terms, pressed_only, drives, slopes, times, points, modes, phases, values):
+def read_samples(forms, terms, pressed_only, drives, linkage, slopes, times, points, modes, phases, values):
     """Values of all `FIELDS` at sampled instants.
 
     Parameters
     ----------
-    forms, terms : ndarray, shape (m, len(OUTPUTS), channels)
+    forms, terms : ndarray, shape (m, len(OUTPUTS) + linkage, channels)
         `Model.output` and `Model.output_terms`.
     pressed_only : bool
         Whether a negative normal force is reported as 0.
     drives : ndarray of int, shape (sliders, 2)
         The field of each slider's drive force, and the channel of its speed.
-    slopes : ndarray, shape (sliders, n)
-        ds/dtheta [m/rad] of each slider where the crank stands.
+    linkage : ndarray of int, shape (linkage, 3)
+        The row of each force that moves a mass of the linkage, the channel of the mass's speed, and its signal.
+    slopes : ndarray, shape (signals, n)
+        ds/dtheta [m/rad] of each signal where the crank stands.
     times : ndarray, shape (n,)
         Instants [s].
     points, modes, phases : ndarray, shapes (n, channels), (n,) and (n, 3)
@@ -135,6 +141,14 @@ def read_samples(forms, terms, pressed_only, drives, slopes, times, points, mode
             force = values[drives[drive, 0], k]
             power = _plus_product(power, force, points[k, drives[drive, 1]])
             torque = _plus_product(torque, force, slopes[drive, k])
+        for part in range(len(linkage)):
+            total = 0.0
+            for channel in terms[mode, linkage[part, 0]]:
+                if channel < 0:
+                    break
+                total += forms[mode, linkage[part, 0], channel] * points[k, channel]
+            power = _plus_product(power, total, points[k, linkage[part, 1]])
+            torque = _plus_product(torque, total, slopes[linkage[part, 2], k])
         values[_TIME, k], values[_SPEED, k] = times[k], speed
         values[_ANGLE, k] = _plus_product(phases[k, 1], _TURN, phases[k, 0])
         values[_POWER, k], values[_TORQUE, k] = power, torque if speed == 0.0 else power / speed

@@ -120,6 +120,10 @@ class Simulator:
         ValueError: upper.gap: 0.07 is out of range; give a number from -0.06 to 0.06 m (the limit is the rod's length)
         """
         speed = None if motor_speed is None else self.scene.checked_motor_speed(motor_speed)
+        if speed not in (None, self.commanded_motor_speed) and self.scene.linkage and (
+                self.scene["effects.motor"] == "ideal"):
+            raise ValueError(f"motor_speed: {speed:g} rad/s would be reached at once by effects.motor 'ideal', and "
+                             f"mass.{self.scene.linkage[0]} would strike the body; choose ramp or lag")
         gaps = {side: self.scene.checked_gap(side, gap)
                 for side, gap in (("upper", upper_gap), ("inclined", inclined_gap)) if gap is not None}
         self._motion.command(speed, gaps)

@@ -210,11 +210,16 @@ def book_work(system, state, x, accounts):
 @called_kernel
 def _book_jump(system, state, mode, point, after):
     table, accounts, previous = system.accounts, state.now[0].accounts, state.now[0].automaton.mode
-    jump = table.jump[previous, state.now[0].automaton.guard]
+    jump, split = table.jump[previous, state.now[0].automaton.guard], 0.0
     for e in range(len(table.stretch)):
         before, then = form_value(table.stretch[e], point), form_value(table.stretch[e], after)
         change = table.stiffness[mode, e] * then * then - table.stiffness[previous, e] * before * before
-        accounts.work[jump[e]] += 0.5 * change
+        if jump[e] == SPLIT:
+            split += 0.5 * change
+        else:
+            accounts.work[jump[e]] += 0.5 * change
+    accounts.work[SPLIT] += split
+    accounts.magnitude += abs(split)
     rates = first_ramp(system.size[0]) + system.size[0].ramps
     for r in range(len(table.struck)):
         shock = form_value(table.momentum[r], after) - form_value(table.momentum[r], point)

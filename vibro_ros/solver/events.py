@@ -119,6 +119,8 @@ def transition(system, state, point, after):
     if guard == NOTHING:
         return SEGMENT_ENDS, mode
     target = system.candidate[mode, guard, choose_candidate(system, state, point, after)]
+    if target == mode and system.guard_event[mode, guard] != NOTHING:  # a shock, perhaps of driven coordinates alone
+        return FLOW_ENDS, target
     if state.now[0].segment.next_event < 1.0 and _keeps_flow(system, state, target, point, after):
         return FLOW_GOES_ON, target
     return FLOW_ENDS, target

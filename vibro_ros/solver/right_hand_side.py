@@ -25,6 +25,14 @@ def phase_after(system, state, elapsed):
 
 
 @kernel
+def _change_of_speed(drive, elapsed, speed):
+    """Rate [rad/s²] at which the phase's speed, now `speed`, changes `elapsed` [s] after the step's start."""
+    if elapsed >= drive.time_left:
+        return 0.0
+    return (drive.target - speed) / drive.lag if drive.lag > 0.0 else drive.acceleration
+
+
+@kernel
 def fill_forcing_at(system, state, elapsed, z):
     """Set the channels of signals, ramps and the constant to their values `elapsed` [s] after the step's start."""
     start = system.signals.start
@@ -39,9 +47,12 @@ def fill_forcing_at(system, state, elapsed, z):
     scale = 2.0 / (start[cell + 1] - start[cell])
     y = (phase - start[cell]) * scale - 1.0
     for k in range(signals):
-        value, slope, _ = value_and_derivatives(system.signals.series[cell, k], y)
+        value, slope, curvature = value_and_derivatives(system.signals.series[cell, k], y)
         z[first + k] = value
         z[first + signals + k] = slope * scale * speed
+        if system.size[0].signal_accelerations > 0:
+            change = _change_of_speed(state.now[0].drive, elapsed, speed)
+            z[first + 2 * signals + k] = (curvature * scale * speed * speed + slope * change) * scale
     first, ramps = first_ramp(system.size[0]), system.size[0].ramps
     for k in range(ramps):
         ramp = state.ramp[k]

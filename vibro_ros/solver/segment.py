@@ -22,9 +22,9 @@ from vibro_ros.solver.drive import (
     resolved_time,
     time_to_advance,
 )
-from vibro_ros.solver.polynomial import differentiate, displace, recentre, scale_argument, value
-from vibro_ros.solver.system import CELL_RATE, first_signal
-from vibro_ros.solver.vector import LENGTH, store, vector
+from vibro_ros.solver.polynomial import SECOND, differentiate, displace, recentre, scale_argument, value
+from vibro_ros.solver.system import CELL_RATE, first_ramp, first_signal
+from vibro_ros.solver.vector import LENGTH, store, total, vector
 
 #: A segment without a fast motion, a signal or a ramp to end it ends after this time [s].
 LONGEST_SEGMENT = 1.0
@@ -248,6 +248,17 @@ def _fill_signals(system, state):
 
 
 @kernel
+def _raise_acceleration_scales(system, state):
+    """Let the signals' accelerations have the scale of their terms over the cell: in a short segment about a zero they
+    are sums of these, and much smaller."""
+    drive, first = state.now[0].drive, first_signal(system.size[0]) + 2 * system.size[0].signals
+    speed = max(abs(drive.speed), abs(drive.target)) * 2.0 / _cell_width(system, drive)
+    for k in range(system.size[0].signal_accelerations):
+        terms = total(vector(SECOND) * abs(vector(system.signals.series[drive.cell, k])))
+        state.scale[first + k] += terms * speed * speed
+
+
+@kernel
 def fill_forcing(system, state):
     """Polynomials of the signals, the ramps, their rates and the constant over the segment."""
     half, z, drive = state.now[0].segment.half, state.z, state.now[0].drive
@@ -255,17 +266,20 @@ def fill_forcing(system, state):
     _fill_signals(system, state)
     for channel in range(first, first + signals):
         differentiate(z[channel], half, z[channel + signals])
+    for channel in range(first + signals, first + signals + system.size[0].signal_accelerations):
+        differentiate(z[channel], half, z[channel + signals])
     for k in range(ramps):
         ramp = state.ramp[k]
         if ramp.rate != 0.0:
             drive.version += 1
-        channel = first + 2 * signals + k
+        channel = first_ramp(system.size[0]) + k
         z[channel, 0] = ramp.value + ramp.rate * half
         z[channel, 1] = ramp.rate * half
         z[channel + ramps, 0] = ramp.rate
     z[len(z) - 1, 0] = 1.0
     for channel in range(first, len(z)):
         state.scale[channel] = abs(z[channel, 0]) + abs(z[channel, 1])
+    _raise_acceleration_scales(system, state)
 
 
 @entry_kernel

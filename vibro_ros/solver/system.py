@@ -2,11 +2,12 @@
 
 Coordinates q obey, in mode m, q'' = A_m z with the *channels*
 
-    z = [q, q', a, f, f', r, r', d, 1]
+    z = [q, q', a, f, f', f'', r, r', d, 1]
 
 where a = q'' of the dynamic coordinates; f are periodic signals of a phase, whose speed is constant, changes linearly
-or approaches a target exponentially; r are ramps, which move to their targets at constant rates; and d, where there is
-one, is a term that decays exponentially with a driven coordinate's velocity (`Decay`).
+or approaches a target exponentially, and f'' is there only for a system that asks for it; r are ramps, which move to
+their targets at constant rates; and d, where there is one, is a term that decays exponentially with a driven
+coordinate's velocity (`Decay`).
 
 The first `dynamic` coordinates may enter their own right-hand sides, with the forcing. The other coordinates are
 *driven* by all of these. Only guards and outputs depend on the driven coordinates, so a mode that changes their
@@ -32,11 +33,13 @@ class Channels(NamedTuple):
     signals: int
     ramps: int
     decays: int = 0  # or 1
+    signal_accelerations: int = 0  # or as many as signals
 
     @property
     def count(self) -> int:
         """Length of z."""
-        return 2 * (self.coordinates + self.signals + self.ramps) + self.dynamic + self.decays + 1
+        twice = self.coordinates + self.signals + self.ramps
+        return 2 * twice + self.dynamic + self.signal_accelerations + self.decays + 1
 
     def position(self, i: int) -> int:
         """Channel of coordinate i."""
@@ -58,9 +61,13 @@ class Channels(NamedTuple):
         """Channel of signal k's time derivative."""
         return self.signal(self.signals) + k
 
+    def signal_acceleration(self, k: int) -> int:
+        """Channel of signal k's second time derivative, where the system has those."""
+        return self.signal(2 * self.signals) + k
+
     def ramp(self, k: int) -> int:
         """Channel of ramp k."""
-        return self.signal(2 * self.signals) + k
+        return self.signal(2 * self.signals) + self.signal_accelerations + k
 
     def ramp_rate(self, k: int) -> int:
         """Channel of ramp k's time derivative."""
@@ -102,14 +109,14 @@ def first_acceleration(size):
 
 @kernel
 def first_signal(size):
-    """Channel of the first signal; those of the signals' rates follow the signals."""
+    """Channel of the first signal; those of the signals' rates, and of their accelerations, follow the signals."""
     return 2 * size.coordinates + size.dynamic
 
 
 @kernel
 def first_ramp(size):
     """Channel of the first ramp; those of the ramps' rates follow the ramps."""
-    return 2 * size.coordinates + size.dynamic + 2 * size.signals
+    return 2 * size.coordinates + size.dynamic + 2 * size.signals + size.signal_accelerations
 
 
 #: Half a segment as part of the distance to the signals' nearest singularity: 0.22^LENGTH is rounding.
@@ -215,7 +222,7 @@ class System(NamedTuple):
     Attributes
     ----------
     size : ndarray of SIZE, shape (1,)
-        Numbers of coordinates, dynamic coordinates, signals, ramps and decaying terms.
+        Numbers of coordinates, dynamic coordinates, signals, ramps, decaying terms and accelerations of signals.
     acceleration : ndarray, shape (m, coordinates, channels)
         Rows of A.
     flow : ndarray of int, shape (m,)
