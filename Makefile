@@ -1,7 +1,10 @@
 # `make` lists the commands. `make setup PYTHON=python3.12` chooses the interpreter; .venv then stays with it.
+# `ROS=kilted` takes the later ROS 2 instead, in an environment of its own.
 
-VENV := .venv
+ROS ?= jazzy
+VENV := .venv$(patsubst %,-%,$(filter-out jazzy,$(ROS)))
 BIN := $(VENV)/bin
+LOCKS := requirements.txt requirements-$(ROS).txt
 PACKAGES := $(VENV)/packages.done
 READY := $(VENV)/ready.done
 PEER := $(VENV)/peer.done
@@ -45,10 +48,14 @@ demo: $(READY) $(TYPES)  ## run robot and controller for about 20 s, record, rep
 view: $(READY) $(TYPES)  ## run a robot and show it in the browser, at the address that is printed; VIEW="--open --port 0" gives options
 	@$(BIN)/python -m tools.look $(VIEW)
 
-test: $(READY) $(TYPES) $(PEER) $(STUDY) $(BROWSER)  ## run every test, two at a time; those that need a quiet machine one after the other
-	@$(if $(NEEDS_QT),$(MAKE) --no-print-directory $(QT))
-	@$(BIN)/python -m pytest --numprocesses 2 --dist worksteal -m "not quiet"
-	@$(BIN)/python -m pytest -m quiet $$(grep -rl --include='*.py' 'mark\.quiet' test)
+# Beside the pinned ROS 2, only what talks to ROS is tested, without what its tests can skip.
+TESTS := $(if $(filter jazzy,$(ROS)),test,test/ros)
+NEEDED := $(if $(filter jazzy,$(ROS)),$(PEER) $(STUDY) $(BROWSER))
+
+test: $(READY) $(TYPES) $(NEEDED)  ## run every test, two at a time, and those that need a quiet machine alone; with ROS=kilted those of ROS
+	@$(if $(NEEDED),$(if $(NEEDS_QT),$(MAKE) --no-print-directory $(QT)))
+	@$(BIN)/python -m pytest --numprocesses 2 --dist worksteal -m "not quiet" $(TESTS)
+	@$(BIN)/python -m pytest -m quiet $$(grep -rl --include='*.py' 'mark\.quiet' $(TESTS))
 
 # What needs no process of its own, of the rooms in which most changes are made.
 QUICK := $(addprefix test/,test_rings.py solver model configuration simulation orbits messages bag ros)
@@ -94,8 +101,8 @@ documents: $(READY) $(PEER) $(STUDY)  ## make every generated page and picture, 
 accuracy paper literature map picture: $(READY) $(PEER) $(STUDY)  ## make one of them: the same as make documents ONLY=...
 	@$(BIN)/python -m tools.documents $@
 
-clean:  ## remove .venv and all that is built; out/ stays
-	@rm -rf $(VENV) build install log *.egg-info .pytest_cache .ruff_cache .mypy_cache
+clean:  ## remove every .venv and all that is built; out/ stays
+	@rm -rf .venv .venv-* build install log *.egg-info .pytest_cache .ruff_cache .mypy_cache
 	@find . -name __pycache__ -type d -prune -exec rm -rf {} +
 	@echo "clean: done"
 
@@ -111,15 +118,15 @@ endef
 
 # The stamps are written last, so that an interrupted setup starts anew.
 $(PACKAGES): export PIP_CONSTRAINT := requirements.txt  # empy comes as source; pip builds it with the pinned setuptools
-$(PACKAGES): requirements.txt
-	@$(PYTHON) -c 'import sys; sys.exit(not (3, 10) <= sys.version_info[:2] <= (3, 13))' 2>/dev/null || { \
-		echo "setup: $(PYTHON) is $$($(PYTHON) -V 2>/dev/null || echo missing), and Python 3.10 to 3.13 is needed;" \
+$(PACKAGES): $(LOCKS)
+	@$(PYTHON) -c 'import sys; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 14))' 2>/dev/null || { \
+		echo "setup: $(PYTHON) is $$($(PYTHON) -V 2>/dev/null || echo missing), and Python 3.11 to 3.14 is needed;" \
 			"name another one: make setup PYTHON=python3.12" >&2; \
 		exit 2; }
 	@echo "setup: making $(VENV) with $$($(PYTHON) -V)"
 	@$(PYTHON) -m venv --clear $(VENV)
-	@echo "setup: installing $$(grep -c == $<) pinned packages (800 MB on disk; a minute or two)"
-	@$(PIP) install --use-pep517 --no-deps --requirement $<
+	@echo "setup: installing $$(cat $(LOCKS) | grep -c ==) pinned packages (800 MB on disk; a minute or two)"
+	@$(PIP) install --use-pep517 --no-deps $(addprefix --requirement=,$(LOCKS))
 	@$(BIN)/python -m pip check >/dev/null || { $(BIN)/python -m pip check; exit 1; }
 	@$(BIN)/python -c 'import platform; print(platform.python_version())' > $@
 

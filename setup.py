@@ -37,7 +37,7 @@ setup(
         *config_files(),
     ],
     zip_safe=True,
-    python_requires=">=3.10,<3.15",
+    python_requires=">=3.11,<3.15",
     install_requires=['backports-zstd ; python_version < "3.14"', "llvmlite", "lz4", "matplotlib", "mcap", "numba",
                       "numpy", "pillow", "PyYAML", "rosbags>=0.11", "scipy", "tornado", "tqdm"],
     extras_require={

@@ -39,14 +39,14 @@ def api_page() -> str:
     """The page in Markdown."""
     parts = ["# Python interface\n\n*What is each public name of `import vibro_ros`, with units, shapes and errors?* "
              "The page is made from the docstrings, which `help` shows, too."]
-    parts += [_entry(f"vibro_ros.{name}", found) for name, found in public()]
+    parts += [_entry(name, found, "###" if "." in name else "##") for name, found in public()]
     parts += ["## What the functions return"]
     for kind in RETURNED:
         parts += [_entry(name, found, "###") for name, found in ((kind.__name__, kind), *_methods(kind.__name__, kind))]
     return "\n\n".join(parts) + "\n"
 
 
-def _entry(name: str, found: object, level: str = "##") -> str:
+def _entry(name: str, found: object, level: str) -> str:
     text = inspect.getdoc(found) or ""
     call = f"\n\n    {name.rpartition('.')[2]}{inspect.signature(found)}" if inspect.isfunction(found) else ""
     return f"{level} {name}{call}\n\n{as_markdown(text)}"

@@ -12,6 +12,7 @@ import yaml
 from mcap.reader import make_reader
 from recorded_bag import METADATA
 from rosbags.rosbag2 import Reader
+from rosbags.typesys import Stores, get_typestore
 
 from vibro_ros.bag.cdr import jazzy_types
 from vibro_ros.bag.folders import bag_folders
@@ -20,6 +21,7 @@ from vibro_ros.bag.recorder import Recorder
 from vibro_ros.bag.recovery import recover
 from vibro_ros.bag.stream import BagStream
 from vibro_ros.bag.writer import BagWriter, Storage
+from vibro_ros.messages.topics import CHECKPOINT_TYPE, OPERATIONS_TYPE, ROBOT_TOPICS
 
 TOPICS = defined([Topic("/odom", "nav_msgs/msg/Odometry", 10), Topic("/motor_power", "std_msgs/msg/Float64", 10)])
 POWER = [Topic("/motor_power", "std_msgs/msg/Float64", 10)]
@@ -48,6 +50,13 @@ def write(folder: Path, storage: Storage, published, start_ns, samples: int = 40
 
 def metadata(folder: Path) -> dict:
     return yaml.safe_load((folder / "metadata.yaml").read_text())["rosbag2_bagfile_information"]
+
+
+@pytest.mark.parametrize("later", [Stores.ROS2_KILTED, Stores.ROS2_LYRICAL])
+def test_later_distributions_have_the_same_definitions(later):
+    store = get_typestore(later)
+    for kind in {*ROBOT_TOPICS.values(), CHECKPOINT_TYPE, OPERATIONS_TYPE}:
+        assert store.hash_rihs01(kind) == jazzy_types().hash_rihs01(kind)
 
 
 @pytest.mark.parametrize("storage", SPLITS.values(), ids=SPLITS)

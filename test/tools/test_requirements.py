@@ -18,7 +18,7 @@ ROSDEP_KEYS = {"PIL": "python3-pil", "mcap": "mcap-ros2-support", "rosbags": "py
                "llvmlite": "python3-numba",  # these are brought by others
                **dict.fromkeys(("lz4", "backports"), "python3-rosbags-pip")}
 ROSDEP_KEYS |= {name: f"python3-{name}" for name in ("matplotlib", "numba", "numpy", "scipy", "tornado", "tqdm")}
-LOCKS = [f"requirements{part}.txt" for part in ("", "-bench", "-browser", "-study")]
+LOCKS = [f"requirements{part}.txt" for part in ("", "-jazzy", "-bench", "-browser", "-study")]
 # Of the extras `bench`, `study`, `cluster` and `test`; only the rooms peer and study import them, and `Bag.to_pandas`.
 NO_ROSDEP_KEY = {"heyoka", "SALib", "cma", "distributed", "pandas", "pyarrow"}
 

@@ -14,7 +14,7 @@ import platform
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import astuple, fields, replace
-from datetime import datetime, timezone
+from datetime import UTC, datetime
 from importlib import metadata
 from pathlib import Path
 
@@ -72,7 +72,7 @@ def machine() -> str:
     with suppress(metadata.PackageNotFoundError):
         versions[0] = f"vibro_ros {metadata.version('vibro_ros')}"
     return (f"{', '.join(versions)}; {platform.system()} {platform.machine()}, {os.cpu_count()} cores; "
-            f"{datetime.now(timezone.utc):%Y-%m-%d}")
+            f"{datetime.now(UTC):%Y-%m-%d}")
 
 
 class Accuracy:

@@ -364,4 +364,5 @@ def growth(scene: Scene, duration: float = 15.0, starts: int = 24) -> Growth:
     rates = np.array([exponent_of_pairs(started_at_share(scene, k / starts, scene["motor.speed"]), STARTING, duration)
                       for k in range(starts)])
     rate = average(rates)
-    return Growth(rate.mean, rate.spread, 2 * np.count_nonzero(rates) > starts and rate.mean > rate.spread, duration)
+    chaotic = bool(2 * np.count_nonzero(rates) > starts and rate.mean > rate.spread)
+    return Growth(rate.mean, rate.spread, chaotic, duration)

@@ -8,7 +8,7 @@ if __name__ == "__main__":  # before all imports: they take a second or two, in 
     sys.exit(enter("recover"))
 
 from collections.abc import Sequence
-from datetime import datetime, timezone
+from datetime import UTC, datetime
 
 from vibro_ros.bag.recovery import RecoveryError, described, recover
 from vibro_ros.process.executables import EXECUTABLES
@@ -36,7 +36,7 @@ def _clock(stamp: int) -> str:
     """A time [ns] for people, UTC."""
     seconds, nanoseconds = divmod(stamp, 10**9)
     try:
-        return f"{datetime.fromtimestamp(seconds, timezone.utc):%Y-%m-%d %H:%M:%S}.{nanoseconds // 10**6:03d} UTC"
+        return f"{datetime.fromtimestamp(seconds, UTC):%Y-%m-%d %H:%M:%S}.{nanoseconds // 10**6:03d} UTC"
     except (ValueError, OverflowError):
         return f"{stamp} ns"
 

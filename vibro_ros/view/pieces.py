@@ -167,7 +167,7 @@ def fitted(sample: Sampler, borders: np.ndarray, allowed: np.ndarray,
             in_vain = np.where(np.repeat(helped, 2), 0, in_vain + 1)
         is_last = (borders[:, 1] - borders[:, 0] <= SHORTEST) | (in_vain >= _HOPELESS)
         halved = (worst > 1.0) & ~is_last
-        total += np.count_nonzero(halved)
+        total += int(np.count_nonzero(halved))
         if total > most:
             is_last, halved = is_last | halved, np.full(len(halved), False)
         resolved &= (tails[is_last & (borders[:, 1] - borders[:, 0] > SHORTEST)] <= 1.0).all(axis=0)
