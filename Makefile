@@ -54,13 +54,18 @@ NEEDED := $(if $(filter jazzy,$(ROS)),$(PEER) $(STUDY) $(BROWSER))
 
 test: $(READY) $(TYPES) $(NEEDED)  ## run every test, two at a time, and those that need a quiet machine alone; with ROS=kilted those of ROS
 	@$(if $(NEEDED),$(if $(NEEDS_QT),$(MAKE) --no-print-directory $(QT)))
+	@$(COMPILED)
 	@$(BIN)/python -m pytest --numprocesses 2 --dist worksteal -m "not quiet" $(TESTS)
 	@$(BIN)/python -m pytest -m quiet $$(grep -rl --include='*.py' 'mark\.quiet' $(TESTS))
+
+# The kernels once, before two workers and their robots would compile the same ones beside each other.
+COMPILED = $(BIN)/python -c "from vibro_ros.simulation.preparation import provide_kernels; provide_kernels('auto')"
 
 # What needs no process of its own, of the rooms in which most changes are made.
 QUICK := $(addprefix test/,test_rings.py solver model configuration simulation orbits messages bag ros)
 
 check: lint  ## the fast loop, a minute: lint, and the tests that need no process, of the rooms from solver to ros
+	@$(COMPILED)
 	@$(BIN)/python -m pytest --numprocesses 2 --dist worksteal --quiet -m "not slow and not quiet" $(QUICK)
 
 lint: $(READY) conflict-markers site  ## check style, spelling, types and links; name generated pages that are older than their code

@@ -36,16 +36,16 @@ def test_an_interrupted_run_keeps_its_rows(monkeypatch, tmp_path, capsys):
 
 def test_a_scene_that_cannot_be_simulated_does_not_end_the_others(monkeypatch, tmp_path, capsys):
     def study(scene, effort):
-        if scene.name == "paper":
+        if scene.name == "damped":
             raise UnableError("at 0.1 s: events follow each other")
         return SceneStudy(scene, effort)
 
     monkeypatch.setattr(accuracy, "SceneStudy", study)
-    monkeypatch.setattr(accuracy, "shipped_scenes", lambda: ("paper", "damped"))
+    monkeypatch.setattr(accuracy, "shipped_scenes", lambda: ("damped", "paper"))
     options = ["--all", "--methods", "exact", "--horizon", "0.05", "--repeats", "1", "--starts", "2"]
     assert accuracy.main([*options, "--output", str(tmp_path)]) == 1
-    assert "paper: exact cannot simulate it: at 0.1 s" in capsys.readouterr().err
-    assert "## damped" in (tmp_path / "accuracy.md").read_text(encoding="utf-8")
+    assert "damped: exact cannot simulate it: at 0.1 s" in capsys.readouterr().err
+    assert "## paper" in (tmp_path / "accuracy.md").read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize(("options", "reason"), [
@@ -66,9 +66,9 @@ def test_bad_input_is_refused_before_anything_is_written(options, reason, tmp_pa
 
 def test_the_executable_ends_its_workers_without_a_word(tmp_path):
     """They are forked from a process that has the front door's signal handlers."""
-    options = ["--scene", "damped", "--methods", "exact", "--horizon", "0.05", "--repeats", "1", "--starts", "2"]
+    options = ["--scene", "paper", "--methods", "exact", "--horizon", "0.05", "--repeats", "1", "--starts", "2"]
     done = subprocess.run([sys.executable, "-m", "vibro_ros.accuracy.accuracy", *options, "--output", str(tmp_path)],
                           capture_output=True, text=True, timeout=250)
     assert done.returncode == 0, done.stderr
     assert "Traceback" not in done.stderr and "KeyboardInterrupt" not in done.stderr
-    assert "Findings in the scene `damped`" in (tmp_path / "accuracy.md").read_text(encoding="utf-8")
+    assert "Findings in the scene `paper`" in (tmp_path / "accuracy.md").read_text(encoding="utf-8")
