@@ -247,7 +247,7 @@ def _fill_signals(system, state):
         _fill_parts(system, state, system.signals.series[drive.cell], middle, slope, 0.0)
 
 
-@kernel
+@called_kernel
 def _raise_acceleration_scales(system, state):
     """Let the signals' accelerations have the scale of their terms over the cell: in a short segment about a zero they
     are sums of these, and much smaller."""
@@ -279,7 +279,8 @@ def fill_forcing(system, state):
     z[len(z) - 1, 0] = 1.0
     for channel in range(first, len(z)):
         state.scale[channel] = abs(z[channel, 0]) + abs(z[channel, 1])
-    _raise_acceleration_scales(system, state)
+    if system.size[0].signal_accelerations > 0:
+        _raise_acceleration_scales(system, state)
 
 
 @entry_kernel
