@@ -195,13 +195,6 @@ def test_a_thread_that_works_on_does_not_delay_the_end(start):
     assert said_after(process, PROMPT) == (5, "last word", "")
 
 
-def test_a_forked_process_ends_by_a_signal_as_any_other(start):
-    process = planted(start, "import os", "child = os.fork()", "if child == 0:", "    time.sleep(600)",
-                      "os.kill(child, signal.SIGTERM)", READY, "sys.stdin.read()", "print(os.waitpid(child, 0)[1])",
-                      stdin=subprocess.PIPE)
-    assert said_after(process, PROMPT) == (0, f"{signal.SIGTERM:d}\n", "")
-
-
 @pytest.mark.parametrize("error, code, said", [
     (ValueError("a: b\n  c"), 2, "a: b c"), (RuntimeError("no"), 1, "no"),
     (FileNotFoundError(2, "No such file", "none"), 1, "none: No such file"),
