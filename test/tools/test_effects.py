@@ -2,14 +2,12 @@
 
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from tools import effects
-from tools.effects import mean_speeds, measure, size
+from tools.effects import mean_speeds, size
 from vibro_ros.configuration.scene_file import load_scene
 from vibro_ros.model.parameters import SCENE_PARAMETERS
-from vibro_ros.simulation.simulator import Simulator
 
 DEVICE = load_scene("device")
 EFFECTS = {effect.name: effect for effect in effects.EFFECTS}
@@ -42,31 +40,6 @@ def test_every_choice_of_every_effect_is_compared_in_a_row():
                                  if parameter.name in effect.without} for parameter in choosing}
     assert compared == {parameter.name: set(parameter.choices or (True, False)) for parameter in choosing}
     assert any(effect.travel for effect in effects.EFFECTS)
-
-
-def test_plates_that_move_go_to_and_fro_and_change_the_speed():
-    """At 5 mm/s a way of 2 mm takes 0.4 s; all of it but the first way, which begins in the middle, is uniform."""
-    [effect] = [effect for effect in effects.EFFECTS if effect.travel]
-    scene, same = effect.scenes()
-    device = Simulator(scene)
-    device.command(motor_speed=effects.SPEED)
-    gaps = []
-    for turn in range(5):
-        effects.send_plates(device, turn, effect.travel)
-        device.advance_to(0.4 * (turn + 1))
-        gaps.append(device.state.upper_plate_position - scene["crank.upper_rod"])
-    np.testing.assert_allclose(gaps, [1e-3, -1e-3, 1e-3, -1e-3, 1e-3], rtol=0.0, atol=1e-12)
-    row = measure(effect, 2.0, 1, 1)
-    assert same == scene and row.cost > 0.0 and abs(row.speed_with - row.speed_without)[0] > 1e-4
-
-
-def test_mean_speeds_are_the_body_s_way_over_its_time():
-    """Without friction nothing moves the centre of gravity, and the body stays; with it, backwards, from any start."""
-    row = measure(EFFECTS["friction"], 2.0, 2, 1)
-    assert row.cost > 0.0
-    assert np.all(abs(row.speed_without) < 0.01)  # a swing of m3/M 4 cm, at the most, in 2 s
-    assert np.all(row.speed_with < -0.05)
-    assert effects.as_line(row).startswith("| friction |")
 
 
 def test_the_documents_mean_speeds_are_still_the_robots():
