@@ -10,7 +10,7 @@ from motion_reader import Motion
 from page_visitor import PageVisitor, address_of
 from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
 from rcl_interfaces.srv import SetParameters
-from std_msgs.msg import Float64
+from sensor_msgs.msg import JointState
 
 import vibro_ros
 from vibro_ros.view.protocol import COLUMNS
@@ -76,8 +76,8 @@ def test_what_is_sent_is_what_was_published_in_one_row_a_sample(start, view, vis
 
 
 def test_commands_services_and_refusals_in_the_robot_s_words(start, view, visit, bench):
-    speeds: list[float] = []
-    bench.node.create_subscription(Float64, "motor_speed", lambda message: speeds.append(message.data), 10)
+    speeds = [float("nan")]  # of the crank
+    bench.node.create_subscription(JointState, "joint_states", lambda message: speeds.append(message.velocity[0]), 10)
     start("robot", *CRAWL)
     page = visit()
     page.wait_for_robot(offers={"reset": True, "step": True, "pause": True, "record": True})
@@ -102,8 +102,8 @@ def test_commands_services_and_refusals_in_the_robot_s_words(start, view, visit,
     assert page.ask(command="motor_speed", value=50.0)["done"]
     late.wait(lambda: late.last("commands")["values"].get("motor_speed") == 50.0, "the command of another page")
     ends_well(view, signal.SIGTERM)
-    bench.spin_until(lambda: speeds[-1:] == [0.0], "nobody is left who could stop the motor")
     assert "sent motor_speed 0" in view.text
+    bench.spin_until(lambda: speeds[-1] == 0.0, "nobody is left who could stop the motor")
 
 
 def test_slow_motion_of_the_last_second(start, view, visit):
