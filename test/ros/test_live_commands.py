@@ -67,7 +67,7 @@ def test_a_motor_that_a_page_commanded_stops_when_the_pages_have_gone_and_no_oth
         device.hear(SCENE, [Operation(operation)])
         assert not device.of_page and device.in_force == {}
     both.page(90.0)
-    assert device.end()
+    assert device.end() == "sent motor_speed 0"
     both.wait_for(0.0)
 
 

@@ -25,7 +25,7 @@ RETURN = 3.0
 """Time [s] in which a page that is loaded again comes back, or one that has lost its connection."""
 REPEATS = 3
 """Commands in one `command.timeout` of the robot, so that one or two may be lost."""
-FAREWELL = Duration(seconds=1)
+FAREWELL = Duration(seconds=2)
 """How long the last command may take to the robot when the view ends."""
 
 
@@ -100,12 +100,13 @@ class Commands:
             self._publish(SPEED, self.in_force[SPEED])
         return False
 
-    def end(self) -> bool:
-        """Stop a motor that a page keeps turning, because the view ends; whether that was so."""
-        if self.of_page:
-            self._publish(SPEED, 0.0)
-            self._publishers[SPEED].wait_for_all_acked(FAREWELL)
-        return self.of_page
+    def end(self) -> str:
+        """Stop a motor that a page keeps turning, because the view ends; says so in words if that was so."""
+        if not self.of_page:
+            return ""
+        self._publish(SPEED, 0.0)
+        arrived = self._publishers[SPEED].wait_for_all_acked(FAREWELL)
+        return "sent motor_speed 0" if arrived else "sent motor_speed 0, but it was not received; the motor may run on"
 
     def _publish(self, name: str, value: float) -> None:
         if name == SPEED:

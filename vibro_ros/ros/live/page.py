@@ -107,8 +107,8 @@ class LivePage:
 
     def end(self) -> None:
         """Stop the motor, if a page has made it turn: nobody is left who could stop it here."""
-        if self._commands.end():
-            self._node.get_logger().info("the motor was commanded from a page; sent motor_speed 0")
+        if words := self._commands.end():
+            self._node.get_logger().info(f"the motor was commanded from a page; {words}")
 
     def _poll(self, server: Server) -> None:
         origin = self._robot.origin
