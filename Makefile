@@ -48,7 +48,7 @@ demo: $(READY) $(TYPES)  ## run robot and controller for about 20 s, record, rep
 view: $(READY) $(TYPES)  ## run a robot and show it in the browser, at the address that is printed; VIEW="--open --port 0" gives options
 	@$(BIN)/python -m tools.look $(VIEW)
 
-# Beside the pinned ROS 2, only what talks to ROS is tested, without what its tests can skip.
+# With another ROS 2 than Jazzy only the tests of ROS run, without the packages whose absence they skip.
 TESTS := $(if $(filter jazzy,$(ROS)),test,test/ros)
 NEEDED := $(if $(filter jazzy,$(ROS)),$(PEER) $(STUDY) $(BROWSER))
 
