@@ -85,7 +85,7 @@ def document(study: Accuracy, bench: str, ticks: str) -> str:
         f"`_blind`: scipy's solvers without location of events, as a first script integrates. `make bench` samples at "
         f"{BENCH_RATE:g} Hz, where `exact` costs less because it reads fewer samples off each segment.",
         "The executable `accuracy` measures the same for your own scene, without heyoka; in a checkout, "
-        "`python -m tools.peer.accuracy` does so with it. All rows: [{TABLE}]({FOLDER}/{TABLE}).",
+        f"`python -m tools.peer.accuracy` does so with it. All rows: [{TABLE}]({FOLDER}/{TABLE}).",
         "## Findings", f"In costs, {baseline_in_words(study.rows)} Below 1 is cheaper than that:",
         "\n".join(f"- {text}" for text in headlines(study.rows)),
         known_to(study.rows) + " No method is shown to be better than that: the grey band of the diagrams.",
