@@ -377,7 +377,6 @@ class EventLog:
         if len(events) == 0:
             return
         self._untaken.append(events.copy())
-        np.maximum(events[:, 0], 0.0, out=self._untaken[-1][:, 0])  # a root beside the start, less rounding
         self._counts += np.bincount(events[:, 1].astype(np.int64), minlength=len(self._counts))
 
     def take(self) -> np.ndarray:
