@@ -101,7 +101,9 @@ def test_extremes_of_every_parameter_together(seed):
             assert all(map(math.isfinite, state.values())), (scene, state)
             subnormal = [name for name, value in state.items() if name != "time" and 0.0 < abs(value) < 1e-300]
             assert not subnormal, (scene, subnormal)
-            device.command(motor_speed=speed, upper_gap=float(random.uniform(-1.0, 1.0) * scene["crank.upper_rod"]))
+            jumps = scene.linkage and scene["effects.motor"] == "ideal"  # such a motor keeps its speed
+            device.command(motor_speed=None if jumps else speed,
+                           upper_gap=float(random.uniform(-1.0, 1.0) * scene["crank.upper_rod"]))
     assert accepted > 15
 
 
