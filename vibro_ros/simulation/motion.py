@@ -233,6 +233,11 @@ class Motion:
         scene, drive, law = self.scene, self.state.now["drive"][0], self.scene["effects.motor"]
         start, fastest = self.model.system.signals.start, BY_NAME["motor.max_speed"].maximum
         width, time, lag = start[drive["cell"] + 1] - start[drive["cell"]], drive["cell_time"], drive["lag"]
+        at, actuator = self.model.forms.channels, scene["gap_actuator.speed"]
+        plates, rates = np.split(self.state.z[at.ramp(0):at.ramp(2 * at.ramps)], 2)
+        if (np.abs(plates[:, :1]) > 2.0 * scene.longest_rod).any() or (np.abs(plates[:, 1]) > actuator).any() or (
+                plates[:, 2:].any() or rates[:, 1:].any() or (np.abs(rates[:, 0]) > actuator).any()):
+            return False
         if drive["time_left"] > 0.0 and time != 0.0:  # which must be the time that the cell takes
             passed = time * (drive["cell_speed"] + 0.5 * drive["acceleration"] * time)
             if lag > 0.0:
@@ -243,7 +248,7 @@ class Motion:
         return (all(0.0 <= drive[name] <= fastest for name in ("speed", "target", "cell_speed"))
                 and abs(drive["acceleration"]) in (0.0, scene["motor.acceleration"] * (law == "ramp"))
                 and lag in (0.0, scene["motor.time_constant"] * (law == "lag"))
-                and all(abs(rate) in (0.0, scene["gap_actuator.speed"]) for rate in self.state.ramp["rate"])
+                and all(abs(rate) in (0.0, actuator) for rate in self.state.ramp["rate"])
                 and all(drive[name] >= 0.0 for name in ("since", "cell_time", "time_left"))
                 and 0.0 <= drive["offset"] <= width * (1.0 + _CLOSE))
 
