@@ -177,8 +177,9 @@ def test_a_robot_in_a_namespace_under_another_name(start, visit, view):
     page.wait_for_robot(name="/r1/crawler")
     page.wait_for_rows(50)
     stranger.wait_for_absence("but /r1/crawler; to show the first: view --robot /r1/crawler --ros-args -r __ns:=/r1")
-    words = neighbour.wait_for_absence("no robot /r1/vibro_robot")  # its topics are there, under another node's name
-    assert words.endswith("view --robot /r1/crawler")
+    # The topics that it listens to are there, under another node's name.
+    words = neighbour.wait_for_absence("but /r1/crawler; to show the first: view --robot /r1/crawler")
+    assert words.startswith("no robot /r1/vibro_robot") and words.endswith("/r1/crawler")
     page.wait(lambda: page.last("impacts"), "impacts")
     assert page.ask(call="reset")["done"]
     assert page.ask(command="motor_speed", value=-1.0)["done"]

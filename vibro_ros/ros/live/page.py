@@ -86,6 +86,7 @@ class LivePage:
         self._history, self._orders = History(), deque[tuple[int, Request]](maxlen=MOST_ORDERS)
         self._standing = Standing("the view is starting", None, None, {})
         self._in_force = text_frame("commands", values={})
+        self._run: tuple[int | None, int] = None, 0
         self._looked = float("-inf")
         self._absence, self._since = "", monotonic()
         self._server: Server | None = None
@@ -155,8 +156,10 @@ class LivePage:
 
     def _tell(self, server: Server) -> None:
         """Hand on what the robot says beside its samples."""
-        operations = self._words.operations()
-        self._commands.hear(self._robot.settings.scene if self._robot.settings else None, operations)
+        robot, operations = self._robot, self._words.operations()
+        run = robot.origin, robot.silences
+        goes_on, self._run = run == self._run, run  # else what was commanded before holds no more
+        self._commands.hear(robot.settings.scene if robot.settings and goes_on else None, operations)
         if any(one.name == SET for one in operations):
             self._robot.reader.read()
         if operations and self._words.status:

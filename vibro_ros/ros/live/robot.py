@@ -48,11 +48,14 @@ class LiveRobot:
         What is known of the robot that publishes now.
     origin : int or None
         Stamp [ns] of its first sample that was seen.
+    silences : int
+        How often it was heard again after a silence, perhaps as another robot.
     """
 
     def __init__(self, node: SteadyNode, robot: str):
         self.settings: Settings | None = None
         self.origin: int | None = None
+        self.silences = 0
         self._node, self._robot = node, robot
         self._topics = {topic: QuietSubscription(node, _KINDS[topic], topic, SAMPLES) for topic in STAMPED}
         self._runs, self._joining = Runs(), Joining()
@@ -88,6 +91,7 @@ class LiveRobot:
         now = time.monotonic()
         if float("-inf") < self._heard < now - SILENCE:
             self._doubtful = True
+            self.silences += 1
             self.reader.read()
         self._heard = now
 
