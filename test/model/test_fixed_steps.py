@@ -162,7 +162,8 @@ STRIBECK = {"effects.friction": "stribeck", "ground.static_friction": 0.5, "grou
     ("no_impact", STRIBECK | {"effects.normal_force": "printed"}), ("device", RIGID),
     ("device", {"effects.friction": "none"}), ("rigid", {"effects.reaction": True, "effects.normal_force": "weight"}),
     ("paper", {"effects.reaction": True}), ("device", {"effects.inclined_mass": False}),
-    ("damped", {"effects.adhesion": True})])
+    ("damped", {"effects.adhesion": True}),
+    ("device", {"ground.slope": 0.05, "ground.viscous_friction": 2.0, "ground.drag": 0.3})])
 def test_every_effect_converges_to_the_exact_motion(method, name, changes):
     """A28. Over a factor of ten in the step, first order gains ten, give or take the scatter of the events' places."""
     coarse, fine = (errors(scene(name, changes), method, step) for step in (1e-5, 1e-6))

@@ -6,6 +6,7 @@ their masses, with r = 1 with the reaction on the masses and else 0:
     u: m2 (u'' + r y'') = -k2 (u - s_B) - c2 (u' - s_B') - m2 g - P        x: M x'' + m3 e_x w'' = -F_fr
     w: m3 (w'' + r (e_x x'' + e_y y'')) = ... - P                          y: M y'' + m2 u'' + m3 e_y w'' = N - M g
 
+On a slope, with oil or a load, the row x has these forces as well (`Ground.driving_force`), and M g is M g cos(alpha).
 The row y is there for the rule `hop` alone; by the other rules its N is the normal force of the friction.
 
 Limits of the published forces. A step that does not see an event goes on in the old mode, whose forces may break the
