@@ -1,0 +1,302 @@
+"""The equations of README.md, compiled by numba, for the runners of general integrators; and the unit of cost.
+
+A mode says which plates push and what the ground does. `slope` is smooth within a mode, `guards` are positive within
+it, and `crossed` does what an event asks. `observed` reads the mode off a state, for integrators that see no events.
+"""
+
+import math
+from typing import NamedTuple
+
+import numba
+import numpy as np
+
+from benchmark.problems import COLUMNS, Problem
+
+BACKWARD, FREE, FORWARD, STICK, AIR = -1, 0, 1, 2, 3
+_RULES = {"weight": 0, "unilateral": 1, "hop": 2}
+_jit = numba.njit(error_model="numpy", cache=True)
+_inlined = numba.njit(error_model="numpy", inline="always")
+
+
+class Machine(NamedTuple):
+    """Numbers of a problem: those of each guide, then those of the whole."""
+
+    m2: float
+    k2: float
+    c2: float
+    k4: float
+    c4: float
+    plate2: float
+    L2: float
+    m3: float
+    k3: float
+    c3: float
+    k1: float
+    c1: float
+    plate3: float
+    L3: float
+    sine: float
+    cosine: float
+    total: float
+    radius: float
+    omega: float
+    g: float
+    mu: float
+    rule: int
+    adhesion: bool
+    reaction: float
+    heavy: float
+
+
+def machine(problem: Problem) -> Machine:
+    """The numbers of a problem, of whose absent masses no force acts on the others."""
+    given = problem.parameters
+    gone = {name: 0.0 for mass, names in (("m2", ("k2", "k4")), ("m3", ("k3", "k1")))
+            if not given[mass] for name in (*names, "c2" if mass == "m2" else "c3")}
+    return Machine(
+        **{name: given[name] for name in ("m2", "k2", "c2", "k4", "c4", "L2", "m3", "k3", "c3", "k1", "c1", "L3",
+                                          "omega", "g", "mu", "adhesion")} | gone,
+        radius=given["l"],
+        plate2=given["L2"] + given["gap2"] if given["m2"] and given["k4"] else math.inf,
+        plate3=given["L3"] + given["gap3"] if given["m3"] and given["k1"] else math.inf,
+        sine=math.sin(given["phi"]), cosine=math.cos(given["phi"]), total=given["m1"] + given["m2"] + given["m3"],
+        rule=_RULES[given["normal"]], reaction=float(given["reaction"]), heavy=given["g"] * given["weight"])
+
+
+def start(problem: Problem) -> np.ndarray:
+    """The state at t = 0, shape (8,)."""
+    return np.array([problem.start[column] for column in COLUMNS])
+
+
+@_inlined
+def _push(position, speed, plate, k, c):
+    """Depth in the plate [m] and force of the plate if it pushes [N]."""
+    depth = position - plate
+    return depth, k * depth + c * speed if depth > -math.inf else -1.0
+
+
+@_inlined
+def _drive(t, q, v, sine, cosine, rod, k, c, p):
+    """Force of the drive spring and damper on the mass, with the sign of F2 and F3 [N]."""
+    ct, st = math.cos(p.omega * t), math.sin(p.omega * t)
+    ca, sa = ct * cosine + st * sine, st * cosine - ct * sine
+    root = math.sqrt(rod * rod - p.radius * p.radius * sa * sa)
+    return k * (q - p.radius * ca - root) + c * (v + p.radius * sa * (1.0 + p.radius * ca / root) * p.omega)
+
+
+@_jit
+def forces(t, y, upper, inclined, p):
+    """F2 + m2 g and F3 + m3 g cos(phi), without what the body's acceleration adds [N]."""
+    f2 = _drive(t, y[0], y[1], 0.0, 1.0, p.L2, p.k2, p.c2, p) + p.m2 * p.heavy
+    f3 = _drive(t, y[2], y[3], p.sine, p.cosine, p.L3, p.k3, p.c3, p) + p.m3 * p.heavy * p.cosine
+    if upper:
+        f2 += _push(y[0], y[1], p.plate2, p.k4, p.c4)[1]
+    if inclined:
+        f3 += _push(y[2], y[3], p.plate3, p.k1, p.c1)[1]
+    return f2, f3
+
+
+@_jit
+def accelerations(f2, f3, slide, ground, p):
+    """u'', w'', x'', y'' and N; of a body that does not stick or fly, the friction force is mu N `slide`."""
+    ax = ay = 0.0
+    inward, pressed = -f3 * p.sine, p.total * p.g
+    if p.rule != 0 or ground == AIR:
+        pressed -= f2 + f3 * p.cosine
+    up = p.cosine if p.rule != 0 else 0.0
+    own = p.reaction * p.m3
+    if ground == AIR:
+        along, across = p.total - own * p.sine * p.sine, own * p.sine * p.cosine
+        high = p.total - p.reaction * p.m2 - own * p.cosine * p.cosine
+        scale = 1.0 / (along * high - across * across)
+        ax, ay = scale * (high * inward + across * pressed), -scale * (along * pressed + across * inward)
+    elif ground != STICK:
+        rub = p.mu * slide
+        ax = (inward - rub * pressed) / (p.total - own * p.sine * (p.sine - rub * up))
+    normal = 0.0 if ground == AIR else pressed + own * p.sine * up * ax
+    au = -f2 / p.m2 - p.reaction * ay if p.m2 > 0.0 else 0.0
+    aw = -f3 / p.m3 + p.reaction * (p.sine * ax - p.cosine * ay) if p.m3 > 0.0 else 0.0
+    return au, aw, ax, ay, normal
+
+
+@_jit
+def slope(t, y, upper, inclined, ground, slide, p, out):
+    """Write the derivative of the state."""
+    f2, f3 = forces(t, y, upper, inclined, p)
+    out[1], out[3], out[5], out[7], _ = accelerations(f2, f3, slide, ground, p)
+    out[0], out[2], out[4], out[6] = y[1], y[3], y[5], y[7]
+
+
+@_jit
+def touches(position, speed, plate, k, c, p):
+    """Whether a plate pushes the mass."""
+    depth, push = _push(position, speed, plate, k, c)
+    return depth > 0.0 and (p.adhesion or push > 0.0)
+
+
+@_jit
+def smooth_slope(t, y, width, p, out):
+    """The derivative without modes: plates by the depth, friction mu max(N, 0) tanh(x'/width)."""
+    upper, inclined = (touches(y[0], y[1], p.plate2, p.k4, p.c4, p), touches(y[2], y[3], p.plate3, p.k1, p.c1, p))
+    f2, f3 = forces(t, y, upper, inclined, p)
+    slide = math.tanh(y[5] / width)
+    au, aw, ax, ay, normal = accelerations(f2, f3, slide, FORWARD, p)
+    if p.rule != 0 and normal < 0.0:
+        au, aw, ax, ay, normal = accelerations(f2, f3, 0.0, FREE, p)
+    out[0], out[2], out[4], out[6] = y[1], y[3], y[5], y[7]
+    out[1], out[3], out[5], out[7] = au, aw, ax, ay
+
+
+@_jit
+def guards(t, y, upper, inclined, ground, p, out):
+    """Write four numbers that are positive within the mode: of each plate, then two of the ground."""
+    for k in range(2):
+        q, v, plate, stiff, damp = ((y[0], y[1], p.plate2, p.k4, p.c4) if k == 0
+                                    else (y[2], y[3], p.plate3, p.k1, p.c1))
+        depth, push = _push(q, v, plate, stiff, damp)
+        pressing = upper if k == 0 else inclined
+        inside = depth if p.adhesion else min(depth, push / max(stiff, 1.0))
+        out[k] = inside if pressing else -inside
+        if plate == math.inf:
+            out[k] = 1.0
+    out[2] = out[3] = 1.0
+    f2, f3 = forces(t, y, upper, inclined, p)
+    if ground == AIR:
+        out[2] = y[6]
+        return
+    slide = float(ground) if ground != STICK else 0.0
+    normal = accelerations(f2, f3, slide, ground, p)[4]
+    if ground == STICK:
+        out[2], out[3] = p.mu * normal + f3 * p.sine, p.mu * normal - f3 * p.sine
+    elif ground == FREE:
+        out[3] = -normal if p.mu > 0.0 and p.rule != 0 else 1.0
+    else:
+        out[2] = ground * y[5]
+        out[3] = normal if p.rule != 0 else 1.0
+
+
+@_jit
+def settled(t, y, upper, inclined, p):
+    """What the ground does to a body on it, by its speed and the forces."""
+    if p.mu == 0.0:
+        return FREE
+    f2, f3 = forces(t, y, upper, inclined, p)
+    ground = FORWARD if y[5] > 0.0 else BACKWARD
+    if y[5] == 0.0:
+        if abs(f3 * p.sine) <= p.mu * accelerations(f2, f3, 0.0, STICK, p)[4]:
+            return STICK
+        ground = FORWARD if f3 * p.sine < 0.0 else BACKWARD
+    if p.rule != 0 and accelerations(f2, f3, float(ground), ground, p)[4] < 0.0:
+        return AIR if p.rule == 2 else FREE
+    return ground
+
+
+@_jit
+def land(y, p):
+    """Stop the fall by an impulse that rubs with at most mu times itself against x' (Routh)."""
+    own = p.reaction * p.m3
+    along, across = p.total - own * p.sine * p.sine, own * p.sine * p.cosine
+    high = p.total - p.reaction * p.m2 - own * p.cosine * p.cosine
+    fall, before = y[7], y[5]
+    after, left = before, fall
+    if before != 0.0:
+        sign = 1.0 if before > 0.0 else -1.0
+        rate = (across + sign * p.mu * high) / (along + sign * p.mu * across)
+        after = before + rate * fall
+        if sign * after >= 0.0:
+            left = 0.0
+        else:
+            left = fall + before / rate
+    if left != 0.0:
+        sign = -1.0 if across > 0.0 else 1.0
+        rate = (across + sign * p.mu * high) / (along + sign * p.mu * across)
+        after = 0.0 if abs(across) <= p.mu * high else rate * left
+    y[1] += p.reaction * fall
+    y[3] += p.reaction * (p.sine * (after - before) + p.cosine * fall)
+    y[5], y[6], y[7] = after, 0.0, 0.0
+
+
+@_jit
+def begin(t, y, p):
+    """The mode just after a start, where a mass may lie on its plate and be pressed on it."""
+    f2, f3 = forces(t, y, False, False, p)
+    upper = y[0] > p.plate2 or (y[0] == p.plate2 and f2 < 0.0)
+    inclined = y[2] > p.plate3 or (y[2] == p.plate3 and f3 < 0.0)
+    return upper, inclined, settled(t, y, upper, inclined, p)
+
+
+@_jit
+def crossed(t, y, upper, inclined, ground, which, p):
+    """The mode after guard `which` has become zero; lets speeds jump."""
+    if which == 0:
+        upper = not upper
+    elif which == 1:
+        inclined = not inclined
+    elif which == 2 and ground == AIR:
+        land(y, p)
+        ground = FREE
+    elif which == 2 and ground != STICK:
+        y[5] = 0.0
+    elif ground == STICK:
+        f2, f3 = forces(t, y, upper, inclined, p)
+        forward = which == 2
+        ground = FORWARD if forward else BACKWARD
+        if p.rule != 0 and accelerations(f2, f3, float(ground), ground, p)[4] < 0.0:
+            ground = AIR if p.rule == 2 else FREE
+        return upper, inclined, ground
+    elif which == 3 and ground != FREE:
+        return upper, inclined, AIR if p.rule == 2 else FREE
+    elif which == 3:
+        ground = FORWARD if y[5] > 0.0 else BACKWARD
+        if abs(y[5]) < 1e-14:
+            y[5] = 0.0
+            ground = settled(t, y, upper, inclined, p)
+        return upper, inclined, ground
+    if ground != AIR:
+        ground = settled(t, y, upper, inclined, p)
+    return upper, inclined, ground
+
+
+@_jit
+def rk4(y, p, step, per_row, rows):
+    """Runge-Kutta 4 of fixed `step` [s], `rows` shape (n, 8): the unit of cost.
+
+    Plates and friction are evaluated where the stages happen to fall. The body stops in a step in which x' changes sign
+    while friction can hold it, leaves the ground after a step at whose end N < 0, and lands after one that ends below.
+    """
+    air, t = False, 0.0
+    slopes, stage = np.zeros((4, 8)), np.empty(8)
+    rows[0] = y
+    for n in range(1, len(rows)):
+        for _ in range(per_row):
+            for s in range(4):
+                share = 0.0 if s == 0 else step if s == 3 else 0.5 * step
+                for i in range(8):
+                    stage[i] = y[i] + share * slopes[s - 1, i]
+                upper = touches(stage[0], stage[1], p.plate2, p.k4, p.c4, p)
+                inclined = touches(stage[2], stage[3], p.plate3, p.k1, p.c1, p)
+                ground = AIR if air else settled_or_free(t + share, stage, upper, inclined, p)
+                slope(t + share, stage, upper, inclined, ground, float(ground), p, slopes[s])
+            before = y[5]
+            for i in range(8):
+                y[i] += step / 6.0 * (slopes[0, i] + 2.0 * (slopes[1, i] + slopes[2, i]) + slopes[3, i])
+            t += step
+            upper = touches(y[0], y[1], p.plate2, p.k4, p.c4, p)
+            inclined = touches(y[2], y[3], p.plate3, p.k1, p.c1, p)
+            if air:
+                if y[6] <= 0.0 and y[7] < 0.0:
+                    land(y, p)
+                    air = False
+            elif p.mu > 0.0:
+                f2, f3 = forces(t, y, upper, inclined, p)
+                if before * y[5] < 0.0 and abs(f3 * p.sine) <= p.mu * accelerations(f2, f3, 0.0, STICK, p)[4]:
+                    y[5] = 0.0
+                air = p.rule == 2 and settled(t, y, upper, inclined, p) == AIR
+        rows[n] = y
+
+
+@_jit
+def settled_or_free(t, y, upper, inclined, p):
+    """`settled` of a body that has not yet left the ground."""
+    ground = settled(t, y, upper, inclined, p)
+    return FREE if ground == AIR else ground

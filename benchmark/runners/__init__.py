@@ -1,0 +1,1 @@
+"""A program a module; `benchmark.contract` says what a module has."""
