@@ -8,6 +8,7 @@ LOCKS := requirements.txt requirements-$(ROS).txt
 PACKAGES := $(VENV)/packages.done
 READY := $(VENV)/ready.done
 PEER := $(VENV)/peer.done
+COMPARED := $(VENV)/compared.done
 STUDY := $(VENV)/study.done
 BROWSER := $(VENV)/browser.done
 QT := $(VENV)/qt.done
@@ -34,7 +35,7 @@ CHROMIUM := chromium chromium-browser google-chrome google-chrome-stable
 NEEDS_QT = $(if $(filter-out qt,$(VIBRO_ROS_BROWSER)),,$(if $(VIBRO_ROS_BROWSER),qt,$(shell \
 	for name in $(CHROMIUM); do $$name --version >/dev/null 2>&1 && exit; done; echo qt)))
 
-.PHONY: help setup demo view test check lint conflict-markers site package bench study documents accuracy paper literature map picture clean another-python
+.PHONY: help setup demo view test check lint conflict-markers site package bench benchmark study documents accuracy paper literature map picture clean another-python
 
 help:  ## list these commands
 	@sed -n 's/^\([a-z ]*\):[^#]*## /  make \1\t/p' $(MAKEFILE_LIST) | expand -t 18
@@ -71,7 +72,7 @@ check: lint  ## the fast loop, a minute: lint, and the tests that need no proces
 lint: $(READY) conflict-markers site  ## check style, spelling, types and links; name generated pages that are older than their code
 	@$(BIN)/ruff check
 	@$(BIN)/oxlint --format=unix vibro_ros/view/page
-	@$(BIN)/codespell *.md Makefile setup.py config docs examples research test tools vibro_ros
+	@$(BIN)/codespell *.md Makefile setup.py benchmark config docs examples research test tools vibro_ros
 	@$(BIN)/mypy --no-error-summary
 	@$(BIN)/python -m tools.documents --check
 
@@ -90,6 +91,10 @@ package: $(READY)  ## build wheel and sdist into out/dist, and try the wheel's r
 bench: $(READY) $(PEER)  ## compare the exact solver's cost with fixed-step Runge-Kutta and heyoka
 	@$(BIN)/python -m tools.bench
 
+benchmark: $(READY) $(PEER) $(COMPARED)  ## price accuracy against MuJoCo, Drake, SUNDIALS and others, half an hour; ONLY="6_device mujoco --quick" limits it
+	@$(COMPILED)
+	@$(BIN)/python -m benchmark.run $(ONLY)
+
 study: $(READY) $(STUDY)  ## short versions of all studies, figures and tables in out/study/short; ten minutes at most
 	@$(BIN)/python -m research.paper --quick --output out/study/short/paper
 	@$(BIN)/study sweep guide_angle --output out/study/short/sweep
@@ -100,7 +105,7 @@ study: $(READY) $(STUDY)  ## short versions of all studies, figures and tables i
 	@$(BIN)/study basins --quick --set motor.speed=160 --output out/study/short/basins
 	@$(BIN)/study map --quick --output out/study/short/map
 
-documents: $(READY) $(PEER) $(STUDY)  ## make every generated page and picture, an hour and a half; ONLY="effects map" makes some
+documents: $(READY) $(PEER) $(STUDY) $(COMPARED)  ## make every generated page and picture, an hour and a half; ONLY="effects map" makes some
 	@$(BIN)/python -m tools.documents $(ONLY)
 
 accuracy paper literature map picture: $(READY) $(PEER) $(STUDY)  ## make one of them: the same as make documents ONLY=...
@@ -142,7 +147,7 @@ $(READY): $(PACKAGES) setup.py setup.cfg package.xml vibro_ros/process/executabl
 	@touch $@
 
 # The command writes the stamp, unless there is no compiler that works: it then says so, and the robot runs without.
-$(TYPES): $(PACKAGES) $(shell find tools/interfaces interfaces -name '*.py' -o -name '*.action' -o -path '*/declared/*' -type f)
+$(TYPES): $(PACKAGES) $(shell find tools/interfaces interfaces -name '*.py' -o -name '*.action' -o -name '*.srv' -o -path '*/declared/*' -type f)
 	@$(BIN)/python -m tools.interfaces.command
 
 # Only the studies need them.
@@ -170,4 +175,11 @@ $(PEER): requirements-bench.txt $(PACKAGES)
 	@echo "setup: installing heyoka, to compare with, and Cyclone DDS, to talk with"
 	@$(PIP) install --only-binary :all: --no-deps --requirement $<
 	@$(BIN)/python -m pip check >/dev/null || { $(BIN)/python -m pip check; exit 1; }
+	@touch $@
+
+# Only `make benchmark` needs them, and it goes on without those that do not install here; 400 MB to load.
+$(COMPARED): requirements-benchmark.txt $(PACKAGES)
+	@echo "setup: installing the programs of the benchmark"
+	@for one in $$(sed 's/#.*//' $<); do $(PIP) install --prefer-binary --no-deps $$one 2>/dev/null || \
+		echo "setup: the benchmark goes on without $$one, which does not install here" >&2; done
 	@touch $@

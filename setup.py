@@ -56,6 +56,8 @@ setup(
         ],
         # What the studies need beyond the robot: tables of results, searches for an optimum, sensitivities.
         "study": ["SALib", "cma", "pyarrow"],
+        # The environment of the room `gym`.
+        "gym": ["gymnasium"],
         # Sweeps on more than one machine.
         "cluster": ["distributed"],
         "test": [

@@ -15,6 +15,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from benchmark.problems import names as problem_names
+
 ROOT = Path(__file__).resolve().parents[1]
 _PHYSICS = ("vibro_ros/solver", "vibro_ros/model", "vibro_ros/simulation", "config/scenes")
 _SUFFIXES = {".py", ".yaml"}
@@ -55,6 +57,8 @@ DOCUMENTS = {
     "picture": Document(
         "docs/robot.md", ("tools.drawing", "tools.animation"), 1.0,
         ("tools/drawing.py", "tools/animation.py", "tools/mechanism.py", "vibro_ros/model", "config/scenes")),
+    "motor": Document(
+        "docs/guide/motor.md", ("tools.motor_page",), 1.0, (*_PHYSICS, "tools/motor_page.py")),
     "effects": Document(
         "docs/robot.md", ("tools.effects",), 6.0, (*_PHYSICS, "tools/effects.py")),
     "literature": Document(
@@ -68,6 +72,10 @@ DOCUMENTS = {
         "docs/accuracy.md", ("tools.accuracy_report",), 15.0,
         (*_PHYSICS, "vibro_ros/accuracy", "tools/peer", "tools/baseline.py", "tools/accuracy_report.py",
          "tools/tick_cost.py")),
+    "benchmark": Document(
+        "docs/benchmark/benchmark.md", ("benchmark.run --quick",), 20.0, (*_PHYSICS, "benchmark"),
+        {f"out/benchmark/{file}": f"docs/benchmark/{file}" for file in
+         ("benchmark.md", "results.json", *(f"{problem}.png" for problem in problem_names()))}),
     "paper": Document(
         "docs/paper.md", ("research.paper",), 15.0, (*_PHYSICS, "research/paper")),
     "optimum": Document(

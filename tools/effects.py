@@ -253,9 +253,15 @@ def as_line(row: Row) -> str:
             f"{_change(row)} |")
 
 
+# A mean speed [m/s] that no steady motion has: it grows with the time that is watched, and is no number to compare.
+_RUNS_AWAY = 100.0
+
+
 def _change(row: Row) -> str:
     """Difference of the means in mm/s, and whether two standard deviations could explain it."""
     change = row.speed_with.mean() - row.speed_without.mean()
+    if abs(change) > _RUNS_AWAY:
+        return "runs away"
     if change == 0.0:
         return "none"
     spread = np.hypot(row.speed_with.std(), row.speed_without.std())

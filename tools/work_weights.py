@@ -15,7 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import nnls
 
-from vibro_ros.configuration.scene_file import load_scene, shipped_scenes
+from vibro_ros.accuracy.accuracy import refereed_scenes
+from vibro_ros.configuration.scene_file import load_scene
 from vibro_ros.model.scene import Scene
 from vibro_ros.model.tables import compile_scene
 from vibro_ros.simulation.accuracy_in_force import KNOWN_SPEED
@@ -125,7 +126,7 @@ def ratio_table(runs: Mapping[str, Mapping[str, list[Timed]]]) -> str:
 def known_scenes() -> str:
     """The lines of `accuracy_in_force.KNOWN`: for an accuracy that no step keeps, all that costs less is tried."""
     lines = []
-    for name in shipped_scenes():
+    for name in refereed_scenes():
         changes = {"motor.speed": KNOWN_SPEED, "solver.method": "auto", "solver.accuracy": UNKEPT}
         found = choose_method(load_scene(name).with_parameters(changes))
         method, step, error, cost = found.cheaper or ("none", 0.0, 0.0, 0.0)
@@ -138,7 +139,7 @@ def main(words: Sequence[str]) -> int:
     """Run the command line `words`; the exit code."""
     argparse.ArgumentParser(description=__doc__).parse_args(words)
     shipped = {name: {method: timed_by(load_scene(name), method) for method in ("exact", *STEP_WEIGHTS)}
-               for name in shipped_scenes()}
+               for name in refereed_scenes()}
     exact = [run for of_scene in shipped.values() for run in of_scene["exact"]]
     exact += [run for name, changes in VARIED for run in timed_by(load_scene(name).with_parameters(changes), "exact")]
     for method in STEP_WEIGHTS:

@@ -11,15 +11,17 @@ if TYPE_CHECKING:
     from vibro_ros.orbits.chaos import lyapunov_spectrum, zero_one_test
     from vibro_ros.orbits.orbit import find_orbit
     from vibro_ros.orbits.recurrence import settled_motion
+    from vibro_ros.sensors.device import SensedSimulator
     from vibro_ros.simulation.motion import SimulationError
     from vibro_ros.simulation.runs import simulate, simulate_many
     from vibro_ros.simulation.simulator import Simulator
 
-__all__ = ["Scene", "SimulationError", "Simulator", "find_orbit", "follow_orbit", "load_scene", "lyapunov_spectrum",
-           "read_bag", "settled_motion", "simulate", "simulate_many", "zero_one_test"]
+__all__ = ["Scene", "SensedSimulator", "SimulationError", "Simulator", "find_orbit", "follow_orbit", "load_scene",
+           "lyapunov_spectrum", "read_bag", "settled_motion", "simulate", "simulate_many", "zero_one_test"]
 
 _HOMES = {
     "Scene": "model.scene",
+    "SensedSimulator": "sensors.device",
     "SimulationError": "simulation.motion",
     "Simulator": "simulation.simulator",
     "find_orbit": "orbits.orbit",

@@ -13,6 +13,7 @@ from research.literature import capsule, gap_speed, impact_oscillator, two_phase
 from research.literature.findings import (
     FAILS,
     HOLDS,
+    MISSIGNED,
     NOISE,
     OUTSIDE,
     VERDICTS,
@@ -71,7 +72,7 @@ def main(words: Sequence[str]) -> int:
 def document(findings: Sequence[Finding]) -> str:
     """The findings as a document in Markdown."""
     verdicts = [claim.verdict for finding in findings for claim in finding.claims]
-    counts = ", ".join(f"{verdicts.count(verdict)} {verdict}" for verdict in (HOLDS, FAILS, NOISE, OUTSIDE)
+    counts = ", ".join(f"{verdicts.count(verdict)} {verdict}" for verdict in (HOLDS, FAILS, MISSIGNED, NOISE, OUTSIDE)
                        if verdict in verdicts)
     words = "\n".join(f"- **{verdict}**: {meaning}" for verdict, meaning in VERDICTS.items())
     return "\n\n".join([

@@ -10,10 +10,12 @@ Item = TypeVar("Item")
 Result = TypeVar("Result")
 
 HOLDS, FAILS, NOISE, OUTSIDE = "holds", "does not hold", "within noise", "not contained"
+MISSIGNED = "published sign wrong"
 #: What a verdict means; documents print it.
 VERDICTS = {
     HOLDS: "the model's number and the published one agree within the stated margin, or what is said to occur occurs",
     FAILS: "they differ by more than the margin, or what is said to occur does not",
+    MISSIGNED: "closed form and simulation agree with each other, and with the statement but for a reversed sign",
     NOISE: "the model's interval allows both answers",
     OUTSIDE: "the published statement needs something that the model does not have, or a number that could not be read",
 }

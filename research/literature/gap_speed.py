@@ -130,7 +130,7 @@ def claim(curve: Sequence[Tried]) -> Claim:
     blows = "" if fastest.approach.mean else ", without a blow"
     return Claim(
         "The robot is fastest with the gap at which the internal body hits its plate fastest (abstract, April 2022); "
-        f"at {fastest.motor:g} rad/s.",
+        f"here with the seed paper's parameters, at {fastest.motor:g} rad/s.",
         f"hardest blows, {hardest.approach.mean:.2f} m/s, at {1e3 * hardest.gap:g} mm, where it moves at "
         f"{_mm(hardest.speed)} mm/s; fastest at {1e3 * fastest.gap:g} mm, {_mm(fastest.speed)} mm/s{blows}",
         verdict, _RULE)

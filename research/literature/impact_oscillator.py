@@ -5,7 +5,7 @@ impact in n turns, have closed forms, and so have their folds and period doublin
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,7 +15,7 @@ from scipy.optimize import brentq
 from scipy.stats import binomtest
 
 from research.literature.capsule_equations import Guard
-from research.literature.findings import FAILS, HOLDS, Check, Claim, Finding, Mapped, Studied
+from research.literature.findings import FAILS, HOLDS, MISSIGNED, Check, Claim, Finding, Mapped, Studied
 from research.starts import computed
 from vibro_ros import Scene, Simulator
 
@@ -238,15 +238,25 @@ def _tilt() -> list[Claim]:
         beyond = Oscillator(omega, 0.0, 0.8)
         found = {sign: followed(replace(beyond, sigma=sign * 1.2 * beyond.reach), 0.0) for sign in (-1.0, 1.0)}
         there = {sign: (motion.impacts, motion.turns) == (1, 1) for sign, motion in found.items()}
+        slope = beyond.shape(1)[0]
         speed = found[-side].speeds[0] if there[-side] else math.nan
         claims.append(Claim(
             f"The ellipse is tilted into the {words} σ for ω {'<' if omega < 2 else '>'} 2n.",
             f"at ω = {omega:g} the simulated (1, 1) orbit exists at σ = {-side * 1.2 * beyond.reach:.3f} (V = "
-            f"{speed:.3f}) and not at {side * 1.2 * beyond.reach:.3f}. The summary has the signs exchanged: where T "
-            "exceeds π, the mass is longer below the stop than half a free oscillation, which needs σ > 0",
-            HOLDS if there[side] and not there[-side] else FAILS,
-            "the side on which the settled orbit exists beyond abs(σ) = 1/abs(1 − ω²)"))
+            f"{speed:.3f}) and not at {side * 1.2 * beyond.reach:.3f}. So does the closed form: σ = c − a V with a = "
+            f"(1 + r)/(2 tan(π n/ω)) = {slope:.3f}. The summary has the signs exchanged: where T exceeds π, the mass "
+            "is longer below the stop than half a free oscillation, which needs σ > 0", verdict_of_tilt(
+                side, slope, there), "the side on which the settled orbit exists beyond abs(σ) = 1/abs(1 − ω²), and "
+            "the sign of −a: both as published holds, both reversed is a wrong sign"))
     return claims
+
+
+def verdict_of_tilt(side: float, slope: float, there: Mapping[float, bool]) -> str:
+    """Verdict on a tilt to a published `side`, the sign of σ, from a of the closed form and the sides with an orbit."""
+    if there[side] == there[-side]:
+        return FAILS
+    seen = side if there[side] else -side
+    return FAILS if -slope * seen <= 0.0 else HOLDS if seen == side else MISSIGNED
 
 
 def _folds() -> Claim:

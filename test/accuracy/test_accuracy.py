@@ -41,7 +41,7 @@ def test_a_scene_that_cannot_be_simulated_does_not_end_the_others(monkeypatch, t
         return SceneStudy(scene, effort)
 
     monkeypatch.setattr(accuracy, "SceneStudy", study)
-    monkeypatch.setattr(accuracy, "shipped_scenes", lambda: ("damped", "paper"))
+    monkeypatch.setattr(accuracy, "shipped_scenes", lambda: ("damped", "machine", "paper"))
     options = ["--all", "--methods", "exact", "--horizon", "0.05", "--repeats", "1", "--starts", "2"]
     assert accuracy.main([*options, "--output", str(tmp_path)]) == 1
     assert "damped: exact cannot simulate it: at 0.1 s" in capsys.readouterr().err

@@ -5,7 +5,7 @@ import pytest
 from scipy.stats import ttest_1samp
 
 import vibro_ros
-from vibro_ros.accuracy.starts import average, speed_of_start, speeds_of_starts, started
+from vibro_ros.accuracy.starts import average, motions_of, speed_of_start, speeds_of_starts, started
 
 
 def covered(values: np.ndarray, starts: int) -> tuple[int, int]:
@@ -62,3 +62,19 @@ def test_intervals_of_a_chaotic_scene_hold():
     holding, overlapping = covered(values, 16)
     assert holding >= 6 and overlapping >= 7
     assert average(values).spread < 0.01
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_starts_of_one_motion_stay_together_and_those_of_two_come_apart(seed):
+    draw = np.random.default_rng(seed)
+    one, other = draw.normal(-61.0, 0.5, 12), draw.normal(-26.0, 0.2, 4)
+    assert [len(group) for group in motions_of(one)] == [12]
+    assert [len(group) for group in motions_of(draw.uniform(0.0, 1.0, 16))] == [16]
+    both = motions_of(draw.permutation(np.concatenate([one, other])))
+    assert [len(group) for group in both] == [12, 4] and set(both[1]) == set(other)
+
+
+def test_starts_that_repeat_one_motion_have_no_interval():
+    settled = 0.0372 * (1.0 + 1e-12 * np.arange(16))
+    assert average(settled).is_one_motion and len(motions_of(settled)) == 1
+    assert not average(np.array([0.0372, 0.0373])).is_one_motion

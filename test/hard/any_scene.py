@@ -16,10 +16,10 @@ _TABLE = {parameter.name: parameter for parameter in SCENE_PARAMETERS}
 # Where a range spans decades down to zero, the decades drawn end this far below the default or, where that is 0, at 1.
 _DECADES = 3.0
 _OTHERWISE = {"effects.misprint", "guide.angle", "crank.radius", "upper.gap", "inclined.gap", "motor.speed",
-              "ground.static_friction", "ground.friction_backward"}
+              "ground.static_friction", "ground.friction_backward", "motor.voltage", "motor.static_friction"}
 _STARTS = "start.state"
 _DRAWN_ALONE = [parameter for name, parameter in _TABLE.items()
-                if name not in _OTHERWISE and not name.startswith("solver.")
+                if name not in _OTHERWISE and not name.startswith(("solver.", "sensors."))
                 and (name == _STARTS or not name.startswith("start."))]
 _FIXED = {"solver.audit": True, "solver.accounts": True}
 # Values of a rich scene, each as likely; of a choice, all but `none`.
@@ -47,7 +47,7 @@ def draw_scene(rng):
 
 def slowest_time(scene):
     """The longest of the scene's own times [s]: a turn, a period of a mass on its spring."""
-    turn = 2.0 * math.pi / scene["motor.speed"] if scene["motor.speed"] else 0.0
+    turn = 2.0 * math.pi / abs(scene["motor.speed"]) if scene["motor.speed"] else 0.0
     periods = [2.0 * math.pi * math.sqrt(scene[f"mass.{side}"] / scene[f"{side}.spring.stiffness"])
                for side in scene.guides if scene[f"{side}.spring.stiffness"]]
     return max([turn, *periods]) or 1.0
@@ -57,6 +57,10 @@ def _command(rng, scene):
     """Keywords of a command: another speed, and gaps that are the scene's or some tenths of a millimetre off."""
     factor, faster = _one_of(rng, [0.0, 0.5, 1.0, 2.0]), _one_of(rng, [0.0, 10.0])
     wanted = {"motor_speed": min(scene["motor.max_speed"], scene["motor.speed"] * factor + faster)}
+    if scene.has_rotor:
+        wanted["motor_speed"] *= _one_of(rng, [1.0, -1.0])
+    if scene.motor_command == "motor_voltage":
+        wanted = {"motor_voltage": _between(rng, -1.0, 1.0) * scene["motor.supply_voltage"]}
     if scene.linkage and scene["effects.motor"] == "ideal":  # whose speed may not jump then
         wanted = {}
     for side in SIDES:
@@ -74,6 +78,11 @@ def _values(rng):
         values["ground.friction"] *= _one_of(rng, [1.0, 0.1])  # or most bodies would hardly slip
     values |= _geometry(rng, values)
     values["motor.speed"] = min(values["motor.max_speed"], _number(rng, _TABLE["motor.speed"], wild))
+    if values["effects.motor"] == "dc":
+        values["motor.speed"] *= _one_of(rng, [1.0, -1.0, 0.0])
+        values["motor.voltage"] = _between(rng, -1.0, 1.0) * values["motor.supply_voltage"]
+        values["motor.static_friction"] = min(1e6, values["motor.friction"] * _one_of(rng, [1.0, 1.2, 3.0]))
+        values["crank.radius"] *= _one_of(rng, [0.99, 0.3])
     values["effects.misprint"] = _may_be_misprinted(values) and _one_of(rng, [False, True])
     values["ground.static_friction"] = min(1e3, values["ground.friction"] * _one_of(rng, [1.0, 1.2, 3.0]))
     if values["effects.friction"] == "coulomb":
@@ -144,7 +153,7 @@ def _gap(rng, lengths):
 
 def _given_start(rng, values):
     """Where a given start puts what the scene has: masses about their plates, not deep in them, in any direction."""
-    speed, start = values["crank.radius"] * values["motor.speed"], {"start.crank_angle": _between(rng, 0.0, 50.0)}
+    speed, start = values["crank.radius"] * abs(values["motor.speed"]), {"start.crank_angle": _between(rng, 0.0, 50.0)}
     for side in SIDES:
         if values[f"effects.{side}_mass"]:
             plate, rigid = values[f"crank.{side}_rod"] + values[f"{side}.gap"], values[f"effects.{side}_contact"]

@@ -51,7 +51,7 @@ def test_a_tiny_parameter_is_zero_or_refused(parameter):
                 parameter.checked(tiny)
         else:
             assert parameter.checked(tiny).hex() == (0.0).hex()
-    if parameter.minimum <= 0.0:
+    if parameter.minimum <= 0.0 and not parameter.smallest:
         assert parameter.checked(NEGLIGIBLE) == NEGLIGIBLE
 
 
@@ -72,10 +72,15 @@ def _extreme(parameter, random):
 def _scene(random):
     """A scene of extremes, made legal where that is easy; None if it is refused, as it should be."""
     values = {parameter.name: max(_extreme(parameter, random), parameter.minimum) if parameter in NUMBERS else
-              _extreme(parameter, random) for parameter in SCENE_PARAMETERS if not parameter.name.startswith("solver.")}
+              _extreme(parameter, random) for parameter in SCENE_PARAMETERS
+              if not parameter.name.startswith(("solver.", "sensors."))}
     rods = [values[f"crank.{side}_rod"] for side in ("upper", "inclined")]
     values["crank.radius"] = max(NEGLIGIBLE, min(rods) * random.choice([1.0, 1.0 - 1e-15, 0.999, 0.3, 1e-15]))
     values["motor.speed"] = min(values["motor.speed"], values["motor.max_speed"])
+    values["motor.static_friction"] = max(values["motor.static_friction"], values["motor.friction"])
+    if values["effects.motor"] == "dc":  # of which nearly all extremes are refused
+        values |= {one.name: one.default for one in NUMBERS if one.name.startswith("motor.") and random.random() < 0.9}
+    values["motor.voltage"] = min(values["motor.voltage"], values["motor.supply_voltage"])
     values["ground.static_friction"] = max(values["ground.static_friction"], values["ground.friction"])
     for side, rod in zip(("upper", "inclined"), rods, strict=True):
         values[f"{side}.gap"] = float(random.choice([0.0, 0.0, 1.0, -1.0]) * random.choice([rod, 5e-324]))
@@ -102,8 +107,9 @@ def test_extremes_of_every_parameter_together(seed):
             subnormal = [name for name, value in state.items() if name != "time" and 0.0 < abs(value) < 1e-300]
             assert not subnormal, (scene, subnormal)
             jumps = scene.linkage and scene["effects.motor"] == "ideal"  # such a motor keeps its speed
-            device.command(motor_speed=None if jumps else speed,
-                           upper_gap=float(random.uniform(-1.0, 1.0) * scene["crank.upper_rod"]))
+            most_volts = scene["motor.supply_voltage"] if scene.motor_command == "motor_voltage" else most
+            motor = {} if jumps else {scene.motor_command: min(speed, most_volts)}
+            device.command(**motor, upper_gap=float(random.uniform(-1.0, 1.0) * scene["crank.upper_rod"]))
     assert accepted > 15
 
 

@@ -9,6 +9,7 @@ import vibro_ros
 from vibro_ros.configuration.scene_file import shipped_scenes
 from vibro_ros.model.forms import Forms
 from vibro_ros.model.modes import Mode
+from vibro_ros.model.motor import BEARING
 from vibro_ros.model.tables import compile_scene
 from vibro_ros.simulation.motion import Motion
 from vibro_ros.simulation.readout import Readout
@@ -37,6 +38,10 @@ VARIANTS = {
     "hop, no guide": {"effects.normal_force": "hop", "effects.inclined_mass": False, "effects.upper_mass": False},
     "hop, rigid, one guide": {"effects.normal_force": "hop", "effects.reaction": True, "effects.mass_weight": True,
                               "effects.upper_contact": "restitution", "effects.inclined_mass": False},
+    "dc": {"effects.motor": "dc"}, "dc, voltage, hop": {
+        "effects.motor": "dc", "motor.control": "voltage", "motor.winding_inductance": 1e-3, "motor.speed": 0.0,
+        "effects.normal_force": "hop", "effects.reaction": True, "mass.upper_slider": 0.01},
+    "dc without a bearing": {"effects.motor": "dc", "motor.friction": 0.0, "motor.static_friction": 0.0},
     "lag": {"effects.motor": "lag"}, "no tension": {"effects.adhesion": False, "upper.plate.damping": 50.0}}
 SCENES = [vibro_ros.load_scene(name) for name in shipped_scenes()]
 SCENES += [vibro_ros.Scene(name, changes) for name, changes in VARIANTS.items()]
@@ -51,7 +56,7 @@ def sections(scene) -> dict[str, list[str]]:
 
 def value_of(text: str, values: dict[str, float]) -> float:
     """The value of a sum as the description writes it."""
-    text = re.sub(r"(\d) (?=[a-zA-Z(])", r"\1 * ", re.sub(r"- (?=[a-z(])", "- 1 * ", text))
+    text = re.sub(r"(\d) (?=[a-zA-Zθ(])", r"\1 * ", re.sub(r"- (?=[a-z(])", "- 1 * ", text))
     names = sorted(values, key=len, reverse=True)
     for name in names:
         text = re.sub(rf"(?<![\w']){re.escape(name)}(?![\w'])", f"({values[name]!r})", text)
@@ -81,6 +86,11 @@ def symbol_values(forms: Forms, z: np.ndarray) -> dict[str, float]:
     for k, side in enumerate(forms.plates):
         plate = {"upper": "E", "inclined": "H"}[side]
         values |= {plate: z[at.ramp(k)], f"{plate}'": z[at.ramp_rate(k)]}
+    if forms.has_rotor:
+        values |= {"θ'": z[at.velocity(forms.phase)], "i": z[at.velocity(forms.charge)], "T": z[at.torque],
+                   "h": z[at.held]}
+        values |= {f"{symbol}''": z[at.signal_acceleration(k)]
+                   for k, symbol in enumerate(("s_B", "s_C")[:at.signal_accelerations])}
     for symbol, i in [("x", forms.body)] * forms.body_moves + [("y", forms.height)] * forms.body_hops:
         values |= {symbol: z[at.position(i)], f"{symbol}'": z[at.velocity(i)]}
     return {name: float(value) for name, value in values.items()}
@@ -100,8 +110,7 @@ def force_values(described: dict[str, list[str]], mode: Mode, plates: tuple[str,
 def guard_lines(described: dict[str, list[str]], mode: Mode, plates: tuple[str, ...]) -> list[tuple[int, str]]:
     """The guards of a mode as described: the places of their effects among its states, and the text after them."""
     lines = [line for line in described.get("guards", []) if holds_in(line, mode.states, plates)]
-    heads = [(f"{side} contact {state}: ",) for side, state in zip(plates, mode.states, strict=False)]
-    heads.append((f"friction {mode.ground}: ", f"ground {mode.ground}: "))
+    heads = [tuple(f"{name}: " for name in names) for names in named_states(mode.states, plates)]
     return [(place, line.partition(": ")[2]) for place, head in enumerate(heads) for line in lines
             if line.startswith(head)]
 
@@ -121,17 +130,24 @@ def described_targets(text: str, states: tuple[str, ...], place: int, plates: tu
         after[place], *others = target.split(" and ")
         for other in others:
             side, _, state = other.partition(" contact ")
-            after[plates.index(side) if state else -1] = state or other
+            bearing = other.removeprefix("bearing ")
+            after[plates.index(side) if state else len(plates) if bearing != other else -1] = state or bearing
         targets.append(tuple(after))
     return list(dict.fromkeys(targets))
+
+
+def named_states(states: tuple[str, ...], plates: tuple[str, ...]) -> list[tuple[str, ...]]:
+    """By effect, what the description may call its state."""
+    motor = [f"{'bearing' if state in BEARING else 'current loop'} {state}" for state in states[len(plates):-1]]
+    return [*((f"{side} contact {state}",) for side, state in zip(plates, states, strict=False)),
+            *((name,) for name in motor), (f"friction {states[-1]}", f"ground {states[-1]}")]
 
 
 def holds_in(line: str, states: tuple[str, ...], plates: tuple[str, ...]) -> bool:
     """Whether the cases of an equation, after "while" or after a remark, hold for the states of a mode, if any."""
     found = re.search(r"(?:; where |  while (?!airborne, else))(.*)", line)
     cases = found[1] if found else ""
-    now = {f"{side} contact {state}" for side, state in zip((*plates, ""), states, strict=True)}
-    now |= {f"friction {states[-1]}", f"ground {states[-1]}"}
+    now = {name for names in named_states(states, plates) for name in names}
     return not cases or any(set(case.split(" and ")) <= now for case in cases.split(" or "))
 
 
@@ -154,8 +170,11 @@ def test_the_described_first_mode_is_the_compiled_one(scene):
     model = compile_scene(scene)
     _, _, first = sections(scene)["modes"][0].partition("; first ")
     states = model.modes[model.initial_mode].states
-    alone = len({mode.ground for mode in model.modes}) == 1
-    assert first == ", ".join(states[:-1] if alone else states)
+    if scene.has_rotor and scene["motor.speed"] and scene["motor.static_friction"]:
+        assert first == "that of a crank that turns"
+        return
+    several = [len({mode.states[k] for mode in model.modes}) > 1 for k in range(len(states))]
+    assert first == ", ".join(state for state, one_of in zip(states, several, strict=True) if one_of)
 
 
 @each_scene
@@ -207,14 +226,18 @@ def test_described_sliders_and_plates_have_the_sampled_values(scene):
     before, after = motion.new_trace(np.sum(times < command)), motion.new_trace(np.sum(times >= command))
     motion.advance(times[times < command], before)
     motion.sampled(np.array([command]))
-    motion.command(wanted["motor_speed"], {"upper": wanted["upper_gap"], "inclined": wanted["inclined_gap"]})
+    targets = {side: wanted[f"{side}_gap"] for side in ("upper", "inclined")}
+    motion.command(wanted.get(scene.motor_command, 5.0), targets)
     motion.advance(times[times >= command], after)
     trace, forms = Trace(*(np.concatenate(parts) for parts in zip(before, after, strict=True))), motion.model.forms
     sampled = Readout(motion.model).quantities(times, trace)
     assert len(described) == 1 + len(forms.guides) + len(forms.plates)
-    start, law = re.fullmatch(r"(\S+) rad/s +follows a command (.*)", described["θ'"]).groups()
-    speed = following(law, float(start), wanted["motor_speed"], times - command)
-    np.testing.assert_allclose(sampled["motor_speed"], speed, rtol=1e-5, atol=1e-9)
+    if scene.has_rotor:
+        assert described["h"].split()[1] == ("A" if scene["motor.control"] == "speed_by_current" else "V")
+    else:
+        start, law = re.fullmatch(r"(\S+) rad/s +follows a command (.*)", described["θ'"]).groups()
+        speed = following(law, float(start), wanted["motor_speed"], times - command)
+        np.testing.assert_allclose(sampled["motor_speed"], speed, rtol=1e-5, atol=1e-9)
     for i, side in enumerate(forms.guides):
         slider = formula_value(described[{"upper": "s_B", "inclined": "s_C"}[side]], sampled["crank_angle"])
         digits = 1e-5 * (scene["crank.radius"] + scene[f"crank.{side}_rod"])  # of the guide's angle, too
@@ -303,7 +326,8 @@ def test_an_effect_that_is_off_is_not_described(scene):
 def test_only_recorded_kinds_are_events(scene):
     device = vibro_ros.Simulator(scene)
     device.advance_to(0.2)
-    device.command(motor_speed=90.0, upper_gap=1e-4, inclined_gap=1e-4)
+    device.command(**{scene.motor_command: 20.0 if scene.motor_command == "motor_voltage" else 90.0}, upper_gap=1e-4,
+                   inclined_gap=1e-4)
     device.advance_to(1.0)
     assert set(device.take_events()["kind"]) <= set(sections(scene)["events"][0].split(", "))
 

@@ -7,7 +7,7 @@ import pytest
 from scipy.linalg import eigvals
 
 import vibro_ros
-from vibro_ros.orbits.chaos import exponent_of_pairs, spectrum_from
+from vibro_ros.orbits.chaos import LyapunovSpectrum, exponent_of_pairs, spectrum_from
 from vibro_ros.orbits.orbit import derivative
 from vibro_ros.orbits.turn_map import Stroboscope, TurnMap, free_cut
 
@@ -98,6 +98,35 @@ def test_a_body_that_sticks_and_a_landing_forget_directions():
     spectrum = vibro_ros.lyapunov_spectrum(scene("device"))
     assert np.isneginf(spectrum.exponents).tolist() == 4 * [False] + 3 * [True]
     assert spectrum.spread[4:].tolist() == [0.0] * 3
+
+
+def test_a_motion_of_a_long_period_is_no_chaos():
+    """At 204 rad/s `device` repeats itself every 158 turns: no period up to 64, and no exponent above 0."""
+    machine = scene("device", **{"motor.speed": 204.0})
+    assert vibro_ros.settled_motion(machine).turns == 0
+    spectrum = vibro_ros.lyapunov_spectrum(machine)
+    assert spectrum.turns == 158 and spectrum.sign == -1 and not spectrum.spread.any()
+
+
+@pytest.mark.parametrize(("exponents", "spread", "sign", "dimension"), [
+    ([0.419, -1.623], [0.01, 0.01], 1, 1.258),  # Hénon's map: published as 1.26
+    ([-1.75, -14.0], [9.7, 2.0], 0, 0.0), ([1.0, 0.5, -math.inf], [0.1, 0.1, 0.0], 1, 2.0),
+    ([0.2, 0.1], [0.0, 0.0], 1, 2.0)])
+def test_sign_and_dimension_of_known_exponents(exponents, spread, sign, dimension):
+    found = LyapunovSpectrum(np.array(exponents), np.array(spread), 100)
+    assert found.sign == sign and found.dimension == pytest.approx(dimension, abs=1e-3)
+
+
+def test_turns_are_doubled_until_the_sign_is_known():
+    """At 186 rad/s the exponent of `device` is 1.5 1/s, and 20 turns do not tell its sign; those of `unilateral` do."""
+    for machine, least in ((scene("device", **{"motor.speed": 186.0}), 40), (scene("unilateral"), 20)):
+        turn_map = free_cut(machine)
+        stroboscope = Stroboscope(turn_map)
+        stroboscope.begin_as()
+        state = stroboscope.turns(1024).states[-1]
+        found = spectrum_from(turn_map, state, 20, 3)
+        assert least <= found.turns <= 160 and (found.sign or found.turns == 160)
+        assert spectrum_from(turn_map, state, 20).turns == 20
 
 
 @pytest.mark.parametrize(("arguments", "words"), [

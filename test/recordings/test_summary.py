@@ -1,5 +1,8 @@
 """The summary's numbers against a recording of which every number is known."""
 
+import json
+from dataclasses import replace
+
 import pytest
 
 from vibro_ros.bag.reader import BagError, read_bag
@@ -55,6 +58,15 @@ def test_namespaced_robot_is_summed_up_alike(known_run):
         assert named[key] == plain[key]
 
 
+@pytest.mark.parametrize(("recorder", "mean"), [
+    ({"parameters": json.dumps({"mass.body": 1.0, "mass.upper": 0.1, "mass.inclined": 0.08})}, 11.6 / (1.18 * 9.81)),
+    ({}, None), ({"parameters": "[1"}, None), ({"parameters": '{"mass.body": "heavy"}'}, None),
+    ({"parameters": '{"gravity": 0.0}'}, None)])
+def test_the_load_of_the_ground_needs_the_robots_masses(known_run, recorder, mean):
+    bag = replace(read_bag(known_run()), metadata=recorder)
+    assert summarise(bag)["load"] == {"mean": mean and exactly(mean, rel=1e-12), "unloaded": 0.0}
+
+
 def test_what_cannot_be_told_from_one_sample_is_left_open(known_run):
     summary = summarise(read_bag(known_run(count=1)))
     assert (summary["mean_speed"], summary["mean_power"]) == (None, None)
@@ -67,7 +79,7 @@ def test_text_and_caption_carry_the_numbers_with_units(summary):
     for line in ("scene             device", "duration          4.000 s", "displacement      -1.0000 m (path 1.0000 m)",
                  "mean speed        -250.00 mm/s", "crank             40.0 turns",
                  "upper impacts     60 (1.50 per crank turn)", "inclined impacts  30 (0.75 per crank turn)",
-                 "mean power        4.000 W"):
+                 "mean power        4.000 W", "normal force      not above 0 at 0.0 % of the samples"):
         assert f"{line}\n" in text
     assert ["/odom", "762", "5.00", "ms", "200.00", "ms", "1"] in [line.split() for line in text.splitlines()]
     assert as_caption(summary) == ("4.0 s  ·  \N{MINUS SIGN}1.000 m  ·  mean speed \N{MINUS SIGN}250.0 mm/s  ·  "
@@ -82,3 +94,24 @@ def test_text_and_caption_carry_the_numbers_with_units(summary):
 def test_what_a_summary_needs_is_named(known_run, options, reason):
     with pytest.raises(BagError, match=reason):
         summarise(read_bag(known_run(**options)))
+
+
+@pytest.mark.parametrize(("parameters", "index"), [
+    ({"effects.normal_force": "hop", "body.inertia": 1e-3}, 0.0), ({"effects.normal_force": "hop"}, 0.0),
+    ({"effects.normal_force": "weight"}, None), ({}, None)])
+def test_the_pitch_index_needs_a_hop_and_the_robots_parameters(known_run, parameters, index):
+    """Of a body in the air whose masses stand still: nothing turns it. Old bags lack the parameters of the index."""
+    bag = replace(read_bag(known_run()), metadata={"parameters": json.dumps(parameters)})
+    height = bag["odom"]["position"][:, 2]
+    height[:] = 0.001
+    height[0] = 0.0
+    summary = summarise(bag)
+    assert summary["validity"] == {"pitch_index": index, "current_share": None}
+    assert ("pitch index       0.000\n" in as_text(summary)) == (index is not None)
+
+
+def test_a_summary_warns_of_what_the_model_may_not_leave_out(summary):
+    text = as_text(summary | {"validity": {"pitch_index": 0.8, "current_share": 1.5}})
+    assert "pitch index       0.800\n" in text and "rms current       1.500 of the continuous one\n" in text
+    warnings = [line for line in text.splitlines() if line.startswith("warning ")]
+    assert ["pitch index 0.8 is above 0.2" in line for line in warnings] == [True, False] and "overheats" in warnings[1]

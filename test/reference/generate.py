@@ -7,11 +7,14 @@ write part of them elsewhere, which is how a test proves that this command makes
 
 import argparse
 import json
+import sys
 import time
 from pathlib import Path
 
 from flint import arb, ctx
-from reference_model import ReferenceModel
+
+sys.path.insert(0, str(Path(__file__).parents[2]))
+from benchmark.reference_model import ReferenceModel  # noqa: E402
 
 DIGITS = 30
 TABLES = Path(__file__).with_name("tables")

@@ -77,7 +77,8 @@ def reference(seed: int, duration: float) -> dict:
     """A table, in the form of the stored ones, of scene number `seed` over `duration` [s]."""
     from flint import arb
     from generate import PAPER, decimal
-    from reference_model import ReferenceModel
+
+    from benchmark.reference_model import ReferenceModel
 
     changes, commands = draw(seed)
     model = ReferenceModel(PAPER | changes, commands, order=40, digits=54)

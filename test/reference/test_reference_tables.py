@@ -123,7 +123,8 @@ def test_the_reference_obeys_every_row_of_the_mass_matrix(name):
     pytest.importorskip("flint", reason="python-flint makes the tables")
     from flint import arb
     from generate import PAPER, SCENES
-    from reference_model import ReferenceModel
+
+    from benchmark.reference_model import ReferenceModel
 
     model, modes = ReferenceModel(PAPER | SCENES[name][0]), set()
     heavy = arb(9.81) if model.values["effects.mass_weight"] else arb(0)

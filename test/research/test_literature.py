@@ -15,6 +15,7 @@ from research.literature.capsule_equations import Capsule, Drive, harmonic, inte
 from research.literature.findings import (
     FAILS,
     HOLDS,
+    MISSIGNED,
     NOISE,
     OUTSIDE,
     VERDICTS,
@@ -31,6 +32,7 @@ from research.literature.impact_oscillator import (
     followed,
     settled,
     started,
+    verdict_of_tilt,
 )
 from research.starts import Average
 from tools.documents import without_marks
@@ -153,6 +155,19 @@ def row(gap, speed, approach, spread=0.001):
 def test_the_verdict_of_a_curve(last, verdict):
     curve = [row(0.0, 0.04, 1.0), row(0.01, 0.03, 1.5), last]
     assert gap_speed.claim(curve).verdict == verdict
+
+
+@pytest.mark.parametrize(("side", "slope", "orbits", "verdict"), [
+    (-1.0, -11.0, (False, True), MISSIGNED), (1.0, -11.0, (False, True), HOLDS), (-1.0, 11.0, (False, True), FAILS),
+    (1.0, -11.0, (True, True), FAILS), (1.0, 11.0, (True, False), MISSIGNED)])
+def test_a_tilt_has_a_wrong_sign_only_where_closed_form_and_orbits_agree(side, slope, orbits, verdict):
+    assert verdict_of_tilt(side, slope, dict(zip((-1.0, 1.0), orbits, strict=True))) == verdict
+
+
+@pytest.mark.parametrize(("omega", "sign"), [(1.9, 1.0), (2.1, -1.0)])
+def test_the_fold_lies_on_the_side_to_which_the_closed_form_tilts(omega, sign):
+    oscillator = Oscillator(omega, 0.0, 0.8)
+    assert np.sign(-oscillator.shape(1)[0]) == np.sign(oscillator.fold(1)) == sign
 
 
 @pytest.mark.parametrize("oscillator", [

@@ -29,7 +29,7 @@ def random_request(kind: type, names: list[str], chance: random.Random) -> Any:
     request = _filled(kind.Request(), names, chance)
     if hasattr(request, "steps"):
         request.steps = chance.choice((0, 1, 3))
-    if hasattr(request, "state") and request.state.state == QUITTING:
+    if getattr(getattr(request, "state", None), "state", None) == QUITTING:
         request.state.state += 1
     return request
 

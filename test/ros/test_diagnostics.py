@@ -86,3 +86,12 @@ def test_diagnostics_tell_how_it_goes(start, listener, bench, tmp_path):
     assert "because the computer did not let the robot run in time; leave it a core" in robot.wait_for("stalled: ")
     stamps = stamps_of(bags(tmp_path)[0])
     assert {after - one for one, after in zip(stamps, stamps[1:], strict=False)} == {5_000_000}  # [ns]
+
+
+def test_diagnostics_warn_of_what_the_model_may_not_leave_out(start, listener):
+    start("robot", "--ros-args", "-p", "scene:=machine", "-p", "motor.speed:=100.0", "-p", "body.crank_offset:=0.03",
+          "-p", "motor.continuous_current:=0.5")
+    status, values = listener.wait_for_status("simulation", lambda status: "the pitch index" in status.message
+                                              and "rms current" in status.message)
+    assert status.level == DiagnosticStatus.WARN
+    assert float(values["pitch index"]) > 0.2 and float(values["rms current over continuous"]) > 1.0

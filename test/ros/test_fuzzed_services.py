@@ -15,7 +15,7 @@ from operated_robot import Operator
 from random_requests import UNTOUCHED, random_request, service_class
 from rcl_interfaces.srv import ListParameters, SetParameters, SetParametersAtomically
 from rclpy.qos import QoSProfile
-from std_srvs.srv import SetBool, Trigger
+from std_srvs.srv import SetBool
 from type_description_interfaces.srv import GetTypeDescription
 
 from vibro_ros.ros.node.node import LONGEST_NAME
@@ -48,10 +48,10 @@ def refused(request, response) -> bool:
         return not all(result.successful for result in response.results)
     if isinstance(response, SetParametersAtomically.Response):
         return not response.result.successful
-    if isinstance(response, SetBool.Response | Trigger.Response):
-        return not response.success
     if isinstance(response, GetTypeDescription.Response):
         return not response.successful
+    if hasattr(response, "success"):  # of std_srvs and of the project's own
+        return not response.success
     return bool(getattr(getattr(response, "result", None), "error_message", ""))  # of simulation_interfaces
 
 

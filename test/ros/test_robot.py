@@ -52,7 +52,8 @@ def test_it_moves_as_the_simulation_says_and_the_bag_holds_every_message(start, 
 
     recorded = raw_messages(folder)
     by_mcap = raw_messages_by_mcap(folder)
-    assert set(recorded) == {f"/{topic}" for topic in (*HEARD, *COMMANDS, *LASTING, "tf", "vibro_robot/operations")}
+    known = (*HEARD, *COMMANDS, "joint_commands", *LASTING, "tf", "vibro_robot/operations")
+    assert set(recorded) == {f"/{topic}" for topic in known}
     for topic, messages in recorded.items():
         assert by_mcap.get(topic, []) == messages
     for topic, heard in operator.heard.items():

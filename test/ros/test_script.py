@@ -122,7 +122,6 @@ BAD = {
     "no time left": ("entries: [{at: 2.0}, {at: 2.0, for: 1.0}]\n", "entry 1: at of the next entry: leaves 0 s"),
     "NaN": ("entries: [{for: 1.0, motor_speed: .nan}]\n",
             "entry 1: motor_speed: nan is not finite; give a number in rad/s"),
-    "negative speed": ("entries: [{for: 1.0, motor_speed: -5}]\n", "entry 1: motor_speed: -5 is negative"),
     "unknown key": ("entries: [{for: 1.0, motor_sped: 1.0}]\n", "entry 1: motor_sped: unknown key; give at, for"),
     "ramp without end": ("entries: [{for: 1.0, motor_speed: {from: 1.0}}]\n",
                          "entry 1: motor_speed: a ramp needs `to`"),
@@ -191,7 +190,7 @@ entries:
     ("speed_over_ground: -0.5", "entry 1: speed_over_ground: -0.5 m/s is out of range of the map of device; give a "
      "mean speed from -0.108 to -0.01 m/s"),
     ("speed_over_ground: -0.03, motor_speed: 5.0", "entry 1: motor_speed: unknown key; give at, for, note, "
-     "speed_over_ground"),
+     "fault, of, value, speed_over_ground"),
     ("speed_over_ground: -0.03, hold_speed: -0.03", "entry 1: speed_over_ground: unknown key; give at, for, note, "
      "hold_speed, within, motor_speed, upper_gap, inclined_gap"),
 ])
@@ -206,3 +205,29 @@ def test_a_speed_over_ground_that_cannot_be_is_refused(tmp_path, entry, reason):
 def test_a_speed_over_ground_without_a_map_is_refused(tmp_path):
     with pytest.raises(ValueError, match="entry 1: speed_over_ground: there is no command map here; give motor_speed"):
         script(tmp_path, "entries: [{for: 5.0, speed_over_ground: -0.03}]")
+
+
+def test_a_fault_lasts_as_long_as_its_entry(tmp_path):
+    played = script(tmp_path, """
+entries:
+  - {for: 1.0, motor_speed: 100.0}
+  - {for: 0.5, fault: plate_stuck, of: upper, upper_gap: 0.001}
+  - {for: 0.2, fault: late_commands, value: 0.1}
+""")
+    assert [one.incident for one in played.segments] == [
+        None, ("plate_stuck", 0.5, "upper", 0.0), ("late_commands", 0.2, "", 0.1)]
+    assert played.segments[1].describe() == "entry 2, 0.5 s: upper_gap 0.001 m, fault plate_stuck upper"
+
+
+@pytest.mark.parametrize(("entry", "words"), [
+    ("fault: earthquake", "entry 1: fault: 'earthquake' is unknown; choose one of motor_stall"),
+    ("fault: [motor_stall]", "entry 1: fault: "), ("fault: null", "entry 1: fault: "),
+    ("fault: plate_stuck", "entry 1: of: '' has no plate_stuck; give upper or inclined"),
+    ("fault: plate_stuck, of: {}", "entry 1: of: "), ("of: upper", "entry 1: of: belongs to a fault; give `fault`"),
+    ("fault: late_commands, value: .nan", "entry 1: value: nan is not finite"),
+    ("fault: late_commands, value: true", "entry 1: value: True is not a number"),
+    ("fault: motor_stall, hold_speed: 1.0", "entry 1: fault: unknown key")])
+def test_a_fault_that_cannot_be_is_refused_with_its_entry(tmp_path, entry: str, words: str):
+    with pytest.raises(ValueError, match="script.yaml: ") as refused:
+        script(tmp_path, f"entries: [{{for: 1.0, {entry}}}]")
+    assert words in str(refused.value)

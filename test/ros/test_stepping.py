@@ -22,8 +22,8 @@ def test_an_error_ends_the_thread_and_is_kept_for_the_main_thread(bench):
             raise RuntimeError("third sample")
 
     pacing, robot_time = Pacing(factor=0.0, max_catch_up=0.1), RobotTime(rate=200.0, start=1_000)
-    subscriptions = CommandSubscriptions(bench.node)
-    operations = Operations(bench.node, device, pacing, robot_time, subscriptions.queue, record)
+    subscriptions = CommandSubscriptions(bench.node, scene)
+    operations = Operations(bench.node, device, pacing, robot_time, subscriptions, record)
     recording = SimpleNamespace(record=record, checkpoint=lambda *_: None, crowded=False)
     run = Run(device, robot_time, pacing, subscriptions, RobotPublishers(bench.node, scene), operations, recording,
               SimulationControl(bench.node, operations, robot_time))
@@ -40,8 +40,8 @@ def test_whoever_asked_is_answered_when_the_run_cannot_go_on(bench, monkeypatch)
     """Else a robot that waits for its answers before it seals the bag would wait without end."""
     scene = vibro_ros.load_scene("device")
     device, pacing, robot_time = vibro_ros.Simulator(scene), Pacing(factor=0.0, max_catch_up=0.1), RobotTime(rate=200.0)
-    subscriptions = CommandSubscriptions(bench.node)
-    operations = Operations(bench.node, device, pacing, robot_time, subscriptions.queue, lambda *_: None, paused=True)
+    subscriptions = CommandSubscriptions(bench.node, scene)
+    operations = Operations(bench.node, device, pacing, robot_time, subscriptions, lambda *_: None, paused=True)
 
     def fail() -> None:
         raise vibro_ros.SimulationError("no start")

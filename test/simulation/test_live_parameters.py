@@ -115,7 +115,7 @@ def test_a_plate_on_its_way_goes_on_with_the_new_speed():
     ({"ground.friction": float("nan")}, "ground.friction: nan is not finite"),
     ({"ground.friction": 1e3}, "Painlevé's paradox"),
     ({"motor.max_speed": 99.0}, "motor.max_speed"),
-    ({"motor.acceleration": 0.0}, "motor.acceleration: 0 is out of range"),
+    ({"motor.acceleration": 0.0}, "motor.acceleration: 0 rad/s² lets no ramp motor"),
     ({"motor.acceleration": 1.0, "gap_actuator.speed": "fast"}, "gap_actuator.speed"),
     ({"ground.frictoin": 0.1}, "did you mean ground.friction?"),
 ])

@@ -20,6 +20,8 @@ from vibro_ros.solver.system import (
     couplings,
     flow_numbers,
     longest_segments,
+    no_rotor,
+    no_shock,
     size_of,
     terms,
 )
@@ -91,7 +93,7 @@ def build(channels, modes, guards=(), signals=None, monitor=None, decay=None):
     watch = np.zeros((count, 0, channels.count)) if monitor is None else np.tile(monitor[0], (count, 1, 1))
     return System(
         size=size_of(channels), acceleration=acceleration, terms=acceleration_terms(acceleration, channels),
-        flow=flow_numbers(acceleration, channels.dynamic), longest_segment=longest_segments(acceleration, channels),
+        flow=flow_numbers(acceleration[:, :channels.dynamic]), longest_segment=longest_segments(acceleration, channels),
         row=row, row_terms=terms(row), driven=row[:, driven].any(axis=1),
         coupled=couplings(acceleration, channels), guard=number, guard_effect=effect, candidate=candidate, entry=entry,
         jump=jump, blow_monitor=blow, guard_event=np.full_like(blow, NOTHING),
@@ -105,7 +107,7 @@ def build(channels, modes, guards=(), signals=None, monitor=None, decay=None):
         power=np.zeros((count, 0, channels.count)), power_terms=np.zeros((count, 0, channels.count), dtype=int),
         power_rate=np.zeros((count, 0), dtype=int), accounts=_no_accounts(count, most, channels),
         signals=signals or SignalTable(np.array([0.0, 2 * math.pi]), np.full(1, 3.5), np.zeros((1, 0, LENGTH))),
-        decay=_decay(channels, decay))
+        decay=_decay(channels, decay), rotor=no_rotor(channels.count), shock=no_shock())
 
 
 def _no_accounts(modes, guards, channels):

@@ -46,6 +46,13 @@ def test_measures_are_those_of_dense_samples(name, start):
     stands = (samples.body_velocity == 0.0) & (samples.body_height == 0.0)
     assert found["stick_share"] == pytest.approx(stands.mean(), abs=2e-3)
     assert found["air_share"] == pytest.approx((samples.body_height > 0.0).mean(), abs=2e-3)
+    weight, changed = scene.total_mass * scene["gravity"], 5e-2
+    if scene["effects.normal_force"] == "unilateral":
+        mean = np.trapezoid(samples.normal_force, samples.time) / measured.duration / weight
+        assert mean > 1.5 and found["mean_load"] == pytest.approx(mean, rel=5e-3)
+    else:  # the balance of momentum; the masses' own momentum is another at the end
+        assert found["mean_load"] == pytest.approx(1.0, abs=changed)
+    assert found["unloaded_share"] == pytest.approx((samples.normal_force <= 0.0).mean(), abs=2e-3)
     events = device.take_events()
     for side in ("upper", "inclined"):
         own = events[events["kind"] == f"{side}_contact"]
@@ -65,6 +72,14 @@ def test_power_of_a_fixed_step_is_near_the_exact_one_and_ratios_are_made_of_it()
     cost = found["mean_power"] / abs(weight * found["mean_speed"])
     assert found["cost_of_transport"] == pytest.approx(cost, rel=1e-15)
     assert found["delivered_cost_of_transport"] > found["cost_of_transport"] > 0.0
+
+
+def test_the_mean_of_n_as_printed_is_that_of_dense_samples():
+    """By the momentum of the masses, against N itself, whose pulls of thousands of newtons last 0.3 ms."""
+    scene = running("paper")
+    samples, measured, _ = dense_samples(scene, 3, 1e6)
+    mean = np.trapezoid(samples.normal_force, samples.time) / measured.duration / (scene.total_mass * scene["gravity"])
+    assert measure(scene, ["mean_load"], SETTLING, DURATION, 3)["mean_load"] == pytest.approx(mean, abs=1e-3)
 
 
 @pytest.mark.parametrize(("name", "start"), SCENES[2:5])

@@ -14,11 +14,13 @@ import yaml
 import vibro_ros
 from tools import accuracy_report, bench, documents, effects, parameter_table
 from tools.generated_text import replaced
+from vibro_ros.accuracy.accuracy import refereed_scenes
 from vibro_ros.accuracy.findings import MEAN_SPEED, NEEDS
 from vibro_ros.configuration.command_map import find_map, read_map
-from vibro_ros.configuration.scene_file import load_scene, shipped_scenes
+from vibro_ros.configuration.scene_file import load_scene
 from vibro_ros.messages.fields import JOINTS
-from vibro_ros.messages.topics import COMMAND_UNITS, ROBOT_TOPICS
+from vibro_ros.messages.joint_commands import COMMANDED
+from vibro_ros.messages.topics import COMMAND_UNITS, COMMANDS, ROBOT_TOPICS
 from vibro_ros.model.parameters import SCENE_PARAMETERS
 from vibro_ros.process.executables import EXECUTABLES
 from vibro_ros.ros.controller.script_file import read_script
@@ -65,6 +67,10 @@ def test_yaml_is_a_script_a_sweep_or_a_scene(text, output, tmp_path):
         assert read_script(file, read_map(find_map("device"))).duration > 0.0
     elif "vary" in yaml.safe_load(text):
         assert design_of(read_sweep(file), {"set": {}, "vary": {}}).points > 1
+    elif "controller_manager" in yaml.safe_load(text):
+        loaded = yaml.safe_load(text).values()
+        joints = [joint for one in loaded for joint in one["ros__parameters"].get("joints", ())]
+        assert sorted(joints) == sorted(COMMANDED)
     else:
         assert load_scene(file).parameters != load_scene("paper").parameters
 
@@ -102,7 +108,7 @@ def test_choices_of_every_effect_are_in_the_model():
 def test_topics_are_the_robots():
     rows = re.findall(r"^\| `/?(\w+)` \| (in|out) \| (\S+) \| (\d+) \|", DOCUMENTS["node.md"], re.MULTILINE)
     told = {name: (direction, kind, int(depth)) for name, direction, kind, depth in rows if name != "clock"}
-    real = {name: ("in", ROBOT_TOPICS[name], qos.COMMANDS.depth) for name in COMMAND_UNITS}
+    real = {name: ("in", ROBOT_TOPICS[name], qos.COMMANDS.depth) for name in COMMANDS}
     real |= {name: ("out", ROBOT_TOPICS[name], profile.depth) for name, profile in PUBLISHED.items()}
     assert told == real
 
@@ -146,7 +152,8 @@ def test_measures_are_those_of_the_studies():
 
 def test_keys_of_a_script_are_those_that_are_read(tmp_path):
     keys = guide.first_column("key of an entry", "meaning")
-    assert sorted(keys) == sorted(["for", "at", *COMMAND_UNITS, "speed_over_ground", "note", "entries", "repeat"])
+    assert sorted(keys) == sorted(["for", "at", *COMMAND_UNITS, "speed_over_ground", "note", "fault", "of", "value",
+                                   "entries", "repeat"])
     file = tmp_path / "script.yaml"
     file.write_text("repeat: 2\nentries:\n  - {note: a, at: 0.0, for: 1.0, motor_speed: 5.0, upper_gap: 0.0, "
                     "inclined_gap: {from: 0.0, to: 0.001}}\n  - {note: b, at: 1.0, repeat: 2, entries: [{for: 1.0}]}\n")
@@ -218,8 +225,8 @@ def test_effects_tables_have_every_effect_and_count_what_is_compiled():
 def test_accuracy_is_told_for_every_scene_and_every_need():
     """Its numbers are measured by `make accuracy`; what it tells of is not."""
     text = DOCUMENTS["accuracy.md"]
-    assert re.findall(r"^## (\w+)$", text, re.MULTILINE)[-len(shipped_scenes()):] == list(shipped_scenes())
-    heads = ["scene", "Lyapunov time", *(need.words for need in NEEDS), MEAN_SPEED]
+    assert re.findall(r"^## (\w+)$", text, re.MULTILINE)[-len(refereed_scenes()):] == list(refereed_scenes())
+    heads = ["scene", "Lyapunov time", "RK4 = 1 is off by", *(need.words for need in NEEDS), MEAN_SPEED]
     assert f"| {' | '.join(heads)} |" in text, "run `make accuracy`"
     assert f"({accuracy_report.FOLDER}/{accuracy_report.WAYS})" in text
     assert "](docs/accuracy.md)" in DOCUMENTS["README.md"]

@@ -19,8 +19,9 @@ ROSDEP_KEYS = {"PIL": "python3-pil", "mcap": "mcap-ros2-support", "rosbags": "py
                **dict.fromkeys(("lz4", "backports"), "python3-rosbags-pip")}
 ROSDEP_KEYS |= {name: f"python3-{name}" for name in ("matplotlib", "numba", "numpy", "scipy", "tornado", "tqdm")}
 LOCKS = [f"requirements{part}.txt" for part in ("", "-jazzy", "-bench", "-browser", "-study")]
-# Of the extras `bench`, `study`, `cluster` and `test`; only the rooms peer and study import them, and `Bag.to_pandas`.
-NO_ROSDEP_KEY = {"heyoka", "SALib", "cma", "distributed", "pandas", "pyarrow"}
+# Of the extras `bench`, `study`, `cluster`, `gym` and `test`; only the rooms peer, study and gym import them, and
+# `Bag.to_pandas`.
+NO_ROSDEP_KEY = {"heyoka", "SALib", "cma", "distributed", "gymnasium", "pandas", "pyarrow"}
 
 
 def canonical(name: str) -> str:

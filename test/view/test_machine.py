@@ -18,7 +18,7 @@ def test_lengths_limits_and_units_of_every_shipped_scene(name):
     floor = ["ground.friction"] if scene["effects.friction"] != "none" else []
     assert [knob["name"] for knob in robot["knobs"]] == [
         "motor_speed", *(f"{side}_gap" for side in scene.plates), *floor]
-    assert list(robot["quantities"]) == list(quantities(scene)) and robot["hops"] == (name in ("device",))
+    assert list(robot["quantities"]) == list(quantities(scene)) and robot["hops"] == (name in ("device", "machine"))
 
 
 @pytest.mark.parametrize("changes", [{"effects.reaction": False}, {"effects.friction": "static"}])

@@ -65,7 +65,8 @@ def _tf2_msgs() -> InterfacePackage:
 def _simulation_interfaces() -> InterfacePackage:
     return InterfacePackage("simulation_interfaces", "2.1.0", "Apache-2.0",
                             "Types that vibro_ros serves, declared by vibro_ros after the package of this name.",
-                            _texts(DECLARED / "simulation_interfaces"), _OF_ACTIONS)
+                            _texts(DECLARED / "simulation_interfaces"),
+                            (*_OF_ACTIONS, "geometry_msgs", "std_msgs"))
 
 
 def _vibro_ros_interfaces() -> InterfacePackage:

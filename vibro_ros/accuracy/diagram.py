@@ -11,7 +11,8 @@ from vibro_ros.accuracy.measurement import AVERAGE, REFERENCE, TRAJECTORY, Measu
 from vibro_ros.accuracy.precision import RATE
 
 # Okabe and Ito's colours, which the colour-blind can tell apart, and markers for everybody else who cannot.
-_STYLES = {"exact": ("#000000", "*"), "rk4": ("#0072b2", "o"), "semi_implicit_euler": ("#009e73", "s"),
+_STYLES = {"exact": ("#000000", "*"), "rk4": ("#0072b2", "o"), "rk4_located": ("#882255", "P"),
+           "semi_implicit_euler": ("#009e73", "s"),
            "moreau": ("#d55e00", "^"), "DOP853": ("#cc79a7", "v"), "Radau": ("#e69f00", "<"), "LSODA": ("#56b4e9", ">"),
            "baseline": ("#777777", "X")}
 _OTHER = ("#5b2c83", "D")

@@ -16,6 +16,8 @@ from vibro_ros.accuracy.starts import SETTLING
 from vibro_ros.accuracy.tables_by_scipy import SOLVERS
 from vibro_ros.solver.methods import SCHEMES
 
+#: The method of fixed step that locates events, which is no blind one.
+LOCATED = "rk4_located"
 _HEADING = ("method", "setting", "cost, RK4 = 1", "wall time", "runs", "body", "height", "masses", "contacts",
             "mean speed", "")
 BELOW = "below the reference's"
@@ -39,7 +41,7 @@ def markdown(rows: Sequence[Measurement]) -> str:
             setting = f"{row.setting} {row.value:.2g}" + (" s" if row.setting == "step" else "")
             lines.append(_line((row.method, setting, _number(row.cost), _number(row.wall_time, "s"), row.repeats,
                                 *errors, row.note)))
-    return "\n".join(lines)
+    return "\n".join([*lines, "", baseline_in_words({reference.scene: rows})])
 
 
 def reference_in_words(row: Measurement) -> str:
@@ -158,20 +160,25 @@ _LEAST_POINTS = 3
 
 @dataclass(frozen=True)
 class Price:
-    """The factor by which one more digit raises the cost, and its 95 % interval.
+    """The factor by which one more digit raises the cost.
 
     Attributes
     ----------
     slope, spread : float
-        Change of log10 of the cost by one digit, and half the width of its interval.
+        Change of log10 of the cost by one digit, and half the width of its 95 % interval: of the fit's residuals in one
+        scene, of the scenes' slopes in several.
     points, scenes : int
         Number of settings, and of scenes, that it is known from.
+    coarse, fine : float
+        Largest and least error of every position that the fit has seen [m].
     """
 
     slope: float
     spread: float
     points: int
     scenes: int
+    coarse: float
+    fine: float
 
     @property
     def factor(self) -> float:
@@ -180,8 +187,9 @@ class Price:
 
     def __str__(self):
         low, high = (10.0 ** (self.slope + sign * self.spread) for sign in (-1.0, 1.0))
-        known = f"{self.scenes} scenes" if self.scenes > 1 else f"{self.points} settings"
-        return f"{self.factor:.3g} times as much (95 % interval {low:.3g} to {high:.3g}, from {known})"
+        known = f"over {self.scenes} related scenes" if self.scenes > 1 else f"95 % interval of {self.points} settings"
+        return (f"{self.factor:.3g} times as much ({low:.3g} to {high:.3g} {known}) between errors of "
+                f"{self.coarse:.0e} and {self.fine:.0e} m")
 
 
 def price_of_a_digit(rows: Sequence[Measurement], methods: Sequence[str]) -> Price | None:
@@ -198,7 +206,8 @@ def price_of_a_digit(rows: Sequence[Measurement], methods: Sequence[str]) -> Pri
         return None
     slope = float(digits @ costs) / scale
     error = math.sqrt(float(np.sum((costs - slope * digits) ** 2)) / free / scale)
-    return Price(slope, float(student.ppf(0.975, free)) * error, count, 1)
+    errors = 10.0 ** -np.concatenate([points[:, 0] for points in groups])
+    return Price(slope, float(student.ppf(0.975, free)) * error, count, 1, float(errors.max()), float(errors.min()))
 
 
 def price_over_scenes(rows: Mapping[str, Sequence[Measurement]], methods: Sequence[str]) -> Price | None:
@@ -209,7 +218,8 @@ def price_over_scenes(rows: Mapping[str, Sequence[Measurement]], methods: Sequen
     slopes = np.array([price.slope for price in found])
     error = float(slopes.std(ddof=1)) / math.sqrt(len(slopes))
     return Price(float(slopes.mean()), float(student.ppf(0.975, len(slopes) - 1)) * error,
-                 sum(price.points for price in found), len(found))
+                 sum(price.points for price in found), len(found), max(price.coarse for price in found),
+                 min(price.fine for price in found))
 
 
 def _points(rows: Sequence[Measurement], method: str, kind: str) -> np.ndarray:
@@ -223,7 +233,10 @@ def _points(rows: Sequence[Measurement], method: str, kind: str) -> np.ndarray:
 
 
 def prices_in_words(rows: Mapping[str, Sequence[Measurement]]) -> list[str]:
-    """A sentence for each kind of method that was measured: what one more digit of every position costs by it."""
+    """A sentence for each kind of method that was measured: what one more digit of every position costs by it.
+
+    `exact` has no setting, so that one more digit of it has no price: it has one price and one error.
+    """
     known = {"exact", "baseline", *(method for methods in KINDS.values() for method in methods)}
     kinds = {row.method: (row.method,) for own in rows.values() for row in own if row.compared == TRAJECTORY
              and row.method not in known and not row.method.endswith("_blind")} | dict(KINDS)
@@ -232,8 +245,11 @@ def prices_in_words(rows: Mapping[str, Sequence[Measurement]]) -> list[str]:
     exact = [row.cost for own in rows.values() for row in own
              if row.method == "exact" and row.compared == NEED and row.horizon == SHORT and math.isfinite(row.cost)]
     if exact:
-        sentences.insert(0, "One more digit of every position by `exact` costs nothing: it is accurate to rounding, "
-                         f"for {cost_range(exact)} of the baseline's cost.")
+        worst = [row.position_error for own in rows.values() for row in own
+                 if row.compared == REFERENCE and row.horizon == SHORT and math.isfinite(row.position_error)]
+        error = f", at most {max(worst):.0e} m, as far as the reference is known" if worst else ""
+        sentences.insert(0, f"`exact` has no setting, but one price, {cost_range(exact)} of the baseline's cost, and "
+                         f"one error within {SHORT:g} s, that of rounding{error}.")
     return sentences
 
 
@@ -320,7 +336,7 @@ def _advice(rows: Sequence[Measurement], need: Need, comparable: float) -> str:
     if done and all(math.isnan(getattr(row, need.column)) for row in done):
         return "nothing touches"
     best = cheapest(rows, need)
-    fixed = [name for name in best if name in SCHEMES]
+    fixed = [name for name in best if name in SCHEMES and name != LOCATED]
     shown = [row for name, row in best.items() if name not in fixed[1:]]
     uses = [row.method if row.method == "exact" else f"{row.method} {row.value:.2g}" + " s" * (row.setting == "step")
             for row in shown]

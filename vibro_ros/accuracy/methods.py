@@ -150,7 +150,7 @@ def ladder(coarsest: float, finest: float) -> tuple[float, ...]:
 METHODS: dict[str, ComparedMethod] = {
     "exact": ComparedMethod(partial(by_simulator, "exact", 0), "tolerance", (1e-9,), True),
     **{name: ComparedMethod(partial(by_simulator, name, evaluations), "step", ladder(1e-3, 1e-7), True)
-       for name, evaluations in (("rk4", 4), ("semi_implicit_euler", 1), ("moreau", 1))},
+       for name, evaluations in (("rk4", 4), ("rk4_located", 4), ("semi_implicit_euler", 1), ("moreau", 1))},
     **{name: ComparedMethod(partial(by_scipy, name, scipy_tables.located), "tolerance", ladder(1e-3, 1e-12))
        for name in scipy_tables.SOLVERS},
 }

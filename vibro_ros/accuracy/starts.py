@@ -20,6 +20,11 @@ from vibro_ros.simulation.simulator import Simulator
 
 #: Time [s] that a start is given before its mean speed counts, and of that, the time at other motor speeds.
 SETTLING, STARTING = 4.0, 1.0
+#: Relative difference below which two starts have the same motion: they still settle.
+SAME = 1e-5
+# Part of the variance that a cut into two groups takes away, of starts that have two motions, and starts that it takes
+# to see that: a cut takes 64 % of many normal values, and so much of eight in 4 draws of 1000.
+_TWO_MOTIONS, _LEAST_STARTS = 0.95, 8
 # Stretches of a start; the first instant at which one may end [s]; least speed in parts of the scene's; largest change
 # of a gap in parts of the crank's radius.
 _STRETCHES, _FIRST_END, _SLOWEST, _GAPS = 3, 0.1, 0.5, 0.1
@@ -33,11 +38,35 @@ class Average:
     spread: float
     positive: int
 
+    @property
+    def is_one_motion(self) -> bool:
+        """Whether all starts agree to `SAME`: one motion repeated, of which an interval would describe the draw."""
+        return self.spread <= SAME * abs(self.mean)
+
 
 def average(values: np.ndarray) -> Average:
     """Mean of independent values, and its interval by Student's distribution."""
     spread = student.ppf(0.975, len(values) - 1) * sem(values)  # ttest_1samp warns where all values are equal
     return Average(float(np.mean(values)), float(spread), int(np.sum(values > 0.0)))
+
+
+def motions_of(values: np.ndarray) -> list[np.ndarray]:
+    """Values of starts, shape (starts,), in groups that lie far apart, each of another motion; the largest first.
+
+    One interval over starts with several motions would describe how often the draw meets each of them.
+    """
+    groups, left = [], [np.sort(values)]
+    while left:
+        group = left.pop()
+        whole = float(np.sum((group - group.mean()) ** 2))
+        if len(group) >= _LEAST_STARTS and np.ptp(group) > SAME * np.abs(group).max():
+            within, place = min((sum(float(np.sum((part - part.mean()) ** 2)) for part in np.split(group, [cut])), cut)
+                                for cut in range(1, len(group)))
+            if within <= (1.0 - _TWO_MOTIONS) * whole:
+                left += np.split(group, [place])
+                continue
+        groups.append(group)
+    return sorted(groups, key=len, reverse=True)
 
 
 def speeds_of_starts(scene: Scene, duration: float, starts: int, batch: int = 0) -> np.ndarray:

@@ -40,7 +40,7 @@ class UnableError(RuntimeError):
 @entry_kernel
 def _fill_point(system, state, mode, time, z, accelerations):
     fill_forcing_at(system, state, time, z)
-    accelerate(system, mode, z, accelerations)
+    accelerate(system, state, mode, z, accelerations)
 
 
 @entry_kernel
@@ -69,6 +69,8 @@ class Tables:
     """
 
     def __init__(self, scene: Scene, motor_speed: float | None = None):
+        if scene.has_rotor:
+            raise UnableError("a dc motor's controller takes samples, of which the tables know nothing")
         motion = Motion(scene.with_parameters({"solver.method": "exact"}))
         self.first_mode = int(motion.state.now["automaton"]["mode"][0])
         if motor_speed is not None:

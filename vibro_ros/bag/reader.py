@@ -89,7 +89,7 @@ class Bag(Mapping[str, Arrays]):
             When no topic, or more than one, is called so.
         """
         types = {topic: one.type_name for topic, one in self.topics.items()}
-        found = [topic for topic in self.arrays if name in (topic, _last(topic))
+        found = [topic for topic in self.arrays if topic == name or topic.endswith(f"/{name}")
                  and ROBOT_TOPICS.get(_last(topic), types[topic]) == types[topic]]
         if len(found) > 1:
             raise MissingTopicError(f"{self.path}: {name} is ambiguous; give one of {', '.join(found)}")
@@ -164,6 +164,12 @@ def read_bag(path: str | Path, columns: Mapping[str, Sequence[str]] | None = Non
         nav_msgs/msg/Odometry             ``time``, ``stamp``, ``position`` [m] shape (n, 3), ``orientation``
                                           (quaternion x, y, z, w) shape (n, 4), ``linear_velocity`` [m/s]
                                           and ``angular_velocity`` [rad/s] shape (n, 3)
+        sensor_msgs/msg/Imu               ``time``, ``stamp``, ``acceleration`` (specific force) [m/s²],
+                                          ``angular_velocity`` [rad/s], and the variances on their axes
+                                          ``acceleration_variance``, ``angular_velocity_variance``, shape (n, 3)
+        sensor_msgs/msg/BatteryState      ``time``, ``stamp``, ``voltage`` [V] and ``current`` [A], shape (n,)
+        geometry_msgs/msg/                ``time``, ``stamp``, ``position`` [m] and its ``variance`` [m²], shape (n, 3)
+        PoseWithCovarianceStamped
         geometry_msgs/msg/WrenchStamped   ``time``, ``stamp``, ``frame`` (text, shape (n,)), ``force`` [N] and
                                           ``torque`` [N m] shape (n, 3)
         sensor_msgs/msg/JointState        ``time``, ``stamp`` and, for each joint, ``<joint>.position``
@@ -357,15 +363,18 @@ _JOINT_QUANTITIES = ("position", "velocity", "effort")
 
 
 def _joints(message: Any) -> tuple[float, ...]:
-    joints = len(message.name)
-    return tuple(chain(*(getattr(message, quantity)[:joints].tolist() for quantity in _JOINT_QUANTITIES)))
+    return tuple(chain(*(getattr(message, quantity).tolist() for quantity in _told(message))))
 
 
 def _joint_widths(message: Any) -> dict[str, int]:
     if message is None:
         return {}
-    return {f"{name}.{quantity}": 1 for quantity in _JOINT_QUANTITIES
-            for name, _ in zip(message.name, getattr(message, quantity), strict=False)}
+    return {f"{name}.{quantity}": 1 for quantity in _told(message) for name in message.name}
+
+
+def _told(message: Any) -> list[str]:
+    """Quantities with a number for each joint; others may belong to any of them (`messages.joint_commands`)."""
+    return [quantity for quantity in _JOINT_QUANTITIES if len(getattr(message, quantity)) == len(message.name)]
 
 
 _ODOMETRY = {"position": 3, "orientation": 4, "linear_velocity": 3, "angular_velocity": 3}
@@ -376,6 +385,16 @@ _LAYOUTS = {
                                    texts={"text": lambda message: message.data}),
     "geometry_msgs/msg/WrenchStamped": _Layout(lambda message: {"force": 3, "torque": 3}, _wrench,
                                                texts={"frame": lambda message: _frame(message.header.frame_id)}),
+    "sensor_msgs/msg/Imu": _Layout(
+        lambda message: {"acceleration": 3, "angular_velocity": 3, "acceleration_variance": 3,
+                         "angular_velocity_variance": 3},
+        lambda message: (*_xyz(message.linear_acceleration), *_xyz(message.angular_velocity),
+                         *message.linear_acceleration_covariance[::4], *message.angular_velocity_covariance[::4])),
+    "sensor_msgs/msg/BatteryState": _Layout(
+        lambda message: {"voltage": 1, "current": 1}, lambda message: (message.voltage, message.current)),
+    "geometry_msgs/msg/PoseWithCovarianceStamped": _Layout(
+        lambda message: {"position": 3, "variance": 3},
+        lambda message: (*_xyz(message.pose.pose.position), *message.pose.covariance[:15:7])),
     "sensor_msgs/msg/JointState": _Layout(_joint_widths, _joints),
     "tf2_msgs/msg/TFMessage": _Layout(
         lambda row: {"translation": 3, "rotation": 4},

@@ -36,6 +36,7 @@ DEVICE_PARAMETERS: tuple[Parameter, ...] = (
               "before set off, such as [/vibro_controller]; [none] waits for nobody; needs clock.publish"),
     Parameter("command.timeout", 0.0, "s", "the motor stops when no motor_speed has come for so long a robot time; "
               "0 = never", minimum=0.0, maximum=1e6),
+    Parameter("ros2_control", False, "", "put a block into robot_description by which ros2_control commands the robot"),
     Parameter("record.enabled", True, "", "record a bag from the start"),
     Parameter("record.directory", ".", "", "where the time-stamped folder of the bag is made"),
     Parameter("record.topics", ("all",), "", "topics to record, such as [odom, motor_speed]; [all] records every one"),

@@ -9,6 +9,7 @@ Every number is cast with `float`: rclpy serialises an int or a numpy scalar in 
 
 import math
 from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -18,6 +19,7 @@ from vibro_ros.messages.urdf import (
     CONTINUOUS,
     FIXED,
     FLOATING,
+    IMU,
     robot_description,
     robot_joints,
     rod_angle,
@@ -100,14 +102,78 @@ def fill_impact(message: Any, event: np.void | Mapping, stamp: int, prefix: str 
     message.wrench.force.z = float(event["peak_force"])
 
 
+def fill_imu(message: Any, values: np.ndarray, stamp: int, prefix: str = "") -> None:
+    """Specific force [m/s²] and angular rate [rad/s], with their variances: REP-145, without an orientation."""
+    fill_header(message.header, stamp, prefix + IMU)
+    numbers = [float(value) for value in values]
+    force, turning = message.linear_acceleration, message.angular_velocity
+    force.x, force.y, force.z, turning.x, turning.y, turning.z, *variances = numbers
+    message.orientation.w = 1.0
+    message.orientation_covariance[0] = -1.0  # there is none
+    for covariance, variance in zip((message.linear_acceleration_covariance, message.angular_velocity_covariance),
+                                    variances, strict=True):
+        covariance[0] = covariance[4] = covariance[8] = variance
+
+
+def fill_encoder(message: Any, values: np.ndarray, stamp: int, prefix: str = "") -> None:
+    """Angle [rad] and speed [rad/s] of the crank; an encoder knows no effort, which is NaN as in ros2_control."""
+    fill_header(message.header, stamp, prefix + BASE)
+    message.name = ["crank"]
+    angle, speed = values
+    message.position, message.velocity, message.effort = [float(angle)], [float(speed)], [math.nan]
+
+
+def fill_battery(message: Any, values: np.ndarray, stamp: int, prefix: str = "") -> None:
+    """Voltage [V] and current [A] of the supply, the current negative while it is drawn; the rest is not known."""
+    fill_header(message.header, stamp, prefix + BASE)
+    drawn, voltage = values
+    message.voltage, message.current, message.present = float(voltage), -float(drawn), True
+    message.temperature = message.charge = message.capacity = message.design_capacity = message.percentage = math.nan
+
+
+def fill_tracking(message: Any, values: np.ndarray, stamp: int, prefix: str = "") -> None:
+    """Place of the body [m] in the frame `odom`, with its variances; the body does not turn."""
+    fill_header(message.header, stamp, prefix + ODOM)
+    pose, covariance = message.pose.pose, message.pose.covariance
+    pose.position.x, pose.position.y, pose.position.z, variance = (float(value) for value in values)
+    pose.orientation.w = 1.0
+    covariance[0] = covariance[7] = covariance[14] = variance
+
+
+MEASUREMENTS = {"imu": fill_imu, "encoder": fill_encoder, "current": fill_battery, "tracking": fill_tracking}
+"""What fills the message of each sensor, with the values of a `sensors.device.Measurement`."""
+
+
 def fill_motor_power(message: Any, state: Samples) -> None:
     """Power [W] that the motor gives; positive drives the robot."""
     message.data = float(state.motor_power)
 
 
-def fill_robot_description(message: Any, scene: Scene) -> None:
-    """The robot as URDF. Its names of links have no prefix, as robot_state_publisher has it."""
-    message.data = robot_description(scene)
+def fill_motor_current(message: Any, state: Samples) -> None:
+    """Current [A] of a dc motor."""
+    message.data = float(state.motor_current)
+
+
+def fill_electrical_power(message: Any, state: Samples) -> None:
+    """Power [W] that a dc motor takes from its supply."""
+    message.data = float(state.electrical_power)
+
+
+def fill_robot_description(message: Any, scene: Scene, topics: Mapping[str, str] = MappingProxyType({})) -> None:
+    """The robot as URDF. Its names of links have no prefix, as robot_state_publisher has it.
+
+    With the resolved `topics` of commands and states of the joints it tells ros2_control how to command the robot.
+    """
+    message.data = robot_description(scene, topics)
+
+
+def fill_entity_state(message: Any, state: Samples, stamp: int, frame: str) -> None:
+    """Place [m] and velocity [m/s] of the body; its accelerations are not known, which is NaN."""
+    fill_header(message.header, stamp, frame)
+    message.pose.position.x, message.pose.position.z = float(state.body_position), float(state.body_height)
+    message.twist.linear.x = float(state.body_velocity)
+    message.twist.linear.z = float(state.body_vertical_velocity)
+    message.acceleration.linear.x = message.acceleration.linear.z = math.nan
 
 
 def fill_header(header: Any, stamp: int, frame: str) -> None:

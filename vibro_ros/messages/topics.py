@@ -8,15 +8,28 @@ the operation's name and, where it has any, what belongs to it as JSON, such as 
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
+from vibro_ros.messages.joint_commands import joint_commands
+from vibro_ros.model import faults
+from vibro_ros.model.faults import FAULTS, Incident, checked_incident
 from vibro_ros.model.parameters import BY_NAME, Value
+from vibro_ros.model.scene import Scene
 
 if TYPE_CHECKING:  # bags take topics from here and need no device
     from vibro_ros.simulation.simulator import Simulator
 
-COMMAND_UNITS = {"motor_speed": "rad/s", "upper_gap": "m", "inclined_gap": "m"}
+COMMAND_UNITS = {"motor_speed": "rad/s", "upper_gap": "m", "inclined_gap": "m", "motor_voltage": "V"}
 """Unit of each command; the names are topics and arguments of `Simulator.command`."""
+
+JOINT_COMMANDS = "joint_commands"
+"""The same commands for the joints in one message, see `joint_commands`."""
+
+COMMANDS = (*COMMAND_UNITS, JOINT_COMMANDS)
+"""Topics that the robot listens to."""
+
+OF_DC_MOTOR = ("motor_voltage", "motor_current", "electrical_power")
+"""Topics that only a robot with a dc motor has."""
 
 ROBOT_TOPICS = {
     "odom": "nav_msgs/msg/Odometry",
@@ -24,12 +37,28 @@ ROBOT_TOPICS = {
     "ground_contact": "geometry_msgs/msg/WrenchStamped",
     "impacts": "geometry_msgs/msg/WrenchStamped",
     "motor_power": "std_msgs/msg/Float64",
+    "motor_current": "std_msgs/msg/Float64",
+    "electrical_power": "std_msgs/msg/Float64",
     "robot_description": "std_msgs/msg/String",
     "tf": "tf2_msgs/msg/TFMessage",
     "tf_static": "tf2_msgs/msg/TFMessage",
     **dict.fromkeys(COMMAND_UNITS, "std_msgs/msg/Float64"),
+    JOINT_COMMANDS: "sensor_msgs/msg/JointState",
 }
 """Type of each topic; a topic in a bag that ends like one of these and has another type is somebody else's."""
+
+SENSOR_TOPICS = {"imu": "imu/data_raw", "encoder": "encoder", "current": "battery", "tracking": "tracking"}
+"""Topic of each sensor of `sensors.device`; a robot has those of the sensors that are on."""
+
+SENSOR_TYPES = {
+    "imu/data_raw": "sensor_msgs/msg/Imu",
+    "encoder": "sensor_msgs/msg/JointState",
+    "battery": "sensor_msgs/msg/BatteryState",
+    "tracking": "geometry_msgs/msg/PoseWithCovarianceStamped",
+}
+"""Type of each topic of a sensor."""
+
+PUBLISHED_TYPES = {**ROBOT_TOPICS, **SENSOR_TYPES}
 
 VARIANCES = ("odom.pose_covariance_diagonal", "odom.twist_covariance_diagonal")
 """Parameters of the node with the variances in `odom`."""
@@ -48,11 +77,26 @@ OPERATIONS = "operations"
 OPERATIONS_TYPE = "std_msgs/msg/String"
 """What was done to the run besides commands, as `Operation` has it; under the node's own name, as the checkpoint."""
 
-INPUTS = (*COMMAND_UNITS, OPERATIONS)
+INPUTS = (*COMMANDS, OPERATIONS)
 """What decides the run, and does not follow from it."""
 
 RESET, PAUSE, RESUME, STEP, SET, TIMEOUT = "reset", "pause", "resume", "step", "set", "timeout"
-NAMES = (RESET, PAUSE, RESUME, STEP, SET, TIMEOUT)
+STATE, PUSH, FAULT = "state", "push", "fault"
+ARGUMENTS: Mapping[str, frozenset[str]] = {
+    SET: frozenset(), STATE: frozenset(), PUSH: frozenset(("duration", "force_x", "force_z")),
+    FAULT: frozenset(Incident._fields)}
+"""Operations to which a mapping belongs, with the names that it must have; none where the device says which."""
+NAMES = (RESET, PAUSE, RESUME, STEP, TIMEOUT, *ARGUMENTS)
+
+
+def commands_in(name: str, message: Any, scene: Scene) -> tuple[dict[str, float], list[str]]:
+    """What a message on one of `COMMANDS` commands, as arguments of `Simulator.command`, and what is wrong with it."""
+    return joint_commands(message, scene) if name == JOINT_COMMANDS else ({name: message.data}, [])
+
+
+def commands_of(scene: Scene) -> tuple[str, ...]:
+    """The commands that the robot of a scene listens to."""
+    return tuple(name for name in COMMANDS if scene.has_rotor or name not in OF_DC_MOTOR)
 
 
 def published_name(topic: str) -> str:
@@ -69,10 +113,12 @@ class Operation:
     name : str
         `RESET`: back to the start. `PAUSE`, `RESUME`: robot time stands still, goes on. `STEP`: so many samples while
         robot time stands still. `SET`: other parameters. `TIMEOUT`: the motor stops, because no command came.
+        `STATE`: another state (`Simulator.set_state`). `PUSH`: a push of the body (`Simulator.push`). `FAULT`: a fault
+        begins, or ends (`model.faults`).
     steps : int
         Samples of `STEP`.
     parameters : mapping of str to value
-        Of `SET`.
+        Of those of `ARGUMENTS`.
     """
 
     name: str
@@ -80,8 +126,9 @@ class Operation:
     parameters: Mapping[str, Value] = field(default_factory=dict)
 
     def __str__(self) -> str:
-        rest = {STEP: str(self.steps), SET: json.dumps(dict(self.parameters))}.get(self.name)
-        return self.name if rest is None else f"{self.name} {rest}"
+        if self.name in ARGUMENTS:
+            return f"{self.name} {json.dumps(dict(self.parameters))}"
+        return f"{self.name} {self.steps}" if self.name == STEP else self.name
 
 
 def read_operation(text: str) -> Operation:
@@ -94,12 +141,14 @@ def read_operation(text: str) -> Operation:
     """
     name, _, rest = text.partition(" ")
     try:
-        if name not in NAMES or (name not in (STEP, SET) and rest):
+        if name not in NAMES or (name not in (STEP, *ARGUMENTS) and rest):
             raise ValueError("no such operation")
         steps = int(rest) if name == STEP else 0
-        parameters = json.loads(rest) if name == SET else {}
+        parameters = json.loads(rest) if name in ARGUMENTS else {}
         if not isinstance(parameters, dict):
             raise ValueError("no mapping of parameters")
+        if (needed := ARGUMENTS.get(name)) and needed != set(parameters):
+            raise ValueError(f"it needs {', '.join(sorted(needed))}")
     except (ValueError, RecursionError) as error:
         raise ValueError(f"{text[:60]!r} is no operation of the robot: {error}") from None
     return Operation(name, steps, parameters)
@@ -111,13 +160,21 @@ def perform(operation: Operation, device: "Simulator") -> None:
     Raises
     ------
     ValueError
-        For parameters that the device refuses; nothing is changed then.
+        For what the device refuses; nothing is changed then.
     SimulationError
         When the run cannot go on.
     """
     if operation.name == RESET:
         device.reset()
     elif operation.name == TIMEOUT:
-        device.command(motor_speed=0.0)
+        device.command(**{device.scene.motor_command: 0.0})
+    elif operation.name == STATE:
+        device.set_state(**operation.parameters)
+    elif operation.name == PUSH:
+        device.push(**operation.parameters)
+    elif operation.name == FAULT:
+        incident = checked_incident(**operation.parameters)
+        if FAULTS[incident.fault].befalls != faults.COMMANDS:  # what becomes of commands, their record tells
+            device.fail(*incident)
     elif of_scene := {name: value for name, value in operation.parameters.items() if name in BY_NAME}:
         device.set_parameters(of_scene)

@@ -15,16 +15,19 @@ the pictures set each mass and its plate farther out by the spring's length, `FR
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from typing import NamedTuple
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
+from vibro_ros.messages.joint_commands import COMMANDED
 from vibro_ros.model.scene import Scene
 from vibro_ros.model.slider import Slider
 
 BASE = "base_link"
 BODY = "body"
 CRANK = "crank"
+IMU = "imu_link"
 
 FIXED, CONTINUOUS, PRISMATIC, FLOATING = "fixed", "continuous", "prismatic", "floating"
 """Kinds of joints, in the words of URDF.
@@ -83,13 +86,16 @@ class Joint(NamedTuple):
     angle: float = 0.0
 
 
-def robot_description(scene: Scene) -> str:
+def robot_description(scene: Scene, topics: Mapping[str, str] = MappingProxyType({})) -> str:
     """The URDF of a robot of this scene.
 
     Parameters
     ----------
     scene : Scene
         Lengths, angles and masses; a scene without a mass or a plate has a robot without it.
+    topics : mapping of str to str
+        Resolved names of `joint_commands` and `joint_states`, for a block by which ros2_control commands the robot;
+        without them there is none.
 
     Returns
     -------
@@ -103,8 +109,27 @@ def robot_description(scene: Scene) -> str:
     for joint in robot_joints(scene):
         _fill_link(SubElement(root, "link", name=joint.child), joint.child, scene)
         _add_joint(root, joint, scene)
+    if topics:
+        _add_control(root, scene, topics)
     indent(root)
     return f'<?xml version="1.0"?>\n{tostring(root, encoding="unicode")}\n'
+
+
+def _add_control(root: Element, scene: Scene, topics: Mapping[str, str]) -> None:
+    """The block of ros2_control, of hardware that works by topics; unchanged commands are sent again and again, because
+    the robot's `command.timeout` counts them."""
+    control = SubElement(root, "ros2_control", name=ROBOT, type="system")
+    hardware = SubElement(control, "hardware")
+    SubElement(hardware, "plugin").text = "joint_state_topic_hardware_interface/JointStateTopicSystem"
+    for name, value in (("joint_commands_topic", topics["joint_commands"]),
+                        ("joint_states_topic", topics["joint_states"]), ("trigger_joint_command_threshold", "-1")):
+        SubElement(hardware, "param", name=name).text = value
+    for joint, (kind, _) in COMMANDED.items():
+        if joint == CRANK or joint.removesuffix("_plate") in scene.plates:
+            element = SubElement(control, "joint", name=joint)
+            SubElement(element, "command_interface", name=kind)
+            for state in ("position", "velocity", "effort"):
+                SubElement(element, "state_interface", name=state)
 
 
 def robot_joints(scene: Scene) -> tuple[Joint, ...]:
@@ -117,6 +142,7 @@ def robot_joints(scene: Scene) -> tuple[Joint, ...]:
               for side in scene.guides]
     found += [Joint(f"{side}_mass", f"{side}_guide", PRISMATIC) for side in scene.guides]
     found += [Joint(f"{side}_plate", f"{side}_guide", PRISMATIC) for side in scene.plates]
+    found += [Joint(IMU, BODY, FIXED, SLED[2])] if scene["sensors.imu.rate"] else []
     return tuple(found)
 
 
@@ -167,6 +193,8 @@ def _add_joint(root: Element, joint: Joint, scene: Scene) -> None:
 def _fill_link(link: Element, name: str, scene: Scene) -> None:
     """What is seen of a link, what of it may be touched, and its inertia."""
     side, _, part = name.rpartition("_")
+    if name == IMU:
+        return  # a frame alone
     if part == BODY:
         hub, (length, width, height) = hub_height(scene), SLED
         _add_inertial(link, scene["mass.body"], (length, width, hub), (SLED_MIDDLE, 0.0, hub / 2))

@@ -7,11 +7,15 @@ import numpy as np
 from vibro_ros.model.forms import MASS, PLATE, SLIDER, Form, Forms, Guard
 from vibro_ros.model.ground import GROUND_STATES
 from vibro_ros.model.modes import MODE_EVENTS, OUTPUTS, Mode, ModeBuilder
+from vibro_ros.model.motor import Motor
 from vibro_ros.model.scene import Scene
 from vibro_ros.model.slider import Slider
 from vibro_ros.model.tables import Model, compile_scene
 from vibro_ros.solver.system import NOTHING
 
+#: Symbols of a dc motor's coordinates, each with its line.
+MOTOR = {"θ": "θ, θ'    angle [rad] and speed [rad/s] of the crank",
+         "Q": "Q, Q' = i    charge [C] that has passed the motor, and its current [A]"}
 #: A coefficient smaller than this part of the terms that cancel in it is rounding.
 _ROUNDING = 1e-12
 
@@ -51,6 +55,9 @@ class _Description:
                    "x": f"body {'along' if self._model.forms.body_hops else 'on'} the ground",
                    "y": "body above the ground"}
         for symbol in self._symbols.coordinates:
+            if symbol in MOTOR:
+                yield MOTOR[symbol]
+                continue
             yield f"{symbol}, {symbol}'    position [m] and speed [m/s] of the {meaning[symbol]}"
         if not self._model.forms.body_moves:
             yield "x = 0    no force acts on the body along the ground"
@@ -58,13 +65,36 @@ class _Description:
     def forcing(self) -> Iterator[str]:
         scene, forms = self._scene, self._model.forms
         follows = {"ideal": "at once", "ramp": f"at {scene['motor.acceleration']:g} rad/s²",
-                   "lag": f"with a time constant of {scene['motor.time_constant']:g} s"}[scene["effects.motor"]]
-        yield f"θ' = {scene['motor.speed']:g} rad/s    follows a command {follows}"
+                   "lag": f"with a time constant of {scene['motor.time_constant']:g} s"}
+        if forms.has_rotor:
+            yield self._held()
+        else:
+            yield f"θ' = {scene['motor.speed']:g} rad/s    follows a command {follows[scene['effects.motor']]}"
         for symbol, slider in zip(self._symbols.signals, self._model.sliders, strict=True):
             yield f"{symbol} = {_slider_text(slider)}"
         for side in forms.plates:
             position = scene[f"crank.{side}_rod"] + scene[f"{side}.gap"]
             yield f"{PLATE[side]} = {position:g} m    follows a command at {scene['gap_actuator.speed']:g} m/s"
+
+    def _held(self) -> str:
+        """Line for what the dc motor is held at."""
+        scene, control = self._scene, self._scene["motor.control"]
+        unit = "A" if control == "speed_by_current" else "V"
+        if control == "voltage":
+            return f"h = {scene['motor.voltage']:g} V    the voltage that is commanded"
+        return f"h = 0 {unit}    set {scene['motor.control_rate']:g} times a second by the controller of the speed"
+
+    def _equations_of_the_motor(self, motor: Motor) -> Iterator[str]:
+        """Lines for the crank, the torque of the drives and the current."""
+        rows, forms = self._model.system.acceleration, self._model.forms
+        for signal, loads in zip(self._symbols.signals, self._model.system.rotor.load.swapaxes(0, 1), strict=True):
+            yield from self._cases(f"T_{signal} = ", self._texts(loads))
+        yield "T = " + (" + ".join(f"T_{signal} d{signal}/dθ" for signal in self._symbols.signals) or "0")
+        yield from self._cases(f"{motor.inertia:g} θ'' = ", self._texts(motor.inertia * rows[:, forms.phase]))
+        if motor.inductance:
+            yield from self._cases(f"{motor.inductance:g} i' = ", self._texts(motor.inductance * rows[:, forms.charge]))
+        else:
+            yield from self._cases("i = ", self._texts(self._model.system.rotor.current))
 
     def equations(self) -> Iterator[str]:
         """Lines for masses, by the states of their contacts, and for the body, with forces [N]."""
@@ -76,6 +106,8 @@ class _Description:
             if "resting" in contact.states:
                 rows = self._output(f"{contact.side}_plate_force")
                 yield from self._cases(f"force on {PLATE[contact.side]} = ", self._texts(rows))
+        if self._builder.motor:
+            yield from self._equations_of_the_motor(self._builder.motor)
         if forms.body_moves:
             yield from self._equations_along_the_ground()
         if forms.body_hops:
@@ -113,7 +145,8 @@ class _Description:
             yield f"{equation}    {remark}{f'; where {cases}' if cases else ''}"
 
     def _effect_names(self) -> list[str]:
-        return [f"{contact.side} contact" for contact in self._builder.contacts] + [self._friction_name]
+        motor = ["bearing", "current loop"][:len(self._builder.motor.effects)] if self._builder.motor else []
+        return [f"{contact.side} contact" for contact in self._builder.contacts] + motor + [self._friction_name]
 
     def _equations_along_the_ground(self) -> Iterator[str]:
         """Lines for x'', F_in and each force of the ground whose law is a form."""
@@ -157,26 +190,33 @@ class _Description:
         """A line for the number of modes, a product of numbers of states, and for the first mode."""
         effects = self._guarded_effects()
         counts = " × ".join(f"{len(states)} ({name})" for name, states in effects.items())
-        initial = ", ".join(self._model.modes[self._model.initial_mode].states[:len(effects)])
+        states = dict(zip(self._effect_names(), self._model.modes[self._model.initial_mode].states, strict=True))
+        initial = ", ".join(states[name] for name in effects)
+        if self._builder.motor and "bearing" in effects and self._scene["motor.speed"]:
+            initial = "that of a crank that turns"
         if self._scene["start.state"] == "given":
             initial = "that of the given start"
         yield f"{len(self._model.modes)}{' = ' if effects else ''}{counts}{'; first ' if effects else ''}{initial}"
 
     def _guarded_effects(self) -> dict[str, tuple[str, ...]]:
         """States of each effect that has more than one state, by the effect's name."""
-        states = [contact.states for contact in self._builder.contacts] + [self._ground.states]
-        effects = dict(zip(self._effect_names(), states, strict=True))
-        return effects if len(states[-1]) > 1 else {name: effects[name] for name in self._effect_names()[:-1]}
+        motor = self._builder.motor.effects if self._builder.motor else ()
+        states = [effect.states for effect in (*self._builder.contacts, *motor, self._ground)]
+        return {name: of_effect for name, of_effect in zip(self._effect_names(), states, strict=True)
+                if len(of_effect) > 1}
 
     def guards(self) -> Iterator[str]:
         """Lines for the conditions of each state, with the states to try when a condition fails."""
         guards = {mode: list(self._builder.guards(mode)) for mode in self._model.modes}
-        for effect, (name, states) in enumerate(self._guarded_effects().items()):
+        for name, states in self._guarded_effects().items():
+            effect = self._effect_names().index(name)
             for state in states:
                 own = {mode: [guard for guard, of_effect, _ in of_mode if of_effect == effect]
                        for mode, of_mode in guards.items() if mode.states[effect] == state}
                 for one in zip(*own.values(), strict=True):  # the same guard in all modes with this state
                     [text] = {guard.text for guard in one}
+                    if "{voltage}" in text and self._builder.motor:
+                        text = text.format(voltage=self._symbols.text(self._builder.motor.wanted_voltage()))
                     if "{force}" in text:
                         plate = self._model.forms.plates[effect]
                         text = text.format(force=self._symbols.text(self._model.forms.plate_force(plate)))
@@ -191,6 +231,7 @@ class _Description:
         targets = dict[str, None]()
         for target in guard.targets:
             words = [target.state] if target.ground is None else [target.state, target.ground]
+            words += [f"bearing {target.bearing}"] if target.bearing else []
             targets[" and ".join(words + others * target.frees_resting_masses)] = None
         return f"{' or '.join(targets)}{self._jumps(guard)}"
 
@@ -210,7 +251,7 @@ class _Description:
     def events(self) -> Iterator[str]:
         kinds = sorted(set(self._model.system.event_kind.ravel()) - {NOTHING})
         words = [f"{side}_contact" for side in self._model.forms.plates] + [MODE_EVENTS[kind] for kind in kinds]
-        if self._scene["effects.motor"] != "ideal":
+        if self._scene["effects.motor"] in ("ramp", "lag"):
             words.append("motor_ramp_end")
         if self._model.forms.plates:
             words.append("gap_reached")
@@ -267,7 +308,9 @@ class Symbols:
 
     def __init__(self, forms: Forms):
         self._channels = forms.channels
-        self.coordinates = [MASS[side] for side in forms.guides] + ["x"] * forms.body_moves + ["y"] * forms.body_hops
+        driven = ["x"] * (forms.body_moves and not forms.body_is_dynamic) + ["y"] * forms.body_hops
+        self.coordinates = [*(MASS[side] for side in forms.guides), *["x"] * forms.body_is_dynamic,
+                            *list(MOTOR) * forms.has_rotor, *driven]
         self._guides, self._plates = forms.guides, forms.plates
         self.signals = [SLIDER[side] for side in forms.guides]
         self.signals += ["p_x", "p_y"][:forms.channels.signals - len(self.signals)]  # of the crank pin
@@ -288,8 +331,10 @@ class Symbols:
                 yield -factor, text
         at = self._channels
         names = {at.one: ""}  # of the channels that may stand alone
+        if at.rotors:
+            names |= {at.torque: "T", at.held: "h"}
         for i, symbol in enumerate(self.coordinates):
-            names |= {at.position(i): symbol, at.velocity(i): f"{symbol}'"}
+            names |= {at.position(i): symbol, at.velocity(i): "i" if symbol == "Q" else f"{symbol}'"}
             if i < at.dynamic:
                 names[at.acceleration(i)] = f"{symbol}''"
         for k, symbol in enumerate(self.signals[:at.signal_accelerations]):

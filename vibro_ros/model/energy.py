@@ -22,7 +22,8 @@ The stored energy is that of the moving masses and body, of the springs of drive
 Where a plate without tension lets go (`contact.CompliantContact`), the energy of its spring is lost to its damper.
 
 `unpaid` is an artefact of the paper's equations: without the reaction the masses push the body and do not feel it, so
-that the body receives work that nobody gives. With `effects.reaction` nothing is unpaid. The kinetic energy of the body
+that the body receives work that nobody gives. With `effects.reaction` nothing is unpaid but the work of a push from
+outside. The kinetic energy of the body
 is then m1 V² / 2 and that of the masses includes the body's motion; without the reaction the body's equation is that of
 a body of the total mass M.
 """
@@ -34,14 +35,19 @@ import numpy as np
 
 from vibro_ros.model.forms import Form, Forms, ModeForms
 from vibro_ros.model.modes import ModeBuilder
+from vibro_ros.model.motor import Motor
 from vibro_ros.model.scene import Scene
 from vibro_ros.solver.system import NOTHING, AccountTable, terms
 
 #: The accounts, by their numbers in the solver: `solver.accounts.SPLIT` and `RAMPS` come first.
-ACCOUNTS = ("motor", "plates", "drive_dampers", "plate_dampers", "friction", "blows", "landings", "unpaid")
+ACCOUNTS = ("motor", "plates", "drive_dampers", "plate_dampers", "friction", "blows", "landings", "unpaid", "supply",
+            "copper", "bearing")
+#: Those of a dc motor.
+OF_DC_MOTOR = ACCOUNTS[8:]
 #: Those on which the robot loses energy.
-LOSSES = ACCOUNTS[2:7]
-_MOTOR, _PLATES, _DRIVE_DAMPERS, _PLATE_DAMPERS, _FRICTION, _BLOWS, _LANDINGS, _UNPAID = range(len(ACCOUNTS))
+LOSSES = (*ACCOUNTS[2:7], "copper", "bearing")
+(_MOTOR, _PLATES, _DRIVE_DAMPERS, _PLATE_DAMPERS, _FRICTION, _BLOWS, _LANDINGS, _UNPAID, _SUPPLY, _COPPER,
+ _BEARING) = range(len(ACCOUNTS))
 
 #: A power: its account, force and the channel of the velocity; and a stored energy: form, weight by mode, and account
 #: of its change by a blow.
@@ -56,6 +62,7 @@ def audit_tables(builder: ModeBuilder, scene: Scene) -> dict[str, np.ndarray]:
     stored = [*_kinetic_energies(forms, scene, with_body)] if audited else []
     stored += [(_distance_from_rod(forms, scene, side), scene[f"{side}.spring.stiffness"])
                for side in forms.guides if audited]
+    stored += [*_motor_energies(builder)] if audited else []
     if audited and with_body:
         stored += [(rate, _moved_mass(scene)) for rate in forms.body_velocity()]
     potential = _height(forms, scene) if audited and with_body else forms.zero
@@ -151,8 +158,28 @@ def _audited_powers(builder: ModeBuilder, scene: Scene, with_body: bool) -> Iter
                                     forms.linkage_inertia(), strict=True):
             if moves and forms.linkage:
                 yield -push, forms.channels.velocity(row)
+    yield from _pushes(forms) if with_body else ()
+    if builder.motor:
+        yield from _motor_powers(builder, builder.motor)
     for force in builder.ground.works if with_body else ():
         yield force.sign * builder.ground_force(force.name), forms.channels.velocity(forms.body)
+
+
+def _motor_powers(builder: ModeBuilder, motor: Motor) -> Iterator[tuple[ModeForms, int]]:
+    """What changes the energy of rotor and winding: (K i + T - bearing) θ' and (V - R i - K θ') i."""
+    at, forms = builder.forms.channels, builder.forms
+    yield builder.by_motor_state(lambda bearing, loop: motor.inertia * motor.acceleration(bearing)), at.velocity(
+        forms.phase)
+    if motor.inductance:
+        yield builder.by_motor_state(lambda bearing, loop: motor.inductance * motor.current_rate(loop)), at.velocity(
+            forms.charge)
+
+
+def _motor_energies(builder: ModeBuilder) -> Iterator[tuple[Form, float]]:
+    """θ' with J, and i with L."""
+    if builder.motor:
+        yield builder.motor.speed, builder.motor.inertia
+        yield builder.motor.current, builder.motor.inductance
 
 
 def _powers(builder: ModeBuilder, scene: Scene) -> Iterator[Power]:
@@ -170,6 +197,11 @@ def _powers(builder: ModeBuilder, scene: Scene) -> Iterator[Power]:
         if builder.has_compliant_plate(side):
             rate = builder.while_pressing(side, forms.penetration(side)[1])
             yield from _damper(_PLATE_DAMPERS, scene[f"{side}.plate.damping"], rate, mass, plate)
+    if motor := builder.motor:
+        current, speed = channels.velocity(forms.charge), channels.velocity(forms.phase)
+        yield _SUPPLY, builder.by_motor_state(lambda bearing, loop: motor.voltage(loop)), current
+        yield _COPPER, -motor.resistance * motor.current, current
+        yield _BEARING, builder.by_motor_state(lambda bearing, loop: -motor.bearing_torque(bearing)), speed
     paid = scene["effects.reaction"]  # else the forces that drive and lift the body do work that nobody gives
     if forms.body_moves:
         speed, decayed = channels.velocity(forms.body), forms.decayed_normal_force()
@@ -181,9 +213,17 @@ def _powers(builder: ModeBuilder, scene: Scene) -> Iterator[Power]:
             yield ACCOUNTS.index(law.account), force, speed
         if not paid:
             yield _UNPAID, builder.at_contact(forms.inertial_force), speed
+    yield from ((_UNPAID, push, rate) for push, rate in _pushes(forms) if paid)
     if forms.body_hops and not paid:
         lift = scene.total_mass * scene.gravity[1] * forms.one - builder.at_contact(forms.normal_force)
         yield _UNPAID, np.where(builder.mode_set.airborne[:, None], lift, 0.0), channels.velocity(forms.height)
+
+
+def _pushes(forms: Forms) -> Iterator[tuple[Form, int]]:
+    """Forces from outside on the body, with the channels of its velocities; part of F_in and N."""
+    for row, force in zip((forms.body, forms.height), forms.push, strict=True):
+        if force:
+            yield force * forms.one, forms.channels.velocity(row)
 
 
 def _damper(account: int, damping: float, rate: Form | ModeForms, mass: int, other: int) -> Iterator[Power]:
@@ -204,8 +244,10 @@ def _stored(builder: ModeBuilder, scene: Scene) -> Iterator[Stored]:
     for part in forms.linkage:
         rate, (speed, rise) = forms.units[forms.channels.signal_rate(part.signal)], forms.body_velocity()
         of_body = float(paid) * (part.direction[0] * speed + part.direction[1] * rise)
-        yield rate + of_body, part.mass, _MOTOR
-        yield of_body, -part.mass, _MOTOR
+        giver = _BLOWS if forms.has_rotor else _MOTOR  # a crank that is struck pays as the body does
+        yield rate + of_body, part.mass, giver
+        yield of_body, -part.mass, giver
+    yield from ((form, weight, _BLOWS) for form, weight in _motor_energies(builder))
     for side in forms.guides:
         yield forms.stretch(side)[0], scene[f"{side}.spring.stiffness"], _BLOWS
     for side in filter(builder.has_compliant_plate, forms.plates):

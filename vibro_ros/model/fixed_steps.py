@@ -39,9 +39,9 @@ def contact_laws(scene: Scene, forms: Forms, modes: tuple[Mode, ...], step: floa
     for i, side in enumerate(forms.guides):
         force[i] = -forms.drive_force(side) - forms.weight(side)
     if forms.body_moves:
-        force[forms.body] = Ground(scene, forms).driving_force("slip_forward", forms.zero, forms.zero)
+        force[forms.body] = Ground(scene, forms).driving_force("slip_forward", forms.zero, forms.push[0] * forms.one)
     if forms.body_hops:
-        force[forms.height] = -scene.total_mass * scene.gravity[1] * forms.one
+        force[forms.height] = (forms.push[1] - scene.total_mass * scene.gravity[1]) * forms.one
     stiffness, damping = -force[:, :n], -force[:, n:2 * n]
     load = force.copy()
     load[:, :2 * n] = 0.0
@@ -64,7 +64,7 @@ def contact_laws(scene: Scene, forms: Forms, modes: tuple[Mode, ...], step: floa
         response=response, compliance=np.einsum("ij,ij->i", gap[:, :n], response),
         slipping=forms.body if slips else NOTHING, **friction,
         slip_response=inverse[:, forms.body].copy() if slips else np.zeros(n),
-        weight=scene.total_mass * scene.gravity[1], swing=swing,
+        weight=scene.total_mass * scene.gravity[1] - forms.push[1], swing=swing,
         support=len(forms.plates) if forms.body_hops else NOTHING,
         negative=scene["effects.normal_force"] == "printed", mode=_mode_numbers(forms, modes))
 

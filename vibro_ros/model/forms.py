@@ -24,6 +24,9 @@ Form = np.ndarray
 #: A form for each mode, shape (modes, channels).
 ModeForms = np.ndarray
 
+#: Nobody pushes.
+NO_PUSH = (0.0, 0.0)
+
 #: Symbols of the coordinates of the masses, of their sliders and of their plates.
 MASS = {"upper": "u", "inclined": "w"}
 SLIDER = {"upper": "s_B", "inclined": "s_C"}
@@ -78,6 +81,8 @@ class Forms:
     ----------
     scene : Scene
         The scene, whose effects decide which coordinates, signals and ramps exist.
+    push : (float, float)
+        A force from outside on the body [N], along x and upwards; upwards only where the body can hop.
 
     Attributes
     ----------
@@ -88,10 +93,16 @@ class Forms:
         Guides that have a plate; the position of plate k is ramp k.
     body_moves : bool
         Whether x is a coordinate, the one after the masses: a force other than dry friction acts along the ground.
+    body_is_dynamic : bool
+        Whether x enters its own equation: with viscous friction.
     body_hops : bool
         Whether y, the body's height, is a coordinate, the last one: by the rule `hop` a mass can lift the body.
     body, height : int
         Numbers of the coordinates x and y.
+    has_rotor : bool
+        Whether the crank's angle is a coordinate: with a dc motor.
+    phase, charge : int
+        Numbers of the coordinates θ and Q, the charge that has passed the motor.
     pressed_only : bool
         Whether a normal force below zero counts as zero.
     has_misprint : bool
@@ -100,32 +111,41 @@ class Forms:
         Whether the friction coefficient falls with the speed: Stribeck's law with a static coefficient above mu.
     linkage : tuple of LinkageMass
         The masses of sliders and crank pin.
+    crank_is_struck : bool
+        Whether a landing changes the crank's speed: a dc motor's, through masses of the linkage that feel the body.
     channels : Channels
         The places of the channels in z.
     units : ndarray, shape (channels, channels)
         Row c is the form whose value is channel c.
+    push : (float, float)
+        As given.
     one, zero : ndarray, shape (channels,)
         The forms whose values are 1 and 0.
     """
 
-    def __init__(self, scene: Scene):
+    def __init__(self, scene: Scene, push: tuple[float, float] = NO_PUSH):
         self._cache: dict[tuple, Any] = {}
         self._scene = scene
+        self.push = push
         self.guides = scene.guides
         self.plates = scene.plates
         self.body_moves, self.body_hops = scene.body_moves, scene.body_hops
-        self.body, self.height = len(self.guides), len(self.guides) + self.body_moves
         self.pressed_only = pressed_only(scene)
         self.has_misprint = scene["effects.misprint"]
         self.friction_decays = (
             self.body_moves and scene.has_dry_friction and scene["effects.friction"] == "stribeck"
             and scene["ground.static_friction"] > scene["ground.friction"])
         # A viscous force makes x enter its own equation, so that x is a dynamic coordinate as the masses are.
-        dynamic = len(self.guides) + (scene["ground.viscous_friction"] != 0.0)
+        self.body_is_dynamic, self.has_rotor = scene["ground.viscous_friction"] != 0.0, scene.has_rotor
+        dynamic = len(self.guides) + self.body_is_dynamic + 2 * self.has_rotor
+        self.phase, self.charge = dynamic - 2, dynamic - 1
+        self.body = len(self.guides) if self.body_is_dynamic else dynamic
+        self.height = dynamic + (self.body_moves and not self.body_is_dynamic)
         signals = len(self.guides) + 2 * ("crank_pin" in scene.linkage)
-        self.channels = Channels(len(self.guides) + self.body_moves + self.body_hops, dynamic, signals,
-                                 len(self.plates), int(self.friction_decays), signals if scene.linkage else 0)
+        self.channels = Channels(self.height + self.body_hops, dynamic, signals, len(self.plates),
+                                 int(self.friction_decays), signals if scene.linkage else 0, int(self.has_rotor))
         self.linkage = tuple(self._linkage_masses())
+        self.crank_is_struck = bool(self.has_rotor and self.linkage and self.body_hops and scene["effects.reaction"])
         self.units, self.zero = np.eye(self.channels.count), np.zeros(self.channels.count)
         for shared in (self.units, self.zero):
             shared.setflags(write=False)
@@ -223,7 +243,7 @@ class Forms:
     def normal_force(self, inclined_closed: bool) -> Form:
         """N = M g + m2 u'' + m3 w'' cos(phi) [N], eq. (6); M g by the rule `weight`. In the air this form is -M y''.
 
-        On a slope g cos(alpha) takes the place of g.
+        On a slope g cos(alpha) takes the place of g. A push upwards is taken off.
 
         The misprint adds its part where `inclined_closed`: while the inclined mass presses on its compliant plate.
         """
@@ -232,6 +252,7 @@ class Forms:
             return normal
         _, upwards = self._scene.direction("inclined")
         normal = normal + self._inertia("upper") + upwards * self._inertia("inclined") + self.linkage_inertia()[1]
+        normal = normal - self.push[1] * self.one
         return normal - upwards * self._misread_force() if inclined_closed and self.has_misprint else normal
 
     def decayed_normal_force(self) -> Form:
@@ -240,10 +261,10 @@ class Forms:
 
     @cached
     def inertial_force(self, inclined_closed: bool) -> Form:
-        """F_in = m3 w'' sin(phi) [N], eq. (7), what the linkage's masses add, and the misprint's part where
+        """F_in = m3 w'' sin(phi) [N], eq. (7), what the linkage's masses and a push add, and the misprint's part where
         `inclined_closed`."""
         along_x, _ = self._scene.direction("inclined")
-        inertial = -along_x * self._inertia("inclined") - self.linkage_inertia()[0]
+        inertial = -along_x * self._inertia("inclined") - self.linkage_inertia()[0] + self.push[0] * self.one
         return inertial + along_x * self._misread_force() if inclined_closed and self.has_misprint else inertial
 
     def _misread_force(self) -> Form:
@@ -274,6 +295,8 @@ class Target(NamedTuple):
         Forms, shape (channels,), that must not be negative before the jump for the target to be entered.
     ground : str or None
         State of the body on the ground, where a blow changes that as well.
+    bearing : str or None
+        State of the motor's bearing, where a landing changes that as well.
     frees_resting_masses : bool
         Whether the jump is a shock in which masses that rest on other plates part from these plates.
     """
@@ -282,6 +305,7 @@ class Target(NamedTuple):
     jumps: tuple[tuple[int, np.ndarray], ...] = ()
     entries: tuple[np.ndarray, ...] = ()
     ground: str | None = None
+    bearing: str | None = None
     frees_resting_masses: bool = False
 
 
@@ -295,7 +319,8 @@ class Guard(NamedTuple):
     targets : tuple of Target
         The targets to try, in order, when the form turns negative; the last one is entered if none is valid.
     text : str
-        The condition in the paper's symbols, with `{force}` for the force of a compliant plate.
+        The condition in the paper's symbols, with `{force}` for the force of a compliant plate, and `{voltage}` for
+        what a motor's current loop wants to apply.
     is_blow : bool
         Whether the guard ends in a blow without duration, which is recorded as a contact at once.
     entries_decide : bool

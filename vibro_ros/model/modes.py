@@ -25,8 +25,9 @@ Every effect needs places 1 to 3, 10 and 11. The others are for the effects that
    form, such as Stribeck's friction, has a channel of its own in the solver, and a driven x (`Forms.friction_decays`).
 7. `model/energy.py`, for what stores energy, and for the power of a force along a guide.
 8. `model/fixed_steps.py`, for a contact or a friction law: the law as numbers, and the limits of what a step publishes.
-9. `simulation/motion.py` and `solver/drive.py`, for a motor law: the speed of the crank's clock; `description.py`
-   describes it. A law that makes segments more expensive has a weight in `simulation/auto.py`.
+9. `simulation/motion.py` and `solver/drive.py`, for a motor law that is known in time: the speed of the crank's clock;
+   `description.py` describes it. A law that makes segments more expensive has a weight in `simulation/auto.py`. A motor
+   that the masses slow down: `model/motor.py` has its forms and states, `solver/rotor.py` its flow.
 10. `tools/effects.py` and the tables of docs/robot.md: a row of `EFFECTS`. A new kind of event belongs into
     `MODE_EVENTS` and docs/guide/python.md.
 11. Tests: the known answer (docs/known_answers.md), a scene of `EFFECTS` in `test_peer.py`, `VARIANTS` of
@@ -42,8 +43,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from vibro_ros.model.contact import CompliantContact, RigidContact, make_contact
-from vibro_ros.model.forms import Form, Forms, Guard, LinkageMass, ModeForms, Target, cached
+from vibro_ros.model.forms import NO_PUSH, Form, Forms, Guard, LinkageMass, ModeForms, Target, cached
 from vibro_ros.model.ground import GROUND_FORCES, GROUND_STATES, Ground
+from vibro_ros.model.motor import BEARING, LIMITS, Bearing, CurrentLoop, Motor
 from vibro_ros.model.scene import Scene
 from vibro_ros.solver.system import NOTHING
 
@@ -51,9 +53,13 @@ from vibro_ros.solver.system import NOTHING
 OUTPUTS = ("body_position", "body_velocity", "body_height", "body_vertical_velocity", "upper_position",
            "upper_velocity", "inclined_position", "inclined_velocity", "upper_drive_force", "inclined_drive_force",
            "upper_plate_force", "inclined_plate_force", "upper_plate_position", "upper_plate_velocity",
-           "inclined_plate_position", "inclined_plate_velocity", "normal_force", "friction_force")
+           "inclined_plate_position", "inclined_plate_velocity", "normal_force", "friction_force", "motor_voltage",
+           "motor_current")
 #: Kinds of events that a change of mode records, by their number.
-MODE_EVENTS = ("stick", "slip_forward", "slip_backward", "unloaded", "loaded", "lift_off", "landing")
+MODE_EVENTS = ("stick", "slip_forward", "slip_backward", "unloaded", "loaded", "lift_off", "landing", "crank_stops",
+               "crank_turns")
+#: The class of an effect with states, but for the ground.
+Kind = type[CompliantContact | RigidContact | Bearing | CurrentLoop]
 _OUTPUT_ROWS = {name: row for row, name in enumerate(OUTPUTS)}
 
 
@@ -79,6 +85,12 @@ class Mode:
     def ground(self) -> str:
         """State of the body on the ground (`ground.GROUND_STATES`)."""
         return self.states[-1]
+
+    @property
+    def motor(self) -> tuple[str, str]:
+        """States of a dc motor's bearing and of its current loop, "" for what there is not."""
+        bearing = next((state for state in self.states if state in BEARING), "")
+        return bearing, next((state for state in self.states if state in LIMITS), "")
 
     @property
     def pressing(self) -> frozenset[str]:
@@ -123,20 +135,24 @@ class ModeBuilder:
         One contact a plate, in the order of `Forms.plates`.
     ground : Ground
         The ground.
+    motor : Motor or None
+        The dc motor; None if the crank's motion is known in time.
     mode_set : ModeSet
         What depends on the effects alone.
     modes : tuple of Mode
         All modes, by their numbers.
     """
 
-    def __init__(self, scene: Scene):
+    def __init__(self, scene: Scene, push: tuple[float, float] = NO_PUSH):
         self._cache: dict[tuple, Any] = {}
         self._scene = scene
-        self.forms = Forms(scene)
+        self.forms = Forms(scene, push)
         self.contacts = [make_contact(scene, self.forms, side) for side in self.forms.plates]
         self.ground = Ground(scene, self.forms)
-        states = (*(contact.states for contact in self.contacts), self.ground.states)
-        self.mode_set = mode_set(self.forms.guides, self.forms.plates, tuple(map(type, self.contacts)), states,
+        self.motor = Motor(scene, self.forms) if self.forms.has_rotor else None
+        inner = (*self.contacts, *(self.motor.effects if self.motor else ()))
+        states = (*(effect.states for effect in inner), self.ground.states)
+        self.mode_set = mode_set(self.forms.guides, self.forms.plates, tuple(map(type, inner)), states,
                                  self.forms.has_misprint)
         self.modes = self.mode_set.modes
         self._shape = len(self.modes), self.forms.channels.count
@@ -144,7 +160,8 @@ class ModeBuilder:
     @property
     def initial_mode(self) -> int:
         """Number of the mode in which a run starts; if its guards do not hold, another mode follows at once."""
-        return self.mode_set.number((*("open" for _ in self.contacts), self.ground.states[0]))
+        motor = (effect.states[0] for effect in self.motor.effects) if self.motor else ()
+        return self.mode_set.number((*("open" for _ in self.contacts), *motor, self.ground.states[0]))
 
     def equations(self) -> np.ndarray:
         """Accelerations of the coordinates [m/s²], shape (modes, coordinates, channels): the masses', then x'' and y''.
@@ -158,14 +175,24 @@ class ModeBuilder:
         rows[:, masses] = self._mass_accelerations()
         if forms.body_moves:
             rows[:, forms.body] = along_x
-        if forms.channels.dynamic > len(forms.guides):  # x is one of them
+        if forms.body_is_dynamic:
             first = forms.channels.acceleration(0)
             of_masses = slice(first, first + len(forms.guides))
             rows[:, forms.body, of_masses] = 0.0
             rows[:, forms.body] += np.einsum("mi,mic->mc", along_x[:, of_masses], rows[:, masses])
         if forms.body_hops:
             rows[:, forms.height] = upwards
+        if motor := self.motor:
+            rows[:, forms.phase] = self.by_motor_state(lambda bearing, loop: motor.acceleration(bearing))
+            rows[:, forms.charge] = 0.0 if motor.inductance == 0.0 else self.by_motor_state(
+                lambda bearing, loop: motor.current_rate(loop))
         return rows
+
+    def by_motor_state(self, form: Callable[[str, str], Form]) -> ModeForms:
+        """The form in every mode that `form` makes of the states of bearing and current loop, "" without one."""
+        states = [mode.motor for mode in self.modes]
+        made = {state: form(*state) for state in dict.fromkeys(states)}
+        return np.array([made[state] for state in states])
 
     @cached
     def body_acceleration(self) -> tuple[ModeForms, ModeForms]:
@@ -258,6 +285,8 @@ class ModeBuilder:
         if context.effect < len(self.contacts):
             plate = self.contacts[context.effect]
             return plate.guards(context.state, mode.ground, mode.resting, (along_x[m], upwards[m]))
+        if self.motor and context.effect < len(mode.states) - 1:
+            return self.motor.effects[context.effect - len(self.contacts)].guards(context.state)
         closed = "inclined" in mode.closed
         normal, inertial = self.forms.normal_force(closed), self.forms.inertial_force(closed)
         return self.ground.guards(context.state, normal, inertial, mode.resting)
@@ -278,12 +307,26 @@ class ModeBuilder:
             rows[f"{side}_plate_position"], rows[f"{side}_plate_velocity"] = forms.plate(side)
             rows[f"{side}_plate_force"] = self.while_pressing(side, self.contact_force(side))
         rows |= {force.name: self.ground_force(force.name) for force in GROUND_FORCES if force.name in _OUTPUT_ROWS}
+        if motor := self.motor:
+            rows |= {"motor_voltage": self.by_motor_state(lambda bearing, loop: motor.voltage(loop)),
+                     "motor_current": motor.current}
         outputs = np.zeros((len(self.modes), len(OUTPUTS) + len(forms.linkage), forms.channels.count))
         for name, form in rows.items():
             outputs[:, _OUTPUT_ROWS[name]] = form
         for k, part in enumerate(forms.linkage, start=len(OUTPUTS)):
             outputs[:, k] = self.linkage_force(part)
         return outputs
+
+    def signal_loads(self) -> np.ndarray:
+        """Force on each signal along it [N], shape (modes, signals, channels): the pull of a drive on its slider, less
+        what moves the masses of the linkage."""
+        forms = self.forms
+        loads = np.zeros((len(self.modes), forms.channels.signals, forms.channels.count))
+        for i, side in enumerate(forms.guides):
+            loads[:, i] = forms.drive_force(side)
+        for part in forms.linkage:
+            loads[:, part.signal] -= self.linkage_force(part)
+        return loads
 
     def linkage_force(self, part: LinkageMass) -> ModeForms:
         """Force of the crank that moves a mass of the linkage in its direction [N]."""
@@ -326,7 +369,7 @@ class ModeSet:
     """
 
     def __init__(self, guides: tuple[str, ...], plates: tuple[str, ...],
-                 kinds: tuple[type[CompliantContact | RigidContact], ...], states: tuple[tuple[str, ...], ...],
+                 kinds: tuple[Kind, ...], states: tuple[tuple[str, ...], ...],
                  contact_changes_ground_force: bool):
         self.modes = tuple(Mode(of_mode, *(
             frozenset(side for side, state in zip(plates, of_mode, strict=False) if state == wanted)
@@ -348,8 +391,9 @@ class ModeSet:
         self.event_kind = np.full((len(self.modes), len(self.modes)), NOTHING)
         for before, after in itertools.permutations(range(len(self.modes)), 2):
             old, new = self.modes[before].ground, self.modes[after].ground
-            event = GROUND_STATES[old].ends or GROUND_STATES[new].begins
-            if old != new and event:
+            event = GROUND_STATES[old].ends or GROUND_STATES[new].begins if old != new else _crank_event(
+                self.modes[before].motor[0], self.modes[after].motor[0])
+            if event:
                 self.event_kind[before, after] = MODE_EVENTS.index(event)
         self.mode_after_ramp_change = np.empty((len(self.modes), len(plates)), dtype=np.int64)
         for (m, mode), k in itertools.product(enumerate(self.modes), range(len(plates))):
@@ -366,10 +410,19 @@ class ModeSet:
         states[effect] = target.state
         if target.ground:
             states[-1] = target.ground
+        if target.bearing:
+            states[next(k for k, state in enumerate(states) if state in BEARING)] = target.bearing
         return self.number(tuple(states))
 
 
-def _contexts(mode: Mode, kinds: tuple[type[CompliantContact | RigidContact], ...],
+def _crank_event(before: str, after: str) -> str:
+    """Kind of the event that a change of the bearing's state is, or empty."""
+    if before == after:
+        return ""
+    return "crank_stops" if after == "stuck" else "crank_turns"
+
+
+def _contexts(mode: Mode, kinds: tuple[Kind, ...],
               contact_changes_ground_force: bool) -> Iterator[Context]:
     for k, kind in enumerate(kinds):
         yield Context(k, mode.states[k], kind.context(mode.ground, mode.resting))

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from vibro_ros.model.parameter_values import LEAST_SHARE, ParameterValues
-from vibro_ros.model.parameters import AS_FORWARD, BY_NAME
+from vibro_ros.model.parameters import AS_FORWARD, AS_PRESET, BY_NAME
 from vibro_ros.model.support import unsupported
 
 #: Fastest rate [1/s] of a mass on its springs and dampers that is simulated. A step lasts two of the mass's time
@@ -16,6 +16,9 @@ FASTEST_RATE = 1e7
 
 #: Shortest rod of a slider that has a mass, as a multiple of the crank's radius.
 LEAST_ROD = 1.001
+
+#: Least inertia of a dc motor with its crank [kg m²].
+LEAST_MOTOR_INERTIA = 1e-9
 
 #: Part of a mass's inertia that a yielding body must leave to the mass, so that rounding leaves ten digits of it.
 LEAST_INERTIA = 1e-6
@@ -29,8 +32,8 @@ def check_together(values: ParameterValues) -> None:
     ValueError
         One sentence that names the parameter, its value, the limit and the remedy.
     """
-    for check in (_check_mechanism, _check_friction, _check_blows, _check_rates, _check_reaction, _check_misprint,
-                  _check_solver):
+    for check in (_check_mechanism, _check_motor, _check_friction, _check_blows, _check_rates, _check_reaction,
+                  _check_misprint, _check_solver, _check_sensors):
         check(values)
 
 
@@ -45,6 +48,45 @@ def _check_mechanism(values: ParameterValues) -> None:
             raise ValueError(f"mass.{side}_slider: {values[f'mass.{side}_slider']:g} kg would be struck twice a turn, "
                              f"because the speed of a slider jumps whose rod, {rod:g} m, is as long as the crank; give "
                              f"0, or a crank.{side}_rod of at least {LEAST_ROD * radius:g} m")
+
+
+def _check_motor(values: ParameterValues) -> None:
+    if not values.has_rotor:
+        if values["effects.motor"] == "ramp" and values["motor.acceleration"] == 0.0:
+            raise ValueError("motor.acceleration: 0 rad/s² lets no ramp motor change its speed; give a number above 0, "
+                             "or choose ideal for effects.motor")
+        return
+    friction, static, inertia = values["motor.friction"], values["motor.static_friction"], values.motor_inertia
+    if static < friction:
+        raise ValueError(f"motor.static_friction: {static:g} N·m is below motor.friction, {friction:g} N·m; give at "
+                         f"least {friction:g} N·m")
+    if inertia < LEAST_MOTOR_INERTIA:
+        raise ValueError(f"motor.crank_inertia: {values['motor.crank_inertia']:g} kg·m² leaves the crank {inertia:g} "
+                         f"kg·m², with the rotor's share; give at least {LEAST_MOTOR_INERTIA:g} kg·m² in all")
+    resistance, inductance = values["motor.winding_resistance"], values["motor.winding_inductance"]
+    if 0.0 < inductance < resistance / FASTEST_RATE:
+        raise ValueError(f"motor.winding_inductance: {inductance:g} H lets the current change faster than "
+                         f"{FASTEST_RATE:g} 1/s, which takes too long to simulate; give 0, or at least "
+                         f"{resistance / FASTEST_RATE:g} H")
+    stiffest = max(values.motor_constant**2 / resistance, values["motor.damping"]) / inertia
+    if stiffest > FASTEST_RATE:
+        raise ValueError(f"motor.crank_inertia: {values['motor.crank_inertia']:g} kg·m² lets the motor change its "
+                         f"speed at {stiffest:.3g} 1/s, faster than {FASTEST_RATE:g} 1/s, which takes too long to "
+                         "simulate; give more")
+    if values.linkage and values["effects.reaction"]:
+        name = f"mass.{values.linkage[0]}"
+        rigid = [side for side in values.plates if values[f"effects.{side}_contact"] == "restitution"]
+        if rigid:
+            raise ValueError(f"{name}: {values[name]:g} kg lets a blow on a rigid plate strike the crank of a dc "
+                             f"motor, which has no law here; give 0, or a compliant effects.{rigid[0]}_contact")
+        if values.body_hops and values["ground.restitution"] > 0.0:
+            raise ValueError(f"ground.restitution: {values['ground.restitution']:g} lets a landing that bounces strike "
+                             f"the crank of a dc motor through {name}, which has no law here; give 0 for one of them")
+    for side in values.guides:
+        rod, radius = values[f"crank.{side}_rod"], values["crank.radius"]
+        if rod < LEAST_ROD * radius:
+            raise ValueError(f"crank.{side}_rod: {rod:g} m is as long as the crank, whose slider's speed jumps, and a "
+                             f"dc motor feels it; give at least {LEAST_ROD * radius:g} m")
 
 
 def _check_friction(values: ParameterValues) -> None:
@@ -174,6 +216,24 @@ def _check_solver(values: ParameterValues) -> None:
     if values["solver.accounts"] and values["solver.method"] != "exact":
         raise ValueError(f"solver.accounts: true needs solver.method exact, not {values['solver.method']}, whose "
                          "errors no account would hold; give false, or choose exact")
+
+
+def _check_sensors(values: ParameterValues) -> None:
+    for name, value in values.parameters.items():
+        if name.startswith("sensors.") and BY_NAME[name].default == AS_PRESET and AS_PRESET < value < 0.0:
+            raise ValueError(f"{name}: {value:g} is below 0; give at least 0, or {AS_PRESET:g} for the preset's")
+    for name in ("sensors.seed", "sensors.encoder.ticks"):
+        if not values[name].is_integer():
+            raise ValueError(f"{name}: {values[name]!r} is no whole number; give one")
+    if values["sensors.current.rate"] and not values.has_rotor:
+        raise ValueError(f"sensors.current.rate: {values['sensors.current.rate']:g} Hz, but only a dc motor has a "
+                         "supply; give 0, or choose dc for effects.motor")
+    if values["sensors.imu.bandwidth"] == 0.0:
+        raise ValueError("sensors.imu.bandwidth: 0 Hz lets nothing pass; give a number above 0 Hz, or "
+                         f"{AS_PRESET:g} for the preset's")
+    if values["sensors.imu.rate"] and values["solver.method"] != "exact":
+        raise ValueError(f"sensors.imu.rate: {values['sensors.imu.rate']:g} Hz needs solver.method exact, whose motion "
+                         f"the low-pass follows, not {values['solver.method']}; give 0, or choose exact")
 
 
 # With `effects.reaction` a mass feels the body's acceleration, so that it moves as if it were lighter: in the air, on

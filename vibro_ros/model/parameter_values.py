@@ -62,6 +62,27 @@ class ParameterValues:
                      if self[f"mass.{part}"] > 0.0)
 
     @property
+    def has_rotor(self) -> bool:
+        """Whether the crank's motion is not known in time: with a dc motor."""
+        return self.parameters.get("effects.motor") == "dc"  # a machine names its motor only then
+
+    @property
+    def motor_command(self) -> str:
+        """What commands the motor, as an argument of `Simulator.command`: a speed, or a dc motor's voltage."""
+        by_voltage = self.has_rotor and self["motor.control"] == "voltage"
+        return "motor_voltage" if by_voltage else "motor_speed"
+
+    @property
+    def motor_constant(self) -> float:
+        """K [N·m/A = V·s]: torque at the crank over current, and voltage over the crank's speed."""
+        return self["motor.gear_ratio"] * self["motor.torque_constant"]
+
+    @property
+    def motor_inertia(self) -> float:
+        """J [kg m²], at the crank."""
+        return self["motor.gear_ratio"]**2 * self["motor.rotor_inertia"] + self["motor.crank_inertia"]
+
+    @property
     def kinetic_frictions(self) -> tuple[float, float]:
         """Friction coefficients of a body that moves forwards and backwards."""
         forward, backward = self["ground.friction"], self["ground.friction_backward"]

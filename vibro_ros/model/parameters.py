@@ -24,6 +24,9 @@ NEGLIGIBLE = 1e-30
 #: `ground.friction_backward` that means the coefficient of forward motion.
 AS_FORWARD = -1.0
 
+#: A number of a sensor that means the one of `sensors.preset`.
+AS_PRESET = -1.0
+
 LONGEST_QUOTE = 200
 """Characters of a given value that a message repeats."""
 
@@ -177,6 +180,58 @@ def _start(name: str, unit: str, what: str, minimum: float = -1e6, maximum: floa
     return Parameter(f"start.{name}", 0.0, unit, f"at t = 0 with start.state given: {what}", minimum, maximum)
 
 
+def _rate(sensor: str, what: str) -> Parameter:
+    return Parameter(f"sensors.{sensor}.rate", 0.0, "Hz", f"measurements a second of {what}; 0: off, at no cost",
+                     minimum=0.0, maximum=1e4)
+
+
+def _chain(part: str, unit: str) -> tuple[Parameter, ...]:
+    """What stands between the motion and the numbers of an inertial sensor; the preset's unless it is given."""
+    return tuple(
+        Parameter(f"sensors.imu.{part}.{name}", AS_PRESET, f"{unit}{per}", f"{what}; -1: the preset's",
+                  minimum=AS_PRESET, maximum=1e9) for name, per, what in (
+            ("range", "", f"largest magnitude that the {part} measures; 0: any"),
+            ("resolution", "", "step of its numbers; 0: none"),
+            ("noise_density", "/√Hz", "white noise as in data sheets, by the one-sided spectrum: its standard "
+             "deviation is this times √(rate/2)"),
+            ("bias_random_walk", "/√s", "standard deviation of the bias's change in a second"),
+            ("turn_on_bias", "", "standard deviation of the bias at t = 0")))
+
+
+_SENSORS: tuple[Parameter, ...] = (
+    Parameter("sensors.seed", 0.0, "", "whole number from which all noise of the sensors follows",
+              minimum=0.0, maximum=2.0**53),
+    Parameter("sensors.preset", "ideal", "", "the part whose data sheet gives each number of the IMU that is -1; ideal "
+              "has no error but its bandwidth", choices=("ideal", "bmi270", "mpu6050")),
+    _rate("imu", "acceleration and angular rate"),
+    Parameter("sensors.imu.bandwidth", AS_PRESET, "Hz", "frequency at which the accelerometer's low-pass of second "
+              "order loses 3 dB; -1: the preset's", minimum=AS_PRESET, maximum=1e5),
+    Parameter("sensors.imu.delay", 0.0, "s", "time from a measurement to its message", minimum=0.0, maximum=1.0),
+    *_chain("accelerometer", "m/s²"),
+    *_chain("gyroscope", "rad/s"),
+    _rate("encoder", "the crank's angle"),
+    Parameter("sensors.encoder.ticks", 4096.0, "", "steps of the crank's turn that it tells apart",
+              minimum=1.0, maximum=1e9),
+    Parameter("sensors.encoder.velocity_window", 0.01, "s", "time over which the angle's difference is taken for the "
+              "speed, in whole periods of the rate, at least one", minimum=0.0, maximum=1.0),
+    _rate("current", "the current that a dc motor's supply gives"),
+    Parameter("sensors.current.noise", 0.0, "A", "standard deviation of the current", minimum=0.0, maximum=1e3),
+    Parameter("sensors.current.resolution", 0.0, "A", "step of its numbers; 0: none", minimum=0.0, maximum=1e3,
+              smallest=1e-9),
+    Parameter("sensors.current.range", 0.0, "A", "largest magnitude that it measures; 0: any", minimum=0.0,
+              maximum=1e6),
+    Parameter("sensors.current.supply_resistance", 0.0, "Ω", "the supply's own resistance, by which its voltage falls "
+              "where it is measured; the motor does not feel it", minimum=0.0, maximum=1e3),
+    _rate("tracking", "the body's place from outside"),
+    Parameter("sensors.tracking.noise", 0.001, "m", "standard deviation of each coordinate", minimum=0.0, maximum=1e3),
+    Parameter("sensors.tracking.latency", 0.0, "s", "time from a measurement to its message",
+              minimum=0.0, maximum=1.0),
+    Parameter("sensors.tracking.dropout_probability", 0.0, "", "probability at each measurement that a dropout begins "
+              "with it", minimum=0.0, maximum=1.0),
+    Parameter("sensors.tracking.dropout_duration", 0.1, "s", "how long no measurement comes then",
+              minimum=0.0, maximum=1.0),
+)
+
 _TABLE: tuple[Parameter, ...] = (
     _mass("mass.body", 1.0, "the body, m1"),
     _mass("mass.upper", 0.1, "the upper impact mass, m2"),
@@ -185,6 +240,11 @@ _TABLE: tuple[Parameter, ...] = (
                 maximum=1e6) for name, what, ends in (
         ("upper_slider", "the upper slider", ""), ("inclined_slider", "the inclined slider", ""),
         ("crank_pin", "the crank pin", "s"))),
+    Parameter("body.inertia", 4.2e-3, "kg·m²", "inertia of the body against pitch, about its centre; for the pitch "
+              "index alone, enters no equation", minimum=1e-9, maximum=1e9),
+    _length("body.wheelbase", 0.2, "distance between the body's front and rear wheels, for the pitch index alone"),
+    Parameter("body.crank_offset", 0.0, "m", "height of the crank's centre above the body's, for the pitch index alone",
+              minimum=-1e3, maximum=1e3),
     _length("crank.radius", 0.02, "crank radius DA, l; at most the rods' length"),
     _length("crank.upper_rod", 0.06, "connecting rod AB, L2"),
     _length("crank.inclined_rod", 0.06, "connecting rod AC, L3"),
@@ -209,14 +269,53 @@ _TABLE: tuple[Parameter, ...] = (
     Parameter("ground.drag", 0.0, "N", "constant force F_0 on the body against forward motion, such as a load that "
               "it pulls, on the ground and above it", minimum=-1e6, maximum=1e6),
     Parameter("gravity", 9.81, "m/s²", "gravitational acceleration, g", minimum=0.0, maximum=1e3),
-    Parameter("motor.speed", 100.0, "rad/s", "motor speed at t = 0, and the command until another arrives",
-              minimum=0.0, maximum=1e4),
+    Parameter("motor.speed", 100.0, "rad/s", "motor speed at t = 0, and the command until another arrives; below 0, "
+              "backwards, with a dc motor", minimum=-1e4, maximum=1e4),
     Parameter("motor.max_speed", 500.0, "rad/s", "highest motor speed that may be asked for",
               minimum=0.0, maximum=1e4, positive=True, while_running=True),
-    Parameter("motor.acceleration", 200.0, "rad/s²", "speed limit of the ramp motor's change of speed",
-              minimum=0.0, maximum=1e9, positive=True, while_running=True),
+    Parameter("motor.acceleration", 200.0, "rad/s²", "largest rate of change of the ramp motor's speed, and of the "
+              "speed that a dc motor's controller asks for; 0, with dc: no limit", minimum=0.0, maximum=1e9,
+              while_running=True),
     Parameter("motor.time_constant", 0.1, "s", "time constant of the lag motor's change of speed",
               minimum=0.0, maximum=1e3, positive=True, while_running=True),
+    Parameter("motor.control", "speed_by_current", "", "what a dc motor is commanded by: a voltage; or a speed, which "
+              "a sampled PI controller keeps by the voltage, or by the current of a drive with a current loop",
+              choices=("voltage", "speed_by_voltage", "speed_by_current")),
+    Parameter("motor.voltage", 0.0, "V", "with motor.control voltage: voltage at t = 0, and the command until another "
+              "arrives; within motor.supply_voltage", minimum=-1e4, maximum=1e4),
+    Parameter("motor.supply_voltage", 36.0, "V", "largest voltage of the dc motor's supply, V_s", minimum=0.0,
+              maximum=1e4, positive=True, while_running=True),
+    Parameter("motor.winding_resistance", 1.43, "Ω", "resistance of the winding, R", minimum=1e-6, maximum=1e6),
+    Parameter("motor.winding_inductance", 0.0, "H", "inductance of the winding, L; 0: the current follows at once",
+              minimum=0.0, maximum=1e3),
+    Parameter("motor.torque_constant", 0.0398, "N·m/A", "torque over current at the motor's shaft, and its voltage "
+              "over speed, k_t", minimum=1e-9, maximum=1e3),
+    Parameter("motor.gear_ratio", 3.7, "", "turns of the motor's shaft for one of the crank, n", minimum=1e-3,
+              maximum=1e4),
+    Parameter("motor.rotor_inertia", 3.31e-6, "kg·m²", "inertia of the rotor, at the motor's shaft", minimum=0.0,
+              maximum=1e3),
+    Parameter("motor.crank_inertia", 3.5e-5, "kg·m²", "inertia of crank, gear and flywheel, at the crank", minimum=0.0,
+              maximum=1e3),
+    Parameter("motor.damping", 5e-5, "N·m·s", "viscous friction of bearing and gear, at the crank, b", minimum=0.0,
+              maximum=1e3),
+    Parameter("motor.friction", 0.03, "N·m", "dry friction of bearing and gear that turn, at the crank, T_c",
+              minimum=0.0, maximum=1e6),
+    Parameter("motor.static_friction", 0.04, "N·m", "dry friction that holds a crank at rest, T_s, at least "
+              "motor.friction", minimum=0.0, maximum=1e6),
+    Parameter("motor.current_limit", 10.0, "A", "largest current that the controller asks for, I_max", minimum=0.0,
+              maximum=1e6, positive=True, while_running=True),
+    Parameter("motor.continuous_current", 2.2, "A", "rms current at which the winding stays cool enough for ever; "
+              "enters no equation", minimum=0.0, maximum=1e6, positive=True),
+    Parameter("motor.control_rate", 1000.0, "Hz", "samples of the controller, from t = 0 on", minimum=1e-3,
+              maximum=1e5),
+    Parameter("motor.proportional_gain", 0.05, "", "of the controller, k_p [A or V, over rad/s]", minimum=0.0,
+              maximum=1e6, while_running=True),
+    Parameter("motor.integral_gain", 1.0, "", "of the controller, k_i [A or V, over rad]", minimum=0.0, maximum=1e6,
+              while_running=True),
+    Parameter("motor.feed_forward", 0.0, "", "of the controller, a: voltage over the speed asked for [V·s], or current "
+              "over the speed's rate of change [A·s²]", minimum=0.0, maximum=1e6, while_running=True),
+    Parameter("motor.current_time_constant", 1e-3, "s", "time constant of the drive's current loop, τ", minimum=1e-6,
+              maximum=1e3),
     Parameter("gap_actuator.speed", 0.005, "m/s", "speed at which a plate moves to a commanded gap",
               minimum=0.0, maximum=10.0, positive=True, while_running=True),
     Parameter("start.state", "rest", "", "rest: each mass at rest on its slider or, if that would penetrate, "
@@ -251,8 +350,8 @@ _TABLE: tuple[Parameter, ...] = (
               "the inclined plate is closed, the body feels k1 (u - H) in place of k1 (w - H)"),
     Parameter("effects.mass_weight", False, "", "the masses' own weight pulls them along their guides"),
     Parameter("effects.motor", "ideal", "", "ideal: speed follows the command at once; ramp: with limited "
-              "acceleration; lag: with a time constant",
-              choices=("ideal", "ramp", "lag")),
+              "acceleration; lag: with a time constant; dc: a motor that the masses slow down, with winding, rotor and "
+              "bearing", choices=("ideal", "ramp", "lag", "dc")),
     Parameter("solver.audit", False, "", "balance the masses' energy on every segment; costs time, changes nothing"),
     Parameter("solver.accounts", False, "", "book where energy comes from and goes, by the method exact; costs time, "
               "changes nothing"),
@@ -260,15 +359,17 @@ _TABLE: tuple[Parameter, ...] = (
               "rods and plates do not let rounding keep it, or, if it is the default, warned of; changes no bit",
               minimum=1e-12, maximum=1e-3),
     Parameter("solver.method", "exact", "", "exact: event by event, to rounding; auto: the cheapest that keeps "
-              "solver.accuracy; the others: steps of fixed length, blind to events within a step",
-              choices=("exact", "auto", "rk4", "semi_implicit_euler", "moreau")),
+              "solver.accuracy; rk4_located: steps of fixed length that end at events; the others: steps of fixed "
+              "length, blind to events within a step",
+              choices=("exact", "auto", "rk4", "rk4_located", "semi_implicit_euler", "moreau")),
     Parameter("solver.step", 1e-5, "s", "step of a method of fixed step", minimum=1e-8, maximum=0.01),
     Parameter("solver.accuracy", 1e-6, "m", "error of a position that the method auto may leave in the first 0.2 s",
               minimum=1e-12, maximum=0.01),
 )
 
 #: Every parameter of a scene.
-SCENE_PARAMETERS: tuple[Parameter, ...] = tuple(replace(parameter, negligible=NEGLIGIBLE) for parameter in _TABLE)
+SCENE_PARAMETERS: tuple[Parameter, ...] = tuple(replace(parameter, negligible=NEGLIGIBLE)
+                                                for parameter in (*_TABLE, *_SENSORS))
 
 BY_NAME: Mapping[str, Parameter] = {parameter.name: parameter for parameter in SCENE_PARAMETERS}
 """Each parameter of a scene by its name."""

@@ -3,6 +3,7 @@
 The scene's own start and `Simulator.set_state` are checked by the same functions, so that both refuse the same.
 """
 
+import functools
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from types import MappingProxyType
@@ -10,15 +11,16 @@ from typing import ClassVar
 
 from vibro_ros.model.parameter_checks import check_together
 from vibro_ros.model.parameter_values import ParameterValues
-from vibro_ros.model.parameters import BY_NAME, SCENE_PARAMETERS, Parameter, Value, checked_parameters
+from vibro_ros.model.parameters import BY_NAME, SCENE_PARAMETERS, Parameter, Value, checked_parameters, quoted
 
 # Parameters of how a machine is started, driven and solved. They enter no equation, so that a sweep over them needs the
 # machine compiled only once.
 _OPERATION = frozenset({
-    *(parameter.name for parameter in SCENE_PARAMETERS if parameter.name.startswith("start.")),
+    *(parameter.name for parameter in SCENE_PARAMETERS if parameter.name.startswith(("start.", "sensors."))),
     "effects.motor", "motor.speed", "motor.max_speed", "motor.acceleration", "motor.time_constant",
-    "upper.gap", "inclined.gap", "gap_actuator.speed",
-    "solver.method", "solver.step", "solver.tolerance", "solver.accuracy"})
+    "motor.voltage", "motor.continuous_current", "body.inertia", "body.wheelbase", "body.crank_offset", "upper.gap",
+    "inclined.gap", "gap_actuator.speed", "solver.method", "solver.step", "solver.tolerance",
+    "solver.accuracy"})
 
 _DEFAULTS = {parameter.name: parameter.default for parameter in SCENE_PARAMETERS}
 
@@ -64,6 +66,8 @@ class Scene(ParameterValues):
         object.__setattr__(self, "parameters", MappingProxyType(complete))
         check_together(self)
         self.checked_motor_speed(self["motor.speed"])
+        if self.motor_command == "motor_voltage":
+            self.checked_motor_voltage(self["motor.voltage"])
         for side in ("upper", "inclined"):
             self.checked_gap(side, self[f"{side}.gap"])
         if self["start.state"] == "given":
@@ -96,11 +100,31 @@ class Scene(ParameterValues):
 
     def checked_motor_speed(self, value: object) -> float:
         """`value` as a motor speed [rad/s] that the motor can reach; else a ValueError."""
-        limited = replace(BY_NAME["motor.speed"], maximum=self["motor.max_speed"])
+        fastest = self["motor.max_speed"]
+        limited = _limited("motor.speed", -fastest if self.has_rotor else 0.0, fastest)
         try:
             return limited.checked(value)
         except ValueError as error:
             raise ValueError(f"{error} (the limit is motor.max_speed)") from None
+
+    def checked_command(self, name: str, value: object) -> float:
+        """`value` of a command, by its name as an argument of `Simulator.command`; a ValueError if it is refused."""
+        if name not in ("motor_speed", "motor_voltage"):
+            return self.checked_gap(name.removesuffix("_gap"), value)
+        if name == self.motor_command:
+            return self.checked_motor_speed(value) if name == "motor_speed" else self.checked_motor_voltage(value)
+        other = self.motor_command
+        raise ValueError(f"{name}: {quoted(value)} is no command of this motor; command {other}, or choose "
+                         + ("effects.motor dc and motor.control voltage" if name == "motor_voltage" else
+                            "speed_by_voltage or speed_by_current for motor.control"))
+
+    def checked_motor_voltage(self, value: object) -> float:
+        """`value` as a voltage [V] that the motor's supply has; else a ValueError."""
+        supply = self["motor.supply_voltage"]
+        try:
+            return _limited("motor.voltage", -supply, supply).checked(value)
+        except ValueError as error:
+            raise ValueError(f"{error} (the limit is motor.supply_voltage)") from None
 
     def checked_gap(self, side: str, value: object) -> float:
         """`value` as a gap [m] of the `upper` or `inclined` plate within the mechanism; else a ValueError.
@@ -109,7 +133,7 @@ class Scene(ParameterValues):
         centre and within twice the rod's length.
         """
         rod = self[f"crank.{side}_rod"]
-        limited = replace(BY_NAME[f"{side}.gap"], minimum=-rod, maximum=rod)
+        limited = _limited(f"{side}.gap", -rod, rod)
         try:
             return limited.checked(value)
         except ValueError as error:
@@ -121,7 +145,14 @@ class Scene(ParameterValues):
 
         To read such a parameter where equations are compiled is a KeyError.
         """
-        return _unchecked("", {name: value for name, value in self.parameters.items() if name not in _OPERATION})
+        return _unchecked("", {name: value for name, value in self.parameters.items()
+                               if name not in _OPERATION or (name == "effects.motor" and value == "dc")})
+
+
+@functools.lru_cache(maxsize=64)
+def _limited(name: str, minimum: float, maximum: float) -> Parameter:
+    """The parameter with other limits; made once for all commands, of which it would take most of the time."""
+    return replace(BY_NAME[name], minimum=minimum, maximum=maximum)
 
 
 def _scene_once_checked(name: str, parameters: dict[str, Value]) -> Scene:

@@ -23,7 +23,8 @@ _RULES = ("weight", "unilateral", "printed", "hop")
 #: choice that a simulator refuses counts as one that the simulator has.
 SUPPORT: Mapping[str, tuple[tuple[Value, ...] | None, ...]] = {
     **dict.fromkeys((
-        "mass.body", "mass.upper", "mass.inclined", "crank.radius", "crank.upper_rod", "crank.inclined_rod",
+        "mass.body", "mass.upper", "mass.inclined", "body.inertia", "body.wheelbase", "body.crank_offset",
+        "crank.radius", "crank.upper_rod", "crank.inclined_rod",
         "guide.angle", "upper.spring.stiffness", "upper.spring.damping", "upper.plate.stiffness",
         "upper.plate.damping", "upper.plate.restitution", "upper.gap", "inclined.spring.stiffness",
         "inclined.spring.damping", "inclined.plate.stiffness", "inclined.plate.damping", "inclined.plate.restitution",
@@ -36,6 +37,12 @@ SUPPORT: Mapping[str, tuple[tuple[Value, ...] | None, ...]] = {
     **dict.fromkeys(("mass.upper_slider", "mass.inclined_slider", "mass.crank_pin"), ((0.0,), (0.0,), (0.0,))),
     "ground.restitution": ((0.0,), (0.0,), (0.0,)),
     "ground.friction_backward": ((AS_FORWARD,), ANY, (AS_FORWARD,)),
+    **dict.fromkeys((  # of a dc motor, which they refuse
+        "motor.control", "motor.voltage", "motor.supply_voltage", "motor.winding_resistance",
+        "motor.winding_inductance", "motor.torque_constant", "motor.gear_ratio", "motor.rotor_inertia",
+        "motor.crank_inertia", "motor.damping", "motor.friction", "motor.static_friction", "motor.current_limit",
+        "motor.continuous_current", "motor.control_rate", "motor.proportional_gain", "motor.integral_gain",
+        "motor.feed_forward", "motor.current_time_constant"), (ANY, ANY, ANY)),
     "start.state": (("rest", "zero", "given"), ("rest", "zero", "given"), ("rest", "zero")),
     "effects.upper_mass": (_SWITCH, _SWITCH, (True,)),
     "effects.inclined_mass": (_SWITCH, _SWITCH, (True,)),
@@ -64,7 +71,7 @@ def unsupported(values: ParameterValues, simulator: str) -> str:
     for name, value in values.parameters.items():
         default = BY_NAME[name].default
         known = SUPPORT[name][SIMULATORS.index(simulator)] if name in SUPPORT else (default,)
-        if known is not ANY and value not in known and not name.startswith("solver."):
+        if known is not ANY and value not in known and not name.startswith(("solver.", "sensors.")):
             return f"{name}: {_shown(value)} is not simulated by {simulator}; give {_shown(default)}"
     return ""
 

@@ -7,20 +7,30 @@ from dataclasses import dataclass
 import numpy as np
 
 from vibro_ros.model.energy import account_table, audit_tables
-from vibro_ros.model.forms import Forms
+from vibro_ros.model.forms import NO_PUSH, Forms
 from vibro_ros.model.modes import MODE_EVENTS, Mode, ModeBuilder
 from vibro_ros.model.scene import Scene
+from vibro_ros.model.shock import Shock as BodyShock
 from vibro_ros.model.slider import Slider, signal_table
 from vibro_ros.solver.compilation import Laid
 from vibro_ros.solver.system import (
+    BY_COMMAND,
+    BY_CURRENT,
+    BY_VOLTAGE,
+    CONTROLLER,
     NOTHING,
+    SHOCK,
     UNCHECKED,
     Decay,
+    Rotor,
+    Shock,
     System,
     acceleration_terms,
     couplings,
     flow_numbers,
     longest_segments,
+    no_rotor,
+    no_shock,
     size_of,
     terms,
 )
@@ -62,23 +72,22 @@ class Model:
         return Laid(self.system)
 
 
-def compile_scene(scene: Scene) -> Model:
-    """Compile `scene` to its tables, which every caller shares and may not change."""
-    return _compile_machine(scene.machine)
+def compile_scene(scene: Scene, push: tuple[float, float] = NO_PUSH) -> Model:
+    """Compile `scene`, pushed as `Forms` has it, to its tables, which every caller shares and may not change."""
+    return _compile_machine(scene.machine, push)
 
 
 @functools.lru_cache(maxsize=64)
-def _compile_machine(scene: Scene) -> Model:
-    builder = ModeBuilder(scene)
+def _compile_machine(scene: Scene, push: tuple[float, float]) -> Model:
+    builder = ModeBuilder(scene, push)
     forms, channels = builder.forms, builder.forms.channels
-    sliders = [Slider(scene["crank.radius"], scene[f"crank.{side}_rod"], scene.guide_angle(side))
-               for side in forms.guides]
-    if "crank_pin" in scene.linkage:  # at l (-sin(theta), cos(theta))
-        sliders += [Slider(scene["crank.radius"], 0.0, angle) for angle in (-0.5 * math.pi, 0.0)]
+    sliders = _sliders(forms, scene)
     acceleration = builder.equations() + 0.0  # no -0.0
     # With the reaction the body's energy is audited as well, so that a segment ends where the body's equation changes.
     own = channels.coordinates if scene["effects.reaction"] else channels.dynamic
-    flow = flow_numbers(acceleration, own)
+    rotor = _rotor(builder, scene, acceleration)
+    flow = flow_numbers(np.concatenate([acceleration[:, :own], rotor.current[:, None]], axis=1) if builder.motor
+                        else acceleration[:, :own])
     first = np.unique(flow, return_index=True)[1]  # mode of each flow
     guards = _guard_tables(builder)
     # The decaying term of Stribeck's law: the normal force of a slipping body times exp(-abs(x') / v_s).
@@ -103,9 +112,60 @@ def _compile_machine(scene: Scene) -> Model:
         accounts=account_table(builder, scene, guards),
         signals=signal_table(tuple(sliders)),
         decay=Decay(factor, terms(factor), rate),
+        rotor=rotor,
+        shock=_shock(builder, scene),
     )
     output = builder.outputs()
     return Model(forms, tuple(sliders), builder.modes, system, output, terms(output), builder.initial_mode)
+
+
+def _rotor(builder: ModeBuilder, scene: Scene, acceleration: np.ndarray) -> Rotor:
+    """The crank as a coordinate, with its motor; empty where the crank's motion is known in time."""
+    motor, at, modes = builder.motor, builder.forms.channels, len(builder.modes)
+    if not motor:
+        return no_rotor(at.count)
+    sliders = [(slider.radius, math.cos(slider.angle), math.sin(slider.angle),
+                (slider.rod - slider.radius) * (slider.rod + slider.radius) if slider.rod else -1.0)
+               for slider in _sliders(builder.forms, scene)]
+    current = np.zeros((modes, at.count))
+    if motor.inductance == 0.0:
+        current = builder.by_motor_state(lambda bearing, loop: motor.drawn_current(loop)) + 0.0
+    law = {"voltage": BY_COMMAND, "speed_by_voltage": BY_VOLTAGE, "speed_by_current": BY_CURRENT}
+    controller = (law[scene["motor.control"]], 1.0 / scene["motor.control_rate"], scene["motor.proportional_gain"],
+                  scene["motor.integral_gain"], scene["motor.feed_forward"], motor.supply_voltage, motor.constant,
+                  motor.resistance, scene["motor.current_limit"])
+    loads, dynamic = builder.signal_loads(), np.ascontiguousarray(acceleration[:, :at.dynamic])
+    return Rotor(np.array(sliders).reshape(-1, 4), loads, terms(loads), terms(dynamic), current, terms(current),
+                 np.full(modes, motor.inductance == 0.0), np.array([controller], CONTROLLER))
+
+
+def _shock(builder: ModeBuilder, scene: Scene) -> Shock:
+    """A landing that strikes the crank; empty where none does."""
+    forms, motor = builder.forms, builder.motor
+    if not (motor and forms.crank_is_struck):
+        return no_shock()
+    (along, across), (_, up) = BodyShock(scene, forms).inertia
+    none = (0.0, 0.0)
+    kinetic, static = ((scene.kinetic_frictions, scene.resting_frictions) if builder.ground.has_dry_friction
+                       else (none, none))
+    numbers = (forms.body if forms.body_moves else NOTHING, forms.height, along, across, up, motor.inertia, kinetic,
+               static, builder.ground.has_dry_friction, motor.static_friction > 0.0)
+    mass, momentum = np.zeros(forms.channels.signals), np.zeros((forms.channels.signals, 2))
+    for part in forms.linkage:
+        mass[part.signal] += part.mass
+        momentum[part.signal] += part.mass * np.array(part.direction)
+    direction = np.zeros((forms.channels.dynamic, 2))
+    direction[:len(forms.guides)] = np.reshape([scene.direction(side) for side in forms.guides], (-1, 2))
+    return Shock(np.array([numbers], SHOCK), mass, momentum, direction)
+
+
+def _sliders(forms: Forms, scene: Scene) -> list[Slider]:
+    """The signals: sliders of the guides, and the two directions of a crank pin that has a mass."""
+    sliders = [Slider(scene["crank.radius"], scene[f"crank.{side}_rod"], scene.guide_angle(side))
+               for side in forms.guides]
+    if "crank_pin" in scene.linkage:  # at l (-sin(theta), cos(theta))
+        sliders += [Slider(scene["crank.radius"], 0.0, angle) for angle in (-0.5 * math.pi, 0.0)]
+    return sliders
 
 
 def _monitor_tables(builder: ModeBuilder) -> dict[str, np.ndarray]:

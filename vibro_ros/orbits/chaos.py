@@ -28,7 +28,7 @@ from scipy.stats import t as student
 
 from vibro_ros.model.scene import Scene
 from vibro_ros.orbits.orbit import derivative
-from vibro_ros.orbits.recurrence import FIRST_TURNS, settle
+from vibro_ros.orbits.recurrence import FIRST_TURNS, long_cycle, settle
 from vibro_ros.orbits.recurrence import MOST_TURNS as MOST_SETTLING
 from vibro_ros.orbits.turn_map import TURN, Stroboscope, TurnMap, free_cut
 from vibro_ros.simulation.simulator import Simulator
@@ -37,6 +37,8 @@ LEAST_TURNS, MOST_TURNS = 20, 1_000_000
 """Turns that are measured, at least and at most."""
 RESOLVED = 1e-7
 """What a direction shrinks to within a turn, in parts of the largest derivative, below which it counts as gone."""
+MOST_DOUBLINGS = 4
+"""How often the turns are doubled of a spectrum whose sign is not known."""
 REPEATED = 1024
 """Turns, about, for which the derivatives of a periodic motion are repeated."""
 LEAST_VALUES = 200
@@ -68,6 +70,29 @@ class LyapunovSpectrum:
     spread: np.ndarray
     turns: int
 
+    @property
+    def sign(self) -> int:
+        """Of the largest exponent, 1 or -1; 0 where 0 lies inside its interval, and the sign is not known."""
+        return sign_of(float(self.exponents[0]), float(self.spread[0]))
+
+    @property
+    def dimension(self) -> float:
+        """Kaplan and Yorke's dimension of the motion at the cut, dimensionless; its flow has one more.
+
+        Directions that are gone within a turn add nothing. J. L. Kaplan and J. A. Yorke, Lecture Notes in Mathematics
+        730 (1979) 204-227.
+        """
+        sums = np.cumsum(self.exponents)
+        whole = int(np.sum(sums >= 0.0))
+        if not 0 < whole < len(sums):
+            return float(whole)
+        return whole + (float(sums[whole - 1] / -self.exponents[whole]) if np.isfinite(sums[whole]) else 0.0)
+
+
+def sign_of(value: float, spread: float) -> int:
+    """Sign of a mean, 1 or -1; 0 where 0 lies inside its interval."""
+    return int(math.copysign(1.0, value)) if abs(value) > spread else 0
+
 
 def lyapunov_spectrum(scene: Scene, turns: int = 500, settling: int = MOST_SETTLING) -> LyapunovSpectrum:
     """All Lyapunov exponents of the motion that a scene settles to at `motor.speed`.
@@ -78,7 +103,8 @@ def lyapunov_spectrum(scene: Scene, turns: int = 500, settling: int = MOST_SETTL
         Its motor turns at `motor.speed`, all the time; it begins as `start.state` has it.
     turns : int
         Turns of the crank over which a motion is measured that does not repeat itself, from `LEAST_TURNS` to
-        `MOST_TURNS`; 1000 take about 4 s. Of one that repeats itself, its period is enough.
+        `MOST_TURNS`; 1000 take about 4 s. Where the sign of the largest exponent is not known after them, up to
+        16 times as many. Of a motion that repeats itself, its period is enough.
     settling : int
         Turns that the motion may take to settle, from `FIRST_TURNS` to `MOST_TURNS`. What has not settled by then is
         measured as it is.
@@ -113,24 +139,48 @@ def lyapunov_spectrum(scene: Scene, turns: int = 500, settling: int = MOST_SETTL
     motion = settle(stroboscope, most=int(settling))
     if motion is not None and motion.turns:
         return spectrum_of_cycle(turn_map, motion.states)
-    return spectrum_from(turn_map, stroboscope.turns(1).states[-1], turns)
+    return spectrum_until_known(turn_map, stroboscope.turns(1).states[-1], turns)
 
 
-def spectrum_from(turn_map: TurnMap, state: np.ndarray, turns: int) -> LyapunovSpectrum:
-    """Exponents of the motion that goes on from a state at the cut, shape (n,), over so many turns."""
+def spectrum_until_known(turn_map: TurnMap, state: np.ndarray, turns: int) -> LyapunovSpectrum:
+    """Exponents of a motion without a period up to `LONGEST_PERIOD`, from a state at the cut, shape (n,).
+
+    A motion that has settled and has no period has no largest exponent below 0. So a longer period is looked for first;
+    without one, `turns` are doubled, up to `MOST_DOUBLINGS` times, until 0 lies outside the interval.
+    """
+    stroboscope = Stroboscope(turn_map)
+    stroboscope.begin(state)
+    if (cycle := long_cycle(stroboscope)) is not None:
+        return spectrum_of_cycle(turn_map, cycle)
+    return spectrum_from(turn_map, state, turns, MOST_DOUBLINGS)
+
+
+def spectrum_from(turn_map: TurnMap, state: np.ndarray, turns: int, doublings: int = 0) -> LyapunovSpectrum:
+    """Exponents of the motion that goes on from a state at the cut, shape (n,), over so many turns.
+
+    They are doubled so often, at most, until the sign of the largest one is known.
+    """
     aligning = turns // _ALIGNING
-    logarithms = np.empty((aligning + turns, len(state)))
-    axes = _first_axes(len(state))
-    for turn in range(aligning + turns):
+    axes, logarithms = _first_axes(len(state)), []
+    while True:
         matrix, state = derivative(turn_map, state)
-        axes, logarithms[turn] = _stretched(matrix, axes)
-    measured = logarithms[aligning:]
-    found = measured.mean(axis=0) / turn_map.period
+        axes, stretched = _stretched(matrix, axes)
+        logarithms.append(stretched)
+        if len(logarithms) == aligning + turns:
+            found = _spectrum_of(np.array(logarithms[aligning:]) / turn_map.period)
+            if found.sign or not doublings:
+                return found
+            turns, doublings = 2 * turns, doublings - 1
+
+
+def _spectrum_of(rates: np.ndarray) -> LyapunovSpectrum:
+    """Means of the axes' rates [1/s] in each turn, shape (turns, n), and their intervals."""
+    found = rates.mean(axis=0)
     order = np.argsort(-found, kind="stable")
     spread, lasting = np.zeros_like(found), np.isfinite(found)
-    means = np.array([part[:, lasting].mean(axis=0) for part in np.array_split(measured, _PARTS)]) / turn_map.period
+    means = np.array([part[:, lasting].mean(axis=0) for part in np.array_split(rates, _PARTS)])
     spread[lasting] = student.ppf(0.975, _PARTS - 1) * sem(means, axis=0)
-    return LyapunovSpectrum(found[order], spread[order], turns)
+    return LyapunovSpectrum(found[order], spread[order], len(rates))
 
 
 def spectrum_of_cycle(turn_map: TurnMap, states: np.ndarray) -> LyapunovSpectrum:

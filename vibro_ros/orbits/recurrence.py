@@ -21,7 +21,9 @@ from vibro_ros.model.scene import Scene
 from vibro_ros.orbits.turn_map import Cuts, Stroboscope, free_cut
 
 LONGEST_PERIOD = 64
-"""Turns after which a motion that counts as periodic repeats itself at most."""
+"""Longest period that `settle` looks for [turns]; a motion without such a period may have a longer one."""
+WATCHED = 8192
+"""Turns for which `long_cycle` watches a motion; it finds periods up to a quarter of these."""
 FIRST_TURNS, MOST_TURNS = 64, 4096
 """Turns after which a start is judged for the first time, and after which it is given up."""
 CLOSE = 1e-6
@@ -49,7 +51,7 @@ class SettledMotion:
     Attributes
     ----------
     turns : int
-        Turns of the crank after which the motion repeats itself; 0 where it does not, within `LONGEST_PERIOD`.
+        Turns of the crank after which the motion repeats itself; 0 where it has no period up to `LONGEST_PERIOD`.
     states : ndarray, shape (m, n)
         States at successive cuts, in units of the machine: one period, or `CLOUD` states of a motion without one. The
         last one is the device's present state.
@@ -160,16 +162,36 @@ def number_among(motion: SettledMotion, known: Sequence[SettledMotion]) -> int |
     return next((number for number, other in enumerate(known) if motion.is_same(other)), None)
 
 
-def period_of(states: np.ndarray) -> int:
+def long_cycle(stroboscope: Stroboscope) -> np.ndarray | None:
+    """States of one period of a motion that takes longer than `LONGEST_PERIOD` to repeat itself, shape (turns, n).
+
+    Parameters
+    ----------
+    stroboscope : Stroboscope
+        At a cut of the motion; it goes on.
+
+    Returns
+    -------
+    ndarray or None
+        None for a motion without a period up to a quarter of `WATCHED`.
+    """
+    states = stroboscope.turns(WATCHED).states
+    turns = period_of(states, WATCHED)
+    return states[-turns:] if turns else None
+
+
+def period_of(states: np.ndarray, longest: int = LONGEST_PERIOD) -> int:
     """Least number of turns after which settled states repeat themselves; 0 where they do not, or not yet.
 
     Parameters
     ----------
     states : ndarray, shape (cuts, n)
         At successive cuts, in units of the machine.
+    longest : int
+        Longest period that is looked for [turns]; never longer than a quarter of the states.
     """
     quarter = len(states) // 4
-    for turns in range(1, min(LONGEST_PERIOD, quarter) + 1):
+    for turns in range(1, min(longest, quarter) + 1):
         now, before = _returns(states, turns)
         if now <= _ROUNDING or (now < min(before, CLOSE) and quarter / turns * now * now / (before - now) <= CLOSE):
             return next(part for part in range(1, turns + 1)

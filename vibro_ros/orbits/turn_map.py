@@ -71,11 +71,14 @@ class TurnMap:
     Raises
     ------
     ValueError
-        For a scene whose crank stands.
+        For a scene whose crank stands, or has a dc motor, with which no turn takes as long as another.
     """
 
     def __init__(self, scene: Scene, phase: float = 0.0):
         speed = scene["motor.speed"]
+        if scene.has_rotor:
+            raise ValueError("effects.motor: a dc motor's crank has no steady speed, and orbits, exponents and basins "
+                             "are those of a steady crank; choose ideal, ramp or lag")
         if speed <= 0.0:
             raise ValueError(f"motor.speed: {speed:g} rad/s turns no crank; give the speed at which the motion repeats "
                              "itself")

@@ -9,7 +9,15 @@ from typing import Any
 from vibro_ros.bag.cdr import deserialised, first_difference
 from vibro_ros.bag.stream import BagError, BagStream
 from vibro_ros.messages.fields import joints_of
-from vibro_ros.messages.topics import CHECKPOINT, COMMAND_UNITS, INPUTS, OPERATIONS, ROBOT_TOPICS
+from vibro_ros.messages.topics import (
+    CHECKPOINT,
+    COMMAND_UNITS,
+    INPUTS,
+    OF_DC_MOTOR,
+    OPERATIONS,
+    PUBLISHED_TYPES,
+    ROBOT_TOPICS,
+)
 from vibro_ros.recordings.rerun import LONGEST_PAUSE, Rerun, RunFacts, most_ticks, run_facts, ticks
 from vibro_ros.simulation.motion import SimulationError
 from vibro_ros.simulation.provenance import software, tables
@@ -202,7 +210,7 @@ class _Comparing:
             if name in INPUTS or name == CHECKPOINT:
                 continue
             waiting = [self.rerun.lasting[name]] if name in self.rerun.lasting else expected.get(name, [])
-            found = [first_difference(data, other, ROBOT_TOPICS[name]) for other in waiting]
+            found = [first_difference(data, other, PUBLISHED_TYPES[name]) for other in waiting]
             if None not in found:
                 where, recorded, is_now = (found and found[0]) or ("message", "a message", ABSENT)
                 return self._difference(name, stamp, where, recorded, is_now)
@@ -253,7 +261,7 @@ def notes(stream: BagStream, facts: RunFacts) -> list[str]:
                      "before are unknown")
     found += [f"what came on {facts.topics.get(name, name)} was not recorded" for name in INPUTS
               if facts.topics.get(name) not in stream.topics
-              and (name in COMMAND_UNITS or name in facts.topics)]  # earlier versions had no operations
+              and (name in facts.topics or (name in COMMAND_UNITS and name not in OF_DC_MOTOR))]  # not in every bag
     if recorded.get("dropped", "0") != "0":
         found.append(f"{recorded['dropped']} messages dropped; a command may be among them")
     if stream.flaws:

@@ -13,11 +13,14 @@ from vibro_ros.recordings.rerun import Rerun, RunFacts, most_ticks, run_facts
 from vibro_ros.simulation.motion import SimulationError
 from vibro_ros.simulation.preparation import prepare_kernels
 
-#: What the robot receives, with the sign that it counts with, and what it loses.
+#: What the robot receives, with the sign that it counts with, and what it loses. A dc motor's crank gives the masses
+#: nothing that its supply has not given before.
 RECEIVED = {"motor_delivered": 1.0, "motor_taken_back": -1.0, "plates": 1.0, "unpaid": 1.0}
-LOST = ("drive_dampers", "plate_dampers", "friction", "blows", "landings")
+RECEIVED_BY_DC = {"supply": 1.0, "plates": 1.0, "unpaid": 1.0}
+LOST = ("drive_dampers", "plate_dampers", "friction", "blows", "landings", "copper", "bearing")
 
 _AT_ONCE = 20_000  # samples between two looks at the bar of progress
+_BEYOND = 2.0  # so many times as far as by the faster of its speeds at two samples no crank turns back between them
 _SILENCE = 2.0  # s, before the bar is shown
 
 
@@ -40,8 +43,9 @@ def energy_of(bag: Bag) -> dict[str, Any]:
     -------
     dict
         ``duration`` [s]; ``accounts``, the changes of `Simulator.statistics`'s ``energy_accounts`` [J];
-        ``mean_power`` [W], the motor's net work over the duration, and ``cost_of_transport``, over weight times
-        displacement, None where that is 0. Or ``unknown``, a sentence that says why there are none.
+        ``mean_power`` [W], the motor's net work over the duration, of a dc motor what its supply gave, and
+        ``cost_of_transport``, over weight times displacement, None where that is 0. Or ``unknown``, a sentence that
+        says why there are none.
     """
     try:
         with BagStream(bag.path) as stream:
@@ -92,6 +96,7 @@ def _energy(bag: Bag, stream: BagStream, facts: RunFacts) -> dict[str, Any]:
     moved = changes(body["time"], x, reset_times(bag["joint_states"])).sum()
     accounts = {name: amount - before[name] for name, amount in after.items()}
     net, duration = accounts["motor_delivered"] - accounts["motor_taken_back"], facts.time(last - first)
+    net = accounts.get("supply", net)
     carried = facts.scene.total_mass * facts.scene["gravity"] * abs(float(moved))
     return {"duration": duration, "accounts": accounts, "mean_power": net / duration if duration else None,
             "cost_of_transport": net / carried if carried else None}
@@ -132,27 +137,32 @@ class _Run:
 
 
 def energy_as_lines(energy: dict[str, Any]) -> list[str]:
-    """The accounts as a table for people: energy, and its share of what the motor delivered."""
+    """The accounts as a table for people: energy, and its share of what the motor, or its supply, delivered."""
     if "unknown" in energy:
         return [f"energy: unknown: {energy['unknown']}"]
     accounts, width = energy["accounts"], max(map(len, energy["accounts"])) + 2
-    full = accounts["motor_delivered"]
+    received, giver = (RECEIVED_BY_DC, "supply") if "supply" in accounts else (RECEIVED, "motor")
+    full = accounts["supply" if giver == "supply" else "motor_delivered"]
     lines = [f"energy over {energy['duration']:.3f} s, from the run simulated again: + received, - lost or stored; "
-             "shares of what the motor delivered"]
-    for name, sign in {**RECEIVED, **dict.fromkeys((*LOST, "stored", "residual"), -1.0)}.items():
-        amount = sign * accounts[name]
+             f"shares of what the {giver} delivered"]
+    for name, sign in {**received, **dict.fromkeys((*LOST, "stored", "residual"), -1.0)}.items():
+        amount = sign * accounts.get(name, 0.0)
         share = f"{amount / full:+10.2%}" if full else ""
-        if accounts[name] or name in ("motor_delivered", "stored"):
+        if amount or name in ("motor_delivered", "supply", "stored"):
             lines.append(f"{name.replace('_', ' '):<{width}}{amount:+14.6g} J{share}")
     power, cost = ("-" if energy[name] is None else format(energy[name], ".5g") for name in (
         "mean_power", "cost_of_transport"))
-    return [*lines, f"net power of the motor {power} W; cost of transport {cost}, its net work over weight times "
+    return [*lines, f"net power of the {giver} {power} W; cost of transport {cost}, its net work over weight times "
             "displacement"]
 
 
 def reset_times(joints: Arrays) -> np.ndarray:
-    """Times [s] of the first samples after resets to the start, shape (n,): only a reset lowers the crank's angle."""
-    return joints["time"][1:][np.diff(joints["crank.position"]) < 0.0]
+    """Times [s] of the first samples after resets to the start, shape (n,): only a reset lowers the angle of a crank
+    that turns forwards, or lowers it farther than its speed does."""
+    speeds, lowered = joints["crank.velocity"], -np.diff(joints["crank.position"])
+    backwards = np.minimum(speeds[1:], speeds[:-1])
+    turned = _BEYOND * np.maximum(-backwards, 0.0) * np.diff(joints["time"])
+    return joints["time"][1:][(lowered > 0.0) & (lowered > turned)]
 
 
 def changes(time: np.ndarray, values: np.ndarray, resets: np.ndarray) -> np.ndarray:

@@ -11,6 +11,7 @@ import argparse
 import json
 import os
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from importlib import import_module
 from itertools import chain, count
 from pathlib import Path
@@ -20,13 +21,24 @@ from vibro_ros.bag.stream import QOS_DEPTH, BagError, BagStream, not_read
 from vibro_ros.bag.writer import BagWriter, Storage
 from vibro_ros.configuration.scene_file import DEVICE_PARAMETERS
 from vibro_ros.configuration.strict_yaml import read_scalar
-from vibro_ros.messages.topics import COMMAND_UNITS, INPUTS, LASTING, OPERATIONS, OPERATIONS_TYPE, ROBOT_TOPICS
+from vibro_ros.messages.topics import (
+    COMMAND_UNITS,
+    INPUTS,
+    LASTING,
+    OF_DC_MOTOR,
+    OPERATIONS,
+    OPERATIONS_TYPE,
+    PUBLISHED_TYPES,
+    SENSOR_TOPICS,
+)
+from vibro_ros.model.scene import Scene
 from vibro_ros.process.executables import EXECUTABLES
 from vibro_ros.process.front_door import Parser, exit_code, say
 from vibro_ros.process.untrusted import one_line
 from vibro_ros.recordings.comparison import Comparison, compare
 from vibro_ros.recordings.rerun import SAMPLED, Rerun, RunFacts, most_ticks, run_facts, ticks
 from vibro_ros.recordings.summary import as_text, load_samples, summarise
+from vibro_ros.sensors.device import sensors_on
 from vibro_ros.simulation.motion import SimulationError
 from vibro_ros.simulation.provenance import provenance
 
@@ -38,7 +50,7 @@ OF_PUBLISH = ("--all-topics", "--rate", "--clock", "--wait", "--ros-args")
 """Options that only `PLAYBACK` has."""
 FLUSH_MESSAGES = 2000  # between two looks at the disk; a chunk of MCAP is written earlier when it is full
 
-_TYPES = {**ROBOT_TOPICS, OPERATIONS: OPERATIONS_TYPE}
+_TYPES = {**PUBLISHED_TYPES, OPERATIONS: OPERATIONS_TYPE}
 
 
 def main(words: Sequence[str]) -> int:
@@ -139,6 +151,7 @@ def write_variation(bag: Path, changes: Mapping[str, object]) -> tuple[Path, str
                              f"the scene, such as guide.angle=1.2, or record again with -p {name}:={value}")
     with BagStream(bag) as stream:
         facts = run_facts(stream)
+        facts = replace(facts, topics=_sensor_topics(facts, facts.scene.with_parameters(changes)) | facts.topics)
         if stream.start > facts.start:
             raise BagError(f"{bag}: begins {(stream.start - facts.start) * 1e-9:.3f} s after the robot started, and "
                            "what another would have done until then is unknown; give a bag of the run's beginning")
@@ -170,12 +183,19 @@ def write_variation(bag: Path, changes: Mapping[str, object]) -> tuple[Path, str
 def _topics(stream: BagStream, facts: RunFacts) -> dict[str, Topic]:
     """Every topic that the recorded robot had, under the recorded names; an earlier version had fewer."""
     names = facts.topics
-    if missing := [name for name in (*SAMPLED, "impacts", *COMMAND_UNITS) if name not in names]:
+    if missing := [name for name in (*SAMPLED, "impacts", *COMMAND_UNITS)
+                   if name not in names and name not in OF_DC_MOTOR]:
         raise BagError(f"{stream.folder}: says nothing of the topics {', '.join(missing)}; give a bag that the robot "
                        "recorded itself")
     depths = {topic: one.qos_depth for topic, one in stream.topics.items()}
     return {name: Topic(names[name], kind, depths.get(names[name], QOS_DEPTH), name in LASTING)
             for name, kind in _TYPES.items() if name in names}  # a bag of an earlier version has fewer
+
+
+def _sensor_topics(facts: RunFacts, scene: Scene) -> dict[str, str]:
+    """Names of the topics of a scene's sensors, which the recorded robot may not have had: beside its `odom`."""
+    names = [SENSOR_TOPICS[sensor] for sensor in sensors_on(scene)]
+    return {name: f"{facts.topics['odom'].removesuffix('odom')}{name}" for name in names if "odom" in facts.topics}
 
 
 def _messages(stream: BagStream, facts: RunFacts, rerun: Rerun) -> Iterator[tuple[int, str, bytes]]:

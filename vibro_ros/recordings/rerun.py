@@ -11,6 +11,7 @@ import json
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -24,18 +25,21 @@ from vibro_ros.messages.topics import (
     CHECKPOINT_TYPE,
     OPERATIONS,
     OPERATIONS_TYPE,
+    PUBLISHED_TYPES,
     RESET,
     ROBOT_TOPICS,
+    SENSOR_TOPICS,
     VARIANCES,
+    commands_in,
     perform,
     read_operation,
 )
 from vibro_ros.model.parameters import SCENE_PARAMETERS, Value, checked_parameters
 from vibro_ros.model.scene import Scene
 from vibro_ros.process.untrusted import one_line
+from vibro_ros.sensors.device import SensedSimulator, new_device
 from vibro_ros.simulation.motion import SimulationError
 from vibro_ros.simulation.preparation import prepare_kernels
-from vibro_ros.simulation.simulator import Simulator
 
 #: Pause [s] of robot time without a message, after which a stamp is doubted.
 LONGEST_PAUSE = 10.0
@@ -158,10 +162,12 @@ class Rerun:
         self._facts, self._prefix = facts, facts.settings["frame_prefix"]
         self._variances = [facts.settings[name] for name in VARIANCES]
         prepare_kernels("replay", scene["solver.method"])
-        self.device = Simulator(scene)
+        self.device = new_device(scene)
         self.scene = self.device.scene
         self._joints = fields.joints_of(scene)
-        self._blank = {name: blank(kind) for name, kind in ROBOT_TOPICS.items()}
+        of_motor = ("motor_current", "electrical_power") if scene.has_rotor else ()
+        self._sampled = (*SAMPLED, *(name for name in of_motor if name in facts.topics))
+        self._blank = {name: blank(kind) for name, kind in PUBLISHED_TYPES.items()}
         self._frames = Frames(scene, self._prefix, facts.settings["tf.publish"]) if "tf" in facts.topics else None
         self.lasting = dict(self._lasting())
 
@@ -201,23 +207,32 @@ class Rerun:
             Why the message cannot be read, which the robot refused for the same reason; else empty.
         """
         try:
-            value = deserialised(data, OPERATIONS_TYPE if name == OPERATIONS else ROBOT_TOPICS[name]).data
-            operation = read_operation(value) if name == OPERATIONS else None
+            message = deserialised(data, OPERATIONS_TYPE if name == OPERATIONS else ROBOT_TOPICS[name])
+            operation = read_operation(message.data) if name == OPERATIONS else None
         except ValueError as error:
             self.refused += 1
             return str(error)
+        if operation is None:
+            self._command(name, message)
+            return ""
         try:
-            if operation is None:
-                self.device.command(**{name: value})
-            else:
-                perform(operation, self.device)
+            perform(operation, self.device)
         except ValueError:  # of an operation, in a variation only
             self.refused += 1
         else:
-            if operation is not None and operation.name == RESET:
+            if operation.name == RESET:
                 self.origin = self.tick + 1
                 self.resets += 1
         return ""
+
+    def _command(self, name: str, message: Any) -> None:
+        given, faults = commands_in(name, message, self.device.scene)
+        self.refused += len(faults)
+        for argument, value in given.items():
+            try:
+                self.device.command(**{argument: value})
+            except ValueError:
+                self.refused += 1
 
     def _advance(self) -> None:
         """Go to the sample `tick`; a device that was reset after it stands at its start already."""
@@ -240,21 +255,33 @@ class Rerun:
         fields.fill_joint_states(self._blank["joint_states"], state, self._joints, stamp, self._prefix)
         fields.fill_ground_contact(self._blank["ground_contact"], state, stamp, self._prefix)
         fields.fill_motor_power(self._blank["motor_power"], state)
-        for name in SAMPLED:
+        fields.fill_motor_current(self._blank["motor_current"], state)
+        fields.fill_electrical_power(self._blank["electrical_power"], state)
+        for name in self._sampled:
             yield name, self._bytes(name)
         for event in events:
             if event["kind"] in fields.PLATES:
                 began = fields.stamp_at(start, float(event["time"]))
                 fields.fill_impact(self._blank["impacts"], event, began, self._prefix)
                 yield "impacts", self._bytes("impacts")
+        for name, stamp_of_it, values in self._measurements(start):
+            fields.MEASUREMENTS[name](self._blank[SENSOR_TOPICS[name]], values, stamp_of_it, self._prefix)
+            yield SENSOR_TOPICS[name], self._bytes(SENSOR_TOPICS[name])
         if self._frames:
             turns = self._frames.turns(state.crank_angle)
             self._frames.fill(self._blank["tf"].transforms, state, turns, stamp)
             yield "tf", self._bytes("tf")
 
+    def _measurements(self, start: int) -> Iterator[tuple[str, int, np.ndarray]]:
+        """Sensor, stamp [ns] and numbers of what has come out; `start` is the stamp of the device's time 0."""
+        if isinstance(self.device, SensedSimulator):
+            for name, time, values in self.device.take_measurements():
+                yield name, fields.stamp_at(start, time), values
+
     def _lasting(self) -> Iterator[tuple[str, bytes]]:
         """What is published once; blank transforms are made here, as many as there are frames."""
-        fields.fill_robot_description(self._blank["robot_description"], self.scene)
+        topics = self._facts.topics if self._facts.settings["ros2_control"] else {}
+        fields.fill_robot_description(self._blank["robot_description"], self.scene, topics)
         yield "robot_description", self._bytes("robot_description")
         if self._frames:
             self._blank["tf"].transforms = [blank(_TRANSFORM) for _ in range(1 + len(self._frames.moving))]
@@ -263,7 +290,7 @@ class Rerun:
             yield "tf_static", self._bytes("tf_static")
 
     def _bytes(self, name: str) -> bytes:
-        return serialised(self._blank[name], ROBOT_TOPICS[name])
+        return serialised(self._blank[name], PUBLISHED_TYPES[name])
 
 
 def most_ticks(stream: BagStream, facts: RunFacts) -> int:

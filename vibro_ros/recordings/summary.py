@@ -10,17 +10,24 @@ import numpy as np
 
 from vibro_ros.bag.reader import Arrays, Bag, BagError, load_bag
 from vibro_ros.bag.stream import not_read
+from vibro_ros.messages.topics import OPERATIONS
+from vibro_ros.model.parameters import SCENE_PARAMETERS
+from vibro_ros.model.scene import Scene
 from vibro_ros.process.untrusted import one_line
 from vibro_ros.recordings.energy import changes, energy_as_lines, reset_times
+from vibro_ros.simulation.validity import Validity, validity_of
 
 GAP = 2.5  # publish periods; a longer pause between two samples is a gap in the stream
 SAMPLED_TOPICS = ("odom", "joint_states", "ground_contact", "motor_power")  # published at `rate.publish`
 GUIDES = ("upper", "inclined")
 JOINT_COLUMNS = ("crank.position", "crank.velocity")  # of every robot; masses and plates may be absent from a scene
-COLUMNS = {"odom": ("position",), "joint_states": ("*.position", "crank.velocity"), "ground_contact": ("force",),
-           "impacts": ("stamp", "frame", "force"), "motor_power": ("value",), "motor_speed": ("value",),
-           "upper_gap": ("value",), "inclined_gap": ("value",)}
+COLUMNS = {"odom": ("position", "linear_velocity"), "joint_states": ("*.position", "*.velocity"),
+           "ground_contact": ("force",), "impacts": ("stamp", "frame", "force"), "motor_power": ("value",),
+           "motor_speed": ("value",), "upper_gap": ("value",), "inclined_gap": ("value",), "motor_current": ("value",),
+           OPERATIONS: ("text",)}
 """All that summary and picture need of a recording, which may be long, and each command, which may be unreadable."""
+MOST_OPERATIONS = 50
+"""Of those that a summary lists."""
 LARGEST = 1e100
 """Greatest number of a message that is summed up; no machine has one beyond, and squares of larger ones overflow."""
 
@@ -60,11 +67,15 @@ def summarise(bag: Bag) -> dict[str, Any]:
     -------
     dict
         ``duration`` [s] from the first message to the last; ``resets``, how often the robot was put back to its start;
+        ``operations``, the first `MOST_OPERATIONS` of what was done to the run besides commands, each a time [s] and
+        the text that `messages.topics.Operation` makes;
         ``displacement`` [m] of the body from its first sample to its last, without the jumps of resets,
         ``path_length`` [m] of the way between them, ``mean_speed`` [m/s] their displacement over their time;
         ``crank_turns``; ``impacts`` and
-        ``impacts_per_turn`` of each guide; ``mean_power`` [W] over time; ``recorder``, what the
-        recorder said about itself; ``topics``: type and ``messages`` of each, and for sampled
+        ``impacts_per_turn`` of each guide; ``mean_power`` [W] over time; ``load``, of the samples of N: their ``mean``
+        over the weight, None where the recorder does not say the masses, and ``unloaded``, the share that is not above
+        0; ``validity``, the fields of `Validity`, None also where the recorder does not say the robot's parameters;
+        ``recorder``, what the recorder said about itself; ``topics``: type and ``messages`` of each, and for sampled
         topics ``period`` [s] (median), ``largest_gap`` [s] and ``gaps`` (pauses above `GAP` periods);
         ``not_read``, sentences on what of the recording cannot be read.
 
@@ -77,7 +88,7 @@ def summarise(bag: Bag) -> dict[str, Any]:
     if lacking := [name for name in JOINT_COLUMNS if name not in joints]:
         raise BagError(f"{bag.path}: {bag.full_name('joint_states')} lacks {', '.join(lacking)}; "
                        "report on a recording of this package's robot")
-    resets = reset_times(joints)
+    scene, resets, normal = _scene(bag.metadata), reset_times(joints), bag["ground_contact"]["force"][:, 2]
     steps = changes(body["time"], body["position"][:, 0], resets)
     turns = float(changes(joints["time"], joints["crank.position"], resets).sum()) / math.tau
     impacts = {guide: int(np.count_nonzero(impacts_of(bag, guide))) for guide in GUIDES}
@@ -85,6 +96,7 @@ def summarise(bag: Bag) -> dict[str, Any]:
         "bag": str(bag.path),
         "duration": bag.duration,
         "resets": len(resets),
+        "operations": _operations(bag),
         "displacement": float(steps.sum()),
         "path_length": float(np.abs(steps).sum()),
         "mean_speed": _ratio(float(steps.sum()), float(np.ptp(body["time"]))),
@@ -93,10 +105,46 @@ def summarise(bag: Bag) -> dict[str, Any]:
         "impacts_per_turn": {guide: _ratio(number, turns) for guide, number in impacts.items()},
         "mean_power": _ratio(float(np.diff(power["time"]) @ (power["value"][1:] + power["value"][:-1])) / 2,
                              float(np.ptp(power["time"]))),
+        "load": {"mean": _ratio(float(np.mean(normal)), scene.total_mass * scene.gravity[1])
+                 if scene and len(normal) else None,
+                 "unloaded": float(np.mean(normal <= 0.0)) if len(normal) else None},
+        "validity": _validity(scene, bag)._asdict(),
         "recorder": bag.metadata,
         "topics": {topic: _topic_summary(bag, topic) for topic in bag.topics},
         "not_read": list(bag.flaws),
     }
+
+
+def _scene(recorder: dict[str, str]) -> Scene | None:
+    """The robot as its recorder describes it; parameters that it does not know have their defaults."""
+    known = {one.name for one in SCENE_PARAMETERS}
+    found = {name: value for name, value in _parameters(recorder).items() if name in known}
+    try:
+        return Scene("", found) if found else None
+    except (ValueError, TypeError):
+        return None
+
+
+def _validity(scene: Scene | None, bag: Bag) -> Validity:
+    """Whether what the model leaves out may be left out, by the samples that odometry and joint states share."""
+    body, joints = bag["odom"], bag["joint_states"]
+    if not scene or not {f"{side}_mass.position" for side in scene.guides} <= joints.keys():
+        return Validity(None, None)
+    time, of_body, of_joints = np.intersect1d(body["time"], joints["time"], return_indices=True)
+    samples = {"time": time, "body_height": body["position"][of_body, 2],
+               "body_vertical_velocity": body["linear_velocity"][of_body, 2],
+               **{f"{side}_{what}": joints[f"{side}_mass.{what}"][of_joints]
+                  for side in scene.guides for what in ("position", "velocity")}}
+    current = {"motor_current": bag["motor_current"]["value"]} if "motor_current" in bag else {}
+    return validity_of(scene, samples | current)
+
+
+def _operations(bag: Bag) -> list[tuple[float, str]]:
+    if OPERATIONS not in bag:
+        return []
+    found = bag[OPERATIONS]
+    return [(float(time), str(text)) for time, text in zip(found["time"][:MOST_OPERATIONS],
+                                                           found["text"][:MOST_OPERATIONS], strict=True)]
 
 
 def impacts_of(bag: Bag, guide: str) -> np.ndarray:
@@ -106,7 +154,7 @@ def impacts_of(bag: Bag, guide: str) -> np.ndarray:
 
 def as_text(summary: dict[str, Any]) -> str:
     """The summary as lines for people, with units; with ``energy``, what `energy_of` tells, if it is there."""
-    impacts, per_turn = summary["impacts"], summary["impacts_per_turn"]
+    impacts, per_turn, validity = summary["impacts"], summary["impacts_per_turn"], Validity(**summary["validity"])
     lines = [
         ("bag", summary["bag"]),
         *((one_line(key), one_line(value)) for key, value in summary["recorder"].items() if len(value) < 80),
@@ -118,16 +166,31 @@ def as_text(summary: dict[str, Any]) -> str:
         *((f"{guide} impacts", f"{impacts[guide]} ({_number(per_turn[guide], '.2f', 'per crank turn')})")
           for guide in GUIDES),
         ("mean power", _number(summary["mean_power"], ".3f", "W")),
+        ("normal force", _load_in_words(summary["load"])),
+        *(("pitch index", f"{index:.3f}") for index in (validity.pitch_index,) if index is not None),
+        *(("rms current", f"{share:.3f} of the continuous one") for share in (validity.current_share,)
+          if share is not None),
+        *(("warning", warning) for warning in validity.warnings()),
     ]
     width = max(len(label) for label, _ in lines) + 2
     energy = ["", *energy_as_lines(summary["energy"])] if "energy" in summary else []
-    return "\n".join([*(f"{label:<{width}}{value}" for label, value in lines), *energy, "", *_table(summary["topics"]),
+    done = [f"{time:>10.3f} s  {one_line(text)}" for time, text in summary["operations"]]
+    return "\n".join([*(f"{label:<{width}}{value}" for label, value in lines), *energy,
+                      *(["", "what was done to the run", *done] if done else []), "", *_table(summary["topics"]),
                       *not_read(summary["not_read"])]) + "\n"
+
+
+def _load_in_words(load: dict[str, float | None]) -> str:
+    """How the ground carries the robot. The shocks of landings and blows lie between the samples."""
+    if load["unloaded"] is None:
+        return "-"
+    mean = "" if load["mean"] is None else f"mean {load['mean']:.3f} of the weight, without shocks of landings; "
+    return f"{mean}not above 0 at {100 * load['unloaded']:.1f} % of the samples"
 
 
 def pair_as_text(first: dict[str, Any], second: dict[str, Any]) -> str:
     """Two summaries with their energy in one table for people: parameters that differ, and each number of both."""
-    parameters = [_parameters(one) for one in (first, second)]
+    parameters = [_parameters(one["recorder"]) for one in (first, second)]
     rows: list[tuple[str, ...]] = [("", "first", "second", "second - first")]
     rows += [(one_line(name), *(_shown(one.get(name)) for one in parameters), "")
              for name in sorted(parameters[0].keys() | parameters[1].keys())
@@ -157,13 +220,16 @@ def _numbers(summary: dict[str, Any]) -> dict[str, float | None]:
         **{f"{guide} impacts": number for guide, number in summary["impacts"].items()},
         **{f"{guide} impacts per turn": number for guide, number in summary["impacts_per_turn"].items()},
         "mean power [W]": summary["mean_power"], "cost of transport": energy.get("cost_of_transport"),
+        "mean N / weight": summary["load"]["mean"], "share of N <= 0": summary["load"]["unloaded"],
+        "pitch index": summary["validity"]["pitch_index"],
+        "rms / continuous current": summary["validity"]["current_share"],
         **{f"{name.replace('_', ' ')} [J]": amount for name, amount in energy.get("accounts", {}).items() if amount}}
 
 
-def _parameters(summary: dict[str, Any]) -> dict[str, Any]:
+def _parameters(recorder: dict[str, str]) -> dict[str, Any]:
     """The recorded parameters; none where the recording does not say them."""
     try:
-        found = json.loads(summary["recorder"].get("parameters", "{}"))
+        found = json.loads(recorder.get("parameters", "{}"))
     except (ValueError, RecursionError):
         return {}
     return found if isinstance(found, dict) else {}

@@ -13,6 +13,7 @@ from vibro_ros.model.scene import NUMBERS, Scene, check_parts, given_start, outs
 from vibro_ros.model.shock import REST_SPEED
 from vibro_ros.model.tables import Model
 from vibro_ros.solver.energy import stored_energy, stored_on_accounts
+from vibro_ros.solver.rotor import read_rotor, start_rotor
 from vibro_ros.solver.segment import read_signals
 from vibro_ros.solver.state import State, new_state
 
@@ -34,15 +35,22 @@ def started(scene: Scene, model: Model, point: np.ndarray) -> State:
     """
     system, forms, channels = model.system, model.forms, model.forms.channels
     plates = {side: scene[f"crank.{side}_rod"] + scene[f"{side}.gap"] for side in forms.plates}
-    state = new_state(system, scene["motor.speed"], np.array([plates[side] for side in forms.plates]),
-                      model.initial_mode)
+    state = new_state(system, 0.0 if forms.has_rotor else scene["motor.speed"],
+                      np.array([plates[side] for side in forms.plates]), model.initial_mode)
     point[:], point[channels.one] = 0.0, 1.0
+    if forms.has_rotor:
+        start_rotor(system, state, scene[scene.motor_command.replace("_", ".")])
     if scene["start.state"] == "given":
         place(scene, model, state, point, given_start(scene) | {"motor_speed": scene["motor.speed"]}, turned=True)
     else:
         # The very bits that the flow uses: a mass at rest on its slider must feel no force at all.
         sliders = point[channels.signal(0):channels.signal(len(model.sliders))]
-        read_signals(system, state, sliders)
+        if forms.has_rotor:
+            point[channels.velocity(forms.phase)] = scene["motor.speed"]
+            read_rotor(system, state, point)
+            state.now["automaton"]["mode"] = _mode(scene, model, point)
+        else:
+            read_signals(system, state, sliders)
         _set_slider_rates(model, point, 0.0, scene["motor.speed"])
         point[channels.ramp(0):channels.ramp(channels.ramps)] = state.ramp["value"]
         if scene["start.state"] == "rest":
@@ -115,12 +123,18 @@ def place(scene: Scene, model: Model, state: State, point: np.ndarray, values: M
     if forms.body_hops:
         point[at.position(forms.height)] = values["body_height"]
         point[at.velocity(forms.height)] = values["body_vertical_velocity"]
-    if turned:
+    if forms.has_rotor:
+        point[at.velocity(forms.phase)] = values["motor_speed"]
+        if turned:
+            point[at.position(forms.phase)] = rest = math.fmod(angle, _TURN)
+            state.now["drive"]["turns"] = round((angle - rest) / _TURN)
+    elif turned:
         drive, starts, rest = state.now["drive"][0], model.system.signals.start, math.fmod(angle, _TURN)
         cell = min(int(np.searchsorted(starts, rest, side="right")) - 1, len(starts) - 2)
         drive["turns"], drive["cell"] = round((angle - rest) / _TURN), cell
         drive["offset"], drive["since"] = rest - starts[cell], 0.0
-    state.now["drive"]["speed"] = values["motor_speed"]
+    if not forms.has_rotor:
+        state.now["drive"]["speed"] = values["motor_speed"]
     for k, side in enumerate(forms.plates):
         state.ramp["value"][k] = point[at.ramp(k)] = values[f"{side}_plate_position"]
     for k, slider in enumerate(model.sliders):  # they move with the crank; the energy of the drives is theirs
@@ -167,8 +181,18 @@ def book(scene: Scene, model: Model, state: State, before: np.ndarray, old_mode:
 def _mode(scene: Scene, model: Model, point: np.ndarray) -> int:
     """Number of the mode that holds at `point`, but for what forces decide: that follows at the first event."""
     states = tuple(_contact(scene, model, side, point) for side in model.forms.plates)
-    return next(number for number, mode in enumerate(model.modes)
-                if mode.states == (*states, _friction(model, mode.ground, point)))
+    motor = _motor(model, point) if model.forms.has_rotor else ("", "")
+    return next(number for number, mode in enumerate(model.modes) if mode.motor == motor
+                and mode.states[:len(states)] == states and mode.ground == _friction(model, mode.ground, point))
+
+
+def _motor(model: Model, point: np.ndarray) -> tuple[str, str]:
+    """The states of bearing and current loop, as far as the crank's speed decides them."""
+    every = {mode.motor for mode in model.modes}
+    bearing = ("stuck", "turns_forward", "turns_backward")[
+        int(np.sign(point[model.forms.channels.velocity(model.forms.phase)]))]
+    return next(motor for motor in sorted(every, key=lambda one: one[1] != "within_limits")
+                if motor[0] in (bearing, "turns"))
 
 
 def _contact(scene: Scene, model: Model, side: str, point: np.ndarray) -> str:

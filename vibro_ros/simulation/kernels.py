@@ -23,6 +23,7 @@ from vibro_ros.simulation.samples import Trace
 from vibro_ros.solver.compilation import PLAIN, compile_entry, entry_types, is_stored
 from vibro_ros.solver.events import EVENT_COLUMNS, leave_for_ramp
 from vibro_ros.solver.kernel_cache import progress
+from vibro_ros.solver.rotor import read_rotor
 from vibro_ros.solver.segment import read_signals
 from vibro_ros.solver.state import new_state
 
@@ -68,6 +69,7 @@ def _calls(method: str) -> Iterator[tuple[Callable, tuple]]:
     trace = Trace(np.empty((1, channels)), np.empty(1, dtype=np.int64), np.empty((1, 3)))
     for kernel, arguments in (*new_stepper(scene, model).calls(state, (times, point, *trace, events)),
                               (read_signals, (model.system, state, point)),
+                              (read_rotor, (model.system, state, point)),
                               (leave_for_ramp, (model.system, state, 0, point, events, 0)),
                               *Readout(model).calls(times, trace)):
         yield kernel, entry_types(kernel, arguments)

@@ -10,8 +10,10 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from vibro_ros.model.energy import ACCOUNTS, LOSSES
+from vibro_ros.model.energy import ACCOUNTS, LOSSES, OF_DC_MOTOR
+from vibro_ros.model.faults import DURATION, FORCE
 from vibro_ros.model.fixed_steps import contact_laws, cut_to_laws
+from vibro_ros.model.forms import NO_PUSH
 from vibro_ros.model.modes import MODE_EVENTS
 from vibro_ros.model.parameters import BY_NAME
 from vibro_ros.model.scene import Scene
@@ -23,10 +25,12 @@ from vibro_ros.solver import event_loop
 from vibro_ros.solver.compilation import Laid
 from vibro_ros.solver.energy import SPLIT, residual, stored_on_accounts
 from vibro_ros.solver.events import EVENT_COLUMNS, MONITOR_KIND, PHASE_KIND, RAMP_KIND, leave_for_ramp
+from vibro_ros.solver.lowpass import filtered_rates, new_filters
 from vibro_ros.solver.methods import SCHEMES, Exact, FixedStep, Stepper
+from vibro_ros.solver.rotor import command_rotor
 from vibro_ros.solver.segment import LONGEST_SEGMENT
 from vibro_ros.solver.state import State, lasting, new_state
-from vibro_ros.solver.system import NOTHING
+from vibro_ros.solver.system import BY_COMMAND, BY_CURRENT, NOTHING
 
 EVENTS_AT_ONCE = 4096
 #: So many events take at least this time [s]; only in a state that no machine has, as of a forged checkpoint, less.
@@ -38,11 +42,20 @@ _TIME_CONSTANTS = 40.0
 # by which a part grows over the one before it.
 _PART, _FIRST_PART, _GROWTH = 0.02, 0.1, 1000.0
 
+#: A bearing that is seized stops the crank in less than a microsecond.
+SEIZED = {"motor.friction": 1e4, "motor.static_friction": 1e4}
+#: What may last for a while: a push on the body, what does not follow its commands meanwhile, and a supply that has
+#: less voltage. The rows of `Motion.influences`.
+PUSH, STALL, STUCK, SAG = "push", "motor_stall", "plate_stuck", "supply_sag"
+_ROWS = ((PUSH, ""), (STALL, ""), (STUCK, "upper"), (STUCK, "inclined"), (SAG, ""))
+
 #: No number of a device's state is larger, in SI units and counts; beyond it a checkpoint is of no device.
 _LARGEST = 1e15
 #: Nor is a local time of the present segment, but for rounding.
 _LOCAL = 1.0 + 1e-9
 _CLOSE = 1e-6  # relative, of what follows from other numbers
+#: A crank that is a coordinate is within a turn where a segment starts, and within this angle [rad] where it ends.
+_MOST_TURNED = 30.0
 
 _CAUSES = {
     event_loop.STUCK: "events follow each other without any progress of time",
@@ -81,6 +94,8 @@ class Motion:
     ----------
     scene : Scene
         What moves; its `solver.method` is not auto.
+    bandwidth : float
+        Of the filter of the body's acceleration [Hz], see `Simulator`; 0 for none.
 
     Attributes
     ----------
@@ -94,33 +109,59 @@ class Motion:
         Every channel at the end of the last advance or at the last command.
     events : EventLog
         What has happened.
+    influences : ndarray, shape (5, 3)
+        Of each row of `_ROWS` the instant at which it ends [s], or 0 while there is none, and two numbers: the force
+        along x and upwards [N]; or what the motor, or a plate, was asked for [rad/s, m], or the supply's voltage [V],
+        and 0.
+    next_end : float
+        The instant at which the first of them ends [s]; infinite without any. To be passed by `end_influences`.
     """
 
-    def __init__(self, scene: Scene):
+    def __init__(self, scene: Scene, bandwidth: float = 0.0):
         self.time = 0.0
         self._restored = False
         self._cuts_forces = scene["solver.method"] != "exact"
         self._room = np.empty((EVENTS_AT_ONCE, EVENT_COLUMNS))
+        self.influences, self.next_end = np.zeros((len(_ROWS), 3)), math.inf
         self._set_up(scene)
         self.point = np.zeros(self.model.forms.channels.count)
-        self.state = started(scene, self.model, self.point)
+        state = started(scene, self.model, self.point)
+        filters = new_filters(self._body_velocities() if bandwidth else [], 2.0 * math.pi * bandwidth, self.point)
+        self._filter = filters["channel"].copy(), filters["rate"].copy()
+        self.state = state._replace(lowpass=filters)
         self._begin_segment(self.state)
         self.events = EventLog(self.model.forms.plates)
 
     def _set_up(self, scene: Scene) -> None:
         self.scene = scene
-        self.model: Model = compile_scene(scene)
+        self._push, self._machine = self._force(), self._as_it_is(scene).machine
+        self.model: Model = compile_scene(self._as_it_is(scene), self._push)
         self._stepper = new_stepper(scene, self.model)
         self._readout = Readout(self.model)
         self._instant, self._trace = np.empty(1), self.new_trace(1)
         self._sampled = False  # whether they are of `time`, and nothing was commanded since
+        self._values: np.ndarray | None = None  # what was read from them
 
-    def command(self, speed: float | None, gaps: Mapping[str, float]) -> None:
-        """Ask for a motor speed [rad/s] and, by side, gaps [m], from now on; gaps without a plate change nothing."""
+    def _body_velocities(self) -> list[int]:
+        """Channels of the body's velocities along x and upwards, as far as it moves."""
+        forms = self.model.forms
+        coordinates = [forms.body] * forms.body_moves + [forms.height] * forms.body_hops
+        return [forms.channels.velocity(coordinate) for coordinate in coordinates]
+
+    def filtered_acceleration(self) -> tuple[float, float]:
+        """The body's acceleration [m/s²] along x and upwards, filtered: see `Simulator.filtered_acceleration`."""
+        assert isinstance(self._stepper, Exact)
+        self._stepper.filter_rates(self.state, self.time)
+        found, forms = filtered_rates(self.state.lowpass).tolist(), self.model.forms
+        return (found[0] if forms.body_moves else 0.0), (found[-1] if forms.body_hops else 0.0)
+
+    def command(self, motor: float | None, gaps: Mapping[str, float]) -> None:
+        """Ask the motor for a speed [rad/s], or for a voltage [V] if that is what commands it, and for gaps [m], by
+        side, from now on; gaps without a plate change nothing."""
         self._sampled = False
         self._stepper.interrupt(self.state, self.time, self.point)
-        if speed is not None:
-            self._command_speed(speed)
+        if motor is not None:
+            self._command_motor(motor)
         for side, gap in gaps.items():
             if side in self.model.forms.plates:
                 self._command_plate(side, self.scene[f"crank.{side}_rod"] + gap)
@@ -132,16 +173,80 @@ class Motion:
         What is on its way, the motor's speed or a plate, goes on to its target as the new scene has it.
         """
         self._stepper.interrupt(self.state, self.time, self.point)
-        old, same_machine = self.model, scene.machine == self.scene.machine
-        if same_machine:
-            self.scene, self._sampled = scene, False
+        self._become(scene)
+        self._command_motor(self.motor_target)
+        for side in self.model.forms.plates:
+            self._command_plate(side, self._plate_target(side))
+        self._begin_segment(self.state)
+
+    def _become(self, scene: Scene) -> None:
+        old, same_forces = self.model, self._force() == self._push
+        self._sampled = False
+        if same_forces and self._as_it_is(scene).machine == self._machine:
+            self.scene = scene
         else:
             self._set_up(scene)
             self.state, self.point = carried_over(old, self.state, self.point, self.model)
-        self._command_speed(self.motor_target)
-        for side, plate in zip(self.model.forms.plates, self.state.ramp, strict=True):
-            self._command_plate(side, float(plate["target"]))
+
+    def _as_it_is(self, scene: Scene) -> Scene:
+        """The scene with what fails of a dc motor: its bearing is seized, or its supply has less voltage."""
+        if not scene.has_rotor:
+            return scene
+        seized = SEIZED if self.influences[_ROWS.index((STALL, "")), 0] else {}
+        supply = self.supply_voltage_of(scene)
+        sagged = {} if supply == scene["motor.supply_voltage"] else {
+            "motor.supply_voltage": supply, "motor.voltage": 0.0}  # which enters no equation, and would be too high
+        return scene.with_parameters({**seized, **sagged})
+
+    def supply_voltage_of(self, scene: Scene) -> float:
+        """Voltage [V] of the supply, as the scene and a sag have it."""
+        until, sagged, _ = self.influences[_ROWS.index((SAG, ""))].tolist()
+        return min(sagged, scene["motor.supply_voltage"]) if until else scene["motor.supply_voltage"]
+
+    def _force(self) -> tuple[float, float]:
+        along_x, upwards = self.influences[_ROWS.index((PUSH, "")), 1:].tolist()
+        return along_x, upwards
+
+    def influence(self, name: str, of: str, until: float, numbers: tuple[float, float] = NO_PUSH) -> None:
+        """Let what `_ROWS` lists last from now until the instant `until` [s], in place of what it was; one that does
+        not lie ahead ends it.
+
+        Parameters
+        ----------
+        name, of : str
+            A push, or what fails, and of which side.
+        until : float
+            Instant [s].
+        numbers : (float, float)
+            Of a push its force [N], along x and upwards; of a sag the voltage [V], and 0.
+        """
+        speed, side = self.motor_target, of if of in self.model.forms.plates else ""
+        plate = self._plate_target(side) if side else 0.0
+        self._stepper.interrupt(self.state, self.time, self.point)
+        self._sampled = False
+        self.influences[_ROWS.index((name, of))] = (until, *numbers) if until > self.time else 0.0
+        self._look_for_next_end()
+        if name in (PUSH, SAG) or (name == STALL and self.scene.has_rotor):
+            self._become(self.scene)
+        if name in (STALL, SAG):
+            self._command_motor(speed)
+        elif side:
+            self._command_plate(side, plate)
         self._begin_segment(self.state)
+
+    def end_influences(self) -> None:
+        """Advance to the next end, and end what ends there."""
+        self.advance(np.array([self.next_end]), self.new_trace(1))
+        for name, of in self.lasting_influences():
+            if self.influences[_ROWS.index((name, of)), 0] <= self.time:
+                self.influence(name, of, 0.0)
+
+    def lasting_influences(self) -> dict[tuple[str, str], float]:
+        """What lasts now, by name and side, and the instant [s] at which it ends."""
+        return {which: until for which, until in zip(_ROWS, self.influences[:, 0].tolist(), strict=True) if until}
+
+    def _look_for_next_end(self) -> None:
+        self.next_end = min(self.lasting_influences().values(), default=math.inf)
 
     def set_state(self, given: Mapping[str, object]) -> None:
         """Go on from a state that is `given`, by fields of `Samples`; see `given_state`.
@@ -152,26 +257,35 @@ class Motion:
             For what cannot be; nothing is changed then.
         """
         values = checked_state(self.scene, given, dict(zip(FIELDS, self.now().tolist(), strict=True)))
-        target = values["motor_speed"] if self.scene["effects.motor"] == "ideal" else self.motor_target
+        ideal = self.scene["effects.motor"] == "ideal"
+        target = values["motor_speed"] if ideal else self.motor_target
         self._sampled = False
         self._stepper.interrupt(self.state, self.time, self.point)
         before, mode = self.point.copy(), int(self.state.now["automaton"]["mode"][0])
         place(self.scene, self.model, self.state, self.point, values, turned="crank_angle" in given)
         book(self.scene, self.model, self.state, before, mode, self.point)
-        if "motor_speed" in given:
-            self._command_speed(target)
+        if "motor_speed" in given and not self.scene.has_rotor:
+            self._command_motor(target)
         for side in self.model.forms.plates:
             if f"{side}_plate_position" in given:
-                self._command_plate(side, float(self.state.ramp["target"][self.model.forms.plates.index(side)]))
+                self._command_plate(side, self._plate_target(side))
         self._begin_segment(self.state)
 
     @property
     def motor_target(self) -> float:
-        """Speed [rad/s] that the motor was asked for."""
-        return float(self.state.now["drive"]["target"][0])
+        """Speed [rad/s] that the motor was asked for, or voltage [V] if that is what commands it."""
+        if self.scene.has_rotor:
+            return float(self.state.now["motor"]["target"][0])
+        until, asked, _ = self.influences[_ROWS.index((STALL, ""))].tolist()
+        return asked if until else float(self.state.now["drive"]["target"][0])
 
-    def _command_speed(self, target: float) -> None:
-        drive = self.state.now["drive"][0]
+    def _command_motor(self, target: float) -> None:
+        if self.scene.has_rotor:
+            command_rotor(self.model.system, self.state, self.time, target, self.scene["motor.acceleration"])
+            return
+        drive, stall = self.state.now["drive"][0], self.influences[_ROWS.index((STALL, ""))]
+        if stall[0]:
+            stall[1], target = target, 0.0
         drive["target"] = target
         drive["acceleration"] = drive["time_left"] = drive["lag"] = 0.0
         difference = target - drive["speed"]
@@ -184,9 +298,16 @@ class Motion:
             drive["acceleration"] = math.copysign(self.scene["motor.acceleration"], difference)
             drive["time_left"] = abs(difference) / self.scene["motor.acceleration"]
 
+    def _plate_target(self, side: str) -> float:
+        """Where the plate was sent [m]."""
+        until, asked, _ = self.influences[_ROWS.index((STUCK, side))].tolist()
+        return asked if until else float(self.state.ramp["target"][self.model.forms.plates.index(side)])
+
     def _command_plate(self, side: str, target: float) -> None:
-        plate = self.model.forms.plates.index(side)
+        plate, stuck = self.model.forms.plates.index(side), self.influences[_ROWS.index((STUCK, side))]
         ramp = self.state.ramp[plate]
+        if stuck[0]:
+            stuck[1], target = target, float(ramp["value"])
         speed, difference = self.scene["gap_actuator.speed"], target - ramp["value"]
         rate = math.copysign(speed, difference) if difference != 0.0 else 0.0
         if rate != ramp["rate"]:  # else a mass that rests on the plate rests on
@@ -195,14 +316,23 @@ class Motion:
         ramp["target"], ramp["rate"], ramp["time_left"] = target, rate, abs(difference) / speed
 
     def lasting(self) -> list[np.ndarray]:
-        """Return the arrays, to be read or overwritten, that the future depends on besides time, scene and commands."""
-        return [self.point, *lasting(self.state), *self._stepper.memory]
+        """Return the arrays, to be read or overwritten, that the future depends on besides time, scene and commands.
+
+        The first is `influences`; when it is overwritten, `influences_overwritten` gives the arrays that follow it.
+        """
+        return [self.influences, self.point, *lasting(self.state), *self._stepper.memory]
+
+    def influences_overwritten(self) -> None:
+        """Compile the scene with the influences that were written, unless `is_possible` is to refuse it."""
+        if self._can_suffer():
+            self._become(self.scene)
 
     def lasting_overwritten(self) -> None:
         """Begin to go on from what was written into the arrays of `lasting`."""
         library = self.state.library  # of which no series belongs to this state
         library.half[...], library.version[...], library.signal_cells[...] = 0.0, 0, 0
         self._sampled, self._restored = False, True
+        self._look_for_next_end()
 
     def is_possible(self) -> bool:
         """Whether what was written into the arrays of `lasting` points at nothing beyond the scene's tables, where a
@@ -215,7 +345,8 @@ class Motion:
                   *((mode, 0, len(self.model.modes)) for mode in (automaton["mode"], *self._stepper.modes)))
         if not all(low <= place < high for place, low, high in places):
             return False
-        shortest = 0.25 * self.scene["solver.step"] if self._cuts_forces else 0.0  # a fixed step is never cut
+        cut = not self._cuts_forces or self.scene["solver.method"] == "rk4_located"  # other steps are never cut
+        shortest = 0.0 if cut else 0.25 * self.scene["solver.step"]
         local = ("flow_start", "mode_start", "next_event", "piece_middle", "piece_end")
         within = ((now["accounts"]["booked"], -_LOCAL, _LOCAL), *((segment[name], -_LOCAL, _LOCAL) for name in local),
                   (segment["half"], shortest, LONGEST_SEGMENT), (segment["piece_half"], 0.0, 1.0),
@@ -225,8 +356,38 @@ class Motion:
         numbers = np.concatenate([np.ravel(part) for part in self.lasting()])
         endless = np.count_nonzero(~(np.abs(numbers) <= _LARGEST))
         return (all(map(math.isfinite, moving)) and all(low <= number <= high for number, low, high in within)
-                and constant[0] in (0.0, 1.0) and not constant[1:].any() and self._can_drive()
+                and all(map(np.array_equal, self._filter, (self.state.lowpass["channel"], self.state.lowpass["rate"])))
+                and constant[0] in (0.0, 1.0) and not constant[1:].any() and self._can_drive() and self._can_suffer()
+                and (not self.scene.has_rotor or self._can_control())
                 and endless == (segment["cell_left"] > _LARGEST))  # of a crank that stands, or nearly so
+
+    def _can_suffer(self) -> bool:
+        """Whether the influences can have been begun by `Simulator` on this scene."""
+        forms, scene = self.model.forms, self.scene
+        (_, along_x, upwards), (_, speed, _), *plates, (sags, supply, _) = self.influences.tolist()
+        return (all(until == 0.0 and not any(rest) or self.time < until <= self.time + DURATION.maximum
+                    for until, *rest in self.influences.tolist())
+                and abs(along_x) <= FORCE.maximum * forms.body_moves and abs(upwards) <= FORCE.maximum * forms.body_hops
+                and 0.0 <= speed <= BY_NAME["motor.max_speed"].maximum
+                and all(0.0 <= place <= 2.0 * scene.longest_rod for _, place, _ in plates)
+                and (sags == 0.0 or (scene.has_rotor and 0.0 < supply <= BY_NAME["motor.supply_voltage"].maximum))
+                and not self.influences[1:, 2].any())
+
+    def _can_control(self) -> bool:
+        """Whether a dc motor can be at this angle, be held so and take its next sample then."""
+        motor, controller = self.state.now["motor"][0], self.model.system.rotor.controller[0]
+        at, scene = self.model.forms.channels, self.scene
+        angles = self.point[at.phase], self.state.mode_point[at.phase], np.abs(self.state.z[at.phase]).sum()
+        sampled, step = controller["law"] != BY_COMMAND, scene["solver.step"] if self._cuts_forces else 0.0
+        ahead = motor["samples"] * controller["period"] - self.state.now["segment"]["start"][0]
+        most = scene["motor.current_limit" if controller["law"] == BY_CURRENT else "motor.supply_voltage"]
+        command = scene["motor.max_speed" if sampled else "motor.supply_voltage"]
+        fastest = BY_NAME["motor.max_speed"].maximum
+        return (all(abs(angle) <= _MOST_TURNED for angle in angles) and abs(motor["held"]) <= most * (1.0 + _CLOSE)
+                and abs(motor["target"]) <= command and abs(motor["reference"]) <= fastest
+                and abs(motor["slope"]) in (0.0, scene["motor.acceleration"]) and 0.0 <= motor["since"] <= self.time
+                and (-step - _CLOSE * controller["period"] <= ahead <= (1.0 + _CLOSE) * controller["period"]
+                     if sampled else motor["samples"] == 0))
 
     def _can_drive(self) -> bool:
         """Whether the motor and the plates of the scene can move as the drive and the ramps have it."""
@@ -269,12 +430,26 @@ class Motion:
 
     def sampled(self, times: np.ndarray) -> dict[str, np.ndarray]:
         """Advance to each of `times` [s], ascending, and return the fields of `Samples` there."""
+        found = []
+        while len(times) and self.next_end <= times[-1]:  # a sample at an end is of what follows
+            before = int(np.searchsorted(times, self.next_end))
+            found.append(self._sampled_steadily(times[:before]))
+            self.end_influences()
+            times = times[before:]
+        found.append(self._sampled_steadily(times))
+        if len(found) == 1:
+            return found[0]
+        return {name: np.concatenate([part[name] for part in found]) for name in FIELDS}
+
+    def _sampled_steadily(self, times: np.ndarray) -> dict[str, np.ndarray]:
         trace = self.new_trace(len(times))
         self.advance(times, trace)
         return self.quantities(times, trace)
 
     def advance_to(self, time: float) -> None:
         """Advance to `time` [s], and keep what is sampled there for `now`."""
+        while self.next_end <= time:
+            self.end_influences()
         self._instant[0] = time
         advance = self._advance if time <= self.time + _FIRST_PART else self.advance
         advance(self._instant, self._trace)
@@ -284,9 +459,11 @@ class Motion:
         """Return the values of all `FIELDS` of `Samples` now, shape (fields,), until the next call."""
         if not self._sampled:
             self.advance_to(self.time)
-        if self._cuts_forces:
-            return np.concatenate(list(self.quantities(self._instant, self._trace).values()))
-        return self._readout.values(self._instant, self._trace)
+        if self._values is None and self._cuts_forces:
+            self._values = np.concatenate(list(self.quantities(self._instant, self._trace).values()))
+        elif self._values is None:
+            self._values = self._readout.values(self._instant, self._trace)
+        return self._values
 
     @property
     def steps(self) -> int:
@@ -331,7 +508,7 @@ class Motion:
 
     def _advance(self, times: np.ndarray, trace: Trace) -> None:
         """Advance as `advance` does, without letting Python hear a signal meanwhile."""
-        self._sampled = False
+        self._sampled, self._values = False, None
         end, status = float(times[-1]), event_loop.EVENTS_FULL
         while status == event_loop.EVENTS_FULL:
             begun = self._mode_began()
@@ -434,17 +611,21 @@ def energy_accounts(model: Model, state: State, time: float) -> dict[str, float]
     work, magnitude = dict(zip(ACCOUNTS, map(float, accounts["work"]), strict=False)), float(accounts["magnitude"])
     stored = stored_on_accounts(model.system, mode, point) - float(accounts["stored"])
     net = work.pop(ACCOUNTS[SPLIT])
+    if not model.forms.has_rotor:
+        work = {name: amount for name, amount in work.items() if name not in OF_DC_MOTOR}
+    # What a dc motor's crank gives the sliders, its rotor and its winding lose: they get it from the supply.
+    received = 0.0 if model.forms.has_rotor else net
     return {"motor_delivered": 0.5 * (magnitude + net), "motor_taken_back": 0.5 * (magnitude - net),
             **{name: 0.0 - amount if name in LOSSES else amount for name, amount in work.items()},
-            "stored": stored, "residual": net + sum(work.values()) - stored}
+            "stored": stored, "residual": received + sum(work.values()) - stored}
 
 
 def carried_over(model: Model, state: State, point: np.ndarray, new_model: Model) -> tuple[State, np.ndarray]:
     """State and channels of `new_model` that go on from those of `model`, where the motion stands at a segment's end.
 
-    The two models are of scenes that differ in friction coefficients alone, so that coordinates, sliders and plates are
-    the same. The states of the friction are not: there may be none where the coefficient is 0. A state that does not
-    hold on the new ground, such as sticking, is left at the first event.
+    The two models are of scenes that differ in friction coefficients, pushes and numbers of the motor alone, so that
+    coordinates, sliders and plates are the same. The states of the friction are not: there may be none where the
+    coefficient is 0. A state that does not hold any more, such as sticking, is left at the first event.
 
     Parameters
     ----------
@@ -462,12 +643,17 @@ def carried_over(model: Model, state: State, point: np.ndarray, new_model: Model
     State, ndarray, shape (channels of `new_model`,)
         To begin a segment with.
     """
-    *contacts, friction = model.modes[int(state.now["automaton"]["mode"][0])].states
+    old = model.modes[int(state.now["automaton"]["mode"][0])]
+    contacts, turns = old.states[:len(model.forms.plates)], 0.0
+    if model.forms.has_rotor:
+        turns = point[model.forms.channels.velocity(model.forms.phase)]
+    bearing = ("stuck", "turns_forward", "turns_backward")[int(np.sign(turns))]
     speed = point[model.forms.channels.velocity(model.forms.body)] if model.forms.body_moves else 0.0
     moving = ("stick", "slip_forward", "slip_backward")[int(np.sign(speed))]
-    numbers = {one.states: number for number, one in enumerate(new_model.modes)}
-    mode = next(numbers[(*contacts, name)] for name in (friction, moving, "grounded") if (*contacts, name) in numbers)
-    new = new_state(new_model.system, 0.0, state.ramp["value"], mode)
+    mode = next(number for ground in (old.ground, moving, "grounded") for turning in (old.motor[0], bearing, "turns")
+                for number, one in enumerate(new_model.modes) if one.ground == ground
+                and one.states[:len(contacts)] == contacts and one.motor == (turning, old.motor[1]))
+    new = new_state(new_model.system, 0.0, state.ramp["value"], mode)._replace(lowpass=state.lowpass)
     for name in ("now", "ramp", "monitor"):
         getattr(new, name)[...] = getattr(state, name)
     new.now["automaton"]["mode"] = mode

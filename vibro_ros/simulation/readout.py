@@ -13,8 +13,9 @@ from vibro_ros.model.tables import Model
 from vibro_ros.simulation.samples import FIELDS, Trace
 from vibro_ros.solver.compilation import entry_kernel, rounding_kernel
 
-_TIME, _ANGLE, _SPEED, _POWER, _TORQUE, _NORMAL = (FIELDS.index(name) for name in (
-    "time", "crank_angle", "motor_speed", "motor_power", "motor_torque", "normal_force"))
+_TIME, _ANGLE, _SPEED, _POWER, _TORQUE, _NORMAL, _VOLTAGE, _CURRENT, _ELECTRICAL = (FIELDS.index(name) for name in (
+    "time", "crank_angle", "motor_speed", "motor_power", "motor_torque", "normal_force", "motor_voltage",
+    "motor_current", "electrical_power"))
 _LINEAR = np.array([FIELDS.index(name) for name in OUTPUTS])  # rows of the linear forms
 _TURN = 2.0 * np.pi
 # A motion that has died away to less is reported as zero: below 2e-308 doubles lose their digits.
@@ -152,3 +153,4 @@ def read_samples(forms, terms, pressed_only, drives, linkage, slopes, times, poi
         values[_TIME, k], values[_SPEED, k] = times[k], speed
         values[_ANGLE, k] = _plus_product(phases[k, 1], _TURN, phases[k, 0])
         values[_POWER, k], values[_TORQUE, k] = power, torque if speed == 0.0 else power / speed
+        values[_ELECTRICAL, k] = values[_VOLTAGE, k] * values[_CURRENT, k]

@@ -41,6 +41,10 @@ class Samples(Generic[Quantity]):
         Contact force [N], compression positive.
     upper_plate_position, upper_plate_velocity, inclined_plate_position, inclined_plate_velocity : float or ndarray
         Plates along their guides [m] and rates [m/s].
+    motor_voltage, motor_current : float or ndarray
+        Of a dc motor [V], [A]; zero for another, as its electrical power.
+    electrical_power : float or ndarray
+        What the supply gives, V i [W].
     """
 
     time: Quantity
@@ -66,6 +70,14 @@ class Samples(Generic[Quantity]):
     upper_plate_velocity: Quantity
     inclined_plate_position: Quantity
     inclined_plate_velocity: Quantity
+    motor_voltage: Quantity
+    motor_current: Quantity
+    electrical_power: Quantity
+
+    @property
+    def crank_speed(self) -> Quantity:
+        """theta' [rad/s]: `motor_speed`, the true one, whatever was commanded."""
+        return self.motor_speed
 
 
 FIELDS = tuple(field.name for field in fields(Samples))

@@ -3,13 +3,15 @@
 import math
 import warnings
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
+from vibro_ros.model.faults import DEVICE, DURATION, FAULTS, FORCE, checked_incident
 from vibro_ros.model.parameters import BY_NAME, parameter_named
 from vibro_ros.model.scene import Scene
 from vibro_ros.simulation.auto import Choice, choose_method, chosen
-from vibro_ros.simulation.motion import Motion
+from vibro_ros.simulation.motion import PUSH, SAG, STALL, Motion
 from vibro_ros.simulation.preparation import provide_kernels
 from vibro_ros.simulation.samples import LATEST, Samples, checked_times, one_sample
 
@@ -27,6 +29,9 @@ class Simulator:
     ----------
     scene : Scene
         What to simulate.
+    acceleration_bandwidth : float
+        Frequency [Hz] at which `filtered_acceleration` loses 3 dB; 0, the default, for none. Needs `solver.method`
+        exact.
 
     Attributes
     ----------
@@ -44,13 +49,16 @@ class Simulator:
     '-0.005570 m after 0.5 s'
     """
 
-    def __init__(self, scene: Scene):
+    def __init__(self, scene: Scene, acceleration_bandwidth: float = 0.0):
+        if acceleration_bandwidth and scene["solver.method"] != "exact":
+            raise ValueError(f"solver.method: {scene['solver.method']} has no exact motion to filter; choose exact")
         if fault := scene.broken_promise:
             warnings.warn(fault, ToleranceWarning, stacklevel=2)
         provide_kernels(scene["solver.method"])
         self.choice: Choice | None = choose_method(scene) if scene["solver.method"] == "auto" else None
         self.scene = chosen(scene, self.choice) if self.choice else scene
-        self._motion = Motion(self.scene)
+        self._bandwidth = acceleration_bandwidth
+        self._motion = Motion(self.scene, acceleration_bandwidth)
 
     @property
     def time(self) -> float:
@@ -86,9 +94,25 @@ class Simulator:
         """
         return self._motion.now()
 
+    def filtered_acceleration(self) -> tuple[float, float]:
+        """The body's acceleration [m/s²] along x and upwards, now, behind a Butterworth filter of second order.
+
+        Exact: landings, blows and a speed that `set_state` gives enter as steps of the speed. The last digit depends on
+        the instants of earlier calls, not on those to which the device was advanced.
+
+        Examples
+        --------
+        >>> device = vibro_ros.Simulator(vibro_ros.load_scene("damped"), acceleration_bandwidth=100.0)
+        >>> device.advance_to(0.2)
+        >>> f"{device.filtered_acceleration()[0]:.6f} m/s²"
+        '28.282938 m/s²'
+        """
+        return self._motion.filtered_acceleration()
+
     @property
     def commanded_motor_speed(self) -> float:
-        """Speed [rad/s] that the motor was asked for, by a command or the scene.
+        """Speed [rad/s] that the motor was asked for, by a command or the scene; the voltage [V] of a dc motor that one
+        commands.
 
         Examples
         --------
@@ -97,12 +121,25 @@ class Simulator:
         """
         return self._motion.motor_target
 
+    @property
+    def supply_voltage(self) -> float:
+        """Voltage [V] that the supply of a dc motor has now: `motor.supply_voltage`, or what a sag leaves of it.
+
+        Examples
+        --------
+        >>> device = vibro_ros.Simulator(vibro_ros.load_scene("machine"))
+        >>> device.fail("supply_sag", duration=0.5, value=9.0)
+        >>> device.supply_voltage
+        9.0
+        """
+        return self._motion.supply_voltage_of(self.scene)
+
     def command(self, motor_speed: float | None = None, upper_gap: float | None = None,
-                inclined_gap: float | None = None) -> None:
+                inclined_gap: float | None = None, motor_voltage: float | None = None) -> None:
         """Ask for a motor speed [rad/s] and for gaps [m], from now on.
 
         The speed follows at once or on a ramp, as the scene's motor does; the plates move at
-        `gap_actuator.speed`.
+        `gap_actuator.speed`. A dc motor whose `motor.control` is voltage takes a voltage [V] in place of a speed.
 
         Raises
         ------
@@ -119,14 +156,20 @@ class Simulator:
         Traceback (most recent call last):
         ValueError: upper.gap: 0.07 is out of range; give a number from -0.06 to 0.06 m (the limit is the rod's length)
         """
-        speed = None if motor_speed is None else self.scene.checked_motor_speed(motor_speed)
-        if speed not in (None, self.commanded_motor_speed) and self.scene.linkage and (
-                self.scene["effects.motor"] == "ideal"):
+        given = {"motor_speed": motor_speed, "upper_gap": upper_gap, "inclined_gap": inclined_gap,
+                 "motor_voltage": motor_voltage}
+        checked = {name: self.scene.checked_command(name, value) for name, value in given.items() if value is not None}
+        motor = checked.get(self.scene.motor_command)
+        if motor is not None:
+            self._check_jump(motor)
+        gaps = {side: checked[f"{side}_gap"] for side in ("upper", "inclined") if f"{side}_gap" in checked}
+        self._motion.command(motor, gaps)
+
+    def _check_jump(self, speed: float) -> None:
+        """Refuse a motor speed [rad/s] that masses of the linkage would reach in a jump."""
+        if speed != self.commanded_motor_speed and self.scene.linkage and self.scene["effects.motor"] == "ideal":
             raise ValueError(f"motor_speed: {speed:g} rad/s would be reached at once by effects.motor 'ideal', and "
                              f"mass.{self.scene.linkage[0]} would strike the body; choose ramp or lag")
-        gaps = {side: self.scene.checked_gap(side, gap)
-                for side, gap in (("upper", upper_gap), ("inclined", inclined_gap)) if gap is not None}
-        self._motion.command(speed, gaps)
 
     def set_parameters(self, changes: Mapping[str, object]) -> None:
         """Change parameters of the scene from now on: those that `SCENE_PARAMETERS` lists as changing while running.
@@ -163,13 +206,13 @@ class Simulator:
                 raise ValueError(f"{name}: makes another machine and cannot change while the device runs; start one "
                                  "with it")
         scene = self.scene.with_parameters(changes)
-        if (target := self.commanded_motor_speed) > scene["motor.max_speed"]:
+        if scene.motor_command == "motor_speed" and (target := self.commanded_motor_speed) > scene["motor.max_speed"]:
             raise ValueError(f"motor.max_speed: {scene['motor.max_speed']:g} is below the commanded motor speed, "
                              f"{target:g} rad/s; command a lower speed first")
         self._motion.change(scene)
         self.scene = scene
 
-    def set_state(self, **given: float) -> None:
+    def set_state(self, /, **given: float) -> None:
         """Put the device into a state of your choice, at its present time.
 
         What may be given are fields of `state`: `body_position`, `body_velocity`, `body_height`,
@@ -199,8 +242,107 @@ class Simulator:
         """
         self._motion.set_state(given)
 
+    def push(self, duration: float, force_x: float = 0.0, force_z: float = 0.0) -> None:
+        """Push the body with a constant force from outside, from now on, in place of a push that lasts.
+
+        Exact, with all that it sets off: the body may start, lift off or land. A blow is a push that is short: an
+        impulse of 0.1 N s is ``push(1e-4, force_x=1000.0)``, and `set_state` gives the body another speed at once.
+
+        Parameters
+        ----------
+        duration : float
+            How long [s]; 0 ends the push.
+        force_x : float
+            Force [N] along the ground, forwards positive; in a scene whose body moves.
+        force_z : float
+            Force [N] upwards; in a scene whose body may leave the ground (`effects.normal_force` hop).
+
+        Raises
+        ------
+        ValueError
+            For a number beyond its limit, or a body that cannot move so; nothing is changed then.
+
+        Examples
+        --------
+        >>> device = vibro_ros.Simulator(vibro_ros.load_scene("damped").with_parameters({"motor.speed": 0.0}))
+        >>> device.push(0.1, force_x=5.0)
+        >>> device.advance_to(1.0)
+        >>> f"{device.state.body_position:.6f} m"
+        '0.024505 m'
+        """
+        lasts, along_x, upwards = (parameter.checked(value) for parameter, value in (
+            (DURATION, duration), (replace(FORCE, name="force_x"), force_x), (replace(FORCE, name="force_z"), force_z)))
+        if along_x and not self.scene.body_moves:
+            raise ValueError(f"force_x: {along_x:g} N, but the body of this scene stays where it is; leave it out")
+        if upwards and not self.scene.body_hops:
+            raise ValueError(f"force_z: {upwards:g} N, but the body of this scene stays on the ground; leave it out, "
+                             "or choose effects.normal_force hop")
+        self._motion.influence(PUSH, "", self.time + lasts, (along_x, upwards))
+
+    def fail(self, fault: str, duration: float, of: str = "", value: float = 0.0) -> None:
+        """Let a part fail from now on: a fault of `FAULTS` that befalls the device.
+
+        Parameters
+        ----------
+        fault : str
+            `motor_stall`: the motor stops as it does for a command of 0, and does not follow commands meanwhile; the
+            bearing of a dc motor is seized. `plate_stuck`: a plate stands where it is, and does not follow commands
+            meanwhile. Afterwards both follow the last one. `supply_sag`: the supply of a dc motor has `value` volts.
+        duration : float
+            How long [s]; 0 ends the fault.
+        of : str
+            The plate, `upper` or `inclined`.
+        value : float
+            The supply's voltage [V], above 0 and at most `motor.supply_voltage`; the others need none.
+
+        Raises
+        ------
+        ValueError
+            For a fault that cannot be; nothing is changed then.
+
+        Examples
+        --------
+        >>> device = vibro_ros.Simulator(vibro_ros.load_scene("damped"))
+        >>> device.fail("motor_stall", duration=0.5)
+        >>> device.state.motor_speed, device.influences
+        (0.0, {'motor_stall': 0.5})
+        >>> device.advance_to(0.6)
+        >>> device.state.motor_speed, device.influences
+        (100.0, {})
+        """
+        name, lasts, part, number = checked_incident(fault, duration, of, value)
+        if FAULTS[name].befalls != DEVICE:
+            raise ValueError(f"fault: {name} befalls {FAULTS[name].befalls}, which this device does not have")
+        if part and part not in self.scene.plates:
+            raise ValueError(f"of: this scene has no {part} plate; give {' or '.join(self.scene.plates) or 'none'}")
+        if name == STALL and lasts:
+            self._check_jump(0.0)
+        if name == SAG and not self.scene.has_rotor:
+            raise ValueError(f"fault: {name} befalls a dc motor, and this one is {self.scene['effects.motor']}; leave "
+                             "it out, or choose dc for effects.motor")
+        if number > self.scene["motor.supply_voltage"]:
+            raise ValueError(f"value: {number:g} V is above motor.supply_voltage, and no sag; give at most "
+                             f"{self.scene['motor.supply_voltage']:g} V")
+        self._motion.influence(name, part, self.time + lasts, (number, 0.0))
+
+    @property
+    def influences(self) -> dict[str, float]:
+        """What lasts now, a push or faults of the device, and the instants [s] at which they end.
+
+        Examples
+        --------
+        >>> device = vibro_ros.Simulator(vibro_ros.load_scene("damped"))
+        >>> device.fail("plate_stuck", duration=0.5, of="upper")
+        >>> device.influences
+        {'plate_stuck of upper': 0.5}
+        """
+        return {f"{name} of {of}" if of else name: until
+                for (name, of), until in self._motion.lasting_influences().items()}
+
     def reset(self) -> None:
         """Put the device back to its start: time 0, the state and the commands of the scene's parameters, no events.
+
+        A push and faults end.
 
         What follows is, bit for bit, what follows the start of a new device of the present `scene`.
 
@@ -212,7 +354,7 @@ class Simulator:
         >>> device.time, device.state.body_position
         (0.0, 0.0)
         """
-        self._motion = Motion(self.scene)
+        self._motion = Motion(self.scene, self._bandwidth)
 
     def checkpoint(self) -> np.ndarray:
         """All that the device's future depends on besides its scene and commands, for `restore`; shape (n,).
@@ -263,6 +405,9 @@ class Simulator:
 
     def _overwrite(self, checkpoint: np.ndarray) -> None:
         self._motion.time, end = float(checkpoint[0]), 1
+        influences = self._motion.influences
+        influences[...] = checkpoint[end:end + influences.size].reshape(influences.shape)
+        self._motion.influences_overwritten()
         for part in self._motion.lasting():
             with np.errstate(invalid="ignore"):  # a number that is no integer becomes one that `is_possible` refuses
                 part[...] = checkpoint[end:end + part.size].reshape(part.shape)
@@ -336,8 +481,8 @@ class Simulator:
         segments. With `solver.accounts`, `energy_accounts` is a dict of what has happened to energy since t = 0 [J]:
 
         - received: `motor_delivered` less `motor_taken_back`, the integrals of `motor_power` where it is positive and
-          where the springs drive the motor; `plates`, from their actuators; and `unpaid`, which only scenes without
-          `effects.reaction` have, from nobody: the masses push the body and do not feel it;
+          where the springs drive the motor; `plates`, from their actuators; and `unpaid`, from a push, and in scenes
+          without `effects.reaction` from nobody: the masses push the body and do not feel it;
         - lost: `drive_dampers`, `plate_dampers`, `friction` (below 0 where eq. (6) lets it drive the body), `blows` on
           rigid plates with the friction during them, `landings`;
         - `stored`, the change of what masses, body and springs hold;

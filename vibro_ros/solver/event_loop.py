@@ -31,8 +31,10 @@ from vibro_ros.solver.events import (
 )
 from vibro_ros.solver.flow import hold_dynamic, solve_driven, solve_dynamic
 from vibro_ros.solver.guards import find_next_event
+from vibro_ros.solver.lowpass import end_mode, filter_up_to
 from vibro_ros.solver.polynomial import value
 from vibro_ros.solver.rest import follow_forcing, is_at_rest, lengthen_segment, lengthen_to_follow, stiff_ones_follow
+from vibro_ros.solver.rotor import read_phase, solve_rotor
 from vibro_ros.solver.segment import advance_forcing, choose_segment, fill_forcing, local_time, local_to_piece, phase_at
 from vibro_ros.solver.state import UNKNOWN
 from vibro_ros.solver.system import NOTHING, first_ramp
@@ -59,6 +61,10 @@ _NO_SAMPLES = np.empty((0, 0)), np.empty(0, dtype=np.int64), np.empty((0, 3))
 @kernel
 def _solve_up_to_driven(system, state, point):
     """Set up a segment that holds or moves the dynamic coordinates, and its first piece."""
+    if system.size[0].rotors > 0:
+        solve_rotor(system, state, point)
+        resolve_piece(system, state, point)
+        return
     longest, held, may_follow = math.inf, state.scratch.after, True
     while True:
         # How long the forcing and the flow's series allow; longer, if stiff coordinates may only follow the forcing.
@@ -128,6 +134,16 @@ def _read(system, state, x, point):
 
 
 @kernel
+def _read_phase(system, state, x, point, phase):
+    """Turns, the phase past the start of the turn and its rate, at the local time `x`, where `point` was read."""
+    phase[0] = state.now[0].drive.turns
+    if system.size[0].rotors > 0:
+        phase[1], phase[2] = read_phase(system, point)
+    else:
+        phase[1], phase[2] = phase_at(system, state, x)
+
+
+@kernel
 def _pass_event(system, state, point, events, count):
     """Pass the next event, be it the segment's end or a change of mode; returns what begins, and the number of events.
 
@@ -138,6 +154,7 @@ def _pass_event(system, state, point, events, count):
     # Where the system is. At a segment's end the next segment needs the positions and velocities alone.
     _read(system, state, x, point if fires else point[:2 * system.size[0].coordinates])
     book_work(system, state, x, state.now[0].accounts)
+    end_mode(system, state, x)
     if not fires and x < 1.0:  # another piece begins
         segment.mode_start = x
         return MODE_BEGINS, count
@@ -227,8 +244,7 @@ def advance(system, state, times, point, points, modes, phases, events):
             x = max(local_time(state, times[k]), segment.mode_start)
             _read(system, state, x, points[k])
             modes[k] = automaton.mode
-            phase, speed = phase_at(system, state, x)
-            phases[k, 0], phases[k, 1], phases[k, 2] = state.now[0].drive.turns, phase, speed
+            _read_phase(system, state, x, points[k], phases[k])
             k += 1
 
 
@@ -266,8 +282,15 @@ def interrupt(system, state, time, point):
     update_peaks(system, state, x)
     audit_work(system, state, x)
     book_work(system, state, x, state.now[0].accounts)
+    end_mode(system, state, x)
     state.now[0].automaton.standstills = 0  # what a command sets off is no part of the cascade before it
     advance_forcing(system, state, x)
     state.now[0].drive.version += 1  # of the forcing after the command, ...
     state.now[0].drive.cell_time = 0.0  # ... which does not hold from the cell's start
     segment.start, segment.residue = time, 0.0  # or a sample now could lie before what follows at once
+
+
+@entry_kernel
+def filter_rates(system, state, time):
+    """Let the filters of `State.lowpass` stand at `time`, up to where `advance` has passed all events."""
+    filter_up_to(system, state, max(local_time(state, time), state.now[0].segment.mode_start))

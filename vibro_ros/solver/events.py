@@ -11,6 +11,7 @@ import numpy as np
 from vibro_ros.solver.compilation import entry_kernel, kernel
 from vibro_ros.solver.guards import guard_value, maximum
 from vibro_ros.solver.polynomial import fill_form
+from vibro_ros.solver.rotor import evaluate, strike
 from vibro_ros.solver.segment import instant
 from vibro_ros.solver.system import NOTHING, first_acceleration, form_value
 
@@ -39,6 +40,10 @@ def _holds(system, state, row, point):
 def _accelerate(system, state, mode, point):
     """Set the accelerations of the dynamic coordinates at `point` to those of `mode`, and all magnitudes."""
     first, magnitude = first_acceleration(system.size[0]), state.scratch.magnitude
+    if system.size[0].rotors > 0:
+        evaluate(system, state, mode, point)
+        _fill_magnitude(state, point)
+        return
     _fill_magnitude(state, point)
     for i in range(system.size[0].dynamic):
         total = 0.0
@@ -83,7 +88,10 @@ def _is_valid(system, state, candidate, point, after):
 @kernel
 def choose_candidate(system, state, point, after):
     """Number of the firing guard's first valid candidate, else of its last; fills `after`, as `jump` does."""
-    candidates = system.candidate[state.now[0].automaton.mode, state.now[0].automaton.guard]
+    mode, guard = state.now[0].automaton.mode, state.now[0].automaton.guard
+    if len(system.shock.numbers) > 0 and system.guard_event[mode, guard] != NOTHING:
+        return strike(system, state, point, after)
+    candidates = system.candidate[mode, guard]
     last = np.int64(0)  # a literal would be one more signature to compile
     while last + 1 < len(candidates) and candidates[last + 1] != NOTHING:
         if _is_valid(system, state, last, point, after):

@@ -3,8 +3,9 @@
 The grid starts at time 0 and again at every command, so that the trajectory does not depend on where it is sampled.
 A step is taken in the mode that its start is in. At its end the guards are evaluated, and the mode changes there, by
 the same candidates and jumps as in the event loop: an event is up to a step late, and a pair of crossings within
-one step goes unseen. Moreau's scheme finds the mode together with the step instead. Between a step's ends samples are
-interpolated, by cubic Hermite polynomials of the positions and of the velocities (first-order schemes: linearly).
+one step goes unseen. `RK4_LOCATED` shortens such a step to the event, and a new grid starts there. Moreau's scheme
+finds the mode together with the step instead. Between a step's ends samples are interpolated, by cubic Hermite
+polynomials of the positions and of the velocities (first-order schemes: linearly).
 """
 
 from typing import NamedTuple
@@ -17,11 +18,15 @@ from vibro_ros.solver.events import choose_candidate, jump, record_mode_change, 
 from vibro_ros.solver.guards import guard_value
 from vibro_ros.solver.moreau import Laws, enter_found_mode, no_laws, step_velocities
 from vibro_ros.solver.right_hand_side import accelerate, advance_values, fill_forcing_at, phase_after
+from vibro_ros.solver.rotor import enter_rotor, read_phase
 from vibro_ros.solver.segment import advance_clock, local_time
 from vibro_ros.solver.system import NOTHING, System, channels_of, form_value
 
 # Changes of mode at the end of one step, after which the next step is taken whatever the guards say.
 _MOST_CHANGES = 8
+# Halvings of a step that locate an event, to 1e-12 of the step; and steps in a row that end at events, after which a
+# whole step is taken whatever the guards say: bounces can be infinitely many.
+_HALVINGS, _MOST_LOCATED = 40, 16
 # A mass that arrives at its stop no faster than so many steps accelerate it has stopped bouncing: bounces that are
 # shorter than a step would never end.
 _STEPS_TO_REST = 2.0
@@ -80,7 +85,7 @@ def _change_modes(system, state, step, events, count):
         for channel in range(2 * system.size[0].coordinates):
             z[channel] = after[channel]
         automaton.mode = mode
-        accelerate(system, mode, z, step.start_acceleration)
+        accelerate(system, state, mode, z, step.start_acceleration)
     return count
 
 
@@ -99,10 +104,14 @@ def _pass_step(system, state, step, events, count):
             step.start_acceleration[i] = step.end_acceleration[i]
     else:
         mode = state.now[0].automaton.mode
-        accelerate(system, mode, step.start, step.start_acceleration)
+        accelerate(system, state, mode, step.start, step.start_acceleration)
     for k in range(len(state.monitor)):
         if system.monitored[mode, k]:
             state.monitor[k].peak = max(state.monitor[k].peak, form_value(system.monitor[mode, k], step.start))
+    if system.size[0].rotors > 0:
+        enter_rotor(system, state, step.start)
+        fill_forcing_at(system, state, 0.0, step.start)
+        accelerate(system, state, mode, step.start, step.start_acceleration)
     if step.scheme != MOREAU:
         count = _change_modes(system, state, step, events, count)
     _finish_step(system, state, step)
@@ -111,9 +120,32 @@ def _pass_step(system, state, step, events, count):
 
 @kernel
 def _finish_step(system, state, step):
+    state.now[0].segment.half = 0.5 * step.length
     take_step(system, state, step)
-    accelerate(system, state.now[0].automaton.mode, step.end, step.end_acceleration)
+    if step.scheme == RK4_LOCATED:
+        _end_at_event(system, state, step)
+    accelerate(system, state, state.now[0].automaton.mode, step.end, step.end_acceleration)
     state.now[0].automaton.segments += 1
+
+
+@kernel
+def _end_at_event(system, state, step):
+    """Shorten the step to the first instant, by bisection, at which a guard of its mode is broken."""
+    in_row = step.found[0].located
+    if _broken_guard(system, state, step.end) == NOTHING or not 0 <= in_row < _MOST_LOCATED:
+        step.found[0].located = 0
+        return
+    step.found[0].located = in_row + 1
+    segment, before, after = state.now[0].segment, 0.0, 0.5 * step.length
+    for _ in range(_HALVINGS):
+        segment.half = 0.5 * (before + after)
+        take_step(system, state, step)
+        if _broken_guard(system, state, step.end) == NOTHING:
+            before = segment.half
+        else:
+            after = segment.half
+    segment.half = after
+    take_step(system, state, step)
 
 
 @entry_kernel
@@ -123,16 +155,18 @@ def begin(system, state, step, point):
     state.now[0].segment.next_event = -1.0  # events are recorded at a step's start
     for channel in range(2 * system.size[0].coordinates):
         step.start[channel] = point[channel]
+    if system.size[0].rotors > 0:
+        enter_rotor(system, state, step.start)
     fill_forcing_at(system, state, 0.0, step.start)
-    accelerate(system, state.now[0].automaton.mode, step.start, step.start_acceleration)
+    accelerate(system, state, state.now[0].automaton.mode, step.start, step.start_acceleration)
     _finish_step(system, state, step)
 
 
 @kernel
-def _interpolate(step, coordinates, s, z):
-    """Positions and velocities at the part s of the step, 0 to 1."""
-    start, end, h = step.start, step.end, step.length
-    cubic = step.scheme == RK4
+def _interpolate(step, length, coordinates, s, z):
+    """Positions and velocities at the part s of the step of `length` [s], 0 to 1."""
+    start, end, h = step.start, step.end, length
+    cubic = step.scheme == RK4 or step.scheme == RK4_LOCATED
     rise = s * s * (3.0 - 2.0 * s) if cubic else s
     first, last = s * (1.0 - s) * (1.0 - s) * h, s * s * (s - 1.0) * h
     for i in range(coordinates):
@@ -152,9 +186,9 @@ def _read(system, state, step, x, z):
         return
     for channel in range(len(z)):
         z[channel] = 0.0  # where it is multiplied by zero it may still not be NaN
-    _interpolate(step, system.size[0].coordinates, 0.5 * (x + 1.0), z)
+    _interpolate(step, 2.0 * state.now[0].segment.half, system.size[0].coordinates, 0.5 * (x + 1.0), z)
     fill_forcing_at(system, state, state.now[0].segment.half * (x + 1.0), z)
-    accelerate(system, state.now[0].automaton.mode, z, step.stage_acceleration)
+    accelerate(system, state, state.now[0].automaton.mode, z, step.stage_acceleration)
 
 
 @entry_kernel
@@ -174,6 +208,8 @@ def advance(system, state, step, times, points, modes, phases, events):
         _read(system, state, step, x, points[k])
         modes[k] = state.now[0].automaton.mode
         phase, speed = phase_after(system, state, max(0.0, state.now[0].segment.half * (x + 1.0)))
+        if system.size[0].rotors > 0:
+            phase, speed = read_phase(system, points[k])
         phases[k, 0], phases[k, 1], phases[k, 2] = state.now[0].drive.turns, phase, speed
     return REACHED, len(times), count
 
@@ -193,12 +229,14 @@ def interrupt(system, state, step, time, point):
 RK4 = 0
 SEMI_IMPLICIT_EULER = 1
 MOREAU = 2
+RK4_LOCATED = 3
 
 
 #: What `Step.found` holds.
 FOUND = np.dtype([
     ("outcome", np.int64),  # of the friction law
     ("mode", np.int64),  # at the step's end
+    ("located", np.int64),  # steps in a row that have ended at events
 ], align=True)
 
 
@@ -229,7 +267,7 @@ class Step(NamedTuple):
     impulse : ndarray, shape (m + 1,)
         Impulses of the contacts and of friction during the step.
     found : ndarray of FOUND, shape (1,)
-        What Moreau's scheme has found.
+        What Moreau's scheme and the location of events have found.
     """
 
     scheme: int
@@ -268,7 +306,7 @@ def new_step(system: System, scheme: int, length: float, laws: Laws | None = Non
 @kernel
 def take_step(system, state, step):
     """Fill `Step.end`, by the step's scheme."""
-    if step.scheme == RK4:
+    if step.scheme == RK4 or step.scheme == RK4_LOCATED:
         _runge_kutta(system, state, step)
     elif step.scheme == MOREAU:
         step_velocities(system, state, step)
@@ -306,7 +344,7 @@ def _runge_kutta(system, state, step):
             stage[coordinates + i] = start[coordinates + i] + part * rate[i]
         if k != 2:  # the second half step is at the instant of the first
             fill_forcing_at(system, state, part, stage)
-        accelerate(system, mode, stage, rate)
+        accelerate(system, state, mode, stage, rate)
         for i in range(coordinates):
             speeds[i] += weight * stage[coordinates + i]
             accelerations[i] += weight * rate[i]

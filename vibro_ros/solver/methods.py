@@ -36,13 +36,13 @@ import numpy as np
 
 from vibro_ros.solver import event_loop, fixed_step
 from vibro_ros.solver.compilation import Laid
-from vibro_ros.solver.fixed_step import MOREAU, RK4, SEMI_IMPLICIT_EULER, new_step
+from vibro_ros.solver.fixed_step import MOREAU, RK4, RK4_LOCATED, SEMI_IMPLICIT_EULER, new_step
 from vibro_ros.solver.moreau import Laws
 from vibro_ros.solver.state import State, numbers_of
 from vibro_ros.solver.system import System
 
 #: Methods of fixed step, by name.
-SCHEMES = {"rk4": RK4, "semi_implicit_euler": SEMI_IMPLICIT_EULER, "moreau": MOREAU}
+SCHEMES = {"rk4": RK4, "rk4_located": RK4_LOCATED, "semi_implicit_euler": SEMI_IMPLICIT_EULER, "moreau": MOREAU}
 
 
 class Stepper(Protocol):
@@ -90,6 +90,10 @@ class Exact:
     def interrupt(self, state, time, point):
         """See `Stepper`."""
         event_loop.interrupt(self._system.layout, self._laid(state).layout, time, point)
+
+    def filter_rates(self, state, time):
+        """Let the filters of `State.lowpass` stand at `time`."""
+        event_loop.filter_rates(self._system.layout, self._laid(state).layout, time)
 
     @property
     def memory(self):

@@ -9,6 +9,7 @@ import math
 from vibro_ros.solver.compilation import kernel
 from vibro_ros.solver.drive import advance_speed
 from vibro_ros.solver.polynomial import value_and_derivatives
+from vibro_ros.solver.rotor import evaluate
 from vibro_ros.solver.segment import advance_ramps, phase_at
 from vibro_ros.solver.system import first_acceleration, first_ramp, first_signal, form_value
 
@@ -17,6 +18,8 @@ from vibro_ros.solver.system import first_acceleration, first_ramp, first_signal
 def phase_after(system, state, elapsed):
     """Phase past the start of the turn [rad] and its rate [rad/s], `elapsed` [s] after the step's start."""
     drive, half = state.now[0].drive, state.now[0].segment.half
+    if system.size[0].rotors > 0:  # whose phase is a coordinate
+        return 0.0, 0.0
     change = drive.time_left
     if 0.0 < change < elapsed:
         phase, _ = phase_at(system, state, change / half - 1.0)
@@ -34,7 +37,12 @@ def _change_of_speed(drive, elapsed, speed):
 
 @kernel
 def fill_forcing_at(system, state, elapsed, z):
-    """Set the channels of signals, ramps and the constant to their values `elapsed` [s] after the step's start."""
+    """Set the channels of signals, ramps, held value and the constant to their values `elapsed` [s] after the step's
+    start; those of a rotor's signals follow with its accelerations."""
+    _fill_ramps_at(system, state, elapsed, z)
+    if system.size[0].rotors > 0:
+        z[first_ramp(system.size[0]) + 2 * system.size[0].ramps + 1] = state.now[0].motor.held
+        return
     start = system.signals.start
     cells, signals, first = len(start) - 1, system.size[0].signals, first_signal(system.size[0])
     phase, speed = phase_after(system, state, elapsed)
@@ -53,6 +61,10 @@ def fill_forcing_at(system, state, elapsed, z):
         if system.size[0].signal_accelerations > 0:
             change = _change_of_speed(state.now[0].drive, elapsed, speed)
             z[first + 2 * signals + k] = (curvature * scale * speed * speed + slope * change) * scale
+
+
+@kernel
+def _fill_ramps_at(system, state, elapsed, z):
     first, ramps = first_ramp(system.size[0]), system.size[0].ramps
     for k in range(ramps):
         ramp = state.ramp[k]
@@ -64,14 +76,19 @@ def fill_forcing_at(system, state, elapsed, z):
 
 
 @kernel
-def accelerate(system, mode, z, accelerations):
+def accelerate(system, state, mode, z, accelerations):
     """Accelerations of all coordinates in `mode`, from the other channels of z.
 
-    z receives the accelerations of the dynamic coordinates and the decaying term.
+    z receives the accelerations of the dynamic coordinates, the decaying term and what follows from a rotor's phase.
     """
     coordinates, dynamic = system.size[0].coordinates, system.size[0].dynamic
-    for i in range(dynamic):
-        accelerations[i] = z[first_acceleration(system.size[0]) + i] = form_value(system.acceleration[mode, i], z)
+    if system.size[0].rotors > 0:
+        evaluate(system, state, mode, z)
+        for i in range(dynamic):
+            accelerations[i] = z[first_acceleration(system.size[0]) + i]
+    else:
+        for i in range(dynamic):
+            accelerations[i] = z[first_acceleration(system.size[0]) + i] = form_value(system.acceleration[mode, i], z)
     if system.size[0].decays > 0:
         decay = len(z) - 2
         z[decay] = 0.0
@@ -87,6 +104,8 @@ def accelerate(system, mode, z, accelerations):
 def advance_values(system, state, elapsed):
     """Move phase and ramps by `elapsed` [s], but not the clock; return what has been reached, as
     `segment.advance_forcing` does."""
+    if system.size[0].rotors > 0:
+        return advance_ramps(state, elapsed)
     drive, start = state.now[0].drive, system.signals.start
     phase, speed = phase_after(system, state, elapsed)
     while phase >= start[drive.cell + 1]:

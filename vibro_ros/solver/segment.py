@@ -319,6 +319,9 @@ def advance_forcing(system, state, x):
     """
     drive = state.now[0].drive
     elapsed = state.now[0].segment.half * (x + 1.0)
+    if system.size[0].rotors > 0:  # whose phase is a coordinate
+        advance_clock(state, elapsed)
+        return advance_ramps(state, elapsed)
     advance, speed = phase_advance(drive, elapsed)
     drive.since += elapsed
     if x == 1.0 and elapsed == state.now[0].segment.cell_left:

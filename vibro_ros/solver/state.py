@@ -79,7 +79,7 @@ AUDIT = np.dtype([
 ], align=True)
 
 #: Accounts that a system has at most.
-MOST_ACCOUNTS = 8
+MOST_ACCOUNTS = 12
 
 #: The energy accounts [J].
 ACCOUNTS = np.dtype([
@@ -89,11 +89,23 @@ ACCOUNTS = np.dtype([
     ("work", np.float64, (MOST_ACCOUNTS,)),  # on each account, so far
 ], align=True)
 
+#: The motor of a rotor, and what it was asked for.
+MOTOR = np.dtype([
+    ("target", np.float64),  # commanded speed [rad/s], or voltage [V]
+    ("reference", np.float64),  # speed [rad/s] that the controller follows, at the instant ...
+    ("since", np.float64),  # ... [s], from which on ...
+    ("slope", np.float64),  # ... it moves to the target so fast [rad/s²], if it has not arrived
+    ("integral", np.float64),  # of the controller, as the next sample finds it ...
+    ("before", np.float64),  # ... and as the last one found it
+    ("held", np.float64),  # voltage [V] or current [A] until the next sample
+    ("samples", np.int64),  # taken so far: the next one is due after so many periods
+], align=True)
+
 #: What `State.now` holds. A kernel reads a field as `state.now[0].segment.half`, Python as
 #: `state.now["segment"]["half"][0]`: an array of one record, because numba takes 4 µs a call to accept a record, and a
 #: single array, because numba takes 0.4 µs a call for each.
 NOW = np.dtype([("segment", SEGMENT), ("drive", DRIVE), ("automaton", AUTOMATON), ("audit", AUDIT),
-                ("accounts", ACCOUNTS)], align=True)
+                ("accounts", ACCOUNTS), ("motor", MOTOR)], align=True)
 
 #: What `State.ramp` holds of each ramp.
 RAMP = np.dtype([
@@ -109,6 +121,20 @@ MONITOR = np.dtype([
     ("approach", np.float64),  # what `System.approach` was then
     ("peak", np.float64),  # largest value since then
 ], align=True)
+
+#: What `State.lowpass` holds of each low-pass filter: see `lowpass`.
+LOWPASS = np.dtype([
+    ("channel", np.int64),  # whose rate is filtered
+    ("rate", np.float64),  # magnitude [1/s] of the filter's poles; the same for all filters of a state
+    ("real", np.float64),  # the filter's complex state, in the unit of the channel ...
+    ("imaginary", np.float64),
+    ("value", np.float64),  # the channel where the filter stands ...
+    ("reached", np.float64),  # ... local time of that, or `UNKNOWN` where the mode has just begun
+], align=True)
+
+#: Signals of a rotor, at most: two sliders, and a pin's two directions; and the series that they take.
+MOST_ROTOR_SIGNALS = 4
+ROTOR_SERIES = 3 + 5 * MOST_ROTOR_SIGNALS
 
 #: What `Scratch.room` holds: arrays with one purpose each. A kernel takes one as `room.guard[:]`, because numba would
 #: compile every kernel that gets the array once more for the type of a record's field.
@@ -128,6 +154,9 @@ ROOM = np.dtype([
     ("force", np.float64, (LENGTH,)),  # of which audit and accounts need the power
     ("power", np.float64, (LENGTH,)),  # of `energy`: the split power at the nodes of a flow ...
     ("part_power", np.float64, (LENGTH,)),  # ... and of a part in which it keeps its sign
+    ("lowpass_rate", np.float64, (LENGTH,)),  # of `lowpass`: rate of a channel, ...
+    ("lowpass_response", np.float64, (2, LENGTH)),  # ... and the response to a step, real and imaginary
+    ("rotor", np.float64, (ROTOR_SERIES, LENGTH + 1)),  # of `rotor`: series of the signals
     ("decay_segment", np.float64, (2, LENGTH)),  # of `decay`: load and factor over the segment, ...
     ("decay_piece", np.float64, (2, LENGTH)),  # ... both over the piece, ...
     ("decay_nodes", np.float64, (3, LENGTH)),  # ... values at the nodes ...
@@ -211,6 +240,8 @@ class State(NamedTuple):
         First root of each guard row in the segment, or `UNKNOWN`.
     monitor : ndarray of MONITOR, shape (k,)
         The monitors.
+    lowpass : ndarray of LOWPASS, shape (filters,)
+        The low-pass filters; none unless they are asked for.
     library : Library
         Series that many segments share.
     scratch : Scratch
@@ -224,6 +255,7 @@ class State(NamedTuple):
     mode_point: np.ndarray
     root: np.ndarray
     monitor: np.ndarray
+    lowpass: np.ndarray
     library: Library
     scratch: Scratch
 
@@ -251,6 +283,8 @@ def lasting(state: State) -> list[np.ndarray]:
 
 def _empty_library(system: System) -> Library:
     slots = (int(system.flow.max(initial=0)) + 1, len(system.signals.start) + 1)
+    if len(system.rotor.controller):  # whose series begin anew in every segment
+        slots = 1, 1
     components = 2 * int(system.size["dynamic"][0])
     return Library(half=np.zeros(slots), free=np.zeros((*slots, components, components, LENGTH)),
                    free_end=np.zeros((*slots, components, components)), version=np.zeros(slots, dtype=np.int64),
@@ -291,6 +325,7 @@ def new_state(system: System, phase_speed: float, ramp_values: np.ndarray, mode:
         mode_point=np.zeros(2 * channels.coordinates),
         root=np.full(len(system.row), UNKNOWN),
         monitor=np.zeros(system.monitor.shape[1], MONITOR),
+        lowpass=np.zeros(0, LOWPASS),
         library=_empty_library(system),
         scratch=Scratch(np.zeros(1, ROOM), np.zeros(channels.count), np.zeros(channels.count)),
     )

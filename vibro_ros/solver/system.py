@@ -2,12 +2,13 @@
 
 Coordinates q obey, in mode m, q'' = A_m z with the *channels*
 
-    z = [q, q', a, f, f', f'', r, r', d, 1]
+    z = [q, q', a, f, f', f'', r, r', T, h, d, 1]
 
 where a = q'' of the dynamic coordinates; f are periodic signals of a phase, whose speed is constant, changes linearly
 or approaches a target exponentially, and f'' is there only for a system that asks for it; r are ramps, which move to
 their targets at constant rates; and d, where there is one, is a term that decays exponentially with a driven
-coordinate's velocity (`Decay`).
+coordinate's velocity (`Decay`). Where the phase is a coordinate (`Rotor`), T is the torque on it, and h what its
+motor is held at.
 
 The first `dynamic` coordinates may enter their own right-hand sides, with the forcing. The other coordinates are
 *driven* by all of these. Only guards and outputs depend on the driven coordinates, so a mode that changes their
@@ -34,12 +35,13 @@ class Channels(NamedTuple):
     ramps: int
     decays: int = 0  # or 1
     signal_accelerations: int = 0  # or as many as signals
+    rotors: int = 0  # or 1: the phase and the charge are the last two dynamic coordinates
 
     @property
     def count(self) -> int:
         """Length of z."""
         twice = self.coordinates + self.signals + self.ramps
-        return 2 * twice + self.dynamic + self.signal_accelerations + self.decays + 1
+        return 2 * twice + self.dynamic + self.signal_accelerations + 2 * self.rotors + self.decays + 1
 
     def position(self, i: int) -> int:
         """Channel of coordinate i."""
@@ -72,6 +74,26 @@ class Channels(NamedTuple):
     def ramp_rate(self, k: int) -> int:
         """Channel of ramp k's time derivative."""
         return self.ramp(self.ramps) + k
+
+    @property
+    def phase(self) -> int:
+        """Number of the coordinate that is the phase, where there is a rotor."""
+        return self.dynamic - 2
+
+    @property
+    def charge(self) -> int:
+        """Number of the coordinate that is the charge, whose rate is the motor's current, where there is a rotor."""
+        return self.dynamic - 1
+
+    @property
+    def torque(self) -> int:
+        """Channel of the torque by which what the signals drive acts on the phase, where there is a rotor."""
+        return self.ramp_rate(self.ramps)
+
+    @property
+    def held(self) -> int:
+        """Channel of what the motor is held at until its next sample, where there is a rotor."""
+        return self.torque + 1
 
     @property
     def decay(self) -> int:
@@ -170,6 +192,97 @@ class Decay(NamedTuple):
     factor: np.ndarray
     terms: np.ndarray
     rate: np.ndarray
+
+
+#: What decides the value that a motor is held at (`Rotor.controller`): the command at once; or, at each sample, a
+#: controller that gives a voltage, or a current.
+BY_COMMAND, BY_VOLTAGE, BY_CURRENT = 0, 1, 2
+
+#: A sampled controller.
+CONTROLLER = np.dtype([
+    ("law", np.int64),  # BY_COMMAND, BY_VOLTAGE or BY_CURRENT
+    ("period", np.float64),  # of the samples [s]
+    ("proportional", np.float64),  # gain
+    ("integral", np.float64),  # gain
+    ("feed_forward", np.float64),  # gain, on the reference or on its rate
+    ("supply", np.float64),  # largest voltage [V]
+    ("constant", np.float64),  # voltage over speed, and torque over current [V s]
+    ("resistance", np.float64),  # [ohm]
+    ("limit", np.float64),  # largest current [A]
+], align=True)
+
+
+class Rotor(NamedTuple):
+    """A phase that is a coordinate, turned by a motor and by what its signals drive; arrays are empty without one.
+
+    Phase and charge are dynamic coordinates with rows of A, which may read the torque T and the held value h.
+    T = sum over the signals of (g z) df/dphase. The signals are
+
+        f = a cos(phase - psi) + sqrt(b + a² cos²(phase - psi)),    or the cosine alone where b is negative.
+
+    Attributes
+    ----------
+    signal : ndarray, shape (signals, 4)
+        a, cos(psi), sin(psi) and b.
+    load : ndarray, shape (m, signals, channels)
+        Rows g.
+    load_terms : ndarray of int, shape (m, signals, channels)
+        Channels that they read, padded with `NOTHING`.
+    terms : ndarray of int, shape (m, dynamic, channels)
+        Channels that the rows of A of the dynamic coordinates read, padded with `NOTHING`.
+    current : ndarray, shape (m, channels)
+        Row of the charge's rate where a form decides it, because nothing resists its change.
+    current_terms : ndarray of int, shape (m, channels)
+        Channels that they read, padded with `NOTHING`.
+    algebraic : ndarray of bool, shape (m,)
+        Whether such a form decides it.
+    controller : ndarray of CONTROLLER, shape (1,) or (0,)
+        The controller.
+    """
+
+    signal: np.ndarray
+    load: np.ndarray
+    load_terms: np.ndarray
+    terms: np.ndarray
+    current: np.ndarray
+    current_terms: np.ndarray
+    algebraic: np.ndarray
+    controller: np.ndarray
+
+
+#: The two driven coordinates that a shock stops, along the ground and upwards, and the friction in it.
+SHOCK = np.dtype([
+    ("body", np.int64),  # coordinate along the ground, or NOTHING ...
+    ("height", np.int64),  # ... and that upwards
+    ("along", np.float64), ("across", np.float64), ("up", np.float64),  # inertia of both, while the phase is held
+    ("rotor", np.float64),  # inertia of the phase, but for what the signals move
+    ("kinetic", np.float64, (2,)), ("static", np.float64, (2,)),  # coefficients of friction, forwards and backwards
+    ("has_friction", np.bool_), ("has_bearing", np.bool_),  # whether the bearing has states of its own
+], align=True)
+
+
+class Shock(NamedTuple):
+    """A landing that strikes a rotor through masses that the signals move; arrays are empty without one.
+
+    Its guard's candidates are, for each state on the ground, forwards, backwards, at rest (with friction) or one
+    (without it), those of a bearing that turns forwards and backwards, or one.
+
+    Attributes
+    ----------
+    numbers : ndarray of SHOCK, shape (1,) or (0,)
+        Coordinates, inertia and friction.
+    mass : ndarray, shape (signals,)
+        Mass that each signal moves.
+    momentum : ndarray, shape (signals, 2)
+        That mass times its direction, along the ground and upwards.
+    direction : ndarray, shape (dynamic, 2)
+        Direction in which a dynamic coordinate is free in the shock; 0 if it is none.
+    """
+
+    numbers: np.ndarray
+    mass: np.ndarray
+    momentum: np.ndarray
+    direction: np.ndarray
 
 
 class AccountTable(NamedTuple):
@@ -290,6 +403,10 @@ class System(NamedTuple):
         The periodic signals.
     decay : Decay
         The decaying term.
+    rotor : Rotor
+        The phase as a coordinate.
+    shock : Shock
+        A landing that strikes it.
     """
 
     size: np.ndarray
@@ -325,6 +442,20 @@ class System(NamedTuple):
     accounts: AccountTable
     signals: SignalTable
     decay: Decay
+    rotor: Rotor
+    shock: Shock
+
+
+def no_rotor(count: int) -> Rotor:
+    """`System.rotor` of a system of `count` channels whose phase is known in time."""
+    forms, row = np.empty((0, 0, count)), np.empty((0, count))
+    return Rotor(np.empty((0, 4)), forms, terms(forms), terms(forms), row, terms(row), np.empty(0, bool),
+                 np.empty(0, CONTROLLER))
+
+
+def no_shock() -> Shock:
+    """`System.shock` of a system without a rotor that a landing strikes."""
+    return Shock(np.empty(0, SHOCK), np.empty(0), np.empty((0, 2)), np.empty((0, 2)))
 
 
 def terms(forms: np.ndarray) -> np.ndarray:
@@ -397,10 +528,10 @@ def _own_rows(acceleration: np.ndarray, channels: Channels) -> tuple[np.ndarray,
     return acceleration[:, :n, :n], acceleration[:, :n, velocity:velocity + n]
 
 
-def flow_numbers(acceleration: np.ndarray, dynamic: int) -> np.ndarray:
-    """Number the modes by the equations of their dynamic coordinates; shape (m,)."""
+def flow_numbers(equations: np.ndarray) -> np.ndarray:
+    """Number the modes by their `equations`, shape (m, rows, channels); shape (m,)."""
     numbers: dict[bytes, int] = {}
-    return np.array([numbers.setdefault(rows[:dynamic].tobytes(), len(numbers)) for rows in acceleration])
+    return np.array([numbers.setdefault(rows.tobytes(), len(numbers)) for rows in equations])
 
 
 @sum_kernel

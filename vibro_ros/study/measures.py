@@ -87,15 +87,15 @@ _STANDS, _MOVES = ("stick",), ("slip_forward", "slip_backward", "unloaded", "lif
 _TELLS_NOT = ("loaded", "landing")
 
 
-def standing_and_airborne(device: Simulator, checkpoint: np.ndarray, before: Samples[float], events: np.ndarray,
+def standing_and_airborne(device: Simulator, checkpoint: np.ndarray | None, before: Samples[float], events: np.ndarray,
                           end: float) -> tuple[float, float]:
-    """Times [s] that the body stood still on the ground, and was in the air.
+    """Times [s] that the body stood still on the ground, NaN without a checkpoint, and was in the air.
 
     Parameters
     ----------
     device : Simulator
         The device; it is left at some instant of the measuring time where an event does not say which state begins.
-    checkpoint : ndarray, shape (n,)
+    checkpoint : ndarray, shape (n,), or None
         Of the device at the first instant.
     before : Samples of float
         The device at the first instant, SI units.
@@ -109,23 +109,41 @@ def standing_and_airborne(device: Simulator, checkpoint: np.ndarray, before: Sam
     kinds = np.concatenate([["lift_off" if in_air else "loaded"], events["kind"]])
     times = np.concatenate([[before.time], events["time"], [end]])
     lengths = np.maximum(np.diff(times), 0.0)
+    airborne = float(lengths[kinds == "lift_off"].sum())
+    if checkpoint is None:
+        return math.nan, airborne
     stands = np.isin(kinds, _STANDS)
     open_ones = np.flatnonzero(np.isin(kinds, _TELLS_NOT) & (lengths > 0.0))
     if len(open_ones):
         device.restore(checkpoint)
         middles = times[open_ones] + lengths[open_ones] / 2.0
         stands[open_ones] = device.sample(np.maximum(middles, before.time)).body_velocity == 0.0
-    return float(lengths[stands].sum()), float(lengths[kinds == "lift_off"].sum())
+    return float(lengths[stands].sum()), airborne
 
 
 #: What can be asked for beside displacement, turns and blows.
-WORK, REST, TURNS = "work", "rest", "turns"
+WORK, REST, TURNS, LOAD = "work", "rest", "turns", "load"
 #: Most turns whose states are kept for `Observation.strobe`.
 STROBED_TURNS = 64
-# Samples a turn of the motor's power, and turns whose samples are in memory at a time.
-_PER_TURN, _TURNS_AT_ONCE = 256, 64
+# Samples a turn of the motor's power, and of N; and turns whose samples are in memory at a time.
+_PER_TURN, _LOADS_PER_TURN, _TURNS_AT_ONCE = 256, 1024, 64
 _STROBED_POSITIONS = ("body_height", "upper_position", "inclined_position")
 _STROBED_VELOCITIES = ("body_velocity", "body_vertical_velocity", "upper_velocity", "inclined_velocity")
+
+
+class Loads(NamedTuple):
+    """How the ground carries the body.
+
+    Attributes
+    ----------
+    mean : float
+        Mean N over the weight's part across the ground; dimensionless.
+    unloaded : float
+        Share of the time in which N is not above 0; dimensionless.
+    """
+
+    mean: float
+    unloaded: float
 
 
 @dataclass(frozen=True)
@@ -148,8 +166,12 @@ class Observation:
         Events that ended in the time, as `Simulator.take_events` gives them.
     delivered, taken_back : float
         Work of the motor while its power was positive, and while it was negative, both >= 0 [J]; NaN unless asked.
-    standing, airborne : float
-        Time [s] that the body stood still on the ground, and was in the air; NaN unless asked.
+    standing : float
+        Time [s] that the body stood still on the ground; NaN unless asked.
+    airborne : float
+        Time [s] that the body was in the air.
+    loads : Loads
+        Of the ground; NaN unless asked.
     strobe : ndarray, shape (n + 1, 7), or None
         Once a turn, at the last n turns: positions in crank radii, and velocities in crank radii times motor speed;
         None unless asked, and without a whole turn at the commanded speed.
@@ -165,6 +187,7 @@ class Observation:
     taken_back: float
     standing: float
     airborne: float
+    loads: "Loads"
     strobe: np.ndarray | None
 
 
@@ -174,7 +197,7 @@ def device_at_start(scene: Scene, start: int | None) -> Simulator:
 
 
 def observe(scene: Scene, wanted: Collection[str], settling: float, duration: float, start: int | None) -> Observation:
-    """Run `scene` once and gather what is `wanted`, of `WORK`, `REST`, `TURNS`; times [s] as `window` takes them.
+    """Run `scene` once and gather what is `wanted`, of `WORK`, `REST`, `TURNS`, `LOAD`; times [s] as in `window`.
 
     Raises
     ------
@@ -194,7 +217,7 @@ def observed(device: Simulator, wanted: Collection[str], measured: Window) -> Ob
     """
     device.take_events()
     scene, before = device.scene, device.state
-    checkpoint = device.checkpoint() if REST in wanted else None
+    checkpoint = device.checkpoint() if {REST, LOAD} & set(wanted) else None
     accounts = WORK in wanted and scene["solver.accounts"] and scene["solver.method"] == "exact"
     booked = _booked(device) if accounts else None
     delivered, taken_back, strobe = _sampled(device, measured, WORK in wanted and not accounts, TURNS in wanted)
@@ -202,14 +225,18 @@ def observed(device: Simulator, wanted: Collection[str], measured: Window) -> Ob
     after, events = device.state, device.take_events()
     if booked is not None:
         delivered, taken_back = _booked(device) - booked
-    standing = airborne = math.nan
-    if checkpoint is not None:
-        standing, airborne = standing_and_airborne(device, checkpoint, before, events, measured.end)
+    standing, airborne = standing_and_airborne(device, checkpoint if REST in wanted else None, before, events,
+                                               measured.end)
+    loads = Loads(math.nan, math.nan)
+    if LOAD in wanted and checkpoint is not None:
+        device.restore(checkpoint)
+        loads = loads_of(device, measured)
     return Observation(
         scene=scene, window=measured, displacement=after.body_position - before.body_position,
         turns=(after.crank_angle - before.crank_angle) / (2.0 * math.pi),
         steady=before.motor_speed == after.motor_speed == scene["motor.speed"] > 0.0, events=events,
-        delivered=float(delivered), taken_back=float(taken_back), standing=standing, airborne=airborne, strobe=strobe)
+        delivered=float(delivered), taken_back=float(taken_back), standing=standing, airborne=airborne, loads=loads,
+        strobe=strobe)
 
 
 def _booked(device: Simulator) -> np.ndarray:
@@ -237,6 +264,37 @@ def _sampled(device: Simulator, measured: Window, work: bool, turns: bool) -> tu
         states.append(_scaled_states(samples, device.scene)[per_turn if states else 0::per_turn])
     strobe = np.concatenate(states)[-STROBED_TURNS - 1:] if turns and measured.turns else None
     return (delivered, taken_back, strobe) if work else (math.nan, math.nan, strobe)
+
+
+def loads_of(device: Simulator, measured: Window) -> Loads:
+    """Run a device on, which is at the first instant of a measuring time, and gather N.
+
+    By `hop` the shocks of landings, and by `printed` the pulls of the ground, are too short to be sampled. There the
+    mean follows from the vertical momentum of body and masses, whose change is the impulse of N less that of the
+    weight. `unilateral` and the misprint break this balance, and `weight` leaves it out: their N is sampled.
+    """
+    scene = device.scene
+    weight = scene.total_mass * scene.gravity[1]
+    if not weight > 0.0:
+        return Loads(math.nan, math.nan)
+    count, length = max(measured.turns, 1), measured.turn if measured.turns else measured.duration
+    begin, impulse, unloaded = _upward_momentum(scene, device.state), 0.0, 0.0
+    for first in range(0, count, _TURNS_AT_ONCE):
+        last = min(first + _TURNS_AT_ONCE, count)
+        numbers = np.arange(first * _LOADS_PER_TURN, last * _LOADS_PER_TURN) + 0.5  # the middles of their intervals
+        normal = device.sample(measured.begin + length / _LOADS_PER_TURN * numbers).normal_force
+        impulse += float(normal.sum()) * length / _LOADS_PER_TURN
+        unloaded += float(np.sum(normal <= 0.0)) / (count * _LOADS_PER_TURN)
+    device.advance_to(measured.end)
+    if scene["effects.normal_force"] in ("hop", "printed") and not scene["effects.misprint"]:
+        impulse = weight * measured.duration + _upward_momentum(scene, device.state) - begin
+    return Loads(impulse / measured.duration / weight, unloaded)
+
+
+def _upward_momentum(scene: Scene, state: Samples[float]) -> float:
+    """Momentum of body and masses across the ground [kg m/s], without the linkage's, which a turn restores."""
+    return scene.total_mass * state.body_vertical_velocity + sum(
+        scene[f"mass.{side}"] * scene.direction(side)[1] * getattr(state, f"{side}_velocity") for side in scene.guides)
 
 
 def _scaled_states(samples: Samples, scene: Scene) -> np.ndarray:
@@ -344,8 +402,13 @@ MEASURES: dict[str, Measure] = {
     "inclined_peak_force": Measure("N", "the same on the inclined plate", (), _peak_force("inclined")),
     "stick_share": Measure("1", "share of the time in which the body stands still on the ground", (REST,),
                            lambda seen: seen.standing / seen.window.duration),
-    "air_share": Measure("1", "share of the time in which the body is in the air (rule hop)", (REST,),
+    "air_share": Measure("1", "share of the time in which the body is in the air (rule hop)", (),
                          lambda seen: seen.airborne / seen.window.duration),
+    "mean_load": Measure("1", "mean N over the weight, 1 in every steady motion on a real ground: more under the rule "
+                         "unilateral is support that nothing pays for; NaN without gravity", (LOAD,),
+                         lambda seen: seen.loads.mean),
+    "unloaded_share": Measure("1", f"share of {_LOADS_PER_TURN} instants a turn at which N is not above 0; NaN without "
+                              "gravity", (LOAD,), lambda seen: seen.loads.unloaded),
     "period": Measure("1", f"turns of the crank after which all positions and speeds repeat, over the last "
                       f"{STROBED_TURNS} turns, to {_SAME:g} crank radii (and times motor speed); 0 if no number up to "
                       f"{LONGEST_PERIOD}, nor up to half of the turns measured, does; NaN if the motor stands or "

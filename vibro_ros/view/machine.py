@@ -11,7 +11,11 @@ from vibro_ros.view.protocol import PARAMETERS
 
 #: Unit of a quantity by the last word of its name; `crank_angle` is the only angle, `motor_speed` the only speed.
 _UNITS = {"time": "s", "position": "m", "height": "m", "velocity": "m/s", "angle": "rad", "speed": "rad/s",
-          "power": "W", "torque": "N m", "force": "N"}
+          "power": "W", "torque": "N m", "force": "N", "voltage": "V", "current": "A"}
+
+
+#: Quantities that only a dc motor has.
+ELECTRICAL = ("motor_voltage", "motor_current", "electrical_power")
 
 
 def machine(scene: Scene) -> dict[str, Any]:
@@ -38,7 +42,10 @@ def machine(scene: Scene) -> dict[str, Any]:
     >>> [(guide["side"], guide["rod"]) for guide in robot["guides"]]
     [('upper', 0.06), ('inclined', 0.06)]
     """
-    knobs = [("motor_speed", 0.0, scene["motor.max_speed"], scene["motor.speed"])]
+    command = scene.motor_command
+    highest = scene["motor.supply_voltage" if command == "motor_voltage" else "motor.max_speed"]
+    lowest = -highest if scene.has_rotor else 0.0
+    knobs = [(command, lowest, highest, scene[command.replace("_", ".")])]
     for side in scene.plates:
         rod = scene[f"crank.{side}_rod"]  # the limit of `Scene.checked_gap`
         knobs.append((f"{side}_gap", -rod, rod, scene[f"{side}.gap"]))
@@ -62,12 +69,13 @@ def machine(scene: Scene) -> dict[str, Any]:
 def quantities(scene: Scene) -> tuple[str, ...]:
     """Those fields of `Samples` that the robot of a scene has; ``time`` is not among them."""
     absent = {side for side in ("upper", "inclined") if side not in scene.guides}
+    electrical = () if scene.has_rotor else ELECTRICAL
     without_plate = {side for side in ("upper", "inclined") if side not in scene.plates}
-    return tuple(name for name in FIELDS if name != "time" and name.partition("_")[0] not in absent
+    return tuple(name for name in FIELDS if name not in ("time", *electrical) and name.partition("_")[0] not in absent
                  and not (name.partition("_")[0] in without_plate and "_plate_" in name))
 
 
 def shown(scene: Scene) -> tuple[str, ...]:
     """Those of its `quantities` whose motion is shown: not the torque, power over speed, of which nothing but rounding
-    is left where the crank hardly turns."""
-    return tuple(name for name in quantities(scene) if name != "motor_torque")
+    is left where the crank hardly turns; nor what a dc motor's controller lets jump at each of its samples."""
+    return tuple(name for name in quantities(scene) if name not in ("motor_torque", *ELECTRICAL))

@@ -152,7 +152,7 @@ class Resimulation(ExactRun):
         """A reset or other parameters begin another stretch; pauses and steps do nothing, because samples count."""
         operation = read_operation(deserialised(data, OPERATIONS_TYPE).data)
         if operation.name == TIMEOUT and self._is_known:
-            self.command(self._rerun.device, {"motor_speed": 0.0})
+            self.command(self._rerun.device, {self.scene.motor_command: 0.0})
         elif operation.name in (RESET, SET):
             if self._is_known:
                 self._close(tick)

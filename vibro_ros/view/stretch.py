@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from vibro_ros.model.scene import Scene
+from vibro_ros.sensors.device import new_device
 from vibro_ros.simulation.simulator import Simulator, ToleranceWarning
 from vibro_ros.view.motion import Impact, impacts_of
 
@@ -137,7 +138,7 @@ def quiet() -> warnings.catch_warnings:
 def quiet_device(scene: Scene) -> Simulator:
     """The device of a scene, without that warning."""
     with quiet():
-        return Simulator(scene)
+        return new_device(scene)
 
 
 def sampled(device: Simulator, times: np.ndarray, names: Sequence[str]) -> np.ndarray:

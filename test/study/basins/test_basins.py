@@ -10,7 +10,7 @@ import pytest
 
 import vibro_ros
 from vibro_ros.orbits.turn_map import free_cut
-from vibro_ros.study.basins.attractors import basin_entropy, wilson
+from vibro_ros.study.basins.attractors import basin_entropy, uncertainty, wilson
 from vibro_ros.study.basins.command import main
 from vibro_ros.study.basins.starts import Draws, Over, Plane, everywhere
 
@@ -185,14 +185,31 @@ def test_a_straight_boundary_has_the_entropy_of_its_boxes():
     entropy, mixed = basin_entropy(numbers, -1), -0.4 * math.log(0.4) - 0.6 * math.log(0.6)
     assert (entropy.boxes, entropy.mixed) == (8, 2)
     assert entropy.boundary == pytest.approx(mixed) and entropy.entropy == pytest.approx(mixed / 4.0)
-    assert not entropy.fractal
 
 
-def test_three_motions_in_every_box_are_more_than_log_2_and_so_fractal():
+def test_three_motions_in_every_box_are_more_than_log_2():
     numbers = np.random.default_rng(1).integers(1, 4, size=(100, 100))
     entropy = basin_entropy(numbers, -1)
-    assert entropy.mixed == entropy.boxes == 400 and entropy.fractal
+    assert entropy.mixed == entropy.boxes == 400
     assert math.log(2.0) < entropy.boundary < math.log(3.0)
+
+
+def test_the_uncertainty_exponent_is_one_less_the_dimension_of_a_boundarys_section():
+    """A straight boundary, dimension 1; Cantor's bands, dimension 1 + log 2/log 3; and noise, which fills the plane."""
+    side = 729
+    straight = np.where(np.arange(side)[None, :] < 300, 1, 2) * np.ones((side, 1), dtype=int)
+    places = (np.arange(side) + 0.5) / side
+    gaps = np.zeros(side, dtype=int)
+    for level in range(1, 7):
+        gaps = np.where((gaps == 0) & (np.floor(places * 3**level) % 3 == 1), level, gaps)
+    cantor = np.where(gaps % 2 == 1, 1, 2)[None, :] * np.ones((side, 1), dtype=int)
+    noise = np.random.default_rng(0).integers(1, 3, (200, 200))
+    assert uncertainty(straight, -1).exponent == pytest.approx(1.0, abs=1e-2)
+    assert uncertainty(cantor, -1).exponent == pytest.approx(1.0 - math.log(2.0) / math.log(3.0), abs=0.1)
+    assert uncertainty(noise, -1).exponent == pytest.approx(0.0, abs=0.02)
+    assert uncertainty(np.ones((200, 200), dtype=int), -1) is None
+    straight[:, 600:] = -1  # nothing starts there, which is no boundary of motions
+    assert uncertainty(straight, -1).exponent == pytest.approx(1.0, abs=2e-2)
 
 
 def test_what_is_left_over_at_the_ends_is_left_out_and_a_small_grid_has_none():
@@ -200,7 +217,7 @@ def test_what_is_left_over_at_the_ends_is_left_out_and_a_small_grid_has_none():
     numbers[10:], numbers[:, 5:] = 2, 3
     entropy = basin_entropy(numbers, -1)
     assert (entropy.entropy, entropy.boxes, entropy.mixed) == (0.0, 2, 0)
-    assert math.isnan(entropy.boundary) and not entropy.fractal
+    assert math.isnan(entropy.boundary)
     assert basin_entropy(numbers[:4], -1) is None
 
 

@@ -4,14 +4,17 @@ import json
 import math
 import subprocess
 import sys
+from types import SimpleNamespace
 
 import numpy as np
+import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
 import vibro_ros
 from vibro_ros.study.diagram import command
 from vibro_ros.study.diagram.command import main
+from vibro_ros.study.diagram.result import Diagram
 
 #: Of `damped`: the branch from 100 rad/s folds at 107.959911, and ends at 104.852651 on its way back.
 FOLD = ["--scene", "damped", "--vary", "motor.speed=104,104.8,105.2,106,107,107.9,108.1,109", "--workers", "1"]
@@ -102,6 +105,30 @@ def test_a_block_with_values_that_were_not_measured_is_read_again(tmp_path):
     assert main(words) == 0
     before = bytes_of(tmp_path)
     assert main(words) == 0 and bytes_of(tmp_path) == before
+
+
+def test_a_long_period_is_found_and_an_unknown_sign_and_a_contradiction_are_said(tmp_path, capsys):
+    """`device` repeats itself every 158 turns at 204 rad/s, where K of 1000 turns is 0.98, and not at 186."""
+    words = ["--vary", "motor.speed=186,204", "--exponents", "20", "--output", str(tmp_path)]
+    assert main(words) == 0
+    out = capsys.readouterr().out
+    period, exponent, spread = (column(tmp_path, name) for name in ("period", "exponent_1", "spread_1"))
+    assert period[1] == 158 and exponent[1] < 0.0 == spread[1] and column(tmp_path, "zero_one")[1] < 0.5
+    assert "every 158 turns" in out and "no period to 2048" in out
+    assert ("sign of the largest exponent not known, 0 lies within its interval: at 186 rad/s" in out) == bool(
+        np.any(spread > np.abs(exponent)))
+    assert "disagree" not in out
+
+
+def test_a_contradiction_of_exponent_and_k_is_said(fold):
+    _, said = fold
+    assert "disagree" not in said
+    natures = pa.table({"exponent_1": [-1.0, -1.0, 1.0, 1.0], "spread_1": [0.5, 0.5, 0.5, 2.0],
+                        "zero_one": [0.98, 0.01, 0.02, 0.99]})
+    visits = [SimpleNamespace(number=number) for number in range(4)]
+    found = Diagram(None, tuple(visits), natures)
+    assert [found.sign(one) for one in visits] == [-1, -1, 1, 0]
+    assert [found.disagrees(one) for one in visits] == [True, False, True, False]
 
 
 def test_a_plate_that_moves_into_a_mass_takes_it_along(tmp_path):

@@ -57,7 +57,11 @@ def test_the_robots_are_compared_from_the_same_fresh_starts():
     own = [row for row in rows if row.reading == "as sought (`device`)"]
     fresh = values_of(SCENE, Trials(3, 1.5, 1.0, VERIFYING))
     assert own[0].robot == OPTIMUM and own[0].margin is None
-    assert own[0].speed == average(-fresh[:, 0])  # it goes backwards
+    assert own[0].speed == average(fresh[:, 0]) and own[0].speed.mean < 0.0  # it goes backwards
+    assert own[0].air == pytest.approx(fresh[:, 3].mean()) and own[0].load == pytest.approx(1.0, abs=0.1)
+    assert sum(starts for _, _, starts in own[0].motions) == 3
+    forced = next(row for row in rows if "by decree" in row.reading)
+    assert forced.load > 1.5 and forced.air == 0.0
     assert own[2].margin.mean == own[2].margin.spread == 0.0  # the scene's parameters are this optimum
     papers = values_of(SCENE.with_parameters({"guide.angle": math.radians(80.0), "mass.inclined": 0.02,
                                               "crank.radius": 0.06}), Trials(3, 1.5, 1.0, VERIFYING))
@@ -160,6 +164,7 @@ def test_everything_is_written_and_of_one_robot(folder):
     ("--scene paper", "--scene paper: has effects.reaction false"),
     ("--scene paper --objective front", "the cost of transport has no bound"),
     ("--budget 0", "--budget 0: give a number from 1"),
+    ("--most-air 1.1", "--most-air 1.1: give a share from 0 to 1"),
     ("--least-speed nan", "--least-speed nan: give a number from 0"),
     ("--vary crank.radius=a:b", "'a' is not a number"),
     ("--fix guide.angle=7", "guide.angle: 7 is out of range"),

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from vibro_ros.configuration.scene_file import load_scene
-from vibro_ros.study.optimise.plan import FAILED, Reading, cost_of_transport, speed, speed_per_power
+from vibro_ros.study.optimise.plan import FAILED, Effort, Plan, Reading, cost_of_transport, speed, speed_per_power
 from vibro_ros.study.optimise.space import VARIABLES, Space, chosen_variables
 
 DEVICE = load_scene("device")
@@ -84,9 +84,9 @@ def test_bounds_without_a_robot_are_refused(fixed, varied, said):
         Space(DEVICE, chosen_variables(fixed, varied))
 
 
-def values(speeds, net=2.0, delivered=4.0):
-    """Values of a robot with these mean speeds [m/s] and one power [W]."""
-    return np.array([[one, net, delivered] for one in speeds])
+def values(speeds, net=2.0, delivered=4.0, air=0.0):
+    """Values of a robot with these mean speeds [m/s], one power [W] and one share of time in the air."""
+    return np.array([[one, net, delivered, air] for one in speeds])
 
 
 def test_a_lucky_start_does_not_win():
@@ -118,3 +118,11 @@ def test_a_robot_that_cannot_be_simulated_or_stands_still_has_no_merit(speeds, s
     robot = values(speeds)
     assert speed(robot, Reading()) == speed_per_power(robot, Reading()) == score
     assert cost_of_transport(robot, Reading(), 10.0) == np.inf
+
+
+def test_a_robot_that_flies_too_long_is_worse_than_any_that_counts_and_the_longer_the_worse():
+    plan = Plan(Space(DEVICE), "speed_per_power", "cma", Reading(), 0.1, 0.02, Effort(), 0)
+    grounded, slow, hopping, flying = (plan.score(values([pace, pace], air=air)) for pace, air in (
+        (0.2, 0.01), (0.05, 0.01), (0.2, 0.1), (0.2, 0.9)))
+    assert grounded > 0.0 > slow == pytest.approx(-0.05) and 0.0 > hopping > flying
+    assert plan.speed_and_cost(np.full(17, 0.5), values([0.2, 0.2], air=0.9)) == (pytest.approx(-0.88), math.inf)

@@ -120,6 +120,15 @@ def test_pandas_and_polars_read_the_same_and_the_files_tell_units_scene_and_desi
     assert everything == set(vibro_ros.load_scene("damped").parameters)
 
 
+def test_starts_that_repeat_one_motion_have_no_interval(tmp_path, capsys):
+    """`damped` has one motion, which every start settles to; `unilateral` has chaos."""
+    for scene, says in (("damped", True), ("unilateral", False)):
+        assert main(["--scene", scene, "--vary", "guide.angle=0.7,1.1", "--starts", "3", "--settling", "8",
+                     "--duration", "2", "--workers", "1", "--output", str(tmp_path / scene)]) == 0
+        said = capsys.readouterr().out
+        assert (" from every start (" in said) == says and ("±" in said) != says
+
+
 def test_a_grid_with_an_illegal_point_is_refused_before_anything_runs(tmp_path, capsys):
     words = ["--scene", "paper", "--vary", "crank.radius=0.02:0.08:4", "--output", str(tmp_path / "none")]
     assert main(words) == 2
@@ -195,7 +204,7 @@ def test_two_studies_in_one_folder_are_refused(tmp_path, capsys, monkeypatch):
 
 
 def test_a_damaged_file_is_computed_again_or_has_its_values(tmp_path, capsys):
-    """A byte that no value depends on may change unseen."""
+    """A byte that no value depends on may change unseen: of the file's description of itself, a third of all."""
     assert main([*SHORT, "--output", str(tmp_path)]) == 0
     path, draw = tmp_path / "blocks" / "block_000000.parquet", random.Random(3)
     whole, table = path.read_bytes(), pq.read_table(path)
@@ -207,7 +216,7 @@ def test_a_damaged_file_is_computed_again_or_has_its_values(tmp_path, capsys):
         found = files.read(0)
         damaged += found is None
         assert found is None or found.equals(table, check_metadata=True)
-    assert damaged > 400
+    assert damaged > 300  # at least half of them; all others are equal
     capsys.readouterr()
     for data in (b"", whole[:100], whole[:-1]):
         path.write_bytes(data)

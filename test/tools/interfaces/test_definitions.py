@@ -61,8 +61,9 @@ def test_the_fingerprint_changes_with_a_definition():
     assert before != fingerprint(packages)
 
 
-def test_colcon_builds_the_types_that_the_controller_serves():
+def test_colcon_builds_the_types_that_controller_and_robot_serve():
     folder = OWN / "vibro_ros_interfaces"
     (own,) = [package for package in interface_packages() if package.name == folder.name]
-    listed = re.findall(r'"(.+\.action)"', (folder / "CMakeLists.txt").read_text())
-    assert listed == [*own.texts] == ["action/GoTo.action", "action/HoldSpeed.action"]
+    listed = re.findall(r'"(.+\.(?:action|srv))"', (folder / "CMakeLists.txt").read_text())
+    assert sorted(listed) == sorted(own.texts)
+    assert {"action/GoTo.action", "srv/InjectFault.srv"} < set(listed)

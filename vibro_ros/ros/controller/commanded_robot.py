@@ -138,9 +138,8 @@ class CommandedRobot:
         """
         if not self.settings:
             return ""
-        scene, side = self.settings.scene, command.partition("_")[0]
         try:
-            scene.checked_motor_speed(value) if command == MOTOR else scene.checked_gap(side, value)
+            self.settings.scene.checked_command(command, value)
         except ValueError as error:
             reason = str(error).partition(": ")[2]  # the scene names the parameter
             return f"{self._node.resolve_topic_name(command)}: {reason}; {self.name} refuses it"

@@ -14,22 +14,26 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 from heapq import merge
+from importlib import import_module
 from itertools import count
 from pathlib import Path
 
 from rclpy.duration import Duration
 from rclpy.executors import Executor
 from rclpy.node import Node
+from rclpy.task import Future
+from rclpy.type_support import NoTypeSupportImportedException, check_for_type_support
 from std_msgs.msg import Float64
 
 from vibro_ros.configuration.command_map import CommandMap, find_map, read_map, shipped_maps
 from vibro_ros.messages.topics import COMMAND_UNITS
+from vibro_ros.model.faults import Incident
 from vibro_ros.model.parameters import Parameter, Value, checked_parameters
 from vibro_ros.process.executables import EXECUTABLES
 from vibro_ros.process.front_door import Parser, exit_code
 from vibro_ros.process.stop_signals import StopRequest
-from vibro_ros.ros.controller.actions import NAMES, GoalServer, action_types
-from vibro_ros.ros.controller.commanded_robot import ODOM, CommandedRobot, Odometer
+from vibro_ros.ros.controller.actions import NAMES, PACKAGE, GoalServer, action_types
+from vibro_ros.ros.controller.commanded_robot import ODOM, PATIENCE, CommandedRobot, Odometer
 from vibro_ros.ros.controller.feedback import RATE, GoalError, Pursuit, check_reach
 from vibro_ros.ros.controller.map_adviser import STAY, MapAdviser
 from vibro_ros.ros.controller.player import LAST_WORD, Moments, Player, timeline
@@ -103,6 +107,7 @@ def _play(script: Script, known: tuple[CommandMap, Path], settings: Mapping[str,
     publishers = {name: node.create_publisher(Float64, name, qos.COMMANDS) for name in script.commands}
     robot = CommandedRobot(node, publishers[script.commands[0]])
     adviser = MapAdviser(node, *known, robot)
+    faults = Faults(node, robot) if script.needs_faults else None
 
     def prepare(stop: StopRequest) -> None:
         robot.wait(executor, stop)
@@ -111,10 +116,14 @@ def _play(script: Script, known: tuple[CommandMap, Path], settings: Mapping[str,
         check_limits(script, str(settings["script"]), robot)
         if script.needs_map:
             adviser.require()
+        if faults:
+            faults.wait(executor, stop)
 
     def meanwhile(_: float) -> None:
         robot.tick()
         adviser.judge()
+        if faults:
+            faults.check()
 
     def send(name: str, message: Float64) -> None:
         robot.note(name, message.data)
@@ -123,7 +132,8 @@ def _play(script: Script, known: tuple[CommandMap, Path], settings: Mapping[str,
     player = Player(node, executor, publishers, script.commands, MOTOR, meanwhile, prepare=prepare,
                     timeline=timeline(node))
     odometer = Odometer(node) if script.goals else None
-    played = ScriptPlayer(script, settings["reach"], odometer, send, node.get_logger().info, adviser.advise, robot)
+    played = ScriptPlayer(script, settings["reach"], odometer, send, node.get_logger().info, adviser.advise, robot,
+                          faults)
     code = player.run(played.moments(settings["rate"]), settings["wait"], stop)
     if not code:
         _say_what_still_runs(node, robot)
@@ -196,6 +206,53 @@ def _parser() -> Parser:
     return parser
 
 
+class Faults:
+    """Asks the robot to fail, by its service `inject_fault`.
+
+    Parameters
+    ----------
+    node : Node
+        Asks in its executor's thread.
+    robot : CommandedRobot
+        Who is asked.
+
+    Raises
+    ------
+    ValueError
+        Where the service's type is not installed.
+    """
+
+    def __init__(self, node: Node, robot: CommandedRobot):
+        try:
+            self._kind = import_module(f"{PACKAGE}.srv").InjectFault
+            check_for_type_support(self._kind)
+        except (ImportError, AttributeError, NoTypeSupportImportedException):
+            raise ValueError(f"fault: {PACKAGE} is not installed, or old; `make setup` builds it where there is a C "
+                             "compiler, and colcon from the folder interfaces") from None
+        self._node, self._robot = node, robot
+        self._asked: list[tuple[str, Future]] = []
+
+    def wait(self, executor: Executor, stop: StopRequest) -> None:
+        """Return when the robot offers the service, or on `stop` (RuntimeError: it does not)."""
+        name, begun = f"{self._robot.name}/inject_fault", time.monotonic()
+        self._client = self._node.create_client(self._kind, name)
+        process.spin_until(executor, lambda: bool(stop or self._client.service_is_ready()
+                                                  or time.monotonic() > begun + PATIENCE))
+        if not (stop or self._client.service_is_ready()):
+            raise RuntimeError(f"{self._robot} offers no {name}; a robot with the types of {PACKAGE} does")
+
+    def begin(self, entry: str, incident: Incident) -> None:
+        """Ask for the fault of an entry."""
+        self._asked.append((entry, self._client.call_async(self._kind.Request(**incident._asdict()))))
+
+    def check(self) -> None:
+        """Raise a RuntimeError if the robot has refused a fault."""
+        for entry, future in [one for one in self._asked if one[1].done()]:
+            self._asked.remove((entry, future))
+            if not future.result().success:
+                raise RuntimeError(f"entry {entry}: {self._robot} refuses the fault: {future.result().message}")
+
+
 class ScriptPlayer:
     """The commands of a script, each sent when its value changes.
 
@@ -216,14 +273,17 @@ class ScriptPlayer:
         `STAY` later; NaN for a motor speed that feedback has given.
     robot : CommandedRobot
         Says how often the motor's command must be repeated.
+    faults : Faults or None
+        For the faults of the script, if it has any.
     """
 
     def __init__(self, script: Script, reach: float, odometer: Odometer | None,
                  send: Callable[[str, Float64], None], say: Callable[[str], object],
-                 advise: Callable[[str, Mapping[str, float], Mapping[str, float]], object], robot: CommandedRobot):
+                 advise: Callable[[str, Mapping[str, float], Mapping[str, float]], object], robot: CommandedRobot,
+                 faults: "Faults | None" = None):
         self._script, self._reach, self._odometer = script, reach, odometer
         self._send, self._say, self._advise, self._robot = send, say, advise, robot
-        self._sent: dict[str, float] = {}
+        self._faults, self._sent = faults, dict[str, float]()
         self._segment: Segment | None = None
         self._saved = 0.0
 
@@ -257,6 +317,8 @@ class ScriptPlayer:
             self._say(segment.describe())
             for name in segment.given:  # sent again: somebody else may have commanded meanwhile
                 self._sent.pop(name, None)
+            if segment.incident and self._faults:
+                self._faults.begin(segment.entry, segment.incident)
         commands = self._script.command_at(instant)
         if segment:
             unknown = {MOTOR: math.nan} if self._script.goals else {}

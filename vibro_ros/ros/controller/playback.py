@@ -20,7 +20,7 @@ from rosgraph_msgs.msg import Clock
 
 from vibro_ros.bag.cdr import check
 from vibro_ros.bag.stream import BagError, BagStream, not_read, robot_topics
-from vibro_ros.messages.topics import COMMAND_UNITS
+from vibro_ros.messages.topics import COMMANDS
 from vibro_ros.process.executables import EXECUTABLES
 from vibro_ros.process.front_door import Parser, exit_code
 from vibro_ros.process.stop_signals import StopRequest
@@ -117,7 +117,7 @@ def _run(words: Sequence[str]) -> int:
 
 def _play(stream: BagStream, options: argparse.Namespace, words: Sequence[str]) -> int:
     names = robot_topics(stream)
-    commands = [names[name] for name in COMMAND_UNITS if name in names
+    commands = [names[name] for name in COMMANDS if name in names
                 and names[name] in stream.topics and stream.topics[names[name]].messages]
     topics = stream.topics if options.all_topics else {topic: stream.topics[topic] for topic in commands}
     if not topics:

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 
 from vibro_ros.messages.topics import COMMAND_UNITS
+from vibro_ros.model.faults import Incident
 from vibro_ros.ros.controller.feedback import Goal
 
 MOTOR = "motor_speed"
@@ -45,6 +46,8 @@ class Segment:
         What feedback is to reach meanwhile by the motor's speed.
     speed_over_ground : float or None
         Mean speed [m/s] for which a command map gave the commands.
+    incident : Incident or None
+        A fault of the robot that begins with the entry and lasts as long.
     """
 
     entry: str
@@ -55,6 +58,7 @@ class Segment:
     note: str
     goal: Goal | None = None
     speed_over_ground: float | None = None
+    incident: Incident | None = None
 
     @property
     def end(self) -> float:
@@ -83,6 +87,7 @@ class Segment:
             course = self.courses[name]
             start = f"{course.start:g} -> " if course.start != course.end else ""
             words.append(f"{name} {start}{course.end:g} {COMMAND_UNITS[name]}")
+        words += [" ".join(("fault", *filter(None, (self.incident.fault, self.incident.of))))] if self.incident else []
         note = f" ({self.note})" if self.note else ""
         return f"entry {self.entry}, {self.duration:g} s: {', '.join(words or ['as before'])}{note}"
 
@@ -112,6 +117,11 @@ class Script:
     def goals(self) -> tuple[tuple[str, Goal], ...]:
         """The goals, each with the number of its entry, in order."""
         return tuple((segment.entry, segment.goal) for segment in self.segments if segment.goal)
+
+    @property
+    def needs_faults(self) -> bool:
+        """Whether any entry lets the robot fail."""
+        return any(segment.incident for segment in self.segments)
 
     @property
     def needs_map(self) -> bool:

@@ -3,8 +3,9 @@
 A script is a block: a list of `entries`, played `repeat` times. An entry says for how long (`for`) each command
 is held (`motor_speed: 100.0`) or ramped (`motor_speed: {from: 0.0, to: 100.0}`; without `from`, from where it
 is), what feedback is to reach (`hold_speed: -0.05`, `go_to: -0.5`), or which mean speed the commands are to give that
-a command map knows (`speed_over_ground: -0.05`). It begins when the entry before it ends, or `at` a time counted from
-the start of its block. An entry may itself be a block. A command keeps its value until another entry changes it.
+a command map knows (`speed_over_ground: -0.05`), and which fault the robot has meanwhile (`fault: motor_stall`). It
+begins when the entry before it ends, or `at` a time counted from the start of its block. An entry may itself be a
+block. A command keeps its value until another entry changes it.
 """
 
 import os
@@ -17,6 +18,7 @@ from vibro_ros.configuration.command_map import CommandMap
 from vibro_ros.configuration.scene_file import config_folder
 from vibro_ros.configuration.strict_yaml import read_yaml
 from vibro_ros.messages.topics import COMMAND_UNITS
+from vibro_ros.model.faults import FAULTS, Incident, checked_incident
 from vibro_ros.ros.controller.feedback import MOTOR_RANGE, WITHIN, Goal, PositionGoal, SpeedGoal
 from vibro_ros.ros.controller.script import MOTOR, Course, Script, Segment
 
@@ -28,8 +30,9 @@ GOAL_KEYS = ("hold_speed", "go_to")
 """Keys that make an entry one of feedback."""
 SHORTEST = 4.0
 """Shortest time [s] to hold a speed: half of it to settle, half of it to be measured over some turns of the crank."""
-_GAPS = tuple(name for name in COMMAND_UNITS if name != MOTOR)
+_GAPS = tuple(name for name in COMMAND_UNITS if name.endswith("_gap"))
 _OVER_GROUND = "speed_over_ground"
+_FAULT_KEYS = ("fault", "of", "value")
 
 
 def shipped_scripts() -> tuple[str, ...]:
@@ -154,7 +157,7 @@ class _Unfolding:
             return
         over_ground = _OVER_GROUND in entry
         allowed = () if over_ground else (*COMMAND_UNITS, *GOAL_KEYS)
-        _refuse_unknown(entry, ("at", "for", "note", _OVER_GROUND, *allowed), where)
+        _refuse_unknown(entry, ("at", "for", "note", *_FAULT_KEYS, _OVER_GROUND, *allowed), where)
         duration = _duration(entry, later, start - block_start, where)
         speed = _finite_number(entry[_OVER_GROUND], f"{where}{_OVER_GROUND}", "m/s") if over_ground else None
         given = self._chosen(speed, where) if speed is not None else {
@@ -162,7 +165,7 @@ class _Unfolding:
         courses = {name: Course(value, value) for name, value in self._last.items()} | given
         self._last = {name: course.end for name, course in courses.items()}
         yield Segment(number, start, duration, courses, tuple(given), str(entry.get("note", "")),
-                      speed_over_ground=speed)
+                      speed_over_ground=speed, incident=_incident(entry, duration, where))
 
     def _chosen(self, speed: float, where: str) -> dict[str, Course]:
         try:
@@ -232,6 +235,18 @@ def _duration(entry: Mapping, later: list[object], start: float, where: str) -> 
     return duration
 
 
+def _incident(entry: Mapping, duration: float, where: str) -> Incident | None:
+    """The fault that lasts as long as the entry, if it names one."""
+    if "fault" not in entry:
+        if given := [key for key in _FAULT_KEYS if key in entry]:
+            raise ValueError(f"{where}{given[0]}: belongs to a fault; give `fault`, one of {', '.join(FAULTS)}")
+        return None
+    try:
+        return checked_incident(entry["fault"], duration, entry.get("of", ""), entry.get("value", 0.0))
+    except ValueError as error:
+        raise ValueError(f"{where}{error}") from None
+
+
 def _read_goal(entry: Mapping, where: str) -> Goal:
     """The goal of an entry that has one of `GOAL_KEYS`, beside which it may give gaps."""
     if all(key in entry for key in GOAL_KEYS):
@@ -263,10 +278,7 @@ def _motor(value: object, where: str) -> tuple[float, float]:
 
 
 def _command_value(name: str, value: object, where: str) -> float:
-    level = _finite_number(value, f"{where}{name}", COMMAND_UNITS[name])
-    if name == "motor_speed" and level < 0.0:
-        raise ValueError(f"{where}{name}: {level:g} is negative; give a number of at least 0 rad/s")
-    return level
+    return _finite_number(value, f"{where}{name}", COMMAND_UNITS[name])
 
 
 def _positive_number(value: object, what: str, unit: str) -> float:

@@ -118,8 +118,6 @@ def _valid(scene: Scene, name: str, data: bytes) -> float | None:
     """The command in a message; None if the robot refuses it."""
     try:
         value = float(deserialised(data, "std_msgs/msg/Float64").data)
-        if name == SPEED:
-            return scene.checked_motor_speed(value)
-        return scene.checked_gap(name.removesuffix("_gap"), value)
+        return scene.checked_command(name, value)
     except ValueError:
         return None

@@ -23,7 +23,6 @@ from rclpy.qos_overriding_options import QoSOverridingOptions
 from rclpy.service import Service
 from rclpy.subscription import Subscription
 from rosgraph_msgs.msg import Clock
-from std_srvs.srv import SetBool, Trigger
 from type_description_interfaces.srv import GetTypeDescription
 
 from vibro_ros.configuration.parameter_file import FIXED_OF_RCLPY
@@ -220,10 +219,10 @@ def _answer_to_set(reason: str) -> SetParametersResult:
 
 def _reason_of(response: Any) -> str:
     """Why an answer says no; empty when it says yes, or when its type cannot say either."""
-    if isinstance(response, SetBool.Response | Trigger.Response):
-        return "" if response.success else response.message
     if isinstance(response, GetTypeDescription.Response):
         return "" if response.successful else response.failure_reason
+    if hasattr(response, "success"):  # of std_srvs and of the project's own
+        return "" if response.success else response.message
     return getattr(getattr(response, "result", None), "error_message", "")  # of simulation_interfaces
 
 
@@ -233,10 +232,10 @@ def _refused(request: Any, response: Any, reason: str) -> Any:
         response.results = [_answer_to_set(reason)] * len(request.parameters)
     elif isinstance(request, SetParametersAtomically.Request):
         response.result = _answer_to_set(reason)
-    elif isinstance(request, SetBool.Request | Trigger.Request):
-        response.success, response.message = False, reason
     elif isinstance(request, GetTypeDescription.Request):
         response.successful, response.failure_reason = False, reason
+    elif hasattr(response, "success"):  # of std_srvs and of the project's own
+        response.success, response.message = False, reason
     elif hasattr(getattr(response, "result", None), "error_message"):  # of simulation_interfaces
         response.result.result, response.result.error_message = response.result.RESULT_OPERATION_FAILED, reason
     return response

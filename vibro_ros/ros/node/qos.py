@@ -7,9 +7,13 @@ from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
 COMMANDS = QoSProfile(depth=10, reliability=ReliabilityPolicy.RELIABLE)
+JOINT_COMMANDS = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
+"""Hears reliable publishers, too."""
 SAMPLES = QoSProfile(depth=10, reliability=ReliabilityPolicy.RELIABLE)
 IMPACTS = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)
 """Deep, because none may be lost between two samples of a slow reader."""
+SENSORS = QoSProfile(depth=100, reliability=ReliabilityPolicy.RELIABLE)
+"""Deep, because a sample publishes what a fast sensor has measured since the last one; best-effort readers fit, too."""
 TRANSFORMS = QoSProfile(depth=100, reliability=ReliabilityPolicy.RELIABLE)
 """As every broadcaster of tf2 has it."""
 LASTING = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)

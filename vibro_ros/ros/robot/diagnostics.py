@@ -14,6 +14,8 @@ from vibro_ros.ros.node.node import SteadyNode
 from vibro_ros.ros.robot.stepping import Run, Stepping
 from vibro_ros.ros.topics.templates import SECOND
 from vibro_ros.simulation.accuracy_in_force import accuracy_in_force, next_cheaper_choice
+from vibro_ros.simulation.samples import FIELDS
+from vibro_ros.simulation.validity import validity_of
 
 PERIOD = 1.0  # s
 LAST_WORD = 0.5  # s; Fast DDS asks for acknowledgements every 3 s only
@@ -89,6 +91,8 @@ class Diagnostics:
                               "robot with clock.publish and its peers with use_sim_time, so that all have one time")
         if self._other_robots():
             complaints.append(self._doubled)
+        validity = validity_of(device.scene, dict(zip(FIELDS, self._stepping.take_samples().T, strict=True)))
+        complaints += validity.warnings()
         level, text = (DiagnosticStatus.WARN, ", ".join(complaints)) if complaints else (
             DiagnosticStatus.OK, "paused" if self._run.operations.paused else "running")
         if self._stepping.error:
@@ -109,6 +113,8 @@ class Diagnostics:
             "events per second": f"{change['events'] / wall:.1f}",
             "share of time with N<0": f"{min(1.0, change['unloaded'] / max(change['ticks'], 1)):.4f}",
             "stops by command.timeout": f"{self._run.timeout.count if self._run.timeout else 0}",
+            "lasting": ", ".join(f"{name} until {until:.6g} s" for name, until in sorted(self._lasting().items())),
+            "lost commands": f"{self._run.subscriptions.lost}",
             "rejected commands": f"{self._run.subscriptions.refused}",
             "dropped commands": f"{self._run.subscriptions.dropped}",
             "refused requests": f"{self._node.refusals.count}",
@@ -121,10 +127,21 @@ class Diagnostics:
         if device.choice:
             values["solver accuracy asked for [m]"] = f"{device.scene['solver.accuracy']:g}"
             values["solver choice"] = str(device.choice)
+        if validity.pitch_index is not None:
+            values["pitch index"] = f"{validity.pitch_index:.3f}"
+        if validity.current_share is not None:
+            values["rms current over continuous"] = f"{validity.current_share:.3f}"
         residual = device.statistics.get("energy_residual")
         if residual is not None:
             values["energy residual [J]"] = f"{residual:.3e}"
         return self._status("simulation", level, text, values)
+
+    def _lasting(self) -> dict[str, float]:
+        """A push and faults that last, and the instants of robot time [s] at which they end."""
+        run, time = self._run, self._run.robot_time
+        stamps = {name: time.stamp_of(until) for name, until in run.device.influences.items()}
+        stamps |= run.subscriptions.influences
+        return {name: (stamp - time.start) / SECOND for name, stamp in stamps.items() if stamp > time.stamp}
 
     def _behind(self) -> float:
         """How far [s] the last sample's stamp is behind ROS time; 0 where robot time is ROS time."""

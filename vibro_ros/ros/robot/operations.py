@@ -9,17 +9,35 @@ from rclpy.node import Node
 from rclpy.serialization import serialize_message
 from std_msgs.msg import String
 
-from vibro_ros.messages.topics import OPERATIONS, PAUSE, RESET, RESUME, SET, STEP, TIMEOUT, Operation, perform
+from vibro_ros.messages.topics import (
+    FAULT,
+    OPERATIONS,
+    PAUSE,
+    PUSH,
+    RESET,
+    RESUME,
+    SET,
+    STATE,
+    STEP,
+    TIMEOUT,
+    Operation,
+    perform,
+)
+from vibro_ros.model.faults import COMMANDS, FAULTS, checked_incident
 from vibro_ros.model.parameters import Value
 from vibro_ros.ros.node import qos
 from vibro_ros.ros.robot.lock_step import LockStep
 from vibro_ros.ros.robot.pacing import Pacing, RobotTime, take_priority
 from vibro_ros.ros.topics.publishers import Record
-from vibro_ros.ros.topics.subscriptions import MOST_WAITING, Queue
+from vibro_ros.ros.topics.subscriptions import MOST_WAITING, CommandSubscriptions
 from vibro_ros.simulation.simulator import Simulator
 
 FACTOR = "rate.real_time_factor"
 """The one parameter of the node that may change while it runs."""
+
+
+LOOK = "look"
+"""An operation that does nothing and is not recorded: its answer is the device's state, as `Simulator.state` has it."""
 
 
 class Request(Future):
@@ -68,8 +86,8 @@ class Operations:
         What holds robot time to the wall clock.
     robot_time : RobotTime
         Robot time.
-    queue : Queue
-        Where operations and commands wait, in one order of arrival.
+    subscriptions : CommandSubscriptions
+        In whose queue operations and commands wait, in one order of arrival.
     record : callable
         The bag.
     lock_step : LockStep or None
@@ -89,20 +107,23 @@ class Operations:
         Set when somebody asks for something, for a stepping thread that has nothing to do.
     """
 
-    def __init__(self, node: Node, device: Simulator, pacing: Pacing, robot_time: RobotTime, queue: Queue,
-                 record: Record, lock_step: LockStep | None = None, paused: bool = False):
+    def __init__(self, node: Node, device: Simulator, pacing: Pacing, robot_time: RobotTime,
+                 subscriptions: CommandSubscriptions, record: Record, lock_step: LockStep | None = None,
+                 paused: bool = False):
         self.paused = paused
         self.changed: dict[str, Value] = {}
         self.woken = lock_step.answered if lock_step else Event()
         self._publisher = node.create_publisher(String, f"~/{OPERATIONS}", qos.OPERATIONS)
         self.topic = self._publisher.topic_name
         self._device, self._pacing, self._robot_time = device, pacing, robot_time
-        self._queue, self._record, self._lock_step = queue, record, lock_step
+        self._subscriptions, self._queue = subscriptions, subscriptions.queue
+        self._record, self._lock_step = record, lock_step
         self._counted: Request | None = None  # the one that waits for samples
         self._left = 0  # samples that may be taken while paused
         self._resuming = False  # as soon as the nodes of the lock-step have answered
         self._ended = ""
-        self._does = {RESET: self._reset, PAUSE: self._pause, RESUME: self._resume, STEP: self._step, SET: self._set}
+        self._does = {RESET: self._reset, PAUSE: self._pause, RESUME: self._resume, STEP: self._step, SET: self._set,
+                      STATE: self._let, PUSH: self._let, FAULT: self._fail, LOOK: self._look}
 
     @property
     def held(self) -> bool:
@@ -173,6 +194,7 @@ class Operations:
 
     def _reset(self, request: Request) -> None:
         self._done(request.operation)
+        self._subscriptions.recover()
         self._robot_time.restart()
         answer = f"reset: the sample at {self._robot_time.due:.9g} s of robot time is the start"
         if self.paused and not self._left:  # a sample takes a period of robot time, and the start is to be seen
@@ -224,6 +246,19 @@ class Operations:
             self._pacing.change_factor(parameters[FACTOR], self._robot_time.time)
             take_priority(self._pacing.factor, self.paused)
         request.set_result("set")
+
+    def _let(self, request: Request) -> None:
+        self._done(request.operation)
+        request.set_result("done")
+
+    def _fail(self, request: Request) -> None:
+        self._let(request)
+        incident = checked_incident(**request.operation.parameters)
+        if FAULTS[incident.fault].befalls == COMMANDS:
+            self._subscriptions.fail(incident, self._robot_time.stamp)
+
+    def _look(self, request: Request) -> None:
+        request.set_result(self._device.state)
 
     def _done(self, operation: Operation) -> None:
         """Perform an operation (ValueError: refused), publish and record it."""

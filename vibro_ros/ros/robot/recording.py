@@ -15,12 +15,12 @@ from vibro_ros.bag.metadata import Topic
 from vibro_ros.bag.recorder import Recorder, Snapshot, Together
 from vibro_ros.bag.recovery import RecoveryError, described, recover
 from vibro_ros.bag.writer import Storage
-from vibro_ros.messages.topics import LASTING, OPERATIONS, OPERATIONS_TYPE, ROBOT_TOPICS
+from vibro_ros.messages.topics import LASTING, OPERATIONS, OPERATIONS_TYPE, PUBLISHED_TYPES
 from vibro_ros.model.parameters import Value
 from vibro_ros.process.untrusted import one_line
 from vibro_ros.ros.node import qos
 from vibro_ros.ros.node.refusals import Throttle
-from vibro_ros.ros.topics.publishers import PUBLISHED, RobotPublishers
+from vibro_ros.ros.topics.publishers import PROFILES, RobotPublishers
 
 SEALING = 5.0
 """Longest time [s] that the answer of `~/record` waits for the disk; commands wait with it."""
@@ -88,8 +88,8 @@ def plan_recording(settings: Mapping[str, Value], received: Mapping[str, str], p
     """
     storage = Storage(settings["record.compression"], int(settings["record.max_size"]),
                       settings["record.max_duration"], int(settings["record.max_bytes"]))
-    types = {**ROBOT_TOPICS, OPERATIONS: OPERATIONS_TYPE}
-    topics = {name: Topic(publisher.topic_name, types[name], PUBLISHED[name].depth, name in LASTING)
+    types = {**PUBLISHED_TYPES, OPERATIONS: OPERATIONS_TYPE}
+    topics = {name: Topic(publisher.topic_name, types[name], PROFILES[name].depth, name in LASTING)
               for name, publisher in publishers.publishers.items()}
     topics |= {name: Topic(resolved, types[name], qos.COMMANDS.depth) for name, resolved in received.items()}
     chosen = _chosen(settings["record.topics"], topics)

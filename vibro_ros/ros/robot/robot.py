@@ -24,7 +24,16 @@ from rosgraph_msgs.msg import Clock
 
 from vibro_ros.bag.metadata import Topic
 from vibro_ros.configuration.scene_file import DEVICE_PARAMETERS, NODE_NAME, load_scene, scene_origin, shipped_scenes
-from vibro_ros.messages.topics import CHECKPOINT, CHECKPOINT_TYPE, COMMAND_UNITS, OPERATIONS, VARIANCES, published_name
+from vibro_ros.messages.fields import ODOM
+from vibro_ros.messages.topics import (
+    CHECKPOINT,
+    CHECKPOINT_TYPE,
+    COMMANDS,
+    OPERATIONS,
+    VARIANCES,
+    commands_of,
+    published_name,
+)
 from vibro_ros.model.parameters import SCENE_PARAMETERS, Value, checked_parameters
 from vibro_ros.model.scene import Scene
 from vibro_ros.process.executables import EXECUTABLES
@@ -50,14 +59,16 @@ from vibro_ros.ros.robot.recording import (
 from vibro_ros.ros.robot.services import (
     SimulationControl,
     follow_parameters,
+    offer_incidents,
     offer_run_services,
     offer_simulation,
     refuse_while_starting,
 )
 from vibro_ros.ros.robot.stepping import CommandTimeout, Run, Stepping
-from vibro_ros.ros.topics.publishers import PUBLISHED, RobotPublishers
+from vibro_ros.ros.topics.publishers import PROFILES, RobotPublishers
 from vibro_ros.ros.topics.subscriptions import CommandSubscriptions
 from vibro_ros.ros.topics.templates import SECOND
+from vibro_ros.sensors.device import new_device
 from vibro_ros.simulation.kernels import compile_kernels
 from vibro_ros.simulation.preparation import Preparation
 from vibro_ros.simulation.provenance import provenance
@@ -83,12 +94,12 @@ def _run(words: Sequence[str]) -> int:
     files = check_arguments(words)
     with StopRequest() as stop, process.node_running(NODE_NAME, words) as (node, executor):
         check_addressed(files, node.get_fully_qualified_name())
-        check_names(node, (*COMMAND_UNITS, *map(published_name, PUBLISHED)))
+        check_names(node, (*COMMANDS, *map(published_name, PROFILES)))
         settings, scene = _configure(node, words)
-        qos.check_overrides(node, (*map(published_name, PUBLISHED), f"~/{OPERATIONS}", TOPIC,
-                                   *[CLOCK] * settings["clock.publish"]), (*COMMAND_UNITS, CLOCK))
+        qos.check_overrides(node, (*map(published_name, PROFILES), f"~/{OPERATIONS}", TOPIC,
+                                   *[CLOCK] * settings["clock.publish"]), (*COMMANDS, CLOCK))
         publishers = RobotPublishers(node, scene, settings["frame_prefix"], settings["tf.publish"],
-                                     [settings[name] for name in VARIANCES])
+                                     [settings[name] for name in VARIANCES], settings["ros2_control"])
         plan = _plan(node, settings, scene, publishers)
         node.get_logger().info(f"scene {settings['scene']}")
         preparation = Preparation(partial(_prepare, node, settings, scene, plan), node.get_logger().info)
@@ -122,7 +133,7 @@ def _configure(node: SteadyNode, words: Sequence[str]) -> tuple[dict[str, Value]
 def _plan(node: SteadyNode, settings: Mapping[str, Value], scene: Scene, publishers: RobotPublishers) -> Plan:
     """How to record, as far as it is known before the start; whatever is wrong with it is found here."""
     checkpoint = Topic(f"{node.get_fully_qualified_name()}/{CHECKPOINT}", CHECKPOINT_TYPE, qos_depth=1)
-    received = {**{name: node.resolve_topic_name(name) for name in COMMAND_UNITS},
+    received = {**{name: node.resolve_topic_name(name) for name in commands_of(scene)},
                 OPERATIONS: node.resolve_topic_name(f"~/{OPERATIONS}")}
     topics = {**received, **publishers.topics, CHECKPOINT: checkpoint.name}
     metadata = {"scene": str(settings["scene"]), "topics": json.dumps(topics)}  # `provenance` comes with the start
@@ -139,7 +150,7 @@ def _prepare(node: SteadyNode, settings: Mapping[str, Value], scene: Scene, plan
     if fault := scene.broken_promise:
         warnings.simplefilter("ignore", ToleranceWarning)  # said here, in the log's form
         log.warning(fault)
-    device = Simulator(scene)
+    device = new_device(scene)
     if device.choice:
         log.info(f"solver.method auto: {device.choice}")
     offer_recovery(plan.directory, settings["record.recover"], log)
@@ -190,15 +201,16 @@ def _new_run(node: SteadyNode, settings: Mapping[str, Value], device: Simulator,
              recording: Recording) -> Run:
     """The run of a `device`, which listens to commands and requests from now on, and is stepped by `Stepping`."""
     pacing = Pacing(settings["rate.real_time_factor"], settings["rate.max_catch_up"])
-    robot_time, subscriptions = RobotTime(settings["rate.publish"]), CommandSubscriptions(node)
+    robot_time, subscriptions = RobotTime(settings["rate.publish"]), CommandSubscriptions(node, device.scene)
     nodes = checked_nodes(node, settings["clock.lock_step"])
     lock_step = LockStep(node, nodes) if nodes else None
-    operations = Operations(node, device, pacing, robot_time, subscriptions.queue, recording.record, lock_step,
+    operations = Operations(node, device, pacing, robot_time, subscriptions, recording.record, lock_step,
                             settings["rate.start_paused"])
     offer_run_services(node, operations, recording)
+    offer_incidents(node, operations)
     follow_parameters(node, operations)
     control = SimulationControl(node, operations, robot_time)
-    offer_simulation(node, control)
+    offer_simulation(node, control, settings["frame_prefix"] + ODOM)
     clock = None
     if settings["clock.publish"]:
         publisher = node.create_publisher(Clock, CLOCK, qos.CLOCK)
@@ -210,7 +222,7 @@ def _new_run(node: SteadyNode, settings: Mapping[str, Value], device: Simulator,
 
         clock = publish_clock
     return Run(device, robot_time, pacing, subscriptions, publishers, operations, recording, control,
-               timeout=CommandTimeout(settings["command.timeout"], subscriptions.topics["motor_speed"])
+               timeout=CommandTimeout(settings["command.timeout"], subscriptions.topics[device.scene.motor_command])
                if settings["command.timeout"] else None,
                clock=clock, lock_step=lock_step)
 

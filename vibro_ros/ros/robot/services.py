@@ -22,11 +22,13 @@ from rclpy.parameter import Parameter as ParameterOfRclpy
 from rclpy.type_support import NoTypeSupportImportedException, check_for_type_support
 from std_srvs.srv import SetBool, Trigger
 
-from vibro_ros.messages.topics import PAUSE, RESET, RESUME, SET, STEP, Operation
-from vibro_ros.model.parameters import checked_parameters
+from vibro_ros.messages.fields import fill_entity_state
+from vibro_ros.messages.topics import FAULT, PAUSE, PUSH, RESET, RESUME, SET, STATE, STEP, Operation
+from vibro_ros.model.faults import Incident
+from vibro_ros.model.parameters import checked_parameters, quoted
 from vibro_ros.ros.node.node import NextTurn, SteadyNode
 from vibro_ros.ros.node.parameters import TABLE
-from vibro_ros.ros.robot.operations import Operations, Request
+from vibro_ros.ros.robot.operations import LOOK, Operations, Request
 from vibro_ros.ros.robot.pacing import RobotTime
 from vibro_ros.ros.robot.recording import Recording
 
@@ -40,10 +42,15 @@ NAMES = {
     "SetSimulationState": "~/set_simulation_state",
     "StepSimulation": "~/step_simulation",
     "SimulateSteps": "~/simulate_steps",
+    "GetEntityState": "~/get_entity_state",
+    "SetEntityState": "~/set_entity_state",
 }
 """What is offered of that package, by type."""
 ABOUT = ("vibro_ros: a step is one publish period. A reset puts the state back and lets the clock go on; there is "
          "nothing to spawn.")
+OWN_PACKAGE = "vibro_ros_interfaces"
+INCIDENTS = {"SetState": "~/set_state", "Push": "~/push", "InjectFault": "~/inject_fault"}
+"""What is offered of the project's own package, by type."""
 RESULT_TIMEOUT = 60
 """How long [s] the result of a goal can be asked for; each goal that was ever sent takes memory meanwhile."""
 FEEDBACK_PERIOD = 0.02
@@ -74,6 +81,48 @@ def offer_run_services(node: SteadyNode, operations: Operations, recording: Reco
             (Trigger, "~/reset", lambda _: Operation(RESET)), (Trigger, "~/step", lambda _: Operation(STEP, steps=1)),
             (SetBool, "~/pause", lambda request: Operation(PAUSE if request.data else RESUME))):
         node.create_service(kind, name, answering(operation), callback_group=group)
+
+
+def offer_incidents(node: SteadyNode, operations: Operations) -> None:
+    """Offer `INCIDENTS`, as far as their types are installed; the log says in one line what is left out."""
+    types = installed_types(OWN_PACKAGE, INCIDENTS)
+    if len(types) < len(INCIDENTS):
+        node.get_logger().info(f"{OWN_PACKAGE} is not installed, or old: without "
+                               f"{', '.join(path for name, path in INCIDENTS.items() if name not in types)}")
+    group = ReentrantCallbackGroup()
+
+    def answering(meant: Callable[[Any], Operation]) -> Answer:
+        async def answer(request: Any, response: Any) -> Any:
+            try:
+                asked = operations.ask(meant(request))
+            except ValueError as error:
+                response.message = str(error)
+                return response
+            await finished(node, asked)
+            response.success, response.message = outcome(asked)
+            return response
+
+        return answer
+
+    for name, kind in types.items():
+        node.create_service(kind, INCIDENTS[name], answering(_MEANT[name]), callback_group=group)
+
+
+def _state_asked(request: Any) -> Operation:
+    names = list(request.names)
+    if len(names) != len(request.values) or len(set(names)) != len(names):
+        raise ValueError(f"names, values: {len(names)} names, {len(set(names))} of them different, and "
+                         f"{len(request.values)} values; give one value for each name")
+    return Operation(STATE, parameters=dict(zip(names, map(float, request.values), strict=True)))
+
+
+_MEANT: dict[str, Callable[[Any], Operation]] = {
+    "SetState": _state_asked,
+    "Push": lambda request: Operation(PUSH, parameters={
+        name: getattr(request, name) for name in ("duration", "force_x", "force_z")}),
+    "InjectFault": lambda request: Operation(FAULT, parameters={
+        name: getattr(request, name) for name in Incident._fields}),
+}
 
 
 def follow_parameters(node: SteadyNode, operations: Operations) -> None:
@@ -134,6 +183,10 @@ class Code(IntEnum):
     INCORRECT_TRANSITION = 103
 
 
+INVALID_POSE = 101
+"""The code of SetEntityState alone."""
+
+
 class State(IntEnum):
     """What the simulation is doing; `STOPPED` is paused at its start."""
 
@@ -158,6 +211,8 @@ class Scope(IntFlag):
 class Feature(IntEnum):
     """What a simulator can do, as far as this robot can."""
 
+    ENTITY_STATE_GETTING = 10
+    ENTITY_STATE_SETTING = 11
     SIMULATION_RESET = 20
     SIMULATION_RESET_STATE = 22
     SIMULATION_STATE_GETTING = 24
@@ -175,6 +230,8 @@ FEATURES = {
     "SetSimulationState": (Feature.SIMULATION_STATE_SETTING, Feature.SIMULATION_STATE_PAUSE),
     "StepSimulation": (Feature.STEP_SIMULATION_SINGLE, Feature.STEP_SIMULATION_MULTIPLE),
     "SimulateSteps": (Feature.STEP_SIMULATION_MULTIPLE, Feature.STEP_SIMULATION_ACTION),
+    "GetEntityState": (Feature.ENTITY_STATE_GETTING,),
+    "SetEntityState": (Feature.ENTITY_STATE_SETTING,),
 }
 """The features that each type of service or action brings."""
 
@@ -193,13 +250,13 @@ class RefusalError(Exception):
 
     Parameters
     ----------
-    code : Code
+    code : int
         Why, for programs.
     words : str
         Why, for people: the value, the limit and the remedy.
     """
 
-    def __init__(self, code: Code, words: str):
+    def __init__(self, code: int, words: str):
         super().__init__(words)
         self.code = code
 
@@ -318,6 +375,19 @@ class SimulationControl:
         self._check_idle()
         await self._answer(self._operations.ask(Operation(RESET)), Code.OPERATION_FAILED)
 
+    @property
+    def entity(self) -> str:
+        """The robot's name as an entity."""
+        return self._node.get_fully_qualified_name().lstrip("/")
+
+    async def look(self) -> tuple[Any, int]:
+        """The device's state now, and its stamp [ns] (RefusalError: the run has ended)."""
+        return await self._answer(self._operations.ask(Operation(LOOK)), Code.OPERATION_FAILED), self._robot_time.stamp
+
+    async def set_entity_state(self, given: dict[str, float]) -> None:
+        """Put the robot into another state (RefusalError)."""
+        await self._answer(self._operations.ask(Operation(STATE, parameters=given)), Code.OPERATION_FAILED)
+
     def begin_steps(self, steps: int, counted: Callable[[int], object] | None = None) -> Request:
         """Ask for samples while robot time stands still.
 
@@ -358,7 +428,7 @@ class SimulationControl:
             raise RefusalError(Code.INCORRECT_STATE, f"{self._steps.operation.steps} steps are being taken, "
                                                 f"{self._steps.completed} so far; wait for their end, or cancel them")
 
-    async def _answer(self, request: Request, failure: Code) -> str:
+    async def _answer(self, request: Request, failure: Code) -> Any:
         """The words that answer what was asked for (RefusalError with the code of `failure`)."""
         await self._finished(request)
         try:
@@ -374,14 +444,58 @@ class SimulationControl:
             self.waiting -= 1
 
 
-def offer_simulation(node: SteadyNode, control: SimulationControl) -> None:
-    """Offer whatever of `simulation_interfaces` has its type installed; the log says in one line what is left out."""
+def entity_state_asked(request: Any, entity: str, frame: str) -> dict[str, float]:
+    """What a request of SetEntityState gives, by fields of the state.
+
+    Parameters
+    ----------
+    request : SetEntityState.Request
+        What is asked.
+    entity, frame : str
+        The robot's name, and the frame of its odometry, which an empty name means, too.
+
+    Raises
+    ------
+    RefusalError
+        For another entity or frame, and for what no body on the ground's line can do. Accelerations are ignored.
+    """
+    check_entity(request.entity, entity)
+    if request.state.header.frame_id not in ("", frame):
+        raise RefusalError(Code.OPERATION_FAILED, f"header.frame_id: {quoted(request.state.header.frame_id)} is not "
+                           f"known; give {frame}")
+    pose, twist, given = request.state.pose, request.state.twist, dict[str, float]()
+    if request.set_pose:
+        turn = pose.orientation
+        if pose.position.y or turn.x or turn.y or turn.z or abs(turn.w) != 1.0:
+            raise RefusalError(INVALID_POSE, "pose: the body moves along x and z and does not turn; give y = 0 and the "
+                               "orientation 0, 0, 0, 1")
+        given |= {"body_position": pose.position.x, "body_height": pose.position.z}
+    if request.set_twist:
+        if any((twist.linear.y, twist.angular.x, twist.angular.y, twist.angular.z)):
+            raise RefusalError(Code.OPERATION_FAILED, "twist: the body moves along x and z and does not turn; give 0")
+        given |= {"body_velocity": twist.linear.x, "body_vertical_velocity": twist.linear.z}
+    if not given:
+        raise RefusalError(Code.OPERATION_FAILED, "nothing to set; set set_pose or set_twist")
+    return given
+
+
+def check_entity(asked: str, entity: str) -> None:
+    """Refuse another entity than the robot (RefusalError)."""
+    if asked != entity:
+        raise RefusalError(Code.NOT_FOUND, f"entity: {quoted(asked)} is not here; give {entity}")
+
+
+def offer_simulation(node: SteadyNode, control: SimulationControl, frame: str) -> None:
+    """Offer whatever of `simulation_interfaces` has its type installed; the log says in one line what is left out.
+
+    `frame` is that of the odometry, in which the robot's state as an entity is.
+    """
     types = installed_types()
     if missing := [name for name in NAMES if name not in types]:
         lack = f"{PACKAGE} lacks {', '.join(missing)}" if types else f"{PACKAGE} is not installed"
         node.get_logger().info(f"{lack}: without {', '.join(NAMES[name] for name in missing)}")
     group = ReentrantCallbackGroup()  # who waits for steps keeps nobody from being served
-    answers = _answers(control, sorted({feature for name in types for feature in FEATURES[name]}))
+    answers = _answers(control, sorted({feature for name in types for feature in FEATURES[name]}), frame)
     for name, kind in types.items():
         if name == "SimulateSteps":
             _offer_steps(node, kind, NAMES[name], control)
@@ -389,13 +503,13 @@ def offer_simulation(node: SteadyNode, control: SimulationControl) -> None:
             node.create_service(kind, NAMES[name], answers[name], callback_group=group)
 
 
-def installed_types() -> dict[str, Any]:
-    """The types of `NAMES` that are installed and can be used, by their names."""
+def installed_types(package: str = PACKAGE, names: Iterable[str] = tuple(NAMES)) -> dict[str, Any]:
+    """The types of `names` that are installed and can be used, by their names."""
     found = {}
-    for name in NAMES:
+    for name in names:
         module = "action" if name == "SimulateSteps" else "srv"
         try:
-            kind = getattr(import_module(f"{PACKAGE}.{module}"), name)
+            kind = getattr(import_module(f"{package}.{module}"), name)
             check_for_type_support(kind)
         except (ImportError, AttributeError, NoTypeSupportImportedException):
             continue
@@ -403,9 +517,20 @@ def installed_types() -> dict[str, Any]:
     return found
 
 
-def _answers(control: SimulationControl, features: list[int]) -> dict[str, Answer]:
+def _answers(control: SimulationControl, features: list[int], frame: str) -> dict[str, Answer]:
     async def features_of(request: Any, response: Any) -> Any:
         response.features.features, response.features.custom_info = features, ABOUT
+        return response
+
+    async def entity_of(request: Any, response: Any) -> Any:
+        try:
+            check_entity(request.entity, control.entity)
+            state, stamp = await control.look()
+        except RefusalError as refusal:
+            response.result.result, response.result.error_message = refusal.code, str(refusal)
+            return response
+        response.result.result = Code.OK
+        fill_entity_state(response.state, state, stamp, frame)
         return response
 
     async def state_of(request: Any, response: Any) -> Any:
@@ -428,6 +553,9 @@ def _answers(control: SimulationControl, features: list[int]) -> dict[str, Answe
         "GetSimulationState": state_of,
         "ResetSimulation": answering(lambda request: control.reset(request.scope)),
         "SetSimulationState": answering(lambda request: control.change_state(request.state.state)),
+        "GetEntityState": entity_of,
+        "SetEntityState": answering(lambda request: control.set_entity_state(
+            entity_state_asked(request, control.entity, frame))),
         "StepSimulation": answering(lambda request: control.finish_steps(control.begin_steps(request.steps))),
     }
 

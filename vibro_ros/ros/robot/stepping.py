@@ -4,7 +4,7 @@ import math
 import threading
 import time
 from array import array
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
@@ -20,14 +20,17 @@ from vibro_ros.ros.robot.recording import Recording
 from vibro_ros.ros.robot.services import SimulationControl
 from vibro_ros.ros.topics.publishers import RobotPublishers
 from vibro_ros.ros.topics.subscriptions import CommandSubscriptions
-from vibro_ros.simulation.samples import NORMAL_FORCE
+from vibro_ros.sensors.device import SensedSimulator
+from vibro_ros.simulation.samples import FIELDS, NORMAL_FORCE
 from vibro_ros.simulation.simulator import Simulator
 
-WATCHED = "motor_speed"
+WATCHED = ("motor_speed", "motor_voltage")
 """The command without which `command.timeout` stops the motor."""
 OVER = "the simulation has ended"
 SUMMARY = 60.0
 """Least time [s] between two lines that tell of stalls."""
+MOST_KEPT = 10_000
+"""Samples that are kept for diagnostics: a second's at the highest `rate.publish`."""
 FOR_BAG = 0.001
 """Wait [s] of samples that are faster than the disk, until they look again."""
 
@@ -61,8 +64,8 @@ class CommandTimeout:
 
     def is_over(self, time: float, accepted: Counter[str], device: Simulator) -> bool:
         """Whether the motor is to stop at robot time `time` [s], where so many commands were `accepted`."""
-        if accepted[WATCHED] != self._accepted:
-            self._last, self._accepted = time, accepted[WATCHED]
+        if (count := sum(accepted[name] for name in WATCHED)) != self._accepted:
+            self._last, self._accepted = time, count
         if time - self._last < self._limit or not device.commanded_motor_speed:
             return False
         self.count += 1
@@ -189,6 +192,8 @@ class Stepping:
         self.busy = 0.0
         self.unloaded = 0
         self._run, self._log, self._begin = run, log, begin
+        self._kept: deque[np.ndarray] = deque(maxlen=MOST_KEPT)
+        self._looked_at = run.device.scene.body_hops or run.device.scene.has_rotor  # by `validity_of`
         self._stalls = StallReport(log.warning)
         self._stopped = threading.Event()
         self._thread = threading.Thread(target=self._step_until_stopped, name="stepping")
@@ -202,6 +207,11 @@ class Stepping:
         self._run.operations.woken.set()
         self._thread.join()
 
+    def take_samples(self) -> np.ndarray:
+        """The samples since the last call, the latest `MOST_KEPT`, shape (n, fields); for one other thread."""
+        taken, self._kept = self._kept, deque(maxlen=MOST_KEPT)
+        return np.array(list(taken)).reshape(-1, len(FIELDS))
+
     def _step_until_stopped(self) -> None:
         try:
             self._run.pacing.start(self._begin)
@@ -211,7 +221,10 @@ class Stepping:
                 self._run.device.advance_to(self._run.robot_time.due_of_device)
                 self._run.robot_time.ticks += 1
                 self.busy += time.perf_counter() - begun
-                self.unloaded += self._publish().item(NORMAL_FORCE) <= 0.0
+                values = self._publish()
+                self.unloaded += values.item(NORMAL_FORCE) <= 0.0
+                if self._looked_at:
+                    self._kept.append(values.copy())
                 self._run.operations.count_sample()
         except Exception as error:  # the main thread says it, after it has sealed the bag
             self.error = error
@@ -261,9 +274,10 @@ class Stepping:
             self._log.warning(run.timeout.words)
 
     def _publish(self) -> np.ndarray:
-        run, values = self._run, self._run.device.values
-        run.publishers.publish(values, run.device.take_events(), run.robot_time.stamp, run.robot_time.stamp_of,
-                               run.recording.record)
+        run, device, values = self._run, self._run.device, self._run.device.values
+        measurements = device.take_measurements() if isinstance(device, SensedSimulator) else ()
+        run.publishers.publish(values, device.take_events(), run.robot_time.stamp, run.robot_time.stamp_of,
+                               run.recording.record, measurements)
         run.recording.checkpoint(run.robot_time.stamp, self._checkpoint)
         if run.clock:
             run.clock()

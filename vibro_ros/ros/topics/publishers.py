@@ -18,10 +18,19 @@ from rclpy.serialization import serialize_message
 from vibro_ros.bag.recorder import Together
 from vibro_ros.messages import fields
 from vibro_ros.messages.fields import NONE, PLATES, Frames, joints_of
-from vibro_ros.messages.topics import ROBOT_TOPICS, TF_TOPICS, published_name
+from vibro_ros.messages.topics import (
+    OF_DC_MOTOR,
+    PUBLISHED_TYPES,
+    ROBOT_TOPICS,
+    SENSOR_TOPICS,
+    SENSOR_TYPES,
+    TF_TOPICS,
+    published_name,
+)
 from vibro_ros.model.scene import Scene
 from vibro_ros.ros.node import qos
 from vibro_ros.ros.topics.templates import Make, Sheet, checked_template, plain_bytes
+from vibro_ros.sensors.device import KINDS, Measurement, sensors_on
 from vibro_ros.simulation.samples import CRANK_ANGLE, FIELDS, Samples
 
 Variances = Sequence[Sequence[float]]
@@ -36,11 +45,18 @@ PUBLISHED = {
     "ground_contact": qos.SAMPLES,
     "impacts": qos.IMPACTS,
     "motor_power": qos.SAMPLES,
+    "motor_current": qos.SAMPLES,
+    "electrical_power": qos.SAMPLES,
     "robot_description": qos.LASTING,
     "tf": qos.TRANSFORMS,
     "tf_static": qos.LASTING,
 }
 """Quality of service of each topic; `ROBOT_TOPICS` has the types."""
+
+PROFILES = {**PUBLISHED, **dict.fromkeys(SENSOR_TYPES, qos.SENSORS)}
+"""The same, and of the topics of sensors."""
+
+_SINGLE = {"current"}  # sensors whose message has numbers of 4 bytes, which no `Sheet` fills
 
 
 class RobotPublishers:
@@ -59,6 +75,8 @@ class RobotPublishers:
         none, and the log says so.
     variances : pair of sequences of float
         Of the pose and of the twist in `odom`, as `messages.fields.fill_odometry` takes them.
+    control : bool
+        Whether `robot_description` tells ros2_control how to command the robot.
 
     Attributes
     ----------
@@ -69,7 +87,7 @@ class RobotPublishers:
     """
 
     def __init__(self, node: Node, scene: Scene, prefix: str = "", transforms: str = NONE,
-                 variances: Variances = ((), ())):
+                 variances: Variances = ((), ()), control: bool = False):
         self.frames: Frames | None = None
         if transforms != NONE:
             try:
@@ -77,13 +95,16 @@ class RobotPublishers:
                 self.frames = Frames(scene, prefix, transforms)
             except ValueError as error:
                 node.get_logger().info(f"no tf: {error}")
-        left_out = TF_TOPICS if self.frames is None else () if self.frames.fixed else ("tf_static",)
+        left_out: tuple[str, ...] = TF_TOPICS if self.frames is None else () if self.frames.fixed else ("tf_static",)
+        left_out += () if scene.has_rotor else OF_DC_MOTOR
+        sensors = sensors_on(scene)
+        topics = (*(topic for topic in PUBLISHED if topic not in left_out), *(SENSOR_TOPICS[name] for name in sensors))
         self.publishers: dict[str, Publisher] = {
-            topic: node.create_publisher(message_class(ROBOT_TOPICS[topic]), published_name(topic), profile)
-            for topic, profile in PUBLISHED.items() if topic not in left_out
-        }
+            topic: node.create_publisher(message_class(PUBLISHED_TYPES[topic]), published_name(topic), PROFILES[topic])
+            for topic in topics}
         self._prefix, names, warn = prefix, self.topics, node.get_logger().warning
-        self._description = serialize_message(filled("robot_description", fields.fill_robot_description, scene))
+        about = {name: node.resolve_topic_name(name) for name in ("joint_commands", "joint_states")} if control else {}
+        self._description = serialize_message(filled("robot_description", fields.fill_robot_description, scene, about))
         made = sample_makers(scene, prefix, variances)
         made |= {"tf": partial(_transforms, self.frames)} if self.frames else {}
         self._numbers = np.zeros(len(FIELDS) + (len(self.frames.turns(0.0)) if self.frames else 0))
@@ -100,6 +121,11 @@ class RobotPublishers:
         for kind in PLATES:
             if template := checked_template(partial(_impact, prefix, kind), ROBOT_TOPICS["impacts"], 1, warn):
                 self._impact_sheets[kind] = Sheet([template])
+        self._sensor_sheets: dict[str, Sheet] = {}
+        for name in set(sensors) - _SINGLE:
+            if template := checked_template(partial(_measurement, prefix, name), SENSOR_TYPES[SENSOR_TOPICS[name]],
+                                            KINDS[name].numbers, warn):
+                self._sensor_sheets[name] = Sheet([template])
 
     @property
     def topics(self) -> dict[str, str]:
@@ -119,11 +145,11 @@ class RobotPublishers:
         return [(self.publishers[topic].topic_name, data) for topic, data in lasting.items()]
 
     def publish(self, values: np.ndarray, events: np.ndarray, stamp: int, stamp_of: Callable[[float], int],
-                record: Record) -> None:
-        """Publish and record a sample, and the contacts that ended since the one before it.
+                record: Record, measurements: Sequence[Measurement] = ()) -> None:
+        """Publish and record a sample, and the contacts that ended since the one before it, and the measurements.
 
         Everything is recorded at the sample's instant, so that the bag is in time order; an impact's header has
-        the first instant of contact.
+        the first instant of contact, a measurement's the instant at which it was measured.
 
         Parameters
         ----------
@@ -137,6 +163,8 @@ class RobotPublishers:
             ROS time [ns] of a time [s] by the device's clock.
         record : callable
             The bag.
+        measurements : sequence of Measurement
+            What has come out of the sensors: `SensedSimulator.take_measurements`.
         """
         numbers = values
         if self.frames is not None:
@@ -158,6 +186,13 @@ class RobotPublishers:
             else:
                 data = serialize_message(_impact(self._prefix, kind, [peak_force], stamp_of(time)))
             self._publish("impacts", data, stamp, record)
+        for name, time, read in measurements:
+            if sheet := self._sensor_sheets.get(name):
+                sheet.fill(read, stamp_of(time))
+                data = sheet.messages[0].tobytes()
+            else:
+                data = serialize_message(_measurement(self._prefix, name, read.tolist(), stamp_of(time)))
+            self._publish(SENSOR_TOPICS[name], data, stamp, record)
 
     def _publish(self, topic: str, data: bytes, stamp: int, record: Record) -> None:
         publisher = self.publishers[topic]
@@ -168,13 +203,17 @@ class RobotPublishers:
 def makers(scene: Scene, prefix: str, variances: Variances = ((), ())) -> Mapping[str, MakeOfSample]:
     """What makes the message of each topic that has every sample, in the order in which they are published."""
     joints = joints_of(scene)
-    return {
+    of_every: dict[str, MakeOfSample] = {
         "odom": lambda state, stamp: filled("odom", fields.fill_odometry, state, stamp, prefix, variances),
         "joint_states": lambda state, stamp: filled("joint_states", fields.fill_joint_states, state, joints, stamp,
                                                     prefix),
         "ground_contact": lambda state, stamp: filled("ground_contact", fields.fill_ground_contact, state, stamp,
                                                       prefix),
         "motor_power": lambda state, stamp: filled("motor_power", fields.fill_motor_power, state),
+    }
+    return of_every if not scene.has_rotor else of_every | {
+        "motor_current": lambda state, stamp: filled("motor_current", fields.fill_motor_current, state),
+        "electrical_power": lambda state, stamp: filled("electrical_power", fields.fill_electrical_power, state),
     }
 
 
@@ -185,7 +224,7 @@ def sample_makers(scene: Scene, prefix: str, variances: Variances = ((), ())) ->
 
 def filled(topic: str, fill: Callable[..., None], *about: Any) -> Any:
     """The message of a topic, filled by a function of `messages.fields`."""
-    message = message_class(ROBOT_TOPICS[topic])()
+    message = message_class(PUBLISHED_TYPES[topic])()
     fill(message, *about)
     return message
 
@@ -225,3 +264,7 @@ def _transforms(frames: Frames, numbers: Sequence[float], stamp: int) -> Any:
 
 def _impact(prefix: str, kind: str, numbers: Sequence[float], stamp: int) -> Any:
     return filled("impacts", fields.fill_impact, {"kind": kind, "peak_force": numbers[0]}, stamp, prefix)
+
+
+def _measurement(prefix: str, name: str, numbers: Sequence[float], stamp: int) -> Any:
+    return filled(SENSOR_TOPICS[name], fields.MEASUREMENTS[name], numbers, stamp, prefix)

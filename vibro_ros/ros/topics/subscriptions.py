@@ -1,14 +1,15 @@
 """The robot's subscriptions: commands, queued with what services ask for until the stepping thread takes them.
 
-The executor's thread takes the bytes of `motor_speed`, `upper_gap` and `inclined_gap` (`Gathering`) and puts them into
-`Queue`; the stepping thread takes all of it before its next sample, records each message and gives its number to the
-device (`CommandSubscriptions.apply`).
+The executor's thread takes the bytes of `motor_speed`, `upper_gap`, `inclined_gap` and `joint_commands` (`Gathering`)
+and puts them into `Queue`; the stepping thread takes all of it before its next sample, records each message and gives
+its numbers to the device (`CommandSubscriptions.apply`).
 """
 
 import time
 from collections import Counter, deque
 from collections.abc import Callable, Iterable, Mapping
 from functools import partial
+from heapq import heappop, heappush
 from itertools import chain, count
 from operator import itemgetter
 from threading import Lock
@@ -19,20 +20,32 @@ from rclpy.clock_type import ClockType
 from rclpy.node import Node
 from rclpy.subscription import Subscription
 from rclpy.topic_endpoint_info import TopicEndpointInfo
-from std_msgs.msg import Float64
 
 from vibro_ros.bag.cdr import deserialised
-from vibro_ros.messages.topics import COMMAND_UNITS, INPUTS, OPERATIONS, ROBOT_TOPICS
+from vibro_ros.messages.topics import (
+    COMMANDS,
+    INPUTS,
+    JOINT_COMMANDS,
+    OPERATIONS,
+    ROBOT_TOPICS,
+    commands_in,
+    commands_of,
+)
+from vibro_ros.model.faults import Incident
+from vibro_ros.model.scene import Scene
 from vibro_ros.ros.node import qos
 from vibro_ros.ros.node.refusals import Refusals, Throttle, peer_text
-from vibro_ros.ros.topics.publishers import Record
+from vibro_ros.ros.topics.publishers import Record, message_class
 from vibro_ros.simulation.simulator import Simulator
 
 LONGEST = 1024
-"""Bytes of the longest message that is queued and recorded; a command has 12, and the queue is counted in messages."""
+"""Bytes of the longest message that is queued and recorded, because the queue is counted in messages; a command has 12,
+one for all joints some 200."""
 MOST_WAITING = 100
-"""Commands of one topic that wait. A command costs the device 30 to 70 us, so that those of the three topics together
-delay a tick by 20 ms at most, a fifth of what `rate.max_catch_up` makes good by default."""
+"""Commands of one topic that wait. A command costs the device 30 to 70 us, so that those of all topics together
+delay a tick by 40 ms at most, less than half of what `rate.max_catch_up` makes good by default."""
+MOST_LATE = 10_000
+"""Commands that are kept while the fault `late_commands` lasts."""
 REST = 0.001
 """Time [s] from one gathering to the next: DDS keeps the last ten messages of a topic, so none is lost up to 10 kHz."""
 LOOKS = 1.0
@@ -48,6 +61,8 @@ class CommandSubscriptions:
     ----------
     node : Node
         Listens under the node's names; logs refusals.
+    scene : Scene
+        Says which commands the robot has.
 
     Attributes
     ----------
@@ -57,17 +72,25 @@ class CommandSubscriptions:
         What has arrived; other threads put their operations into it, too.
     accepted : Counter
         Commands that took effect, by name.
+    lost : int
+        Commands that the fault `lost_commands` took.
+    influences : dict of str to int
+        Faults of commands that last, and the instants at which they end, as stamps [ns].
     """
 
-    def __init__(self, node: Node):
+    def __init__(self, node: Node, scene: Scene):
         self._log, self._too_long = node.get_logger(), Refusals(node.get_logger)
         self._refused = self._reported = 0
         self.queue, self.accepted = Queue(INPUTS), Counter[str]()
-        self._throttles = {name: Throttle() for name in (*COMMAND_UNITS, "dropped")}
+        self.lost, self.influences = 0, dict[str, int]()
+        self._delay, self._arrivals = 0, count()
+        self._late: list[tuple[int, int, str, bytes]] = []  # a heap by the instants of effect
+        self._throttles = {name: Throttle() for name in (*COMMANDS, "dropped")}
         gathering = Gathering(self._receive)
         self.subscriptions: dict[str, Subscription] = {
-            name: node.create_subscription(Float64, name, partial(gathering.take, name), qos.COMMANDS, raw=True)
-            for name in COMMAND_UNITS
+            name: node.create_subscription(message_class(ROBOT_TOPICS[name]), name, partial(gathering.take, name),
+                                           qos.JOINT_COMMANDS if name == JOINT_COMMANDS else qos.COMMANDS, raw=True)
+            for name in commands_of(scene)
         }
         gathering.subscriptions = self.subscriptions
         self.topics = {name: subscription.topic_name for name, subscription in self.subscriptions.items()}
@@ -90,15 +113,21 @@ class CommandSubscriptions:
         Operations that were asked for between them are handed to `perform` in their turn. What stands behind something
         that cannot be done waits on, because whoever asked for it is still to be answered.
         """
+        while self._late and self._late[0][0] <= stamp:
+            *_, name, item = heappop(self._late)
+            self._take(device, name, item, stamp, record)
         taken = deque(self.queue.take())
         try:
             while taken:
                 name, item = taken.popleft()
                 if name == OPERATIONS:
                     perform(item)
+                elif self.influences.get("lost_commands", 0) > stamp:
+                    self.lost += 1
+                elif self.influences.get("late_commands", 0) > stamp:
+                    self._keep(stamp + self._delay, name, item)
                 else:
-                    record(self.topics[name], stamp, item)
-                    self._command(device, name, item)
+                    self._take(device, name, item, stamp, record)
         finally:
             for name, item in taken:
                 self.queue.add(name, item)
@@ -106,6 +135,27 @@ class CommandSubscriptions:
             self._reported = self.dropped
             self._warn("dropped", f"{self.dropped} commands dropped: more than {MOST_WAITING} of a topic came within a "
                                   "tick, of which the last ones count")
+
+    def fail(self, incident: Incident, stamp: int) -> None:
+        """Let commands be late or get lost from `stamp` [ns] on."""
+        self.influences[incident.fault] = stamp + round(1e9 * incident.duration)
+        if incident.fault == "late_commands" and incident.duration:
+            self._delay = round(1e9 * incident.value)
+
+    def recover(self) -> None:
+        """End all faults; commands that are still to come are dropped."""
+        self.influences.clear()
+        self._late.clear()
+
+    def _keep(self, due: int, name: str, data: bytes) -> None:
+        if len(self._late) == MOST_LATE:
+            self.queue.dropped += 1
+        else:
+            heappush(self._late, (due, next(self._arrivals), name, data))
+
+    def _take(self, device: Simulator, name: str, data: bytes, stamp: int, record: Record) -> None:
+        record(self.topics[name], stamp, data)
+        self._command(device, name, data)
 
     def _receive(self, name: str, data: bytes) -> None:
         if len(data) > LONGEST:
@@ -116,22 +166,25 @@ class CommandSubscriptions:
 
     def _command(self, device: Simulator, name: str, data: bytes) -> None:
         try:
-            device.command(**{name: self._value(name, data)})
-        except ValueError as error:
-            self._refused += 1  # the device names the parameter, `motor.speed`; a peer knows the topic
-            reason = str(error).removeprefix(f"{name.replace('_', '.')}: ")
-            topic = self.topics[name]
-            self._warn(name, f"command refused: {reason if reason.startswith(topic) else f'{topic}: {reason}'}")
-        else:
-            self.accepted[name] += 1
-
-    def _value(self, name: str, data: bytes) -> float:
-        """The number in a message, as every reader of the bag reads it (ValueError when it cannot be read)."""
-        try:
-            return deserialised(data, ROBOT_TOPICS[name]).data
+            message = deserialised(data, ROBOT_TOPICS[name])  # as every reader of the bag reads it
         except ValueError:
-            raise ValueError(f"{self.topics[name]}: a message of {len(data)} bytes is no "
-                             f"{ROBOT_TOPICS[name]}; publish that type") from None
+            self._refuse(name, f"a message of {len(data)} bytes is no {ROBOT_TOPICS[name]}; publish that type")
+            return
+        given, faults = commands_in(name, message, device.scene)
+        for fault in faults:
+            self._refuse(name, fault)
+        for argument, value in given.items():
+            try:
+                device.command(**{argument: value})
+            except ValueError as error:  # names the parameter, `motor.speed`; a peer knows the topic
+                reason = str(error)
+                self._refuse(name, reason.removeprefix(f"{name.replace('_', '.')}: "))
+            else:
+                self.accepted[argument] += 1
+
+    def _refuse(self, name: str, reason: str) -> None:
+        self._refused += 1
+        self._warn(name, f"command refused: {self.topics[name]}: {reason}")
 
     def _warn(self, name: str, text: str) -> None:
         if admitted := self._throttles[name].admit(text):

@@ -7,6 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 import pyarrow as pa
+from scipy.stats import linregress
+from scipy.stats import t as student
 
 from vibro_ros.orbits.chaos import exponent_of_pairs
 from vibro_ros.orbits.orbit import close, orbit_at
@@ -19,6 +21,7 @@ from vibro_ros.study.progress import Progress
 #: Starts along a side of a box of `basin_entropy`, as its authors have it.
 BOX = 5
 _QUANTILE = 1.959963984540054  # of the normal distribution, for 95 %
+_LEAST_DISTANCES = 3  # of a fit with an interval
 
 
 class Fraction(NamedTuple):
@@ -37,8 +40,8 @@ class BasinEntropy(NamedTuple):
     entropy : float
         Mean over all boxes of the entropy of the motions within a box [nat]: 0 where every box has one motion.
     boundary : float
-        Mean over the boxes with more than one motion [nat]; NaN without any. Above log 2 the boundary is fractal;
-        below, it may be either.
+        Mean over the boxes with more than one motion [nat]; NaN without any. Above log 2, in boxes ever
+        smaller and with ever more starts, the boundary is fractal; in the boxes of a grid it is a hint.
     boxes, mixed : int
         Boxes, and those with more than one motion.
     """
@@ -48,10 +51,53 @@ class BasinEntropy(NamedTuple):
     boxes: int
     mixed: int
 
-    @property
-    def fractal(self) -> bool:
-        """Whether the boundary must be fractal, as the log 2 criterion says."""
-        return self.boundary > math.log(2.0)
+
+class Uncertainty(NamedTuple):
+    """How fast it becomes easier to tell where a start leads, as the start is known better.
+
+    Attributes
+    ----------
+    exponent, spread : float
+        Slope of log f over log of the distance, f being the share of starts with another motion so far away; and half
+        the width of the fit's 95 % interval. 1 for a smooth boundary, less for a fractal one; dimensionless.
+    steps : tuple of int
+        Least and largest distance of the fit, in steps of the grid.
+    """
+
+    exponent: float
+    spread: float
+    steps: tuple[int, int]
+
+
+def uncertainty(numbers: np.ndarray, outside: int) -> Uncertainty | None:
+    """Uncertainty exponent of a grid of starts; None where fewer than three distances see a boundary.
+
+    C. Grebogi, S. W. McDonald, E. Ott and J. A. Yorke, Phys. Lett. A 99 (1983) 415-418. A start counts if both starts
+    at the distance along a side of the grid can be; distances are powers of two up to an eighth of a side.
+
+    Parameters
+    ----------
+    numbers : ndarray of int, shape (rows, columns)
+        Where each start leads.
+    outside : int
+        What stands where nothing can start.
+    """
+    steps, shares = [], []
+    most = min(numbers.shape) // 8
+    for step in (2**power for power in range(most.bit_length())):
+        unsure = counted = 0
+        for grid in (numbers, numbers.T):  # of the same starts at every distance
+            before, middle, after = (grid[most + shift:len(grid) - most + shift] for shift in (-step, 0, step))
+            possible = (before != outside) & (middle != outside) & (after != outside)
+            unsure += int(np.sum(possible & ((before != middle) | (after != middle))))
+            counted += int(possible.sum())
+        if unsure:
+            steps.append(step)
+            shares.append(unsure / counted)
+    if len(steps) < _LEAST_DISTANCES:
+        return None
+    fit = linregress(np.log(steps), np.log(shares))
+    return Uncertainty(float(fit.slope), float(student.ppf(0.975, len(steps) - 2) * fit.stderr), (steps[0], steps[-1]))
 
 
 def wilson(found: int, of: int) -> Fraction:

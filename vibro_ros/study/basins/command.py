@@ -10,7 +10,7 @@ from vibro_ros.accuracy.precision import running
 from vibro_ros.orbits.turn_map import Stroboscope, free_cut
 from vibro_ros.process.front_door import FAILURE, Parser, say
 from vibro_ros.simulation.simulator import ToleranceWarning
-from vibro_ros.study.basins.attractors import NOWHERE, basin_entropy, found_in
+from vibro_ros.study.basins.attractors import NOWHERE, basin_entropy, found_in, uncertainty
 from vibro_ros.study.basins.result import attractors_table, draw_basins, in_words, starts_table
 from vibro_ros.study.basins.starts import (
     FOLDER,
@@ -64,10 +64,11 @@ def _basins(options: argparse.Namespace) -> int:
                                    _folder(options.output, f"{SHOCKS_FOLDER}_{design.shocks}"), runner)
         write_files(options.output, {STARTS: starts_table(table, found), ATTRACTORS: attractors_table(found, upsets),
                                      PICTURE: draw_basins(design, table, found)})
-    entropy = None
+    entropy = unsure = None
     if isinstance(design.starts, Plane):
-        entropy = basin_entropy(found.numbers.reshape([one.count for one in design.starts.over]), outside=NOWHERE)
-    print("\n".join(in_words(design, table, found, entropy, upsets)))
+        grid = found.numbers.reshape([one.count for one in design.starts.over])
+        entropy, unsure = basin_entropy(grid, outside=NOWHERE), uncertainty(grid, outside=NOWHERE)
+    print("\n".join(in_words(design, table, found, entropy, unsure, upsets)))
     if not options.scheduler:
         say("study", f"{_core_time() - begun:.1f} s of core time")
     failed = any(text and not text.startswith(NO_START) for text in table["error"].to_pylist())

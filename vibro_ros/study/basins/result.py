@@ -12,7 +12,16 @@ from vibro_ros.accuracy.figures import new_figure, png, tidy
 from vibro_ros.orbits.recurrence import LONGEST_PERIOD
 from vibro_ros.orbits.turn_map import coordinates
 from vibro_ros.simulation.given_state import UNITS
-from vibro_ros.study.basins.attractors import MOST_MOTIONS, NOWHERE, UNSETTLED, UNTOLD, Attractor, BasinEntropy, Found
+from vibro_ros.study.basins.attractors import (
+    MOST_MOTIONS,
+    NOWHERE,
+    UNSETTLED,
+    UNTOLD,
+    Attractor,
+    BasinEntropy,
+    Found,
+    Uncertainty,
+)
 from vibro_ros.study.basins.starts import Design, Over, Plane
 from vibro_ros.study.running.blocks import NUMBERS, Field, file_of, table_of
 
@@ -58,7 +67,7 @@ _PART = 0.05  # of the largest part of a shock: smaller parts are left out
 
 
 def in_words(design: Design, table: pa.Table, found: Found, entropy: BasinEntropy | None,
-             upsets: pa.Table | None) -> list[str]:
+             unsure: Uncertainty | None, upsets: pa.Table | None) -> list[str]:
     """What was found, a line each."""
     over = ", ".join(f"{one.name} {one.low:g} to {one.high:g} {one.unit}" for one in design.starts.over)
     watched = float(np.mean(table["after"].to_numpy()))
@@ -80,11 +89,14 @@ def in_words(design: Design, table: pa.Table, found: Found, entropy: BasinEntrop
     for row in upsets.slice(0, _SHOWN).to_pylist() if upsets is not None else ():
         lines.append(f"motion {row['attractor']}: {_upset(design, row)}")
     if entropy:
-        says = "so the boundary is fractal" if entropy.fractal else (
-            f"not above log 2 = {math.log(2.0):.3f}, which leaves open whether the boundary is fractal")
+        says = "above log 2 = 0.693, which hints at a fractal boundary" if entropy.boundary > math.log(2.0) else (
+            "not above log 2 = 0.693, which leaves open whether the boundary is fractal")
         lines.append(f"basin entropy {entropy.entropy:.4f}, of the {entropy.mixed} of {entropy.boxes} boxes with more "
                      f"than one motion {entropy.boundary:.4f}, {says}" if entropy.mixed else
                      f"basin entropy 0: each of {entropy.boxes} boxes has one motion")
+    if unsure:
+        lines.append(f"uncertainty exponent {unsure.exponent:.2f} ± {unsure.spread:.2g} from distances of "
+                     f"{unsure.steps[0]} to {unsure.steps[1]} steps of the grid; 1 for a smooth boundary")
     for number, what in ((UNSETTLED, f"starts had not settled within {design.most_turns} turns"),
                          (UNTOLD, f"starts have other motions than the first {MOST_MOTIONS}"),
                          (NOWHERE, "starts cannot be, or could not go on")):

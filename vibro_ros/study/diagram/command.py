@@ -25,8 +25,7 @@ from vibro_ros.study.variation import Axis, varied_in_words
 VISITS, NATURES = "visits", "natures"
 STATES, VALUES, PICTURE = "states.parquet", "values.parquet", "diagram.png"
 _SCENE, _VARY, _COUNT, _QUICK_COUNT = "device", "motor.speed=60:240", 181, 31
-_MOST_TURNS, _EXPONENTS, _CUTS = 4096, 200, 1000
-_QUICK_EXPONENTS = 40
+_MOST_TURNS, _EXPONENTS, _CUTS = 4096, 100, 1000
 
 
 def main(words: Sequence[str]) -> int:
@@ -78,10 +77,8 @@ def _design(options: argparse.Namespace, scene: Scene, axis: Axis) -> Design:
     names = coordinates(first)
     if not names:
         raise ValueError(f"{scene.name}: has no mass whose motion could be shown; give one with effects.upper_mass")
-    exponents = options.exponents if options.exponents is not None else (
-        _QUICK_EXPONENTS if options.quick else _EXPONENTS)
     return Design(scene, axis, phase, options.coordinate or names[-1 if len(names) < 4 else 3], options.most_turns,
-                  exponents, options.cuts)
+                  options.exponents, options.cuts)
 
 
 def _parser() -> Parser:
@@ -98,11 +95,11 @@ def _parser() -> Parser:
                         "where nothing touches at the first value)")
     parser.add_argument("--most-turns", type=int, default=_MOST_TURNS, metavar="N", help="turns of the crank that a "
                         "motion has to settle (default: %(default)d)")
-    parser.add_argument("--exponents", type=int, metavar="TURNS", help="turns over which the exponents of a motion "
-                        f"that is not periodic are measured; 0: no exponents (default: {_EXPONENTS})")
+    parser.add_argument("--exponents", type=int, default=_EXPONENTS, metavar="TURNS", help="turns over which the "
+                        "exponents of a motion that is not periodic are measured, up to 16 times as many until the "
+                        "sign of the largest is known; 0: no exponents (default: %(default)d)")
     parser.add_argument("--cuts", type=int, default=_CUTS, metavar="TURNS", help="turns that the 0-1 test hears; 0: no "
                         "test (default: %(default)d)")
-    parser.add_argument("--quick", action="store_true", help=f"{_QUICK_COUNT} values and {_QUICK_EXPONENTS} turns, "
-                        "where these are not given")
+    parser.add_argument("--quick", action="store_true", help=f"{_QUICK_COUNT} values, where these are not given")
     add_runner(parser)
     return parser

@@ -13,6 +13,8 @@ from matplotlib.axes import Axes
 
 from vibro_ros.accuracy.figures import new_figure, png, tidy, with_unit
 from vibro_ros.model.parameters import BY_NAME
+from vibro_ros.orbits.chaos import sign_of
+from vibro_ros.orbits.recurrence import LONGEST_PERIOD, WATCHED
 from vibro_ros.simulation.given_state import UNITS
 from vibro_ros.study.diagram.visits import DOWN, UP, Design, Visit
 from vibro_ros.study.running.blocks import KEY, file_of, fingerprint
@@ -45,10 +47,32 @@ class Diagram:
         """What was measured of a visit, a column of its table; NaN where nothing was."""
         return float(self.natures[column][visit].as_py()) if self.natures is not None else float("nan")
 
+    def period(self, visit: Visit) -> int:
+        """Turns after which a motion repeats itself, a long period among them; 0 where none was found."""
+        return visit.motion.turns if self.natures is None else int(self.nature("period", visit.number))
+
+    def sign(self, visit: Visit) -> int | None:
+        """Sign of a visit's largest exponent, 0 where it is not known; None where none was measured."""
+        exponent = self.nature("exponent_1", visit.number)
+        return None if math.isnan(exponent) else sign_of(exponent, self.nature("spread_1", visit.number))
+
+    def disagrees(self, visit: Visit) -> bool:
+        """Whether the largest exponent and K of the 0-1 test contradict each other."""
+        chaos = self.nature("zero_one", visit.number)
+        return bool(self.sign(visit)) and not math.isnan(chaos) and (chaos > _CHAOTIC) != (self.sign(visit) == 1)
+
     def differ(self) -> list[bool]:
         """For each value, whether the motions found upwards and downwards are settled, and two."""
         return [up.settled and down.settled and not up.motion.is_same(down.motion)
                 for up, down in zip(self.of(UP), self.of(DOWN), strict=True)]
+
+    def kind(self, visit: Visit) -> str:
+        """How a motion repeats itself, in words."""
+        turns = self.period(visit)
+        if not (visit.settled or turns):
+            return "not settled"
+        watched = LONGEST_PERIOD if self.natures is None or not self.design.exponents else WATCHED // 4
+        return f"no period to {watched}" if not turns else "every turn" if turns == 1 else f"every {turns} turns"
 
     def hysteresis(self) -> list[list[int]]:
         """Places of neighbouring values at which the motion found upwards is another one than that found downwards."""
@@ -59,18 +83,10 @@ class Diagram:
         """Visits of neighbouring values, of one direction and period, all with two motions or all with one."""
         two, found = self.differ(), []
         for direction in (UP, DOWN):
-            keys = [(kind(one), is_two) for one, is_two in zip(self.of(direction), two, strict=True)]
+            keys = [(self.kind(one), is_two) for one, is_two in zip(self.of(direction), two, strict=True)]
             for _, places in itertools.groupby(range(len(two)), keys.__getitem__):
                 found.append([self.of(direction)[place] for place in places])
         return found
-
-
-def kind(visit: Visit) -> str:
-    """How a motion repeats itself, in words."""
-    if not visit.settled:
-        return "not settled"
-    turns = visit.motion.turns
-    return "not periodic" if not turns else "every turn" if turns == 1 else f"every {turns} turns"
 
 
 def states_table(design: Design, table: pa.Table) -> bytes:
@@ -85,13 +101,13 @@ def values_table(found: Diagram) -> bytes:
         "visit": pa.array([one.number for one in found.visits], pa.int64()),
         "direction": pa.array([design.direction(one.number) for one in found.visits], pa.string()),
         design.axis.name: pa.array([design.value(one.number) for one in found.visits], pa.float64()),
-        "period": pa.array([one.motion.turns for one in found.visits], pa.int64()),
+        "period": pa.array([found.period(one) for one in found.visits], pa.int64()),
         "settled": pa.array([one.settled for one in found.visits], pa.bool_()),
         "after": pa.array([one.motion.after for one in found.visits], pa.int64()),
         "mean_speed": pa.array([one.motion.mean_speed for one in found.visits], pa.float64()),
         "two_motions": pa.array([two[design.place(one.number)] for one in found.visits], pa.bool_()),
     }
-    natures = found.natures.drop_columns(["visit"]) if found.natures is not None else None
+    natures = found.natures.drop_columns(["visit", "period"]) if found.natures is not None else None
     rest = dict(zip(natures.column_names, natures.columns, strict=True)) if natures is not None else {}
     return _file(pa.table({**first, **rest}), design)
 
@@ -101,6 +117,7 @@ def _file(table: pa.Table, design: Design) -> bytes:
     return file_of(table.replace_schema_metadata({KEY: about}))
 
 
+_CHAOTIC = 0.5  # K above which the 0-1 test says chaos
 _MOST_RANGES = 40  # of a table that is read; the files hold all
 
 
@@ -109,15 +126,15 @@ def in_words(found: Diagram) -> Iterator[str]:
     design, name = found.design, found.design.axis.name
     unit = BY_NAME[name].unit
     head = f"{name} [{unit}]" if unit else name
-    yield f"{'':5} {head:>24}  {'repeats itself':16} {'mean speed [mm/s]':>18} {'largest exponent [1/s]':>23} {'K':>13}"
+    yield f"{'':5} {head:>24}  {'repeats itself':17} {'mean speed [mm/s]':>18} {'largest exponent [1/s]':>30} {'K':>13}"
     ranges = found.ranges()
     for visits in ranges[:_MOST_RANGES]:
         numbers = [one.number for one in visits]
         where = _between([design.value(number) for number in numbers], ".6g")
         speeds = _between([1e3 * one.motion.mean_speed for one in visits], ".2f")
-        exponents = _between([found.nature("exponent_1", number) for number in numbers], ".2f")
+        exponents = _exponents(found, numbers)
         chaos = _between([found.nature("zero_one", number) for number in numbers], ".2f")
-        yield (f"{design.direction(numbers[0]):5} {where:>24}  {kind(visits[0]):16} {speeds:>18} {exponents:>23} "
+        yield (f"{design.direction(numbers[0]):5} {where:>24}  {found.kind(visits[0]):17} {speeds:>18} {exponents:>30} "
                f"{chaos:>13}").rstrip()
     if len(ranges) > _MOST_RANGES:
         yield f"and {len(ranges) - _MOST_RANGES} ranges more; the files hold all"
@@ -127,16 +144,31 @@ def in_words(found: Diagram) -> Iterator[str]:
         for direction in (UP, DOWN):
             visits = [found.of(direction)[place] for place in places]
             speeds = _between([1e3 * one.motion.mean_speed for one in visits], ".2f")
-            ways.append(f"{direction} {', '.join(dict.fromkeys(map(kind, visits)))} at {speeds} mm/s")
+            ways.append(f"{direction} {', '.join(dict.fromkeys(map(found.kind, visits)))} at {speeds} mm/s")
         where = _between([float(design.axis.values[place]) for place in places], ".6g")
         yield (f"hysteresis: {where}{f' {unit}' if unit else ''} ({len(places)} value{'s' * (len(places) > 1)}): "
                f"{'; '.join(ways)}")
     if not regions:
         yield f"hysteresis: none at the {len(design.axis.values)} values; both ways lead to the same motions"
+    for said, chosen in (("sign of the largest exponent not known, 0 lies within its interval",
+                          [one for one in found.visits if found.sign(one) == 0]),
+                         ("the largest exponent and K disagree, trust the exponent",
+                          list(filter(found.disagrees, found.visits)))):
+        if chosen:
+            values = dict.fromkeys(f"{design.value(one.number):.6g}" for one in chosen)
+            yield f"{said}: at {', '.join(values)}{f' {unit}' if unit else ''}"
     unsettled = sum(not one.settled for one in found.visits)
     if unsettled:
         yield (f"not settled: {unsettled} of {design.visits} visits within {design.most_turns} turns, of which nothing "
                "is said about hysteresis; give more --most-turns, or dampers")
+
+
+def _exponents(found: Diagram, numbers: Sequence[int]) -> str:
+    """The least and the largest exponent of visits; of a single one with its interval."""
+    values, spreads = ([found.nature(column, number) for number in numbers] for column in ("exponent_1", "spread_1"))
+    if len(numbers) == 1 and spreads[0] > 0.0:
+        return f"{values[0]:.2f} ± {spreads[0]:.2g}" + ", sign not known" * (not sign_of(values[0], spreads[0]))
+    return _between(values, ".2f")
 
 
 def _between(values: Sequence[float], form: str) -> str:
@@ -206,12 +238,17 @@ def _draw_speed(axes: Axes, found: Diagram) -> None:
 
 
 def _draw_exponents(axes: Axes, found: Diagram) -> None:
-    """The largest exponent, and the second one as a thin line."""
+    """The largest exponent with its interval, and the second one as a thin line."""
     for direction in (UP, DOWN):
         for column, share in (("exponent_1", 1.0), ("exponent_2", 0.4)):
             if found.natures is not None and column in found.natures.column_names:
                 values = [found.nature(column, one.number) for one in found.of(direction)]
-                _draw_line(axes, found, direction, [v if np.isfinite(v) else np.nan for v in values], share)
+                values = [value if np.isfinite(value) else np.nan for value in values]
+                _draw_line(axes, found, direction, values, share)
+                if share == 1.0:
+                    spreads = [found.nature("spread_1", one.number) for one in found.of(direction)]
+                    axes.errorbar(found.design.axis.values, values, yerr=spreads, fmt="none", lw=0.8,
+                                  color=_COLOURS[direction])
     axes.axhline(0.0, color="black", lw=0.8)
     axes.set_ylabel("two largest exponents\n[1/s]")
 

@@ -15,10 +15,10 @@ import pyarrow as pa
 
 from vibro_ros.model.parameters import BY_NAME
 from vibro_ros.model.scene import Scene
-from vibro_ros.orbits.chaos import LEAST_TURNS, spectrum_from, spectrum_of_cycle, zero_one_test
+from vibro_ros.orbits.chaos import LEAST_TURNS, spectrum_of_cycle, spectrum_until_known, zero_one_test
 from vibro_ros.orbits.chaos import LEAST_VALUES as LEAST_CUTS
 from vibro_ros.orbits.chaos import MOST_TURNS as MOST_MEASURED
-from vibro_ros.orbits.recurrence import CLOUD, FIRST_TURNS, SAME, SettledMotion, settle
+from vibro_ros.orbits.recurrence import CLOUD, FIRST_TURNS, LONGEST_PERIOD, SAME, SettledMotion, settle
 from vibro_ros.orbits.turn_map import Stroboscope, TurnMap, coordinates
 from vibro_ros.simulation.given_state import UNITS
 from vibro_ros.study.running.blocks import Field, ParquetBlocks, completed, cut
@@ -29,6 +29,8 @@ UP, DOWN = "up", "down"
 #: Most turns that a motion may be given to settle.
 MOST_SETTLING = 1_000_000
 _BLOCK = 8  # visits of a block: what an interruption can lose
+# Periods that the 0-1 test hears: K of a motion that repeats itself every 158 turns is 0.98 after 6, and 0.10 after 50.
+_PERIODS = 50
 
 
 @dataclass(frozen=True)
@@ -162,7 +164,8 @@ def visited(design: Design, folder: Path) -> tuple[pa.Table, tuple[Visit, ...]]:
         Field("visit", pa.int64(), "1", "number of the visit"),
         Field("direction", pa.string(), "1", "whether the values went up or down"),
         Field(parameter.name, pa.float64(), parameter.unit or "1", parameter.description),
-        Field("period", pa.int64(), "1", "turns of the crank after which the motion repeats itself; 0: it does not"),
+        Field("period", pa.int64(), "1", "turns of the crank after which the motion repeats itself; 0: none up "
+              f"to {LONGEST_PERIOD}"),
         Field("settled", pa.bool_(), "1", "false: the motion still changes"),
         Field("after", pa.int64(), "1", "turns that the motion was watched for"),
         Field("mean_speed", pa.float64(), "m/s", "of the body, forwards positive"),
@@ -242,13 +245,15 @@ def nature_of(design: Design, settled: tuple[tuple[int, np.ndarray], ...], piece
     exponents = spread = np.full(len(state), math.nan)
     if design.exponents:
         spectrum = (spectrum_of_cycle(turn_map, _turns_from(turn_map, state, turns)) if turns else
-                    spectrum_from(turn_map, state, design.exponents))
+                    spectrum_until_known(turn_map, state, design.exponents))
         exponents, spread = spectrum.exponents, spectrum.spread
+        turns = turns or (0 if spread.any() else spectrum.turns)
     chaos = math.nan
     if design.cuts:
-        seen = _turns_from(turn_map, state, design.cuts)
+        seen = _turns_from(turn_map, state, max(design.cuts, _PERIODS * turns))
         chaos = zero_one_test(seen[:, turn_map.names.index(design.coordinate)], SAME)
-    return [{"visit": piece.number, **{f"exponent_{k + 1}": one for k, one in enumerate(exponents.tolist())},
+    return [{"visit": piece.number, "period": turns,
+             **{f"exponent_{k + 1}": one for k, one in enumerate(exponents.tolist())},
              **{f"spread_{k + 1}": one for k, one in enumerate(spread.tolist())}, "zero_one": chaos}]
 
 
@@ -263,6 +268,7 @@ def measured(design: Design, seen: Sequence[Visit], folder: Path, runner: Runner
     numbers = range(1, len(design.names) + 1)
     fields = [
         Field("visit", pa.int64(), "1", "number of the visit"),
+        Field("period", pa.int64(), "1", "turns after which the motion repeats itself, also many; 0: none found"),
         *(Field(f"exponent_{k}", pa.float64(), "1/s", "Lyapunov exponent; -inf: the direction is gone within a turn")
           for k in numbers),
         *(Field(f"spread_{k}", pa.float64(), "1/s", "half the width of the exponent's 95 % interval; 0 for a periodic "

@@ -56,6 +56,8 @@ def plan_of(options: argparse.Namespace) -> Plan:
             raise ValueError(f"--{name} {value}: give a number from {_LEAST[name]} to {_MOST[name]}")
     if not 0.0 <= options.least_speed <= 100.0:
         raise ValueError(f"--least-speed {options.least_speed:g}: give a number from 0 to 100 m/s")
+    if not 0.0 <= options.most_air <= 1.0:
+        raise ValueError(f"--most-air {options.most_air:g}: give a share from 0 to 1")
     fixed, varied = _fixed(options.fix), _varied(options.vary)
     scene = sought(load_scene(options.scene).with_parameters(settings_of(options.set) | {
         name: value for name, value in fixed.items() if value is not None}))
@@ -63,7 +65,7 @@ def plan_of(options: argparse.Namespace) -> Plan:
     starts = options.starts or effort.trials.starts
     effort = replace(effort, budget=options.budget or effort.budget, trials=replace(effort.trials, starts=starts))
     return Plan(Space(scene, chosen_variables(tuple(fixed), varied)), options.objective, options.method,
-                Reading(options.power, options.direction), options.least_speed, effort, options.seed)
+                Reading(options.power, options.direction), options.least_speed, options.most_air, effort, options.seed)
 
 
 def sought(scene: Scene) -> Scene:
@@ -125,6 +127,8 @@ def parser() -> Parser:
                         "agree (default: %(default)s)")
     own.add_argument("--least-speed", type=float, default=0.0, metavar="V", help="slower robots do not count [m/s] "
                         "(default: %(default)s)")
+    own.add_argument("--most-air", type=float, default=1.0, metavar="SHARE", help="robots that are in the air for "
+                        "a larger share of the time do not count (default: %(default)s)")
     own.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", help="another value of the scene, "
                         "such as start.state=zero")
     own.add_argument("--fix", action="append", default=[], metavar="NAME[=VALUE]", help="do not vary this parameter")

@@ -16,13 +16,15 @@ from vibro_ros.study.optimise.space import Space
 from vibro_ros.study.running.blocks import computes_with
 
 #: Measures that every score is made of, the columns of the values of a robot.
-MEASURED = ("mean_speed", "mean_power", "delivered_power")
+MEASURED = ("mean_speed", "mean_power", "delivered_power", "air_share")
 #: Quantile of the starts that counts.
 QUANTILE = 0.25
 #: Score of a robot that cannot be simulated: below every other.
 FAILED = -1e3
 #: Column of `MEASURED` that each reading of P takes.
 POWERS = {"net": 1, "delivered": 2}
+#: Column of `MEASURED` that has the share of the time in the air.
+AIR = 3
 #: Sign of the mean speed that counts; 0 for either.
 DIRECTIONS = {"either": 0.0, "forward": 1.0, "backward": -1.0}
 
@@ -140,27 +142,28 @@ class Trials:
     first: int = 0
 
 
-def values_of(scene: Scene | None, trials: Trials) -> np.ndarray:
-    """Measures of a robot from each start, shape (starts, measures), columns `MEASURED`.
+def values_of(scene: Scene | None, trials: Trials, measures: Sequence[str] = MEASURED) -> np.ndarray:
+    """Measures of a robot from each start, shape (starts, measures).
 
     NaN if a run cannot go on, and for a robot that cannot be built (None).
     """
-    nothing = np.full((trials.starts, len(MEASURED)), np.nan)
+    nothing = np.full((trials.starts, len(measures)), np.nan)
     if scene is None:
         return nothing
     try:
-        rows = [measure(scene, MEASURED, trials.settling, trials.duration, trials.first + number)
+        rows = [measure(scene, measures, trials.settling, trials.duration, trials.first + number)
                 for number in range(trials.starts)]
     except SimulationError:
         return nothing
-    return np.array([[row[name] for name in MEASURED] for row in rows])
+    return np.array([[row[name] for name in measures] for row in rows])
 
 
-def values_of_many(scenes: Sequence[Scene | None], trials: Trials, workers: int) -> Iterator[np.ndarray]:
+def values_of_many(scenes: Sequence[Scene | None], trials: Trials, workers: int,
+                   measures: Sequence[str] = MEASURED) -> Iterator[np.ndarray]:
     """Yield `values_of` of each of `scenes`, in their order, from so many processes."""
     for method in {scene["solver.method"] for scene in scenes if scene is not None}:
         provide_kernels(method)  # once for all that are forked
-    jobs = in_processes(partial(values_of, trials=trials), scenes, min(workers, max(len(scenes), 1)))
+    jobs = in_processes(partial(values_of, trials=trials, measures=measures), scenes, min(workers, max(len(scenes), 1)))
     try:
         for job in jobs:
             yield cast(np.ndarray, job.outcome())
@@ -222,6 +225,8 @@ class Plan:
         How speed and power are read.
     least_speed : float
         Speed [m/s] below which a robot does not count.
+    most_air : float
+        Share of the time in the air above which a robot does not count; dimensionless.
     effort : Effort
         How much is simulated.
     seed : int
@@ -233,6 +238,7 @@ class Plan:
     method: str
     reading: Reading
     least_speed: float
+    most_air: float
     effort: Effort
     seed: int
 
@@ -253,16 +259,23 @@ class Plan:
         return "speed_per_power" if self.objective == FRONT else self.objective
 
     def score(self, values: np.ndarray) -> float:
-        """Score of a robot from its values; a robot that is too slow is judged by how slow it is."""
+        """Score of a robot from its values; a robot that is too slow, or flies too long, is judged by how much so."""
         pace = speed(values, self.reading)
-        if self.least_speed > 0.0 and pace < self.least_speed:
-            return max(pace - self.least_speed, FAILED)
+        missing = self._flies(values) + (max(self.least_speed - pace, 0.0) if self.least_speed > 0.0 else 0.0)
+        if missing > 0.0:
+            return max(-missing, FAILED)
         return OBJECTIVES[self.scored].score(values, self.reading)
 
+    def _flies(self, values: np.ndarray) -> float:
+        """Share of the time that a robot flies beyond what counts, from the start with most of it."""
+        return max(float(values[:, AIR].max()) - self.most_air, 0.0) if self.most_air < 1.0 else 0.0
+
     def speed_and_cost(self, point: np.ndarray, values: np.ndarray) -> tuple[float, float]:
-        """Speed [m/s] and cost of transport [-] of the robot at a point; infinite cost for one that has none."""
+        """Speed [m/s] and cost of transport [-] of the robot at a point; infinite for one that does not count."""
         if not np.isfinite(values).all():
             return FAILED, np.inf
+        if excess := self._flies(values):
+            return -excess, np.inf
         robot = self.space.robot(point)
         weight = robot.total_mass * robot["gravity"]
         return speed(values, self.reading), cost_of_transport(values, self.reading, weight)
@@ -270,6 +283,7 @@ class Plan:
     def identity(self) -> dict[str, object]:
         """All that the candidates and their values depend on, in numbers and texts; the budget is not among it."""
         return {"objective": self.objective, "method": self.method, "reading": dict(self.reading._asdict()),
-                "least_speed": self.least_speed, "seed": self.seed, "trials": asdict(self.effort.trials),
+                "least_speed": self.least_speed, "most_air": self.most_air, "seed": self.seed,
+                "trials": asdict(self.effort.trials),
                 "variables": [[one.name, one.low, one.high, one.logarithmic] for one in self.space.variables],
                 "scene": dict(self.space.scene.parameters), "computed_with": computes_with()}

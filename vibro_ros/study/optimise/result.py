@@ -143,7 +143,9 @@ def _chosen(plan: Plan, candidates: Candidates, scores: np.ndarray, workers: int
     best = int(np.argmax(fresh)) if fresh else 0
     if not fresh or fresh[best] <= 0.0:
         raise ValueError(f"--budget {plan.effort.budget}: no robot was found that goes the same way from all starts"
-                         f"{' at the least speed' if plan.least_speed else ''}; give a larger budget or other bounds")
+                         f"{' at the least speed' if plan.least_speed else ''}"
+                         f"{' with so little time in the air' if plan.most_air < 1.0 else ''}; give a larger budget or "
+                         "other bounds")
     return finalists[best]
 
 

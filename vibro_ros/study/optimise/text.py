@@ -45,10 +45,21 @@ def _number(value: float) -> str:
 
 
 def _with_spread(found: Average | None, factor: float = 1.0) -> str:
-    """Mean ± half the 95 % interval, times `factor`."""
+    """Mean ± half the 95 % interval, times `factor`; of starts that repeat one motion there is no interval."""
     if found is None or not math.isfinite(found.mean):
         return "-"
+    if found.is_one_motion and found.mean:
+        return f"{_number(factor * found.mean)} (same motion)"
     return f"{_number(factor * found.mean)} ± {factor * found.spread:.2g}"
+
+
+def _speeds(row: Verified) -> str:
+    """Signed mean speed [mm/s]; of starts with several motions, each with its share of the starts."""
+    if len(row.motions) < 2:
+        return _with_spread(row.speed, 1e3)
+    return "; ".join(
+        f"{_with_spread(Average(mean, spread, 0), 1e3) if spread is not None else _number(1e3 * mean)} "
+        f"({starts} of {sum(one[2] for one in row.motions)} starts)" for mean, spread, starts in row.motions)
 
 
 def document(result: Result) -> str:
@@ -71,14 +82,16 @@ def _question_and_verdict(result: Result) -> list[str]:
     """How was searched; and the optimum against the paper's under the same reading, a sentence a quantity."""
     plan, trials = result.plan, result.plan.effort.trials
     floor = f" A robot slower than {_number(plan.least_speed * 1e3)} mm/s does not count." if plan.least_speed else ""
+    if plan.most_air < 1.0:
+        floor += f" A robot that is in the air for more than {100 * plan.most_air:g} % of the time does not count."
     how = "CMA-ES, one weight of speed and cost after the other," if plan.objective == FRONT else _METHODS[plan.method]
     asked = (f"P is mean mechanical power: {POWER[plan.reading.power]}. {how} tried {result.robots} robots, each "
             f"from the same {trials.starts} drawn starts over {trials.duration:g} s after {trials.settling:g} s. The "
             f"score is the lower quartile of these starts. Speed counts {_DIRECTIONS[plan.reading.direction]}, and all "
             f"starts must agree.{floor}")
     best, paper = (next(row for row in result.verified if row.robot == robot) for robot in (OPTIMUM, PAPER))
-    speeds = (f"The optimum goes at {_with_spread(best.speed, 1e3)} mm/s, the paper's optimum (φ = 80°, m3 = 0.02 kg, "
-              f"l = 0.06 m) at {_with_spread(paper.speed, 1e3)} mm/s: {_beats(paper.margin, 1e3, 'mm/s')}.")
+    speeds = (f"The optimum goes at {_speeds(best)} mm/s, the paper's optimum (φ = 80°, m3 = 0.02 kg, "
+              f"l = 0.06 m) at {_speeds(paper)} mm/s, forward positive: {_beats(paper.margin, 1e3, 'mm/s')}.")
     if not math.isfinite(best.cost):
         return [asked, speeds]
     return [asked, f"{speeds} Its V/P is {_with_spread(best.ratio)} m/J against {_with_spread(paper.ratio)} m/J: "
@@ -120,11 +133,14 @@ def _verification(result: Result) -> list[str]:
     trials = result.plan.effort.verifying
     said = (f"{trials.starts} drawn starts that the search has not seen, {trials.duration:g} s each after "
             f"{trials.settling:g} s; mean ± half the 95 % interval. A margin is the optimum less the robot of the row, "
-            "start by start.")
+            "start by start, each counted positive in its own direction. Mean N over the weight must be 1 on a real "
+            "ground; a robot with more is held down by the rule of its row, and would not do this.")
     return [said, _table(
-        ["reading", "robot", "speed [mm/s]", "same way from all starts", "P net [W]", "P delivered [W]", "V/P [m/J]",
+        ["reading", "robot", "speed, forward positive [mm/s]", "same way from all starts", "mean N over weight",
+         "time with N <= 0 [%]", "in the air [%]", "P net [W]", "P delivered [W]", "V/P [m/J]",
          "cost of transport", "margin of speed [mm/s]", "margin of V/P [m/J]"],
-        ([row.reading, row.robot, _with_spread(row.speed, 1e3), "yes" if row.agree else "no", _with_spread(row.power),
+        ([row.reading, row.robot, _speeds(row), "yes" if row.agree else "no", _number(row.load),
+          f"{100 * row.unloaded:.0f}", f"{100 * row.air:.0f}", _with_spread(row.power),
           _with_spread(row.delivered), _with_spread(row.ratio) if math.isfinite(row.cost) else "-", _number(row.cost),
           _with_spread(row.margin, 1e3), _with_spread(row.ratio_margin) if math.isfinite(row.cost) else "-"]
          for row in result.verified))]
@@ -158,10 +174,10 @@ def _front(front: Sequence[FrontRobot], rows: Sequence[Verified]) -> list[str]:
     text = (f"The front reaches from {_number(1e3 * front[0].speed)} mm/s at a cost of transport of "
             f"{_number(front[0].cost)} to {_number(1e3 * front[-1].speed)} mm/s at {_number(front[-1].cost)}.")
     for row in rows:
-        better = [one for one in front if one.speed > row.speed.mean + row.speed.spread and one.cost < row.cost]
+        better = [one for one in front if one.speed > abs(row.speed.mean) + row.speed.spread and one.cost < row.cost]
         if row.robot != OPTIMUM and better:
-            text += (f" Against the {row.robot}, {_number(1e3 * row.speed.mean)} mm/s at {_number(row.cost)}, it has "
-                     f"{_number(1e3 * better[0].speed)} mm/s at {_number(better[0].cost)}.")
+            text += (f" Against the {row.robot}, {_number(1e3 * abs(row.speed.mean))} mm/s at {_number(row.cost)}, it "
+                     f"has {_number(1e3 * better[0].speed)} mm/s at {_number(better[0].cost)}.")
     heads = ["speed [mm/s]", "cost of transport", "P [W]", "V/P [m/J]", "motor speed [rad/s]", "crank [mm]",
              "guide angle [°]", "inclined mass [kg]"]
     return [text, _table(
@@ -211,7 +227,7 @@ def draw_front(result: Result, candidates: Candidates, title: str) -> Figure:
               label="front, from fresh starts")
     for row, mark in zip(result.verified, "*sD", strict=False):
         if row.cost > 0.0:
-            axes.errorbar(1e3 * row.speed.mean, row.cost, xerr=1e3 * row.speed.spread, fmt=mark, ms=8.0,
+            axes.errorbar(1e3 * abs(row.speed.mean), row.cost, xerr=1e3 * row.speed.spread, fmt=mark, ms=8.0,
                           color=_OTHER if row.robot == OPTIMUM else _THIRD, label=row.robot)
     axes.set(xscale="log", yscale="log", xlabel="mean speed [mm/s]", ylabel=_COST, title=title)
     axes.legend(frameon=False)

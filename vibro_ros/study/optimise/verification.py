@@ -8,15 +8,25 @@ import numpy as np
 from SALib.analyze import sobol as sobol_analysis
 from SALib.sample import sobol as sobol_sample
 
-from vibro_ros.accuracy.starts import Average, average
+from vibro_ros.accuracy.starts import Average, average, motions_of
 from vibro_ros.configuration.scene_file import load_scene
 from vibro_ros.model.parameters import BY_NAME
 from vibro_ros.model.scene import Scene
 from vibro_ros.study.measures import device_at_start, measure
-from vibro_ros.study.optimise.plan import POWERS, VERIFYING, Reading, Trials, directed, values_of_many
+from vibro_ros.study.optimise.plan import (
+    AIR,
+    MEASURED,
+    POWERS,
+    VERIFYING,
+    Reading,
+    Trials,
+    directed,
+    values_of_many,
+)
 from vibro_ros.study.optimise.space import Space, Variable
 from vibro_ros.study.progress import Progress
 
+_LOADS = ("mean_load", "unloaded_share")
 OPTIMUM, PAPER, SHIPPED = "optimum", "paper's optimum", "paper's parameters"
 """The robots that are compared."""
 
@@ -37,7 +47,9 @@ class Verified:
     reading, robot : str
         Which forces act, and which of `OPTIMUM`, `PAPER`, `SHIPPED`.
     speed : Average
-        Mean speed [m/s], in the direction of the mean.
+        Mean speed [m/s], forward positive.
+    motions : tuple of (float, float or None, int)
+        Of each motion that the starts have: mean speed [m/s], half its interval, None for a single start, and starts.
     agree : bool
         Whether the robot goes the same way from all starts.
     power, delivered : Average
@@ -47,12 +59,16 @@ class Verified:
     cost : float
         Cost of transport [-] with the power that is read; NaN where energy does not balance.
     margin, ratio_margin : Average or None
-        Speed and V/P of the optimum less those of this robot, start by start; None for the optimum itself.
+        Speed and V/P of the optimum less those of this robot, each counted positive in its own direction, start by
+        start; None for the optimum itself.
+    load, unloaded, air : float
+        Means over the starts of `mean_load`, `unloaded_share` and `air_share` of `study.measures`; dimensionless.
     """
 
     reading: str
     robot: str
     speed: Average
+    motions: tuple[tuple[float, float | None, int], ...]
     agree: bool
     power: Average
     delivered: Average
@@ -60,14 +76,17 @@ class Verified:
     cost: float
     margin: Average | None
     ratio_margin: Average | None
+    load: float
+    unloaded: float
+    air: float
 
 
 def readings(scene: Scene) -> dict[str, Scene]:
     """The scene, and what of other forces differs from it, each by what is different."""
     of_device = load_scene("device").parameters
     others: dict[str, dict[str, object]] = {
-        "the body never leaves the ground (`unilateral`)": {"effects.normal_force": "unilateral"},
-        f"begun from `{'zero' if scene['start.state'] == 'rest' else 'rest'}`":
+        "the body is held on the ground by decree (`unilateral`)": {"effects.normal_force": "unilateral"},
+        f"drawn starts that begin from `{'zero' if scene['start.state'] == 'rest' else 'rest'}`":
             {"start.state": "zero" if scene["start.state"] == "rest" else "rest"},
         "every effect of `device`": {name: value for name, value in of_device.items() if name.startswith("effects.")},
     }
@@ -104,8 +123,8 @@ def verified(space: Space, optimum: Mapping[str, float], reading: Reading, trial
              for robot, changes in robots.items()]
     rows: list[Verified] = []
     best = np.empty(0)
-    for (words, robot, scene), values in zip(cases, values_of_many([case[2] for case in cases], fresh, workers),
-                                             strict=True):
+    for (words, robot, scene), values in zip(cases, values_of_many([case[2] for case in cases], fresh, workers,
+                                                                   (*MEASURED, *_LOADS)), strict=True):
         best = values if robot == OPTIMUM else best
         rows.append(_verified(words, robot, scene, values, best, reading))
         progress.add(1)
@@ -122,13 +141,17 @@ def _verified(words: str, robot: str, scene: Scene, values: np.ndarray, best: np
     speeds, column = directed(values[:, 0], reading.direction), POWERS[reading.power]
     ratios, is_best = _ratios(values, reading), values is best
     weight, mean_power = scene.total_mass * scene["gravity"], float(np.mean(values[:, column]))
+    load, unloaded = (float(np.mean(one)) for one in values[:, len(MEASURED):].T)
     pays = scene["effects.reaction"] and mean_power > 0.0 and np.mean(speeds) > 0.0 and weight > 0.0
     return Verified(
-        reading=words, robot=robot, speed=average(speeds), agree=bool((speeds > 0.0).all()),
+        reading=words, robot=robot, speed=average(values[:, 0]), motions=tuple(
+            (float(group.mean()), average(group).spread if len(group) > 1 else None, len(group))
+            for group in motions_of(values[:, 0])), agree=bool((speeds > 0.0).all()),
         power=average(values[:, 1]), delivered=average(values[:, 2]), ratio=average(ratios),
         cost=mean_power / (weight * float(np.mean(speeds))) if pays else math.nan,
         margin=None if is_best else average(directed(best[:, 0], reading.direction) - speeds),
-        ratio_margin=None if is_best else average(_ratios(best, reading) - ratios))
+        ratio_margin=None if is_best else average(_ratios(best, reading) - ratios),
+        load=load, unloaded=unloaded, air=float(np.mean(values[:, AIR])))
 
 
 def _ratios(values: np.ndarray, reading: Reading) -> np.ndarray:

@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 from scipy.stats import t as student
 
 from vibro_ros.accuracy.figures import new_figure, png, tidy, with_unit
+from vibro_ros.accuracy.starts import SAME
 from vibro_ros.model.parameters import BY_NAME
 from vibro_ros.study.measures import MEASURES
 from vibro_ros.study.sweep.design import NO_SCENE, Design
@@ -122,9 +123,10 @@ def _at(found: Summary, name: str, point: int) -> str:
     where = ", ".join(f"{parameter} = {value:.6g}" if isinstance(value, float) else f"{parameter} = {value}"
                       for parameter, value in ((one, found.parameters[one][point]) for one in found.design.names))
     spread = found.spread[name][point]
-    interval = "" if np.isnan(spread) else f" ± {spread:.2g}"
+    same = spread <= SAME * abs(found.mean[name][point])  # one motion repeated, whose interval describes the draw
+    interval = "" if np.isnan(spread) or same else f" ± {spread:.2g}"
     unit = "" if MEASURES[name].unit == "1" else f" {MEASURES[name].unit}"
-    return f"{found.mean[name][point]:.4g}{interval}{unit} ({where})"
+    return f"{found.mean[name][point]:.4g}{interval}{unit}{' from every start' * bool(same)} ({where})"
 
 
 #: Most lines of a panel; further combinations are left to the table.

@@ -1,0 +1,63 @@
+"""Speed over ground from an encoder and a clipped IMU, beside the truth: python examples/estimator.py
+
+The accelerometer clips every blow, so that its integral is no speed, and the crank's speed tells little of the speed
+over ground. But what is left of the force over some turns, its means and spreads and how often it is clipped, tells in
+which way the robot moves. So the estimator learns from runs whose truth is known, as on a test bench, and is tried on
+runs that it has not seen.
+"""
+
+import numpy as np
+
+import vibro_ros
+
+SENSORS = {"sensors.preset": "bmi270", "sensors.imu.rate": 800.0, "sensors.encoder.rate": 100.0}
+WINDOW = 1.0  # s, some ten turns
+LIMIT = 0.99 * 16.0 * 9.80665  # m/s², beyond which a sample counts as clipped
+_UNITS = np.array([100.0, 5.0, 10.0, 50.0, 50.0, 0.01, 0.01])  # of the features
+
+
+def features(measurements):
+    """What a window's measurements tell: numbers of magnitude 1, their squares and products; shape (36,)."""
+    force = np.array([one.values[:3:2] for one in measurements if one.sensor == "imu"])  # along x and z
+    crank = np.mean([one.values[1] for one in measurements if one.sensor == "encoder"])
+    told = np.array([1.0, *np.concatenate([[crank], force.mean(axis=0), force.std(axis=0),
+                                           (abs(force) > LIMIT).mean(axis=0)]) / _UNITS])
+    return np.outer(told, told)[np.triu_indices(len(told))]
+
+
+def windows(seed, count=16):
+    """Windows of a run at random motor speeds: features, shape (n, 36), integral of the force, and true speed [m/s]."""
+    random = np.random.default_rng(seed)
+    scene = vibro_ros.load_scene("device").with_parameters({**SENSORS, "sensors.seed": float(seed)})
+    device, found = vibro_ros.SensedSimulator(scene), []
+    for _ in range(count):
+        device.command(motor_speed=random.uniform(40.0, 150.0))
+        device.advance_to(device.time + 1.5)  # until the motion is steady
+        device.take_measurements()
+        place = device.state.body_position
+        device.advance_to(device.time + WINDOW)
+        measurements = device.take_measurements()
+        integral = np.mean([one.values[0] for one in measurements if one.sensor == "imu"]) * WINDOW
+        found.append((features(measurements), integral, (device.state.body_position - place) / WINDOW))
+    return map(np.array, zip(*found, strict=True))
+
+
+def learned(seeds):
+    """Weights of the features, by least squares with a little ridge, over the windows of several runs."""
+    told, _, speeds = map(np.concatenate, zip(*(windows(seed) for seed in seeds), strict=True))
+    return np.linalg.solve(told.T @ told + 1e-2 * np.eye(told.shape[1]), told.T @ speeds)
+
+
+def main():
+    """Learn, and print estimates beside the truth."""
+    weights = learned(range(8))
+    told, integral, speeds = map(np.concatenate, zip(*(windows(seed) for seed in range(100, 103)), strict=True))
+    estimates = told @ weights
+    for estimate, speed in list(zip(estimates, speeds, strict=True))[:5]:
+        print(f"estimated {estimate * 1e3:6.1f} mm/s, truth {speed * 1e3:6.1f} mm/s")
+    for name, found in (("mean speed", speeds.mean()), ("integral", integral), ("estimator", estimates)):
+        print(f"{name:10}: rms error {np.sqrt(np.mean((found - speeds) ** 2)) * 1e3:.1f} mm/s")
+
+
+if __name__ == "__main__":
+    main()

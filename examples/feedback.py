@@ -1,0 +1,49 @@
+"""Follow a target by a late and broken tracking system, beside the truth: python examples/feedback.py
+
+A controller sees where the robot was a tenth of a second ago, ten times a second at best, and sets the motor's speed.
+Between two measurements, and while none comes, it goes on from the last one with the speed that it has seen.
+"""
+
+import vibro_ros
+
+SENSORS = {"sensors.tracking.rate": 10.0, "sensors.tracking.latency": 0.1, "sensors.tracking.noise": 0.002,
+           "sensors.tracking.dropout_probability": 0.05, "sensors.tracking.dropout_duration": 0.5}
+PERIOD = 0.1  # s, of the controller
+TARGET = -0.05  # m/s
+RESTING, GAIN, FASTEST = 60.0, 2500.0, 105.0  # rad/s, rad/s a metre, rad/s; beyond the last the robot is slower again
+
+
+class Controller:
+    """Knows nothing but measurements and the time."""
+
+    def __init__(self):
+        self.time, self.place, self.speed = 0.0, 0.0, 0.0  # of the last measurement, and the speed over ground
+
+    def motor_speed(self, now, measurements):
+        """Motor speed [rad/s] to command at the time `now` [s]."""
+        for _, time, values in measurements:
+            if time > self.time:
+                seen = (values[0] - self.place) / (time - self.time)
+                self.speed += 0.3 * (seen - self.speed)
+                self.time, self.place = time, values[0]
+        ahead = self.place + self.speed * (now - self.time) - TARGET * now  # m; the robot crawls to -x
+        return min(max(RESTING + GAIN * ahead, 0.0), FASTEST)
+
+
+def errors(controller, duration=30.0, seed=0.0):
+    """True distances [m] from the target at the end of each period; and how many measurements there were."""
+    scene = vibro_ros.load_scene("device").with_parameters({**SENSORS, "sensors.seed": seed})
+    device, found, count = vibro_ros.SensedSimulator(scene), [], 0
+    for k in range(round(duration / PERIOD)):
+        measurements = device.take_measurements()
+        count += len(measurements)
+        device.command(motor_speed=controller.motor_speed(k * PERIOD, measurements))
+        device.advance_to((k + 1) * PERIOD)
+        found.append(device.state.body_position - TARGET * device.time)
+    return found, count
+
+
+if __name__ == "__main__":
+    found, count = errors(Controller())
+    print(f"{count} of 300 measurements came; from 5 s on at most {max(map(abs, found[50:])) * 1e3:.1f} mm from the "
+          f"target, which went {abs(TARGET) * 30.0:.1f} m")

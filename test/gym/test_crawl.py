@@ -1,0 +1,118 @@
+"""The environment: its checker, its seeds, its speed, and that a policy can learn what no constant command does."""
+
+import time
+import warnings
+
+import gymnasium
+import numpy as np
+import pytest
+from gymnasium.utils.env_checker import check_env
+
+from vibro_ros.gym.crawl import PERIOD
+
+NAME = "vibro_ros/Crawl-v1"
+
+
+def made(**arguments) -> gymnasium.Env:
+    return gymnasium.make(NAME, **arguments)
+
+
+def returns(env: gymnasium.Env, policy, seeds) -> float:
+    """Mean reward of a step over episodes of these seeds."""
+    rewards = []
+    for seed in seeds:
+        (observation, _), over = env.reset(seed=seed), False
+        while not over:
+            observation, reward, _, over, _ = env.step(policy(observation))
+            rewards.append(reward)
+    return float(np.mean(rewards))
+
+
+def test_gymnasiums_checker_has_nothing_to_say():
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        check_env(made().unwrapped)
+
+
+def test_the_seed_decides_all():
+    env, random = made(), np.random.default_rng(1)
+    actions = random.uniform(-1.0, 1.0, (20, 3)).astype(np.float32)
+
+    def episode(seed):
+        found = [env.reset(seed=seed)[0]]
+        return np.array(found + [env.step(action)[0] for action in actions])
+
+    first, other = episode(4), episode(5)
+    assert np.array_equal(episode(4), first) and not np.array_equal(first, other)
+    assert not np.array_equal(env.reset()[0], env.reset()[0])  # of one seed, episodes differ
+    assert env.reset(options={"target_speed": -0.05})[0][1] == np.float32(-0.5)
+
+
+def test_several_at_once_are_what_each_is_alone():
+    count, actions = 3, np.random.default_rng(2).uniform(-1.0, 1.0, (10, 3, 3)).astype(np.float32)
+    vector = gymnasium.make_vec(NAME, num_envs=count, vectorization_mode="sync")
+    together = [vector.reset(seed=7)[0], *(vector.step(action)[0] for action in actions)]
+    for k in range(count):
+        env = made()
+        alone = [env.reset(seed=7 + k)[0], *(env.step(action)[0] for action in actions[:, k])]
+        assert np.array_equal(np.array(together)[:, k], np.array(alone))
+    vector.close()
+
+
+def test_the_truth_is_in_info_and_the_reward_is_of_it():
+    env = made(scene="damped")
+    env.reset(seed=3, options={"target_speed": -0.04})
+    for k in range(1, 30):
+        observation, reward, *_, info = env.step(np.array([0.4, -1.0, -1.0], np.float32))
+        ahead = info["body_position"] - info["target_position"]
+        assert info["target_position"] == pytest.approx(-0.04 * k * PERIOD)
+        assert reward == pytest.approx(-abs(ahead) / 0.1)
+        assert observation[0] * 0.1 == pytest.approx(ahead, abs=5.0 * 0.001)
+    assert abs(observation[2] - 1.05) < 0.05 and np.array_equal(observation[3:], np.float32([0.4, -1.0, -1.0]))
+
+
+def test_a_hostile_action_is_one_of_the_space():
+    env = made().unwrapped
+    env.reset(seed=0)
+    assert np.array_equal(env.step(np.array([1e30, -np.inf, 5.0]))[0][3:], [1.0, -1.0, 1.0])
+    with pytest.raises(ValueError, match="not finite"):
+        env.step(np.array([np.nan, 0.0, 0.0]))
+
+
+@pytest.mark.quiet
+def test_a_core_runs_1000_times_as_fast_as_the_clock():
+    env, rates = made(), []
+    for seed in range(8):  # resets included
+        begun = time.process_time()
+        returns(env, lambda _: np.array([0.4, -1.0, -1.0], np.float32), [seed])
+        rates.append(100 * PERIOD / (time.process_time() - begun))
+    assert max(rates) > 1000.0
+
+
+def trained(env: gymnasium.Env, count: int, policy_of) -> np.ndarray:
+    """Numbers of a policy by the cross-entropy method: 4 generations of 12, each over three episodes."""
+    random, middle, spread = np.random.default_rng(0), np.zeros(count), np.full(count, 0.7)
+    for generation in range(4):
+        tried = random.normal(middle, spread, (12, count))
+        seeds = range(3 * generation, 3 * generation + 3)
+        scores = [returns(env, policy_of(numbers), seeds) for numbers in tried]
+        best = tried[np.argsort(scores)[-4:]]
+        middle, spread = best.mean(axis=0), best.std(axis=0) + 0.02
+    return middle
+
+
+@pytest.mark.slow
+def test_a_policy_learns_what_no_constant_command_does():
+    """A motor speed that follows the distance, against the best constant commands, both after the same training."""
+    env, unseen = made(), range(1000, 1010)
+
+    def constant(numbers):
+        return lambda _: np.clip(numbers, -1.0, 1.0).astype(np.float32)
+
+    def feedback(numbers):
+        return lambda seen: np.clip([numbers[0] + 10.0 * numbers[1] * seen[0], *numbers[2:]], -1.0,
+                                    1.0).astype(np.float32)
+
+    best_constant = returns(env, constant(trained(env, 3, constant)), unseen)
+    learned = returns(env, feedback(trained(env, 4, feedback)), unseen)
+    assert learned > 0.5 * best_constant  # both are below 0

@@ -1,0 +1,46 @@
+"""What one message commands of the joints, in every form that hardware of ros2_control has sent it."""
+
+import math
+from types import SimpleNamespace
+
+import pytest
+
+from vibro_ros.configuration.scene_file import load_scene
+from vibro_ros.messages.joint_commands import joint_commands
+
+SCENE = load_scene("device")
+ALL = ("crank", "upper_plate", "inclined_plate")
+NAN = math.nan
+
+
+def said(name=ALL, position=(), velocity=(), effort=()):
+    return joint_commands(SimpleNamespace(name=list(name), position=position, velocity=velocity, effort=effort), SCENE)
+
+
+@pytest.mark.parametrize("message", [
+    {"position": (0.0605, 0.059), "velocity": (100.0,)},  # only declared interfaces are appended
+    {"position": (NAN, 0.0605, 0.059), "velocity": (100.0, NAN, NAN)},
+    {"position": (NAN, 0.0605, 0.059), "velocity": (100.0,), "effort": (NAN,) * 3},
+    {"name": ("upper_mass", *ALL), "position": (0.0605, 0.059), "velocity": (100.0,)},  # a joint that has states alone
+    {"name": (*ALL[::-1],), "position": (0.059, 0.0605), "velocity": (100.0,)}])
+def test_each_joint_gets_its_number_whatever_is_left_out(message: dict):
+    commands, faults = said(**message)
+    assert commands == pytest.approx({"motor_speed": 100.0, "upper_gap": 0.0005, "inclined_gap": -0.001})
+    assert not faults
+
+
+def test_what_is_not_finite_is_no_command_and_no_fault():
+    assert said(position=(NAN, math.inf), velocity=(NAN,)) == ({}, [])
+    assert said(position=(NAN, NAN), velocity=(50.0,)) == ({"motor_speed": 50.0}, [])
+    assert said(name=()) == ({}, [])
+
+
+@pytest.mark.parametrize(("message", "commands", "words"), [
+    ({"position": (0.06,), "velocity": (50.0,)}, {"motor_speed": 50.0}, "position: 1 numbers for 3 names, 2 of them"),
+    ({"position": (1.0, 0.06, 0.06)}, {"upper_gap": 0.0, "inclined_gap": 0.0}, "'crank' is not commanded by position"),
+    ({"name": ("elbow\n",), "velocity": (1.0,)}, {}, r"'elbow\n' is not commanded by velocity; give crank by velocity"),
+    ({"velocity": (1.0,), "effort": (0.0, 0.0, 1.0)}, {"motor_speed": 1.0}, "'crank' is not commanded by effort"),
+    ({"name": ("crank",) * 2, "velocity": (1.0,) * 3}, {}, "velocity: 3 numbers for 2 names")])
+def test_what_means_nothing_is_said_and_leaves_the_rest(message: dict, commands: dict, words: str):
+    found, faults = said(**message)
+    assert found == commands and words in faults[0]

@@ -1,0 +1,347 @@
+"""The dc motor: known answers A64 to A69, by the public interface."""
+
+import math
+
+import numpy as np
+import pytest
+from dc_motor import DcMotor
+
+import vibro_ros
+
+DC = {"effects.motor": "dc", "motor.acceleration": 0.0, "solver.audit": True, "solver.accounts": True}
+BY_VOLTAGE = {"motor.control": "speed_by_voltage", "motor.proportional_gain": 0.3, "motor.integral_gain": 10.0,
+              "motor.feed_forward": 0.147}
+BY_CURRENT = {"motor.control": "speed_by_current", "motor.proportional_gain": 0.1, "motor.integral_gain": 3.0}
+CONSTANT = {"motor.control": "voltage", "motor.voltage": 12.0}
+LINKAGE = {"mass.upper_slider": 0.01, "mass.inclined_slider": 0.02, "mass.crank_pin": 0.05}
+WINDING = {"motor.winding_inductance": 2.81e-4}
+ALONE = {"effects.upper_mass": False, "effects.inclined_mass": False}
+WITHOUT_PLATES = {"effects.upper_contact": "none", "effects.inclined_contact": "none",
+                  "effects.normal_force": "weight"}
+
+
+def dc(name, *changes):
+    together = dict(DC)
+    for change in changes:
+        together |= change
+    return vibro_ros.load_scene(name).with_parameters(together)
+
+
+def numbers(scene):
+    """K, J, R, L, b and T_c."""
+    ratio = scene["motor.gear_ratio"]
+    return (ratio * scene["motor.torque_constant"], ratio**2 * scene["motor.rotor_inertia"]
+            + scene["motor.crank_inertia"], scene["motor.winding_resistance"], scene["motor.winding_inductance"],
+            scene["motor.damping"], scene["motor.friction"])
+
+
+def test_a_motor_without_load_and_a_motor_that_is_stalled():
+    """A64. θ' = (K V/R - T_c)/(b + K²/R), and i = V/R while the bearing is seized."""
+    scene = dc("paper", ALONE, CONSTANT, {"motor.speed": 0.0})
+    constant, _, resistance, _, b, friction = numbers(scene)
+    run = vibro_ros.simulate(scene, times=[0.0, 2.0])
+    assert run.motor_speed[1] == pytest.approx(
+        (constant * 12.0 / resistance - friction) / (b + constant**2 / resistance), rel=1e-14)
+    device = vibro_ros.Simulator(scene.with_parameters(WINDING))
+    device.fail("motor_stall", duration=1.0)
+    device.advance_to(0.5)
+    assert device.state.motor_speed == 0.0
+    assert device.state.motor_current == pytest.approx(12.0 / resistance, rel=1e-14)
+    assert device.state.electrical_power == pytest.approx(144.0 / resistance, rel=1e-14)
+    assert device.state.crank_speed == device.state.motor_speed
+
+
+def test_a_stalled_motor_draws_what_a_sagging_supply_has():
+    """V/R, V_sag/R meanwhile, and V/R again, in the supply's meter as well; what exceeds the supply is refused."""
+    scene = dc("paper", ALONE, CONSTANT, {"motor.speed": 0.0, "sensors.current.rate": 1000.0})
+    device, resistance = vibro_ros.SensedSimulator(scene), scene["motor.winding_resistance"]
+    device.fail("motor_stall", duration=10.0)
+    for voltage, meter in ((12.0, 12.0 / 36.0), (5.0, 1.0), (12.0, 12.0 / 36.0)):
+        device.advance_to(device.time + 0.0995)
+        device.take_measurements()
+        if voltage == 5.0:
+            device.fail("supply_sag", duration=0.1, value=5.0)
+        device.advance_to(device.time + 0.0125)
+        assert device.state.motor_voltage == voltage
+        assert device.state.motor_current == pytest.approx(voltage / resistance, rel=1e-14)
+        for one in device.take_measurements():
+            assert one.values == pytest.approx([meter * voltage / resistance, device.supply_voltage], rel=1e-14)
+    before = device.checkpoint().tolist()
+    with pytest.raises(ValueError, match="value: 40 V is above motor.supply_voltage, .*give at most 36 V"):
+        device.fail("supply_sag", duration=1.0, value=40.0)
+    assert device.checkpoint().tolist() == before
+
+
+@pytest.mark.parametrize("law", [CONSTANT, BY_VOLTAGE, BY_CURRENT], ids=["voltage", "by voltage", "by current"])
+@pytest.mark.parametrize("winding", [{}, WINDING], ids=["L = 0", "L"])
+def test_a_sag_bounds_the_voltage_at_once_and_energy_balances(law, winding):
+    device = vibro_ros.Simulator(dc("damped", law, winding, {"motor.speed": 60.0}))
+    device.advance_to(0.1003)  # between two samples of the controller
+    device.fail("supply_sag", duration=0.2, value=3.0)
+    if law is CONSTANT:
+        device.command(motor_voltage=20.0)  # of which 3 V are there
+    assert abs(device.state.motor_voltage) <= 3.0 * (1.0 + 1e-12)
+    sagging = device.sample(np.linspace(0.1003, 0.3, 500))
+    assert np.abs(sagging.motor_voltage).max() == pytest.approx(3.0, rel=1e-12)
+    device.advance_to(0.5)
+    assert device.state.motor_voltage > 4.0
+    found = device.statistics
+    assert abs(found["energy_residual"]) <= 1e-12 * found["energy_exchanged"]
+    assert abs(found["energy_accounts"]["residual"]) <= 1e-12 * found["energy_exchanged"]
+
+
+def test_a_forged_sag_is_refused():
+    for device in (vibro_ros.Simulator(dc("damped", CONSTANT)), vibro_ros.Simulator(vibro_ros.load_scene("damped"))):
+        good = device.checkpoint()
+        sag = 1 + 4 * 3  # behind the time, a push, a stall and two plates
+        for until, voltage in ((1.0, 0.0), (1.0, -5.0), (1.0, 1e9), (1.0, math.nan), (0.0, 5.0), (1e9, 5.0)):
+            bad = good.copy()
+            bad[sag:sag + 2] = until, voltage
+            with pytest.raises(ValueError, match="no state that this device can be in"):
+                device.restore(bad)
+            assert device.checkpoint().tolist() == good.tolist()
+
+
+@pytest.mark.parametrize("inductance", [0.0, 2.81e-4, 5e-3])
+def test_a_run_up_is_a_sum_of_exponentials(inductance):
+    """A64. J/(b + K²/R) is the time constant without inductance; with it there are the two roots of
+    L J p² + (R J + L b) p + R b + K² = 0, real for a small L, complex for a large one."""
+    scene = dc("paper", ALONE, CONSTANT, {"motor.speed": 0.0, "motor.winding_inductance": inductance,
+                                          "motor.friction": 0.0, "motor.static_friction": 0.0})
+    constant, inertia, resistance, _, b, _ = numbers(scene)
+    times, damping = np.linspace(0.0, 0.05, 60), resistance * b + constant**2
+    last = constant * 12.0 / damping
+    if inductance:
+        first, second = np.roots([inductance * inertia, resistance * inertia + inductance * b, damping]).astype(complex)
+        speed = last * (1.0 - (second * np.exp(first * times) - first * np.exp(second * times)) / (second - first)).real
+    else:
+        speed = last * -np.expm1(-times * damping / (resistance * inertia))
+    run = vibro_ros.simulate(scene, times=times)
+    np.testing.assert_allclose(run.motor_speed, speed, rtol=0.0, atol=1e-12)
+
+
+CASES = {
+    "voltage": (CONSTANT, {"motor.speed": 50.0}, ()),
+    "voltage with inductance": (CONSTANT, WINDING, ()),
+    "voltage, linkage": (CONSTANT, WINDING | LINKAGE, ()),
+    "start against the springs": (CONSTANT, {"motor.voltage": 1.4, "motor.speed": 0.0} | WINDING, ()),
+    "coast to rest": (CONSTANT, {"motor.voltage": 0.0, "motor.speed": 30.0}, ()),
+    "reversals": (CONSTANT, WINDING | {"motor.speed": 30.0}, ((0.05, -10.0), (0.12, 10.0))),
+    "reversals, linkage": (CONSTANT, WINDING | LINKAGE | {"motor.speed": 30.0}, ((0.05, -10.0), (0.12, 10.0))),
+    "by voltage": (BY_VOLTAGE, WINDING, ((0.0505, 120.0),)),
+    "by voltage without inductance": (BY_VOLTAGE, {"motor.acceleration": 1000.0}, ((0.05, -60.0),)),
+    "by voltage, current at its limit": (BY_VOLTAGE, WINDING | {"motor.current_limit": 1.0}, ((0.05, 150.0),)),
+    "by current": (BY_CURRENT, WINDING, ((0.0305, 60.0), (0.1, 0.0))),
+    "by current on a ramp": (BY_CURRENT, {"motor.acceleration": 500.0, "motor.feed_forward": 5e-4}, ((0.05, 20.0),)),
+    "by current, voltage at its limit": (BY_CURRENT, {"motor.supply_voltage": 9.0}, ((0.03, 120.0), (0.1, -40.0))),
+    "by current, both": (BY_CURRENT, WINDING | {"motor.supply_voltage": 9.0, "motor.current_limit": 5.0},
+                         ((0.03, 120.0), (0.1, -40.0))),
+}
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_motions_are_those_of_another_integrator(case):
+    """A65. DOP853 on equations written once more, event by event; 1e-12 of what a second of rounding leaves."""
+    control, changes, commands = CASES[case]
+    scene = dc("damped", WITHOUT_PLATES, control, changes)
+    device, other = vibro_ros.Simulator(scene), DcMotor(scene)
+    for instant, value in commands:
+        device.advance_to(instant)
+        device.command(**{scene.motor_command: value})
+        other.advance(instant)
+        other.command(value)
+    device.advance_to(0.2037)
+    angle, speed, current, upper, _, inclined, _ = other.advance(0.2037)
+    state = device.state
+    assert state.crank_angle == pytest.approx(angle, abs=1e-12)
+    assert state.motor_speed == pytest.approx(speed, abs=1e-11)
+    assert state.motor_current == pytest.approx(current, abs=1e-11)
+    assert state.upper_position == pytest.approx(upper, abs=1e-14)
+    assert state.inclined_position == pytest.approx(inclined, abs=1e-14)
+    assert abs(device.statistics["energy_residual"]) < 1e-12
+
+
+@pytest.mark.parametrize("law", [CONSTANT, BY_VOLTAGE, BY_CURRENT], ids=["voltage", "by voltage", "by current"])
+@pytest.mark.parametrize("linkage", [{}, LINKAGE], ids=["light", "linkage"])
+@pytest.mark.parametrize("name", ["unilateral", "device"])
+def test_energy_goes_from_the_supply_to_the_last_sink(name, linkage, law):
+    """A66. By audit and accounts, through blows, landings that strike the crank, and reversals."""
+    device = vibro_ros.Simulator(dc(name, law, linkage, WINDING, {"motor.speed": 40.0, "effects.reaction": True}))
+    for instant, value in ((0.2, -1.0), (0.4, 1.0)):
+        device.advance_to(instant)
+        device.command(**{device.scene.motor_command: value * (20.0 if law is CONSTANT else 90.0)})
+    device.advance_to(0.7)
+    found = device.statistics
+    accounts = found["energy_accounts"]
+    assert abs(found["energy_residual"]) <= 1e-12 * found["energy_exchanged"]
+    assert abs(accounts["residual"]) <= 1e-12 * found["energy_exchanged"]
+    assert accounts["supply"] > accounts["copper"] > 0.0 and accounts["bearing"] > 0.0
+    assert name != "device" or accounts["landings"] > 0.0
+
+
+def test_a_heavy_flywheel_is_the_ideal_motor():
+    """A67. The deviation from the motion at a constant speed is proportional to 1/J."""
+    free = {"motor.friction": 0.0, "motor.static_friction": 0.0, "motor.damping": 0.0} | BY_CURRENT
+    free |= {"motor.proportional_gain": 0.0, "motor.integral_gain": 0.0}
+    ideal = vibro_ros.simulate(vibro_ros.load_scene("damped").with_parameters(WITHOUT_PLATES), times=[0.0, 0.2])
+    errors = [vibro_ros.simulate(dc("damped", WITHOUT_PLATES, free, {"motor.crank_inertia": inertia}), times=[0.0, 0.2])
+              .upper_position[1] - ideal.upper_position[1] for inertia in (400.0, 800.0)]
+    assert errors[0] / errors[1] == pytest.approx(2.0, rel=1e-4)
+
+
+def test_a_small_inductance_is_none():
+    """A67. The deviation from L = 0 is proportional to L."""
+    motions = [vibro_ros.simulate(dc("damped", WITHOUT_PLATES, CONSTANT, {"motor.winding_inductance": inductance}),
+                                  times=[0.0, 0.1]).crank_angle[1] for inductance in (0.0, 1e-6, 2e-6)]
+    assert (motions[2] - motions[0]) / (motions[1] - motions[0]) == pytest.approx(2.0, rel=1e-2)
+
+
+def test_a_small_ripple_is_linear():
+    """A68. ω_n = -τ_n / (jΩ_n J + b + K²/(R + jΩ_n L)), with τ_n the torque's harmonics of the ideal motor."""
+    scene = dc("damped", WITHOUT_PLATES, CONSTANT, WINDING, {"motor.crank_inertia": 1e-1, "motor.friction": 0.0,
+                                                             "motor.static_friction": 0.0})
+    constant, inertia, resistance, inductance, b, _ = numbers(scene)
+    turn, count = 2.0 * math.pi / 100.0, 256
+    parts = np.arange(count) / count * turn
+    ideal = vibro_ros.simulate(vibro_ros.load_scene("damped").with_parameters(WITHOUT_PLATES),
+                               times=[0.0, *(100 * turn + parts)])
+    torque = np.fft.rfft(ideal.motor_torque[1:]) / count
+    voltage = (torque[0].real + b * 100.0) * resistance / constant + constant * 100.0
+    samples = vibro_ros.Simulator(scene.with_parameters({"motor.voltage": voltage})).sample(1000 * turn + parts)
+    speed, ahead = np.fft.rfft(samples.motor_speed) / count, samples.crank_angle[0] - 1000 * 2.0 * math.pi
+    for n in (1, 2):
+        rate = 1j * n * 100.0
+        expected = -torque[n] / (rate * inertia + b + constant**2 / (resistance + rate * inductance))
+        assert abs(speed[n] * np.exp(-1j * n * ahead) - expected) < 0.02 * abs(expected)
+
+
+@pytest.mark.parametrize("speed", [-0.3, -1e-3, 0.0, 0.2])
+@pytest.mark.parametrize("motor_speed", [-40.0, 0.0, 60.0])
+def test_a_landing_strikes_the_crank(speed, motor_speed):
+    """A69. Routh's law in small steps of the impulse, on the mass matrix of body, masses and crank."""
+    scene = dc("device", LINKAGE, CONSTANT, {"motor.voltage": 0.0, "motor.speed": motor_speed, "guide.angle": 1.0})
+    device, angle, fall, friction = vibro_ros.Simulator(scene), 0.7, 0.5, scene["ground.friction"]
+    device.set_state(crank_angle=angle, motor_speed=motor_speed, body_height=1e-13, body_velocity=speed,
+                     body_vertical_velocity=-fall, upper_position=0.05, inclined_position=0.05)
+    device.advance_to(1e-11)
+    assert device.take_events()["kind"].tolist().count("landing") == 1
+    psi, radius = angle - 1.0, scene["crank.radius"]
+
+    def slope(psi, rod):
+        root = math.sqrt(rod**2 - (radius * math.sin(psi)) ** 2)
+        return -radius * math.sin(psi) * (1.0 + radius * math.cos(psi) / root)
+
+    tilted = np.array([-math.sin(1.0), math.cos(1.0)])
+    moved = [(0.01, np.array([0.0, 1.0]) * slope(angle, 0.06)), (0.02, tilted * slope(psi, 0.06)),
+             (0.05, radius * np.array([-math.cos(angle), -math.sin(angle)]))]
+    matrix = np.zeros((5, 5))  # x, y, u, w, θ
+    matrix[:2, :2] = scene.total_mass * np.eye(2)
+    for place, (mass, direction) in enumerate(((scene["mass.upper"], np.array([0.0, 1.0])),
+                                               (scene["mass.inclined"], tilted)), start=2):
+        matrix[:2, place] = matrix[place, :2] = mass * direction
+        matrix[place, place] = mass
+    for mass, way in moved:
+        matrix[:2, 4] += mass * way
+        matrix[4, 4] += mass * (way @ way)
+    matrix[4, :2], matrix[4, 4] = matrix[:2, 4], matrix[4, 4] + numbers(scene)[1]
+    inverse, rates = np.linalg.inv(matrix), np.array([speed, -fall, 0.0, 0.0, motor_speed])
+    step = 2e-6 * scene.total_mass * fall
+    while rates[1] < 0.0:
+        push = inverse[0, 1] / inverse[0, 0]  # of a body that sticks: -push is the ratio of the impulses
+        sign = np.sign(rates[0]) if abs(rates[0]) > 2e-6 else (np.sign(push) if abs(push) > friction else 0.0)
+        along = -sign * friction if sign else -push
+        part = min(step, -rates[1] / (inverse[1, 1] + along * inverse[1, 0]))
+        rates = rates + part * (inverse[:, 1] + along * inverse[:, 0])
+        if part < step:
+            break
+    state = device.state
+    found = [state.body_velocity, state.upper_velocity, state.inclined_velocity]
+    np.testing.assert_allclose(found, [rates[0], rates[2], rates[3]], rtol=0.0, atol=1e-5)
+    assert state.motor_speed == pytest.approx(rates[4], abs=1e-3)
+
+
+def test_a_command_at_the_instant_of_a_sample_counts_and_cuts_change_no_bit():
+    scene = dc("device", BY_VOLTAGE, WINDING, {"motor.speed": 30.0, "motor.control_rate": 100.0})
+    at_once, late = vibro_ros.Simulator(scene), vibro_ros.Simulator(scene)
+    at_once.advance_to(0.05)
+    late.advance_to(0.05 + 1e-9)
+    for device in (at_once, late):
+        device.command(motor_speed=35.0)
+    assert at_once.state.motor_voltage - late.state.motor_voltage == pytest.approx(5.0 * (0.3 + 0.147), rel=1e-6)
+    cut = vibro_ros.Simulator(scene)
+    cut.advance_to(0.05)
+    cut.command(motor_speed=35.0)
+    for instant in np.sort(np.random.default_rng(1).uniform(0.05, 0.4, 50)):
+        cut.advance_to(instant)
+    checkpoint, other = cut.checkpoint(), vibro_ros.Simulator(scene)
+    other.restore(checkpoint)
+    for device in (at_once, cut, other):
+        device.advance_to(0.4)
+    assert at_once.state == cut.state == other.state
+
+
+def test_a_crank_that_runs_back_counts_its_turns_downwards():
+    device = vibro_ros.Simulator(dc("damped", CONSTANT, {"motor.voltage": -12.0, "motor.speed": 0.0}))
+    device.advance_to(1.0)
+    states = device.sample(np.linspace(1.0, 1.3, 400))
+    assert states.crank_angle[0] < -20.0 and np.all(np.abs(np.diff(states.crank_angle)) < 0.2)
+
+
+@pytest.mark.parametrize("changes, message", [
+    ({"motor.static_friction": 0.01}, "motor.static_friction: 0.01 N·m is below motor.friction, 0.03 N·m"),
+    ({"motor.winding_inductance": 1e-9}, "motor.winding_inductance: 1e-09 H .*give 0, or at least 1.43e-07 H"),
+    ({"motor.rotor_inertia": 0.0, "motor.crank_inertia": 0.0}, "motor.crank_inertia: 0 kg·m² leaves .*at least 1e-09"),
+    ({"crank.radius": 0.06}, "crank.upper_rod: 0.06 m is as long as the crank.*give at least 0.06006 m"),
+    ({"motor.control": "voltage", "motor.voltage": 40.0}, "motor.voltage: 40 is out of range.*motor.supply_voltage"),
+    ({"effects.reaction": True, "mass.crank_pin": 0.1, "effects.upper_contact": "restitution",
+      "effects.normal_force": "weight"}, "mass.crank_pin: 0.1 kg lets a blow .*compliant effects.upper_contact"),
+    ({"solver.method": "moreau"}, "effects.motor: 'dc' is not simulated by moreau"),
+])
+def test_what_has_no_law_is_refused(changes, message):
+    with pytest.raises(ValueError, match=message):
+        dc("paper", changes)
+
+
+def test_another_motors_command_is_refused_and_changes_nothing():
+    by_voltage = vibro_ros.Simulator(dc("damped", CONSTANT))
+    by_speed = vibro_ros.Simulator(vibro_ros.load_scene("damped"))
+    for device, command, message in (
+            (by_voltage, {"motor_speed": 10.0}, "motor_speed: 10.0 is no command .*command motor_voltage"),
+            (by_voltage, {"motor_voltage": 40.0}, "motor.voltage: 40 is out of range; give a number from -36 to 36 V"),
+            (by_voltage, {"motor_voltage": math.nan}, "motor.voltage: nan is not finite"),
+            (by_speed, {"motor_voltage": 1.0}, "motor_voltage: 1.0 is no command .*command motor_speed"),
+            (by_speed, {"motor_speed": -1.0}, "motor.speed: -1 is out of range")):
+        before = device.checkpoint()
+        with pytest.raises(ValueError, match=message):
+            device.command(**command)
+        assert np.array_equal(before, device.checkpoint())
+
+
+def test_auto_takes_exact():
+    device = vibro_ros.Simulator(dc("damped", {"solver.method": "auto", "solver.audit": False,
+                                               "solver.accounts": False}))
+    assert device.choice.method == "exact"
+
+
+@pytest.mark.parametrize("law", [CONSTANT, BY_VOLTAGE, BY_CURRENT], ids=["voltage", "by voltage", "by current"])
+def test_a_forged_checkpoint_is_refused_or_leads_on(law):
+    """Any one number of it, changed: of the angle, which is counted in turns, and of the controller's samples, too."""
+    device = vibro_ros.Simulator(dc("device", law, {"motor.speed": 40.0, "upper.plate.stiffness": 1e5,
+                                                    "inclined.plate.stiffness": 1e5}))
+    device.advance_to(0.05)
+    whole, chance = device.checkpoint(), np.random.default_rng(1)
+    refused, own = 0, len(whole) - 500  # the polynomials are many; the rest is what decides
+    for place in [*chance.integers(0, len(whole), 60), *range(own, len(whole))]:
+        forged = whole.copy()
+        forged[place] = chance.choice([-1e12, 1e12, -1.0, 1e300, math.nan, 1e3])
+        try:
+            device.restore(forged)
+        except ValueError:
+            refused += 1
+            continue
+        try:
+            device.advance_to(device.time + 1e-3)
+        except vibro_ros.SimulationError:
+            pass
+        device.restore(whole)
+    assert refused > 20

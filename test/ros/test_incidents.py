@@ -1,0 +1,176 @@
+"""What is let happen to a running robot: another state, a push, faults; refused in words, recorded, replayed."""
+
+import math
+
+import pytest
+from asking import known_client
+from observation import value_of
+from operated_robot import Operator, stop
+from std_srvs.srv import SetBool, Trigger
+from test_operations import assert_replays, operations_in
+
+from vibro_ros.bag.stream import BagStream
+from vibro_ros.recordings.comparison import compare
+from vibro_ros.recordings.summary import as_text, load_samples, summarise
+from vibro_ros.ros.robot.services import INVALID_POSE, Code
+
+own = pytest.importorskip("vibro_ros_interfaces.srv", reason="the project's own types are not built")
+entity_types = pytest.importorskip("simulation_interfaces.srv", reason="simulation_interfaces is not built")
+RUNNING = ("robot", "--ros-args", "-p", "motor.speed:=100.0")
+
+
+@pytest.fixture
+def ask(bench):
+    """Call a service of the robot; its answer."""
+    def ask_one(kind: type, name: str, **request):
+        client = known_client(bench, kind, name)
+        future = client.call_async(kind.Request(**request))
+        bench.spin_until(future.done, f"answer of {name}")
+        bench.node.destroy_client(client)
+        return future.result()
+    return ask_one
+
+
+@pytest.fixture
+def let(ask):
+    """Let something happen; the words of the answer, after a check whether it was done."""
+    def let_one(name: str, done: bool = True, **request) -> str:
+        kind = {"set_state": own.SetState, "push": own.Push, "inject_fault": own.InjectFault}[name]
+        answer = ask(kind, name, **request)
+        assert answer.success == done, answer.message
+        return answer.message
+    return let_one
+
+
+def test_a_run_through_a_state_a_push_and_faults_replays_to_the_last_bit(start, bench, ask, let, listener, tmp_path):
+    robot = start(*RUNNING)
+    operator = Operator(bench)
+    operator.wait_for_robot()
+    let("set_state", names=["body_position", "body_velocity"], values=[0.5, -1.0])
+    let("push", force_x=30.0, force_z=20.0, duration=0.0333)
+    operator.spin_for_samples(20)
+    assert operator.odom().pose.pose.position.x > 0.3
+    let("inject_fault", fault="motor_stall", duration=60.0)
+    let("inject_fault", fault="plate_stuck", of="upper", duration=0.05)
+    operator.command(motor_speed=90.0, upper_gap=0.0004)
+    bench.spin_until(lambda: operator.joint("crank")[1] == 0.0, "the stalled motor's stop")
+    listener.wait_for_status("simulation", lambda status: any(
+        pair.key == "lasting" and pair.value.startswith("motor_stall until") for pair in status.values))
+    let("inject_fault", fault="motor_stall", duration=0.0)
+    bench.spin_until(lambda: operator.joint("crank")[1] == 90.0, "the last command's speed")
+    # while robot time stands still, and ended by a reset
+    assert ask(SetBool, "pause", data=True).success
+    let("push", force_x=-30.0, duration=3600.0)
+    assert ask(Trigger, "step").success
+    assert ask(Trigger, "reset").success
+    assert ask(SetBool, "pause", data=False).success
+    operator.spin_for_samples(20)
+    folder = tmp_path / stop(robot)
+    assert [text.split()[0] for text in operations_in(folder)] == [
+        "state", "push", "fault", "fault", "fault", "pause", "push", "step", "reset", "resume"]
+    summary = summarise(load_samples(folder))
+    times, texts = zip(*summary["operations"], strict=True)
+    assert list(texts) == operations_in(folder) and sorted(times) == list(times)
+    assert all(text in as_text(summary) for text in texts)
+    assert_replays(folder, 60)
+
+
+def test_a_bag_begun_while_a_push_lasts_replays_from_its_checkpoint(start, bench, let, record, tmp_path):
+    robot = start(*RUNNING, "-p", "record.enabled:=false")
+    operator = Operator(bench)
+    operator.wait_for_robot()
+    let("push", force_x=2.0, duration=0.5)
+    let("inject_fault", fault="plate_stuck", of="inclined", duration=0.4)
+    assert record(True)[0]
+    operator.spin_for_samples(150)
+    folder = tmp_path / stop(robot)
+    with BagStream(folder) as stream:
+        found = compare(stream)
+    assert found.difference is None and found.compared["/odom"] > 100
+
+
+def test_late_and_lost_commands_take_effect_late_or_never_and_replay(start, bench, let, listener, tmp_path):
+    robot = start("robot")
+    operator = Operator(bench)
+    operator.wait_for_robot()
+    let("inject_fault", fault="lost_commands", duration=60.0)
+    operator.command(motor_speed=50.0)
+    listener.wait_for_status("simulation", lambda status: value_of(status, "lost commands") == 1.0)
+    let("inject_fault", fault="lost_commands", duration=0.0)
+    let("inject_fault", fault="late_commands", value=0.3, duration=60.0)
+    operator.spin_for_samples(1)
+    before = len(operator.heard["odom"])
+    operator.command(motor_speed=50.0)
+    bench.spin_until(lambda: operator.joint("crank")[1] > 0.0, "the late command in effect")
+    assert len(operator.heard["odom"]) - before >= 59  # samples at 200 Hz
+    folder = tmp_path / stop(robot)
+    assert_replays(folder, 60)
+
+
+def test_what_cannot_be_is_refused_in_the_device_s_words(start, let, listener):
+    start(*RUNNING, "-p", "record.enabled:=false").wait_for("ready")
+    for name, request, words in (
+            ("set_state", {"names": ["body_velocity"], "values": []}, "1 names, 1 of them different, and 0 values"),
+            ("set_state", {"names": ["mass"], "values": [1.0]}, "mass: cannot be given; give any of"),
+            ("set_state", {"names": ["self"], "values": [1.0]}, "self: cannot be given"),
+            ("set_state", {"names": ["body_velocity"], "values": [math.nan]}, "body_velocity: nan is not finite"),
+            ("push", {"force_x": math.nan, "duration": 1.0}, "force_x: nan is not finite"),
+            ("push", {"force_x": 1.0, "duration": math.inf}, "duration: inf is not finite"),
+            ("inject_fault", {"fault": "quake\n", "duration": 1.0}, "'quake\\n' is unknown; choose one of motor_stall"),
+            ("inject_fault", {"fault": "plate_stuck", "of": "x" * 1000, "duration": 1.0}, "give upper or inclined"),
+            ("inject_fault", {"fault": "late_commands", "duration": 1.0}, "value: 0 is out of range"),
+            ("inject_fault", {"fault": "sensor_freeze", "of": "imu", "duration": 1.0}, "befalls sensors"),
+            ("inject_fault", {"fault": "motor_stall", "duration": -math.inf}, "duration: -inf is not finite")):
+        answer = let(name, done=False, **request)
+        assert words in answer and len(answer) < 600
+    listener.spin_for_samples(5)
+
+
+def test_the_robot_is_an_entity_with_a_state(start, bench, ask, tmp_path):
+    robot = start("robot", "--ros-args", "-p", "frame_prefix:=r1/", "-p", "motor.speed:=50.0")
+    operator = Operator(bench)
+    operator.wait_for_robot()
+
+    def put(entity: str = "vibro_robot", frame: str = "", pose: bool = False, twist: bool = False, **numbers: float):
+        state = entity_types.SetEntityState.Request().state
+        state.header.frame_id = frame
+        state.pose.position.x, state.pose.position.y = numbers.get("x", 0.0), numbers.get("y", 0.0)
+        state.pose.orientation.w, state.twist.linear.x = numbers.get("w", 1.0), numbers.get("speed", 0.0)
+        return ask(entity_types.SetEntityState, "set_entity_state", entity=entity, state=state, set_pose=pose,
+                   set_twist=twist).result
+
+    assert put(pose=True, x=5.0, frame="r1/odom").result == Code.OK
+    found = ask(entity_types.GetEntityState, "get_entity_state", entity="vibro_robot")
+    assert found.result.result == Code.OK and found.state.header.frame_id == "r1/odom"
+    assert found.state.pose.position.x == pytest.approx(5.0, abs=0.2) and math.isnan(found.state.acceleration.linear.x)
+    for result, code, words in (
+            (put(entity="other", pose=True), Code.NOT_FOUND, "entity: 'other' is not here; give vibro_robot"),
+            (put(pose=True, y=1.0), INVALID_POSE, "give y = 0"), (put(pose=True, w=math.nan), INVALID_POSE, "turn"),
+            (put(pose=True, x=math.inf), Code.OPERATION_FAILED, "body_position: inf is not finite"),
+            (put(), Code.OPERATION_FAILED, "nothing to set"),
+            (put(twist=True, frame="map"), Code.OPERATION_FAILED, "give r1/odom")):
+        assert result.result == code and words in result.error_message
+    other = ask(entity_types.GetEntityState, "get_entity_state", entity="")
+    assert other.result.result == Code.NOT_FOUND
+    folder = tmp_path / stop(robot)
+    assert operations_in(folder) == ['state {"body_position": 5.0, "body_height": 0.0}']
+    assert_replays(folder, 5)
+
+
+def test_a_script_lets_the_robot_fail_and_ends_where_it_refuses(start, bench, tmp_path):
+    robot = start(*RUNNING)
+    robot.wait_for("ready")
+    (tmp_path / "script.yaml").write_text("""
+entries:
+  - {motor_speed: 100.0, for: 0.2}
+  - {fault: plate_stuck, of: upper, upper_gap: 0.001, for: 0.3}
+  - {fault: sensor_freeze, of: imu, for: 0.5}
+  - {motor_speed: 50.0, for: 30.0}
+""")
+    controller = start("controller", "script.yaml")
+    controller.wait_for("entry 3: /vibro_robot refuses the fault: fault: sensor_freeze befalls sensors")
+    assert controller.end() == 1
+    folder = tmp_path / stop(robot)
+    assert [text for text in operations_in(folder) if text.startswith("fault")] == [
+        'fault {"fault": "plate_stuck", "duration": 0.3, "of": "upper", "value": 0.0}']
+    assert_replays(folder, 50)

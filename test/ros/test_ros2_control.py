@@ -1,0 +1,121 @@
+"""A robot under ros2_control: its description read, its hardware by topics played by the rules of its sources, in DDS.
+
+`TopicSystem` does what JointStateTopicSystem of joint_state_topic_hardware_interface does in `read` and `write`.
+"""
+
+import math
+from xml.etree import ElementTree
+
+import pytest
+from observation import value_of
+from operated_robot import Operator, stop
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy, qos_profile_sensor_data
+from sensor_msgs.msg import JointState
+from std_msgs.msg import String
+from test_operations import assert_replays
+
+from vibro_ros.bag.reader import read_bag
+
+PLUGIN = "joint_state_topic_hardware_interface/JointStateTopicSystem"
+KINDS = ("position", "velocity", "effort")
+
+
+class TopicSystem:
+    """The hardware of a `<ros2_control>` block: states and commands of its joints, by name and interface."""
+
+    def __init__(self, bench, description: str, reliability: ReliabilityPolicy = ReliabilityPolicy.RELIABLE):
+        (block,) = ElementTree.fromstring(description).iter("ros2_control")
+        assert block.get("type") == "system" and block.findtext("hardware/plugin") == PLUGIN
+        given = {one.get("name"): one.text for one in block.iter("param")}
+        self.threshold = float(given["trigger_joint_command_threshold"])
+        self.joints = {joint.get("name"): [one.get("name") for one in joint.findall("command_interface")]
+                       for joint in block.findall("joint")}
+        self.states = {(joint.get("name"), one.get("name")): math.nan
+                       for joint in block.findall("joint") for one in joint.findall("state_interface")}
+        self.commands = {(joint, kind): math.nan for joint, kinds in self.joints.items() for kind in kinds}
+        self._publisher = bench.node.create_publisher(JointState, given["joint_commands_topic"],
+                                                      QoSProfile(depth=1, reliability=reliability))
+        bench.node.create_subscription(JointState, given["joint_states_topic"], self._read, qos_profile_sensor_data)
+        bench.spin_until(lambda: self._publisher.get_subscription_count() and all(
+            map(math.isfinite, self.states.values())), "the robot and its states")
+
+    def _read(self, message: JointState) -> None:
+        for i, name in enumerate(message.name):
+            for kind in KINDS:
+                if (name, kind) in self.states and (values := getattr(message, kind)) and math.isfinite(values[i]):
+                    self.states[name, kind] = values[i]
+
+    def write(self) -> None:
+        difference = sum(abs(self.states[key] - command) for key, command in self.commands.items())
+        if difference <= self.threshold:  # false for NaN
+            return
+        message = JointState()
+        for joint, kinds in self.joints.items():
+            message.name.append(joint)
+            for kind in kinds:
+                getattr(message, kind).append(self.commands[joint, kind])
+        self._publisher.publish(message)
+
+
+@pytest.fixture
+def description(bench):
+    """The description that a running robot publishes."""
+    def hear(topic: str = "robot_description") -> str:
+        heard: list[str] = []
+        bench.node.create_subscription(String, topic, lambda message: heard.append(message.data), QoSProfile(
+            depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL))
+        bench.spin_until(lambda: heard, "the description")
+        return heard[0]
+    return hear
+
+
+@pytest.mark.parametrize("reliability", [ReliabilityPolicy.RELIABLE, ReliabilityPolicy.BEST_EFFORT])
+def test_hardware_by_topics_drives_the_robot_and_its_run_replays(start, bench, description, listener, tmp_path,
+                                                                 reliability):
+    robot = start("robot", "--ros-args", "-p", "ros2_control:=true", "-p", "command.timeout:=0.5", "-r",
+                  "joint_states:=robot_joint_states")
+    robot.wait_for("ready")
+    system = TopicSystem(bench, description(), reliability)
+    assert {joint: kinds for joint, kinds in system.joints.items()} == {
+        "crank": ["velocity"], "upper_plate": ["position"], "inclined_plate": ["position"]}
+    for _ in range(5):  # no controller is active yet
+        system.write()
+        bench.spin_once()
+
+    def commanded() -> bool:
+        system.write()
+        return all(abs(system.states[key] - command) < 1e-12 for key, command in system.commands.items())
+
+    system.commands = {("crank", "velocity"): 40.0, ("upper_plate", "position"): 0.0602,
+                       ("inclined_plate", "position"): 0.0599}
+    bench.spin_until(commanded, "speed and plates where they were commanded")
+    system.commands["crank", "velocity"] = math.nan  # its controller is switched off: the robot's timeout stops it
+    bench.spin_until(lambda: commanded() or system.states["crank", "velocity"] == 0.0, "the motor's stop")
+    status, values = listener.wait_for_status("simulation", lambda status: value_of(
+        status, "stops by command.timeout") == 1.0)
+    assert (values["rejected commands"], values["dropped commands"]) == ("0", "0")
+    folder = tmp_path / stop(robot)
+    assert_replays(folder, 50)
+    assert "time" in read_bag(folder)["joint_commands"]
+
+
+def test_absurd_joint_commands_are_refused_counted_and_leave_the_others(start, bench, listener, tmp_path):
+    robot = start("robot")
+    operator = Operator(bench)
+    operator.wait_for_robot()
+    publisher = bench.node.create_publisher(JointState, "joint_commands", 10)
+    bench.spin_until(publisher.get_subscription_count, "the robot")
+    for message in (JointState(name=["elbow\n"], position=[1.0]), JointState(name=["crank"], velocity=[1e300]),
+                    JointState(name=["crank"], velocity=[-1.0]), JointState(name=["crank"] * 3, velocity=[1.0] * 2),
+                    JointState(name=["upper_plate"], position=[5.0]), JointState(name=["x" * 2000], velocity=[1.0])):
+        publisher.publish(message)
+    publisher.publish(JointState(name=["crank", "upper_plate"], velocity=[20.0], position=[-1.0]))
+    bench.spin_until(lambda: operator.joint("crank")[1] == 20.0, "the good half of a command")
+    listener.wait_for_status("simulation", lambda status: value_of(status, "rejected commands") == 7.0)
+    robot.wait_for("command refused: /joint_commands: 'elbow\\n' is not commanded by position")
+    assert_replays(tmp_path / stop(robot), 5)
+
+
+def test_a_robot_has_no_block_unless_it_is_asked_for(start, description):
+    start("robot", "--ros-args", "-p", "record.enabled:=false").wait_for("ready")
+    assert "ros2_control" not in description()

@@ -1,0 +1,95 @@
+"""Sensors of a real robot: heard as users hear them, recorded, and computed again to the last bit."""
+
+from importlib import import_module
+from importlib.util import find_spec
+
+import numpy as np
+from asking import known_client
+from random_run import FASTER, record_run
+from rclpy.qos import qos_profile_sensor_data
+from sensor_msgs.msg import Imu
+from std_srvs.srv import Trigger
+
+from vibro_ros.bag.reader import read_bag
+from vibro_ros.configuration.scene_file import load_scene
+from vibro_ros.messages import fields
+from vibro_ros.messages.topics import SENSOR_TOPICS, SENSOR_TYPES
+from vibro_ros.messages.urdf import robot_description
+from vibro_ros.recordings import replay
+from vibro_ros.ros.topics.publishers import filled
+
+SENSORS = ("sensors.preset:=bmi270", "sensors.imu.rate:=800.0", "sensors.imu.delay:=0.003",
+           "sensors.encoder.rate:=150.0", "sensors.tracking.rate:=60.0", "sensors.tracking.latency:=0.04",
+           "sensors.tracking.dropout_probability:=0.05", "motor.speed:=100.0", "effects.motor:=dc",
+           "sensors.current.rate:=100.0", "sensors.current.noise:=0.1", "sensors.current.supply_resistance:=0.5")
+LATE = ("record.max_bytes:=1000000.0", "record.max_duration:=0.25")
+
+
+def test_a_sensed_run_is_identical_in_its_replay_and_another_seed_is_another_noise(start, bench, tmp_path, capsys):
+    heard = []
+    bench.node.create_subscription(Imu, "imu/data_raw", heard.append, qos_profile_sensor_data)
+
+    def reset_and_fail(bench):
+        future = known_client(bench, Trigger, "reset").call_async(Trigger.Request())
+        bench.spin_until(future.done, "answer of ~/reset")
+        if find_spec("vibro_ros_interfaces.srv"):  # built where there is a compiler
+            kind = import_module("vibro_ros_interfaces.srv").InjectFault
+            for request in (kind.Request(fault="sensor_freeze", of="encoder", duration=0.5),
+                            kind.Request(fault="supply_sag", value=9.0, duration=0.5)):
+                future = known_client(bench, kind, "inject_fault").call_async(request)
+                bench.spin_until(future.done, "answer of ~/inject_fault")
+                assert future.result().success, future.result().message
+
+    bag = record_run(start, bench, tmp_path, f"rate.real_time_factor:={FASTER}", *SENSORS, seconds=1.0,
+                     then=reset_and_fail)
+    assert len(heard) > 100
+    assert heard[-1].header.frame_id == "imu_link" and heard[-1].orientation_covariance[0] == -1.0
+    one = read_bag(bag)
+    assert all(one.topics[f"/{topic}"].messages > 50 and one.topics[f"/{topic}"].type_name == SENSOR_TYPES[topic]
+               for topic in SENSOR_TOPICS.values())
+    assert replay.main([str(bag)]) == 0
+    assert capsys.readouterr().out.startswith("identical: ")
+    imu, tracking = one["imu/data_raw"], one["tracking"]
+    assert np.all(imu["acceleration_variance"] > 0.0) and np.all(tracking["variance"] == 1e-6)
+    delays = tracking["time"] - tracking["stamp"]
+    assert delays.min() > 0.04 - 1e-6 and delays.max() < 0.05 + 1e-6  # the latency, and up to a sample's period
+
+    assert replay.main([str(bag), "--set", "sensors.seed=7"]) == 0
+    folder = capsys.readouterr().out.splitlines()[-1]
+    other = read_bag(folder)
+    count = min(len(each["odom"]["time"]) for each in (one, other))
+    assert np.array_equal(one["odom"]["position"][:count], other["odom"]["position"][:count])
+    assert np.array_equal(one["encoder"]["crank.position"][:50], other["encoder"]["crank.position"][:50])
+    assert not np.array_equal(one["imu/data_raw"]["acceleration"][:50], other["imu/data_raw"]["acceleration"][:50])
+
+
+def test_a_run_without_sensors_is_sensed_in_its_replay(start, bench, tmp_path, capsys):
+    bag = record_run(start, bench, tmp_path, "motor.speed:=100.0", seconds=0.5)
+    assert not set(SENSOR_TOPICS.values()) & {topic[1:] for topic in read_bag(bag).topics}
+    assert replay.main([str(bag), "--set", "sensors.imu.rate=500.0"]) == 0
+    folder = capsys.readouterr().out.splitlines()[-1]
+    assert len(read_bag(folder)["imu/data_raw"]["time"]) > 100
+    assert replay.main([folder]) == 0
+
+
+def test_a_bag_that_begins_late_is_identical_in_its_replay(start, bench, tmp_path, capsys):
+    bag = record_run(start, bench, tmp_path, "rate.real_time_factor:=4.0", *SENSORS, *LATE)
+    assert replay.main([str(bag)]) == 0
+    assert capsys.readouterr().out.startswith("identical: ")
+
+
+def test_frames_and_messages_of_sensors():
+    scene = load_scene("device")
+    assert "imu_link" not in robot_description(scene)
+    assert '<link name="imu_link"' in robot_description(scene.with_parameters({"sensors.imu.rate": 100.0}))
+    imu = filled("imu/data_raw", fields.fill_imu, np.arange(1.0, 9.0, dtype=np.float32), 10**9, "a/")
+    assert imu.header.frame_id == "a/imu_link" and imu.linear_acceleration.z == 3.0 and imu.angular_velocity.x == 4.0
+    assert imu.linear_acceleration_covariance.tolist() == (7.0 * np.eye(3)).ravel().tolist()
+    assert imu.angular_velocity_covariance.tolist() == (8.0 * np.eye(3)).ravel().tolist()
+    encoder = filled("encoder", fields.fill_encoder, np.array([1.5, 2.5], dtype=np.float32), 10**9)
+    assert (list(encoder.name), list(encoder.position), list(encoder.velocity)) == (["crank"], [1.5], [2.5])
+    battery = filled("battery", fields.fill_battery, np.array([1.5, 30.0]), 10**9)
+    assert (battery.voltage, battery.current, battery.present) == (30.0, -1.5, True)
+    assert np.isnan(battery.percentage)
+    seen = filled("tracking", fields.fill_tracking, np.array([1.0, 2.0, 3.0, 4.0], dtype=np.float32), 10**9)
+    assert seen.header.frame_id == "odom" and np.flatnonzero(seen.pose.covariance).tolist() == [0, 7, 14]

@@ -1,0 +1,184 @@
+"""A push on the body and faults of the device: exact, ended to the instant, the same however time is cut up."""
+
+import math
+
+import numpy as np
+import pytest
+
+import vibro_ros
+
+GRAVITY = 9.81
+
+
+def running(scene: str = "device", **changes: object) -> vibro_ros.Simulator:
+    parameters = {name.replace("__", "."): value for name, value in changes.items()}
+    return vibro_ros.Simulator(vibro_ros.load_scene(scene).with_parameters({"motor.speed": 100.0} | parameters))
+
+
+def block() -> vibro_ros.Simulator:
+    """A body whose masses hang at rest on sliders that stand still, away from their plates."""
+    device = running("damped", motor__speed=0.0, upper__gap=0.03, inclined__gap=0.03)
+    device.advance_to(0.1)
+    assert device.state.body_velocity == 0.0
+    return device
+
+
+def test_a_pushed_block_slides_as_far_as_newton_and_coulomb_say():
+    device = block()
+    mass, friction = device.scene.total_mass, device.scene["ground.friction"]
+    device.push(0.1, force_x=5.0)
+    speed = (5.0 / mass - friction * GRAVITY) * 0.1
+    device.advance_to(0.2)
+    assert device.state.body_velocity == pytest.approx(speed, rel=1e-13)
+    device.advance_to(1.0)
+    assert device.state.body_position == pytest.approx(0.5 * speed * 0.1 + speed**2 / (2.0 * friction * GRAVITY),
+                                                       rel=1e-12)
+
+
+@pytest.mark.parametrize(("share", "moves"), [(1.0 - 1e-9, False), (1.0 + 1e-9, True)])
+def test_a_push_below_the_bound_of_friction_moves_nothing(share: float, moves: bool):
+    device = block()
+    device.push(0.5, force_x=-share * device.scene["ground.friction"] * device.scene.total_mass * GRAVITY)
+    device.advance_to(0.3)
+    assert (device.state.body_velocity < 0.0) == moves
+    assert device.state.friction_force == pytest.approx(-share * 0.2 * device.scene.total_mass * GRAVITY, rel=1e-8)
+
+
+def test_a_short_push_is_a_blow():
+    device = block()
+    device.push(1e-6, force_x=1e5)  # 0.1 N s
+    device.advance_to(0.1 + 1e-6)
+    assert device.state.body_velocity == pytest.approx(0.1 / device.scene.total_mass, rel=1e-4)
+
+
+def test_the_momentum_of_a_body_that_is_thrown_up_is_the_push_s_and_gravity_s():
+    device = running("device", ground__restitution=0.0)
+    total, scene = device.scene.total_mass, device.scene
+
+    def momentum() -> np.ndarray:
+        state, (along_x, upwards) = device.state, scene.direction("inclined")
+        upper, inclined = scene["mass.upper"] * state.upper_velocity, scene["mass.inclined"] * state.inclined_velocity
+        return np.array([total * state.body_velocity + along_x * inclined,
+                         total * state.body_vertical_velocity + upper + upwards * inclined])
+
+    device.push(0.3, force_z=3.0 * total * GRAVITY, force_x=2.0)
+    device.advance_to(0.2)
+    before = momentum()
+    assert device.state.body_height > 0.1
+    device.advance_to(0.35)  # the push ends at 0.3 s
+    change = [2.0 * 0.1, 2.0 * total * GRAVITY * 0.1 - total * GRAVITY * 0.05]
+    assert momentum() - before == pytest.approx(change, abs=1e-12)
+
+
+@pytest.mark.parametrize("scene", ["damped", "device", "rigid"])
+def test_energy_balances_through_a_push(scene: str):
+    device = running(scene, solver__audit=True, solver__accounts=True, effects__reaction=True)
+    device.push(0.1, force_x=-30.0, force_z=40.0 if device.scene.body_hops else 0.0)
+    device.advance_to(0.4)
+    statistics = device.statistics
+    assert abs(statistics["energy_residual"]) < 1e-11 and abs(statistics["energy_accounts"]["residual"]) < 1e-10
+    assert abs(statistics["energy_accounts"]["unpaid"]) > 0.1
+
+
+def suffer(device: vibro_ros.Simulator) -> None:
+    device.advance_to(0.05)
+    device.push(0.0371, force_x=8.0, force_z=9.0 if device.scene.body_hops else 0.0)
+    device.fail("motor_stall", 0.02)
+    device.fail("plate_stuck", 0.031, of="upper")
+    if device.scene.has_rotor:
+        device.fail("supply_sag", 0.043, value=9.0)
+    device.command(motor_speed=120.0, upper_gap=0.001)
+
+
+@pytest.mark.parametrize(("scene", "changes"), [
+    ("device", {}), ("rigid", {}), ("unilateral", {"effects__friction": "stribeck", "ground__static_friction": 0.3}),
+    ("damped", {"effects__motor": "lag"}), ("device", {"ground__viscous_friction": 2.0}),
+    ("device", {"effects__motor": "dc"}), ("device", {"effects__motor": "dc", "motor__winding_inductance": 0.0}),
+    ("device", {"solver__method": "moreau", "solver__step": 1e-4}),
+    ("damped", {"solver__method": "rk4", "solver__step": 1e-4})])
+def test_the_same_bits_however_time_is_cut_up_and_from_a_checkpoint(scene: str, changes: dict):
+    whole, cut, restored = (running(scene, **changes) for _ in range(3))
+    for device in (whole, cut):
+        suffer(device)
+    times = np.sort(np.random.default_rng(1).uniform(0.05, 0.15, 200))
+    times[100] = 0.05 + 0.031  # an end
+    times.sort()
+    samples = whole.sample(times)
+    for k, time in enumerate(times):
+        cut.advance_to(time)
+        assert cut.state.body_position == samples.body_position[k]
+        assert (cut.state.normal_force, cut.state.friction_force) == (samples.normal_force[k],
+                                                                      samples.friction_force[k])
+        if k == 20:
+            checkpoint = cut.checkpoint()
+    restored.restore(checkpoint)
+    assert restored.influences and not cut.influences
+    restored.advance_to(times[-1])
+    assert restored.state == cut.state == whole.state
+
+
+def test_what_failed_follows_its_last_command_afterwards():
+    device = running("device")
+    device.fail("motor_stall", 1.0)
+    device.fail("plate_stuck", 1.0, of="inclined")
+    device.command(motor_speed=80.0, inclined_gap=0.001)
+    place = device.state.inclined_plate_position
+    device.advance_to(0.9)
+    assert device.commanded_motor_speed == 80.0
+    assert device.state.motor_speed == 0.0 and device.state.inclined_plate_position == place
+    device.set_parameters({"ground.friction": 0.1})
+    device.advance_to(2.0)
+    assert device.state.motor_speed == 80.0 and not device.influences
+    assert device.state.inclined_plate_position == device.scene["crank.inclined_rod"] + 0.001
+
+
+def test_a_duration_of_zero_and_a_reset_end_what_lasts():
+    device, untouched = running("damped"), running("damped")
+    for which in (lambda: device.push(0.0), lambda: device.fail("motor_stall", 0.0), device.reset):
+        device.push(5.0, force_x=1.0)
+        device.fail("motor_stall", 5.0)
+        which()
+    assert not device.influences
+    for one in (device, untouched):
+        one.advance_to(0.2)
+    assert device.state == untouched.state
+
+
+@pytest.mark.parametrize(("ask", "words"), [
+    (lambda device: device.push(math.inf, force_x=1.0), "duration: inf is not finite"),
+    (lambda device: device.push(-1.0), "duration: -1 is out of range"),
+    (lambda device: device.push(1e9, force_x=1.0), "from 0 to 86400 s"),
+    (lambda device: device.push(1.0, force_x=math.nan), "force_x: nan is not finite"),
+    (lambda device: device.push(1.0, force_x=1e300), "force_x: 1e[+]300 is out of range"),
+    (lambda device: device.push(1.0, force_z=5.0), "stays on the ground"),
+    (lambda device: device.fail("earthquake", 1.0), "fault: 'earthquake' is unknown; choose one of motor_stall"),
+    (lambda device: device.fail("plate_stuck", 1.0), "of: '' has no plate_stuck; give upper or inclined"),
+    (lambda device: device.fail("motor_stall", 1.0, of="upper"), "give nothing"),
+    (lambda device: device.fail("motor_stall", 1.0, value=2.0), "value: 2 is out of range"),
+    (lambda device: device.fail("supply_sag", 1.0, value=9.0), "befalls a dc motor, and this one is ideal"),
+    (lambda device: device.fail("supply_sag", 1.0), "value: 0 is out of range"),
+    (lambda device: device.fail("supply_sag", 1.0, value=math.nan), "value: nan is not finite"),
+    (lambda device: device.fail("lost_commands", 1.0), "befalls commands, which this device does not have"),
+    (lambda device: device.fail(["motor_stall"], 1.0), "fault"),
+    (lambda device: device.fail("motor_stall", "long"), "duration: 'long' is not a number")])
+def test_what_cannot_be_is_refused_and_changes_nothing(ask, words: str):
+    device = running("unilateral")
+    device.advance_to(0.1)
+    before = device.checkpoint().tolist()
+    with pytest.raises(ValueError, match=words):
+        ask(device)
+    assert device.checkpoint().tolist() == before
+
+
+def test_a_checkpoint_of_a_push_that_nobody_could_give_is_refused():
+    device = running("unilateral")
+    device.push(0.5, force_x=2.0)
+    good = device.checkpoint()
+    place = 2  # behind the time and the push's end
+    assert good[place] == 2.0
+    for forged, wrong in ((place, 1e9), (place, math.nan), (place + 1, 1.0), (place - 1, 1e7), (place - 1, -1.0)):
+        bad = good.copy()
+        bad[forged] = wrong
+        with pytest.raises(ValueError, match="no state that this device can be in"):
+            device.restore(bad)
+        assert device.checkpoint().tolist() == good.tolist()

@@ -1,0 +1,90 @@
+"""The tables of docs/guide/motor.md: what a flywheel does to the crank, and the Sommerfeld effect."""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+
+from tools.generated_text import write_between
+from vibro_ros.configuration.scene_file import load_scene
+from vibro_ros.model.scene import Scene
+from vibro_ros.simulation.samples import Samples
+from vibro_ros.simulation.simulator import Simulator
+
+FLYWHEEL = "<!-- flywheel: written by `make documents` -->", "<!-- end of flywheel -->"
+SOMMERFELD = "<!-- Sommerfeld: written by `make documents` -->", "<!-- end of Sommerfeld -->"
+#: Inertia of crank and flywheel [kg m²]; that of `machine` among them.
+INERTIAS = (3.5e-5, 1e-4, 2e-4, 5e-4, 1e-3, 5e-3)
+#: Voltages [V] that are commanded upwards and then downwards, each for `STEP` [s].
+VOLTAGES, STEP = range(26, 54, 2), 2.0
+SPEED, SETTLED, MEASURED, PERIOD = 100.0, 8.0, 8.0, 5e-4
+#: A change of the mean speed [rad/s] from one voltage to the next that is a jump.
+JUMP = 50.0
+# `machine` without plates, slider masses and flywheel, with a winding of 3 ohm.
+_WEAK = {"effects.upper_contact": "none", "effects.inclined_contact": "none", "mass.upper_slider": 0.0,
+         "mass.inclined_slider": 0.0, "motor.control": "voltage", "motor.winding_resistance": 3.0,
+         "motor.supply_voltage": 60.0, "motor.crank_inertia": 3.5e-5}
+
+
+def turning(scene: Scene) -> Samples:
+    """Samples of a scene whose motor has been asked for `SPEED`, once it has settled."""
+    device = Simulator(scene)
+    device.command(motor_speed=SPEED)
+    device.advance_to(SETTLED)
+    return device.sample(np.arange(SETTLED, SETTLED + MEASURED, PERIOD))
+
+
+def flywheel_table() -> str:
+    """A row for each flywheel, and for a motor whose speed nothing changes."""
+    rows = ["| flywheel [kg m²] | ripple of the crank's speed, peak to peak | rms current | mean speed of the body | "
+            "power from the supply | power to the masses |", "|---|---|---|---|---|---|"]
+    machine = load_scene("machine")
+    for inertia in INERTIAS:
+        found = turning(machine.with_parameters({"motor.crank_inertia": inertia}))
+        own = " (`machine`)" if inertia == machine["motor.crank_inertia"] else ""
+        current = np.sqrt(np.mean(found.motor_current**2))
+        rows.append(f"| {inertia:g}{own} | {100 * np.ptp(found.crank_speed) / SPEED:.0f} % | {current:.2f} A | "
+                    f"{1e3 * np.mean(found.body_velocity):+.0f} mm/s | {np.mean(found.electrical_power):.1f} W | "
+                    f"{np.mean(found.motor_power):.1f} W |")
+    ideal = turning(machine.with_parameters({"effects.motor": "ramp"}))
+    rows.append(f"| motor `ramp` | 0 | - | {1e3 * np.mean(ideal.body_velocity):+.0f} mm/s | - | "
+                f"{np.mean(ideal.motor_power):.1f} W |")
+    return "\n".join(rows)
+
+
+def sommerfeld_speeds() -> tuple[list[float], list[float]]:
+    """Mean speed [rad/s] in the last quarter of each step, upwards and downwards, by `VOLTAGES`."""
+    device, ways = Simulator(load_scene("machine").with_parameters(_WEAK)), list[list[float]]()
+    for voltages in (VOLTAGES, reversed(VOLTAGES)):
+        speeds = []
+        for voltage in voltages:
+            begun = device.time
+            device.command(motor_voltage=float(voltage))
+            device.advance_to(begun + 0.75 * STEP)
+            last = device.sample(np.arange(begun + 0.75 * STEP, begun + STEP, 1e-3))
+            speeds.append(float(np.mean(last.crank_speed)))
+            device.advance_to(begun + STEP)
+        ways.append(speeds)
+    return ways[0], ways[1][::-1]
+
+
+def sommerfeld_table() -> str:
+    """Speeds upwards and downwards, and a sentence on where they jump."""
+    up, down = sommerfeld_speeds()
+    rows = ["| voltage [V] | going up [rad/s] | going down [rad/s] |", "|---|---|---|"]
+    rows += [f"| {voltage} | {one:.0f} | {other:.0f} |" for voltage, one, other in zip(VOLTAGES, up, down, strict=True)]
+    words = [f"{way} the speed jumps between {VOLTAGES[k]} and {VOLTAGES[k + 1]} V" for way, speeds in (
+        ("Going up", up), ("going down", down)) for k in range(len(up) - 1) if speeds[k + 1] - speeds[k] > JUMP]
+    return "\n".join([*rows, "", f"{'; '.join(words)}."])
+
+
+def main() -> int:
+    """Write both tables into the page."""
+    page = Path(__file__).resolve().parents[1] / "docs/guide/motor.md"
+    write_between(page, *FLYWHEEL, flywheel_table)
+    write_between(page, *SOMMERFELD, sommerfeld_table)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

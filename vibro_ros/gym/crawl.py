@@ -1,0 +1,108 @@
+"""The environment `vibro_ros/Crawl-v1`: stay at a target that moves over ground."""
+
+from typing import Any
+
+import gymnasium
+import numpy as np
+from gymnasium.spaces import Box
+
+from vibro_ros.configuration.scene_file import load_scene
+from vibro_ros.model.scene import Scene
+from vibro_ros.sensors.device import SensedSimulator
+from vibro_ros.simulation.samples import FIELDS
+
+PERIOD = 0.2
+"""Robot time [s] of a step."""
+FASTEST, WIDEST = 150.0, 0.001
+"""Motor speed [rad/s] and gap [m] of the action 1."""
+UNIT = 0.1
+"""Distance [m] and speed over ground [m/s] that count as 1."""
+TARGETS = -0.09, -0.02
+"""Between these the speed of the target is drawn [m/s]: this robot crawls backwards."""
+
+_MOST = 100.0  # of an observation
+_PLACE = FIELDS.index("body_position")
+_SENSORS = {"sensors.encoder.rate": 1.0 / PERIOD, "sensors.encoder.velocity_window": PERIOD,
+            "sensors.tracking.rate": 1.0 / PERIOD}
+
+
+class Crawl(gymnasium.Env[np.ndarray, np.ndarray]):
+    """Stay at a target that moves over ground at a steady speed.
+
+    Robot and target start at the same place, the robot at rest. Its speed over ground is no simple function of the
+    motor's: it has a maximum near 105 rad/s, falls to half behind it, depends on the gaps and, at the same command,
+    on what was commanded before. So no constant command follows every target.
+
+    Action, shape (3,), from -1 to 1
+        Motor speed from 0 to 150 rad/s; gaps of the upper and of the inclined plate from 0 to 1 mm. The motor follows
+        with the scene's acceleration, the plates with the speed of their actuators.
+
+    Observation, shape (6,)
+        How far the robot is ahead of the target along x by tracking, in 0.1 m; the target's speed along x, in 0.1 m/s;
+        the crank's speed over the last step by the encoder, in 100 rad/s; and the last action.
+
+    Reward
+        Minus the true distance from the target at the end of the step, in 0.1 m.
+
+    Episode
+        20 s in 100 steps. The target's speed is drawn between -90 and -20 mm/s at the reset, and the sensors' seed
+        with it, so that the seed of `reset` decides all. `info` has the truth: `body_position` and
+        `target_position` [m].
+
+    Parameters
+    ----------
+    scene : str or Scene
+        The robot: a shipped scene's name, a file, or a scene. Encoder and tracking get the rate that a step needs.
+    """
+
+    metadata = {"render_modes": list[str]()}
+
+    def __init__(self, scene: str | Scene = "device"):
+        loaded = load_scene(scene) if isinstance(scene, str) else scene
+        self._scene = loaded.with_parameters({**_SENSORS, "motor.speed": 0.0})
+        self.action_space = Box(-1.0, 1.0, (3,), np.float32)
+        self.observation_space = Box(-_MOST, _MOST, (6,), np.float32)
+
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[np.ndarray, dict]:
+        """Begin an episode.
+
+        Parameters
+        ----------
+        seed : int, optional
+            Of all random numbers from now on.
+        options : dict, optional
+            `target_speed`: that of the target [m/s], in place of one that is drawn.
+        """
+        super().reset(seed=seed)
+        noise, drawn = int(self.np_random.integers(2**53)), self.np_random.uniform(*TARGETS)
+        self._device = SensedSimulator(self._scene.with_parameters({"sensors.seed": float(noise)}))
+        self._speed = float((options or {}).get("target_speed", drawn))
+        self._steps, self._ahead, self._crank, self._action = 0, 0.0, 0.0, np.full(3, -1.0)
+        self._sense()
+        return self._observation(), self._truth()
+
+    def step(self, action: np.ndarray) -> tuple[np.ndarray, float, bool, bool, dict]:
+        """Command, and let a step pass; an action beyond the space counts as one on its border."""
+        self._action = np.clip(np.asarray(action, dtype=float), -1.0, 1.0)
+        speed, upper, inclined = (0.5 * (1.0 + self._action)).tolist()
+        self._device.command(FASTEST * speed, WIDEST * upper, WIDEST * inclined)
+        self._steps += 1
+        self._device.advance_to(self._steps * PERIOD)
+        self._sense()
+        truth = self._truth()
+        return self._observation(), -abs(truth["body_position"] - truth["target_position"]) / UNIT, False, False, truth
+
+    def _truth(self) -> dict[str, float]:
+        return {"body_position": self._device.values.item(_PLACE), "target_position": self._speed * self._device.time}
+
+    def _sense(self) -> None:
+        """Read the sensors; a measurement that is late or has dropped out leaves what was known."""
+        for sensor, time, values in self._device.take_measurements():
+            if sensor == "encoder":
+                self._crank = values.item(1)
+            elif sensor == "tracking":
+                self._ahead = values.item(0) - self._speed * time
+
+    def _observation(self) -> np.ndarray:
+        numbers = np.array([self._ahead / UNIT, self._speed / UNIT, self._crank / 100.0, *self._action])
+        return np.clip(numbers, -_MOST, _MOST).astype(np.float32)

@@ -1,0 +1,58 @@
+"""Commands for the joints in one message, as hardware of ros2_control that works by topics sends them.
+
+The crank is commanded by velocity [rad/s], a plate by position [m], the quantities of `joint_states`. An array that is
+as long as the names belongs to them in their order. joint_state_topic_hardware_interface appends a number only for each
+joint that has a command interface of the kind, so that an array as long as the list of such joints belongs to these in
+their order. A number that is not finite is no command: controllers that are not active leave NaN.
+"""
+
+import math
+from typing import Any
+
+from vibro_ros.model.parameters import quoted
+from vibro_ros.model.scene import Scene
+
+COMMANDED = {"crank": ("velocity", "motor_speed"), "upper_plate": ("position", "upper_gap"),
+             "inclined_plate": ("position", "inclined_gap")}
+"""By joint: which array commands it, and the argument of `Simulator.command` that this is."""
+
+
+def joint_commands(message: Any, scene: Scene) -> tuple[dict[str, float], list[str]]:
+    """What a sensor_msgs/msg/JointState commands.
+
+    Parameters
+    ----------
+    message : JointState
+        Of any ROS library.
+    scene : Scene
+        Whose rods' lengths lie between a plate's position and its gap.
+
+    Returns
+    -------
+    dict of str to float, list of str
+        Arguments of `Simulator.command`, and what is wrong with the rest of the message.
+    """
+    names, commands, faults = list(message.name), dict[str, float](), []
+    for kind in ("position", "velocity", "effort"):
+        numbers, meant = list(getattr(message, kind)), [name for name in names if _kind(name) == kind]
+        if len(numbers) == len(names):
+            meant = names
+        elif len(numbers) != len(meant) and numbers:
+            faults.append(f"{kind}: {len(numbers)} numbers for {len(names)} names, {len(meant)} of them commanded so; "
+                          "give one a name, or one for each joint that is commanded so")
+            continue
+        for name, number in zip(meant, map(float, numbers), strict=False):
+            if not math.isfinite(number):
+                continue
+            if _kind(name) != kind:
+                faults.append(f"{quoted(name)} is not commanded by {kind}; give " + ", ".join(
+                    f"{joint} by {array}" for joint, (array, _) in COMMANDED.items()))
+                continue
+            argument = COMMANDED[name][1]
+            rod = f"crank.{argument.removesuffix('_gap')}_rod"
+            commands[argument] = number - scene[rod] if kind == "position" else number
+    return commands, faults
+
+
+def _kind(name: str) -> str:
+    return COMMANDED.get(name, ("", ""))[0]

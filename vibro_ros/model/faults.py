@@ -1,0 +1,92 @@
+"""What can happen to a robot from outside, besides commands: faults that last for a while, and a push.
+
+A fault is begun under its name, for a duration from 0 on, which ends it, and some need one more number or the part that
+fails. The device, the commands and the sensors each have faults of their own. A part that does not follow its commands
+remembers them: afterwards it follows the last one.
+"""
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+from vibro_ros.model.parameters import BY_NAME, Parameter, quoted
+
+LONGEST = 86_400.0
+"""Of a fault or a push [s]."""
+DURATION = Parameter("duration", 0.0, "s", "how long it lasts; 0 ends it", minimum=0.0, maximum=LONGEST)
+FORCE = Parameter("force", 0.0, "N", "on the body", minimum=-1e6, maximum=1e6)
+
+NO_VALUE = Parameter("value", 0.0, "", "of a fault that needs none, or ends", minimum=0.0, maximum=0.0)
+
+DEVICE, SENSORS, COMMANDS = "device", "sensors", "commands"
+"""What a fault befalls."""
+
+
+SENSES = ("imu", "encoder", "current", "tracking")
+
+
+class Fault(NamedTuple):
+    """One kind of fault.
+
+    Attributes
+    ----------
+    befalls : str
+        `DEVICE`, `SENSORS` or `COMMANDS`.
+    does : str
+        What happens, in a sentence without its subject.
+    of : tuple of str
+        The parts that can have it; empty for no choice.
+    value : Parameter or None
+        The number that it needs.
+    """
+
+    befalls: str
+    does: str
+    of: tuple[str, ...] = ()
+    value: Parameter | None = None
+
+
+FAULTS: Mapping[str, Fault] = {
+    "motor_stall": Fault(DEVICE, "the motor stops, as it does for a command of 0, and follows no command"),
+    "supply_sag": Fault(DEVICE, "the supply of a dc motor has no more than so many volts", value=Parameter(
+        "value", 0.0, "V", "voltage of the supply", minimum=0.0, maximum=BY_NAME["motor.supply_voltage"].maximum,
+        positive=True)),
+    "plate_stuck": Fault(DEVICE, "the plate stands where it is and follows no command", of=("upper", "inclined")),
+    "sensor_dropout": Fault(SENSORS, "the sensor gives nothing", of=SENSES),
+    "sensor_freeze": Fault(SENSORS, "the sensor gives what it gave last", of=SENSES),
+    "sensor_offset": Fault(SENSORS, "so much is added to what the sensor measures", of=SENSES, value=Parameter(
+        "value", 0.0, "", "offset, in the sensor's unit", minimum=-1e6, maximum=1e6)),
+    "late_commands": Fault(COMMANDS, "each command takes effect so much later", value=Parameter(
+        "value", 0.0, "s", "delay", minimum=0.0, maximum=60.0, positive=True)),
+    "lost_commands": Fault(COMMANDS, "no command arrives"),
+}
+
+
+class Incident(NamedTuple):
+    """A fault as it is asked for, checked.
+
+    Attributes
+    ----------
+    fault : str
+        A name of `FAULTS`.
+    duration : float
+        How long it lasts [s]; 0 ends it.
+    of : str
+        The part, or empty.
+    value : float
+        In the unit of the fault's number; 0 where it has none.
+    """
+
+    fault: str
+    duration: float
+    of: str = ""
+    value: float = 0.0
+
+
+def checked_incident(fault: object, duration: object, of: object = "", value: object = 0.0) -> Incident:
+    """A fault that can be (ValueError: names the value, the limit and the remedy)."""
+    name = Parameter("fault", "", "", "what fails", choices=tuple(FAULTS)).checked(fault)
+    kind, lasts = FAULTS[name], DURATION.checked(duration)
+    if not isinstance(of, str) or of not in (kind.of or ("",)):
+        raise ValueError(f"of: {quoted(of)} has no {name}; give {' or '.join(kind.of) or 'nothing'}")
+    number = NO_VALUE.checked(value) if kind.value is None or not lasts else kind.value.checked(value)
+    return Incident(name, lasts, of, number)

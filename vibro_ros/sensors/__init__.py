@@ -1,0 +1,1 @@
+"""What a device measures of itself, with seeded noise, delays and dropouts."""

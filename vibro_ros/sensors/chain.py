@@ -1,0 +1,80 @@
+"""From a quantity to the numbers of an inertial sensor: clip, bias and noise, quantise.
+
+The accelerometer's low-pass stands before this chain, because it is solved with the motion (`solver.lowpass`), and the
+delay behind it (`sensors.device`).
+"""
+
+import math
+from collections.abc import Sequence
+
+from vibro_ros.model.parameters import AS_PRESET
+from vibro_ros.model.scene import Scene
+from vibro_ros.sensors.streams import Rows, Stream
+
+_G = 9.80665  # m/s², the unit of data sheets
+_DEGREE = math.pi / 180.0
+
+#: Numbers of real parts in SI units, by parameter. A typical offset counts as one standard deviation. The drift of the
+#: bias stands in no data sheet; those here are round numbers of the magnitude that Allan deviations of such parts show.
+PRESETS: dict[str, dict[str, float]] = {
+    "ideal": {"bandwidth": 1e4},
+    # Bosch Sensortec, BST-BMI270-DS000-07 (2023): 16 bits over ±16 g and ±2000 °/s, 160 µg/√Hz, 7 m°/s/√Hz, ±20 mg,
+    # ±0.5 °/s, bandwidth of the accelerometer 740 Hz at 1.6 kHz.
+    "bmi270": {"bandwidth": 740.0,
+               "accelerometer.range": 16.0 * _G, "accelerometer.resolution": _G / 2048.0,
+               "accelerometer.noise_density": 160e-6 * _G, "accelerometer.bias_random_walk": 1e-4,
+               "accelerometer.turn_on_bias": 0.020 * _G,
+               "gyroscope.range": 2000.0 * _DEGREE, "gyroscope.resolution": _DEGREE / 16.384,
+               "gyroscope.noise_density": 0.007 * _DEGREE, "gyroscope.bias_random_walk": 1e-5,
+               "gyroscope.turn_on_bias": 0.5 * _DEGREE},
+    # InvenSense, PS-MPU-6000A-00 revision 3.4 (2013): 16 bits over ±16 g and ±2000 °/s, 400 µg/√Hz, 5 m°/s/√Hz, ±50 mg
+    # (z ±80 mg), ±20 °/s, bandwidth of the accelerometer 260 Hz.
+    "mpu6050": {"bandwidth": 260.0,
+                "accelerometer.range": 16.0 * _G, "accelerometer.resolution": _G / 2048.0,
+                "accelerometer.noise_density": 400e-6 * _G, "accelerometer.bias_random_walk": 1e-4,
+                "accelerometer.turn_on_bias": 0.050 * _G,
+                "gyroscope.range": 2000.0 * _DEGREE, "gyroscope.resolution": _DEGREE / 16.384,
+                "gyroscope.noise_density": 0.005 * _DEGREE, "gyroscope.bias_random_walk": 1e-5,
+                "gyroscope.turn_on_bias": 20.0 * _DEGREE},
+}
+
+
+def of_imu(scene: Scene, name: str) -> float:
+    """The number of `sensors.imu.` and `name`, the preset's where the scene does not give it."""
+    given = scene[f"sensors.imu.{name}"]
+    return PRESETS[scene["sensors.preset"]].get(name, 0.0) if given == AS_PRESET else given
+
+
+class Chain:
+    """Accelerometer or gyroscope.
+
+    Parameters
+    ----------
+    scene : Scene
+        Its parameters `sensors.imu.*`.
+    part : str
+        `accelerometer` or `gyroscope`.
+    """
+
+    def __init__(self, scene: Scene, part: str):
+        rate, seed = scene["sensors.imu.rate"], int(scene["sensors.seed"])
+        limit, self._resolution, density, drift, turn_on = (of_imu(scene, f"{part}.{name}") for name in (
+            "range", "resolution", "noise_density", "bias_random_walk", "turn_on_bias"))
+        self._range, noise, step = limit or math.inf, density * math.sqrt(0.5 * rate), drift * math.sqrt(1.0 / rate)
+        numbers, steps = Stream(seed, f"imu/{part}/noise"), Stream(seed, f"imu/{part}/bias")
+        bias = turn_on * Stream(seed, f"imu/{part}/turn_on").normal(0)[0]
+        self._errors = Rows(lambda block: (bias + step * steps.walk(block)) + noise * numbers.normal(block))
+        self._variance = noise**2 + self._resolution**2 / 12.0 + turn_on**2
+        self._growth = step**2
+
+    def read(self, true: Sequence[float], index: int) -> list[float]:
+        """What sample `index` says where the quantity is `true` along x, y and z."""
+        values = [min(max(number, -self._range), self._range) + error
+                  for number, error in zip(true, self._errors[index], strict=False)]  # one number is spare
+        if step := self._resolution:
+            return [step * round(value / step) for value in values]
+        return values
+
+    def variance(self, index: int) -> float:
+        """Variance of the error on each axis, of noise, steps and bias at its age, where the range is kept."""
+        return self._variance + index * self._growth

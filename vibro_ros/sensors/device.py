@@ -1,0 +1,459 @@
+"""The device with its sensors: what each measures at its own instants, and when that comes out.
+
+A sensor measures sample k at k / rate since the start, exactly then, whatever else the device is asked for in between.
+All that is random about sample k follows from the seed, the sensor's name and k (`sensors.streams`). So a sensor's
+bits are the same however time is cut up, whichever other sensors are on, and in every replay.
+
+A measurement comes out when its delay has passed. There, too, a fault does what it does.
+"""
+
+import math
+from collections import deque
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+
+from vibro_ros.model.faults import checked_incident
+from vibro_ros.model.scene import Scene
+from vibro_ros.sensors.chain import Chain, of_imu
+from vibro_ros.sensors.streams import Rows, Stream
+from vibro_ros.simulation.samples import FIELDS, LATEST, Samples, checked_times
+from vibro_ros.simulation.simulator import Simulator
+
+_ANGLE, _X, _HEIGHT, _POWER = (FIELDS.index(name) for name in (
+    "crank_angle", "body_position", "body_height", "electrical_power"))
+
+DROPOUT, FREEZE, OFFSET = FAULTS = "sensor_dropout", "sensor_freeze", "sensor_offset"
+"""Those of `model.faults.FAULTS` that befall sensors."""
+
+_NEVER = -1e12  # index of a dropout before all others
+
+
+class Measurement(NamedTuple):
+    """One measurement that has come out.
+
+    Attributes
+    ----------
+    sensor : str
+        `imu`, `encoder`, `current` or `tracking`.
+    time : float
+        Instant [s] at which it was measured.
+    values : ndarray
+        `imu`, shape (8,): specific force [m/s²] along x, y, z, angular rate [rad/s] about them, and the variances of
+        the errors of both, on each axis. `encoder`, shape (2,): the crank's angle [rad] and speed [rad/s].
+        `current`, shape (2,): what a dc motor's supply gives [A], negative while the motor brakes, and its voltage [V].
+        `tracking`, shape (4,): the body's place x, y, z [m], and the variance of each.
+    """
+
+    sensor: str
+    time: float
+    values: np.ndarray
+
+
+class Sensor:
+    """What all sensors have in common.
+
+    Parameters
+    ----------
+    scene : Scene
+        Its parameters.
+    delay : float
+        From a measurement until it comes out [s].
+    history : int
+        Numbers that a measurement needs of earlier ones.
+
+    Attributes
+    ----------
+    count : int
+        Measurements so far.
+    history : ndarray, shape (history,)
+        Those numbers.
+    failing : dict of str to float
+        The instants [s] at which faults end, or have ended.
+    """
+
+    name = ""
+    numbers = 0
+    """Numbers of a measurement."""
+    shifted = 0
+    """Of these, how many the fault `OFFSET` shifts, from the first on."""
+
+    def __init__(self, scene: Scene, delay: float, history: int = 0):
+        self.rate, self.count, self.history = scene[f"sensors.{self.name}.rate"], 0, np.zeros(history)
+        self._delay, self._given = delay, 0  # measurements that came out or dropped out
+        self._recent: deque[np.ndarray | None] = deque([None] * (math.ceil(delay * self.rate) + 2))
+        self.failing, self._offset = dict.fromkeys(FAULTS, 0.0), 0.0
+        self._last: np.ndarray | None = None  # that came out
+
+    @property
+    def due(self) -> float:
+        """Instant [s] of the next measurement."""
+        return self.count / self.rate
+
+    def measure(self, device: Simulator) -> None:
+        """Measure at the instant `due`, where the device is."""
+        self._recent.popleft()
+        self._recent.append(self.read(device))
+        self.count += 1
+
+    def read(self, device: Simulator) -> np.ndarray | None:
+        """What sample `count` measures, shape (numbers,); None where it drops out."""
+        raise NotImplementedError
+
+    def come_out(self, time: float) -> Iterator[Measurement]:
+        """What has come out up to `time` [s] and did not before."""
+        while self._given < self.count and self._given / self.rate + self._delay <= time:
+            values, at = self._recent[self._given - self.count], self._given / self.rate
+            self._given += 1
+            failing = {fault for fault, until in self.failing.items() if at + self._delay < until}
+            if values is None or DROPOUT in failing:
+                continue
+            if FREEZE in failing and self._last is not None:
+                values = self._last
+            elif OFFSET in failing:
+                values = values.copy()
+                values[:self.shifted] += self._offset
+            self._last = values
+            yield Measurement(self.name, at, values)
+
+    def fail(self, fault: str, until: float, value: float) -> None:
+        """Let a fault last `until` then [s]."""
+        self.failing[fault] = until
+        if fault == OFFSET:
+            self._offset = value
+
+    # For checkpoints. How many have come out follows from the time.
+
+    def memory(self) -> np.ndarray:
+        """All that the future depends on beside the device, the scene and the time; always as many numbers."""
+        nothing = np.full(self.numbers, np.nan)
+        rows = [nothing if row is None else row for row in (self._last, *self._recent)]
+        return np.concatenate([[self.count, *self.failing.values(), self._offset], self.history, *rows])
+
+    def restore(self, memory: np.ndarray, time: float) -> None:
+        """Go on from a `memory` at `time` [s] (ValueError: no sensor has it; nothing is changed then)."""
+        begin = 2 + len(self.failing) + len(self.history)
+        count, *numbers = memory[:begin].tolist()
+        rows = memory[begin:].reshape(-1, self.numbers)
+        whole = np.isfinite(rows).all(axis=1)
+        if not (np.isfinite(memory[:begin]).all() and count == self._measured_by(time, 0.0)
+                and (whole | np.isnan(rows).all(axis=1)).all()):
+            raise ValueError(f"the checkpoint is of no state that the sensor {self.name} can be in; give one that a "
+                             "device of the same scene has made")
+        self.count, self._given = int(count), self._measured_by(time, self._delay)
+        self.failing = dict(zip(self.failing, numbers, strict=False))
+        self._offset, *self.history[:] = numbers[len(self.failing):]
+        self._last, *recent = (row if known else None for row, known in zip(rows.copy(), whole, strict=True))
+        self._recent = deque(recent)
+
+    def _measured_by(self, time: float, delay: float) -> int:
+        """How many measurements there are by `time` [s] that are older than `delay` [s]."""
+        count = max(0, math.floor((time - delay) * self.rate) - 1)
+        while count / self.rate + delay <= time:
+            count += 1
+        return count
+
+
+class Imu(Sensor):
+    """Accelerometer and gyroscope of a body that does not turn."""
+
+    name, numbers, shifted = "imu", 8, 3
+
+    def __init__(self, scene: Scene):
+        super().__init__(scene, scene["sensors.imu.delay"])
+        slope, gravity = scene["ground.slope"], scene["gravity"]
+        self._weight = gravity * math.sin(slope), gravity * math.cos(slope)
+        self._force, self._turning = Chain(scene, "accelerometer"), Chain(scene, "gyroscope")
+
+    def read(self, device: Simulator) -> np.ndarray:
+        """See `Sensor`."""
+        along, up = device.filtered_acceleration()
+        true, index = (along + self._weight[0], 0.0, up + self._weight[1]), self.count
+        return np.array([*self._force.read(true, index), *self._turning.read((0.0, 0.0, 0.0), index),
+                         self._force.variance(index), self._turning.variance(index)])
+
+
+class Encoder(Sensor):
+    """An incremental encoder on the crank, which counts from 0 at the start."""
+
+    name, numbers, shifted = "encoder", 2, 1
+
+    def __init__(self, scene: Scene):
+        rate, window = scene["sensors.encoder.rate"], scene["sensors.encoder.velocity_window"]
+        super().__init__(scene, 0.0, 1 + max(1, round(window * rate)))
+        self._tick = 2.0 * math.pi / scene["sensors.encoder.ticks"]
+
+    def read(self, device: Simulator) -> np.ndarray:
+        """See `Sensor`."""
+        history = self.history
+        history[:-1] = history[1:]
+        history[-1] = round(device.values.item(_ANGLE) / self._tick)
+        over = min(self.count, len(history) - 1)
+        speed = (history[-1] - history[-1 - over]) * self.rate / over if over else 0.0
+        return self._tick * np.array([history[-1], speed])
+
+
+class Current(Sensor):
+    """Current and voltage of a dc motor's supply, from which the drive takes what the motor takes, without losses."""
+
+    name, numbers, shifted = "current", 2, 1
+
+    def __init__(self, scene: Scene):
+        super().__init__(scene, 0.0)
+        reach, self._noise, self._resolution, self._resistance = (scene[f"sensors.current.{name}"] for name in (
+            "range", "noise", "resolution", "supply_resistance"))
+        self._range = reach or math.inf
+        self._errors = Rows(Stream(int(scene["sensors.seed"]), "current/noise").normal)
+
+    def read(self, device: Simulator) -> np.ndarray:
+        """See `Sensor`."""
+        supply = device.supply_voltage
+        true = device.values.item(_POWER) / supply
+        value = min(max(true, -self._range), self._range) + self._noise * self._errors[self.count][0]
+        if self._resolution:
+            value = self._resolution * round(value / self._resolution)
+        return np.array([value, supply - self._resistance * true])
+
+
+class Tracking(Sensor):
+    """A camera or the like beside the robot, which sees where the body is."""
+
+    name, numbers, shifted = "tracking", 4, 3
+
+    def __init__(self, scene: Scene):
+        super().__init__(scene, scene["sensors.tracking.latency"], 1)
+        self.history[0] = _NEVER  # index at which the last dropout began
+        self._noise, self._probability, self._duration = (scene[f"sensors.tracking.{name}"] for name in (
+            "noise", "dropout_probability", "dropout_duration"))
+        seed = int(scene["sensors.seed"])
+        self._errors = Rows(Stream(seed, "tracking/noise").normal)
+        self._chances = Rows(Stream(seed, "tracking/dropout").uniform)
+
+    def read(self, device: Simulator) -> np.ndarray | None:
+        """See `Sensor`."""
+        if self._chances[self.count][0] < self._probability:
+            self.history[0] = self.count
+        if (self.count - self.history[0]) / self.rate < self._duration:
+            return None
+        values, errors = device.values, self._errors[self.count]
+        place = (values.item(_X), 0.0, values.item(_HEIGHT))
+        return np.array([*(true + self._noise * error for true, error in zip(place, errors, strict=False)),
+                         self._noise**2])
+
+
+KINDS = {kind.name: kind for kind in (Imu, Encoder, Current, Tracking)}
+"""By name."""
+
+
+def sensors_on(scene: Scene) -> tuple[str, ...]:
+    """Names of the sensors that a scene has."""
+    return tuple(name for name in KINDS if scene[f"sensors.{name}.rate"] > 0.0)
+
+
+class SensedSimulator(Simulator):
+    """A `Simulator` with the sensors of its scene; its motion is that of a `Simulator`, to the last bit.
+
+    Parameters
+    ----------
+    scene : Scene
+        What to simulate. A sensor is on if its `sensors.*.rate` is above 0.
+
+    Examples
+    --------
+    >>> scene = vibro_ros.load_scene("device").with_parameters({"motor.speed": 100.0, "sensors.encoder.rate": 500.0})
+    >>> device = vibro_ros.SensedSimulator(scene)
+    >>> device.advance_to(0.004)
+    >>> for sensor, time, values in device.take_measurements():
+    ...     print(sensor, time, values.round(4))
+    encoder 0.0 [0. 0.]
+    encoder 0.002 [ 0.1994 99.7088]
+    encoder 0.004 [  0.4004 100.0922]
+    """
+
+    def __init__(self, scene: Scene):
+        names = sensors_on(scene)
+        super().__init__(scene, of_imu(scene, "bandwidth") if Imu.name in names else 0.0)
+        self._names = names
+        self._begin()
+
+    def _begin(self) -> None:
+        """Begin with sensors that have not measured, and measure what is due at the start."""
+        self._sensors = {name: KINDS[name](self.scene) for name in self._names}
+        self._untaken: list[Measurement] = []
+        self._measure_up_to(self.time)
+
+    def take_measurements(self) -> list[Measurement]:
+        """Measurements that have come out since the last call, those of one sensor in their order.
+
+        Examples
+        --------
+        >>> scene = vibro_ros.load_scene("device").with_parameters({"sensors.tracking.rate": 100.0})
+        >>> device = vibro_ros.SensedSimulator(scene)
+        >>> device.advance_to(1.0)
+        >>> len(device.take_measurements()), len(device.take_measurements())
+        (101, 0)
+        """
+        taken, self._untaken = self._untaken, []
+        return taken
+
+    def fail(self, fault: str, duration: float, of: str = "", value: float = 0.0) -> None:
+        """As `Simulator.fail`, and faults of sensors.
+
+        Parameters
+        ----------
+        fault : str
+            `sensor_dropout`: nothing comes out. `sensor_freeze`: the last measurement comes out again and again.
+            `sensor_offset`: `value` is added to what is measured. Or a fault of the device.
+        duration : float
+            How long [s], for what comes out meanwhile; 0 ends the fault.
+        of : str
+            The sensor: `imu`, `encoder`, `current` or `tracking`.
+        value : float
+            The offset: of the specific force on each axis [m/s²], the crank's angle [rad], the
+            current [A], or each coordinate [m].
+
+        Raises
+        ------
+        ValueError
+            For a fault that cannot be, or a sensor that is off; nothing is changed then.
+
+        Examples
+        --------
+        >>> scene = vibro_ros.load_scene("device").with_parameters({"sensors.tracking.rate": 100.0})
+        >>> device = vibro_ros.SensedSimulator(scene)
+        >>> device.fail("sensor_dropout", duration=0.5, of="tracking")
+        >>> device.influences
+        {'sensor_dropout of tracking': 0.5}
+        >>> device.advance_to(1.0)
+        >>> len(device.take_measurements())  # of 101; the first came out before the fault
+        52
+        """
+        incident = checked_incident(fault, duration, of, value)
+        if incident.fault not in FAULTS:
+            super().fail(fault, duration, of, value)
+        elif incident.of not in self._sensors:
+            raise ValueError(f"of: the sensor {incident.of} is off; give {' or '.join(self._sensors) or 'none'}, or "
+                             f"start the robot with a sensors.{incident.of}.rate above 0 Hz")
+        else:
+            self._sensors[incident.of].fail(incident.fault, self.time + incident.duration, incident.value)
+
+    @property
+    def influences(self) -> dict[str, float]:
+        """As `Simulator.influences`, and faults of sensors.
+
+        Examples
+        --------
+        >>> vibro_ros.SensedSimulator(vibro_ros.load_scene("damped")).influences
+        {}
+        """
+        lasting = {f"{fault} of {name}": until for name, sensor in self._sensors.items()
+                   for fault, until in sensor.failing.items() if until > self.time}
+        return {**super().influences, **lasting}
+
+    def advance_to(self, time: float) -> None:
+        """As `Simulator.advance_to`; sensors measure on the way.
+
+        Examples
+        --------
+        >>> device = vibro_ros.SensedSimulator(vibro_ros.load_scene("damped"))
+        >>> device.advance_to(0.1)
+        >>> device.time
+        0.1
+        """
+        time = float(time)
+        if time <= LATEST:  # else refused below
+            self._measure_up_to(time)
+        if time != self.time:
+            super().advance_to(time)
+        for sensor in self._sensors.values():
+            self._untaken += sensor.come_out(self.time)
+
+    def _measure_up_to(self, time: float) -> None:
+        """Let every sensor measure at its instants up to `time` [s], the earliest first."""
+        while True:
+            due = min((sensor.due for sensor in self._sensors.values()), default=math.inf)
+            if not due <= time:
+                return
+            super().advance_to(due)
+            for sensor in self._sensors.values():
+                if sensor.due == due:
+                    sensor.measure(self)
+                self._untaken += sensor.come_out(due)
+
+    def sample(self, times: np.ndarray) -> Samples:
+        """As `Simulator.sample`; sensors measure on the way.
+
+        Examples
+        --------
+        >>> device = vibro_ros.SensedSimulator(vibro_ros.load_scene("paper"))
+        >>> device.sample([0.0, 0.01, 0.02]).crank_angle
+        array([0., 1., 2.])
+        """
+        rows = np.empty((len(FIELDS), len(times)))
+        for k, time in enumerate(checked_times(times, self.time)):
+            self.advance_to(time)
+            rows[:, k] = self.values
+        return Samples(*rows)
+
+    def reset(self) -> None:
+        """As `Simulator.reset`; sensors begin again, with the noise that they began with.
+
+        Examples
+        --------
+        >>> scene = vibro_ros.load_scene("device").with_parameters({"sensors.tracking.rate": 100.0})
+        >>> device = vibro_ros.SensedSimulator(scene)
+        >>> first = device.take_measurements()[0]
+        >>> device.advance_to(0.1)
+        >>> device.reset()
+        >>> (device.take_measurements()[0].values == first.values).all()
+        np.True_
+        """
+        super().reset()
+        self._begin()
+
+    def checkpoint(self) -> np.ndarray:
+        """As `Simulator.checkpoint`, and the sensors with it.
+
+        Examples
+        --------
+        >>> scene = vibro_ros.load_scene("device").with_parameters({"sensors.tracking.rate": 100.0})
+        >>> len(vibro_ros.SensedSimulator(scene).checkpoint()) - len(vibro_ros.Simulator(scene).checkpoint())
+        18
+        """
+        return np.concatenate([super().checkpoint(), *(sensor.memory() for sensor in self._sensors.values())])
+
+    def restore(self, checkpoint: np.ndarray) -> None:
+        """As `Simulator.restore`, and the sensors with it; measurements that were not taken are dropped.
+
+        Examples
+        --------
+        >>> scene = vibro_ros.load_scene("device").with_parameters({"sensors.tracking.rate": 100.0})
+        >>> device = vibro_ros.SensedSimulator(scene)
+        >>> start = device.checkpoint()
+        >>> device.advance_to(0.1)
+        >>> device.restore(start)
+        >>> device.time, device.take_measurements()
+        (0.0, [])
+        """
+        memories = [sensor.memory() for sensor in self._sensors.values()]
+        before = self.checkpoint()
+        ends = len(before) - np.cumsum([0, *(len(memory) for memory in memories[::-1])])[::-1]
+        if np.shape(checkpoint) != before.shape:
+            raise ValueError(f"the checkpoint has shape {np.shape(checkpoint)}, this device's have {before.shape}; "
+                             "give one of the same scene and version")
+        super().restore(checkpoint[:ends[0]])
+        try:
+            for sensor, begin, end in zip(self._sensors.values(), ends, ends[1:], strict=False):
+                sensor.restore(checkpoint[begin:end], self.time)
+        except ValueError:
+            super().restore(before[:ends[0]])
+            for sensor, memory in zip(self._sensors.values(), memories, strict=True):
+                sensor.restore(memory, self.time)
+            raise
+        self._untaken.clear()
+
+
+def new_device(scene: Scene) -> Simulator:
+    """The device of a scene, with the sensors that the scene has; without any, a plain `Simulator`, at its cost."""
+    return SensedSimulator(scene) if sensors_on(scene) else Simulator(scene)

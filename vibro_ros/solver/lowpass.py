@@ -1,0 +1,103 @@
+"""Low-pass filters of the rates of channels, such as of an acceleration: exact, jumps of the channel included.
+
+Butterworth's filter of second order has the poles p = r exp(±3 i pi/4). With one complex number c a filter,
+
+    c(t) = integral of exp(p (t - s)) dz(s),        filtered rate of z = sqrt(2) r Im c(t).
+
+Where z jumps by d, c jumps by d: no rate is infinite in c. Between jumps z is the polynomial of the present mode, and
+the integral of its rate with exp(p (t - s)) is found by Gauss's rule, over steps of at most four time constants 1 / r.
+There the exponential is its series to rounding, and the rule is exact to degree 47.
+
+A filter stands where a mode has ended, or where it was read; what is sampled between moves nothing in it. So its bits
+do not depend on how the time is cut up, but on the modes and on the instants at which it is read.
+"""
+
+import math
+
+import numpy as np
+
+from vibro_ros.solver.compilation import called_kernel, kernel
+from vibro_ros.solver.polynomial import value, values
+from vibro_ros.solver.segment import local_to_piece
+from vibro_ros.solver.state import LOWPASS, UNKNOWN
+from vibro_ros.solver.vector import LENGTH, indices_above, lowered, repeated, store, total, vector
+
+_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(LENGTH)
+_ORDER = np.arange(LENGTH, dtype=float)
+# Longest step, in time constants: what the series of exp leaves out about its middle is 2^24 / 24! = 3e-17.
+_LONGEST = 4.0
+
+
+def new_filters(channels: list[int], rate: float, point: np.ndarray) -> np.ndarray:
+    """Filters of the rates of `channels`, which were at rest before; `State.lowpass`.
+
+    Parameters
+    ----------
+    channels : list of int
+        Whose rates are filtered: velocities.
+    rate : float
+        Magnitude of the poles [1/s], 2 pi times the frequency [Hz] at which 3 dB are lost.
+    point : ndarray, shape (channels,)
+        Every channel now.
+    """
+    filters = np.zeros(len(channels), LOWPASS)
+    filters["channel"], filters["rate"], filters["value"], filters["reached"] = channels, rate, point[channels], UNKNOWN
+    return filters
+
+
+def filtered_rates(filters: np.ndarray) -> np.ndarray:
+    """What the filters let pass of the rates, shape (filters,), where they stand."""
+    return math.sqrt(2.0) * filters["rate"] * filters["imaginary"]
+
+
+@kernel
+def end_mode(system, state, x):
+    """Let the filters stand at the local time `x`, where the mode ends."""
+    if len(state.lowpass) > 0:
+        filter_up_to(system, state, x)
+        for k in range(len(state.lowpass)):
+            state.lowpass[k].reached = UNKNOWN
+
+
+@called_kernel
+def filter_up_to(system, state, x):
+    """Let the filters stand at the local time `x` of the present mode."""
+    segment, room = state.now[0].segment, state.scratch.room[0]
+    for k in range(len(state.lowpass)):
+        one = state.lowpass[k]
+        channel, start = one.channel, max(one.reached, segment.mode_start)
+        # The polynomial's own local time; that of what is driven may be of a piece of the segment.
+        a, b = start, x
+        if system.size[0].coordinates + system.size[0].dynamic <= channel < 2 * system.size[0].coordinates:
+            a, b = local_to_piece(segment, start), local_to_piece(segment, x)
+        before = value(state.z[channel], a)
+        one.real += before - one.value  # where the mode began, the channel may have jumped
+        one.value = value(state.z[channel], b) if x > start else before
+        one.reached = x
+        if x <= start:
+            continue
+        rate = room.lowpass_rate[:]
+        store(rate, lowered(vector(_ORDER) * vector(state.z[channel])))
+        rests = indices_above(abs(vector(rate)), 0.0) == 0
+        duration, decay = segment.half * (x - start), math.sqrt(0.5) * one.rate
+        count = 1 if rests else int(duration * one.rate / _LONGEST) + 1
+        half, width = 0.5 * duration / count, (b - a) / count
+        turn = decay * half  # the step's middle to its end: exp((-1 + i) turn)
+        shrinking, cosine, sine = math.exp(-turn), math.cos(turn), math.sin(turn)
+        to_end, to_end_turned = shrinking * cosine, shrinking * sine
+        response = room.lowpass_response[:]
+        if not rests:  # exp((1 - i) turn y), where y is the step's local time, as a polynomial of y
+            real, imaginary = 1.0, 0.0
+            for n in range(LENGTH):
+                response[0, n], response[1, n] = real, imaginary
+                real, imaginary = ((real + imaginary) * turn / (n + 1), (imaginary - real) * turn / (n + 1))
+        for step in range(count):
+            in_middle = one.real * to_end - one.imaginary * to_end_turned
+            turned = one.real * to_end_turned + one.imaginary * to_end
+            if not rests:
+                nodes = repeated(a + (step + 0.5) * width) + 0.5 * width * vector(_NODES)
+                weighted = values(rate, nodes) * vector(_WEIGHTS)
+                in_middle += 0.5 * width * total(weighted * values(response[0], vector(_NODES)))
+                turned += 0.5 * width * total(weighted * values(response[1], vector(_NODES)))
+            one.real = in_middle * to_end - turned * to_end_turned
+            one.imaginary = in_middle * to_end_turned + turned * to_end
