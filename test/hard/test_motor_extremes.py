@@ -53,6 +53,20 @@ def test_a_ramp_turned_back_at_every_phase(low):
         assert device.state.upper_position == pytest.approx(swing(end, corners, speeds), abs=1e-14)
 
 
+def test_a_ramp_to_standstill_that_commands_cut_at_every_tick():
+    """Commands that change nothing split the ramp; what rounding leaves of it at its end neither fails nor turns."""
+    for ticks in range(1, 400, 7):
+        begin = 0.005 * ticks
+        device = vibro_ros.Simulator(vibro_ros.load_scene("device").with_parameters({"motor.speed": 40.0}))
+        device.advance_to(begin)
+        device.command(motor_speed=0.0)  # at 200 rad/s^2 it stands after 40 ticks
+        for tick in range(ticks + 1, ticks + 45):
+            device.command(upper_gap=device.scene["upper.gap"])
+            device.advance_to(0.005 * tick)
+        assert device.state.motor_speed == 0.0
+        assert device.state.crank_angle == pytest.approx(40.0 * begin + 40.0**2 / 400.0, rel=1e-14)
+
+
 def test_a_motor_that_stops_on_a_cell_of_the_crank_starts_again():
     """Ramps that stop exactly at multiples of an eighth turn, where the tables of the slider have their seams."""
     for eighths in range(1, 17):

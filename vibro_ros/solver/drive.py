@@ -151,6 +151,8 @@ def fill_shift(drive, half, width, shift):
     advance, speed = phase_advance(drive, half)
     terms = _fill_change(drive, speed, half, width, shift)
     slope = speed * half * 2.0 / width
+    if slope == 0.0:  # it is rounding that is left of a ramp to 0, no longer than the clock's last digit
+        terms = 2
     for n in range(2, terms):
         shift[n] /= slope
     return 2.0 * (drive.offset + advance) / width - 1.0, slope, terms
