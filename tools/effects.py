@@ -1,7 +1,7 @@
 """What each effect adds to a scene, what it costs and what leaving it out changes: tables in docs/robot.md.
 
-Each row compares two runs that differ in one effect alone, of the scene `device`, or of `damped` for what `device` may
-not have.
+Each row compares two runs that differ in one effect alone, of the scene `device`, of `damped` for what `device` may not
+have, or of `machine` for what its motor adds.
 """
 
 import argparse
@@ -103,6 +103,12 @@ EFFECTS = (
            {"effects.normal_force": "printed"}, "damped"),
     Effect("the paper's misprint, taken literally", {"effects.misprint": False}, {"effects.misprint": True}, "damped"),
     Effect("`unilateral`, not `weight`", {"effects.normal_force": "weight"}, scene="damped"),
+    Effect("`dc` motor, not `ramp`", {"effects.motor": "ramp"}, scene="machine"),
+    Effect("friction of the motor's bearing", {"motor.friction": 0.0, "motor.static_friction": 0.0}, scene="machine"),
+    Effect("inductance of the winding", {"motor.winding_inductance": 0.0}, {"motor.winding_inductance": 2.81e-4},
+           "machine"),
+    Effect("10 g on each slider, moved by that motor", {"mass.upper_slider": 0.0, "mass.inclined_slider": 0.0},
+           scene="machine"),
 )
 
 

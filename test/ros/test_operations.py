@@ -52,11 +52,12 @@ def operations_in(folder: Path) -> list[str]:
     return list(read_bag(folder)["operations"]["text"])
 
 
-def assert_replays(folder: Path, samples: int) -> None:
+def assert_replays(folder: Path, samples: int, commands: int = 0) -> None:
     with BagStream(folder) as stream:
         found = compare(stream)
     assert found.difference is None, str(found.difference)
     assert found.compared["/odom"] >= samples and not found.missing
+    assert found.commands >= commands
 
 
 def test_a_run_through_every_operation_has_no_stamp_twice_and_replays_to_the_last_bit(start, bench, call, tmp_path):

@@ -39,7 +39,6 @@ def test_every_choice_of_every_effect_is_compared_in_a_row():
     compared = {parameter.name: {scene[parameter.name] for effect in effects.EFFECTS for scene in effect.scenes()
                                  if parameter.name in effect.without} for parameter in choosing}
     choices = {parameter.name: set(parameter.choices or (True, False)) for parameter in choosing}
-    choices["effects.motor"] -= {"dc"}  # which docs/guide/motor.md compares, flywheel by flywheel
     assert compared == choices
     assert any(effect.travel for effect in effects.EFFECTS)
 

@@ -12,6 +12,7 @@ from vibro_ros.messages.fields import joints_of
 from vibro_ros.messages.topics import (
     CHECKPOINT,
     COMMAND_UNITS,
+    COMMANDS,
     INPUTS,
     OF_DC_MOTOR,
     OPERATIONS,
@@ -234,7 +235,7 @@ class _Comparing:
                     unreadable = self.rerun.receive(name, data)
                     if unreadable:
                         self._stream.unreadable.add(self._facts.topics[name], self._seen[name], stamp, unreadable)
-                    self.found.commands += not unreadable and name in COMMAND_UNITS
+                    self.found.commands += not unreadable and name in COMMANDS
                     self._seen[name] += 1
         except SimulationError as error:
             self._failure = str(error)
