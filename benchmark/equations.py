@@ -46,10 +46,15 @@ class Machine(NamedTuple):
     adhesion: bool
     reaction: float
     heavy: float
+    restitution: float
+    slow: float
 
 
-def machine(problem: Problem) -> Machine:
-    """The numbers of a problem, of whose absent masses no force acts on the others."""
+def machine(problem: Problem, slow: float = 0.0) -> Machine:
+    """The numbers of a problem, of whose absent masses no force acts on the others.
+
+    A landing of at most `slow` [m/s] does not bounce: there a program stops an infinite sequence of landings.
+    """
     given = problem.parameters
     gone = {name: 0.0 for mass, names in (("m2", ("k2", "k4")), ("m3", ("k3", "k1")))
             if not given[mass] for name in (*names, "c2" if mass == "m2" else "c3")}
@@ -60,7 +65,8 @@ def machine(problem: Problem) -> Machine:
         plate2=given["L2"] + given["gap2"] if given["m2"] and given["k4"] else math.inf,
         plate3=given["L3"] + given["gap3"] if given["m3"] and given["k1"] else math.inf,
         sine=math.sin(given["phi"]), cosine=math.cos(given["phi"]), total=given["m1"] + given["m2"] + given["m3"],
-        rule=_RULES[given["normal"]], reaction=float(given["reaction"]), heavy=given["g"] * given["weight"])
+        rule=_RULES[given["normal"]], reaction=float(given["reaction"]), heavy=given["g"] * given["weight"],
+        restitution=given["restitution"], slow=slow)
 
 
 def start(problem: Problem) -> np.ndarray:
@@ -193,7 +199,10 @@ def settled(t, y, upper, inclined, p):
 
 @_jit
 def land(y, p):
-    """Stop the fall by an impulse that rubs with at most mu times itself against x' (Routh)."""
+    """Stop the fall by an impulse that rubs with at most mu times itself against x' (Routh); a body alone bounces."""
+    if p.restitution > 0.0 and -y[7] > p.slow:
+        y[6], y[7] = 0.0, -p.restitution * y[7]
+        return
     own = p.reaction * p.m3
     along, across = p.total - own * p.sine * p.sine, own * p.sine * p.cosine
     high = p.total - p.reaction * p.m2 - own * p.cosine * p.cosine
@@ -222,6 +231,8 @@ def begin(t, y, p):
     f2, f3 = forces(t, y, False, False, p)
     upper = y[0] > p.plate2 or (y[0] == p.plate2 and f2 < 0.0)
     inclined = y[2] > p.plate3 or (y[2] == p.plate3 and f3 < 0.0)
+    if y[6] > 0.0:
+        return upper, inclined, AIR
     return upper, inclined, settled(t, y, upper, inclined, p)
 
 
@@ -234,7 +245,7 @@ def crossed(t, y, upper, inclined, ground, which, p):
         inclined = not inclined
     elif which == 2 and ground == AIR:
         land(y, p)
-        ground = FREE
+        ground = AIR if y[7] > 0.0 else FREE
     elif which == 2 and ground != STICK:
         y[5] = 0.0
     elif ground == STICK:
@@ -264,7 +275,7 @@ def rk4(y, p, step, per_row, rows):
     Plates and friction are evaluated where the stages happen to fall. The body stops in a step in which x' changes sign
     while friction can hold it, leaves the ground after a step at whose end N < 0, and lands after one that ends below.
     """
-    air, t = False, 0.0
+    air, t = y[6] > 0.0, 0.0
     slopes, stage = np.zeros((4, 8)), np.empty(8)
     rows[0] = y
     for n in range(1, len(rows)):
@@ -286,7 +297,7 @@ def rk4(y, p, step, per_row, rows):
             if air:
                 if y[6] <= 0.0 and y[7] < 0.0:
                     land(y, p)
-                    air = False
+                    air = y[7] > 0.0
             elif p.mu > 0.0:
                 f2, f3 = forces(t, y, upper, inclined, p)
                 if before * y[5] < 0.0 and abs(f3 * p.sine) <= p.mu * accelerations(f2, f3, 0.0, STICK, p)[4]:

@@ -10,10 +10,11 @@ _MOST_IN_AN_INSTANT = 50
 
 
 def run(problem, numbers, integrate):
-    """An answer by `integrate(slope, guards, t, y, end)`.
+    """An answer by `integrate(slope, guards, t, y, end, brief)`.
 
     That is a generator of steps: the time reached, a function of time that interpolates the step, and the number of
-    the guard that has become zero there (None: none; after a number it ends).
+    the guard that has become zero there (None: none; after a number it ends). A first step of at most `brief` [s] does
+    not pass over a flight, whose guard is 0 where it begins and where it ends.
     """
     y, t, times, rows = start(problem), 0.0, problem.times, [start(problem)]
     mode, crowd = begin(t, y, numbers), 0
@@ -33,7 +34,8 @@ def run(problem, numbers, integrate):
             return out
 
         before, which = t, None
-        for now, dense, guard in integrate(rate, bounds, before, y, times[-1]):
+        brief = 0.2 * y[7] / numbers.g if y[6] == 0.0 < y[7] else np.inf
+        for now, dense, guard in integrate(rate, bounds, before, y, times[-1], brief):
             while len(rows) < len(times) and times[len(rows)] <= now:
                 rows.append(dense(times[len(rows)]))
             t, y, which = now, np.array(dense(now)), guard

@@ -21,8 +21,9 @@ NAMES = {
     "c4": "upper.plate.damping", "gap2": "upper.gap", "k3": "inclined.spring.stiffness",
     "c3": "inclined.spring.damping", "k1": "inclined.plate.stiffness", "c1": "inclined.plate.damping",
     "gap3": "inclined.gap", "normal": "effects.normal_force", "adhesion": "effects.adhesion",
-    "reaction": "effects.reaction", "weight": "effects.mass_weight",
+    "reaction": "effects.reaction", "weight": "effects.mass_weight", "restitution": "ground.restitution",
 }
+STAND_IN = 0.25  # kg, of a mass that is absent: it hangs on nothing, and the body is lighter by it
 
 
 @dataclass(frozen=True)
@@ -43,7 +44,8 @@ class Problem:
     values : mapping of str to tuple of str
         Reference values at these instants, in decimal.
     events : mapping of str to mapping
-        `count`, and decimal times `first` and `last` [s], of each kind of event.
+        `count`, and decimal times `first` and `last` [s], of each kind of event. Of infinitely many, `count` is
+        "infinitely many" and `last` the instant at which they accumulate.
     judged : tuple of str
         Columns by which an answer is judged.
     digits : int
@@ -61,16 +63,20 @@ class Problem:
     digits: int
 
     def scene(self) -> dict[str, float | str | bool]:
-        """The parameters by their names in vibro_ros."""
+        """The parameters by their names in vibro_ros, where a body without masses does not hop: one stands in."""
         given = self.parameters
         contact = {side: "compliant" if given[m] and given[k] else "none"
                    for side, m, k in (("upper", "m2", "k4"), ("inclined", "m3", "k1"))}
         present = {name: given[symbol] for symbol, name in NAMES.items() if given[symbol] or symbol not in ("m2", "m3")}
-        return present | {
-            "effects.upper_mass": given["m2"] > 0, "effects.inclined_mass": given["m3"] > 0,
+        alone = given["m2"] == given["m3"] == 0.0
+        if alone:
+            present |= {"mass.upper": STAND_IN, "mass.body": given["m1"] - STAND_IN, "upper.spring.stiffness": 0.0}
+        start = {"start.body_height": height} if (height := self.start["y"]) else {}
+        return present | start | {
+            "effects.upper_mass": given["m2"] > 0 or alone, "effects.inclined_mass": given["m3"] > 0,
             **{f"effects.{side}_contact": law for side, law in contact.items()},
             "effects.friction": "coulomb" if given["mu"] else "none", "ground.static_friction": given["mu"],
-            "effects.motor": "ideal", "start.state": "rest"}
+            "effects.motor": "ideal", "start.state": "given" if start else "rest"}
 
     def error(self, states: Sequence[Sequence[float]]) -> float:
         """Largest error of the judged columns, each relative to the span of its reference values; NaN for no number.

@@ -4,7 +4,8 @@ Written from the equations of docs/robot.md and the paper alone, without code of
 crank, both masses, the forces and the body in powers of time. Which mode holds after an instant
 (contact, normal force, stick or slip) is decided afresh at every step by the sign of the first
 power that does not vanish, so an exact graze, as in the start at rest on a plate, needs no rule.
-By the rule `hop` the body leaves the ground where N would be negative, and lands by Routh's law without bouncing.
+By the rule `hop` the body leaves the ground where N would be negative, and lands by Routh's law; only a body without
+friction and reaction bounces.
 """
 
 from dataclasses import dataclass, field
@@ -14,6 +15,7 @@ from flint import arb, arb_series, ctx
 from benchmark.first_crossing import first_crossing, leading
 
 SPEED_IS_ZERO = arb("1e-38")  # events are located to about 1e-50 s
+NO_BOUNCE = arb("1e-36")  # m/s: a flight that begins more slowly is one that `leading` does not see
 
 
 class ReferenceModel:
@@ -46,6 +48,7 @@ class ReferenceModel:
         self.commanded_speed = self.speed
         self.body_position, self.body_velocity = arb(0), arb(0)
         self.height, self.climb, self.hops = arb(0), arb(0), values["effects.normal_force"] == "hop"
+        self.restitution = arb(values.get("ground.restitution", 0.0))
         self.body_mode, self.unloaded, self.natural_step = "", False, 1.0
         self.events = []
         self.steps = 0
@@ -64,6 +67,7 @@ class ReferenceModel:
     def _start(self):
         if self.values["start.state"] == "zero":
             return
+        self.height = arb(self.values.get("start.body_height", 0.0))
         for guide in self.guides:
             self._expand_slider(guide)
             slider = guide.slider[0]
@@ -275,7 +279,10 @@ class ReferenceModel:
         self.steps += 1
 
     def _land(self):
-        """Stop the fall by an impulse P_y >= 0 that rubs with |P_x| <= μ P_y against x' (Routh's law)."""
+        """Stop the fall by an impulse P_y >= 0 that rubs with |P_x| <= μ P_y against x' (Routh's law), or bounce."""
+        if self.restitution > 0 and -self.climb > NO_BOUNCE:
+            self.height, self.climb = arb(0), exact(-self.restitution * self.climb)
+            return
         along, across, up = self._inertia()
         fall, before = self.climb, self.body_velocity
         slopes = {sign: exact((across + sign * self.friction * up) / (along + sign * self.friction * across))

@@ -131,7 +131,7 @@ def about_the_benchmark() -> list[str]:
         return []
     return [report.sentence(json.loads(table.read_text(encoding="utf-8"))["rows"]),
             f"![Error over cost of ten programs on the robot that hops]({BENCHMARK}/6_device.png)",
-            f"Five more problems, every setting and what happened in it: [the benchmark]({BENCHMARK}/{report.PAGE})."]
+            f"Six more problems, every setting and what happened in it: [the benchmark]({BENCHMARK}/{report.PAGE})."]
 
 
 def _about_chaos(study: Accuracy) -> list[str]:

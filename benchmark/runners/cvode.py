@@ -22,7 +22,7 @@ def version():
 
 def prepare(problem, setting):
     """Plain: no events, friction smoothed; tuned: one run of CVODE from event to event."""
-    numbers = machine(problem)
+    numbers = machine(problem, slow=setting.value)
     if setting.kind == PLAIN:
         return _plain(problem, numbers, setting.value)
     return lambda: located.run(problem, numbers, _steps(problem.times, setting.value))
@@ -49,7 +49,7 @@ def _plain(problem, numbers, rtol):
 def _steps(times, rtol):
     """One run to the next event as `located.run` takes it, by way of the sampled instants."""
 
-    def integrate(slope, guards, t, y, end):
+    def integrate(slope, guards, t, y, end, brief):
         def right(at, state, out):
             out[:] = slope(at, state)
 
@@ -58,7 +58,7 @@ def _steps(times, rtol):
 
         roots.direction = [-1] * 4
         solver = CVODE(right, method="Adams", rtol=max(rtol, 1e-14), atol=_DIGITS * rtol, max_num_steps=10**6,
-                       eventsfn=roots, num_events=4)
+                       eventsfn=roots, num_events=4, first_step=brief if brief < end - t else 0.0)
         solver.init_step(t, y)
         for stop in (time for time in times if time > t):
             found = solver.step(stop, tstop=end)

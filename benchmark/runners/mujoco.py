@@ -1,16 +1,18 @@
 """MuJoCo: the body on slide joints along x and y with a frictional contact, the masses on slide joints of their own.
 
-Plain: its own soft contacts and limits with their default stiffness; tuned: plates as forces that the program computes
-at each step, friction as `frictionloss` of the joint x that follows mu N, and, where the body may leave the ground, a
-contact as stiff as the step allows, with a damping ratio of 3, because with 1 the body bounces where it should land.
-Where the equations leave out the reaction of the body
-on the masses (`reaction` is false), the masses hang on the world and their forces act on the body.
+Plain: its own soft contacts and limits with their default stiffness, which do not bounce; tuned: plates as forces that
+the program computes at each step, friction as `frictionloss` of the joint x that follows mu N, and, where the body may
+leave the ground, a contact as stiff as the step allows, with a damping ratio of 3, because with 1 the body bounces
+where it should land. A body that should bounce has a contact that lasts longer than some ten steps, with the damping
+ratio that gives the restitution. Where the equations leave out the reaction of the body on the masses (`reaction` is
+false), the masses hang on the world and their forces act on the body.
 """
 
 import math
 from importlib.metadata import version as _version
 
 import mujoco
+from scipy.optimize import brentq
 
 from benchmark.contract import PLAIN, TUNED, Answer, Setting
 
@@ -36,7 +38,9 @@ def _xml(p, setting):
     loose = 0.0 if p["reaction"] else p["m2"] + p["m3"]
     contact = f'friction="{p["mu"]!r} 0 0" condim="{3 if setting.kind == PLAIN else 1}" contype="1" conaffinity="1"'
     stiff, tuned = f'="{2.0 * setting.value!r} 1"', setting.kind == TUNED
-    contact += f' solref="{2.0 * setting.value!r} 3" solimp="0.9999 0.9999 1e-6"' if tuned else ""
+    lasts = 0.2 * math.sqrt(setting.value)
+    law = _bounce(p["restitution"], lasts) if p["restitution"] else f"{2.0 * setting.value!r} 3"
+    contact += f' solref="{law}" solimp="0.9999 0.9999 1e-6"' if tuned else ""
     friction = f'frictionloss="1e-9" solreffriction{stiff} solimpfriction="0.9999 0.9999 1e-6"' if tuned else ""
     upwards = '<joint name="y" type="slide" axis="0 0 1"/>' if setting.kind == PLAIN or p["normal"] == "hop" else ""
     gravity = -p["g"] if p["weight"] else 0.0
@@ -45,6 +49,16 @@ def _xml(p, setting):
       <worldbody><geom type="plane" size="10 10 1" {contact}/>{outside}
       <body pos="0 0 0.1"><joint name="x" type="slide" axis="1 0 0" {friction}/>{upwards}
       <geom type="sphere" size="0.1" mass="{p["m1"] + loose!r}" {contact}/>{inside}</body></worldbody></mujoco>"""
+
+
+def _bounce(restitution, lasts):
+    """Stiffness and damping, as `solref` takes them, of a contact that `lasts` [s] and does not pull."""
+    def rebound(ratio):
+        root = math.sqrt(1.0 - ratio * ratio)
+        return math.exp(-ratio / root * (math.pi - math.atan2(2.0 * ratio * root, 1.0 - 2.0 * ratio * ratio)))
+
+    ratio, rate = brentq(lambda ratio: rebound(ratio) - restitution, 0.0, 0.99), math.pi / lasts
+    return f"{-rate * rate!r} {-2.0 * ratio * rate!r}"
 
 
 def _names(model):
@@ -94,9 +108,8 @@ def prepare(problem, setting):
 
     def run():
         mujoco.mj_resetData(model, data)
-        for name, column in (("u", "u"), ("w", "w")):
-            if name in joint:
-                data.qpos[joint[name]] = problem.start[column]
+        for name in joint:
+            data.qpos[joint[name]] = problem.start[name]
         rows = []
         for time in problem.times:
             while data.time < time - 0.5 * setting.value:

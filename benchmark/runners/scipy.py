@@ -23,7 +23,7 @@ def version():
 
 def prepare(problem, setting):
     """Plain: no events, friction smoothed; tuned: every event located on the dense output, modes restarted."""
-    numbers = machine(problem)
+    numbers = machine(problem, slow=setting.value)
     return _plain(problem, numbers, setting.value) if setting.kind == PLAIN else (
         lambda: located.run(problem, numbers, _steps(setting.value)))
 
@@ -51,9 +51,9 @@ def _plain(problem, numbers, rtol):
 def _steps(rtol):
     """Steps of DOP853, as `located.run` takes them; an event is a zero of a guard on the dense output."""
 
-    def integrate(slope, guards, t, y, end):
+    def integrate(slope, guards, t, y, end, brief):
         solver = DOP853(slope, t, y, end, rtol=max(rtol, 3e-14), atol=1e-3 * rtol,
-                        first_step=min(_FIRST_STEP, end - t))
+                        first_step=min(_FIRST_STEP, brief, end - t))
         before = guards(t, y)
         while solver.status == "running":
             if solver.step():

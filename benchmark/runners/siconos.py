@@ -34,8 +34,8 @@ def version():
 def prepare(problem, setting):
     """A run of `TimeStepping`."""
     p = problem.parameters
-    if not p["mu"]:
-        raise UnableError("without friction there is no law for its solver: only forces would be integrated")
+    if not p["mu"] and not p["restitution"]:
+        raise UnableError("without friction or bounces there is no law for its solver: only forces would be integrated")
     ex, ey = -math.sin(p["phi"]), math.cos(p["phi"])
     masses = [p["m2"] or 1.0, p["m3"] or 1.0]
     total = p["m1"] + p["m2"] + p["m3"]
@@ -74,7 +74,7 @@ def prepare(problem, setting):
         q = [problem.start[c] for c in ("x", "y", "u", "w")]
         body = sk.LagrangianDS(q, [problem.start[c] for c in ("dx", "dy", "du", "dw")], rows)
         body.setFExtPtr(forces(0.0, q, [0.0] * 4))
-        law = sk.NewtonImpactFrictionNSL(0.0, 0.0, p["mu"], 2)
+        law = sk.NewtonImpactFrictionNSL(p["restitution"], 0.0, p["mu"], 2)
         contact = sk.Interaction(law, sk.LagrangianLinearTIR(np.array([[0.0, 1.0, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0]])))
         model = sk.NonSmoothDynamicalSystem(0.0, problem.times[-1])
         model.insertDynamicalSystem(body)

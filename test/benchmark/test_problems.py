@@ -5,8 +5,9 @@ from importlib import import_module
 
 import numpy as np
 import pytest
+from flint import arb
 
-from benchmark import problems
+from benchmark import located, problems, reference
 from benchmark.contract import Setting
 from benchmark.equations import accelerations, forces, guards, machine, slope, start
 from benchmark.problems import COLUMNS, FOLDER
@@ -45,12 +46,16 @@ def test_the_data_file_is_in_order(name):
 
 @pytest.mark.parametrize("name", NAMES)
 def test_exact_keeps_its_promise(name):
-    """Rounding, which the loss-free problems amplify (e⁵ a second, and more at resonance)."""
+    """Rounding, which the loss-free problems amplify (e⁵ a second, and more at resonance).
+
+    A ball that lands at less than 1e-9 m/s rests, which is early by 3e-11 m/s in one sample of `7_bounce`.
+    """
     problem = problems.load(name)
     answer = import_module("benchmark.runners.exact").prepare(problem, None)()
-    assert problem.error(answer.states) < (1e-10 if name in ("1_impact", "5_loss_free") else 1e-12)
+    assert problem.error(answer.states) < (1e-10 if name in ("1_impact", "5_loss_free", "7_bounce") else 1e-12)
     for kind, event in problem.events.items():
-        assert answer.events.get(kind, 0) == event["count"], kind
+        if event["count"] != "infinitely many":
+            assert answer.events.get(kind, 0) == event["count"], kind
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -60,6 +65,30 @@ def test_heyoka_agrees_with_the_reference_to_rounding(name):
     problem = problems.load(name)
     answer = import_module("benchmark.runners.heyoka").prepare(problem, Setting("", "", 2.2e-16))()
     assert problem.error(answer.states) < 1e-13
+
+
+def test_the_closed_form_of_the_ball_agrees_with_the_integration_of_the_other_problems():
+    """Taylor series in 64 digits, from landing to landing, that rest below 1e-36 m/s; and the two events."""
+    problem = problems.load("bounce")
+    found, _ = reference.integrate(dict(problem.parameters), problem.times[-1], order=48, digits=64)
+    for column in problem.judged:
+        for row, text in zip(found, problem.values[column], strict=True):
+            assert abs(row[COLUMNS.index(column)] - arb(text)) < arb("1e-33"), column
+    g, e, height = (arb(number) for number in (problem.parameters["g"], problem.parameters["restitution"],
+                                               problem.start["y"]))
+    first = (2 * height / g).sqrt()
+    assert abs(arb(problem.events["landing"]["first"]) - first) < arb("1e-33")
+    assert abs(arb(problem.events["landing"]["last"]) - first * (1 + e) / (1 - e)) < arb("1e-33")
+
+
+def test_a_ball_that_may_not_rest_falls_through_the_ground():
+    """DOP853 from landing to landing, without `slow`: the last flights are shorter than the spacing of doubles."""
+    problem = problems.load("bounce")
+    steps = import_module("benchmark.runners.scipy")._steps(1e-9)
+    answer = located.run(problem, machine(problem), steps)
+    assert 50 < answer.events["landing"] < 100
+    assert answer.states[-1][COLUMNS.index("y")] < -0.1
+    assert problem.error(located.run(problem, machine(problem, slow=1e-9), steps).states) < 1e-10
 
 
 @pytest.mark.parametrize("name", NAMES)
