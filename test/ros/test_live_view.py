@@ -209,3 +209,20 @@ def test_a_parameter_that_changes_while_the_robot_runs_changes_the_machine(start
                       "the new limit")
     assert after["origin"] == before["origin"]
     ends_well(view)
+
+
+def test_a_robot_that_goes_into_another_scene_is_shown_as_that_machine(start, bench, view, visit, types):
+    start("robot", *CRAWL)
+    page = visit()
+    before = page.wait_for_robot()
+    text = "/**:\n  ros__parameters:\n    scene: device\n    mass.body: 2.5\n    motor.max_speed: 150.0\n"
+    answer = answer_of(bench, types.srv.LoadWorld, "/vibro_robot/load_world",
+                       world_resource=types.msg.Resource(resource_string=text))
+    assert answer.result.result == answer.result.RESULT_OK, answer.result.error_message
+    page.wait(lambda: page.last("status").get("paused"), "the stop")
+    assert page.ask(call="pause", on=False)["done"]
+    after = page.wait(lambda: page.last("robot").get("machine", {}).get("knobs", [{}])[0].get("to") == 150.0
+                      and page.last("robot"), "the new limit")
+    assert after["origin"] > before["origin"]
+    page.wait_for_rows(50)
+    ends_well(view)

@@ -1,6 +1,7 @@
 """Scenes and device parameters from ordinary ROS parameter files, and where the shipped ones lie."""
 
 import os
+from itertools import takewhile
 from pathlib import Path
 
 from vibro_ros.configuration.parameter_file import absolute, check_addressed, merged, own_parameters, sections
@@ -88,6 +89,36 @@ def load_scene(name_or_path: str | Path, node: str | None = None) -> Scene:
     return _load(_scene_path(str(name_or_path), Path()), node, ())
 
 
+def read_scene(name: str, text: str, node: str | None = None) -> Scene:
+    """The scene of a `text` that another hand has sent: that of a file which holds it, as `load_scene` reads it.
+
+    Parameters
+    ----------
+    name : str
+        Begins messages, and is the scene's name.
+    text : str
+        A parameter file's content. Its own `scene` may name a shipped scene, no file.
+    node : str, optional
+        As for `load_scene`.
+
+    Raises
+    ------
+    ValueError
+        As for `load_scene`.
+    """
+    return _load(Path(name), node, (), text)
+
+
+def described_scenes() -> dict[str, str]:
+    """What each shipped scene is, by its name: the first paragraph of its file's comments."""
+    found = {}
+    for name in shipped_scenes():
+        lines = _scene_path(name, Path()).read_text(encoding="utf-8").splitlines()
+        paragraph = takewhile(lambda line: line.startswith("# "), lines)
+        found[name] = " ".join(line.removeprefix("# ") for line in paragraph)
+    return found
+
+
 def scene_origin(name: str, folder: Path) -> str:
     """What the parameter `scene` means: the name of a shipped scene, or an absolute path.
 
@@ -106,12 +137,13 @@ def scene_origin(name: str, folder: Path) -> str:
     return name if name in shipped_scenes() else str(_scene_path(name, folder).absolute())
 
 
-def _load(path: Path, node: str | None, above: tuple[Path, ...]) -> Scene:
-    """The scene of a file, which the last of the files `above` names, each of them named by the one before."""
+def _load(path: Path, node: str | None, above: tuple[Path, ...], text: str | None = None) -> Scene:
+    """The scene of a file, which the last of the files `above` names, each of them named by the one before; or of a
+    `text`, which may name no file."""
     if path.resolve() in above or len(above) >= MOST_SCENES:
         what = "is a change of itself" if path.resolve() in above else f"is the end of {MOST_SCENES} changes"
         raise ValueError(f"{path}: as a scene it {what}; let its `scene` be one of {', '.join(shipped_scenes())}")
-    given = sections(path)
+    given = sections(path, text)
     named = {absolute(pattern) for pattern, _ in given if "*" not in pattern}
     robots = sorted(name for name in named if name.rpartition("/")[2] == NODE_NAME)
     if not node and len(robots) > 1:
@@ -121,6 +153,8 @@ def _load(path: Path, node: str | None, above: tuple[Path, ...]) -> Scene:
     check_addressed(path, given, own)
     try:
         checked = checked_parameters(own_parameters(merged(given, own)), (*SCENE_PARAMETERS, *DEVICE_PARAMETERS))
+        if text is not None and checked.get("scene", "paper") not in shipped_scenes():
+            raise ValueError(f"scene: {checked['scene']!r} is no shipped scene; give {', '.join(shipped_scenes())}")
         base = _scene_path(checked["scene"], path.parent) if "scene" in checked else None
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None

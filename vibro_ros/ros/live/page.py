@@ -17,7 +17,7 @@ from rclpy.parameter import Parameter
 from rclpy.task import Future
 from std_srvs.srv import SetBool, Trigger
 
-from vibro_ros.messages.topics import SET
+from vibro_ros.messages.topics import LOAD, SET
 from vibro_ros.process.untrusted import one_line
 from vibro_ros.ros.live.commands import RETURN, Commands
 from vibro_ros.ros.live.robot import LiveRobot
@@ -160,7 +160,7 @@ class LivePage:
         run = robot.origin, robot.silences
         goes_on, self._run = run == self._run, run  # else what was commanded before holds no more
         self._commands.hear(robot.settings.scene if robot.settings and goes_on else None, operations)
-        if any(one.name == SET for one in operations):
+        if any(one.name in (SET, LOAD) for one in operations):
             self._robot.reader.read()
         if operations and self._words.status:
             server.send("status", self._status())

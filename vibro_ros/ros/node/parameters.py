@@ -37,8 +37,11 @@ def take_overrides(node: Node) -> dict[str, object]:
 
 
 def declare(node: Node, table: Iterable[Parameter], values: Mapping[str, Value]) -> None:
-    """Declare every parameter of `table` on `node` with its checked value of `values`."""
+    """Declare every parameter of `table` on `node` with its checked value of `values`; again, if it is declared."""
     for parameter in table:
+        if node.has_parameter(parameter.name):  # rclpy keeps the descriptor that it hands out
+            node.describe_parameter(parameter.name).read_only = False
+            node.undeclare_parameter(parameter.name)
         node.declare_parameter(parameter.name, values[parameter.name], descriptor(parameter), ignore_override=True)
 
 

@@ -48,10 +48,15 @@ class Diagnostics:
         self._publisher = node.create_publisher(DiagnosticArray, TOPIC, qos.DIAGNOSTICS)
         self._namesakes = 0
         self._before = self._counters()
-        self._accuracy = {"accuracy in force": accuracy_in_force(run.device.scene, run.device.choice),
-                          "next cheaper choice": next_cheaper_choice(run.device.scene, run.device.choice)}
+        self.look_at_scene()
         # a clock that runs whatever drives the stamps
         node.create_timer(PERIOD, self.publish, clock=Clock(clock_type=ClockType.STEADY_TIME))
+
+    def look_at_scene(self) -> None:
+        """Find out how accurate the device's scene is simulated."""
+        scene, choice = self._run.device.scene, self._run.device.choice
+        self._accuracy = {"accuracy in force": accuracy_in_force(scene, choice),
+                          "next cheaper choice": next_cheaper_choice(scene, choice)}
 
     def publish(self) -> None:
         """Publish once."""

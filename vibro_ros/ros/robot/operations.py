@@ -30,14 +30,14 @@ from vibro_ros.ros.robot.lock_step import LockStep
 from vibro_ros.ros.robot.pacing import Pacing, RobotTime, take_priority
 from vibro_ros.ros.topics.publishers import Record
 from vibro_ros.ros.topics.subscriptions import MOST_WAITING, CommandSubscriptions
+from vibro_ros.simulation.samples import Samples
 from vibro_ros.simulation.simulator import Simulator
 
 FACTOR = "rate.real_time_factor"
 """The one parameter of the node that may change while it runs."""
 
-
-LOOK = "look"
-"""An operation that does nothing and is not recorded: its answer is the device's state, as `Simulator.state` has it."""
+BETWEEN = "between"
+"""A function, called between two samples; its answer is what the function returns. It is not recorded."""
 
 
 class Request(Future):
@@ -49,6 +49,8 @@ class Request(Future):
         What is asked.
     counted : callable, optional
         Given the number of samples of a `step` so far, after each one, by the thread that takes them.
+    work : callable, optional
+        The function of `BETWEEN`.
 
     Attributes
     ----------
@@ -58,9 +60,10 @@ class Request(Future):
         Whether the asker wants no more of them.
     """
 
-    def __init__(self, operation: Operation, counted: Callable[[int], object] | None = None):
+    def __init__(self, operation: Operation, counted: Callable[[int], object] | None = None,
+                 work: Callable[[], object] | None = None):
         super().__init__()
-        self.operation = operation
+        self.operation, self.work = operation, work
         self.completed = 0
         self.given_up = False
         self._counted = counted
@@ -123,7 +126,7 @@ class Operations:
         self._resuming = False  # as soon as the nodes of the lock-step have answered
         self._ended = ""
         self._does = {RESET: self._reset, PAUSE: self._pause, RESUME: self._resume, STEP: self._step, SET: self._set,
-                      STATE: self._let, PUSH: self._let, FAULT: self._fail, LOOK: self._look}
+                      STATE: self._let, PUSH: self._let, FAULT: self._fail, BETWEEN: self._between}
 
     @property
     def held(self) -> bool:
@@ -133,13 +136,24 @@ class Operations:
         return self.paused and self._left == 0
 
     @property
+    def state(self) -> Samples:
+        """The device's state now; for the stepping thread."""
+        return self._device.state
+
+    @property
+    def takes_steps(self) -> bool:
+        """Whether samples that were asked for are still to be taken."""
+        return self._left > 0
+
+    @property
     def may_resume(self) -> bool:
         """Whether robot time is to go on, once what has arrived so far is taken."""
         return self._resuming and bool(self._lock_step and self._lock_step.settled)
 
-    def ask(self, operation: Operation, counted: Callable[[int], object] | None = None) -> Request:
-        """Ask for an operation, which follows all that was asked and commanded before; `counted` as in `Request`."""
-        request = Request(operation, counted)
+    def ask(self, operation: Operation, counted: Callable[[int], object] | None = None,
+            work: Callable[[], object] | None = None) -> Request:
+        """Ask for an operation, which follows all that was asked and commanded before; the others as in `Request`."""
+        request = Request(operation, counted, work)
         if self._queue.is_full(OPERATIONS):
             request.set_exception(ValueError(f"{MOST_WAITING} operations wait already; ask again later"))
             return request
@@ -257,8 +271,20 @@ class Operations:
         if FAULTS[incident.fault].befalls == COMMANDS:
             self._subscriptions.fail(incident, self._robot_time.stamp)
 
-    def _look(self, request: Request) -> None:
-        request.set_result(self._device.state)
+    def _between(self, request: Request) -> None:
+        request.set_result(request.work() if request.work else None)
+
+    def begin(self) -> None:
+        """Stand still at the start of another scene, from which nothing has changed."""
+        self._subscriptions.recover()
+        self.changed = {name: value for name, value in self.changed.items() if name == FACTOR}
+        self._resuming, self.paused = False, True
+        take_priority(self._pacing.factor, self.paused)
+        self._done(Operation(PAUSE))
+
+    def announce(self, operation: Operation) -> None:
+        """Publish an operation that no bag needs."""
+        self._publisher.publish(_serialised(operation))
 
     def _done(self, operation: Operation) -> None:
         """Perform an operation (ValueError: refused), publish and record it."""

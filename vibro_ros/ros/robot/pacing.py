@@ -166,6 +166,10 @@ class RobotTime:
         """ROS time [ns] of a `time` [s] of the device's clock."""
         return stamp_at(stamp_at(self.start, self._origin / self._rate), time)
 
+    def begin(self, start: int) -> None:
+        """Let robot time be 0 now, at ROS time `start` [ns]."""
+        self.start, self.ticks, self._origin = start, 0, 0
+
     def restart(self) -> None:
         """Let the device's time be 0 at the next sample."""
         self._origin = self.ticks + 1

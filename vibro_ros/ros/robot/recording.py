@@ -33,6 +33,7 @@ MOST_BAGS = 5
 MOST_UNSEALED = 10
 """Unsealed bags that are named at the start; how many more there are is said."""
 _ALL = "all"
+_TOO_MANY = f"more than {MOST_BAGS} bags were asked for at once; one a second can be begun, ask again"
 
 
 @dataclass(frozen=True)
@@ -188,6 +189,28 @@ class Recording:
             self._recorder = self._new_bag(whole=not self._plan.storage.max_bytes)
             self._whole = None if self._plan.storage.max_bytes else self._recorder
 
+    def begin_run(self, custom: Mapping[str, str]) -> None:
+        """Seal the bag of one run and begin that of the next, about which the bags say `custom`; in the stepping thread
+        while the main thread waits. Without a bag that is written, none begins; a snapshot is written (ValueError: no
+        bag can begin; nothing has changed)."""
+        before, ended, snapshot, lasting = self._plan, self._recorder, self._snapshot, self._lasting
+        begins = snapshot is not None or (ended is not None and not ended.ended)
+        if begins and not self._begun.admit("a bag"):
+            raise ValueError(_TOO_MANY)
+        try:
+            if snapshot and snapshot.latest:
+                self._write_snapshot({})
+            self._plan, self._lasting = replace(before, metadata={**before.metadata, **custom}), []
+            if begins:
+                self.begin()
+        except (OSError, ValueError) as error:
+            self._plan, self._lasting = before, lasting
+            raise ValueError(f"record.directory: {error}") from error
+        self._saved, self._checkpointed, self._checkpoint_due = -1, None, 0
+        if ended and ended is not self._recorder and not ended.ended:
+            ended.close(SEALING)
+            self._log.info(f"sealed {_contents(ended)}")
+
     def begin_files_with(self, lasting: Sequence[tuple[str, bytes]]) -> None:
         """Let each file of every bag begin with these, resolved topic name and message; before the first `record`."""
         self._lasting = [(topic, data) for topic, data in lasting if topic in self._names]
@@ -286,7 +309,7 @@ class Recording:
         if self._recorder and not self._recorder.ended:
             return True, f"already recording to {self._recorder.folder}"
         if not self._begun.admit("a bag"):
-            return False, f"more than {MOST_BAGS} bags were asked for at once; one a second can be begun, ask again"
+            return False, _TOO_MANY
         self._recorder = self._new_bag()
         self._log.info(self.destination())
         return True, self.destination()

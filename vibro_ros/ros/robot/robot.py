@@ -65,11 +65,10 @@ from vibro_ros.ros.robot.services import (
     refuse_while_starting,
 )
 from vibro_ros.ros.robot.stepping import CommandTimeout, Run, Stepping
+from vibro_ros.ros.robot.worlds import Worlds, prepared_device
 from vibro_ros.ros.topics.publishers import PROFILES, RobotPublishers
 from vibro_ros.ros.topics.subscriptions import CommandSubscriptions
 from vibro_ros.ros.topics.templates import SECOND
-from vibro_ros.sensors.device import new_device
-from vibro_ros.simulation.kernels import compile_kernels
 from vibro_ros.simulation.preparation import Preparation
 from vibro_ros.simulation.provenance import provenance
 from vibro_ros.simulation.simulator import Simulator, ToleranceWarning
@@ -145,15 +144,9 @@ def _plan(node: SteadyNode, settings: Mapping[str, Value], scene: Scene, publish
 
 def _prepare(node: SteadyNode, settings: Mapping[str, Value], scene: Scene, plan: Plan) -> Simulator:
     """The device, ready to be stepped; and whatever else takes long, so that a signal need not wait for it."""
-    log = node.get_logger()
-    compile_kernels(scene["solver.method"])
-    if fault := scene.broken_promise:
-        warnings.simplefilter("ignore", ToleranceWarning)  # said here, in the log's form
-        log.warning(fault)
-    device = new_device(scene)
-    if device.choice:
-        log.info(f"solver.method auto: {device.choice}")
-    offer_recovery(plan.directory, settings["record.recover"], log)
+    warnings.simplefilter("ignore", ToleranceWarning)  # said in the log's form
+    device = prepared_device(scene, node.get_logger())
+    offer_recovery(plan.directory, settings["record.recover"], node.get_logger())
     return device
 
 
@@ -165,16 +158,19 @@ def _operate(node: SteadyNode, executor: Executor, settings: Mapping[str, Value]
     with open_recording(plan, settings["record.enabled"], log) as recording:
         # not before: commands would wait and come in a burst
         run = _new_run(node, settings, device, publishers, recording)
+        declare_again = follow_parameters(node, run.operations)
         # the clocks are read last, when all that takes time is done; the bag is open by then
         run.robot_time.start, begin = _now(node, settings, run), time.monotonic()
         recording.describe({"start": str(run.robot_time.start)})
         recording.begin_files_with(publishers.begin(run.robot_time.start))
         with Stepping(run, log, begin) as stepping:
+            diagnostics = Diagnostics(node, run, stepping, partial(_now, node, settings, run))
+            worlds = Worlds(node, settings, run, stepping, diagnostics, declare_again)
+            offer_simulation(node, run.control, settings["frame_prefix"] + ODOM, worlds.answers)
             pause = (f"; paused until ros2 service call {node.get_fully_qualified_name()}/pause std_srvs/srv/SetBool "
                      "'{data: false}'" if run.operations.paused else "")
             log.info(f"ready: {settings['rate.publish']:g} Hz, real-time factor "
                      f"{settings['rate.real_time_factor']:g}, {recording.destination()}{pause}")
-            diagnostics = Diagnostics(node, run, stepping, partial(_now, node, settings, run))
 
             def over() -> bool:
                 recording.watch()
@@ -208,9 +204,7 @@ def _new_run(node: SteadyNode, settings: Mapping[str, Value], device: Simulator,
                             settings["rate.start_paused"])
     offer_run_services(node, operations, recording)
     offer_incidents(node, operations)
-    follow_parameters(node, operations)
     control = SimulationControl(node, operations, robot_time)
-    offer_simulation(node, control, settings["frame_prefix"] + ODOM)
     clock = None
     if settings["clock.publish"]:
         publisher = node.create_publisher(Clock, CLOCK, qos.CLOCK)

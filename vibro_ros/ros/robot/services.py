@@ -7,7 +7,7 @@ refused, is said by pure functions of numbers, which are those of version 2.1.0.
 
 import math
 import time
-from collections.abc import Awaitable, Callable, Iterable, Sequence
+from collections.abc import Awaitable, Callable, Iterable, Mapping, Sequence
 from concurrent.futures import TimeoutError as FutureTimeoutError
 from enum import IntEnum, IntFlag
 from importlib import import_module
@@ -25,10 +25,10 @@ from std_srvs.srv import SetBool, Trigger
 from vibro_ros.messages.fields import fill_entity_state
 from vibro_ros.messages.topics import FAULT, PAUSE, PUSH, RESET, RESUME, SET, STATE, STEP, Operation
 from vibro_ros.model.faults import Incident
-from vibro_ros.model.parameters import checked_parameters, quoted
+from vibro_ros.model.parameters import Value, checked_parameters, quoted
 from vibro_ros.ros.node.node import NextTurn, SteadyNode
-from vibro_ros.ros.node.parameters import TABLE
-from vibro_ros.ros.robot.operations import LOOK, Operations, Request
+from vibro_ros.ros.node.parameters import TABLE, declare
+from vibro_ros.ros.robot.operations import BETWEEN, Operations, Request
 from vibro_ros.ros.robot.pacing import RobotTime
 from vibro_ros.ros.robot.recording import Recording
 
@@ -44,8 +44,12 @@ NAMES = {
     "SimulateSteps": "~/simulate_steps",
     "GetEntityState": "~/get_entity_state",
     "SetEntityState": "~/set_entity_state",
+    "GetAvailableWorlds": "~/get_available_worlds",
+    "GetCurrentWorld": "~/get_current_world",
+    "LoadWorld": "~/load_world",
 }
 """What is offered of that package, by type."""
+WORLDS = frozenset(("GetAvailableWorlds", "GetCurrentWorld", "LoadWorld"))
 ABOUT = ("vibro_ros: a step is one publish period. A reset puts the state back and lets the clock go on; there is "
          "nothing to spawn.")
 OWN_PACKAGE = "vibro_ros_interfaces"
@@ -125,10 +129,15 @@ _MEANT: dict[str, Callable[[Any], Operation]] = {
 }
 
 
-def follow_parameters(node: SteadyNode, operations: Operations) -> None:
+def follow_parameters(node: SteadyNode, operations: Operations) -> Callable[[Mapping[str, Value]], None]:
     """Let the robot follow its ROS parameters from now on.
 
     Those of one request are checked together and change at one instant of robot time; what is refused is not stored.
+
+    Returns
+    -------
+    callable
+        Gives all of them other values, which those of the robot then are already.
     """
 
     def change(parameters: Sequence[ParameterOfRclpy]) -> SetParametersResult:
@@ -136,8 +145,14 @@ def follow_parameters(node: SteadyNode, operations: Operations) -> None:
         done, words = outcome(operations.ask(Operation(SET, parameters=values)), PATIENCE)
         return SetParametersResult(successful=done, reason="" if done else words)
 
+    def declare_again(values: Mapping[str, Value]) -> None:
+        node.remove_on_set_parameters_callback(change)
+        declare(node, TABLE, values)
+        node.add_on_set_parameters_callback(change)
+
     node.remove_on_set_parameters_callback(refuse_while_starting)
     node.add_on_set_parameters_callback(change)
+    return declare_again
 
 
 def refuse_while_starting(parameters: Sequence[ParameterOfRclpy]) -> SetParametersResult:
@@ -221,6 +236,10 @@ class Feature(IntEnum):
     STEP_SIMULATION_SINGLE = 31
     STEP_SIMULATION_MULTIPLE = 32
     STEP_SIMULATION_ACTION = 33
+    WORLD_LOADING = 40
+    WORLD_RESOURCE_STRING = 41
+    WORLD_INFO_GETTING = 44
+    AVAILABLE_WORLDS = 45
 
 
 FEATURES = {
@@ -232,6 +251,9 @@ FEATURES = {
     "SimulateSteps": (Feature.STEP_SIMULATION_MULTIPLE, Feature.STEP_SIMULATION_ACTION),
     "GetEntityState": (Feature.ENTITY_STATE_GETTING,),
     "SetEntityState": (Feature.ENTITY_STATE_SETTING,),
+    "GetAvailableWorlds": (Feature.AVAILABLE_WORLDS,),
+    "GetCurrentWorld": (Feature.WORLD_INFO_GETTING,),
+    "LoadWorld": (Feature.WORLD_LOADING, Feature.WORLD_RESOURCE_STRING),
 }
 """The features that each type of service or action brings."""
 
@@ -283,7 +305,7 @@ def transition(current: State, wanted: int) -> tuple[str, ...]:
         raise RefusalError(Code.NOT_FOUND, f"{wanted} is no state; give one of {_listed(TRANSITIONS)}")
     target = State(wanted)
     if target not in TRANSITIONS:
-        raise RefusalError(Code.FEATURE_UNSUPPORTED, f"{target.name}: this robot has no worlds to load; give one of "
+        raise RefusalError(Code.FEATURE_UNSUPPORTED, f"{target.name}: a robot is always in a world; give one of "
                                                 f"{_listed(TRANSITIONS)}")
     if target == current:
         raise RefusalError(Code.ALREADY_IN_TARGET_STATE, f"the robot is {current.name} already")
@@ -372,7 +394,7 @@ class SimulationControl:
     async def reset(self, scope: int) -> None:
         """Put the robot back to its start; its clock goes on (RefusalError)."""
         check_scope(scope)
-        self._check_idle()
+        self.check_idle()
         await self._answer(self._operations.ask(Operation(RESET)), Code.OPERATION_FAILED)
 
     @property
@@ -382,7 +404,8 @@ class SimulationControl:
 
     async def look(self) -> tuple[Any, int]:
         """The device's state now, and its stamp [ns] (RefusalError: the run has ended)."""
-        return await self._answer(self._operations.ask(Operation(LOOK)), Code.OPERATION_FAILED), self._robot_time.stamp
+        asked = self._operations.ask(Operation(BETWEEN), work=lambda: self._operations.state)
+        return await self._answer(asked, Code.OPERATION_FAILED), self._robot_time.stamp
 
     async def set_entity_state(self, given: dict[str, float]) -> None:
         """Put the robot into another state (RefusalError)."""
@@ -404,7 +427,7 @@ class SimulationControl:
             When they cannot be taken.
         """
         check_steps(steps)
-        self._check_idle()
+        self.check_idle()
         if not self._operations.paused:
             raise RefusalError(Code.OPERATION_FAILED, "the robot is not paused; set the state 2 (PAUSED) first")
         self._steps = self._operations.ask(Operation(STEP, steps=steps), counted)
@@ -421,7 +444,8 @@ class SimulationControl:
         request.given_up = True
         self._operations.woken.set()
 
-    def _check_idle(self) -> None:
+    def check_idle(self) -> None:
+        """Refuse what cannot be done while steps are taken, or while the robot ends (RefusalError)."""
         if self.quitting:
             raise RefusalError(Code.INCORRECT_STATE, "the robot is about to end")
         if self._steps and not self._steps.done():
@@ -485,10 +509,12 @@ def check_entity(asked: str, entity: str) -> None:
         raise RefusalError(Code.NOT_FOUND, f"entity: {quoted(asked)} is not here; give {entity}")
 
 
-def offer_simulation(node: SteadyNode, control: SimulationControl, frame: str) -> None:
+def offer_simulation(node: SteadyNode, control: SimulationControl, frame: str,
+                     of_worlds: Callable[[], Mapping[str, Answer]]) -> None:
     """Offer whatever of `simulation_interfaces` has its type installed; the log says in one line what is left out.
 
-    `frame` is that of the odometry, in which the robot's state as an entity is.
+    `frame` is that of the odometry, in which the robot's state as an entity is; `of_worlds` gives what answers the
+    requests about worlds, by type, where these types are installed.
     """
     types = installed_types()
     if missing := [name for name in NAMES if name not in types]:
@@ -496,6 +522,8 @@ def offer_simulation(node: SteadyNode, control: SimulationControl, frame: str) -
         node.get_logger().info(f"{lack}: without {', '.join(NAMES[name] for name in missing)}")
     group = ReentrantCallbackGroup()  # who waits for steps keeps nobody from being served
     answers = _answers(control, sorted({feature for name in types for feature in FEATURES[name]}), frame)
+    if not WORLDS.isdisjoint(types):
+        answers |= of_worlds()
     for name, kind in types.items():
         if name == "SimulateSteps":
             _offer_steps(node, kind, NAMES[name], control)

@@ -62,6 +62,10 @@ class CommandTimeout:
         self._limit = limit
         self._last, self._accepted = 0.0, 0
 
+    def begin(self) -> None:
+        """Count from robot time 0."""
+        self._last = 0.0
+
     def is_over(self, time: float, accepted: Counter[str], device: Simulator) -> bool:
         """Whether the motor is to stop at robot time `time` [s], where so many commands were `accepted`."""
         if (count := sum(accepted[name] for name in WATCHED)) != self._accepted:
@@ -193,7 +197,7 @@ class Stepping:
         self.unloaded = 0
         self._run, self._log, self._begin = run, log, begin
         self._kept: deque[np.ndarray] = deque(maxlen=MOST_KEPT)
-        self._looked_at = run.device.scene.body_hops or run.device.scene.has_rotor  # by `validity_of`
+        self._look_at_scene()
         self._stalls = StallReport(log.warning)
         self._stopped = threading.Event()
         self._thread = threading.Thread(target=self._step_until_stopped, name="stepping")
@@ -206,6 +210,23 @@ class Stepping:
         self._stopped.set()
         self._run.operations.woken.set()
         self._thread.join()
+
+    def begin_scene(self, device: Simulator, start: int) -> None:
+        """Go on with another device at robot time 0, ROS time `start` [ns], paused; in the stepping thread."""
+        run = self._run
+        run.publishers.show(device.scene)
+        run.recording.begin_files_with(run.publishers.begin(start))
+        run.device.become(device)
+        run.robot_time.begin(start)
+        if run.timeout:
+            run.timeout.begin()
+        self._look_at_scene()
+        self._publish()
+        run.operations.begin()
+
+    def _look_at_scene(self) -> None:
+        scene = self._run.device.scene
+        self._looked_at = scene.body_hops or scene.has_rotor  # by `validity_of`
 
     def take_samples(self) -> np.ndarray:
         """The samples since the last call, the latest `MOST_KEPT`, shape (n, fields); for one other thread."""

@@ -88,13 +88,14 @@ class RobotPublishers:
 
     def __init__(self, node: Node, scene: Scene, prefix: str = "", transforms: str = NONE,
                  variances: Variances = ((), ()), control: bool = False):
-        self.frames: Frames | None = None
         if transforms != NONE:
             try:
                 message_class(ROBOT_TOPICS["tf"])
-                self.frames = Frames(scene, prefix, transforms)
             except ValueError as error:
                 node.get_logger().info(f"no tf: {error}")
+                transforms = NONE
+        self._prefix, self._transforms, self._variances = prefix, transforms, variances
+        self.frames = self._frames_of(scene)
         left_out: tuple[str, ...] = TF_TOPICS if self.frames is None else () if self.frames.fixed else ("tf_static",)
         left_out += () if scene.has_rotor else OF_DC_MOTOR
         sensors = sensors_on(scene)
@@ -102,10 +103,19 @@ class RobotPublishers:
         self.publishers: dict[str, Publisher] = {
             topic: node.create_publisher(message_class(PUBLISHED_TYPES[topic]), published_name(topic), PROFILES[topic])
             for topic in topics}
-        self._prefix, names, warn = prefix, self.topics, node.get_logger().warning
-        about = {name: node.resolve_topic_name(name) for name in ("joint_commands", "joint_states")} if control else {}
-        self._description = serialize_message(filled("robot_description", fields.fill_robot_description, scene, about))
-        made = sample_makers(scene, prefix, variances)
+        self._warn, self._about = node.get_logger().warning, {
+            name: node.resolve_topic_name(name) for name in ("joint_commands", "joint_states")} if control else {}
+        self.show(scene)
+
+    def _frames_of(self, scene: Scene) -> Frames | None:
+        return Frames(scene, self._prefix, self._transforms) if self._transforms != NONE else None
+
+    def show(self, scene: Scene) -> None:
+        """Publish the robot of another scene from now on, which has the same topics and joints."""
+        prefix, names, warn, self.frames = self._prefix, self.topics, self._warn, self._frames_of(scene)
+        self._description = serialize_message(filled("robot_description", fields.fill_robot_description, scene,
+                                                     self._about))
+        made = sample_makers(scene, prefix, self._variances)
         made |= {"tf": partial(_transforms, self.frames)} if self.frames else {}
         self._numbers = np.zeros(len(FIELDS) + (len(self.frames.turns(0.0)) if self.frames else 0))
         checked = {topic: checked_template(make, ROBOT_TOPICS[topic], len(self._numbers), warn)
@@ -122,7 +132,7 @@ class RobotPublishers:
             if template := checked_template(partial(_impact, prefix, kind), ROBOT_TOPICS["impacts"], 1, warn):
                 self._impact_sheets[kind] = Sheet([template])
         self._sensor_sheets: dict[str, Sheet] = {}
-        for name in set(sensors) - _SINGLE:
+        for name in set(sensors_on(scene)) - _SINGLE:
             if template := checked_template(partial(_measurement, prefix, name), SENSOR_TYPES[SENSOR_TOPICS[name]],
                                             KINDS[name].numbers, warn):
                 self._sensor_sheets[name] = Sheet([template])
