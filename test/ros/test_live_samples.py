@@ -19,6 +19,7 @@ from vibro_ros.simulation.samples import FIELDS
 STAMP = 1_763_700_000_123_456_789
 SCENE = vibro_ros.load_scene("device")
 NUMBERS = [(-1) ** i * (i + 1) / 7.0 for i in range(len(FIELDS))]
+CURRENT = FIELDS.index("motor_current")
 COLUMNS = {"odom": [1, 2], "joint_states": [10, 12], "ground_contact": [13]}  # speed and torque among the second
 
 
@@ -30,14 +31,14 @@ def message(topic: str, numbers=NUMBERS, stamp: int = STAMP, prefix: str = "", s
 def test_every_number_is_what_the_robot_wrote(name):
     scene = vibro_ros.load_scene(name)
     decoder, found = Decoder(scene, "r1/"), {}
-    for topic in STAMPED:
+    for topic in decoder.columns:
         stamp, count, values = decoder.read(topic, message(topic, prefix="r1/", scene=scene), 7)
-        assert (stamp, count) == (STAMP, 7)
+        assert (stamp, count) == (STAMP if topic in STAMPED else 0, 7)
         found |= dict(zip(decoder.columns[topic], values, strict=True))
     assert found == {which: NUMBERS[which] for which in found}
-    if name == "device":
-        assert {FIELDS[which] for which in found} == set(FIELDS) - {
-            "time", "motor_power", "motor_voltage", "motor_current", "electrical_power"}
+    if name in ("device", "machine"):
+        electrical = {"motor_current", "electrical_power"} if name == "device" else set()
+        assert {FIELDS[which] for which in found} == set(FIELDS) - {"time", "motor_power", "motor_voltage"} - electrical
 
 
 def test_another_byte_order_and_padding_are_read_too():
@@ -85,6 +86,25 @@ def test_messages_wait_for_those_that_come_later_and_strange_ones_are_given_up()
     for stamp in range(1000, 1000 + 2 * PATIENCE):
         assert joining.join(together(stamp), COLUMNS).stamps.tolist() == [stamp]
     assert not len(joining.join(readings(joint_states=[99], ground_contact=[99]), COLUMNS).stamps)
+
+
+def test_what_has_no_stamp_is_of_the_sample_with_its_number_and_waited_for_where_there_are_numbers():
+    columns = {**COLUMNS, "motor_current": [CURRENT]}
+
+    def joined(joining, stamps, numbers):
+        found = joining.join({**together(*stamps), "motor_current": [Reading(0, one, [one / 4]) for one in numbers]},
+                             columns)
+        return list(zip(found.stamps.tolist(), found.values[:, CURRENT].tolist(), strict=True))
+
+    joining = Joining()
+    assert joined(joining, [5, 6], [60, 50, -1]) == [(5, 12.5), (6, 15.0)]  # a number is ten times the stamp
+    assert joined(joining, [7, 8], [70]) == [(7, 17.5)]
+    assert joined(joining, [9], [90]) == [] and joined(joining, [], [80]) == [(8, 20.0), (9, 22.5)]
+    found = [joined(joining, [10 + batch], [100 + 10 * batch] if batch else []) for batch in range(PATIENCE + 2)]
+    assert found[:PATIENCE] == [[]] * PATIENCE  # the number 100 is lost, and its sample is not
+    rows = sum(found, [])
+    assert rows[0][0] == 10 and np.isnan(rows[0][1])
+    assert rows[1:] == [(stamp, 2.5 * stamp) for stamp in range(11, 12 + PATIENCE)]
 
 
 def test_a_flood_of_strange_stamps_displaces_no_sample():

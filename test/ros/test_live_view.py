@@ -48,6 +48,20 @@ def ends_well(view, number: signal.Signals = signal.SIGINT) -> None:
     assert "Traceback" not in view.text and "please report" not in view.text, view.text
 
 
+def test_voltage_and_current_of_a_dc_motor_are_of_their_sample(start, view, visit):
+    """V = R i + K θ' without inductance: a current of another sample is far from that."""
+    page, scene = visit(), vibro_ros.load_scene("machine")
+    start("robot", *CRAWL, "-p", "scene:=machine")
+    assert page.wait_for_robot(name="/vibro_robot")["machine"]["name"] == "machine"
+    rows = page.wait_for_rows(300)
+    assert np.allclose(np.diff(column(rows, "time")), 0.005, rtol=0.0, atol=1e-9)  # none is missing
+    volts, current, speed = (column(rows, f"motor_{name}") for name in ("voltage", "current", "speed"))
+    assert np.abs(np.diff(current)).max() > 0.1 and volts.max() > 10.0
+    np.testing.assert_allclose(volts, scene["motor.winding_resistance"] * current + scene.motor_constant * speed,
+                               rtol=1e-12, atol=1e-12)
+    ends_well(view)
+
+
 def test_what_is_sent_is_what_was_published_in_one_row_a_sample(start, view, visit):
     page = visit()
     start("robot", *CRAWL)

@@ -8,7 +8,9 @@ import pytest
 from motion_reader import Motion
 from page_reading import Modules
 
+import vibro_ros
 from vibro_ros.model.slider import Slider
+from vibro_ros.view.machine import machine
 from vibro_ros.view.motion import MotionWriter
 
 EXACT = 4e-16  # relative: the same operations in another order
@@ -215,3 +217,33 @@ def test_a_throttled_command_ends_with_the_last_value(modules):
         for (let value = 0; value < 10; value += 1) { send(value); }
         return new Promise((done) => { setTimeout(() => done(calls), 80); });""")
     assert calls == [0, 9]
+
+
+@pytest.mark.parametrize("size", [(600, 500), (380, 300)])
+def test_a_robot_on_any_slope_lies_within_its_picture(modules, size):
+    scene = vibro_ros.load_scene("device")
+    for slope in np.linspace(-1.5, 1.5, 13):
+        corners = modules.call("stage", """
+            const stage = new m.Stage(v[0]);
+            stage.fit(v[1], v[2], {});
+            const {left, right, top} = stage.box;
+            const canvas = new OffscreenCanvas(v[1], v[2]).getContext("2d");
+            stage.tilt(canvas);
+            const turned = canvas.getTransform();
+            return [left, right].flatMap((x) => [0, v[0].hub_height + top].map((z) => {
+              const {x: across, y: down} = turned.transformPoint(
+                new DOMPoint(stage.middle + stage.scale * x, stage.ground - stage.scale * z));
+              return [across, down];
+            }));""", machine(scene.with_parameters({"ground.slope": float(slope)})), *size)
+        assert np.all((np.array(corners) >= 0.0) & (np.array(corners) <= size)), slope
+        ahead = np.subtract(corners[2], corners[0])  # along the ground: uphill with a positive slope
+        np.testing.assert_allclose(np.arctan2(-ahead[1], ahead[0]), slope, rtol=0, atol=1e-9)
+
+
+def test_a_push_is_there_from_its_begin_to_its_end(modules):
+    header, payload = random_motion()
+    header["pushes"] = [{"begin": 0.1, "end": 0.2, "force_x": 3.0, "force_z": 0.0}]
+    found = modules.call("motion", BUFFER + """
+        return v[2].map((time) => new m.Motion(v[1], buffer).pushAt(time)?.force_x ?? null);""", binary(payload),
+                         header, [0.09, 0.1, 0.15, 0.2])
+    assert found == [None, 3.0, 3.0, None]

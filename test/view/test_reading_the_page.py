@@ -7,6 +7,7 @@ import pytest
 from page_reading import drawn, shows_robot, until
 from robot_bag import robot_bag
 
+import vibro_ros
 from vibro_ros.view.view import write_page
 
 SIZES = [(1280, 720, False), (390, 844, True)]
@@ -72,12 +73,24 @@ BOXES = """selector => [...document.querySelectorAll(selector)].filter(one => on
 
 
 @pytest.fixture(scope="module")
-def file(tmp_path_factory):
-    return write_page(robot_bag(tmp_path_factory.mktemp("bags") / "vibro_robot", "device", 401,
-                                {0: {"motor_speed": 100.0}}))
+def recording(tmp_path_factory):
+    def of_scene(changes):
+        scene = vibro_ros.load_scene("device").with_parameters(changes)
+        return write_page(robot_bag(tmp_path_factory.mktemp("bags") / "vibro_robot", scene, 401,
+                                    {0: {"motor_speed": 100.0}}))
+    return of_scene
 
 
-def test_masses_are_drawn_where_they_are_and_to_scale(page, file):
+@pytest.fixture(scope="module")
+def file(recording):
+    return recording({})
+
+
+@pytest.mark.parametrize("slope", [0.0, 0.15, -0.9])
+def test_masses_are_drawn_where_they_are_and_to_scale(page, recording, slope):
+    """On a slope x points uphill, and what is down in the picture is down."""
+    file = recording({"ground.slope": slope, "ground.friction": 1.0})
+    cos, sin = np.cos(slope), np.sin(slope)
     page.emulate_media(reduced_motion="reduce", color_scheme="light")
     page.goto(file.as_uri())
     until(page, lambda page: page.is_enabled("#timeline"))
@@ -92,7 +105,8 @@ def test_masses_are_drawn_where_they_are_and_to_scale(page, file):
         for time in times:
             shown = page.evaluate("time => vibro.show(time)", float(time))["quantities"]
             along = shown[f"{guide['side']}_position"]
-            rows.append((-along * np.sin(guide["angle"]), -along * np.cos(guide["angle"]) - shown["body_height"]))
+            ahead, up = -along * np.sin(guide["angle"]), along * np.cos(guide["angle"]) + shown["body_height"]
+            rows.append((ahead * cos - up * sin, -ahead * sin - up * cos))
             seen.append(page.evaluate(COLOURED, guide["side"]))
         expected, found = np.array(rows), np.array(seen)[:, :2]
         centred = expected - expected.mean(axis=0), found - found.mean(axis=0)

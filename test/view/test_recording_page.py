@@ -99,6 +99,38 @@ def test_the_picture_is_described_in_words(opened):
     assert "mm" in opened.text_content("#readings tr:first-child td")
 
 
+def test_a_dc_motor_has_voltage_and_current_among_the_numbers_and_a_push_is_drawn(opened, tmp_path):
+    assert "voltage" not in opened.text_content("#readings")
+    push = 'push {"duration": 0.2, "force_x": 20.0, "force_z": 0.0}'
+    bag = robot_bag(tmp_path / "bag", "machine", 201, {0: {"motor_speed": SPEED}, 90: push})
+    opened.goto(view.write_page(bag).as_uri())
+    wait_for(opened, "Boolean(window.vibro) && Number.isFinite(vibro.drawn().time)")
+    opened.evaluate("vibro.show(0.55)")
+    run = vibro_ros.Simulator(vibro_ros.load_scene("machine"))
+    run.command(motor_speed=SPEED)
+    run.advance_to(0.45)
+    run.push(0.2, force_x=20.0)
+    run.advance_to(0.55)
+    for name, right, unit in (("motor voltage", f"{run.state.motor_voltage:.2f}", "V"),
+                              ("motor current", f"{run.state.motor_current:.3f}", "A")):
+        row = opened.locator("#readings tr", has_text=name).locator("td")
+        until(opened, lambda page, row=row, right=right, unit=unit: row.inner_text() == f"{right} {unit}", name)
+    pushed = """() => {  // px of the arrow's colour
+        const canvas = document.querySelector("#mechanism");
+        const copy = new OffscreenCanvas(canvas.width, canvas.height).getContext("2d", {willReadFrequently: true});
+        copy.drawImage(canvas, 0, 0);
+        const {data} = copy.getImageData(0, 0, canvas.width, canvas.height);
+        const wanted = getComputedStyle(document.documentElement).getPropertyValue("--accent").trim();
+        const parts = [1, 3, 5].map(place => parseInt(wanted.slice(place, place + 2), 16));
+        let count = 0;
+        for (let k = 0; k < data.length; k += 4) { count += parts.every((part, j) => data[k + j] === part); }
+        return count;
+    }"""
+    assert opened.evaluate(pushed) > 20
+    opened.evaluate("vibro.show(0.66)")
+    assert opened.evaluate(pushed) == 0
+
+
 def picture(page, name: str) -> str:
     return page.evaluate(f"document.querySelector('{name}').toDataURL()")
 

@@ -18,11 +18,11 @@ from vibro_ros.recordings.comparison import notes
 from vibro_ros.recordings.rerun import RunFacts, run_facts
 from vibro_ros.simulation.preparation import prepare_kernels
 from vibro_ros.view.following import Following, common_samples, recognised, regular, state_of
-from vibro_ros.view.machine import machine, shown
+from vibro_ros.view.machine import machine, shown, voltage
 from vibro_ros.view.motion import Impact, impacts_as_json, is_place
 from vibro_ros.view.pieces import Assembly
-from vibro_ros.view.recorded import Recorded, interpolated, lowered
-from vibro_ros.view.resimulation import Resimulation
+from vibro_ros.view.recorded import Recorded, Track, interpolated, lowered
+from vibro_ros.view.resimulation import Resimulation, pushes
 from vibro_ros.view.stretch import ExactRun, Progress, Span, Stretch, quiet_device, spans
 
 LARGEST = 96 * 2**20
@@ -96,6 +96,7 @@ class _Making:
             self._recorded.read_forces()
             self._tracks = self._recorded.tracks(self._times)
         scene = self._scene or load_scene(UNKNOWN_ROBOT)
+        self._add_voltage(scene)
         names = [name for name in shown(scene) if self._scene or name in self._tracks]
         rest = [interpolated(self._tracks, names, span, self._resets()) for span in between]
         made = Assembly(names, self._stretches, [times for one in self._exact for times in one.instants], rest)
@@ -107,7 +108,8 @@ class _Making:
         resolved = made.end < math.inf or len(made.exact) == len(self._stretches)
         facts = {"exact": resolved and not between, "why": self._why(bool(between), resolved),
                  "exact_spans": spans(made.exact), "impacts": self._impacts(made.end),
-                 "resets": [time for time in self._resets() if time <= made.end]}
+                 "resets": [time for time in self._resets() if time <= made.end],
+                 "pushes": pushes(self._facts, self._recorded.inputs) if self._facts else []}
         header, payload = made.writer.document(facts)
         self._progress(1.0)
         return {"title": self._stream.folder.resolve().name, "robot": scene.name, "machine": machine(scene),
@@ -171,6 +173,13 @@ class _Making:
             one.follow()
             self._exact.append(one)
             self._faults += one.faults
+
+    def _add_voltage(self, scene: Scene) -> None:
+        """Add what is not recorded of a dc motor, at the instants of what is."""
+        names = ("motor_current", "electrical_power", "motor_speed")
+        if scene.has_rotor and set(names) <= set(self._tracks):
+            samples, times = common_samples(self._tracks, names)
+            self._tracks["motor_voltage"] = Track(times, voltage(scene, *(samples[name] for name in names)), None)
 
     @property
     def _ends(self) -> Span:

@@ -2,6 +2,8 @@
 
 from typing import Any
 
+import numpy as np
+
 from vibro_ros.messages.topics import COMMAND_UNITS
 from vibro_ros.messages.urdf import CLEARANCE, FREE_LENGTH, HEADROOM, MASS_HEIGHT, guide_end, hub_height
 from vibro_ros.model.parameters import BY_NAME
@@ -28,10 +30,11 @@ def machine(scene: Scene) -> dict[str, Any]:
     Returns
     -------
     dict
-        ``name`` of the scene; ``hops``, whether its body can leave the ground; ``crank_radius``; ``hub_height`` of the
-        crank's centre above the ground; ``free_length``, ``mass_height``, ``headroom`` and ``clearance`` of
-        `messages.outlines`; ``guides``, for each mass that the scene has: ``side``, ``angle``, ``rod`` [m], ``plate``
-        (whether there is one) and ``end``, the distance of the guide's end from the crank's centre; ``knobs``, for each
+        ``name`` of the scene; ``hops``, whether its body can leave the ground; ``slope`` of the ground, x pointing
+        uphill, and ``weight`` of the robot [N]; ``crank_radius``; ``hub_height`` of the crank's centre above the
+        ground; ``free_length``, ``mass_height``, ``headroom`` and ``clearance`` of `messages.outlines`; ``guides``, for
+        each mass that the scene has: ``side``, ``angle``, ``rod`` [m], ``plate`` (whether there is one) and ``end``,
+        the distance of the guide's end from the crank's centre; ``knobs``, for each
         command and each parameter that does something: ``name``, ``unit``, ``from`` and ``to`` (the limits beyond which
         the robot refuses), ``value`` (of a command what holds before the first one) and ``parameter``, whether it is
         one; ``quantities``, the unit of each.
@@ -55,6 +58,7 @@ def machine(scene: Scene) -> dict[str, Any]:
         knobs.append(("ground.friction", 0.0, largest, scene["ground.friction"]))
     return {
         "name": scene.name, "hops": scene["effects.normal_force"] == "hop",
+        "slope": scene["ground.slope"], "weight": scene.total_mass * scene["gravity"],
         "crank_radius": scene["crank.radius"],
         "hub_height": hub_height(scene),
         "free_length": FREE_LENGTH, "mass_height": MASS_HEIGHT, "headroom": HEADROOM, "clearance": CLEARANCE,
@@ -77,5 +81,15 @@ def quantities(scene: Scene) -> tuple[str, ...]:
 
 def shown(scene: Scene) -> tuple[str, ...]:
     """Those of its `quantities` whose motion is shown: not the torque, power over speed, of which nothing but rounding
-    is left where the crank hardly turns; nor what a dc motor's controller lets jump at each of its samples."""
-    return tuple(name for name in quantities(scene) if name not in ("motor_torque", *ELECTRICAL))
+    is left where the crank hardly turns; nor what a dc motor takes from its supply, voltage times current."""
+    return tuple(name for name in quantities(scene) if name not in ("motor_torque", "electrical_power"))
+
+
+@np.errstate(over="ignore", invalid="ignore")  # anybody may publish any number
+def voltage(scene: Scene, current: np.ndarray, power: np.ndarray, speed: np.ndarray) -> np.ndarray:
+    """Voltage [V] of a dc motor, which is not published, from its current [A], electrical power [W] and speed [rad/s].
+
+    Where no current flows, the voltage is what the turning rotor induces.
+    """
+    induced = scene.motor_constant * speed
+    return np.divide(power, current, out=induced, where=current != 0.0)

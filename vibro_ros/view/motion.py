@@ -20,7 +20,8 @@ The header: ``pieces``, P; ``coefficients``, how many there are; ``quantities``,
 ``begin`` and ``end`` [s] of the motion; ``exact``, whether all pieces are what the simulator computes, and ``why``, a
 sentence when they are not; ``exact_spans``, pairs of begin and end [s] of what is exact; ``impacts``, a list of
 ``time`` and ``end`` [s], ``side``, ``peak_force`` [N] (null where a plate is rigid, where an impact is an instant);
-``resets``, the instants [s] at which the robot stood at its start again.
+``resets``, the instants [s] at which the robot stood at its start again; of a robot's own recording also ``pushes`` of
+the body from outside, a list of ``begin`` and ``end`` [s], ``force_x`` and ``force_z`` [N].
 """
 
 import math

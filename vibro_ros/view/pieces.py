@@ -5,10 +5,12 @@ neither side. Where the last coefficients of a quantity are still larger than ma
 that also finds what jumps without having been announced.
 """
 
+import math
 from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from vibro_ros.model.scene import Scene
 from vibro_ros.simulation.simulator import Simulator
 from vibro_ros.view.motion import MotionWriter, is_place, precisions
 from vibro_ros.view.stretch import Progress, Stretch, quiet_device
@@ -95,7 +97,8 @@ class Assembly:
 
     def _borders(self, stretch: Stretch) -> np.ndarray:
         events = self._instants[slice(*np.searchsorted(self._instants, stretch.span))] - stretch.offset
-        return cut(stretch.begin, stretch.end, np.concatenate([events, [time for time, _ in stretch.commands]]))
+        return cut(stretch.begin, stretch.end, np.concatenate([
+            events, [time for time, _ in stretch.commands], controlled(stretch.scene, stretch.begin, stretch.end)]))
 
     def _largest(self, stretch: Stretch) -> np.ndarray:
         """Largest magnitude of each quantity in a stretch, by samples within the pieces, shape (quantities,)."""
@@ -108,6 +111,15 @@ class Assembly:
             self._device = quiet_device(stretch.scene)
         device = self._device
         return lambda times: stretch.values(device, times, self._names)
+
+
+def controlled(scene: Scene, begin: float, end: float) -> np.ndarray:
+    """Instants [s] by the device's own time at which a dc motor's controller takes a sample: what it holds jumps there,
+    without an event. None of a controller that takes more samples than a page can show."""
+    rate = scene["motor.control_rate"]
+    if not scene.has_rotor or scene["motor.control"] == "voltage" or rate > MOST_A_SECOND:
+        return np.empty(0)
+    return np.arange(math.floor(begin * rate), math.ceil(end * rate) + 1) / rate
 
 
 def cut(begin: float, end: float, instants: np.ndarray) -> np.ndarray:

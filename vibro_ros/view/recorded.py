@@ -17,6 +17,9 @@ MOST_SAMPLES = 1_000_000
 MOST_INPUTS = 200_000
 """Commands, operations and checkpoints that are read, and impacts."""
 
+UNSTAMPED = ("motor_power", "motor_current", "electrical_power")
+"""Topics that are quantities, without a stamp in their messages."""
+
 #: Where a quantity stands: name of the column, part of it, sign.
 Columns = dict[str, tuple[str, int | None, float]]
 #: What a message says of quantities, by topic: name of the quantity, column of the topic, part of the column and sign.
@@ -25,9 +28,10 @@ _BODY: dict[str, Columns] = {
     "odom": {"body_position": ("position", 0, 1.0), "body_height": ("position", 2, 1.0),
              "body_velocity": ("linear_velocity", 0, 1.0), "body_vertical_velocity": ("linear_velocity", 2, 1.0)},
     "ground_contact": {"normal_force": ("force", 2, 1.0), "friction_force": ("force", 0, -1.0)},
-    "motor_power": {"motor_power": ("value", None, 1.0)}}
+    **{name: {name: ("value", None, 1.0)} for name in UNSTAMPED}}
 _COLUMNS = {"odom": ("position", "linear_velocity", "stamp"), "joint_states": ("*",),
-            "ground_contact": ("force", "stamp"), "motor_power": ("value",), "impacts": ("stamp", "frame", "force")}
+            "ground_contact": ("force", "stamp"), **dict.fromkeys(UNSTAMPED, ("value",)),
+            "impacts": ("stamp", "frame", "force")}
 STATE = ("odom", "joint_states")
 """Topics that say where everything is."""
 
@@ -108,7 +112,7 @@ class Recorded:
 
     def read_forces(self) -> None:
         """Read the other topics as well, which only an interpolated motion needs."""
-        self._read(("ground_contact", "motor_power", "impacts"), lambda share: None)
+        self._read(("ground_contact", *UNSTAMPED, "impacts"), lambda share: None)
 
     def tracks(self, times_of: Callable[[Arrays], np.ndarray]) -> dict[str, Track]:
         """Every recorded quantity; `times_of` gives the instants [s] of a topic's samples."""

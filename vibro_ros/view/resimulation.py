@@ -12,14 +12,18 @@ import numpy as np
 from vibro_ros.bag.cdr import deserialised
 from vibro_ros.messages.topics import (
     CHECKPOINT,
+    FAULT,
     OPERATIONS,
     OPERATIONS_TYPE,
+    PUSH,
     RESET,
     ROBOT_TOPICS,
     SET,
+    STATE,
     TIMEOUT,
     read_operation,
 )
+from vibro_ros.model.faults import DURATION, FORCE
 from vibro_ros.model.scene import Scene
 from vibro_ros.recordings.rerun import LONGEST_PAUSE, Rerun, RunFacts
 from vibro_ros.simulation.motion import SimulationError
@@ -149,11 +153,12 @@ class Resimulation(ExactRun):
             self._lose(tick, f"the run cannot go on {error}")
 
     def _operate(self, tick: int, data: bytes) -> None:
-        """A reset or other parameters begin another stretch; pauses and steps do nothing, because samples count."""
+        """A reset, other parameters, another state, a push or a fault begin another stretch, whose checkpoint holds
+        what lasts; pauses and steps do nothing, because samples count."""
         operation = read_operation(deserialised(data, OPERATIONS_TYPE).data)
         if operation.name == TIMEOUT and self._is_known:
             self.command(self._rerun.device, {self.scene.motor_command: 0.0})
-        elif operation.name in (RESET, SET):
+        elif operation.name in (RESET, SET) or (operation.name in (STATE, PUSH, FAULT) and self._is_known):
             if self._is_known:
                 self._close(tick)
             self._rerun.receive(OPERATIONS, data)
@@ -161,6 +166,27 @@ class Resimulation(ExactRun):
                 self._is_known = True
                 self.resets.append((tick + 1) / self._facts.rate)
             self.open(self._rerun.device)
+
+
+def pushes(facts: RunFacts, inputs: Sequence[Input]) -> list[dict[str, float]]:
+    """Recorded pushes of the body: ``begin`` and ``end`` [s] of robot time, ``force_x`` and ``force_z`` [N]."""
+    found: list[dict[str, float]] = []
+    for one in inputs:
+        tick = facts.tick(one.stamp)
+        if one.name != OPERATIONS or tick is None:
+            continue
+        try:
+            operation = read_operation(deserialised(one.data, OPERATIONS_TYPE).data)
+            if operation.name in (PUSH, RESET):
+                time = facts.time(tick)
+                if found:
+                    found[-1]["end"] = min(found[-1]["end"], time)
+                if operation.name == PUSH and (duration := DURATION.checked(operation.parameters["duration"])):
+                    forces = {name: FORCE.checked(operation.parameters[name]) for name in ("force_x", "force_z")}
+                    found.append({"begin": time, "end": time + duration, **forces})
+        except ValueError:
+            pass  # the robot refused it as well
+    return [push for push in found if push["force_x"] or push["force_z"]]
 
 
 def _by_ticks(tracks: Sequence[Track], rate: float) -> tuple[np.ndarray, np.ndarray]:

@@ -9,14 +9,16 @@ from geometry_msgs.msg import WrenchStamped
 from nav_msgs.msg import Odometry
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64
 
 from vibro_ros.messages.topics import OPERATIONS, OPERATIONS_TYPE
 from vibro_ros.model.parameters import BY_NAME
-from vibro_ros.ros.live.samples import STAMPED, Decoder, Joining, QuietSubscription, Rows
+from vibro_ros.ros.live.samples import NUMBERED, Decoder, Joining, QuietSubscription, Rows
 from vibro_ros.ros.live.scene import SceneReader, Settings
 from vibro_ros.ros.node.node import SteadyNode
 from vibro_ros.ros.node.refusals import peer_text
 from vibro_ros.simulation.samples import FIELDS, TIME
+from vibro_ros.view.machine import voltage
 
 SAMPLES = QoSProfile(depth=2000, reliability=ReliabilityPolicy.RELIABLE)
 """Deep, so that none is lost between two looks, or while something else takes long: 2 s at 1 kHz."""
@@ -34,7 +36,10 @@ RIVALRY = 2.0
 """
 MOST_NAMED = 5
 """Other robots that are named."""
-_KINDS = {"odom": Odometry, "joint_states": JointState, "ground_contact": WrenchStamped}
+_KINDS = {"odom": Odometry, "joint_states": JointState, "ground_contact": WrenchStamped,
+          **dict.fromkeys(NUMBERED, Float64)}
+_VOLTAGE, *_OF_VOLTAGE = (FIELDS.index(name) for name in (
+    "motor_voltage", "motor_current", "electrical_power", "motor_speed"))
 
 
 class LiveRobot:
@@ -57,7 +62,7 @@ class LiveRobot:
         self.origin: int | None = None
         self.silences = 0
         self._node, self._robot = node, robot
-        self._topics = {topic: QuietSubscription(node, _KINDS[topic], topic, SAMPLES) for topic in STAMPED}
+        self._topics = {topic: QuietSubscription(node, kind, topic, SAMPLES) for topic, kind in _KINDS.items()}
         self._runs, self._joining = Runs(), Joining()
         self._decoder: Decoder | None = None
         self._fault, self._publishers = "", frozenset[bytes]()
@@ -76,14 +81,18 @@ class LiveRobot:
         if self.settings is None or self._decoder is None:
             return np.empty((0, len(FIELDS)))
         readings = {}
-        for topic, messages in taken.items():
+        for topic in self._decoder.columns:
+            messages = taken[topic]
             found = [self._decoder.read(topic, *message) for message in messages]
             readings[topic] = [reading for reading in found if reading]
             if left := len(messages) - len(readings[topic]):
                 self._unread = True
                 self._node.refusals.refuse(self._topics[topic].topic, f"{left} messages that are no samples of "
                                            f"{self._robot}: torn, not finite, or of other frames or joints")
-        return self._taken(self._joining.join(readings, self._decoder.columns))
+        rows = self._joining.join(readings, self._decoder.columns)
+        if self.settings.scene.has_rotor:
+            rows.values[:, _VOLTAGE] = voltage(self.settings.scene, *rows.values[:, _OF_VOLTAGE].T)
+        return self._taken(rows)
 
     def hear(self) -> None:
         """Take note that the robot has said something; after a silence it may be another one, and is shown when it has

@@ -5,7 +5,8 @@ second has no use for a turn for each of 3000 messages a second; taken together,
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections import deque
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import count
 from typing import Any, NamedTuple
@@ -25,6 +26,9 @@ from vibro_ros.simulation.samples import FIELDS
 
 STAMPED = ("odom", "joint_states", "ground_contact")
 """Topics that together have every sample's numbers, each with the sample's stamp."""
+NUMBERED = ("motor_current", "electrical_power")
+"""Topics of a robot with a dc motor, which have every sample's numbers and no stamp: a message that its publisher gave
+the number of a message of `odom` is of the same sample."""
 SECOND = 1_000_000_000
 """Nanoseconds of a stamp's second."""
 LONGEST = 10_000
@@ -91,7 +95,7 @@ class Decoder:
     Attributes
     ----------
     columns : dict of str to list of int
-        Which of `FIELDS` the messages of each of `STAMPED` have.
+        Which of `FIELDS` the messages of each of `STAMPED` have, and of `NUMBERED` for a dc motor.
     """
 
     def __init__(self, scene: Scene, prefix: str):
@@ -100,16 +104,20 @@ class Decoder:
         joints = [JOINTS[joint][part] for part in range(3) for joint in self._joints]
         self.columns = {topic: [FIELDS.index(name) for name in names]
                         for topic, names in zip(STAMPED, (_BODY, joints, _GROUND), strict=True)}
+        if scene.has_rotor:
+            self.columns |= {name: [FIELDS.index(name)] for name in NUMBERED}
 
     def read(self, topic: str, data: bytes, number: int | None) -> Reading | None:
-        """What a message of one of `STAMPED` says; None if it is no sample of this robot.
+        """What a message of a topic of `columns` says; None if it is no sample of this robot.
 
-        Without its publisher's `number` it counts by its stamp.
+        Without its publisher's `number` it counts by its stamp; without either it has the number -1, as no other has.
         """
         try:
             message = deserialised(data if len(data) <= LONGEST else b"", ROBOT_TOPICS[topic])
         except ValueError:
             return None
+        if topic in NUMBERED:
+            return Reading(0, -1 if number is None else number, [message.data]) if math.isfinite(message.data) else None
         stamp, values = message.header.stamp, self._values(topic, message)
         if (message.header.frame_id != self._frames[topic] or stamp.sec < 0 or stamp.nanosec >= SECOND
                 or len(values) != len(self.columns[topic]) or not all(map(math.isfinite, values))):
@@ -157,17 +165,25 @@ class Joining:
 
     def __init__(self):
         self._waiting: dict[int, _Row] = {}  # by stamp
+        self._complete: deque[_Row] = deque()  # but for what is joined by number
+        self._numbered: dict[int, dict[str, Reading]] = {}  # by number
         self._batch, self._number = 0, count()
 
     def join(self, readings: Mapping[str, Sequence[Reading]], columns: Mapping[str, Sequence[int]]) -> Rows:
         """Rows that are complete by now. Of two messages of a topic with one stamp the first counts.
 
-        `motor_power` has no stamp to join it by. It is the motor's torque times its speed.
+        `motor_power` has no stamp to join it by. It is the motor's torque times its speed. What a topic of `NUMBERED`
+        does not say is NaN; it is waited for as long as for a stamp, where the middleware numbers messages.
         """
         self._batch += 1
         complete: list[_Row] = []
-        for topic, of_topic in readings.items():
-            for one in of_topic:
+        for topic in set(NUMBERED) & set(readings):
+            for one in readings[topic]:
+                self._numbered.setdefault(one.number, {})[topic] = one
+        for number in list(self._numbered)[:-MOST_WAITING]:
+            del self._numbered[number]
+        for topic in STAMPED:
+            for one in readings[topic]:
                 row = self._waiting.setdefault(one.stamp, _Row(self._batch))
                 if topic in row.parts:
                     continue
@@ -181,12 +197,24 @@ class Joining:
                 break
             del self._waiting[stamp]
         complete.sort(key=lambda row: row.order)
+        self._complete.extend(complete)
+        complete = list(self._with_numbered(columns))
         values = np.zeros((len(complete), len(FIELDS)))
         for number, row in enumerate(complete):
-            for topic, part in row.parts.items():
-                values[number, columns[topic]] = part.values
+            for topic, of_topic in columns.items():
+                values[number, of_topic] = row.parts[topic].values if topic in row.parts else np.nan
         with np.errstate(over="ignore"):
             values[:, _POWER] = values[:, _TORQUE] * values[:, _SPEED]
         odometry = [row.parts["odom"] for row in complete]
         return Rows(np.array([one.stamp for one in odometry], np.int64),
                     np.array([one.number for one in odometry], np.int64), values)
+
+    def _with_numbered(self, columns: Mapping[str, Sequence[int]]) -> Iterator[_Row]:
+        """Rows in their order, as long as nothing has to be waited for."""
+        while self._complete:
+            row = self._complete[0]
+            number, stamp = row.parts["odom"].number, row.parts["odom"].stamp
+            row.parts |= self._numbered.pop(number, {})
+            if number != stamp and row.batch > self._batch - PATIENCE and not columns.keys() <= row.parts.keys():
+                break
+            yield self._complete.popleft()

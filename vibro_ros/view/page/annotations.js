@@ -9,16 +9,21 @@ const LEAST = 0.05; // N, of a force that is drawn
 const HEAD = 7; // px, of an arrow
 const TRACE_STEPS = 1000; // of a motion
 const LINE = 14; // px, between two names
+const [PUSHED, OVER] = [0.036, 0.01]; // m, where the arrow of a push begins: beside the crank's centre, over the sled
 
 /**
- * Draw the forces of an instant as arrows: of the ground on the body, of drives and plates on the masses. Their length
- * grows with the logarithm of the force, and the number stands beside it.
+ * Draw the forces of an instant as arrows: of the ground on the body, of drives and plates on the masses, on a slope the
+ * weight. Their length grows with the logarithm of the force, and the number stands beside it.
  * @param {CanvasRenderingContext2D} context
  * @param {object} stage fitted to the canvas
  * @param {object} values quantities by name
  */
 export function drawForces(context, stage, values) {
   const {machine, middle, scale, sole} = stage;
+  if (machine.slope) {
+    const down = [-Math.sin(machine.slope), Math.cos(machine.slope)];
+    arrow(context, [middle, stage.hub], down, machine.weight, theme.soft, "weight ");
+  }
   const behind = middle - scale * (SLED.back - 0.012);
   arrow(context, [behind, sole + arrowLength(values.normal_force)], [0, -1], values.normal_force, theme.force);
   const ahead = middle + scale * SLED.front;
@@ -34,6 +39,21 @@ export function drawForces(context, stage, values) {
       const plate = -values[`${guide.side}_plate_force`];
       arrow(context, stage.point(guide.angle, -0.0185, face), out, plate, colour);
     }
+  }
+}
+
+/**
+ * Draw a push from outside as an arrow over the sled.
+ * @param {CanvasRenderingContext2D} context
+ * @param {object} stage fitted to the canvas
+ * @param {{force_x: number, force_z: number} | undefined} push none if nothing pushes
+ */
+export function drawPush(context, stage, push) {
+  if (push) {
+    const force = Math.hypot(push.force_x, push.force_z);
+    const x = push.force_x < 0 ? -PUSHED : PUSHED;
+    const from = [stage.middle + stage.scale * x, stage.sole - stage.scale * (SLED.height + OVER)];
+    arrow(context, from, [push.force_x / force, -push.force_z / force], force, theme.accent, "push ");
   }
 }
 
@@ -100,8 +120,8 @@ export function drawNames(context, stage, values) {
   label(context, "body", left, over, false);
 }
 
-// An arrow from a point along a direction, backwards for a negative force, with its number at the tip.
-function arrow(context, [x, y], [toX, toY], force, colour) {
+// An arrow from a point along a direction, backwards for a negative force, with its name and number at the tip.
+function arrow(context, [x, y], [toX, toY], force, colour, name = "") {
   if (!(Math.abs(force) > LEAST)) {
     return;
   }
@@ -122,7 +142,7 @@ function arrow(context, [x, y], [toX, toY], force, colour) {
   context.lineTo(tipX - alongX * HEAD - alongY * 4, tipY - alongY * HEAD + alongX * 4);
   context.lineTo(tipX - alongX * HEAD + alongY * 4, tipY - alongY * HEAD - alongX * 4);
   context.fill();
-  label(context, forceText(Math.abs(force)), tipX + (alongX < -0.3 ? -5 : 6), tipY + 4 * alongY, alongX < -0.3);
+  label(context, name + forceText(Math.abs(force)), tipX + (alongX < -0.3 ? -5 : 6), tipY + 4 * alongY, alongX < -0.3);
 }
 
 // A text with a rim, so that it can be read on the drawing.

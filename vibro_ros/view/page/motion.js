@@ -125,6 +125,14 @@ export class Motion {
   }
 
   /**
+   * @param {number} time [s]
+   * @returns {{force_x: number, force_z: number} | undefined} what pushes the body from outside [N], if it is known
+   */
+  pushAt(time) {
+    return this.header.pushes?.find(({begin, end}) => begin <= time && time < end);
+  }
+
+  /**
    * A quantity as a polyline; of each step of time the least and the greatest value, short blows included.
    * @param {string} name
    * @param {number} from [s]

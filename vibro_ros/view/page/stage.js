@@ -27,16 +27,36 @@ export class Stage {
     const {box} = this;
     this.width = width;
     this.height = height;
-    const wide = (width - 2 * MARGIN) / (box.right - box.left);
-    const high = (height - BELOW - ABOVE) / (box.top - box.bottom);
+    const [along, up] = [box.right - box.left, box.top - box.bottom]; // m
+    const [cos, sin] = [Math.cos(this.machine.slope), Math.abs(Math.sin(this.machine.slope))];
+    const [beside, over] = [2 * MARGIN, BELOW + ABOVE]; // px
+    const wide = (width - beside * cos - over * sin) / (along * cos + up * sin);
+    const high = (height - beside * sin - over * cos) / (along * sin + up * cos);
     this.scale = Math.max(1, Math.min(wide, high)); // px/m
     this.middle = width / 2 - this.scale * (box.left + box.right) / 2; // px, where the crank's centre is
     this.body = values.body_position || 0;
     const lift = values.body_height || 0;
-    const most = Math.max(0.02, 0.25 * (box.top - box.bottom));
-    this.ground = height - BELOW + this.scale * Math.max(0, lift - most); // the ground sinks below one that flies high
+    const most = Math.max(0.02, 0.25 * up);
+    const boxHeight = this.scale * up + over;
+    const tilted = (this.scale * along + beside) * sin + boxHeight * cos; // px, its height on the slope
+    this.ground = height - BELOW - (tilted - boxHeight) / 2;
+    this.pivot = this.ground + BELOW - boxHeight / 2; // px, the height of the box's middle, about which it is tilted
+    this.ground += this.scale * Math.max(0, lift - most); // the ground sinks below one that flies high
+    this.reach = height * sin; // px, by which a tilted ground is longer to either side
+    this.depth = height - this.ground + width * sin; // px, to where the last corner is filled
     this.hub = this.ground - this.scale * (this.machine.hub_height + lift);
     this.sole = this.ground - this.scale * lift;
+  }
+
+  /**
+   * Have a context draw in pixels along the ground and across it; on a slope x points uphill, and down is down.
+   * @param {CanvasRenderingContext2D} context
+   */
+  tilt(context) {
+    context.save();
+    context.translate(this.width / 2, this.pivot);
+    context.rotate(-this.machine.slope);
+    context.translate(-this.width / 2, -this.pivot);
   }
 
   /**
@@ -64,15 +84,15 @@ export class Stage {
 
   /** @param {CanvasRenderingContext2D} context */
   drawGround(context) {
-    const {ground, width, scale} = this;
+    const {ground, width, scale, reach} = this;
     context.fillStyle = theme.ground;
-    context.fillRect(0, ground, width, this.height - ground);
+    context.fillRect(-reach, ground, width + 2 * reach, this.depth);
     context.strokeStyle = theme.ink;
     context.lineWidth = 1.25;
-    line(context, 0, ground, width, ground);
+    line(context, -reach, ground, width + reach, ground);
     const labelled = 150 / scale > 0.1 ? 0.1 : 0.05; // m
-    const left = this.body - this.middle / scale;
-    const right = left + width / scale;
+    const left = this.body - (this.middle + reach) / scale;
+    const right = left + (width + 2 * reach) / scale;
     context.font = font(11);
     context.textAlign = "center";
     context.textBaseline = "top";
@@ -86,7 +106,7 @@ export class Stage {
         const text = `${fixed(mark * MARKS * 1e3, 0)} mm`;
         const half = context.measureText(text).width / 2 + 4;
         context.fillStyle = theme.soft;
-        context.fillText(x > half && x < width - half ? text : "", x, ground + 11);
+        context.fillText(x > half - reach && x < width + reach - half ? text : "", x, ground + 11);
       }
     }
   }

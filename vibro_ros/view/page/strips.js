@@ -51,6 +51,14 @@ export const STRIPS = [
     series: [{name: "motor_power", colour: "ink"}],
   },
   {
+    title: "motor voltage", unit: "V", scale: 1, least: 1, decimals: 2, share: 0.8,
+    series: [{name: "motor_voltage", colour: "ink"}],
+  },
+  {
+    title: "motor current", unit: "A", scale: 1, least: 0.1, decimals: 3, share: 0.8,
+    series: [{name: "motor_current", colour: "ink"}],
+  },
+  {
     title: "force of the ground", short: "ground", unit: "N", scale: 1, least: 1, decimals: 1, share: 0.9,
     series: [
       {name: "normal_force", colour: "ink", label: "normal"},

@@ -2,12 +2,13 @@
 
 import {Charts} from "vibro/charts.js";
 import {Impacts} from "vibro/impacts.js";
-import {drawForces, drawNames, drawTraces} from "vibro/annotations.js";
+import {drawForces, drawNames, drawPush, drawTraces} from "vibro/annotations.js";
 import {drawMechanism} from "vibro/mechanism.js";
 import {Portraits} from "vibro/portraits.js";
 import {Stage} from "vibro/stage.js";
 import {Surface, followTheme, font, theme} from "vibro/surface.js";
 import {bodyState, stateWords} from "vibro/said.js";
+import {fixed} from "vibro/ticks.js";
 
 const FADE = 0.05; // s of watching, in which a flash fades
 const FAST = 0.5; // robot time over time on the wall, from which on peak forces would only flicker
@@ -123,6 +124,7 @@ export class View {
     const context = this.#picture.begin();
     const {width, height} = this.#picture;
     this.#stage.fit(width, height, this.values);
+    this.#stage.tilt(context);
     this.#stage.drawGround(context);
     drawMechanism(context, this.#stage, this.values, lights);
     this.#stage.drawHeight(context, this.values);
@@ -135,13 +137,17 @@ export class View {
     if (this.forces) {
       drawForces(context, this.#stage, this.values);
     }
+    drawPush(context, this.#stage, this.source.pushAt?.(this.values.time));
+    context.restore();
+    const {slope} = this.#stage.machine;
+    const words = [bodyState(this.values), slope && `slope of ${fixed(slope * 180 / Math.PI, 1)}°`,
+      this.forces && "arrows: logarithm of the force"];
     context.font = font(12);
     context.fillStyle = theme.soft;
     context.textAlign = "left";
     context.textBaseline = "top";
-    context.fillText(bodyState(this.values), 12, 10);
-    if (this.forces) {
-      context.fillText("arrows: logarithm of the force", 12, 28);
+    for (const [number, line] of words.filter(Boolean).entries()) {
+      context.fillText(line, 12, 10 + 18 * number);
     }
   }
 
