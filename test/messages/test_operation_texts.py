@@ -23,7 +23,8 @@ from vibro_ros.messages.topics import (
     *(Operation(name) for name in NAMES if name not in (STEP, *ARGUMENTS)), Operation(STEP, steps=7),
     Operation(STATE, parameters={"body_velocity": 1.0 / 3.0}),
     Operation(PUSH, parameters={"duration": 0.1, "force_x": -1e-300, "force_z": 0.0}),
-    Operation(FAULT, parameters={"fault": "plate_stuck", "of": "upper", "duration": 0.1, "value": 0.0}),
+    Operation(FAULT, parameters={"fault": "friction_patch", "of": "", "duration": 0.1, "value": 0.02,
+                                 "from_x": -1.0 / 3.0, "to_x": 1e-300}),
     Operation(SET, parameters={"ground.friction": 0.1 + 0.2, "rate.real_time_factor": 1e-300})])
 def test_a_text_tells_an_operation_to_the_last_bit(operation: Operation):
     assert read_operation(str(operation)) == operation
@@ -33,7 +34,7 @@ def test_a_text_tells_an_operation_to_the_last_bit(operation: Operation):
     "", "rest", "reset now", "step", "step many", "step " + "9" * 10_000, "set", "set []", "set 1", "set {", "\0",
     "set " + "[" * 100_000, "x" * 1_000_000, "push", "push {}", 'push {"duration": 1.0}', "state", "state 1",
     "fault {}",
-    'fault {"fault": "motor_stall", "duration": 1.0, "of": "", "value": 0.0, "more": 1}'])
+    'fault {"fault": "motor_stall", "duration": 1.0, "of": "", "value": 0.0, "from_x": 0.0, "to_x": 0.0, "more": 1}'])
 def test_a_text_that_tells_none_is_refused_in_few_words(text: str):
     with pytest.raises(ValueError, match="is no operation of the robot") as refused:
         read_operation(text)
@@ -56,9 +57,11 @@ def test_parameters_that_no_robot_took_change_nothing(parameters: dict):
     'push {"duration": Infinity, "force_x": 1.0, "force_z": 0.0}',
     'push {"duration": [1], "force_x": {}, "force_z": 0}',
     'push {"duration": 1.0, "force_x": NaN, "force_z": 0.0}',
-    'fault {"fault": "earthquake", "duration": 1.0, "of": "", "value": 0.0}',
-    'fault {"fault": ["motor_stall"], "duration": 1.0, "of": {}, "value": null}',
-    'fault {"fault": "sensor_dropout", "duration": 1.0, "of": "imu", "value": 0.0}'])
+    'fault {"fault": "earthquake", "duration": 1.0, "of": "", "value": 0.0, "from_x": 0.0, "to_x": 0.0}',
+    'fault {"fault": ["motor_stall"], "duration": 1.0, "of": {}, "value": null, "from_x": [], "to_x": "far"}',
+    'fault {"fault": "friction_patch", "duration": 1.0, "of": "", "value": 0.1, "from_x": NaN, "to_x": 1.0}',
+    'fault {"fault": "friction_patch", "duration": 1.0, "of": "", "value": 0.1, "from_x": 1.0, "to_x": 1.0}',
+    'fault {"fault": "sensor_dropout", "duration": 1.0, "of": "imu", "value": 0.0, "from_x": 0.0, "to_x": 0.0}'])
 def test_incidents_that_cannot_be_change_nothing(text: str):
     device = vibro_ros.Simulator(vibro_ros.load_scene("device"))
     before = device.state, device.influences
@@ -68,7 +71,8 @@ def test_incidents_that_cannot_be_change_nothing(text: str):
 
 
 @pytest.mark.parametrize("text", ["pause", "resume", "step 3", 'set {"rate.real_time_factor": 3.0}', "set {}",
-                                  'fault {"fault": "lost_commands", "duration": 9.0, "of": "", "value": 0.0}'])
+                                  'fault {"fault": "lost_commands", "duration": 9.0, "of": "", "value": 0.0, '
+                                  '"from_x": 0.0, "to_x": 0.0}'])
 def test_what_only_the_wall_clock_knows_leaves_the_device_alone(text: str):
     device = vibro_ros.Simulator(vibro_ros.load_scene("device").with_parameters({"motor.speed": 100.0}))
     device.advance_to(0.1)

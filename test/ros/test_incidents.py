@@ -89,6 +89,28 @@ def test_a_bag_begun_while_a_push_lasts_replays_from_its_checkpoint(start, bench
     assert found.difference is None and found.compared["/odom"] > 100
 
 
+def test_a_run_over_a_patch_of_ice_replays_also_from_a_checkpoint_on_the_ice(start, bench, let, listener, record,
+                                                                             tmp_path):
+    robot = start(*RUNNING, "-p", "record.enabled:=false")
+    operator = Operator(bench)
+    operator.wait_for_robot()
+    let("set_state", names=["body_position", "body_velocity"], values=[0.9, 1.0])
+    let("inject_fault", fault="friction_patch", value=0.0, from_x=1.0, to_x=1.3, duration=3600.0)
+    listener.wait_for_status("simulation", lambda status: any(
+        pair.key == "lasting" and pair.value.startswith("friction_patch until") for pair in status.values))
+    let("set_state", names=["body_position", "body_velocity"], values=[1.1, 0.5])
+    assert record(True)[0]
+    bench.spin_until(lambda: operator.odom().pose.pose.position.x > 1.31, "the ice behind the robot")
+    let("set_state", names=["body_position", "body_velocity"], values=[1.31, -0.5])
+    bench.spin_until(lambda: operator.odom().pose.pose.position.x < 1.29, "the robot back on the ice")
+    let("inject_fault", fault="friction_patch", value=0.1, from_x=-5.0, to_x=1.2, duration=0.05)
+    operator.spin_for_samples(50)
+    folder = tmp_path / stop(robot)
+    with BagStream(folder) as stream:
+        found = compare(stream)
+    assert found.difference is None and found.compared["/odom"] > 50
+
+
 def test_late_and_lost_commands_take_effect_late_or_never_and_replay(start, bench, let, listener, tmp_path):
     robot = start("robot")
     operator = Operator(bench)
@@ -119,6 +141,12 @@ def test_what_cannot_be_is_refused_in_the_device_s_words(start, let, listener):
             ("inject_fault", {"fault": "quake\n", "duration": 1.0}, "'quake\\n' is unknown; choose one of motor_stall"),
             ("inject_fault", {"fault": "plate_stuck", "of": "x" * 1000, "duration": 1.0}, "give upper or inclined"),
             ("inject_fault", {"fault": "late_commands", "duration": 1.0}, "value: 0 is out of range"),
+            ("inject_fault", {"fault": "friction_patch", "duration": 1.0}, "to_x: 0 m does not lie ahead of from_x"),
+            ("inject_fault", {"fault": "friction_patch", "duration": 1.0, "value": math.nan, "to_x": 1.0},
+             "value: nan is not finite"),
+            ("inject_fault", {"fault": "friction_patch", "duration": 1.0, "from_x": -math.inf}, "from_x: -inf is not"),
+            ("inject_fault", {"fault": "friction_patch", "duration": 1.0, "value": 999.0, "to_x": 1.0}, "on a patch"),
+            ("inject_fault", {"fault": "motor_stall", "duration": 1.0, "to_x": 1.0}, "to_x: 1 is out of range"),
             ("inject_fault", {"fault": "sensor_freeze", "of": "imu", "duration": 1.0}, "befalls sensors"),
             ("inject_fault", {"fault": "motor_stall", "duration": -math.inf}, "duration: -inf is not finite")):
         answer = let(name, done=False, **request)
@@ -164,13 +192,15 @@ def test_a_script_lets_the_robot_fail_and_ends_where_it_refuses(start, bench, tm
 entries:
   - {motor_speed: 100.0, for: 0.2}
   - {fault: plate_stuck, of: upper, upper_gap: 0.001, for: 0.3}
+  - {fault: friction_patch, value: 0.05, from_x: -0.5, to_x: 0.25, for: 0.2}
   - {fault: sensor_freeze, of: imu, for: 0.5}
   - {motor_speed: 50.0, for: 30.0}
 """)
     controller = start("controller", "script.yaml")
-    controller.wait_for("entry 3: /vibro_robot refuses the fault: fault: sensor_freeze befalls sensors")
+    controller.wait_for("entry 4: /vibro_robot refuses the fault: fault: sensor_freeze befalls sensors")
     assert controller.end() == 1
     folder = tmp_path / stop(robot)
     assert [text for text in operations_in(folder) if text.startswith("fault")] == [
-        'fault {"fault": "plate_stuck", "duration": 0.3, "of": "upper", "value": 0.0}']
+        'fault {"fault": "plate_stuck", "duration": 0.3, "of": "upper", "value": 0.0, "from_x": 0.0, "to_x": 0.0}',
+        'fault {"fault": "friction_patch", "duration": 0.2, "of": "", "value": 0.05, "from_x": -0.5, "to_x": 0.25}']
     assert_replays(folder, 50)

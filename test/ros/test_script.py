@@ -190,7 +190,7 @@ entries:
     ("speed_over_ground: -0.5", "entry 1: speed_over_ground: -0.5 m/s is out of range of the map of device; give a "
      "mean speed from -0.108 to -0.01 m/s"),
     ("speed_over_ground: -0.03, motor_speed: 5.0", "entry 1: motor_speed: unknown key; give at, for, note, "
-     "fault, of, value, speed_over_ground"),
+     "fault, of, value, from_x, to_x, speed_over_ground"),
     ("speed_over_ground: -0.03, hold_speed: -0.03", "entry 1: speed_over_ground: unknown key; give at, for, note, "
      "hold_speed, within, motor_speed, upper_gap, inclined_gap"),
 ])
@@ -215,7 +215,7 @@ entries:
   - {for: 0.2, fault: late_commands, value: 0.1}
 """)
     assert [one.incident for one in played.segments] == [
-        None, ("plate_stuck", 0.5, "upper", 0.0), ("late_commands", 0.2, "", 0.1)]
+        None, ("plate_stuck", 0.5, "upper", 0.0, 0.0, 0.0), ("late_commands", 0.2, "", 0.1, 0.0, 0.0)]
     assert played.segments[1].describe() == "entry 2, 0.5 s: upper_gap 0.001 m, fault plate_stuck upper"
 
 

@@ -153,7 +153,7 @@ def test_measures_are_those_of_the_studies():
 def test_keys_of_a_script_are_those_that_are_read(tmp_path):
     keys = guide.first_column("key of an entry", "meaning")
     assert sorted(keys) == sorted(["for", "at", *COMMAND_UNITS, "speed_over_ground", "note", "fault", "of", "value",
-                                   "entries", "repeat"])
+                                   "from_x", "to_x", "entries", "repeat"])
     file = tmp_path / "script.yaml"
     file.write_text("repeat: 2\nentries:\n  - {note: a, at: 0.0, for: 1.0, motor_speed: 5.0, upper_gap: 0.0, "
                     "inclined_gap: {from: 0.0, to: 0.001}}\n  - {note: b, at: 1.0, repeat: 2, entries: [{for: 1.0}]}\n")

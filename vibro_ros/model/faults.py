@@ -1,11 +1,12 @@
 """What can happen to a robot from outside, besides commands: faults that last for a while, and a push.
 
-A fault is begun under its name, for a duration from 0 on, which ends it, and some need one more number or the part that
-fails. The device, the commands and the sensors each have faults of their own. A part that does not follow its commands
-remembers them: afterwards it follows the last one.
+A fault is begun under its name, for a duration from 0 on, which ends it, and some need one more number, the part that
+fails or a stretch of the ground. The device, the commands and the sensors each have faults of their own. A part that
+does not follow its commands remembers them: afterwards it follows the last one.
 """
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import NamedTuple
 
 from vibro_ros.model.parameters import BY_NAME, Parameter, quoted
@@ -16,6 +17,8 @@ DURATION = Parameter("duration", 0.0, "s", "how long it lasts; 0 ends it", minim
 FORCE = Parameter("force", 0.0, "N", "on the body", minimum=-1e6, maximum=1e6)
 
 NO_VALUE = Parameter("value", 0.0, "", "of a fault that needs none, or ends", minimum=0.0, maximum=0.0)
+NO_PLACE = replace(NO_VALUE, unit="m")
+PLACE = Parameter("from_x", 0.0, "m", "an end of a stretch of the ground", minimum=-1e6, maximum=1e6)
 
 DEVICE, SENSORS, COMMANDS = "device", "sensors", "commands"
 """What a fault befalls."""
@@ -37,12 +40,15 @@ class Fault(NamedTuple):
         The parts that can have it; empty for no choice.
     value : Parameter or None
         The number that it needs.
+    has_place : bool
+        Whether it befalls a stretch of the ground, from `from_x` to `to_x`.
     """
 
     befalls: str
     does: str
     of: tuple[str, ...] = ()
     value: Parameter | None = None
+    has_place: bool = False
 
 
 FAULTS: Mapping[str, Fault] = {
@@ -51,6 +57,9 @@ FAULTS: Mapping[str, Fault] = {
         "value", 0.0, "V", "voltage of the supply", minimum=0.0, maximum=BY_NAME["motor.supply_voltage"].maximum,
         positive=True)),
     "plate_stuck": Fault(DEVICE, "the plate stands where it is and follows no command", of=("upper", "inclined")),
+    "friction_patch": Fault(DEVICE, "a stretch of the ground has another friction coefficient", value=Parameter(
+        "value", 0.0, "", "friction coefficient, of a body at rest and in motion", minimum=0.0,
+        maximum=BY_NAME["ground.friction"].maximum), has_place=True),
     "sensor_dropout": Fault(SENSORS, "the sensor gives nothing", of=SENSES),
     "sensor_freeze": Fault(SENSORS, "the sensor gives what it gave last", of=SENSES),
     "sensor_offset": Fault(SENSORS, "so much is added to what the sensor measures", of=SENSES, value=Parameter(
@@ -74,19 +83,28 @@ class Incident(NamedTuple):
         The part, or empty.
     value : float
         In the unit of the fault's number; 0 where it has none.
+    from_x, to_x : float
+        The stretch of the ground [m]; 0 where the fault has none.
     """
 
     fault: str
     duration: float
     of: str = ""
     value: float = 0.0
+    from_x: float = 0.0
+    to_x: float = 0.0
 
 
-def checked_incident(fault: object, duration: object, of: object = "", value: object = 0.0) -> Incident:
+def checked_incident(fault: object, duration: object, of: object = "", value: object = 0.0, from_x: object = 0.0,
+                     to_x: object = 0.0) -> Incident:
     """A fault that can be (ValueError: names the value, the limit and the remedy)."""
     name = Parameter("fault", "", "", "what fails", choices=tuple(FAULTS)).checked(fault)
     kind, lasts = FAULTS[name], DURATION.checked(duration)
     if not isinstance(of, str) or of not in (kind.of or ("",)):
         raise ValueError(f"of: {quoted(of)} has no {name}; give {' or '.join(kind.of) or 'nothing'}")
     number = NO_VALUE.checked(value) if kind.value is None or not lasts else kind.value.checked(value)
-    return Incident(name, lasts, of, number)
+    place = PLACE if kind.has_place and lasts else NO_PLACE
+    begins, ends = replace(place, name="from_x").checked(from_x), replace(place, name="to_x").checked(to_x)
+    if place is PLACE and not begins < ends:
+        raise ValueError(f"to_x: {ends:g} m does not lie ahead of from_x, {begins:g} m; give a greater one")
+    return Incident(name, lasts, of, number, begins, ends)

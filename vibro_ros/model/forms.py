@@ -12,6 +12,7 @@ k1 (zeta_2 - xi_H) for k1 (xi_3 - xi_H), so that the body feels k1 (u - H) in pl
 """
 
 import functools
+import math
 from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 
@@ -26,6 +27,8 @@ ModeForms = np.ndarray
 
 #: Nobody pushes.
 NO_PUSH = (0.0, 0.0)
+#: The ground is the same everywhere.
+NO_EDGES = (-math.inf, math.inf)
 
 #: Symbols of the coordinates of the masses, of their sliders and of their plates.
 MASS = {"upper": "u", "inclined": "w"}
@@ -317,7 +320,8 @@ class Guard(NamedTuple):
     form : ndarray, shape (channels,)
         The linear form.
     targets : tuple of Target
-        The targets to try, in order, when the form turns negative; the last one is entered if none is valid.
+        The targets to try, in order, when the form turns negative; the last one is entered if none is valid. None
+        where another system goes on.
     text : str
         The condition in the paper's symbols, with `{force}` for the force of a compliant plate, and `{voltage}` for
         what a motor's current loop wants to apply.

@@ -12,10 +12,11 @@ This form is A. Tustin's, J. IEE 94 (1947), and the general form with exponent 1
 C. Canudas de Wit, Automatica 30 (1994), 1083-1138).
 """
 
+import math
 from collections.abc import Iterator
 from typing import NamedTuple
 
-from vibro_ros.model.forms import Form, Forms, Guard, ModeForms, Target, without_jump
+from vibro_ros.model.forms import NO_EDGES, Form, Forms, Guard, ModeForms, Target, without_jump
 from vibro_ros.model.scene import Scene
 from vibro_ros.model.shock import REST_SPEED, Landing
 
@@ -112,6 +113,8 @@ class Ground:
         The scene whose friction law, coefficients and rule of the normal force count.
     forms : Forms
         The forms of the scene.
+    edges : (float, float)
+        The positions of the body [m] between which the scene's ground reaches; see `compile_scene`.
 
     Attributes
     ----------
@@ -127,9 +130,9 @@ class Ground:
         Symbol of F_in and the forces along the ground but dry friction.
     """
 
-    def __init__(self, scene: Scene, forms: Forms):
+    def __init__(self, scene: Scene, forms: Forms, edges: tuple[float, float] = NO_EDGES):
         self._scene = scene
-        self._forms = forms
+        self._forms, self._edges = forms, edges
         self._kinetic, self._static = scene.kinetic_frictions, scene.resting_frictions
         self._rule, self._restitution = scene["effects.normal_force"], scene["ground.restitution"]
         self.has_dry_friction = scene.has_dry_friction and forms.body_moves
@@ -196,6 +199,19 @@ class Ground:
 
     def guards(self, state: str, normal: Form, inertial: Form, resting: frozenset[str] = frozenset()) -> list[Guard]:
         """Guards of `state`, from the forms of N and F_in and the guides whose masses rest on rigid plates."""
+        return [*self._force_guards(state, normal, inertial, resting), *self._edge_guards(state)]
+
+    def _edge_guards(self, state: str) -> list[Guard]:
+        """Guards of the ground's edges towards which the body may move; behind an edge another system goes on."""
+        (low, high), one = self._edges, self._forms.one
+        position = self._forms.position(self._forms.body) if self._forms.body_moves else self._forms.zero
+        at_rest = GROUND_STATES[state].friction is None
+        ahead = [Guard(high * one - position, (), f"x <= {high:g} m")] if high < math.inf else []
+        behind = [Guard(position - low * one, (), f"x >= {low:g} m")] if low > -math.inf else []
+        return ahead * (not at_rest and state != "slip_backward") + behind * (not at_rest and state != "slip_forward")
+
+    def _force_guards(self, state: str, normal: Form, inertial: Form, resting: frozenset[str]) -> list[Guard]:
+        """Guards of `state` but for the ground's edges."""
         driving = self.driving_force(state, normal, inertial)
         symbol = f"({self.driving_symbol})" if self._others else self.driving_symbol
         if state == "airborne":

@@ -43,7 +43,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from vibro_ros.model.contact import CompliantContact, RigidContact, make_contact
-from vibro_ros.model.forms import NO_PUSH, Form, Forms, Guard, LinkageMass, ModeForms, Target, cached
+from vibro_ros.model.forms import NO_EDGES, NO_PUSH, Form, Forms, Guard, LinkageMass, ModeForms, Target, cached
 from vibro_ros.model.ground import GROUND_FORCES, GROUND_STATES, Ground
 from vibro_ros.model.motor import BEARING, LIMITS, Bearing, CurrentLoop, Motor
 from vibro_ros.model.scene import Scene
@@ -126,6 +126,8 @@ class ModeBuilder:
     ----------
     scene : Scene
         The scene.
+    push, edges : (float, float)
+        As `compile_scene` has them.
 
     Attributes
     ----------
@@ -143,12 +145,12 @@ class ModeBuilder:
         All modes, by their numbers.
     """
 
-    def __init__(self, scene: Scene, push: tuple[float, float] = NO_PUSH):
+    def __init__(self, scene: Scene, push: tuple[float, float] = NO_PUSH, edges: tuple[float, float] = NO_EDGES):
         self._cache: dict[tuple, Any] = {}
         self._scene = scene
         self.forms = Forms(scene, push)
         self.contacts = [make_contact(scene, self.forms, side) for side in self.forms.plates]
-        self.ground = Ground(scene, self.forms)
+        self.ground = Ground(scene, self.forms, edges)
         self.motor = Motor(scene, self.forms) if self.forms.has_rotor else None
         inner = (*self.contacts, *(self.motor.effects if self.motor else ()))
         states = (*(effect.states for effect in inner), self.ground.states)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from vibro_ros.model.energy import account_table, audit_tables
-from vibro_ros.model.forms import NO_PUSH, Forms
+from vibro_ros.model.forms import NO_EDGES, NO_PUSH, Forms
 from vibro_ros.model.modes import MODE_EVENTS, Mode, ModeBuilder
 from vibro_ros.model.scene import Scene
 from vibro_ros.model.shock import Shock as BodyShock
@@ -72,14 +72,24 @@ class Model:
         return Laid(self.system)
 
 
-def compile_scene(scene: Scene, push: tuple[float, float] = NO_PUSH) -> Model:
-    """Compile `scene`, pushed as `Forms` has it, to its tables, which every caller shares and may not change."""
-    return _compile_machine(scene.machine, push)
+def compile_scene(scene: Scene, push: tuple[float, float] = NO_PUSH, edges: tuple[float, float] = NO_EDGES) -> Model:
+    """Compile `scene` to its tables, which every caller shares and may not change.
+
+    Parameters
+    ----------
+    scene : Scene
+        The scene.
+    push : (float, float)
+        Force from outside on the body [N], as `Forms` has it.
+    edges : (float, float)
+        Positions of the body [m] between which the tables hold: a guard without a target ends the system there.
+    """
+    return _compile_machine(scene.machine, push, edges)
 
 
 @functools.lru_cache(maxsize=64)
-def _compile_machine(scene: Scene, push: tuple[float, float]) -> Model:
-    builder = ModeBuilder(scene, push)
+def _compile_machine(scene: Scene, push: tuple[float, float], edges: tuple[float, float]) -> Model:
+    builder = ModeBuilder(scene, push, edges)
     forms, channels = builder.forms, builder.forms.channels
     sliders = _sliders(forms, scene)
     acceleration = builder.equations() + 0.0  # no -0.0

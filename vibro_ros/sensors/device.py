@@ -297,7 +297,8 @@ class SensedSimulator(Simulator):
         taken, self._untaken = self._untaken, []
         return taken
 
-    def fail(self, fault: str, duration: float, of: str = "", value: float = 0.0) -> None:
+    def fail(self, fault: str, duration: float, of: str = "", value: float = 0.0, from_x: float = 0.0,
+             to_x: float = 0.0) -> None:
         """As `Simulator.fail`, and faults of sensors.
 
         Parameters
@@ -312,6 +313,8 @@ class SensedSimulator(Simulator):
         value : float
             The offset: of the specific force on each axis [m/s²], the crank's angle [rad], the
             current [A], or each coordinate [m].
+        from_x, to_x : float
+            Of a fault of the device.
 
         Raises
         ------
@@ -329,9 +332,9 @@ class SensedSimulator(Simulator):
         >>> len(device.take_measurements())  # of 101; the first came out before the fault
         52
         """
-        incident = checked_incident(fault, duration, of, value)
+        incident = checked_incident(fault, duration, of, value, from_x, to_x)
         if incident.fault not in FAULTS:
-            super().fail(fault, duration, of, value)
+            super().fail(*incident)
         elif incident.of not in self._sensors:
             raise ValueError(f"of: the sensor {incident.of} is off; give {' or '.join(self._sensors) or 'none'}, or "
                              f"start the robot with a sensors.{incident.of}.rate above 0 Hz")

@@ -11,11 +11,11 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from vibro_ros.model.energy import ACCOUNTS, LOSSES, OF_DC_MOTOR
-from vibro_ros.model.faults import DURATION, FORCE
+from vibro_ros.model.faults import DURATION, FORCE, PLACE
 from vibro_ros.model.fixed_steps import contact_laws, cut_to_laws
-from vibro_ros.model.forms import NO_PUSH
+from vibro_ros.model.forms import NO_EDGES
 from vibro_ros.model.modes import MODE_EVENTS
-from vibro_ros.model.parameters import BY_NAME
+from vibro_ros.model.parameters import AS_FORWARD, BY_NAME
 from vibro_ros.model.scene import Scene
 from vibro_ros.model.tables import Model, compile_scene
 from vibro_ros.simulation.given_state import book, checked_state, place, started
@@ -44,10 +44,10 @@ _PART, _FIRST_PART, _GROWTH = 0.02, 0.1, 1000.0
 
 #: A bearing that is seized stops the crank in less than a microsecond.
 SEIZED = {"motor.friction": 1e4, "motor.static_friction": 1e4}
-#: What may last for a while: a push on the body, what does not follow its commands meanwhile, and a supply that has
-#: less voltage. The rows of `Motion.influences`.
-PUSH, STALL, STUCK, SAG = "push", "motor_stall", "plate_stuck", "supply_sag"
-_ROWS = ((PUSH, ""), (STALL, ""), (STUCK, "upper"), (STUCK, "inclined"), (SAG, ""))
+#: What may last for a while: a push on the body, what does not follow its commands meanwhile, a supply that has
+#: less voltage, and ground that is as a patch of ice. The rows of `Motion.influences`.
+PUSH, STALL, STUCK, SAG, PATCH = "push", "motor_stall", "plate_stuck", "supply_sag", "friction_patch"
+_ROWS = ((PUSH, ""), (STALL, ""), (STUCK, "upper"), (STUCK, "inclined"), (SAG, ""), (PATCH, ""))
 
 #: No number of a device's state is larger, in SI units and counts; beyond it a checkpoint is of no device.
 _LARGEST = 1e15
@@ -76,6 +76,27 @@ class SimulationError(RuntimeError):
     ...     print(error)
     at 0.385 s in mode closed, closed, slip_backward: a coordinate is no longer finite; rk4 may need a solver.step ...
     """
+
+
+def patched(scene: Scene, friction: float) -> Scene:
+    """The scene on ground with another friction coefficient, which is the same at rest and in both directions.
+
+    Raises
+    ------
+    ValueError
+        For a scene that has no such ground.
+    """
+    if not scene.body_moves or scene["effects.friction"] == "none":
+        raise ValueError("fault: friction_patch needs friction on a body that moves, and this scene has none; leave it "
+                         "out, or choose coulomb for effects.friction")
+    if scene["solver.method"] != "exact":
+        raise ValueError(f"fault: friction_patch has edges that solver.method {scene['solver.method']} does not find; "
+                         "choose exact")
+    try:
+        return scene.with_parameters({"ground.friction": friction, "ground.static_friction": friction,
+                                      "ground.friction_backward": AS_FORWARD})
+    except ValueError as error:
+        raise ValueError(f"value: as on a patch, {error}") from None
 
 
 def new_stepper(scene: Scene, model: Model) -> Stepper:
@@ -109,10 +130,10 @@ class Motion:
         Every channel at the end of the last advance or at the last command.
     events : EventLog
         What has happened.
-    influences : ndarray, shape (5, 3)
-        Of each row of `_ROWS` the instant at which it ends [s], or 0 while there is none, and two numbers: the force
-        along x and upwards [N]; or what the motor, or a plate, was asked for [rad/s, m], or the supply's voltage [V],
-        and 0.
+    influences : ndarray, shape (6, 5)
+        Of each row of `_ROWS` the instant at which it ends [s], or 0 while there is none, and its numbers, then 0: the
+        force along x and upwards [N]; what the motor, or a plate, was asked for [rad/s, m]; the supply's voltage [V];
+        a patch's friction coefficient, its ends [m], and -1, 0 or 1 while the body is before it, on it or behind it.
     next_end : float
         The instant at which the first of them ends [s]; infinite without any. To be passed by `end_influences`.
     """
@@ -122,7 +143,7 @@ class Motion:
         self._restored = False
         self._cuts_forces = scene["solver.method"] != "exact"
         self._room = np.empty((EVENTS_AT_ONCE, EVENT_COLUMNS))
-        self.influences, self.next_end = np.zeros((len(_ROWS), 3)), math.inf
+        self.influences, self.next_end = np.zeros((len(_ROWS), 5)), math.inf
         self._set_up(scene)
         self.point = np.zeros(self.model.forms.channels.count)
         state = started(scene, self.model, self.point)
@@ -134,8 +155,8 @@ class Motion:
 
     def _set_up(self, scene: Scene) -> None:
         self.scene = scene
-        self._push, self._machine = self._force(), self._as_it_is(scene).machine
-        self.model: Model = compile_scene(self._as_it_is(scene), self._push)
+        self._compiled = self._to_compile(scene)
+        self.model: Model = compile_scene(*self._compiled)
         self._stepper = new_stepper(scene, self.model)
         self._readout = Readout(self.model)
         self._instant, self._trace = np.empty(1), self.new_trace(1)
@@ -180,15 +201,23 @@ class Motion:
         self._begin_segment(self.state)
 
     def _become(self, scene: Scene) -> None:
-        old, same_forces = self.model, self._force() == self._push
+        old = self.model
         self._sampled = False
-        if same_forces and self._as_it_is(scene).machine == self._machine:
+        if self._to_compile(scene) == self._compiled:
             self.scene = scene
         else:
             self._set_up(scene)
             self.state, self.point = carried_over(old, self.state, self.point, self.model)
 
-    def _as_it_is(self, scene: Scene) -> Scene:
+    def _to_compile(self, scene: Scene) -> tuple[Scene, tuple[float, float], tuple[float, float]]:
+        """Arguments of `compile_scene`: the scene with what fails, the push, and the edges of the ground."""
+        (until, friction, low, high, place), edges = self.influences[_ROWS.index((PATCH, ""))].tolist(), NO_EDGES
+        if until:
+            edges = {-1.0: (-math.inf, low), 0.0: (low, high), 1.0: (high, math.inf)}[place]
+            scene = patched(scene, friction) if place == 0.0 else scene
+        return self._with_failing_motor(scene).machine, self._force(), edges
+
+    def _with_failing_motor(self, scene: Scene) -> Scene:
         """The scene with what fails of a dc motor: its bearing is seized, or its supply has less voltage."""
         if not scene.has_rotor:
             return scene
@@ -200,14 +229,14 @@ class Motion:
 
     def supply_voltage_of(self, scene: Scene) -> float:
         """Voltage [V] of the supply, as the scene and a sag have it."""
-        until, sagged, _ = self.influences[_ROWS.index((SAG, ""))].tolist()
+        until, sagged, *_ = self.influences[_ROWS.index((SAG, ""))].tolist()
         return min(sagged, scene["motor.supply_voltage"]) if until else scene["motor.supply_voltage"]
 
     def _force(self) -> tuple[float, float]:
-        along_x, upwards = self.influences[_ROWS.index((PUSH, "")), 1:].tolist()
+        along_x, upwards = self.influences[_ROWS.index((PUSH, "")), 1:3].tolist()
         return along_x, upwards
 
-    def influence(self, name: str, of: str, until: float, numbers: tuple[float, float] = NO_PUSH) -> None:
+    def influence(self, name: str, of: str, until: float, numbers: tuple[float, ...] = ()) -> None:
         """Let what `_ROWS` lists last from now until the instant `until` [s], in place of what it was; one that does
         not lie ahead ends it.
 
@@ -217,16 +246,22 @@ class Motion:
             A push, or what fails, and of which side.
         until : float
             Instant [s].
-        numbers : (float, float)
-            Of a push its force [N], along x and upwards; of a sag the voltage [V], and 0.
+        numbers : tuple of float
+            Of a push its force [N], along x and upwards; of a sag the voltage [V]; of a patch its friction
+            coefficient, and its ends [m].
         """
         speed, side = self.motor_target, of if of in self.model.forms.plates else ""
         plate = self._plate_target(side) if side else 0.0
         self._stepper.interrupt(self.state, self.time, self.point)
         self._sampled = False
-        self.influences[_ROWS.index((name, of))] = (until, *numbers) if until > self.time else 0.0
+        row = self.influences[_ROWS.index((name, of))]
+        row[...] = 0.0
+        if until > self.time:
+            row[:1 + len(numbers)] = until, *numbers
         self._look_for_next_end()
-        if name in (PUSH, SAG) or (name == STALL and self.scene.has_rotor):
+        if name == PATCH:
+            self._find_place_on_ground()
+        if name in (PUSH, SAG, PATCH) or (name == STALL and self.scene.has_rotor):
             self._become(self.scene)
         if name in (STALL, SAG):
             self._command_motor(speed)
@@ -236,10 +271,30 @@ class Motion:
 
     def end_influences(self) -> None:
         """Advance to the next end, and end what ends there."""
-        self.advance(np.array([self.next_end]), self.new_trace(1))
+        self._go_to(self.next_end)
         for name, of in self.lasting_influences():
             if self.influences[_ROWS.index((name, of)), 0] <= self.time:
                 self.influence(name, of, 0.0)
+
+    def _find_place_on_ground(self) -> bool:
+        """Note whether the body is before, on or behind a patch, whose edges are part of it; whether one lasts."""
+        patch = self.influences[_ROWS.index((PATCH, ""))]
+        if patch[0]:
+            position = self.point[self.model.forms.channels.position(self.model.forms.body)]
+            patch[4] = float(position > patch[3]) - float(position < patch[2])
+        return bool(patch[0])
+
+    def _cross_edge(self) -> None:
+        """Go on where a system has ended, at an edge of a patch, with the system of the ground behind that edge."""
+        patch, system = self.influences[_ROWS.index((PATCH, ""))], self.model.system
+        position, automaton = self.model.forms.channels.position(self.model.forms.body), self.state.now["automaton"][0]
+        forwards = system.row[system.guard[automaton["mode"], automaton["guard"]], position] < 0.0
+        # Exactly, or rounding could put the body back behind the edge.
+        self.point[position] = self._compiled[2][int(forwards)]
+        patch[4] += 1.0 if forwards else -1.0
+        self.time = float(self.state.now["segment"]["start"][0])
+        self._become(self.scene)
+        self._begin_segment(self.state)
 
     def lasting_influences(self) -> dict[tuple[str, str], float]:
         """What lasts now, by name and side, and the instant [s] at which it ends."""
@@ -264,6 +319,8 @@ class Motion:
         before, mode = self.point.copy(), int(self.state.now["automaton"]["mode"][0])
         place(self.scene, self.model, self.state, self.point, values, turned="crank_angle" in given)
         book(self.scene, self.model, self.state, before, mode, self.point)
+        if self._find_place_on_ground():
+            self._become(self.scene)
         if "motor_speed" in given and not self.scene.has_rotor:
             self._command_motor(target)
         for side in self.model.forms.plates:
@@ -276,7 +333,7 @@ class Motion:
         """Speed [rad/s] that the motor was asked for, or voltage [V] if that is what commands it."""
         if self.scene.has_rotor:
             return float(self.state.now["motor"]["target"][0])
-        until, asked, _ = self.influences[_ROWS.index((STALL, ""))].tolist()
+        until, asked, *_ = self.influences[_ROWS.index((STALL, ""))].tolist()
         return asked if until else float(self.state.now["drive"]["target"][0])
 
     def _command_motor(self, target: float) -> None:
@@ -300,7 +357,7 @@ class Motion:
 
     def _plate_target(self, side: str) -> float:
         """Where the plate was sent [m]."""
-        until, asked, _ = self.influences[_ROWS.index((STUCK, side))].tolist()
+        until, asked, *_ = self.influences[_ROWS.index((STUCK, side))].tolist()
         return asked if until else float(self.state.ramp["target"][self.model.forms.plates.index(side)])
 
     def _command_plate(self, side: str, target: float) -> None:
@@ -364,14 +421,21 @@ class Motion:
     def _can_suffer(self) -> bool:
         """Whether the influences can have been begun by `Simulator` on this scene."""
         forms, scene = self.model.forms, self.scene
-        (_, along_x, upwards), (_, speed, _), *plates, (sags, supply, _) = self.influences.tolist()
+        (_, along_x, upwards, *_), (_, speed, *_), *plates, (sags, supply, *_), (ices, friction, low, high, place) = (
+            self.influences.tolist())
+        if ices:
+            try:
+                patched(scene, friction)
+            except ValueError:
+                return False
         return (all(until == 0.0 and not any(rest) or self.time < until <= self.time + DURATION.maximum
                     for until, *rest in self.influences.tolist())
                 and abs(along_x) <= FORCE.maximum * forms.body_moves and abs(upwards) <= FORCE.maximum * forms.body_hops
                 and 0.0 <= speed <= BY_NAME["motor.max_speed"].maximum
-                and all(0.0 <= place <= 2.0 * scene.longest_rod for _, place, _ in plates)
+                and all(0.0 <= asked <= 2.0 * scene.longest_rod for _, asked, *_ in plates)
                 and (sags == 0.0 or (scene.has_rotor and 0.0 < supply <= BY_NAME["motor.supply_voltage"].maximum))
-                and not self.influences[1:, 2].any())
+                and (ices == 0.0 or (-PLACE.maximum <= low < high <= PLACE.maximum and place in (-1.0, 0.0, 1.0)))
+                and not self.influences[1:-1, 2:].any() and not self.influences[0, 3:].any())
 
     def _can_control(self) -> bool:
         """Whether a dc motor can be at this angle, be held so and take its next sample then."""
@@ -431,29 +495,36 @@ class Motion:
     def sampled(self, times: np.ndarray) -> dict[str, np.ndarray]:
         """Advance to each of `times` [s], ascending, and return the fields of `Samples` there."""
         found = []
-        while len(times) and self.next_end <= times[-1]:  # a sample at an end is of what follows
-            before = int(np.searchsorted(times, self.next_end))
-            found.append(self._sampled_steadily(times[:before]))
-            self.end_influences()
-            times = times[before:]
-        found.append(self._sampled_steadily(times))
+        while True:
+            before = int(np.searchsorted(times, self.next_end))  # a sample at an end is of what follows
+            trace = self.new_trace(before)
+            taken = self.advance(times[:before], trace)
+            found.append(self.quantities(times[:taken], trace.part(0, taken)))
+            if taken == len(times):
+                break
+            if taken < before:
+                self._cross_edge()
+            else:
+                self.end_influences()
+            times = times[taken:]
         if len(found) == 1:
             return found[0]
         return {name: np.concatenate([part[name] for part in found]) for name in FIELDS}
-
-    def _sampled_steadily(self, times: np.ndarray) -> dict[str, np.ndarray]:
-        trace = self.new_trace(len(times))
-        self.advance(times, trace)
-        return self.quantities(times, trace)
 
     def advance_to(self, time: float) -> None:
         """Advance to `time` [s], and keep what is sampled there for `now`."""
         while self.next_end <= time:
             self.end_influences()
-        self._instant[0] = time
-        advance = self._advance if time <= self.time + _FIRST_PART else self.advance
-        advance(self._instant, self._trace)
+        self._go_to(time)
         self._sampled = True
+
+    def _go_to(self, time: float) -> None:
+        """Advance to `time` [s], across all edges, and sample there."""
+        advance = self._advance if time <= self.time + _FIRST_PART else self.advance
+        self._instant[0] = time
+        while advance(self._instant, self._trace) == 0:
+            self._cross_edge()
+            self._instant[0] = time
 
     def now(self) -> np.ndarray:
         """Return the values of all `FIELDS` of `Samples` now, shape (fields,), until the next call."""
@@ -486,8 +557,10 @@ class Motion:
         return Trace(np.empty((count, self.model.forms.channels.count)), np.empty(count, dtype=np.int64),
                      np.empty((count, 3)))
 
-    def advance(self, times: np.ndarray, trace: Trace) -> None:
-        """Advance to each of `times` [s], ascending, and fill the trace.
+    def advance(self, times: np.ndarray, trace: Trace) -> int:
+        """Advance to each of `times` [s], ascending, and fill the trace; return how many are sampled.
+
+        Those at an edge and after it are not: `_cross_edge` follows.
 
         A long way is gone in parts of some milliseconds of computation, between which Python hears Ctrl-C. Where the
         parts end depends on the machine; the motion does not.
@@ -496,32 +569,38 @@ class Motion:
         while done < len(times):
             until = self.time + max(part, 4.0 * math.ulp(self.time))
             if times[-1] <= until:
-                self._advance(times[done:], trace.part(done, len(times)))
-                return
+                return done + self._advance(times[done:], trace.part(done, len(times)))
             upto, began = int(np.searchsorted(times, until, side="right")), wall_clock.perf_counter()
             if upto == done:
-                self._advance(np.array([until]), self.new_trace(1))
+                reached = self._advance(np.array([until]), self.new_trace(1)) == 1
             else:
-                self._advance(times[done:upto], trace.part(done, upto))
+                done += self._advance(times[done:upto], trace.part(done, upto))
+                reached = done == upto
+            if not reached:
+                return done
             part *= _PART / max(wall_clock.perf_counter() - began, _PART / _GROWTH)
-            done = upto
+        return done
 
-    def _advance(self, times: np.ndarray, trace: Trace) -> None:
+    def _advance(self, times: np.ndarray, trace: Trace) -> int:
         """Advance as `advance` does, without letting Python hear a signal meanwhile."""
         self._sampled, self._values = False, None
-        end, status = float(times[-1]), event_loop.EVENTS_FULL
+        end, status, sampled = float(times[-1]), event_loop.EVENTS_FULL, 0
         while status == event_loop.EVENTS_FULL:
             begun = self._mode_began()
             status, taken, count = self._stepper.advance(self.state, times, self.point, *trace, self._room)
+            sampled += taken
             if count:
                 self.events.add(self._room[:count])
             if status == event_loop.EVENTS_FULL:
                 times, trace = times[taken:], trace.part(taken, len(times))
                 if self._mode_began() - begun < _PROGRESS:
                     status = event_loop.STUCK
+        if status == event_loop.SYSTEM_ENDS:
+            return sampled
         if status != event_loop.REACHED:
             self._fail(status, self.state)
         self.time = end
+        return sampled
 
     def _mode_began(self) -> float:
         """Instant [s] at which the present mode began."""

@@ -11,7 +11,7 @@ from vibro_ros.model.faults import DEVICE, DURATION, FAULTS, FORCE, checked_inci
 from vibro_ros.model.parameters import BY_NAME, parameter_named
 from vibro_ros.model.scene import Scene
 from vibro_ros.simulation.auto import Choice, choose_method, chosen
-from vibro_ros.simulation.motion import PUSH, SAG, STALL, Motion
+from vibro_ros.simulation.motion import PATCH, PUSH, SAG, STALL, Motion, patched
 from vibro_ros.simulation.preparation import provide_kernels
 from vibro_ros.simulation.samples import LATEST, Samples, checked_times, one_sample
 
@@ -301,7 +301,8 @@ class Simulator:
                              "or choose effects.normal_force hop")
         self._motion.influence(PUSH, "", self.time + lasts, (along_x, upwards))
 
-    def fail(self, fault: str, duration: float, of: str = "", value: float = 0.0) -> None:
+    def fail(self, fault: str, duration: float, of: str = "", value: float = 0.0, from_x: float = 0.0,
+             to_x: float = 0.0) -> None:
         """Let a part fail from now on: a fault of `FAULTS` that befalls the device.
 
         Parameters
@@ -310,12 +311,17 @@ class Simulator:
             `motor_stall`: the motor stops as it does for a command of 0, and does not follow commands meanwhile; the
             bearing of a dc motor is seized. `plate_stuck`: a plate stands where it is, and does not follow commands
             meanwhile. Afterwards both follow the last one. `supply_sag`: the supply of a dc motor has `value` volts.
+            `friction_patch`: the ground has the friction coefficient `value`, as ice has, where the body's position
+            is from `from_x` to `to_x`; by `solver.method` exact.
         duration : float
             How long [s]; 0 ends the fault.
         of : str
             The plate, `upper` or `inclined`.
         value : float
-            The supply's voltage [V], above 0 and at most `motor.supply_voltage`; the others need none.
+            The supply's voltage [V], above 0 and at most `motor.supply_voltage`, or the patch's friction coefficient,
+            which is the same at rest and in both directions; the others need none.
+        from_x, to_x : float
+            The ends of the patch [m].
 
         Raises
         ------
@@ -332,7 +338,7 @@ class Simulator:
         >>> device.state.motor_speed, device.influences
         (100.0, {})
         """
-        name, lasts, part, number = checked_incident(fault, duration, of, value)
+        name, lasts, part, number, *place = checked_incident(fault, duration, of, value, from_x, to_x)
         if FAULTS[name].befalls != DEVICE:
             raise ValueError(f"fault: {name} befalls {FAULTS[name].befalls}, which this device does not have")
         if part and part not in self.scene.plates:
@@ -342,10 +348,12 @@ class Simulator:
         if name == SAG and not self.scene.has_rotor:
             raise ValueError(f"fault: {name} befalls a dc motor, and this one is {self.scene['effects.motor']}; leave "
                              "it out, or choose dc for effects.motor")
-        if number > self.scene["motor.supply_voltage"]:
+        if name == PATCH and lasts:
+            patched(self.scene, number)
+        if name == SAG and number > self.scene["motor.supply_voltage"]:
             raise ValueError(f"value: {number:g} V is above motor.supply_voltage, and no sag; give at most "
                              f"{self.scene['motor.supply_voltage']:g} V")
-        self._motion.influence(name, part, self.time + lasts, (number, 0.0))
+        self._motion.influence(name, part, self.time + lasts, (number, *place) if name == PATCH else (number,))
 
     @property
     def influences(self) -> dict[str, float]:
@@ -412,25 +420,29 @@ class Simulator:
         >>> device.time
         0.0
         """
+        before = self.checkpoint()
+        try:
+            self._overwrite(checkpoint)
+            if not self._motion.is_possible():
+                raise ValueError("the checkpoint is of no state that this device can be in; give one that a device of "
+                                 "the same scene has made")
+        except ValueError:
+            self._overwrite(before)
+            raise
+        self._motion.events.drop_untaken()
+
+    def _overwrite(self, checkpoint: np.ndarray) -> None:
+        influences, end = self._motion.influences, 1
+        if np.ndim(checkpoint) == 1 and len(checkpoint) > influences.size:  # which decide how many numbers follow
+            self._motion.time = float(checkpoint[0])
+            influences[...] = checkpoint[end:end + influences.size].reshape(influences.shape)
+            self._motion.influences_overwritten()
         parts = self._motion.lasting()
         size = 1 + sum(part.size for part in parts)
         if np.shape(checkpoint) != (size,):
             raise ValueError(f"the checkpoint has shape {np.shape(checkpoint)}, this device's have ({size},); give one "
                              "of the same scene and version")
-        before = self.checkpoint()
-        self._overwrite(checkpoint)
-        if not self._motion.is_possible():
-            self._overwrite(before)
-            raise ValueError("the checkpoint is of no state that this device can be in; give one that a device of the "
-                             "same scene has made")
-        self._motion.events.drop_untaken()
-
-    def _overwrite(self, checkpoint: np.ndarray) -> None:
-        self._motion.time, end = float(checkpoint[0]), 1
-        influences = self._motion.influences
-        influences[...] = checkpoint[end:end + influences.size].reshape(influences.shape)
-        self._motion.influences_overwritten()
-        for part in self._motion.lasting():
+        for part in parts:
             with np.errstate(invalid="ignore"):  # a number that is no integer becomes one that `is_possible` refuses
                 part[...] = checkpoint[end:end + part.size].reshape(part.shape)
             end += part.size

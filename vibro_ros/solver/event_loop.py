@@ -50,6 +50,7 @@ EVENTS_FULL = 1
 STUCK = 2
 DIVERGED = 3
 ROOT_LOST = 4
+SYSTEM_ENDS = 5
 
 #: Events in a row at one instant after which the loop gives up; a legal cascade takes a handful.
 _MOST_STANDSTILLS = 200
@@ -239,7 +240,11 @@ def advance(system, state, times, point, points, modes, phases, events):
         if local_time(state, times[k]) >= segment.next_event:
             if count > room:
                 return EVENTS_FULL, k, count
+            guard = automaton.guard
+            ends = guard != NOTHING and system.candidate[automaton.mode, guard, 0] == NOTHING
             automaton.begins, count = _pass_event(system, state, point, events, count)
+            if ends:  # here, with `point`: the caller goes on with another system
+                return SYSTEM_ENDS, k, count
         else:
             x = max(local_time(state, times[k]), segment.mode_start)
             _read(system, state, x, points[k])

@@ -126,6 +126,10 @@ def transition(system, state, point, after):
     mode, guard = state.now[0].automaton.mode, state.now[0].automaton.guard
     if guard == NOTHING:
         return SEGMENT_ENDS, mode
+    if system.candidate[mode, guard, 0] == NOTHING:  # another system goes on
+        for channel in range(len(point)):
+            after[channel] = point[channel]
+        return FLOW_ENDS, mode
     target = system.candidate[mode, guard, choose_candidate(system, state, point, after)]
     if target == mode and system.guard_event[mode, guard] != NOTHING:  # a shock, perhaps of driven coordinates alone
         return FLOW_ENDS, target

@@ -359,7 +359,8 @@ class System(NamedTuple):
         Effect that the guard belongs to, padded with `NOTHING`. A candidate must satisfy the guards that it has of the
         same effect, because only this effect changes. `UNCHECKED`: the candidates' `entry` rows alone decide.
     candidate : ndarray of int, shape (m, g, c)
-        Modes to try when the guard fires, padded with `NOTHING`; the last is entered when no other is valid.
+        Modes to try when the guard fires, padded with `NOTHING`; the last is entered when no other is valid. Without
+        any the system ends there, and another goes on.
     entry : ndarray of int, shape (m, g, c, n)
         Rows that must not be negative, before the jump, for the candidate to be entered, padded with `NOTHING`.
     jump : ndarray of int, shape (m, g, c)

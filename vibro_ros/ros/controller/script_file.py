@@ -32,7 +32,7 @@ SHORTEST = 4.0
 """Shortest time [s] to hold a speed: half of it to settle, half of it to be measured over some turns of the crank."""
 _GAPS = tuple(name for name in COMMAND_UNITS if name.endswith("_gap"))
 _OVER_GROUND = "speed_over_ground"
-_FAULT_KEYS = ("fault", "of", "value")
+_FAULT_KEYS = tuple(name for name in Incident._fields if name != "duration")
 
 
 def shipped_scripts() -> tuple[str, ...]:
@@ -242,7 +242,7 @@ def _incident(entry: Mapping, duration: float, where: str) -> Incident | None:
             raise ValueError(f"{where}{given[0]}: belongs to a fault; give `fault`, one of {', '.join(FAULTS)}")
         return None
     try:
-        return checked_incident(entry["fault"], duration, entry.get("of", ""), entry.get("value", 0.0))
+        return checked_incident(duration=duration, **{key: entry[key] for key in _FAULT_KEYS if key in entry})
     except ValueError as error:
         raise ValueError(f"{where}{error}") from None
 

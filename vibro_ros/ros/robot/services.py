@@ -124,8 +124,8 @@ _MEANT: dict[str, Callable[[Any], Operation]] = {
     "SetState": _state_asked,
     "Push": lambda request: Operation(PUSH, parameters={
         name: getattr(request, name) for name in ("duration", "force_x", "force_z")}),
-    "InjectFault": lambda request: Operation(FAULT, parameters={
-        name: getattr(request, name) for name in Incident._fields}),
+    "InjectFault": lambda request: Operation(FAULT, parameters=Incident(**{  # an older type has fewer fields
+        name: getattr(request, name) for name in request.get_fields_and_field_types()})._asdict()),
 }
 
 

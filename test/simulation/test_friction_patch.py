@@ -1,0 +1,288 @@
+"""The fault `friction_patch`: ground with another friction coefficient from one x to another, with exact edges."""
+
+import math
+
+import numpy as np
+import pytest
+
+import vibro_ros
+
+GRAVITY = 9.81
+LONG = 1000.0  # [s]
+
+
+def running(scene: str = "device", **changes: object) -> vibro_ros.Simulator:
+    parameters = {name.replace("__", "."): value for name, value in changes.items()}
+    return vibro_ros.Simulator(vibro_ros.load_scene(scene).with_parameters({"motor.speed": 100.0} | parameters))
+
+
+def block(speed: float, **changes: object) -> vibro_ros.Simulator:
+    """A body that slides, whose masses hang at rest on sliders that stand still, away from their plates."""
+    device = running("damped", **({"motor__speed": 0.0, "upper__gap": 0.03, "inclined__gap": 0.03,
+                                   "ground__friction": 0.3} | changes))
+    device.set_state(body_velocity=speed)
+    return device
+
+
+def stopping(speed: float, *ground: tuple[float, float]) -> tuple[float, float]:
+    """Distance [m] and time [s] in which a block stops on stretches of ground, each (coefficient, length)."""
+    distance = time = 0.0
+    for friction, length in ground:
+        deceleration = friction * GRAVITY
+        left = speed**2 - 2.0 * deceleration * length
+        if left <= 0.0:
+            return distance + speed**2 / (2.0 * deceleration), time + speed / deceleration
+        distance, time, speed = distance + length, time + 2.0 * length / (speed + math.sqrt(left)), math.sqrt(left)
+    raise AssertionError("the ground ends before the block stops")
+
+
+@pytest.mark.parametrize("way", [1.0, -1.0])
+@pytest.mark.parametrize("law", ["coulomb", "static"])
+@pytest.mark.parametrize("friction", [0.0, 0.05, 0.9])
+def test_a_block_that_slides_over_a_patch_stops_where_and_when_coulomb_says(way: float, law: str, friction: float):
+    """A15."""
+    device = block(2.0 * way, effects__friction=law, ground__static_friction=0.4, solver__audit=True,
+                   solver__accounts=True)
+    low, high = sorted((0.1 * way, 0.4 * way))
+    device.fail("friction_patch", LONG, value=friction, from_x=low, to_x=high)
+    distance, time = stopping(2.0, (0.3, 0.1), (friction, 0.3), (0.3, math.inf))
+    device.advance_to(5.0)
+    assert device.state.body_velocity == 0.0
+    assert device.state.body_position == pytest.approx(way * distance, abs=1e-12)
+    [event] = device.take_events()
+    assert event["kind"] == "stick" and event["time"] == pytest.approx(time, abs=1e-12)
+    statistics = device.statistics
+    lost = 0.5 * device.scene.total_mass * 2.0**2
+    assert statistics["energy_accounts"]["friction"] == pytest.approx(lost, rel=1e-13)
+    assert abs(statistics["energy_residual"]) < 1e-13 and abs(statistics["energy_accounts"]["residual"]) < 1e-13
+
+
+def test_a_patch_that_ends_in_time_lasts_to_the_instant():
+    device = block(2.0)
+    device.fail("friction_patch", 0.25, value=0.0, from_x=0.1, to_x=5.0)
+    deceleration = 0.3 * GRAVITY
+    arrival = (2.0 - math.sqrt(4.0 - 2.0 * deceleration * 0.1)) / deceleration
+    speed = 2.0 - deceleration * arrival
+    device.advance_to(3.0)
+    assert not device.influences
+    expected = 0.1 + speed * (0.25 - arrival) + speed**2 / (2.0 * deceleration)
+    assert device.state.body_position == pytest.approx(expected, abs=1e-12)
+
+
+def test_a_body_that_does_not_reach_a_patch_or_stands_on_its_edge_does_not_feel_it():
+    distance, _ = stopping(1.0, (0.3, math.inf))
+    for start in (np.nextafter(distance, 1.0), distance + 1e-9, distance + 0.1):
+        device, untouched = block(1.0), block(1.0)
+        device.fail("friction_patch", LONG, value=0.0, from_x=start, to_x=start + 1.0)
+        for one in (device, untouched):
+            one.advance_to(2.0)
+        assert device.state == untouched.state
+    standing = block(0.0)
+    standing.set_state(body_position=0.25)
+    for edges in ((0.25, 0.5), (0.0, 0.25), (0.25 - 1e-17, 0.25 + 1e-16)):
+        standing.fail("friction_patch", LONG, value=0.1, from_x=edges[0], to_x=edges[1])
+        standing.advance_to(standing.time + 1.0)
+        assert (standing.state.body_position, standing.state.body_velocity) == (0.25, 0.0)
+
+
+def test_a_patch_that_is_narrower_than_rounding_is_passed():
+    device, untouched = block(1.0), block(1.0)
+    device.fail("friction_patch", LONG, value=0.0, from_x=0.1, to_x=float(np.nextafter(0.1, 1.0)))
+    for one in (device, untouched):
+        one.advance_to(2.0)
+    assert device.state.body_position == pytest.approx(untouched.state.body_position, abs=1e-15)
+
+
+def test_on_a_slope_the_body_slides_off_the_ice_and_is_held_beside_it():
+    device = block(0.0, ground__slope=0.1)
+    device.advance_to(1.0)
+    assert device.state.body_position == 0.0  # held by 0.3
+    device.fail("friction_patch", LONG, value=0.05, from_x=-0.2, to_x=0.5)
+    device.advance_to(5.0)
+    pull, braking = math.sin(0.1) - 0.05 * math.cos(0.1), 0.3 * math.cos(0.1) - math.sin(0.1)
+    assert device.state.body_position == pytest.approx(-0.2 - 0.2 * pull / braking, abs=1e-12)
+    assert device.state.body_velocity == 0.0
+
+
+def test_a_body_that_is_put_on_a_patch_feels_it_and_a_floor_that_changes_is_that_beside_it():
+    device = block(0.0)
+    device.fail("friction_patch", LONG, value=0.1, from_x=1.0, to_x=2.0)
+    weight = device.scene.total_mass * GRAVITY
+    for position, friction in ((1.5, 0.1), (0.0, 0.3), (3.0, 0.3), (1.0, 0.1), (2.0, 0.3), (0.0, 0.3)):  # forwards
+        device.set_state(body_position=position, body_velocity=1.0)
+        assert device.state.friction_force == pytest.approx(friction * weight, rel=1e-13)
+    device.set_parameters({"ground.friction": 0.2})
+    assert device.state.friction_force == pytest.approx(0.2 * weight, rel=1e-13)
+    device.set_state(body_position=1.5)
+    device.set_parameters({"ground.friction": 0.7})
+    assert device.state.friction_force == pytest.approx(0.1 * weight, rel=1e-13)
+    device.fail("friction_patch", 0.0)
+    assert device.state.friction_force == pytest.approx(0.7 * weight, rel=1e-13) and not device.influences
+
+
+def test_a_body_that_lands_on_ice_after_a_flight_over_its_edge_keeps_its_momentum():
+    device = running("device", motor__speed=0.0, ground__restitution=0.0)
+    total, scene, along_x = device.scene.total_mass, device.scene, device.scene.direction("inclined")[0]
+
+    def momentum() -> float:
+        return total * device.state.body_velocity + along_x * scene["mass.inclined"] * device.state.inclined_velocity
+
+    device.fail("friction_patch", LONG, value=0.0, from_x=0.1, to_x=100.0)
+    device.set_state(body_velocity=1.0, body_vertical_velocity=2.0, body_height=0.01)
+    before = momentum()
+    device.advance_to(2.0)
+    landings = [event["time"] for event in device.take_events() if event["kind"] == "landing"]
+    assert landings and device.state.body_position > 1.0
+    assert momentum() == pytest.approx(before, abs=1e-12)
+
+
+def test_the_filtered_acceleration_follows_the_body_over_an_edge():
+    scene = block(0.0).scene
+    device, other = (vibro_ros.Simulator(scene, acceleration_bandwidth=100.0) for _ in range(2))
+    for one in (device, other):
+        one.set_state(body_velocity=2.0)
+    device.fail("friction_patch", LONG, value=0.05, from_x=0.1, to_x=9.0)
+    deceleration = 0.3 * GRAVITY
+    other.advance_to((2.0 - math.sqrt(4.0 - 2.0 * deceleration * 0.1)) / deceleration)  # at the edge
+    other.set_parameters({"ground.friction": 0.05})
+    for time in (other.time + 1e-4, other.time + 3e-3, 0.5):
+        for one in (device, other):
+            one.advance_to(time)
+        assert device.filtered_acceleration() == pytest.approx(other.filtered_acceleration(), abs=1e-11)
+    assert device.filtered_acceleration()[0] == pytest.approx(-0.05 * GRAVITY, rel=1e-12)
+
+
+def cross(device: vibro_ros.Simulator) -> None:
+    """A patch within the stretch of ground over which the body goes without the patch."""
+    device.advance_to(0.05)
+    device.push(0.031, force_x=2.0)
+    begun = device.checkpoint()
+    low, high = np.quantile(device.sample(np.linspace(0.05, 0.1, 100)).body_position, (0.3, 0.6))
+    device.restore(begun)
+    device.fail("friction_patch", 0.06, value=0.02, from_x=low, to_x=high)
+
+
+@pytest.mark.parametrize(("scene", "changes"), [
+    ("device", {}), ("device", {"ground__friction": 0.0}), ("rigid", {}), ("paper", {}),
+    ("unilateral", {"effects__friction": "stribeck", "ground__static_friction": 0.3}),
+    ("damped", {"effects__motor": "lag", "effects__reaction": True}), ("device", {"ground__viscous_friction": 2.0}),
+    ("device", {"effects__motor": "dc"}), ("device", {"effects__motor": "dc", "motor__winding_inductance": 0.0})])
+def test_the_same_bits_however_time_is_cut_up_and_from_a_checkpoint(scene: str, changes: dict):
+    whole, cut, restored, untouched = (running(scene, **changes) for _ in range(4))
+    untouched.advance_to(0.05)
+    untouched.push(0.031, force_x=2.0)
+    for device in (whole, cut):
+        cross(device)
+    times = np.sort(np.random.default_rng(1).uniform(0.05, 0.15, 200))
+    samples, places = whole.sample(times), set()
+    for k, time in enumerate(times):
+        cut.advance_to(time)
+        assert cut.state.body_position == samples.body_position[k]
+        assert (cut.state.normal_force, cut.state.friction_force) == (samples.normal_force[k],
+                                                                      samples.friction_force[k])
+        if cut.influences and (place := cut._motion.influences[-1, 4]) not in places:
+            places.add(place)
+            checkpoint = cut.checkpoint()
+            restored.restore(checkpoint)
+            assert restored.checkpoint().tolist() == checkpoint.tolist()
+            restored.advance_to(times[-1])
+            assert restored.state == whole.state
+    assert len(places) > 1 and not cut.influences
+    assert cut.state == whole.state
+    untouched.advance_to(times[-1])
+    assert untouched.state.body_position != whole.state.body_position
+
+
+@pytest.mark.parametrize("scene", ["damped", "device", "rigid"])
+def test_energy_balances_over_patches(scene: str):
+    device = running(scene, solver__audit=True, solver__accounts=True, effects__reaction=True)
+    cross(device)
+    device.advance_to(0.4)
+    statistics = device.statistics
+    assert abs(statistics["energy_residual"]) < 1e-11 and abs(statistics["energy_accounts"]["residual"]) < 1e-10
+
+
+@pytest.mark.parametrize("scene", ["device", "damped", "rigid"])
+def test_the_first_edge_is_where_bisection_finds_it_and_the_floor_changes_there(scene: str):
+    device = running(scene)
+    device.push(0.5, force_x=-3.0)
+    device.advance_to(0.1)
+    begun = device.checkpoint()
+    edge = device.state.body_position - 0.01
+    device.fail("friction_patch", LONG, value=0.05, from_x=-100.0, to_x=edge)
+    other = running(scene)
+    other.restore(begun)
+    # Samples a millisecond apart find the first one behind the edge; bisection goes on from there.
+    times = 0.1 + 1e-3 * np.arange(400)
+    last = int(np.argmax(other.sample(times).body_position < edge)) - 1
+    low, high = times[last], times[last + 1]
+    while low < 0.5 * (low + high) < high:
+        middle = 0.5 * (low + high)
+        other.restore(begun)
+        other.advance_to(middle)
+        low, high = (middle, high) if other.state.body_position >= edge else (low, middle)
+    other.restore(begun)
+    other.advance_to(high)
+    other.set_parameters({"ground.friction": 0.05})
+    for one in (device, other):
+        one.advance_to(high + 0.05)
+    assert device.state.body_position < edge - 1e-4
+    for name in ("body_position", "body_velocity", "upper_position", "inclined_velocity"):
+        assert getattr(device.state, name) == pytest.approx(getattr(other.state, name), abs=1e-11), name
+
+
+@pytest.mark.parametrize(("asked", "words"), [
+    ({"value": 0.1, "from_x": 1.0, "to_x": 1.0}, "to_x: 1 m does not lie ahead of from_x, 1 m; give a greater one"),
+    ({"value": 0.1, "from_x": 1.0, "to_x": 0.0}, "to_x: 0 m does not lie ahead of from_x"),
+    ({"value": 0.1}, "to_x: 0 m does not lie ahead"),
+    ({"value": 0.1, "from_x": math.nan, "to_x": 1.0}, "from_x: nan is not finite"),
+    ({"value": 0.1, "from_x": 0.0, "to_x": math.inf}, "to_x: inf is not finite"),
+    ({"value": 0.1, "from_x": -1e300, "to_x": 0.0}, "from_x: -1e[+]300 is out of range"),
+    ({"value": 0.1, "from_x": "here", "to_x": 1.0}, "from_x: 'here' is not a number"),
+    ({"value": -0.1, "from_x": 0.0, "to_x": 1.0}, "value: -0.1 is out of range"),
+    ({"value": math.nan, "from_x": 0.0, "to_x": 1.0}, "value: nan is not finite"),
+    ({"value": 1e4, "from_x": 0.0, "to_x": 1.0}, "value: 10000 is out of range"),
+    ({"value": 900.0, "from_x": 0.0, "to_x": 1.0}, "value: as on a patch, ground.friction: at 900 the reaction"),
+    ({"of": "upper", "value": 0.1, "from_x": 0.0, "to_x": 1.0}, "of: 'upper' has no friction_patch; give nothing"),
+    ({"fault": "motor_stall", "from_x": 1.0}, "from_x: 1 is out of range"),
+    ({"fault": "motor_stall", "to_x": math.nan}, "to_x: nan is not finite"),
+    ({"duration": 0.0, "to_x": 1.0}, "to_x: 1 is out of range")])
+def test_what_cannot_be_is_refused_and_changes_nothing(asked: dict, words: str):
+    device = running("device")
+    device.advance_to(0.1)
+    before = device.checkpoint().tolist()
+    with pytest.raises(ValueError, match=words):
+        device.fail(**{"fault": "friction_patch", "duration": 1.0} | asked)
+    assert device.checkpoint().tolist() == before
+
+
+@pytest.mark.parametrize(("changes", "words"), [
+    ({"solver__method": "rk4"}, "solver.method rk4 does not find; choose exact"),
+    ({"solver__method": "moreau"}, "solver.method moreau does not find; choose exact"),
+    ({"effects__friction": "none"}, "needs friction on a body that moves"),
+    ({"effects__inclined_mass": False}, "needs friction on a body that moves")])
+def test_a_device_without_such_ground_refuses_a_patch(changes: dict, words: str):
+    device = running("unilateral", **changes)
+    with pytest.raises(ValueError, match=words):
+        device.fail("friction_patch", 1.0, value=0.1, from_x=0.0, to_x=1.0)
+    device.fail("friction_patch", 0.0)  # ends what is not there
+
+
+def test_a_checkpoint_of_a_patch_that_nobody_could_have_is_refused():
+    device = running("device")
+    device.fail("friction_patch", 5.0, value=0.1, from_x=0.5, to_x=1.0)
+    device.advance_to(0.1)
+    good = device.checkpoint()
+    first = 1 + 5 * 5  # behind the time and the other influences
+    assert good[first:first + 5].tolist() == [5.0, 0.1, 0.5, 1.0, -1.0]
+    for place, wrong in ((0, 1e7), (0, -1.0), (1, -0.1), (1, math.nan), (1, 900.0), (2, 1.0), (2, math.nan),
+                         (3, math.inf), (3, 1e7), (4, 0.5), (4, 2.0), (4, math.nan)):
+        bad = good.copy()
+        bad[first + place] = wrong
+        with pytest.raises(ValueError, match="no state that this device can be in"):
+            device.restore(bad)
+        assert device.checkpoint().tolist() == good.tolist()
+    for bad in (good[:-1], good[:10], np.zeros(0), good.reshape(1, -1)):
+        with pytest.raises(ValueError, match="the checkpoint has shape"):
+            device.restore(bad)
+        assert device.checkpoint().tolist() == good.tolist()
