@@ -193,6 +193,20 @@ def test_the_same_bits_however_time_is_cut_up_and_from_a_checkpoint(scene: str, 
     assert untouched.state.body_position != whole.state.body_position
 
 
+def test_a_device_with_sensors_goes_on_from_a_checkpoint_on_the_ice():
+    scene = running("device", sensors__imu__rate=400.0, sensors__tracking__rate=100.0).scene
+    device, restored = vibro_ros.SensedSimulator(scene), vibro_ros.SensedSimulator(scene)
+    device.fail("friction_patch", LONG, value=0.02, from_x=-1e-3, to_x=1e-3)
+    device.advance_to(0.02)
+    device.take_measurements()
+    restored.restore(device.checkpoint())
+    for one in (device, restored):
+        one.advance_to(0.5)
+    assert device.state == restored.state and abs(device.state.body_position) > 2e-3  # over an edge
+    for ours, theirs in zip(device.take_measurements(), restored.take_measurements(), strict=True):
+        assert (ours.values == theirs.values).all()
+
+
 @pytest.mark.parametrize("scene", ["damped", "device", "rigid"])
 def test_energy_balances_over_patches(scene: str):
     device = running(scene, solver__audit=True, solver__accounts=True, effects__reaction=True)

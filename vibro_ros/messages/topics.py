@@ -148,6 +148,8 @@ def read_operation(text: str) -> Operation:
         parameters = json.loads(rest) if name in ARGUMENTS else {}
         if not isinstance(parameters, dict):
             raise ValueError("no mapping of parameters")
+        if name == FAULT:  # which earlier versions recorded without a place
+            parameters = Incident._field_defaults | parameters
         if (needed := ARGUMENTS.get(name)) and needed != set(parameters):
             raise ValueError(f"it needs {', '.join(sorted(needed))}")
     except (ValueError, RecursionError) as error:

@@ -440,17 +440,17 @@ class SensedSimulator(Simulator):
         (0.0, [])
         """
         memories = [sensor.memory() for sensor in self._sensors.values()]
-        before = self.checkpoint()
-        ends = len(before) - np.cumsum([0, *(len(memory) for memory in memories[::-1])])[::-1]
-        if np.shape(checkpoint) != before.shape:
-            raise ValueError(f"the checkpoint has shape {np.shape(checkpoint)}, this device's have {before.shape}; "
-                             "give one of the same scene and version")
-        super().restore(checkpoint[:ends[0]])
+        before = super().checkpoint()
+        if np.ndim(checkpoint) != 1:
+            raise ValueError(f"the checkpoint has shape {np.shape(checkpoint)}, this device's have one dimension; give "
+                             "one of the same scene and version")
+        ends = len(checkpoint) - np.cumsum([0, *(len(memory) for memory in memories[::-1])])[::-1]
+        super().restore(checkpoint[:max(0, ends[0])])
         try:
             for sensor, begin, end in zip(self._sensors.values(), ends, ends[1:], strict=False):
                 sensor.restore(checkpoint[begin:end], self.time)
         except ValueError:
-            super().restore(before[:ends[0]])
+            super().restore(before)
             for sensor, memory in zip(self._sensors.values(), memories, strict=True):
                 sensor.restore(memory, self.time)
             raise
