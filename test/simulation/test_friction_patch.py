@@ -199,14 +199,14 @@ def test_a_device_with_sensors_goes_on_from_a_checkpoint_on_the_ice():
     device.fail("friction_patch", LONG, value=0.02, from_x=-1e-3, to_x=1e-3)
     device.advance_to(0.02)
     device.take_measurements()
-    good, untouched = device.checkpoint(), restored.checkpoint().tolist()
+    good, untouched = device.checkpoint(), restored.checkpoint().tobytes()
     forged, memory = good.copy(), len(good) - len(vibro_ros.Simulator.checkpoint(device))
     forged[60:-memory] = math.nan
     for bad, words in ((good[:-1], "the checkpoint has shape"), (good[:5], "the checkpoint has shape"),
                        (good.reshape(1, -1), "the checkpoint has shape"), (forged, "no state that this device")):
         with pytest.raises(ValueError, match=words):
             restored.restore(bad)
-        assert restored.checkpoint().tolist() == untouched
+        assert restored.checkpoint().tobytes() == untouched
     restored.restore(good)
     for one in (device, restored):
         one.advance_to(0.5)

@@ -380,9 +380,15 @@ class Motion:
         return [self.influences, self.point, *lasting(self.state), *self._stepper.memory]
 
     def influences_overwritten(self) -> None:
-        """Compile the scene with the influences that were written, unless `is_possible` is to refuse it."""
-        if self._can_suffer():
-            self._become(self.scene)
+        """Compile the scene with the influences that were written, unless `is_possible` is to refuse it.
+
+        The present state, which may be of no device, is not carried over: all of it is overwritten next.
+        """
+        if self._can_suffer() and self._to_compile(self.scene) != self._compiled:
+            ramps, lowpass = self.state.ramp["value"], self.state.lowpass
+            self._set_up(self.scene)
+            self.state = new_state(self.model.system, 0.0, ramps, self.model.initial_mode)._replace(lowpass=lowpass)
+            self.point = np.zeros(self.model.forms.channels.count)
 
     def lasting_overwritten(self) -> None:
         """Begin to go on from what was written into the arrays of `lasting`."""
