@@ -89,9 +89,10 @@ def test_the_largest_is_that_of_two_runs_that_part():
     chaotic = scene("unilateral")
     spectrum = vibro_ros.lyapunov_spectrum(chaotic, turns=320, settling=64)
     device = vibro_ros.Simulator(chaotic)
-    other = exponent_of_pairs(device, 4.0, 20.0)
+    other, spread = exponent_of_pairs(device, 4.0, 20.0)
     assert spectrum.exponents[0] > 3.0
-    assert spectrum.exponents[0] == pytest.approx(other, abs=2.0 * spectrum.spread[0])
+    assert 0.0 < spread < other  # a mean of ten parts, whose sign is known
+    assert abs(spectrum.exponents[0] - other) < spectrum.spread[0] + spread
 
 
 def test_a_body_that_sticks_and_a_landing_forget_directions():

@@ -361,8 +361,9 @@ class Growth:
 def growth(scene: Scene, duration: float = 15.0, starts: int = 24) -> Growth:
     """Estimate the largest Lyapunov exponent of the masses' motion from pairs of exact runs; the motor turns."""
     scene = scene.with_parameters({"solver.method": "exact", "solver.audit": False})
-    rates = np.array([exponent_of_pairs(started_at_share(scene, k / starts, scene["motor.speed"]), STARTING, duration)
-                      for k in range(starts)])
+    rates = np.array([
+        exponent_of_pairs(started_at_share(scene, k / starts, scene["motor.speed"]), STARTING, duration)[0]
+        for k in range(starts)])
     rate = average(rates)
     chaotic = bool(2 * np.count_nonzero(rates) > starts and rate.mean > rate.spread)
     return Growth(rate.mean, rate.spread, chaotic, duration)

@@ -21,6 +21,7 @@ close together, which cost two runs.
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from scipy.stats import sem
@@ -179,8 +180,13 @@ def _spectrum_of(rates: np.ndarray) -> LyapunovSpectrum:
     order = np.argsort(-found, kind="stable")
     spread, lasting = np.zeros_like(found), np.isfinite(found)
     means = np.array([part[:, lasting].mean(axis=0) for part in np.array_split(rates, _PARTS)])
-    spread[lasting] = student.ppf(0.975, _PARTS - 1) * sem(means, axis=0)
+    spread[lasting] = _half_interval(means)
     return LyapunovSpectrum(found[order], spread[order], len(rates))
+
+
+def _half_interval(means: np.ndarray) -> Any:
+    """Half the width of the 95 % confidence interval of a mean, from its means over parts of a run, along axis 0."""
+    return student.ppf(0.975, len(means) - 1) * sem(means, axis=0) if len(means) > 1 else math.nan
 
 
 def spectrum_of_cycle(turn_map: TurnMap, states: np.ndarray) -> LyapunovSpectrum:
@@ -227,13 +233,15 @@ _ROUNDING = 1e-13  # m, below which a distance says nothing
 _GROWN = 1e3  # times: a distance that grows linearly, while phases drift apart, grows less
 
 
-def exponent_of_pairs(device: Simulator, begin: float, duration: float) -> float:
+def exponent_of_pairs(device: Simulator, begin: float, duration: float) -> tuple[float, float]:
     """Largest Lyapunov exponent of the masses' motion over `duration` [s] from the instant `begin` [s] on.
 
     Returns
     -------
-    float
-        [1/s]; 0 if no two runs have parted; NaN for a time of less than three stretches of two turns.
+    (float, float)
+        The exponent [1/s], and half the width of its 95 % confidence interval, from up to ten parts of the time; both 0
+        if no two runs have parted. NaN for a time of less than three stretches of two turns, and for the interval of
+        one pair.
 
     Raises
     ------
@@ -244,16 +252,21 @@ def exponent_of_pairs(device: Simulator, begin: float, duration: float) -> float
     stretch = _TURNS * TURN / speed if speed > 0.0 else _STANDING
     count = math.floor(duration / stretch)
     if count < 3:
-        return math.nan
+        return math.nan, math.nan
     device.advance_to(begin)
     twin, ends = Simulator(device.scene), iter([begin + stretch * k for k in range(1, count + 1)])
-    growth, watched, parted = 0.0, 0, False
+    growth, watched, parted = list[float](), list[int](), False
     for begun in ends:
         distances = _distances(device, twin, begun, ends)
         if len(distances) > 1:
-            growth, watched = growth + math.log(distances[-1] / distances[0]), watched + len(distances) - 1
+            growth.append(math.log(distances[-1] / distances[0]))
+            watched.append(len(distances) - 1)
             parted = parted or distances[-1] > _GROWN * distances[0]
-    return growth / (watched * stretch) if parted else 0.0
+    if not parted:
+        return 0.0, 0.0
+    rates = [grown.sum() / (lasted.sum() * stretch) for grown, lasted in zip(
+        *(np.array_split(of_pairs, min(_PARTS, len(growth))) for of_pairs in (growth, watched)), strict=True)]
+    return sum(growth) / (sum(watched) * stretch), _half_interval(np.array(rates))
 
 
 def _distances(device: Simulator, twin: Simulator, begun: float, ends: Iterator[float]) -> list[float]:

@@ -471,5 +471,5 @@ def measure(scene: Scene, names: Collection[str], settling: float, duration: flo
     seen = observe(scene, {need for name in names for need in MEASURES[name].needs}, settling, duration, start)
     values = {name: MEASURES[name].value(seen) for name in names}
     if _LYAPUNOV in names:
-        values[_LYAPUNOV] = exponent_of_pairs(device_at_start(scene, start), settling, seen.window.duration)
+        values[_LYAPUNOV] = exponent_of_pairs(device_at_start(scene, start), settling, seen.window.duration)[0]
     return values

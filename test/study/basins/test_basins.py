@@ -141,6 +141,7 @@ def test_chaos_is_one_motion_beside_a_periodic_one(tmp_path):
     assert main(words) == 0
     motions = pandas.read_parquet(tmp_path / "attractors.parquet")
     assert motions["turns"].tolist() == [0, 2] and motions["lyapunov_exponent"][0] > 0.2
+    assert motions["lyapunov_spread"][1] == 0.0 < motions["lyapunov_spread"][0] < motions["lyapunov_exponent"][0]
     assert motions["lyapunov_exponent"][1] < 0.0 and motions["starts"].sum() == 40
     assert [len(row) for row in motions["multipliers_real"]] == [0, 7]
 

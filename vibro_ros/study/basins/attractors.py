@@ -171,6 +171,8 @@ class Attractor:
         orbit Newton's method does not close.
     lyapunov : float
         Largest Lyapunov exponent [1/s]: of the multipliers, or else measured.
+    spread : float
+        Half the width of its 95 % confidence interval [1/s]; 0 of the multipliers.
     """
 
     motion: SettledMotion
@@ -178,6 +180,7 @@ class Attractor:
     fraction: Fraction
     multipliers: np.ndarray
     lyapunov: float
+    spread: float
 
 
 @dataclass(frozen=True)
@@ -287,12 +290,12 @@ def _attractor(motion: SettledMotion, count: int, possible: int, turn_map: TurnM
     turn_map.put(device, motion.states[-1])
     none = np.empty(0, dtype=complex)
     if not motion.turns:
-        exponent = exponent_of_pairs(device, device.time, _MEASURED * turn_map.period)
-        return Attractor(motion, count, fraction, none, exponent)
+        return Attractor(motion, count, fraction, none, *exponent_of_pairs(
+            device, device.time, _MEASURED * turn_map.period))
     multipliers = _multipliers(motion, device, turn_map)
     largest = float(np.abs(multipliers).max(initial=0.0))
     rate = math.log(largest) / (motion.turns * turn_map.period) if largest > 0.0 else math.nan
-    return Attractor(motion, count, fraction, multipliers, rate)
+    return Attractor(motion, count, fraction, multipliers, rate, 0.0)
 
 
 def _multipliers(motion: SettledMotion, device: Simulator, turn_map: TurnMap) -> np.ndarray:

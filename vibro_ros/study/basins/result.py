@@ -9,6 +9,7 @@ from matplotlib.colors import BoundaryNorm, ListedColormap
 from matplotlib.patches import Patch
 
 from vibro_ros.accuracy.figures import new_figure, png, tidy
+from vibro_ros.orbits.chaos import sign_of
 from vibro_ros.orbits.recurrence import LONGEST_PERIOD
 from vibro_ros.orbits.turn_map import coordinates
 from vibro_ros.simulation.given_state import UNITS
@@ -46,6 +47,7 @@ def attractors_table(found: Found, upsets: pa.Table | None) -> bytes:
         Field("fraction_low", pa.float64(), "1", "lower end of its 95 % interval"),
         Field("fraction_high", pa.float64(), "1", "upper end of its 95 % interval"),
         Field("lyapunov_exponent", pa.float64(), "1/s", "the largest one"),
+        Field("lyapunov_spread", pa.float64(), "1/s", "half the width of its 95 % interval"),
         Field("multipliers_real", NUMBERS, "1", "real parts of its Floquet multipliers, the largest first"),
         Field("multipliers_imaginary", NUMBERS, "1", "imaginary parts of its Floquet multipliers, the largest first"),
         Field("states", NUMBERS, "1", "at successive cuts, one after the other, in crank radii and crank radii times "
@@ -53,7 +55,7 @@ def attractors_table(found: Found, upsets: pa.Table | None) -> bytes:
     table = table_of([
         {"attractor": number, "turns": one.motion.turns, "mean_speed": one.motion.mean_speed, "starts": one.count,
          "fraction": one.fraction.share, "fraction_low": one.fraction.low, "fraction_high": one.fraction.high,
-         "lyapunov_exponent": one.lyapunov, "multipliers_real": one.multipliers.real,
+         "lyapunov_exponent": one.lyapunov, "lyapunov_spread": one.spread, "multipliers_real": one.multipliers.real,
          "multipliers_imaginary": one.multipliers.imag, "states": one.motion.states.ravel()}
         for number, one in enumerate(found.attractors, 1)], fields)
     if upsets is not None:
@@ -76,7 +78,8 @@ def in_words(design: Design, table: pa.Table, found: Found, entropy: BasinEntrop
     for number, attractor in enumerate(found.attractors[:_SHOWN], 1):
         share = attractor.fraction
         if not attractor.motion.turns:
-            stability = f"largest Lyapunov exponent {attractor.lyapunov:.3g} 1/s"
+            stability = f"largest Lyapunov exponent {attractor.lyapunov:.3g} ± {attractor.spread:.2g} 1/s" + (
+                "" if sign_of(attractor.lyapunov, attractor.spread) else ", its sign not known")
         elif len(attractor.multipliers):
             stability = f"largest Floquet multiplier {abs(attractor.multipliers[0]):.4f}"
         else:
