@@ -180,7 +180,7 @@ def test_the_same_bits_however_time_is_cut_up_and_from_a_checkpoint(scene: str, 
         assert cut.state.body_position == samples.body_position[k]
         assert (cut.state.normal_force, cut.state.friction_force) == (samples.normal_force[k],
                                                                       samples.friction_force[k])
-        if cut.influences and (place := cut._motion.influences[-1, 4]) not in places:
+        if cut.influences and (place := cut._motion.influences.table[-1, 4]) not in places:
             places.add(place)
             checkpoint = cut.checkpoint()
             restored.restore(checkpoint)

@@ -11,14 +11,13 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from vibro_ros.model.energy import ACCOUNTS, LOSSES, OF_DC_MOTOR
-from vibro_ros.model.faults import DURATION, FORCE, PLACE
 from vibro_ros.model.fixed_steps import contact_laws, cut_to_laws
-from vibro_ros.model.forms import NO_EDGES
 from vibro_ros.model.modes import MODE_EVENTS
-from vibro_ros.model.parameters import AS_FORWARD, BY_NAME
+from vibro_ros.model.parameters import BY_NAME
 from vibro_ros.model.scene import Scene
 from vibro_ros.model.tables import Model, compile_scene
 from vibro_ros.simulation.given_state import book, checked_state, place, started
+from vibro_ros.simulation.influences import PATCH, PUSH, SAG, STALL, STUCK, Influences
 from vibro_ros.simulation.readout import Readout
 from vibro_ros.simulation.samples import EVENT_DTYPE, FIELDS, Trace
 from vibro_ros.solver import event_loop
@@ -41,13 +40,6 @@ _TIME_CONSTANTS = 40.0
 # Computing time [s] that a part of `Motion.advance` aims at; robot time [s] of the first, longer than a tick; the most
 # by which a part grows over the one before it.
 _PART, _FIRST_PART, _GROWTH = 0.02, 0.1, 1000.0
-
-#: A bearing that is seized stops the crank in less than a microsecond.
-SEIZED = {"motor.friction": 1e4, "motor.static_friction": 1e4}
-#: What may last for a while: a push on the body, what does not follow its commands meanwhile, a supply that has
-#: less voltage, and ground that is as a patch of ice. The rows of `Motion.influences`.
-PUSH, STALL, STUCK, SAG, PATCH = "push", "motor_stall", "plate_stuck", "supply_sag", "friction_patch"
-_ROWS = ((PUSH, ""), (STALL, ""), (STUCK, "upper"), (STUCK, "inclined"), (SAG, ""), (PATCH, ""))
 
 #: No number of a device's state is larger, in SI units and counts; beyond it a checkpoint is of no device.
 _LARGEST = 1e15
@@ -76,27 +68,6 @@ class SimulationError(RuntimeError):
     ...     print(error)
     at 0.385 s in mode closed, closed, slip_backward: a coordinate is no longer finite; rk4 may need a solver.step ...
     """
-
-
-def patched(scene: Scene, friction: float) -> Scene:
-    """The scene on ground with another friction coefficient, which is the same at rest and in both directions.
-
-    Raises
-    ------
-    ValueError
-        For a scene that has no such ground.
-    """
-    if not scene.body_moves or scene["effects.friction"] == "none":
-        raise ValueError("fault: friction_patch needs friction on a body that moves, and this scene has none; leave it "
-                         "out, or choose coulomb for effects.friction")
-    if scene["solver.method"] != "exact":
-        raise ValueError(f"fault: friction_patch has edges that solver.method {scene['solver.method']} does not find; "
-                         "choose exact")
-    try:
-        return scene.with_parameters({"ground.friction": friction, "ground.static_friction": friction,
-                                      "ground.friction_backward": AS_FORWARD})
-    except ValueError as error:
-        raise ValueError(f"value: as on a patch, {error}") from None
 
 
 def new_stepper(scene: Scene, model: Model) -> Stepper:
@@ -130,12 +101,8 @@ class Motion:
         Every channel at the end of the last advance or at the last command.
     events : EventLog
         What has happened.
-    influences : ndarray, shape (6, 5)
-        Of each row of `_ROWS` the instant at which it ends [s], or 0 while there is none, and its numbers, then 0: the
-        force along x and upwards [N]; what the motor, or a plate, was asked for [rad/s, m]; the supply's voltage [V];
-        a patch's friction coefficient, its ends [m], and -1, 0 or 1 while the body is before it, on it or behind it.
-    next_end : float
-        The instant at which the first of them ends [s]; infinite without any. To be passed by `end_influences`.
+    influences : Influences
+        What lasts for a while, whose ends are to be passed by `end_influences`.
     """
 
     def __init__(self, scene: Scene, bandwidth: float = 0.0):
@@ -143,7 +110,7 @@ class Motion:
         self._restored = False
         self._cuts_forces = scene["solver.method"] != "exact"
         self._room = np.empty((EVENTS_AT_ONCE, EVENT_COLUMNS))
-        self.influences, self.next_end = np.zeros((len(_ROWS), 5)), math.inf
+        self.influences = Influences()
         self._set_up(scene)
         self.point = np.zeros(self.model.forms.channels.count)
         state = started(scene, self.model, self.point)
@@ -155,7 +122,7 @@ class Motion:
 
     def _set_up(self, scene: Scene) -> None:
         self.scene = scene
-        self._compiled = self._to_compile(scene)
+        self._compiled = self.influences.equations(scene)
         self.model: Model = compile_scene(*self._compiled)
         self._stepper = new_stepper(scene, self.model)
         self._readout = Readout(self.model)
@@ -203,42 +170,15 @@ class Motion:
     def _become(self, scene: Scene) -> None:
         old = self.model
         self._sampled = False
-        if self._to_compile(scene) == self._compiled:
+        if self.influences.equations(scene) == self._compiled:
             self.scene = scene
         else:
             self._set_up(scene)
             self.state, self.point = carried_over(old, self.state, self.point, self.model)
 
-    def _to_compile(self, scene: Scene) -> tuple[Scene, tuple[float, float], tuple[float, float]]:
-        """Arguments of `compile_scene`: the scene with what fails, the push, and the edges of the ground."""
-        (until, friction, low, high, place), edges = self.influences[_ROWS.index((PATCH, ""))].tolist(), NO_EDGES
-        if until:
-            edges = {-1.0: (-math.inf, low), 0.0: (low, high), 1.0: (high, math.inf)}[place]
-            scene = patched(scene, friction) if place == 0.0 else scene
-        return self._with_failing_motor(scene).machine, self._force(), edges
-
-    def _with_failing_motor(self, scene: Scene) -> Scene:
-        """The scene with what fails of a dc motor: its bearing is seized, or its supply has less voltage."""
-        if not scene.has_rotor:
-            return scene
-        seized = SEIZED if self.influences[_ROWS.index((STALL, "")), 0] else {}
-        supply = self.supply_voltage_of(scene)
-        sagged = {} if supply == scene["motor.supply_voltage"] else {
-            "motor.supply_voltage": supply, "motor.voltage": 0.0}  # which enters no equation, and would be too high
-        return scene.with_parameters({**seized, **sagged})
-
-    def supply_voltage_of(self, scene: Scene) -> float:
-        """Voltage [V] of the supply, as the scene and a sag have it."""
-        until, sagged, *_ = self.influences[_ROWS.index((SAG, ""))].tolist()
-        return min(sagged, scene["motor.supply_voltage"]) if until else scene["motor.supply_voltage"]
-
-    def _force(self) -> tuple[float, float]:
-        along_x, upwards = self.influences[_ROWS.index((PUSH, "")), 1:3].tolist()
-        return along_x, upwards
-
     def influence(self, name: str, of: str, until: float, numbers: tuple[float, ...] = ()) -> None:
-        """Let what `_ROWS` lists last from now until the instant `until` [s], in place of what it was; one that does
-        not lie ahead ends it.
+        """Let one of `influences.ROWS` last from now until the instant `until` [s], in place of what it was; an instant
+        that does not lie ahead ends it.
 
         Parameters
         ----------
@@ -254,11 +194,7 @@ class Motion:
         plate = self._plate_target(side) if side else 0.0
         self._stepper.interrupt(self.state, self.time, self.point)
         self._sampled = False
-        row = self.influences[_ROWS.index((name, of))]
-        row[...] = 0.0
-        if until > self.time:
-            row[:1 + len(numbers)] = until, *numbers
-        self._look_for_next_end()
+        self.influences.write(name, of, until if until > self.time else 0.0, numbers)
         if name == PATCH:
             self._find_place_on_ground()
         if name in (PUSH, SAG, PATCH) or (name == STALL and self.scene.has_rotor):
@@ -271,37 +207,30 @@ class Motion:
 
     def end_influences(self) -> None:
         """Advance to the next end, and end what ends there."""
-        self._go_to(self.next_end)
-        for name, of in self.lasting_influences():
-            if self.influences[_ROWS.index((name, of)), 0] <= self.time:
+        self._go_to(self.influences.next_end)
+        for (name, of), until in self.influences.lasting().items():
+            if until <= self.time:
                 self.influence(name, of, 0.0)
 
     def _find_place_on_ground(self) -> bool:
-        """Note whether the body is before, on or behind a patch, whose edges are part of it; whether one lasts."""
-        patch = self.influences[_ROWS.index((PATCH, ""))]
-        if patch[0]:
-            position = self.point[self.model.forms.channels.position(self.model.forms.body)]
-            patch[4] = float(position > patch[3]) - float(position < patch[2])
-        return bool(patch[0])
+        """Note where the body is on ground with a patch; whether there is one."""
+        lasts = (PATCH, "") in self.influences.lasting()
+        if lasts:
+            position = self.model.forms.channels.position(self.model.forms.body)
+            self.influences.find_place(float(self.point[position]))
+        return lasts
 
     def _cross_edge(self) -> None:
         """Go on where a system has ended, at an edge of a patch, with the system of the ground behind that edge."""
-        patch, system = self.influences[_ROWS.index((PATCH, ""))], self.model.system
+        system = self.model.system
         position, automaton = self.model.forms.channels.position(self.model.forms.body), self.state.now["automaton"][0]
         forwards = system.row[system.guard[automaton["mode"], automaton["guard"]], position] < 0.0
         # Exactly, or rounding could put the body back behind the edge.
         self.point[position] = self._compiled[2][int(forwards)]
-        patch[4] += 1.0 if forwards else -1.0
+        self.influences.row(PATCH)[4] += 1.0 if forwards else -1.0
         self.time = float(self.state.now["segment"]["start"][0])
         self._become(self.scene)
         self._begin_segment(self.state)
-
-    def lasting_influences(self) -> dict[tuple[str, str], float]:
-        """What lasts now, by name and side, and the instant [s] at which it ends."""
-        return {which: until for which, until in zip(_ROWS, self.influences[:, 0].tolist(), strict=True) if until}
-
-    def _look_for_next_end(self) -> None:
-        self.next_end = min(self.lasting_influences().values(), default=math.inf)
 
     def set_state(self, given: Mapping[str, object]) -> None:
         """Go on from a state that is `given`, by fields of `Samples`; see `given_state`.
@@ -333,14 +262,14 @@ class Motion:
         """Speed [rad/s] that the motor was asked for, or voltage [V] if that is what commands it."""
         if self.scene.has_rotor:
             return float(self.state.now["motor"]["target"][0])
-        until, asked, *_ = self.influences[_ROWS.index((STALL, ""))].tolist()
-        return asked if until else float(self.state.now["drive"]["target"][0])
+        asked = self.influences.asked(STALL)
+        return float(self.state.now["drive"]["target"][0]) if asked is None else asked
 
     def _command_motor(self, target: float) -> None:
         if self.scene.has_rotor:
             command_rotor(self.model.system, self.state, self.time, target, self.scene["motor.acceleration"])
             return
-        drive, stall = self.state.now["drive"][0], self.influences[_ROWS.index((STALL, ""))]
+        drive, stall = self.state.now["drive"][0], self.influences.row(STALL)
         if stall[0]:
             stall[1], target = target, 0.0
         drive["target"] = target
@@ -357,11 +286,11 @@ class Motion:
 
     def _plate_target(self, side: str) -> float:
         """Where the plate was sent [m]."""
-        until, asked, *_ = self.influences[_ROWS.index((STUCK, side))].tolist()
-        return asked if until else float(self.state.ramp["target"][self.model.forms.plates.index(side)])
+        asked = self.influences.asked(STUCK, side)
+        return float(self.state.ramp["target"][self.model.forms.plates.index(side)]) if asked is None else asked
 
     def _command_plate(self, side: str, target: float) -> None:
-        plate, stuck = self.model.forms.plates.index(side), self.influences[_ROWS.index((STUCK, side))]
+        plate, stuck = self.model.forms.plates.index(side), self.influences.row(STUCK, side)
         ramp = self.state.ramp[plate]
         if stuck[0]:
             stuck[1], target = target, float(ramp["value"])
@@ -375,16 +304,18 @@ class Motion:
     def lasting(self) -> list[np.ndarray]:
         """Return the arrays, to be read or overwritten, that the future depends on besides time, scene and commands.
 
-        The first is `influences`; when it is overwritten, `influences_overwritten` gives the arrays that follow it.
+        The first is the table of `influences`; when it is overwritten, `influences_overwritten` gives the arrays that
+        follow it.
         """
-        return [self.influences, self.point, *lasting(self.state), *self._stepper.memory]
+        return [self.influences.table, self.point, *lasting(self.state), *self._stepper.memory]
 
     def influences_overwritten(self) -> None:
         """Compile the scene with the influences that were written, unless `is_possible` is to refuse it.
 
         The present state, which may be of no device, is not carried over: all of it is overwritten next.
         """
-        if self._can_suffer() and self._to_compile(self.scene) != self._compiled:
+        possible = self.influences.are_possible(self.scene, self.model.forms, self.time)
+        if possible and self.influences.equations(self.scene) != self._compiled:
             ramps, lowpass = self.state.ramp["value"], self.state.lowpass
             self._set_up(self.scene)
             self.state = new_state(self.model.system, 0.0, ramps, self.model.initial_mode)._replace(lowpass=lowpass)
@@ -395,7 +326,7 @@ class Motion:
         library = self.state.library  # of which no series belongs to this state
         library.half[...], library.version[...], library.signal_cells[...] = 0.0, 0, 0
         self._sampled, self._restored = False, True
-        self._look_for_next_end()
+        self.influences.look_for_next_end()
 
     def is_possible(self) -> bool:
         """Whether what was written into the arrays of `lasting` points at nothing beyond the scene's tables, where a
@@ -420,28 +351,10 @@ class Motion:
         endless = np.count_nonzero(~(np.abs(numbers) <= _LARGEST))
         return (all(map(math.isfinite, moving)) and all(low <= number <= high for number, low, high in within)
                 and all(map(np.array_equal, self._filter, (self.state.lowpass["channel"], self.state.lowpass["rate"])))
-                and constant[0] in (0.0, 1.0) and not constant[1:].any() and self._can_drive() and self._can_suffer()
+                and constant[0] in (0.0, 1.0) and not constant[1:].any() and self._can_drive()
+                and self.influences.are_possible(self.scene, self.model.forms, self.time)
                 and (not self.scene.has_rotor or self._can_control())
                 and endless == (segment["cell_left"] > _LARGEST))  # of a crank that stands, or nearly so
-
-    def _can_suffer(self) -> bool:
-        """Whether the influences can have been begun by `Simulator` on this scene."""
-        forms, scene = self.model.forms, self.scene
-        (_, along_x, upwards, *_), (_, speed, *_), *plates, (sags, supply, *_), (ices, friction, low, high, place) = (
-            self.influences.tolist())
-        if ices:
-            try:
-                patched(scene, friction)
-            except ValueError:
-                return False
-        return (all(until == 0.0 and not any(rest) or self.time < until <= self.time + DURATION.maximum
-                    for until, *rest in self.influences.tolist())
-                and abs(along_x) <= FORCE.maximum * forms.body_moves and abs(upwards) <= FORCE.maximum * forms.body_hops
-                and 0.0 <= speed <= BY_NAME["motor.max_speed"].maximum
-                and all(0.0 <= asked <= 2.0 * scene.longest_rod for _, asked, *_ in plates)
-                and (sags == 0.0 or (scene.has_rotor and 0.0 < supply <= BY_NAME["motor.supply_voltage"].maximum))
-                and (ices == 0.0 or (-PLACE.maximum <= low < high <= PLACE.maximum and place in (-1.0, 0.0, 1.0)))
-                and not self.influences[1:-1, 2:].any() and not self.influences[0, 3:].any())
 
     def _can_control(self) -> bool:
         """Whether a dc motor can be at this angle, be held so and take its next sample then."""
@@ -502,7 +415,7 @@ class Motion:
         """Advance to each of `times` [s], ascending, and return the fields of `Samples` there."""
         found = []
         while True:
-            before = int(np.searchsorted(times, self.next_end))  # a sample at an end is of what follows
+            before = int(np.searchsorted(times, self.influences.next_end))  # a sample at an end is of what follows
             trace = self.new_trace(before)
             taken = self.advance(times[:before], trace)
             found.append(self.quantities(times[:taken], trace.part(0, taken)))
@@ -519,7 +432,7 @@ class Motion:
 
     def advance_to(self, time: float) -> None:
         """Advance to `time` [s], and keep what is sampled there for `now`."""
-        while self.next_end <= time:
+        while self.influences.next_end <= time:
             self.end_influences()
         self._go_to(time)
         self._sampled = True

@@ -11,7 +11,8 @@ from vibro_ros.model.faults import DEVICE, DURATION, FAULTS, FORCE, checked_inci
 from vibro_ros.model.parameters import BY_NAME, parameter_named
 from vibro_ros.model.scene import Scene
 from vibro_ros.simulation.auto import Choice, choose_method, chosen
-from vibro_ros.simulation.motion import PATCH, PUSH, SAG, STALL, Motion, patched
+from vibro_ros.simulation.influences import PATCH, PUSH, SAG, STALL, patched
+from vibro_ros.simulation.motion import Motion
 from vibro_ros.simulation.preparation import provide_kernels
 from vibro_ros.simulation.samples import LATEST, Samples, checked_times, one_sample
 
@@ -132,7 +133,7 @@ class Simulator:
         >>> device.supply_voltage
         9.0
         """
-        return self._motion.supply_voltage_of(self.scene)
+        return self._motion.influences.supply_voltage_of(self.scene)
 
     def command(self, motor_speed: float | None = None, upper_gap: float | None = None,
                 inclined_gap: float | None = None, motor_voltage: float | None = None) -> None:
@@ -367,7 +368,7 @@ class Simulator:
         {'plate_stuck of upper': 0.5}
         """
         return {f"{name} of {of}" if of else name: until
-                for (name, of), until in self._motion.lasting_influences().items()}
+                for (name, of), until in self._motion.influences.lasting().items()}
 
     def reset(self) -> None:
         """Put the device back to its start: time 0, the state and the commands of the scene's parameters, no events.
@@ -432,7 +433,7 @@ class Simulator:
         self._motion.events.drop_untaken()
 
     def _overwrite(self, checkpoint: np.ndarray) -> None:
-        influences, end = self._motion.influences, 1
+        influences, end = self._motion.influences.table, 1
         if np.ndim(checkpoint) == 1 and len(checkpoint) > influences.size:  # which decide how many numbers follow
             self._motion.time = float(checkpoint[0])
             influences[...] = checkpoint[end:end + influences.size].reshape(influences.shape)

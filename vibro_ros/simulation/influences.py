@@ -1,0 +1,131 @@
+"""What influences a motion for a while: a push, a motor that stalls, a plate that sticks, a supply that sags, ice.
+
+They are one table of numbers, which a checkpoint holds. Each row ends at an instant of its own. A motor that stalls and
+a plate that sticks remember in it what they were asked for. The others change the equations: `Influences.equations` has
+what is to be compiled then.
+"""
+
+import math
+
+import numpy as np
+
+from vibro_ros.model.faults import DURATION, FORCE, PLACE
+from vibro_ros.model.forms import NO_EDGES, Forms
+from vibro_ros.model.parameters import AS_FORWARD, BY_NAME
+from vibro_ros.model.scene import Scene
+
+PUSH, STALL, STUCK, SAG, PATCH = "push", "motor_stall", "plate_stuck", "supply_sag", "friction_patch"
+#: Name, and the side that is stuck.
+ROWS = ((PUSH, ""), (STALL, ""), (STUCK, "upper"), (STUCK, "inclined"), (SAG, ""), (PATCH, ""))
+#: A bearing that is seized stops the crank in less than a microsecond.
+SEIZED = {"motor.friction": 1e4, "motor.static_friction": 1e4}
+
+
+class Influences:
+    """What lasts now, of `ROWS`.
+
+    Attributes
+    ----------
+    table : ndarray, shape (6, 5)
+        Of each row the instant at which it ends [s], or 0 while there is none, and its numbers, then 0: the force along
+        x and upwards [N]; what the motor, or a plate, was asked for [rad/s, m]; the supply's voltage [V]; a patch's
+        friction coefficient, its ends [m], and -1, 0 or 1 while the body is before it, on it or behind it.
+    next_end : float
+        The instant at which the first of them ends [s]; infinite without any.
+    """
+
+    def __init__(self) -> None:
+        self.table, self.next_end = np.zeros((len(ROWS), 5)), math.inf
+
+    def row(self, name: str, of: str = "") -> np.ndarray:
+        """The row of the table, to be read or written, shape (5,)."""
+        return self.table[ROWS.index((name, of))]
+
+    def write(self, name: str, of: str, until: float, numbers: tuple[float, ...]) -> None:
+        """Let one last until the instant `until` [s], in place of what it was; 0 ends it."""
+        row = self.row(name, of)
+        row[...] = 0.0
+        if until:
+            row[:1 + len(numbers)] = until, *numbers
+        self.look_for_next_end()
+
+    def look_for_next_end(self) -> None:
+        """Find `next_end` in a table that was written."""
+        self.next_end = min(self.lasting().values(), default=math.inf)
+
+    def lasting(self) -> dict[tuple[str, str], float]:
+        """What lasts now, by name and side, and the instant [s] at which it ends."""
+        return {which: until for which, until in zip(ROWS, self.table[:, 0].tolist(), strict=True) if until}
+
+    def asked(self, name: str, of: str = "") -> float | None:
+        """What a motor that stalls, or a plate that sticks, was asked for [rad/s, m]; None while it does not."""
+        until, asked, *_ = self.row(name, of).tolist()
+        return asked if until else None
+
+    def equations(self, scene: Scene) -> tuple[Scene, tuple[float, float], tuple[float, float]]:
+        """Arguments of `compile_scene`: the scene with what fails, the push, and the edges of the ground."""
+        (until, friction, low, high, place), edges = self.row(PATCH).tolist(), NO_EDGES
+        if until:
+            edges = {-1.0: (-math.inf, low), 0.0: (low, high), 1.0: (high, math.inf)}[place]
+            scene = patched(scene, friction) if place == 0.0 else scene
+        _, along_x, upwards, *_ = self.row(PUSH).tolist()
+        return self._with_failing_motor(scene).machine, (along_x, upwards), edges
+
+    def _with_failing_motor(self, scene: Scene) -> Scene:
+        """The scene with what fails of a dc motor: its bearing is seized, or its supply has less voltage."""
+        if not scene.has_rotor:
+            return scene
+        seized = SEIZED if self.row(STALL)[0] else {}
+        supply = self.supply_voltage_of(scene)
+        sagged = {} if supply == scene["motor.supply_voltage"] else {
+            "motor.supply_voltage": supply, "motor.voltage": 0.0}  # which enters no equation, and would be too high
+        return scene.with_parameters({**seized, **sagged})
+
+    def supply_voltage_of(self, scene: Scene) -> float:
+        """Voltage [V] of the supply, as the scene and a sag have it."""
+        until, sagged, *_ = self.row(SAG).tolist()
+        return min(sagged, scene["motor.supply_voltage"]) if until else scene["motor.supply_voltage"]
+
+    def find_place(self, position: float) -> None:
+        """Note whether a body at `position` [m] is before, on or behind a patch, whose edges are part of it."""
+        patch = self.row(PATCH)
+        patch[4] = float(position > patch[3]) - float(position < patch[2])
+
+    def are_possible(self, scene: Scene, forms: Forms, now: float) -> bool:
+        """Whether `Simulator` can have begun them on this scene, and they last at the instant `now` [s]."""
+        (_, along_x, upwards, *_), (_, speed, *_), *plates, (sags, supply, *_), (ices, friction, low, high, place) = (
+            self.table.tolist())
+        if ices:
+            try:
+                patched(scene, friction)
+            except ValueError:
+                return False
+        return (all(until == 0.0 and not any(rest) or now < until <= now + DURATION.maximum
+                    for until, *rest in self.table.tolist())
+                and abs(along_x) <= FORCE.maximum * forms.body_moves and abs(upwards) <= FORCE.maximum * forms.body_hops
+                and 0.0 <= speed <= BY_NAME["motor.max_speed"].maximum
+                and all(0.0 <= asked <= 2.0 * scene.longest_rod for _, asked, *_ in plates)
+                and (sags == 0.0 or (scene.has_rotor and 0.0 < supply <= BY_NAME["motor.supply_voltage"].maximum))
+                and (ices == 0.0 or (-PLACE.maximum <= low < high <= PLACE.maximum and place in (-1.0, 0.0, 1.0)))
+                and not self.table[1:-1, 2:].any() and not self.table[0, 3:].any())
+
+
+def patched(scene: Scene, friction: float) -> Scene:
+    """The scene on ground with another friction coefficient, which is the same at rest and in both directions.
+
+    Raises
+    ------
+    ValueError
+        For a scene that has no such ground.
+    """
+    if not scene.body_moves or scene["effects.friction"] == "none":
+        raise ValueError("fault: friction_patch needs friction on a body that moves, and this scene has none; leave it "
+                         "out, or choose coulomb for effects.friction")
+    if scene["solver.method"] != "exact":
+        raise ValueError(f"fault: friction_patch has edges that solver.method {scene['solver.method']} does not find; "
+                         "choose exact")
+    try:
+        return scene.with_parameters({"ground.friction": friction, "ground.static_friction": friction,
+                                      "ground.friction_backward": AS_FORWARD})
+    except ValueError as error:
+        raise ValueError(f"value: as on a patch, {error}") from None
