@@ -58,20 +58,7 @@ def test_the_extremes_of_the_stribeck_speed_are_simulated(rule, speed):
     assert steps["stribeck"] < 12 * steps["static"]
 
 
-@pytest.mark.parametrize("rule", RULES)
-@pytest.mark.parametrize("speed", [1e-3, 1e-2, 1.0])
-def test_the_masses_move_as_with_coulombs_friction(rule, speed):
-    """Bit for bit: the body's pieces do not cut their flow. Pieces are few: counted up to 4.6 times as many in all."""
-    both = [scene(**{"effects.friction": friction, "effects.normal_force": rule, "ground.stribeck_speed": speed})
-            for friction in ("stribeck", "coulomb")]
-    stribeck, coulomb = (vibro_ros.simulate(each, duration=1.0, rate=1000.0) for each in both)
-    for name in ("upper_position", "upper_velocity", "inclined_position", "inclined_velocity"):
-        np.testing.assert_array_equal(getattr(stribeck, name), getattr(coulomb, name))
-    assert coulomb.statistics["steps"] < stribeck.statistics["steps"] < 5 * coulomb.statistics["steps"]
-
-
 @pytest.mark.parametrize(("changes", "named"), [
-    ({"effects.reaction": True}, ("effects.friction", "effects.reaction", "static")),
     ({"effects.normal_force": "hop"}, ("effects.friction", "landing", "unilateral")),
     ({"ground.static_friction": 0.19}, ("ground.static_friction: 0.19 ", "0.2")),
     ({"ground.stribeck_speed": 0.0}, ("ground.stribeck_speed: 0 ", "1e-06", "1000 m/s")),

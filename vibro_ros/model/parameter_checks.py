@@ -104,25 +104,19 @@ def _check_friction(values: ParameterValues) -> None:
         raise ValueError(f"ground.friction_backward: {backward:g} makes a one-way wheel, which is sound only where N "
                          "is never 0, and elsewhere slides on its tyre; choose weight for effects.normal_force, or "
                          f"give at most {BY_NAME['ground.friction'].maximum:g}")
-    if law == "stribeck":  # a coefficient that changes with the speed is not linear
-        if values["ground.viscous_friction"]:
-            raise ValueError(f"ground.viscous_friction: {values['ground.viscous_friction']:g} N·s/m has no exact "
-                             "solution with effects.friction 'stribeck'; choose static, or give 0")
-        if values["effects.reaction"]:
-            raise ValueError("effects.friction: 'stribeck' has no exact solution with effects.reaction true, by which "
-                             "the friction moves the masses; choose static, or set effects.reaction to false")
-        if values["effects.normal_force"] == "hop":
-            raise ValueError("effects.friction: 'stribeck' has no exact law for a landing, in which the coefficient "
-                             "would change during the shock; choose static, or unilateral for effects.normal_force")
+    if law == "stribeck" and values["effects.normal_force"] == "hop":
+        raise ValueError("effects.friction: 'stribeck' has no exact law for a landing, in which the coefficient "
+                         "would change during the shock; choose static, or unilateral for effects.normal_force")
     # The friction coefficient at which the inertia of slipping body and inclined mass is singular.
     sine, mass = math.sin(values["guide.angle"]), values["mass.inclined"]
     coupled = values["effects.reaction"] and values["effects.normal_force"] != "weight" and "inclined" in values.guides
     coupling = coupled * mass * sine * abs(math.cos(values["guide.angle"]))
     highest = (values.total_mass - mass * sine**2) / coupling if coupling else math.inf
-    largest = max(values.kinetic_frictions)
-    if values.has_dry_friction and largest >= highest:
-        name = "ground.friction" if largest == kinetic else "ground.friction_backward"
-        raise ValueError(f"{name}: at {largest:g} the reaction on the masses has no unique solution while "
+    largest = max(values.slipping_frictions, key=abs)
+    if values.has_dry_friction and abs(largest) >= highest:
+        name = "ground.static_friction" if law == "stribeck" else (
+            "ground.friction" if abs(largest) == kinetic else "ground.friction_backward")
+        raise ValueError(f"{name}: at {abs(largest):g} the reaction on the masses has no unique solution while "
                          f"the body slips (Painlevé's paradox); give less than {highest:g}, or set "
                          "effects.reaction to false")
 
@@ -273,8 +267,8 @@ def _inertias(values: ParameterValues) -> Iterator[np.ndarray]:
     rule, total = values["effects.normal_force"], values.total_mass
     masses = np.array([values[f"mass.{side}"] for side in values.guides])
     across, up = np.reshape([values.direction(side) for side in values.guides], (-1, 2)).T
-    forward, backward = values.kinetic_frictions if values.has_dry_friction and rule != "weight" else (0.0, 0.0)
-    for friction in (0.0, forward, -backward):
+    slipping = values.slipping_frictions if values.has_dry_friction and rule != "weight" else set()
+    for friction in {0.0} | slipping:
         yield np.diag(masses) - np.outer(masses * across, masses * (across + friction * up)) / total
     if rule == "hop":
         yield np.diag(masses) - sum(np.outer(masses * part, masses * part) for part in (across, up)) / total

@@ -98,6 +98,15 @@ class ParameterValues:
         return (self["ground.static_friction"],) * 2 if own else self.kinetic_frictions
 
     @property
+    def slipping_frictions(self) -> set[float]:
+        """The least and the largest friction coefficient of a slipping body, negative for one that moves backwards."""
+        forward, backward = self.kinetic_frictions
+        limits = {forward, -backward}
+        if self["effects.friction"] == "stribeck":
+            limits |= {self["ground.static_friction"], -self["ground.static_friction"]}
+        return limits
+
+    @property
     def has_dry_friction(self) -> bool:
         """Whether there is dry friction: not with a coefficient of 0, nor with the rule `weight` without gravity."""
         weightless = self["effects.normal_force"] == "weight" and self["gravity"] == 0.0

@@ -95,18 +95,21 @@ def _compile_machine(scene: Scene, push: tuple[float, float], edges: tuple[float
     acceleration = builder.equations() + 0.0  # no -0.0
     # With the reaction the body's energy is audited as well, so that a segment ends where the body's equation changes.
     own = channels.coordinates if scene["effects.reaction"] else channels.dynamic
-    rotor = _rotor(builder, scene, acceleration)
-    flow = flow_numbers(np.concatenate([acceleration[:, :own], rotor.current[:, None]], axis=1) if builder.motor
-                        else acceleration[:, :own])
-    first = np.unique(flow, return_index=True)[1]  # mode of each flow
-    guards = _guard_tables(builder)
+    rotor = _rotor(builder, scene)
     # The decaying term of Stribeck's law: the normal force of a slipping body times exp(-abs(x') / v_s).
     decaying = builder.modes if forms.friction_decays else ()
     rate = np.array([builder.ground.decay_rate(mode.ground) for mode in decaying])
-    factor = builder.ground_force("normal_force")[:len(decaying)].copy()
+    factor = (rate != 0.0)[:, None] * builder.ground_force("normal_force")[:len(decaying)] + 0.0
+    equations = [acceleration[:, :own], *([rotor.current[:, None]] if builder.motor else [])]
+    if forms.friction_decays:  # where the term moves the body, it is part of the flow
+        equations += [factor[:, None], np.where((rate != 0.0)[:, None], acceleration[:, forms.body], 0.0)[:, None]]
+    flow = flow_numbers(np.concatenate(equations, axis=1))
+    first = np.unique(flow, return_index=True)[1]  # mode of each flow
+    guards = _guard_tables(builder)
     system = System(
         size=size_of(channels),
         acceleration=acceleration,
+        reads=terms(acceleration),
         terms=acceleration_terms(acceleration, channels),
         flow=flow,
         coupled=couplings(acceleration, channels),
@@ -121,7 +124,7 @@ def _compile_machine(scene: Scene, push: tuple[float, float], edges: tuple[float
         **audit_tables(builder, scene),
         accounts=account_table(builder, scene, guards),
         signals=signal_table(tuple(sliders)),
-        decay=Decay(factor, terms(factor), rate),
+        decay=Decay(np.array([forms.body] * forms.friction_decays, np.int64), factor, terms(factor), rate),
         rotor=rotor,
         shock=_shock(builder, scene),
     )
@@ -129,7 +132,7 @@ def _compile_machine(scene: Scene, push: tuple[float, float], edges: tuple[float
     return Model(forms, tuple(sliders), builder.modes, system, output, terms(output), builder.initial_mode)
 
 
-def _rotor(builder: ModeBuilder, scene: Scene, acceleration: np.ndarray) -> Rotor:
+def _rotor(builder: ModeBuilder, scene: Scene) -> Rotor:
     """The crank as a coordinate, with its motor; empty where the crank's motion is known in time."""
     motor, at, modes = builder.motor, builder.forms.channels, len(builder.modes)
     if not motor:
@@ -144,8 +147,8 @@ def _rotor(builder: ModeBuilder, scene: Scene, acceleration: np.ndarray) -> Roto
     controller = (law[scene["motor.control"]], 1.0 / scene["motor.control_rate"], scene["motor.proportional_gain"],
                   scene["motor.integral_gain"], scene["motor.feed_forward"], motor.supply_voltage, motor.constant,
                   motor.resistance, scene["motor.current_limit"])
-    loads, dynamic = builder.signal_loads(), np.ascontiguousarray(acceleration[:, :at.dynamic])
-    return Rotor(np.array(sliders).reshape(-1, 4), loads, terms(loads), terms(dynamic), current, terms(current),
+    loads = builder.signal_loads()
+    return Rotor(np.array(sliders).reshape(-1, 4), loads, terms(loads), current, terms(current),
                  np.full(modes, motor.inductance == 0.0), np.array([controller], CONTROLLER))
 
 

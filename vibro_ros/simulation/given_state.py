@@ -13,9 +13,10 @@ from vibro_ros.model.scene import NUMBERS, Scene, check_parts, given_start, outs
 from vibro_ros.model.shock import REST_SPEED
 from vibro_ros.model.tables import Model
 from vibro_ros.solver.energy import stored_energy, stored_on_accounts
-from vibro_ros.solver.rotor import read_rotor, start_rotor
+from vibro_ros.solver.rotor import start_rotor
 from vibro_ros.solver.segment import read_signals
 from vibro_ros.solver.state import State, new_state
+from vibro_ros.solver.taylor import read_rotor
 
 UNITS = {name: number.unit for name, number in NUMBERS.items()} | {
     "motor_speed": "rad/s", "upper_plate_position": "m", "inclined_plate_position": "m"}

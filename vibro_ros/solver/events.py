@@ -11,9 +11,10 @@ import numpy as np
 from vibro_ros.solver.compilation import entry_kernel, kernel
 from vibro_ros.solver.guards import guard_value, maximum
 from vibro_ros.solver.polynomial import fill_form
-from vibro_ros.solver.rotor import evaluate, strike
 from vibro_ros.solver.segment import instant
-from vibro_ros.solver.system import NOTHING, first_acceleration, form_value
+from vibro_ros.solver.shock import strike
+from vibro_ros.solver.system import NOTHING, first_acceleration, form_magnitude, form_value
+from vibro_ros.solver.taylor import decays, evaluate
 
 #: What `transition` decides: no guard fires, and the mode goes on in the next segment; ...
 SEGMENT_ENDS = 0
@@ -40,9 +41,13 @@ def _holds(system, state, row, point):
 def _accelerate(system, state, mode, point):
     """Set the accelerations of the dynamic coordinates at `point` to those of `mode`, and all magnitudes."""
     first, magnitude = first_acceleration(system.size[0]), state.scratch.magnitude
-    if system.size[0].rotors > 0:
+    if system.size[0].rotors > 0 or decays(system, mode):
         evaluate(system, state, mode, point)
         _fill_magnitude(state, point)
+        if decays(system, mode):  # the term is a form of what it moves
+            magnitude[len(point) - 2] += form_magnitude(system.decay.factor[mode], magnitude)
+            for i in range(system.size[0].dynamic - 2 * system.size[0].rotors):
+                magnitude[first + i] = form_magnitude(system.acceleration[mode, i], magnitude)
         return
     _fill_magnitude(state, point)
     for i in range(system.size[0].dynamic):

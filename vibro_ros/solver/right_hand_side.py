@@ -4,14 +4,12 @@ In the methods of fixed step a *segment* is a step. A step may be longer than a 
 the phase's speed.
 """
 
-import math
-
 from vibro_ros.solver.compilation import kernel
 from vibro_ros.solver.drive import advance_speed
 from vibro_ros.solver.polynomial import value_and_derivatives
-from vibro_ros.solver.rotor import evaluate
 from vibro_ros.solver.segment import advance_ramps, phase_at
 from vibro_ros.solver.system import first_acceleration, first_ramp, first_signal, form_value
+from vibro_ros.solver.taylor import decays, evaluate
 
 
 @kernel
@@ -82,20 +80,13 @@ def accelerate(system, state, mode, z, accelerations):
     z receives the accelerations of the dynamic coordinates, the decaying term and what follows from a rotor's phase.
     """
     coordinates, dynamic = system.size[0].coordinates, system.size[0].dynamic
-    if system.size[0].rotors > 0:
+    if system.size[0].rotors > 0 or decays(system, mode):
         evaluate(system, state, mode, z)
         for i in range(dynamic):
             accelerations[i] = z[first_acceleration(system.size[0]) + i]
     else:
         for i in range(dynamic):
             accelerations[i] = z[first_acceleration(system.size[0]) + i] = form_value(system.acceleration[mode, i], z)
-    if system.size[0].decays > 0:
-        decay = len(z) - 2
-        z[decay] = 0.0
-        if system.decay.rate[mode] != 0.0:
-            # A step may end beyond the speed 0, where the mode ends.
-            fallen = min(0.0, system.decay.rate[mode] * z[coordinates + dynamic])
-            z[decay] = form_value(system.decay.factor[mode], z) * math.exp(fallen)
     for i in range(dynamic, coordinates):
         accelerations[i] = form_value(system.acceleration[mode, i], z)
 

@@ -45,18 +45,6 @@ def instant(state, x):
 
 
 @kernel
-def local_to_piece(segment, x):
-    """Local time of the present piece, -1 at its start and 1 at its end, at the local time `x` of the segment."""
-    return (x - segment.piece_middle) / segment.piece_half
-
-
-@kernel
-def set_piece(segment, start, end):
-    """Let the present piece lie between these local times of the segment."""
-    segment.piece_middle, segment.piece_half, segment.piece_end = 0.5 * (start + end), 0.5 * (end - start), end
-
-
-@kernel
 def advance_clock(state, elapsed):
     """Move the segment's start by `elapsed` [s] and store what rounding takes from the sum."""
     segment = state.now[0].segment
@@ -67,9 +55,9 @@ def advance_clock(state, elapsed):
 
 
 @kernel
-def _spans_cell(system, state, duration, since, longest):
+def _spans_cell(system, state, duration, since):
     """Whether a segment may be the whole cell: if the flow's series reaches so far, and nothing changes on the way."""
-    if duration > min(LONGEST_SEGMENT, CELL_RATE * system.longest_segment[state.now[0].automaton.mode], longest):
+    if duration > min(LONGEST_SEGMENT, CELL_RATE * system.longest_segment[state.now[0].automaton.mode]):
         return False
     left, drive = duration - since, state.now[0].drive
     if duration == 0.0 or 0.0 < drive.time_left <= left:
@@ -116,8 +104,11 @@ def _cell_width(system, drive):
 
 
 @kernel
-def choose_segment(system, state, longest):
-    """Set the segment's extent, at most `longest` [s], and the local time at which flow and mode start."""
+def choose_segment(system, state, may_be_cell):
+    """Set the segment's extent and the local time at which flow and mode start.
+
+    Where the segment may be a whole cell, it may begin before them.
+    """
     segment, drive = state.now[0].segment, state.now[0].drive
     width = _cell_width(system, drive)
     if drive.offset >= width or (drive.time_left > 0.0 and 0.0 < drive.cell_time <= drive.since):
@@ -132,7 +123,7 @@ def choose_segment(system, state, longest):
         duration, since = drive.cell_time, drive.since
     elif drive.speed > 0.0:
         duration, since = width / drive.speed, drive.offset / drive.speed
-    if _spans_cell(system, state, duration, since, longest):
+    if may_be_cell and _spans_cell(system, state, duration, since):
         segment.cell_left = duration
         segment.half = 0.5 * duration
         if drive.offset > 0.0:
@@ -143,7 +134,7 @@ def choose_segment(system, state, longest):
             segment.cell_left = duration - since
         else:
             segment.cell_left = time_to_advance(drive, width - drive.offset)
-        duration = part_of_cell(system, state, min(longest, system.longest_segment[state.now[0].automaton.mode]))
+        duration = part_of_cell(system, state, system.longest_segment[state.now[0].automaton.mode])
         segment.slot = len(system.signals.start) - 1
     segment.flow_start = segment.mode_start
     segment.half = 0.5 * duration
@@ -286,7 +277,7 @@ def fill_forcing(system, state):
 @entry_kernel
 def read_signals(system, state, values):
     """Values of the signals now, before the first segment: the very bits that the segment's flow starts with."""
-    choose_segment(system, state, math.inf)
+    choose_segment(system, state, True)
     fill_forcing(system, state)
     for k in range(system.size[0].signals):
         values[k] = value(state.z[first_signal(system.size[0]) + k], -1.0)

@@ -6,8 +6,8 @@ Coordinates q obey, in mode m, q'' = A_m z with the *channels*
 
 where a = q'' of the dynamic coordinates; f are periodic signals of a phase, whose speed is constant, changes linearly
 or approaches a target exponentially, and f'' is there only for a system that asks for it; r are ramps, which move to
-their targets at constant rates; and d, where there is one, is a term that decays exponentially with a driven
-coordinate's velocity (`Decay`). Where the phase is a coordinate (`Rotor`), T is the torque on it, and h what its
+their targets at constant rates; and d, where there is one, is a term that decays exponentially with a coordinate's
+velocity (`Decay`). Where the phase is a coordinate (`Rotor`), T is the torque on it, and h what its
 motor is held at.
 
 The first `dynamic` coordinates may enter their own right-hand sides, with the forcing. The other coordinates are
@@ -174,13 +174,12 @@ class SignalTable(NamedTuple):
 
 
 class Decay(NamedTuple):
-    """A decaying term d = f exp(r v): v is the velocity of the only driven coordinate, whose row of A alone reads d.
-
-    Nothing else reads d but outputs. Where there is such a term, a guard that reads the driven coordinate reads no
-    other channel that changes. All arrays are empty where there is none.
+    """A decaying term d = f exp(r v), where v is a coordinate's velocity; all arrays are empty where there is none.
 
     Attributes
     ----------
+    coordinate : ndarray of int, shape (1,)
+        The coordinate.
     factor : ndarray, shape (m, channels)
         Rows of the factor f.
     terms : ndarray of int, shape (m, channels)
@@ -189,6 +188,7 @@ class Decay(NamedTuple):
         r, with r v <= 0 while the mode lasts; 0 in a mode without such a term.
     """
 
+    coordinate: np.ndarray
     factor: np.ndarray
     terms: np.ndarray
     rate: np.ndarray
@@ -228,8 +228,6 @@ class Rotor(NamedTuple):
         Rows g.
     load_terms : ndarray of int, shape (m, signals, channels)
         Channels that they read, padded with `NOTHING`.
-    terms : ndarray of int, shape (m, dynamic, channels)
-        Channels that the rows of A of the dynamic coordinates read, padded with `NOTHING`.
     current : ndarray, shape (m, channels)
         Row of the charge's rate where a form decides it, because nothing resists its change.
     current_terms : ndarray of int, shape (m, channels)
@@ -243,7 +241,6 @@ class Rotor(NamedTuple):
     signal: np.ndarray
     load: np.ndarray
     load_terms: np.ndarray
-    terms: np.ndarray
     current: np.ndarray
     current_terms: np.ndarray
     algebraic: np.ndarray
@@ -298,8 +295,6 @@ class AccountTable(NamedTuple):
         Channel of the velocity along the force.
     account : ndarray of int, shape (p,)
         Account on which the force's work is booked.
-    force_in_piece, rate_in_piece : ndarray of bool, shape (p,)
-        Whether force and velocity are polynomials of a piece where the segment has pieces.
     stretch : ndarray, shape (e, channels)
         Forms e of the stored energy, sum of w (e z)² / 2 + b z.
     stiffness : ndarray, shape (m, e)
@@ -319,8 +314,6 @@ class AccountTable(NamedTuple):
     terms: np.ndarray
     rate: np.ndarray
     account: np.ndarray
-    force_in_piece: np.ndarray
-    rate_in_piece: np.ndarray
     stretch: np.ndarray
     stiffness: np.ndarray
     potential: np.ndarray
@@ -344,9 +337,10 @@ class System(NamedTuple):
         Whether dynamic coordinates enter each other's equations.
     longest_segment : ndarray, shape (m,)
         Longest segment [s] that the series of the mode's flow resolves to rounding.
+    reads : ndarray of int, shape (m, coordinates, channels)
+        Channels that the rows of A read, padded with `NOTHING`.
     terms : ndarray of int, shape (m, coordinates, channels)
-        Channels that the rows of A read but the decaying term, padded with `NOTHING`; for dynamic coordinates, the
-        forcing's alone.
+        The same, but of dynamic coordinates only the forcing of their linear flow.
     row : ndarray, shape (rows, channels)
         Distinct rows of G.
     row_terms : ndarray of int, shape (rows, channels)
@@ -415,6 +409,7 @@ class System(NamedTuple):
     flow: np.ndarray
     coupled: np.ndarray
     longest_segment: np.ndarray
+    reads: np.ndarray
     terms: np.ndarray
     row: np.ndarray
     row_terms: np.ndarray
@@ -450,8 +445,7 @@ class System(NamedTuple):
 def no_rotor(count: int) -> Rotor:
     """`System.rotor` of a system of `count` channels whose phase is known in time."""
     forms, row = np.empty((0, 0, count)), np.empty((0, count))
-    return Rotor(np.empty((0, 4)), forms, terms(forms), terms(forms), row, terms(row), np.empty(0, bool),
-                 np.empty(0, CONTROLLER))
+    return Rotor(np.empty((0, 4)), forms, terms(forms), row, terms(row), np.empty(0, bool), np.empty(0, CONTROLLER))
 
 
 def no_shock() -> Shock:
@@ -487,7 +481,7 @@ def acceleration_terms(acceleration: np.ndarray, channels: Channels) -> np.ndarr
     if read.any():
         raise ValueError(f"rows of dynamic coordinates read channels {np.flatnonzero(read)}, which no flow sees")
     if channels.decays:
-        forcing[:, :, channels.decay] = 0.0
+        forcing[:, :channels.dynamic, channels.decay] = 0.0
     forcing[:, :channels.dynamic, :channels.signal(0)] = 0.0
     return terms(forcing)
 
