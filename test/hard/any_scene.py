@@ -87,8 +87,6 @@ def _values(rng):
     values["ground.static_friction"] = min(1e3, values["ground.friction"] * _one_of(rng, [1.0, 1.2, 3.0]))
     if values["effects.friction"] == "coulomb":
         values["ground.friction_backward"] = _one_of(rng, [-1.0, min(1e3, values["ground.friction"] * 3.0), 0.0])
-    if values["effects.friction"] == "stribeck":
-        values["ground.viscous_friction"] = 0.0
     return values | _given_start(rng, values) if values[_STARTS] == "given" else values
 
 
@@ -118,7 +116,6 @@ def _compatible(rng, values):
     """Changes of a rich scene's choices that are refused together and would be rare otherwise."""
     changes = {}
     if values["effects.friction"] == "stribeck":
-        changes["effects.reaction"] = False
         changes["effects.normal_force"] = _one_of(
             rng, [rule for rule in _TABLE["effects.normal_force"].choices if rule != "hop"])
     if (values | changes)["effects.normal_force"] == "printed":  # which is refused with rigid plates

@@ -49,21 +49,22 @@ def test_a_fast_decay_tends_to_the_static_law():
 @pytest.mark.parametrize("rule", RULES)
 @pytest.mark.parametrize("speed", [1e-6, 1e3])
 def test_the_extremes_of_the_stribeck_speed_are_simulated(rule, speed):
-    """However fast the decay: each stop and each start takes some twenty steps through it, measured up to 10 times as
+    """However fast the decay: each stop and each start takes some forty steps through it, measured up to 13 times as
     many in all as by the static law."""
     steps = {friction: vibro_ros.simulate(
         scene("unilateral", **{"effects.friction": friction, "effects.normal_force": rule,
                                "ground.stribeck_speed": speed}), duration=1.0, rate=100.0).statistics["steps"]
         for friction in ("static", "stribeck")}
-    assert steps["stribeck"] < 12 * steps["static"]
+    assert steps["stribeck"] < 15 * steps["static"]
 
 
 @pytest.mark.parametrize(("changes", "named"), [
     ({"effects.normal_force": "hop"}, ("effects.friction", "landing", "unilateral")),
+    ({"effects.reaction": True, "ground.static_friction": 200.0}, ("ground.static_friction: at 200 ", "Painlevé")),
     ({"ground.static_friction": 0.19}, ("ground.static_friction: 0.19 ", "0.2")),
     ({"ground.stribeck_speed": 0.0}, ("ground.stribeck_speed: 0 ", "1e-06", "1000 m/s")),
     ({"ground.stribeck_speed": 1e4}, ("ground.stribeck_speed: 10000 ", "1e-06", "1000 m/s"))])
-def test_stribeck_friction_without_exact_solution_is_refused(changes, named):
+def test_stribeck_friction_without_a_solution_is_refused(changes, named):
     with pytest.raises(ValueError, match=".") as caught:
         scene("unilateral", **changes)
     assert all(word in str(caught.value) for word in named) and "\n" not in str(caught.value)

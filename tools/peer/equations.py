@@ -191,8 +191,11 @@ class Equations:
             extra = self.static_frictions[1.0] - self.frictions[1.0]
             slide = slide + extra * at["direction"] * hy.exp(
                 -at["direction"] * self.velocity / self.scene["ground.stribeck_speed"])
-        along_x = at["mobility"] * (inward - (slide * ground if self.has_dry_friction or self.hops else 0.0))
         along, across, up = self.body_inertia({guide.side: self._unless_resting(guide, 1.0) for guide in self.guides})
+        mobility = at["mobility"]
+        if self.scene["effects.friction"] == "stribeck" and self.rule != "weight":  # given for the kinetic coefficient
+            mobility = mobility * ((along + at["slide"] * across) / (along + slide * across))
+        along_x = mobility * (inward - (slide * ground if self.has_dry_friction or self.hops else 0.0))
         self.rise = (across * inward + along * ground) / (across**2 - along * up)
         self.system, self.forces = [], {}
         for guide in self.guides:

@@ -253,7 +253,7 @@ class Ground:
 
     def _landings(self, resting: frozenset[str]) -> Iterator[Target]:
         """Targets of a landing. If it is slow, the body and the masses at rest stay where they are."""
-        if self._forms.crank_is_struck:  # whose angle decides the jumps: `solver.rotor.strike`
+        if self._forms.crank_is_struck:  # whose angle decides the jumps: `solver.shock.strike`
             bearings = ("turns_forward", "turns_backward") if self._scene["motor.static_friction"] else (None,)
             on_ground = ("slip_forward", "slip_backward", "stick") if self.has_dry_friction else ("grounded",)
             yield from (Target(state, bearing=bearing) for state in on_ground for bearing in bearings)

@@ -65,6 +65,16 @@ EFFECTS = {
     "Stribeck friction that falls over all speeds": (UNILATERAL | STRIBECK | {"ground.stribeck_speed": 0.3}, ()),
     "Stribeck friction, rigid plates and a lag motor": (
         UNILATERAL | STRIBECK | RIGID | {"effects.motor": "lag", "motor.time_constant": 0.03}, SPEED_UP),
+    "Stribeck friction and reaction": (UNILATERAL | STRIBECK | HEAVY, GAPS),
+    "Stribeck friction, reaction and dampers": (UNILATERAL | STRIBECK | HEAVY | DAMPERS, SPEED_UP),
+    "Stribeck friction, reaction and rigid plates": (UNILATERAL | STRIBECK | HEAVY | RIGID, ()),
+    "Stribeck friction as printed and reaction": (STRIBECK | HEAVY | DAMPERS, ()),
+    "Stribeck friction that falls at once, and reaction": (
+        UNILATERAL | STRIBECK | HEAVY | DAMPERS | {"ground.stribeck_speed": 1e-6}, ()),
+    "Stribeck friction, oil, slope and a lag motor": (
+        UNILATERAL | STRIBECK | HEAVY | DAMPERS | {
+            "ground.viscous_friction": 3.0, "ground.slope": 0.1, "effects.motor": "lag",
+            "motor.time_constant": 0.03}, SPEED_UP),
     "start at zero": (UNILATERAL | {"start.state": "zero"}, ()),
     "given start with a mass in its plate, backwards": (UNILATERAL | THROWN | {"start.body_velocity": -0.2}, ()),
     "given start in the air": (HOP | DAMPERS | HEAVY | THROWN | {
@@ -194,7 +204,7 @@ def random_extras(pick, changes):
     if rule == "weight" or (rule in ("unilateral", "hop") and changes["guide.angle"] < 1.57):
         extras |= {f"effects.{side}_contact": pick.choice(["compliant", "restitution"])
                    for side in ("upper", "inclined")}
-    may_decay = changes["effects.friction"] != "none" and rule != "hop" and not changes["effects.reaction"]
+    may_decay = changes["effects.friction"] != "none" and rule != "hop"
     if may_decay and pick.random() < 0.5:
         extras |= {"effects.friction": "stribeck", "ground.stribeck_speed": 10.0 ** pick.uniform(-5.0, 0.0),
                    "ground.static_friction": changes["ground.friction"] * pick.uniform(1.0, 2.5)}
