@@ -58,6 +58,17 @@ def test_the_extremes_of_the_stribeck_speed_are_simulated(rule, speed):
     assert steps["stribeck"] < 15 * steps["static"]
 
 
+def test_a_body_that_passes_stribecks_speed_within_1e_19_s():
+    """The misread force of 1e10 N on a gram: a first trial of a segment is 1e13 times too long, and its series overflows.
+    Beside 1e4 m/s v_s changes the motion by 1e-11 of its way, and rounding by less."""
+    both = [scene("paper", **{
+        "effects.friction": friction, "ground.stribeck_speed": 1e-6, "mass.body": 1e-3, "effects.misprint": True,
+        "inclined.plate.stiffness": 1e12, "solver.tolerance": 1e-3}) for friction in ("stribeck", "static")]
+    stribeck, static = (vibro_ros.simulate(each, duration=0.01, rate=1000.0) for each in both)
+    assert np.abs(static.body_velocity).max() > 1e4
+    np.testing.assert_allclose(stribeck.body_position, static.body_position, rtol=1e-9, atol=1e-6)
+
+
 @pytest.mark.parametrize(("changes", "named"), [
     ({"effects.normal_force": "hop"}, ("effects.friction", "landing", "unilateral")),
     ({"effects.reaction": True, "ground.static_friction": 200.0}, ("ground.static_friction: at 200 ", "Painlevé")),

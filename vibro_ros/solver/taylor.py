@@ -56,6 +56,8 @@ _LAST, _FALL = 4e-16, 0.2
 _TRIAL, _LONGER = 0.5, 4.0
 # How much shorter a segment may be than its trial is found by so many refinements at most, until one changes little.
 _MOST_REFINEMENTS, _SETTLED = 20, 0.99
+# A trial that is too long by more than this is tried again, shorter by as much: its coefficients may be no numbers.
+_SHORTER, _MOST_TRIALS = 1e-8, 4
 # A current that has died away: its products would be lost below the smallest number.
 _VANISHING = 1e-250
 # Where -r v exceeds this, e has decayed to 4e-18 and may be left out ...
@@ -360,16 +362,25 @@ def solve_by_taylor(system, state, point):
         _fill_known_forcing(system, state, trial)
     for channel in range(2 * size.coordinates):
         z[channel, 0] = point[channel]
-    fill_series(system, mode, trial, LENGTH, z, series, loads)
+    part = 0.0
+    for _ in range(_MOST_TRIALS):
+        fill_series(system, mode, trial, LENGTH, z, series, loads)
+        part = longest / trial
+        for i in range(size.dynamic):
+            part = min(part, _resolved_part(z[size.coordinates + i]))
+        if decays(system, mode):
+            part = min(part, _resolved_part(z[size.coordinates + system.decay.coordinate[0]]))
+        if part > _SHORTER:
+            break
+        trial *= _SHORTER
+        for channel in range(len(z)):
+            scale_argument(z[channel], _SHORTER, z[channel])
+    if not part > 0.0:
+        point[0] = math.nan  # not even a number: the run ends here
     if size.rotors > 0:
         point[size.coordinates + size.dynamic - 1] = z[size.coordinates + size.dynamic - 1, 0]  # a current may jump
     for channel in range(len(state.mode_point)):
         state.mode_point[channel] = point[channel]
-    part = longest / trial
-    for i in range(size.dynamic):
-        part = min(part, _resolved_part(z[size.coordinates + i]))
-    if decays(system, mode):
-        part = min(part, _resolved_part(z[size.coordinates + system.decay.coordinate[0]]))
     _to_local_time(z, part)
     segment.half = 0.5 * (longest if part * trial >= longest else part * trial)
     _set_scales(system, state)
