@@ -73,15 +73,6 @@ def _check_motor(values: ParameterValues) -> None:
         raise ValueError(f"motor.crank_inertia: {values['motor.crank_inertia']:g} kg·m² lets the motor change its "
                          f"speed at {stiffest:.3g} 1/s, faster than {FASTEST_RATE:g} 1/s, which takes too long to "
                          "simulate; give more")
-    if values.linkage and values["effects.reaction"]:
-        name = f"mass.{values.linkage[0]}"
-        rigid = [side for side in values.plates if values[f"effects.{side}_contact"] == "restitution"]
-        if rigid:
-            raise ValueError(f"{name}: {values[name]:g} kg lets a blow on a rigid plate strike the crank of a dc "
-                             f"motor, which has no law here; give 0, or a compliant effects.{rigid[0]}_contact")
-        if values.body_hops and values["ground.restitution"] > 0.0:
-            raise ValueError(f"ground.restitution: {values['ground.restitution']:g} lets a landing that bounces strike "
-                             f"the crank of a dc motor through {name}, which has no law here; give 0 for one of them")
     for side in values.guides:
         rod, radius = values[f"crank.{side}_rod"], values["crank.radius"]
         if rod < LEAST_ROD * radius:
