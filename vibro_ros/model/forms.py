@@ -115,8 +115,7 @@ class Forms:
     linkage : tuple of LinkageMass
         The masses of sliders and crank pin.
     crank_is_struck : bool
-        Whether a shock of the body changes the crank's speed: a dc motor's, through masses of the linkage that feel the
-        body.
+        Whether a shock of the body changes the crank's speed (`ParameterValues`).
     bearings_after_shock : tuple of (str or None)
         States of the motor's bearing after a shock that strikes the crank, None for the one that it has.
     channels : Channels
@@ -151,7 +150,7 @@ class Forms:
         self.channels = Channels(self.height + self.body_hops, dynamic, signals, len(self.plates),
                                  int(self.friction_decays), signals if scene.linkage else 0, int(self.has_rotor))
         self.linkage = tuple(self._linkage_masses())
-        self.crank_is_struck = bool(self.has_rotor and self.linkage and scene["effects.reaction"])
+        self.crank_is_struck = scene.crank_is_struck
         sticks = self.crank_is_struck and scene["motor.static_friction"] > 0.0
         self.bearings_after_shock = ("turns_forward", "turns_backward") if sticks else (None,)
         self.units, self.zero = np.eye(self.channels.count), np.zeros(self.channels.count)
