@@ -76,7 +76,7 @@ def shaken(machine, **state):
 @pytest.mark.parametrize("side", COORDINATES)
 @pytest.mark.parametrize("rule", ["hop", "airborne", "unilateral", "weight"])
 def test_a_blow_is_an_impulse_between_a_mass_and_its_plate(rule, side, body_speed, motor_speed):
-    """A104. B dq' = R e_i, and a force on y that holds the body there by the rules without a hop, so that the mass
+    """A71. B dq' = R e_i, and a force on y that holds the body there by the rules without a hop, so that the mass
     leaves the plate with its restitution: by Lagrange's multipliers, to rounding. A crank that is struck backwards
     turns back."""
     held = rule in ("unilateral", "weight")
@@ -146,7 +146,7 @@ def test_a_mass_at_rest_on_its_plate_parts_from_a_body_that_lands_and_is_thrown_
                                      {"inclined.gap": -0.004, "effects.mass_weight": True}],
                          ids=["hop", "unilateral", "bouncing", "ice", "static", "one rests"])
 def test_energy_balances_and_cuts_change_no_bit(changes):
-    """A105. From the supply to the last sink, through hundreds of blows and landings."""
+    """A72. From the supply to the last sink, through hundreds of blows and landings."""
     machine = scene(DRIVEN, changes)
     whole, cut = vibro_ros.Simulator(machine), vibro_ros.Simulator(machine)
     whole.advance_to(1.0)
@@ -165,7 +165,7 @@ def test_energy_balances_and_cuts_change_no_bit(changes):
 
 @pytest.mark.parametrize("changes", [{}, {"effects.normal_force": "unilateral"}], ids=["hop", "unilateral"])
 def test_a_heavy_rotor_is_an_ideal_motor_and_no_mass_strikes_nothing(changes):
-    """A106. The deviation is proportional to 1/J, or to the masses of the linkage, through some blows and landings."""
+    """A73. The deviation is proportional to 1/J, or to the masses of the linkage, through some blows and landings."""
     free = {"motor.friction": 0.0, "motor.static_friction": 0.0, "motor.damping": 0.0, "motor.speed": 80.0,
             "ground.restitution": 0.4 * ("effects.normal_force" not in changes)}
 
@@ -180,6 +180,28 @@ def test_a_heavy_rotor_is_an_ideal_motor_and_no_mass_strikes_nothing(changes):
     light = end(dict.fromkeys(LINKAGE, 0.0))
     errors = [end({name: share * mass for name, mass in LINKAGE.items()}) - light for share in (2e-5, 1e-5)]
     np.testing.assert_allclose(errors[0] / errors[1], 2.0, rtol=1e-2)
+
+
+@pytest.mark.parametrize("rule", ["hop", "unilateral"])
+def test_rigid_plates_are_the_limit_of_stiff_ones(rule):
+    """A73. A crank that feels every instant of an elastic contact: the error is of first order in 1/√k, the contact's
+    duration."""
+    free = {"effects.normal_force": rule, "motor.speed": 80.0, "start.state": "given", "start.crank_angle": 3.0,
+            "start.upper_position": 0.045, "start.inclined_position": 0.045, "start.upper_velocity": 1.0,
+            "start.inclined_velocity": 2.0, "upper.plate.restitution": 1.0, "inclined.plate.restitution": 1.0}
+    times = np.linspace(0.0, 0.1, 51)
+    rigid = vibro_ros.simulate(scene(free), times=times)
+    assert np.count_nonzero(np.char.endswith(rigid.events["kind"], "contact")) >= 3
+    apart = np.all([getattr(rigid, f"{s}_position") - getattr(rigid, f"{s}_plate_position") < -1e-3
+                    for s in COORDINATES], axis=0)
+    errors = []
+    for stiffness in (1e8, 1e10):
+        plates = {f"{side}.plate.stiffness": stiffness for side in COORDINATES}
+        plates |= {f"effects.{side}_contact": "compliant" for side in COORDINATES} | {"solver.tolerance": 1e-6}
+        soft = vibro_ros.simulate(scene(free, plates), times=times)
+        errors.append([np.abs(getattr(soft, name) - getattr(rigid, name))[apart].max()
+                       for name in ("body_position", "upper_position", "inclined_position", "crank_angle")])
+    np.testing.assert_allclose(np.log10(np.divide(*errors)), 1.0, rtol=0, atol=0.15)
 
 
 @pytest.mark.parametrize(("changes", "message"), [
