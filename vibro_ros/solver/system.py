@@ -247,39 +247,47 @@ class Rotor(NamedTuple):
     controller: np.ndarray
 
 
-#: The two driven coordinates that a shock stops, along the ground and upwards, and the friction in it.
+#: A blow that throws a coordinate back from a ramp, or a landing; either changes the velocity of the body.
 SHOCK = np.dtype([
-    ("body", np.int64),  # coordinate along the ground, or NOTHING ...
-    ("height", np.int64),  # ... and that upwards
+    ("struck", np.int64), ("plate", np.int64),  # coordinate that is thrown back, and ramp; NOTHING for a landing
+    ("impulse", np.float64, (2,)),  # on the body, of a unit of the change of the coordinate's speed
+    ("lifts", np.bool_),  # whether the ground lets go of the body in a blow
+    ("restitution", np.float64),
+    ("body", np.int64), ("height", np.int64),  # coordinates along the ground and upwards, or NOTHING
     ("along", np.float64), ("across", np.float64), ("up", np.float64),  # inertia of both, while the phase is held
-    ("rotor", np.float64),  # inertia of the phase, but for what the signals move
+    ("rotor", np.float64),  # inertia of the phase, but for what the signals move; infinite without a rotor
     ("kinetic", np.float64, (2,)), ("static", np.float64, (2,)),  # coefficients of friction, forwards and backwards
+    ("decay_speed", np.float64),  # by which the friction falls from static to kinetic; 0 if it is kinetic at any speed
     ("has_friction", np.bool_), ("has_bearing", np.bool_),  # whether the bearing has states of its own
+    ("states", np.int64),  # 1; or 2, forwards and backwards; or 3, at rest as well
 ], align=True)
 
 
 class Shock(NamedTuple):
-    """A landing that strikes a rotor through masses that the signals move; arrays are empty without one.
+    """Shocks that no jump matrix gives: see `solver.shock`; arrays are empty without one.
 
-    Its guard's candidates are, for each state on the ground, forwards, backwards, at rest (with friction) or one
-    (without it), those of a bearing that turns forwards and backwards, or one.
+    The candidates of a shock follow each other: for each of its states those of a bearing that turns forwards and
+    backwards, or one. The shock decides which of them follows.
 
     Attributes
     ----------
-    numbers : ndarray of SHOCK, shape (1,) or (0,)
+    numbers : ndarray of SHOCK, shape (s,)
         Coordinates, inertia and friction.
+    direction : ndarray, shape (s, dynamic, 2)
+        Direction in which a dynamic coordinate is free in the shock; 0 if it is none.
     mass : ndarray, shape (signals,)
-        Mass that each signal moves.
+        Mass that each signal moves and that feels the body.
     momentum : ndarray, shape (signals, 2)
         That mass times its direction, along the ground and upwards.
-    direction : ndarray, shape (dynamic, 2)
-        Direction in which a dynamic coordinate is free in the shock; 0 if it is none.
+    candidate : ndarray of int, shape (m, g, c)
+        Number of the shock that leads to a candidate of a guard, or `NOTHING`.
     """
 
     numbers: np.ndarray
+    direction: np.ndarray
     mass: np.ndarray
     momentum: np.ndarray
-    direction: np.ndarray
+    candidate: np.ndarray
 
 
 class AccountTable(NamedTuple):
@@ -401,7 +409,7 @@ class System(NamedTuple):
     rotor : Rotor
         The phase as a coordinate.
     shock : Shock
-        A landing that strikes it.
+        The shocks that no jump matrix gives.
     """
 
     size: np.ndarray
@@ -449,8 +457,9 @@ def no_rotor(count: int) -> Rotor:
 
 
 def no_shock() -> Shock:
-    """`System.shock` of a system without a rotor that a landing strikes."""
-    return Shock(np.empty(0, SHOCK), np.empty(0), np.empty((0, 2)), np.empty((0, 2)))
+    """`System.shock` of a system whose jumps are all linear forms."""
+    return Shock(np.empty(0, SHOCK), np.empty((0, 0, 2)), np.empty(0), np.empty((0, 2)),
+                 np.empty((0, 0, 0), dtype=np.int64))
 
 
 def terms(forms: np.ndarray) -> np.ndarray:
