@@ -105,7 +105,8 @@ class DcMotor:
         """Turn at `motor.speed` from the `angle` [rad] on; the current is zero."""
         scene, state = self._scene, self._run.state
         state[self._theta], state[self._omega] = angle, scene["motor.speed"]
-        self._integral, self._samples, self._held, self._bearing = 0.0, 0, 0.0, ""
+        self._integral, self._samples, self._held = 0.0, 0, 0.0
+        self._bearing = "stuck" if self._static and scene["motor.speed"] == 0.0 else ""
         self._goal = self._reference = scene["motor.speed"]
         self._since = self._slope = 0.0
         if self._law == "voltage":
