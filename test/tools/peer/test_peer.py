@@ -244,6 +244,42 @@ def random_extras(pick, changes):
     return extras
 
 
+@pytest.mark.parametrize("seed", [*range(300, 312)])
+def test_a_random_dc_machine_agrees_with_the_peer(seed):
+    """Over 0.1 s, and as far as the other random scenes."""
+    changes, commands = draw(seed)
+    pick = random.Random(-seed)
+    changes |= random_extras(pick, changes) | random_motor(pick, changes)
+    if changes["motor.control"] == "voltage":
+        commands = [(time, {name.replace("motor_speed", "motor_voltage"): pick.uniform(-36.0, 36.0)
+                            if name == "motor_speed" else value for name, value in change.items()})
+                    for time, change in commands]
+    scene = vibro_ros.load_scene("paper").with_parameters(changes)
+    assert_agreement(scene, 0.1, [(float(time), change) for time, change in commands], position=1e-10)
+
+
+def random_motor(pick, changes):
+    """A dc motor that may be strong or weak, and masses of the linkage where blows have a law with them."""
+    struck = changes["effects.reaction"] and "restitution" in (
+        changes.get("effects.upper_contact"), changes.get("effects.inclined_contact"))
+    static = pick.choice([0.0, pick.uniform(0.0, 0.3)])
+    return {
+        "effects.motor": "dc", "crank.radius": min(changes["crank.radius"], 0.059),
+        "motor.control": pick.choice(["voltage", "speed_by_voltage", "speed_by_current"]),
+        "motor.speed": pick.choice([0.0, pick.uniform(-100.0, 200.0)]), "motor.voltage": pick.uniform(-36.0, 36.0),
+        "motor.acceleration": pick.choice([0.0, 1e3]), "motor.supply_voltage": pick.choice([36.0, 36.0, 48.0]),
+        "motor.winding_inductance": pick.choice([0.0, 2.81e-4, 1e-2]),
+        "motor.crank_inertia": 10.0 ** pick.uniform(-5.0, -3.0), "motor.damping": 10.0 ** pick.uniform(-6.0, -3.0),
+        "motor.static_friction": static, "motor.friction": pick.uniform(0.0, static),
+        "motor.current_limit": pick.uniform(1.0, 20.0), "motor.control_rate": pick.uniform(100.0, 3000.0),
+        "motor.proportional_gain": 10.0 ** pick.uniform(-2.0, 0.0), "motor.integral_gain": 10.0 ** pick.uniform(-1.0, 1.5),
+        "motor.feed_forward": pick.uniform(0.0, 0.15), "motor.current_time_constant": 10.0 ** pick.uniform(-4.0, -2.0),
+        **{f"mass.{part}": 0.0 if struck else pick.choice([0.0, 10.0 ** pick.uniform(-3.0, -1.0)])
+           for part in ("upper_slider", "inclined_slider", "crank_pin")},
+        "ground.restitution": 0.0 if changes["effects.reaction"] else pick.choice([0.0, pick.uniform(0.0, 0.9)]),
+    }
+
+
 @pytest.mark.parametrize("quantity", [
     "upper_drive_force", "inclined_drive_force", "upper_plate_force", "inclined_plate_force", "normal_force",
     "friction_force", "motor_torque", "motor_power", "peak_force"])
