@@ -23,8 +23,8 @@ from vibro_ros.accuracy.methods import COLUMNS
 from vibro_ros.model.scene import Scene
 
 #: Columns of `PeerRun.driven`.
-DRIVEN = ("crank_angle", "motor_speed", "motor_voltage", "motor_current", "given_acceleration", "upper_plate_position",
-          "upper_plate_velocity", "inclined_plate_position", "inclined_plate_velocity")
+DRIVEN = ("crank_angle", "motor_speed", "motor_voltage", "motor_current", "given_acceleration",
+          "upper_plate_position", "upper_plate_velocity", "inclined_plate_position", "inclined_plate_velocity")
 _SAME_INSTANT = 1e-13  # s; a time of about 1 s is rounded by 1e-16
 _EVENT_DTYPE = np.dtype([("time", float), ("kind", "U16"), ("speed", float), ("duration", float)])
 
@@ -45,8 +45,8 @@ class PeerRun:
         have.
     events : structured ndarray, shape (events,)
         By time: `time` [s], `kind` (`upper_contact`, `inclined_contact`, `stick`, `slip_forward`, `slip_backward`,
-        `unloaded`, `lift_off`, `landing`, `crank_stops`, `crank_turns`), and for contacts approach `speed` [m/s] and `duration` [s], infinite if
-        they last at the end.
+        `unloaded`, `lift_off`, `landing`, `crank_stops`, `crank_turns`), and for contacts approach `speed` [m/s] and
+        `duration` [s], infinite if they last at the end.
     steps : int
         Taylor steps.
     wall_time : float
@@ -121,8 +121,8 @@ class Peer:
         times : ndarray, shape (n,)
             Instants to sample [s], ascending, none negative.
         commands : iterable of (float, mapping)
-            Instants [s], ascending, and what is commanded then: `motor_speed` [rad/s] or `motor_voltage` [V], `upper_gap`,
-            `inclined_gap` [m].
+            Instants [s], ascending, and what is commanded then: `motor_speed` [rad/s] or `motor_voltage` [V],
+            `upper_gap`, `inclined_gap` [m].
 
         Raises
         ------

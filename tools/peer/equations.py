@@ -239,7 +239,8 @@ class Equations:
                 load -= at[f"{side}.damper"] * rate
         return Guide(side, angle, mass, kind, rod, spring, damper, scene[f"{side}.plate.restitution"],
                      kind == "compliant" and damper > 0.0 and not scene["effects.adhesion"],
-                     scene["crank.radius"] == rod, depth, rate, pull, slope, load, spring * depth + damper * rate, crank)
+                     scene["crank.radius"] == rod, depth, rate, pull, slope, load, spring * depth + damper * rate,
+                     crank)
 
     def _slider(self, side: str, rod: float, angle: float):
         """Slider position, its first and second derivative by the crank angle, and cos of the crank angle from the

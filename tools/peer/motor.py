@@ -1,4 +1,4 @@
-"""The peer's motors: one whose speed is given in time, and the dc motor with its bearing, current loop and controller."""
+"""The peer's motors: one whose speed is given in time, and a dc motor with bearing, current loop and controller."""
 
 import math
 from collections.abc import Callable

@@ -168,7 +168,7 @@ class Series:
         noise = np.zeros(_POWERS)
         noise[0] = _NOISE * (equations.total * equations.down + abs(equations.pull))
         noise += equations.viscous * self._rounding[1:_POWERS + 1]
-        inertia = sum(part.mass for part in (*equations.guides, *equations.linkage))
+        inertia = sum(guide.mass for guide in equations.guides) + sum(part.mass for part in equations.linkage)
         noise += inertia * _derivative(_derivative(self._rounding))
         if equations.scene["effects.misprint"]:
             stiffness = float(self._parameters[equations.parameters.number["inclined.spring"]])

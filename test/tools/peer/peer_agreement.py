@@ -129,6 +129,8 @@ def assert_forces_agree(times, samples, moved, position):
     torque = 2.0 * scene["crank.radius"] * sum(limits[f"{side}_drive_force"] for side in SIDES)  # |ds/dθ| <= 2 l
     limits |= {"normal_force": together, "friction_force": (1.0 + max(scene.kinetic_frictions)) * together + decay,
                "motor_torque": torque, "motor_power": torque * np.abs(moved.at["motor_speed"])}
+    if scene.has_rotor:  # whose speed has an error of its own
+        limits["motor_power"] = limits["motor_power"] + CRANK["motor_speed"] * (torque + np.abs(forces["motor_torque"]))
     for name, limit in limits.items():
         assert_close(name, times, samples[name], forces[name], limit)
 
