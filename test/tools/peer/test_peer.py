@@ -209,7 +209,7 @@ def test_an_effect_agrees_with_the_peer(name):
 
 
 def test_the_machine_as_shipped_agrees_with_the_peer():
-    """From its start at rest to 100 rad/s and back, over 1 s: the motion contracts."""
+    """A40. From its start at rest to 100 rad/s and back, over 1 s: the motion contracts."""
     scene = vibro_ros.load_scene("machine").with_parameters({"solver.audit": False})
     commands = (0.0, {"motor_speed": 100.0}), (0.7, {"motor_speed": -30.0, "upper_gap": 3e-4})
     peer = assert_agreement(scene, 1.0, commands)
@@ -255,7 +255,7 @@ def random_extras(pick, changes):
 
 @pytest.mark.parametrize("seed", [*range(312, 323), *range(324, 330)])
 def test_a_random_dc_machine_agrees_with_the_peer(seed):
-    """Over 0.1 s, and as far as the other random scenes. In scene 323, left out, a mass meets its plate so slowly that
+    """A40. Over 0.1 s, and as far as the other random scenes. In scene 323, left out, a mass meets its plate so slowly that
     rounding moves the instant by 1e-10 s."""
     changes, commands = draw(seed)
     pick = random.Random(-seed)
