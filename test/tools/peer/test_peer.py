@@ -255,8 +255,8 @@ def random_extras(pick, changes):
 
 @pytest.mark.parametrize("seed", [*range(312, 323), *range(324, 330)])
 def test_a_random_dc_machine_agrees_with_the_peer(seed):
-    """A40. Over 0.1 s, and as far as the other random scenes. In scene 323, left out, a mass meets its plate so slowly that
-    rounding moves the instant by 1e-10 s."""
+    """A40. Over 0.1 s, and as far as the other random scenes. In scene 323, left out, a mass meets its plate so slowly
+    that rounding moves the instant by 1e-10 s."""
     changes, commands = draw(seed)
     pick = random.Random(-seed)
     changes |= random_extras(pick, changes)
