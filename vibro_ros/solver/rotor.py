@@ -37,7 +37,7 @@ from vibro_ros.solver.system import (
     form_magnitude,
     sparse_magnitude,
 )
-from vibro_ros.solver.vector import LENGTH, store, vector
+from vibro_ros.solver.vector import LENGTH, store, total, vector
 
 _TURN = 2.0 * math.pi
 # A velocity's last coefficient, beside its first ones; those that follow fall by `_FALL` each, so that their sum is a
@@ -55,15 +55,18 @@ _FROM_START = np.array([[math.comb(n, k) / 2.0**n for k in range(LENGTH)] for n 
 # Rows of the scratch's series: cosine and sine of the phase, then of each signal a cos, a sin, root, the signal itself
 # and its slope; after those of all signals one row for numbers.
 _COSINE, _SINE, _SIGNALS, _PER_SIGNAL = 0, 1, 3, 5
+_RATE = 2  # row of the phase's rate, mirrored only
 
 
 @kernel
-def _product(p, q, n):
-    """Coefficient n of the product of two series."""
-    result = 0.0
-    for j in range(n + 1):
-        result += p[j] * q[n - j]
-    return result
+def _product(p, mirrored, n):
+    """Coefficient n of the product of two series, of which every coefficient that is not known yet is zero; n is at most
+    LENGTH, whose own coefficients do not count.
+
+    Coefficient j of the second series is `mirrored` [LENGTH - j], behind which are zeros: so the terms of the sum stand
+    side by side, and the sum takes as few instructions as a vector has parts.
+    """
+    return total(vector(p) * vector(mirrored[LENGTH - n:]))
 
 
 @kernel
@@ -78,62 +81,67 @@ def _row_at(row, terms, z, n):
 
 
 @kernel
-def _fill_signal(system, k, n, series):
-    """Coefficient n of signal k and of its slope, from those of the phase's cosine and sine up to n."""
+def _begin_signal(system, k, series, mirrored):
+    """Coefficient 0 of signal k and of its slope, from those of the phase's cosine and sine."""
     a, cosine, sine, b = (system.rotor.signal[k, 0], system.rotor.signal[k, 1], system.rotor.signal[k, 2],
                           system.rotor.signal[k, 3])
-    at = _SIGNALS + _PER_SIGNAL * k
-    along, across, root, signal, slope = series[at], series[at + 1], series[at + 2], series[at + 3], series[at + 4]
-    along[n] = a * (cosine * series[_COSINE, n] + sine * series[_SINE, n])
-    across[n] = a * (cosine * series[_SINE, n] - sine * series[_COSINE, n])
+    along = a * (cosine * series[_COSINE, 0] + sine * series[_SINE, 0])
+    across = a * (cosine * series[_SINE, 0] - sine * series[_COSINE, 0])
     if b < 0.0:
-        signal[n], slope[n] = along[n], -across[n]
+        _put_signal(k, 0, along, across, 0.0, along, -across, series, mirrored)
         return
-    # root² = b + along², signal = along + root, root slope = -across signal
-    if n == 0:
-        root[0] = math.sqrt(b + along[0] * along[0])
-        signal[0] = along[0] + root[0]
-        slope[0] = -across[0] * signal[0] / root[0]
-        return
-    square = _product(along, along, n)
-    for j in range(1, n):
-        square -= root[j] * root[n - j]
-    root[n] = 0.5 * square / root[0]
-    signal[n] = along[n] + root[n]
-    quotient = -_product(across, signal, n)
-    for j in range(1, n + 1):
-        quotient -= root[j] * slope[n - j]
-    slope[n] = quotient / root[0]
+    root = math.sqrt(b + along * along)
+    signal = along + root
+    _put_signal(k, 0, along, across, root, signal, -across * signal / root, series, mirrored)
 
 
 @kernel
-def _turn_signals(system, z, n, step, series):
-    """Coefficients n + 1 of the phase's cosine and sine and of all signals, from its rate's up to n."""
-    rate = z[system.size[0].coordinates + system.size[0].dynamic - 2]
-    cosine, sine = 0.0, 0.0
-    for j in range(n + 1):
-        cosine -= series[_SINE, j] * rate[n - j]
-        sine += series[_COSINE, j] * rate[n - j]
-    series[_COSINE, n + 1], series[_SINE, n + 1] = step * cosine, step * sine
-    for k in range(system.size[0].signals):
-        _fill_signal(system, k, n + 1, series)
+def _put_signal(k, n, along, across, root, signal, slope, series, mirrored):
+    row = _SIGNALS + _PER_SIGNAL * k
+    series[row, n], series[row + 1, n], series[row + 2, n] = along, across, root
+    series[row + 3, n], series[row + 4, n] = signal, slope
+    mirrored[row, LENGTH - n], mirrored[row + 2, LENGTH - n] = along, root
+    mirrored[row + 3, LENGTH - n], mirrored[row + 4, LENGTH - n] = signal, slope
 
 
 @kernel
-def _fill_signal_channels(system, z, n, step, series):
-    """Coefficient n of the signals, their rates and, but for the part of the phase's acceleration, their accelerations.
+def _turn_signals(system, z, n, step, series, mirrored):
+    """Coefficients n + 1 of the phase's cosine and sine and of all signals, from its rate's up to n; coefficient n of
+    the channels of the signals, their rates and, but for the part of the phase's acceleration, their accelerations.
+
+    Every sum over known coefficients comes before what the newest ones add to it: a vector that is read just after one
+    of its numbers was written would wait for that.
     """
     size = system.size[0]
-    rate, first = z[size.coordinates + size.dynamic - 2], first_signal(size)
+    rate, first = z[size.coordinates + size.dynamic - 2, n], first_signal(size)
+    turned = mirrored[_RATE]
+    cosine = -step * (_product(series[_SINE], turned, n) + series[_SINE, 0] * rate)
+    sine = step * (_product(series[_COSINE], turned, n) + series[_COSINE, 0] * rate)
     for k in range(size.signals):
-        slope = series[_SIGNALS + _PER_SIGNAL * k + 4]
-        z[first + k, n] = series[_SIGNALS + _PER_SIGNAL * k + 3, n]
-        z[first + size.signals + k, n] = _product(slope, rate, n)
+        row = _SIGNALS + _PER_SIGNAL * k
+        b, slopes = system.rotor.signal[k, 3], series[row + 4]
+        z[first + k, n] = series[row + 3, n]
+        z[first + size.signals + k, n] = _product(slopes, turned, n) + slopes[0] * rate
+        change = _product(slopes, turned, n + 1) + slopes[1] * rate if size.signal_accelerations > 0 else 0.0
+        along = system.rotor.signal[k, 0] * (system.rotor.signal[k, 1] * cosine + system.rotor.signal[k, 2] * sine)
+        across = system.rotor.signal[k, 0] * (system.rotor.signal[k, 1] * sine - system.rotor.signal[k, 2] * cosine)
+        if b < 0.0:
+            root, signal, slope = 0.0, along, -across
+        else:  # root² = b + along², signal = along + root, root slope = -across signal
+            inverse = 1.0 / series[row + 2, 0]
+            square = 0.5 * (_product(series[row], mirrored[row], n + 1)
+                            - _product(series[row + 2], mirrored[row + 2], n + 1))
+            quotient = (_product(series[row + 1], mirrored[row + 3], n + 1)
+                        + _product(slopes, mirrored[row + 2], n + 1))
+            root = (series[row, 0] * along + square) * inverse
+            signal = along + root
+            slope = -inverse * (quotient + series[row + 1, 0] * signal + across * series[row + 3, 0]
+                                + slopes[0] * root)
         if size.signal_accelerations > 0:
-            change = slope[n + 1] * rate[0]
-            for j in range(1, n + 1):
-                change += slope[j] * rate[n + 1 - j]
-            z[first + 2 * size.signals + k, n] = change / step
+            of_first = rate if n == 0 else turned[LENGTH]
+            z[first + 2 * size.signals + k, n] = (change + slope * of_first) / step
+        _put_signal(k, n + 1, along, across, root, signal, slope, series, mirrored)
+    series[_COSINE, n + 1], series[_SINE, n + 1], turned[LENGTH - n] = cosine, sine, rate
 
 
 @kernel
@@ -161,7 +169,7 @@ def _respond(system, mode, series):
 
 
 @kernel
-def _fill_accelerations(system, mode, z, n, series, loads, of_unit):
+def _fill_accelerations(system, mode, z, n, series, mirrored, loads, of_unit):
     """Coefficient n of the accelerations of masses and phase, of the torque, and of the signals' loads."""
     size, response = system.size[0], series[2]
     phase, first, torque = size.dynamic - 2, first_acceleration(size), first_ramp(size) + 2 * size.ramps
@@ -169,8 +177,10 @@ def _fill_accelerations(system, mode, z, n, series, loads, of_unit):
         z[first + i, n] = _row_at(system.acceleration[mode, i], system.rotor.terms[mode, i], z, n)
     z[torque, n] = 0.0
     for k in range(size.signals):
-        loads[k, n] = _row_at(system.rotor.load[mode, k], system.rotor.load_terms[mode, k], z, n)
-        z[torque, n] += _product(loads[k], series[_SIGNALS + _PER_SIGNAL * k + 4], n)
+        slope = _SIGNALS + _PER_SIGNAL * k + 4
+        known = _product(loads[k], mirrored[slope], n)  # before the coefficient n of the load is written
+        loads[k, n] = load = _row_at(system.rotor.load[mode, k], system.rotor.load_terms[mode, k], z, n)
+        z[torque, n] += known + load * series[slope, 0]
     row = system.acceleration[mode, phase]
     change = _row_at(row, system.rotor.terms[mode, phase], z, n)
     if size.signal_accelerations > 0:
@@ -186,7 +196,7 @@ def _fill_accelerations(system, mode, z, n, series, loads, of_unit):
 
 
 @called_kernel
-def fill_series(system, mode, duration, orders, z, series, loads):
+def fill_series(system, mode, duration, orders, z, room):
     """Coefficients of the channels, but of the driven coordinates, in y = 0 ... 1 over `duration` [s].
 
     Parameters
@@ -199,24 +209,22 @@ def fill_series(system, mode, duration, orders, z, series, loads):
         Number of coefficients.
     z : ndarray, shape (channels, orders or more)
         Constant terms of positions, velocities, ramps, held value and 1 are given, and of the ramps their rates.
-    series : ndarray, shape (ROTOR_SERIES, LENGTH + 1)
-        Overwritten.
-    loads : ndarray, shape (signals or more, orders or more)
-        Receives the forms g z.
+    room : record
+        The scratch's; overwritten.
     """
-    size = system.size[0]
+    size, series, mirrored, loads = system.size[0], room.rotor[:], room.mirrored[:], room.load[:]
+    series[:], mirrored[:], loads[:] = 0.0, 0.0, 0.0
     phase, charge, coordinates, first = size.dynamic - 2, size.dynamic - 1, size.coordinates, first_acceleration(size)
     series[_COSINE, 0], series[_SINE, 0] = math.cos(z[phase, 0]), math.sin(z[phase, 0])
     for k in range(size.signals):
-        _fill_signal(system, k, 0, series)
+        _begin_signal(system, k, series, mirrored)
     of_unit = _respond(system, mode, series)
     for n in range(orders):
         step = duration / (n + 1)
-        _turn_signals(system, z, n, step, series)
-        _fill_signal_channels(system, z, n, step, series)
+        _turn_signals(system, z, n, step, series, mirrored)
         if system.rotor.algebraic[mode]:
             z[coordinates + charge, n] = _row_at(system.rotor.current[mode], system.rotor.current_terms[mode], z, n)
-        _fill_accelerations(system, mode, z, n, series, loads, of_unit)
+        _fill_accelerations(system, mode, z, n, series, mirrored, loads, of_unit)
         z[first + charge, n] = _row_at(system.acceleration[mode, charge], system.rotor.terms[mode, charge], z, n)
         if n + 1 < orders:
             for i in range(size.dynamic):
@@ -376,14 +384,14 @@ def _fill_start(system, state, point, trial):
 def solve_rotor(system, state, point):
     """Begin a segment at `point`, where the flow starts: its duration, and the series of all that moves by itself."""
     size, now, z, room = system.size[0], state.now[0], state.z, state.scratch.room[0]
-    mode, series, loads = now.automaton.mode, room.rotor[:], room.load[:]
+    mode = now.automaton.mode
     enter_rotor(system, state, point)
     _, rate = read_phase(system, point)
     longest = _longest_duration(system, state)
     trial = min(longest, system.longest_segment[mode], _TRIAL / (1.0 + abs(rate)))
     z[:] = 0.0
     _fill_start(system, state, point, trial)
-    fill_series(system, mode, trial, LENGTH, z, series, loads)
+    fill_series(system, mode, trial, LENGTH, z, room)
     point[size.coordinates + size.dynamic - 1] = z[size.coordinates + size.dynamic - 1, 0]  # a current may jump
     for channel in range(len(state.mode_point)):
         state.mode_point[channel] = point[channel]
@@ -402,7 +410,7 @@ def solve_rotor(system, state, point):
 def evaluate(system, state, mode, point):
     """Fill the channels at `point` that follow from positions, velocities, ramps and held value in `mode`."""
     room = state.scratch.room[0]
-    fill_series(system, mode, 1.0, 1, point.reshape((len(point), 1)), room.rotor[:], room.load[:])
+    fill_series(system, mode, 1.0, 1, point.reshape((len(point), 1)), room)
 
 
 def start_rotor(system: System, state: State, target: float) -> None:
