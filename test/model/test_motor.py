@@ -51,6 +51,17 @@ def test_a_motor_without_load_and_a_motor_that_is_stalled():
     assert device.state.crank_speed == device.state.motor_speed
 
 
+def test_a_mass_far_from_its_rigid_plate_does_not_rest_on_it_at_the_start():
+    """The other motors start so; the mass accelerates at k s / m, and no contact is reported."""
+    scene = dc("rigid", CONSTANT, {"start.state": "zero", "motor.speed": 60.0, "upper.spring.damping": 0.0})
+    run = vibro_ros.simulate(scene, times=[0.0, 1e-6])
+    stretch = scene["crank.radius"] + scene["crank.upper_rod"]
+    assert run.upper_plate_force[0] == 0.0
+    assert run.upper_velocity[1] == pytest.approx(
+        1e-6 * scene["upper.spring.stiffness"] * stretch / scene["mass.upper"], rel=1e-6)
+    assert "upper_contact" not in run.events["kind"]
+
+
 def test_a_stalled_motor_draws_what_a_sagging_supply_has():
     """V/R, V_sag/R meanwhile, and V/R again, in the supply's meter as well; what exceeds the supply is refused."""
     scene = dc("paper", ALONE, CONSTANT, {"motor.speed": 0.0, "sensors.current.rate": 1000.0})

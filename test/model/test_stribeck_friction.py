@@ -59,7 +59,7 @@ def test_the_extremes_of_the_stribeck_speed_are_simulated(rule, speed):
 
 
 def test_a_body_that_passes_stribecks_speed_within_1e_19_s():
-    """The misread force of 1e10 N on a gram: a first trial of a segment is 1e13 times too long, and its series overflows.
+    """The misread force of 1e10 N on a gram: a segment's first trial is 1e13 times too long, and its series overflows.
     Beside 1e4 m/s v_s changes the motion by 1e-11 of its way, and rounding by less."""
     both = [scene("paper", **{
         "effects.friction": friction, "ground.stribeck_speed": 1e-6, "mass.body": 1e-3, "effects.misprint": True,

@@ -27,6 +27,8 @@ class Body:
     feel_shock : callable
         What is called when a landing or a blow has changed the masses' speeds, with the time [s] and the guides whose
         masses no longer rest.
+    strike_crank : callable
+        What is called with the time [s] when a landing has changed the crank's speed.
     """
 
     def __init__(self, equations: Equations, run: RunState, series: Series):
@@ -40,6 +42,7 @@ class Body:
                        for state in ("free", "stick", "slip_forward", "slip_backward", "unloaded", "airborne")}
         self._body_parameters = run.parameters[:len(BODY_PARAMETERS)]
         self.feel_shock: Callable[[float, frozenset[str]], None] = lambda time, parted: None
+        self.strike_crank: Callable[[float], None] = lambda time: None
         self.reset()
 
     def reset(self) -> None:
@@ -225,20 +228,29 @@ class Body:
         self._enter(time, self._without_load)
 
     def _land(self, time: float) -> None:
-        """Land by an inelastic shock, whose changes of the masses' speeds may open a plate or lift the body again.
+        """Land by a shock, whose changes of the masses' speeds may open a plate or lift the body again.
 
-        With the reaction, masses at rest on rigid plates go on falling, unless the landing is slow.
+        With the reaction, masses at rest on rigid plates go on falling, unless the landing is slow. A slow landing is
+        inelastic.
         """
         equations, state = self._equations, self._state
         before = float(state[self._speed]) if equations.body_moves else 0.0
         fall = float(state[self._height + 1])
         parts = equations.scene["effects.reaction"] and -fall > _SLOW_LANDING
         staying = frozenset() if parts else self.resting
-        after, sticks = equations.speed_after_landing(before, fall, staying)
+        restitution = equations.scene["ground.restitution"] if -fall > _SLOW_LANDING else 0.0
+        coupling = self._run.coupling(time)
+        after, rise, sticks = equations.after_landing(before, fall, staying, restitution, coupling)
         state[self._height] = 0.0
         if equations.body_moves:
             state[self._speed] = after
-        self._move_free_masses(after - before, -fall, staying)
+        self._move_free_masses(after - before, rise - fall, staying)
+        if equations.crank_is_struck:
+            state[equations.crank + 1] -= (coupling[0] * (after - before) + coupling[1] * (rise - fall)) / coupling[2]
+            self.strike_crank(time)
+        if rise > 0.0:
+            self._rebound(time, fall, rise, self.resting - staying)
+            return
         if not equations.has_dry_friction:
             self._enter(time, "free")
         elif sticks:
@@ -248,3 +260,12 @@ class Body:
         state[self._height + 1] = 0.0
         self.feel_shock(time, self.resting - staying)
         self.reconsider(time)
+
+    def _rebound(self, time: float, fall: float, rise: float, parted: frozenset[str]) -> None:
+        """Leave the ground again with `rise` [m/s] after a landing with `fall`; the masses `parted` no longer rest."""
+        self._state[self._height], self._state[self._height + 1] = _HEIGHT_NUDGE, rise
+        self._run.add_event(time, "landing", -fall)
+        self.feel_shock(time, parted)
+        pull = -self._run.upward_acceleration(time)
+        if pull > 0.0:
+            self._run.announce_flight(2.0 * rise / pull)

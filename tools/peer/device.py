@@ -16,14 +16,15 @@ import numpy as np
 
 from tools.peer.body import Body
 from tools.peer.equations import Equations
+from tools.peer.motor import DcMotor, GivenMotor
 from tools.peer.plates import Plates
 from tools.peer.run_state import RunState, Series
 from vibro_ros.accuracy.methods import COLUMNS
 from vibro_ros.model.scene import Scene
 
 #: Columns of `PeerRun.driven`.
-DRIVEN = ("crank_angle", "motor_speed", "upper_plate_position", "upper_plate_velocity", "inclined_plate_position",
-          "inclined_plate_velocity")
+DRIVEN = ("crank_angle", "motor_speed", "motor_voltage", "motor_current", "given_acceleration",
+          "upper_plate_position", "upper_plate_velocity", "inclined_plate_position", "inclined_plate_velocity")
 _SAME_INSTANT = 1e-13  # s; a time of about 1 s is rounded by 1e-16
 _EVENT_DTYPE = np.dtype([("time", float), ("kind", "U16"), ("speed", float), ("duration", float)])
 
@@ -38,13 +39,14 @@ class PeerRun:
         Instants [s].
     samples : ndarray, shape (n, 8)
         u, u', w, w', x, x', y, y' [m, m/s] (`COLUMNS`); zero for what the scene does not have.
-    driven : ndarray, shape (n, 6)
-        theta [rad], omega [rad/s], and the plates' positions [m] and speeds [m/s] (`DRIVEN`), which follow from the
-        commands alone; zero for what the scene does not have.
+    driven : ndarray, shape (n, 9)
+        theta [rad], omega [rad/s]; of a dc motor V and i [V, A], of another one omega' [rad/s²], which follows from the
+        commands alone as the plates' positions [m] and speeds [m/s] do (`DRIVEN`); zero for what the scene does not
+        have.
     events : structured ndarray, shape (events,)
         By time: `time` [s], `kind` (`upper_contact`, `inclined_contact`, `stick`, `slip_forward`, `slip_backward`,
-        `unloaded`, `lift_off`, `landing`), and for contacts approach `speed` [m/s] and `duration` [s], infinite if
-        they last at the end.
+        `unloaded`, `lift_off`, `landing`, `crank_stops`, `crank_turns`), and for contacts approach `speed` [m/s] and
+        `duration` [s], infinite if they last at the end.
     steps : int
         Taylor steps.
     wall_time : float
@@ -89,14 +91,20 @@ class Peer:
         series = Series(equations, self._state, self._parameters)
         self._body = Body(equations, self._run, series)
         self._contacts = Plates(equations, self._run, self._body, series)
+        self._motor: DcMotor | GivenMotor = GivenMotor(scene, self._run)
+        if equations.has_rotor:
+            self._motor = motor = DcMotor(equations, self._run)
+            self._body.strike_crank = lambda time: motor.reconsider(time, True)
+            motor.feel_jump = self._body.reconsider if equations.linkage else lambda time: None
         self._body.feel_shock = self._contacts.feel_shock
-        self._actions.update(self._contacts.actions() | self._body.actions())
+        self._actions.update(self._contacts.actions() | self._body.actions() | self._motor.actions())
 
     def _event(self, name: str, guard: hy.expression) -> object:
         actions = self._actions
 
         def act(integrator, direction):
             actions[name](integrator.time, direction)
+            self._motor.reconsider(integrator.time)
             self._contacts.release_unpressed(integrator.time)
             return self._run.short_flight == 0.0  # else heyoka stops, and goes on in short steps
 
@@ -113,7 +121,8 @@ class Peer:
         times : ndarray, shape (n,)
             Instants to sample [s], ascending, none negative.
         commands : iterable of (float, mapping)
-            Instants [s], ascending, and what is commanded then: `motor_speed` [rad/s], `upper_gap`, `inclined_gap` [m].
+            Instants [s], ascending, and what is commanded then: `motor_speed` [rad/s] or `motor_voltage` [V],
+            `upper_gap`, `inclined_gap` [m].
 
         Raises
         ------
@@ -127,21 +136,23 @@ class Peer:
         now, end, done = 0.0, float(times[-1]), 0
         while True:
             while waiting and waiting[0][0] <= now:
-                self._command(**waiting.pop(0)[1])
+                self._command(now, **waiting.pop(0)[1])
+            self._motor.settle(now)
             self._contacts.settle(0.0)  # all states by the motion, also where a guard is exactly zero
             self._body.settle(0.0)
             self._contacts.release_unpressed(0.0)
-            stop = min([end, *(command[0] for command in waiting[:1]),
+            self._motor.reconsider(0.0)
+            stop = min([end, *(command[0] for command in waiting[:1]), self._motor.next_instant(now),
                         *(now + left for left in self._times_to_ramp_ends())])
             last = stop == end
             upto = len(times) if last else int(np.searchsorted(times, stop))
-            samples, taken = self._advance(times[done:upto] - now, stop - now)
+            samples, of_drives, taken = self._advance(times[done:upto] - now, stop - now)
             parts.append(samples)
-            driven.append(self._driven(times[done:upto] - now))
+            driven.append(of_drives)
             steps, done = steps + taken, upto
             if last:
                 break
-            self._move_time_origin(stop - now)
+            self._move_time_origin(now, stop - now)
             now = stop
         wall_time = wall_clock.perf_counter() - began
         found = np.array(self._run.events, dtype=_EVENT_DTYPE)
@@ -157,16 +168,15 @@ class Peer:
         self._parameters[:] = 0.0
         self._state[:] = 0.0
         given = scene["start.state"] == "given"
-        self._angle = scene["start.crank_angle"] if given else 0.0
-        self._speed = self._target = scene["motor.speed"]
-        self._set_motor()
+        angle = scene["start.crank_angle"] if given else 0.0
+        self._motor.start(angle)
         self._plates, self._goals, self._plate_speeds = dict[str, float](), dict[str, float](), dict[str, float]()
         for i, guide in enumerate(self._equations.guides):
             side = guide.side
             plate = guide.rod + scene[f"{side}.gap"] if guide.kind != "none" else 0.0
-            crank = math.cos(self._angle - guide.angle)
+            crank = math.cos(angle - guide.angle)
             slider = scene["crank.radius"] * crank + math.sqrt(guide.rod**2 - (scene["crank.radius"] * math.sin(
-                self._angle - guide.angle))**2)
+                angle - guide.angle))**2)
             self._run.set_parameter(f"{side}.free", 1.0)
             self._run.set_parameter(f"{side}.sign", math.copysign(1.0, crank))
             self._plates[side] = self._goals[side] = plate
@@ -183,14 +193,6 @@ class Peer:
             self._state[equations.height:equations.height + 2] = (
                 scene["start.body_height"], scene["start.body_vertical_velocity"])
 
-    def _set_motor(self) -> None:
-        change = {"ideal": 0.0, "lag": self._speed - self._target,
-                  "ramp": math.copysign(self.scene["motor.acceleration"], self._target - self._speed)}
-        self._change = change[self.scene["effects.motor"]] if self._target != self._speed else 0.0
-        steady = self._target if self.scene["effects.motor"] == "lag" else self._speed
-        for name, value in (("angle", self._angle), ("speed", steady), ("change", self._change)):
-            self._run.set_parameter(name, value)
-
     def _set_plate(self, side: str, speed: float) -> None:
         """Let a plate move on at `speed` [m/s], without a change of the mass's own speed."""
         index = 2 * [guide.side for guide in self._equations.guides].index(side)
@@ -199,13 +201,11 @@ class Peer:
         self._run.set_parameter(f"{side}.plate", self._plates[side])
         self._run.set_parameter(f"{side}.plate_speed", speed)
 
-    def _command(self, motor_speed: float | None = None, upper_gap: float | None = None,
-                 inclined_gap: float | None = None):
-        if motor_speed is not None:
-            self._target = motor_speed
-            if self.scene["effects.motor"] == "ideal":
-                self._speed = motor_speed
-            self._set_motor()
+    def _command(self, now: float, motor_speed: float | None = None, upper_gap: float | None = None,
+                 inclined_gap: float | None = None, motor_voltage: float | None = None):
+        for value in (motor_speed, motor_voltage):
+            if value is not None:
+                self._motor.command(now, value)
         for side, gap in (("upper", upper_gap), ("inclined", inclined_gap)):
             guide = next((guide for guide in self._equations.guides if guide.side == side), None)
             if gap is not None and guide is not None and guide.kind != "none":
@@ -214,42 +214,28 @@ class Peer:
                 self._set_plate(side, float(way) * self.scene["gap_actuator.speed"])
 
     def _times_to_ramp_ends(self) -> list[float]:
-        """Times [s] from now to the end of the motion of each moving plate, and of the motor's ramp if there is one."""
-        left = [abs((self._goals[side] - self._plates[side]) / speed)
+        """Times [s] from now to the end of the motion of each moving plate."""
+        return [abs((self._goals[side] - self._plates[side]) / speed)
                 for side, speed in self._plate_speeds.items() if speed]
-        if self.scene["effects.motor"] == "ramp" and self._change:
-            left.append((self._target - self._speed) / self._change)
-        return left
 
-    def _move_time_origin(self, later: float) -> None:
-        """Move the instant from which time is counted by `later` [s]; end the ramps that are over."""
+    def _move_time_origin(self, now: float, later: float) -> None:
+        """Move the instant `now`, from which time is counted, by `later` [s]; end the ramps that are over."""
         over = [left <= later + _SAME_INSTANT for left in self._times_to_ramp_ends()]
         moving = [side for side, speed in self._plate_speeds.items() if speed]
-        self._angle, self._speed = (float(value) for value in self._motor(later))
+        self._motor.move_on(now, later)
         for side, speed in self._plate_speeds.items():
             self._plates[side] += speed * later
-        for side, reached in zip(moving, over, strict=False):
+        for side, reached in zip(moving, over, strict=True):
             if reached:
                 self._plates[side] = self._goals[side]
-        if over[len(moving):] == [True]:
-            self._speed = self._target
-        self._set_motor()
         for side, speed in self._plate_speeds.items():
             self._set_plate(side, 0.0 if self._plates[side] == self._goals[side] else speed)
         self._run.time_origin += later
         self._integrator.time = 0.0
 
-    def _motor(self, t: float | np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Crank angle [rad] and speed [rad/s] after `t` [s] without another command."""
-        if self.scene["effects.motor"] == "lag":
-            lag = self.scene["motor.time_constant"]
-            part = -np.expm1(-t / lag)
-            return self._angle + self._target * t + self._change * lag * part, self._speed - self._change * part
-        return self._angle + self._speed * t + 0.5 * self._change * t * t, self._speed + self._change * t
-
-    def _driven(self, t: np.ndarray) -> np.ndarray:
+    def _driven(self, t: np.ndarray, points: np.ndarray) -> np.ndarray:
         found = np.zeros((len(t), len(DRIVEN)))
-        found[:, 0], found[:, 1] = self._motor(t)
+        found[:, :5] = self._motor.driven(t, points)
         for guide in self._equations.guides:
             if guide.kind != "none":
                 column = DRIVEN.index(f"{guide.side}_plate_position")
@@ -257,8 +243,9 @@ class Peer:
                 found[:, column], found[:, column + 1] = self._plates[guide.side] + speed * t, speed
         return found
 
-    def _advance(self, times: np.ndarray, stop: float) -> tuple[np.ndarray, int]:
-        """Samples at `times` [s], which are counted as now, and the number of steps to `stop` [s]."""
+    def _advance(self, times: np.ndarray, stop: float) -> tuple[np.ndarray, np.ndarray, int]:
+        """Samples and what is driven at `times` [s], which are counted as now, and the number of steps to `stop` [s].
+        """
         equations, (points, steps) = self._equations, self._propagate(times, stop)
         samples = np.zeros((len(times), len(COLUMNS)))
         for i, guide in enumerate(equations.guides):
@@ -268,7 +255,7 @@ class Peer:
         for column, index, there in ((4, equations.body, equations.body_moves), (6, equations.height, equations.hops)):
             if there:
                 samples[:, column:column + 2] = points[:, index:index + 2]
-        return samples, steps
+        return samples, self._driven(times, points), steps
 
     def _propagate(self, times: np.ndarray, stop: float) -> tuple[np.ndarray, int]:
         """States at `times` [s] and the number of steps to `stop` [s], which are short during short bounces."""

@@ -52,9 +52,22 @@ class Guide:
     has_kink: bool  # whether the slider's speed jumps, because crank and rod are equally long
     depth: hy.expression  # d [m]
     rate: hy.expression  # d' [m/s]
+    pull: hy.expression  # of spring and damper on the slider, outwards [N]
+    slope: hy.expression  # of the slider's position by the crank angle [m]
     load: hy.expression  # force along the guide [N] without the body's acceleration, that of the plate included
     push: hy.expression  # k d + c d' of the plate [N]
     crank: hy.expression  # cosine of the crank angle from the guide, whose zeros are the slider's kinks
+
+
+@dataclass(frozen=True)
+class LinkagePart:
+    """A mass that the crank moves along a fixed direction."""
+
+    mass: float  # [kg]
+    along: float  # part of the direction along x
+    up: float  # part of the direction upwards
+    slope: hy.expression  # first derivative of the position by the crank angle [m]
+    bend: hy.expression  # second derivative [m]
 
 
 class Equations:
@@ -73,14 +86,27 @@ class Equations:
         kink), `<side>.watch` (1 while the plate's force is watched, else 0), `<side>.offset` (added to that force),
         `slide` (mu times direction), `direction` (1 or -1 of a body that slips, else 0), `mobility` (x'' per force; 0
         for a body that sticks), `stick`, `slip` and `air` (1 in that state, else 0), `normal_offset` (added to N as a
-        guard), `angle`, `speed` and `change` (of the motor).
+        guard), `angle`, `speed` and `change` (of a motor that is given in time). Of a dc motor: `turns` (1, or 0 while
+        the bearing sticks), `bearing` (direction in which friction is overcome), `held` (voltage or current), `within`
+        (1, or 0 at a limit of the supply), `limit` (1 or -1, the limit that is met), `loop_offset` (added to a guard).
     guides : list of Guide
         The guides that have a mass.
     system : list of (expression, expression)
         Variables and their rates, for `heyoka.taylor_adaptive`: d, d' of each guide, then x, x' if the body can move,
-        then y, y' if the body can leave the ground.
-    body, height : int
-        Indices of x and y in the state, if they are there.
+        then y, y' if the body can leave the ground, then theta, theta' and, with an inductance, the current of a dc
+        motor.
+    body, height, crank : int
+        Indices of x, y and theta in the state, if they are there.
+    linkage : list of LinkagePart
+        The masses of sliders and crank pin.
+    has_rotor : bool
+        Whether theta is in the state: with a dc motor.
+    crank_is_struck : bool
+        Whether a landing changes theta'.
+    torque, wanted_voltage : expression
+        Of a dc motor: K i + T [N m], and what a current loop would apply without limits [V].
+    coupling : list of expression
+        Momentum of the body along x and upwards from a unit of theta', and the crank's inertia [kg m, kg m, kg m²].
     normal, inertial : expression
         N and all forces along the ground but dry friction [N], of a body on the ground.
     rise : expression
@@ -104,16 +130,19 @@ class Equations:
         if fault := unsupported(scene, "peer"):
             raise ValueError(f"scene {scene.name}: {fault}")
         self.scene, self.parameters = scene, RunTimeParameters()
+        self.has_rotor = scene["effects.motor"] == "dc"
         self._motor()
         tilt = {"upper": 0.0, "inclined": scene["guide.angle"]}
         sides = [side for side in tilt if scene[f"effects.{side}_mass"]]
-        self.total = math.fsum([scene["mass.body"], *(scene[f"mass.{side}"] for side in sides)])
+        pin = scene["mass.crank_pin"]
+        self.total = math.fsum([scene["mass.body"], pin, *(
+            scene[f"mass.{side}{part}"] for side in sides for part in ("", "_slider"))])
         self.sine, self.cosine = math.sin(tilt["inclined"]), math.cos(tilt["inclined"])
         slope = scene["ground.slope"]
         self.downhill, self.down = scene["gravity"] * math.sin(slope), scene["gravity"] * math.cos(slope)
         self.pull = self.total * self.downhill + scene["ground.drag"]
         self.viscous = scene["ground.viscous_friction"]
-        self.body_moves = "inclined" in sides and self.sine != 0.0 or slope != 0.0 or any(
+        self.body_moves = "inclined" in sides and self.sine != 0.0 or slope != 0.0 or pin > 0.0 or any(
             scene[f"ground.{name}"] != 0.0 for name in ("drag", "viscous_friction"))
         law = scene["effects.friction"]
         forward, backward = scene["ground.friction"], scene["ground.friction_backward"]
@@ -122,30 +151,85 @@ class Equations:
         self.static_frictions = {1.0: static, -1.0: static} if law in ("static", "stribeck") else self.frictions
         self.has_dry_friction = self.body_moves and law != "none" and max(self.static_frictions.values()) > 0.0
         self.rule = scene["effects.normal_force"]
-        self.hops = self.rule == "hop" and bool(sides)
+        self.hops = self.rule == "hop" and bool(sides or pin)
         self.blow_share = scene["mass.inclined"] * self.sine / self.total if "inclined" in sides else 0.0
+        self.linkage: list[LinkagePart] = []
         self.guides = [self._guide(side, tilt[side]) for side in sides]
+        if pin > 0.0:
+            sine, cosine = scene["crank.radius"] * hy.sin(self.theta), scene["crank.radius"] * hy.cos(self.theta)
+            self.linkage += [LinkagePart(pin, 1.0, 0.0, -cosine, sine), LinkagePart(pin, 0.0, 1.0, -sine, -cosine)]
         self.body = 2 * len(self.guides)
         self.height = self.body + 2 * self.body_moves
+        self.crank = self.height + 2 * self.hops
+        self.crank_is_struck = bool(self.has_rotor and self.linkage and self.hops and scene["effects.reaction"])
         self._body()
 
     def _motor(self) -> None:
-        at, t, lag = self.parameters, hy.time, self.scene["motor.time_constant"]
-        extra = {"ideal": (0.0, 0.0), "ramp": (0.5 * at["change"] * t * t, at["change"] * t)}
-        if self.scene["effects.motor"] == "lag":
+        """theta, its rate, and its acceleration; of a dc motor also the current, and what the current loop wants."""
+        scene, at, t, lag = self.scene, self.parameters, hy.time, self.scene["motor.time_constant"]
+        if self.has_rotor:
+            self.theta, self.omega, self.current = hy.make_vars("theta", "theta_v", "current")
+            self._winding()
+            return
+        extra = {"ideal": (0.0, 0.0, 0.0), "ramp": (0.5 * at["change"] * t * t, at["change"] * t, at["change"])}
+        if scene["effects.motor"] == "lag":
             decay = hy.exp(-t / lag)
-            extra["lag"] = (at["change"] * lag * (1.0 - decay), at["change"] * decay)
-        angle, speed = extra[self.scene["effects.motor"]]
+            extra["lag"] = (at["change"] * lag * (1.0 - decay), at["change"] * decay, -at["change"] / lag * decay)
+        angle, speed, self._turning = extra[scene["effects.motor"]]
         self.theta, self.omega = at["angle"] + at["speed"] * t + angle, at["speed"] + speed
+
+    def _winding(self) -> None:
+        """L i' = V - R i - K theta'; without an inductance i follows from V, or is what the current loop holds."""
+        scene, held, at = self.scene, self.parameters["held"], self.parameters
+        self.constant = scene["motor.gear_ratio"] * scene["motor.torque_constant"]
+        resistance, inductance = scene["motor.winding_resistance"], scene["motor.winding_inductance"]
+        self.has_current_loop = scene["motor.control"] == "speed_by_current"
+        supply, back = scene["motor.supply_voltage"] * at["limit"], self.constant * self.omega
+        gain = inductance / scene["motor.current_time_constant"]
+        current = self.current if inductance else held
+        self.wanted_voltage = back + resistance * current + (gain * (held - current) if inductance else 0.0)
+        voltage = (at["within"] * self.wanted_voltage + (1.0 - at["within"]) * supply if self.has_current_loop
+                   else held)
+        if inductance:
+            self._current_rate = (voltage - resistance * self.current - back) / inductance
+        else:
+            self.current = (voltage - back) / resistance
+
+    def _crank(self, body: tuple, felt: tuple) -> hy.expression:
+        """theta'' [rad/s²] of a dc motor; sets `torque` and `coupling`.
+
+        `body` has x'' and y'' [m/s²] for theta'' = 0, `felt` what a unit of theta'' adds to each.
+        """
+        scene, at = self.scene, self.parameters
+        reaction, weighs = float(scene["effects.reaction"]), float(scene["effects.mass_weight"])
+        inertia = scene["motor.gear_ratio"] ** 2 * scene["motor.rotor_inertia"] + scene["motor.crank_inertia"]
+        own, coupled, torque = hy.expression(inertia), hy.expression(0.0), self.constant * self.current
+        for guide in self.guides:
+            torque += guide.pull * guide.slope
+        for part in self.linkage:
+            torque -= part.mass * part.slope * (
+                part.bend * self.omega * self.omega + reaction * (part.along * body[0] + part.up * body[1])
+                + weighs * (part.along * self.downhill + part.up * self.down))
+            own += part.mass * part.slope * part.slope
+            coupled += reaction * part.mass * part.slope * (part.along * felt[0] + part.up * felt[1])
+        self.torque = torque
+        self.coupling = [*(sum((getattr(part, way) * part.mass * part.slope for part in self.linkage),
+                               hy.expression(0.0)) for way in ("along", "up")), own]
+        resisted = scene["motor.damping"] * self.omega + at["bearing"] * scene["motor.friction"]
+        return at["turns"] * (torque - resisted) / (own + coupled)
 
     def _guide(self, side: str, angle: float) -> Guide:
         scene, at = self.scene, self.parameters
         depth, rate = hy.make_vars(f"{side}_d", f"{side}_v")
         kind, rod, mass = scene[f"effects.{side}_contact"], scene[f"crank.{side}_rod"], scene[f"mass.{side}"]
-        slider, slope, crank = self._slider(side, rod, angle)
-        load = -scene[f"{side}.spring.stiffness"] * (depth + (self._plate(side) - slider))
+        slider, slope, bend, crank = self._slider(side, rod, angle)
+        if scene[f"mass.{side}_slider"] > 0.0:
+            self.linkage.append(LinkagePart(scene[f"mass.{side}_slider"], -math.sin(angle), math.cos(angle), slope,
+                                            bend))
+        pull = scene[f"{side}.spring.stiffness"] * (depth + (self._plate(side) - slider))
         if scene[f"{side}.spring.damping"] > 0.0:
-            load -= scene[f"{side}.spring.damping"] * (rate + at[f"{side}.plate_speed"] - slope * self.omega)
+            pull += scene[f"{side}.spring.damping"] * (rate + at[f"{side}.plate_speed"] - slope * self.omega)
+        load = -pull
         if scene["effects.mass_weight"]:
             load -= mass * (self.down * math.cos(angle) - self.downhill * math.sin(angle))
         spring, damper = scene[f"{side}.plate.stiffness"], scene[f"{side}.plate.damping"]
@@ -155,17 +239,22 @@ class Equations:
                 load -= at[f"{side}.damper"] * rate
         return Guide(side, angle, mass, kind, rod, spring, damper, scene[f"{side}.plate.restitution"],
                      kind == "compliant" and damper > 0.0 and not scene["effects.adhesion"],
-                     scene["crank.radius"] == rod, depth, rate, load, spring * depth + damper * rate, crank)
+                     scene["crank.radius"] == rod, depth, rate, pull, slope, load, spring * depth + damper * rate,
+                     crank)
 
     def _slider(self, side: str, rod: float, angle: float):
-        """Slider position, its slope by the crank angle, and cos of the crank angle from the guide; eqs. (2), (3)."""
+        """Slider position, its first and second derivative by the crank angle, and cos of the crank angle from the
+        guide; eqs. (2), (3)."""
         radius = self.scene["crank.radius"]
         sine, cosine = hy.sin(self.theta - angle), hy.cos(self.theta - angle)
         if radius == rod:  # the root is rod |cos|, and a guard switches the sign of the cosine
             both = radius + self.parameters[f"{side}.sign"] * rod
-            return both * cosine, -both * sine, cosine
+            return both * cosine, -both * sine, -both * cosine, cosine
         root = hy.sqrt(rod * rod - radius * radius * sine * sine)
-        return radius * cosine + root, -radius * sine * (1.0 + radius * cosine / root), cosine
+        slope = -radius * sine * (1.0 + radius * cosine / root)
+        of_root = -radius * radius * sine * cosine / root
+        bend = -radius * cosine - (radius * radius * (cosine * cosine - sine * sine) + of_root * of_root) / root
+        return radius * cosine + root, slope, bend, cosine
 
     def _body(self) -> None:
         """Equations of the rows x, y, u, w of the mass matrix; on the ground y = 0, and row y gives N."""
@@ -182,21 +271,36 @@ class Equations:
         misread = self.misread_load()
         inward, ground = inward + share["inclined"] * misread, ground + self.cosine * misread
         self.inertial += share["inclined"] * misread
-        if self.rule == "weight":
-            ground = self.normal
+        by_weight = self.rule == "weight"
+        forces, coupling = self._linkage_forces()
+        inward -= forces[0]
+        if by_weight:
+            ground, coupling[1] = self.normal, hy.expression(0.0)
         else:
+            ground += forces[1]
             self.normal += self.cosine * misread
         slide = at["slide"]  # F_fr as a multiple of N while the body slips
         if self.scene["effects.friction"] == "stribeck":
             extra = self.static_frictions[1.0] - self.frictions[1.0]
             slide = slide + extra * at["direction"] * hy.exp(
                 -at["direction"] * self.velocity / self.scene["ground.stribeck_speed"])
+        feels = self.has_dry_friction or self.hops
         along, across, up = self.body_inertia({guide.side: self._unless_resting(guide, 1.0) for guide in self.guides})
         mobility = at["mobility"]
-        if self.scene["effects.friction"] == "stribeck" and self.rule != "weight":  # given for the kinetic coefficient
+        if self.scene["effects.friction"] == "stribeck" and not by_weight:  # given for the kinetic coefficient
             mobility = mobility * ((along + at["slide"] * across) / (along + slide * across))
-        along_x = mobility * (inward - (slide * ground if self.has_dry_friction or self.hops else 0.0))
+        along_x = mobility * (inward - (slide * ground if feels else 0.0))
         self.rise = (across * inward + along * ground) / (across**2 - along * up)
+        felt = (mobility * (-coupling[0] - (slide * coupling[1] if feels else 0.0)),  # of a unit of theta''
+                (along * coupling[1] - across * coupling[0]) / (across**2 - along * up))
+        if self.has_rotor:
+            moves, flies = float(self.body_moves), float(self.hops) * at["air"]
+            self._turning = self._crank((moves * along_x, flies * self.rise), (moves * felt[0], flies * felt[1]))
+        if self.linkage:
+            along_x, self.rise = along_x + felt[0] * self._turning, self.rise + felt[1] * self._turning
+            self.inertial -= forces[0] + coupling[0] * self._turning
+            if not by_weight:
+                self.normal += forces[1] + coupling[1] * self._turning
         self.system, self.forces = [], {}
         for guide in self.guides:
             force = guide.load
@@ -215,6 +319,21 @@ class Equations:
         if self.hops:
             self.altitude, climb = hy.make_vars("y", "y_v")
             self.system += [(self.altitude, climb), (climb, at["air"] * self.rise)]
+        if self.has_rotor:
+            self.system += [(self.theta, self.omega), (self.omega, self._turning)]
+            if self.scene["motor.winding_inductance"]:
+                self.system.append((self.current, self._current_rate))
+
+    def _linkage_forces(self) -> tuple[list, list]:
+        """Sum of m e s'' of the linkage's masses for theta'' = 0 [N], and what a unit of theta'' adds [kg m]; each
+        along x and upwards."""
+        forces, coupling = [hy.expression(0.0)] * 2, [hy.expression(0.0)] * 2
+        for part in self.linkage:
+            for i, direction in enumerate((part.along, part.up)):
+                if direction:
+                    forces[i] += direction * part.mass * part.bend * self.omega * self.omega
+                    coupling[i] += direction * part.mass * part.slope
+        return forces, coupling
 
     def misread_load(self) -> hy.expression | float:
         """What the paper's misprint adds to the inclined guide's load on the body [N]: -k1 (u - w) in contact."""
@@ -276,26 +395,53 @@ class Equations:
         area = along * up - across**2
         return (up * inward - across * upward) / area, (along * upward - across * inward) / area
 
-    def speed_after_landing(self, speed: float, fall: float, resting: Collection[str]) -> tuple[float, bool]:
-        """x' [m/s] after a landing at x' = `speed`, y' = `fall`, and whether the body sticks.
+    def after_landing(self, speed: float, fall: float, resting: Collection[str], restitution: float,
+                      coupling: tuple[float, float, float]) -> tuple[float, float, bool]:
+        """x' and y' [m/s] after a landing at x' = `speed`, y' = `fall`, and whether the body sticks.
 
-        While the body slips forwards (1) or backwards (-1), P_x = -direction mu P_y, where P_x and P_y follow from the
-        changes of x' and y' by `body_inertia`. If the body stops, the rest of the fall meets a body at rest.
+        The impulse P_y of the ground grows until y' = 0, and then by `restitution` times what it was. While the body
+        slips forwards (1) or backwards (-1), P_x = -direction mu P_y. A body that stops meanwhile sticks, if friction
+        can hold it, or slips the way in which the impulse drives it.
+
+        Parameters
+        ----------
+        speed, fall : float
+            Speeds before [m/s].
+        resting : collection of str
+            Guides whose masses are a part of the body.
+        restitution : float
+            Of the ground.
+        coupling : (float, float, float)
+            The values of `coupling`; the crank takes part in the shock.
         """
         along, across, up = self.body_inertia(dict.fromkeys(resting, 0.0))
-        def per_fall(direction: float) -> float:
-            mu = self.frictions[direction] if self.has_dry_friction else 0.0
-            return (across + direction * mu * up) / (along + direction * mu * across)
+        if self.crank_is_struck:
+            of_x, of_y, inertia = coupling
+            along, across, up = along - of_x**2 / inertia, across - of_x * of_y / inertia, up - of_y**2 / inertia
+        way = -math.copysign(1.0, across)  # in which a body at rest is driven
+        holds = self.has_dry_friction and abs(across) <= self.static_frictions[way] * up
 
-        after = speed
-        if speed != 0.0:
-            after = speed + per_fall(math.copysign(1.0, speed)) * fall
-            if not self.has_dry_friction or after * speed > 0.0:
-                return after, False
-            fall *= after / (after - speed)
-        if self.has_dry_friction and abs(across) <= self.static_frictions[-math.copysign(1.0, across)] * up:
-            return 0.0, True
-        return per_fall(-math.copysign(1.0, across)) * fall, False
+        def changes(x: float) -> tuple[float, float]:
+            """Of x' and y' by a unit of P_y."""
+            if x == 0.0 and holds:
+                return 0.0, 1.0 / up
+            direction = math.copysign(1.0, x) if x else way
+            push = -direction * self.frictions[direction] if self.has_dry_friction else 0.0
+            area = along * up - across**2
+            return (up * push - across) / area, (along - across * push) / area
+
+        x, y, given = speed, fall, 0.0
+        for rebounds in (False, True):
+            left = restitution * given
+            while True:
+                of_x, of_y = changes(x)
+                whole = left if rebounds else -y / of_y
+                stop = -x / of_x if self.has_dry_friction and x * of_x < 0.0 else math.inf
+                if stop >= whole:
+                    break
+                x, y, given, left = 0.0, y + of_y * stop, given + stop, left - stop
+            x, y, given = x + of_x * whole, y + of_y * whole if rebounds else 0.0, given + whole
+        return x, y, holds and x == 0.0
 
     def free_mass_jumps(self, along_x: float, upwards: float, not_free: Collection[str]) -> list[float]:
         """Jumps of each d' [m/s] when x' and y' jump by `along_x` and `upwards` [m/s]; 0 for the guides `not_free`."""
@@ -332,4 +478,20 @@ class Equations:
             found["normal"] = at["air"] * self.altitude + (1.0 - at["air"]) * (self.normal + at["normal_offset"])
         elif self.has_dry_friction and self.rule == "unilateral":
             found["normal"] = self.normal + at["normal_offset"]
+        if self.has_rotor:
+            found |= self._motor_guards()
+        return found
+
+    def _motor_guards(self) -> dict[str, hy.expression]:
+        """Guards of the bearing and of the current loop."""
+        at, scene, found = self.parameters, self.scene, {}
+        if static := scene["motor.static_friction"]:
+            turns = at["turns"]
+            found["crank forward"] = turns * self.omega + (1.0 - turns) * (static - self.torque)
+            found["crank backward"] = (1.0 - turns) * (static + self.torque) + turns
+        if self.has_current_loop:
+            within, supply = at["within"], scene["motor.supply_voltage"]
+            found["upper limit"] = (within * (supply - self.wanted_voltage) + at["loop_offset"]
+                                    + (1.0 - within) * (at["limit"] * self.wanted_voltage - supply))
+            found["lower limit"] = within * (supply + self.wanted_voltage + at["loop_offset"]) + (1.0 - within)
         return found

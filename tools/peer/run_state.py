@@ -41,6 +41,9 @@ class RunState:
         pushes = [guide.push for guide in equations.guides]
         # All inputs stand in one array, because heyoka spends more time on its arguments than on these formulas.
         wanted = [equations.normal, equations.inertial, *pushes, *map(equations.forces.get, sides), equations.rise]
+        self._rise_index = len(wanted) - 1
+        if equations.has_rotor:
+            wanted += [equations.torque, equations.wanted_voltage, *equations.coupling]
         symbols = hy.make_vars(*(f"p{i}" for i in range(len(parameters))))
         given = {hy.par[i]: symbol for i, symbol in enumerate(symbols)}
         self._forces = hy.cfunc([hy.subs(force, given | {hy.time: _TIME}) for force in wanted],
@@ -75,7 +78,20 @@ class RunState:
 
     def upward_acceleration(self, time: float) -> float:
         """y'' [m/s²] of a body in the air at `time` [s]."""
-        return float(self._read(time)[-1])
+        return float(self._read(time)[self._rise_index])
+
+    def motor_torque(self, time: float) -> float:
+        """K i + T of a dc motor [N m] at `time` [s]."""
+        return float(self._read(time)[self._rise_index + 1])
+
+    def wanted_voltage(self, time: float) -> float:
+        """What a dc motor's current loop would apply without limits [V] at `time` [s]."""
+        return float(self._read(time)[self._rise_index + 2])
+
+    def coupling(self, time: float) -> tuple[float, float, float]:
+        """`Equations.coupling` of a dc motor at `time` [s]; zero of another."""
+        found = self._read(time)[self._rise_index + 3:].tolist()
+        return tuple(found) if found else (0.0, 0.0, 0.0)
 
     def announce_flight(self, flight: float) -> None:
         """Store that a bounce ends after about `flight` [s], if heyoka needs short steps to find that end."""
@@ -83,7 +99,7 @@ class RunState:
             self.short_flight = min(flight, self.short_flight or flight)
 
     def _read(self, time: float) -> np.ndarray:
-        """N, F_in, the plates' forces, the forces on resting masses and y'' at `time` [s]."""
+        """N, F_in, the plates' forces, the forces on resting masses, y'', and a dc motor's numbers at `time` [s]."""
         self._state_input[:], self._parameter_input[:], self._inputs[-1] = self.state, self.parameters, time
         return self._forces(self._inputs)
 
@@ -113,19 +129,23 @@ class Series:
 
     def __init__(self, equations: Equations, state: np.ndarray, parameters: np.ndarray):
         self._equations, self._state, self._parameters = equations, state, parameters
-        # The tolerance asks for 10 powers of time; the step itself is not used.
-        self._probe = hy.taylor_adaptive(sys=equations.system, state=state.copy(), tol=1e-7)
+        # Two more variables have N and F_in as rates. The tolerance asks for 10 powers of time; the step is not used.
+        rates = list(zip(hy.make_vars("impulse", "momentum"), (equations.normal, equations.inertial), strict=True))
+        self._probe = hy.taylor_adaptive(sys=equations.system + rates, state=np.append(state, [0.0, 0.0]), tol=1e-7)
         scene = equations.scene
-        stiffest = max((scene[f"{g.side}.spring.stiffness"] + g.plate_stiffness) / g.mass for g in equations.guides)
+        stiffest = max(((scene[f"{g.side}.spring.stiffness"] + g.plate_stiffness) / g.mass for g in equations.guides),
+                       default=0.0)
         rate = max(math.sqrt(stiffest), scene["motor.speed"], 1.0)
         powers = np.arange(_POWERS + 2)
         # Rounding errors [m/s^n] of the coefficients of a position of 0.1 m.
         self._rounding = _NOISE * 0.1 * rate**powers / np.array([math.factorial(n) for n in powers])
 
     def _expand(self, time: float) -> np.ndarray:
-        """Taylor coefficients of the state at `time` [s], shape (len(state), _POWERS + 2)."""
+        """Taylor coefficients of the state and of the integrals of N and F_in at `time` [s], shape (len(state) + 2,
+        _POWERS + 2)."""
         probe = self._probe
-        probe.state[:], probe.pars[:] = self._state, self._parameters[:len(probe.pars)]  # guards have more
+        probe.state[:-2], probe.state[-2:] = self._state, 0.0
+        probe.pars[:] = self._parameters[:len(probe.pars)]  # guards have more
         probe.time = time
         probe.step(max_delta_t=1e-12, write_tc=True)
         return probe.tc[:, :_POWERS + 2]
@@ -145,30 +165,15 @@ class Series:
     def ground_force_series(self, time: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Coefficients of N and F_in at `time` [s], and their rounding errors [N/s^n], each shape (_POWERS,)."""
         series, equations = self._expand(time), self._equations
-        normal, inertial, noise = np.zeros((3, _POWERS))
-        normal[0], inertial[0] = equations.total * equations.down, -equations.pull
-        noise[0] = _NOISE * (normal[0] + abs(equations.pull))
-        if equations.viscous:
-            speed = series[equations.body + 1]
-            inertial -= equations.viscous * speed[:_POWERS]
-            noise += equations.viscous * self._rounding[1:_POWERS + 1]
-        share = {"upper": (1.0, 0.0), "inclined": (equations.cosine, equations.sine)}
-        for i, guide in enumerate(equations.guides):
-            inertia = guide.mass * _derivative(series[2 * i + 1])[:_POWERS]
-            normal += share[guide.side][0] * inertia * (equations.rule != "weight")
-            inertial += share[guide.side][1] * inertia
-            noise += guide.mass * _derivative(_derivative(self._rounding))
+        noise = np.zeros(_POWERS)
+        noise[0] = _NOISE * (equations.total * equations.down + abs(equations.pull))
+        noise += equations.viscous * self._rounding[1:_POWERS + 1]
+        inertia = sum(guide.mass for guide in equations.guides) + sum(part.mass for part in equations.linkage)
+        noise += inertia * _derivative(_derivative(self._rounding))
         if equations.scene["effects.misprint"]:
-            number, positions = equations.parameters.number, series[(0, 2), :_POWERS]  # of the upper and inclined mass
-            stiffness = float(self._parameters[number["inclined.spring"]])
-            for position, guide in zip(positions, equations.guides, strict=True):
-                speed = float(self._parameters[number[f"{guide.side}.plate_speed"]])
-                position[0] += float(self._parameters[number[f"{guide.side}.plate"]]) + speed * time
-                position[1] += speed
-            misread = stiffness * (positions[1] - positions[0])  # `Equations.misread_load`
+            stiffness = float(self._parameters[equations.parameters.number["inclined.spring"]])
             noise += 2.0 * stiffness * self._rounding[:_POWERS]
-            normal += equations.cosine * misread * (equations.rule != "weight")
-            inertial += equations.sine * misread
+        normal, inertial = (_derivative(one)[:_POWERS] for one in series[-2:])
         return normal, inertial, noise
 
 

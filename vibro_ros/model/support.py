@@ -34,10 +34,10 @@ SUPPORT: Mapping[str, tuple[tuple[Value, ...] | None, ...]] = {
         "start.upper_velocity", "start.inclined_position", "start.inclined_velocity", "start.crank_angle"),
         (ANY, ANY, ANY)),
     **dict.fromkeys(("ground.slope", "ground.viscous_friction", "ground.drag"), (ANY, ANY, (0.0,))),
-    **dict.fromkeys(("mass.upper_slider", "mass.inclined_slider", "mass.crank_pin"), ((0.0,), (0.0,), (0.0,))),
-    "ground.restitution": ((0.0,), (0.0,), (0.0,)),
+    **dict.fromkeys(("ground.restitution", "mass.upper_slider", "mass.inclined_slider", "mass.crank_pin"),
+                    ((0.0,), ANY, (0.0,))),
     "ground.friction_backward": ((AS_FORWARD,), ANY, (AS_FORWARD,)),
-    **dict.fromkeys((  # of a dc motor, which they refuse
+    **dict.fromkeys((  # of a dc motor, which all but the peer refuse
         "motor.control", "motor.voltage", "motor.supply_voltage", "motor.winding_resistance",
         "motor.winding_inductance", "motor.torque_constant", "motor.gear_ratio", "motor.rotor_inertia",
         "motor.crank_inertia", "motor.damping", "motor.friction", "motor.static_friction", "motor.current_limit",
@@ -54,7 +54,7 @@ SUPPORT: Mapping[str, tuple[tuple[Value, ...] | None, ...]] = {
     "effects.reaction": (_SWITCH, _SWITCH, _SWITCH),
     "effects.misprint": ((False,), _SWITCH, (False,)),
     "effects.mass_weight": (_SWITCH, _SWITCH, _SWITCH),
-    "effects.motor": (("ideal", "ramp", "lag"), ("ideal", "ramp", "lag"), ("ideal", "ramp")),
+    "effects.motor": (("ideal", "ramp", "lag"), ("ideal", "ramp", "lag", "dc"), ("ideal", "ramp")),
 }
 
 

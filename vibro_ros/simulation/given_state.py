@@ -49,7 +49,7 @@ def started(scene: Scene, model: Model, point: np.ndarray) -> State:
         if forms.has_rotor:
             point[channels.velocity(forms.phase)] = scene["motor.speed"]
             read_rotor(system, state, point)
-            state.now["automaton"]["mode"] = _mode(scene, model, point)
+            state.now["automaton"]["mode"] = _first_mode(model, point)
         else:
             read_signals(system, state, sliders)
         _set_slider_rates(model, point, 0.0, scene["motor.speed"])
@@ -185,6 +185,13 @@ def _mode(scene: Scene, model: Model, point: np.ndarray) -> int:
     motor = _motor(model, point) if model.forms.has_rotor else ("", "")
     return next(number for number, mode in enumerate(model.modes) if mode.motor == motor
                 and mode.states[:len(states)] == states and mode.ground == _friction(model, mode.ground, point))
+
+
+def _first_mode(model: Model, point: np.ndarray) -> int:
+    """Number of the mode in which a run starts, whose plates are open, while the crank has the speed of `point`."""
+    first, motor = model.modes[model.initial_mode].states, _motor(model, point)
+    states = (*first[:len(model.forms.plates)], *filter(None, motor), first[-1])
+    return next(number for number, mode in enumerate(model.modes) if mode.states == states)
 
 
 def _motor(model: Model, point: np.ndarray) -> tuple[str, str]:

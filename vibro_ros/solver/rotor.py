@@ -19,53 +19,58 @@ from vibro_ros.solver.compilation import called_kernel, kernel, rounding_kernel
 from vibro_ros.solver.segment import LONGEST_SEGMENT
 from vibro_ros.solver.state import MOST_ROTOR_SIGNALS, State
 from vibro_ros.solver.system import BY_COMMAND, BY_VOLTAGE, System, first_signal
+from vibro_ros.solver.vector import LENGTH, total, vector
 
 _TURN = 2.0 * math.pi
 # A sample is due that lies no further ahead than the rounding of its instant.
 _DUE = 8.0 * np.finfo(float).eps
 # Rows of the scratch's series: cosine and sine of the phase, then of each signal a cos, a sin, root, the signal itself
 # and its slope.
-_COSINE, _SINE, _SIGNALS, _PER_SIGNAL = 0, 1, 2, 5
+_COSINE, _SINE, _SIGNALS, _PER_SIGNAL = 0, 1, 3, 5
+_RATE = 2  # row of the phase's rate, mirrored only
 #: Rows that a rotor takes.
 SERIES_OF_ROTOR = _SIGNALS + _PER_SIGNAL * MOST_ROTOR_SIGNALS
 
 
 @kernel
-def product_coefficient(p, q, n):
-    """Coefficient n of the product of two series."""
-    result = 0.0
-    for j in range(n + 1):
-        result += p[j] * q[n - j]
-    return result
+def product_coefficient(p, mirrored, n):
+    """Coefficient n of the product of two series, of which every coefficient that is not known yet is zero; n is at
+    most LENGTH, whose own coefficients do not count.
+
+    Coefficient j of the second series is `mirrored` [LENGTH - j], behind which are zeros: so the terms of the sum stand
+    side by side, and the sum takes as few instructions as a vector has parts.
+    """
+    return total(_terms(p, mirrored, n))
 
 
 @kernel
-def _fill_signal(system, k, n, series):
-    """Coefficient n of signal k and of its slope, from those of the phase's cosine and sine up to n."""
+def _terms(p, mirrored, n):
+    """The terms of that sum."""
+    return vector(p) * vector(mirrored[LENGTH - n:])
+
+
+@kernel
+def _begin_signal(system, k, series, mirrored):
+    """Coefficient 0 of signal k and of its slope, from those of the phase's cosine and sine."""
     a, cosine, sine, b = (system.rotor.signal[k, 0], system.rotor.signal[k, 1], system.rotor.signal[k, 2],
                           system.rotor.signal[k, 3])
-    at = _SIGNALS + _PER_SIGNAL * k
-    along, across, root, signal, slope = series[at], series[at + 1], series[at + 2], series[at + 3], series[at + 4]
-    along[n] = a * (cosine * series[_COSINE, n] + sine * series[_SINE, n])
-    across[n] = a * (cosine * series[_SINE, n] - sine * series[_COSINE, n])
+    along = a * (cosine * series[_COSINE, 0] + sine * series[_SINE, 0])
+    across = a * (cosine * series[_SINE, 0] - sine * series[_COSINE, 0])
     if b < 0.0:
-        signal[n], slope[n] = along[n], -across[n]
+        _put_signal(k, 0, along, across, 0.0, along, -across, series, mirrored)
         return
-    # root² = b + along², signal = along + root, root slope = -across signal
-    if n == 0:
-        root[0] = math.sqrt(b + along[0] * along[0])
-        signal[0] = along[0] + root[0]
-        slope[0] = -across[0] * signal[0] / root[0]
-        return
-    square = product_coefficient(along, along, n)
-    for j in range(1, n):
-        square -= root[j] * root[n - j]
-    root[n] = 0.5 * square / root[0]
-    signal[n] = along[n] + root[n]
-    quotient = -product_coefficient(across, signal, n)
-    for j in range(1, n + 1):
-        quotient -= root[j] * slope[n - j]
-    slope[n] = quotient / root[0]
+    root = math.sqrt(b + along * along)
+    signal = along + root
+    _put_signal(k, 0, along, across, root, signal, -across * signal / root, series, mirrored)
+
+
+@kernel
+def _put_signal(k, n, along, across, root, signal, slope, series, mirrored):
+    row = _SIGNALS + _PER_SIGNAL * k
+    series[row, n], series[row + 1, n], series[row + 2, n] = along, across, root
+    series[row + 3, n], series[row + 4, n] = signal, slope
+    mirrored[row, LENGTH - n], mirrored[row + 2, LENGTH - n] = along, root
+    mirrored[row + 3, LENGTH - n], mirrored[row + 4, LENGTH - n] = signal, slope
 
 
 @kernel
@@ -75,42 +80,52 @@ def slope_row(k):
 
 
 @kernel
-def begin_signals(system, z, series):
+def begin_signals(system, z, series, mirrored):
     """Constant terms of the phase's cosine and sine and of all signals, from that of the phase."""
     phase = z[system.size[0].dynamic - 2, 0]
     series[_COSINE, 0], series[_SINE, 0] = math.cos(phase), math.sin(phase)
     for k in range(system.size[0].signals):
-        _fill_signal(system, k, 0, series)
+        _begin_signal(system, k, series, mirrored)
 
 
 @kernel
-def turn_signals(system, z, n, step, series):
-    """Coefficients n + 1 of the phase's cosine and sine and of all signals, from its rate's up to n."""
-    rate = z[system.size[0].coordinates + system.size[0].dynamic - 2]
-    cosine, sine = 0.0, 0.0
-    for j in range(n + 1):
-        cosine -= series[_SINE, j] * rate[n - j]
-        sine += series[_COSINE, j] * rate[n - j]
-    series[_COSINE, n + 1], series[_SINE, n + 1] = step * cosine, step * sine
-    for k in range(system.size[0].signals):
-        _fill_signal(system, k, n + 1, series)
+def turn_signals(system, z, n, step, series, mirrored):
+    """Coefficients n + 1 of the phase's cosine and sine and of all signals, from its rate's up to n; coefficient n of
+    the channels of the signals, their rates and, but for the part of the phase's acceleration, their accelerations.
 
-
-@kernel
-def fill_signal_channels(system, z, n, step, series):
-    """Coefficient n of the signals, their rates and, but for the part of the phase's acceleration, their accelerations.
+    Every sum over known coefficients comes before what the newest ones add to it: a vector that is read just after one
+    of its numbers was written would wait for that.
     """
     size = system.size[0]
-    rate, first = z[size.coordinates + size.dynamic - 2], first_signal(size)
+    rate, first = z[size.coordinates + size.dynamic - 2, n], first_signal(size)
+    turned = mirrored[_RATE]
+    cosine = -step * (product_coefficient(series[_SINE], turned, n) + series[_SINE, 0] * rate)
+    sine = step * (product_coefficient(series[_COSINE], turned, n) + series[_COSINE, 0] * rate)
     for k in range(size.signals):
-        slope = series[slope_row(k)]
-        z[first + k, n] = series[_SIGNALS + _PER_SIGNAL * k + 3, n]
-        z[first + size.signals + k, n] = product_coefficient(slope, rate, n)
+        row = _SIGNALS + _PER_SIGNAL * k
+        b, slopes = system.rotor.signal[k, 3], series[row + 4]
+        z[first + k, n] = series[row + 3, n]
+        z[first + size.signals + k, n] = product_coefficient(slopes, turned, n) + slopes[0] * rate
+        change = product_coefficient(slopes, turned, n + 1) + slopes[1] * rate if size.signal_accelerations > 0 else 0.0
+        along = system.rotor.signal[k, 0] * (system.rotor.signal[k, 1] * cosine + system.rotor.signal[k, 2] * sine)
+        across = system.rotor.signal[k, 0] * (system.rotor.signal[k, 1] * sine - system.rotor.signal[k, 2] * cosine)
+        if b < 0.0:
+            root, signal, slope = 0.0, along, -across
+        else:  # root² = b + along², signal = along + root, root slope = -across signal
+            inverse = 1.0 / series[row + 2, 0]
+            square = 0.5 * total(_terms(series[row], mirrored[row], n + 1)
+                                 - _terms(series[row + 2], mirrored[row + 2], n + 1))
+            quotient = total(_terms(series[row + 1], mirrored[row + 3], n + 1)
+                             + _terms(slopes, mirrored[row + 2], n + 1))
+            root = (series[row, 0] * along + square) * inverse
+            signal = along + root
+            slope = -inverse * (quotient + series[row + 1, 0] * signal + across * series[row + 3, 0]
+                                + slopes[0] * root)
         if size.signal_accelerations > 0:
-            change = slope[n + 1] * rate[0]
-            for j in range(1, n + 1):
-                change += slope[j] * rate[n + 1 - j]
-            z[first + 2 * size.signals + k, n] = change / step
+            of_first = rate if n == 0 else turned[LENGTH]
+            z[first + 2 * size.signals + k, n] = (change + slope * of_first) / step
+        _put_signal(k, n + 1, along, across, root, signal, slope, series, mirrored)
+    series[_COSINE, n + 1], series[_SINE, n + 1], turned[LENGTH - n] = cosine, sine, rate
 
 
 @kernel

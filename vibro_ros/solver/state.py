@@ -128,10 +128,10 @@ LOWPASS = np.dtype([
     ("reached", np.float64),  # ... local time of that, or `UNKNOWN` where the mode has just begun
 ], align=True)
 
-#: Signals of a rotor, at most: two sliders, and a pin's two directions. Rows for series: five for each, two for the
+#: Signals of a rotor, at most: two sliders, and a pin's two directions. Rows for series: five for each, three for the
 #: phase's, four for a decaying term and for what these two add to other channels.
 MOST_ROTOR_SIGNALS = 4
-SERIES = 2 + 5 * MOST_ROTOR_SIGNALS + 4
+SERIES = 3 + 5 * MOST_ROTOR_SIGNALS + 4
 
 #: What `Scratch.room` holds: arrays with one purpose each. A kernel takes one as `room.guard[:]`, because numba would
 #: compile every kernel that gets the array once more for the type of a record's field.
@@ -153,7 +153,8 @@ ROOM = np.dtype([
     ("part_power", np.float64, (LENGTH,)),  # ... and of a part in which it keeps its sign
     ("lowpass_rate", np.float64, (LENGTH,)),  # of `lowpass`: rate of a channel, ...
     ("lowpass_response", np.float64, (2, LENGTH)),  # ... and the response to a step, real and imaginary
-    ("series", np.float64, (SERIES, LENGTH + 1)),  # of `rotor` and `taylor`
+    ("series", np.float64, (SERIES, LENGTH + 1)),  # of `rotor` and `taylor`, ...
+    ("mirrored", np.float64, (SERIES, 2 * LENGTH)),  # ... and those of `rotor` from their ends
 ], align=True)
 
 

@@ -30,7 +30,6 @@ from vibro_ros.solver.rotor import (
     SERIES_OF_ROTOR,
     begin_signals,
     enter_rotor,
-    fill_signal_channels,
     longest_rotor_segment,
     product_coefficient,
     read_phase,
@@ -135,7 +134,7 @@ def _respond(system, mode, series, of_phase, has_term, response):
 
 
 @kernel
-def _fill_accelerations(system, mode, z, n, series, loads, has_term, of_phase, of_term):
+def _fill_accelerations(system, mode, z, n, series, mirrored, loads, has_term, of_phase, of_term):
     """Coefficient n of the accelerations of masses and phase, of d, of the torque, and of the signals' loads.
 
     `of_phase` and `of_term` are what a unit of the phase's acceleration, and of d, adds to the torque and to f.
@@ -154,8 +153,9 @@ def _fill_accelerations(system, mode, z, n, series, loads, has_term, of_phase, o
     if size.rotors > 0:
         z[torque, n] = 0.0
         for k in range(size.signals):
-            loads[k, n] = _row_at(system.rotor.load[mode, k], system.rotor.load_terms[mode, k], z, n)
-            z[torque, n] += product_coefficient(loads[k], series[slope_row(k)], n)
+            known = product_coefficient(loads[k], mirrored[slope_row(k)], n)  # before the load's own is there
+            loads[k, n] = load = _row_at(system.rotor.load[mode, k], system.rotor.load_terms[mode, k], z, n)
+            z[torque, n] += known + load * series[slope_row(k), 0]
         row = system.acceleration[mode, phase]
         change, pull = _row_at(row, system.reads[mode, phase], z, n), row[torque]
     # Then what these two decide together: change = ... + pull T, and term = e[0] f[n].
@@ -187,7 +187,7 @@ def _fill_accelerations(system, mode, z, n, series, loads, has_term, of_phase, o
 
 
 @called_kernel
-def fill_series(system, mode, duration, orders, z, series, loads):
+def fill_series(system, mode, duration, orders, z, room):
     """Coefficients of the channels, but of driven coordinates, in y = 0 ... 1 over `duration` [s].
 
     Parameters
@@ -200,32 +200,31 @@ def fill_series(system, mode, duration, orders, z, series, loads):
         Number of coefficients.
     z : ndarray, shape (channels, orders or more)
         Constant terms of positions and velocities are given; of what is known in time, all coefficients.
-    series : ndarray, shape (SERIES, LENGTH + 1)
-        Overwritten.
-    loads : ndarray, shape (signals or more, orders or more)
-        Receives the forms g z of a rotor.
+    room : record
+        The scratch's; its `series`, `mirrored` and `load` are overwritten.
     """
-    size = system.size[0]
+    size, series, mirrored, loads = system.size[0], room.series[:], room.mirrored[:], room.load[:]
     coordinates, first, charge, body = size.coordinates, first_acceleration(size), size.dynamic - 1, 0
     has_term, of_phase, of_term = False, (0.0, 0.0), (0.0, 0.0)
+    if size.rotors > 0:
+        series[:], mirrored[:], loads[:] = 0.0, 0.0, 0.0
     if decays(system, mode):
         body = system.decay.coordinate[0]
         has_term = not _has_faded(system, mode, z[coordinates + body, 0])
         # A speed beyond zero is rounding, or a step of fixed length that has passed the stop.
         series[_EXPONENTIAL, 0] = math.exp(min(system.decay.rate[mode] * z[coordinates + body, 0], 0.0))
     if size.rotors > 0:
-        begin_signals(system, z, series)
+        begin_signals(system, z, series, mirrored)
         of_phase = _respond(system, mode, series, True, has_term, series[_OF_PHASE])
     if has_term:
         of_term = _respond(system, mode, series, False, True, series[_OF_TERM])
     for n in range(orders):
         step = duration / (n + 1)
         if size.rotors > 0:
-            turn_signals(system, z, n, step, series)
-            fill_signal_channels(system, z, n, step, series)
+            turn_signals(system, z, n, step, series, mirrored)
             if system.rotor.algebraic[mode]:
                 z[coordinates + charge, n] = _row_at(system.rotor.current[mode], system.rotor.current_terms[mode], z, n)
-        _fill_accelerations(system, mode, z, n, series, loads, has_term, of_phase, of_term)
+        _fill_accelerations(system, mode, z, n, series, mirrored, loads, has_term, of_phase, of_term)
         if size.rotors > 0:
             z[first + charge, n] = _row_at(system.acceleration[mode, charge], system.reads[mode, charge], z, n)
         if n + 1 == orders:
@@ -347,7 +346,7 @@ def _fill_known_forcing(system, state, duration):
 def solve_by_taylor(system, state, point):
     """Begin a segment at `point`, where the flow starts: its duration, and the series of all that moves by itself."""
     size, now, z, room = system.size[0], state.now[0], state.z, state.scratch.room[0]
-    mode, segment, series, loads = now.automaton.mode, now.segment, room.series[:], room.load[:]
+    mode, segment = now.automaton.mode, now.segment
     if size.rotors > 0:
         enter_rotor(system, state, point)
         _, rate = read_phase(system, point)
@@ -364,7 +363,7 @@ def solve_by_taylor(system, state, point):
         z[channel, 0] = point[channel]
     part = 0.0
     for _ in range(_MOST_TRIALS):
-        fill_series(system, mode, trial, LENGTH, z, series, loads)
+        fill_series(system, mode, trial, LENGTH, z, room)
         part = longest / trial
         for i in range(size.dynamic):
             part = min(part, _resolved_part(z[size.coordinates + i]))
@@ -408,8 +407,7 @@ def end_where_term_returns(system, state):
 @kernel
 def evaluate(system, state, mode, point):
     """Fill the channels at `point` that follow from positions, velocities and what is known in time in `mode`."""
-    room = state.scratch.room[0]
-    fill_series(system, mode, 1.0, 1, point.reshape((len(point), 1)), room.series[:], room.load[:])
+    fill_series(system, mode, 1.0, 1, point.reshape((len(point), 1)), state.scratch.room[0])
 
 
 @entry_kernel

@@ -1,7 +1,8 @@
 """All forces of the device, from the equations of docs/robot.md and a state: no code of the solver or of the peer.
 
-The unknowns are x'', y'', u'', w'', N, F_fr and what a mass presses with on a rigid plate that it rests on, P2 and P3,
-in the four rows of the mass matrix and one law each for ground, friction and plates, a linear system for each instant.
+The unknowns are x'', y'', u'', w'', N, F_fr, what a mass presses with on a rigid plate that it rests on, P2 and P3, and
+theta'', in the four rows of the mass matrix, one law each for ground, friction and plates, and the row of the crank, a
+linear system for each instant. A dc motor's current, and theta'' of another motor, belong to the state.
 """
 
 from dataclasses import dataclass
@@ -9,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 SIDES = ("upper", "inclined")
-X, Y, U, W, NORMAL, FRICTION, PRESS = range(7)
+X, Y, U, W, NORMAL, FRICTION, PRESS, _, CRANK = range(9)
 
 
 @dataclass(frozen=True)
@@ -37,6 +38,25 @@ class Motion:
             return radius * (cosine + np.abs(cosine)), -radius * sine * (1.0 + np.sign(cosine))
         root = np.sqrt(rod**2 - (radius * sine) ** 2)
         return radius * cosine + root, -radius * sine * (1.0 + radius * cosine / root)
+
+    def bend(self, side):
+        """d²s/dθ² [m]."""
+        angle, radius = self.at["crank_angle"] - self.tilt(side), self.scene["crank.radius"]
+        sine, cosine = np.sin(angle), np.cos(angle)
+        root = np.sqrt(self.scene[f"crank.{side}_rod"] ** 2 - (radius * sine) ** 2)
+        return (-radius * cosine - radius**2 * (cosine**2 - sine**2) / root
+                - radius**4 * (sine * cosine) ** 2 / root**3)
+
+    def linkage(self):
+        """Masses that the crank moves: mass, direction, and the place's two derivatives by the angle."""
+        scene, angle, radius = self.scene, self.at["crank_angle"], self.scene["crank.radius"]
+        for side in SIDES:
+            if self.has(side) and scene[f"mass.{side}_slider"]:
+                yield (scene[f"mass.{side}_slider"], (-np.sin(self.tilt(side)), np.cos(self.tilt(side))),
+                       self.slider(side)[1], self.bend(side))
+        if pin := scene["mass.crank_pin"]:
+            yield pin, (1.0, 0.0), -radius * np.cos(angle), radius * np.sin(angle)
+            yield pin, (0.0, 1.0), -radius * np.sin(angle), -radius * np.cos(angle)
 
     def drive(self, side):
         """Force of spring and damper on the mass, outwards."""
@@ -74,10 +94,28 @@ class Motion:
             found[f"{side}_drive_force"] = self.drive(side)
             found[f"{side}_plate_force"] = self.push(side) + solution[:, PRESS + i]
             torque += self.drive(side) * self.slider(side)[1]
+        torque += self._linkage_torque() + np.sum(self._torque_rows() * solution, axis=1)
         normal = solution[:, NORMAL]
         found["normal_force"] = np.maximum(normal, 0.0) if self._rule == "unilateral" else normal
         found["friction_force"] = solution[:, FRICTION]
         return found | {"motor_torque": torque, "motor_power": torque * self.at["motor_speed"]}
+
+    def _linkage_torque(self):
+        """Torque [N m] that moves the linkage's masses while x'', y'' and theta'' are 0."""
+        scene = self.scene
+        gravity = scene["effects.mass_weight"] * scene["gravity"] * np.array(
+            [np.sin(scene["ground.slope"]), np.cos(scene["ground.slope"])])
+        return np.zeros(len(self)) + sum(mass * slope * (bend * self.at["motor_speed"] ** 2 + np.dot(way, gravity))
+                                         for mass, way, slope, bend in self.linkage())
+
+    def _torque_rows(self):
+        """What the unknowns add to that torque, shape (n, 9)."""
+        rows, acts = np.zeros((len(self), 9)), self.scene["effects.reaction"]
+        for mass, way, slope, _ in self.linkage():
+            rows[:, CRANK] += mass * slope**2
+            for unknown, part in ((X, way[0]), (Y, way[1])):
+                rows[:, unknown] += acts * mass * slope * part
+        return rows
 
     @property
     def _rule(self):
@@ -86,7 +124,7 @@ class Motion:
     def _ground(self):
         """The unknowns: first with a body at rest that sticks, then slipping where it would not, then unloaded."""
         scene, law = self.scene, self.scene["effects.friction"]
-        moves = self.has("inclined") and np.sin(self.tilt("inclined")) != 0.0 or any(
+        moves = self.has("inclined") and np.sin(self.tilt("inclined")) != 0.0 or scene["mass.crank_pin"] or any(
             scene[f"ground.{name}"] for name in ("slope", "drag", "viscous_friction"))
         air = (self._rule == "hop") & ((self.at["body_height"] != 0.0) | (self.at["body_vertical_velocity"] != 0.0))
         if law == "none" or not moves:
@@ -126,9 +164,10 @@ class Motion:
         scene = self.scene
         acts, weighs = float(scene["effects.reaction"]), float(scene["effects.mass_weight"])
         masses = [scene[f"mass.{side}"] * self.has(side) for side in SIDES]
-        total, slope = scene["mass.body"] + sum(masses), scene["ground.slope"]
+        sliders = [scene[f"mass.{side}_slider"] * self.has(side) for side in SIDES]
+        total, slope = scene["mass.body"] + scene["mass.crank_pin"] + sum(masses + sliders), scene["ground.slope"]
         downhill, gravity = scene["gravity"] * np.sin(slope), scene["gravity"] * np.cos(slope)
-        rows, known = np.zeros((len(self), 8, 8)), np.zeros((len(self), 8))
+        rows, known = np.zeros((len(self), 9, 9)), np.zeros((len(self), 9))
         rows[:, X, X] = rows[:, Y, Y] = total
         rows[:, X, FRICTION], rows[:, Y, NORMAL] = 1.0, -1.0
         known[:, Y] = -total * gravity
@@ -151,8 +190,27 @@ class Motion:
             rows[:, U + i, force] = 1.0
             known[:, U + i] = self.drive(side) - self.push(side) - weighs * mass * (gravity * up + downhill * across)
             rows[:, force, U + i], rows[:, force, force] = rests, ~rests
+        for mass, way, bent, bend in self.linkage():
+            for row, part in ((X, way[0]), (Y, way[1] * (self._rule != "weight"))):
+                rows[:, row, CRANK] += part * mass * bent
+                known[:, row] -= part * mass * bend * self.at["motor_speed"] ** 2
+        rows[:, CRANK, CRANK], known[:, CRANK] = 1.0, self.at["given_acceleration"]
+        if scene["effects.motor"] == "dc":
+            self._fill_crank_row(rows[:, CRANK], known[:, CRANK])
         rows[:, NORMAL, NORMAL], rows[:, NORMAL, Y] = air, ~air
         rows[:, FRICTION, X] = sticks
         rows[:, FRICTION, FRICTION] = ~sticks
         rows[:, FRICTION, NORMAL] = np.where(sticks, 0.0, -slide)
         return np.linalg.solve(rows, known[..., None])[..., 0]
+
+    def _fill_crank_row(self, row, known):
+        """The row of a dc motor's crank: J theta'' and the torques, or theta'' = 0 while the bearing is stuck."""
+        scene, speed = self.scene, self.at["motor_speed"]
+        ratio = scene["motor.gear_ratio"]
+        turns = (speed != 0.0) | (scene["motor.static_friction"] == 0.0)
+        row[:] = self._torque_rows()
+        row[:, CRANK] += ratio**2 * scene["motor.rotor_inertia"] + scene["motor.crank_inertia"]
+        known[:] = (ratio * scene["motor.torque_constant"] * self.at["motor_current"] - scene["motor.damping"] * speed
+                    - scene["motor.friction"] * np.sign(speed) - self._linkage_torque()
+                    - sum(self.drive(side) * self.slider(side)[1] for side in SIDES))
+        row[~turns], known[~turns] = np.eye(9)[CRANK], 0.0
