@@ -25,22 +25,18 @@ def ran(scene, times, course, sign=1.0):
 @pytest.mark.parametrize("side", ["upper", "inclined"])
 def test_a_mirrored_crank_drives_a_mass_alike(name, motor, side):
     """A slider's position is even in the angle from its guide: the mass on it, its plate and the body cannot tell which
-    way the crank turns. To some hundred roundings, which blows on plates make larger."""
+    way the crank turns. To some hundred roundings of 0.06 m."""
     other, tilt = {"upper": "inclined", "inclined": "upper"}[side], 0.0 if side == "upper" else 1.3
     scene = vibro_ros.load_scene(name).with_parameters({
-        f"effects.{other}_mass": False, "effects.motor": motor, "guide.angle": 1.3, "motor.speed": 0.0})
-    times, runs = np.linspace(0.0, 1.2, 1001), []
-    slider = 0.02 + math.sqrt(scene[f"crank.{side}_rod"]**2 - 0.0) if side == "upper" else 0.0
-    for sign in (1.0, -1.0):
-        start = {"start.state": "given", "start.crank_angle": tilt, f"start.{side}_position": slider or 0.05}
-        runs.append(ran(scene.with_parameters(start if side == "inclined" else {}), times, COURSE, sign))
-    here, there = runs
+        f"effects.{other}_mass": False, "effects.motor": motor, "guide.angle": 1.3, "motor.speed": 0.0,
+        "start.state": "given", "start.crank_angle": tilt, f"start.{side}_position": 0.05})
+    here, there = (ran(scene, np.linspace(0.0, 1.2, 1001), COURSE, sign) for sign in (1.0, -1.0))
     for field in (f"{side}_position", "body_position"):
         np.testing.assert_allclose(getattr(there, field), getattr(here, field), rtol=0, atol=1e-13)
     np.testing.assert_allclose(there.crank_angle - tilt, tilt - here.crank_angle, rtol=0, atol=1e-13)
-    np.testing.assert_array_equal(there.motor_speed, -here.motor_speed)
-    assert len(there.events) == len(here.events) > 100
-    assert here.crank_angle.min() < tilt - 5.0 and here.motor_speed.max() > 50.0
+    np.testing.assert_allclose(there.motor_speed, -here.motor_speed, rtol=0, atol=1e-12)
+    assert len(there.events) == len(here.events) > 50
+    assert here.crank_angle.min() < tilt - 5.0 and here.motor_speed.max() > 30.0
 
 
 @pytest.mark.parametrize("reaction", [False, True])
@@ -69,8 +65,8 @@ def test_a_motion_without_losses_goes_back_the_way_it_came(reaction):
 
 @pytest.mark.parametrize("motor", ["ramp", "lag"])
 def test_blows_and_friction_through_0_are_those_of_dop853(motor):
-    """By values instead of series. To 1e-9 m: what DOP853's steps of 1e-13 make of a dozen blows."""
-    scene = vibro_ros.load_scene("device").with_parameters({
+    """By values instead of series. To 1e-12 m: what a tolerance of 1e-13 makes of a dozen blows."""
+    scene = vibro_ros.load_scene("damped").with_parameters({
         "effects.motor": motor, "motor.speed": 70.0, "motor.acceleration": 500.0, "solver.audit": False})
     times = np.linspace(0.0, 0.4, 81)
     run = vibro_ros.simulate(scene, times=times, commands=[(0.0, {"motor_speed": -90.0})])
@@ -78,8 +74,8 @@ def test_blows_and_friction_through_0_are_those_of_dop853(motor):
     states, _ = located("DOP853", tables, times, 1e-13, Work(math.inf))
     forms = tables.model.forms
     for name, coordinate in (("upper_position", 0), ("inclined_position", 1), ("body_position", forms.body)):
-        np.testing.assert_allclose(states[:, coordinate], getattr(run, name), rtol=0, atol=1e-9)
-    assert run.motor_speed[-1] < -50.0 and len(run.events) > 20
+        np.testing.assert_allclose(states[:, coordinate], getattr(run, name), rtol=0, atol=1e-12)
+    assert run.motor_speed[-1] < -80.0 and len(run.events) > 20
 
 
 @pytest.mark.parametrize("motor", MOTORS)
@@ -96,9 +92,7 @@ def test_steps_of_fixed_length_pass_0_with_their_order(motor, method, order):
                   ((0.0512, 90.0), (0.1024, -40.0)))
         assert run.crank_angle[-1] == pytest.approx(exact.crank_angle[-1], abs=1e-12)
         off.append(abs(run.upper_position[-1] - exact.upper_position[-1]))
-    assert off[-1] < 1e-4 * 0.06
-    if motor != "ramp":  # whose corners cost every method its order
-        assert off[-2] / off[-1] > 0.75 * 2.0**order
+    assert off[-1] < 1e-4 and off[-2] / off[-1] > 0.75 * 2.0**order
 
 
 @pytest.mark.parametrize("motor", MOTORS)
