@@ -34,8 +34,8 @@ def swing(time, corners, speeds, frequency=100.0):
 
 @pytest.mark.parametrize("low", [0.0, 1e-9, 20.0, -1e-9, -20.0, -60.0])
 def test_a_ramp_turned_back_at_every_phase(low):
-    """Down from 60 rad/s at 48 instants of a turn, back up before or after it stands, or turns backwards: angle and mass
-    as computed."""
+    """Down from 60 rad/s at 48 instants of a turn, back up before it stands, after that, or from turning backwards:
+    angle and mass as computed."""
     turn = 2.0 * math.pi / 60.0
     for begin in np.arange(1, 49) / 48 * turn:
         device = vibro_ros.Simulator(FREE)
