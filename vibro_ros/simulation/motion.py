@@ -386,7 +386,7 @@ class Motion:
             if not abs(passed - width) <= _CLOSE * width:
                 return False
         return (all(0.0 <= drive[name] <= fastest for name in ("speed", "cell_speed"))
-                and abs(drive["direction"]) == 1 and abs(drive["target"]) <= fastest and _can_turn_back(drive, fastest)
+                and drive["direction"] in (-1, 1) and abs(drive["target"]) <= fastest and _can_turn_back(drive, fastest)
                 and abs(drive["acceleration"]) in (0.0, scene["motor.acceleration"] * (law == "ramp"))
                 and lag in (0.0, scene["motor.time_constant"] * (law == "lag"))
                 and all(abs(rate) in (0.0, actuator) for rate in self.state.ramp["rate"])
