@@ -1,7 +1,8 @@
 """The fields of `Samples` from what the solver samples.
 
 Most are linear forms of the channels. Power and torque are products of them: power = sum of drive force times the
-slider's speed, torque = power / the crank's speed, and where the crank stands or turns round, sum of drive force times ds/dtheta.
+slider's speed, torque = power / the crank's speed, and where the crank stands or turns round, sum of drive force times
+ds/dtheta.
 """
 
 from collections.abc import Callable
@@ -56,7 +57,8 @@ class Readout:
             What was sampled there.
         """
         angle = trace.phases[0, 1]
-        if abs(trace.phases[0, 2]) <= _STANDING and angle != self._slopes_at:  # a crank that stands, stands at one angle
+        # A crank that stands, stands at one angle.
+        if abs(trace.phases[0, 2]) <= _STANDING and angle != self._slopes_at:
             self._slopes, self._slopes_at = self._slopes_where_standing(trace.phases), angle
         read_samples(*self._arguments(times, trace, self._slopes, self._values))
         return self._values[:, 0]
