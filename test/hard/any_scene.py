@@ -56,9 +56,8 @@ def slowest_time(scene):
 def _command(rng, scene):
     """Keywords of a command: another speed, and gaps that are the scene's or some tenths of a millimetre off."""
     factor, faster = _one_of(rng, [0.0, 0.5, 1.0, 2.0]), _one_of(rng, [0.0, 10.0])
-    wanted = {"motor_speed": min(scene["motor.max_speed"], scene["motor.speed"] * factor + faster)}
-    if scene.has_rotor:
-        wanted["motor_speed"] *= _one_of(rng, [1.0, -1.0])
+    wanted = {"motor_speed": min(scene["motor.max_speed"], abs(scene["motor.speed"]) * factor + faster)}
+    wanted["motor_speed"] *= _one_of(rng, [1.0, -1.0])
     if scene.motor_command == "motor_voltage":
         wanted = {"motor_voltage": _between(rng, -1.0, 1.0) * scene["motor.supply_voltage"]}
     if scene.linkage and scene["effects.motor"] == "ideal":  # whose speed may not jump then
@@ -78,8 +77,9 @@ def _values(rng):
         values["ground.friction"] *= _one_of(rng, [1.0, 0.1])  # or most bodies would hardly slip
     values |= _geometry(rng, values)
     values["motor.speed"] = min(values["motor.max_speed"], _number(rng, _TABLE["motor.speed"], wild))
+    values["motor.speed"] *= _one_of(rng, [1.0, -1.0])
     if values["effects.motor"] == "dc":
-        values["motor.speed"] *= _one_of(rng, [1.0, -1.0, 0.0])
+        values["motor.speed"] *= _one_of(rng, [1.0, 1.0, 0.0])
         values["motor.voltage"] = _between(rng, -1.0, 1.0) * values["motor.supply_voltage"]
         values["motor.static_friction"] = min(1e6, values["motor.friction"] * _one_of(rng, [1.0, 1.2, 3.0]))
         values["crank.radius"] *= _one_of(rng, [0.99, 0.3])
@@ -150,7 +150,8 @@ def _gap(rng, lengths):
 
 def _given_start(rng, values):
     """Where a given start puts what the scene has: masses about their plates, not deep in them, in any direction."""
-    speed, start = values["crank.radius"] * abs(values["motor.speed"]), {"start.crank_angle": _between(rng, 0.0, 50.0)}
+    start = {"start.crank_angle": _between(rng, -50.0, 50.0)}
+    speed = values["crank.radius"] * abs(values["motor.speed"])
     for side in SIDES:
         if values[f"effects.{side}_mass"]:
             plate, rigid = values[f"crank.{side}_rod"] + values[f"{side}.gap"], values[f"effects.{side}_contact"]

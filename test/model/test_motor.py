@@ -274,7 +274,7 @@ def test_another_motors_command_is_refused_and_changes_nothing():
             (by_voltage, {"motor_voltage": 40.0}, "motor.voltage: 40 is out of range; give a number from -36 to 36 V"),
             (by_voltage, {"motor_voltage": math.nan}, "motor.voltage: nan is not finite"),
             (by_speed, {"motor_voltage": 1.0}, "motor_voltage: 1.0 is no command .*command motor_speed"),
-            (by_speed, {"motor_speed": -1.0}, "motor.speed: -1 is out of range")):
+            (by_speed, {"motor_speed": -501.0}, "motor.speed: -501 is out of range")):
         before = device.checkpoint()
         with pytest.raises(ValueError, match=message):
             device.command(**command)

@@ -15,7 +15,7 @@ from vibro_ros.bag.writer import BagWriter, Storage
 SECONDS = 2.0
 FASTER = 2.5  # than the clock, so that a recording of 5 s takes 2 s
 PLAIN = Storage()
-RANGES = {"motor_speed": (-20.0, 200.0), "upper_gap": (-1e-3, 2e-3), "inclined_gap": (-1e-3, 2e-3)}
+RANGES = {"motor_speed": (-520.0, 200.0), "upper_gap": (-1e-3, 2e-3), "inclined_gap": (-1e-3, 2e-3)}
 
 
 def command_at_random(bench, seconds: float, seed: int, topics: dict[str, str]) -> None:

@@ -31,7 +31,7 @@ from vibro_ros.model.scene import Scene
 from vibro_ros.orbits.orbit import derivative
 from vibro_ros.orbits.recurrence import FIRST_TURNS, long_cycle, settle
 from vibro_ros.orbits.recurrence import MOST_TURNS as MOST_SETTLING
-from vibro_ros.orbits.turn_map import TURN, Stroboscope, TurnMap, free_cut
+from vibro_ros.orbits.turn_map import Stroboscope, TurnMap, free_cut, turn_time
 from vibro_ros.simulation.simulator import Simulator
 
 LEAST_TURNS, MOST_TURNS = 20, 1_000_000
@@ -248,8 +248,7 @@ def exponent_of_pairs(device: Simulator, begin: float, duration: float) -> tuple
     SimulationError
         If a run cannot go on.
     """
-    speed = device.scene["motor.speed"]
-    stretch = _TURNS * TURN / speed if speed > 0.0 else _STANDING
+    stretch = _TURNS * turn_time(device.scene) if device.scene["motor.speed"] else _STANDING
     count = math.floor(duration / stretch)
     if count < 3:
         return math.nan, math.nan

@@ -107,7 +107,7 @@ def place(scene: Scene, model: Model, state: State, point: np.ndarray, values: M
     scene, model : Scene, Model
         What is simulated.
     state : State
-        Interrupted now, changed in place. The motor's speed and the plates are set, what they do next is not.
+        Interrupted now, changed in place. The plates are set, what they and the motor do next is not.
     point : ndarray, shape (channels,)
         All channels now, overwritten.
     values : mapping of str to float
@@ -131,11 +131,12 @@ def place(scene: Scene, model: Model, state: State, point: np.ndarray, values: M
             state.now["drive"]["turns"] = round((angle - rest) / _TURN)
     elif turned:
         drive, starts, rest = state.now["drive"][0], model.system.signals.start, math.fmod(angle, _TURN)
-        cell = min(int(np.searchsorted(starts, rest, side="right")) - 1, len(starts) - 2)
-        drive["turns"], drive["cell"] = round((angle - rest) / _TURN), cell
-        drive["offset"], drive["since"] = rest - starts[cell], 0.0
-    if not forms.has_rotor:
-        state.now["drive"]["speed"] = values["motor_speed"]
+        drive["turns"] = round((angle - rest) / _TURN)
+        if rest < 0.0:
+            drive["turns"], rest = drive["turns"] - 1, rest + _TURN
+        drive["cell"] = cell = min(int(np.searchsorted(starts, rest, side="right")) - 1, len(starts) - 2)
+        drive["offset"] = rest - starts[cell] if drive["direction"] > 0 else starts[cell + 1] - rest
+        drive["since"] = 0.0
     for k, side in enumerate(forms.plates):
         state.ramp["value"][k] = point[at.ramp(k)] = values[f"{side}_plate_position"]
     for k, slider in enumerate(model.sliders):  # they move with the crank; the energy of the drives is theirs

@@ -162,11 +162,22 @@ def _copy(polynomials, targets):
 
 
 @kernel
+def _copy_cell(system, drive, targets):
+    """Polynomials of the signals over the present cell, from where the phase enters it to where it leaves it."""
+    polynomials = system.signals.series[drive.cell]
+    if drive.direction > 0:
+        _copy(polynomials, targets)
+        return
+    for k in range(len(polynomials)):
+        scale_argument(polynomials[k], -1.0, targets[k])
+
+
+@kernel
 def _fill_parts(system, state, polynomials, middle, slope, shift_size):
-    """Polynomials of the signals over a part of the cell, from those over all of it."""
+    """Polynomials of the signals over a part of the cell, from those over all of it; a negative slope mirrors them."""
     drive, first = state.now[0].drive, first_signal(system.size[0])
     targets = state.z[first:first + len(polynomials)]
-    ratio = 0.5 * _cell_width(system, drive) * slope * (1.0 + shift_size) / system.signals.reach[drive.cell]
+    ratio = 0.5 * _cell_width(system, drive) * abs(slope) * (1.0 + shift_size) / system.signals.reach[drive.cell]
     recentre(polynomials, middle, _significant_terms(ratio), targets)
     for k in range(len(targets)):
         scale_argument(targets[k], slope, targets[k])
@@ -199,7 +210,8 @@ def _provide_cell_signals(system, state):
     width = _cell_width(system, drive)
     terms = fill_cell_shift(drive, width, shift)
     ratio = 0.5 * width / system.signals.reach[drive.cell]
-    _displace_all(state, system.signals.series[drive.cell], ratio, terms, _size(shift, terms), library.signal)
+    _copy_cell(system, drive, library.signal)
+    _displace_all(state, library.signal, ratio, terms, _size(shift, terms), library.signal)
 
 
 @called_kernel
@@ -216,7 +228,7 @@ def _fill_changing_signals(system, state):
         middle, slope = 2.0 * (drive.since + segment.half) / drive.cell_time - 1.0, 2.0 * segment.half / drive.cell_time
     else:
         middle, slope, terms = fill_shift(drive, segment.half, width, shift)
-        _copy(system.signals.series[cell], library.signal)
+        _copy_cell(system, drive, library.signal)
         library.signal_cells[0] = 0
     size = _size(shift, terms)
     _fill_parts(system, state, library.signal, middle, slope, size)
@@ -231,11 +243,12 @@ def _fill_signals(system, state):
     if drive.time_left > 0.0:
         _fill_changing_signals(system, state)
     elif segment.slot == drive.cell:
-        _copy(system.signals.series[drive.cell], state.z[first:])
+        _copy_cell(system, drive, state.z[first:])
     else:
         slope = 2.0 * drive.speed * segment.half / _cell_width(system, drive)
         middle = 2.0 * (drive.offset + drive.speed * segment.half) / _cell_width(system, drive) - 1.0
-        _fill_parts(system, state, system.signals.series[drive.cell], middle, slope, 0.0)
+        _fill_parts(system, state, system.signals.series[drive.cell], drive.direction * middle,
+                    drive.direction * slope, 0.0)
 
 
 @called_kernel
@@ -319,7 +332,10 @@ def advance_forcing(system, state, x):
         enter_next_cell(system, drive)
     else:
         drive.offset += advance
+    direction = drive.direction
     reached = 1 << len(state.ramp) if advance_speed(drive, elapsed, speed) else 0
+    if drive.direction != direction:
+        drive.offset = max(0.0, _cell_width(system, drive) - drive.offset)
     reached |= advance_ramps(state, elapsed)
     if reached:
         drive.version += 1
@@ -329,7 +345,9 @@ def advance_forcing(system, state, x):
 
 @kernel
 def phase_at(system, state, x):
-    """Phase past the start of the turn [rad] and its rate [rad/s] at the local time `x`."""
+    """Phase past the start of the turn [rad] and its rate [rad/s], below 0 backwards, at the local time `x`."""
     drive = state.now[0].drive
     advance, speed = phase_advance(drive, state.now[0].segment.half * (x + 1.0))
+    if drive.direction < 0:
+        return system.signals.start[drive.cell + 1] - drive.offset - advance, 0.0 - speed  # never -0.0
     return system.signals.start[drive.cell] + drive.offset + advance, speed

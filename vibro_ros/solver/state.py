@@ -22,6 +22,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from vibro_ros.solver.drive import command_drive
 from vibro_ros.solver.system import System, channels_of
 from vibro_ros.solver.vector import LENGTH
 
@@ -44,13 +45,14 @@ SEGMENT = np.dtype([
 #: The phase of the signals, and how its speed changes.
 DRIVE = np.dtype([
     ("cell", np.int64),  # of `SignalTable`
-    ("turns", np.int64),  # periods that are over
-    ("offset", np.float64),  # phase [rad] from the cell's start to the segment's start
-    ("speed", np.float64),  # rate of the phase [rad/s] at the segment's start ...
+    ("turns", np.int64),  # periods that are over, below 0 backwards
+    ("direction", np.int64),  # 1, or -1 backwards: what follows is counted along it
+    ("offset", np.float64),  # phase [rad] from where it enters the cell to the segment's start
+    ("speed", np.float64),  # rate of the phase [rad/s] at the segment's start, not below 0 ...
     ("acceleration", np.float64),  # ... its constant rate of change [rad/s²], if it is on a ramp ...
     ("lag", np.float64),  # ... or the time constant [s] with which it approaches its target instead, or 0 ...
-    ("target", np.float64),  # ... its target [rad/s] ...
-    ("time_left", np.float64),  # ... and the time [s] until it is there, or 0
+    ("target", np.float64),  # ... its target [rad/s], below 0 if the direction has to change first ...
+    ("time_left", np.float64),  # ... and the time [s] until it is there, or is 0 first, or 0
     ("cell_speed", np.float64),  # speed at the start of a cell over which the speed changes ...
     ("cell_time", np.float64),  # ... time [s] that the cell takes, or 0 if it is no segment ...
     ("since", np.float64),  # ... time [s] from the cell's start to the segment's start ...
@@ -294,7 +296,7 @@ def new_state(system: System, phase_speed: float, ramp_values: np.ndarray, mode:
     system : System
         The system.
     phase_speed : float
-        Rate of the phase [rad/s].
+        Rate of the phase [rad/s], below 0 backwards.
     ramp_values : ndarray, shape (ramps,)
         Where the ramps stand.
     mode : int
@@ -322,7 +324,7 @@ def new_state(system: System, phase_speed: float, ramp_values: np.ndarray, mode:
     )
     state.ramp["value"] = state.ramp["target"] = ramp_values
     drive = state.now["drive"]
-    drive["speed"] = drive["target"] = phase_speed
-    drive["version"] = 1
+    drive["direction"] = drive["version"] = 1
+    command_drive(system.signals, drive[0], phase_speed, phase_speed)
     state.now["automaton"]["mode"] = mode
     return state

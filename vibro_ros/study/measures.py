@@ -53,7 +53,7 @@ def window(scene: Scene, settling: float, duration: float) -> Window:
 
     The speed of the body swings within a turn, so that a part of a turn would give a mean of another kind.
     """
-    turn = 2.0 * math.pi / scene["motor.speed"] if scene["motor.speed"] > 0.0 else math.inf
+    turn = 2.0 * math.pi / abs(scene["motor.speed"]) if scene["motor.speed"] else math.inf
     turns = math.floor(min(duration / turn + _ROUNDING, MOST_TURNS))
     return Window(settling, turn, turns, turns * turn if turns else duration)
 
@@ -233,8 +233,8 @@ def observed(device: Simulator, wanted: Collection[str], measured: Window) -> Ob
         loads = loads_of(device, measured)
     return Observation(
         scene=scene, window=measured, displacement=after.body_position - before.body_position,
-        turns=(after.crank_angle - before.crank_angle) / (2.0 * math.pi),
-        steady=before.motor_speed == after.motor_speed == scene["motor.speed"] > 0.0, events=events,
+        turns=abs(after.crank_angle - before.crank_angle) / (2.0 * math.pi),
+        steady=before.motor_speed == after.motor_speed == scene["motor.speed"] != 0.0, events=events,
         delivered=float(delivered), taken_back=float(taken_back), standing=standing, airborne=airborne, loads=loads,
         strobe=strobe)
 
@@ -299,7 +299,7 @@ def _upward_momentum(scene: Scene, state: Samples[float]) -> float:
 
 def _scaled_states(samples: Samples, scene: Scene) -> np.ndarray:
     """What repeats in a periodic motion, without unit, shape (n, 7)."""
-    radius, speed = scene["crank.radius"], scene["motor.speed"] or 1.0
+    radius, speed = scene["crank.radius"], abs(scene["motor.speed"]) or 1.0
     return np.column_stack([*(getattr(samples, name) / radius for name in _STROBED_POSITIONS),
                             *(getattr(samples, name) / (radius * speed) for name in _STROBED_VELOCITIES)])
 

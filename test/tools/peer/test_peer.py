@@ -41,6 +41,7 @@ HOP = {"effects.normal_force": "hop"}
 MISPRINT = {"effects.misprint": True, "inclined.plate.stiffness": 1e4}
 HEAVY = {"effects.reaction": True, "effects.mass_weight": True}
 SPEED_UP = ((0.03, {"motor_speed": 140.0}), (0.11, {"motor_speed": 60.0}))
+THROUGH_0 = ((0.03, {"motor_speed": -90.0}), (0.11, {"motor_speed": 70.0}))
 GAPS = ((0.02, {"upper_gap": 0.0004, "inclined_gap": -0.0003}), (0.1, {"upper_gap": 0.0}))
 LINKAGE = {"mass.upper_slider": 0.01, "mass.inclined_slider": 0.02, "mass.crank_pin": 0.05}
 DC = {"effects.motor": "dc", "motor.acceleration": 0.0, "motor.voltage": 12.0, "motor.control": "voltage",
@@ -202,6 +203,12 @@ EFFECTS = {
         UNILATERAL | DAMPERS | HEAVY | LINKAGE | DC | WINDING | BY_CURRENT | {"ground.slope": 0.05}, SPEED_UP),
     "dc motor on ground that rebounds, without the reaction": (
         HOP | DAMPERS | LINKAGE | DC | {"ground.restitution": 0.4}, ()),
+    "ideal motor backwards": (UNILATERAL | {"motor.speed": -100.0}, THROUGH_0),
+    "ramp motor through 0": (UNILATERAL | {"effects.motor": "ramp", "motor.acceleration": 4100.0}, THROUGH_0),
+    "lag motor through 0": (
+        HOP | DAMPERS | HEAVY | {"effects.motor": "lag", "motor.time_constant": 0.03}, THROUGH_0),
+    "crank as long as the rods, through 0": (
+        UNILATERAL | DAMPERS | {"crank.radius": 0.06, "effects.motor": "ramp", "motor.acceleration": 41e2}, THROUGH_0),
     "moving plates": (UNILATERAL, GAPS),
     "moving rigid plates": (UNILATERAL | RIGID, GAPS),
     "an inclined guide that points down, the upper plate rigid": (

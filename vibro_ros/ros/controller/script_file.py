@@ -274,6 +274,9 @@ def _motor(value: object, where: str) -> tuple[float, float]:
                  for key, default in zip(("from", "to"), MOTOR_RANGE, strict=True))
     if low >= high:
         raise ValueError(f"{where}motor_speed: from {low:g} to {high:g} rad/s is no range; give `to` above `from`")
+    if low < 0.0:
+        raise ValueError(f"{where}motor_speed: {low:g} rad/s is below 0; feedback goes faster by a faster motor: give "
+                         "`from` at least 0")
     return low, high
 
 

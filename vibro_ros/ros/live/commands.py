@@ -71,7 +71,7 @@ class Commands:
                 self.in_force[name] = value
                 if name == SPEED:
                     is_own = value in self._sent
-                    self.of_page = is_own and value > 0.0
+                    self.of_page = is_own and value != 0.0
                     while is_own and self._sent.popleft() != value:  # what was sent before was refused, or is lost
                         pass
         names = {operation.name for operation in operations}
