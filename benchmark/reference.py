@@ -1,7 +1,7 @@
 """Make the data files in `problems/`: `python -m benchmark.reference`, or some of them by name; needs python-flint.
 
 Each problem is integrated twice by `reference_model`, with 64 powers in 84 digits and with 76 powers in 94 digits; the
-file says to how many decimals the two agree. `7_bounce` has a closed form (`bounced`), with which the integration agrees.
+file says to how many decimals the two agree. `7_bounce` has a closed form (`bounced`), which the second run confirms.
 """
 
 import json
