@@ -47,8 +47,8 @@ def page(rows: Sequence[Mapping], names: Sequence[str], machine: str) -> str:
              f"count. Each program is used as its documentation recommends ({PLAIN}) and as an expert sets it "
              f"({TUNED}). Measured on {machine}; {versions(rows)}.",
              f"A run *{FALLS}* if its body is at a sampled instant deeper below a ground that it may leave, y ≥ 0, "
-             "than the true body ever rises above it; has the *wrong sign* if the body ends on the other side of its start; "
-             f"and *diverges* beyond {DIVERGED:g} spans. None of these counts for prices.",
+             "than the true body ever rises above it; has the *wrong sign* if the body ends on the other side of its "
+             f"start; and *diverges* beyond {DIVERGED:g} spans. None of these counts for prices.",
              "Equations, data and how to add a program: `benchmark/README.md` in the repository; `make benchmark` "
              "measures it again.",
              "## What one more digit costs", "Ten to the power of minus the slope of log cost over log error, of a "
