@@ -239,9 +239,9 @@ def exponent_of_pairs(device: Simulator, begin: float, duration: float) -> tuple
     Returns
     -------
     (float, float)
-        The exponent [1/s], and half the width of its 95 % confidence interval, from up to ten parts of the time; both 0
-        if no two runs have parted. NaN for a time of less than three stretches of two turns, and for the interval of
-        one pair.
+        The exponent [1/s], and half the width of its 95 % confidence interval, from up to ten parts of the time. If no
+        two runs have parted, 0 and the largest exponent that would not have shown. NaN for a time of less than three
+        stretches of two turns, and for the interval of one pair that has.
 
     Raises
     ------
@@ -262,7 +262,7 @@ def exponent_of_pairs(device: Simulator, begin: float, duration: float) -> tuple
             watched.append(len(distances) - 1)
             parted = parted or distances[-1] > _GROWN * distances[0]
     if not parted:
-        return 0.0, 0.0
+        return 0.0, math.log(_GROWN) / (sum(watched) * stretch) if watched else math.nan
     rates = [grown.sum() / (lasted.sum() * stretch) for grown, lasted in zip(
         *(np.array_split(of_pairs, min(_PARTS, len(growth))) for of_pairs in (growth, watched)), strict=True)]
     return sum(growth) / (sum(watched) * stretch), _half_interval(np.array(rates))
