@@ -59,8 +59,8 @@ def integrated(inertia, speed, fall, decay_speed, restitution):
 @pytest.mark.parametrize("restitution", [0.0, 0.7])
 @pytest.mark.parametrize("across", [0.0, 0.05, 0.2, -0.2, 0.35, -0.35])
 def test_a_landing_with_stribecks_friction_is_the_integral_of_the_impulse(across, restitution):
-    """A74. Bodies that slip on, that stop and stick in either phase, that are driven on, and that are turned back. 1e-11
-    is DOP853's error at a stop."""
+    """A74. Bodies that slip on, that stop and stick in either phase, that are driven on, and that are turned back.
+    1e-11 is DOP853's error at a stop."""
     inertia, outcomes = np.array([[1.3, across], [across, 0.9]]), set()
     for speed, decay_speed in itertools.product((0.0, 1e-3, -0.02, 0.05, -0.1, 0.15, 0.3, -2.0), (0.02, 0.3)):
         after, rise, outcome = KERNELS.land(law(decay_speed, restitution), 1.3, across, 0.9, speed, -0.5)
