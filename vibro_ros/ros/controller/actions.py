@@ -53,29 +53,10 @@ class _CancelledError(Exception):
 
 
 class GoalServer:
-    """Offers the actions from now on; for the executor's thread.
+    """Offers the actions of `types` from now on; for the executor's thread.
 
-    Parameters
-    ----------
-    node : SteadyNode
-        Offers.
-    types : dict of str to type
-        Of `action_types`.
-    robot : CommandedRobot
-        Takes the commands.
-    publisher : Publisher
-        Of the motor's speed.
-    time : Timeline
-        The time in which goals count.
-    reach : float
-        Mean speed [m/s] that the robot holds at most; its sign is that of the way it goes.
-
-    Attributes
-    ----------
-    busy : bool
-        Whether a goal is being pursued.
-    ending : bool
-        Whether the controller is about to end, and no goal is to be pursued any more.
+    `time` is that in which goals count; `reach` the mean speed [m/s] that the robot holds at most, with the sign of the
+    way it goes. `busy` says whether a goal is being pursued, `ending` that none is to be any more.
     """
 
     def __init__(self, node: SteadyNode, types: dict[str, Any], robot: CommandedRobot, publisher: Publisher,

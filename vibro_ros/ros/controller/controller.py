@@ -207,20 +207,7 @@ def _parser() -> Parser:
 
 
 class Faults:
-    """Asks the robot to fail, by its service `inject_fault`.
-
-    Parameters
-    ----------
-    node : Node
-        Asks in its executor's thread.
-    robot : CommandedRobot
-        Who is asked.
-
-    Raises
-    ------
-    ValueError
-        Where the service's type is not installed.
-    """
+    """Asks the robot to fail, by its service `inject_fault`; ValueError where the service's type is not installed."""
 
     def __init__(self, node: Node, robot: CommandedRobot):
         try:
@@ -256,25 +243,9 @@ class Faults:
 class ScriptPlayer:
     """The commands of a script, each sent when its value changes.
 
-    Parameters
-    ----------
-    script : Script
-        What to play.
-    reach : float
-        Mean speed [m/s] that the robot holds at most; its sign is that of the way it goes.
-    odometer : Odometer or None
-        For the goals of the script, if it has any.
-    send : callable
-        Publishes a message under a command's name.
-    say : callable
-        Given what comes, and what came of it, in words.
-    advise : callable
-        Given, before they are sent, the number of the entry, all commands that stand then, and those that stand
-        `STAY` later; NaN for a motor speed that feedback has given.
-    robot : CommandedRobot
-        Says how often the motor's command must be repeated.
-    faults : Faults or None
-        For the faults of the script, if it has any.
+    `reach` is the mean speed [m/s] that the robot holds at most, with the sign of the way it goes. `say` is given what
+    comes, and what came of it, in words. `advise` is given, before they are sent, the number of the entry, all commands
+    that stand then, and those that stand `STAY` later; NaN for a motor speed that feedback has given.
     """
 
     def __init__(self, script: Script, reach: float, odometer: Odometer | None,

@@ -40,24 +40,10 @@ _HASH = re.compile(r"RIHS01_[0-9a-f]{64}")
 
 
 class SteadyNode(Node):
-    """A node whose callbacks refuse what they cannot take.
+    """A node whose callbacks refuse what they cannot take; ROS arguments may change its name.
 
-    Parameters
-    ----------
-    name : str
-        The node's name, which ROS arguments may change.
-
-    Attributes
-    ----------
-    refusals : Refusals
-        What was refused.
-    clock_heard : bool
-        Whether a time came on /clock, which may be 0.
-
-    Raises
-    ------
-    ValueError
-        When one of rclpy's own parameters was given another type than true or false.
+    `clock_heard` says whether a time came on /clock, which may be 0. ValueError when one of rclpy's own parameters was
+    given another type than true or false.
     """
 
     def __init__(self, name: str):
@@ -156,11 +142,6 @@ class SteadyExecutor(SingleThreadedExecutor):
 
     KeyboardInterrupt, and the end of ROS while waiting, are raised as ever. One guard here stands for one around each
     callback: an error may also come before a callback, while rclpy takes a message or a request of another process.
-
-    Parameters
-    ----------
-    refusals : Refusals
-        Counts and says.
     """
 
     def __init__(self, refusals: Refusals):

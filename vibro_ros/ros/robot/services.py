@@ -268,14 +268,7 @@ incorrect transition: a stopped simulation stands still already."""
 
 
 class RefusalError(Exception):
-    """A request is refused.
-
-    Parameters
-    ----------
-    code : int
-        Why, for programs.
-    words : str
-        Why, for people: the value, the limit and the remedy.
+    """A request is refused: `code` says why for programs, `words` for people, with the value, the limit and the remedy.
     """
 
     def __init__(self, code: int, words: str):
@@ -351,23 +344,8 @@ def _listed(states: Iterable[State]) -> str:
 class SimulationControl:
     """The robot as a simulator: its state, and how requests of `simulation_interfaces` change it.
 
-    All functions are for the executor's thread.
-
-    Parameters
-    ----------
-    node : Node
-        Whose executor awaits.
-    operations : Operations
-        Perform what is asked.
-    robot_time : RobotTime
-        Knows whether the robot is at its start.
-
-    Attributes
-    ----------
-    quitting : bool
-        Whether somebody asked that the robot ends.
-    waiting : int
-        Requests whose answer is awaited.
+    All functions are for the executor's thread. `quitting` says whether somebody asked that the robot ends; `waiting`
+    counts requests whose answer is awaited.
     """
 
     def __init__(self, node: Node, operations: Operations, robot_time: RobotTime):
@@ -412,19 +390,9 @@ class SimulationControl:
         await self._answer(self._operations.ask(Operation(STATE, parameters=given)), Code.OPERATION_FAILED)
 
     def begin_steps(self, steps: int, counted: Callable[[int], object] | None = None) -> Request:
-        """Ask for samples while robot time stands still.
+        """Ask for samples while robot time stands still; RefusalError when they cannot be taken.
 
-        Parameters
-        ----------
-        steps : int
-            How many.
-        counted : callable, optional
-            Given the number of samples so far after each one; called by the stepping thread.
-
-        Raises
-        ------
-        RefusalError
-            When they cannot be taken.
+        `counted` is given the number of samples so far after each one, by the stepping thread.
         """
         check_steps(steps)
         self.check_idle()
@@ -469,19 +437,10 @@ class SimulationControl:
 
 
 def entity_state_asked(request: Any, entity: str, frame: str) -> dict[str, float]:
-    """What a request of SetEntityState gives, by fields of the state.
+    """What a request of SetEntityState gives, by fields of the state; `frame` is that of the odometry.
 
-    Parameters
-    ----------
-    request : SetEntityState.Request
-        What is asked.
-    entity, frame : str
-        The robot's name, and the frame of its odometry, which an empty name means, too.
-
-    Raises
-    ------
-    RefusalError
-        For another entity or frame, and for what no body on the ground's line can do. Accelerations are ignored.
+    RefusalError for another entity or frame, where an empty one means that of the odometry, and for what no body on the
+    ground's line can do. Accelerations are ignored.
     """
     check_entity(request.entity, entity)
     if request.state.header.frame_id not in ("", frame):
