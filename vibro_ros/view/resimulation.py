@@ -35,14 +35,8 @@ from vibro_ros.view.stretch import AGREEMENT, LONGEST, ExactRun, Progress, quiet
 class Resimulation(ExactRun):
     """Simulates a recorded run again and compares it with the recorded positions.
 
-    Parameters
-    ----------
-    facts : RunFacts
-        What the bag says of its run.
-    tracks : dict of str to Track
-        Recorded quantities by robot time, from one sample of the robot to another; the positions are compared.
-    is_known : bool
-        Whether the recording has the run's beginning; else the run is unknown until something says where the robot is.
+    `tracks` are recorded quantities by robot time, from one sample of the robot to another. Unless the recording has
+    the run's beginning (`is_known`), the run is unknown until something says where the robot is.
     """
 
     def __init__(self, facts: RunFacts, tracks: dict[str, Track], is_known: bool):
