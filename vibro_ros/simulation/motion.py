@@ -341,9 +341,9 @@ class Motion:
             return False
         cut = not self._cuts_forces or self.scene["solver.method"] == "rk4_located"  # other steps are never cut
         shortest = 0.0 if cut else 0.25 * self.scene["solver.step"]
-        local = ("flow_start", "mode_start", "next_event", "piece_middle", "piece_end")
+        local = ("flow_start", "mode_start", "next_event")
         within = ((now["accounts"]["booked"], -_LOCAL, _LOCAL), *((segment[name], -_LOCAL, _LOCAL) for name in local),
-                  (segment["half"], shortest, LONGEST_SEGMENT), (segment["piece_half"], 0.0, 1.0),
+                  (segment["half"], shortest, LONGEST_SEGMENT),
                   (segment["residue"], -LONGEST_SEGMENT, LONGEST_SEGMENT),
                   (self.time - segment["start"], -2.0 * LONGEST_SEGMENT, 2.0 * LONGEST_SEGMENT))
         moving, constant = (self.time, *(drive[name] for name in drive.dtype.names)), self.state.z[-1]
