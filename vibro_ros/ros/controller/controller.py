@@ -14,7 +14,6 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 from heapq import merge
-from importlib import import_module
 from itertools import count
 from pathlib import Path
 
@@ -22,7 +21,6 @@ from rclpy.duration import Duration
 from rclpy.executors import Executor
 from rclpy.node import Node
 from rclpy.task import Future
-from rclpy.type_support import NoTypeSupportImportedException, check_for_type_support
 from std_msgs.msg import Float64
 
 from vibro_ros.configuration.command_map import CommandMap, find_map, read_map, shipped_maps
@@ -41,7 +39,7 @@ from vibro_ros.ros.controller.script import MOTOR, Script, Segment
 from vibro_ros.ros.controller.script_file import find_script, read_script, shipped_scripts
 from vibro_ros.ros.node import process, qos
 from vibro_ros.ros.node.arguments import check_addressed, check_arguments, own_arguments
-from vibro_ros.ros.node.node import SteadyNode
+from vibro_ros.ros.node.node import SteadyNode, installed_type
 from vibro_ros.ros.node.parameters import declare, parameter_lines, take_overrides
 
 NODE_NAME = "vibro_controller"
@@ -210,12 +208,10 @@ class Faults:
     """Asks the robot to fail, by its service `inject_fault`; ValueError where the service's type is not installed."""
 
     def __init__(self, node: Node, robot: CommandedRobot):
-        try:
-            self._kind = import_module(f"{PACKAGE}.srv").InjectFault
-            check_for_type_support(self._kind)
-        except (ImportError, AttributeError, NoTypeSupportImportedException):
+        self._kind = installed_type(PACKAGE, "srv", "InjectFault")
+        if not self._kind:
             raise ValueError(f"fault: {PACKAGE} is not installed, or old; `make setup` builds it where there is a C "
-                             "compiler, and colcon from the folder interfaces") from None
+                             "compiler, and colcon from the folder interfaces")
         self._node, self._robot = node, robot
         self._asked: list[tuple[str, Future]] = []
 
