@@ -6,6 +6,7 @@ where the robot is: a reset or a checkpoint.
 """
 
 from collections.abc import Sequence
+from contextlib import suppress
 
 import numpy as np
 
@@ -21,6 +22,7 @@ from vibro_ros.messages.topics import (
     SET,
     STATE,
     TIMEOUT,
+    commands_in,
     read_operation,
 )
 from vibro_ros.model.faults import DURATION, FORCE
@@ -139,8 +141,10 @@ class Resimulation(ExactRun):
             elif received.name == OPERATIONS:
                 self._operate(tick, received.data)
             elif self._is_known:
-                value = deserialised(received.data, ROBOT_TOPICS[received.name]).data
-                self.command(self._rerun.device, {received.name: value})
+                message = deserialised(received.data, ROBOT_TOPICS[received.name])
+                for argument, value in commands_in(received.name, message, self.scene)[0].items():
+                    with suppress(ValueError):  # the robot refused it as well
+                        self.command(self._rerun.device, {argument: value})
         except ValueError:
             pass  # the robot refused it as well
         except SimulationError as error:
