@@ -38,14 +38,7 @@ def state_of(scene: Scene) -> list[str]:
 class Following(ExactRun):
     """Follows samples with a device, from sample to sample; the device's own time is 0 where it was last put.
 
-    Parameters
-    ----------
-    device : Simulator
-        The robot; overwritten.
-    samples : mapping of str to ndarray, each of shape (n,)
-        All that `state_of` names, finite.
-    times : ndarray, shape (n,)
-        Instants [s] of the samples, ascending.
+    The device is overwritten. `samples` are all that `state_of` names, finite, at the ascending `times` [s].
     """
 
     def __init__(self, device: Simulator, samples: Mapping[str, np.ndarray], times: np.ndarray):

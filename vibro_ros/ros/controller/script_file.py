@@ -57,19 +57,10 @@ def find_script(name_or_path: str) -> Path:
 
 
 def read_script(path: Path, command_map: CommandMap | None = None) -> Script:
-    """Read and check the script at `path`.
+    """Read and check the script, a YAML file.
 
-    Parameters
-    ----------
-    path : Path
-        Of a YAML file.
-    command_map : CommandMap, optional
-        Gives the commands where an entry asks for a speed over ground; without it such an entry is refused.
-
-    Raises
-    ------
-    ValueError
-        Naming the file, the entry and the reason.
+    An entry that asks for a speed over ground is refused without a command map, which gives its commands. ValueError
+    names the file, the entry and the reason.
     """
     document = read_yaml(path)
     try:

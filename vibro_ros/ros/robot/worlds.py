@@ -43,14 +43,8 @@ WORDS = 300
 class World:
     """A scene as peers know it.
 
-    Attributes
-    ----------
-    name : str
-        Of the scene.
-    uri : str
-        What the parameter `scene` takes; empty for a text.
-    text : str
-        The content of the scene's file where a request had it.
+    `uri` is what the parameter `scene` takes, empty for a text; `text` the content of the scene's file where a request
+    had it.
     """
 
     name: str
@@ -129,16 +123,7 @@ def prepared_device(scene: Scene, log: RcutilsLogger) -> Simulator:
 class Worlds:
     """The scene of a running robot, and its change; for the executor's thread.
 
-    Parameters
-    ----------
-    node : SteadyNode
-        The robot's.
-    settings : mapping
-        Parameters of the device as it was started.
-    run, stepping, diagnostics : Run, Stepping, Diagnostics
-        What goes into another scene.
-    declare : callable
-        Declares the node's parameters with other values.
+    `settings` are the device's parameters as it was started; `declare` declares the node's with other values.
     """
 
     def __init__(self, node: SteadyNode, settings: Mapping[str, Value], run: Run, stepping: Stepping,
