@@ -497,7 +497,8 @@ class Motion:
         left, speed = turn * _TURN + angle - now[CRANK_ANGLE], now[MOTOR_SPEED]
         if left < _NEAR or speed <= 0.0 or self.time + 0.5 * left / speed > latest:
             return False
-        time, kept, log = self.time, [part.copy() for part in self.lasting()], self.events.mark()
+        time, restored, log = self.time, self._restored, self.events.mark()
+        kept = [part.copy() for part in self.lasting()]
         trace = self.new_trace(_SEEN)
         self._advance(np.linspace(time, time + 0.5 * left / speed, _SEEN + 1)[1:], trace)
         turns, phase, rate = trace.phases.T
@@ -507,6 +508,7 @@ class Motion:
         for part, values in zip(self.lasting(), kept, strict=True):
             part[...] = values
         self.lasting_overwritten()
+        self._restored = restored
         self.events.drop_since(log)
         return False
 
