@@ -123,12 +123,17 @@ def settle(stroboscope: Stroboscope, first: int = FIRST_TURNS, most: int = MOST_
                 over = turns * (len(seen.states) // (2 * turns))
             gone, lasted = (float(one[-1] - one[-1 - over]) for one in (seen.positions, seen.times))
             return SettledMotion(turns, seen.states[-(turns or CLOUD):].copy(), gone / lasted, len(seen.states),
-                                 JITTER if sampled else SAME)
+                                 tolerance_of(stroboscope.turn_map.scene))
         more = min(2 * len(seen.states), most) - len(seen.states)
         if more <= 0:
             return None
         ahead = stroboscope.turns(more)
         seen = Cuts(*map(np.concatenate, zip(seen, ahead, strict=True)))
+
+
+def tolerance_of(scene: Scene) -> float:
+    """How far apart states of the same motion may be, in units of the machine."""
+    return JITTER if is_sampled(scene) else SAME
 
 
 def settled_motion(scene: Scene, **start: float) -> SettledMotion:

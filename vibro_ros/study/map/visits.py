@@ -116,6 +116,9 @@ def design_of(options: argparse.Namespace) -> MapDesign:
     if scene["solver.method"] != "exact":
         raise ValueError(f"solver.method: {scene['solver.method']} has no map; take exact, whose states repeat to "
                          "rounding")
+    if scene.motor_command != "motor_speed":
+        raise ValueError("motor.control: voltage commands no motor speed, which a map has on its axis; choose "
+                         "speed_by_voltage or speed_by_current")
     sides = SIDES if options.gaps == BOTH else (options.gaps,)
     for side in sides:
         if side not in scene.plates:
