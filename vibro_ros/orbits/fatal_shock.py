@@ -77,7 +77,7 @@ class Shocked:
             device.advance_to(time)
             seen.append((device.state.crank_angle, turn_map.read_device(device)))
         self._angles = np.mod([angle for angle, _ in seen], TURN)  # rad, where in a turn shocks are tried
-        self._states = np.array([state for _, state in seen])
+        self._states: np.ndarray = np.array([state for _, state in seen])
 
     def along(self, coordinate: int, tries: int) -> Shock | None:
         """The smallest fatal shock that is found to change one coordinate of the state alone; None for none.

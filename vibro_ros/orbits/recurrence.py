@@ -111,7 +111,8 @@ def settle(stroboscope: Stroboscope, first: int = FIRST_TURNS, most: int = MOST_
     Notes
     -----
     A periodic start has settled when what is left of its approach, summed up as a geometric series from the last two
-    quarters of all turns, is below `CLOSE`; with a controller that takes samples see above. Chaos that lasts long and then ends cannot be told from chaos that stays.
+    quarters of all turns, is below `CLOSE`; with a controller that takes samples see above. Chaos that lasts long and
+    then ends cannot be told from chaos that stays.
     """
     sampled = is_sampled(stroboscope.turn_map.scene)
     seen = stroboscope.turns(first)

@@ -43,7 +43,7 @@ SETTLED = 200
 CELLS = 4096
 """Parts of a turn in which events are told apart."""
 _CONTACT = "_contact"
-_LONGEST_TURN = 1000.0  # turns without load: a crank that takes longer for one stands
+_LONGEST_TURN = 64.0  # turns without load: a crank that takes longer for one stands
 _SEEN_IN_TURN = 256  # instants of a turn, between which the angle of an event is interpolated
 
 
@@ -261,9 +261,8 @@ def check_closes(scene: Scene) -> None:
     if is_sampled(scene):
         raise ValueError(
             f"motor.control: {scene['motor.control']} takes samples {scene['motor.control_rate']:g} times a second, "
-            "with which no turn is in step, so that no orbit closes and no derivative tells how a disturbance grows; "
-            "choose voltage, or effects.motor ramp; settled_motion, study diagram, basins and map tell motions by "
-            "their recurrence")
+            "with which the turns are not in step, so that no orbit closes; choose voltage, or effects.motor ramp; "
+            "settled_motion and study diagram, basins and map tell motions by their recurrence")
 
 
 def _length(scene: Scene) -> float:

@@ -23,7 +23,8 @@ UNITS = {name: number.unit for name, number in NUMBERS.items()} | {
 OF_DC_MOTOR = {"motor_current": "A", "controller_integral": "V or A"}
 """What may be given besides of a dc motor: the current of a winding with inductance, and the controller's integral, in
 the unit of what its samples hold."""
-UNITS_OF_STATE = UNITS | OF_DC_MOTOR
+STATE_UNITS = UNITS | OF_DC_MOTOR
+"""All that may be given."""
 _MOST = 1e6  # A, or V
 _TURN = 2.0 * math.pi
 
@@ -86,8 +87,8 @@ def checked_state(scene: Scene, given: Mapping[str, object], now: Mapping[str, f
         mass beyond a rigid plate; the message names value, limit and remedy.
     """
     for name in given:
-        if name not in UNITS_OF_STATE:
-            raise ValueError(f"{name}: cannot be given; give any of {', '.join(UNITS_OF_STATE)}")
+        if name not in STATE_UNITS:
+            raise ValueError(f"{name}: cannot be given; give any of {', '.join(STATE_UNITS)}")
     numbers = {name: _number(scene, name, value) for name, value in given.items()}
     check_parts(scene, numbers)
     return outside_plates(scene, {name: now[name] for name in UNITS} | numbers)

@@ -264,7 +264,8 @@ def _groups(states: np.ndarray, period: int,
         if group == MOST_MOTIONS:
             same = np.ones(len(left), dtype=bool)
         elif period and motion:
-            same = np.any([np.abs(states[left, 0] - one).max(axis=1) <= motion.tolerance for one in motion.states], axis=0)
+            apart = [np.abs(states[left, 0] - one).max(axis=1) for one in motion.states]
+            same = np.min(apart, axis=0) <= motion.tolerance
         elif motion and not motion.turns:
             same = Cloud(motion.states).holds(states[left])
         else:

@@ -12,7 +12,7 @@ from vibro_ros.accuracy.figures import new_figure, png, tidy
 from vibro_ros.orbits.chaos import sign_of
 from vibro_ros.orbits.recurrence import LONGEST_PERIOD, command_in_words
 from vibro_ros.orbits.turn_map import coordinates, is_sampled, units_of
-from vibro_ros.simulation.given_state import UNITS_OF_STATE
+from vibro_ros.simulation.given_state import STATE_UNITS
 from vibro_ros.study.basins.attractors import (
     MOST_MOTIONS,
     NOWHERE,
@@ -123,9 +123,9 @@ def _upset(design: Design, row: dict) -> str:
     parts = np.array([row[f"change.{name}"] for name in names])
     scale = units_of(design.scene)
     shown = np.abs(parts / scale) >= _PART * np.abs(parts / scale).max()
-    change = ", ".join(f"{name} {part:+.3g} {UNITS_OF_STATE[name]}" for name, part, tell in zip(names, parts, shown, strict=True)
-                       if tell)
-    alone = ", ".join(f"{name} {row[f'alone.{name}']:+.3g} {UNITS_OF_STATE[name]}" for name in names
+    change = ", ".join(f"{name} {part:+.3g} {STATE_UNITS[name]}"
+                       for name, part, tell in zip(names, parts, shown, strict=True) if tell)
+    alone = ", ".join(f"{name} {row[f'alone.{name}']:+.3g} {STATE_UNITS[name]}" for name in names
                       if row[f"alone.{name}"] is not None)
     after = f"motion {row['leads_to']}" if row["leads_to"] != UNTOLD else "another motion"
     return (f"smallest shock found {row['size']:.3g}: at {row['crank_angle']:.3f} rad {change}, to {after}; "

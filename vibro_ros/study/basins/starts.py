@@ -17,7 +17,7 @@ from vibro_ros.model.scene import Scene
 from vibro_ros.orbits.fatal_shock import Shocked
 from vibro_ros.orbits.recurrence import SettledMotion, number_among, settle
 from vibro_ros.orbits.turn_map import TURN, Stroboscope, TurnMap, coordinates, pace
-from vibro_ros.simulation.given_state import UNITS_OF_STATE
+from vibro_ros.simulation.given_state import STATE_UNITS
 from vibro_ros.simulation.motion import SimulationError
 from vibro_ros.simulation.simulator import ToleranceWarning
 from vibro_ros.study.basins.attractors import UNTOLD
@@ -53,7 +53,7 @@ class Over:
     @property
     def unit(self) -> str:
         """Its unit."""
-        return UNITS_OF_STATE[self.name]
+        return STATE_UNITS[self.name]
 
     @property
     def values(self) -> np.ndarray:
@@ -154,7 +154,7 @@ def over_in_words(scene: Scene, text: str) -> Over:
         raise ValueError(f"--over {name}: from {low:g} to {high:g} is no range; give the smaller number first")
     least = 0.0 if name in (ANGLE, "body_height") else -math.inf
     if low < least:
-        raise ValueError(f"--over {name}: {low:g} {UNITS_OF_STATE[name]} is out of range; give at least 0")
+        raise ValueError(f"--over {name}: {low:g} {STATE_UNITS[name]} is out of range; give at least 0")
     count = whole_number(f"--over {name}: count", parts[2], 2, _MOST_VALUES) if len(parts) == 3 else 0
     return Over(name, low, high, count)
 
@@ -203,7 +203,7 @@ def everywhere(scene: Scene) -> tuple[Over, ...]:
 
 def _number(name: str, value: object) -> float:
     if isinstance(value, bool) or not isinstance(value, (int, float)) or not abs(value) <= 1e6:
-        raise ValueError(f"--over {name}: {value!r} is no number up to 1e6; give one in {UNITS_OF_STATE[name]}")
+        raise ValueError(f"--over {name}: {value!r} is no number up to 1e6; give one in {STATE_UNITS[name]}")
     return float(value)
 
 
@@ -344,9 +344,9 @@ def upset_motions(design: Design, motions: tuple[SettledMotion, ...], folder: Pa
               "speed; null where none changes the motion"),
         Field("crank_angle", real, "rad", "where the shock acts"),
         Field("leads_to", pa.int64(), "1", "number of the motion that follows"),
-        *(Field(f"change.{name}", real, UNITS_OF_STATE[name], "what the shock adds") for name in names),
-        *(Field(f"alone.{name}", real, UNITS_OF_STATE[name], "smallest change of this coordinate alone that changes the motion")
-          for name in names)]
+        *(Field(f"change.{name}", real, STATE_UNITS[name], "what the shock adds") for name in names),
+        *(Field(f"alone.{name}", real, STATE_UNITS[name], "smallest change of this coordinate alone that changes the "
+                "motion") for name in names)]
     blocks = ParquetBlocks(folder, {**design.document(), "shocks": design.shocks}, len(motions), fields)
     return completed("shocks", blocks, [1] * len(motions), lambda missing: runner(
         partial(upset_of, design, motions), design.shocks * design.run_time, (design.scene["solver.method"],),

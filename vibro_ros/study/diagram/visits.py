@@ -20,7 +20,7 @@ from vibro_ros.orbits.chaos import LEAST_VALUES as LEAST_CUTS
 from vibro_ros.orbits.chaos import MOST_TURNS as MOST_MEASURED
 from vibro_ros.orbits.recurrence import CLOUD, FIRST_TURNS, LONGEST_PERIOD, SettledMotion, settle, tolerance_of
 from vibro_ros.orbits.turn_map import Stroboscope, TurnMap, coordinates, is_sampled, pace, units_of
-from vibro_ros.simulation.given_state import UNITS_OF_STATE
+from vibro_ros.simulation.given_state import STATE_UNITS
 from vibro_ros.study.running.blocks import Field, ParquetBlocks, completed, cut
 from vibro_ros.study.running.runner import Piece, Results, Runner
 from vibro_ros.study.variation import Axis, whole_number
@@ -80,8 +80,8 @@ class Design:
             pace(scene)  # refuses a crank that stands
             if self.exponents and is_sampled(scene):
                 raise ValueError(f"--exponents {self.exponents}: motor.control {scene['motor.control']} takes samples, "
-                                 "with which no turn is in step, and the map of a turn has no derivative that would "
-                                 "tell; give --exponents 0")
+                                 "with which the turns are not in step, so that the map of a turn has no derivative; "
+                                 "give --exponents 0")
             if coordinates(scene) != self.names:
                 raise ValueError(f"--vary {self.axis.name}: at {value:g} the state has other coordinates than at "
                                  f"{self.axis.values[0]:g}; leave that value out")
@@ -173,7 +173,8 @@ def visited(design: Design, folder: Path) -> tuple[pa.Table, tuple[Visit, ...]]:
         Field("after", pa.int64(), "1", "turns that the motion was watched for"),
         Field("mean_speed", pa.float64(), "m/s", "of the body, forwards positive"),
         Field("cut", pa.int64(), "1", "number of the turn"),
-        *(Field(name, pa.float64(), UNITS_OF_STATE[name], f"at the crank angle {design.phase:.17g}") for name in design.names)]
+        *(Field(name, pa.float64(), STATE_UNITS[name], f"at the crank angle {design.phase:.17g}")
+          for name in design.names)]
     blocks = ParquetBlocks(folder, design.document(), len(design.blocks), fields)
 
     def visits(missing: Sequence[int]) -> Results:
