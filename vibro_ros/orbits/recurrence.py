@@ -8,7 +8,8 @@ states of the one are near the cloud of the other.
 A dc motor's controller takes its samples at instants of its own. So even a motion that is in step with the crank comes
 back only as closely as the sample's place in a turn lets it: its states at the cut, over all places, are a short curve.
 There a start has settled when the states of each turn of the period, over the second half of all turns, lie within
-`JITTER` of each other. Two motions, or a period and its double, that are closer than that are not told apart.
+`JITTER` of each other and do not drift. Two motions, or a period and its double, that are closer than that are not told
+apart.
 
 The idea, that a motion is known as soon as its states come back to where it has been, is that of G. Datseris and
 A. Wagemakers, Effortless estimation of basins of attraction, Chaos 32 (2022) 023104. They divide the state space into
@@ -42,6 +43,7 @@ second, comes back within 2e-3, and motions of it without a period within 0.4.""
 CLOUD = 256
 """States that tell a motion which is not periodic; and turns of which its clouds are made, at least."""
 _ROUNDING = 1e-9  # in units of the machine: fifty times that with which a motion of many turns comes back by rounding
+_DRIFT = 0.25  # of the jitter, between the means of two quarters: what is left of an approach is a few times as much
 _STANDS = 0.8  # a motion still settles whose returns shrink from quarter to quarter to less than this share
 # How near half of the states of a motion are to a cloud of it, in distances between neighbours of that cloud, and in
 # extents of the cloud; the first fails where the cloud lingers near a point, the second where it is thin.
@@ -69,7 +71,7 @@ class SettledMotion:
     after : int
         Turns of the crank that the start was watched for.
     tolerance : float
-        How far apart states of the same motion may be, in units of the machine: `SAME`, or `JITTER`.
+        How far apart states of the same motion may be, in units of the machine: `SAME`, or twice `JITTER`.
     """
 
     turns: int
@@ -134,7 +136,7 @@ def settle(stroboscope: Stroboscope, first: int = FIRST_TURNS, most: int = MOST_
 
 def tolerance_of(scene: Scene) -> float:
     """How far apart states of the same motion may be, in units of the machine."""
-    return JITTER if is_sampled(scene) else SAME
+    return 2.0 * JITTER if is_sampled(scene) else SAME
 
 
 def settled_motion(scene: Scene, **start: float) -> SettledMotion:
@@ -228,10 +230,18 @@ def period_of(states: np.ndarray, longest: int = LONGEST_PERIOD) -> int:
 
 def _period_within_jitter(states: np.ndarray) -> int:
     """Least number of turns after which states that have settled come back within `JITTER`; 0 where they do not, or not
-    yet."""
-    half = states[len(states) // 2:]
-    return next((turns for turns in range(1, min(LONGEST_PERIOD, len(half) // 4) + 1)
-                 if all((np.ptp(half[first::turns], axis=0) <= JITTER).all() for first in range(turns))), 0)
+    yet: the means of the last two quarters still differ, or the states approach a motion of a shorter period."""
+    quarter = len(states) // 4
+    for turns in range(1, min(LONGEST_PERIOD, quarter // 4) + 1):
+        turn_by_turn = [states[-2 * quarter + first::turns] for first in range(turns)]
+        if any((np.ptp(one, axis=0) > JITTER).any() for one in turn_by_turn):
+            continue
+        drifts = [np.abs(np.subtract(*(part.mean(axis=0) for part in np.array_split(one, 2)))).max()
+                  for one in turn_by_turn]
+        shrinking = (_returns(states, part) for part in range(1, turns) if turns % part == 0)
+        settled = max(drifts) <= _DRIFT * JITTER and all(now >= _STANDS * before for now, before in shrinking)
+        return turns if settled else 0
+    return 0
 
 
 class Cloud:
