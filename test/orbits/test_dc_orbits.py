@@ -48,7 +48,7 @@ def in_order(values):
 
 @pytest.mark.parametrize("winding", [{}, WINDING], ids=["L = 0", "L"])
 def test_a_motor_without_load_has_the_multipliers_of_its_run_up(winding):
-    """θ' = K V/(R b + K²); exp(-T/τ) with τ = J/(b + K²/R), or the exponentials of the two roots of
+    """A64. θ' = K V/(R b + K²); exp(-T/τ) with τ = J/(b + K²/R), or the exponentials of the two roots of
     L J p² + (R J + L b) p + R b + K²."""
     of = scene("paper", VOLTS, ALONE, winding)
     constant, inertia, resistance, inductance, b = numbers(of)
@@ -105,7 +105,7 @@ def test_the_map_of_a_section_is_that_of_another_integrator():
 
 
 def test_a_heavy_flywheel_has_the_orbit_and_the_multipliers_of_the_ideal_motor():
-    """Off by O(1/J); and one more multiplier, which nears 1 as exp(-T (b + K²/R)/J) does, but for the masses' part."""
+    """A67. Off by O(1/J); and one more multiplier, which nears 1 as exp(-T (b + K²/R)/J) does, but for the masses' part."""
     apart = []
     for inertia in (0.2, 0.4):
         of = scene("damped", VOLTS, {"motor.crank_inertia": inertia, "motor.speed": 100.0, "motor.voltage": 16.35})
