@@ -105,7 +105,8 @@ def test_the_map_of_a_section_is_that_of_another_integrator():
 
 
 def test_a_heavy_flywheel_has_the_orbit_and_the_multipliers_of_the_ideal_motor():
-    """A67. Off by O(1/J); and one more multiplier, which nears 1 as exp(-T (b + K²/R)/J) does, but for the masses' part."""
+    """A67. Off by O(1/J); and one more multiplier, which nears 1 as exp(-T (b + K²/R)/J) does, but for the part of the
+    masses' torque that changes with the speed."""
     apart = []
     for inertia in (0.2, 0.4):
         of = scene("damped", VOLTS, {"motor.crank_inertia": inertia, "motor.speed": 100.0, "motor.voltage": 16.35})
@@ -225,7 +226,7 @@ def test_a_controller_continues_with_a_given_integral():
         device.set_state(motor_current=1.0)
     with pytest.raises(ValueError, match="controller_integral: 1.0 is no part of this motor's state; .*motor.control"):
         wound.set_state(controller_integral=1.0)
-    with pytest.raises(ValueError, match="controller_integral: nan is no finite number"):
+    with pytest.raises(ValueError, match="controller_integral: nan is not finite"):
         device.set_state(controller_integral=math.nan)
     assert device.checkpoint().tolist() == before
 
