@@ -133,7 +133,7 @@ class Shocked:
         return best
 
     def _direction(self) -> np.ndarray:
-        direction: np.ndarray = self._draw.normal(size=self._states.shape[1])
+        direction = self._draw.normal(size=self._states.shape[-1:])
         return direction / np.linalg.norm(direction)
 
     def _length(self, best: Shock | None, dimension: int) -> float:
