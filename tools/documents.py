@@ -64,10 +64,15 @@ DOCUMENTS = {
     "literature": Document(
         "docs/literature.md", ("research.literature",), 4.0, (*_PHYSICS, "research/literature")),
     "map": Document(
-        "docs/guide/command_map.md", ("vibro_ros.study.study map --output out/study/map",), 10.0,
+        "docs/guide/command_map.md", (
+            "vibro_ros.study.study map --output out/study/map",
+            "vibro_ros.study.study map --scene machine --motor-speed 60:200:29 --gap 0:0.006:7 "
+            "--output out/study/map_machine"), 18.0,
         (*_PHYSICS, "vibro_ros/orbits", "vibro_ros/study/map"),
         {"out/study/map/device.json": "config/maps/device.json", "out/study/map/map.png": "docs/map.png",
-         "out/study/map/costs.png": "docs/map_costs.png"}),
+         "out/study/map/costs.png": "docs/map_costs.png",
+         "out/study/map_machine/machine.json": "config/maps/machine.json",
+         "out/study/map_machine/map.png": "docs/map_machine.png"}),
     "accuracy": Document(
         "docs/accuracy.md", ("tools.accuracy_report",), 15.0,
         (*_PHYSICS, "vibro_ros/accuracy", "tools/peer", "tools/baseline.py", "tools/accuracy_report.py",

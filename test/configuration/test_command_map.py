@@ -10,7 +10,16 @@ import pytest
 from known_map import GAPS, SPEEDS, known_map, mean_speed
 
 from vibro_ros.configuration.command_choice import FAR, CommandChoice
-from vibro_ros.configuration.command_map import LARGEST, Found, find_map, read_map, shipped_maps, written
+from vibro_ros.configuration.command_map import (
+    LARGEST,
+    SIDES,
+    Found,
+    find_map,
+    parameters_that_count,
+    read_map,
+    shipped_maps,
+    written,
+)
 from vibro_ros.configuration.scene_file import load_scene, shipped_scenes
 
 
@@ -59,6 +68,21 @@ def test_another_machine_is_told_by_its_first_parameter_and_other_commands_and_s
     assert not command_map.difference(scene.with_parameters({
         "motor.speed": 70.0, "upper.gap": 0.001, "inclined.gap": 0.002, "start.state": "zero",
         "motor.acceleration": 50.0, "solver.tolerance": 1e-6}))
+
+
+def test_a_dc_motor_is_part_of_the_machine_but_for_its_commands(tmp_path):
+    """A map of a machine whose motor is given in time says so of one with a dc motor, and the other way round."""
+    device, machine = load_scene("device"), load_scene("machine")
+    dc = device.with_parameters({"effects.motor": "dc"})
+    assert known_map().difference(dc) == "effects.motor is given in time there, dc here"
+    path = tmp_path / "machine.json"
+    path.write_text(written(replace(known_map(), parameters=parameters_that_count(machine, SIDES)), "a test"))
+    read = read_map(path)
+    assert read.parameters == parameters_that_count(machine, SIDES)
+    assert not read.difference(machine.with_parameters({"motor.speed": 90.0, "motor.acceleration": 50.0}))
+    assert read.difference(machine.with_parameters({"motor.crank_inertia": 1e-3})) == (
+        "motor.crank_inertia is 0.0005 there, 0.001 here")
+    assert read.difference(machine.with_parameters({"effects.motor": "ramp"})) == "effects.motor is dc there, ramp here"
 
 
 @pytest.mark.parametrize("place, motions", [

@@ -78,7 +78,7 @@ def test_the_sum_is_the_mean_logarithm_of_the_determinant():
     found = spectrum_from(turn_map, state, 50)
     logarithms = []
     for turn in range(55):
-        matrix, state = derivative(turn_map, state)
+        matrix, (state, *_) = derivative(turn_map, state)
         if turn >= 5:
             logarithms.append(np.linalg.slogdet(matrix)[1])
     assert found.exponents.sum() == pytest.approx(np.mean(logarithms) / turn_map.period, abs=1e-6)

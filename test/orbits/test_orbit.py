@@ -174,8 +174,3 @@ def test_a_guess_far_off_leads_nowhere_and_says_so():
     of = scene("device")
     turn_map = TurnMap(of, 1.0)
     assert close(turn_map, turn_map.read(vibro_ros.Simulator(of).state) + 50.0, 1) is None
-
-
-def test_a_dc_motor_has_no_turn_map():
-    with pytest.raises(ValueError, match="effects.motor: a dc motor's crank has no steady speed.*choose ideal"):
-        vibro_ros.find_orbit(vibro_ros.load_scene("machine").with_parameters({"motor.speed": 100.0}))

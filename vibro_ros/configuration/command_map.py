@@ -32,8 +32,12 @@ SIDES = ("upper", "inclined")
 """Sides whose gaps a map may vary."""
 CURVES = ("fold", "period doubling", "Neimark-Sacker", "grazing")
 """Kinds of curves on which a motion changes its nature."""
-# Where a motion settles does not depend on how motor and plates get to where they are commanded.
-_FREE = ("start.", "solver.", "motor.", "effects.motor", "gap_actuator.")
+# Where a motion settles does not depend on how plates, and a motor that is given in time, get to where they are
+# commanded; nor on the speed that is commanded, nor on limits that only warn.
+_FREE = ("start.", "solver.", "gap_actuator.")
+_OF_MOTOR, _FREE_OF_DC = ("motor.", "effects.motor"), (
+    "motor.speed", "motor.max_speed", "motor.acceleration", "motor.time_constant", "motor.voltage",
+    "motor.continuous_current")
 
 
 @dataclass(frozen=True)
@@ -146,6 +150,8 @@ class CommandMap:
 
     def difference(self, scene: Scene) -> str:
         """The first parameter by which `scene` is another machine than the map's, in words; empty without any."""
+        if scene.has_rotor and "effects.motor" not in self.parameters:
+            return "effects.motor is given in time there, dc here"
         for name, value in self.parameters.items():
             if scene[name] != value:
                 there, here = (f"{one:.6g}" if isinstance(one, float) else str(one) for one in (value, scene[name]))
@@ -162,9 +168,16 @@ class CommandMap:
 
 
 def parameters_that_count(scene: Scene, sides: tuple[str, ...]) -> dict[str, Value]:
-    """Parameters of a scene that its motions depend on: without commands, their actuators, the start and the solver."""
-    free = (*_FREE, *(f"{side}.gap" for side in sides))
-    return {name: scene[name] for name in BY_NAME if not name.startswith(free)}
+    """Parameters of a scene that its motions depend on: without commands, their actuators, the start and the solver.
+
+    A dc motor is part of the machine.
+    """
+    return {name: scene[name] for name in _names_that_count(sides, scene.has_rotor)}
+
+
+def _names_that_count(sides: tuple[str, ...], with_motor: bool) -> list[str]:
+    free = (*_FREE, *(_FREE_OF_DC if with_motor else _OF_MOTOR), *(f"{side}.gap" for side in sides))
+    return [name for name in BY_NAME if not name.startswith(free)]
 
 
 def shipped_maps() -> tuple[str, ...]:
@@ -243,7 +256,9 @@ def _command_map(document: Any) -> CommandMap:
     speeds, gaps = (_axis(document[name], name) for name in ("motor_speed", "gap"))
     if speeds.low <= 0.0:
         raise ValueError(f"motor_speed: from {speeds.low:g} rad/s; give speeds above 0")
-    scene, defaults = document["scene"], parameters_that_count(Scene("paper", {}), sides)
+    with_motor = isinstance(document["parameters"], dict) and "effects.motor" in document["parameters"]
+    scene = document["scene"]
+    defaults = {name: BY_NAME[name].default for name in _names_that_count(sides, with_motor)}
     if not isinstance(scene, str) or not scene.isprintable() or len(scene) > 200:
         raise ValueError("scene: is no text of at most 200 characters")
     given = _mapping(document["parameters"], "parameters", tuple(defaults), complete=False)

@@ -14,9 +14,8 @@ from vibro_ros.orbits.continuation import SpecialPoint, follow_on, special_point
 from vibro_ros.orbits.family import BranchPoint, Family, LostError, Place, corrected, point_at
 from vibro_ros.orbits.orbit import Orbit, Seed, is_same
 from vibro_ros.orbits.passage import same_order
-from vibro_ros.orbits.turn_map import TurnMap, share_of_turn
+from vibro_ros.orbits.turn_map import TurnMap
 from vibro_ros.simulation.motion import SimulationError
-from vibro_ros.simulation.samples import Samples
 from vibro_ros.simulation.simulator import Simulator
 
 MOST_POINTS = 100_000
@@ -82,10 +81,9 @@ class Branch:
     phases : ndarray, shape (points,)
         Crank angle of the cut [rad].
     states : ndarray, shape (points, n)
-        At the cut, in units of the machine: lengths in `crank.radius`, velocities in `crank.radius` times `motor.speed`
-        of the scene that the branch began with.
+        At the cut, in units of the machine, `turn_map.units_of` the scene that the branch began with.
     strobe : dict of str to ndarray, shape (points, turns)
-        Positions [m] and velocities [m/s] each time the crank passes the angle 0, by the names of `Samples`.
+        The state [m, m/s, rad/s, A] each time the crank passes the angle 0, by the names of `Samples`.
     special_points : tuple of Special
         In the order of the branch.
     end : str
@@ -317,22 +315,21 @@ def gathered(family: Family, points: list[BranchPoint], special: list[tuple[int,
     """The branch of some points, with the number of points before each special point."""
     names = TurnMap(family.scene, family.phase).names
     n = len(names)
-    strobe = [_strobe(point) for point in points]
+    strobe = [_strobe(point) for point in points]  # shapes (turns, n)
     return Branch(
         family.name, family.turns, np.array([point.value for point in points]),
         np.array([point.mean_speed for point in points]),
         np.array([point.multipliers for point in points], dtype=complex).reshape(-1, n),
         np.array([point.family.phase for point in points]),
         np.array([point.place.state for point in points]).reshape(-1, n),
-        {name: np.array([getattr(one, name) for one in strobe]).reshape(-1, family.turns) for name in names},
+        {name: np.array([one[:, k] for one in strobe]).reshape(-1, family.turns) for k, name in enumerate(names)},
         tuple(Special(one.kind, one.point.value, one.width, one.point.mean_speed, one.point.multipliers, one.change,
                       one.point.family.phase, one.point.place.state, at) for at, one in special), end)
 
 
-def _strobe(point: BranchPoint) -> Samples[np.ndarray]:
-    """The device each time its crank passes the angle 0 within a passage."""
-    turn_map = point.family.map_at(point.place.share)
-    device = Simulator(turn_map.scene)
-    turn_map.put(device, point.place.state)
-    ahead = share_of_turn(turn_map.scene, turn_map.phase, 0.0)
-    return device.sample((ahead + np.arange(point.family.turns)) * turn_map.period)
+def _strobe(point: BranchPoint) -> np.ndarray:
+    """The state, SI units, each time the crank passes the angle 0 within a passage, shape (turns, n)."""
+    here = point.family.map_at(point.place.share)
+    device, there = Simulator(here.scene), TurnMap(here.scene, 0.0)
+    here.put(device, point.place.state)
+    return there.cuts(device, point.family.turns).states * there.units

@@ -31,7 +31,7 @@ from vibro_ros.model.scene import Scene
 from vibro_ros.orbits.orbit import derivative
 from vibro_ros.orbits.recurrence import FIRST_TURNS, long_cycle, settle
 from vibro_ros.orbits.recurrence import MOST_TURNS as MOST_SETTLING
-from vibro_ros.orbits.turn_map import Stroboscope, TurnMap, free_cut, turn_time
+from vibro_ros.orbits.turn_map import TURN, Stroboscope, TurnMap, check_closes, free_cut, pace
 from vibro_ros.simulation.simulator import Simulator
 
 LEAST_TURNS, MOST_TURNS = 20, 1_000_000
@@ -101,7 +101,7 @@ def lyapunov_spectrum(scene: Scene, turns: int = 500, settling: int = MOST_SETTL
     Parameters
     ----------
     scene : Scene
-        Its motor turns at `motor.speed`, all the time; it begins as `start.state` has it.
+        Its motor turns at `motor.speed`, or has `motor.voltage`, all the time; it begins as `start.state` has it.
     turns : int
         Turns of the crank over which a motion is measured that does not repeat itself, from `LEAST_TURNS` to
         `MOST_TURNS`; 1000 take about 4 s. Where the sign of the largest exponent is not known after them, up to
@@ -119,7 +119,7 @@ def lyapunov_spectrum(scene: Scene, turns: int = 500, settling: int = MOST_SETTL
     Raises
     ------
     ValueError
-        For numbers of turns out of range, or a crank that stands.
+        For numbers of turns out of range, a crank that stands, or a controller that takes samples.
     SimulationError
         If the run cannot go on.
 
@@ -134,6 +134,7 @@ def lyapunov_spectrum(scene: Scene, turns: int = 500, settling: int = MOST_SETTL
     for name, value, least in (("turns", turns, LEAST_TURNS), ("settling", settling, FIRST_TURNS)):
         if isinstance(value, bool) or not isinstance(value, int | np.integer) or not least <= value <= MOST_TURNS:
             raise ValueError(f"{name}: {value!r} is out of range; give a whole number from {least} to {MOST_TURNS}")
+    check_closes(scene)
     turn_map = free_cut(scene)
     stroboscope = Stroboscope(turn_map)
     stroboscope.begin_as()
@@ -162,13 +163,15 @@ def spectrum_from(turn_map: TurnMap, state: np.ndarray, turns: int, doublings: i
     They are doubled so often, at most, until the sign of the largest one is known.
     """
     aligning = turns // _ALIGNING
-    axes, logarithms = _first_axes(len(state)), []
+    axes, logarithms, durations = _first_axes(len(state)), [], []
     while True:
-        matrix, state = derivative(turn_map, state)
+        matrix, end = derivative(turn_map, state)
         axes, stretched = _stretched(matrix, axes)
+        state = end.state
         logarithms.append(stretched)
+        durations.append(end.duration)
         if len(logarithms) == aligning + turns:
-            found = _spectrum_of(np.array(logarithms[aligning:]) / turn_map.period)
+            found = _spectrum_of(np.array(logarithms[aligning:]) / _mean(durations[aligning:]))
             if found.sign or not doublings:
                 return found
             turns, doublings = 2 * turns, doublings - 1
@@ -196,7 +199,7 @@ def spectrum_of_cycle(turn_map: TurnMap, states: np.ndarray) -> LyapunovSpectrum
     multipliers are stretched by goes to and fro for ever; its mean is a weighted one, which converges faster than any
     power of the number of turns: S. Das, Y. Saiki, E. Sander and J. A. Yorke, Nonlinearity 30 (2017) 4111-4140.
     """
-    matrices = [derivative(turn_map, state)[0] for state in states]
+    matrices, ends = zip(*(derivative(turn_map, state) for state in states), strict=True)
     laps = max(64, REPEATED // len(matrices))
     axes, logarithms = _first_axes(len(states[0])), []
     for matrix in laps * matrices:
@@ -207,8 +210,14 @@ def spectrum_of_cycle(turn_map: TurnMap, states: np.ndarray) -> LyapunovSpectrum
     weights = np.exp(-1.0 / (places * (1.0 - places)))
     lasting = np.isfinite(of_laps).all(axis=0)
     found = np.full(len(lasting), -np.inf)
-    found[lasting] = np.average(of_laps[laps // 4:, lasting], axis=0, weights=weights) / turn_map.period
+    found[lasting] = np.average(of_laps[laps // 4:, lasting], axis=0, weights=weights) / _mean(
+        [end.duration for end in ends])
     return LyapunovSpectrum(np.sort(found)[::-1], np.zeros_like(found), len(matrices))
+
+
+def _mean(durations: Sequence[float]) -> float:
+    """Mean time of a turn [s]; of equal ones that time."""
+    return math.fsum(durations) / len(durations)
 
 
 def _first_axes(count: int) -> np.ndarray:
@@ -225,7 +234,7 @@ def _stretched(matrix: np.ndarray, axes: np.ndarray) -> tuple[np.ndarray, np.nda
     return axes, np.where(gone, -np.inf, np.log(np.where(gone, 1.0, stretch)))
 
 
-_APART = 1e-10  # relative difference of the motor speeds while a pair parts
+_APART = 1e-10  # relative difference of the commanded motor speeds, or voltages, while a pair parts
 # The distance counts by its maximum in a stretch of so many turns, or, where the motor stands, seconds.
 _TURNS, _STANDING, _SAMPLES = 2.0, 0.1, 64
 _SATURATED = 1e-4  # m, where the distance begins to feel the size of the motion
@@ -248,7 +257,10 @@ def exponent_of_pairs(device: Simulator, begin: float, duration: float) -> tuple
     SimulationError
         If a run cannot go on.
     """
-    stretch = _TURNS * turn_time(device.scene) if device.scene["motor.speed"] else _STANDING
+    try:
+        stretch = _TURNS * TURN / pace(device.scene)
+    except ValueError:  # a crank that stands, or a dc motor's that turns backwards
+        stretch = _STANDING
     count = math.floor(duration / stretch)
     if count < 3:
         return math.nan, math.nan
@@ -271,12 +283,13 @@ def exponent_of_pairs(device: Simulator, begin: float, duration: float) -> tuple
 def _distances(device: Simulator, twin: Simulator, begun: float, ends: Iterator[float]) -> list[float]:
     """Distances [m] of a pair that has parted a little by the instant `begun`, at each of `ends` until it is far apart;
     these ends are taken from the iterator."""
-    speed = device.scene["motor.speed"]
+    command = device.scene.motor_command
+    value = device.scene[command.replace("_", ".")]
     twin.restore(device.checkpoint())
-    twin.command(motor_speed=(1.0 - _APART) * speed)
+    twin.command(**{command: (1.0 - _APART) * value})
     for one in (device, twin):
         one.advance_to(begun)
-    twin.command(motor_speed=speed)
+    twin.command(**{command: value})
     distances: list[float] = []
     for end in ends:
         first, second = (one.sample(np.linspace(one.time, end, _SAMPLES)) for one in (device, twin))

@@ -10,7 +10,7 @@ import numpy as np
 from vibro_ros.model.scene import Scene
 from vibro_ros.orbits.orbit import CLOSED, STEP
 from vibro_ros.orbits.passage import EventOrder, Passage, ordered, passage
-from vibro_ros.orbits.turn_map import TurnMap, share_of_turn
+from vibro_ros.orbits.turn_map import TurnMap, check_closes, units_of
 from vibro_ros.simulation.motion import SimulationError
 from vibro_ros.simulation.simulator import Simulator
 
@@ -70,7 +70,7 @@ class Family:
     scene, name, low, high, turns, phase
         The parameters.
     units : ndarray, shape (n,)
-        What 1 is of each coordinate [m or m/s], all along the branch.
+        What 1 is of each coordinate [m, m/s, rad/s or A], all along the branch.
 
     Raises
     ------
@@ -85,7 +85,8 @@ class Family:
             raise ValueError(f"{name}: from {low:g} to {high:g} rad/s holds 0, which turns no crank; give a range "
                              "on one side of it")
         self.scene, self.name, self.low, self.high, self.turns, self.phase = scene, name, low, high, turns, phase
-        self.units = TurnMap(scene, 0.0).units
+        check_closes(scene)
+        self.units = units_of(scene)
         self.map_at = lru_cache(_MAPS)(self._map_at)
 
     def value(self, share: float) -> float:
@@ -166,12 +167,12 @@ class Family:
     def recut(self, phase: float, places: Iterator[Place]) -> tuple["Family", list[Place]]:
         """The same family cut at another phase, and there the states to which the given ones lead."""
         other = self.with_phase(phase)
-        ahead, found = share_of_turn(self.scene, self.phase, phase), []
+        found = []
         for place in places:
             here, there = self.map_at(place.share), other.map_at(place.share)
             device = Simulator(here.scene)
             here.put(device, place.state)
-            device.advance_to(ahead * here.period)
+            here.advance(device, 0, phase)
             found.append(Place(there.read(device.state), place.share))
         return other, found
 
@@ -286,5 +287,5 @@ def point_at(family: Family, vector: np.ndarray, along: np.ndarray,
 def orbit_of(family: Family, place: Place) -> PlacedOrbit:
     """What the orbit at a place does, without derivatives."""
     turn_map = family.map_at(place.share)
-    advance = turn_map(place.state, family.turns).advance
-    return PlacedOrbit(place, advance / (family.turns * turn_map.period), passage(turn_map, place.state, family.turns))
+    end = turn_map(place.state, family.turns)
+    return PlacedOrbit(place, end.advance / end.duration, passage(turn_map, place.state, family.turns))

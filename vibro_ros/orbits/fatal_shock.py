@@ -71,9 +71,13 @@ class Shocked:
         turn_map, device = stroboscope.turn_map, Simulator(stroboscope.turn_map.scene)
         turn_map.put(device, motion.states[-1])
         spacing = motion.turns / PLACES if motion.turns else 1.0 + 1.0 / PLACES
-        samples = device.sample(np.arange(PLACES) * spacing * turn_map.period)
-        self._angles = np.mod(samples.crank_angle, TURN)  # rad, where in a turn shocks are tried
-        self._states = np.column_stack([getattr(samples, name) for name in turn_map.names]) / turn_map.units
+        times = np.arange(PLACES) * spacing * turn_map.turn_time(motion.states[-1], motion.turns or 1)
+        seen = []
+        for time in times.tolist():
+            device.advance_to(time)
+            seen.append((device.state.crank_angle, turn_map.read_device(device)))
+        self._angles = np.mod([angle for angle, _ in seen], TURN)  # rad, where in a turn shocks are tried
+        self._states: np.ndarray = np.array([state for _, state in seen])
 
     def along(self, coordinate: int, tries: int) -> Shock | None:
         """The smallest fatal shock that is found to change one coordinate of the state alone; None for none.
@@ -129,7 +133,7 @@ class Shocked:
         return best
 
     def _direction(self) -> np.ndarray:
-        direction = self._draw.normal(size=self._states.shape[1])
+        direction = self._draw.normal(size=self._states.shape[-1:])
         return direction / np.linalg.norm(direction)
 
     def _length(self, best: Shock | None, dimension: int) -> float:

@@ -10,8 +10,17 @@ from typing import NamedTuple
 import numpy as np
 
 from vibro_ros.model.scene import Scene
-from vibro_ros.orbits.recurrence import settle
-from vibro_ros.orbits.turn_map import TURN, Stroboscope, TurnMap, free_cut, free_phase, share_of_turn, turn_time
+from vibro_ros.orbits.recurrence import command_in_words, settle
+from vibro_ros.orbits.turn_map import (
+    TURN,
+    Stroboscope,
+    TurnEnd,
+    TurnMap,
+    check_closes,
+    free_cut,
+    free_phase,
+    turn_round,
+)
 from vibro_ros.simulation.motion import SimulationError
 from vibro_ros.simulation.samples import Samples
 from vibro_ros.simulation.simulator import Simulator
@@ -72,7 +81,10 @@ class Orbit:
         Of the body [m/s], forwards positive.
     residual : float
         Largest difference between the state and the one `turns` turns later, in units of the machine: lengths in
-        `crank.radius`, velocities in `crank.radius` times `motor.speed`.
+        `crank.radius`, velocities in `crank.radius` times `motor.speed`; see `period`.
+    period : float
+        Time after which the motion repeats itself [s]: of a dc motor's crank what follows from the orbit, and its speed
+        and current belong to the state, in units of the speed without load.
     """
 
     scene: Scene
@@ -81,6 +93,7 @@ class Orbit:
     multipliers: np.ndarray
     mean_speed: float
     residual: float
+    period: float
 
     @property
     def stable(self) -> bool:
@@ -90,6 +103,9 @@ class Orbit:
 
 def find_orbit(scene: Scene, turns: int = 1) -> Orbit:
     """A motion of `scene` at `motor.speed` that repeats itself after `turns` turns of the crank.
+
+    A dc motor has a steady `motor.voltage` in place of the speed. One whose controller takes samples of the speed has
+    no orbit that closes, and is refused.
 
     Newton's method on the turn map, which begins with states of the motion that the scene settles to. The orbit may be
     unstable, and it may repeat itself sooner, after a part of `turns`.
@@ -109,7 +125,7 @@ def find_orbit(scene: Scene, turns: int = 1) -> Orbit:
     Raises
     ------
     ValueError
-        For a number of turns out of range, or a crank that stands.
+        For a number of turns out of range, a crank that stands, or a controller that takes samples.
     OrbitNotFoundError
         When no such motion is found; it names the number of turns after which the motion repeats itself, if it does.
     SimulationError
@@ -123,16 +139,14 @@ def find_orbit(scene: Scene, turns: int = 1) -> Orbit:
     """
     if isinstance(turns, bool) or not isinstance(turns, int | np.integer) or not 1 <= turns <= MOST_TURNS:
         raise ValueError(f"turns: {turns!r} is out of range; give a whole number from 1 to {MOST_TURNS}")
+    check_closes(scene)
     TurnMap(scene)  # refuses a crank that stands
-    repeats = 0
-    device = Simulator(scene)
+    device, repeats = Simulator(scene), 0
     for settled in SETTLING:
-        device.advance_to(max(device.time, settled * turn_time(scene)))
+        turn_round(device, settled)
         phase, _ = free_phase(scene, device)
         turn_map = TurnMap(scene, phase)
-        ahead = share_of_turn(scene, device.state.crank_angle, phase)
-        samples = device.sample(device.time + (ahead + np.arange(2 * MOST_TURNS)) * turn_map.period)
-        seen = np.column_stack([getattr(samples, name) for name in turn_map.names]) / turn_map.units
+        seen = turn_map.cuts(device, 2 * MOST_TURNS).states
         returns = np.abs(seen[turns:] - seen[:-turns]).max(axis=1)
         for best in np.argsort(returns, kind="stable")[:_GUESSES]:
             if closed := close(turn_map, seen[best], turns):
@@ -141,7 +155,7 @@ def find_orbit(scene: Scene, turns: int = 1) -> Orbit:
                                    if np.abs(seen[count:] - seen[:-count]).max() < _CLOSE), 0)
     found = f"; it repeats itself after {repeats} turns: give turns={repeats}" if repeats else (
         f", nor one that repeats itself within {MOST_TURNS} turns")
-    raise OrbitNotFoundError(f"{scene.name}: at {scene['motor.speed']:g} rad/s no motion was found that repeats itself "
+    raise OrbitNotFoundError(f"{scene.name}: at {command_in_words(scene)} no motion was found that repeats itself "
                              f"after {turns} turns{found}")
 
 
@@ -151,19 +165,20 @@ def orbit_at(turn_map: TurnMap, closed: Closed, turns: int) -> Orbit:
     multipliers = np.zeros(len(free), dtype=complex)
     found = np.linalg.eigvals(derivative(turn_map, closed.state, turns)[0][np.ix_(free, free)])
     multipliers[:len(found)] = found[np.argsort(-np.abs(found), kind="stable")]
-    mean_speed = turn_map(closed.state, turns).advance / (turns * turn_map.period)
-    return Orbit(turn_map.scene, int(turns), turn_map.sample(closed.state), multipliers, mean_speed, closed.residual)
+    end = turn_map(closed.state, turns)
+    return Orbit(turn_map.scene, int(turns), turn_map.sample(closed.state), multipliers, end.advance / end.duration,
+                 closed.residual, end.duration)
 
 
 def derivative(turn_map: TurnMap, state: np.ndarray, turns: int = 1,
-               step: float = STEP) -> tuple[np.ndarray, np.ndarray]:
-    """Derivative of the map over `turns`, shape (n, n), and the state after them, shape (n,).
+               step: float = STEP) -> tuple[np.ndarray, TurnEnd]:
+    """Derivative of the map over `turns`, shape (n, n), and where they lead.
 
     Central differences of a map that is exact to rounding: the error is that of their step, where nothing grazes a
     plate within it. The column of a coordinate that something holds is 0. Where a coordinate cannot be moved one way,
     because a rigid plate or the ground is there, the difference is one-sided.
     """
-    after, held = turn_map(state, turns).state, turn_map.held(state)
+    end, held = turn_map(state, turns), turn_map.held(state)
     matrix = np.zeros((len(state), len(state)))
     for i in np.flatnonzero(~held):
         ends, reach = [], 0.0
@@ -174,10 +189,10 @@ def derivative(turn_map: TurnMap, state: np.ndarray, turns: int = 1,
                 ends.append(turn_map(there, turns).state)
                 reach += step
             except ValueError:
-                ends.append(after)
+                ends.append(end.state)
         if reach:
             matrix[:, i] = (ends[0] - ends[1]) / reach
-    return matrix, after
+    return matrix, end
 
 
 def close(turn_map: TurnMap, guess: np.ndarray, turns: int) -> Closed | None:
@@ -236,7 +251,7 @@ def seeds_of(scene: Scene, starts: int, most_turns: int) -> list[Seed]:
     Parameters
     ----------
     scene : Scene
-        Its motor turns at `motor.speed`, all the time.
+        Its motor turns at `motor.speed`, or has `motor.voltage`, all the time.
     starts : int
         How many starts are tried: the scene's own, and others with crank angle and velocities drawn at random, always
         the same.
@@ -248,6 +263,7 @@ def seeds_of(scene: Scene, starts: int, most_turns: int) -> list[Seed]:
     SimulationError
         If a run cannot go on.
     """
+    check_closes(scene)
     turn_map = free_cut(scene)
     stroboscope, found = Stroboscope(turn_map), list[Seed]()
     for start in range(starts):
@@ -283,6 +299,8 @@ def _drawn(turn_map: TurnMap, start: int) -> dict[str, float]:
     for name, unit in zip(turn_map.names, turn_map.units, strict=True):
         if name.endswith("velocity") and name != "body_vertical_velocity":
             given[name] = random.uniform(-unit, unit)
+        elif name == "motor_speed":
+            given[name] = random.uniform(0.0, unit)
     return given
 
 

@@ -62,38 +62,41 @@ def passage(turn_map: TurnMap, state: np.ndarray, turns: int) -> Passage:
     device = Simulator(turn_map.scene)
     turn_map.put(device, state)
     device.take_events()
-    device.advance_to((turns + 1) * turn_map.period)  # a contact is known when it has ended
+    turn_map.advance(device, turns)
+    end = device.time
+    turn_map.advance(device, turns + 1)  # a contact is known when it has ended
     events = device.take_events()
-    events = events[events["time"] < turns * turn_map.period]
+    events = events[events["time"] < end]
     of_contact = np.char.endswith(events["kind"], _CONTACT)
     kinds, counts = np.unique(events["kind"][of_contact], return_counts=True)
-    lasting = np.where(of_contact, events["duration"], 0.0) / turn_map.period
-    busy = events_in_cells(events["time"] / turn_map.period % 1.0, lasting) > 0.0
+    begins, lasting = turn_map.shares(state, events["time"], np.where(of_contact, events["duration"], 0.0))
+    busy = events_in_cells(begins % 1.0, lasting) > 0.0
     occupied = np.flatnonzero(busy)
     clear = min(occupied.min(), CELLS - 1 - occupied.max()) / CELLS if len(occupied) else 1.0
     best, _ = middle_of_longest(~busy, free=True) if not busy.all() else (0.0, 0.0)
     contacts = events[of_contact]
-    speeds = np.maximum(contacts["speed"] / turn_map.units.max(), 0.5 * TURN * contacts["duration"] / turn_map.period)
+    speeds = np.maximum(contacts["speed"] / turn_map.velocity, 0.5 * TURN * lasting[of_contact])
     return Passage(tuple(zip(kinds.tolist(), counts.tolist(), strict=True)), float(clear),
                    float((turn_map.phase + direction(turn_map.scene) * best) % TURN), float(speeds.min(initial=np.inf)),
-                   _nearest_miss(turn_map, state, turns, contacts), ordered(turn_map, state, turns)[1])
+                   _nearest_miss(turn_map, state, np.linspace(0.0, end, turns * SAMPLES + 1), contacts),
+                   ordered(turn_map, state, turns)[1])
 
 
 def ordered(turn_map: TurnMap, state: np.ndarray, turns: int = 1) -> tuple[TurnEnd, EventOrder]:
     """Where `turns` turns lead from `state`, as a call of the map, with the order of the events on the way."""
-    device, end = turn_map.device, turns * turn_map.period
+    device = turn_map.device
     turn_map.put(device, state)
     start = device.checkpoint()
     device.take_events()
-    device.advance_to(end)
-    now, events = device.state, device.take_events()
+    turn_map.advance(device, turns)
+    end, now, events = device.time, device.state, device.take_events()
     landings = events["time"][events["kind"] == LANDING]
     speeds = np.zeros((len(landings), 2))
     if len(landings):  # the body's speed before and after a landing is not in its event
         device.restore(start)
         beside = landings[:, None] + _BESIDE * np.spacing(landings)[:, None]
         speeds = device.sample(beside.ravel()).body_velocity.reshape(-1, 2)
-    return TurnEnd(turn_map.read(now), now.body_position), event_order(events, end, speeds)
+    return TurnEnd(turn_map.read(now), now.body_position, end), event_order(events, end, speeds)
 
 
 def event_order(events: np.ndarray, until: float, speeds: np.ndarray) -> EventOrder:
@@ -157,11 +160,11 @@ def change_in_words(before: EventOrder, after: EventOrder) -> str:
     return f"other order of {', '.join(moved)}"
 
 
-def _nearest_miss(turn_map: TurnMap, state: np.ndarray, turns: int, contacts: np.ndarray) -> float:
-    """`Passage.miss`: the nearest turning points among samples, and between their neighbours the exact one."""
+def _nearest_miss(turn_map: TurnMap, state: np.ndarray, times: np.ndarray, contacts: np.ndarray) -> float:
+    """`Passage.miss`: the nearest turning points among samples at `times` [s], and between their neighbours the exact
+    one."""
     device, least = Simulator(turn_map.scene), np.inf
     turn_map.put(device, state)
-    times = np.linspace(0.0, turns * turn_map.period, turns * SAMPLES + 1)
     run = device.sample(times)
     for side in turn_map.scene.plates:
         gap = getattr(run, f"{side}_plate_position") - getattr(run, f"{side}_position")
@@ -171,8 +174,8 @@ def _nearest_miss(turn_map: TurnMap, state: np.ndarray, turns: int, contacts: np
             touches = (of_side["time"] <= last) & (of_side["time"] + of_side["duration"] >= first)
             if gap[number + 1] > 0.0 and not touches.any():
                 least = min(least, _least_gap(turn_map, state, side, first, last)
-                            if gap[number + 1] < _NEAR * turn_map.units.min() else float(gap[number + 1]))
-    return max(0.0, least) / turn_map.units.min()
+                            if gap[number + 1] < _NEAR * turn_map.length else float(gap[number + 1]))
+    return max(0.0, least) / turn_map.length
 
 
 def _least_gap(turn_map: TurnMap, state: np.ndarray, side: str, first: float, last: float) -> float:

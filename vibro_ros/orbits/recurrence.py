@@ -5,6 +5,12 @@ rounding lets it. Any other motion, quasi-periodic or chaotic, is told by a clou
 it when the turns just gone have the same cloud as the turns before; two starts have the same motion when half of the
 states of the one are near the cloud of the other.
 
+A dc motor's controller takes its samples at instants of its own. So even a motion that is in step with the crank comes
+back only as closely as the sample's place in a turn lets it: its states at the cut, over all places, are a short curve.
+There a start has settled when the states of each turn of the period, over the second half of all turns, lie within
+`JITTER` of each other and do not drift. Two motions, or a period and its double, that are closer than that are not told
+apart.
+
 The idea, that a motion is known as soon as its states come back to where it has been, is that of G. Datseris and
 A. Wagemakers, Effortless estimation of basins of attraction, Chaos 32 (2022) 023104. They divide the state space into
 cells and share what was visited among all starts. Here each start is judged for itself, so that it has the same motion
@@ -17,8 +23,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import KDTree
 
+from vibro_ros.model.parameters import BY_NAME
 from vibro_ros.model.scene import Scene
-from vibro_ros.orbits.turn_map import Cuts, Stroboscope, free_cut
+from vibro_ros.orbits.turn_map import Cuts, Stroboscope, free_cut, is_sampled
 
 LONGEST_PERIOD = 64
 """Longest period that `settle` looks for [turns]; a motion without such a period may have a longer one."""
@@ -30,9 +37,13 @@ CLOSE = 1e-6
 """How far from its motion a periodic start that has settled still is, in units of the machine, as its approach says."""
 SAME = 1e-5
 """How far apart the states of the same periodic motion may be, in units of the machine."""
+JITTER = 5e-3
+"""The same of a dc motor with a controller, whose samples are in no step with the turns; `machine`, at 1000 samples a
+second, comes back within 2e-3, and motions of it without a period within 0.4."""
 CLOUD = 256
 """States that tell a motion which is not periodic; and turns of which its clouds are made, at least."""
 _ROUNDING = 1e-9  # in units of the machine: fifty times that with which a motion of many turns comes back by rounding
+_DRIFT = 0.25  # of the jitter, between the means of two quarters: what is left of an approach is a few times as much
 _STANDS = 0.8  # a motion still settles whose returns shrink from quarter to quarter to less than this share
 # How near half of the states of a motion are to a cloud of it, in distances between neighbours of that cloud, and in
 # extents of the cloud; the first fails where the cloud lingers near a point, the second where it is thin.
@@ -59,19 +70,22 @@ class SettledMotion:
         Of the body [m/s], forwards positive: over one period, or over the second half of all turns.
     after : int
         Turns of the crank that the start was watched for.
+    tolerance : float
+        How far apart states of the same motion may be, in units of the machine: `SAME`, or twice `JITTER`.
     """
 
     turns: int
     states: np.ndarray
     mean_speed: float
     after: int
+    tolerance: float = SAME
 
     def is_same(self, other: "SettledMotion") -> bool:
         """Whether two starts have settled to the same motion; of one turn map."""
         if self.turns != other.turns:
             return False
         if self.turns:
-            return bool(np.abs(other.states - self.states[0]).max(axis=1).min() <= SAME)
+            return bool(np.abs(other.states - self.states[0]).max(axis=1).min() <= self.tolerance)
         return bool(Cloud(other.states).holds(self.states) or Cloud(self.states).holds(other.states))
 
 
@@ -99,21 +113,30 @@ def settle(stroboscope: Stroboscope, first: int = FIRST_TURNS, most: int = MOST_
     Notes
     -----
     A periodic start has settled when what is left of its approach, summed up as a geometric series from the last two
-    quarters of all turns, is below `CLOSE`. Chaos that lasts long and then ends cannot be told from chaos that stays.
+    quarters of all turns, is below `CLOSE`; with a controller that takes samples see above. Chaos that lasts long and
+    then ends cannot be told from chaos that stays.
     """
+    sampled = is_sampled(stroboscope.turn_map.scene)
     seen = stroboscope.turns(first)
     while True:
-        turns = period_of(seen.states)
+        turns = _period_within_jitter(seen.states) if sampled else period_of(seen.states)
         if turns or (len(seen.states) >= 4 * CLOUD and _is_stationary(seen.states)):
             over = turns or len(seen.states) // 2
-            gone = float(seen.positions[-1] - seen.positions[-1 - over])
-            return SettledMotion(turns, seen.states[-(turns or CLOUD):].copy(),
-                                 gone / (over * stroboscope.turn_map.period), len(seen.states))
+            if turns and sampled:  # a mean over all places of a sample
+                over = turns * (len(seen.states) // (2 * turns))
+            gone, lasted = (float(one[-1] - one[-1 - over]) for one in (seen.positions, seen.times))
+            return SettledMotion(turns, seen.states[-(turns or CLOUD):].copy(), gone / lasted, len(seen.states),
+                                 tolerance_of(stroboscope.turn_map.scene))
         more = min(2 * len(seen.states), most) - len(seen.states)
         if more <= 0:
             return None
         ahead = stroboscope.turns(more)
-        seen = Cuts(np.concatenate([seen.states, ahead.states]), np.concatenate([seen.positions, ahead.positions]))
+        seen = Cuts(*map(np.concatenate, zip(seen, ahead, strict=True)))
+
+
+def tolerance_of(scene: Scene) -> float:
+    """How far apart states of the same motion may be, in units of the machine."""
+    return 2.0 * JITTER if is_sampled(scene) else SAME
 
 
 def settled_motion(scene: Scene, **start: float) -> SettledMotion:
@@ -122,7 +145,7 @@ def settled_motion(scene: Scene, **start: float) -> SettledMotion:
     Parameters
     ----------
     scene : Scene
-        Its motor turns at `motor.speed`, all the time.
+        Its motor turns at `motor.speed`, or has `motor.voltage`, all the time.
     start : float
         What differs from the scene's own start: names and SI units [m, m/s, rad] of `Simulator.set_state`.
 
@@ -153,8 +176,14 @@ def settled_motion(scene: Scene, **start: float) -> SettledMotion:
     stroboscope.begin_as(**start)
     if motion := settle(stroboscope):
         return motion
-    raise NotSettledError(f"{scene.name}: at {scene['motor.speed']:g} rad/s nothing has settled within {MOST_TURNS} "
-                          "turns of the crank; without losses nothing ever does")
+    raise NotSettledError(f"{scene.name}: at {command_in_words(scene)} nothing has settled within {MOST_TURNS} turns "
+                          "of the crank; without losses nothing ever does")
+
+
+def command_in_words(scene: Scene) -> str:
+    """The speed that its motor is asked for, or the voltage, with the unit."""
+    name = scene.motor_command.replace("_", ".")
+    return f"{scene[name]:g} {BY_NAME[name].unit}"
 
 
 def number_among(motion: SettledMotion, known: Sequence[SettledMotion]) -> int | None:
@@ -196,6 +225,22 @@ def period_of(states: np.ndarray, longest: int = LONGEST_PERIOD) -> int:
         if now <= _ROUNDING or (now < min(before, CLOSE) and quarter / turns * now * now / (before - now) <= CLOSE):
             return next(part for part in range(1, turns + 1)
                         if turns % part == 0 and np.abs(states[-turns:] - states[-turns - part:-part]).max() <= SAME)
+    return 0
+
+
+def _period_within_jitter(states: np.ndarray) -> int:
+    """Least number of turns after which states that have settled come back within `JITTER`; 0 where they do not, or not
+    yet: the means of the last two quarters still differ, or the states approach a motion of a shorter period."""
+    quarter = len(states) // 4
+    for turns in range(1, min(LONGEST_PERIOD, quarter // 4) + 1):
+        turn_by_turn = [states[-2 * quarter + first::turns] for first in range(turns)]
+        if any((np.ptp(one, axis=0) > JITTER).any() for one in turn_by_turn):
+            continue
+        drifts = [np.abs(np.subtract(*(part.mean(axis=0) for part in np.array_split(one, 2)))).max()
+                  for one in turn_by_turn]
+        shrinking = (_returns(states, part) for part in range(1, turns) if turns % part == 0)
+        settled = max(drifts) <= _DRIFT * JITTER and all(now >= _STANDS * before for now, before in shrinking)
+        return turns if settled else 0
     return 0
 
 

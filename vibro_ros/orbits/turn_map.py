@@ -4,8 +4,21 @@ The map is cut at a phase of the crank. The state there is made of the masses' p
 velocity, in a scene whose body hops of its height and vertical velocity too. The body's place along the ground is none
 of it, because nothing depends on it; how far a turn moves the body comes beside the state. The motor is steady.
 
+A motor that is given in time turns the crank at its speed: a turn takes 2 pi / speed, and the map is a stroboscopic
+one. The crank of a dc motor is a coordinate:
+
+- At a given voltage nothing depends on time, and the map is that of a section, in the sense of Poincare: the crank gets
+  to the phase from below. The state has the crank's speed, and the current of a winding with inductance; how long a
+  turn takes follows from it, and the multiplier 1 of a shift in time is none of the map's.
+- A controller takes samples at instants of its own, with which no turn is in step. So its motions repeat themselves
+  only as closely as they are seen at other instants between two samples. The state has the controller's integral; each
+  start begins with a sample. Such a device can be watched, turn after turn; that state alone has no derivative which
+  would tell how a disturbance grows, and no orbit closes.
+
 States are counted in units of the machine, so that no coordinate outweighs another: lengths in `crank.radius` l,
-velocities in l omega. Whatever lets a device run raises a SimulationError if the run cannot go on.
+velocities in l omega; the speed of a dc motor's crank in omega, its current and integral in what holds K omega, the
+voltage that the crank induces at that speed. omega is `motor.speed`, or at a given voltage the speed without load.
+Whatever lets a device run raises a SimulationError if the run cannot go on.
 
 A good cut is a phase of the crank where nothing touches and nothing happens. A cut that lies within a contact, or at an
 instant where the friction changes, makes the map rough: two states that are close could be in different modes there.
@@ -17,7 +30,9 @@ from typing import NamedTuple
 import numpy as np
 
 from vibro_ros.model.scene import Scene
-from vibro_ros.simulation.samples import Samples
+from vibro_ros.simulation.given_state import motor_coordinates
+from vibro_ros.simulation.motion import SimulationError
+from vibro_ros.simulation.samples import LATEST, Samples
 from vibro_ros.simulation.simulator import Simulator
 
 TURN = 2.0 * math.pi
@@ -28,6 +43,8 @@ SETTLED = 200
 CELLS = 4096
 """Parts of a turn in which events are told apart."""
 _CONTACT = "_contact"
+_LONGEST_TURN = 64.0  # turns without load: a crank that takes longer for one stands
+_SEEN_IN_TURN = 256  # instants of a turn, between which the angle of an event is interpolated
 
 
 class TurnEnd(NamedTuple):
@@ -39,10 +56,13 @@ class TurnEnd(NamedTuple):
         In units of the machine.
     advance : float
         How far the body has moved [m], forwards positive.
+    duration : float
+        How long that has taken [s].
     """
 
     state: np.ndarray
     advance: float
+    duration: float
 
 
 class TurnMap:
@@ -51,7 +71,8 @@ class TurnMap:
     Parameters
     ----------
     scene : Scene
-        With a `motor.speed` other than 0, which is held. A crank that turns backwards moves the robot in another way.
+        Its crank turns, at `motor.speed` or by `motor.voltage`, which is held. A crank that turns backwards moves the
+        robot in another way.
     phase : float
         Crank angle [rad] at the cut, from 0 to 2 pi.
 
@@ -60,50 +81,111 @@ class TurnMap:
     scene, phase
         The parameters.
     names : tuple of str
-        Names of the state's coordinates, fields of `Samples`.
+        Names of the state's coordinates, fields of `Samples`, and `controller_integral`.
     units : ndarray, shape (n,)
-        What 1 is of each coordinate [m or m/s].
+        What 1 is of each coordinate [m, m/s, rad/s, A or V].
     period : float
-        Time of a turn [s].
+        Time of a turn [s]; of a dc motor that of a turn at the unit of speed.
     device : Simulator
         Of the scene; each call puts it into another state.
 
     Raises
     ------
     ValueError
-        For a scene whose crank stands, or has a dc motor, with which no turn takes as long as another.
+        For a crank that does not turn, a dc motor that turns it backwards, or a dc motor by a method of fixed step,
+        which has no instant of the cut.
     """
 
     def __init__(self, scene: Scene, phase: float = 0.0):
-        speed = scene["motor.speed"]
-        if scene.has_rotor:
-            raise ValueError("effects.motor: a dc motor's crank has no steady speed, and orbits, exponents and basins "
-                             "are those of a steady crank; choose ideal, ramp or lag")
-        if speed == 0.0:
-            raise ValueError(f"motor.speed: {speed:g} rad/s turns no crank; give the speed at which the motion repeats "
-                             "itself")
-        self.scene, self.phase, self.period = scene, phase, turn_time(scene)
-        self.names = coordinates(scene)
-        length = scene["crank.radius"] or max(scene[f"crank.{side}_rod"] for side in scene.guides)
-        self.units = np.array([length * abs(speed) if name.endswith("velocity") else length for name in self.names])
+        self.scene, self.phase, self.period = scene, phase, TURN / pace(scene)
+        self.names, self.units = coordinates(scene), units_of(scene)
         self.device = Simulator(scene)
+        if scene.has_rotor and self.device.scene["solver.method"] != "exact":
+            raise ValueError(f"solver.method: {scene['solver.method']} does not find the instant at which a dc motor's "
+                             "crank passes an angle; choose exact")
         self._start = self.device.checkpoint()
 
     def __call__(self, state: np.ndarray, turns: int = 1) -> TurnEnd:
         """Where `turns` turns lead from `state`, shape (n,) (ValueError for a state that cannot be)."""
         self.put(self.device, state)
-        self.device.advance_to(turns * self.period)
-        return TurnEnd(self.read(self.device.state), self.device.state.body_position)
+        self.advance(self.device, turns)
+        return TurnEnd(self.read_device(self.device), self.device.state.body_position, self.device.time)
 
     def put(self, device: Simulator, state: np.ndarray) -> None:
         """Put a device of the scene at its time 0 into a state at the cut, the body at 0."""
+        given = dict(zip(self.names, (state * self.units).tolist(), strict=True))
+        if not given.get("motor_speed", 1.0) > 0.0:
+            raise ValueError(f"motor_speed: {given['motor_speed']:g} rad/s does not pass the cut; give a speed above 0")
         device.restore(self._start)
-        device.set_state(crank_angle=self.phase, body_position=0.0,
-                         **dict(zip(self.names, (state * self.units).tolist(), strict=True)))
+        device.set_state(crank_angle=self.phase, body_position=0.0, **given)
 
-    def read(self, sample: Samples[float]) -> np.ndarray:
+    def advance(self, device: Simulator, turns: int, phase: float | None = None) -> None:
+        """Advance a device that was put at the cut over `turns` turns, and to another `phase` [rad] after it."""
+        phase = self.phase if phase is None else phase
+        if self.scene.has_rotor:
+            advance_to_cut(device, turns + (phase < self.phase), phase)
+        else:
+            device.advance_to((turns + share_of_turn(self.scene, self.phase, phase)) * self.period)
+
+    def read_device(self, device: Simulator) -> np.ndarray:
         """The state of a device, shape (n,)."""
-        return np.array([getattr(sample, name) for name in self.names]) / self.units
+        return self.read(device.state, device.controller_integral)
+
+    def read(self, sample: Samples[float], integral: float = 0.0) -> np.ndarray:
+        """The state of a sample, with the integral of a controller [V or A], shape (n,)."""
+        return np.array([integral if name == INTEGRAL else getattr(sample, name) for name in self.names]) / self.units
+
+    def cuts(self, device: Simulator, count: int) -> "Cuts":
+        """The next `count` cuts of a device, wherever it is; it stands at the last one."""
+        if self.scene.has_rotor:
+            first = math.ceil((device.state.crank_angle - self.phase) / TURN)
+            return self.cuts_at_turns(device, range(first, first + count))
+        ahead = share_of_turn(self.scene, device.state.crank_angle, self.phase)
+        return self.cuts_at_times(device, device.time + (ahead + np.arange(count)) * self.period)
+
+    def cuts_at_turns(self, device: Simulator, turns: range) -> "Cuts":
+        """The cuts of a dc motor's crank after so many turns each."""
+        states, positions, times = np.empty((len(turns), len(self.names))), np.empty(len(turns)), np.empty(len(turns))
+        for number, turn in enumerate(turns):
+            advance_to_cut(device, turn, self.phase)
+            states[number], positions[number] = self.read_device(device), device.state.body_position
+            times[number] = device.time
+            device.take_events()  # or they would be kept
+        return Cuts(states, positions, times)
+
+    def cuts_at_times(self, device: Simulator, times: np.ndarray) -> "Cuts":
+        """The cuts at `times` [s], ascending, of a motor that is given in time."""
+        samples = device.sample(times)
+        states = np.column_stack([getattr(samples, name) for name in self.names]) / self.units
+        return Cuts(states, samples.body_position, times)
+
+    def shares(self, state: np.ndarray, times: np.ndarray, durations: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """How many turns the crank has turned since a state at the cut, at each of `times` [s] after it, and over the
+        `durations` [s] that begin there."""
+        if not self.scene.has_rotor:
+            return times / self.period, durations / self.period
+        self.put(self.device, state)
+        instants = np.concatenate([times, times + durations])
+        order, angles = np.argsort(instants), np.empty(len(instants))
+        angles[order] = self.device.sample(instants[order]).crank_angle
+        begins, ends = np.split((angles - self.phase) / TURN, 2)
+        return begins, ends - begins
+
+    def turn_time(self, state: np.ndarray, turns: int) -> float:
+        """Mean time [s] of the turns that follow a state at the cut."""
+        return self(state, turns).duration / turns if self.scene.has_rotor else self.period
+
+    @property
+    def length(self) -> float:
+        """What 1 is of a position [m]."""
+        return float(self.units[[name.endswith(("position", "height")) for name in self.names]].max(initial=0.0)
+                     or _length(self.scene))
+
+    @property
+    def velocity(self) -> float:
+        """What 1 is of a velocity [m/s]."""
+        return float(self.units[[name.endswith("velocity") for name in self.names]].max(initial=0.0)
+                     or _length(self.scene) * pace(self.scene))
 
     def sample(self, state: np.ndarray) -> Samples[float]:
         """All quantities of a device in a state at the cut, the body at 0."""
@@ -125,14 +207,12 @@ class TurnMap:
         return np.array([held[name] for name in self.names])
 
 
-def turn_time(scene: Scene) -> float:
-    """Time [s] of a turn of the crank, whichever way it turns."""
-    return TURN / abs(scene["motor.speed"])
+INTEGRAL = "controller_integral"
 
 
 def direction(scene: Scene) -> float:
-    """1, or -1 where the crank turns backwards."""
-    return math.copysign(1.0, scene["motor.speed"])
+    """1, or -1 where the crank turns backwards; a dc motor's turns forwards, or has no turn map."""
+    return 1.0 if scene.has_rotor else math.copysign(1.0, scene["motor.speed"])
 
 
 def share_of_turn(scene: Scene, here: float, there: float) -> float:
@@ -141,10 +221,90 @@ def share_of_turn(scene: Scene, here: float, there: float) -> float:
 
 
 def coordinates(scene: Scene) -> tuple[str, ...]:
-    """Fields of `Samples` that make up a state at the cut."""
+    """Names that make up a state at the cut: fields of `Samples`, and `INTEGRAL` with a controller."""
     masses = [f"{side}_{what}" for side in scene.guides for what in ("position", "velocity")]
     return (*masses, *["body_velocity"] * scene.body_moves,
-            *["body_height", "body_vertical_velocity"] * scene.body_hops)
+            *["body_height", "body_vertical_velocity"] * scene.body_hops,
+            *["motor_speed"] * scene.has_rotor, *motor_coordinates(scene))
+
+
+def pace(scene: Scene) -> float:
+    """Speed [rad/s] at which a motor turns its crank, above 0: `motor.speed`, or what a voltage gives without load.
+
+    Raises
+    ------
+    ValueError
+        For a crank that does not turn, or a dc motor that turns it backwards.
+    """
+    if scene.motor_command == "motor_voltage":
+        constant, resistance = scene.motor_constant, scene["motor.winding_resistance"]
+        driven = constant * scene["motor.voltage"] / resistance - scene["motor.friction"]
+        speed = driven / (scene["motor.damping"] + constant**2 / resistance)
+        if speed <= 0.0:
+            raise ValueError(f"motor.voltage: {scene['motor.voltage']:g} V turns no crank forwards; give more than "
+                             f"{scene['motor.friction'] * resistance / constant:g} V")
+        return speed
+    speed = scene["motor.speed"]
+    if speed == 0.0:
+        raise ValueError(f"motor.speed: {speed:g} rad/s turns no crank; give the speed at which the motion repeats "
+                         "itself")
+    if speed < 0.0 and scene.has_rotor:
+        raise ValueError(f"motor.speed: {speed:g} rad/s turns a dc motor's crank backwards, whose turns are not looked "
+                         "at; give a speed above 0, or choose effects.motor ideal, ramp or lag")
+    return abs(speed)
+
+
+def units_of(scene: Scene) -> np.ndarray:
+    """What 1 is of each coordinate [m, m/s, rad/s, A or V], shape (n,)."""
+    speed = pace(scene)
+    induced = scene.motor_constant * speed if scene.has_rotor else 0.0
+    volts = scene["motor.control"] == "speed_by_voltage"
+    return np.array([
+        speed if name == "motor_speed" else induced if name == INTEGRAL and volts else
+        induced / scene["motor.winding_resistance"] if name in ("motor_current", INTEGRAL) else
+        _length(scene) * speed if name.endswith("velocity") else _length(scene) for name in coordinates(scene)])
+
+
+def is_sampled(scene: Scene) -> bool:
+    """Whether a controller takes samples of the crank's speed, with which no turn is in step."""
+    return INTEGRAL in coordinates(scene)
+
+
+def check_closes(scene: Scene) -> None:
+    """Refuse a scene none of whose motions closes on itself (ValueError)."""
+    if is_sampled(scene):
+        raise ValueError(
+            f"motor.control: {scene['motor.control']} takes samples {scene['motor.control_rate']:g} times a second, "
+            "with which the turns are not in step, so that no orbit closes; choose voltage, or effects.motor ramp; "
+            "settled_motion and study diagram, basins and map tell motions by their recurrence")
+
+
+def _length(scene: Scene) -> float:
+    return scene["crank.radius"] or max(scene[f"crank.{side}_rod"] for side in scene.guides or ("upper",))
+
+
+def advance_to_cut(device: Simulator, turn: int, phase: float) -> None:
+    """Advance a device with a dc motor to where its crank stands at `phase` [rad] after so many turns.
+
+    Raises
+    ------
+    SimulationError
+        For a crank that does not get there.
+    """
+    longest = _LONGEST_TURN * TURN / pace(device.scene)
+    if not device.advance_to_angle(turn, phase, min(device.time + longest, LATEST)):
+        command = device.scene.motor_command.replace("_", ".")
+        raise SimulationError(f"at {device.time:.9g} s: the crank has not come round for {longest:.3g} s; give more "
+                              f"than {device.scene[command]:g} for {command}, or another start")
+
+
+def turn_round(device: Simulator, turns: int) -> None:
+    """Advance a device to where its crank has turned so often since the start, if it is not there yet."""
+    if not device.scene.has_rotor:
+        device.advance_to(max(device.time, turns * TURN / pace(device.scene)))
+    elif device.state.crank_angle < turns * TURN:
+        for turn in range(math.floor(device.state.crank_angle / TURN) + 1, turns + 1):
+            advance_to_cut(device, turn, 0.0)
 
 
 class Cuts(NamedTuple):
@@ -156,10 +316,13 @@ class Cuts(NamedTuple):
         In units of the machine, as `TurnMap` has them.
     positions : ndarray, shape (cuts,)
         Of the body along the ground [m], forwards positive.
+    times : ndarray, shape (cuts,)
+        Instants [s].
     """
 
     states: np.ndarray
     positions: np.ndarray
+    times: np.ndarray
 
 
 class Stroboscope:
@@ -186,12 +349,13 @@ class Stroboscope:
         self.turn_map = turn_map
         self._device = Simulator(turn_map.scene)
         self._start = self._device.checkpoint()
-        self._cut = 0.0  # s, the last cut
+        self._cut = 0.0  # s, the last cut ...
+        self._turns = 0  # ... and of a dc motor's crank the turns before it
 
     def begin(self, state: np.ndarray) -> None:
         """Begin at the cut, in a state of shape (n,), the body at 0 (ValueError for a state that cannot be)."""
         self.turn_map.put(self._device, state)
-        self._cut = 0.0
+        self._cut, self._turns = 0.0, 0
 
     def begin_as(self, **given: float) -> Cuts:
         """Begin as the scene starts, but with what is `given`, and go on to the first cut.
@@ -202,18 +366,21 @@ class Stroboscope:
         self._device.restore(self._start)
         if given:
             self._device.set_state(**given)
-        ahead = share_of_turn(self.turn_map.scene, self._device.state.crank_angle, self.turn_map.phase)
-        self._cut = (ahead - 1.0) * self.turn_map.period
+        angle, phase = self._device.state.crank_angle, self.turn_map.phase
+        self._turns = math.ceil((angle - phase) / TURN) - 1
+        self._cut = (share_of_turn(self.turn_map.scene, angle, phase) - 1.0) * self.turn_map.period
         return self.turns(1)
 
     def turns(self, count: int) -> Cuts:
         """Go on over `count` turns; the cuts that follow the last one."""
-        times = self._cut + np.arange(1, count + 1) * self.turn_map.period
-        samples = self._device.sample(times)
+        if self.turn_map.scene.has_rotor:
+            first = self._turns + 1
+            self._turns += count
+            return self.turn_map.cuts_at_turns(self._device, range(first, first + count))
+        cuts = self.turn_map.cuts_at_times(self._device, self._cut + np.arange(1, count + 1) * self.turn_map.period)
         self._device.take_events()  # or they would be kept
-        self._cut = float(times[-1])
-        states = np.column_stack([getattr(samples, name) for name in self.turn_map.names]) / self.turn_map.units
-        return Cuts(states, samples.body_position)
+        self._cut = float(cuts.times[-1])
+        return cuts
 
 
 def free_phase(scene: Scene, device: Simulator) -> tuple[float, float]:
@@ -232,14 +399,15 @@ def free_phase(scene: Scene, device: Simulator) -> tuple[float, float]:
         Crank angle [rad], from 0 to 2 pi, and the share: 0 where every phase of the turn is within a contact, and the
         phase is one that is within the fewest.
     """
-    period = turn_time(scene)
     device.take_events()
-    begin, angle = device.time, device.state.crank_angle
-    device.advance_to(begin + SEEN * period)
-    events = device.take_events()
-    phase = np.mod((events["time"] - begin) / period + direction(scene) * angle / TURN, 1.0)
-    of_contact = np.char.endswith(events["kind"], _CONTACT)
-    lasting = np.where(of_contact, events["duration"], 0.0) / period
+    if scene.has_rotor:
+        phase, lasting = _events_by_angle(device)
+    else:
+        period, begin, angle = TURN / pace(scene), device.time, device.state.crank_angle
+        device.advance_to(begin + SEEN * period)
+        events = device.take_events()
+        phase = np.mod((events["time"] - begin) / period + direction(scene) * angle / TURN, 1.0)
+        lasting = np.where(_of_contact(events), events["duration"], 0.0) / period
     busy = events_in_cells(phase, lasting)
     ahead, share = middle_of_longest(busy == busy.min(), free=bool(busy.min() == 0.0))
     return direction(scene) * ahead % TURN, share
@@ -249,8 +417,28 @@ def free_cut(scene: Scene) -> TurnMap:
     """The turn map of a scene, cut where the motion from its own start is free (ValueError for a crank that stands)."""
     TurnMap(scene)  # refuses a crank that stands
     device = Simulator(scene)
-    device.advance_to(SETTLED * turn_time(scene))
+    turn_round(device, SETTLED)
     return TurnMap(scene, free_phase(scene, device)[0])
+
+
+def _of_contact(events: np.ndarray) -> np.ndarray:
+    return np.char.endswith(events["kind"], _CONTACT)
+
+
+def _events_by_angle(device: Simulator) -> tuple[np.ndarray, np.ndarray]:
+    """Where in a turn each event of the coming `SEEN` turns or so begins, from 0 to 1, and for how much of turns it
+    lasts, of a dc motor's crank."""
+    turn = math.floor(device.state.crank_angle / TURN) + 1
+    advance_to_cut(device, turn, 0.0)
+    begin = device.time
+    advance_to_cut(device, turn + 1, 0.0)
+    device.take_events()
+    step = (device.time - begin) / _SEEN_IN_TURN
+    samples = device.sample(device.time + np.arange(SEEN * _SEEN_IN_TURN + 1) * step)
+    events = device.take_events()
+    first = np.interp(events["time"], samples.time, samples.crank_angle / TURN)
+    last = np.interp(events["time"] + events["duration"], samples.time, samples.crank_angle / TURN)
+    return np.mod(first, 1.0), np.where(_of_contact(events), last - first, 0.0)
 
 
 def events_in_cells(phase: np.ndarray, lasting: np.ndarray) -> np.ndarray:

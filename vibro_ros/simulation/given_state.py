@@ -8,7 +8,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from vibro_ros.model.parameters import Parameter
+from vibro_ros.model.parameters import Parameter, quoted
 from vibro_ros.model.scene import NUMBERS, Scene, check_parts, given_start, outside_plates
 from vibro_ros.model.shock import REST_SPEED
 from vibro_ros.model.tables import Model
@@ -21,6 +21,12 @@ from vibro_ros.solver.taylor import read_rotor
 UNITS = {name: number.unit for name, number in NUMBERS.items()} | {
     "motor_speed": "rad/s", "upper_plate_position": "m", "inclined_plate_position": "m"}
 """What may be given, fields of `Samples`, with their units; all other fields follow from these."""
+OF_DC_MOTOR = {"motor_current": "A", "controller_integral": "V or A"}
+"""What may be given besides of a dc motor: the current of a winding with inductance, and the controller's integral, in
+the unit of what its samples hold."""
+STATE_UNITS = UNITS | OF_DC_MOTOR
+"""All that may be given."""
+_MOST = 1e6  # A, or V
 _TURN = 2.0 * math.pi
 
 
@@ -64,14 +70,14 @@ def started(scene: Scene, model: Model, point: np.ndarray) -> State:
 
 
 def checked_state(scene: Scene, given: Mapping[str, object], now: Mapping[str, float]) -> dict[str, float]:
-    """All of `UNITS`, as `given` or else as it is `now`.
+    """All of `UNITS`, as `given` or else as it is `now`; and what is given of `OF_DC_MOTOR`.
 
     Parameters
     ----------
     scene : Scene
         What is simulated.
     given : mapping of str to number
-        By the names of `UNITS`.
+        By the names of `UNITS` and `OF_DC_MOTOR`.
     now : mapping of str to float
         All fields of the present sample.
 
@@ -82,8 +88,8 @@ def checked_state(scene: Scene, given: Mapping[str, object], now: Mapping[str, f
         mass beyond a rigid plate; the message names value, limit and remedy.
     """
     for name in given:
-        if name not in UNITS:
-            raise ValueError(f"{name}: cannot be given; give any of {', '.join(UNITS)}")
+        if name not in STATE_UNITS:
+            raise ValueError(f"{name}: cannot be given; give any of {', '.join(STATE_UNITS)}")
     numbers = {name: _number(scene, name, value) for name, value in given.items()}
     check_parts(scene, numbers)
     return outside_plates(scene, {name: now[name] for name in UNITS} | numbers)
@@ -92,10 +98,27 @@ def checked_state(scene: Scene, given: Mapping[str, object], now: Mapping[str, f
 def _number(scene: Scene, name: str, value: object) -> float:
     if name == "motor_speed":
         return scene.checked_motor_speed(value)
+    if name in OF_DC_MOTOR:
+        if name not in motor_coordinates(scene):
+            raise ValueError(f"{name}: {quoted(value)} is no part of this motor's state; leave it out, or choose "
+                             f"effects.motor dc with {_NEEDED[name]}")
+        return Parameter(name, 0.0, OF_DC_MOTOR[name], "of the motor", minimum=-_MOST, maximum=_MOST).checked(value)
     if name in NUMBERS:
         return NUMBERS[name].checked(value)
     longest = 2.0 * scene[f"crank.{name.split('_')[0]}_rod"]  # as `Scene.checked_gap` has it
     return Parameter(name, 0.0, UNITS[name], "where a plate stands", minimum=0.0, maximum=longest).checked(value)
+
+
+_NEEDED = {"motor_current": "a motor.winding_inductance above 0",
+           "controller_integral": "motor.control speed_by_voltage or speed_by_current"}
+
+
+def motor_coordinates(scene: Scene) -> tuple[str, ...]:
+    """Which of `OF_DC_MOTOR` the state of a scene's motor has."""
+    if not scene.has_rotor:
+        return ()
+    return (*["motor_current"] * (scene["motor.winding_inductance"] > 0.0),
+            *["controller_integral"] * (scene["motor.control"] != "voltage"))
 
 
 def place(scene: Scene, model: Model, state: State, point: np.ndarray, values: Mapping[str, float],
@@ -111,7 +134,7 @@ def place(scene: Scene, model: Model, state: State, point: np.ndarray, values: M
     point : ndarray, shape (channels,)
         All channels now, overwritten.
     values : mapping of str to float
-        All of `UNITS`, as a scene can have them.
+        All of `UNITS`, as a scene can have them; a `motor_current`, if it is given.
     turned : bool
         Whether the crank's angle is given; else it keeps its bits, which a sum of turns and an angle has lost.
     """
@@ -126,6 +149,8 @@ def place(scene: Scene, model: Model, state: State, point: np.ndarray, values: M
         point[at.velocity(forms.height)] = values["body_vertical_velocity"]
     if forms.has_rotor:
         point[at.velocity(forms.phase)] = values["motor_speed"]
+        if "motor_current" in values:
+            point[at.velocity(forms.charge)] = values["motor_current"]
         if turned:
             point[at.position(forms.phase)] = rest = math.fmod(angle, _TURN)
             state.now["drive"]["turns"] = round((angle - rest) / _TURN)

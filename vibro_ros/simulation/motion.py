@@ -4,11 +4,13 @@ Arguments are not checked here, and `solver.method` is a method, not auto: `Simu
 lets time pass or a segment begin raises a SimulationError if the motion cannot go on.
 """
 
+import itertools
 import math
 import time as wall_clock
 from collections.abc import Mapping, Sequence
 
 import numpy as np
+from scipy.optimize import brentq
 
 from vibro_ros.model.energy import ACCOUNTS, LOSSES, OF_DC_MOTOR
 from vibro_ros.model.fixed_steps import contact_laws, cut_to_laws
@@ -19,7 +21,7 @@ from vibro_ros.model.tables import Model, compile_scene
 from vibro_ros.simulation.given_state import book, checked_state, place, started
 from vibro_ros.simulation.influences import PATCH, PUSH, SAG, STALL, STUCK, Influences
 from vibro_ros.simulation.readout import Readout
-from vibro_ros.simulation.samples import EVENT_DTYPE, FIELDS, Trace
+from vibro_ros.simulation.samples import CRANK_ANGLE, EVENT_DTYPE, FIELDS, MOTOR_SPEED, Trace
 from vibro_ros.solver import event_loop
 from vibro_ros.solver.compilation import Laid
 from vibro_ros.solver.drive import command_drive, speed_and_target
@@ -27,7 +29,7 @@ from vibro_ros.solver.energy import SPLIT, residual, stored_on_accounts
 from vibro_ros.solver.events import EVENT_COLUMNS, MONITOR_KIND, PHASE_KIND, RAMP_KIND, leave_for_ramp
 from vibro_ros.solver.lowpass import filtered_rates, new_filters
 from vibro_ros.solver.methods import SCHEMES, Exact, FixedStep, Stepper
-from vibro_ros.solver.rotor import command_rotor
+from vibro_ros.solver.rotor import command_rotor, give_integral
 from vibro_ros.solver.segment import LONGEST_SEGMENT
 from vibro_ros.solver.state import State, lasting, new_state
 from vibro_ros.solver.system import BY_COMMAND, BY_CURRENT, NOTHING
@@ -47,6 +49,11 @@ _LOCAL = 1.0 + 1e-9
 _CLOSE = 1e-6  # relative, of what follows from other numbers
 #: A crank that is a coordinate is within a turn where a segment starts, and within this angle [rad] where it ends.
 _MOST_TURNED = 30.0
+
+_TURN = 2.0 * math.pi
+# Angle [rad] before the one that is looked for within which the crank goes from segment to segment; and instants of a
+# longer way at which it is watched.
+_NEAR, _SEEN = 0.5, 8
 
 _CAUSES = {
     event_loop.STUCK: "events follow each other without any progress of time",
@@ -251,6 +258,8 @@ class Motion:
             self._become(self.scene)
         if "motor_speed" in given and not self.scene.has_rotor:
             self._command_motor(target, values["motor_speed"])
+        if "controller_integral" in given:
+            give_integral(self.model.system, self.state, self.time, values["controller_integral"])
         for side in self.model.forms.plates:
             if f"{side}_plate_position" in given:
                 self._command_plate(side, self._plate_target(side))
@@ -263,6 +272,11 @@ class Motion:
             return float(self.state.now["motor"]["target"][0])
         asked = self.influences.asked(STALL)
         return speed_and_target(self.state.now["drive"][0])[1] if asked is None else asked
+
+    @property
+    def controller_integral(self) -> float:
+        """Of a dc motor's controller, as its next sample finds it [V or A]; 0 without a controller."""
+        return float(self.state.now["motor"]["integral"][0])
 
     def _command_motor(self, target: float, speed: float | None = None) -> None:
         """Ask the motor for `target`, from the speed [rad/s] that it is put at, or else has."""
@@ -434,6 +448,67 @@ class Motion:
         self._go_to(time)
         self._sampled = True
 
+    def advance_to_angle(self, turn: int, angle: float, latest: float) -> bool:
+        """Advance to where a dc motor's crank first stands at `angle` [rad] of a turn, by the method exact.
+
+        Parameters
+        ----------
+        turn : int
+            Whole turns before it.
+        angle : float
+            From 0 to 2 pi [rad].
+        latest : float
+            Instant [s] at which to end otherwise.
+
+        Returns
+        -------
+        bool
+            Whether the crank stands there: to rounding, because the angle is a polynomial over each segment.
+        """
+        phase, hops = self.model.forms.channels.phase, True
+        while True:
+            segment, turns = self.state.now["segment"][0], int(self.state.now["drive"]["turns"][0])
+            start, half = float(segment["start"]) + float(segment["residue"]), float(segment["half"])
+            now, end = (self.time - start) / half - 1.0, float(segment["next_event"])
+            x = first_reached(self.state.z[phase], (turn - turns) * _TURN + angle, now, end)
+            # An event lies at the segment's end to rounding; the next float is behind it.
+            time = (max(self.time, start + half * (1.0 + x)) if x is not None else
+                    max(math.nextafter(self.time, math.inf), start + half * (1.0 + end)))
+            if x is None and hops and self.influences.next_end == math.inf:
+                hops = self._hop(turn, angle, latest)
+                continue
+            before = min(latest, self.influences.next_end)
+            self.advance_to(min(time, before))
+            if x is not None and time <= before:
+                return True
+            if self.time >= latest:
+                return False
+
+    def _hop(self, turn: int, angle: float, latest: float) -> bool:
+        """Advance over many segments at once, half as far as the crank would get to the angle at its present speed.
+
+        A crank that is seen to turn back, or to be at the angle, is put back to where it was. Returns whether it is
+        worth while to hop again.
+        """
+        now = self.now()
+        left, speed = turn * _TURN + angle - now[CRANK_ANGLE], now[MOTOR_SPEED]
+        if left < _NEAR or speed <= 0.0 or self.time + 0.5 * left / speed > latest:
+            return False
+        time, restored, log = self.time, self._restored, self.events.mark()
+        kept = [part.copy() for part in self.lasting()]
+        trace = self.new_trace(_SEEN)
+        self._advance(np.linspace(time, time + 0.5 * left / speed, _SEEN + 1)[1:], trace)
+        turns, phase, rate = trace.phases.T
+        if (rate > 0.0).all() and ((turns - turn) * _TURN + phase < angle).all():
+            return True
+        self.time = time
+        for part, values in zip(self.lasting(), kept, strict=True):
+            part[...] = values
+        self.lasting_overwritten()
+        self._restored = restored
+        self.events.drop_since(log)
+        return False
+
     def _go_to(self, time: float) -> None:
         """Advance to `time` [s], across all edges, and sample there."""
         advance = self._advance if time <= self.time + _FIRST_PART else self.advance
@@ -531,6 +606,28 @@ class Motion:
         return quantities
 
 
+def first_reached(p: np.ndarray, value: float, start: float, end: float) -> float | None:
+    """The first x from `start` to `end`, within -1 to 1, where the polynomial sum of p[n] x^n reaches `value` from
+    below; None without one."""
+    if p[0] + np.abs(p[1:]).sum() < value:
+        return None
+    powers = np.arange(len(p))
+
+    def below(x: float) -> float:
+        return float(p @ x**powers) - value
+
+    if below(start) >= 0.0:
+        return start
+    rate, bounds = powers[1:] * p[1:], [start, end]
+    if abs(rate[0]) <= np.abs(rate[1:]).sum():  # the rate may change its sign: where is it 0?
+        zeros = np.polynomial.polynomial.polyroots(np.trim_zeros(rate, "b"))
+        bounds[1:1] = sorted(zero.real for zero in zeros if zero.imag == 0.0 and start < zero.real < end)
+    for low, high in itertools.pairwise(bounds):
+        if below(high) >= 0.0:
+            return float(brentq(below, low, high, xtol=1e-16, rtol=4.0 * np.finfo(float).eps))
+    return None
+
+
 class EventLog:
     """Events by kind.
 
@@ -566,6 +663,15 @@ class EventLog:
         events["time"], events["speed"], events["peak_force"], events["duration"] = raw[:, [0, 2, 3, 4]].T
         events["kind"] = self._kinds[raw[:, 1].astype(np.int64)]
         return events
+
+    def mark(self) -> tuple[int, np.ndarray]:
+        """Return what `drop_since` takes to drop what is added from now on."""
+        return len(self._untaken), self._counts.copy()
+
+    def drop_since(self, mark: tuple[int, np.ndarray]) -> None:
+        """Drop, and do not count, the events that were added since a `mark`; none were taken since."""
+        del self._untaken[mark[0]:]
+        self._counts = mark[1]
 
     def drop_untaken(self) -> None:
         """Drop the events that were not taken; they stay counted."""

@@ -82,7 +82,8 @@ class Samples(Generic[Quantity]):
 
 FIELDS = tuple(field.name for field in fields(Samples))
 """Names of the fields of `Samples`, in their order."""
-TIME, NORMAL_FORCE, CRANK_ANGLE = (FIELDS.index(name) for name in ("time", "normal_force", "crank_angle"))
+TIME, NORMAL_FORCE, CRANK_ANGLE, MOTOR_SPEED = (
+    FIELDS.index(name) for name in ("time", "normal_force", "crank_angle", "motor_speed"))
 
 
 @dataclass(frozen=True)

@@ -123,6 +123,20 @@ class Simulator:
         return self._motion.motor_target
 
     @property
+    def controller_integral(self) -> float:
+        """What the controller of a dc motor has summed up [V, or A with `speed_by_current`]; 0 without a controller.
+
+        Examples
+        --------
+        >>> device = vibro_ros.Simulator(vibro_ros.load_scene("machine"))
+        >>> device.command(motor_speed=100.0)
+        >>> device.advance_to(1.0)
+        >>> f"{device.controller_integral:.3f} A"
+        '1.585 A'
+        """
+        return self._motion.controller_integral
+
+    @property
     def supply_voltage(self) -> float:
         """Voltage [V] that the supply of a dc motor has now: `motor.supply_voltage`, or what a sag leaves of it.
 
@@ -242,8 +256,10 @@ class Simulator:
         What may be given are fields of `state`: `body_position`, `body_velocity`, `body_height`,
         `body_vertical_velocity`, `upper_position`, `upper_velocity`, `inclined_position`, `inclined_velocity`,
         `crank_angle`, `motor_speed`, `upper_plate_position` and `inclined_plate_position`, in the units and signs of
-        `Samples`. The others stay, and so do commands: a motor that takes time and a plate go on from here to where
-        they were sent. A motor whose law is `ideal` keeps the speed. A contact that is under way has no event.
+        `Samples`, and of a dc motor `motor_current`, if its winding has an inductance, and `controller_integral`, if it
+        has a controller. The others stay, and so do commands: a motor that takes time and a plate go on from here to
+        where they were sent. A motor whose law is `ideal` keeps the speed. A contact that is under way has no event. A
+        sample that a controller has taken at this very instant is taken again if its integral is given.
 
         Raises
         ------
@@ -473,6 +489,46 @@ class Simulator:
         if time > LATEST:
             raise ValueError(f"cannot advance to {time:g} s: give at most {LATEST:g} s, beyond which clocks are coarse")
         self._motion.advance_to(time)
+
+    def advance_to_angle(self, turn: int, angle: float, latest: float = LATEST) -> bool:
+        """Advance to the instant at which the crank of a dc motor first stands at an angle, exactly.
+
+        Parameters
+        ----------
+        turn : int
+            Whole turns of the crank before that.
+        angle : float
+            Within the turn that follows [rad], from 0 to 2 pi.
+        latest : float
+            Instant [s] at which the device stops otherwise: the crank may come to rest before, or turn backwards.
+
+        Returns
+        -------
+        bool
+            Whether the crank stands there. If it is beyond that angle already, the device stays where it is.
+
+        Raises
+        ------
+        ValueError
+            For a motor whose angle is given in time, or a `solver.method` of fixed step, and for an instant out of
+            range.
+        SimulationError
+            If the run cannot go on.
+
+        Examples
+        --------
+        >>> device = vibro_ros.Simulator(vibro_ros.load_scene("machine").with_parameters({"motor.speed": 100.0}))
+        >>> device.advance_to_angle(turn=3, angle=1.0)
+        True
+        >>> f"{device.time:.5f} s, {device.state.crank_angle - 1.0:.12f} rad"
+        '0.19823 s, 18.849555921539 rad'
+        """
+        if not self.scene.has_rotor or self.scene["solver.method"] != "exact":
+            raise ValueError(f"effects.motor, solver.method: {self.scene['effects.motor']}, "
+                             f"{self.scene['solver.method']} have no angle to advance to; choose dc and exact")
+        if not self.time <= latest <= LATEST:
+            raise ValueError(f"latest: {latest:g} s is out of range; give a time from {self.time:g} to {LATEST:g} s")
+        return self._motion.advance_to_angle(turn, angle, latest)
 
     def sample(self, times: np.ndarray) -> Samples:
         """Advance to each of `times` [s] in turn; the device there, every field of shape (n,).

@@ -231,6 +231,21 @@ def command_rotor(system: System, state: State, time: float, target: float, acce
     else:
         slope = math.copysign(acceleration, target - reference)
     motor["target"], motor["reference"], motor["since"], motor["slope"] = target, reference, time, slope
+    _withdraw_sample(motor, controller, time)
+
+
+def give_integral(system: System, state: State, time: float, integral: float) -> None:
+    """Give the controller of a rotor's motor an integral [V or A] at `time` [s], where a segment begins.
+
+    A sample that was taken at this very instant is taken again, because it counts the integral, and the speed.
+    """
+    motor = state.now["motor"][0]
+    _withdraw_sample(motor, system.rotor.controller[0], time)
+    motor["integral"] = motor["before"] = integral
+
+
+def _withdraw_sample(motor: np.void, controller: np.void, time: float) -> None:
+    """Let a sample that was taken at `time` [s] be due again."""
     last = motor["samples"] - 1
     if last >= 0 and abs(last * controller["period"] - time) <= _DUE * (1.0 + time):
         motor["samples"], motor["integral"] = last, motor["before"]

@@ -139,6 +139,26 @@ def test_a_plate_that_moves_into_a_mass_takes_it_along(tmp_path):
     assert np.isfinite(column(tmp_path, "mean_speed")).all()
 
 
+@pytest.mark.slow
+def test_the_sommerfeld_effect_is_hysteresis_over_the_voltage(tmp_path, capsys):
+    """A70. Without plates and flywheel, on a winding of 3 ohm: another motion upwards from 36 to 46 V, and the crank's
+    speed jumps beside."""
+    words = ["--scene", "machine", "--vary", "motor.voltage=26:50:13", "--exponents", "0", "--cuts", "0",
+             "--coordinate", "motor_speed", "--output", str(tmp_path)]
+    for setting in ("effects.upper_contact=none", "effects.inclined_contact=none", "mass.upper_slider=0",
+                    "mass.inclined_slider=0", "motor.control=voltage", "motor.winding_resistance=3",
+                    "motor.supply_voltage=60", "motor.crank_inertia=3.5e-5"):
+        words += ["--set", setting]
+    assert main(words) == 0
+    assert "hysteresis: 36 to 46 V (6 values)" in capsys.readouterr().out
+    states = pq.read_table(tmp_path / command.STATES)
+    voltage, speed, direction = (states[name].to_numpy() for name in ("motor.voltage", "motor_speed", "direction"))
+    means = {way: [speed[(voltage == volts) & (direction == way)].mean() for volts in np.arange(26.0, 52.0, 2.0)]
+             for way in ("up", "down")}
+    jumps = {way: int(np.argmax(np.diff(found))) for way, found in means.items()}
+    assert jumps == {"up": 10, "down": 4}  # from 46 to 48 V, and from 36 to 34 V
+
+
 @pytest.mark.parametrize(("words", "reason"), [
     (["--vary", "motor.speed=60:240"], "a range needs a count here; give NAME=LOW:HIGH:COUNT"),
     (["--vary", "effects.reaction=true,false"], "is true or false; choose a number, which can go up and down"),
@@ -149,6 +169,8 @@ def test_a_plate_that_moves_into_a_mass_takes_it_along(tmp_path):
     (["--scene", "damped", "--vary", "guide.angle=0,1"], "at 1 the state has other coordinates than at 0"),
     (["--coordinate", "crank_angle"], "--coordinate crank_angle: is none of the state; choose one of upper_position"),
     (["--phase", "nan"], "--phase: nan is out of range; give a number from 0 to 6.28318 rad"),
+    (["--scene", "machine", "--vary", "motor.speed=90,100"], "--exponents 100: motor.control speed_by_current takes"),
+    (["--scene", "machine", "--set", "motor.control=voltage"], "motor.voltage: 0 V turns no crank forwards"),
     (["--exponents", "3"], "--exponents (0: none): 3 is out of range; give a whole number from 20"),
     (["--most-turns", "1"], "--most-turns: 1 is out of range")])
 def test_bad_input_is_refused_in_one_line_and_writes_nothing(tmp_path, capsys, words, reason):

@@ -158,6 +158,8 @@ def test_the_file_is_the_scenes_and_the_table_says_the_same(tmp_path):
     (["--curves", "42"], "--curves: 42 is out of range; give a number from 0 to 41, the gaps"),
     (["--scene", "no_impact"], "--gaps both: no_impact has no upper plate"),
     (["--set", "solver.method=rk4"], "solver.method: rk4 has no map"),
+    (["--scene", "machine", "--set", "motor.control=voltage"], "motor.control: voltage commands no motor speed"),
+    (["--scene", "machine", "--curves", "3"], "motor.control: speed_by_current takes samples 1000 times a second"),
 ])
 def test_bad_input_is_one_line(tmp_path, capsys, words, reason):
     assert main([*words, "--output", str(tmp_path / "map")]) == 2

@@ -12,8 +12,8 @@ from scipy.stats import t as student
 
 from vibro_ros.orbits.chaos import exponent_of_pairs
 from vibro_ros.orbits.orbit import close, orbit_at
-from vibro_ros.orbits.recurrence import SAME, Cloud, SettledMotion, number_among, settle
-from vibro_ros.orbits.turn_map import Stroboscope, TurnMap, free_phase
+from vibro_ros.orbits.recurrence import Cloud, SettledMotion, number_among, settle, tolerance_of
+from vibro_ros.orbits.turn_map import Stroboscope, TurnMap, free_phase, is_sampled
 from vibro_ros.simulation.motion import SimulationError
 from vibro_ros.simulation.simulator import Simulator
 from vibro_ros.study.progress import Progress
@@ -257,14 +257,15 @@ def _groups(states: np.ndarray, period: int,
         if period:
             stroboscope.begin(state)
             seen = stroboscope.turns(period)
-            speed = float(seen.positions[-1]) / (period * stroboscope.turn_map.period)
-            motion = SettledMotion(period, seen.states, speed, period)
+            motion = SettledMotion(period, seen.states, float(seen.positions[-1] / seen.times[-1]), period,
+                                   tolerance_of(stroboscope.turn_map.scene))
         else:
             motion = _wandering(state, stroboscope)
         if group == MOST_MOTIONS:
             same = np.ones(len(left), dtype=bool)
         elif period and motion:
-            same = np.any([np.abs(states[left, 0] - one).max(axis=1) <= SAME for one in motion.states], axis=0)
+            apart = [np.abs(states[left, 0] - one).max(axis=1) for one in motion.states]
+            same = np.min(apart, axis=0) <= motion.tolerance
         elif motion and not motion.turns:
             same = Cloud(motion.states).holds(states[left])
         else:
@@ -281,8 +282,8 @@ def _wandering(state: np.ndarray, stroboscope: Stroboscope) -> SettledMotion | N
     if motion is None or motion.turns:
         return motion
     seen = stroboscope.turns(_CLOUD)
-    gone = float(seen.positions[-1] - seen.positions[0])
-    return SettledMotion(0, seen.states, gone / ((_CLOUD - 1) * stroboscope.turn_map.period), _CLOUD)
+    gone, lasted = (float(one[-1] - one[0]) for one in (seen.positions, seen.times))
+    return SettledMotion(0, seen.states, gone / lasted, _CLOUD, motion.tolerance)
 
 
 def _attractor(motion: SettledMotion, count: int, possible: int, turn_map: TurnMap) -> Attractor:
@@ -294,12 +295,16 @@ def _attractor(motion: SettledMotion, count: int, possible: int, turn_map: TurnM
             device, device.time, _MEASURED * turn_map.period))
     multipliers = _multipliers(motion, device, turn_map)
     largest = float(np.abs(multipliers).max(initial=0.0))
-    rate = math.log(largest) / (motion.turns * turn_map.period) if largest > 0.0 else math.nan
+    duration = motion.turns * turn_map.turn_time(motion.states[-1], motion.turns)
+    rate = math.log(largest) / duration if largest > 0.0 else math.nan
     return Attractor(motion, count, fraction, multipliers, rate, 0.0)
 
 
 def _multipliers(motion: SettledMotion, device: Simulator, turn_map: TurnMap) -> np.ndarray:
-    """Floquet multipliers of a motion, cut where it is free; none where Newton's method leads elsewhere."""
+    """Floquet multipliers of a motion, cut where it is free; none where Newton's method leads elsewhere, and of one
+    that a controller keeps from closing."""
+    if is_sampled(turn_map.scene):
+        return np.empty(0, dtype=complex)
     phase, _ = free_phase(turn_map.scene, device)
     own = TurnMap(turn_map.scene, phase)
     stroboscope = Stroboscope(own)

@@ -10,9 +10,9 @@ from matplotlib.patches import Patch
 
 from vibro_ros.accuracy.figures import new_figure, png, tidy
 from vibro_ros.orbits.chaos import sign_of
-from vibro_ros.orbits.recurrence import LONGEST_PERIOD
-from vibro_ros.orbits.turn_map import coordinates
-from vibro_ros.simulation.given_state import UNITS
+from vibro_ros.orbits.recurrence import LONGEST_PERIOD, command_in_words
+from vibro_ros.orbits.turn_map import coordinates, is_sampled, units_of
+from vibro_ros.simulation.given_state import STATE_UNITS
 from vibro_ros.study.basins.attractors import (
     MOST_MOTIONS,
     NOWHERE,
@@ -83,7 +83,8 @@ def in_words(design: Design, table: pa.Table, found: Found, entropy: BasinEntrop
         elif len(attractor.multipliers):
             stability = f"largest Floquet multiplier {abs(attractor.multipliers[0]):.4f}"
         else:
-            stability = "no orbit closes by Newton's method"
+            stability = ("no multipliers, because the controller takes samples" if is_sampled(design.scene) else
+                         "no orbit closes by Newton's method")
         lines.append(f"motion {number}: {_motion_in_words(attractor)}; {attractor.count} "
                      f"start{'s' * (attractor.count > 1)}, {100.0 * share.share:.2f} % (95 % interval "
                      f"{100.0 * share.low:.2f} to {100.0 * share.high:.2f} %); {stability}")
@@ -120,12 +121,11 @@ def _upset(design: Design, row: dict) -> str:
     if row["size"] is None:
         return "no shock was found that changes it"
     parts = np.array([row[f"change.{name}"] for name in names])
-    scale = np.array([design.scene["crank.radius"] * (abs(design.scene["motor.speed"]) if UNITS[name] == "m/s" else 1.0)
-                      for name in names])
+    scale = units_of(design.scene)
     shown = np.abs(parts / scale) >= _PART * np.abs(parts / scale).max()
-    change = ", ".join(f"{name} {part:+.3g} {UNITS[name]}" for name, part, tell in zip(names, parts, shown, strict=True)
-                       if tell)
-    alone = ", ".join(f"{name} {row[f'alone.{name}']:+.3g} {UNITS[name]}" for name in names
+    change = ", ".join(f"{name} {part:+.3g} {STATE_UNITS[name]}"
+                       for name, part, tell in zip(names, parts, shown, strict=True) if tell)
+    alone = ", ".join(f"{name} {row[f'alone.{name}']:+.3g} {STATE_UNITS[name]}" for name in names
                       if row[f"alone.{name}"] is not None)
     after = f"motion {row['leads_to']}" if row["leads_to"] != UNTOLD else "another motion"
     return (f"smallest shock found {row['size']:.3g}: at {row['crank_angle']:.3f} rad {change}, to {after}; "
@@ -151,8 +151,8 @@ def draw_basins(design: Design, table: pa.Table, found: Found) -> bytes:
     else:
         axes = figure.subplots()
         _draw_shares(axes, found)
-    figure.suptitle(f"{design.scene.name} at {design.scene['motor.speed']:g} rad/s: where {design.starts.count} starts "
-                    "lead", fontsize=11)
+    figure.suptitle(f"{design.scene.name} at {command_in_words(design.scene)}: where {design.starts.count} starts lead",
+                    fontsize=11)
     figure.legend(handles=_legend(found), loc="outside lower center", fontsize=8, frameon=False, ncols=2)
     return png(figure)
 

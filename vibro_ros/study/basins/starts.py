@@ -16,8 +16,8 @@ from vibro_ros.model.parameters import Value
 from vibro_ros.model.scene import Scene
 from vibro_ros.orbits.fatal_shock import Shocked
 from vibro_ros.orbits.recurrence import SettledMotion, number_among, settle
-from vibro_ros.orbits.turn_map import TURN, Stroboscope, TurnMap, coordinates, turn_time
-from vibro_ros.simulation.given_state import UNITS
+from vibro_ros.orbits.turn_map import TURN, Stroboscope, TurnMap, coordinates, pace
+from vibro_ros.simulation.given_state import STATE_UNITS
 from vibro_ros.simulation.motion import SimulationError
 from vibro_ros.simulation.simulator import ToleranceWarning
 from vibro_ros.study.basins.attractors import UNTOLD
@@ -53,7 +53,7 @@ class Over:
     @property
     def unit(self) -> str:
         """Its unit."""
-        return UNITS[self.name]
+        return STATE_UNITS[self.name]
 
     @property
     def values(self) -> np.ndarray:
@@ -153,7 +153,7 @@ def over_in_words(scene: Scene, text: str) -> Over:
     if not low < high:
         raise ValueError(f"--over {name}: from {low:g} to {high:g} is no range; give the smaller number first")
     if name == "body_height" and low < 0.0:
-        raise ValueError(f"--over {name}: {low:g} {UNITS[name]} is out of range; give at least 0")
+        raise ValueError(f"--over {name}: {low:g} {STATE_UNITS[name]} is out of range; give at least 0")
     count = whole_number(f"--over {name}: count", parts[2], 2, _MOST_VALUES) if len(parts) == 3 else 0
     return Over(name, low, high, count)
 
@@ -182,15 +182,18 @@ def chosen_starts(scene: Scene, over: tuple[Over, ...], count: int, seed: int, b
 def everywhere(scene: Scene) -> tuple[Over, ...]:
     """All coordinates, each within one unit of the machine of rest: a crank radius l, and l omega.
 
-    The body starts on the ground. Where a rigid plate is nearer, the range of its mass ends at the plate.
+    The body starts on the ground. Where a rigid plate is nearer, the range of its mass ends at the plate. A dc motor's
+    crank turns forwards; current and integral are those of the scene's own start.
     """
     reach = scene["crank.radius"]
-    speed, sides = reach * abs(scene["motor.speed"]), []
+    speed, sides = reach * pace(scene), []
     for name in coordinates(scene):
         side = name.split("_")[0]
         if name.endswith("velocity") and name != "body_vertical_velocity":
             sides.append(Over(name, -speed, speed))
-        elif side != "body":
+        elif name == "motor_speed":
+            sides.append(Over(name, 0.0, pace(scene)))
+        elif side in scene.guides:
             rigid = side in scene.plates and scene[f"effects.{side}_contact"] == "restitution"
             high = scene[f"crank.{side}_rod"] + (min(reach, scene[f"{side}.gap"]) if rigid else reach)
             sides.append(Over(name, high - 2.0 * reach, high))
@@ -199,7 +202,7 @@ def everywhere(scene: Scene) -> tuple[Over, ...]:
 
 def _number(name: str, value: object) -> float:
     if isinstance(value, bool) or not isinstance(value, (int, float)) or not abs(value) <= 1e6:
-        raise ValueError(f"--over {name}: {value!r} is no number up to 1e6; give one in {UNITS[name]}")
+        raise ValueError(f"--over {name}: {value!r} is no number up to 1e6; give one in {STATE_UNITS[name]}")
     return float(value)
 
 
@@ -248,7 +251,7 @@ class Design:
     @property
     def run_time(self) -> float:
         """Robot time [s] of a start that settles at once."""
-        return self.turns * turn_time(self.scene)
+        return self.turns * TURN / pace(self.scene)
 
     def document(self) -> dict:
         """All that decides where the starts lead, as JSON has it."""
@@ -318,7 +321,7 @@ def settle_starts(design: Design, folder: Path, runner: Runner) -> pa.Table:
         Field("mean_speed", pa.float64(), "m/s", "mean speed of the settled body, forward positive; NaN where nothing "
               "has settled"),
         Field("states", NUMBERS, "1", "states of the settled motion at the cut, one after the other, in crank radii "
-              "and crank radii times motor speed"),
+              "and crank radii times motor speed; of a dc motor see `vibro_ros.orbits.turn_map`"),
         Field("error", pa.string(), "1", "why the start leads nowhere; else null")]
     starts = cut(design.starts.count, BLOCK_ROWS)
     blocks = ParquetBlocks(folder, design.document(), len(starts), fields)
@@ -340,9 +343,9 @@ def upset_motions(design: Design, motions: tuple[SettledMotion, ...], folder: Pa
               "speed; null where none changes the motion"),
         Field("crank_angle", real, "rad", "where the shock acts"),
         Field("leads_to", pa.int64(), "1", "number of the motion that follows"),
-        *(Field(f"change.{name}", real, UNITS[name], "what the shock adds") for name in names),
-        *(Field(f"alone.{name}", real, UNITS[name], "smallest change of this coordinate alone that changes the motion")
-          for name in names)]
+        *(Field(f"change.{name}", real, STATE_UNITS[name], "what the shock adds") for name in names),
+        *(Field(f"alone.{name}", real, STATE_UNITS[name], "smallest change of this coordinate alone that changes the "
+                "motion") for name in names)]
     blocks = ParquetBlocks(folder, {**design.document(), "shocks": design.shocks}, len(motions), fields)
     return completed("shocks", blocks, [1] * len(motions), lambda missing: runner(
         partial(upset_of, design, motions), design.shocks * design.run_time, (design.scene["solver.method"],),

@@ -15,7 +15,7 @@ from vibro_ros.accuracy.figures import new_figure, png, tidy, with_unit
 from vibro_ros.model.parameters import BY_NAME
 from vibro_ros.orbits.chaos import sign_of
 from vibro_ros.orbits.recurrence import LONGEST_PERIOD, WATCHED
-from vibro_ros.simulation.given_state import UNITS
+from vibro_ros.simulation.given_state import STATE_UNITS
 from vibro_ros.study.diagram.visits import DOWN, UP, Design, Visit
 from vibro_ros.study.running.blocks import KEY, file_of, fingerprint
 
@@ -223,7 +223,7 @@ def _draw_states(axes: Axes, found: Diagram) -> None:
                       **_MARKS[direction if is_periodic else DOWN])
         axes.plot([], [], linestyle="none", ms=6, label=f"{direction}wards", color=_COLOURS[direction],
                   **_MARKS[direction])
-    axes.set_ylabel(f"{design.coordinate.replace('_', ' ')} [m{UNITS[design.coordinate]}]")
+    axes.set_ylabel(f"{design.coordinate.replace('_', ' ')} [m{STATE_UNITS[design.coordinate]}]")
     axes.legend(fontsize=9, frameon=False, ncols=2, loc="best")
 
 

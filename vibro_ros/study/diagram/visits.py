@@ -18,9 +18,9 @@ from vibro_ros.model.scene import Scene
 from vibro_ros.orbits.chaos import LEAST_TURNS, spectrum_of_cycle, spectrum_until_known, zero_one_test
 from vibro_ros.orbits.chaos import LEAST_VALUES as LEAST_CUTS
 from vibro_ros.orbits.chaos import MOST_TURNS as MOST_MEASURED
-from vibro_ros.orbits.recurrence import CLOUD, FIRST_TURNS, LONGEST_PERIOD, SAME, SettledMotion, settle
-from vibro_ros.orbits.turn_map import Stroboscope, TurnMap, coordinates
-from vibro_ros.simulation.given_state import UNITS
+from vibro_ros.orbits.recurrence import CLOUD, FIRST_TURNS, LONGEST_PERIOD, SettledMotion, settle, tolerance_of
+from vibro_ros.orbits.turn_map import Stroboscope, TurnMap, coordinates, is_sampled, pace, units_of
+from vibro_ros.simulation.given_state import STATE_UNITS
 from vibro_ros.study.running.blocks import Field, ParquetBlocks, completed, cut
 from vibro_ros.study.running.runner import Piece, Results, Runner
 from vibro_ros.study.variation import Axis, whole_number
@@ -77,8 +77,11 @@ class Design:
                 scene = self.scene_at(value)
             except ValueError as error:
                 raise ValueError(f"--vary {self.axis.name}: at {value:g} there is no scene ({error})") from error
-            if scene["motor.speed"] == 0.0:
-                raise ValueError("motor.speed: 0 rad/s turns no crank; give --set motor.speed=100, or vary it above 0")
+            pace(scene)  # refuses a crank that stands
+            if self.exponents and is_sampled(scene):
+                raise ValueError(f"--exponents {self.exponents}: motor.control {scene['motor.control']} takes samples, "
+                                 "with which the turns are not in step, so that the map of a turn has no derivative; "
+                                 "give --exponents 0")
             if coordinates(scene) != self.names:
                 raise ValueError(f"--vary {self.axis.name}: at {value:g} the state has other coordinates than at "
                                  f"{self.axis.values[0]:g}; leave that value out")
@@ -170,7 +173,8 @@ def visited(design: Design, folder: Path) -> tuple[pa.Table, tuple[Visit, ...]]:
         Field("after", pa.int64(), "1", "turns that the motion was watched for"),
         Field("mean_speed", pa.float64(), "m/s", "of the body, forwards positive"),
         Field("cut", pa.int64(), "1", "number of the turn"),
-        *(Field(name, pa.float64(), UNITS[name], f"at the crank angle {design.phase:.17g}") for name in design.names)]
+        *(Field(name, pa.float64(), STATE_UNITS[name], f"at the crank angle {design.phase:.17g}")
+          for name in design.names)]
     blocks = ParquetBlocks(folder, design.document(), len(design.blocks), fields)
 
     def visits(missing: Sequence[int]) -> Results:
@@ -197,8 +201,8 @@ def _visit(design: Design, number: int, left: np.ndarray | None) -> Visit:
     settled = motion is not None
     if motion is None:
         seen = stroboscope.turns(CLOUD)
-        speed = float(seen.positions[-1] - seen.positions[0]) / ((CLOUD - 1) * turn_map.period)
-        motion = SettledMotion(0, seen.states, speed, design.most_turns + CLOUD)
+        speed = float((seen.positions[-1] - seen.positions[0]) / (seen.times[-1] - seen.times[0]))
+        motion = SettledMotion(0, seen.states, speed, design.most_turns + CLOUD, tolerance_of(turn_map.scene))
     return Visit(number, motion, settled, motion.states * turn_map.units)
 
 
@@ -229,8 +233,9 @@ def _visits_in(design: Design, table: pa.Table) -> list[Visit]:
     for number in dict.fromkeys(columns["visit"].tolist()):
         rows = np.flatnonzero(columns["visit"] == number)
         states, first = np.column_stack([columns[name][rows] for name in design.names]), rows[0]
-        motion = SettledMotion(int(columns["period"][first]), states / design.map_of(number).units,
-                               float(columns["mean_speed"][first]), int(columns["after"][first]))
+        scene = design.scene_at(design.value(number))
+        motion = SettledMotion(int(columns["period"][first]), states / units_of(scene),
+                               float(columns["mean_speed"][first]), int(columns["after"][first]), tolerance_of(scene))
         found.append(Visit(number, motion, bool(columns["settled"][first]), states))
     return found
 
@@ -251,7 +256,8 @@ def nature_of(design: Design, settled: tuple[tuple[int, np.ndarray], ...], piece
     chaos = math.nan
     if design.cuts:
         seen = _turns_from(turn_map, state, max(design.cuts, _PERIODS * turns))
-        chaos = zero_one_test(seen[:, turn_map.names.index(design.coordinate)], SAME)
+        chaos = zero_one_test(seen[:, turn_map.names.index(design.coordinate)],
+                              tolerance_of(turn_map.scene))
     return [{"visit": piece.number, "period": turns,
              **{f"exponent_{k + 1}": one for k, one in enumerate(exponents.tolist())},
              **{f"spread_{k + 1}": one for k, one in enumerate(spread.tolist())}, "zero_one": chaos}]

@@ -10,7 +10,7 @@ from pathlib import Path
 import pyarrow as pa
 
 from vibro_ros.configuration.command_map import LARGEST, SIDES, CommandMap, parameters_that_count, written
-from vibro_ros.orbits.turn_map import coordinates
+from vibro_ros.orbits.turn_map import check_closes, coordinates, is_sampled
 from vibro_ros.process.front_door import Parser
 from vibro_ros.simulation.provenance import software
 from vibro_ros.study.command import add_runner, locked, run_study, runner_of, study_parser, write_files
@@ -33,7 +33,7 @@ def main(words: Sequence[str]) -> int:
 def _map(options: argparse.Namespace) -> int:
     runner = runner_of(options)
     design = design_of(options)
-    gap_indices = _rows_of_curves(design, min(CURVES, design.gaps.count) if options.curves is None else options.curves)
+    gap_indices = _rows_of_curves(design, options.curves)
     with locked(options.output):
         for folder in (LINES, ENDS):
             (options.output / folder).mkdir(exist_ok=True)
@@ -53,8 +53,11 @@ def _map(options: argparse.Namespace) -> int:
     return 0
 
 
-def _rows_of_curves(design: MapDesign, count: int) -> range:
-    """Gaps, equally spaced and about as many as `count`, at which motions are followed to their ends."""
+def _rows_of_curves(design: MapDesign, asked: int | None) -> range:
+    """Gaps, equally spaced and about as many as `asked`, at which motions are followed to their ends."""
+    count = (0 if is_sampled(design.scene) else min(CURVES, design.gaps.count)) if asked is None else asked
+    if count:
+        check_closes(design.scene)
     if not 0 <= count <= design.gaps.count:
         raise ValueError(f"--curves: {count} is out of range; give a number from 0 to {design.gaps.count}, the gaps")
     return range(0, design.gaps.count, max(1, (design.gaps.count - 1) // max(1, count - 1))) if count else range(0)
@@ -94,7 +97,8 @@ def _parser() -> Parser:
     parser.add_argument("--gaps", choices=(BOTH, *SIDES), default=BOTH, help="gaps that are varied: of both plates "
                         f"alike, or of one (default: {BOTH})")
     parser.add_argument("--curves", type=int, metavar="N", help="gaps at which folds, doublings, Neimark-Sacker points "
-                        "and grazings are located, which takes the longest; 0: none (default: 11, or all if fewer)")
+                        "and grazings are located, which takes the longest; 0: none, as with a dc motor, whose orbits "
+                        "do not close (default: 11, or all if fewer)")
     add_runner(parser)
     return parser
 

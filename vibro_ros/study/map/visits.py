@@ -116,6 +116,9 @@ def design_of(options: argparse.Namespace) -> MapDesign:
     if scene["solver.method"] != "exact":
         raise ValueError(f"solver.method: {scene['solver.method']} has no map; take exact, whose states repeat to "
                          "rounding")
+    if scene.motor_command != "motor_speed":
+        raise ValueError("motor.control: voltage commands no motor speed, which a map has on its axis; choose "
+                         "speed_by_voltage or speed_by_current")
     sides = SIDES if options.gaps == BOTH else (options.gaps,)
     for side in sides:
         if side not in scene.plates:
@@ -219,7 +222,8 @@ def _measured(turn_map: TurnMap, motion: SettledMotion) -> tuple[int, float, flo
     device = Simulator(turn_map.scene.with_parameters({"solver.accounts": True}))
     device.set_state(crank_angle=turn_map.phase, **dict(zip(turn_map.names, motion.states[-1] * turn_map.units,
                                                              strict=True)))
-    seen = observed(device, (WORK, REST), Window(0.0, turn_map.period, turns, turns * turn_map.period))
+    period = turn_map.turn_time(motion.states[-1], turns)
+    seen = observed(device, (WORK, REST), Window(0.0, period, turns, turns * period))
     landings = round(float(np.sum(seen.events["kind"] == "landing")) * motion.turns / turns)
     speed, cost, standing, airborne = (MEASURES[name].value(seen) for name in (
         "mean_speed", "cost_of_transport", "stick_share", "air_share"))

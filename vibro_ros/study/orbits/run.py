@@ -17,8 +17,9 @@ from vibro_ros.orbits.branch import Branch, Special, branch_from, doubled_branch
 from vibro_ros.orbits.continuation import DOUBLING
 from vibro_ros.orbits.family import Family
 from vibro_ros.orbits.orbit import Seed, seeds_of
-from vibro_ros.orbits.turn_map import TurnMap, coordinates
+from vibro_ros.orbits.turn_map import coordinates, units_of
 from vibro_ros.process.front_door import say
+from vibro_ros.simulation.given_state import STATE_UNITS
 from vibro_ros.study.progress import Progress
 from vibro_ros.study.running.blocks import NUMBERS, Field, ParquetBlocks
 from vibro_ros.study.running.runner import Piece, Results, Runner, Work
@@ -102,7 +103,7 @@ def seeds_of_piece(plan: Plan, piece: Piece) -> list[list[Seed]]:
     scene, found = plan.scene.with_parameters(piece.changes), []
     for seed in seeds_of(scene, plan.starts, plan.turns):
         family = plan.family(seed.turns, seed.phase)
-        ratio = TurnMap(scene).units / family.units
+        ratio = units_of(scene) / family.units
         found.append(Seed(seed.turns, float(seed.phase), seed.state * ratio))
     return [found]
 
@@ -147,7 +148,7 @@ def fields_of(plan: Plan) -> list[Field]:
         Field("multipliers_imag", NUMBERS, "1", "their imaginary parts"),
         Field("phase", pa.float64(), "rad", "crank angle at the cut"),
         Field("state", NUMBERS, "1", "at the cut, in units of the machine"),
-        *(Field(name, NUMBERS, "m/s" if name.endswith("velocity") else "m", each) for name in coordinates(plan.scene)),
+        *(Field(name, NUMBERS, STATE_UNITS[name], each) for name in coordinates(plan.scene)),
         Field("change", pa.string(), "1", "of the events, at a grazing or corner"),
         Field("end", pa.string(), "1", "why the branch was not followed further; in its last row"),
     ]
