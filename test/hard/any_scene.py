@@ -115,10 +115,7 @@ def _number(rng, parameter, wild):
 def _compatible(rng, values):
     """Changes of a rich scene's choices that are refused together and would be rare otherwise."""
     changes = {}
-    if values["effects.friction"] == "stribeck":
-        changes["effects.normal_force"] = _one_of(
-            rng, [rule for rule in _TABLE["effects.normal_force"].choices if rule != "hop"])
-    if (values | changes)["effects.normal_force"] == "printed":  # which is refused with rigid plates
+    if values["effects.normal_force"] == "printed":  # which is refused with rigid plates
         changes |= {f"effects.{side}_contact": "compliant" for side in SIDES
                     if values[f"effects.{side}_contact"] == "restitution"}
     return changes

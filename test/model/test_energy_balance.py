@@ -35,8 +35,9 @@ def flow(booked):
 
 
 @pytest.mark.parametrize("changes", [{}, REACTION, HOP, REACTION | HOP, REACTION | {"effects.mass_weight": True}, LAG,
-                                     REACTION | STRIBECK | {"effects.normal_force": "unilateral"}],
-                         ids=["own", "reaction", "hop", "reaction hop", "weight", "lag", "reaction stribeck"])
+                                     REACTION | STRIBECK | {"effects.normal_force": "unilateral"},
+                                     REACTION | STRIBECK | HOP | {"ground.restitution": 0.4}],
+                         ids=["own", "reaction", "hop", "reaction hop", "weight", "lag", "stribeck", "stribeck hop"])
 @pytest.mark.parametrize("name", ["unilateral", "damped", "device"])
 def test_accounts_balance(name, changes):
     """Commands and moving plates included: to 1e-13 of what went to and fro."""

@@ -19,7 +19,7 @@ def scenes(name, method, rule):
             yield vibro_ros.load_scene(name).with_parameters({
                 "solver.method": method, "solver.step": STEP, "motor.speed": 80.0, "effects.normal_force": rule,
                 "effects.friction": friction, "effects.adhesion": adhesion, "ground.static_friction": 0.4})
-        except ValueError:  # such as stribeck with hop: refused
+        except ValueError:  # such as rigid plates as printed: refused
             continue
 
 

@@ -70,7 +70,6 @@ def test_a_body_that_passes_stribecks_speed_within_1e_19_s():
 
 
 @pytest.mark.parametrize(("changes", "named"), [
-    ({"effects.normal_force": "hop"}, ("effects.friction", "landing", "unilateral")),
     ({"effects.reaction": True, "ground.static_friction": 200.0}, ("ground.static_friction: at 200 ", "Painlevé")),
     ({"ground.static_friction": 0.19}, ("ground.static_friction: 0.19 ", "0.2")),
     ({"ground.stribeck_speed": 0.0}, ("ground.stribeck_speed: 0 ", "1e-06", "1000 m/s")),

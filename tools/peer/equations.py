@@ -129,6 +129,9 @@ class Equations:
     def __init__(self, scene: Scene):
         if fault := unsupported(scene, "peer"):
             raise ValueError(f"scene {scene.name}: {fault}")
+        if scene["effects.friction"] == "stribeck" and scene["effects.normal_force"] == "hop":
+            raise ValueError(f"scene {scene.name}: effects.friction: 'stribeck' has no landing in the peer; give "
+                             "'unilateral' for effects.normal_force")
         self.scene, self.parameters = scene, RunTimeParameters()
         self.has_rotor = scene["effects.motor"] == "dc"
         self._motor()
