@@ -73,7 +73,7 @@ def _values(rng):
     wild, rich = _one_of(rng, [False, False, True]), _one_of(rng, [False, True, True])
     values = _FIXED | {parameter.name: _value(rng, parameter, wild, rich) for parameter in _DRAWN_ALONE}
     if rich:
-        values |= _compatible(rng, values)
+        values |= _compatible(values)
         values["ground.friction"] *= _one_of(rng, [1.0, 0.1])  # or most bodies would hardly slip
     values |= _geometry(rng, values)
     values["motor.speed"] = min(values["motor.max_speed"], _number(rng, _TABLE["motor.speed"], wild))
@@ -112,13 +112,12 @@ def _number(rng, parameter, wild):
     return min(max(10.0 ** _between(rng, math.log10(low), math.log10(high)), low), high)
 
 
-def _compatible(rng, values):
-    """Changes of a rich scene's choices that are refused together and would be rare otherwise."""
-    changes = {}
-    if values["effects.normal_force"] == "printed":  # which is refused with rigid plates
-        changes |= {f"effects.{side}_contact": "compliant" for side in SIDES
-                    if values[f"effects.{side}_contact"] == "restitution"}
-    return changes
+def _compatible(values):
+    """Changes of a rich scene's choices that are refused together, rigid plates as printed, and would be rare."""
+    if values["effects.normal_force"] != "printed":
+        return {}
+    return {f"effects.{side}_contact": "compliant" for side in SIDES
+            if values[f"effects.{side}_contact"] == "restitution"}
 
 
 def _may_be_misprinted(values):
