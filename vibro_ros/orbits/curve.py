@@ -1,436 +1,330 @@
 """Curves of special points over two parameters: folds, period doublings, Neimark-Sacker points and grazings.
 
 Where a branch over one parameter has a special point, the special points of its neighbours over a second parameter form
-a curve. The curve is followed by pseudo-arclength (H. B. Keller 1977) in the state and both parameters, with the
-equations that the state comes back, and one more that says what is special (Yu. A. Kuznetsov, Elements of Applied
-Bifurcation Theory, section 10.3; W. Govaerts, Numerical Methods for Bifurcations of Dynamical Equilibria, SIAM 2000).
-With the derivative A of the turn map, which loses rank by 1 at a fold or doubling, this is
-
-- at a fold or a period doubling: g = 0 of the bordered system [A -+ 1, b; c, 0] [v; g] = [0; 1], which is regular
-  there, with b and c from the neighbour's null vectors w and v;
-- at a Neimark-Sacker point: the determinant of A within the plane of the pair of multipliers is 1;
-- at a grazing: the mass turns back at its plate. From the side without the contact, where the map is smooth, its
-  distance from the plate is made 1e-6 crank radii, and the point is carried on to 0 by the derivative, which leaves an
-  error of the square.
-
-The first three need derivatives of A, which are second differences of the map: they decide how fast Newton's method
-converges, not where to.
+a curve. The curve is followed by pseudo-arclength (H. B. Keller 1977) in the state and both parameters; its equations,
+and the points of codimension two that lie on it, are those of `plane`.
 
 A curve is smooth as long as the order of the orbit's events stays. Where it changes, the curve is sought on the other
-side, as `continuation.beyond` does; it may end there.
-
-On a curve lie points of codimension two, each where a test function changes its sign (Kuznetsov, chapter 9):
-
-- a cusp on a fold: the curve turns back in both parameters at once, and two folds meet;
-- a generalized flip on a doubling: the normal form's cubic coefficient, which says on which side the doubled orbits are;
-- 1:1 and 1:2 resonances: two multipliers are 1, or -1; Neimark-Sacker points begin there, and their curve ends there;
-- 1:3 and 1:4 resonances on a curve of Neimark-Sacker points;
-- fold-flip, grazing-fold and grazing-flip: two special points at once.
+side, as a branch is; it may end there.
 """
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, replace
-from functools import lru_cache
-from typing import NamedTuple
+from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import schur
 from scipy.optimize import brentq
 
 from vibro_ros.model.parameters import BY_NAME
-from vibro_ros.model.scene import Scene
-from vibro_ros.orbits.branch import MOST_POINTS, Branch, Special, family_of
-from vibro_ros.orbits.continuation import DOUBLING, FIRST_STEP, FOLD, GRAZING, NEAREST_EVENT, STRAIGHT, TORUS
-from vibro_ros.orbits.family import LONGEST_STEP, LostError, Place, derivative
-from vibro_ros.orbits.orbit import CLOSED
-from vibro_ros.orbits.passage import (
-    EventOrder,
-    Miss,
-    Passage,
-    change_in_words,
-    contacts_of,
-    least_gap,
-    ordered,
-    passage,
-    same_order,
-)
+from vibro_ros.orbits.branch import MOST_POINTS, Branch, Special
+from vibro_ros.orbits.continuation import FIRST_STEP, GRAZING, NEAREST_EVENT, STRAIGHT, TORUS
+from vibro_ros.orbits.family import LONGEST_STEP, LostError
+from vibro_ros.orbits.passage import change_in_words, same_order
+from vibro_ros.orbits.plane import FOLLOWED, R1, R2, CurvePoint, Plane, away, corrected, where
 from vibro_ros.orbits.turn_map import TURN, TurnMap
 from vibro_ros.simulation.motion import SimulationError
 
-FOLLOWED = (FOLD, DOUBLING, TORUS, GRAZING)
-"""Kinds of special points that have curves here."""
-CUSP, FLIP, R1, R2, R3, R4 = ("cusp", "generalized flip", "1:1 resonance", "1:2 resonance", "1:3 resonance",
-                              "1:4 resonance")
-FOLD_FLIP, GRAZING_FOLD, GRAZING_FLIP, EDGE = "fold-flip", "grazing-fold", "grazing-flip", "change of events"
-_CRITICAL = {FOLD: 1.0, DOUBLING: -1.0}
-_MISS = 1e-6  # crank radii, at which grazing orbits are computed
-_MET = 1e-7  # largest defect of the second equation; rounding of the derivative makes 1e-10 to 1e-8
-_STEP = 1e-4  # of differences, in units of the machine: with `fine`, rounding / step is the larger error, 1e-10
-_MOST_ITERATIONS, _FEW, _SLOW = 12, 4, 0.1
+EDGE = "change of events"
+_FEW = 6  # iterations of Newton's method at most before a step that is longer
 _SHORTEST, _SHORT = 1e-8, 1e-5  # steps along a curve: the least, and that at which the other side of events is tried
 _ARCS = (1e-5, 1e-4, 1e-3)  # to the first point on the other side
-_NUDGES = (1e-6, -1e-6, 1e-5, -1e-5, 1e-4, -1e-4, 1e-3, -1e-3)  # of a parameter, to the side of a grazing without it
-_APART = 0.3  # rad, farthest that a step moves the instant of a grazing
-_DEPTHS = (1e-5, 1e-4, 1e-3, 1e-2)  # crank radii, from which a grazing is approached where the prediction touches
+_ASIDE = 3.0  # arcs that a curve may turn aside within an arc at a change of events
 _AHEAD = 1e-6  # along the curve: where its direction is looked for when the cut changes
-_NEAR = 3.0  # arcs that a curve may turn aside within an arc at a change of events
-_NORMAL = 1e-3  # of the differences of the normal form, of third order
+_NUDGES = (1e-6, -1e-6, 1e-5, -1e-5, 1e-4, -1e-4, 1e-3, -1e-3)  # of a parameter, to the side of a grazing without it
+_FOUND = 1e-5  # units of the machine, shares and m/s: how near special points of a curve and of a branch are
 _LOCATED = 1e-6  # arc in which a point of codimension two is located
 _CLOSES = 0.75  # of a step: a curve that comes so near to its begin is closed
 
 
-class Plane:
-    """What comes back after `turns` turns, for each pair of values of two parameters.
+@dataclass(frozen=True)
+class CurveSpecial:
+    """A point of codimension two on a curve, or a change of the order of events.
+
+    Attributes
+    ----------
+    kind : str
+        ``cusp``, ``generalized flip``, ``1:1 resonance`` to ``1:4 resonance``, ``fold-flip``, ``grazing-fold``,
+        ``grazing-flip`` or ``change of events``.
+    values : ndarray, shape (2,)
+        The parameters, in their units.
+    mean_speed : float
+        Of the body [m/s].
+    multipliers : ndarray of complex, shape (n,)
+        Floquet multipliers, the largest first.
+    change : str
+        What becomes of the events at a change of events.
+    phase : float
+        Crank angle at the cut [rad].
+    state : ndarray, shape (n,)
+        At the cut, in units of the machine.
+    at : int
+        How many of the curve's orbits lie before it.
+    """
+
+    kind: str
+    values: np.ndarray
+    mean_speed: float
+    multipliers: np.ndarray
+    change: str
+    phase: float
+    state: np.ndarray
+    at: int
+
+
+@dataclass(frozen=True)
+class Curve:
+    """Special points of one kind that follow each other as two parameters change.
+
+    Attributes
+    ----------
+    kind : str
+        ``fold``, ``period doubling``, ``Neimark-Sacker`` or ``grazing``.
+    names : tuple of str
+        Both parameters.
+    turns : int
+        Turns of the crank after which the orbits repeat themselves.
+    values : ndarray, shape (points, 2)
+        The parameters, in their units, in the order of the curve.
+    mean_speeds : ndarray, shape (points,)
+        Of the body [m/s].
+    multipliers : ndarray of complex, shape (points, n)
+        Floquet multipliers, the largest first; of a grazing those without the contact.
+    phases : ndarray, shape (points,)
+        Crank angle of the cut [rad].
+    states : ndarray, shape (points, n)
+        At the cut, in units of the machine, as those of the branch.
+    special_points : tuple of CurveSpecial
+        In the order of the curve.
+    end : str
+        Why the curve was not followed further.
+    """
+
+    kind: str
+    names: tuple[str, str]
+    turns: int
+    values: np.ndarray
+    mean_speeds: np.ndarray
+    multipliers: np.ndarray
+    phases: np.ndarray
+    states: np.ndarray
+    special_points: tuple[CurveSpecial, ...]
+    end: str
+
+    def __len__(self) -> int:
+        """Number of orbits."""
+        return len(self.values)
+
+
+def follow_bifurcation(branch: Branch, special: Special, ranges: Mapping[str, tuple[float, float]],
+                       upwards: bool = True, points: int = 400) -> Curve:
+    """The curve of folds, period doublings, Neimark-Sacker points or grazings through a special point of a branch.
+
+    Pseudo-arclength continuation in the state and two parameters; see `vibro_ros.orbits.curve`.
 
     Parameters
     ----------
-    scene : Scene
-        The machine.
+    branch : Branch
+        As `follow_orbit` gives it.
+    special : Special
+        One of its special points; no corner, and no grazing of the body on the ground.
     ranges : mapping of str to (float, float)
-        Two parameters and their ranges, in their units.
-    turns : int
-        Turns of the crank after which orbits repeat themselves.
-    phase : float
-        Crank angle at the cut [rad].
-    units : ndarray, shape (n,)
-        What 1 is of each coordinate [m or m/s], everywhere.
+        The branch's parameter and another number among the scene's parameters, with their ranges, in their units.
+    upwards : bool
+        Whether to begin towards larger values of the other parameter.
+    points : int
+        Most orbits on the way, from 2 to 100 000.
+
+    Returns
+    -------
+    Curve
+        The orbits, and the points of codimension two between them.
 
     Raises
     ------
     ValueError
-        For other than two parameters, one that is no number, a range that is none, or a value that the scene refuses.
+        For a special point that has no curve, parameters that are not these two, a range that is none or does not hold
+        the special point, or a number of points out of range.
+
+    Examples
+    --------
+    >>> orbit = vibro_ros.find_orbit(vibro_ros.load_scene("damped"))
+    >>> branch = vibro_ros.follow_orbit(orbit, "motor.speed", 99.0, 109.0, points=20)
+    >>> fold = branch.special_points[0]
+    >>> curve = vibro_ros.follow_bifurcation(branch, fold, {"motor.speed": (99.0, 109.0), "upper.gap": (0.0, 1e-4)})
+    >>> curve.kind, f"{curve.values[0, 0]:.6f}", curve.end
+    ('fold', '107.959911', 'upper.gap leaves its range at 0.0001 m')
     """
-
-    def __init__(self, scene: Scene, ranges: Mapping[str, tuple[float, float]], turns: int, phase: float,
-                 units: np.ndarray):
-        if len(ranges) != 2:
-            raise ValueError(f"ranges: {len(ranges)} parameters; give two, such as "
-                             "{'motor.speed': (95.0, 115.0), 'upper.gap': (0.0, 0.002)}")
-        for name, (low, high) in ranges.items():
-            family_of(scene, name, low, high, turns, phase)
-        self.scene, self.ranges, self.turns, self.phase, self.units = scene, dict(ranges), turns, phase, units
-        self.names = tuple(ranges)
-        self._low, self._high = np.array(list(ranges.values()), dtype=float).T
-        self._map_at = lru_cache(16)(self._made)
-
-    def values(self, shares: np.ndarray) -> np.ndarray:
-        """The parameters at shares of their ranges, in their units, shape (2,)."""
-        return self._low + shares * (self._high - self._low)
-
-    def shares(self, values: np.ndarray) -> np.ndarray:
-        """The shares of the ranges at values of the parameters, shape (2,)."""
-        return (values - self._low) / (self._high - self._low)
-
-    def map_at(self, shares: np.ndarray) -> TurnMap:
-        """The turn map there (ValueError where the scene refuses the values)."""
-        return self._map_at(*shares.tolist())
-
-    def _made(self, *shares: float) -> TurnMap:
-        values = self.values(np.array(shares)).tolist()
-        turn_map = TurnMap(self.scene.with_parameters(dict(zip(self.names, values, strict=True))), self.phase)
-        turn_map.units = self.units
-        return turn_map
-
-    def residual(self, vector: np.ndarray) -> np.ndarray:
-        """By how much the state does not come back, shape (n,); 0 of what something holds."""
-        turn_map = self.map_at(vector[-2:])
-        found = turn_map(vector[:-2], self.turns).state - vector[:-2]
-        found[turn_map.held(vector[:-2])] = 0.0
-        return found
-
-    def order(self, vector: np.ndarray) -> EventOrder:
-        """The order of the events between the cut and `turns` turns later."""
-        return ordered(self.map_at(vector[-2:]), vector[:-2], self.turns)[1]
-
-    def passage(self, vector: np.ndarray) -> Passage:
-        """What happens from the cut over `turns` turns."""
-        return passage(self.map_at(vector[-2:]), vector[:-2], self.turns)
-
-    def jacobian(self, vector: np.ndarray) -> np.ndarray:
-        """Derivative of the residual, shape (n, n + 2)."""
-        held = self.map_at(vector[-2:]).held(vector[:-2])
-        return derivative(self.map_at, vector, self.turns, held, fine=True, longest=_STEP)
-
-    def recut(self, phase: float, vectors: list[np.ndarray]) -> tuple["Plane", list[np.ndarray]]:
-        """The same equations cut at another phase, and there the states to which the given ones lead."""
-        other, found = Plane(self.scene, self.ranges, self.turns, phase, self.units), []
-        ahead = (phase - self.phase) % TURN / TURN
-        for vector in vectors:
-            here, there = self.map_at(vector[-2:]), other.map_at(vector[-2:])
-            here.put(here.device, vector[:-2])
-            here.device.advance_to(ahead * here.period)
-            found.append(np.append(there.read(here.device.state), vector[-2:]))
-        return other, found
+    if isinstance(points, bool) or not isinstance(points, int | np.integer) or not 2 <= points <= MOST_POINTS:
+        raise ValueError(f"points: {points!r} is out of range; give a whole number from 2 to {MOST_POINTS}")
+    return whole_curve(curve_start(branch, special, ranges, upwards), points)
 
 
-class _Frame(NamedTuple):
-    """What the second equation refers to: null vectors of a fold or doubling; plate and instant of a grazing."""
+def curve_start(branch: Branch, special: Special, ranges: Mapping[str, tuple[float, float]],
+                upwards: bool) -> CurvePoint | str:
+    """The special point as the first of a curve, or why it is not found; ValueError as `follow_bifurcation` has it."""
+    if not has_curve(special):
+        raise ValueError(f"special: a {special.kind} ({special.change}) has no curve; give a fold, a period doubling, "
+                         "a Neimark-Sacker point, or a grazing of a plate")
+    if branch.name not in ranges:
+        raise ValueError(f"ranges: has no {branch.name}, the branch's parameter; give its range and that of another")
+    units = TurnMap(branch.scene).units
+    plane = Plane(branch.scene, {name: ranges[name] for name in sorted(ranges, key=branch.name.__ne__)}, branch.turns,
+                  special.phase, units)
+    here = np.array([special.value, branch.scene[plane.names[1]]])
+    for name, value in zip(plane.names, here.tolist(), strict=True):
+        if not ranges[name][0] <= value <= ranges[name][1]:
+            raise ValueError(f"{name}: the special point's {value:g} is not from {ranges[name][0]:g} to "
+                             f"{ranges[name][1]:g}; give a range that holds it")
+    guess = np.append(special.state, plane.shares(here))
+    across, nudge = np.zeros((2, len(guess)))
+    across[-1], nudge[-2] = 1.0 if upwards else -1.0, 1.0
+    reason = ""
+    for size in _NUDGES if special.kind == GRAZING else (0.0,):
+        try:
+            start, _ = corrected(plane, special.kind, guess + size * nudge, across, None)
+        except LostError as error:
+            reason = reason or str(error)
+            continue
+        if np.abs(start.exact - guess).max() < _FOUND:
+            return start
+        reason = f"another {special.kind} was found in its place"
+    return f"the special point was not found again: {reason}"
 
-    left: np.ndarray
-    right: np.ndarray
-    side: str = ""
-    angle: float = 0.0  # rad of the crank, counted over all turns
+
+def has_curve(special: Special) -> bool:
+    """Whether special points like this one are followed over two parameters."""
+    return special.kind in FOLLOWED and (special.kind != GRAZING or "_contact" in special.change)
 
 
-class _Second(NamedTuple):
-    """The second equation at a point: its defect, its derivative by all unknowns, and its frame there."""
+def whole_curve(start: CurvePoint | str, points: int,
+                notice: Callable[[int, np.ndarray], object] | None = None) -> Curve:
+    """The curve from `start` along its tangent, of at most so many orbits.
 
-    defect: float
-    slope: Callable[[], np.ndarray]
-    frame: _Frame
-
-
-@dataclass(frozen=True)
-class CurvePoint:
-    """One orbit of a curve.
-
-    Attributes
-    ----------
-    plane : Plane
-        The equations, with the cut that was used.
-    kind : str
-        Of `FOLLOWED`.
-    vector, tangent : ndarray, shape (n + 2,)
-        State, in units of the machine, and shares of the parameters; unit vector along the curve.
-    exact : ndarray, shape (n + 2,)
-        The same as `vector`, but of a grazing at the distance 0.
-    matrix : ndarray, shape (n + 1, n + 2)
-        Derivative of the equations.
-    frame : _Frame
-        What the second equation refers to.
-    multipliers : ndarray of complex, shape (n,)
-        Floquet multipliers, the largest first.
-    tests : dict of str to float
-        Test functions by the kinds of points of codimension two.
-    passage : Passage
-        Its events.
+    `notice` hears how many are found, and the parameters at the last one, shape (2,).
     """
-
-    plane: Plane
-    kind: str
-    vector: np.ndarray
-    tangent: np.ndarray
-    exact: np.ndarray
-    matrix: np.ndarray
-    frame: _Frame
-    multipliers: np.ndarray
-    tests: dict[str, float]
-    passage: Passage
-
-    @property
-    def values(self) -> np.ndarray:
-        """The parameters, in their units, shape (2,)."""
-        return self.plane.values(self.exact[-2:])
-
-
-def _second(plane: Plane, kind: str, vector: np.ndarray, matrix: np.ndarray, frame: _Frame | None) -> _Second:
-    """The second equation, where the first one has the derivative `matrix`."""
-    if kind == GRAZING:
-        miss = _miss(plane, vector, frame)
-        turn_map = plane.map_at(vector[-2:])
-        angle = (0.5 * (miss.first + miss.last) / turn_map.period * TURN + plane.phase) % (TURN * plane.turns)
-        return _Second(_distance(plane, vector, miss) - _MISS, lambda: _distance_slope(plane, vector, miss),
-                       _Frame(np.zeros(0), np.zeros(0), miss.side, angle))
-    n = len(vector) - 2
-    turn = matrix[:, :n] + np.eye(n)
-    if kind == TORUS:
-        left, right = _pair_planes(turn)
-        block = left.T @ turn @ right
-        adjugate = np.array([[block[1, 1], -block[0, 1]], [-block[1, 0], block[0, 0]]])
-        return _Second(float(np.linalg.det(block)) - 1.0,
-                       lambda: _derivative_slope(plane, vector, left @ adjugate.T, right), _Frame(left, right))
-    singular = turn - _CRITICAL[kind] * np.eye(n)
-    if frame is None:
-        u, _, v = np.linalg.svd(singular)
-        frame = _Frame(u[:, -1], v[-1])
-    bordered = np.block([[singular, frame.left[:, None]], [frame.right[None, :], np.zeros((1, 1))]])
-    last = np.append(np.zeros(n), 1.0)
-    right, left = np.linalg.solve(bordered, last), np.linalg.solve(bordered.T, last)
-    own = _Frame(left[:n] / np.linalg.norm(left[:n]), right[:n] / np.linalg.norm(right[:n]))
-    return _Second(float(right[n]), lambda: _derivative_slope(plane, vector, -left[:n, None], right[:n, None]), own)
-
-
-def _pair_planes(turn: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Bases of the left and right invariant planes of the two multipliers whose product is nearest to 1."""
-    values = np.linalg.eigvals(turn)
-    first, second = np.triu_indices(len(values), 1)
-    best = np.argmin(np.abs(values[first] * values[second] - 1.0))
-    pair = values[[first[best], second[best]]]
-
-    def chosen(real: float, imag: float) -> bool:
-        return bool(np.abs(pair - complex(real, imag)).min() < 1e-7)
-
-    right = schur(turn, sort=chosen)[1][:, :2]
-    left = schur(turn.T, sort=chosen)[1][:, :2]
-    return left @ np.linalg.inv(right.T @ left), right
-
-
-def _reach(seen: Passage, longest: float) -> float:
-    """A step of differences of higher order, which stays on one side of all grazings."""
-    return max(1e-6, min(longest, 0.005 * seen.softest**2, 0.1 * seen.miss))
-
-
-def _derivative_slope(plane: Plane, vector: np.ndarray, lefts: np.ndarray, rights: np.ndarray) -> np.ndarray:
-    """The sum of l' (dA/dz) r for each unknown z, shape (n + 2,), by second differences; A is the map's derivative."""
-    step, n = _reach(plane.passage(vector), _STEP), len(vector) - 2
-    free = np.append(~plane.map_at(vector[-2:]).held(vector[:-2]), [True, True])
-    row = np.zeros(n + 2)
-    for i in np.flatnonzero(free):
-        unit = np.zeros(n + 2)
-        unit[i] = 1.0
-        for left, right in zip(lefts.T, rights.T, strict=True):
-            size = float(np.linalg.norm(right))
-            along = np.append(right / size, [0.0, 0.0]) * free
-            ends = [plane.residual(vector + step * (a * unit + b * along)) for a in (1, -1) for b in (1, -1)]
-            row[i] += left @ (ends[0] - ends[1] - ends[2] + ends[3]) * size / (4.0 * step**2)
-    return row
-
-
-def _miss(plane: Plane, vector: np.ndarray, frame: _Frame | None) -> Miss:
-    """Where the mass turns back that grazes its plate (LostError if it touches the plate)."""
-    turn_map, found = plane.map_at(vector[-2:]), plane.passage(vector).misses
-    around = TURN * plane.turns
-
-    def apart(miss: Miss) -> float:
-        angle = 0.5 * (miss.first + miss.last) / turn_map.period * TURN + plane.phase
-        return miss.gap if frame is None else abs((angle - frame.angle + 0.5 * around) % around - 0.5 * around)
-
-    near = min((miss for miss in found if frame is None or miss.side == frame.side), key=apart, default=None)
-    if near is None or apart(near) > _APART:
-        raise LostError("the mass touches its plate, or does not turn back before it")
-    return near
-
-
-def _distance(plane: Plane, vector: np.ndarray, miss: Miss) -> float:
-    """From the plate where a mass turns back, in crank radii."""
-    return least_gap(plane.map_at(vector[-2:]), vector[:-2], miss) / float(plane.units.min())
-
-
-def _distance_slope(plane: Plane, vector: np.ndarray, miss: Miss) -> np.ndarray:
-    """Derivative of a distance, shape (n + 2,)."""
-    free = np.append(~plane.map_at(vector[-2:]).held(vector[:-2]), [True, True])
-    step, row = max(1e-9, 0.1 * min(_STEP, _distance(plane, vector, miss))), np.zeros(len(vector))
-    for i in np.flatnonzero(free):
-        moved = np.zeros(len(vector))
-        moved[i] = step
-        row[i] = (_distance(plane, vector + moved, miss) - _distance(plane, vector - moved, miss)) / (2.0 * step)
-    return row
-
-
-def corrected(plane: Plane, kind: str, guess: np.ndarray, normal: np.ndarray, frame: _Frame | None,
-              away: np.ndarray | None = None) -> tuple[CurvePoint, int]:
-    """The special point on the plane through `guess` that is perpendicular to `normal`, and Newton's iterations.
-
-    Parameters
-    ----------
-    plane : Plane
-        The equations.
-    kind : str
-        Of `FOLLOWED`.
-    guess, normal : ndarray, shape (n + 2,)
-        State and shares; the plane's normal, and about the direction of the tangent.
-    frame : _Frame or None
-        Of a neighbour.
-    away : ndarray, shape (n + 2,), optional
-        Where to, in this plane, a grazing has the distance 1 from its plate.
-
-    Raises
-    ------
-    LostError
-        Where Newton's method does not converge.
-    """
-    at, row, best, last, step = guess, None, np.inf, None, np.zeros_like(guess)
-    depths = iter(_DEPTHS if kind == GRAZING and away is not None else ())
-    found: tuple[np.ndarray, np.ndarray, _Second] | None = None
+    if isinstance(start, str):
+        return Curve("", ("", ""), 0, *np.zeros((5, 0)), (), start)
+    found, special, end = list[CurvePoint](), list[tuple[int, str, CurvePoint, str]](), ""
+    closing = _Closing(start)
     try:
-        for iteration in range(_MOST_ITERATIONS):
-            try:
-                matrix = plane.jacobian(at)
-                second = _second(plane, kind, at, matrix, frame)
-            except LostError:
-                if last is not None:
-                    step = 0.5 * step
-                    at = last - step
-                    continue
-                depth = next(depths, None)
-                if depth is None:
-                    raise
-                at = guess + depth * away
-                continue
-            defects = plane.residual(at)
-            size = max(float(np.abs(defects).max()) / CLOSED, abs(second.defect) / _MET)
-            if best <= 1.0 and size >= 0.25 * best:  # as good as rounding lets it become
+        for before, after in follow(start):
+            bound = _bound(after)
+            if bound:
+                end, after = bound[0], _at_bound(before, after, bound[1])
+            if found and closing.closes(before, after):
+                end = "closes on itself"
                 break
-            if row is None or size > _SLOW * best:
-                row = second.slope()
-            if size < best:
-                best, found = size, (at, np.vstack([matrix, row]), second)
-            last, step = at, np.linalg.solve(np.vstack([matrix, row, normal]), np.append(
-                np.append(defects, second.defect), normal @ (at - guess)))
-            at = last - step
-            if not np.all(np.isfinite(at)) or np.abs(at - guess).max() > 10.0 * LONGEST_STEP:
+            met = _met(before, after)
+            special += [(len(found), *one) for one in met]
+            if start.kind == TORUS and met and met[-1][0] in (R1, R2):
+                found.append(met[-1][1])
+                end = f"the curve ends at a {met[-1][0]}, where the pair of multipliers becomes real"
                 break
-    except (np.linalg.LinAlgError, SimulationError, ValueError) as error:
-        raise LostError(str(error)) from error
-    if found is None or best > 1.0:
-        raise LostError(f"Newton's method does not find a {kind} near {_where(plane, guess)}")
-    return _point(plane, kind, *found, normal), iteration
+            found.append(after)
+            if notice:
+                notice(len(found), after.values)
+            if end:
+                break
+            if len(found) >= points:
+                end = f"{points} orbits, the most that were asked for"
+                break
+    except (LostError, SimulationError, ValueError) as error:
+        end = str(error)
+    n = len(start.multipliers)
+    return Curve(
+        start.kind, (start.plane.names[0], start.plane.names[1]), start.plane.turns,
+        np.array([point.values for point in found]).reshape(-1, 2), np.array([point.mean_speed for point in found]),
+        np.array([point.multipliers for point in found], dtype=complex).reshape(-1, n),
+        np.array([point.plane.phase for point in found]), np.array([point.exact[:-2] for point in found]).reshape(-1, n),
+        tuple(CurveSpecial(kind, point.values, point.mean_speed, point.multipliers, change, point.plane.phase,
+                           point.exact[:-2], at) for at, kind, point, change in special), end)
 
 
-def _where(plane: Plane, vector: np.ndarray) -> str:
-    return ", ".join(f"{name} = {value:.9g}" for name, value in
-                     zip(plane.names, plane.values(vector[-2:]).tolist(), strict=True))
+def _bound(point: CurvePoint) -> tuple[str, np.ndarray] | None:
+    """In words, which range a point has left, and the outward normal of this bound; None inside."""
+    shares = point.exact[-2:]
+    out = np.maximum(-shares, shares - 1.0)
+    which = int(np.argmax(out))
+    if out[which] <= 0.0:
+        return None
+    name, normal = point.plane.names[which], np.zeros(len(point.exact))
+    normal[which - 2] = 1.0 if shares[which] > 1.0 else -1.0
+    value = point.plane.ranges[name][int(shares[which] > 1.0)]
+    return f"{name} leaves its range at {value:g} {BY_NAME[name].unit.replace('1', '')}".rstrip(), normal
 
 
-def _point(plane: Plane, kind: str, vector: np.ndarray, matrix: np.ndarray, second: _Second,
-           along: np.ndarray) -> CurvePoint:
-    """The curve's point at a solution of the equations."""
-    n = len(vector) - 2
-    *_, rows = np.linalg.svd(matrix)
-    tangent = rows[-1] if rows[-1] @ along >= 0.0 else -rows[-1]
-    exact = vector
-    if kind == GRAZING:
-        exact = vector - (_MISS + second.defect) * np.linalg.solve(np.vstack([matrix, tangent]), np.eye(n + 2)[n])
-    multipliers = np.linalg.eigvals(matrix[:n, :n] + np.eye(n))
-    multipliers = multipliers[np.argsort(-np.abs(multipliers), kind="stable")]
-    tests = _tests(plane, kind, vector, matrix, second.frame, tangent, multipliers)
-    return CurvePoint(plane, kind, vector, tangent, exact, matrix, second.frame, multipliers, tests,
-                      plane.passage(vector))
+def _at_bound(before: CurvePoint, after: CurvePoint, normal: np.ndarray) -> CurvePoint:
+    """The point between two neighbours at which the curve leaves a range."""
+    bound = max(0.0, np.sign(normal[-2:].sum()))
+    part = (bound - abs(normal) @ before.exact) / (abs(normal) @ (after.exact - before.exact))
+    guess = before.vector + part * (after.vector - before.vector)
+    guess += (bound - abs(normal) @ guess) * abs(normal)
+    return corrected(before.plane, before.kind, guess, normal, before.frame, away(before, normal))[0]
 
 
-def _tests(plane: Plane, kind: str, vector: np.ndarray, matrix: np.ndarray, frame: _Frame, tangent: np.ndarray,
-           multipliers: np.ndarray) -> dict[str, float]:
-    """Test functions, each of which changes its sign at a kind of points of codimension two."""
-    n = len(multipliers)
-    one, minus_one = (float(np.prod(multipliers - value).real) for value in (1.0, -1.0))
-    if kind == GRAZING:
-        return {GRAZING_FOLD: one, GRAZING_FLIP: minus_one}
-    if kind == TORUS:
-        both = float(np.trace(frame.left.T @ (matrix[:n, :n] + np.eye(n)) @ frame.right))
-        return {R1: 2.0 - both, R2: 2.0 + both, R3: 1.0 + both, R4: both}
-    together = float(frame.left @ frame.right)
-    if kind == DOUBLING:
-        return {FLIP: _cubic(plane, vector, matrix, frame), R2: together, FOLD_FLIP: one}
-    first, other = frame.left @ matrix[:n, n:]
-    return {CUSP: float(tangent[-1] * first - tangent[-2] * other), R1: together, FOLD_FLIP: minus_one}
+def _met(before: CurvePoint, after: CurvePoint) -> list[tuple[str, CurvePoint, str]]:
+    """Points of codimension two between two neighbours, with their kinds, or the change of events."""
+    orders = before.passage.order, after.passage.order
+    if not same_order(*orders):
+        return [(EDGE, before, change_in_words(*orders))]
+    return [(kind, _located(before, after, kind), "") for kind in before.tests
+            if before.tests[kind] * after.tests[kind] < 0.0]
 
 
-def _cubic(plane: Plane, vector: np.ndarray, matrix: np.ndarray, frame: _Frame) -> float:
-    """Cubic coefficient of a doubling's normal form, times w'v, by differences of the map (Kuznetsov, section 5.4)."""
-    n, step = len(frame.right), _reach(plane.passage(vector), _NORMAL)
+def _located(before: CurvePoint, after: CurvePoint, kind: str) -> CurvePoint:
+    """The point between two neighbours where a test function is 0."""
+    chord = after.vector - before.vector
+    length = float(np.linalg.norm(chord))
+    known = {0.0: before, 1.0: after}
 
-    def second(one: np.ndarray, other: np.ndarray) -> np.ndarray:
-        ends = [image(a * one + b * other) for a in (1, -1) for b in (1, -1)]
-        return (ends[0] - ends[1] - ends[2] + ends[3]) / (4.0 * step**2)
+    def test(part: float) -> float:
+        if part not in known:
+            known[part], _ = corrected(before.plane, before.kind, before.vector + part * chord, chord / length,
+                                       before.frame, away(before, chord / length))
+        return known[part].tests[kind]
 
-    def image(direction: np.ndarray) -> np.ndarray:
-        return plane.residual(vector + step * np.append(direction, [0.0, 0.0]))
+    return known[brentq(test, 0.0, 1.0, xtol=_LOCATED / length)]
 
-    along = frame.right
-    third = (image(2.0 * along) - 2.0 * image(along) + 2.0 * image(-along) - image(-2.0 * along)) / (2.0 * step**3)
-    bent = np.linalg.solve(-matrix[:n, :n], second(along, along))
-    size = max(float(np.linalg.norm(bent)), 1e-12)
-    return float(frame.left @ (third + 3.0 * size * second(along, bent / size)))
+
+class _Closing:
+    """Whether a curve has come back to its begin."""
+
+    def __init__(self, start: CurvePoint):
+        self._start, self._plane, self._left = start, start.plane, False
+        self._begins = [start.vector]
+
+    def closes(self, before: CurvePoint, after: CurvePoint) -> bool:
+        """Whether it has come back between two neighbours, after having left."""
+        if after.plane is not self._plane:
+            self._plane, (vector,) = self._start.plane.recut(after.plane.phase, [self._start.vector])
+            turn_map = self._plane.map_at(vector[-2:])
+            self._begins = [np.append(turn_map(vector[:-2], turns).state, vector[-2:])
+                            for turns in range(1, after.plane.turns + 1)]
+            self._plane = after.plane
+        step = float(np.linalg.norm(after.vector - before.vector))
+        near = any(np.linalg.norm(after.vector - begin) < _CLOSES * step for begin in self._begins)
+        self._left = self._left or not near
+        return near and self._left
+
+
+def passes(curve: Curve, branch: Branch, special: Special, ranges: Mapping[str, tuple[float, float]]) -> bool:
+    """Whether a curve through another special point of this kind passes through a special point of a branch, too."""
+    if not len(curve) or (curve.kind, curve.turns) != (special.kind, branch.turns):
+        return False
+    units, across = TurnMap(branch.scene).units, np.eye(len(special.state) + 2)[-1]
+    beside = curve.values[:, 1] - branch.scene[curve.names[1]]
+    for k in np.flatnonzero(beside[1:] * beside[:-1] <= 0.0):
+        near = k if abs(beside[k]) <= abs(beside[k + 1]) else k + 1
+        plane = Plane(branch.scene, {name: ranges[name] for name in curve.names}, curve.turns, curve.phases[near], units)
+        guess = np.append(curve.states[near], plane.shares(curve.values[near]))
+        guess[-1] = plane.shares(np.array([0.0, branch.scene[curve.names[1]]]))[1]
+        share = plane.shares(np.array([special.value, 0.0]))[0]
+        try:
+            found, _ = corrected(plane, special.kind, guess, across, None)
+        except LostError:
+            continue
+        if abs(found.exact[-2] - share) < _FOUND and abs(found.mean_speed - special.mean_speed) < _FOUND:
+            return True
+    return False
 
 
 def follow(start: CurvePoint) -> Iterator[tuple[CurvePoint, CurvePoint]]:
@@ -456,16 +350,15 @@ def follow(start: CurvePoint) -> Iterator[tuple[CurvePoint, CurvePoint]]:
 
 def _next(point: CurvePoint, step: float) -> tuple[CurvePoint, float]:
     """The next point, also beyond a change of events; and the step after it."""
-    plane, reason = point.plane, ""
-    away = np.linalg.solve(np.vstack([point.matrix, point.tangent]), np.eye(len(point.vector))[-2])
+    plane, reason, apart = point.plane, "", away(point, point.tangent)
     while step >= _SHORTEST:
         guess, crosses = point.vector + step * point.tangent, False
         try:
-            after, iterations = corrected(plane, point.kind, guess, point.tangent, point.frame, away)
+            after, iterations = corrected(plane, point.kind, guess, point.tangent, point.frame, apart)
             crosses = not same_order(after.passage.order, point.passage.order)
             if not crosses and after.tangent @ point.tangent >= STRAIGHT:
                 return after, min(LONGEST_STEP, step * (1.5 if iterations <= _FEW else 1.0))
-            reason = f"the curve bends too sharply near {_where(plane, after.vector)}"
+            reason = f"the curve bends too sharply near {where(plane, after.vector)}"
         except LostError as error:
             reason = str(error)
             try:
@@ -490,9 +383,9 @@ def _beyond(point: CurvePoint) -> CurvePoint:
         except (LostError, SimulationError, ValueError):
             continue
         same = same_order(after.passage.order, point.passage.order)
-        if not same and np.linalg.norm(after.vector - guess) < _NEAR * arc:
+        if not same and np.linalg.norm(after.vector - guess) < _ASIDE * arc:
             return after
-    raise LostError(f"the curve ends at {_where(point.plane, point.exact)}, where its events change ({change}); no "
+    raise LostError(f"the curve ends at {where(point.plane, point.exact)}, where its events change ({change}); no "
                     f"{point.kind} was found beyond")
 
 
