@@ -234,7 +234,8 @@ def whole_curve(start: CurvePoint | str, points: int,
         start.kind, (start.plane.names[0], start.plane.names[1]), start.plane.turns,
         np.array([point.values for point in found]).reshape(-1, 2), np.array([point.mean_speed for point in found]),
         np.array([point.multipliers for point in found], dtype=complex).reshape(-1, n),
-        np.array([point.plane.phase for point in found]), np.array([point.exact[:-2] for point in found]).reshape(-1, n),
+        np.array([point.plane.phase for point in found]),
+        np.array([point.exact[:-2] for point in found]).reshape(-1, n),
         tuple(CurveSpecial(kind, point.values, point.mean_speed, point.multipliers, change, point.plane.phase,
                            point.exact[:-2], at) for at, kind, point, change in special), end)
 
@@ -314,7 +315,8 @@ def passes(curve: Curve, branch: Branch, special: Special, ranges: Mapping[str, 
     beside = curve.values[:, 1] - branch.scene[curve.names[1]]
     for k in np.flatnonzero(beside[1:] * beside[:-1] <= 0.0):
         near = k if abs(beside[k]) <= abs(beside[k + 1]) else k + 1
-        plane = Plane(branch.scene, {name: ranges[name] for name in curve.names}, curve.turns, curve.phases[near], units)
+        plane = Plane(branch.scene, {name: ranges[name] for name in curve.names}, curve.turns, curve.phases[near],
+                      units)
         guess = np.append(curve.states[near], plane.shares(curve.values[near]))
         guess[-1] = plane.shares(np.array([0.0, branch.scene[curve.names[1]]]))[1]
         share = plane.shares(np.array([special.value, 0.0]))[0]

@@ -4,8 +4,8 @@ The unknowns are the state and both parameters. The equations are those of an or
 says what is special (Yu. A. Kuznetsov, Elements of Applied Bifurcation Theory, section 10.3; W. Govaerts, Numerical
 Methods for Bifurcations of Dynamical Equilibria, SIAM 2000). With the derivative A of the turn map this is
 
-- at a fold or a period doubling: g = 0 of the bordered system [A -+ 1, b; c, 0] [v; g] = [0; 1], which is regular there,
-  with b and c from a neighbour's null vectors w and v;
+- at a fold or a period doubling: g = 0 of the bordered system [A -+ 1, b; c, 0] [v; g] = [0; 1], which is regular
+  there, with b and c from a neighbour's null vectors w and v;
 - at a Neimark-Sacker point: the determinant of A within the plane of the pair of multipliers is 1;
 - at a grazing: the mass turns back at its plate. From the side without the contact, where the map is smooth, its
   distance from the plate is made 1e-6 crank radii, and the point is carried on to 0 by the derivative, which leaves an
@@ -17,7 +17,7 @@ converges, not where to.
 On a curve lie points of codimension two, each where a test function changes its sign (Kuznetsov, chapter 9):
 
 - a cusp on a fold: the curve turns back in both parameters at once, and two folds meet;
-- a generalized flip on a doubling: the normal form's cubic coefficient, which says on which side the doubled orbits are;
+- a generalized flip on a doubling: the normal form's cubic coefficient, which tells the doubled orbits' side;
 - 1:1 and 1:2 resonances: two multipliers are 1, or -1; Neimark-Sacker points begin there, and their curve ends there;
 - 1:3 and 1:4 resonances on a curve of Neimark-Sacker points;
 - fold-flip, grazing-fold and grazing-flip: two special points at once.
@@ -327,7 +327,7 @@ def corrected(plane: Plane, kind: str, guess: np.ndarray, normal: np.ndarray, fr
     depths = iter(_DEPTHS if kind == GRAZING and away is not None else ())
     found: tuple[np.ndarray, np.ndarray, _Second] | None = None
     try:
-        for iteration in range(_MOST_ITERATIONS):
+        for iteration in range(_MOST_ITERATIONS):  # noqa: B007
             try:
                 matrix = plane.jacobian(at)
                 second = _second(plane, kind, at, matrix, frame)
