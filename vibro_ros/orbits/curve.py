@@ -155,12 +155,11 @@ def follow_bifurcation(branch: Branch, special: Special, ranges: Mapping[str, tu
     """
     if isinstance(points, bool) or not isinstance(points, int | np.integer) or not 2 <= points <= MOST_POINTS:
         raise ValueError(f"points: {points!r} is out of range; give a whole number from 2 to {MOST_POINTS}")
-    return whole_curve(curve_start(branch, special, ranges, upwards), points)
+    return whole_curve(branch, special, ranges, upwards, points)
 
 
-def curve_start(branch: Branch, special: Special, ranges: Mapping[str, tuple[float, float]],
-                upwards: bool) -> CurvePoint | str:
-    """The special point as the first of a curve, or why it is not found; ValueError as `follow_bifurcation` has it."""
+def _start(branch: Branch, special: Special, ranges: Mapping[str, tuple[float, float]], upwards: bool) -> CurvePoint:
+    """The special point as the first of a curve (LostError; ValueError as `follow_bifurcation` has it)."""
     if not has_curve(special):
         raise ValueError(f"special: a {special.kind} ({special.change}) has no curve; give a fold, a period doubling, "
                          "a Neimark-Sacker point, or a grazing of a plate")
@@ -187,7 +186,7 @@ def curve_start(branch: Branch, special: Special, ranges: Mapping[str, tuple[flo
         if np.abs(start.exact - guess).max() < _FOUND:
             return start
         reason = f"another {special.kind} was found in its place"
-    return f"the special point was not found again: {reason}"
+    raise LostError(f"the special point was not found again: {reason}")
 
 
 def has_curve(special: Special) -> bool:
@@ -195,17 +194,13 @@ def has_curve(special: Special) -> bool:
     return special.kind in FOLLOWED and (special.kind != GRAZING or "_contact" in special.change)
 
 
-def whole_curve(start: CurvePoint | str, points: int,
+def whole_curve(branch: Branch, special: Special, ranges: Mapping[str, tuple[float, float]], upwards: bool, points: int,
                 notice: Callable[[int, np.ndarray], object] | None = None) -> Curve:
-    """The curve from `start` along its tangent, of at most so many orbits.
-
-    `notice` hears how many are found, and the parameters at the last one, shape (2,).
-    """
-    if isinstance(start, str):
-        return Curve("", ("", ""), 0, *np.zeros((5, 0)), (), start)
-    found, special, end = list[CurvePoint](), list[tuple[int, str, CurvePoint, str]](), ""
-    closing = _Closing(start)
+    """As `follow_bifurcation`; `notice` hears how many orbits are found, and the parameters at the last, shape (2,)."""
+    found, met, end = list[CurvePoint](), list[tuple[int, str, CurvePoint, str]](), ""
     try:
+        start = _start(branch, special, ranges, upwards)
+        closing = _Closing(start)
         for before, after in follow(start):
             bound = _bound(after)
             if bound:
@@ -213,11 +208,11 @@ def whole_curve(start: CurvePoint | str, points: int,
             if found and closing.closes(before, after):
                 end = "closes on itself"
                 break
-            met = _met(before, after)
-            special += [(len(found), *one) for one in met]
-            if start.kind == TORUS and met and met[-1][0] in (R1, R2):
-                found.append(met[-1][1])
-                end = f"the curve ends at a {met[-1][0]}, where the pair of multipliers becomes real"
+            between = _met(before, after)
+            met += [(len(found), *one) for one in between]
+            if start.kind == TORUS and between and between[-1][0] in (R1, R2):
+                found.append(between[-1][1])
+                end = f"the curve ends at a {between[-1][0]}, where the pair of multipliers becomes real"
                 break
             found.append(after)
             if notice:
@@ -227,17 +222,17 @@ def whole_curve(start: CurvePoint | str, points: int,
             if len(found) >= points:
                 end = f"{points} orbits, the most that were asked for"
                 break
-    except (LostError, SimulationError, ValueError) as error:
+    except (LostError, SimulationError) as error:
         end = str(error)
-    n = len(start.multipliers)
+    n, (other,) = len(special.state), set(ranges) - {branch.name}
     return Curve(
-        start.kind, (start.plane.names[0], start.plane.names[1]), start.plane.turns,
+        special.kind, (branch.name, other), branch.turns,
         np.array([point.values for point in found]).reshape(-1, 2), np.array([point.mean_speed for point in found]),
         np.array([point.multipliers for point in found], dtype=complex).reshape(-1, n),
         np.array([point.plane.phase for point in found]),
         np.array([point.exact[:-2] for point in found]).reshape(-1, n),
         tuple(CurveSpecial(kind, point.values, point.mean_speed, point.multipliers, change, point.plane.phase,
-                           point.exact[:-2], at) for at, kind, point, change in special), end)
+                           point.exact[:-2], at) for at, kind, point, change in met), end)
 
 
 def _bound(point: CurvePoint) -> tuple[str, np.ndarray] | None:

@@ -109,10 +109,12 @@ class Plane:
 
     def residual(self, vector: np.ndarray) -> np.ndarray:
         """By how much the state does not come back, shape (n,); 0 of what something holds."""
-        turn_map = self.map_at(vector[-2:])
-        found = turn_map(vector[:-2], self.turns).state - vector[:-2]
-        found[turn_map.held(vector[:-2])] = 0.0
-        return found
+        found = self.map_at(vector[-2:])(vector[:-2], self.turns).state - vector[:-2]
+        return np.where(self.free(vector)[:-2], found, 0.0)
+
+    def free(self, vector: np.ndarray) -> np.ndarray:
+        """Which unknowns nothing holds, shape (n + 2,) of bool."""
+        return np.append(~self.map_at(vector[-2:]).held(vector[:-2]), [True, True])
 
     def mean_speed(self, vector: np.ndarray) -> float:
         """Of the body [m/s]."""
@@ -129,8 +131,7 @@ class Plane:
 
     def jacobian(self, vector: np.ndarray) -> np.ndarray:
         """Derivative of the residual, shape (n, n + 2)."""
-        held = self.map_at(vector[-2:]).held(vector[:-2])
-        return derivative(self.map_at, vector, self.turns, held, fine=True, longest=_STEP)
+        return derivative(self.map_at, vector, self.turns, ~self.free(vector)[:-2], fine=True, longest=_STEP)
 
     def recut(self, phase: float, vectors: list[np.ndarray]) -> tuple["Plane", list[np.ndarray]]:
         """The same equations cut at another phase, and there the states to which the given ones lead."""
@@ -257,7 +258,7 @@ def _reach(seen: Passage, longest: float) -> float:
 def _derivative_slope(plane: Plane, vector: np.ndarray, lefts: np.ndarray, rights: np.ndarray) -> np.ndarray:
     """The sum of l' (dA/dz) r for each unknown z, shape (n + 2,), by second differences; A is the map's derivative."""
     step, n = _reach(plane.passage(vector), _STEP), len(vector) - 2
-    free = np.append(~plane.map_at(vector[-2:]).held(vector[:-2]), [True, True])
+    free = plane.free(vector)
     row = np.zeros(n + 2)
     for i in np.flatnonzero(free):
         unit = np.zeros(n + 2)
@@ -292,7 +293,7 @@ def _distance(plane: Plane, vector: np.ndarray, miss: Miss) -> float:
 
 def _distance_slope(plane: Plane, vector: np.ndarray, miss: Miss) -> np.ndarray:
     """Derivative of a distance, shape (n + 2,)."""
-    free = np.append(~plane.map_at(vector[-2:]).held(vector[:-2]), [True, True])
+    free = plane.free(vector)
     step, row = max(1e-9, 0.1 * min(_STEP, _distance(plane, vector, miss))), np.zeros(len(vector))
     for i in np.flatnonzero(free):
         moved = np.zeros(len(vector))
@@ -324,10 +325,11 @@ def corrected(plane: Plane, kind: str, guess: np.ndarray, normal: np.ndarray, fr
         Where Newton's method does not converge.
     """
     at, row, best, last, step = guess, None, np.inf, None, np.zeros_like(guess)
+    sideways = np.zeros_like(guess) if away is None else away
     depths = iter(_DEPTHS if kind == GRAZING and away is not None else ())
     found: tuple[np.ndarray, np.ndarray, _Second] | None = None
     try:
-        for iteration in range(_MOST_ITERATIONS):  # noqa: B007
+        for iteration in range(_MOST_ITERATIONS):  # noqa: B007  (its last value is returned)
             try:
                 matrix = plane.jacobian(at)
                 second = _second(plane, kind, at, matrix, frame)
@@ -339,7 +341,7 @@ def corrected(plane: Plane, kind: str, guess: np.ndarray, normal: np.ndarray, fr
                 depth = next(depths, None)
                 if depth is None:
                     raise
-                at = guess + depth * away
+                at = guess + depth * sideways
                 continue
             defects = plane.residual(at)
             size = max(float(np.abs(defects).max()) / CLOSED, abs(second.defect) / _MET)
@@ -349,16 +351,16 @@ def corrected(plane: Plane, kind: str, guess: np.ndarray, normal: np.ndarray, fr
                 row = second.slope()
             if size < best:
                 best, found = size, (at, np.vstack([matrix, row]), second)
-            last, step = at, np.linalg.solve(np.vstack([matrix, row, normal]), np.append(
-                np.append(defects, second.defect), normal @ (at - guess)))
+            last, step = at, plane.free(at) * np.linalg.solve(np.vstack([matrix, row, normal]), np.append(
+                defects, [second.defect, normal @ (at - guess)]))
             at = last - step
             if not np.all(np.isfinite(at)) or np.abs(at - guess).max() > 10.0 * LONGEST_STEP:
                 break
+        if found is not None and best <= 1.0:
+            return _point(plane, kind, *found, normal), iteration
     except (np.linalg.LinAlgError, SimulationError, ValueError) as error:
         raise LostError(str(error)) from error
-    if found is None or best > 1.0:
-        raise LostError(f"Newton's method does not find a {kind} near {where(plane, guess)}")
-    return _point(plane, kind, *found, normal), iteration
+    raise LostError(f"Newton's method does not find a {kind} near {where(plane, guess)}")
 
 
 def where(plane: Plane, vector: np.ndarray) -> str:
@@ -372,10 +374,11 @@ def _point(plane: Plane, kind: str, vector: np.ndarray, matrix: np.ndarray, seco
     """The curve's point at a solution of the equations."""
     n = len(vector) - 2
     *_, rows = np.linalg.svd(matrix)
-    tangent = rows[-1] if rows[-1] @ along >= 0.0 else -rows[-1]
+    tangent = plane.free(vector) * (rows[-1] if rows[-1] @ along >= 0.0 else -rows[-1])
     exact = vector
     if kind == GRAZING:
-        exact = vector - (_MISS + second.defect) * np.linalg.solve(np.vstack([matrix, along]), np.eye(n + 2)[n])
+        exact = vector - (_MISS + second.defect) * plane.free(vector) * np.linalg.solve(
+            np.vstack([matrix, along]), np.eye(n + 2)[n])
     multipliers = np.linalg.eigvals(matrix[:n, :n] + np.eye(n))
     multipliers = multipliers[np.argsort(-np.abs(multipliers), kind="stable")]
     tests = _tests(plane, kind, vector, matrix, second.frame, tangent, multipliers)

@@ -56,11 +56,11 @@ def draw_curves(asked: CurvePlan, done: Sequence[tuple[Task, Branch]],
                 axes.annotate(one.kind, one.values, xytext=(5, 5), textcoords="offset points", fontsize=7)
     branches, base = [branch for _, branch in done], asked.plan.scene[asked.name]
     for branch, names in zip(branches, names_of(branches), strict=True):
-        for name, one in zip(names, branch.special_points, strict=True):
-            if has_curve(one):
-                mark, size = MARKS[one.kind]
-                axes.plot(one.value, base, mark, ms=size, color=_COLOURS[one.kind], mfc="white", zorder=4)
-                axes.annotate(name, (one.value, base), xytext=(5, -9), textcoords="offset points", fontsize=7)
+        for name, special in zip(names, branch.special_points, strict=True):
+            if has_curve(special):
+                mark, size = MARKS[special.kind]
+                axes.plot(special.value, base, mark, ms=size, color=_COLOURS[special.kind], mfc="white", zorder=4)
+                axes.annotate(name, (special.value, base), xytext=(5, -9), textcoords="offset points", fontsize=7)
     kinds = [kind for kind in _COLOURS if any(curve.kind == kind for _, curve in found)]
     axes.set_xlim(asked.plan.low, asked.plan.high)
     margin = 0.02 * (asked.high - asked.low)

@@ -11,7 +11,7 @@ import pyarrow as pa
 
 from vibro_ros.model.parameters import BY_NAME
 from vibro_ros.orbits.branch import Branch, Special
-from vibro_ros.orbits.curve import Curve, CurveSpecial, curve_start, has_curve, passes, whole_curve
+from vibro_ros.orbits.curve import Curve, CurveSpecial, has_curve, passes, whole_curve
 from vibro_ros.process.front_door import say
 from vibro_ros.study.orbits.run import (
     DOWN,
@@ -149,8 +149,7 @@ def curves_of_piece(asked: CurvePlan, tasks: dict[int, CurveTask], piece: Piece)
             where = ", ".join(f"{name} = {value:.6g}" for name, value in zip(asked.ranges, values, strict=True))
             say("study", f"curve of {task.name}, {task.way}: {orbits} orbits, {where}")
 
-    start = curve_start(task.branch, task.special, asked.ranges, task.way == UP)
-    return [whole_curve(start, asked.plan.points, notice)]
+    return [whole_curve(task.branch, task.special, asked.ranges, task.way == UP, asked.plan.points, notice)]
 
 
 def follow_curves(asked: CurvePlan, done: Sequence[tuple[Task, Branch]], names: Sequence[Sequence[str]], folder: Path,

@@ -212,7 +212,8 @@ RUN_TIME = 1000.0  # robot time [s] of a search or a branch, about: so long that
 _JOINS = 0.05  # share of the range within which a branch that joins another one ends at its period doubling
 
 
-_Task, _Result = TypeVar("_Task"), TypeVar("_Result", bound=Sized)
+_Task = TypeVar("_Task")
+_Result = TypeVar("_Result", bound=Sized)
 
 
 def followed(files: ParquetBlocks, tasks: dict[int, _Task], read: Callable[[pa.Table], _Result],
