@@ -14,6 +14,7 @@ from vibro_ros.study.orbits.result import MARKS, names_of
 from vibro_ros.study.orbits.run import Task
 
 _COLOURS = {FOLD: "#d55e00", DOUBLING: "#0072b2", TORUS: "#009e73", GRAZING: "#000000"}
+_CELLS = 50.0  # of the first parameter's range: names of one cell stand together
 _STYLES = {FOLD: "-", DOUBLING: "--", TORUS: "-.", GRAZING: ":"}
 
 
@@ -55,12 +56,17 @@ def draw_curves(asked: CurvePlan, done: Sequence[tuple[Task, Branch]],
                 axes.plot(*one.values, "*", ms=9.0, color=_COLOURS[curve.kind], zorder=3)
                 axes.annotate(one.kind, one.values, xytext=(5, 5), textcoords="offset points", fontsize=7)
     branches, base = [branch for _, branch in done], asked.plan.scene[asked.name]
+    cells: dict[int, list[tuple[float, str]]] = {}
     for branch, names in zip(branches, names_of(branches), strict=True):
         for name, special in zip(names, branch.special_points, strict=True):
             if has_curve(special):
                 mark, size = MARKS[special.kind]
                 axes.plot(special.value, base, mark, ms=size, color=_COLOURS[special.kind], mfc="white", zorder=4)
-                axes.annotate(name, (special.value, base), xytext=(5, -9), textcoords="offset points", fontsize=7)
+                near = round(_CELLS * (special.value - asked.plan.low) / (asked.plan.high - asked.plan.low))
+                cells.setdefault(near, []).append((special.value, name))
+    for named in cells.values():  # what lies together shares a label
+        axes.annotate(", ".join(name for _, name in named), (named[0][0], base), xytext=(5, -9),
+                      textcoords="offset points", fontsize=7)
     kinds = [kind for kind in _COLOURS if any(curve.kind == kind for _, curve in found)]
     axes.set_xlim(asked.plan.low, asked.plan.high)
     margin = 0.02 * (asked.high - asked.low)
