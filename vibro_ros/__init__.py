@@ -9,6 +9,7 @@ if TYPE_CHECKING:
     from vibro_ros.model.scene import Scene
     from vibro_ros.orbits.branch import follow_orbit
     from vibro_ros.orbits.chaos import lyapunov_spectrum, zero_one_test
+    from vibro_ros.orbits.curve import follow_bifurcation
     from vibro_ros.orbits.orbit import find_orbit
     from vibro_ros.orbits.recurrence import settled_motion
     from vibro_ros.sensors.device import SensedSimulator
@@ -16,8 +17,9 @@ if TYPE_CHECKING:
     from vibro_ros.simulation.runs import simulate, simulate_many
     from vibro_ros.simulation.simulator import Simulator
 
-__all__ = ["Scene", "SensedSimulator", "SimulationError", "Simulator", "find_orbit", "follow_orbit", "load_scene",
-           "lyapunov_spectrum", "read_bag", "settled_motion", "simulate", "simulate_many", "zero_one_test"]
+__all__ = ["Scene", "SensedSimulator", "SimulationError", "Simulator", "find_orbit", "follow_bifurcation",
+           "follow_orbit", "load_scene", "lyapunov_spectrum", "read_bag", "settled_motion", "simulate", "simulate_many",
+           "zero_one_test"]
 
 _HOMES = {
     "Scene": "model.scene",
@@ -25,6 +27,7 @@ _HOMES = {
     "SimulationError": "simulation.motion",
     "Simulator": "simulation.simulator",
     "find_orbit": "orbits.orbit",
+    "follow_bifurcation": "orbits.curve",
     "follow_orbit": "orbits.branch",
     "load_scene": "configuration.scene_file",
     "lyapunov_spectrum": "orbits.chaos",

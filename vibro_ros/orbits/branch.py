@@ -10,7 +10,7 @@ import numpy as np
 
 from vibro_ros.model.parameters import BY_NAME, parameter_named
 from vibro_ros.model.scene import Scene
-from vibro_ros.orbits.continuation import SpecialPoint, follow_on, special_points
+from vibro_ros.orbits.continuation import EdgeError, SpecialPoint, follow_on, special_points
 from vibro_ros.orbits.family import BranchPoint, Family, LostError, Place, corrected, point_at
 from vibro_ros.orbits.orbit import Orbit, Seed, is_same
 from vibro_ros.orbits.passage import same_order
@@ -68,6 +68,8 @@ class Branch:
 
     Attributes
     ----------
+    scene : Scene
+        What moves so, apart from the value of the parameter.
     name : str
         The parameter.
     turns : int
@@ -90,6 +92,7 @@ class Branch:
         Why the branch was not followed further.
     """
 
+    scene: Scene
     name: str
     turns: int
     values: np.ndarray
@@ -254,6 +257,8 @@ def whole_branch(start: BranchPoint, points: int, notice: Notice | None = None) 
                 break
     except (LostError, SimulationError, ValueError) as error:
         end = closing.reason_at(found[-1]) if found else ""
+        if isinstance(error, EdgeError) and error.grazing and not end:
+            special.append((len(found), error.grazing))
         end = end or str(error)
     return gathered(family, found, special, end)
 
@@ -317,7 +322,7 @@ def gathered(family: Family, points: list[BranchPoint], special: list[tuple[int,
     n = len(names)
     strobe = [_strobe(point) for point in points]  # shapes (turns, n)
     return Branch(
-        family.name, family.turns, np.array([point.value for point in points]),
+        family.scene, family.name, family.turns, np.array([point.value for point in points]),
         np.array([point.mean_speed for point in points]),
         np.array([point.multipliers for point in points], dtype=complex).reshape(-1, n),
         np.array([point.family.phase for point in points]),

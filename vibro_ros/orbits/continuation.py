@@ -77,6 +77,14 @@ _BEHIND = 1e-5  # arc behind an edge at which the other side is compared with th
 _SMOOTH = 5e-3  # changes there of the tangent's cosine and, relatively, of the multipliers that are no corner
 
 
+class EdgeError(LostError):
+    """A branch ends where its events change; `grazing` is the special point there, None where it is another one."""
+
+    def __init__(self, message: str, grazing: "SpecialPoint | None"):
+        super().__init__(message)
+        self.grazing = grazing
+
+
 def follow(family: Family, state: np.ndarray, share: float,
            direction: float) -> Iterator[tuple[BranchPoint, BranchPoint]]:
     """Neighbours on the branch through a known orbit, until it leaves the parameter's range.
@@ -292,14 +300,15 @@ def beyond(before: BranchPoint) -> BranchPoint:
             for arc, sign, depth in itertools.product(_ENTRIES, (1.0, -1.0), _DEPTHS):
                 if found := _entered(before, sign * direction, arc, depth):
                     return found
-    change = "which ones was not found"
+    change, grazes = "which ones was not found", False
     for probe in (_CLEAR, *_PROBES):
         order = family.order(Place.of(before.place.vector + probe * before.tangent))
         if not same_order(order, before.passage.order):
             change = change_in_words(before.passage.order, order)
+            grazes = contacts_of(order) != contacts_of(before.passage.order)
             break
-    raise LostError(f"the branch ends at {family.name} = {before.value:.9g}, where its events change ({change}); no "
-                    "orbit was found beyond")
+    raise EdgeError(f"the branch ends at {family.name} = {before.value:.9g}, where its events change ({change}); no "
+                    "orbit was found beyond", SpecialPoint(GRAZING, before, before.width, change) if grazes else None)
 
 
 def _direction(family: Family, before: BranchPoint, probe: float) -> np.ndarray | None:

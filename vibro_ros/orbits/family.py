@@ -1,6 +1,6 @@
 """Orbits of one machine with one parameter that changes: the equations that a branch follows, and its points."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import NamedTuple
@@ -120,41 +120,8 @@ class Family:
 
     def jacobian(self, place: Place, held: np.ndarray, reach: float = 1.0,
                  fine: bool = False) -> np.ndarray:
-        """Derivative of the residual by state and share, shape (n, n + 1); what is held stays, whatever else moves.
-
-        A mass that arrives at its plate with the speed v would miss the plate from v² / 2 farther back, in units of the
-        machine. Central differences stay far within that, because the map has the root of this distance there; they let
-        no mass touch that misses its plate; they stay within `reach`, over which the branch is straight; and they are
-        shortened, down to 1e-9, until all their ends have the same events in the same order, because elsewhere the map
-        has other derivatives. With `fine`, differences over half the step cancel the leading error of the step
-        (L. F. Richardson's extrapolation).
-        """
-        seen = passage(self.map_at(place.share), place.state, self.turns)
-        order = self.order(place)
-        step = max(_LEAST_STEP, min(STEP, _SHARE * seen.softest**2, _PART * seen.miss, _PART * reach))
-        while True:
-            matrix, same = self._differences(place, ~held, order, step)
-            if same or step <= _LEAST_STEP:
-                break
-            step = max(_LEAST_STEP, 0.1 * step)
-        return (4.0 * self._differences(place, ~held, order, 0.5 * step)[0] - matrix) / 3.0 if fine else matrix
-
-    def _differences(self, place: Place, free: np.ndarray, order: EventOrder, step: float) -> tuple[np.ndarray, bool]:
-        """The derivative by central differences, and whether all their ends have the events of `order`."""
-        n, vector = len(place.state), place.vector
-        matrix, same = np.zeros((n, n + 1)), True
-        for i in np.flatnonzero(np.append(free, True)):
-            ends = []
-            for sign in (step, -step):
-                moved = vector.copy()
-                moved[i] += sign
-                there = Place.of(moved)
-                end, along = ordered(self.map_at(there.share), there.state, self.turns)
-                ends.append(end.state)
-                same = same and along == order
-            matrix[free, i] = (ends[0] - ends[1])[free] / (2.0 * step)
-        matrix[:, :n] -= np.eye(n)
-        return matrix, same
+        """Derivative of the residual by state and share, shape (n, n + 1), as `derivative` has it."""
+        return derivative(lambda shares: self.map_at(float(shares[0])), place.vector, self.turns, held, reach, fine)
 
     def with_turns(self, turns: int) -> "Family":
         """The same family for orbits that repeat themselves after another number of turns."""
@@ -175,6 +142,70 @@ class Family:
             here.advance(device, 0, phase)
             found.append(Place(there.read(device.state), place.share))
         return other, found
+
+
+def derivative(map_at: Callable[[np.ndarray], TurnMap], vector: np.ndarray, turns: int, held: np.ndarray,
+               reach: float = 1.0, fine: bool = False, longest: float = STEP) -> np.ndarray:
+    """Derivative of what does not come back after `turns` turns, by the state and by the shares of parameters.
+
+    What is held stays, whatever else moves.
+
+    A mass that arrives at its plate with the speed v would miss the plate from v² / 2 farther back, in units of the
+    machine. Central differences stay far within that, because the map has the root of this distance there; they let no
+    mass touch that misses its plate; they stay within `reach`, over which the branch is straight; and they are
+    shortened, down to 1e-9, until all their ends have the same events in the same order, because elsewhere the map has
+    other derivatives. With `fine`, differences over half the step cancel the leading error of the step (L. F.
+    Richardson's extrapolation).
+
+    Parameters
+    ----------
+    map_at : callable
+        Gives the turn map for some shares, shape (parameters,).
+    vector : ndarray, shape (n + parameters,)
+        State, in units of the machine, and shares.
+    turns : int
+        Of a passage.
+    held : ndarray, shape (n,) of bool
+        Coordinates that something holds.
+    reach, longest : float
+        As far as the branch is straight, and the longest step; dimensionless.
+    fine : bool
+        Whether to extrapolate.
+
+    Returns
+    -------
+    ndarray, shape (n, n + parameters)
+        The derivative.
+    """
+    n = len(held)
+    seen = passage(map_at(vector[n:]), vector[:n], turns)
+    step = max(_LEAST_STEP, min(longest, _SHARE * seen.softest**2, _PART * seen.miss, _PART * reach))
+    while True:
+        matrix, same = _differences(map_at, vector, turns, ~held, seen.order, step)
+        if same or step <= _LEAST_STEP:
+            break
+        step = max(_LEAST_STEP, 0.1 * step)
+    if not fine:
+        return matrix
+    return (4.0 * _differences(map_at, vector, turns, ~held, seen.order, 0.5 * step)[0] - matrix) / 3.0
+
+
+def _differences(map_at: Callable[[np.ndarray], TurnMap], vector: np.ndarray, turns: int, free: np.ndarray,
+                 order: EventOrder, step: float) -> tuple[np.ndarray, bool]:
+    """The derivative by central differences, and whether all their ends have the events of `order`."""
+    n = len(free)
+    matrix, same = np.zeros((n, len(vector))), True
+    for i in np.flatnonzero(np.append(free, np.ones(len(vector) - n, bool))):
+        ends = []
+        for sign in (step, -step):
+            moved = vector.copy()
+            moved[i] += sign
+            end, along = ordered(map_at(moved[n:]), moved[:n], turns)
+            ends.append(end.state)
+            same = same and along == order
+        matrix[free, i] = (ends[0] - ends[1])[free] / (2.0 * step)
+    matrix[:, :n] -= np.eye(n)
+    return matrix, same
 
 
 class PlacedOrbit(NamedTuple):

@@ -8,6 +8,7 @@ P. Kowalczyk, Piecewise-smooth Dynamical Systems, Springer 2008, chapters 6 to 8
 import math
 from collections import Counter
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from scipy.optimize import brentq
@@ -25,6 +26,25 @@ _STOPPED = 1e-12  # m/s along the ground: rounding of a body that a landing has 
 SAMPLES = 1024
 """Of a turn, among which a mass is looked for that turns back before its plate."""
 _NEAR = 1e-3  # crank radii: a nearer miss is looked at closely
+
+
+class Miss(NamedTuple):
+    """A mass that turns back before its plate.
+
+    Attributes
+    ----------
+    side : str
+        ``upper`` or ``inclined``.
+    first, last : float
+        Instants [s] after the cut between which it turns back.
+    gap : float
+        About how far from the plate [m].
+    """
+
+    side: str
+    first: float
+    last: float
+    gap: float
 
 
 @dataclass(frozen=True)
@@ -47,6 +67,8 @@ class Passage:
         infinite without a miss.
     order : tuple of str
         Its events in their order, counted from the cut.
+    misses : tuple of Miss
+        Where a mass turns back before its plate.
     """
 
     contacts: tuple[tuple[str, int], ...]
@@ -55,6 +77,7 @@ class Passage:
     softest: float
     miss: float
     order: EventOrder
+    misses: tuple[Miss, ...]
 
 
 def passage(turn_map: TurnMap, state: np.ndarray, turns: int) -> Passage:
@@ -76,10 +99,10 @@ def passage(turn_map: TurnMap, state: np.ndarray, turns: int) -> Passage:
     best, _ = middle_of_longest(~busy, free=True) if not busy.all() else (0.0, 0.0)
     contacts = events[of_contact]
     speeds = np.maximum(contacts["speed"] / turn_map.velocity, 0.5 * TURN * lasting[of_contact])
+    misses = _misses(turn_map, state, np.linspace(0.0, end, turns * SAMPLES + 1), contacts)
     return Passage(tuple(zip(kinds.tolist(), counts.tolist(), strict=True)), float(clear),
                    float((turn_map.phase + direction(turn_map.scene) * best) % TURN), float(speeds.min(initial=np.inf)),
-                   _nearest_miss(turn_map, state, np.linspace(0.0, end, turns * SAMPLES + 1), contacts),
-                   ordered(turn_map, state, turns)[1])
+                   _nearest(turn_map, state, misses), ordered(turn_map, state, turns)[1], misses)
 
 
 def ordered(turn_map: TurnMap, state: np.ndarray, turns: int = 1) -> tuple[TurnEnd, EventOrder]:
@@ -160,33 +183,38 @@ def change_in_words(before: EventOrder, after: EventOrder) -> str:
     return f"other order of {', '.join(moved)}"
 
 
-def _nearest_miss(turn_map: TurnMap, state: np.ndarray, times: np.ndarray, contacts: np.ndarray) -> float:
-    """`Passage.miss`: the nearest turning points among samples at `times` [s], and between their neighbours the exact
-    one."""
-    device, least = Simulator(turn_map.scene), np.inf
+def _misses(turn_map: TurnMap, state: np.ndarray, times: np.ndarray, contacts: np.ndarray) -> tuple[Miss, ...]:
+    """`Passage.misses`, among samples at `times` [s]."""
+    device, found = Simulator(turn_map.scene), list[Miss]()
     turn_map.put(device, state)
     run = device.sample(times)
     for side in turn_map.scene.plates:
         gap = getattr(run, f"{side}_plate_position") - getattr(run, f"{side}_position")
         of_side = contacts[contacts["kind"] == side + _CONTACT]
-        for number in np.flatnonzero((gap[1:-1] <= gap[:-2]) & (gap[1:-1] < gap[2:]) & (gap[1:-1] < least)):
+        for number in np.flatnonzero((gap[1:-1] <= gap[:-2]) & (gap[1:-1] < gap[2:])):
             first, last = times[number], times[number + 2]
             touches = (of_side["time"] <= last) & (of_side["time"] + of_side["duration"] >= first)
             if gap[number + 1] > 0.0 and not touches.any():
-                least = min(least, _least_gap(turn_map, state, side, first, last)
-                            if gap[number + 1] < _NEAR * turn_map.length else float(gap[number + 1]))
-    return max(0.0, least) / turn_map.length
+                found.append(Miss(side, float(first), float(last), float(gap[number + 1])))
+    return tuple(found)
 
 
-def _least_gap(turn_map: TurnMap, state: np.ndarray, side: str, first: float, last: float) -> float:
-    """Distance [m] of a mass from its plate where it turns back between two instants [s]."""
+def _nearest(turn_map: TurnMap, state: np.ndarray, misses: tuple[Miss, ...]) -> float:
+    """`Passage.miss`, exact where a sample is near."""
+    near = _NEAR * turn_map.length
+    least = min((least_gap(turn_map, state, miss) if miss.gap < near else miss.gap for miss in misses), default=np.inf)
+    return least / turn_map.length
+
+
+def least_gap(turn_map: TurnMap, state: np.ndarray, miss: Miss) -> float:
+    """Distance [m] of a mass from its plate where it turns back; 0 where it touches the plate."""
     device = Simulator(turn_map.scene)
 
     def apart(time: float, what: str) -> float:
         turn_map.put(device, state)
         device.advance_to(time)
-        return getattr(device.state, f"{side}_plate_{what}") - getattr(device.state, f"{side}_{what}")
+        return getattr(device.state, f"{miss.side}_plate_{what}") - getattr(device.state, f"{miss.side}_{what}")
 
-    turns_back = apart(first, "velocity") < 0.0 < apart(last, "velocity")
-    turn = brentq(apart, first, last, args=("velocity",), xtol=1e-12) if turns_back else first
+    turns_back = apart(miss.first, "velocity") < 0.0 < apart(miss.last, "velocity")
+    turn = brentq(apart, miss.first, miss.last, args=("velocity",), xtol=1e-12) if turns_back else miss.first
     return max(0.0, apart(turn, "position"))

@@ -95,11 +95,12 @@ def test_a_branch_is_read_as_it_was_written(tmp_path):
     special = tuple(Special(kind, 100.0 + at, 1e-9, 0.1 * at, multipliers[0], change, 0.5, random.normal(size=5), at)
                     for kind, change, at in (("fold", "", 0), ("grazing", "landing appears", 2), ("fold", "", 2),
                                              ("corner", "stick vanishes", 4)))
-    branch = Branch("motor.speed", 2, random.normal(size=4), random.normal(size=4), multipliers, random.normal(size=4),
+    branch = Branch(plan.scene, "motor.speed", 2, random.normal(size=4), random.normal(size=4), multipliers,
+                    random.normal(size=4),
                     random.normal(size=(4, 5)), {name: random.normal(size=(4, 2)) for name in names}, special, "an end")
     files = branch_files(tmp_path, plan)
     files.write(3, rows_of(branch))
-    found = branch_of(files.read(3), "motor.speed", names)
+    found = branch_of(plan, files.read(3))
     assert found.end == "an end" and found.turns == 2
     for key in ("values", "mean_speeds", "multipliers", "phases", "states"):
         np.testing.assert_array_equal(getattr(found, key), getattr(branch, key))

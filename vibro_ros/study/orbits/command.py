@@ -11,6 +11,8 @@ import pyarrow.compute as pc
 from vibro_ros.accuracy.precision import running
 from vibro_ros.configuration.strict_yaml import read_scalar
 from vibro_ros.model.parameters import BY_NAME
+from vibro_ros.orbits.branch import family_of
+from vibro_ros.orbits.curve import Curve
 from vibro_ros.orbits.turn_map import TurnMap
 from vibro_ros.process.front_door import Parser
 from vibro_ros.study.command import (
@@ -23,12 +25,15 @@ from vibro_ros.study.command import (
     study_parser,
     write_files,
 )
+from vibro_ros.study.orbits import curves
+from vibro_ros.study.orbits.curve_result import curve_document, curves_in_words, draw_curves
 from vibro_ros.study.orbits.result import document, draw_orbits, in_words, names_of
 from vibro_ros.study.orbits.run import FOLDER, OrbitsRun, Plan, fields_of, rows_of
 from vibro_ros.study.running.blocks import Field, file_of, table_of
 from vibro_ros.study.variation import Range, varied_in_words, whole_number
 
 BRANCHES, SPECIAL, PICTURE, TEXT = "branches.parquet", "special_points.parquet", "orbits.png", "orbits.md"
+CURVES, CURVE_PICTURE = "curves.parquet", "curves.png"
 MOST_TURNS = 32
 _QUICK_VARY, _QUICK_FROM = "motor.speed=60:66", 65.0
 # Default, default with --quick, least and most of the numbers that an option gives.
@@ -42,13 +47,34 @@ def main(words: Sequence[str]) -> int:
 
 def _orbits(options: argparse.Namespace) -> int:
     plan = plan_of(options)
+    asked = curves_of(options, plan) if options.curves else None
     runner = runner_of(options)
     with locked(options.output / FOLDER):
         run = OrbitsRun(plan, options.output / FOLDER, runner)
         run.do()
         write_files(options.output, _files(plan, run))
     print("\n".join(in_words(run.done)) or "no orbit was found; give more --starts, --turns, or another --from")
+    if asked:
+        with locked(options.output / curves.FOLDER):
+            names = names_of([branch for _, branch in run.done])
+            found = curves.follow_curves(asked, run.done, names, options.output / curves.FOLDER, runner)
+            write_files(options.output, _curve_files(asked, run, found))
+        print("\n".join(curves_in_words(found)) or "no special point has a curve")
     return 0
+
+
+def curves_of(options: argparse.Namespace, plan: Plan) -> curves.CurvePlan:
+    """The second parameter that `--curves` names (ValueError for one that makes no sense)."""
+    name, over = varied_in_words(options.curves)
+    if not isinstance(over, Range) or over.log:
+        raise ValueError(f"--curves {options.curves}: is no range; give NAME=LOW:HIGH, such as upper.gap=0:0.002")
+    if name == plan.name:
+        raise ValueError(f"--curves {options.curves}: {name} is the parameter of --vary; give another one")
+    family_of(plan.scene, name, over.low, over.high, 1, 0.0)
+    if not over.low <= plan.scene[name] <= over.high:
+        raise ValueError(f"--curves {options.curves}: does not hold the machine's {plan.scene[name]:g}; give a range "
+                         "that holds it, or another --set")
+    return curves.CurvePlan(plan, name, over.low, over.high)
 
 
 def plan_of(options: argparse.Namespace) -> Plan:
@@ -99,6 +125,20 @@ def _files(plan: Plan, run: OrbitsRun) -> dict[str, bytes]:
     return {**files, TEXT: document(plan, run.done).encode(), PICTURE: draw_orbits(plan, branches)}
 
 
+def _curve_files(asked: curves.CurvePlan, run: OrbitsRun,
+                 found: Sequence[tuple[curves.CurveTask, Curve]]) -> dict[str, bytes]:
+    """Table, text and picture of the curves by the names of their files; the text holds that of the branches, too."""
+    files, rows = {}, list[dict]()
+    for task, curve in found:
+        rows += [{"through": task.name, "way": task.way, **row} for row in curves.rows_of(curve)] if len(curve) else []
+    if rows:
+        own = [Field("through", pa.string(), "1", "name of the special point that the curve begins with"),
+               Field("way", pa.string(), "1", f"from there in {asked.name}")]
+        files = {CURVES: file_of(table_of(rows, [*own, *curves.fields_of(asked)]))}
+    text = document(asked.plan, run.done) + curve_document(asked, found)
+    return {**files, TEXT: text.encode(), CURVE_PICTURE: draw_curves(asked, run.done, found)}
+
+
 def parser() -> Parser:
     """The command line of the study."""
     own = study_parser(
@@ -106,6 +146,8 @@ def parser() -> Parser:
         "folds, grazings and corners, and from period doublings on; locate and name special points.")
     add_machine(own, "device")
     own.add_argument("--vary", metavar="NAME=LOW:HIGH", help="the parameter that changes, and its range")
+    own.add_argument("--curves", metavar="NAME=LOW:HIGH", help="a second parameter, over which the special points are "
+                     "followed as curves, and its range")
     own.add_argument("--from", dest="begin", action="append", default=[], metavar="VALUE", help="where orbits are "
                      "looked for; repeatable (default: at a quarter, a half and three quarters of the range)")
     own.add_argument("--turns", type=int, metavar="N", help="most turns of the crank after which an orbit repeats "

@@ -97,7 +97,7 @@ def _multipliers(values: np.ndarray) -> str:
 
 # Okabe and Ito's colours, which the colour-blind can tell apart, by the turns of a branch; the last one for all others.
 _COLOURS = {1: "#000000", 2: "#0072b2", 3: "#d55e00", 4: "#009e73", 8: "#cc79a7", 0: "#e69f00"}
-_MARKS = {FOLD: ("s", 5.0), DOUBLING: ("o", 5.0), TORUS: ("D", 5.0), GRAZING: ("^", 5.5), CORNER: (".", 3.5)}
+MARKS = {FOLD: ("s", 5.0), DOUBLING: ("o", 5.0), TORUS: ("D", 5.0), GRAZING: ("^", 5.5), CORNER: (".", 3.5)}
 _MOST_NAMES = 24  # places whose names are written into the picture
 _CELLS = 50.0  # of a panel along each axis: names of one cell stand together
 
@@ -142,7 +142,7 @@ def _draw_special(axes: Axes, branches: Sequence[Branch]) -> None:
              for name, one in zip(names, branch.special_points, strict=True)]
     cells: dict[tuple[int, int], list[str]] = {}
     for _, one, branch in named:
-        mark, size = _MARKS[one.kind]
+        mark, size = MARKS[one.kind]
         axes.plot(one.value, 1e3 * one.mean_speed, mark, ms=size, color=_COLOURS.get(branch.turns, _COLOURS[0]),
                   mfc="white" if one.kind != CORNER else None, zorder=3)
     # What lies together shares a label.
@@ -162,4 +162,4 @@ def _legend(branches: Sequence[Branch]) -> list[Line2D]:
     lines = [Line2D([], [], color=_COLOURS.get(one, _COLOURS[0]), label=f"{one} turn{'s' * (one > 1)}")
              for one in turns]
     return lines + [Line2D([], [], color="#000000", ls="", marker=mark, ms=size, mfc="white", label=kind)
-                    for kind, (mark, size) in _MARKS.items() if kind in kinds]
+                    for kind, (mark, size) in MARKS.items() if kind in kinds]

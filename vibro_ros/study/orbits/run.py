@@ -2,11 +2,11 @@
 
 import contextlib
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence, Sized
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 import pyarrow as pa
@@ -25,7 +25,7 @@ from vibro_ros.study.running.blocks import NUMBERS, Field, ParquetBlocks
 from vibro_ros.study.running.runner import Piece, Results, Runner, Work
 
 UP, DOWN, DOUBLED = "upwards", "downwards", "doubled"
-_LINES = 10.0  # s between lines that say how far a branch is
+LINES = 10.0  # s between lines that say how far a branch is
 
 
 class Task(NamedTuple):
@@ -114,7 +114,7 @@ def branches_of_piece(plan: Plan, tasks: dict[int, Task], piece: Piece) -> list[
 
     def notice(orbits: int, value: float) -> None:
         nonlocal said
-        if time.monotonic() - said > _LINES:
+        if time.monotonic() - said > LINES:
             said = time.monotonic()
             say("study", f"branch {piece.number}: {orbits} orbits, {plan.name} = {value:.6g}")
 
@@ -158,12 +158,12 @@ def rows_of(branch: Branch) -> list[dict]:
     """The rows of a branch."""
     rows: list[dict] = [{
         branch.name: branch.values[k], "mean_speed": branch.mean_speeds[k], "stable": bool(branch.stable[k]),
-        "phase": branch.phases[k], "state": branch.states[k], **_parts(branch.multipliers[k]),
+        "phase": branch.phases[k], "state": branch.states[k], **multiplier_columns(branch.multipliers[k]),
         **{name: values[k] for name, values in branch.strobe.items()}} for k in range(len(branch))]
     for number, special in enumerate(branch.special_points):
         rows.insert(special.at + number, {
             "kind": special.kind, branch.name: special.value, "width": special.width, "phase": special.phase,
-            "mean_speed": special.mean_speed, "state": special.state, **_parts(special.multipliers),
+            "mean_speed": special.mean_speed, "state": special.state, **multiplier_columns(special.multipliers),
             "change": special.change or None})
     for row in rows:
         row["turns"] = branch.turns
@@ -172,12 +172,13 @@ def rows_of(branch: Branch) -> list[dict]:
     return rows
 
 
-def _parts(multipliers: np.ndarray) -> dict:
+def multiplier_columns(multipliers: np.ndarray) -> dict:
+    """The columns of a row's multipliers."""
     return {"multipliers_real": multipliers.real, "multipliers_imag": multipliers.imag}
 
 
-def branch_of(table: pa.Table, name: str, names: Sequence[str]) -> Branch:
-    """The branch of at least one row that a file holds, of the parameter `name` and with the coordinates `names`."""
+def branch_of(plan: Plan, table: pa.Table) -> Branch:
+    """The branch of at least one row that a file of a plan holds."""
     rows = table.to_pylist()
     turns, end = int(rows[0]["turns"]), rows[-1]["end"]
     orbits = [row for row in rows if row["kind"] is None]
@@ -186,27 +187,50 @@ def branch_of(table: pa.Table, name: str, names: Sequence[str]) -> Branch:
         if row["kind"] is None:
             before += 1
         else:
-            special.append(Special(row["kind"], row[name], row["width"], row["mean_speed"], _complex(row),
+            special.append(Special(row["kind"], row[plan.name], row["width"], row["mean_speed"], multipliers_of(row),
                                    row["change"] or "", row["phase"], np.array(row["state"]), before))
+    name, names = plan.name, coordinates(plan.scene)
     n = len(names)
     return Branch(
-        name, turns, _array(orbits, name), _array(orbits, "mean_speed"),
-        np.array([_complex(row) for row in orbits], dtype=complex).reshape(-1, n), _array(orbits, "phase"),
-        _array(orbits, "state").reshape(-1, n),
-        {one: _array(orbits, one).reshape(-1, turns) for one in names}, tuple(special), end)
+        plan.scene, name, turns, array_of(orbits, name), array_of(orbits, "mean_speed"),
+        np.array([multipliers_of(row) for row in orbits], dtype=complex).reshape(-1, n), array_of(orbits, "phase"),
+        array_of(orbits, "state").reshape(-1, n),
+        {one: array_of(orbits, one).reshape(-1, turns) for one in names}, tuple(special), end)
 
 
-def _array(rows: Sequence[dict[str, Any]], key: str) -> np.ndarray:
+def array_of(rows: Sequence[dict[str, Any]], key: str) -> np.ndarray:
+    """A column of rows."""
     return np.array([row[key] for row in rows], dtype=float)
 
 
-def _complex(row: dict[str, Any]) -> np.ndarray:
+def multipliers_of(row: dict[str, Any]) -> np.ndarray:
+    """The multipliers that a row has."""
     return np.array(row["multipliers_real"]) + 1j * np.array(row["multipliers_imag"])
 
 
 _SAME = 1e-6  # share of the range within which a period doubling that two branches have is one
-_RUN_TIME = 1000.0  # robot time [s] of a search or a branch, about: so long that each is handed out alone
+RUN_TIME = 1000.0  # robot time [s] of a search or a branch, about: so long that each is handed out alone
 _JOINS = 0.05  # share of the range within which a branch that joins another one ends at its period doubling
+
+
+_Task = TypeVar("_Task")
+_Result = TypeVar("_Result", bound=Sized)
+
+
+def followed(files: ParquetBlocks, tasks: dict[int, _Task], read: Callable[[pa.Table], _Result],
+             rows: Callable[[_Result], list[dict]], words: Callable[[int, _Task], str],
+             compute: Callable[[dict[int, _Task]], Results]) -> list[_Result]:
+    """What comes of numbered tasks, in their order: read from the files, or computed and written."""
+    found = {number: table and read(table) for number, table in ((number, files.read(number)) for number in tasks)}
+    missing = {number: task for number, task in tasks.items() if found[number] is None}
+    for number, task in missing.items():
+        say("study", words(number, task))
+    with contextlib.closing(compute(missing)) as results:
+        for number, (result,) in zip(missing, results, strict=True):
+            found[number] = result
+            if len(result):  # what does not begin is tried again, which is soon done
+                files.write(number, rows(result))
+    return [result for result in found.values() if result is not None]
 
 
 class OrbitsRun:
@@ -260,28 +284,20 @@ class OrbitsRun:
             self._follow(tasks)
 
     def _compute(self, work: Work, pieces: Iterator[Piece]) -> Results:
-        return self._runner(work, _RUN_TIME, (self._plan.scene["solver.method"],), pieces)
+        return self._runner(work, RUN_TIME, (self._plan.scene["solver.method"],), pieces)
 
     def _follow(self, tasks: Sequence[Task]) -> None:
         """Do the tasks, or read what was done before; their branches come in the order of the tasks."""
-        numbers = range(len(self.done), len(self.done) + len(tasks))
-        if numbers.stop > MOST_BRANCHES:
+        if len(self.done) + len(tasks) > MOST_BRANCHES:
             raise RuntimeError(f"there are more than {MOST_BRANCHES} branches; give fewer --turns or a smaller range")
-        names = coordinates(self._plan.scene)
-        known = {number: table and branch_of(table, self._plan.name, names)
-                 for number, table in ((number, self._files.read(number)) for number in numbers)}
-        missing = {number: task for number, task in zip(numbers, tasks, strict=True) if known[number] is None}
-        for number, task in missing.items():
-            say("study", f"branch {number}: {task.turns} turn{'s' * (task.turns > 1)}, {task.way} from "
-                         f"{self._plan.name} = {task.value:.9g}, at most {self._plan.points} orbits")
-        pieces = (Piece(number, {self._plan.name: task.value}, (number,)) for number, task in missing.items())
-        work = partial(branches_of_piece, self._plan, missing)
-        with contextlib.closing(self._compute(work, pieces)) as results:
-            for number, (branch,) in zip(missing, results, strict=True):
-                known[number] = branch
-                if len(branch):  # a branch that does not begin is tried again, which is soon done
-                    self._files.write(number, rows_of(branch))
-        self.done += [(task, branch) for task, branch in zip(tasks, known.values(), strict=True) if branch is not None]
+        numbered = dict(enumerate(tasks, len(self.done)))
+        branches = followed(
+            self._files, numbered, partial(branch_of, self._plan), rows_of,
+            lambda number, task: f"branch {number}: {task.turns} turn{'s' * (task.turns > 1)}, {task.way} from "
+            f"{self._plan.name} = {task.value:.9g}, at most {self._plan.points} orbits",
+            lambda missing: self._compute(partial(branches_of_piece, self._plan, missing), (
+                Piece(number, {self._plan.name: task.value}, (number,)) for number, task in missing.items())))
+        self.done += zip(tasks, branches, strict=True)
 
     def _doublings(self) -> list[Task]:
         """The first period doubling of each branch whose branch of doubled period is not known yet."""

@@ -1,0 +1,122 @@
+"""Curves of special points over two parameters against closed forms, one parameter, and from the other end."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from closed_form import ImpactOscillator
+from scipy.linalg import expm
+from scipy.optimize import brentq, minimize_scalar
+from test_continuation import HIGH, LOW, oscillator
+
+import vibro_ros
+from vibro_ros.orbits.branch import Special
+from vibro_ros.orbits.continuation import DOUBLING, FOLD, GRAZING
+from vibro_ros.orbits.turn_map import TurnMap
+
+
+def first(scene: vibro_ros.Scene, name: str, low: float, high: float, upwards: bool, kind: str):
+    """The branch through the scene's own orbit, and its first special point of a kind."""
+    branch = vibro_ros.follow_orbit(vibro_ros.find_orbit(scene), name, low, high, upwards, points=60)
+    return branch, next(one for one in branch.special_points if one.kind == kind)
+
+
+@pytest.mark.parametrize(("speed", "restitution", "gap", "upwards", "kind"), [
+    (170.0, 0.5, 0.0, True, FOLD), (230.0, 0.5, -0.003, True, DOUBLING)])
+def test_folds_and_doublings_over_two_parameters_are_those_of_the_closed_form(speed, restitution, gap, upwards, kind):
+    branch, special = first(oscillator(speed, restitution, gap), "upper.gap", LOW, HIGH, upwards, kind)
+    curve = vibro_ros.follow_bifurcation(branch, special, {
+        "upper.gap": (LOW, HIGH), "motor.speed": (speed - 20.0, speed + 20.0)})
+    assert curve.end == f"motor.speed leaves its range at {speed + 20.0:g} rad/s"
+    assert curve.values[-1, 1] == pytest.approx(speed + 20.0, abs=1e-12)
+    critical = {FOLD: 1.0, DOUBLING: -1.0}[kind]
+    for here, at in curve.values[::4]:
+        closed = ImpactOscillator(oscillator(at, restitution, here))
+        phases = closed.phases_where(
+            lambda phase, own=closed: float(np.prod(own.multipliers(phase) - critical).real), 200)
+        # Rounding of the derivative, 1e-10, moves a doubling by as much, in crank radii; a fold by its square.
+        assert min(abs(closed.blow(phase).gap - here) for phase in phases) < 1e-12
+
+
+def test_a_mass_grazes_its_plate_where_the_gap_is_the_amplitude_of_the_steady_motion():
+    branch, special = first(oscillator(170.0, 0.8, 0.02), "upper.gap", LOW, HIGH, False, GRAZING)
+    assert "no orbit was found beyond" in branch.end and special.change == "upper_contact appears"
+    curve = vibro_ros.follow_bifurcation(branch, special, {"upper.gap": (LOW, HIGH), "motor.speed": (160.0, 180.0)})
+    assert curve.end == "motor.speed leaves its range at 180 rad/s"
+    for here, at in curve.values:
+        closed = ImpactOscillator(oscillator(at, 0.8, here))
+        phases = np.linspace(0.0, 2.0 * np.pi, 100)
+        best = phases[np.argmax([closed.steady(phase)[0] for phase in phases])]
+        most = minimize_scalar(lambda phase, own=closed: -own.steady(phase)[0], bounds=(best - 0.1, best + 0.1),
+                               method="bounded", options={"xatol": 1e-9})
+        assert here + closed.rod == pytest.approx(-most.fun, abs=1e-13)  # rounding, and (1e-6)² crank radii
+
+
+@pytest.mark.parametrize("kind", [FOLD, GRAZING])
+def test_a_curve_comes_back_and_lies_where_one_parameter_has_its_special_point(kind):
+    """`damped` over motor speed and gap: to a gap of 1 mm and back, and the branch at 1 mm."""
+    branch, special = first(vibro_ros.load_scene("damped"), "motor.speed", 95.0, 112.0, True, kind)
+    ranges = {"motor.speed": (90.0, 112.0), "inclined.gap": (0.0, 0.001)}
+    there = vibro_ros.follow_bifurcation(branch, special, ranges)
+    assert there.end == "inclined.gap leaves its range at 0.001 m" and not there.special_points
+    moved = branch.scene.with_parameters({"inclined.gap": 0.001})
+    last = Special(kind, there.values[-1, 0], 0.0, there.mean_speeds[-1], there.multipliers[-1], special.change,
+                   there.phases[-1], there.states[-1], 0)
+    back = vibro_ros.follow_bifurcation(replace(branch, scene=moved), last, ranges, upwards=False)
+    assert back.end == "inclined.gap leaves its range at 0 m"
+    assert back.values[-1, 0] == pytest.approx(special.value, abs=1e-7)  # to which one parameter locates it
+    assert back.values[-1] == pytest.approx(there.values[0], abs=1e-9)
+    assert back.mean_speeds[-1] == pytest.approx(there.mean_speeds[0], abs=1e-9)
+    _, found = first(moved, "motor.speed", 95.0, 112.0, True, kind)
+    assert there.values[-1, 0] == pytest.approx(found.value, abs=1e-7)
+
+
+def test_a_special_point_without_a_curve_and_parameters_that_are_not_two_are_refused():
+    scene = oscillator(170.0, 0.5, 0.0)
+    branch, fold = first(scene, "upper.gap", LOW, HIGH, True, FOLD)
+    landing = replace(fold, kind=GRAZING, change="landing_stops appears, lift_off appears")
+    for special, ranges, message in (
+            (landing, {"upper.gap": (LOW, HIGH), "motor.speed": (160.0, 180.0)}, "special: a grazing .* has no curve"),
+            (fold, {"upper.gap": (LOW, HIGH)}, "ranges: 1 parameters; give two"),
+            (fold, {"motor.speed": (160.0, 180.0), "mass.upper": (0.1, 0.2)}, "ranges: has no upper.gap"),
+            (fold, {"upper.gap": (LOW, HIGH), "motor.speed": (171.0, 180.0)}, "motor.speed: the special point's 170")):
+        with pytest.raises(ValueError, match=message):
+            vibro_ros.follow_bifurcation(branch, special, ranges)
+
+
+def test_two_folds_meet_in_the_cusp_of_the_closed_form():
+    """From one fold at 56 rad/s through the cusp to the other fold at 56 rad/s."""
+    def closed(speed):
+        return ImpactOscillator(oscillator(speed, 0.2, 0.0).with_parameters({"upper.spring.damping": 0.5}))
+
+    def slope(phase, own):
+        """Derivative of the gap by the phase of the blow, by differences of fourth order; 0 at a fold."""
+        gaps = [own.blow(phase + k * 1e-3).gap for k in (-2.0, -1.0, 1.0, 2.0)]
+        return (gaps[0] - 8.0 * gaps[1] + 8.0 * gaps[2] - gaps[3]) / 12e-3
+
+    def lowest(speed):
+        """Where the slope is least between the folds, and its value there: 0 at the cusp."""
+        own = closed(speed)
+        return minimize_scalar(lambda phase: slope(phase, own), bounds=(5.1, 5.5), method="bounded",
+                               options={"xatol": 1e-8})
+
+    own = closed(56.0)
+    first_fold, second_fold = (brentq(slope, *bounds, args=(own,)) for bounds in ((5.1, 5.3), (5.3, 5.6)))
+    at_cusp = brentq(lambda speed: lowest(speed).fun, 56.1, 56.5, xtol=1e-12)
+    blow = own.blow(first_fold)
+    scene = own.scene.with_parameters({"upper.gap": blow.gap})
+    turn_map, phase = TurnMap(scene), first_fold + 2.0  # rad, of the cut
+    position, velocity, _ = own.steady(first_fold)
+    after = [blow.gap + own.rod - position, -own.restitution * blow.speed - velocity]
+    state = np.array(own.steady(phase)[:2]) + expm(own.matrix * 2.0 / own.speed) @ after
+    orbit = vibro_ros.find_orbit(scene.with_parameters({"upper.gap": 0.0222}))
+    branch = replace(vibro_ros.follow_orbit(orbit, "upper.gap", 0.022, 0.023, points=2), scene=scene)
+    special = Special(FOLD, blow.gap, 0.0, 0.0, own.multipliers(first_fold), "", phase % (2.0 * np.pi),
+                      state / turn_map.units, 0)
+    curve = vibro_ros.follow_bifurcation(branch, special, {"upper.gap": (0.015, 0.03), "motor.speed": (56.0, 62.0)})
+    (cusp,) = curve.special_points
+    assert cusp.kind == "cusp"
+    # The test's differences of fourth order are good to 1e-9 of the slope.
+    assert cusp.values == pytest.approx([closed(at_cusp).blow(lowest(at_cusp).x).gap, at_cusp], abs=1e-6)
+    assert curve.end == "motor.speed leaves its range at 56 rad/s"
+    assert curve.values[-1, 0] == pytest.approx(own.blow(second_fold).gap, abs=1e-12)
