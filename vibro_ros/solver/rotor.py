@@ -66,7 +66,13 @@ def _product(p, mirrored, n):
     Coefficient j of the second series is `mirrored` [LENGTH - j], behind which are zeros: so the terms of the sum stand
     side by side, and the sum takes as few instructions as a vector has parts.
     """
-    return total(vector(p) * vector(mirrored[LENGTH - n:]))
+    return total(_terms(p, mirrored, n))
+
+
+@kernel
+def _terms(p, mirrored, n):
+    """The terms of that sum."""
+    return vector(p) * vector(mirrored[LENGTH - n:])
 
 
 @kernel
@@ -114,7 +120,7 @@ def _turn_signals(system, z, n, step, series, mirrored):
     """
     size = system.size[0]
     rate, first = z[size.coordinates + size.dynamic - 2, n], first_signal(size)
-    turned = mirrored[_RATE]
+    turned, per_step = mirrored[_RATE], 1.0 / step  # which no coefficient has to wait for
     cosine = -step * (_product(series[_SINE], turned, n) + series[_SINE, 0] * rate)
     sine = step * (_product(series[_COSINE], turned, n) + series[_COSINE, 0] * rate)
     for k in range(size.signals):
@@ -129,17 +135,17 @@ def _turn_signals(system, z, n, step, series, mirrored):
             root, signal, slope = 0.0, along, -across
         else:  # root² = b + along², signal = along + root, root slope = -across signal
             inverse = 1.0 / series[row + 2, 0]
-            square = 0.5 * (_product(series[row], mirrored[row], n + 1)
-                            - _product(series[row + 2], mirrored[row + 2], n + 1))
-            quotient = (_product(series[row + 1], mirrored[row + 3], n + 1)
-                        + _product(slopes, mirrored[row + 2], n + 1))
+            square = 0.5 * total(_terms(series[row], mirrored[row], n + 1)
+                                 - _terms(series[row + 2], mirrored[row + 2], n + 1))
+            quotient = total(_terms(series[row + 1], mirrored[row + 3], n + 1)
+                             + _terms(slopes, mirrored[row + 2], n + 1))
             root = (series[row, 0] * along + square) * inverse
             signal = along + root
             slope = -inverse * (quotient + series[row + 1, 0] * signal + across * series[row + 3, 0]
                                 + slopes[0] * root)
         if size.signal_accelerations > 0:
             of_first = rate if n == 0 else turned[LENGTH]
-            z[first + 2 * size.signals + k, n] = (change + slope * of_first) / step
+            z[first + 2 * size.signals + k, n] = (change + slope * of_first) * per_step
         _put_signal(k, n + 1, along, across, root, signal, slope, series, mirrored)
     series[_COSINE, n + 1], series[_SINE, n + 1], turned[LENGTH - n] = cosine, sine, rate
 
