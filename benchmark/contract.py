@@ -12,6 +12,12 @@ from typing import NamedTuple
 PLAIN, TUNED = "as documented", "tuned"
 
 
+#: Outcome of a run whose body is deeper below a ground that it may leave than it truly rises above it.
+FALLS = "falls through the ground"
+#: Error of a run that diverges, in spans of the reference.
+DIVERGED = 10.0
+
+
 class Setting(NamedTuple):
     """One way to use a program: `kind` is `PLAIN` or `TUNED`, `value` a step [s] or a tolerance."""
 

@@ -1,6 +1,6 @@
 """The first sign change of a polynomial, certified by ball arithmetic (python-flint)."""
 
-from flint import arb, arb_poly
+from flint import arb, arb_poly, ctx
 
 LEADING_TOLERANCE = 1e-38  # events are located to about 1e-50, so a coefficient this small is a zero
 TOUCH_WIDTH = arb("1e-45")  # two crossings closer than this [s] are taken for a touch without crossing
@@ -53,7 +53,7 @@ def first_crossing(coefficients: list, step: arb, natural_step: float) -> arb | 
 
 def _located(polynomial: arb_poly, derivative: arb_poly, start: arb, end: arb) -> arb:
     """The zero between `start` (positive) and `end` (negative), by Newton inside a shrinking bracket."""
-    point = ((start + end) / 2).mid()
+    point, near = ((start + end) / 2).mid(), arb(10) ** -(ctx.dps - 8)
     for _ in range(400):
         value = polynomial(point).mid()
         if value > 0:
@@ -64,7 +64,7 @@ def _located(polynomial: arb_poly, derivative: arb_poly, start: arb, end: arb) -
         closer = (point - value / slope).mid() if slope != 0 else end
         if not start < closer < end:
             closer = ((start + end) / 2).mid()
-        if abs(closer - point) < arb("1e-56"):
+        if abs(closer - point) < near:
             return closer
         point = closer
     return point

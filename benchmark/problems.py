@@ -78,6 +78,11 @@ class Problem:
             "effects.friction": "coulomb" if given["mu"] else "none", "ground.static_friction": given["mu"],
             "effects.motor": "ideal", "start.state": "given" if start else "rest"}
 
+    def falls_through(self, states: Sequence[Sequence[float]]) -> bool:
+        """Whether a body that may leave the ground, y >= 0, is ever deeper below it than it truly rises above it."""
+        height = max(map(float, self.values["y"]))
+        return self.parameters["normal"] == "hop" and any(row[COLUMNS.index("y")] < -height for row in states)
+
     def error(self, states: Sequence[Sequence[float]]) -> float:
         """Largest error of the judged columns, each relative to the span of its reference values; NaN for no number.
 

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 from benchmark import problems
-from benchmark.contract import PLAIN, TUNED
+from benchmark.contract import DIVERGED, FALLS, PLAIN, TUNED
 
 PAGE, RESULTS = "benchmark.md", "results.json"
 #: Errors below this are rounding, and are drawn there.
@@ -42,10 +42,13 @@ def page(rows: Sequence[Mapping], names: Sequence[str], machine: str) -> str:
     parts = [head, sentence(rows),
              "An error is the largest at the sampled instants, of the body's position (of the masses' motion where the "
              "body has none, of height and speed of the ball), as a share of the span of its reference values, which "
-             "are known to 30 digits. "
+             "have 60 digits. "
              f"A cost is a ratio to {_UNIT}, timed on the same problem just before and after; compilation does not "
              f"count. Each program is used as its documentation recommends ({PLAIN}) and as an expert sets it "
              f"({TUNED}). Measured on {machine}; {versions(rows)}.",
+             f"A run *{FALLS}* if its body is at a sampled instant deeper below a ground that it may leave, y ≥ 0, "
+             "than the true body ever rises above it; has the *wrong sign* if the body ends on the other side of its "
+             f"start; and *diverges* beyond {DIVERGED:g} spans. None of these counts for prices.",
              "Equations, data and how to add a program: `benchmark/README.md` in the repository; `make benchmark` "
              "measures it again.",
              "## What one more digit costs", "Ten to the power of minus the slope of log cost over log error, of a "
@@ -69,7 +72,7 @@ def sentence(rows: Iterable[Mapping]) -> str:
         return "`exact` was not measured on `device` in this run."
     told = []
     for error in (1e-3, 1e-6, 1e-9):
-        good = [row for row in own if row["error"] <= error and row["runner"] not in ("exact", "rk4")]
+        good = [row for row in own if row["error"] <= error and row["runner"] != "exact"]
         best = sorted({row["runner"]: row["cost"] for row in sorted(good, key=lambda row: -row["cost"])}.items(),
                       key=lambda found: found[1])
         told.append(f"{error:g}: " + (", ".join(f"{runner} {_plain(cost)}" for runner, cost in best) or "no program"))
@@ -84,15 +87,23 @@ def _plain(number: float) -> str:
 
 
 def versions(rows: Iterable[Mapping]) -> str:
-    """Every program's version, once."""
-    return ", ".join(dict.fromkeys(row["version"] for row in rows if row.get("version")))
+    """Every program's version, with the problems that it ran on where a program has several."""
+    ran: dict[str, dict[str, dict[str, None]]] = {}
+    for row in rows:
+        if row.get("version"):
+            ran.setdefault(row["runner"], {}).setdefault(row["version"], {})[row["problem"]] = None
+    return ", ".join(f"{version} ({', '.join(on)})" if len(own) > 1 else version
+                     for own in ran.values() for version, on in own.items())
 
 
 def price(rows: Sequence[Mapping]) -> tuple[float, float, float] | None:
-    """Cost of one more digit as a factor, and the errors between which it is fitted; None of fewer than two digits."""
+    """Cost of one more digit as a factor, and the errors between which it is fitted; None where none is gained.
+
+    `rows` are settings of one program, the coarsest first.
+    """
     points = [(math.log10(max(row["error"], FLOOR)), math.log10(row["cost"])) for row in rows
               if row["outcome"] == "ok" and 0.0 < row["error"] < 1.0]
-    if len(points) < 2 or max(points)[0] - min(points)[0] < _LEAST_DIGITS:
+    if len(points) < 2 or points[0][0] - points[-1][0] < _LEAST_DIGITS:
         return None
     slope = statistics.linear_regression(*zip(*points, strict=True)).slope
     return 10.0 ** -slope, 10.0 ** max(points)[0], 10.0 ** min(points)[0]

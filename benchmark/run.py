@@ -18,14 +18,13 @@ from pathlib import Path
 
 from benchmark import problems
 from benchmark.child import unit_seconds
-from benchmark.contract import PLAIN
+from benchmark.contract import DIVERGED, FALLS, PLAIN
 
 ROOT = Path(__file__).resolve().parents[1]
 RESULTS = ROOT / "out" / "benchmark" / "results.json"
 RUNNERS = ("exact", "rk4", "heyoka", "cvode", "scipy", "numbalsoda", "diffrax", "drake", "mujoco", "siconos")
 LIMIT = 60.0  # s, of one process
 _QUICK_LIMIT = 30.0
-_DIVERGED = 10.0  # spans of the reference
 #: Debian's own Python, where python3-siconos is, unlike what pip brings.
 _INTERPRETERS = {"siconos": "/usr/bin/python3"}
 
@@ -133,14 +132,15 @@ def judged(problem: problems.Problem, found: dict) -> dict:
     if "states" not in found:
         return row
     states = [[math.nan if number is None else number for number in line] for line in found["states"]]
+    fallen = problem.falls_through(states)
     judged_only = {problems.COLUMNS.index(column) for column in problem.judged}
     states = [[number if k in judged_only else 0.0 for k, number in enumerate(line)] for line in states]
     if len(states) != len(problem.times):
         return row | {"outcome": "fails", "why": f"{len(states)} of {len(problem.times)} samples"}
     error = problem.error(states)
-    if math.isnan(error) or error > _DIVERGED:
+    if math.isnan(error) or error > DIVERGED and not fallen:
         return row | {"outcome": "diverges"}
-    row |= {"outcome": "ok", "error": error}
+    row |= {"outcome": FALLS if fallen else "ok", "error": error}
     if found["events"] is not None:
         row["missed"] = {kind: [found["events"].get(kind, 0), event["count"]] for kind, event in problem.events.items()
                          if kind in found["events"] or kind.endswith("contact")}

@@ -92,8 +92,9 @@ def known_to(rows: Mapping[str, Sequence[Measurement]]) -> str:
     worst = max(references, key=lambda row: row.position_error)
     return (f"*Who judges.* Every error is measured against `exact`. It is judged by {worst.method}, another method "
             f"by other authors, with which it agrees to {worst.position_error:.0e} m or better within the horizons "
-            f"shown (worst in `{worst.scene}`), and by runs of 60 digits with an integrator of its own "
-            "(`test/reference`), to 1e-9 m. No method is shown to be better than that: the grey band of the diagrams.")
+            f"shown (worst in `{worst.scene}`): the grey band of the diagrams, in which no error is known. And it is "
+            "judged by stored runs of 60 digits with an integrator of its own, with which it agrees to 1e-12 m "
+            "(`test/reference/comparison.py` prints the differences).")
 
 
 def document(study: Accuracy, bench: str, ticks: str) -> str:

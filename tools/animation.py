@@ -32,19 +32,9 @@ COLOURS_IN_GIF = 128
 
 
 class Animation:
-    """The frames of one scene.
+    """The frames of one scene, over so many crank turns after `SETTLED` that are not shown.
 
-    Parameters
-    ----------
-    name : str
-        Scene to show.
-    turns : int
-        Crank turns shown, after `SETTLED` that are not.
-
-    Raises
-    ------
-    ValueError
-        For a scene without masses or plates, and for too few or too many turns.
+    ValueError for a scene without masses or plates, and for too few or too many turns.
     """
 
     def __init__(self, name: str, turns: int):

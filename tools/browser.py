@@ -49,15 +49,7 @@ class NoBrowserError(RuntimeError):
 
 @dataclass(frozen=True)
 class Engine:
-    """A browser that can be started.
-
-    Attributes
-    ----------
-    name : str
-        `chromium`, for Chrome as well, or `qt`.
-    program : str
-        Path of the program.
-    """
+    """A browser that can be started: its name, `chromium`, for Chrome as well, or `qt`, and the path of its program."""
 
     name: str
     program: str
@@ -69,17 +61,7 @@ class Engine:
 
 
 def chosen_engine(choice: str | None = None) -> Engine:
-    """The browser to use.
-
-    Parameters
-    ----------
-    choice : str, optional
-        As the environment variable `CHOICE`, from which it comes when not given.
-
-    Raises
-    ------
-    NoBrowserError
-        When there is none, or not the one that was chosen.
+    """The browser to use: `choice`, or the environment variable `CHOICE`; NoBrowserError when there is none such.
     """
     choice = os.environ.get(CHOICE, "") if choice is None else choice
     if choice == "qt" or not choice and not _chromium():
@@ -174,12 +156,7 @@ def _end(process: subprocess.Popen) -> None:
 class Session(AbstractContextManager):
     """Pages of one test or picture, all closed at its end.
 
-    Parameters
-    ----------
-    engine : Engine
-        The browser to use.
-    address : str, optional
-        Of a process that runs and can have many pages; without it the session starts its own.
+    `address` is that of a process that runs and can have many pages; without it the session starts its own.
     """
 
     engine: Engine
@@ -191,14 +168,10 @@ class Session(AbstractContextManager):
         self._stack.close()
 
     def page(self, width: int = 1280, height: int = 720, touch: bool = False) -> "Page":
-        """Open an empty page.
+        """Open an empty page that shows so many CSS pixels.
 
-        Parameters
-        ----------
-        width, height : int
-            Of what it shows, in CSS pixels.
-        touch : bool
-            Whether it is a phone's, with fingers and two pixels to each of CSS; Qt WebEngine has the size only.
+        `touch` says whether it is a phone's, with fingers and two pixels to each of CSS; Qt WebEngine has the size
+        only.
         """
         from playwright.sync_api import sync_playwright  # costs 0.2 s, and is not installed by `make setup`
 

@@ -13,21 +13,9 @@ _ROS_PREFIX = re.compile(r"^\[INFO\] \[[0-9.]+\] \[[^]]*\]: ")
 
 
 class Child:
-    """A process running one module; a context manager that ends it.
+    """A process running one module, by this interpreter's `-m`, in the whole environment given; a context that ends it.
 
-    Parameters
-    ----------
-    module : str
-        Run with this interpreter's `-m`.
-    arguments : str
-        Its words.
-    environment : mapping
-        The whole environment.
-
-    Attributes
-    ----------
-    name : str
-        Last part of the module's name; begins each line that is shown.
+    `name` is the last part of the module's name; it begins each line that is shown.
     """
 
     def __init__(self, module: str, *arguments: str, environment: Mapping[str, str]):

@@ -37,15 +37,7 @@ SYMBOLS = {"upper": ("u", "s_B", "E", "L_2", "m_2", "k_2, c_2", "k_4, c_4"),
 class Drawing:
     """The robot of a scene with the names of its parts, its axes and its forces on the ground.
 
-    Parameters
-    ----------
-    scene : Scene
-        The scene to draw, with both masses and both plates.
-
-    Raises
-    ------
-    ValueError
-        If the scene lacks a mass or a plate.
+    ValueError if the scene lacks a mass or a plate.
     """
 
     def __init__(self, scene: Scene):

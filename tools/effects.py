@@ -34,21 +34,11 @@ SPEED = 100.0
 
 @dataclass(frozen=True)
 class Effect:
-    """An effect and how a scene does without it.
+    """An effect of a shipped scene, what the table calls it, and how the scene does without it.
 
-    Attributes
-    ----------
-    name : str
-        What the table calls it.
-    without : Mapping
-        Parameters that take it away, or put its simpler choice in its place.
-    given : Mapping
-        Parameters that give it to the scene, if it has it not.
-    scene : str
-        The shipped scene that is looked at.
-    travel : float
-        Way [m] between the gaps that both plates are sent to in turn, all the time, about the scene's own: an effect of
-        commands, which the run without it has not.
+    `without` are parameters that take it away, or put its simpler choice in its place, `given` those that give it to
+    the scene, if it has it not. `travel` [m] is the way between the gaps that both plates are sent to in turn, all the
+    time, about the scene's own: an effect of commands, which the run without it has not.
     """
 
     name: str
@@ -92,8 +82,8 @@ EFFECTS = (
     Effect("`ramp` motor, not `ideal`", {"effects.motor": "ideal"}),
     Effect("`lag` motor, not `ideal`", {"effects.motor": "ideal"}, {"effects.motor": "lag"}),
     Effect("plates that move, 2 mm to and fro about their places", {}, travel=2e-3),
-    Effect("start in `zero`, not at `rest`", {"start.state": "rest"}, {"start.state": "zero"}),
-    Effect("start thrown forwards and up (`given`), not at `rest`", {"start.state": "rest"},
+    Effect("starts about `zero`, not about `rest`", {"start.state": "rest"}, {"start.state": "zero"}),
+    Effect("starts thrown forwards and up (`given`), not about `rest`", {"start.state": "rest"},
            {"start.state": "given", "start.body_velocity": 0.2, "start.body_vertical_velocity": 0.2,
             "start.upper_position": 0.06, "start.inclined_position": 0.06}),
     Effect("energy audit", {"solver.audit": False}),
@@ -114,18 +104,10 @@ EFFECTS = (
 
 @dataclass(frozen=True)
 class Size:
-    """What a scene compiles to.
+    """What a scene compiles to: positions and velocities, and combinations of its effects' states.
 
-    Attributes
-    ----------
-    states : int
-        Positions and velocities.
-    modes : int
-        Combinations of its effects' states.
-    terms : int
-        Coefficients of the equations in the mode that has most.
-    guards : int
-        Conditions watched in the mode that has most.
+    `terms` are the coefficients of the equations in the mode that has most, `guards` the conditions watched in the mode
+    that has most.
     """
 
     states: int
@@ -136,18 +118,9 @@ class Size:
 
 @dataclass(frozen=True)
 class Row:
-    """An effect's numbers.
+    """An effect's numbers: what the scene compiles to, and the mean speeds of the body [m/s], by start.
 
-    Attributes
-    ----------
-    effect : Effect
-        The effect.
-    with_it, without : Size
-        What the scene compiles to.
-    cost : float
-        Ratio of the wall time of a run with the effect to that of one without; median.
-    speed_with, speed_without : ndarray, shape (starts,)
-        Mean speeds of the body [m/s], by start.
+    `cost` is the median ratio of the wall time of a run with the effect to that of one without.
     """
 
     effect: Effect

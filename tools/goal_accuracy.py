@@ -42,25 +42,9 @@ Samples = Iterable[tuple[int, float]]
 
 
 class Trial:
-    """A goal pursued on a device.
+    """A goal pursued on a device; `heard` makes of a sample, its stamp [ns] and position [m], what odometry tells.
 
-    Parameters
-    ----------
-    scene : Scene
-        The robot.
-    heard : callable
-        Makes of a sample, its stamp [ns] and position [m], what odometry tells of it.
-
-    Attributes
-    ----------
-    device : Simulator
-        The robot, wherever it is.
-    took : float
-        Time [s] that the last goal took.
-    positions, commands : list of float
-        Positions [m] at each sample and motor speeds [rad/s] at each command of the last goal.
-    words : list of str
-        What was said.
+    The last goal took `took` [s]; `positions` [m] at each sample, `commands` [rad/s] and the words said are its own.
     """
 
     def __init__(self, scene: Scene, heard: Callable[[int, float], Samples] = lambda *sample: (sample,)):

@@ -49,16 +49,9 @@ DEPTH = 1000
 class Load:
     """What a robot has to bear.
 
-    Attributes
-    ----------
-    robots : int
-        Robots in one graph, each in a namespace of its own; the first one is commanded, the others run at 100 rad/s.
-    rate : float
-        Rate [Hz] at which each publishes.
-    listeners : int
-        Subscriptions to the `odom` of each.
-    flood : float
-        Rate [Hz] at which the first robot's last command is repeated; 0: not at all.
+    `robots` are in one graph, each in a namespace of its own; the first one is commanded, the others run at 100 rad/s.
+    Each publishes at `rate` [Hz], and so many `listeners` subscribe to the `odom` of each. `flood` is the rate [Hz] at
+    which the first robot's last command is repeated; 0: not at all.
     """
 
     robots: int = 1
@@ -82,18 +75,9 @@ _POLL = 0.1  # s
 class Outcome:
     """What was seen of a load.
 
-    Attributes
-    ----------
-    rates : sequence of float
-        Messages per second that each subscription has heard, as part of the rate asked for.
-    lost : int
-        Messages, by the stamps of those around them, that a subscription has not heard.
-    growth : sequence of float
-        What the memory of each robot has grown by [MB].
-    delays : sequence of float
-        From command to first effect, in publish periods; dimensionless.
-    flooded : float
-        Commands per second that were sent.
+    `rates` are the messages per second that each subscription has heard, as part of the rate asked for; `lost` counts
+    those, by the stamps around them, that it has not. `growth` is that of each robot's memory [MB]; `delays` last from
+    command to first effect, in publish periods; `flooded` are the commands per second that were sent.
     """
 
     rates: Sequence[float]
@@ -106,12 +90,7 @@ class Outcome:
 class Listening:
     """What has come to a subscription to a robot's `odom`; for the executor's thread.
 
-    Attributes
-    ----------
-    heard : int
-        Messages.
-    first, last : tuple of float and int
-        When the first and the last message came: the monotonic clock [s], and the message's stamp [ns].
+    `first` and `last` are when a message came: the monotonic clock [s], and the message's stamp [ns].
     """
 
     def __init__(self) -> None:
@@ -132,13 +111,7 @@ class Listening:
 
 
 class Effects:
-    """How long commands take from their publisher's call to the first message of `odom` that shows them.
-
-    Attributes
-    ----------
-    delays : list of float
-        One [s] for each command.
-    """
+    """How long commands take from their publisher's call to the first message of `odom` that shows them: delays [s]."""
 
     def __init__(self) -> None:
         self.delays: list[float] = []
@@ -175,14 +148,7 @@ class Effects:
 class Commanding:
     """A thread that starts and stops a motor at random instants, and repeats its last command at a rate; a context.
 
-    Parameters
-    ----------
-    publisher : Publisher
-        Of the robot's `motor_speed`.
-    effects : Effects
-        Hears of each start.
-    flood : float
-        Rate [Hz] at which the last command is repeated; 0 sends each command once.
+    `effects` hears of each start; `flood` is the rate [Hz], where 0 sends each command once.
     """
 
     def __init__(self, publisher: Publisher, effects: Effects, flood: float):
@@ -221,17 +187,7 @@ class Commanding:
 
 
 class Probe:
-    """Listens to robots and commands the first of them.
-
-    Parameters
-    ----------
-    node : Node
-        Everything belongs to it.
-    namespaces : sequence of str
-        Of the robots.
-    listeners : int
-        Subscriptions to each robot's `odom`.
-    """
+    """Listens to robots, by so many subscriptions to the `odom` of each, and commands the first of them."""
 
     def __init__(self, node: Node, namespaces: Sequence[str], listeners: int):
         self.effects = Effects()

@@ -32,15 +32,7 @@ BODY, EDGE, METAL, DARK, FLASH = "#e7ebf0", "#8a95a3", "#b4bcc6", "#3a424c", "#f
 
 
 class Mechanism:
-    """The robot in a picture whose unit is the millimetre.
-
-    Parameters
-    ----------
-    axes : Axes
-        Where to draw; x and y must have one scale.
-    scene : Scene
-        Lengths and angles.
-    """
+    """The robot in a picture whose unit is the millimetre; x and y of the axes must have one scale."""
 
     def __init__(self, axes: Axes, scene: Scene):
         self._shift = Affine2D()

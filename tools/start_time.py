@@ -50,14 +50,7 @@ PYTHON = "Python, until `simulate` of 1 s in `device` has ended"
 
 
 class Starts:
-    """Starts processes and listens for the first odometry of each.
-
-    Parameters
-    ----------
-    node, executor : Node, Executor
-        Used from the calling thread alone.
-    folder : Path
-        Where recordings go.
+    """Starts processes and listens for the first odometry of each, in the calling thread; recordings go into `folder`.
     """
 
     def __init__(self, node: Node, executor: Executor, folder: Path):

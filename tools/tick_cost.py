@@ -38,19 +38,7 @@ _HEADING = ("asked for", "what runs", "a tick", "99 of 100 within", "publishing 
 
 
 class Ticks:
-    """Ticks at one rate, in real time, through the node's own publishers.
-
-    Parameters
-    ----------
-    node : Node
-        Publishes.
-    scene : Scene
-        The robot.
-    rate : float
-        Ticks a second [Hz].
-    duration : float
-        Length of a measurement [s].
-    """
+    """Ticks at one rate [Hz], in real time, through the node's own publishers; a measurement lasts `duration` [s]."""
 
     def __init__(self, node: Node, scene: Scene, rate: float, duration: float):
         self._outputs, self._scene, self._rate = RobotPublishers(node, scene, transforms=ALL), scene, rate

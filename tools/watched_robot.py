@@ -23,15 +23,7 @@ _SHOWN = "Boolean(globalThis.vibro) && Number.isFinite(vibro.drawn().time) && do
 
 @dataclass(frozen=True)
 class WatchedRobot:
-    """What runs.
-
-    Attributes
-    ----------
-    address : str
-        Of the page.
-    view : int
-        The view's process.
-    """
+    """What runs: the address of the page, and the number of the view's process."""
 
     address: str
     view: int

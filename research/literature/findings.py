@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterable
 from dataclasses import asdict, dataclass
+from itertools import pairwise
 from typing import TypeVar
 
 from matplotlib.figure import Figure
@@ -104,16 +105,22 @@ def section(finding: Finding, picture: str) -> str:
                     [(check.what, f"{check.error:.2g}", f"{check.bound:.2g}", "yes" if check.passed else "**no**")
                      for check in finding.checks]),
              _table(["published", "this model", "verdict", "rule of the verdict"],
-                    [(row.statement, row.ours, f"**{row.verdict}**", row.rule) for row in finding.claims]),
+                    [(row.statement, row.ours, f"**{row.verdict}**",
+                      "as above" if before and before.rule == row.rule else row.rule)
+                     for before, row in pairwise((None, *finding.claims)) if row]),
              f"![{finding.title}]({picture})", f"Missing: {finding.missing}"]
     return "\n\n".join(parts)
 
 
 def overview(findings: list[Finding]) -> str:
-    """All claims and verdicts in one table in Markdown."""
-    rows = [(f"`{finding.name}`", claim.statement, f"**{claim.verdict}**")
-            for finding in findings for claim in finding.claims]
-    return _table(["study", "published", "verdict"], rows)
+    """Verdicts on each machine's statements, counted, in one table in Markdown."""
+    given = {claim.verdict for finding in findings for claim in finding.claims}
+    verdicts = [verdict for verdict in VERDICTS if verdict in given]
+    told = [(finding.title, finding.claims) for finding in findings]
+    told.append(("all", tuple(claim for finding in findings for claim in finding.claims)))
+    rows = [(title, *(str(sum(claim.verdict == verdict for claim in claims)) for verdict in verdicts))
+            for title, claims in told]
+    return _table(["statements about", *verdicts], rows)
 
 
 def in_lines(finding: Finding) -> list[str]:

@@ -66,6 +66,10 @@ def points() -> Iterator[Point]:
     return (Point(series, value) for series, values in SERIES.items() for value in values)
 
 
+#: Starts of a robot, by what they lie near.
+STARTS = NEAR_ZERO, NEAR_REST, ANY_PHASE = "near zero", "near rest", "any phase"
+
+
 class Reading(NamedTuple):
     """One choice of what the paper leaves open.
 
@@ -80,8 +84,9 @@ class Reading(NamedTuple):
     normal_force : str
         Rule of the normal force: `printed`, `unilateral`, `weight` or `hop`.
     start : str
-        `zero` (every coordinate 0), `rest` (each mass at rest on its slider or its plate), or `phase` (as `rest`, but
-        with the crank anywhere in the half turn in which the upper slider moves).
+        `near zero` (every coordinate 0 but the crank's, which is a little ahead), `near rest` (each mass at rest on its
+        slider or its plate, and the crank a little ahead), or `any phase` (the same with the crank anywhere in the half
+        turn in which the upper slider moves). The first start near `zero` or `rest` is that state itself.
     friction : str
         `eq5` (Coulomb's, eq. (5)), `smooth` (x' / (abs(x') + 1 mm/s) for sign(x')), or `reversed` (the other sign).
     """
@@ -100,10 +105,14 @@ class Reading(NamedTuple):
 
     def scene(self, point: Point) -> Scene:
         """The robot of `point` under this reading, simulated by events."""
-        start = "zero" if self.start == "zero" else "rest"
         return Scene("paper", point.changes() | {
             "effects.misprint": self.equations == "misprint", "effects.normal_force": self.normal_force,
-            "start.state": start, "motor.max_speed": 1e4})
+            "start.state": self.state, "motor.max_speed": 1e4})
+
+    @property
+    def state(self) -> str:
+        """The scene's `start.state`, from which the first start begins."""
+        return "zero" if self.start == NEAR_ZERO else "rest"
 
 
 #: Steps of `rkfixed` [s]: a thousand, ten thousand and a hundred thousand points a second.
@@ -114,19 +123,19 @@ EQUATIONS = ("corrected", "misprint")
 def exact_readings() -> Iterator[Reading]:
     """Readings that are integrated event by event."""
     for equations, rule, start in itertools.product(
-            EQUATIONS, ("printed", "unilateral", "weight", "hop"), ("zero", "rest", "phase")):
+            EQUATIONS, ("printed", "unilateral", "weight", "hop"), STARTS):
         yield Reading("exact", 0.0, equations, rule, start, "eq5")
 
 
 def worksheet_readings() -> Iterator[Reading]:
     """Readings that are integrated as a worksheet would do it, with every condition in the right-hand side."""
     for equations, rule, start, step in itertools.product(
-            EQUATIONS, ("printed", "unilateral"), ("zero", "rest"), STEPS):
+            EQUATIONS, ("printed", "unilateral"), (NEAR_ZERO, NEAR_REST), STEPS):
         yield Reading("rkfixed", step, equations, rule, start, "eq5")
-    for equations, start, friction in itertools.product(EQUATIONS, ("zero", "rest"), ("smooth", "reversed")):
+    for equations, start, friction in itertools.product(EQUATIONS, (NEAR_ZERO, NEAR_REST), ("smooth", "reversed")):
         yield Reading("rkfixed", STEPS[-1], equations, "printed", start, friction)
     for equations in EQUATIONS:
-        yield Reading("Rkadapt", 0.0, equations, "printed", "rest", "eq5")
+        yield Reading("Rkadapt", 0.0, equations, "printed", NEAR_REST, "eq5")
 
 
 class Span(NamedTuple):

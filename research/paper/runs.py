@@ -20,6 +20,7 @@ from tqdm import tqdm
 import vibro_ros
 from research.paper import worksheet
 from research.paper.claims import (
+    ANY_PHASE,
     CLAIMS,
     INSTANTS,
     STEPS,
@@ -38,7 +39,7 @@ from research.paper.claims import (
 
 #: Speed at which the crank is turned to where it starts [rad/s]; a mass moves by 1e-4 m meanwhile.
 TURNING_SPEED = 1e4
-#: Most by which the crank is ahead in a start beside `zero` or `rest` [rad]: 0.9 mm of the slider's stroke of 40 mm.
+#: Most by which the crank is ahead in a start near `zero` or `rest` [rad]: 0.9 mm of the slider's stroke of 40 mm.
 NEAR = 0.1
 _COLUMNS = (*Reading._fields, *Point._fields, "start_number", *(f"x_{instant:g}_s" for instant in INSTANTS))
 
@@ -91,12 +92,12 @@ def batches(effort: Effort) -> list[Batch]:
 def advance(start: str, number: int) -> float:
     """How far the crank is ahead when start `number` begins [rad].
 
-    Start 0 of `zero` and of `rest` is the one that the name says; the others are near it. Those of `phase` are anywhere
-    in the half turn in which the upper slider moves. In the other half the slider of a crank as long as its rod stands
-    still, and starts there would be copies of one another, only later.
+    Start 0 near `zero` or `rest` is that state itself. Starts of `any phase` are anywhere in the half turn in which the
+    upper slider moves. In the other half the slider of a crank as long as its rod stands still, and starts there would
+    be copies of one another, only later.
     """
     draw = np.random.default_rng((20, number))
-    if start == "phase":
+    if start == ANY_PHASE:
         return float(draw.uniform(-0.5 * math.pi, 0.5 * math.pi) % (2.0 * math.pi))
     return float(draw.uniform(0.0, NEAR)) if number else 0.0
 

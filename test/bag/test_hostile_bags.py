@@ -11,10 +11,11 @@ from pathlib import Path
 
 import pytest
 from hostile_bags import OF_MCAP, OF_METADATA
-from simulated_bag import simulated_bag
+from robot_bag import robot_bag
 
 from vibro_ros.bag.writer import Storage
 
+TOLD = {tick: {"motor_speed": 60.0 + tick} for tick in range(10, 120, 20)}
 STORAGES = {"mcap": Storage(), "zstd": Storage("zstd")}
 CASES = [("mcap", name, make) for name, make in (OF_MCAP | OF_METADATA).items()]
 CASES += [("zstd", name, OF_MCAP[name]) for name in ("flip 1", "noise 9", "killed, cut 21", "spliced 2")]
@@ -26,7 +27,7 @@ def bags(tmp_path_factory):
     """A good bag of each storage."""
     folder = tmp_path_factory.mktemp("good")
     for name, storage in STORAGES.items():
-        simulated_bag(folder / name / "run", storage)
+        robot_bag(folder / name / "run", "device", 120, TOLD, 50.0, storage=storage)
     return folder
 
 

@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from simulated_bag import START
+from robot_bag import START
 
 from vibro_ros.bag.metadata import Topic, defined
 from vibro_ros.bag.recovery import recover

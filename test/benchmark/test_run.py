@@ -55,11 +55,29 @@ def test_a_body_that_goes_the_wrong_way_is_called_so():
     assert right["missed"] == {"upper_contact": [3, 4], "inclined_contact": [0, 6]}
 
 
+def test_a_body_that_falls_is_called_so_whatever_its_error():
+    """Deeper below the ground than it rises above it; a soft ground that gives way by less is no fall."""
+    ball = problems.load("bounce")
+    height = ball.start["y"]
+    for depth, outcome in ((0.1, "ok"), (1.1, "falls through the ground"), (100.0, "falls through the ground")):
+        states = [[0.0] * 6 + [-depth * height, 0.0]] * len(ball.times)
+        assert run.judged(ball, {"states": states, "events": None})["outcome"] == outcome
+    assert run.judged(PROBLEM, {"states": [[0.0] * 6 + [-1.0, 0.0]] * 21, "events": None})["outcome"] == "ok"
+
+
+def test_a_program_with_two_versions_says_where_each_ran():
+    rows = [{"problem": name, "runner": "siconos", "version": f"siconos {version}"}
+            for name, version in (("4_damped", "4.5.0"), ("6_device", "4.5.0"), ("7_bounce", "4.4.0"))]
+    assert report.versions([*rows, {"problem": "4_damped", "runner": "rk4", "version": "numba 0"}]) == (
+        "siconos 4.5.0 (4_damped, 6_device), siconos 4.4.0 (7_bounce), numba 0")
+
+
 def test_a_digit_of_a_first_order_method_costs_ten_times():
     rows = [{"outcome": "ok", "error": 1e-3 / k, "cost": float(k), "kind": TUNED} for k in (1, 10, 100)]
     found = report.price(rows)
     assert found == pytest.approx((10.0, 1e-3, 1e-5))
     assert report.price(rows[:1]) is None
+    assert report.price(rows[::-1]) is None  # the finer setting is worse: no digit is gained
 
 
 def test_page_and_table_hold_every_row(tmp_path):

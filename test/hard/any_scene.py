@@ -56,9 +56,8 @@ def slowest_time(scene):
 def _command(rng, scene):
     """Keywords of a command: another speed, and gaps that are the scene's or some tenths of a millimetre off."""
     factor, faster = _one_of(rng, [0.0, 0.5, 1.0, 2.0]), _one_of(rng, [0.0, 10.0])
-    wanted = {"motor_speed": min(scene["motor.max_speed"], scene["motor.speed"] * factor + faster)}
-    if scene.has_rotor:
-        wanted["motor_speed"] *= _one_of(rng, [1.0, -1.0])
+    wanted = {"motor_speed": min(scene["motor.max_speed"], abs(scene["motor.speed"]) * factor + faster)}
+    wanted["motor_speed"] *= _one_of(rng, [1.0, -1.0])
     if scene.motor_command == "motor_voltage":
         wanted = {"motor_voltage": _between(rng, -1.0, 1.0) * scene["motor.supply_voltage"]}
     if scene.linkage and scene["effects.motor"] == "ideal":  # whose speed may not jump then
@@ -78,8 +77,9 @@ def _values(rng):
         values["ground.friction"] *= _one_of(rng, [1.0, 0.1])  # or most bodies would hardly slip
     values |= _geometry(rng, values)
     values["motor.speed"] = min(values["motor.max_speed"], _number(rng, _TABLE["motor.speed"], wild))
+    values["motor.speed"] *= _one_of(rng, [1.0, -1.0])
     if values["effects.motor"] == "dc":
-        values["motor.speed"] *= _one_of(rng, [1.0, -1.0, 0.0])
+        values["motor.speed"] *= _one_of(rng, [1.0, 1.0, 0.0])
         values["motor.voltage"] = _between(rng, -1.0, 1.0) * values["motor.supply_voltage"]
         values["motor.static_friction"] = min(1e6, values["motor.friction"] * _one_of(rng, [1.0, 1.2, 3.0]))
         values["crank.radius"] *= _one_of(rng, [0.99, 0.3])
@@ -87,8 +87,6 @@ def _values(rng):
     values["ground.static_friction"] = min(1e3, values["ground.friction"] * _one_of(rng, [1.0, 1.2, 3.0]))
     if values["effects.friction"] == "coulomb":
         values["ground.friction_backward"] = _one_of(rng, [-1.0, min(1e3, values["ground.friction"] * 3.0), 0.0])
-    if values["effects.friction"] == "stribeck":
-        values["ground.viscous_friction"] = 0.0
     return values | _given_start(rng, values) if values[_STARTS] == "given" else values
 
 
@@ -118,7 +116,6 @@ def _compatible(rng, values):
     """Changes of a rich scene's choices that are refused together and would be rare otherwise."""
     changes = {}
     if values["effects.friction"] == "stribeck":
-        changes["effects.reaction"] = False
         changes["effects.normal_force"] = _one_of(
             rng, [rule for rule in _TABLE["effects.normal_force"].choices if rule != "hop"])
     if (values | changes)["effects.normal_force"] == "printed":  # which is refused with rigid plates
@@ -153,7 +150,8 @@ def _gap(rng, lengths):
 
 def _given_start(rng, values):
     """Where a given start puts what the scene has: masses about their plates, not deep in them, in any direction."""
-    speed, start = values["crank.radius"] * abs(values["motor.speed"]), {"start.crank_angle": _between(rng, 0.0, 50.0)}
+    start = {"start.crank_angle": _between(rng, -50.0, 50.0)}
+    speed = values["crank.radius"] * abs(values["motor.speed"])
     for side in SIDES:
         if values[f"effects.{side}_mass"]:
             plate, rigid = values[f"crank.{side}_rod"] + values[f"{side}.gap"], values[f"effects.{side}_contact"]

@@ -1,5 +1,6 @@
 """The motor at its extremes: ramps that stop and turn back at every phase, an hour of standstill."""
 
+import itertools
 import math
 
 import numpy as np
@@ -31,14 +32,15 @@ def swing(time, corners, speeds, frequency=100.0):
     return 0.08 * math.cos(frequency * time) + frequency * np.sum(half[:, None] * WEIGHTS * integrand)
 
 
-@pytest.mark.parametrize("low", [0.0, 1e-9, 20.0])
+@pytest.mark.parametrize("low", [0.0, 1e-9, 20.0, -1e-9, -20.0, -60.0])
 def test_a_ramp_turned_back_at_every_phase(low):
-    """Down from 60 rad/s at 48 instants of a turn, back up before or after it stands: angle and mass as computed."""
+    """Down from 60 rad/s at 48 instants of a turn, back up before it stands, after that, or from turning backwards:
+    angle and mass as computed."""
     turn = 2.0 * math.pi / 60.0
     for begin in np.arange(1, 49) / 48 * turn:
         device = vibro_ros.Simulator(FREE)
         device.advance_to(begin)
-        device.command(motor_speed=0.0)
+        device.command(motor_speed=min(low, 0.0))
         bottom = begin + (60.0 - low) / 2000.0
         pause = bottom + (0.003 if low == 0.0 else 0.0)
         device.advance_to(pause)
@@ -68,8 +70,9 @@ def test_a_ramp_to_standstill_that_commands_cut_at_every_tick():
 
 
 def test_a_motor_that_stops_on_a_cell_of_the_crank_starts_again():
-    """Ramps that stop exactly at multiples of an eighth turn, where the tables of the slider have their seams."""
-    for eighths in range(1, 17):
+    """Ramps that stop exactly at multiples of an eighth turn, where the tables of the slider have their seams; it goes
+    on there, or back."""
+    for eighths, speed in itertools.product(range(1, 17), (30.0, -30.0)):
         angle = eighths * math.pi / 4.0
         device = vibro_ros.Simulator(FREE.with_parameters({"motor.acceleration": 60.0**2 / (2.0 * angle)}))
         device.command(motor_speed=0.0)
@@ -77,13 +80,13 @@ def test_a_motor_that_stops_on_a_cell_of_the_crank_starts_again():
         device.advance_to(stop + 0.05)
         assert device.state.motor_speed == 0.0
         assert device.state.crank_angle == pytest.approx(angle, rel=1e-15)
-        device.command(motor_speed=30.0)
+        device.command(motor_speed=speed)
         device.advance_to(stop + 0.25 + stop / 2.0)
-        expected = angle + 30.0 * stop / 4.0 + 30.0 * 0.2
-        assert device.state.crank_angle == pytest.approx(expected, rel=1e-14)
+        expected = angle + speed * stop / 4.0 + speed * 0.2
+        assert device.state.crank_angle == pytest.approx(expected, rel=1e-14, abs=1e-14)
         corners = [0.0, stop, stop + 0.05, stop + 0.05 + stop / 2.0, stop + 0.25 + stop / 2.0]
         assert device.state.upper_position == pytest.approx(
-            swing(corners[-1], corners, [60.0, 0.0, 0.0, 30.0, 30.0]), abs=1e-14)
+            swing(corners[-1], corners, [60.0, 0.0, 0.0, speed, speed]), abs=1e-14)
 
 
 @pytest.mark.parametrize("name", ["paper", "damped", "rigid"])

@@ -171,7 +171,7 @@ def motor_acceleration(scene, rows):
         torques = scene.motor_constant * rows["motor_current"], rows["motor_torque"], scene["motor.static_friction"]
         return sum(np.abs(torque).max() for torque in torques) / scene.motor_inertia
     return {"ideal": 0.0, "ramp": scene["motor.acceleration"],
-            "lag": scene["motor.max_speed"] / scene["motor.time_constant"]}[scene["effects.motor"]]
+            "lag": 2.0 * scene["motor.max_speed"] / scene["motor.time_constant"]}[scene["effects.motor"]]
 
 
 def check_height(scene, device, rows):

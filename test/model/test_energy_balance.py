@@ -34,8 +34,9 @@ def flow(booked):
     return sum(abs(amount) for name, amount in booked.items() if name != "residual")
 
 
-@pytest.mark.parametrize("changes", [{}, REACTION, HOP, REACTION | HOP, REACTION | {"effects.mass_weight": True}, LAG],
-                         ids=["own", "reaction", "hop", "reaction hop", "weight", "lag"])
+@pytest.mark.parametrize("changes", [{}, REACTION, HOP, REACTION | HOP, REACTION | {"effects.mass_weight": True}, LAG,
+                                     REACTION | STRIBECK | {"effects.normal_force": "unilateral"}],
+                         ids=["own", "reaction", "hop", "reaction hop", "weight", "lag", "reaction stribeck"])
 @pytest.mark.parametrize("name", ["unilateral", "damped", "device"])
 def test_accounts_balance(name, changes):
     """Commands and moving plates included: to 1e-13 of what went to and fro."""
@@ -62,8 +63,8 @@ def integral(values, times):
 
 @pytest.mark.parametrize("changes", [{}, STRIBECK, LAG], ids=["coulomb", "stribeck", "lag"])
 def test_accounts_are_the_integrals_of_what_is_sampled(changes):
-    """Sampled every 2 µs, the sums are off by some 1e-6 of what went to and fro where a power jumps. Stribeck's
-    friction has pieces within a segment, and the lag a motor that is slow at first."""
+    """Sampled every 2 µs, the sums are off by some 1e-6 of what went to and fro where a power jumps. The lag
+    has a motor that is slow at first."""
     machine = scene("damped", changes)
     times = np.linspace(0.0, 0.5, 250_001)
     run = vibro_ros.simulate(machine, times=times)

@@ -170,6 +170,7 @@ STRIBECK = {"effects.friction": "stribeck", "ground.static_friction": 0.5, "grou
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize(("name", "changes"), [
     ("no_impact", STRIBECK | {"effects.normal_force": "printed"}), ("device", RIGID),
+    ("damped", STRIBECK | {"effects.reaction": True, "ground.viscous_friction": 2.0}),
     ("device", {"effects.friction": "none"}), ("rigid", {"effects.reaction": True, "effects.normal_force": "weight"}),
     ("paper", {"effects.reaction": True}), ("device", {"effects.inclined_mass": False}),
     ("damped", {"effects.adhesion": True}),

@@ -18,7 +18,9 @@ def approach(time, start, target, lag):
     return speed, target * time - (start - target) * lag * np.expm1(-time / lag)
 
 
-@pytest.mark.parametrize(("start", "target"), [(0.0, 100.0), (100.0, 0.0), (30.0, 500.0), (100.0, 99.0), (500.0, 0.5)])
+@pytest.mark.parametrize(("start", "target"), [(0.0, 100.0), (100.0, 0.0), (30.0, 500.0), (100.0, 99.0), (500.0, 0.5),
+                                               (100.0, -60.0), (-30.0, 500.0), (-100.0, 0.0), (0.0, -100.0),
+                                               (0.5, -500.0)])
 @pytest.mark.parametrize("lag", [1e-4, 0.07, 2.0])
 def test_speed_and_angle_follow_the_exponential(start, target, lag):
     """A6. To 1e-12 of the angle: roundings of some hundred segments."""

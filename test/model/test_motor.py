@@ -226,51 +226,6 @@ def test_a_small_ripple_is_linear():
         assert abs(speed[n] * np.exp(-1j * n * ahead) - expected) < 0.02 * abs(expected)
 
 
-@pytest.mark.parametrize("speed", [-0.3, -1e-3, 0.0, 0.2])
-@pytest.mark.parametrize("motor_speed", [-40.0, 0.0, 60.0])
-def test_a_landing_strikes_the_crank(speed, motor_speed):
-    """A69. Routh's law in small steps of the impulse, on the mass matrix of body, masses and crank."""
-    scene = dc("device", LINKAGE, CONSTANT, {"motor.voltage": 0.0, "motor.speed": motor_speed, "guide.angle": 1.0})
-    device, angle, fall, friction = vibro_ros.Simulator(scene), 0.7, 0.5, scene["ground.friction"]
-    device.set_state(crank_angle=angle, motor_speed=motor_speed, body_height=1e-13, body_velocity=speed,
-                     body_vertical_velocity=-fall, upper_position=0.05, inclined_position=0.05)
-    device.advance_to(1e-11)
-    assert device.take_events()["kind"].tolist().count("landing") == 1
-    psi, radius = angle - 1.0, scene["crank.radius"]
-
-    def slope(psi, rod):
-        root = math.sqrt(rod**2 - (radius * math.sin(psi)) ** 2)
-        return -radius * math.sin(psi) * (1.0 + radius * math.cos(psi) / root)
-
-    tilted = np.array([-math.sin(1.0), math.cos(1.0)])
-    moved = [(0.01, np.array([0.0, 1.0]) * slope(angle, 0.06)), (0.02, tilted * slope(psi, 0.06)),
-             (0.05, radius * np.array([-math.cos(angle), -math.sin(angle)]))]
-    matrix = np.zeros((5, 5))  # x, y, u, w, θ
-    matrix[:2, :2] = scene.total_mass * np.eye(2)
-    for place, (mass, direction) in enumerate(((scene["mass.upper"], np.array([0.0, 1.0])),
-                                               (scene["mass.inclined"], tilted)), start=2):
-        matrix[:2, place] = matrix[place, :2] = mass * direction
-        matrix[place, place] = mass
-    for mass, way in moved:
-        matrix[:2, 4] += mass * way
-        matrix[4, 4] += mass * (way @ way)
-    matrix[4, :2], matrix[4, 4] = matrix[:2, 4], matrix[4, 4] + numbers(scene)[1]
-    inverse, rates = np.linalg.inv(matrix), np.array([speed, -fall, 0.0, 0.0, motor_speed])
-    step = 2e-6 * scene.total_mass * fall
-    while rates[1] < 0.0:
-        push = inverse[0, 1] / inverse[0, 0]  # of a body that sticks: -push is the ratio of the impulses
-        sign = np.sign(rates[0]) if abs(rates[0]) > 2e-6 else (np.sign(push) if abs(push) > friction else 0.0)
-        along = -sign * friction if sign else -push
-        part = min(step, -rates[1] / (inverse[1, 1] + along * inverse[1, 0]))
-        rates = rates + part * (inverse[:, 1] + along * inverse[:, 0])
-        if part < step:
-            break
-    state = device.state
-    found = [state.body_velocity, state.upper_velocity, state.inclined_velocity]
-    np.testing.assert_allclose(found, [rates[0], rates[2], rates[3]], rtol=0.0, atol=1e-5)
-    assert state.motor_speed == pytest.approx(rates[4], abs=1e-3)
-
-
 def test_a_command_at_the_instant_of_a_sample_counts_and_cuts_change_no_bit():
     scene = dc("device", BY_VOLTAGE, WINDING, {"motor.speed": 30.0, "motor.control_rate": 100.0})
     at_once, late = vibro_ros.Simulator(scene), vibro_ros.Simulator(scene)
@@ -304,8 +259,6 @@ def test_a_crank_that_runs_back_counts_its_turns_downwards():
     ({"motor.rotor_inertia": 0.0, "motor.crank_inertia": 0.0}, "motor.crank_inertia: 0 kg·m² leaves .*at least 1e-09"),
     ({"crank.radius": 0.06}, "crank.upper_rod: 0.06 m is as long as the crank.*give at least 0.06006 m"),
     ({"motor.control": "voltage", "motor.voltage": 40.0}, "motor.voltage: 40 is out of range.*motor.supply_voltage"),
-    ({"effects.reaction": True, "mass.crank_pin": 0.1, "effects.upper_contact": "restitution",
-      "effects.normal_force": "weight"}, "mass.crank_pin: 0.1 kg lets a blow .*compliant effects.upper_contact"),
     ({"solver.method": "moreau"}, "effects.motor: 'dc' is not simulated by moreau"),
 ])
 def test_what_has_no_law_is_refused(changes, message):
@@ -321,7 +274,7 @@ def test_another_motors_command_is_refused_and_changes_nothing():
             (by_voltage, {"motor_voltage": 40.0}, "motor.voltage: 40 is out of range; give a number from -36 to 36 V"),
             (by_voltage, {"motor_voltage": math.nan}, "motor.voltage: nan is not finite"),
             (by_speed, {"motor_voltage": 1.0}, "motor_voltage: 1.0 is no command .*command motor_speed"),
-            (by_speed, {"motor_speed": -1.0}, "motor.speed: -1 is out of range")):
+            (by_speed, {"motor_speed": -501.0}, "motor.speed: -501 is out of range")):
         before = device.checkpoint()
         with pytest.raises(ValueError, match=message):
             device.command(**command)

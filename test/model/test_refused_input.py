@@ -17,11 +17,11 @@ def device():
 
 @pytest.mark.parametrize(("command", "named"), [
     ({"motor_speed": math.nan}, "nan"), ({"motor_speed": math.inf}, "inf"),
-    ({"motor_speed": -1.0}, "-1"), ({"motor_speed": 501.0}, "501"), ({"motor_speed": "fast"}, "fast"),
+    ({"motor_speed": -501.0}, "-501"), ({"motor_speed": 501.0}, "501"), ({"motor_speed": "fast"}, "fast"),
     ({"motor_speed": True}, "True"), ({"upper_gap": math.nan}, "nan"),
     ({"upper_gap": -math.inf}, "-inf"),
     ({"inclined_gap": 0.07}, "0.07"), ({"upper_gap": -0.061}, "-0.061"),
-    ({"inclined_gap": 1e6}, "1e+06"), ({"upper_gap": 0.001, "motor_speed": -5.0}, "-5")])
+    ({"inclined_gap": 1e6}, "1e+06"), ({"upper_gap": 0.001, "motor_speed": -1e6}, "-1e+06")])
 def test_a_refused_command_changes_nothing(device, command, named):
     before = dataclasses.astuple(device.state)
     with pytest.raises(ValueError, match=".") as caught:

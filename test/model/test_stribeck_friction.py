@@ -49,34 +49,33 @@ def test_a_fast_decay_tends_to_the_static_law():
 @pytest.mark.parametrize("rule", RULES)
 @pytest.mark.parametrize("speed", [1e-6, 1e3])
 def test_the_extremes_of_the_stribeck_speed_are_simulated(rule, speed):
-    """However fast the decay: each stop and each start takes some twenty steps through it, measured up to 10 times as
+    """However fast the decay: each stop and each start takes some forty steps through it, measured up to 13 times as
     many in all as by the static law."""
     steps = {friction: vibro_ros.simulate(
         scene("unilateral", **{"effects.friction": friction, "effects.normal_force": rule,
                                "ground.stribeck_speed": speed}), duration=1.0, rate=100.0).statistics["steps"]
         for friction in ("static", "stribeck")}
-    assert steps["stribeck"] < 12 * steps["static"]
+    assert steps["stribeck"] < 15 * steps["static"]
 
 
-@pytest.mark.parametrize("rule", RULES)
-@pytest.mark.parametrize("speed", [1e-3, 1e-2, 1.0])
-def test_the_masses_move_as_with_coulombs_friction(rule, speed):
-    """Bit for bit: the body's pieces do not cut their flow. Pieces are few: counted up to 4.6 times as many in all."""
-    both = [scene(**{"effects.friction": friction, "effects.normal_force": rule, "ground.stribeck_speed": speed})
-            for friction in ("stribeck", "coulomb")]
-    stribeck, coulomb = (vibro_ros.simulate(each, duration=1.0, rate=1000.0) for each in both)
-    for name in ("upper_position", "upper_velocity", "inclined_position", "inclined_velocity"):
-        np.testing.assert_array_equal(getattr(stribeck, name), getattr(coulomb, name))
-    assert coulomb.statistics["steps"] < stribeck.statistics["steps"] < 5 * coulomb.statistics["steps"]
+def test_a_body_that_passes_stribecks_speed_within_1e_19_s():
+    """The misread force of 1e10 N on a gram: a segment's first trial is 1e13 times too long, and its series overflows.
+    Beside 1e4 m/s v_s changes the motion by 1e-11 of its way, and rounding by less."""
+    both = [scene("paper", **{
+        "effects.friction": friction, "ground.stribeck_speed": 1e-6, "mass.body": 1e-3, "effects.misprint": True,
+        "inclined.plate.stiffness": 1e12, "solver.tolerance": 1e-3}) for friction in ("stribeck", "static")]
+    stribeck, static = (vibro_ros.simulate(each, duration=0.01, rate=1000.0) for each in both)
+    assert np.abs(static.body_velocity).max() > 1e4
+    np.testing.assert_allclose(stribeck.body_position, static.body_position, rtol=1e-9, atol=1e-6)
 
 
 @pytest.mark.parametrize(("changes", "named"), [
-    ({"effects.reaction": True}, ("effects.friction", "effects.reaction", "static")),
     ({"effects.normal_force": "hop"}, ("effects.friction", "landing", "unilateral")),
+    ({"effects.reaction": True, "ground.static_friction": 200.0}, ("ground.static_friction: at 200 ", "Painlevé")),
     ({"ground.static_friction": 0.19}, ("ground.static_friction: 0.19 ", "0.2")),
     ({"ground.stribeck_speed": 0.0}, ("ground.stribeck_speed: 0 ", "1e-06", "1000 m/s")),
     ({"ground.stribeck_speed": 1e4}, ("ground.stribeck_speed: 10000 ", "1e-06", "1000 m/s"))])
-def test_stribeck_friction_without_exact_solution_is_refused(changes, named):
+def test_stribeck_friction_without_a_solution_is_refused(changes, named):
     with pytest.raises(ValueError, match=".") as caught:
         scene("unilateral", **changes)
     assert all(word in str(caught.value) for word in named) and "\n" not in str(caught.value)

@@ -35,6 +35,21 @@ def in_order(values) -> np.ndarray:
     return np.array(sorted(np.asarray(values, dtype=complex), key=lambda z: (-round(abs(z), 9), z.imag)))
 
 
+def test_a_mirrored_crank_has_the_same_orbits():
+    """The inclined mass cannot tell which way the crank turns; with the body it moves at the same mean speed."""
+    found = {speed: vibro_ros.find_orbit(scene("damped", **{"effects.upper_mass": False, "motor.speed": speed}))
+             for speed in (SPEED, -SPEED)}
+    forwards, backwards = found.values()
+    assert backwards.mean_speed == pytest.approx(forwards.mean_speed, abs=1e-13) and abs(forwards.mean_speed) > 0.01
+    assert in_order(backwards.multipliers) == pytest.approx(in_order(forwards.multipliers), abs=1e-6)
+    ends = {name: vibro_ros.follow_orbit(found[speed], "motor.speed", low, high, upwards=speed > 0.0)
+            for name, speed, low, high in (("forwards", SPEED, 99.0, 102.0), ("backwards", -SPEED, -102.0, -99.0))}
+    assert ends["backwards"].values[-1] == -ends["forwards"].values[-1] == -102.0
+    assert ends["backwards"].mean_speeds[-1] == pytest.approx(ends["forwards"].mean_speeds[-1], abs=1e-9)
+    with pytest.raises(ValueError, match="motor.speed: from -1 to 102 rad/s holds 0, which turns no crank; give a ran"):
+        vibro_ros.follow_orbit(found[SPEED], "motor.speed", -1.0, 102.0)
+
+
 @pytest.mark.parametrize("damping", [3.0, 20.0, 25.0])
 def test_a_linear_machine_has_the_multipliers_of_its_eigenvalues(damping):
     """Of e^(lambda T); 20 N s/m is the critical damping, whose two multipliers are equal."""

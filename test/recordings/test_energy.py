@@ -5,13 +5,12 @@ import time
 
 import numpy as np
 import pytest
-from simulated_bag import START, TICKS, rewritten, simulated_bag
+from robot_bag import START, each, holding, rewritten, robot_bag, since
 
 import vibro_ros
-from vibro_ros.bag.cdr import blank, deserialised, serialised
+from vibro_ros.bag.cdr import deserialised, serialised
 from vibro_ros.bag.reader import load_bag
 from vibro_ros.bag.stream import BagError, BagStream
-from vibro_ros.bag.writer import Storage
 from vibro_ros.messages.topics import CHECKPOINT, CHECKPOINT_TYPE, ROBOT_TOPICS
 from vibro_ros.recordings import replay
 from vibro_ros.recordings.energy import energy_as_lines, energy_of
@@ -19,17 +18,25 @@ from vibro_ros.recordings.plots import parts_of, plot_run
 from vibro_ros.recordings.rerun import run_facts
 
 RATE = 50.0
-COMMANDS = [(tick / RATE, {"motor_speed": 60.0 + tick}) for tick in range(10, TICKS, 20)]
+TICKS = 120
+TOLD = {tick: {"motor_speed": 60.0 + tick} for tick in range(10, TICKS, 20)}
+COMMANDS = [(tick / RATE, command) for tick, command in TOLD.items()]
 
 
 @pytest.fixture
 def recorded(tmp_path):
-    simulated_bag(tmp_path / "bag", Storage())
-    return tmp_path / "bag"
+    return robot_bag(tmp_path / "bag", "device", TICKS, TOLD, RATE)
 
 
 def device():
     return vibro_ros.load_scene("device").with_parameters({"solver.accounts": True})
+
+
+def late_with(recorded, folder, tick, state):
+    """The recording from a sample on, with a checkpoint there."""
+    checkpoint = f"/{CHECKPOINT}", START + round(tick / RATE * 1e9), holding(CHECKPOINT_TYPE, state)
+    return rewritten(recorded, folder, lambda all_of_it: sorted([*since(tick / RATE)(all_of_it), checkpoint],
+                                                                key=lambda one: one[1]))
 
 
 def test_accounts_are_those_of_the_commanded_run(recorded):
@@ -46,7 +53,7 @@ def test_accounts_are_those_of_the_commanded_run(recorded):
 
 def test_a_recording_that_begins_late_is_told_from_its_checkpoint_on(recorded, tmp_path):
     """The robot that writes the checkpoint keeps no accounts."""
-    begin, message = 40, blank(CHECKPOINT_TYPE)
+    begin = 40
     robot, accountant = (vibro_ros.Simulator(scene) for scene in (vibro_ros.load_scene("device"), device()))
     for one in (robot, accountant):
         for at, command in COMMANDS:
@@ -54,11 +61,8 @@ def test_a_recording_that_begins_late_is_told_from_its_checkpoint_on(recorded, t
                 one.advance_to(at)
                 one.command(**command)
         one.advance_to(begin / RATE)
-    before, message.data = accountant.statistics["energy_accounts"], robot.checkpoint()
-    stamp = START + round(begin / RATE * 1e9)
-    late = rewritten(recorded, tmp_path / "late", lambda *one: one if one[1] >= stamp else None,
-                     extra=[(f"/{CHECKPOINT}", stamp, serialised(message, CHECKPOINT_TYPE))])
-    energy = energy_of(load_bag(late))
+    before = accountant.statistics["energy_accounts"]
+    energy = energy_of(load_bag(late_with(recorded, tmp_path / "late", begin, robot.checkpoint())))
     whole = energy_of(load_bag(recorded))["accounts"]
     assert energy["duration"] == (TICKS - 1 - begin) / RATE
     assert energy["accounts"] == pytest.approx({name: whole[name] - before[name] for name in whole}, abs=1e-11)
@@ -66,30 +70,29 @@ def test_a_recording_that_begins_late_is_told_from_its_checkpoint_on(recorded, t
 
 def test_a_checkpoint_that_no_robot_made_is_unknown(recorded, tmp_path):
     """Each of its numbers beyond every table: where a kernel would read foreign memory, the process would end."""
-    robot, stamp, message = vibro_ros.Simulator(device()), START + round(40 / RATE * 1e9), blank(CHECKPOINT_TYPE)
+    robot = vibro_ros.Simulator(device())
     robot.advance_to(40 / RATE)
     whole = robot.checkpoint()
-    message.data = np.concatenate([whole[:1], np.full(len(whole) - 1, 1e9)])
-    late = rewritten(recorded, tmp_path / "late", lambda *one: one if one[1] >= stamp else None,
-                     extra=[(f"/{CHECKPOINT}", stamp, serialised(message, CHECKPOINT_TYPE))])
+    late = late_with(recorded, tmp_path / "late", 40, np.concatenate([whole[:1], np.full(len(whole) - 1, 1e9)]))
     assert "no state that this device can be in" in energy_of(load_bag(late))["unknown"]
 
 
 def test_a_late_recording_without_a_checkpoint_is_unknown(recorded, tmp_path):
-    late = rewritten(recorded, tmp_path / "late", lambda *one: one if one[1] > START + 1e9 else None)
-    assert "without a checkpoint" in energy_of(load_bag(late))["unknown"]
+    assert "without a checkpoint" in energy_of(load_bag(rewritten(recorded, tmp_path / "late", since(1.0))))["unknown"]
 
 
 def test_another_run_than_the_commands_give_is_unknown(recorded, tmp_path):
     """One rounding in the last odometry is enough."""
-    def changed(topic, stamp, data):
+    def changed(message):
+        topic, stamp, data = message
         if topic == "/odom" and stamp == START + round((TICKS - 1) / RATE * 1e9):
             odometry = deserialised(data, ROBOT_TOPICS["odom"])
             odometry.pose.pose.position.x = np.nextafter(odometry.pose.pose.position.x, 1.0)
             data = serialised(odometry, ROBOT_TOPICS["odom"])
         return topic, stamp, data
 
-    assert "is not the recorded one" in energy_of(load_bag(rewritten(recorded, tmp_path / "other", changed)))["unknown"]
+    other = rewritten(recorded, tmp_path / "other", each(changed))
+    assert "is not the recorded one" in energy_of(load_bag(other))["unknown"]
 
 
 @pytest.mark.parametrize("custom, reason", [
@@ -100,7 +103,7 @@ def test_another_run_than_the_commands_give_is_unknown(recorded, tmp_path):
 def test_what_the_bag_says_of_itself_may_be_anything(recorded, tmp_path, custom, reason):
     """`start` 12 ns after 1970: 56 years of simulation are not begun."""
     began = time.monotonic()
-    unknown = energy_of(load_bag(rewritten(recorded, tmp_path / "bag2", custom=custom)))["unknown"]
+    unknown = energy_of(load_bag(rewritten(recorded, tmp_path / "bag2", **custom)))["unknown"]
     assert reason in unknown or "only" in unknown
     assert "\n" not in unknown and time.monotonic() - began < 60.0
 
@@ -111,14 +114,15 @@ def test_a_parameter_that_the_bag_lacks_has_its_default_and_an_unknown_one_is_re
         parameters = json.loads(stream.metadata["parameters"])
     older, later = dict(parameters), parameters | {"ground.wind": 1.0}
     assert older.pop("ground.stribeck_speed") == 0.01
-    older, later = (rewritten(recorded, tmp_path / name, custom={"parameters": json.dumps(given)})
+    older, later = (rewritten(recorded, tmp_path / name, parameters=json.dumps(given))
                     for name, given in (("older", older), ("later", later)))
     assert energy_of(load_bag(older)) == energy_of(load_bag(recorded))
     assert "ground.wind: unknown parameter" in energy_of(load_bag(later))["unknown"]
 
 
-def stretched(topic, stamp, data):
+def stretched(message):
     """Robot time runs a million times as fast, and headers agree: 119 samples of 120 are of another day each."""
+    topic, stamp, data = message
     stamp = START + (stamp - START) * 1_000_000
     if ROBOT_TOPICS[topic[1:]] in ("nav_msgs/msg/Odometry", "sensor_msgs/msg/JointState"):
         message = deserialised(data, ROBOT_TOPICS[topic[1:]])
@@ -128,7 +132,7 @@ def stretched(topic, stamp, data):
 
 
 def test_a_bag_with_stretched_stamps_is_not_simulated_for_years(recorded, tmp_path, capsys):
-    folder = rewritten(recorded, tmp_path / "stretched", stretched)
+    folder = rewritten(recorded, tmp_path / "stretched", each(stretched))
     began = time.process_time()
     assert "only 120 of 119000001 samples" in energy_of(load_bag(folder))["unknown"]
     assert replay.main([str(folder)]) == 1
@@ -140,7 +144,7 @@ def test_a_bag_with_stretched_stamps_is_not_simulated_for_years(recorded, tmp_pa
 
 def test_a_step_that_takes_a_sample_forever_is_refused(recorded, tmp_path):
     parameters = {"rate.publish": 1.0, "solver.method": "rk4", "solver.step": 1e-8}
-    with BagStream(rewritten(recorded, tmp_path / "steps", custom={"parameters": json.dumps(parameters)})) as stream:
+    with BagStream(rewritten(recorded, tmp_path / "steps", parameters=json.dumps(parameters))) as stream:
         with pytest.raises(BagError, match="solver.step takes 1e.08 steps a sample, more than 1000000"):
             run_facts(stream)
 
@@ -148,7 +152,7 @@ def test_a_step_that_takes_a_sample_forever_is_refused(recorded, tmp_path):
 def test_bags_from_before_the_storage_was_chosen_for_good_are_understood(recorded, tmp_path):
     with BagStream(recorded) as stream:
         parameters = json.loads(stream.metadata["parameters"]) | {"record.storage": "mcap"}
-    older = rewritten(recorded, tmp_path / "older", custom={"parameters": json.dumps(parameters)})
+    older = rewritten(recorded, tmp_path / "older", parameters=json.dumps(parameters))
     assert "accounts" in energy_of(load_bag(older))
 
 

@@ -7,9 +7,9 @@ import warnings
 import numpy as np
 import pytest
 from matplotlib.image import imread
+from robot_bag import each, rewritten
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
-from simulated_bag import rewritten
 
 import vibro_ros.recordings.recover as recover_executable
 import vibro_ros.recordings.replay as replay
@@ -58,8 +58,8 @@ def test_output_can_be_chosen_and_a_report_can_be_repeated(record_run, tmp_path)
 
 def test_two_recordings_are_compared_in_one_table_and_one_picture(record_run, tmp_path, capsys):
     shorter, run = record_run("shorter", count=401), record_run()
-    first = rewritten(shorter, tmp_path / "first", custom={"parameters": '{"guide.angle": 1.0, "gravity": 9.81}'})
-    second = rewritten(run, tmp_path / "second", custom={"parameters": '{"guide.angle": 1.2, "gravity": 9.81}'})
+    first = rewritten(shorter, tmp_path / "first", parameters='{"guide.angle": 1.0, "gravity": 9.81}')
+    second = rewritten(run, tmp_path / "second", parameters='{"guide.angle": 1.2, "gravity": 9.81}')
     assert report.main([str(first), str(second)]) == 0
     rows = {line[:25].strip(): line[25:].split() for line in capsys.readouterr().out.splitlines()}
     assert rows["guide.angle"] == ["1.0", "1.2"] and "gravity" not in rows
@@ -73,7 +73,7 @@ def test_two_recordings_are_compared_in_one_table_and_one_picture(record_run, tm
 
 def test_of_two_recordings_neither_is_trusted_or_written_into(record_run, tmp_path, capsys):
     run = record_run()
-    hostile = rewritten(run, tmp_path / "hostile", custom={"parameters": '["\x1b[2J' + "x" * 10_000})
+    hostile = rewritten(run, tmp_path / "hostile", parameters='["\x1b[2J' + "x" * 10_000)
     before = contents(hostile)
     assert report.main([str(run), str(hostile), "--output", str(hostile / "inside")]) == 2
     assert "lies inside the recording" in one_error_line(capsys)
@@ -177,13 +177,14 @@ def test_other_storages_are_refused_with_the_remedy(record_run, tmp_path, capsys
 @pytest.mark.parametrize("topic, at, value", [("motor_power", -8, 1e308), ("motor_speed", -8, -1.7e308),
                                               ("odom", 40, 1e308), ("joint_states", 100, np.nan)])
 def test_numbers_that_no_robot_sends_are_left_out_and_named(record_run, tmp_path, capsys, topic, at, value):
-    def spoilt(name, stamp, data):
+    def spoilt(message):
+        name, stamp, data = message
         if name == f"/{topic}" and stamp % 3 == 0:
             data = bytearray(data)
             data[at:at + 8 or None] = np.float64(value).tobytes()
         return name, stamp, bytes(data)
 
-    rewritten(record_run(count=200), tmp_path / "spoilt", spoilt)
+    rewritten(record_run(count=200), tmp_path / "spoilt", each(spoilt))
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         assert report.main([str(tmp_path / "spoilt")]) == 0

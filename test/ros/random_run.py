@@ -1,4 +1,4 @@
-"""A real robot commanded over DDS at random instants and recorded, and its bag changed by another hand."""
+"""A real robot commanded over DDS at random instants and recorded."""
 
 import random
 import signal
@@ -8,14 +8,9 @@ from types import MappingProxyType
 
 from std_msgs.msg import Float64
 
-from vibro_ros.bag.metadata import Topic, defined
-from vibro_ros.bag.stream import BagStream
-from vibro_ros.bag.writer import BagWriter, Storage
-
 SECONDS = 2.0
 FASTER = 2.5  # than the clock, so that a recording of 5 s takes 2 s
-PLAIN = Storage()
-RANGES = {"motor_speed": (-20.0, 200.0), "upper_gap": (-1e-3, 2e-3), "inclined_gap": (-1e-3, 2e-3)}
+RANGES = {"motor_speed": (-520.0, 200.0), "upper_gap": (-1e-3, 2e-3), "inclined_gap": (-1e-3, 2e-3)}
 
 
 def command_at_random(bench, seconds: float, seed: int, topics: dict[str, str]) -> None:
@@ -46,18 +41,3 @@ def record_run(start, bench, folder: Path, *parameters: str, seconds: float = SE
     assert robot.end() == (0 if end == signal.SIGINT else -end), robot.text
     (bag,) = folder.glob("vibro_robot_*")
     return bag
-
-
-def rewritten(bag: Path, folder: Path, change=lambda messages: messages, storage: Storage = PLAIN,
-              **metadata: str | None) -> Path:
-    """The same bag with its list of (topic, stamp, data) changed, stored in another way, or with other custom data."""
-    with BagStream(bag) as stream:
-        topics = [Topic(name, one.type_name, one.qos_depth) for name, one in stream.topics.items()]
-        custom = {key: text for key, text in (stream.metadata | metadata).items() if text is not None}
-        writer = BagWriter(folder, defined(topics), custom, storage)
-        numbers = {topic.name: number for number, topic in enumerate(topics, start=1)}
-        for topic, stamp, data in change(list(stream.messages())):
-            writer.write(numbers[topic], stamp, bytes(data))
-        writer.flush()
-        writer.close({})
-    return folder

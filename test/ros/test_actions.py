@@ -58,7 +58,7 @@ def test_a_position_is_reached_a_goal_is_cancelled_and_what_cannot_be_is_refused
         "timeout: 0 is not above 0": ("GoTo", {"position": -0.5}),
         "0 m is out of reach: the robot is at -0.": ("GoTo", {"position": 0.0, "timeout": 9.0}),
         "hold_speed: 0.05 m/s is out of reach": ("HoldSpeed", {"speed": 0.05, "duration": 9.0}),
-        "/motor_speed: 900 is out of range; give a number from 0 to 500 rad/s": (
+        "/motor_speed: 900 is out of range; give a number from -500 to 500 rad/s": (
             "HoldSpeed", {"speed": -0.05, "duration": 9.0, "motor_to": 900.0}),
     }
     for reason, (kind, goal) in refusals.items():

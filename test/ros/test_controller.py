@@ -186,8 +186,8 @@ entries:
     assert results[0].successful, results[0].reason
     assert controller.end() == 1
     assert controller.lines[-1] == (
-        "controller: /motor_speed: 55 is out of range; give a number from 0 to 40 rad/s (the limit is motor.max_speed)"
-        "; /vibro_robot refuses it")
+        "controller: /motor_speed: 55 is out of range; give a number from -40 to 40 rad/s (the limit is "
+        "motor.max_speed); /vibro_robot refuses it")
     assert controller.lines[-2].endswith("aborted: /motor_speed 0 rad/s")
     robot.send(signal.SIGINT)
     assert robot.end() == 0

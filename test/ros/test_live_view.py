@@ -96,7 +96,7 @@ def test_commands_services_and_refusals_in_the_robot_s_words(start, view, visit,
     page = visit()
     page.wait_for_robot(offers={"reset": True, "step": True, "pause": True, "record": True})
     assert page.ask(command="motor_speed", value=1e6)["done"]
-    refusal = "command refused: /motor_speed: 1e+06 is out of range; give a number from 0 to 500 rad/s"
+    refusal = "command refused: /motor_speed: 1e+06 is out of range; give a number from -500 to 500 rad/s"
     page.wait(lambda: any(one["kind"] == "log" and one["words"].startswith(refusal) for one in list(page.texts)),
               "the refusal")
     assert page.ask(call="step") | {"id": 0} == {"kind": "answer", "id": 0, "done": False,
@@ -196,7 +196,7 @@ def test_a_robot_in_a_namespace_under_another_name(start, visit, view):
     assert words.startswith("no robot /r1/vibro_robot") and words.endswith("/r1/crawler")
     page.wait(lambda: page.last("impacts"), "impacts")
     assert page.ask(call="reset")["done"]
-    assert page.ask(command="motor_speed", value=-1.0)["done"]
+    assert page.ask(command="motor_speed", value=-600.0)["done"]
     page.wait(lambda: any("command refused" in one.get("words", "") for one in list(page.texts)), "the refusal")
     ends_well(view)
 

@@ -8,8 +8,9 @@ import sys
 import numpy as np
 import pytest
 from nav_msgs.msg import Odometry
-from random_run import RANGES, rewritten
+from random_run import RANGES
 from rclpy.qos import DurabilityPolicy, QoSProfile
+from robot_bag import rewritten
 from rosgraph_msgs.msg import Clock
 from std_msgs.msg import Float64, String
 

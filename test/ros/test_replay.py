@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from asking import known_client
 from observation import messages_of
-from random_run import FASTER, RANGES, SECONDS, record_run, rewritten
+from random_run import FASTER, RANGES, SECONDS, record_run
+from robot_bag import rewritten
 from std_srvs.srv import SetBool
 
 from vibro_ros.bag.reader import read_bag

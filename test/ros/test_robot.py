@@ -150,7 +150,7 @@ def test_bad_commands_are_refused_and_the_robot_goes_on(start, bench):
     bench.spin_until(lambda: operator.joint("crank")[1] == 80.0, "motor at speed")
     refusals = (
         ("motor_speed", math.nan, "/motor_speed: nan is not finite"),
-        ("motor_speed", 501.0, "/motor_speed: 501 is out of range; give a number from 0 to 500 rad/s"),
+        ("motor_speed", 501.0, "/motor_speed: 501 is out of range; give a number from -500 to 500 rad/s"),
         ("upper_gap", 0.07, "/upper_gap: 0.07 is out of range; give a number from -0.06 to 0.06 m"),
         ("inclined_gap", math.nan, "/inclined_gap: nan is not finite"),
     )

@@ -106,7 +106,7 @@ def test_absurd_joint_commands_are_refused_counted_and_leave_the_others(start, b
     publisher = bench.node.create_publisher(JointState, "joint_commands", 10)
     bench.spin_until(publisher.get_subscription_count, "the robot")
     for message in (JointState(name=["elbow\n"], position=[1.0]), JointState(name=["crank"], velocity=[1e300]),
-                    JointState(name=["crank"], velocity=[-1.0]), JointState(name=["crank"] * 3, velocity=[1.0] * 2),
+                    JointState(name=["crank"], velocity=[-501.0]), JointState(name=["crank"] * 3, velocity=[1.0] * 2),
                     JointState(name=["upper_plate"], position=[5.0]), JointState(name=["x" * 2000], velocity=[1.0])):
         publisher.publish(message)
     publisher.publish(JointState(name=["crank", "upper_plate"], velocity=[20.0], position=[-1.0]))

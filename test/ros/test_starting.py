@@ -155,7 +155,7 @@ def test_a_reader_that_goes_does_not_end_the_robot(compiled, domain_id, tmp_path
         bench.node.create_subscription(Odometry, "odom", heard.append, 100)
         publisher = bench.node.create_publisher(Float64, "motor_speed", 10)
         bench.spin_until(lambda: heard and publisher.get_subscription_count(), "robot up")
-        publisher.publish(Float64(data=-1.0))  # refused, which it says to nobody
+        publisher.publish(Float64(data=-501.0))  # refused, which it says to nobody
         before = len(heard)
         bench.spin_until(lambda: len(heard) > before + 50, "odom after that")
         robot.send_signal(signal.SIGTERM)
@@ -164,7 +164,7 @@ def test_a_reader_that_goes_does_not_end_the_robot(compiled, domain_id, tmp_path
         robot.kill()
         robot.wait()
     (folder,) = tmp_path.glob("vibro_robot_*")
-    assert read_bag(folder)["motor_speed"]["value"].tolist() == [-1.0]
+    assert read_bag(folder)["motor_speed"]["value"].tolist() == [-501.0]
 
 
 def test_who_waits_for_a_robot_is_told_again_and_again_what_for(bench, monkeypatch, capfd):

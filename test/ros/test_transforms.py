@@ -5,8 +5,8 @@ import os
 
 import pytest
 from observation import bags, messages_of, stop
-from random_run import rewritten
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from robot_bag import rewritten
 from tree_of_frames import frames_of
 
 from vibro_ros.bag.cdr import deserialised, serialised

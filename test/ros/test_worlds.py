@@ -81,6 +81,7 @@ def test_a_running_robot_goes_into_another_scene_and_each_bag_replays_to_the_bit
     assert load(simulator, types, text=HEAVY) == (Code.OK, "")  # from PAUSED
     assert current(simulator) == ("resource_string", "", HEAVY)
     assert parameter(bench, "mass.body").double_value == 2.5
+    assert parameter(bench, "scene").string_value == "device"  # which the text changes
     bench.spin_until(lambda: len(set(described)) == 2 and 'value="2.5"' in described[-1], "the description of the mass")
     assert simulator.become(State.PLAYING) == Code.OK
     publisher.publish(Float64(data=90.0))
@@ -96,6 +97,7 @@ def test_a_running_robot_goes_into_another_scene_and_each_bag_replays_to_the_bit
     assert len(stamps_of(by_scene["damped"])) == 31
     stamps = [stamp for bag in recorded for stamp in stamps_of(bag)]
     assert all(earlier < later for earlier, later in zip(stamps, stamps[1:], strict=False))
+    assert f"; {(len(stamps) - len(recorded)) / 200.0:.3f} s simulated, " in simulator.robot.lines[-1]  # in all worlds
     for bag in recorded:
         assert replay.main([str(bag)]) == 0
 

@@ -9,7 +9,7 @@ from commanded_device import RAMP, SWINGING, device, of_kind, state_bits
 
 @pytest.mark.parametrize("command", [
     {"motor_speed": 501.0, "upper_gap": 0.001}, {"motor_speed": 50.0, "upper_gap": 0.001, "inclined_gap": math.nan},
-    {"upper_gap": -0.07, "motor_speed": 50.0}, {"inclined_gap": 0.001, "motor_speed": -0.0001}])
+    {"upper_gap": -0.07, "motor_speed": 50.0}, {"inclined_gap": 0.001, "motor_speed": -500.0001}])
 def test_several_commands_act_all_or_none(command):
     made, untouched = device(RAMP), device(RAMP)
     for each in (made, untouched):

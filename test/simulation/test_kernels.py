@@ -71,7 +71,7 @@ def test_nothing_is_left_to_be_compiled(method):
 def test_a_second_process_compiles_all_but_the_longest(empty):
     assert said(RUN.format(method="rk4")) == "0 advance\n"
     assert stored(empty) == {"fixed_step.advance", "fixed_step.begin", "fixed_step.interrupt", "segment.read_signals",
-                             "rotor.read_rotor", "events.leave_for_ramp", "readout.read_samples"}
+                             "taylor.read_rotor", "events.leave_for_ramp", "readout.read_samples"}
 
 
 def test_a_second_process_ends_with_the_process_that_wants_it(empty):

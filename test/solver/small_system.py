@@ -92,8 +92,10 @@ def build(channels, modes, guards=(), signals=None, monitor=None, decay=None):
     watched = 0 if monitor is None else 1
     watch = np.zeros((count, 0, channels.count)) if monitor is None else np.tile(monitor[0], (count, 1, 1))
     return System(
-        size=size_of(channels), acceleration=acceleration, terms=acceleration_terms(acceleration, channels),
-        flow=flow_numbers(acceleration[:, :channels.dynamic]), longest_segment=longest_segments(acceleration, channels),
+        size=size_of(channels), acceleration=acceleration, reads=terms(acceleration),
+        terms=acceleration_terms(acceleration, channels),
+        flow=flow_numbers(acceleration[:, :channels.dynamic] if decay is None else acceleration),
+        longest_segment=longest_segments(acceleration, channels),
         row=row, row_terms=terms(row), driven=row[:, driven].any(axis=1),
         coupled=couplings(acceleration, channels), guard=number, guard_effect=effect, candidate=candidate, entry=entry,
         jump=jump, blow_monitor=blow, guard_event=np.full_like(blow, NOTHING),
@@ -113,16 +115,16 @@ def build(channels, modes, guards=(), signals=None, monitor=None, decay=None):
 def _no_accounts(modes, guards, channels):
     form, none = np.zeros((0, channels.count)), np.zeros(0, dtype=int)
     force = np.zeros((modes, 0, channels.count))
-    return AccountTable(force=force, terms=terms(force), rate=none, account=none, force_in_piece=none.astype(bool),
-                        rate_in_piece=none.astype(bool), stretch=form, stiffness=np.zeros((modes, 0)),
-                        potential=np.zeros(channels.count), jump=np.zeros((modes, guards, 0), dtype=int),
-                        momentum=form, struck=none)
+    return AccountTable(force=force, terms=terms(force), rate=none, account=none, stretch=form,
+                        stiffness=np.zeros((modes, 0)), potential=np.zeros(channels.count),
+                        jump=np.zeros((modes, guards, 0), dtype=int), momentum=form, struck=none)
 
 
 def _decay(channels, decay):
     factors, rates = decay or ((), ())
     factors = np.array(factors, dtype=float).reshape(len(rates), channels.count)
-    return Decay(factors, terms(factors), np.array(rates, dtype=float))
+    return Decay(np.array([channels.coordinates - 1] * bool(rates), np.int64), factors, terms(factors),
+                 np.array(rates, dtype=float))
 
 
 class Integration:

@@ -79,7 +79,7 @@ def test_yaml_is_a_script_a_sweep_or_a_scene(text, output, tmp_path):
                                   for line in text.splitlines()])
 def test_errors_are_the_ones_shown(line, tmp_path, domain_id, monkeypatch, capsys):
     """The words of the command stand for each shown error."""
-    (tmp_path / "bad.yaml").write_text("entries:\n  - for: 1.0\n    motor_speed: -5\n")
+    (tmp_path / "bad.yaml").write_text("entries:\n  - for: 1.0\n    motor_speed: -600\n")
     (tmp_path / "forwards.yaml").write_text("entries: [{hold_speed: 0.05, for: 10.0}]\n")
     (tmp_path / "itself.yaml").write_text("/**:\n  ros__parameters:\n    scene: itself.yaml\n")
     (tmp_path / "other.yaml").write_text("vibro_robt:\n  ros__parameters:\n    gravity: 9.81\n")

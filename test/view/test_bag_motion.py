@@ -6,10 +6,10 @@ import zlib
 import numpy as np
 import pytest
 from motion_reader import Motion
-from robot_bag import START, offset_times, rewritten, robot_bag
+from robot_bag import START, each, offset_times, rewritten, robot_bag, since
 
 import vibro_ros
-from vibro_ros.bag.cdr import deserialised, serialised
+from vibro_ros.bag.cdr import blank, deserialised, serialised
 from vibro_ros.bag.stream import BagError
 from vibro_ros.configuration.scene_file import shipped_scenes
 from vibro_ros.messages.topics import ROBOT_TOPICS
@@ -114,6 +114,20 @@ def test_other_parameters_while_it_runs_a_stop_for_want_of_commands_and_refused_
     assert_agrees(motion, expected, times)
 
 
+def test_commands_of_all_joints_in_one_message_are_part_of_the_motion(tmp_path):
+    """As ros2_control sends them; what is wrong with one joint's is refused, and the others count."""
+    scene, message = vibro_ros.load_scene("device"), blank(ROBOT_TOPICS["joint_commands"])
+    message.name = ["crank", "upper_plate", "inclined_plate"]
+    message.velocity = np.array([90.0])
+    message.position = np.array([scene["crank.upper_rod"] + 0.0005, scene["crank.inclined_rod"] + 1e3])
+    told = {0: {"joint_commands": serialised(message, ROBOT_TOPICS["joint_commands"])}}
+    motion, _ = read(robot_bag(tmp_path / "bag", scene, 121, told, RATE))
+    times = offset_times(0.0, 120 / RATE, 3000)
+    assert motion.header["exact"]
+    assert_agrees(motion, vibro_ros.simulate(scene, times=times, commands=[
+        (0.0, {"motor_speed": 90.0, "upper_gap": 0.0005})]), times)
+
+
 def test_a_push_a_fault_and_another_state_are_part_of_the_motion(tmp_path):
     """The third push takes the place of the second, and a duration of 0 ends it."""
     told = {0: {"motor_speed": 90.0}, 60: 'push {"duration": 0.103, "force_x": 20.0, "force_z": -3.0}',
@@ -147,8 +161,7 @@ def test_a_push_a_fault_and_another_state_are_part_of_the_motion(tmp_path):
 def test_the_voltage_of_a_dc_motor_follows_from_what_is_recorded(tmp_path):
     """A recording begun late without a checkpoint is interpolated: a controller's memory is in no sample."""
     whole = robot_bag(tmp_path / "whole", "machine", 121, COMMANDS, RATE)
-    motion, _ = read(rewritten(whole, tmp_path / "late", lambda one: one if one[1] >= START + round(
-        20 / RATE * 1e9) else None))
+    motion, _ = read(rewritten(whole, tmp_path / "late", since(20 / RATE)))
     assert motion.header["exact_spans"] == [] and "interpolated" in motion.header["why"]
     times = np.arange(20, 120) / RATE
     run = vibro_ros.simulate(vibro_ros.load_scene("machine"), times=times, commands=[
@@ -160,8 +173,7 @@ def test_the_voltage_of_a_dc_motor_follows_from_what_is_recorded(tmp_path):
 
 def test_a_recording_begun_late_is_exact_from_its_checkpoint_on(tmp_path):
     whole = robot_bag(tmp_path / "whole", "device", 301, COMMANDS, RATE, checkpoints=(110, 200))
-    late = rewritten(whole, tmp_path / "late", lambda one: one if one[1] >= START + round(110 / RATE * 1e9) else None)
-    motion, _ = read(late)
+    motion, _ = read(rewritten(whole, tmp_path / "late", since(110 / RATE)))
     assert motion.header["exact"] and motion.header["begin"] == 110 / RATE
     times = offset_times(110 / RATE, 300 / RATE, 5000)
     commands = [(tick / RATE, command) for tick, command in COMMANDS.items()]
@@ -171,8 +183,7 @@ def test_a_recording_begun_late_is_exact_from_its_checkpoint_on(tmp_path):
 @pytest.mark.parametrize("checkpoints", [(), (200,)])
 def test_a_recording_begun_late_without_a_checkpoint_is_followed_from_sample_to_sample(checkpoints, tmp_path):
     whole = robot_bag(tmp_path / "whole", "device", 301, COMMANDS, RATE, checkpoints)
-    late = rewritten(whole, tmp_path / "late", lambda one: one if one[1] >= START + round(110 / RATE * 1e9) else None)
-    motion, setting = read(late)
+    motion, setting = read(rewritten(whole, tmp_path / "late", since(110 / RATE)))
     assert motion.header["exact"] and motion.header["exact_spans"] == [[110 / RATE, 300 / RATE]]
     assert "begins 0.55 s after the robot's start" in setting["notes"][0] and "sample to sample" in setting["notes"][0]
     times = offset_times(110 / RATE, 300 / RATE, 5000)
@@ -182,8 +193,8 @@ def test_a_recording_begun_late_without_a_checkpoint_is_followed_from_sample_to_
 
 def test_a_lost_command_is_told_by_the_samples(tmp_path):
     whole = robot_bag(tmp_path / "whole", "device", 301, COMMANDS, RATE)
-    lost = rewritten(whole, tmp_path / "lost", lambda one: None if one[1] == START + round(150 / RATE * 1e9)
-                     and one[0] == "/motor_speed" else one)
+    lost = rewritten(whole, tmp_path / "lost", each(lambda one: None if one[1] == START + round(150 / RATE * 1e9)
+                                                    and one[0] == "/motor_speed" else one))
     motion, setting = read(lost)
     assert (motion.header["exact"], motion.header["why"]) == (True, "")
     assert "after 0.75 s" in setting["notes"][0] and "not what was recorded" in setting["notes"][0]
@@ -200,7 +211,7 @@ def moved(stamps, distance):
             odometry.pose.pose.position.x += distance
             data = serialised(odometry, ROBOT_TOPICS["odom"])
         return topic, stamp, data
-    return change
+    return each(change)
 
 
 def test_one_recorded_position_that_differs_costs_the_intervals_beside_it(tmp_path):
@@ -213,7 +224,7 @@ def test_one_recorded_position_that_differs_costs_the_intervals_beside_it(tmp_pa
 @pytest.mark.parametrize("without", ["/odom", "/joint_states"])
 def test_one_of_the_two_topics_of_state_is_enough(without, tmp_path):
     whole = robot_bag(tmp_path / "bag", "device", 121, COMMANDS, RATE)
-    motion, _ = read(rewritten(whole, tmp_path / "other", lambda one: None if one[0] == without else one))
+    motion, _ = read(rewritten(whole, tmp_path / "other", each(lambda one: None if one[0] == without else one)))
     times = offset_times(0.0, 120 / RATE, 3000)
     commands = [(tick / RATE, command) for tick, command in COMMANDS.items()]
     assert motion.header["exact"]
@@ -222,7 +233,7 @@ def test_one_of_the_two_topics_of_state_is_enough(without, tmp_path):
 
 def test_the_bag_of_another_recorder_is_recognised_by_its_samples(tmp_path):
     whole = robot_bag(tmp_path / "bag", "damped", 241, {0: {"motor_speed": 60.0}, 120: "reset"}, RATE)
-    motion, setting = read(rewritten(whole, tmp_path / "other", custom={}))
+    motion, setting = read(rewritten(whole, tmp_path / "other", known=False))
     assert (motion.header["exact"], motion.header["why"], setting["robot"]) == (True, "", "damped")
     assert "its samples are those of the scene damped" in setting["notes"][0]
     assert motion.header["resets"] == [121 / RATE]
@@ -236,7 +247,7 @@ def unknown(tmp_path):
     """The bag of another recorder, of a robot of the user's own."""
     own = vibro_ros.load_scene("device").with_parameters({"ground.friction": 0.21, "upper.spring.damping": 2.5})
     whole = robot_bag(tmp_path / "bag", own, 241, {0: {"motor_speed": 60.0}, 120: "reset"}, RATE)
-    return own, lambda change=lambda one: one: rewritten(whole, tmp_path / "other", change, {})
+    return own, lambda change=list: rewritten(whole, tmp_path / "other", change, known=False)
 
 
 def test_the_robot_of_another_recorder_may_be_unknown_and_its_motion_interpolated(unknown):
@@ -262,14 +273,14 @@ def test_the_robot_of_another_recorder_may_be_unknown_and_its_motion_interpolate
 
 def test_a_gap_in_what_is_interpolated_stays_one(unknown):
     _, bag = unknown
-    motion, _ = read(bag(lambda one: None if 0.3 < (one[1] - START) * 1e-9 < 0.5 else one))
+    motion, _ = read(bag(each(lambda one: None if 0.3 < (one[1] - START) * 1e-9 < 0.5 else one)))
     x = motion.at(np.array([0.2, 0.29, 0.4, 0.49, 0.51]))["upper_position"]
     assert np.isnan(x).tolist() == [False, False, True, True, False]
 
 
 def test_a_bag_without_state_is_refused_in_one_line(tmp_path):
     whole = robot_bag(tmp_path / "bag", "device", 11, {}, RATE)
-    other = rewritten(whole, tmp_path / "other", lambda one: one if one[0] == "/motor_power" else None)
+    other = rewritten(whole, tmp_path / "other", each(lambda one: one if one[0] == "/motor_power" else None))
     with pytest.raises(BagError, match="holds no state to draw; give a bag with odom or joint_states"):
         bag_motion(other)
 

@@ -80,12 +80,16 @@ def test_stamps_in_whole_nanoseconds_are_no_harm(rate):
     assert_is_run(motion, scene, offset_times(START + 1e-8, START + 1.0 - 1e-8, 10_000), COMMANDS[:1])
 
 
+BACKWARDS = [(0.0, {"motor_speed": -20.0}), (3.2, {"motor_speed": 50.0}), (3.7, {"motor_speed": -90.0})]
+
+
 @pytest.mark.parametrize("motor", ["ideal", "ramp", "lag"])
-def test_every_motor_on_its_way(motor):
+@pytest.mark.parametrize("commands", [COMMANDS, BACKWARDS])
+def test_every_motor_on_its_way(motor, commands):
     scene = vibro_ros.load_scene("device").with_parameters({"effects.motor": motor})
-    motion = made(scene, published(scene))
-    assert motion.header["exact"]
-    assert_is_run(motion, scene, offset_times(START, START + 1.0, 5000))
+    motion = made(scene, published(scene, commands=commands))
+    assert motion.header["exact"] and not motion.header["resets"]
+    assert_is_run(motion, scene, offset_times(START, START + 1.0, 5000), commands)
 
 
 @pytest.mark.parametrize("name", ["device", "rigid"])
@@ -142,8 +146,8 @@ def test_one_sample_that_somebody_spoilt_costs_two_intervals():
 
 
 @pytest.mark.parametrize("spoilt", [
-    {"upper_position": 1e300}, {"upper_position": np.nan}, {"motor_speed": -5.0}, {"motor_speed": 1e9},
-    {"upper_plate_position": -1.0}, {"crank_angle": -1.0}, {"body_height": -1.0}, {"inclined_velocity": np.inf}])
+    {"upper_position": 1e300}, {"upper_position": np.nan}, {"motor_speed": -600.0}, {"motor_speed": 1e9},
+    {"upper_plate_position": -1.0}, {"crank_angle": -1e10}, {"body_height": -1.0}, {"inclined_velocity": np.inf}])
 def test_samples_that_no_robot_is_in_are_no_error(spoilt):
     scene, samples = vibro_ros.load_scene("device"), published(vibro_ros.load_scene("device"), duration=0.1)
     for name, value in spoilt.items():

@@ -6,7 +6,7 @@ import time
 import numpy as np
 import pytest
 from motion_reader import Motion
-from robot_bag import START, rewritten, robot_bag
+from robot_bag import START, each, rewritten, robot_bag
 
 import vibro_ros
 from vibro_ros.bag.cdr import deserialised, serialised
@@ -46,45 +46,45 @@ def changed(topic, change, when=lambda stamp: True):
             change(content)
             data = serialised(content, ROBOT_TOPICS[topic])
         return name, stamp, data
-    return of
+    return each(of)
 
 
-@pytest.mark.parametrize("custom", [None, {}])
+@pytest.mark.parametrize("known", [True, False])
 @pytest.mark.parametrize("from_stamp", [END, START + 5 * 10**8])
-def test_stamps_of_another_time(recorded, tmp_path, from_stamp, custom):
-    motion, _ = read(rewritten(recorded, tmp_path / "other", lambda one: (
-        one[0], one[1] + (DAYS if one[1] >= from_stamp else 0), one[2]), custom))
+def test_stamps_of_another_time(recorded, tmp_path, from_stamp, known):
+    motion, _ = read(rewritten(recorded, tmp_path / "other", each(lambda one: (
+        one[0], one[1] + (DAYS if one[1] >= from_stamp else 0), one[2])), known=known))
     assert not np.isnan(motion.at(np.array([0.1]))["upper_position"]).any()
 
 
-@pytest.mark.parametrize("custom", [None, {}])
+@pytest.mark.parametrize("known", [True, False])
 @pytest.mark.parametrize("value", [np.nan, np.inf, -1e300])
-def test_a_position_that_is_none(recorded, tmp_path, value, custom):
+def test_a_position_that_is_none(recorded, tmp_path, value, known):
     def spoil(odometry):
         odometry.pose.pose.position.x = value
 
     motion, _ = read(rewritten(recorded, tmp_path / "other",
-                               changed("odom", spoil, lambda stamp: stamp == START + 5 * 10**8), custom))
+                               changed("odom", spoil, lambda stamp: stamp == START + 5 * 10**8), known=known))
     x = motion.at(np.array([0.3, 0.9]))["body_position"]
     assert np.isfinite(x).all() and (np.abs(x) < 1.0).all()
 
 
-@pytest.mark.parametrize("custom", [None, {}])
-def test_joints_of_another_machine(recorded, tmp_path, custom):
+@pytest.mark.parametrize("known", [True, False])
+def test_joints_of_another_machine(recorded, tmp_path, known):
     def rename(joints):
         joints.name = [f"joint{number}" for number in range(len(joints.name))]
 
-    other = rewritten(recorded, tmp_path / "other", changed("joint_states", rename), custom)
+    other = rewritten(recorded, tmp_path / "other", changed("joint_states", rename), known=known)
     motion, _ = read(other)
     assert not np.isnan(motion.at(np.array([0.5]))["body_position"]).any()
-    without = rewritten(other, tmp_path / "without", lambda one: None if one[0] == "/odom" else one, custom)
+    without = rewritten(other, tmp_path / "without", each(lambda one: None if one[0] == "/odom" else one), known=known)
     with pytest.raises(BagError, match="holds no state to draw"):
         bag_motion(without)
 
 
 def test_messages_that_cannot_be_read(recorded, tmp_path):
-    motion, setting = read(rewritten(recorded, tmp_path / "other", lambda one: (
-        one[0], one[1], one[2][:20] if one[0] in ("/odom", "/motor_speed") else one[2])))
+    motion, setting = read(rewritten(recorded, tmp_path / "other", each(lambda one: (
+        one[0], one[1], one[2][:20] if one[0] in ("/odom", "/motor_speed") else one[2]))))
     assert any("/odom: 201 unreadable messages" in note for note in setting["notes"])
     assert not np.isnan(motion.at(np.array([0.5]))["upper_position"]).any()
 
@@ -133,5 +133,5 @@ def test_extreme_robots(tmp_path, changes):
 
 def test_stamps_between_the_samples(recorded, tmp_path):
     """As if another recorder had kept the robot's own words: the headers still tell the samples."""
-    motion, setting = read(rewritten(recorded, tmp_path / "other", lambda one: (one[0], one[1] + 3, one[2])))
+    motion, setting = read(rewritten(recorded, tmp_path / "other", each(lambda one: (one[0], one[1] + 3, one[2]))))
     assert motion.header["exact"] and setting["robot"] == "device"

@@ -175,12 +175,15 @@ def test_csv_has_the_last_rows_with_all_their_digits(modules):
 
 
 def test_means_begin_at_a_reset_and_leave_out_what_is_not_known(modules):
-    """Six seconds at 10 mm/s, then back at the start, then two at -20 mm/s, of which one is spent in the air."""
+    """Six seconds at 10 mm/s, the last one with the crank turning backwards, then back at the start, then two at
+    -20 mm/s, of which one is spent in the air."""
     times = np.arange(0.0, 8.001, 0.01)
     before = times < 6.0
     rows = np.stack([times, np.where(before, 0.01 * times, -0.02 * (times - 6.0)), times >= 7.0,
-                     np.where(before, 100.0 * times, times - 6.0)], axis=1)
-    call = """const ring = new m.Ring(["time", "body_position", "body_height", "crank_angle"], 1000);
+                     np.where(before, 500.0 - 200.0 * abs(times - 5.0), times - 6.0),
+                     np.where(before, np.where(times < 5.0, 200.0, -200.0), 1.0)], axis=1)
+    call = """const names = ["time", "body_position", "body_height", "crank_angle", "motor_speed"];
+        const ring = new m.Ring(names, 1000);
         ring.push(Float64Array.from(v[0]));
         const {means} = await import("vibro/mean.js");
         return v[1].map((time) => Object.values(means(ring, time)));"""

@@ -46,27 +46,11 @@ def find_compiler() -> list[str]:
 
 
 class Libraries:
-    """The libraries of one package.
+    """The libraries of one package, from sources that were generated before, made in `folder`.
 
-    Parameters
-    ----------
-    package : InterfacePackage
-        Whose.
-    sources : Sources
-        Generated before.
-    folder : Path
-        Where they are made.
-    prefix : Path
-        Where the ROS wheels are installed.
-    compiler : sequence of str
-        Words that start the compiler.
-
-    Attributes
-    ----------
-    extension : Path
-        What Python imports; it belongs into the Python package.
-    shared : list of Path
-        What it loads; they belong to the wheels' own libraries.
+    `prefix` is where the ROS wheels are installed, `compiler` the words that start the compiler. `extension` is what
+    Python imports, and belongs into the Python package; it loads the `shared` ones, which belong to the wheels' own
+    libraries.
     """
 
     def __init__(self, package: InterfacePackage, sources: Sources, folder: Path, prefix: Path,

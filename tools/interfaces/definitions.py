@@ -26,18 +26,11 @@ _NEXT_TYPE = "=" * 80  # in rosbags' text of a type, before each type that it co
 
 @dataclass(frozen=True)
 class InterfacePackage:
-    """One interface package.
+    """One interface package, with its name, version and license as in its package.xml.
 
-    Attributes
-    ----------
-    name, version, license : str
-        As in its package.xml.
-    origin : str
-        Where the definitions come from, in a sentence.
-    texts : dict of str to str
-        Definitions by their paths in the package, such as `msg/TFMessage.msg`.
-    dependencies : tuple of str
-        Packages whose types they contain, those of services and actions included.
+    `origin` says in a sentence where the definitions come from; `texts` are the definitions by their paths in the
+    package, such as `msg/TFMessage.msg`. `dependencies` are the packages whose types they contain, those of services
+    and actions included.
     """
 
     name: str

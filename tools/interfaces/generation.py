@@ -29,26 +29,11 @@ _VISIBILITY = ("rosidl_generator_c", FASTRTPS, INTROSPECTION)  # whose visibilit
 
 
 class Sources:
-    """The generated sources of a package.
+    """The generated sources of a package, three folders in `folder`; `prefix` is where the ROS wheels are installed.
 
-    Parameters
-    ----------
-    package : InterfacePackage
-        What is generated.
-    folder : Path
-        Where; it becomes three folders.
-    prefix : Path
-        Where the ROS wheels are installed.
-
-    Attributes
-    ----------
-    share : Path
-        Definitions, IDL and type descriptions, as the package's share folder has them.
-    native, introspection : Path
-        C and C++; below each the package's folder, so that it serves as an include path. Files of the two have the
-        same names.
-    python : Path
-        The Python package, with the C sources of its extension.
+    `share` has definitions, IDL and type descriptions, as the package's share folder has them, `python` the Python
+    package, with the C sources of its extension. `native` and `introspection` are C and C++; below each is the
+    package's folder, so that it serves as an include path. Files of the two have the same names.
     """
 
     def __init__(self, package: InterfacePackage, folder: Path, prefix: Path):

@@ -286,9 +286,12 @@ class Equations:
                 -at["direction"] * self.velocity / self.scene["ground.stribeck_speed"])
         feels = self.has_dry_friction or self.hops
         along, across, up = self.body_inertia({guide.side: self._unless_resting(guide, 1.0) for guide in self.guides})
-        along_x = at["mobility"] * (inward - (slide * ground if feels else 0.0))
+        mobility = at["mobility"]
+        if self.scene["effects.friction"] == "stribeck" and not by_weight:  # given for the kinetic coefficient
+            mobility = mobility * ((along + at["slide"] * across) / (along + slide * across))
+        along_x = mobility * (inward - (slide * ground if feels else 0.0))
         self.rise = (across * inward + along * ground) / (across**2 - along * up)
-        felt = (at["mobility"] * (-coupling[0] - (slide * coupling[1] if feels else 0.0)),  # of a unit of theta''
+        felt = (mobility * (-coupling[0] - (slide * coupling[1] if feels else 0.0)),  # of a unit of theta''
                 (along * coupling[1] - across * coupling[0]) / (across**2 - along * up))
         if self.has_rotor:
             moves, flies = float(self.body_moves), float(self.hops) * at["air"]

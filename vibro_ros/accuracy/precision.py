@@ -99,7 +99,7 @@ class Effort:
 
 def running(scene: Scene) -> Scene:
     """`scene`, its motor turning from the start at `RUNNING_SPEED` if it stands still there."""
-    if scene["motor.speed"] > 0.0:
+    if scene["motor.speed"]:
         return scene
     return scene.with_parameters({"motor.speed": min(RUNNING_SPEED, scene["motor.max_speed"])})
 

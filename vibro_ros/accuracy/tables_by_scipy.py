@@ -18,6 +18,7 @@ from vibro_ros.model.scene import Scene
 from vibro_ros.model.tables import Model
 from vibro_ros.simulation.motion import Motion
 from vibro_ros.solver.compilation import entry_kernel
+from vibro_ros.solver.drive import settling_time
 from vibro_ros.solver.events import choose_candidate
 from vibro_ros.solver.guards import NOISE
 from vibro_ros.solver.right_hand_side import accelerate, fill_forcing_at
@@ -41,6 +42,11 @@ class UnableError(RuntimeError):
 def _fill_point(system, state, mode, time, z, accelerations):
     fill_forcing_at(system, state, time, z)
     accelerate(system, state, mode, z, accelerations)
+
+
+@entry_kernel
+def _settling_time(system, state):
+    return settling_time(state.now[0].drive)
 
 
 @entry_kernel
@@ -78,7 +84,7 @@ class Tables:
         self.model: Model = motion.model
         self.system, self.state = self.model.system, motion.state
         self.channels = self.model.forms.channels
-        self.motor_settled = float(self.state.now["drive"]["time_left"][0])
+        self.motor_settled = _settling_time(self.system, self.state)
         n = self.channels.coordinates
         self.start = motion.point[:2 * n].copy()
         self._z, self._accelerations = np.zeros(self.channels.count), np.zeros(n)

@@ -29,21 +29,10 @@ _OTHERS = {".db3": "is of the storage sqlite3; `ros2 bag convert` makes an MCAP 
 def bag_folders(directory: Path, now: datetime, namespace: str = "/") -> Iterator[Path]:
     """Names of bag folders, as rosbag2 names them, each to be tried when the one before exists.
 
-    Parameters
-    ----------
-    directory : Path
-        Where recordings go; ``~`` is the home folder.
-    now : datetime
-        Start of the recording, local time.
-    namespace : str
-        The robot's, of which the name has at most the first `LONGEST_NAMESPACE` characters.
-
-    Returns
-    -------
-    Iterator of Path
-        ``vibro_robot_YYYY_MM_DD-HH_MM_SS`` in `directory`, in the namespace ``/r1`` ``vibro_robot_r1_YYYY…``, then with
-        ``_2``, ``_3``, … Whether a name is free, only the attempt to make the folder tells: another robot may make it
-        at the same instant. `Recorder` makes it, and raises FileExistsError.
+    They are ``vibro_robot_YYYY_MM_DD-HH_MM_SS`` in `directory`, in the namespace ``/r1`` ``vibro_robot_r1_YYYY…``, of
+    which the name has at most the first `LONGEST_NAMESPACE` characters, then with ``_2``, ``_3``, …; `now` is the
+    start of the recording, local time. Whether a name is free, only the attempt to make the folder tells: another
+    robot may make it at the same instant. `Recorder` makes it, and raises FileExistsError.
     """
     own = namespace.rstrip("/").replace("/", "_")[:LONGEST_NAMESPACE]
     folder = Path(directory).expanduser() / now.strftime(f"vibro_robot{own}_%Y_%m_%d-%H_%M_%S")
@@ -121,13 +110,6 @@ def unsealed_bags(directory: Path, pattern: str = "*") -> list[Path]:
     """Bag folders in `directory` that are not sealed, hold something, and are not being recorded.
 
     Folders that this user may not look into belong to somebody else, and links lead elsewhere: neither is listed.
-
-    Parameters
-    ----------
-    directory : Path
-        Where recordings go; it may be missing.
-    pattern : str
-        Of the folders' names.
     """
     try:
         folders = sorted(folder for folder in directory.glob(pattern) if _is_unsealed(folder))

@@ -72,17 +72,12 @@ class MalformedError(ValueError):
 
 
 class McapFile:
-    """An MCAP file, looked through when it is made; it is open only while it is read.
+    """An MCAP file, a regular one, looked through when it is made; it is open only while it is read.
 
-    Parameters
-    ----------
-    path : Path
-        A regular file.
+    ForeignFileError when the file is empty, no MCAP, or not of ROS 2; OSError when it cannot be read.
 
     Attributes
     ----------
-    path : Path
-        The file.
     information : FileInformation
         Its name, times, and readable messages by topic.
     topics : list of TopicInformation
@@ -103,13 +98,6 @@ class McapFile:
         What such a summary says.
     tail : bytes
         Message indexes of the last chunk, to be written at `end`, when the file lacks some of them.
-
-    Raises
-    ------
-    ForeignFileError
-        When the file is empty, no MCAP, or not of ROS 2.
-    OSError
-        When it cannot be read.
     """
 
     def __init__(self, path: Path):

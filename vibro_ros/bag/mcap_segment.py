@@ -58,21 +58,9 @@ _NEVER = 2**63 - 1  # time of the first message [ns] where there is none yet
 class McapSegment:
     """Writes one MCAP file; header, topics and metadata are on the disk once it is made.
 
-    Parameters
-    ----------
-    path : Path
-        File to make; it must not exist.
-    definitions : sequence of Definition
-        The topics; a message names its topic by the position in this sequence, counted from 1.
-    metadata : str
-        What the bag says of itself so far, as rosbag2 keeps it inside the file.
-    compression : str
-        ``none`` or ``zstd``, of chunks.
-
-    Raises
-    ------
-    OSError
-        When the file cannot be made or written.
+    A message names its topic by the position in `definitions`, counted from 1. `metadata` is what the bag says of
+    itself so far, as rosbag2 keeps it inside the file; `compression` of chunks is ``none`` or ``zstd``. OSError when
+    the file exists, or cannot be made or written.
     """
 
     def __init__(self, path: Path, definitions: Sequence[Definition], metadata: str, compression: str):
@@ -220,23 +208,11 @@ class McapSegment:
 
 
 class Summary:
-    """What the end of an MCAP file says of its data.
+    """What the end of an MCAP file says of its data: schemas and channels by id, messages by channel, chunks, metadata.
 
-    Attributes
-    ----------
-    schemas, channels : dict
-        By id.
-    counts : dict of int to int
-        Messages by channel.
-    chunks : int
-        Number of chunks.
-    index_size : int
-        Bytes of the chunks' index records. They are kept compressed, because a recording of a day has two million.
-    metadata : list of MetadataIndex
-        Where each metadata record lies.
-    indexed : bool
-        False when some message lies where an index of chunks would not find it; then none is written, and
-        readers go through the file from its beginning.
+    `index_size` are the bytes of the chunks' index records. They are kept compressed, because a recording of a day has
+    two million. `indexed` is False when some message lies where an index of chunks would not find it; then none is
+    written, and readers go through the file from its beginning.
     """
 
     def __init__(self) -> None:

@@ -50,18 +50,9 @@ class Topic:
 
 @dataclass(frozen=True)
 class TopicInformation:
-    """What a bag says of a topic.
+    """What a bag says of a topic: the offered QoS profiles, as rosbag2 writes them, and the serialisation, always CDR.
 
-    Attributes
-    ----------
-    name, type_name : str
-        Full name and ROS type.
-    qos : list of dict
-        Offered QoS profiles, as rosbag2 writes them.
-    type_hash : str
-        RIHS01 hash of the type; empty when unknown.
-    encoding : str
-        Serialisation; ROS 2 has one.
+    `type_hash` is the RIHS01 hash of the type; empty when unknown.
     """
 
     name: str
@@ -122,17 +113,7 @@ def defined(topics: Sequence[Topic]) -> list[Definition]:
 
 def bag_information(files: Sequence[FileInformation], topics: Iterable[TopicInformation],
                     custom: Mapping[str, str]) -> dict:
-    """What metadata.yaml says of a bag.
-
-    Parameters
-    ----------
-    files : sequence of FileInformation
-        In the order of time.
-    topics : iterable of TopicInformation
-        Every topic, those without messages too.
-    custom : mapping of str to str
-        The bag's custom data.
-    """
+    """What metadata.yaml says of a bag: its files in the order of time, every topic, those without messages too."""
     filled = [file for file in files if file.messages]
     first = min((file.first for file in filled), default=0)
     last = max((file.last for file in filled), default=0)

@@ -241,16 +241,9 @@ class _Layout:
 
 
 class Series:
-    """Chosen columns of one topic, growing message by message in compact arrays.
+    """Chosen columns of one topic, growing message by message in compact arrays; their times are 0 at `start_ns` [ns].
 
-    Parameters
-    ----------
-    type_name : str
-        ROS type, one of those that `read_bag` lists.
-    start_ns : int
-        Zero of the arrays' times, ROS time [ns].
-    columns : sequence of str
-        Patterns of the columns' names, as `fnmatch` reads them; without any, only times are kept, unread.
+    `columns` are patterns of the columns' names, as `fnmatch` reads them; without any, only times are kept, unread.
     """
 
     def __init__(self, type_name: str, start_ns: int, columns: Sequence[str] = ("*",)) -> None:

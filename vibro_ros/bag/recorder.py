@@ -35,14 +35,9 @@ _Places = tuple[tuple[int, int, int], ...]  # number of the topic, begin and end
 
 
 class Together:
-    """Where the messages of some topics stand in a piece of bytes, the same each time.
+    """Where the messages of some topics stand in a piece of bytes, the same each time: topic, begin and end of each.
 
     Messages that come together cost the caller of `Recorder.write_together` as much as one message.
-
-    Parameters
-    ----------
-    places : sequence of (str, int, int)
-        Of each message: its topic, and where it begins and ends.
     """
 
     def __init__(self, places: Sequence[tuple[str, int, int]]):
@@ -124,22 +119,10 @@ class Recorder:
         self._thread.start()
 
     def write(self, topic_name: str, stamp_ns: int, data: bytes) -> bool:
-        """Queue one message; never blocks, never raises.
+        """Queue a serialised message (CDR) with its stamp, ROS time [ns], 0 to `LAST_STAMP`; never blocks or raises.
 
-        Parameters
-        ----------
-        topic_name : str
-            One of the topics' names.
-        stamp_ns : int
-            Recorded stamp, ROS time [ns], a Python int from 0 to `LAST_STAMP`.
-        data : bytes
-            The serialised message (CDR), as published.
-
-        Returns
-        -------
-        bool
-            False when the message was dropped (and counted): unknown topic, stamp that would spoil
-            the bag, data that is not bytes, queue full, recording stopped.
+        False when the message was dropped (and counted): unknown topic, stamp that would spoil the bag, data that is
+        not bytes, queue full, recording stopped.
         """
         topic = self._topics.get(topic_name)
         if (topic is not None and type(stamp_ns) is int and 0 <= stamp_ns <= LAST_STAMP
@@ -152,19 +135,7 @@ class Recorder:
     def write_together(self, together: Together, stamp_ns: int, data: bytes) -> bool:
         """As `write`, for several messages of one stamp: all are queued, or all are dropped (and counted).
 
-        Parameters
-        ----------
-        together : Together
-            The topics, of which those that the bag lacks are left out, and their places in `data`.
-        stamp_ns : int
-            Recorded stamp, ROS time [ns].
-        data : bytes
-            The serialised messages.
-
-        Returns
-        -------
-        bool
-            False when the messages were dropped.
+        Topics that the bag lacks are left out.
         """
         places = self._places.get(together)
         if places is None:
@@ -225,15 +196,7 @@ class Recorder:
     def close(self, patience: float | None = None) -> bool:
         """Accept no more, write what is queued, seal the bag and end the thread; calling it again does nothing.
 
-        Parameters
-        ----------
-        patience : float or None
-            Longest time [s] to wait for that; None waits until it is done.
-
-        Returns
-        -------
-        bool
-            False when the disk was slower than `patience`: the thread goes on by itself.
+        False when the disk was slower than `patience` [s]: the thread goes on by itself. None waits until it is done.
         """
         self._accepting = False
         self._closing = True
@@ -327,12 +290,7 @@ class Recorder:
 
 
 class Snapshot:
-    """The last seconds of what would be recorded, in memory: messages whose stamps lie within `span` of the latest.
-
-    Parameters
-    ----------
-    span : float
-        Length [s].
+    """The last seconds of what would be recorded, in memory: messages whose stamps lie within `span` [s] of the latest.
     """
 
     def __init__(self, span: float):

@@ -32,24 +32,10 @@ class RecoveryError(Exception):
 
 @dataclass(frozen=True)
 class Recovery:
-    """What was done to a bag.
+    """What was done to a bag, which has so many messages now, the last one at the time `last` [ns]; 0 without messages.
 
-    Attributes
-    ----------
-    folder : Path
-        The bag folder.
-    messages : int
-        Number of messages in the bag now.
-    cut : int
-        Bytes that were torn or damaged, and are not read.
-    last : int
-        Time of the last message [ns]; 0 without messages.
-    was_sealed : bool
-        True when there was nothing to do, and nothing was done.
-    kept : tuple of Path
-        Where the bytes are that were cut.
-    flaws : tuple of str
-        Sentences on the parts of the bag that still cannot be read.
+    `cut` bytes were torn or damaged, and are not read; they are `kept` there. `was_sealed` says that there was nothing
+    to do, and nothing was done; `flaws` are sentences on the parts of the bag that still cannot be read.
     """
 
     folder: Path
@@ -64,17 +50,8 @@ class Recovery:
 def recover(path: str | Path, keep_torn: bool = True) -> Recovery:
     """Seal the bag in the folder `path`, or that of the file `path`.
 
-    Parameters
-    ----------
-    path : str or Path
-        The bag folder, or one of its files.
-    keep_torn : bool
-        Whether what is cut is kept beside, as ``<file>.torn``, ``<file>.torn.2``, …
-
-    Raises
-    ------
-    RecoveryError
-        When it is no bag, holds nothing that can be read, is being recorded, or cannot be written.
+    `keep_torn` keeps what is cut beside it, as ``<file>.torn``, ``<file>.torn.2``, … RecoveryError when it is no bag,
+    holds nothing that can be read, is being recorded, or cannot be written.
     """
     path = Path(path)
     if not path.exists():

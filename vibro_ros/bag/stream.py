@@ -67,35 +67,16 @@ class RecordedTopic:
 
 
 class BagStream:
-    """A bag folder, opened for reading; a context manager.
+    """A bag folder, of this recorder or of ``ros2 bag record``, opened for reading; a context manager.
 
     Every file is looked through once before its messages are read, so that the topics and counts are those of the
     messages. What cannot be read is left out and named; nothing is ever written into the folder, and no link in it
     followed.
 
-    Parameters
-    ----------
-    path : str or Path
-        The bag folder, of this recorder or of ``ros2 bag record``.
-
-    Attributes
-    ----------
-    folder : Path
-        The bag folder.
-    start, end : int
-        Least and greatest recorded stamp [ns] of a message; 0 in an empty bag.
-    metadata : dict of str to str
-        The bag's custom data.
-    topics : dict of str to RecordedTopic
-        Every topic, by full name.
-    unreadable : Unreadable
-        Where those who read the messages count the ones that are not of their topic's type.
-
-    Raises
-    ------
-    BagError
-        When the folder is missing, no bag, or not sealed, or when nothing in it can be read; the message names path,
-        reason and remedy.
+    `start` and `end` are the least and the greatest recorded stamp [ns] of a message, 0 in an empty bag; `metadata` is
+    the bag's custom data. In `unreadable` those who read the messages count the ones that are not of their topic's
+    type. BagError when the folder is missing, no bag, or not sealed, or when nothing in it can be read; the message
+    names path, reason and remedy.
     """
 
     def __init__(self, path: str | Path):
@@ -141,20 +122,10 @@ class BagStream:
         return [one_line(flaw) for flaw in (*found, *self.unreadable.lines())]
 
     def messages(self, topics: frozenset[str] | None = None) -> Iterator[Message]:
-        """Topic, recorded stamp [ns] and serialised message of each message, in the order of recording.
+        """Topic, recorded stamp [ns] and bytes of each message of `topics`, None for all, in the order of recording.
 
         Messages of a file that lie out of the order of time are put in it as far as they lie within `MOST_HELD` of
-        their place.
-
-        Parameters
-        ----------
-        topics : frozenset of str
-            Which; None for all.
-
-        Raises
-        ------
-        BagError
-            When the disk fails.
+        their place. BagError when the disk fails.
         """
         chosen = frozenset(self.topics) if topics is None else topics & self.topics.keys()
         try:
@@ -184,30 +155,11 @@ class BagStream:
 
 
 class BagContents:
-    """What lies in a bag folder: its metadata.yaml and its files, each looked through.
+    """What lies in a bag folder: its metadata.yaml and its files in the order of time, each looked through.
 
-    Parameters
-    ----------
-    folder : Path
-        The bag folder.
-    all_files : bool
-        Whether to read files as well that metadata.yaml does not name.
-
-    Attributes
-    ----------
-    information : dict
-        Of metadata.yaml; empty when it cannot be read.
-    files : list of McapFile
-        In the order of time.
-    custom : dict of str to str
-        The bag's custom data.
-    flaws : list of str
-        Sentences on metadata.yaml and on files that cannot be read at all.
-
-    Raises
-    ------
-    OSError
-        When the folder or a file in it cannot be opened for a reason that lies with the machine.
+    `all_files` reads files as well that metadata.yaml does not name. `information` is what it says, empty when it
+    cannot be read, `custom` the bag's custom data; `flaws` are sentences on metadata.yaml and on files that cannot be
+    read at all. OSError when the folder or a file in it cannot be opened for a reason that lies with the machine.
     """
 
     def __init__(self, folder: Path, all_files: bool = False):

@@ -65,28 +65,10 @@ class Storage:
 class BagWriter:
     """Writes a bag folder; holds its lock, so that nobody takes it for abandoned.
 
-    Parameters
-    ----------
-    folder : Path
-        Folder to make; it must not exist, its parents may be missing.
-    definitions : sequence of Definition
-        The topics; a message names its topic by the position in this sequence, counted from 1.
-    custom : mapping of str to str
-        The bag's custom data, from its beginning on.
-    storage : Storage
-        How the bag lies on the disk.
-
-    Attributes
-    ----------
-    added : int
-        Messages that the writer itself has put at the beginning of files.
-
-    Raises
-    ------
-    FileExistsError
-        When the folder exists.
-    OSError
-        When it cannot be made or written; nothing is left behind.
+    `folder` must not exist, its parents may be missing. A message names its topic by the position in `definitions`,
+    counted from 1. `custom` is the bag's custom data, from its beginning on; `added` counts the messages that the
+    writer itself has put at the beginning of files. FileExistsError when the folder exists; OSError when it cannot be
+    made or written, and then nothing is left behind.
     """
 
     def __init__(self, folder: Path, definitions: Sequence[Definition], custom: Mapping[str, str], storage: Storage):

@@ -19,18 +19,10 @@ _NEIGHBOURS = tuple((i, j) for i in (-1, 0, 1) for j in (-1, 0, 1) if (i, j) != 
 
 
 class Choice(NamedTuple):
-    """Commands for a mean speed.
+    """Commands for a mean speed, in the units of the topics, by their names.
 
-    Attributes
-    ----------
-    commands : mapping of str to float
-        In the units of the topics.
-    row : int
-        Of the map: the motion in the nearer of the two cells between which the place lies.
-    rows : tuple of (int, int)
-        Of both cells.
-    clearance : int
-        How many cells from a border of the motion the place is, 1 to `FAR`.
+    `row` is that of the map's motion in the nearer of the two cells between which the place lies, `rows` are those of
+    both; the place is `clearance` cells from a border of the motion, 1 to `FAR`.
     """
 
     commands: Mapping[str, float]
@@ -40,17 +32,10 @@ class Choice(NamedTuple):
 
 
 class CommandChoice:
-    """Chooses commands from a map.
+    """Chooses commands from the map of the machine.
 
-    Parameters
-    ----------
-    command_map : CommandMap
-        Of the machine.
-
-    Attributes
-    ----------
-    slowest, fastest : float
-        Least and largest mean speed [m/s] in magnitude that sure cells have, with their signs.
+    `slowest` and `fastest` are the least and the largest mean speed [m/s] in magnitude that sure cells have, with
+    signs.
     """
 
     def __init__(self, command_map: CommandMap):

@@ -38,15 +38,7 @@ _FREE = ("start.", "solver.", "motor.", "effects.motor", "gap_actuator.")
 
 @dataclass(frozen=True)
 class Axis:
-    """Equally spaced values.
-
-    Attributes
-    ----------
-    low, high : float
-        First and last value, in the unit of the command.
-    count : int
-        How many there are, at least 2.
-    """
+    """At least two equally spaced values, in the unit of the command."""
 
     low: float
     high: float
@@ -120,18 +112,9 @@ _KEYS = ("type", "made_by", "scene", "parameters", "gaps", "motor_speed", "gap",
 
 @dataclass(frozen=True)
 class Curve:
-    """Where motions change their nature.
+    """Where motions of a period of so many turns change their nature, as `orbits` names it: fold, period doubling, ...
 
-    Attributes
-    ----------
-    kind : str
-        As `orbits` names it: fold, period doubling, Neimark-Sacker or grazing.
-    turns : int
-        Period of the motion [turns].
-    motor_speed : tuple of float
-        [rad/s], one a point.
-    gap : tuple of float
-        [m], one a point.
+    A point has a motor speed [rad/s] and a gap [m].
     """
 
     kind: str
@@ -142,22 +125,10 @@ class Curve:
 
 @dataclass(frozen=True)
 class CommandMap:
-    """The motions of a machine over motor speed and gap.
+    """The motions of a machine over motor speed [rad/s] and gap [m]: the grid, what was found on it, and its curves.
 
-    Attributes
-    ----------
-    scene : str
-        Name of the machine's scene.
-    parameters : mapping of str to value
-        All parameters of the scene that the motions depend on, besides the commands.
-    sides : tuple of str
-        Sides whose gaps are commanded, both alike if there are two.
-    speeds, gaps : Axis
-        The grid: motor speeds [rad/s] and gaps [m].
-    found : Found
-        The motions.
-    curves : tuple of Curve
-        Where they change their nature.
+    `parameters` are all of the scene that the motions depend on, besides the commands; `sides` those whose gaps are
+    commanded, both alike if there are two.
     """
 
     scene: str

@@ -92,19 +92,7 @@ def load_scene(name_or_path: str | Path, node: str | None = None) -> Scene:
 def read_scene(name: str, text: str, node: str | None = None) -> Scene:
     """The scene of a `text` that another hand has sent: that of a file which holds it, as `load_scene` reads it.
 
-    Parameters
-    ----------
-    name : str
-        Begins messages, and is the scene's name.
-    text : str
-        A parameter file's content. Its own `scene` may name a shipped scene, no file.
-    node : str, optional
-        As for `load_scene`.
-
-    Raises
-    ------
-    ValueError
-        As for `load_scene`.
+    `name` begins messages, and is the scene's name. The text's own `scene` may name a shipped scene, no file.
     """
     return _load(Path(name), node, (), text)
 
@@ -122,17 +110,7 @@ def described_scenes() -> dict[str, str]:
 def scene_origin(name: str, folder: Path) -> str:
     """What the parameter `scene` means: the name of a shipped scene, or an absolute path.
 
-    Parameters
-    ----------
-    name : str
-        A shipped scene's name, or a path.
-    folder : Path
-        Where a relative path starts from.
-
-    Raises
-    ------
-    ValueError
-        If there is no such scene or file.
+    A relative path starts from `folder`. ValueError if there is no such scene or file.
     """
     return name if name in shipped_scenes() else str(_scene_path(name, folder).absolute())
 

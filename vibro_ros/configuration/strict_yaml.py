@@ -16,17 +16,7 @@ from vibro_ros.process.untrusted import content
 
 @dataclass(frozen=True)
 class Limits:
-    """The largest document that is read.
-
-    Attributes
-    ----------
-    size : int
-        Bytes of the file.
-    values : int
-        Keys and values.
-    depth : int
-        Lists and mappings inside each other.
-    """
+    """The largest document that is read: bytes, keys and values, and lists and mappings inside each other."""
 
     size: int = 2**20
     values: int = 100_000
@@ -86,17 +76,7 @@ _Loader.add_implicit_resolver(
 def parsed(text: str, limits: Limits = LIMITS) -> object:
     """The document that `text` is; None when it is empty.
 
-    Parameters
-    ----------
-    text : str
-        YAML.
-    limits : Limits
-        Larger documents are refused.
-
-    Raises
-    ------
-    ValueError
-        With the line, for one that is not YAML or exceeds the limits.
+    ValueError, with the line, for one that is not YAML or exceeds the limits.
     """
     try:
         depth = values = 0
@@ -126,21 +106,9 @@ def read_scalar(text: str) -> object:
 
 
 def read_yaml(path: Path, limits: Limits = LIMITS, follow: bool = True) -> object:
-    """The document in the file at `path`; None when it is empty.
+    """The document in the regular file at `path`, which may be a symbolic link if `follow`; None when it is empty.
 
-    Parameters
-    ----------
-    path : Path
-        Of a regular file.
-    limits : Limits
-        Larger documents are refused.
-    follow : bool
-        Whether `path` may be a symbolic link.
-
-    Raises
-    ------
-    ValueError
-        Naming the file, for one that cannot be read, is not YAML, or exceeds the limits.
+    ValueError, naming the file, for one that cannot be read, is not YAML, or exceeds the limits.
     """
     try:
         return parsed(content(path, limits.size, follow).decode(), limits)

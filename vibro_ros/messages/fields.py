@@ -185,24 +185,10 @@ def fill_header(header: Any, stamp: int, frame: str) -> None:
 class Frames:
     """The transforms of one robot: where each of its frames lies at a state of the device.
 
-    Frames and signs are those of `messages.urdf`. All that turns does so about y, so that two parts of a quaternion, y
-    and w, give its angle. They are the only numbers here that are no field of the state: `Frames.turns` computes them.
-
-    Parameters
-    ----------
-    scene : Scene
-        Says which parts there are, and their lengths.
-    prefix : str
-        Begins every frame's name.
-    published : str
-        `ONLY_BASE` or `ALL`.
-
-    Attributes
-    ----------
-    fixed : tuple of Joint
-        Those that never change.
-    moving : tuple of Joint
-        The others, below `base_link`.
+    Frames and signs are those of `messages.urdf`; `prefix` begins every frame's name, and `published` is `ONLY_BASE`
+    or `ALL`. `fixed` are the joints that never change, `moving` the others below `base_link`. All that turns does so
+    about y, so that two parts of a quaternion, y and w, give its angle. They are the only numbers here that are no
+    field of the state: `Frames.turns` computes them.
     """
 
     def __init__(self, scene: Scene, prefix: str = "", published: str = ALL):
@@ -220,18 +206,9 @@ class Frames:
         return [part for angle in angles for part in _turned(angle)]
 
     def fill(self, transforms: Sequence[Any], state: Samples, turns: Sequence[float], stamp: int) -> None:
-        """Fill blank transforms, that of `base_link` in `odom` and one of each of `moving`.
+        """Fill blank messages TransformStamped: that of `base_link` in `odom`, then one of each of `moving`.
 
-        Parameters
-        ----------
-        transforms : sequence
-            Messages of the type geometry_msgs/msg/TransformStamped, ``1 + len(moving)`` of them.
-        state : Samples
-            The state.
-        turns : sequence of float
-            `Frames.turns` of its crank's angle, dimensionless.
-        stamp : int
-            ROS time [ns].
+        `turns` are `Frames.turns` of the crank's angle of `state`, `stamp` is ROS time [ns].
         """
         base, *others = transforms
         self._begin(base, ODOM, BASE, stamp)

@@ -18,19 +18,9 @@ COMMANDED = {"crank": ("velocity", "motor_speed"), "upper_plate": ("position", "
 
 
 def joint_commands(message: Any, scene: Scene) -> tuple[dict[str, float], list[str]]:
-    """What a sensor_msgs/msg/JointState commands.
+    """What a JointState of any ROS library commands: arguments of `Simulator.command`, and what is wrong with the rest.
 
-    Parameters
-    ----------
-    message : JointState
-        Of any ROS library.
-    scene : Scene
-        Whose rods' lengths lie between a plate's position and its gap.
-
-    Returns
-    -------
-    dict of str to float, list of str
-        Arguments of `Simulator.command`, and what is wrong with the rest of the message.
+    The rods' lengths of `scene` lie between a plate's position and its gap.
     """
     names, commands, faults = list(message.name), dict[str, float](), []
     for kind in ("position", "velocity", "effort"):

@@ -65,18 +65,9 @@ Vector = Sequence[float]
 
 
 class Joint(NamedTuple):
-    """One joint, named like the frame that it carries.
+    """One joint, named like the frame that it carries; its kind is `FIXED`, `CONTINUOUS`, `PRISMATIC` or `FLOATING`.
 
-    Attributes
-    ----------
-    child, parent : str
-        Frames.
-    kind : str
-        `FIXED`, `CONTINUOUS`, `PRISMATIC` or `FLOATING`.
-    height : float
-        Place of the child's origin on the parent's z axis while the joint stands at 0 [m].
-    angle : float
-        Angle of the child in the parent while the joint stands at 0 [rad].
+    While it stands at 0, the child's origin lies at `height` [m] on the parent's z axis, turned by `angle` [rad].
     """
 
     child: str
@@ -87,20 +78,10 @@ class Joint(NamedTuple):
 
 
 def robot_description(scene: Scene, topics: Mapping[str, str] = MappingProxyType({})) -> str:
-    """The URDF of a robot of this scene.
+    """The URDF of a robot of this scene, the same text for the same scene, with such masses and plates as it has.
 
-    Parameters
-    ----------
-    scene : Scene
-        Lengths, angles and masses; a scene without a mass or a plate has a robot without it.
-    topics : mapping of str to str
-        Resolved names of `joint_commands` and `joint_states`, for a block by which ros2_control commands the robot;
-        without them there is none.
-
-    Returns
-    -------
-    str
-        XML, the same text for the same scene.
+    `topics` are the resolved names of `joint_commands` and `joint_states`, for a block by which ros2_control commands
+    the robot; without them there is none.
     """
     root = Element("robot", name=ROBOT)
     for name, colour in MATERIALS.items():

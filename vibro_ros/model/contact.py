@@ -83,26 +83,36 @@ class RigidContact:
         return [Guard(-depth, targets, f"{mass} <= {plate}", is_blow=True)]
 
     def _rests(self, ground: str, resting: frozenset[str]) -> list[Target]:
-        if ground == "airborne":
-            body = self._blow.thrown_body_jumps(0.0, resting)
-        else:
-            body = () if ground == "stick" else self._blow.sliding_body_jumps(0.0)
-        forms = self._forms
+        forms, thrown = self._forms, ground == "airborne"
         _, approach = forms.penetration(self.side)
         slow = [REST_SPEED * forms.one - approach]  # forms [m/s]; the mass rests if one of them is not negative
         if self._restitution > ALMOST_LOSSLESS:
             push = forms.resting_force(self.side, (forms.zero, forms.zero))
             slow.append(SHORTEST_BOUNCE / 2.0 / self._mass * push - approach)
+        if forms.crank_is_struck and (thrown or (ground != "stick" and self._blow.moves_sliding_body())):
+            shock = self._blow.of_struck_crank(0.0, thrown, 1, resting)
+            return [target for form in slow for target in shock.targets(forms, ["resting"], entries=(form,))]
+        if thrown:
+            body = self._blow.thrown_body_jumps(0.0, resting)
+        else:
+            body = () if ground == "stick" else self._blow.sliding_body_jumps(0.0)
         return [Target("resting", self._blow.mass_jumps(0.0) + body, entries=(form,)) for form in slow]
 
     def _rebounds(self, ground: str) -> list[Target]:
         """Targets of a mass that bounces; the body is thrown up, slips on, or begins to slip."""
-        mass = self._blow.mass_jumps(self._restitution)
-        if self._forms.body_hops:
+        forms, mass, any_way = self._forms, self._blow.mass_jumps(self._restitution), ground in ("grounded", "unloaded")
+        if forms.body_hops:
+            if forms.crank_is_struck:
+                shock = self._blow.of_struck_crank(self._restitution, True, 1, frozenset())
+                return shock.targets(forms, ["open"], ground="airborne", frees_resting_masses=True)
             jumps = mass + self._blow.thrown_body_jumps(self._restitution)
             return [Target("open", jumps, ground="airborne", frees_resting_masses=self._masses_feel_body)]
+        if forms.crank_is_struck and self._blow.moves_sliding_body():
+            grounds = (None,) if any_way else ("slip_forward", "slip_backward")
+            shock = self._blow.of_struck_crank(self._restitution, False, len(grounds), frozenset())
+            return [target for state in grounds for target in shock.targets(forms, ["open"], ground=state)]
         body = self._blow.sliding_body_jumps(self._restitution)
-        if not body or ground in ("grounded", "unloaded"):
+        if not body or any_way:
             return [Target("open", mass + body)]
         ((_, speed),) = body
         return [Target("open", mass + body, entries=(speed,), ground="slip_forward"),

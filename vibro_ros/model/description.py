@@ -238,11 +238,12 @@ class _Description:
     def _jumps(self, guard: Guard) -> str:
         """The speeds that stop or jump when a guard fires."""
         coordinates, speeds = self._symbols.coordinates, dict[str, bool]()
-        for channel, form in sorted(((channel, form) for target in guard.targets for channel, form in target.jumps),
-                                    key=lambda jump: jump[0]):
+        jumps = [(channel, bool(form.any())) for target in guard.targets for channel, form in target.jumps]
+        jumps += [(channel, True) for target in guard.targets if target.shock for channel in target.shock.speeds]
+        for channel, stays in sorted(jumps, key=lambda jump: jump[0]):
             if channel >= len(coordinates):
                 speed = f"{coordinates[channel - len(coordinates)]}'"
-                speeds[speed] = speeds.get(speed, False) or bool(form.any())
+                speeds[speed] = speeds.get(speed, False) or stays
         stopped = "".join(f", with {speed} = 0" for speed, jumps in speeds.items() if not jumps)
         jumping = [speed for speed, jumps in speeds.items() if jumps]
         where = f", where {' and '.join(jumping)} jump{'s' if len(jumping) == 1 else ''}"

@@ -98,15 +98,10 @@ def account_table(builder: ModeBuilder, scene: Scene, guards: dict[str, np.ndarr
         weights += [part.mass * float(np.dot(part.direction, scene.gravity)) * forms.units[
             forms.channels.signal(part.signal)] for part in forms.linkage]
     potential = sum(weights, _height(forms, scene))
-    decay = forms.channels.decay if forms.channels.decays else NOTHING
-    driven = range(forms.channels.velocity(forms.channels.dynamic), forms.channels.velocity(forms.channels.coordinates))
     return AccountTable(
         force=force, terms=terms(force),
         rate=np.array([rate for *_, rate in powers], dtype=np.int64),
         account=np.array([account for account, *_ in powers], dtype=np.int64),
-        force_in_piece=np.array([decay != NOTHING and form[:, decay].any() for form in force.swapaxes(0, 1)],
-                                dtype=bool),
-        rate_in_piece=np.array([rate in driven for *_, rate in powers], dtype=bool),
         stretch=np.array([form for form, *_ in stored]).reshape(len(stored), forms.channels.count),
         stiffness=stiffness,
         potential=np.array(potential if booked else forms.zero),
@@ -204,13 +199,9 @@ def _powers(builder: ModeBuilder, scene: Scene) -> Iterator[Power]:
         yield _BEARING, builder.by_motor_state(lambda bearing, loop: -motor.bearing_torque(bearing)), speed
     paid = scene["effects.reaction"]  # else the forces that drive and lift the body do work that nobody gives
     if forms.body_moves:
-        speed, decayed = channels.velocity(forms.body), forms.decayed_normal_force()
+        speed = channels.velocity(forms.body)
         for law in builder.ground.works:
-            force = law.sign * builder.ground_force(law.name)
-            if forms.friction_decays:  # the decaying part by itself, which is a series in the pieces of a segment
-                yield ACCOUNTS.index(law.account), force * decayed, speed
-                force = force * (1.0 - decayed)
-            yield ACCOUNTS.index(law.account), force, speed
+            yield ACCOUNTS.index(law.account), law.sign * builder.ground_force(law.name), speed
         if not paid:
             yield _UNPAID, builder.at_contact(forms.inertial_force), speed
     yield from ((_UNPAID, push, rate) for push, rate in _pushes(forms) if paid)

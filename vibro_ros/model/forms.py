@@ -115,7 +115,9 @@ class Forms:
     linkage : tuple of LinkageMass
         The masses of sliders and crank pin.
     crank_is_struck : bool
-        Whether a landing changes the crank's speed: a dc motor's, through masses of the linkage that feel the body.
+        Whether a shock of the body changes the crank's speed (`ParameterValues`).
+    bearings_after_shock : tuple of (str or None)
+        States of the motor's bearing after a shock that strikes the crank, None for the one that it has.
     channels : Channels
         The places of the channels in z.
     units : ndarray, shape (channels, channels)
@@ -148,7 +150,9 @@ class Forms:
         self.channels = Channels(self.height + self.body_hops, dynamic, signals, len(self.plates),
                                  int(self.friction_decays), signals if scene.linkage else 0, int(self.has_rotor))
         self.linkage = tuple(self._linkage_masses())
-        self.crank_is_struck = bool(self.has_rotor and self.linkage and self.body_hops and scene["effects.reaction"])
+        self.crank_is_struck = scene.crank_is_struck
+        sticks = self.crank_is_struck and scene["motor.static_friction"] > 0.0
+        self.bearings_after_shock = ("turns_forward", "turns_backward") if sticks else (None,)
         self.units, self.zero = np.eye(self.channels.count), np.zeros(self.channels.count)
         for shared in (self.units, self.zero):
             shared.setflags(write=False)
@@ -299,7 +303,10 @@ class Target(NamedTuple):
     ground : str or None
         State of the body on the ground, where a blow changes that as well.
     bearing : str or None
-        State of the motor's bearing, where a landing changes that as well.
+        State of the motor's bearing, where a shock changes that as well.
+    shock : NonlinearShock or None
+        The shock of `model.shock` that gives the jumps in place of forms, and decides between the targets that have it,
+        which follow each other and have the same entries.
     frees_resting_masses : bool
         Whether the jump is a shock in which masses that rest on other plates part from these plates.
     """
@@ -309,6 +316,7 @@ class Target(NamedTuple):
     entries: tuple[np.ndarray, ...] = ()
     ground: str | None = None
     bearing: str | None = None
+    shock: Any = None
     frees_resting_masses: bool = False
 
 

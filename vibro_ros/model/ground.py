@@ -13,12 +13,12 @@ C. Canudas de Wit, Automatica 30 (1994), 1083-1138).
 """
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import NamedTuple
 
 from vibro_ros.model.forms import NO_EDGES, Form, Forms, Guard, ModeForms, Target, without_jump
 from vibro_ros.model.scene import Scene
-from vibro_ros.model.shock import REST_SPEED, Landing
+from vibro_ros.model.shock import REST_SPEED, Landing, Shock
 
 ALONG, UPWARDS = 0, 1
 
@@ -253,13 +253,8 @@ class Ground:
 
     def _landings(self, resting: frozenset[str]) -> Iterator[Target]:
         """Targets of a landing. If it is slow, the body and the masses at rest stay where they are."""
-        if self._forms.crank_is_struck:  # whose angle decides the jumps: `solver.rotor.strike`
-            bearings = ("turns_forward", "turns_backward") if self._scene["motor.static_friction"] else (None,)
-            on_ground = ("slip_forward", "slip_backward", "stick") if self.has_dry_friction else ("grounded",)
-            yield from (Target(state, bearing=bearing) for state in on_ground for bearing in bearings)
-            return
         felt = resting if self._scene["effects.reaction"] else frozenset()
-        bounces = list(self._landing(frozenset()).bounces(self.has_dry_friction)) if self._restitution else []
+        bounces = list(self._bounces()) if self._restitution else []
         if not (felt or bounces):
             yield from self._inelastic_landing(frozenset())
             return
@@ -270,7 +265,21 @@ class Ground:
         for target in bounces or self._inelastic_landing(frozenset()):
             yield target._replace(frees_resting_masses=bool(felt))
 
-    def _inelastic_landing(self, resting: frozenset[str]) -> tuple[Target, ...]:
+    @property
+    def _landing_is_nonlinear(self) -> bool:
+        return self._forms.crank_is_struck or self._forms.friction_decays
+
+    def _bounces(self) -> Iterable[Target]:
+        """Targets of a landing after which the body is in the air again."""
+        if self._landing_is_nonlinear:
+            return Shock(self._scene, self._forms).nonlinear(1, self._restitution).targets(self._forms, ["airborne"])
+        return self._landing(frozenset()).bounces(self.has_dry_friction)
+
+    def _inelastic_landing(self, resting: frozenset[str]) -> Iterable[Target]:
+        if self._landing_is_nonlinear:
+            states = ["slip_forward", "slip_backward", "stick"] if self.has_dry_friction else ["grounded"]
+            shock = Shock(self._scene, self._forms, resting).nonlinear(len(states), 0.0)
+            return shock.targets(self._forms, states)
         landing = self._landing(resting)
         if not self.has_dry_friction:
             return landing.targets_without_friction("grounded")

@@ -22,12 +22,12 @@ Every effect needs places 1 to 3, 10 and 11. The others are for the effects that
 6. `model/forms.py`, for a force along a guide (`Forms.drive_force`, `Forms.weight`) and for a coordinate, ramp or other
    channel (`Forms.channels`). A force that reads x or x', such as -c x', makes x a dynamic coordinate: `Forms.channels`
    counts it, and `ModeBuilder.equations` eliminates the masses' accelerations from its row. A force that is no linear
-   form, such as Stribeck's friction, has a channel of its own in the solver, and a driven x (`Forms.friction_decays`).
+   form, such as Stribeck's friction, has a channel of its own, and a flow by Taylor series (`solver/taylor.py`).
 7. `model/energy.py`, for what stores energy, and for the power of a force along a guide.
 8. `model/fixed_steps.py`, for a contact or a friction law: the law as numbers, and the limits of what a step publishes.
 9. `simulation/motion.py` and `solver/drive.py`, for a motor law that is known in time: the speed of the crank's clock;
    `description.py` describes it. A law that makes segments more expensive has a weight in `simulation/auto.py`. A motor
-   that the masses slow down: `model/motor.py` has its forms and states, `solver/rotor.py` its flow.
+   that the masses slow down: `model/motor.py` has its forms and states, `solver/rotor.py` its signals and controller.
 10. `tools/effects.py` and the tables of docs/robot.md: a row of `EFFECTS`. A new kind of event belongs into
     `MODE_EVENTS` and docs/guide/python.md.
 11. Tests: the known answer (docs/known_answers.md), a scene of `EFFECTS` in `test_peer.py`, `VARIANTS` of

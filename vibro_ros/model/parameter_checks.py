@@ -2,7 +2,7 @@
 
 import itertools
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
 import numpy as np
 
@@ -19,6 +19,10 @@ LEAST_ROD = 1.001
 
 #: Least inertia of a dc motor with its crank [kg m²].
 LEAST_MOTOR_INERTIA = 1e-9
+
+#: Angles of a turn at which the inertia is looked at that a struck crank leaves the body, and the part by which its
+#: ratios may differ between two of them: the sharpest bend, of a slider at `LEAST_ROD`, is 0.04 rad wide.
+_ANGLES, _BETWEEN_ANGLES = 4096, 1e-3
 
 #: Part of a mass's inertia that a yielding body must leave to the mass, so that rounding leaves ten digits of it.
 LEAST_INERTIA = 1e-6
@@ -73,15 +77,6 @@ def _check_motor(values: ParameterValues) -> None:
         raise ValueError(f"motor.crank_inertia: {values['motor.crank_inertia']:g} kg·m² lets the motor change its "
                          f"speed at {stiffest:.3g} 1/s, faster than {FASTEST_RATE:g} 1/s, which takes too long to "
                          "simulate; give more")
-    if values.linkage and values["effects.reaction"]:
-        name = f"mass.{values.linkage[0]}"
-        rigid = [side for side in values.plates if values[f"effects.{side}_contact"] == "restitution"]
-        if rigid:
-            raise ValueError(f"{name}: {values[name]:g} kg lets a blow on a rigid plate strike the crank of a dc "
-                             f"motor, which has no law here; give 0, or a compliant effects.{rigid[0]}_contact")
-        if values.body_hops and values["ground.restitution"] > 0.0:
-            raise ValueError(f"ground.restitution: {values['ground.restitution']:g} lets a landing that bounces strike "
-                             f"the crank of a dc motor through {name}, which has no law here; give 0 for one of them")
     for side in values.guides:
         rod, radius = values[f"crank.{side}_rod"], values["crank.radius"]
         if rod < LEAST_ROD * radius:
@@ -104,24 +99,16 @@ def _check_friction(values: ParameterValues) -> None:
         raise ValueError(f"ground.friction_backward: {backward:g} makes a one-way wheel, which is sound only where N "
                          "is never 0, and elsewhere slides on its tyre; choose weight for effects.normal_force, or "
                          f"give at most {BY_NAME['ground.friction'].maximum:g}")
-    if law == "stribeck":  # a coefficient that changes with the speed is not linear
-        if values["ground.viscous_friction"]:
-            raise ValueError(f"ground.viscous_friction: {values['ground.viscous_friction']:g} N·s/m has no exact "
-                             "solution with effects.friction 'stribeck'; choose static, or give 0")
-        if values["effects.reaction"]:
-            raise ValueError("effects.friction: 'stribeck' has no exact solution with effects.reaction true, by which "
-                             "the friction moves the masses; choose static, or set effects.reaction to false")
-        if values["effects.normal_force"] == "hop":
-            raise ValueError("effects.friction: 'stribeck' has no exact law for a landing, in which the coefficient "
-                             "would change during the shock; choose static, or unilateral for effects.normal_force")
     # The friction coefficient at which the inertia of slipping body and inclined mass is singular.
-    sine, mass = math.sin(values["guide.angle"]), values["mass.inclined"]
-    coupled = values["effects.reaction"] and values["effects.normal_force"] != "weight" and "inclined" in values.guides
-    coupling = coupled * mass * sine * abs(math.cos(values["guide.angle"]))
-    highest = (values.total_mass - mass * sine**2) / coupling if coupling else math.inf
-    largest = max(values.kinetic_frictions)
+    if not values["effects.reaction"] or values["effects.normal_force"] == "weight":
+        return
+    (along, across), _ = np.moveaxis(_shock_inertia(values, values.guides), 0, -1)
+    with np.errstate(divide="ignore"):
+        highest = float((along / abs(across)).min()) * (1.0 - _BETWEEN_ANGLES * values.crank_is_struck)
+    largest = max(map(abs, values.slipping_frictions))
     if values.has_dry_friction and largest >= highest:
-        name = "ground.friction" if largest == kinetic else "ground.friction_backward"
+        name = "ground.static_friction" if law == "stribeck" else (
+            "ground.friction" if largest == kinetic else "ground.friction_backward")
         raise ValueError(f"{name}: at {largest:g} the reaction on the masses has no unique solution while "
                          f"the body slips (Painlevé's paradox); give less than {highest:g}, or set "
                          "effects.reaction to false")
@@ -137,6 +124,13 @@ def _check_blows(values: ParameterValues) -> None:
     if "inclined" in rigid and angle > math.pi / 2 and (rule == "hop" or (friction and rule == "unilateral")):
         raise ValueError(f"guide.angle: {angle:g} rad points the inclined guide down, where a blow on its rigid "
                          "plate presses the body on the ground; give at most 1.5708 rad, or a compliant contact")
+    if "inclined" in rigid and values.crank_is_struck and (rule == "hop" or (friction and rule == "unilateral")):
+        (along, across), _ = np.moveaxis(_shock_inertia(values, set(values.guides) - {"inclined"}), 0, -1)
+        along_x, upwards = values.direction("inclined")
+        if (along * upwards - across * along_x).min() < _BETWEEN_ANGLES * values.total_mass:
+            raise ValueError(f"guide.angle: {angle:g} rad lets a blow on the rigid inclined plate press the body on "
+                             "the ground, by way of a dc motor's crank at some of its angles; give a smaller angle, "
+                             "more motor.crank_inertia, or a compliant contact")
 
 
 def _check_rates(values: ParameterValues) -> None:
@@ -236,6 +230,30 @@ def _check_sensors(values: ParameterValues) -> None:
                          f"the low-pass follows, not {values['solver.method']}; give 0, or choose exact")
 
 
+def _shock_inertia(values: ParameterValues, free: Iterable[str]) -> np.ndarray:
+    """A [kg] of `model.shock`, in which the masses of `free` are free, over a turn of a crank that is struck; shape
+    (angles, 2, 2), of one angle for a crank that is not."""
+    inertia = values.total_mass * np.eye(2)
+    for side in free:
+        inertia -= values[f"mass.{side}"] * np.outer(values.direction(side), values.direction(side))
+    if not values.crank_is_struck:
+        return inertia[None]
+    angles, radius = np.arange(_ANGLES) * (2.0 * math.pi / _ANGLES), values["crank.radius"]
+    own, momentum = np.full(_ANGLES, values.motor_inertia), np.zeros((_ANGLES, 2))
+    for part in values.linkage:
+        mass = values[f"mass.{part}"]
+        if part == "crank_pin":
+            slope = radius * np.array([-np.cos(angles), -np.sin(angles)])
+        else:
+            side = part.removesuffix("_slider")
+            psi, rod = angles - values.guide_angle(side), values[f"crank.{side}_rod"]
+            rate = -np.sin(psi) * (1.0 + radius * np.cos(psi) / np.sqrt(rod**2 - (radius * np.sin(psi)) ** 2))
+            slope = radius * np.multiply.outer(values.direction(side), rate)
+        own += mass * (slope * slope).sum(axis=0)
+        momentum += mass * slope.T
+    return inertia - momentum[:, :, None] * momentum[:, None, :] / own[:, None, None]
+
+
 # With `effects.reaction` a mass feels the body's acceleration, so that it moves as if it were lighter: in the air, on
 # ground that does not hold the body, and most of all where friction nearly jams the body (Painlevé's paradox). Rows
 # x and y of the equations give the body's acceleration from the accelerations of the masses, x'' = sum X_j q_j'' and
@@ -273,8 +291,8 @@ def _inertias(values: ParameterValues) -> Iterator[np.ndarray]:
     rule, total = values["effects.normal_force"], values.total_mass
     masses = np.array([values[f"mass.{side}"] for side in values.guides])
     across, up = np.reshape([values.direction(side) for side in values.guides], (-1, 2)).T
-    forward, backward = values.kinetic_frictions if values.has_dry_friction and rule != "weight" else (0.0, 0.0)
-    for friction in (0.0, forward, -backward):
+    slipping = values.slipping_frictions if values.has_dry_friction and rule != "weight" else set()
+    for friction in {0.0} | slipping:
         yield np.diag(masses) - np.outer(masses * across, masses * (across + friction * up)) / total
     if rule == "hop":
         yield np.diag(masses) - sum(np.outer(masses * part, masses * part) for part in (across, up)) / total

@@ -67,6 +67,12 @@ class ParameterValues:
         return self.parameters.get("effects.motor") == "dc"  # a machine names its motor only then
 
     @property
+    def crank_is_struck(self) -> bool:
+        """Whether a shock of the body changes the crank's speed: a dc motor's, through masses of the linkage that feel
+        the body."""
+        return bool(self.has_rotor and self.linkage and self["effects.reaction"])
+
+    @property
     def motor_command(self) -> str:
         """What commands the motor, as an argument of `Simulator.command`: a speed, or a dc motor's voltage."""
         by_voltage = self.has_rotor and self["motor.control"] == "voltage"
@@ -96,6 +102,15 @@ class ParameterValues:
         """
         own = self["effects.friction"] in ("static", "stribeck")
         return (self["ground.static_friction"],) * 2 if own else self.kinetic_frictions
+
+    @property
+    def slipping_frictions(self) -> set[float]:
+        """The least and the largest friction coefficient of a slipping body, negative for one that moves backwards."""
+        forward, backward = self.kinetic_frictions
+        limits = {forward, -backward}
+        if self["effects.friction"] == "stribeck":
+            limits |= {self["ground.static_friction"], -self["ground.static_friction"]}
+        return limits
 
     @property
     def has_dry_friction(self) -> bool:

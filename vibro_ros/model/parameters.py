@@ -270,8 +270,8 @@ _TABLE: tuple[Parameter, ...] = (
               "it pulls, on the ground and above it", minimum=-1e6, maximum=1e6),
     Parameter("gravity", 9.81, "m/s²", "gravitational acceleration, g", minimum=0.0, maximum=1e3),
     Parameter("motor.speed", 100.0, "rad/s", "motor speed at t = 0, and the command until another arrives; below 0, "
-              "backwards, with a dc motor", minimum=-1e4, maximum=1e4),
-    Parameter("motor.max_speed", 500.0, "rad/s", "highest motor speed that may be asked for",
+              "backwards", minimum=-1e4, maximum=1e4),
+    Parameter("motor.max_speed", 500.0, "rad/s", "fastest that the motor may be asked to turn, either way",
               minimum=0.0, maximum=1e4, positive=True, while_running=True),
     Parameter("motor.acceleration", 200.0, "rad/s²", "largest rate of change of the ramp motor's speed, and of the "
               "speed that a dc motor's controller asks for; 0, with dc: no limit", minimum=0.0, maximum=1e9,
@@ -330,7 +330,7 @@ _TABLE: tuple[Parameter, ...] = (
     _start("inclined_position", "m", "the inclined mass's place on its guide, from the crank's centre"),
     _start("inclined_velocity", "m/s", "the inclined mass's speed along its guide, outwards positive"),
     # Beyond 1e9 rad an angle in double precision is coarser than 1e-7 rad.
-    _start("crank_angle", "rad", "the crank's angle", minimum=0.0, maximum=1e9),
+    _start("crank_angle", "rad", "the crank's angle", minimum=-1e9, maximum=1e9),
     Parameter("effects.upper_mass", True, "", "simulate the upper mass"),
     Parameter("effects.inclined_mass", True, "", "simulate the inclined mass; without it no mass drives the body"),
     Parameter("effects.upper_contact", "compliant", "", "contact of the upper mass with its plate",

@@ -101,9 +101,8 @@ class Scene(ParameterValues):
     def checked_motor_speed(self, value: object) -> float:
         """`value` as a motor speed [rad/s] that the motor can reach; else a ValueError."""
         fastest = self["motor.max_speed"]
-        limited = _limited("motor.speed", -fastest if self.has_rotor else 0.0, fastest)
         try:
-            return limited.checked(value)
+            return _limited("motor.speed", -fastest, fastest).checked(value)
         except ValueError as error:
             raise ValueError(f"{error} (the limit is motor.max_speed)") from None
 

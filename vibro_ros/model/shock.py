@@ -11,9 +11,9 @@ plate (eps the restitution). The blow's impulse on the mass, and the opposite im
 
     A dV = m e (1 + eps) a        where nothing holds the body.
 
-A body on the ground gets this change along x alone if the blow is too slow to count, or by a rule that keeps the body
-on the ground. Otherwise dy' >= 0 while no guide points down: the ground, which cannot pull, gives no impulse and no
-friction, and the body lifts off.
+A body on the ground gets this change along x alone, M_xx dx' = m e_x (1 + eps) a, if the blow is too slow to count, or
+by a rule that keeps the body on the ground. Otherwise dy' >= 0 while no guide points down: the ground, which cannot
+pull, gives no impulse and no friction, and the body lifts off.
 
 A landing is a shock with friction: the ground gives the body the impulse (P_x, P_y) that ends the fall, so
 that y' is 0 afterwards. The elements of A are M_xx, M_xy and M_yy,
@@ -36,21 +36,51 @@ A mass that rests on a rigid plate and feels the body move parts from the plate:
 friction throws the body against the mass, strikes the plate at once. If the fall is slower than `REST_SPEED`, the
 mass stays at rest and lands with the body as one, because otherwise hops and bounces that belong together would follow
 each other without end.
+
+The crank of a dc motor feels the body through masses of the linkage. In a shock it changes its speed by -c . dV / J,
+where c is the momentum of these masses, and J the crank's inertia with them, at a unit of its speed. Then A is less by
+c c^T / J. By Stribeck's law mu falls with the speed, also during a landing. Neither law is a linear form:
+`solver.shock` evaluates both, as a `NonlinearShock` says.
 """
 
+import math
 from collections.abc import Iterable, Iterator
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from vibro_ros.model.forms import Form, Forms, Target, cached
 from vibro_ros.model.scene import Scene
+from vibro_ros.solver.system import NOTHING, SHOCK
 
 #: A mass that arrives more slowly [m/s] stays on its plate: the bounces that are left out last about 1e-11 s. A mass
 #: that arrives faster strikes a blow even if its restitution is 0, because the blow moves the body, and rests then.
 REST_SPEED = 1e-9
 #: Channels of positions and velocities, each with the form of the value after the shock, shape (channels,).
 Jumps = tuple[tuple[int, Form], ...]
+
+
+class NonlinearShock(NamedTuple):
+    """A shock in which the crank's angle or the body's speed decides the inertia or the friction.
+
+    Attributes
+    ----------
+    numbers : ndarray of SHOCK, shape (1,)
+        The shock as the solver has it.
+    direction : ndarray, shape (dynamic, 2)
+        Directions of the masses that are free in it, 0 for the other coordinates.
+    speeds : tuple of int
+        Channels of the velocities that jump.
+    """
+
+    numbers: np.ndarray
+    direction: np.ndarray
+    speeds: tuple[int, ...]
+
+    def targets(self, forms: Forms, states: Iterable[str], **changes: Any) -> list[Target]:
+        """The shock's targets: its `states`, of the guard's own effect, each with those of the bearing."""
+        return [Target(state, bearing=bearing, shock=self, **changes)
+                for state in states for bearing in forms.bearings_after_shock]
 
 
 class Shock:
@@ -74,6 +104,7 @@ class Shock:
     def __init__(self, scene: Scene, forms: Forms, not_free: Iterable[str] = ()):
         self._forms = forms
         self._free = [side for side in forms.guides if scene["effects.reaction"] and side not in not_free]
+        self._scene = scene
         directions = np.array([scene.direction(side) for side in self._free]).reshape(-1, 2)
         masses = np.array([scene[f"mass.{side}"] for side in self._free])
         self.inertia = scene.total_mass * np.eye(2) - directions.T @ (masses[:, None] * directions)
@@ -83,6 +114,39 @@ class Shock:
         forms = self._forms
         guides = ((side, forms.guides.index(side)) for side in self._free)
         return tuple((forms.channels.velocity(i), forms.velocity(i) - forms.along(side, change)) for side, i in guides)
+
+    def nonlinear(self, states: int, restitution: float, struck: str = "", lifts: bool = True) -> NonlinearShock:
+        """The same shock of a crank that is struck, or with friction that changes with the speed.
+
+        Parameters
+        ----------
+        states : int
+            States of the body on the ground between which the shock decides, as `solver.system.SHOCK` has them.
+        restitution : float
+            Of the plate or of the ground.
+        struck : str
+            Guide whose mass strikes its plate; empty for a landing.
+        lifts : bool
+            Whether the ground lets go of the body in a blow.
+        """
+        scene, forms = self._scene, self._forms
+        has_friction = scene.has_dry_friction and forms.body_moves
+        kinetic, static = (scene.kinetic_frictions, scene.resting_frictions) if has_friction else ((0.0, 0.0),) * 2
+        mass = forms.guides.index(struck) if struck else NOTHING
+        body, height = forms.body if forms.body_moves else NOTHING, forms.height if forms.body_hops else NOTHING
+        numbers = np.array([(
+            mass, forms.plates.index(struck) if struck else NOTHING,
+            scene[f"mass.{struck}"] * np.array(scene.direction(struck)) if struck else (0.0, 0.0),
+            lifts, restitution, body, height, self.inertia[0, 0], self.inertia[0, 1], self.inertia[1, 1],
+            scene.motor_inertia if forms.has_rotor else math.inf, kinetic, static,
+            scene["ground.stribeck_speed"] if forms.friction_decays else 0.0,
+            has_friction, len(forms.bearings_after_shock) > 1, states)], SHOCK)
+        direction = np.zeros((forms.channels.dynamic, 2))
+        for side in self._free:
+            direction[forms.guides.index(side)] = scene.direction(side)
+        moved = [mass, body, height if lifts else NOTHING, *map(forms.guides.index, self._free)]
+        moved += [forms.phase] if forms.crank_is_struck else []
+        return NonlinearShock(numbers, direction, tuple(forms.channels.velocity(i) for i in moved if i != NOTHING))
 
 
 class Blow:
@@ -108,7 +172,7 @@ class Blow:
         """Jump of x' of a body that stays on the ground: M x' - m3 w' sin(phi) does not change."""
         forms = self._forms
         along_x, _ = self._scene.direction(self._side)
-        if not forms.body_moves or along_x == 0.0:
+        if not self.moves_sliding_body():
             return ()
         share = self._scene[f"mass.{self._side}"] * along_x / self._scene.total_mass
         return ((forms.channels.velocity(forms.body),
@@ -125,6 +189,17 @@ class Blow:
         if forms.body_moves:
             body += ((forms.channels.velocity(forms.body), speed + along_x),)
         return body + shock.free_mass_jumps((along_x, upwards))
+
+    def moves_sliding_body(self) -> bool:
+        """Whether the blow changes x' of a body that stays on the ground."""
+        return self._forms.body_moves and self._scene.direction(self._side)[0] != 0.0
+
+    @cached
+    def of_struck_crank(self, restitution: float, lifts: bool, states: int,
+                        resting: frozenset[str]) -> NonlinearShock:
+        """The blow, of a crank that is struck, on a body that nothing holds or, without `lifts`, on the ground."""
+        shock = Shock(self._scene, self._forms, (self._side, *resting))
+        return shock.nonlinear(states, restitution, self._side, lifts)
 
     def _speed_change(self, restitution: float) -> Form:
         """(1 + eps) a [m/s]."""

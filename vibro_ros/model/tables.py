@@ -10,7 +10,7 @@ from vibro_ros.model.energy import account_table, audit_tables
 from vibro_ros.model.forms import NO_EDGES, NO_PUSH, Forms
 from vibro_ros.model.modes import MODE_EVENTS, Mode, ModeBuilder
 from vibro_ros.model.scene import Scene
-from vibro_ros.model.shock import Shock as BodyShock
+from vibro_ros.model.shock import NonlinearShock
 from vibro_ros.model.slider import Slider, signal_table
 from vibro_ros.solver.compilation import Laid
 from vibro_ros.solver.system import (
@@ -19,7 +19,6 @@ from vibro_ros.solver.system import (
     BY_VOLTAGE,
     CONTROLLER,
     NOTHING,
-    SHOCK,
     UNCHECKED,
     Decay,
     Rotor,
@@ -95,18 +94,21 @@ def _compile_machine(scene: Scene, push: tuple[float, float], edges: tuple[float
     acceleration = builder.equations() + 0.0  # no -0.0
     # With the reaction the body's energy is audited as well, so that a segment ends where the body's equation changes.
     own = channels.coordinates if scene["effects.reaction"] else channels.dynamic
-    rotor = _rotor(builder, scene, acceleration)
-    flow = flow_numbers(np.concatenate([acceleration[:, :own], rotor.current[:, None]], axis=1) if builder.motor
-                        else acceleration[:, :own])
-    first = np.unique(flow, return_index=True)[1]  # mode of each flow
-    guards = _guard_tables(builder)
+    rotor = _rotor(builder, scene)
     # The decaying term of Stribeck's law: the normal force of a slipping body times exp(-abs(x') / v_s).
     decaying = builder.modes if forms.friction_decays else ()
     rate = np.array([builder.ground.decay_rate(mode.ground) for mode in decaying])
-    factor = builder.ground_force("normal_force")[:len(decaying)].copy()
+    factor = (rate != 0.0)[:, None] * builder.ground_force("normal_force")[:len(decaying)] + 0.0
+    equations = [acceleration[:, :own], *([rotor.current[:, None]] if builder.motor else [])]
+    if forms.friction_decays:  # where the term moves the body, it is part of the flow
+        equations += [factor[:, None], np.where((rate != 0.0)[:, None], acceleration[:, forms.body], 0.0)[:, None]]
+    flow = flow_numbers(np.concatenate(equations, axis=1))
+    first = np.unique(flow, return_index=True)[1]  # mode of each flow
+    guards, shock = _guard_tables(builder)
     system = System(
         size=size_of(channels),
         acceleration=acceleration,
+        reads=terms(acceleration),
         terms=acceleration_terms(acceleration, channels),
         flow=flow,
         coupled=couplings(acceleration, channels),
@@ -121,15 +123,15 @@ def _compile_machine(scene: Scene, push: tuple[float, float], edges: tuple[float
         **audit_tables(builder, scene),
         accounts=account_table(builder, scene, guards),
         signals=signal_table(tuple(sliders)),
-        decay=Decay(factor, terms(factor), rate),
+        decay=Decay(np.array([forms.body] * forms.friction_decays, np.int64), factor, terms(factor), rate),
         rotor=rotor,
-        shock=_shock(builder, scene),
+        shock=shock,
     )
     output = builder.outputs()
     return Model(forms, tuple(sliders), builder.modes, system, output, terms(output), builder.initial_mode)
 
 
-def _rotor(builder: ModeBuilder, scene: Scene, acceleration: np.ndarray) -> Rotor:
+def _rotor(builder: ModeBuilder, scene: Scene) -> Rotor:
     """The crank as a coordinate, with its motor; empty where the crank's motion is known in time."""
     motor, at, modes = builder.motor, builder.forms.channels, len(builder.modes)
     if not motor:
@@ -144,29 +146,21 @@ def _rotor(builder: ModeBuilder, scene: Scene, acceleration: np.ndarray) -> Roto
     controller = (law[scene["motor.control"]], 1.0 / scene["motor.control_rate"], scene["motor.proportional_gain"],
                   scene["motor.integral_gain"], scene["motor.feed_forward"], motor.supply_voltage, motor.constant,
                   motor.resistance, scene["motor.current_limit"])
-    loads, dynamic = builder.signal_loads(), np.ascontiguousarray(acceleration[:, :at.dynamic])
-    return Rotor(np.array(sliders).reshape(-1, 4), loads, terms(loads), terms(dynamic), current, terms(current),
+    loads = builder.signal_loads()
+    return Rotor(np.array(sliders).reshape(-1, 4), loads, terms(loads), current, terms(current),
                  np.full(modes, motor.inductance == 0.0), np.array([controller], CONTROLLER))
 
 
-def _shock(builder: ModeBuilder, scene: Scene) -> Shock:
-    """A landing that strikes the crank; empty where none does."""
-    forms, motor = builder.forms, builder.motor
-    if not (motor and forms.crank_is_struck):
+def _shock_table(forms: Forms, shocks: list[NonlinearShock], candidate: np.ndarray) -> Shock:
+    """The shocks that no jump matrix gives, and the `candidate` of each guard to which they lead."""
+    if not shocks:
         return no_shock()
-    (along, across), (_, up) = BodyShock(scene, forms).inertia
-    none = (0.0, 0.0)
-    kinetic, static = ((scene.kinetic_frictions, scene.resting_frictions) if builder.ground.has_dry_friction
-                       else (none, none))
-    numbers = (forms.body if forms.body_moves else NOTHING, forms.height, along, across, up, motor.inertia, kinetic,
-               static, builder.ground.has_dry_friction, motor.static_friction > 0.0)
     mass, momentum = np.zeros(forms.channels.signals), np.zeros((forms.channels.signals, 2))
-    for part in forms.linkage:
+    for part in forms.linkage if forms.crank_is_struck else ():
         mass[part.signal] += part.mass
         momentum[part.signal] += part.mass * np.array(part.direction)
-    direction = np.zeros((forms.channels.dynamic, 2))
-    direction[:len(forms.guides)] = np.reshape([scene.direction(side) for side in forms.guides], (-1, 2))
-    return Shock(np.array([numbers], SHOCK), mass, momentum, direction)
+    return Shock(np.concatenate([shock.numbers for shock in shocks]), np.array([shock.direction for shock in shocks]),
+                 mass, momentum, candidate)
 
 
 def _sliders(forms: Forms, scene: Scene) -> list[Slider]:
@@ -192,8 +186,9 @@ def _monitor_tables(builder: ModeBuilder) -> dict[str, np.ndarray]:
     return {"monitor": monitor, "monitor_terms": terms(monitor), "monitored": monitored, "approach": approach}
 
 
-def _guard_tables(builder: ModeBuilder) -> dict[str, np.ndarray]:
-    """Fields of `System` for guards, their candidates and the jumps on the way; equal forms share a row."""
+def _guard_tables(builder: ModeBuilder) -> tuple[dict[str, np.ndarray], Shock]:
+    """Fields of `System` for guards, their candidates and the jumps on the way, and shocks that are no linear jumps;
+    equal forms share a row."""
     mode_set, forms, channels = builder.mode_set, builder.forms, builder.forms.channels
     by_context = {context: builder.guards_in(context) for context in mode_set.first_with}
     guards = [[(context.effect, guard) for context in contexts for guard in by_context[context]]
@@ -207,9 +202,9 @@ def _guard_tables(builder: ModeBuilder) -> dict[str, np.ndarray]:
     shape = (len(guards), max(1, max(map(len, guards))))
     most_targets = max((len(guard.targets) for of_mode in guards for _, guard in of_mode), default=1)
     guard_row, guard_effect, guard_event, blow_monitor = (np.full(shape, NOTHING) for _ in range(4))
-    candidate, jump = (np.full((*shape, most_targets), NOTHING) for _ in range(2))
+    candidate, jump, shock = (np.full((*shape, most_targets), NOTHING) for _ in range(3))
     entry = np.full((*shape, most_targets, max((len(target.entries) for target in targets), default=0)), NOTHING)
-    rows, matrices = _Numbering(), _Numbering()
+    rows, matrices, shocks = _Numbering(), _Numbering(), dict[int, tuple[int, NonlinearShock]]()
     for m, of_mode in enumerate(guards):
         for g, (effect, guard) in enumerate(of_mode):
             guard_row[m, g] = rows.number(guard.form)
@@ -222,13 +217,16 @@ def _guard_tables(builder: ModeBuilder) -> dict[str, np.ndarray]:
                     entry[m, g, c, e] = rows.number(form)
                 if target.jumps:
                     jump[m, g, c] = matrices.number(matrix_of[id(target)])
+                if target.shock:
+                    shock[m, g, c], _ = shocks.setdefault(id(target.shock), (len(shocks), target.shock))
     of_body = [channel(i) for channel in (channels.position, channels.velocity)
                for i in range(channels.dynamic, channels.coordinates)]
     row = np.array(rows.arrays).reshape(len(rows.arrays), channels.count)
     matrix = np.array(matrices.arrays).reshape(len(matrices.arrays), 2 * channels.coordinates, channels.count)
     return {"guard": guard_row, "guard_effect": guard_effect, "candidate": candidate, "entry": entry, "jump": jump,
             "guard_event": guard_event, "blow_monitor": blow_monitor, "row": row, "row_terms": terms(row),
-            "driven": np.any(row[:, of_body], axis=1), "jump_matrix": matrix}
+            "driven": np.any(row[:, of_body], axis=1), "jump_matrix": matrix}, _shock_table(
+                forms, [law for _, law in shocks.values()], shock)
 
 
 class _Numbering:

@@ -14,7 +14,7 @@ from vibro_ros.orbits.continuation import SpecialPoint, follow_on, special_point
 from vibro_ros.orbits.family import BranchPoint, Family, LostError, Place, corrected, point_at
 from vibro_ros.orbits.orbit import Orbit, Seed, is_same
 from vibro_ros.orbits.passage import same_order
-from vibro_ros.orbits.turn_map import TURN, TurnMap
+from vibro_ros.orbits.turn_map import TurnMap, share_of_turn
 from vibro_ros.simulation.motion import SimulationError
 from vibro_ros.simulation.samples import Samples
 from vibro_ros.simulation.simulator import Simulator
@@ -334,5 +334,5 @@ def _strobe(point: BranchPoint) -> Samples[np.ndarray]:
     turn_map = point.family.map_at(point.place.share)
     device = Simulator(turn_map.scene)
     turn_map.put(device, point.place.state)
-    ahead = -turn_map.phase % TURN / TURN
+    ahead = share_of_turn(turn_map.scene, turn_map.phase, 0.0)
     return device.sample((ahead + np.arange(point.family.turns)) * turn_map.period)

@@ -31,7 +31,7 @@ from vibro_ros.model.scene import Scene
 from vibro_ros.orbits.orbit import derivative
 from vibro_ros.orbits.recurrence import FIRST_TURNS, long_cycle, settle
 from vibro_ros.orbits.recurrence import MOST_TURNS as MOST_SETTLING
-from vibro_ros.orbits.turn_map import TURN, Stroboscope, TurnMap, free_cut
+from vibro_ros.orbits.turn_map import Stroboscope, TurnMap, free_cut, turn_time
 from vibro_ros.simulation.simulator import Simulator
 
 LEAST_TURNS, MOST_TURNS = 20, 1_000_000
@@ -239,17 +239,16 @@ def exponent_of_pairs(device: Simulator, begin: float, duration: float) -> tuple
     Returns
     -------
     (float, float)
-        The exponent [1/s], and half the width of its 95 % confidence interval, from up to ten parts of the time; both 0
-        if no two runs have parted. NaN for a time of less than three stretches of two turns, and for the interval of
-        one pair.
+        The exponent [1/s], and half the width of its 95 % confidence interval, from up to ten parts of the time. If no
+        two runs have parted, 0 and the largest exponent that would not have shown. NaN for a time of less than three
+        stretches of two turns, and for the interval of one pair that has.
 
     Raises
     ------
     SimulationError
         If a run cannot go on.
     """
-    speed = device.scene["motor.speed"]
-    stretch = _TURNS * TURN / speed if speed > 0.0 else _STANDING
+    stretch = _TURNS * turn_time(device.scene) if device.scene["motor.speed"] else _STANDING
     count = math.floor(duration / stretch)
     if count < 3:
         return math.nan, math.nan
@@ -263,7 +262,7 @@ def exponent_of_pairs(device: Simulator, begin: float, duration: float) -> tuple
             watched.append(len(distances) - 1)
             parted = parted or distances[-1] > _GROWN * distances[0]
     if not parted:
-        return 0.0, 0.0
+        return 0.0, math.log(_GROWN) / (sum(watched) * stretch) if watched else math.nan
     rates = [grown.sum() / (lasted.sum() * stretch) for grown, lasted in zip(
         *(np.array_split(of_pairs, min(_PARTS, len(growth))) for of_pairs in (growth, watched)), strict=True)]
     return sum(growth) / (sum(watched) * stretch), _half_interval(np.array(rates))

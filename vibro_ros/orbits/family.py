@@ -10,7 +10,7 @@ import numpy as np
 from vibro_ros.model.scene import Scene
 from vibro_ros.orbits.orbit import CLOSED, STEP
 from vibro_ros.orbits.passage import EventOrder, Passage, ordered, passage
-from vibro_ros.orbits.turn_map import TURN, TurnMap
+from vibro_ros.orbits.turn_map import TurnMap, share_of_turn
 from vibro_ros.simulation.motion import SimulationError
 from vibro_ros.simulation.simulator import Simulator
 
@@ -81,6 +81,9 @@ class Family:
     def __init__(self, scene: Scene, name: str, low: float, high: float, turns: int, phase: float):
         if not low < high:
             raise ValueError(f"{name}: from {low:g} to {high:g} is no range; give the smaller value first")
+        if name == "motor.speed" and low < 0.0 < high:
+            raise ValueError(f"{name}: from {low:g} to {high:g} rad/s holds 0, which turns no crank; give a range "
+                             "on one side of it")
         self.scene, self.name, self.low, self.high, self.turns, self.phase = scene, name, low, high, turns, phase
         self.units = TurnMap(scene, 0.0).units
         self.map_at = lru_cache(_MAPS)(self._map_at)
@@ -163,7 +166,7 @@ class Family:
     def recut(self, phase: float, places: Iterator[Place]) -> tuple["Family", list[Place]]:
         """The same family cut at another phase, and there the states to which the given ones lead."""
         other = self.with_phase(phase)
-        ahead, found = (phase - self.phase) % TURN / TURN, []
+        ahead, found = share_of_turn(self.scene, self.phase, phase), []
         for place in places:
             here, there = self.map_at(place.share), other.map_at(place.share)
             device = Simulator(here.scene)

@@ -11,7 +11,7 @@ import numpy as np
 
 from vibro_ros.model.scene import Scene
 from vibro_ros.orbits.recurrence import settle
-from vibro_ros.orbits.turn_map import TURN, Stroboscope, TurnMap, free_cut, free_phase
+from vibro_ros.orbits.turn_map import TURN, Stroboscope, TurnMap, free_cut, free_phase, share_of_turn, turn_time
 from vibro_ros.simulation.motion import SimulationError
 from vibro_ros.simulation.samples import Samples
 from vibro_ros.simulation.simulator import Simulator
@@ -124,14 +124,14 @@ def find_orbit(scene: Scene, turns: int = 1) -> Orbit:
     if isinstance(turns, bool) or not isinstance(turns, int | np.integer) or not 1 <= turns <= MOST_TURNS:
         raise ValueError(f"turns: {turns!r} is out of range; give a whole number from 1 to {MOST_TURNS}")
     TurnMap(scene)  # refuses a crank that stands
-    period, repeats = TURN / scene["motor.speed"], 0
+    repeats = 0
     device = Simulator(scene)
     for settled in SETTLING:
-        device.advance_to(max(device.time, settled * period))
+        device.advance_to(max(device.time, settled * turn_time(scene)))
         phase, _ = free_phase(scene, device)
         turn_map = TurnMap(scene, phase)
-        ahead = (phase - device.state.crank_angle) % TURN / TURN
-        samples = device.sample(device.time + (ahead + np.arange(2 * MOST_TURNS)) * period)
+        ahead = share_of_turn(scene, device.state.crank_angle, phase)
+        samples = device.sample(device.time + (ahead + np.arange(2 * MOST_TURNS)) * turn_map.period)
         seen = np.column_stack([getattr(samples, name) for name in turn_map.names]) / turn_map.units
         returns = np.abs(seen[turns:] - seen[:-turns]).max(axis=1)
         for best in np.argsort(returns, kind="stable")[:_GUESSES]:

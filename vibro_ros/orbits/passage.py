@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import brentq
 
-from vibro_ros.orbits.turn_map import CELLS, TURN, TurnEnd, TurnMap, events_in_cells, middle_of_longest
+from vibro_ros.orbits.turn_map import CELLS, TURN, TurnEnd, TurnMap, direction, events_in_cells, middle_of_longest
 from vibro_ros.simulation.simulator import Simulator
 
 #: Kinds of events, and of contacts that end, in the order in which they happen.
@@ -75,7 +75,7 @@ def passage(turn_map: TurnMap, state: np.ndarray, turns: int) -> Passage:
     contacts = events[of_contact]
     speeds = np.maximum(contacts["speed"] / turn_map.units.max(), 0.5 * TURN * contacts["duration"] / turn_map.period)
     return Passage(tuple(zip(kinds.tolist(), counts.tolist(), strict=True)), float(clear),
-                   float((turn_map.phase + best) % TURN), float(speeds.min(initial=np.inf)),
+                   float((turn_map.phase + direction(turn_map.scene) * best) % TURN), float(speeds.min(initial=np.inf)),
                    _nearest_miss(turn_map, state, turns, contacts), ordered(turn_map, state, turns)[1])
 
 

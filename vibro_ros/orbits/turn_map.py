@@ -51,7 +51,7 @@ class TurnMap:
     Parameters
     ----------
     scene : Scene
-        With `motor.speed` above 0, which is held.
+        With a `motor.speed` other than 0, which is held. A crank that turns backwards moves the robot in another way.
     phase : float
         Crank angle [rad] at the cut, from 0 to 2 pi.
 
@@ -79,13 +79,13 @@ class TurnMap:
         if scene.has_rotor:
             raise ValueError("effects.motor: a dc motor's crank has no steady speed, and orbits, exponents and basins "
                              "are those of a steady crank; choose ideal, ramp or lag")
-        if speed <= 0.0:
+        if speed == 0.0:
             raise ValueError(f"motor.speed: {speed:g} rad/s turns no crank; give the speed at which the motion repeats "
                              "itself")
-        self.scene, self.phase, self.period = scene, phase, TURN / speed
+        self.scene, self.phase, self.period = scene, phase, turn_time(scene)
         self.names = coordinates(scene)
         length = scene["crank.radius"] or max(scene[f"crank.{side}_rod"] for side in scene.guides)
-        self.units = np.array([length * speed if name.endswith("velocity") else length for name in self.names])
+        self.units = np.array([length * abs(speed) if name.endswith("velocity") else length for name in self.names])
         self.device = Simulator(scene)
         self._start = self.device.checkpoint()
 
@@ -123,6 +123,21 @@ class TurnMap:
                     and getattr(sample, f"{side}_position") == getattr(sample, f"{side}_plate_position")):
                 held[f"{side}_position"] = held[f"{side}_velocity"] = True
         return np.array([held[name] for name in self.names])
+
+
+def turn_time(scene: Scene) -> float:
+    """Time [s] of a turn of the crank, whichever way it turns."""
+    return TURN / abs(scene["motor.speed"])
+
+
+def direction(scene: Scene) -> float:
+    """1, or -1 where the crank turns backwards."""
+    return math.copysign(1.0, scene["motor.speed"])
+
+
+def share_of_turn(scene: Scene, here: float, there: float) -> float:
+    """Part of a turn, from 0 to 1, that takes the crank from the angle `here` to the next `there` [rad]."""
+    return direction(scene) * (there - here) % TURN / TURN
 
 
 def coordinates(scene: Scene) -> tuple[str, ...]:
@@ -187,7 +202,7 @@ class Stroboscope:
         self._device.restore(self._start)
         if given:
             self._device.set_state(**given)
-        ahead = (self.turn_map.phase - self._device.state.crank_angle) % TURN / TURN
+        ahead = share_of_turn(self.turn_map.scene, self._device.state.crank_angle, self.turn_map.phase)
         self._cut = (ahead - 1.0) * self.turn_map.period
         return self.turns(1)
 
@@ -217,23 +232,24 @@ def free_phase(scene: Scene, device: Simulator) -> tuple[float, float]:
         Crank angle [rad], from 0 to 2 pi, and the share: 0 where every phase of the turn is within a contact, and the
         phase is one that is within the fewest.
     """
-    period = TURN / scene["motor.speed"]
+    period = turn_time(scene)
     device.take_events()
     begin, angle = device.time, device.state.crank_angle
     device.advance_to(begin + SEEN * period)
     events = device.take_events()
-    phase = np.mod((events["time"] - begin) / period + angle / TURN, 1.0)
+    phase = np.mod((events["time"] - begin) / period + direction(scene) * angle / TURN, 1.0)
     of_contact = np.char.endswith(events["kind"], _CONTACT)
     lasting = np.where(of_contact, events["duration"], 0.0) / period
     busy = events_in_cells(phase, lasting)
-    return middle_of_longest(busy == busy.min(), free=bool(busy.min() == 0.0))
+    ahead, share = middle_of_longest(busy == busy.min(), free=bool(busy.min() == 0.0))
+    return direction(scene) * ahead % TURN, share
 
 
 def free_cut(scene: Scene) -> TurnMap:
     """The turn map of a scene, cut where the motion from its own start is free (ValueError for a crank that stands)."""
     TurnMap(scene)  # refuses a crank that stands
     device = Simulator(scene)
-    device.advance_to(SETTLED * TURN / scene["motor.speed"])
+    device.advance_to(SETTLED * turn_time(scene))
     return TurnMap(scene, free_phase(scene, device)[0])
 
 

@@ -37,15 +37,7 @@ class Parser(argparse.ArgumentParser):
 def enter(program: str) -> int:
     """Run an executable as the whole of this process.
 
-    Parameters
-    ----------
-    program : str
-        A name of `EXECUTABLES`.
-
-    Returns
-    -------
-    int
-        The exit code: what `main` returned; 0 or 128 + the signal's number if a signal stopped it before.
+    Returns the exit code: what `main` returned; 0 or 128 + the signal's number if a signal stopped it before.
     """
     end_at_once(program)
     open_streams()
@@ -71,19 +63,9 @@ def enter(program: str) -> int:
 
 
 def exit_code(program: str, body: Callable[[], int]) -> int:
-    """The exit code of `body()`; a foreseen error is one line on stderr, never a traceback.
+    """The exit code of `body()`; a foreseen error is one line on stderr, which `program` begins, never a traceback.
 
-    Parameters
-    ----------
-    program : str
-        Begins the line.
-    body : callable
-        Returns the exit code.
-
-    Returns
-    -------
-    int
-        What `body` returned; 2 for bad input (ValueError), 1 for a failure (RuntimeError, OSError, MemoryError).
+    It is 2 for bad input (ValueError), 1 for a failure (RuntimeError, OSError, MemoryError).
     """
     try:
         return body()

@@ -21,14 +21,9 @@ _STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
 class StopRequest:
-    """Whether a stop signal came; a context that catches them.
+    """Whether a stop signal came, and the number of the first; a context that catches them.
 
     While the executable starts, the first signal is a request and a second one ends the process at once.
-
-    Attributes
-    ----------
-    signal : int or None
-        Number of the signal that came first.
     """
 
     def __init__(self):
@@ -65,20 +60,10 @@ class StopRequest:
 class Process:
     """This process: its program, and the signals that came.
 
-    Attributes
-    ----------
-    program : str
-        Name of the executable.
-    endless : bool
-        Whether the program runs until a signal ends it, so that the signal is no failure.
-    stage : str
-        Words that say when a signal came.
-    heard : tuple of int
-        Stop signals that were not ignored when the process began.
-    signal : int or None
-        Number of the signal that interrupted the process first.
-    defers : bool
-        Whether the interruption waits for the end of `interrupted_afterwards`.
+    `endless` says whether the program runs until a signal ends it, so that the signal is no failure, `stage` in words
+    when a signal came. `heard` are the stop signals that were not ignored when the process began, `signal` is the
+    number of the one that interrupted the process first; `defers` says whether the interruption waits for the end of
+    `interrupted_afterwards`.
     """
 
     def __init__(self):

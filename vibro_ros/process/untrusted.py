@@ -37,21 +37,10 @@ def kind_of(mode: int) -> str:
 
 
 def opened(path: Path, flags: int = os.O_RDONLY, follow: bool = True) -> int:
-    """Descriptor of the regular file at `path`, to be closed by the caller.
+    """Descriptor of the regular file at `path`, to be closed by the caller; `flags` are those of `os.open`.
 
-    Parameters
-    ----------
-    path : Path
-        Of the file.
-    flags : int
-        As `os.open` takes them.
-    follow : bool
-        Whether `path` itself may be a symbolic link; the folders above it may be in any case.
-
-    Raises
-    ------
-    OSError
-        When it cannot be opened, or is something else than a regular file.
+    `follow` says whether `path` itself may be a symbolic link; the folders above it may be in any case. OSError when it
+    cannot be opened, or is something else than a regular file.
     """
     _check(path, os.stat(path, follow_symlinks=follow).st_mode)  # first, because opening some devices acts on them
     descriptor = os.open(path, flags | os.O_NONBLOCK | os.O_CLOEXEC | os.O_NOCTTY | (0 if follow else os.O_NOFOLLOW))

@@ -29,22 +29,9 @@ STAMPED = ("odom", "joint_states", "ground_contact")  # topics whose headers hav
 
 @dataclass(frozen=True)
 class Difference:
-    """Where recording and simulation part.
+    """Where recording and simulation part: the message's number on its topic in the bag, from 0, and a field of it.
 
-    Attributes
-    ----------
-    topic : str
-        Resolved name.
-    index : int
-        Number of the message on its topic in the bag, from 0.
-    stamp : int
-        Its recorded stamp [ns].
-    time : float
-        Simulated time [s].
-    field : str
-        Of the message, such as ``pose.pose.position.x``.
-    recorded, replayed : float, int or str
-        Its values.
+    `stamp` is the recorded one [ns], `time` simulated time [s]; `field` such as ``pose.pose.position.x``.
     """
 
     topic: str
@@ -71,24 +58,12 @@ class Difference:
 
 @dataclass
 class Comparison:
-    """What came of it.
+    """What came of it; it ends at the first difference.
 
-    Attributes
-    ----------
-    facts : RunFacts
-        Of the recording.
-    compared : Counter
-        Messages that are equal to the last bit, by topic.
-    commands : int
-        Commands that the device was given; the others cannot be read, and the robot refused them.
-    missing : int
-        Messages that the recorder dropped, between others that are there.
-    difference : Difference or None
-        The first; the comparison ends there.
-    notes : list of str
-        Why a difference may be no fault of the simulation.
-    last : float
-        Simulated time [s] of the last recorded sample that was compared.
+    `compared` counts by topic the messages that are equal to the last bit, `commands` those that the device was given;
+    the others cannot be read, and the robot refused them. `missing` are messages that the recorder dropped, between
+    others that are there; `notes` say why a difference may be no fault of the simulation. `last` is the simulated time
+    [s] of the last recorded sample that was compared.
     """
 
     facts: RunFacts

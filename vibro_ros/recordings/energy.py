@@ -34,11 +34,6 @@ def energy_of(bag: Bag) -> dict[str, Any]:
     The run must be one of the method exact, and simulated again it must end, to the last bit, where the recorded one
     did; else the accounts are unknown.
 
-    Parameters
-    ----------
-    bag : Bag
-        A recording with odometry and joint states.
-
     Returns
     -------
     dict
@@ -166,14 +161,7 @@ def reset_times(joints: Arrays) -> np.ndarray:
 
 
 def changes(time: np.ndarray, values: np.ndarray, resets: np.ndarray) -> np.ndarray:
-    """Differences of neighbouring `values`, shape (n - 1,); 0 where a reset lies between the two.
-
-    Parameters
-    ----------
-    time, values : ndarray, shape (n,)
-        Samples, and their times [s].
-    resets : ndarray, shape (m,)
-        From `reset_times`.
+    """Differences of neighbouring `values`, shape (n - 1,); 0 where one of `resets` (`reset_times`) lies between them.
     """
     found = np.diff(values)
     after = np.searchsorted(time, resets)

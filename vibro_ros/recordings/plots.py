@@ -48,21 +48,10 @@ Panel = Callable[[Axes, Bag, Span], None]
 
 
 def plot_run(bag: Bag, caption: str = "", energy: dict[str, Any] | None = None) -> Figure:
-    """Body, masses, blows, ground, motor and power over time; what the recording lacks is left out.
+    """Body, masses, blows, ground, motor and power over time [s]; what the recording lacks is left out.
 
-    Parameters
-    ----------
-    bag : Bag
-        A recording with odometry and joint states.
-    caption : str
-        One line under the title.
-    energy : dict
-        What `energy_of` tells, for a bar below the rows; none if it is unknown.
-
-    Returns
-    -------
-    Figure
-        Rows that share time [s]; left the whole run, right `MOMENT` seconds of it.
+    Left is the whole run, right are `MOMENT` seconds of it; `caption` is a line under the title. Below stands a bar of
+    `energy`, what `energy_of` tells; none if it is unknown.
     """
     whole, moment, panels = (0.0, max(bag.duration, 1e-3)), _moment(bag), list(_panels(bag))
     below = _BAR if energy and "accounts" in energy else 0.0
@@ -96,18 +85,7 @@ def plot_run(bag: Bag, caption: str = "", energy: dict[str, Any] | None = None) 
 
 
 def plot_pair(first: Bag, second: Bag) -> Figure:
-    """Displacement, motor speed and mean power of two recordings, one over the other.
-
-    Parameters
-    ----------
-    first, second : Bag
-        Recordings with odometry, joint states and motor power; each begins at time 0.
-
-    Returns
-    -------
-    Figure
-        Three rows that share time [s].
-    """
+    """Displacement, motor speed and mean power of two recordings, one over the other, each from time 0 [s]."""
     figure = Figure(figsize=(13.0, 8.0), dpi=120, facecolor="white", layout="constrained")
     FigureCanvasAgg(figure)
     rows = figure.subplots(3, 1, sharex=True)
@@ -408,19 +386,9 @@ def mean_over_turns(time: np.ndarray, values: np.ndarray, angle_time: np.ndarray
                     angle: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Mean of a quantity that swings with the crank over each so many whole turns; NaN where a gap lies in them.
 
-    Means that cut a turn anywhere would swing themselves.
-
-    Parameters
-    ----------
-    time, values : ndarray, shape (n,)
-        Samples [s], [W].
-    angle_time, angle : ndarray, shape (m,)
-        Samples of the crank's angle [s], [rad].
-
-    Returns
-    -------
-    ndarray, ndarray, each of shape (k,)
-        Middle of the turns that each mean is over [s], and the means; k is `MOST_BINS` at most.
+    Means that cut a turn anywhere would swing themselves. `time` [s] and `values` are samples, `angle_time` and
+    `angle` [rad] those of the crank. Returns the middle of the turns that each mean is over [s], and the means,
+    `MOST_BINS` at most.
     """
     turned = np.concatenate([[0.0], np.cumsum(np.maximum(np.diff(angle), 0.0))]) / math.tau  # a reset turns it back
     turns = np.arange(0.0, turned[-1] + 1e-9, max(1.0, np.ceil(turned[-1] / MOST_BINS)))

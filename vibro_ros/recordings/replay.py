@@ -121,28 +121,9 @@ def _vary(bag: Path, changes: Mapping[str, object]) -> int:
 def write_variation(bag: Path, changes: Mapping[str, object]) -> tuple[Path, str]:
     """Simulate a recorded run with `changes` of its scene, from its start to its last message, into a new bag.
 
-    Parameters
-    ----------
-    bag : Path
-        The recording; nothing is ever written into it.
-    changes : mapping of str to value
-        Parameters of the scene.
-
-    Returns
-    -------
-    folder : Path
-        ``<bag>_replay`` beside the recording, with ``_2``, ``_3``, … where taken.
-    failure : str
-        Why the simulation could not go on to the end; empty when it could.
-
-    Raises
-    ------
-    BagError
-        When the recording cannot be read, or does not say what was simulated.
-    ValueError
-        For a bad change.
-    OSError
-        When the new bag cannot be written.
+    The new bag is ``<bag>_replay`` beside the recording, with ``_2``, ``_3``, … where taken. Returns its folder, and
+    why the simulation could not go on to the end; empty when it could. BagError when the recording cannot be read, or
+    does not say what was simulated; ValueError for a bad change; OSError when the new bag cannot be written.
     """
     of_node = {parameter.name for parameter in DEVICE_PARAMETERS}
     for name, value in changes.items():

@@ -24,27 +24,10 @@ def write_report(bag_folder: Path, output: Path | None = None,
                  other: Path | None = None) -> tuple[str, tuple[Path, ...]]:
     """Write summary.txt, summary.json and report.png about a recording, or about two beside each other.
 
-    Parameters
-    ----------
-    bag_folder : Path
-        The recording; nothing is ever written into it.
-    output : Path, optional
-        Where to write, made when missing; beside the recording by default, ``<bag folder>_report``, or
-        ``<bag folder>_against_<name of the other>``.
-    other : Path, optional
-        A second recording, which is compared with the first.
-
-    Returns
-    -------
-    str, tuple of Path
-        The summary for people, and the files written.
-
-    Raises
-    ------
-    BagError
-        When a recording cannot be read or `output` lies inside it.
-    OSError
-        When `output` cannot be written.
+    They go into `output`, which is made when missing, by default ``<bag folder>_report`` or ``<bag
+    folder>_against_<name of the other>`` beside the recording, into which nothing is ever written. Returns the summary
+    for people, and the files written. BagError when a recording cannot be read or `output` lies inside it; OSError
+    when `output` cannot be written.
     """
     folders = [Path(one).resolve() for one in (bag_folder, other) if one]
     ending = f"against_{folders[1].name}" if other else "report"

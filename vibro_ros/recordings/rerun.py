@@ -56,18 +56,9 @@ SAMPLED = ("odom", "joint_states", "ground_contact", "motor_power")
 
 @dataclass(frozen=True)
 class RunFacts:
-    """What a bag says of the run that it recorded.
+    """What a bag says of the run that it recorded: the device's parameters, and the scene that was simulated.
 
-    Attributes
-    ----------
-    settings : dict
-        The device's parameters.
-    scene : Scene
-        What was simulated.
-    start : int
-        ROS time [ns] of simulated time 0.
-    topics : dict of str to str
-        Resolved names by the robot's own names.
+    `start` is the ROS time [ns] of simulated time 0; `topics` has resolved names by the robot's own.
     """
 
     settings: dict[str, Value]
@@ -129,29 +120,10 @@ def run_facts(stream: BagStream) -> RunFacts:
 class Rerun:
     """The device, stepped and commanded as the robot does it.
 
-    Parameters
-    ----------
-    facts : RunFacts
-        Rate and stamps.
-    scene : Scene
-        What to simulate.
-
-    Attributes
-    ----------
-    tick : int
-        Number of the last sample taken; -1 before the first.
-    origin : int
-        Number of the sample at which the device's own time is 0.
-    refused : int
-        Commands and operations that the device refused.
-    resets : int
-        How often the device was put back to its start.
-    scene : Scene
-        What is simulated, with the method that `solver.method` auto has picked.
-    device : Simulator
-        What is stepped.
-    lasting : dict of str to bytes
-        What the robot publishes once: its own name of each topic, and the message.
+    `scene` has the method that `solver.method` auto has picked. `tick` is the number of the last sample taken, -1
+    before the first, `origin` that of the sample at which the device's own time is 0. `refused` counts commands and
+    operations that the device refused, `resets` how often it was put back to its start. `lasting` is what the robot
+    publishes once: its own name of each topic, and the message.
     """
 
     def __init__(self, facts: RunFacts, scene: Scene):

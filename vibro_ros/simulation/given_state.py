@@ -13,9 +13,10 @@ from vibro_ros.model.scene import NUMBERS, Scene, check_parts, given_start, outs
 from vibro_ros.model.shock import REST_SPEED
 from vibro_ros.model.tables import Model
 from vibro_ros.solver.energy import stored_energy, stored_on_accounts
-from vibro_ros.solver.rotor import read_rotor, start_rotor
+from vibro_ros.solver.rotor import start_rotor
 from vibro_ros.solver.segment import read_signals
 from vibro_ros.solver.state import State, new_state
+from vibro_ros.solver.taylor import read_rotor
 
 UNITS = {name: number.unit for name, number in NUMBERS.items()} | {
     "motor_speed": "rad/s", "upper_plate_position": "m", "inclined_plate_position": "m"}
@@ -106,7 +107,7 @@ def place(scene: Scene, model: Model, state: State, point: np.ndarray, values: M
     scene, model : Scene, Model
         What is simulated.
     state : State
-        Interrupted now, changed in place. The motor's speed and the plates are set, what they do next is not.
+        Interrupted now, changed in place. The plates are set, what they and the motor do next is not.
     point : ndarray, shape (channels,)
         All channels now, overwritten.
     values : mapping of str to float
@@ -130,11 +131,12 @@ def place(scene: Scene, model: Model, state: State, point: np.ndarray, values: M
             state.now["drive"]["turns"] = round((angle - rest) / _TURN)
     elif turned:
         drive, starts, rest = state.now["drive"][0], model.system.signals.start, math.fmod(angle, _TURN)
-        cell = min(int(np.searchsorted(starts, rest, side="right")) - 1, len(starts) - 2)
-        drive["turns"], drive["cell"] = round((angle - rest) / _TURN), cell
-        drive["offset"], drive["since"] = rest - starts[cell], 0.0
-    if not forms.has_rotor:
-        state.now["drive"]["speed"] = values["motor_speed"]
+        drive["turns"] = round((angle - rest) / _TURN)
+        if rest < 0.0:
+            drive["turns"], rest = drive["turns"] - 1, rest + _TURN
+        drive["cell"] = cell = min(int(np.searchsorted(starts, rest, side="right")) - 1, len(starts) - 2)
+        drive["offset"] = rest - starts[cell] if drive["direction"] > 0 else starts[cell + 1] - rest
+        drive["since"] = 0.0
     for k, side in enumerate(forms.plates):
         state.ramp["value"][k] = point[at.ramp(k)] = values[f"{side}_plate_position"]
     for k, slider in enumerate(model.sliders):  # they move with the crank; the energy of the drives is theirs

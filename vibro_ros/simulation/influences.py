@@ -103,7 +103,7 @@ class Influences:
         return (all(until == 0.0 and not any(rest) or now < until <= now + DURATION.maximum
                     for until, *rest in self.table.tolist())
                 and abs(along_x) <= FORCE.maximum * forms.body_moves and abs(upwards) <= FORCE.maximum * forms.body_hops
-                and 0.0 <= speed <= BY_NAME["motor.max_speed"].maximum
+                and abs(speed) <= BY_NAME["motor.max_speed"].maximum
                 and all(0.0 <= asked <= 2.0 * scene.longest_rod for _, asked, *_ in plates)
                 and (sags == 0.0 or (scene.has_rotor and 0.0 < supply <= BY_NAME["motor.supply_voltage"].maximum))
                 and (ices == 0.0 or (-PLACE.maximum <= low < high <= PLACE.maximum and place in (-1.0, 0.0, 1.0)))

@@ -23,9 +23,9 @@ from vibro_ros.simulation.samples import Trace
 from vibro_ros.solver.compilation import PLAIN, compile_entry, entry_types, is_stored
 from vibro_ros.solver.events import EVENT_COLUMNS, leave_for_ramp
 from vibro_ros.solver.kernel_cache import progress
-from vibro_ros.solver.rotor import read_rotor
 from vibro_ros.solver.segment import read_signals
 from vibro_ros.solver.state import new_state
+from vibro_ros.solver.taylor import read_rotor
 
 # The compiler makes millions of objects, of which hardly any is garbage: searched as often as usual, they take a tenth
 # of its time; never searched, they take 80 MB.

@@ -22,6 +22,7 @@ from vibro_ros.simulation.readout import Readout
 from vibro_ros.simulation.samples import EVENT_DTYPE, FIELDS, Trace
 from vibro_ros.solver import event_loop
 from vibro_ros.solver.compilation import Laid
+from vibro_ros.solver.drive import command_drive, speed_and_target
 from vibro_ros.solver.energy import SPLIT, residual, stored_on_accounts
 from vibro_ros.solver.events import EVENT_COLUMNS, MONITOR_KIND, PHASE_KIND, RAMP_KIND, leave_for_ramp
 from vibro_ros.solver.lowpass import filtered_rates, new_filters
@@ -34,8 +35,6 @@ from vibro_ros.solver.system import BY_COMMAND, BY_CURRENT, NOTHING
 EVENTS_AT_ONCE = 4096
 #: So many events take at least this time [s]; only in a state that no machine has, as of a forged checkpoint, less.
 _PROGRESS = 1e-9
-#: After so many of its time constants a lagging motor has reached its speed, to rounding.
-_TIME_CONSTANTS = 40.0
 
 # Computing time [s] that a part of `Motion.advance` aims at; robot time [s] of the first, longer than a tick; the most
 # by which a part grows over the one before it.
@@ -251,7 +250,7 @@ class Motion:
         if self._find_place_on_ground():
             self._become(self.scene)
         if "motor_speed" in given and not self.scene.has_rotor:
-            self._command_motor(target)
+            self._command_motor(target, values["motor_speed"])
         for side in self.model.forms.plates:
             if f"{side}_plate_position" in given:
                 self._command_plate(side, self._plate_target(side))
@@ -263,26 +262,23 @@ class Motion:
         if self.scene.has_rotor:
             return float(self.state.now["motor"]["target"][0])
         asked = self.influences.asked(STALL)
-        return float(self.state.now["drive"]["target"][0]) if asked is None else asked
+        return speed_and_target(self.state.now["drive"][0])[1] if asked is None else asked
 
-    def _command_motor(self, target: float) -> None:
+    def _command_motor(self, target: float, speed: float | None = None) -> None:
+        """Ask the motor for `target`, from the speed [rad/s] that it is put at, or else has."""
         if self.scene.has_rotor:
             command_rotor(self.model.system, self.state, self.time, target, self.scene["motor.acceleration"])
             return
-        drive, stall = self.state.now["drive"][0], self.influences.row(STALL)
+        signals, drive, stall = self.model.system.signals, self.state.now["drive"][0], self.influences.row(STALL)
         if stall[0]:
             stall[1], target = target, 0.0
-        drive["target"] = target
-        drive["acceleration"] = drive["time_left"] = drive["lag"] = 0.0
-        difference = target - drive["speed"]
+        speed = speed_and_target(drive)[0] if speed is None else speed
         if self.scene["effects.motor"] == "ideal":
-            drive["speed"] = target
-        elif difference != 0.0 and self.scene["effects.motor"] == "lag":
-            drive["lag"] = self.scene["motor.time_constant"]
-            drive["time_left"] = _TIME_CONSTANTS * drive["lag"]
-        elif difference != 0.0:
-            drive["acceleration"] = math.copysign(self.scene["motor.acceleration"], difference)
-            drive["time_left"] = abs(difference) / self.scene["motor.acceleration"]
+            command_drive(signals, drive, target, target)
+        elif self.scene["effects.motor"] == "lag":
+            command_drive(signals, drive, speed, target, lag=self.scene["motor.time_constant"])
+        else:
+            command_drive(signals, drive, speed, target, acceleration=self.scene["motor.acceleration"])
 
     def _plate_target(self, side: str) -> float:
         """Where the plate was sent [m]."""
@@ -341,9 +337,9 @@ class Motion:
             return False
         cut = not self._cuts_forces or self.scene["solver.method"] == "rk4_located"  # other steps are never cut
         shortest = 0.0 if cut else 0.25 * self.scene["solver.step"]
-        local = ("flow_start", "mode_start", "next_event", "piece_middle", "piece_end")
+        local = ("flow_start", "mode_start", "next_event")
         within = ((now["accounts"]["booked"], -_LOCAL, _LOCAL), *((segment[name], -_LOCAL, _LOCAL) for name in local),
-                  (segment["half"], shortest, LONGEST_SEGMENT), (segment["piece_half"], 0.0, 1.0),
+                  (segment["half"], shortest, LONGEST_SEGMENT),
                   (segment["residue"], -LONGEST_SEGMENT, LONGEST_SEGMENT),
                   (self.time - segment["start"], -2.0 * LONGEST_SEGMENT, 2.0 * LONGEST_SEGMENT))
         moving, constant = (self.time, *(drive[name] for name in drive.dtype.names)), self.state.z[-1]
@@ -389,7 +385,8 @@ class Motion:
                 passed = drive["target"] * time - away * lag * math.expm1(-time / lag)
             if not abs(passed - width) <= _CLOSE * width:
                 return False
-        return (all(0.0 <= drive[name] <= fastest for name in ("speed", "target", "cell_speed"))
+        return (all(0.0 <= drive[name] <= fastest for name in ("speed", "cell_speed"))
+                and drive["direction"] in (-1, 1) and abs(drive["target"]) <= fastest and _can_turn_back(drive, fastest)
                 and abs(drive["acceleration"]) in (0.0, scene["motor.acceleration"] * (law == "ramp"))
                 and lag in (0.0, scene["motor.time_constant"] * (law == "lag"))
                 and all(abs(rate) in (0.0, actuator) for rate in self.state.ramp["rate"])
@@ -581,6 +578,17 @@ class EventLog:
             name = str(self._kinds[kind])
             counts[name] = counts.get(name, 0) + int(self._counts[kind])
         return counts
+
+
+def _can_turn_back(drive: np.void, fastest: float) -> bool:
+    """Whether a speed whose target is in the other direction falls to 0 in the time that is left, to rounding of the
+    `fastest` [rad/s] that it may have come from."""
+    speed, target, acceleration, lag, left = (
+        float(drive[name]) for name in ("speed", "target", "acceleration", "lag", "time_left"))
+    if target >= 0.0 or left <= 0.0:
+        return target >= 0.0
+    end = target + (speed - target) * math.exp(-left / lag) if lag > 0.0 else speed + acceleration * left
+    return abs(end) <= _CLOSE * fastest
 
 
 def energy_accounts(model: Model, state: State, time: float) -> dict[str, float]:

@@ -1,7 +1,8 @@
 """The fields of `Samples` from what the solver samples.
 
 Most are linear forms of the channels. Power and torque are products of them: power = sum of drive force times the
-slider's speed, torque = power / the crank's speed, and where the crank stands, sum of drive force times ds/dtheta.
+slider's speed, torque = power / the crank's speed, and where the crank stands or turns round, sum of drive force times
+ds/dtheta.
 """
 
 from collections.abc import Callable
@@ -20,6 +21,8 @@ _LINEAR = np.array([FIELDS.index(name) for name in OUTPUTS])  # rows of the line
 _TURN = 2.0 * np.pi
 # A motion that has died away to less is reported as zero: below 2e-308 doubles lose their digits.
 _LEAST_VALUE = 1e-290
+# A crank that turns more slowly [rad/s] is passing 0, to rounding of the fastest; power over speed says nothing then.
+_STANDING = 1e-11
 _AT_ONCE = 4096  # instants; their values are small enough for the processor's cache
 
 
@@ -54,7 +57,8 @@ class Readout:
             What was sampled there.
         """
         angle = trace.phases[0, 1]
-        if trace.phases[0, 2] == 0.0 and angle != self._slopes_at:  # a crank that stands, stands at one angle
+        # A crank that stands, stands at one angle.
+        if abs(trace.phases[0, 2]) <= _STANDING and angle != self._slopes_at:
             self._slopes, self._slopes_at = self._slopes_where_standing(trace.phases), angle
         read_samples(*self._arguments(times, trace, self._slopes, self._values))
         return self._values[:, 0]
@@ -90,7 +94,7 @@ class Readout:
 
     def _slopes_where_standing(self, phases: np.ndarray) -> np.ndarray:
         """ds/dtheta [m/rad] of each signal where the crank stands, elsewhere 0; shape (signals, n)."""
-        slopes, stands = np.zeros((len(self._model.sliders), len(phases))), phases[:, 2] == 0.0
+        slopes, stands = np.zeros((len(self._model.sliders), len(phases))), abs(phases[:, 2]) <= _STANDING
         if stands.any():
             for k, slider in enumerate(self._model.sliders):
                 slopes[k, stands] = slider.slope(phases[stands, 1])
@@ -152,5 +156,5 @@ def read_samples(forms, terms, pressed_only, drives, linkage, slopes, times, poi
             torque = _plus_product(torque, total, slopes[linkage[part, 2], k])
         values[_TIME, k], values[_SPEED, k] = times[k], speed
         values[_ANGLE, k] = _plus_product(phases[k, 1], _TURN, phases[k, 0])
-        values[_POWER, k], values[_TORQUE, k] = power, torque if speed == 0.0 else power / speed
+        values[_POWER, k], values[_TORQUE, k] = power, torque if abs(speed) <= _STANDING else power / speed
         values[_ELECTRICAL, k] = values[_VOLTAGE, k] * values[_CURRENT, k]

@@ -229,9 +229,10 @@ class Simulator:
                 raise ValueError(f"{name}: makes another machine and cannot change while the device runs; start one "
                                  "with it")
         scene = self.scene.with_parameters(changes)
-        if scene.motor_command == "motor_speed" and (target := self.commanded_motor_speed) > scene["motor.max_speed"]:
-            raise ValueError(f"motor.max_speed: {scene['motor.max_speed']:g} is below the commanded motor speed, "
-                             f"{target:g} rad/s; command a lower speed first")
+        target, fastest = self.commanded_motor_speed, scene["motor.max_speed"]
+        if scene.motor_command == "motor_speed" and abs(target) > fastest:
+            raise ValueError(f"motor.max_speed: {fastest:g} is below the commanded motor speed, {target:g} rad/s; "
+                             "command a slower one first")
         self._motion.change(scene)
         self.scene = scene
 
@@ -259,9 +260,9 @@ class Simulator:
         >>> device.set_state(upper_position=0.05, body_velocity=0.0)
         >>> device.time, device.state.upper_position
         (0.2, 0.05)
-        >>> device.set_state(crank_angle=-1.0)
+        >>> device.set_state(crank_angle=1e10)
         Traceback (most recent call last):
-        ValueError: crank_angle: -1 is out of range; give a number from 0 to 1e+09 rad
+        ValueError: crank_angle: 1e+10 is out of range; give a number from -1e+09 to 1e+09 rad
         """
         self._motion.set_state(given)
 

@@ -1,13 +1,11 @@
 """Event-driven integration of piecewise linear systems; knows nothing of robots.
 
-Six times are nested:
+Five times are nested:
 
 - *turn*: one period of the signals' phase;
 - *cell*: a part of a turn over which one polynomial of the phase describes each signal (`system.SignalTable`);
 - *segment*: a part of a cell, or all of it, over which one polynomial of time describes each channel
   (`segment.choose_segment`);
-- *piece*: a part of a segment, or all of it, over which one polynomial describes the driven coordinate's decaying term
-  (`decay.resolve_piece`);
 - *flow*: the motion of the dynamic coordinates by one set of equations; it starts in a segment and ends with the
   segment or with a jump or a change of these equations (`flow.solve_dynamic`);
 - *mode*: one state of all contacts and of friction; it names the equations of all coordinates and the guards. A mode

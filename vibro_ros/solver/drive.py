@@ -2,12 +2,18 @@
 
 The speed is constant, on a ramp, or approaches its target exponentially, as a motor with a time constant does. Every
 function of this module gets `drive`, the record of `State.drive`.
+
+The drive counts along its direction: its speed is never negative, and a cell begins where the phase enters it, so that
+a phase that runs backwards passes mirrored cells. A target in the other direction is negative. The speed then falls to
+0, where the direction changes, and rises again: two changes, each of one sign.
 """
 
 import math
 
+import numpy as np
+
 from vibro_ros.solver.compilation import kernel
-from vibro_ros.solver.system import STRIDE
+from vibro_ros.solver.system import STRIDE, SignalTable
 from vibro_ros.solver.vector import LENGTH
 
 _NEGLIGIBLE = 1e-18  # beside 1
@@ -17,39 +23,102 @@ _NEWTON_END = 4e-16
 # Change of the speed over a cell, as part of the speed, at which the cell may be a segment: the phase is then off the
 # straight line by a fortieth of the cell's half at most, and the cell's ellipse of convergence as good as the same.
 _SMALL_CHANGE = 0.1
+# After so many of its time constants a speed that approaches its target exponentially is there, to rounding.
+_TIME_CONSTANTS = 40.0
+# A speed [rad/s] that is none: of a smaller one, the time in which it falls to 0 could underflow.
+_STANDING = 1e-200
+
+
+def speed_and_target(drive: np.void) -> tuple[float, float]:
+    """Speed of the phase and its target [rad/s], below 0 backwards."""
+    direction = float(drive["direction"])
+    return direction * float(drive["speed"]) + 0.0, direction * float(drive["target"]) + 0.0  # never -0.0
+
+
+def command_drive(signals: SignalTable, drive: np.void, speed: float, target: float, acceleration: float = 0.0,
+                  lag: float = 0.0) -> None:
+    """Let the phase, at the segment's start, have `speed` [rad/s], and let that go to `target` [rad/s], below 0
+    backwards: at `acceleration` [rad/s²] or with the time constant `lag` [s]; without either it stays as it is."""
+    speed, target = (0.0 if abs(one) < _STANDING else one for one in (speed, target))
+    forwards = speed or target
+    if forwards and (forwards < 0.0) != (drive["direction"] < 0):
+        width = signals.start[drive["cell"] + 1] - signals.start[drive["cell"]]
+        drive["direction"], drive["offset"] = -drive["direction"], max(0.0, width - drive["offset"])
+    direction = float(drive["direction"])
+    speed, target = direction * speed + 0.0, direction * target + 0.0
+    drive["speed"], drive["target"] = speed, target
+    drive["acceleration"] = drive["lag"] = drive["time_left"] = 0.0
+    if target == speed:
+        return
+    if lag:
+        drive["lag"] = lag
+        drive["time_left"] = lag * (math.log1p(-speed / target) if target < 0.0 else _TIME_CONSTANTS)
+    elif acceleration:
+        drive["acceleration"] = math.copysign(acceleration, target - speed)
+        drive["time_left"] = abs(max(target, 0.0) - speed) / acceleration
 
 
 @kernel
 def enter_next_cell(system, drive):
     """Let the segment start where the next cell does."""
     drive.offset = drive.since = 0.0
-    drive.cell += 1
+    drive.cell += drive.direction
     if drive.cell == len(system.signals.start) - 1:
         drive.cell = 0
         drive.turns += 1
+    elif drive.cell < 0:
+        drive.cell = len(system.signals.start) - 2
+        drive.turns -= 1
 
 
 @kernel
 def phase_advance(drive, elapsed):
-    """Advance of the phase [rad] in `elapsed` [s] from the segment's start, and the speed [rad/s] then."""
+    """Advance of the phase [rad] in `elapsed` [s] from the segment's start, and the speed [rad/s] then; also beyond the
+    instant at which the direction changes, up to `settling_time`."""
     speed, target, lag = drive.speed, drive.target, drive.lag
     if lag > 0.0:
         decayed = -math.expm1(-elapsed / lag)
         return target * elapsed + (speed - target) * lag * decayed, speed + (target - speed) * decayed
     change = drive.acceleration
-    # The speed falls to zero, never below: what is less is rounding.
-    return elapsed * (speed + 0.5 * change * elapsed), max(0.0, speed + change * elapsed)
+    # The speed falls to its target, never below: what is less is rounding.
+    return elapsed * (speed + 0.5 * change * elapsed), max(min(0.0, target), speed + change * elapsed)
+
+
+@kernel
+def _rising_time(target, acceleration, lag):
+    """Time [s] in which the speed rises from 0 to its target."""
+    return _TIME_CONSTANTS * lag if lag > 0.0 else target / acceleration
+
+
+@kernel
+def settling_time(drive):
+    """Time [s] until the speed is at its target, in whichever direction; 0 if it does not change."""
+    if drive.time_left == 0.0 or drive.target >= 0.0:
+        return drive.time_left
+    return drive.time_left + _rising_time(-drive.target, -drive.acceleration, drive.lag)
 
 
 @kernel
 def advance_speed(drive, elapsed, speed):
-    """Set the speed, after `elapsed` [s] of a change, to `speed` [rad/s]; return whether it is at its target now."""
+    """Set the speed, after `elapsed` [s] of a change, to `speed` [rad/s]; return whether it is at its target now.
+
+    Where the speed has fallen to 0 on its way to a target in the other direction, the direction changes. The caller
+    sees to the offset, which is counted from the cell's other end then. A step of fixed length may end behind that
+    instant, at a negative speed.
+    """
     if drive.time_left == 0.0:
         return False
     drive.speed = speed
     drive.time_left -= elapsed
     if drive.time_left > 0.0:
         return False
+    if drive.target < 0.0:
+        drive.direction = -drive.direction
+        drive.target, drive.acceleration = -drive.target, -drive.acceleration
+        drive.speed = max(0.0, -speed)
+        drive.time_left += _rising_time(drive.target, drive.acceleration, drive.lag)
+        if drive.time_left > 0.0:
+            return False
     drive.speed = drive.target
     drive.acceleration = drive.lag = drive.time_left = 0.0
     return True
@@ -94,7 +163,7 @@ def resolved_time(drive, reach):
     change = drive.acceleration
     if drive.lag > 0.0:
         # For complex times up to a time constant from the middle, the deviation grows by e at most.
-        fastest = drive.target + (math.e - 1.0) * abs(drive.speed - drive.target)
+        fastest = abs(drive.target) + (math.e - 1.0) * abs(drive.speed - drive.target)
         return 2.0 * STRIDE * min(drive.lag, reach / fastest)
     # By the middle, STRIDE of that time away, the speed has risen.
     change_from_middle = abs(change) + 2.0 * STRIDE * max(change, 0.0)

@@ -22,7 +22,7 @@ drive gives and what it is given back pass the same shaft, and the sum alone hid
 import numpy as np
 
 from vibro_ros.solver.compilation import called_kernel, kernel
-from vibro_ros.solver.polynomial import fill_form, products, value, values
+from vibro_ros.solver.polynomial import fill_form, products, value
 from vibro_ros.solver.state import State
 from vibro_ros.solver.system import System, first_ramp, form_value
 from vibro_ros.solver.vector import LENGTH, indices_above, repeated, store, total, vector
@@ -94,21 +94,14 @@ _STEPS = 8
 
 @kernel
 def _power(system, state, k, start, x):
-    """The vector of the k-th power at Gauss's nodes from the local time `start` to `x`.
-
-    What belongs to a piece of the segment (`decay`) is evaluated in the local time of the piece.
-    """
-    table, mode, segment = system.accounts, state.now[0].automaton.mode, state.now[0].segment
+    """The vector of the k-th power at Gauss's nodes from the local time `start` to `x`."""
+    table, mode = system.accounts, state.now[0].automaton.mode
     rate, force, half = state.z[table.rate[k]], state.scratch.room[0].force[:], 0.5 * (x - start)
     if indices_above(abs(vector(rate)), 0.0) == 0:  # a body that sticks and a plate at rest have no power
         return repeated(0.0)
     if not fill_form(table.force[mode, k], table.terms[mode, k], state.z, force):
         return repeated(0.0)
-    nodes = repeated(start + half) + half * vector(_NODES)
-    in_piece = (1.0 / segment.piece_half) * (nodes - repeated(segment.piece_middle))
-    of_force = values(force, in_piece if table.force_in_piece[k] else nodes)
-    of_rate = values(rate, in_piece if table.rate_in_piece[k] else nodes)
-    return of_force * of_rate
+    return products(force, rate, repeated(start + half) + half * vector(_NODES))
 
 
 @called_kernel
@@ -137,7 +130,7 @@ def _split_work(system, state, start, x):
 
 @called_kernel
 def _split_power_at(system, state, x):
-    """The split power at the local time `x`; nothing of it belongs to a piece."""
+    """The split power at the local time `x`."""
     table, mode, force, power = system.accounts, state.now[0].automaton.mode, state.scratch.room[0].force[:], 0.0
     for k in range(len(table.account)):
         if table.account[k] == SPLIT and fill_form(table.force[mode, k], table.terms[mode, k], state.z, force):

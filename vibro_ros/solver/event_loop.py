@@ -17,7 +17,6 @@ import math
 import numpy as np
 
 from vibro_ros.solver.compilation import Laid, entry_kernel, kernel
-from vibro_ros.solver.decay import resolve_piece, wanted_duration
 from vibro_ros.solver.energy import audit_jump, audit_work, book_jump, book_work
 from vibro_ros.solver.events import (
     EVENT_COLUMNS,
@@ -34,10 +33,11 @@ from vibro_ros.solver.guards import find_next_event
 from vibro_ros.solver.lowpass import end_mode, filter_up_to
 from vibro_ros.solver.polynomial import value
 from vibro_ros.solver.rest import follow_forcing, is_at_rest, lengthen_segment, lengthen_to_follow, stiff_ones_follow
-from vibro_ros.solver.rotor import read_phase, solve_rotor
-from vibro_ros.solver.segment import advance_forcing, choose_segment, fill_forcing, local_time, local_to_piece, phase_at
+from vibro_ros.solver.rotor import read_phase
+from vibro_ros.solver.segment import advance_forcing, choose_segment, fill_forcing, local_time, phase_at
 from vibro_ros.solver.state import UNKNOWN
 from vibro_ros.solver.system import NOTHING, first_ramp
+from vibro_ros.solver.taylor import end_where_term_returns, is_linear, solve_by_taylor
 
 #: `AUTOMATON.begins`: nothing; a mode, while the flow goes on; a flow, and a mode with it.
 UNDER_WAY = 0
@@ -61,20 +61,21 @@ _NO_SAMPLES = np.empty((0, 0)), np.empty(0, dtype=np.int64), np.empty((0, 3))
 
 @kernel
 def _solve_up_to_driven(system, state, point):
-    """Set up a segment that holds or moves the dynamic coordinates, and its first piece."""
-    if system.size[0].rotors > 0:
-        solve_rotor(system, state, point)
-        resolve_piece(system, state, point)
+    """Set up a segment that holds or moves the dynamic coordinates."""
+    if not is_linear(system, state.now[0].automaton.mode, point):
+        solve_by_taylor(system, state, point)
         return
-    longest, held, may_follow = math.inf, state.scratch.after, True
+    if system.size[0].decays > 0:  # not in this mode, or no longer
+        state.z[len(state.z) - 2] = 0.0
+    held, may_follow = state.scratch.after, True
     while True:
         # How long the forcing and the flow's series allow; longer, if stiff coordinates may only follow the forcing.
-        choose_segment(system, state, longest)
-        may_follow = may_follow and lengthen_to_follow(system, state, longest)
+        choose_segment(system, state, True)
+        may_follow = may_follow and lengthen_to_follow(system, state)
         fill_forcing(system, state)
         # Three ways to move the dynamic coordinates: not at all, by their flow, or by their flow with some following.
         if is_at_rest(system, state, point, held):
-            lengthen_segment(state, longest)
+            lengthen_segment(state)
             hold_dynamic(system, state, held)
         elif may_follow and not stiff_ones_follow(system, state, point):
             may_follow = False
@@ -83,12 +84,7 @@ def _solve_up_to_driven(system, state, point):
             solve_dynamic(system, state, point)
             if may_follow:
                 follow_forcing(system, state)
-        # The decaying term may need a shorter segment. Then begin again with that limit.
-        resolve_piece(system, state, point)
-        longest = wanted_duration(state)
-        if longest == math.inf:
-            return
-        advance_forcing(system, state, state.now[0].segment.mode_start)  # back, if the segment was a cell
+        return
 
 
 @kernel
@@ -101,15 +97,16 @@ def _begin_mode(system, state, point, same_flow):
     if not same_flow:
         _solve_up_to_driven(system, state, point)
         state.now[0].accounts.booked = state.now[0].segment.flow_start
-    else:
-        resolve_piece(system, state, point)
-    state.now[0].automaton.segments += 0 if same_flow and state.now[0].segment.piece_half == 1.0 else 1
+        state.now[0].automaton.segments += 1
     solve_driven(system, state, point)
     # A root that is known still holds if no coordinate that its guard reads has been solved again.
     for row in range(len(state.root)):
         if system.driven[row] or not same_flow:
             state.root[row] = UNKNOWN
-    return find_next_event(system, state)
+    if not find_next_event(system, state):
+        return False
+    end_where_term_returns(system, state)
+    return True
 
 
 @kernel
@@ -122,13 +119,6 @@ def _read(system, state, x, point):
             point[channel] = state.z[channel, 0] + state.z[channel, 1] * x
         else:
             point[channel] = value(state.z[channel], x)
-    if state.now[0].segment.piece_half != 1.0:
-        # The driven coordinates, their velocities and the decaying term are polynomials of the piece.
-        coordinates, y = system.size[0].coordinates, local_to_piece(state.now[0].segment, x)
-        for i in range(system.size[0].dynamic, coordinates):
-            point[i], point[coordinates + i] = value(state.z[i], y), value(state.z[coordinates + i], y)
-        if len(point) == len(state.z):
-            point[len(point) - 2] = value(state.z[len(point) - 2], y)
     if x == state.now[0].segment.mode_start:
         for channel in range(len(state.mode_point)):
             point[channel] = state.mode_point[channel]
@@ -156,9 +146,6 @@ def _pass_event(system, state, point, events, count):
     _read(system, state, x, point if fires else point[:2 * system.size[0].coordinates])
     book_work(system, state, x, state.now[0].accounts)
     end_mode(system, state, x)
-    if not fires and x < 1.0:  # another piece begins
-        segment.mode_start = x
-        return MODE_BEGINS, count
     # Which mode follows, after which jump: `after`.
     outcome, mode = transition(system, state, point, after)
     automaton.standstills = automaton.standstills + 1 if fires and x == segment.mode_start else 0

@@ -11,9 +11,10 @@ import numpy as np
 from vibro_ros.solver.compilation import entry_kernel, kernel
 from vibro_ros.solver.guards import guard_value, maximum
 from vibro_ros.solver.polynomial import fill_form
-from vibro_ros.solver.rotor import evaluate, strike
 from vibro_ros.solver.segment import instant
-from vibro_ros.solver.system import NOTHING, first_acceleration, form_value
+from vibro_ros.solver.shock import outcomes, strike
+from vibro_ros.solver.system import NOTHING, first_acceleration, form_magnitude, form_value
+from vibro_ros.solver.taylor import decays, evaluate
 
 #: What `transition` decides: no guard fires, and the mode goes on in the next segment; ...
 SEGMENT_ENDS = 0
@@ -40,9 +41,13 @@ def _holds(system, state, row, point):
 def _accelerate(system, state, mode, point):
     """Set the accelerations of the dynamic coordinates at `point` to those of `mode`, and all magnitudes."""
     first, magnitude = first_acceleration(system.size[0]), state.scratch.magnitude
-    if system.size[0].rotors > 0:
+    if system.size[0].rotors > 0 or decays(system, mode):
         evaluate(system, state, mode, point)
         _fill_magnitude(state, point)
+        if decays(system, mode):  # the term is a form of what it moves
+            magnitude[len(point) - 2] += form_magnitude(system.decay.factor[mode], magnitude)
+            for i in range(system.size[0].dynamic - 2 * system.size[0].rotors):
+                magnitude[first + i] = form_magnitude(system.acceleration[mode, i], magnitude)
         return
     _fill_magnitude(state, point)
     for i in range(system.size[0].dynamic):
@@ -58,47 +63,55 @@ def _accelerate(system, state, mode, point):
 
 @kernel
 def jump(system, state, candidate, point, after):
-    """Fill `after` with the channels that follow `point` by the jump to a candidate of the firing guard."""
+    """Fill `after` with the channels that follow `point` by the jump to a candidate of the firing guard.
+
+    Returns the candidate, or that of its shock which the shock leads to.
+    """
+    mode, guard = state.now[0].automaton.mode, state.now[0].automaton.guard
+    if len(system.shock.numbers) > 0 and system.shock.candidate[mode, guard, candidate] != NOTHING:
+        return candidate + strike(system, state, system.shock.candidate[mode, guard, candidate], point, after)
     for channel in range(len(point)):
         after[channel] = point[channel]
-    matrix = system.jump[state.now[0].automaton.mode, state.now[0].automaton.guard, candidate]
+    matrix = system.jump[mode, guard, candidate]
     if matrix != NOTHING:
         for channel in range(2 * system.size[0].coordinates):
             after[channel] = form_value(system.jump_matrix[matrix, channel], point)
+    return candidate
 
 
 @kernel
-def _is_valid(system, state, candidate, point, after):
-    """Whether a candidate of the firing guard may be entered from `point`; fills `after`, as `jump` does."""
+def _valid_candidate(system, state, candidate, point, after):
+    """The candidate of the firing guard to which `jump` leads if it may be entered from `point`, else `NOTHING`; fills
+    `after`, as `jump` does."""
     mode, guard = state.now[0].automaton.mode, state.now[0].automaton.guard
     _fill_magnitude(state, point)
     for entry in system.entry[mode, guard, candidate]:
         if entry != NOTHING and not _holds(system, state, entry, point):
-            return False
-    jump(system, state, candidate, point, after)
-    target = system.candidate[mode, guard, candidate]
+            return NOTHING
+    entered = jump(system, state, candidate, point, after)
+    target = system.candidate[mode, guard, entered]
     _accelerate(system, state, target, after)
     for g in range(system.guard.shape[1]):
         if system.guard_effect[target, g] == system.guard_effect[mode, guard]:
             if not _holds(system, state, system.guard[target, g], after):
-                return False
-    return True
+                return NOTHING
+    return entered
 
 
 @kernel
 def choose_candidate(system, state, point, after):
     """Number of the firing guard's first valid candidate, else of its last; fills `after`, as `jump` does."""
     mode, guard = state.now[0].automaton.mode, state.now[0].automaton.guard
-    if len(system.shock.numbers) > 0 and system.guard_event[mode, guard] != NOTHING:
-        return strike(system, state, point, after)
     candidates = system.candidate[mode, guard]
     last = np.int64(0)  # a literal would be one more signature to compile
-    while last + 1 < len(candidates) and candidates[last + 1] != NOTHING:
-        if _is_valid(system, state, last, point, after):
-            return last
-        last += 1
-    jump(system, state, last, point, after)
-    return last
+    while True:
+        following = last + outcomes(system, mode, guard, last)
+        if following >= len(candidates) or candidates[following] == NOTHING:
+            return jump(system, state, last, point, after)
+        entered = _valid_candidate(system, state, last, point, after)
+        if entered != NOTHING:
+            return entered
+        last = following
 
 
 @kernel

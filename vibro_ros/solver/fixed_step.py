@@ -79,7 +79,7 @@ def _change_modes(system, state, step, events, count):
         if candidate == NOTHING:
             candidate = choose_candidate(system, state, z, after)
         else:
-            jump(system, state, candidate, z, after)
+            candidate = jump(system, state, candidate, z, after)
         mode = system.candidate[automaton.mode, guard, candidate]
         count = record_mode_change(system, state, mode, z, events, count)
         for channel in range(2 * system.size[0].coordinates):

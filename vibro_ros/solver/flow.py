@@ -13,9 +13,8 @@ free motion over the longest segment of the kind, which is solved once a flow.
 """
 
 from vibro_ros.solver.compilation import kernel, rounding_kernel
-from vibro_ros.solver.decay import decays
 from vibro_ros.solver.polynomial import INVERSE, differentiate, economized_powers, fill_form, integrate_through, value
-from vibro_ros.solver.segment import LONGEST_SEGMENT, local_to_piece
+from vibro_ros.solver.segment import LONGEST_SEGMENT
 from vibro_ros.solver.system import CELL_RATE, first_acceleration, form_magnitude, sparse_magnitude
 from vibro_ros.solver.vector import LENGTH, powers, store, total, vector, with_first
 
@@ -237,16 +236,12 @@ def solve_driven(system, state, point):
     """Series of the driven coordinates that pass through `point` at the mode's start."""
     coordinates, mode = system.size[0].coordinates, state.now[0].automaton.mode
     z, segment = state.z, state.now[0].segment
-    half, start = segment.half * segment.piece_half, local_to_piece(segment, segment.mode_start)
+    half, start = segment.half, segment.mode_start
     acceleration = state.scratch.room[0].acceleration[:]
     for i in range(system.size[0].dynamic, coordinates):
         row = system.acceleration[mode, i]
         rate = z[coordinates + i]
-        if decays(system, mode):
-            piece = state.scratch.room[0].decay_piece[:]
-            store(acceleration, vector(piece[0]) + row[len(z) - 2] * vector(piece[1]))
-            integrate_through(acceleration, half, start, point[coordinates + i], rate)
-        elif fill_form(row, system.terms[mode, i], z, acceleration):
+        if fill_form(row, system.terms[mode, i], z, acceleration):
             integrate_through(acceleration, half, start, point[coordinates + i], rate)
         else:
             rate[:] = 0.0

@@ -16,7 +16,6 @@ from vibro_ros.solver.polynomial import (
     value,
     value_and_derivatives,
 )
-from vibro_ros.solver.segment import local_to_piece
 from vibro_ros.solver.state import UNKNOWN
 from vibro_ros.solver.system import NOTHING, sparse_magnitude, value_and_magnitude
 from vibro_ros.solver.vector import LENGTH, first_index, indices_above, store, total, vector
@@ -43,7 +42,7 @@ def guard_value(system, row, point, magnitude):
 @kernel
 def _guard_root(system, state, row):
     """First root of a guard row between the mode's start and the next event; remembered until its polynomial
-    changes. A row that reads a driven coordinate is a polynomial of the piece, whose local time it has."""
+    changes."""
     segment, room = state.now[0].segment, state.scratch.room[0]
     if state.root[row] > segment.mode_start:
         return state.root[row]
@@ -52,20 +51,15 @@ def _guard_root(system, state, row):
     noise = NOISE * sparse_magnitude(system.row[row], system.row_terms[row], state.scale)
     if state.now[0].automaton.standstills > _DOUBTFUL_STANDSTILLS:
         guard[0] += _DOUBT * noise
-    start, limit, in_piece = segment.mode_start, segment.next_event, system.driven[row] and segment.piece_half != 1.0
-    if in_piece:
-        start, limit = local_to_piece(segment, start), local_to_piece(segment, min(limit, segment.piece_end))
-    root = first_root(guard, start, limit, noise, room.search[:])
-    if in_piece and root != NO_ROOT and root != SEARCH_FAILED:
-        root = segment.piece_middle + segment.piece_half * root if root > start else segment.mode_start
+    root = first_root(guard, segment.mode_start, segment.next_event, noise, room.search[:])
     state.root[row] = UNKNOWN if root == NO_ROOT and segment.next_event < 1.0 else root
     return root
 
 
 @kernel
 def find_next_event(system, state):
-    """Set the next event to the earliest root of the mode's guards, else to the end of the piece or the segment; False
-    if a root search failed."""
+    """Set the next event to the earliest root of the mode's guards, else to the segment's end; False if a root search
+    failed."""
     segment, automaton = state.now[0].segment, state.now[0].automaton
     segment.next_event = 1.0
     automaton.guard = NOTHING
@@ -79,9 +73,6 @@ def find_next_event(system, state):
         if root != NO_ROOT and (root < segment.next_event - _SIMULTANEOUS or automaton.guard == NOTHING):
             segment.next_event = root
             automaton.guard = g
-    if segment.piece_end < segment.next_event:
-        segment.next_event = segment.piece_end
-        automaton.guard = NOTHING
     return True
 
 

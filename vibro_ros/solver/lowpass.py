@@ -18,7 +18,6 @@ import numpy as np
 
 from vibro_ros.solver.compilation import called_kernel, kernel
 from vibro_ros.solver.polynomial import value, values
-from vibro_ros.solver.segment import local_to_piece
 from vibro_ros.solver.state import LOWPASS, UNKNOWN
 from vibro_ros.solver.vector import LENGTH, indices_above, lowered, repeated, store, total, vector
 
@@ -66,13 +65,9 @@ def filter_up_to(system, state, x):
     for k in range(len(state.lowpass)):
         one = state.lowpass[k]
         channel, start = one.channel, max(one.reached, segment.mode_start)
-        # The polynomial's own local time; that of what is driven may be of a piece of the segment.
-        a, b = start, x
-        if system.size[0].coordinates + system.size[0].dynamic <= channel < 2 * system.size[0].coordinates:
-            a, b = local_to_piece(segment, start), local_to_piece(segment, x)
-        before = value(state.z[channel], a)
+        before = value(state.z[channel], start)
         one.real += before - one.value  # where the mode began, the channel may have jumped
-        one.value = value(state.z[channel], b) if x > start else before
+        one.value = value(state.z[channel], x) if x > start else before
         one.reached = x
         if x <= start:
             continue
@@ -81,7 +76,7 @@ def filter_up_to(system, state, x):
         rests = indices_above(abs(vector(rate)), 0.0) == 0
         duration, decay = segment.half * (x - start), math.sqrt(0.5) * one.rate
         count = 1 if rests else int(duration * one.rate / _LONGEST) + 1
-        half, width = 0.5 * duration / count, (b - a) / count
+        half, width = 0.5 * duration / count, (x - start) / count
         turn = decay * half  # the step's middle to its end: exp((-1 + i) turn)
         shrinking, cosine, sine = math.exp(-turn), math.cos(turn), math.sin(turn)
         to_end, to_end_turned = shrinking * cosine, shrinking * sine
@@ -95,7 +90,7 @@ def filter_up_to(system, state, x):
             in_middle = one.real * to_end - one.imaginary * to_end_turned
             turned = one.real * to_end_turned + one.imaginary * to_end
             if not rests:
-                nodes = repeated(a + (step + 0.5) * width) + 0.5 * width * vector(_NODES)
+                nodes = repeated(start + (step + 0.5) * width) + 0.5 * width * vector(_NODES)
                 weighted = values(rate, nodes) * vector(_WEIGHTS)
                 in_middle += 0.5 * width * total(weighted * values(response[0], vector(_NODES)))
                 turned += 0.5 * width * total(weighted * values(response[1], vector(_NODES)))

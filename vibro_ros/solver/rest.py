@@ -114,9 +114,9 @@ def is_at_rest(system, state, point, held):
 
 
 @kernel
-def lengthen_segment(state, longest):
-    """Let the segment last, up to `longest` [s]."""
-    state.now[0].segment.half = 0.5 * min(LONGEST_SEGMENT, longest)
+def lengthen_segment(state):
+    """Let the segment last as long as any."""
+    state.now[0].segment.half = 0.5 * LONGEST_SEGMENT
 
 
 # Short segments in a row after which it is tried whether the motion has died away: a mass that bounces has few.
@@ -146,9 +146,8 @@ def _is_stiff(system, state, i):
 
 
 @kernel
-def lengthen_to_follow(system, state, longest):
-    """Let the segment last, up to `longest` [s], as if the stiff coordinates followed their forcing; whether that is
-    worth a trial."""
+def lengthen_to_follow(system, state):
+    """Let the segment last as if the stiff coordinates followed their forcing; whether that is worth a trial."""
     segment, mode = state.now[0].segment, state.now[0].automaton.mode
     if system.coupled[mode] or segment.slot == state.now[0].drive.cell:
         return False
@@ -157,6 +156,7 @@ def lengthen_to_follow(system, state, longest):
     segment.cut_short += 1
     if segment.cut_short <= _PATIENCE:
         return False
+    longest = math.inf
     for i in range(system.size[0].dynamic):
         if not _is_stiff(system, state, i):
             longest = min(longest, _resolved(system.acceleration[mode, i], system.size[0].coordinates, i))

@@ -4,14 +4,12 @@ In the methods of fixed step a *segment* is a step. A step may be longer than a 
 the phase's speed.
 """
 
-import math
-
 from vibro_ros.solver.compilation import kernel
-from vibro_ros.solver.drive import advance_speed
+from vibro_ros.solver.drive import advance_speed, settling_time
 from vibro_ros.solver.polynomial import value_and_derivatives
-from vibro_ros.solver.rotor import evaluate
 from vibro_ros.solver.segment import advance_ramps, phase_at
 from vibro_ros.solver.system import first_acceleration, first_ramp, first_signal, form_value
+from vibro_ros.solver.taylor import decays, evaluate
 
 
 @kernel
@@ -20,19 +18,42 @@ def phase_after(system, state, elapsed):
     drive, half = state.now[0].drive, state.now[0].segment.half
     if system.size[0].rotors > 0:  # whose phase is a coordinate
         return 0.0, 0.0
-    change = drive.time_left
+    change = settling_time(drive)
     if 0.0 < change < elapsed:
         phase, _ = phase_at(system, state, change / half - 1.0)
-        return phase + drive.target * (elapsed - change), drive.target
+        target = drive.direction * drive.target
+        return phase + target * (elapsed - change), target
     return phase_at(system, state, elapsed / half - 1.0)
 
 
 @kernel
 def _change_of_speed(drive, elapsed, speed):
     """Rate [rad/s²] at which the phase's speed, now `speed`, changes `elapsed` [s] after the step's start."""
-    if elapsed >= drive.time_left:
+    if elapsed >= settling_time(drive):
         return 0.0
-    return (drive.target - speed) / drive.lag if drive.lag > 0.0 else drive.acceleration
+    if drive.lag > 0.0:
+        return (drive.direction * drive.target - speed) / drive.lag
+    return drive.direction * drive.acceleration
+
+
+@kernel
+def _cell_of(start, phase, cell):
+    """The cell of a phase, found from another `cell`, the turns that lie between them, and the phase within its turn.
+    """
+    turns = 0
+    while phase >= start[cell + 1]:
+        cell += 1
+        if cell == len(start) - 1:
+            cell = 0
+            turns += 1
+            phase -= start[len(start) - 1]
+    while phase < start[cell]:
+        cell -= 1
+        if cell < 0:
+            cell = len(start) - 2
+            turns -= 1
+            phase += start[len(start) - 1]
+    return cell, turns, phase
 
 
 @kernel
@@ -43,15 +64,9 @@ def fill_forcing_at(system, state, elapsed, z):
     if system.size[0].rotors > 0:
         z[first_ramp(system.size[0]) + 2 * system.size[0].ramps + 1] = state.now[0].motor.held
         return
-    start = system.signals.start
-    cells, signals, first = len(start) - 1, system.size[0].signals, first_signal(system.size[0])
+    start, signals, first = system.signals.start, system.size[0].signals, first_signal(system.size[0])
     phase, speed = phase_after(system, state, elapsed)
-    cell = state.now[0].drive.cell
-    while phase >= start[cell + 1]:
-        cell += 1
-        if cell == cells:
-            cell = 0
-            phase -= start[cells]
+    cell, _, phase = _cell_of(start, phase, state.now[0].drive.cell)
     scale = 2.0 / (start[cell + 1] - start[cell])
     y = (phase - start[cell]) * scale - 1.0
     for k in range(signals):
@@ -82,20 +97,13 @@ def accelerate(system, state, mode, z, accelerations):
     z receives the accelerations of the dynamic coordinates, the decaying term and what follows from a rotor's phase.
     """
     coordinates, dynamic = system.size[0].coordinates, system.size[0].dynamic
-    if system.size[0].rotors > 0:
+    if system.size[0].rotors > 0 or decays(system, mode):
         evaluate(system, state, mode, z)
         for i in range(dynamic):
             accelerations[i] = z[first_acceleration(system.size[0]) + i]
     else:
         for i in range(dynamic):
             accelerations[i] = z[first_acceleration(system.size[0]) + i] = form_value(system.acceleration[mode, i], z)
-    if system.size[0].decays > 0:
-        decay = len(z) - 2
-        z[decay] = 0.0
-        if system.decay.rate[mode] != 0.0:
-            # A step may end beyond the speed 0, where the mode ends.
-            fallen = min(0.0, system.decay.rate[mode] * z[coordinates + dynamic])
-            z[decay] = form_value(system.decay.factor[mode], z) * math.exp(fallen)
     for i in range(dynamic, coordinates):
         accelerations[i] = form_value(system.acceleration[mode, i], z)
 
@@ -108,12 +116,8 @@ def advance_values(system, state, elapsed):
         return advance_ramps(state, elapsed)
     drive, start = state.now[0].drive, system.signals.start
     phase, speed = phase_after(system, state, elapsed)
-    while phase >= start[drive.cell + 1]:
-        drive.cell += 1
-        if drive.cell == len(start) - 1:
-            drive.cell = 0
-            drive.turns += 1
-            phase -= start[len(start) - 1]
-    drive.offset = phase - start[drive.cell]
-    reached = 1 << len(state.ramp) if advance_speed(drive, elapsed, speed) else 0
+    drive.cell, turns, phase = _cell_of(start, phase, drive.cell)
+    drive.turns += turns
+    reached = 1 << len(state.ramp) if advance_speed(drive, elapsed, drive.direction * speed) else 0
+    drive.offset = phase - start[drive.cell] if drive.direction > 0 else start[drive.cell + 1] - phase
     return reached | advance_ramps(state, elapsed)

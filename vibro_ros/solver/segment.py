@@ -45,18 +45,6 @@ def instant(state, x):
 
 
 @kernel
-def local_to_piece(segment, x):
-    """Local time of the present piece, -1 at its start and 1 at its end, at the local time `x` of the segment."""
-    return (x - segment.piece_middle) / segment.piece_half
-
-
-@kernel
-def set_piece(segment, start, end):
-    """Let the present piece lie between these local times of the segment."""
-    segment.piece_middle, segment.piece_half, segment.piece_end = 0.5 * (start + end), 0.5 * (end - start), end
-
-
-@kernel
 def advance_clock(state, elapsed):
     """Move the segment's start by `elapsed` [s] and store what rounding takes from the sum."""
     segment = state.now[0].segment
@@ -67,9 +55,9 @@ def advance_clock(state, elapsed):
 
 
 @kernel
-def _spans_cell(system, state, duration, since, longest):
+def _spans_cell(system, state, duration, since):
     """Whether a segment may be the whole cell: if the flow's series reaches so far, and nothing changes on the way."""
-    if duration > min(LONGEST_SEGMENT, CELL_RATE * system.longest_segment[state.now[0].automaton.mode], longest):
+    if duration > min(LONGEST_SEGMENT, CELL_RATE * system.longest_segment[state.now[0].automaton.mode]):
         return False
     left, drive = duration - since, state.now[0].drive
     if duration == 0.0 or 0.0 < drive.time_left <= left:
@@ -116,8 +104,11 @@ def _cell_width(system, drive):
 
 
 @kernel
-def choose_segment(system, state, longest):
-    """Set the segment's extent, at most `longest` [s], and the local time at which flow and mode start."""
+def choose_segment(system, state, may_be_cell):
+    """Set the segment's extent and the local time at which flow and mode start.
+
+    Where the segment may be a whole cell, it may begin before them.
+    """
     segment, drive = state.now[0].segment, state.now[0].drive
     width = _cell_width(system, drive)
     if drive.offset >= width or (drive.time_left > 0.0 and 0.0 < drive.cell_time <= drive.since):
@@ -132,7 +123,7 @@ def choose_segment(system, state, longest):
         duration, since = drive.cell_time, drive.since
     elif drive.speed > 0.0:
         duration, since = width / drive.speed, drive.offset / drive.speed
-    if _spans_cell(system, state, duration, since, longest):
+    if may_be_cell and _spans_cell(system, state, duration, since):
         segment.cell_left = duration
         segment.half = 0.5 * duration
         if drive.offset > 0.0:
@@ -143,7 +134,7 @@ def choose_segment(system, state, longest):
             segment.cell_left = duration - since
         else:
             segment.cell_left = time_to_advance(drive, width - drive.offset)
-        duration = part_of_cell(system, state, min(longest, system.longest_segment[state.now[0].automaton.mode]))
+        duration = part_of_cell(system, state, system.longest_segment[state.now[0].automaton.mode])
         segment.slot = len(system.signals.start) - 1
     segment.flow_start = segment.mode_start
     segment.half = 0.5 * duration
@@ -171,11 +162,22 @@ def _copy(polynomials, targets):
 
 
 @kernel
+def _copy_cell(system, drive, targets):
+    """Polynomials of the signals over the present cell, from where the phase enters it to where it leaves it."""
+    polynomials = system.signals.series[drive.cell]
+    if drive.direction > 0:
+        _copy(polynomials, targets)
+        return
+    for k in range(len(polynomials)):
+        scale_argument(polynomials[k], -1.0, targets[k])
+
+
+@kernel
 def _fill_parts(system, state, polynomials, middle, slope, shift_size):
-    """Polynomials of the signals over a part of the cell, from those over all of it."""
+    """Polynomials of the signals over a part of the cell, from those over all of it; a negative slope mirrors them."""
     drive, first = state.now[0].drive, first_signal(system.size[0])
     targets = state.z[first:first + len(polynomials)]
-    ratio = 0.5 * _cell_width(system, drive) * slope * (1.0 + shift_size) / system.signals.reach[drive.cell]
+    ratio = 0.5 * _cell_width(system, drive) * abs(slope) * (1.0 + shift_size) / system.signals.reach[drive.cell]
     recentre(polynomials, middle, _significant_terms(ratio), targets)
     for k in range(len(targets)):
         scale_argument(targets[k], slope, targets[k])
@@ -208,7 +210,8 @@ def _provide_cell_signals(system, state):
     width = _cell_width(system, drive)
     terms = fill_cell_shift(drive, width, shift)
     ratio = 0.5 * width / system.signals.reach[drive.cell]
-    _displace_all(state, system.signals.series[drive.cell], ratio, terms, _size(shift, terms), library.signal)
+    _copy_cell(system, drive, library.signal)
+    _displace_all(state, library.signal, ratio, terms, _size(shift, terms), library.signal)
 
 
 @called_kernel
@@ -225,7 +228,7 @@ def _fill_changing_signals(system, state):
         middle, slope = 2.0 * (drive.since + segment.half) / drive.cell_time - 1.0, 2.0 * segment.half / drive.cell_time
     else:
         middle, slope, terms = fill_shift(drive, segment.half, width, shift)
-        _copy(system.signals.series[cell], library.signal)
+        _copy_cell(system, drive, library.signal)
         library.signal_cells[0] = 0
     size = _size(shift, terms)
     _fill_parts(system, state, library.signal, middle, slope, size)
@@ -240,11 +243,12 @@ def _fill_signals(system, state):
     if drive.time_left > 0.0:
         _fill_changing_signals(system, state)
     elif segment.slot == drive.cell:
-        _copy(system.signals.series[drive.cell], state.z[first:])
+        _copy_cell(system, drive, state.z[first:])
     else:
         slope = 2.0 * drive.speed * segment.half / _cell_width(system, drive)
         middle = 2.0 * (drive.offset + drive.speed * segment.half) / _cell_width(system, drive) - 1.0
-        _fill_parts(system, state, system.signals.series[drive.cell], middle, slope, 0.0)
+        _fill_parts(system, state, system.signals.series[drive.cell], drive.direction * middle,
+                    drive.direction * slope, 0.0)
 
 
 @called_kernel
@@ -286,7 +290,7 @@ def fill_forcing(system, state):
 @entry_kernel
 def read_signals(system, state, values):
     """Values of the signals now, before the first segment: the very bits that the segment's flow starts with."""
-    choose_segment(system, state, math.inf)
+    choose_segment(system, state, True)
     fill_forcing(system, state)
     for k in range(system.size[0].signals):
         values[k] = value(state.z[first_signal(system.size[0]) + k], -1.0)
@@ -328,7 +332,10 @@ def advance_forcing(system, state, x):
         enter_next_cell(system, drive)
     else:
         drive.offset += advance
+    direction = drive.direction
     reached = 1 << len(state.ramp) if advance_speed(drive, elapsed, speed) else 0
+    if drive.direction != direction:
+        drive.offset = max(0.0, _cell_width(system, drive) - drive.offset)
     reached |= advance_ramps(state, elapsed)
     if reached:
         drive.version += 1
@@ -338,7 +345,9 @@ def advance_forcing(system, state, x):
 
 @kernel
 def phase_at(system, state, x):
-    """Phase past the start of the turn [rad] and its rate [rad/s] at the local time `x`."""
+    """Phase past the start of the turn [rad] and its rate [rad/s], below 0 backwards, at the local time `x`."""
     drive = state.now[0].drive
     advance, speed = phase_advance(drive, state.now[0].segment.half * (x + 1.0))
+    if drive.direction < 0:
+        return system.signals.start[drive.cell + 1] - drive.offset - advance, 0.0 - speed  # never -0.0
     return system.signals.start[drive.cell] + drive.offset + advance, speed

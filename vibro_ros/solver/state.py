@@ -15,7 +15,6 @@ although its flow may start later, because the series of a whole cell serve agai
               start [s]; drive.offset [rad] after the cell's start, here 0
 
 Elsewhere the segment starts with its flow: `flow_start` is -1, and `offset` tells where in the cell the segment starts.
-With a decaying term (`decay`), the driven coordinate's polynomials belong to a piece of the segment.
 """
 
 from collections.abc import Iterable
@@ -23,6 +22,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from vibro_ros.solver.drive import command_drive
 from vibro_ros.solver.system import System, channels_of
 from vibro_ros.solver.vector import LENGTH
 
@@ -38,9 +38,6 @@ SEGMENT = np.dtype([
     ("mode_start", np.float64),  # local time at which the mode started
     ("next_event", np.float64),  # local time of the next event: of the first root of a guard, else 1
     ("cell_left", np.float64),  # time [s] from the segment's start to the cell's end
-    ("piece_middle", np.float64),  # local time of the middle of the piece to which the driven coordinates' ...
-    ("piece_half", np.float64),  # ... polynomials belong, half its length, and ...
-    ("piece_end", np.float64),  # ... its end, or an earlier one: see `decay`
     ("slot", np.int64),  # of `Library`, for segments of this kind
     ("cut_short", np.int64),  # segments that a stiff coordinate has cut short: see `rest`
 ], align=True)
@@ -48,13 +45,14 @@ SEGMENT = np.dtype([
 #: The phase of the signals, and how its speed changes.
 DRIVE = np.dtype([
     ("cell", np.int64),  # of `SignalTable`
-    ("turns", np.int64),  # periods that are over
-    ("offset", np.float64),  # phase [rad] from the cell's start to the segment's start
-    ("speed", np.float64),  # rate of the phase [rad/s] at the segment's start ...
+    ("turns", np.int64),  # periods that are over, below 0 backwards
+    ("direction", np.int64),  # 1, or -1 backwards: what follows is counted along it
+    ("offset", np.float64),  # phase [rad] from where it enters the cell to the segment's start
+    ("speed", np.float64),  # rate of the phase [rad/s] at the segment's start, not below 0 ...
     ("acceleration", np.float64),  # ... its constant rate of change [rad/s²], if it is on a ramp ...
     ("lag", np.float64),  # ... or the time constant [s] with which it approaches its target instead, or 0 ...
-    ("target", np.float64),  # ... its target [rad/s] ...
-    ("time_left", np.float64),  # ... and the time [s] until it is there, or 0
+    ("target", np.float64),  # ... its target [rad/s], below 0 if the direction has to change first ...
+    ("time_left", np.float64),  # ... and the time [s] until it is there, or is 0 first, or 0
     ("cell_speed", np.float64),  # speed at the start of a cell over which the speed changes ...
     ("cell_time", np.float64),  # ... time [s] that the cell takes, or 0 if it is no segment ...
     ("since", np.float64),  # ... time [s] from the cell's start to the segment's start ...
@@ -132,9 +130,10 @@ LOWPASS = np.dtype([
     ("reached", np.float64),  # ... local time of that, or `UNKNOWN` where the mode has just begun
 ], align=True)
 
-#: Signals of a rotor, at most: two sliders, and a pin's two directions; and the series that they take.
+#: Signals of a rotor, at most: two sliders, and a pin's two directions. Rows for series: five for each, three for the
+#: phase's, four for a decaying term and for what these two add to other channels.
 MOST_ROTOR_SIGNALS = 4
-ROTOR_SERIES = 3 + 5 * MOST_ROTOR_SIGNALS
+SERIES = 3 + 5 * MOST_ROTOR_SIGNALS + 4
 
 #: What `Scratch.room` holds: arrays with one purpose each. A kernel takes one as `room.guard[:]`, because numba would
 #: compile every kernel that gets the array once more for the type of a record's field.
@@ -156,12 +155,8 @@ ROOM = np.dtype([
     ("part_power", np.float64, (LENGTH,)),  # ... and of a part in which it keeps its sign
     ("lowpass_rate", np.float64, (LENGTH,)),  # of `lowpass`: rate of a channel, ...
     ("lowpass_response", np.float64, (2, LENGTH)),  # ... and the response to a step, real and imaginary
-    ("rotor", np.float64, (ROTOR_SERIES, LENGTH + 1)),  # of `rotor`: series of the signals, ...
-    ("mirrored", np.float64, (ROTOR_SERIES, 2 * LENGTH)),  # ... and the same from their ends
-    ("decay_segment", np.float64, (2, LENGTH)),  # of `decay`: load and factor over the segment, ...
-    ("decay_piece", np.float64, (2, LENGTH)),  # ... both over the piece, ...
-    ("decay_nodes", np.float64, (3, LENGTH)),  # ... values at the nodes ...
-    ("decay_coefficients", np.float64, (LENGTH,)),  # ... and of the Chebyshev polynomials of the term
+    ("series", np.float64, (SERIES, LENGTH + 1)),  # of `rotor` and `taylor`, ...
+    ("mirrored", np.float64, (SERIES, 2 * LENGTH)),  # ... and those of `rotor` from their ends
 ], align=True)
 
 
@@ -301,7 +296,7 @@ def new_state(system: System, phase_speed: float, ramp_values: np.ndarray, mode:
     system : System
         The system.
     phase_speed : float
-        Rate of the phase [rad/s].
+        Rate of the phase [rad/s], below 0 backwards.
     ramp_values : ndarray, shape (ramps,)
         Where the ramps stand.
     mode : int
@@ -310,12 +305,9 @@ def new_state(system: System, phase_speed: float, ramp_values: np.ndarray, mode:
     Raises
     ------
     ValueError
-        For a system of more than `MOST_DYNAMIC` dynamic coordinates, or with a decaying term and not one driven
-        coordinate.
+        For a system of more than `MOST_DYNAMIC` dynamic coordinates.
     """
     channels = channels_of(system.size)
-    if channels.decays and channels.coordinates != channels.dynamic + 1:
-        raise ValueError("a system with a decaying term has one driven coordinate, to which the term belongs")
     if channels.dynamic > MOST_DYNAMIC:
         raise ValueError(f"the system has {channels.dynamic} dynamic coordinates; give at most {MOST_DYNAMIC}")
     state = State(
@@ -332,7 +324,7 @@ def new_state(system: System, phase_speed: float, ramp_values: np.ndarray, mode:
     )
     state.ramp["value"] = state.ramp["target"] = ramp_values
     drive = state.now["drive"]
-    drive["speed"] = drive["target"] = phase_speed
-    drive["version"] = 1
+    drive["direction"] = drive["version"] = 1
+    command_drive(system.signals, drive[0], phase_speed, phase_speed)
     state.now["automaton"]["mode"] = mode
     return state

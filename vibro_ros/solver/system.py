@@ -6,8 +6,8 @@ Coordinates q obey, in mode m, q'' = A_m z with the *channels*
 
 where a = q'' of the dynamic coordinates; f are periodic signals of a phase, whose speed is constant, changes linearly
 or approaches a target exponentially, and f'' is there only for a system that asks for it; r are ramps, which move to
-their targets at constant rates; and d, where there is one, is a term that decays exponentially with a driven
-coordinate's velocity (`Decay`). Where the phase is a coordinate (`Rotor`), T is the torque on it, and h what its
+their targets at constant rates; and d, where there is one, is a term that decays exponentially with a coordinate's
+velocity (`Decay`). Where the phase is a coordinate (`Rotor`), T is the torque on it, and h what its
 motor is held at.
 
 The first `dynamic` coordinates may enter their own right-hand sides, with the forcing. The other coordinates are
@@ -174,13 +174,12 @@ class SignalTable(NamedTuple):
 
 
 class Decay(NamedTuple):
-    """A decaying term d = f exp(r v): v is the velocity of the only driven coordinate, whose row of A alone reads d.
-
-    Nothing else reads d but outputs. Where there is such a term, a guard that reads the driven coordinate reads no
-    other channel that changes. All arrays are empty where there is none.
+    """A decaying term d = f exp(r v), where v is a coordinate's velocity; all arrays are empty where there is none.
 
     Attributes
     ----------
+    coordinate : ndarray of int, shape (1,)
+        The coordinate.
     factor : ndarray, shape (m, channels)
         Rows of the factor f.
     terms : ndarray of int, shape (m, channels)
@@ -189,6 +188,7 @@ class Decay(NamedTuple):
         r, with r v <= 0 while the mode lasts; 0 in a mode without such a term.
     """
 
+    coordinate: np.ndarray
     factor: np.ndarray
     terms: np.ndarray
     rate: np.ndarray
@@ -228,8 +228,6 @@ class Rotor(NamedTuple):
         Rows g.
     load_terms : ndarray of int, shape (m, signals, channels)
         Channels that they read, padded with `NOTHING`.
-    terms : ndarray of int, shape (m, dynamic, channels)
-        Channels that the rows of A of the dynamic coordinates read, padded with `NOTHING`.
     current : ndarray, shape (m, channels)
         Row of the charge's rate where a form decides it, because nothing resists its change.
     current_terms : ndarray of int, shape (m, channels)
@@ -243,46 +241,53 @@ class Rotor(NamedTuple):
     signal: np.ndarray
     load: np.ndarray
     load_terms: np.ndarray
-    terms: np.ndarray
     current: np.ndarray
     current_terms: np.ndarray
     algebraic: np.ndarray
     controller: np.ndarray
 
 
-#: The two driven coordinates that a shock stops, along the ground and upwards, and the friction in it.
+#: A blow that throws a coordinate back from a ramp, or a landing; either changes the velocity of the body.
 SHOCK = np.dtype([
-    ("body", np.int64),  # coordinate along the ground, or NOTHING ...
-    ("height", np.int64),  # ... and that upwards
+    ("struck", np.int64), ("plate", np.int64),  # coordinate that is thrown back, and ramp; NOTHING for a landing
+    ("impulse", np.float64, (2,)),  # on the body, of a unit of the change of the coordinate's speed
+    ("lifts", np.bool_),  # whether the ground lets go of the body in a blow
+    ("restitution", np.float64),
+    ("body", np.int64), ("height", np.int64),  # coordinates along the ground and upwards, or NOTHING
     ("along", np.float64), ("across", np.float64), ("up", np.float64),  # inertia of both, while the phase is held
-    ("rotor", np.float64),  # inertia of the phase, but for what the signals move
+    ("rotor", np.float64),  # inertia of the phase, but for what the signals move; infinite without a rotor
     ("kinetic", np.float64, (2,)), ("static", np.float64, (2,)),  # coefficients of friction, forwards and backwards
+    ("decay_speed", np.float64),  # by which the friction falls from static to kinetic; 0 if it is kinetic at any speed
     ("has_friction", np.bool_), ("has_bearing", np.bool_),  # whether the bearing has states of its own
+    ("states", np.int64),  # 1; or 2, forwards and backwards; or 3, at rest as well
 ], align=True)
 
 
 class Shock(NamedTuple):
-    """A landing that strikes a rotor through masses that the signals move; arrays are empty without one.
+    """Shocks that no jump matrix gives: see `solver.shock`; arrays are empty without one.
 
-    Its guard's candidates are, for each state on the ground, forwards, backwards, at rest (with friction) or one
-    (without it), those of a bearing that turns forwards and backwards, or one.
+    The candidates of a shock follow each other: for each of its states those of a bearing that turns forwards and
+    backwards, or one. The shock decides which of them follows.
 
     Attributes
     ----------
-    numbers : ndarray of SHOCK, shape (1,) or (0,)
+    numbers : ndarray of SHOCK, shape (s,)
         Coordinates, inertia and friction.
+    direction : ndarray, shape (s, dynamic, 2)
+        Direction in which a dynamic coordinate is free in the shock; 0 if it is none.
     mass : ndarray, shape (signals,)
-        Mass that each signal moves.
+        Mass that each signal moves and that feels the body.
     momentum : ndarray, shape (signals, 2)
         That mass times its direction, along the ground and upwards.
-    direction : ndarray, shape (dynamic, 2)
-        Direction in which a dynamic coordinate is free in the shock; 0 if it is none.
+    candidate : ndarray of int, shape (m, g, c)
+        Number of the shock that leads to a candidate of a guard, or `NOTHING`.
     """
 
     numbers: np.ndarray
+    direction: np.ndarray
     mass: np.ndarray
     momentum: np.ndarray
-    direction: np.ndarray
+    candidate: np.ndarray
 
 
 class AccountTable(NamedTuple):
@@ -298,8 +303,6 @@ class AccountTable(NamedTuple):
         Channel of the velocity along the force.
     account : ndarray of int, shape (p,)
         Account on which the force's work is booked.
-    force_in_piece, rate_in_piece : ndarray of bool, shape (p,)
-        Whether force and velocity are polynomials of a piece where the segment has pieces.
     stretch : ndarray, shape (e, channels)
         Forms e of the stored energy, sum of w (e z)² / 2 + b z.
     stiffness : ndarray, shape (m, e)
@@ -319,8 +322,6 @@ class AccountTable(NamedTuple):
     terms: np.ndarray
     rate: np.ndarray
     account: np.ndarray
-    force_in_piece: np.ndarray
-    rate_in_piece: np.ndarray
     stretch: np.ndarray
     stiffness: np.ndarray
     potential: np.ndarray
@@ -344,9 +345,10 @@ class System(NamedTuple):
         Whether dynamic coordinates enter each other's equations.
     longest_segment : ndarray, shape (m,)
         Longest segment [s] that the series of the mode's flow resolves to rounding.
+    reads : ndarray of int, shape (m, coordinates, channels)
+        Channels that the rows of A read, padded with `NOTHING`.
     terms : ndarray of int, shape (m, coordinates, channels)
-        Channels that the rows of A read but the decaying term, padded with `NOTHING`; for dynamic coordinates, the
-        forcing's alone.
+        The same, but of dynamic coordinates only the forcing of their linear flow.
     row : ndarray, shape (rows, channels)
         Distinct rows of G.
     row_terms : ndarray of int, shape (rows, channels)
@@ -407,7 +409,7 @@ class System(NamedTuple):
     rotor : Rotor
         The phase as a coordinate.
     shock : Shock
-        A landing that strikes it.
+        The shocks that no jump matrix gives.
     """
 
     size: np.ndarray
@@ -415,6 +417,7 @@ class System(NamedTuple):
     flow: np.ndarray
     coupled: np.ndarray
     longest_segment: np.ndarray
+    reads: np.ndarray
     terms: np.ndarray
     row: np.ndarray
     row_terms: np.ndarray
@@ -450,13 +453,13 @@ class System(NamedTuple):
 def no_rotor(count: int) -> Rotor:
     """`System.rotor` of a system of `count` channels whose phase is known in time."""
     forms, row = np.empty((0, 0, count)), np.empty((0, count))
-    return Rotor(np.empty((0, 4)), forms, terms(forms), terms(forms), row, terms(row), np.empty(0, bool),
-                 np.empty(0, CONTROLLER))
+    return Rotor(np.empty((0, 4)), forms, terms(forms), row, terms(row), np.empty(0, bool), np.empty(0, CONTROLLER))
 
 
 def no_shock() -> Shock:
-    """`System.shock` of a system without a rotor that a landing strikes."""
-    return Shock(np.empty(0, SHOCK), np.empty(0), np.empty((0, 2)), np.empty((0, 2)))
+    """`System.shock` of a system whose jumps are all linear forms."""
+    return Shock(np.empty(0, SHOCK), np.empty((0, 0, 2)), np.empty(0), np.empty((0, 2)),
+                 np.empty((0, 0, 0), dtype=np.int64))
 
 
 def terms(forms: np.ndarray) -> np.ndarray:
@@ -487,7 +490,7 @@ def acceleration_terms(acceleration: np.ndarray, channels: Channels) -> np.ndarr
     if read.any():
         raise ValueError(f"rows of dynamic coordinates read channels {np.flatnonzero(read)}, which no flow sees")
     if channels.decays:
-        forcing[:, :, channels.decay] = 0.0
+        forcing[:, :channels.dynamic, channels.decay] = 0.0
     forcing[:, :channels.dynamic, :channels.signal(0)] = 0.0
     return terms(forcing)
 

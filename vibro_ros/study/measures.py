@@ -53,7 +53,7 @@ def window(scene: Scene, settling: float, duration: float) -> Window:
 
     The speed of the body swings within a turn, so that a part of a turn would give a mean of another kind.
     """
-    turn = 2.0 * math.pi / scene["motor.speed"] if scene["motor.speed"] > 0.0 else math.inf
+    turn = 2.0 * math.pi / abs(scene["motor.speed"]) if scene["motor.speed"] else math.inf
     turns = math.floor(min(duration / turn + _ROUNDING, MOST_TURNS))
     return Window(settling, turn, turns, turns * turn if turns else duration)
 
@@ -233,8 +233,8 @@ def observed(device: Simulator, wanted: Collection[str], measured: Window) -> Ob
         loads = loads_of(device, measured)
     return Observation(
         scene=scene, window=measured, displacement=after.body_position - before.body_position,
-        turns=(after.crank_angle - before.crank_angle) / (2.0 * math.pi),
-        steady=before.motor_speed == after.motor_speed == scene["motor.speed"] > 0.0, events=events,
+        turns=abs(after.crank_angle - before.crank_angle) / (2.0 * math.pi),
+        steady=before.motor_speed == after.motor_speed == scene["motor.speed"] != 0.0, events=events,
         delivered=float(delivered), taken_back=float(taken_back), standing=standing, airborne=airborne, loads=loads,
         strobe=strobe)
 
@@ -299,7 +299,7 @@ def _upward_momentum(scene: Scene, state: Samples[float]) -> float:
 
 def _scaled_states(samples: Samples, scene: Scene) -> np.ndarray:
     """What repeats in a periodic motion, without unit, shape (n, 7)."""
-    radius, speed = scene["crank.radius"], scene["motor.speed"] or 1.0
+    radius, speed = scene["crank.radius"], abs(scene["motor.speed"]) or 1.0
     return np.column_stack([*(getattr(samples, name) / radius for name in _STROBED_POSITIONS),
                             *(getattr(samples, name) / (radius * speed) for name in _STROBED_VELOCITIES)])
 
@@ -378,7 +378,8 @@ def _period(seen: Observation) -> float:
 
 
 _NO_POWER = "NaN if that power is not above 0"
-_LYAPUNOV = "lyapunov_exponent"
+#: The exponent and half its 95 % interval, which is measured with it and never left out.
+LYAPUNOV = EXPONENT, SPREAD = "lyapunov_exponent", "lyapunov_spread"
 
 MEASURES: dict[str, Measure] = {
     "mean_speed": Measure("m/s", "mean speed of the body, forward positive", (), _speed),
@@ -413,14 +414,18 @@ MEASURES: dict[str, Measure] = {
                       f"{STROBED_TURNS} turns, to {_SAME:g} crank radii (and times motor speed); 0 if no number up to "
                       f"{LONGEST_PERIOD}, nor up to half of the turns measured, does; NaN if the motor stands or "
                       "changes its speed, or for less than two turns", (TURNS,), _period),
-    _LYAPUNOV: Measure("1/s", "largest Lyapunov exponent, from runs that begin 1e-10 apart and are watched until they "
-                       "are 1e-4 m apart; 0 if none part, NaN for less than six turns", (), lambda seen: math.nan),
+    EXPONENT: Measure("1/s", "largest Lyapunov exponent, from runs that begin 1e-10 apart and are watched until they "
+                      "are 1e-4 m apart; 0 if none part, NaN for less than six turns", (), lambda seen: math.nan),
+    SPREAD: Measure("1/s", "half of the 95 % interval of lyapunov_exponent, which always comes with it, from up to ten "
+                    "parts of the time; where none part, the largest exponent that would not show; where 0 lies within "
+                    "it, the sign is not known", (),
+                    lambda seen: math.nan),
 }
 """Every measure by its name."""
 
 
 def checked_names(names: Sequence[str]) -> tuple[str, ...]:
-    """`names` of measures without repetition.
+    """`names` of measures without repetition; an exponent has its interval behind it.
 
     Raises
     ------
@@ -434,7 +439,7 @@ def checked_names(names: Sequence[str]) -> tuple[str, ...]:
             raise ValueError(f"{name or repr(name)}: no such measure; {remedy}")
     if not names:
         raise ValueError(f"measure: none named; measures are {', '.join(MEASURES)}")
-    return tuple(dict.fromkeys(names))
+    return tuple(dict.fromkeys(one for name in names for one in (LYAPUNOV if name in LYAPUNOV else (name,))))
 
 
 def measure(scene: Scene, names: Collection[str], settling: float, duration: float,
@@ -457,7 +462,7 @@ def measure(scene: Scene, names: Collection[str], settling: float, duration: flo
     Returns
     -------
     dict of str to float
-        The measures by name, in the order of `names`.
+        The measures by name, in the order of `checked_names`.
 
     Raises
     ------
@@ -470,6 +475,7 @@ def measure(scene: Scene, names: Collection[str], settling: float, duration: flo
     checked_times(settling, duration, start is not None)
     seen = observe(scene, {need for name in names for need in MEASURES[name].needs}, settling, duration, start)
     values = {name: MEASURES[name].value(seen) for name in names}
-    if _LYAPUNOV in names:
-        values[_LYAPUNOV] = exponent_of_pairs(device_at_start(scene, start), settling, seen.window.duration)[0]
+    if EXPONENT in names:
+        values.update(zip(LYAPUNOV, exponent_of_pairs(
+            device_at_start(scene, start), settling, seen.window.duration), strict=True))
     return values

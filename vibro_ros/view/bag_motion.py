@@ -40,14 +40,10 @@ _READ, _SIMULATED = 0.5, 0.7
 
 
 def bag_motion(folder: Path, progress: Progress = lambda share: None) -> tuple[dict[str, Any], dict[str, Any], bytes]:
-    """The motion of a recording, as a page shows it.
+    """The motion of the recording in `folder`, into which nothing is ever written, as a page shows it.
 
-    Parameters
-    ----------
-    folder : Path
-        The bag; nothing is ever written into it.
-    progress : callable
-        Is told the share of the work that is done, from 0 to 1, often enough for a bar of progress.
+    `progress` is told the share of the work that is done, from 0 to 1, often enough for a bar. BagError when the
+    recording cannot be read, or holds no state.
 
     Returns
     -------
@@ -57,11 +53,6 @@ def bag_motion(folder: Path, progress: Progress = lambda share: None) -> tuple[d
     header, payload : dict, bytes
         The motion document, see `motion`. Its times are robot time [s], which is 0 at the robot's start, in a robot's
         own recording; in another one they count from the first message.
-
-    Raises
-    ------
-    BagError
-        When the recording cannot be read, or holds no state.
     """
     with BagStream(folder) as stream, np.errstate(over="ignore", invalid="ignore"):  # a bag may hold any number
         return _Making(stream, progress).result()

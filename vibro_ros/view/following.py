@@ -38,14 +38,7 @@ def state_of(scene: Scene) -> list[str]:
 class Following(ExactRun):
     """Follows samples with a device, from sample to sample; the device's own time is 0 where it was last put.
 
-    Parameters
-    ----------
-    device : Simulator
-        The robot; overwritten.
-    samples : mapping of str to ndarray, each of shape (n,)
-        All that `state_of` names, finite.
-    times : ndarray, shape (n,)
-        Instants [s] of the samples, ascending.
+    The device is overwritten. `samples` are all that `state_of` names, finite, at the ascending `times` [s].
     """
 
     def __init__(self, device: Simulator, samples: Mapping[str, np.ndarray], times: np.ndarray):
@@ -60,7 +53,7 @@ class Following(ExactRun):
     def follow(self) -> None:
         """Go through all samples."""
         for k in range(len(self._times) - 1):
-            if self._samples["crank_angle"][k + 1] < self._samples["crank_angle"][k]:
+            if self._is_reset(k):
                 self._end(k)
                 self.resets.append(float(self._times[k + 1]))
             elif self._times[k + 1] - self._times[k] > LONGEST_PAUSE:  # a spoilt stamp would ask for years
@@ -71,6 +64,11 @@ class Following(ExactRun):
         if self._failed:
             more = f" (and {self._failed - 1} intervals more)" if self._failed > 1 else ""
             self.faults.append(self._first_fault + more)
+
+    def _is_reset(self, k: int) -> bool:
+        """Whether the crank is elsewhere at the sample after k although it turns the other way at both samples."""
+        turned = np.sign(self._samples["crank_angle"][k + 1] - self._samples["crank_angle"][k])
+        return bool(turned != 0.0 and (turned * self._samples["motor_speed"][k:k + 2] <= 0.0).all())
 
     def _pass(self, k: int) -> None:
         """Go from the sample k to the next one; where that fails, from where sample k was published."""
@@ -129,7 +127,7 @@ class Following(ExactRun):
         if scene["effects.motor"] == "lag":
             now, left = self._device.state.motor_speed, math.exp(
                 -float(self._times[k + 1] - self._times[k]) / scene["motor.time_constant"])
-            target = min(max((speed - now * left) / (1.0 - left), 0.0), scene["motor.max_speed"])
+            target = min(max((speed - now * left) / (1.0 - left), -scene["motor.max_speed"]), scene["motor.max_speed"])
             if abs(target - self._device.commanded_motor_speed) <= _NO_COMMAND:
                 return {}
             return {"motor_speed": target}
@@ -165,7 +163,7 @@ def recognised(scenes: Iterable[Scene], tracks: Mapping[str, Track]) -> Scene | 
         samples, times = common_samples(tracks, names)
         if len(times) < 2:
             continue
-        first = max(0, min(int(np.argmax(samples["motor_speed"])), len(times) - _TRIED))
+        first = max(0, min(int(np.argmax(np.abs(samples["motor_speed"]))), len(times) - _TRIED))
         tried = slice(first, first + _TRIED)
         trial = Following(quiet_device(scene), {name: column[tried] for name, column in samples.items()},
                           regular(times[tried]))

@@ -28,19 +28,9 @@ _HOST = re.compile(r"(?P<name>\[[0-9a-fA-F:.]{2,45}\]|[A-Za-z0-9._-]{1,253})(?::
 
 
 class Gate:
-    """The checks of one server.
+    """The checks of one server that listens on `address`, by a secret `token` that is new for each server.
 
-    Parameters
-    ----------
-    address : str
-        What the server listens on: an address, or a name for one.
-    names : collection of str
-        Names by which others reach this machine, if the server listens beyond it.
-
-    Attributes
-    ----------
-    token : str
-        The secret, new for each server.
+    `names` are those by which others reach this machine, if the server listens beyond it.
     """
 
     def __init__(self, address: str, names: Collection[str] = ()):

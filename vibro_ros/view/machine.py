@@ -47,8 +47,7 @@ def machine(scene: Scene) -> dict[str, Any]:
     """
     command = scene.motor_command
     highest = scene["motor.supply_voltage" if command == "motor_voltage" else "motor.max_speed"]
-    lowest = -highest if scene.has_rotor else 0.0
-    knobs = [(command, lowest, highest, scene[command.replace("_", ".")])]
+    knobs = [(command, -highest, highest, scene[command.replace("_", ".")])]
     for side in scene.plates:
         rod = scene[f"crank.{side}_rod"]  # the limit of `Scene.checked_gap`
         knobs.append((f"{side}_gap", -rod, rod, scene[f"{side}.gap"]))

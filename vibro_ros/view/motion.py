@@ -59,20 +59,10 @@ def precisions(names: Sequence[str], largest: np.ndarray) -> np.ndarray:
 
 
 class MotionWriter:
-    """Gathers the pieces of a motion.
+    """Gathers the pieces of a motion of some quantities; `size` are the bytes of the payload so far.
 
-    Parameters
-    ----------
-    quantities : sequence of str
-        Names.
-    precision : ndarray, shape (quantities,)
-        Step of a coefficient of each quantity (SI). Coefficients are rounded to a power of two below it, and zeros at a
-        polynomial's end are left out: both only make the document small.
-
-    Attributes
-    ----------
-    size : int
-        Bytes of the payload so far.
+    `precision` is the step of a coefficient of each quantity (SI). Coefficients are rounded to a power of two below
+    it, and zeros at a polynomial's end are left out: both only make the document small.
     """
 
     def __init__(self, quantities: Sequence[str], precision: Sequence[float] | np.ndarray):
@@ -84,14 +74,9 @@ class MotionWriter:
         self._degrees: list[np.ndarray] = [np.empty((0, len(self.quantities)), np.uint8)]
 
     def add(self, borders: np.ndarray, coefficients: np.ndarray) -> None:
-        """Append pieces.
+        """Append pieces: `borders` [s], shape (p, 2), ascending, none before the end of the last, and `coefficients`.
 
-        Parameters
-        ----------
-        borders : ndarray, shape (p, 2)
-            Begin and end [s] of each piece, none before the end of the last one.
-        coefficients : ndarray, shape (p, quantities, n)
-            Of the Chebyshev polynomials (SI); not finite where nothing is known.
+        These are of the Chebyshev polynomials (SI), shape (p, quantities, n); not finite where nothing is known.
         """
         rounded = np.rint(coefficients / self._step) * self._step
         known, orders = np.isfinite(rounded).all(axis=2), np.arange(rounded.shape[2])

@@ -25,26 +25,11 @@ MARK = '<meta name="generator" content="vibro_ros view">'
 
 def page_text(setting: Mapping[str, Any], motion: tuple[Mapping[str, Any], bytes] | None = None,
               nonce: str = "") -> str:
-    """The whole page.
+    """The whole page, HTML; ValueError for a number that is not finite, which JSON cannot say.
 
-    Parameters
-    ----------
-    setting : Mapping
-        ``mode`` (``live`` or ``bag``), ``title``, ``version``; for a recording also ``machine``.
-    motion : tuple of Mapping and bytes, optional
-        The motion document of a recording.
-    nonce : str
-        Of the server's policy. Without one the text carries its own policy, as a file must.
-
-    Returns
-    -------
-    str
-        HTML, ready to be written as UTF-8.
-
-    Raises
-    ------
-    ValueError
-        When a number in the setting or the header is not finite, which JSON cannot say.
+    `setting` has ``mode`` (``live`` or ``bag``), ``title``, ``version``; for a recording also ``machine``. `motion` is
+    the motion document of a recording, `nonce` that of the server's policy. Without one the text carries its own
+    policy, as a file must.
     """
     if nonce:
         setting = {**setting, "policy": policy("NONCE")}  # of the file that the page may save

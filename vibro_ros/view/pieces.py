@@ -42,25 +42,9 @@ Sampler = Callable[[np.ndarray], np.ndarray]
 class Assembly:
     """A motion document put together: exact pieces and interpolated ones in the order of time.
 
-    Parameters
-    ----------
-    names : sequence of str
-        Quantities.
-    stretches : sequence of Stretch
-        What is exact, by time.
-    instants : sequence of ndarray, each of shape (n,)
-        Events in the stretches [s].
-    rest : sequence of Interpolated
-        What is not.
-
-    Attributes
-    ----------
-    writer : MotionWriter
-        Holds the pieces.
-    exact : list of Stretch
-        Those stretches whose pieces follow the simulator's positions everywhere.
-    end : float
-        Instant [s] from which on pieces were left out; infinite if none were.
+    `stretches` are what is exact, by time, and `instants` the events in them [s]; `rest` is what is not. `exact` are
+    those stretches whose pieces follow the simulator's positions everywhere; `end` is the instant [s] from which on
+    pieces were left out, infinite if none were.
     """
 
     def __init__(self, names: Sequence[str], stretches: Sequence[Stretch], instants: Sequence[np.ndarray],
@@ -140,18 +124,10 @@ def cut(begin: float, end: float, instants: np.ndarray) -> np.ndarray:
 
 def fitted(sample: Sampler, borders: np.ndarray, allowed: np.ndarray,
            most: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Polynomials of every quantity.
+    """Polynomials of every quantity in the pieces with these `borders` [s], ascending, shape (p, 2), from `cut`.
 
-    Parameters
-    ----------
-    sample : callable
-        Samples the motion, as often as it is asked, anywhere within the borders.
-    borders : ndarray, shape (p, 2)
-        Begin and end of each piece [s], ascending, from `cut`.
-    allowed : ndarray, shape (quantities,)
-        Largest coefficient that may be neglected (SI).
-    most : int
-        Pieces after which none is halved any more.
+    `sample` samples the motion, as often as it is asked, anywhere within the borders. `allowed` are the largest
+    coefficients that may be neglected (SI); from `most` pieces on none is halved any more.
 
     Returns
     -------

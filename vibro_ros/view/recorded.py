@@ -59,23 +59,10 @@ class Track(NamedTuple):
 
 
 class Recorded:
-    """The robot's samples in a bag.
+    """The robot's samples in a bag; `progress` is told how far reading is.
 
-    Parameters
-    ----------
-    stream : BagStream
-        The bag.
-    progress : callable
-        Is told how far reading is.
-
-    Attributes
-    ----------
-    inputs : list of Input
-        In the order of recording.
-    cut_short : bool
-        Whether more was recorded than is read.
-    arrays : dict of str to Arrays
-        Samples by the robot's own names of the topics; times count from the bag's first message.
+    `inputs` are in the order of recording. `arrays` has the samples by the robot's own names of the topics; their times
+    count from the bag's first message. `cut_short` says whether more was recorded than is read.
     """
 
     def __init__(self, stream: BagStream, progress: Progress):
@@ -154,23 +141,10 @@ RATES = {"body_position": "body_velocity", "body_height": "body_vertical_velocit
 
 def interpolated(tracks: Mapping[str, Track], names: Sequence[str], span: Span,
                  resets: Sequence[float]) -> Interpolated:
-    """Pieces between the samples in a span.
+    """Pieces between the samples in a `span` [s]: borders [s], shape (p, 2), and Chebyshev coefficients (SI).
 
-    Parameters
-    ----------
-    tracks : mapping of str to Track
-        What was recorded.
-    names : sequence of str
-        Quantities wanted; what was not recorded of them is NaN.
-    span : (float, float)
-        Begin and end [s].
-    resets : sequence of float
-        Instants [s] of samples at which the robot stood at its start again.
-
-    Returns
-    -------
-    ndarray, ndarray, shapes (p, 2) and (p, names, DEGREE + 1)
-        Borders [s] and Chebyshev coefficients (SI).
+    The coefficients have the shape (p, names, DEGREE + 1); what was not recorded of the names is NaN. At the instants
+    [s] of `resets` the robot stood at its start again.
     """
     # The samples of the first track that has any, because all that a robot publishes has one rate.
     times = next((track.times for track in tracks.values() if len(track.times) > 1), np.empty(0))

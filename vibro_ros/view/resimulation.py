@@ -6,6 +6,7 @@ where the robot is: a reset or a checkpoint.
 """
 
 from collections.abc import Sequence
+from contextlib import suppress
 
 import numpy as np
 
@@ -21,6 +22,7 @@ from vibro_ros.messages.topics import (
     SET,
     STATE,
     TIMEOUT,
+    commands_in,
     read_operation,
 )
 from vibro_ros.model.faults import DURATION, FORCE
@@ -35,14 +37,8 @@ from vibro_ros.view.stretch import AGREEMENT, LONGEST, ExactRun, Progress, quiet
 class Resimulation(ExactRun):
     """Simulates a recorded run again and compares it with the recorded positions.
 
-    Parameters
-    ----------
-    facts : RunFacts
-        What the bag says of its run.
-    tracks : dict of str to Track
-        Recorded quantities by robot time, from one sample of the robot to another; the positions are compared.
-    is_known : bool
-        Whether the recording has the run's beginning; else the run is unknown until something says where the robot is.
+    `tracks` are recorded quantities by robot time, from one sample of the robot to another. Unless the recording has
+    the run's beginning (`is_known`), the run is unknown until something says where the robot is.
     """
 
     def __init__(self, facts: RunFacts, tracks: dict[str, Track], is_known: bool):
@@ -145,8 +141,10 @@ class Resimulation(ExactRun):
             elif received.name == OPERATIONS:
                 self._operate(tick, received.data)
             elif self._is_known:
-                value = deserialised(received.data, ROBOT_TOPICS[received.name]).data
-                self.command(self._rerun.device, {received.name: value})
+                message = deserialised(received.data, ROBOT_TOPICS[received.name])
+                for argument, value in commands_in(received.name, message, self.scene)[0].items():
+                    with suppress(ValueError):  # the robot refused it as well
+                        self.command(self._rerun.device, {argument: value})
         except ValueError:
             pass  # the robot refused it as well
         except SimulationError as error:

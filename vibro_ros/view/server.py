@@ -51,25 +51,10 @@ _ORIGIN = "only the page of this server may connect"
 class Server:
     """Serves one live page to several browsers; a context manager, inside which the thread runs.
 
-    Parameters
-    ----------
-    sockets : sequence of socket
-        Listen already, see `listening`.
-    gate : Gate
-        Says who is let in.
-    page : callable
-        The page's text, for a nonce by which its scripts are known.
-    asked : callable
-        Called in the server's thread with a page's number and its request; to be answered by `answer` or `send_motion`.
-    greeting : callable
-        Texts that say how things stand, for a page that has just opened; called in the server's thread, too.
-
-    Attributes
-    ----------
-    error : Exception or None
-        What ended the thread before it was asked to.
-    pages, numbers : dict, iterator
-        Open pages by their numbers, and the numbers of the next ones; for the server's thread.
+    The sockets listen already, see `listening`. `page` makes the page's text, for a nonce by which its scripts are
+    known. The others are called in the server's thread: `asked` with a page's number and its request, to be answered
+    by `answer` or `send_motion`; `greeting` for texts that say how things stand, for a page that has just opened.
+    `error` is what ended the thread before it was asked to.
     """
 
     def __init__(self, sockets: Sequence[socket], gate: Gate, page: Callable[[str], str],
@@ -315,10 +300,7 @@ class _Live(_Visitor, WebSocketHandler):
 class _Http(HTTPServer):
     """Keeps at most `MOST_CONNECTIONS`, and limits what each may keep.
 
-    Attributes
-    ----------
-    of_pages : callable
-        The streams of open pages, which are not ended for newcomers.
+    `of_pages` gives the streams of open pages, which are not ended for newcomers.
     """
 
     def initialize(self, *arguments: Any, **options: Any) -> None:

@@ -35,13 +35,7 @@ Done = Callable[[Document | str], object]
 
 
 class SlowMotions:
-    """Computes one motion after the other.
-
-    Parameters
-    ----------
-    tell : callable
-        Is given lines for people while kernels are compiled.
-    """
+    """Computes one motion after the other; `tell` is given lines for people while kernels are compiled."""
 
     def __init__(self, tell: Callable[[str], object]):
         self._tell = tell
@@ -111,20 +105,11 @@ class History:
 
 @np.errstate(over="ignore", invalid="ignore")  # anybody may publish any number
 def motion_between(scene: Scene, samples: Mapping[str, np.ndarray]) -> Document:
-    """The motion of a robot from the first of some samples to the last, from these samples alone.
+    """The motion document of a robot from the first of some samples to the last, from these samples alone.
 
-    Parameters
-    ----------
-    scene : Scene
-        What the robot simulates, as its parameters are now.
-    samples : mapping of str to ndarray, each of shape (n,)
-        Fields of `Samples`: ``time`` [s], ascending, and what was published of the others, with NaN or without the
-        field where something was not.
-
-    Returns
-    -------
-    header, payload : dict, bytes
-        The document, see `motion`. ``why`` names the first reason why not all is exact.
+    Its ``why`` names the first reason why not all is exact. `scene` is what the robot simulates, as its parameters are
+    now; `samples` have fields of `Samples`: ``time`` [s], ascending, and what was published of the others, with NaN or
+    without the field where something was not.
     """
     columns = {name: np.asarray(column, dtype=float) for name, column in samples.items()}
     columns = {name: column for name, column in columns.items() if name == "time" or np.isfinite(column).any()}

@@ -28,20 +28,10 @@ Progress = Callable[[float], object]
 
 
 class Stretch(NamedTuple):
-    """A device from one sample to a later one.
+    """A device from one sample to a later one, by its own time [s]; `offset` is added to it to get robot time [s].
 
-    Attributes
-    ----------
-    scene : Scene
-        What is simulated.
-    start : ndarray, shape (n,)
-        Checkpoint at the begin, before the commands there.
-    begin, end : float
-        Device's own time [s].
-    offset : float
-        What is added to it to get robot time [s].
-    commands : tuple of Command
-        From `begin` to before `end`; the device took each of them.
+    `start` is a checkpoint at the begin, before the commands there; the device took each of the commands, which lie
+    from `begin` to before `end`.
     """
 
     scene: Scene
@@ -75,18 +65,9 @@ class Stretch(NamedTuple):
 class ExactRun:
     """Gathers the stretches of a device that passes through recorded samples, and the events in them.
 
-    Attributes
-    ----------
-    stretches : list of Stretch
-        All that is exact, by robot time.
-    instants : list of ndarray, each of shape (n,)
-        Robot time [s] of every event, and of both ends of a contact.
-    impacts : list of Impact
-        In exact stretches, by robot time.
-    resets : list of float
-        Robot time [s] of the samples at which the robot stood at its start again.
-    faults : list of str
-        What ended an exact stretch, in the order of robot time.
+    All times are robot time [s]: `stretches` are all that is exact, `instants` those of every event, and of both ends
+    of a contact, `impacts` those in exact stretches, `resets` the samples at which the robot stood at its start again.
+    `faults` say what ended an exact stretch.
     """
 
     def __init__(self):

@@ -55,25 +55,9 @@ def _run(words: Sequence[str]) -> int:
 def write_page(bag_folder: Path, output: Path | None = None) -> Path:
     """Write the page of a recording: one file that needs no network and no other file.
 
-    Parameters
-    ----------
-    bag_folder : Path
-        The recording; nothing is ever written into it.
-    output : Path, optional
-        The file; ``<bag folder>_view.html`` beside the recording by default.
-
-    Returns
-    -------
-    Path
-        The file written.
-
-    Raises
-    ------
-    BagError
-        When the recording cannot be read, or `output` lies inside it, cannot be written, or is a file that `view` has
-        not written.
-    OSError
-        When what is at `output` cannot be read.
+    Returns its path, by default ``<bag folder>_view.html`` beside the recording, into which nothing is ever written.
+    BagError when the recording cannot be read, or `output` lies inside it, cannot be written, or is a file that `view`
+    has not written; OSError when what is at `output` cannot be read.
     """
     folder = Path(bag_folder).resolve()
     path = Path(output).absolute() if output else folder.with_name(f"{folder.name}_view.html")

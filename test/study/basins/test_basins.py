@@ -157,7 +157,6 @@ def test_a_tolerance_that_rounding_breaks_is_said_once(tmp_path, capsys):
     (["--over", "body_velocity"], "give NAME=LOW:HIGH:COUNT for a grid"),
     (["--over", "body_velocity=1:0"], "from 1 to 0 is no range; give the smaller number first"),
     (["--over", "body_velocity=0:.nan"], "is no number"),
-    (["--over", "crank_angle=-1:1"], "-1 rad is out of range; give at least 0"),
     (["--over", "body_velocity=0:1:1"], "count: 1 is out of range; give a whole number from 2"),
     (["--over", "body_velocity=0:1:3"], "1 coordinates, of which 1 have a count; a grid has two"),
     (["--over", "body_velocity=0:1", "--over", "body_velocity=0:2"], "given twice; keep one"),

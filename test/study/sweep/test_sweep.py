@@ -120,6 +120,21 @@ def test_pandas_and_polars_read_the_same_and_the_files_tell_units_scene_and_desi
     assert everything == set(vibro_ros.load_scene("damped").parameters)
 
 
+@pytest.mark.parametrize(("starts", "turns", "known"), [("0", "400", True), ("4", "100", True), ("0", "8", False)])
+def test_an_exponent_has_its_interval_and_its_sign_is_known_or_said_not_to_be(tmp_path, capsys, starts, turns, known):
+    """Of one start from the parts of the run, of several from their means; in eight turns no two runs can part."""
+    assert main(["--scene", "unilateral", "--vary", "guide.angle=0.87", "--starts", starts, "--settling", "4",
+                 "--duration", str(int(turns) * 0.063), "--measure", "lyapunov_exponent", "--workers", "1",
+                 "--output", str(tmp_path)]) == 0
+    said = capsys.readouterr().out
+    table = pandas.read_csv(tmp_path / "summary.csv")
+    rows = pandas.read_parquet(tmp_path / "blocks")
+    mean, half = table["lyapunov_exponent [1/s]"][0], table["lyapunov_exponent 95 % ± [1/s]"][0]
+    assert (mean > half) == known and ("sign not known at 1 of 1 points" in said) != known
+    assert f"{mean:.4g} ± {half:.2g} 1/s" in said and "lyapunov_spread" not in said
+    assert (starts == "4" and len(rows) == 4) or rows["lyapunov_spread"][0] == half
+
+
 def test_starts_that_repeat_one_motion_have_no_interval(tmp_path, capsys):
     """`damped` has one motion, which every start settles to; `unilateral` has chaos."""
     for scene, says in (("damped", True), ("unilateral", False)):

@@ -41,6 +41,7 @@ HOP = {"effects.normal_force": "hop"}
 MISPRINT = {"effects.misprint": True, "inclined.plate.stiffness": 1e4}
 HEAVY = {"effects.reaction": True, "effects.mass_weight": True}
 SPEED_UP = ((0.03, {"motor_speed": 140.0}), (0.11, {"motor_speed": 60.0}))
+THROUGH_0 = ((0.03, {"motor_speed": -90.0}), (0.11, {"motor_speed": 70.0}))
 GAPS = ((0.02, {"upper_gap": 0.0004, "inclined_gap": -0.0003}), (0.1, {"upper_gap": 0.0}))
 LINKAGE = {"mass.upper_slider": 0.01, "mass.inclined_slider": 0.02, "mass.crank_pin": 0.05}
 DC = {"effects.motor": "dc", "motor.acceleration": 0.0, "motor.voltage": 12.0, "motor.control": "voltage",
@@ -72,6 +73,16 @@ EFFECTS = {
     "Stribeck friction that falls over all speeds": (UNILATERAL | STRIBECK | {"ground.stribeck_speed": 0.3}, ()),
     "Stribeck friction, rigid plates and a lag motor": (
         UNILATERAL | STRIBECK | RIGID | {"effects.motor": "lag", "motor.time_constant": 0.03}, SPEED_UP),
+    "Stribeck friction and reaction": (UNILATERAL | STRIBECK | HEAVY, GAPS),
+    "Stribeck friction, reaction and dampers": (UNILATERAL | STRIBECK | HEAVY | DAMPERS, SPEED_UP),
+    "Stribeck friction, reaction and rigid plates": (UNILATERAL | STRIBECK | HEAVY | RIGID, ()),
+    "Stribeck friction as printed and reaction": (STRIBECK | HEAVY | DAMPERS, ()),
+    "Stribeck friction that falls at once, and reaction": (
+        UNILATERAL | STRIBECK | HEAVY | DAMPERS | {"ground.stribeck_speed": 1e-6}, ()),
+    "Stribeck friction, oil, slope and a lag motor": (
+        UNILATERAL | STRIBECK | HEAVY | DAMPERS | {
+            "ground.viscous_friction": 3.0, "ground.slope": 0.1, "effects.motor": "lag",
+            "motor.time_constant": 0.03}, SPEED_UP),
     "start at zero": (UNILATERAL | {"start.state": "zero"}, ()),
     "given start with a mass in its plate, backwards": (UNILATERAL | THROWN | {"start.body_velocity": -0.2}, ()),
     "given start in the air": (HOP | DAMPERS | HEAVY | THROWN | {
@@ -192,6 +203,12 @@ EFFECTS = {
         UNILATERAL | DAMPERS | HEAVY | LINKAGE | DC | WINDING | BY_CURRENT | {"ground.slope": 0.05}, SPEED_UP),
     "dc motor on ground that rebounds, without the reaction": (
         HOP | DAMPERS | LINKAGE | DC | {"ground.restitution": 0.4}, ()),
+    "ideal motor backwards": (UNILATERAL | {"motor.speed": -100.0}, THROUGH_0),
+    "ramp motor through 0": (UNILATERAL | {"effects.motor": "ramp", "motor.acceleration": 4100.0}, THROUGH_0),
+    "lag motor through 0": (
+        HOP | DAMPERS | HEAVY | {"effects.motor": "lag", "motor.time_constant": 0.03}, THROUGH_0),
+    "crank as long as the rods, through 0": (
+        UNILATERAL | DAMPERS | {"crank.radius": 0.06, "effects.motor": "ramp", "motor.acceleration": 41e2}, THROUGH_0),
     "moving plates": (UNILATERAL, GAPS),
     "moving rigid plates": (UNILATERAL | RIGID, GAPS),
     "an inclined guide that points down, the upper plate rigid": (
@@ -246,7 +263,7 @@ def random_extras(pick, changes):
     if rule == "weight" or (rule in ("unilateral", "hop") and changes["guide.angle"] < 1.57):
         extras |= {f"effects.{side}_contact": pick.choice(["compliant", "restitution"])
                    for side in ("upper", "inclined")}
-    may_decay = changes["effects.friction"] != "none" and rule != "hop" and not changes["effects.reaction"]
+    may_decay = changes["effects.friction"] != "none" and rule != "hop"
     if may_decay and pick.random() < 0.5:
         extras |= {"effects.friction": "stribeck", "ground.stribeck_speed": 10.0 ** pick.uniform(-5.0, 0.0),
                    "ground.static_friction": changes["ground.friction"] * pick.uniform(1.0, 2.5)}

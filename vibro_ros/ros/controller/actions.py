@@ -7,13 +7,11 @@ nobody else may look after it. Each goal is accepted, so that its result can say
 
 import math
 from functools import partial
-from importlib import import_module
 from typing import Any
 
 from rclpy.action import ActionServer, CancelResponse
 from rclpy.action.server import ServerGoalHandle
 from rclpy.publisher import Publisher
-from rclpy.type_support import NoTypeSupportImportedException, check_for_type_support
 from std_msgs.msg import Float64
 
 from vibro_ros.ros.controller.commanded_robot import CommandedRobot, Odometer
@@ -21,30 +19,19 @@ from vibro_ros.ros.controller.feedback import RATE, Pursuit, check_reach
 from vibro_ros.ros.controller.player import Timeline, deaf
 from vibro_ros.ros.controller.script import MOTOR
 from vibro_ros.ros.controller.script_file import read_goal
-from vibro_ros.ros.node.node import NextTurn, SteadyNode
+from vibro_ros.ros.node.node import RESULT_TIMEOUT, NextTurn, SteadyNode, installed_type
 
 PACKAGE = "vibro_ros_interfaces"
 NAMES = {"GoTo": "go_to", "HoldSpeed": "hold_speed"}
 """The actions, by their types."""
-RESULT_TIMEOUT = 60
-"""How long [s] the result of a goal can be asked for; each goal that was ever sent takes memory meanwhile."""
 
 
 def action_types() -> dict[str, Any]:
-    """The types of the actions.
-
-    Raises
-    ------
-    ValueError
-        Where they are not installed.
-    """
-    try:
-        types = {name: getattr(import_module(f"{PACKAGE}.action"), name) for name in NAMES}
-        for kind in types.values():
-            check_for_type_support(kind)
-    except (ImportError, AttributeError, NoTypeSupportImportedException):
+    """The types of the actions; ValueError where they are not installed."""
+    types = {name: installed_type(PACKAGE, "action", name) for name in NAMES}
+    if not all(types.values()):
         raise ValueError(f"--serve: {PACKAGE} is not installed, so there are no actions; `make setup` builds it where "
-                         "there is a C compiler, and colcon from the folder interfaces") from None
+                         "there is a C compiler, and colcon from the folder interfaces")
     return types
 
 
@@ -53,29 +40,10 @@ class _CancelledError(Exception):
 
 
 class GoalServer:
-    """Offers the actions from now on; for the executor's thread.
+    """Offers the actions of `types` from now on; for the executor's thread.
 
-    Parameters
-    ----------
-    node : SteadyNode
-        Offers.
-    types : dict of str to type
-        Of `action_types`.
-    robot : CommandedRobot
-        Takes the commands.
-    publisher : Publisher
-        Of the motor's speed.
-    time : Timeline
-        The time in which goals count.
-    reach : float
-        Mean speed [m/s] that the robot holds at most; its sign is that of the way it goes.
-
-    Attributes
-    ----------
-    busy : bool
-        Whether a goal is being pursued.
-    ending : bool
-        Whether the controller is about to end, and no goal is to be pursued any more.
+    `time` is that in which goals count; `reach` the mean speed [m/s] that the robot holds at most, with the sign of the
+    way it goes. `busy` says whether a goal is being pursued, `ending` that none is to be any more.
     """
 
     def __init__(self, node: SteadyNode, types: dict[str, Any], robot: CommandedRobot, publisher: Publisher,

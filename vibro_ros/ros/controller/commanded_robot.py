@@ -44,23 +44,10 @@ ODOMETRY_DEPTH = 1000
 
 
 class CommandedRobot:
-    """Learns from the nodes that hear the commands which robot they are; the first one that answers counts.
+    """Learns from the nodes that hear the commands of `publisher` which robot they are; the first that answers counts.
 
-    Parameters
-    ----------
-    node : Node
-        Asks in its executor's thread.
-    publisher : Publisher
-        Of a command: who subscribes to it is asked.
-
-    Attributes
-    ----------
-    name : str
-        The robot's full name; empty as long as it is not known.
-    settings : Settings or None
-        Its parameters, as they are now.
-    sent_speed : float or None
-        The motor speed [rad/s] that was sent last.
+    `name` is the robot's full name, empty as long as it is not known; `settings` are its parameters, as they are now;
+    `sent_speed` is the motor speed [rad/s] that was sent last.
     """
 
     def __init__(self, node: Node, publisher: Publisher):
@@ -127,15 +114,7 @@ class CommandedRobot:
         return self.settings.command_timeout if self.settings else 0.0
 
     def refusal(self, command: str, value: float) -> str:
-        """Why the robot would refuse the value of a command, in the unit of its topic; empty if it takes it.
-
-        Parameters
-        ----------
-        command : str
-            A name of `COMMAND_UNITS`.
-        value : float
-            The value [rad/s or m].
-        """
+        """Why the robot would refuse the value [rad/s or m] of a command of `COMMAND_UNITS`; empty if it takes it."""
         if not self.settings:
             return ""
         try:
@@ -181,11 +160,6 @@ class Odometer:
 
     With `use_sim_time` only samples older than ROS time are handed over. In lock-step these are there for certain,
     while of the sample and the clock of one instant either may come first: what is commanded would depend on that.
-
-    Parameters
-    ----------
-    node : Node
-        Listens, from now on.
     """
 
     def __init__(self, node: Node):

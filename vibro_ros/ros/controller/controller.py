@@ -14,7 +14,6 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 from heapq import merge
-from importlib import import_module
 from itertools import count
 from pathlib import Path
 
@@ -22,7 +21,6 @@ from rclpy.duration import Duration
 from rclpy.executors import Executor
 from rclpy.node import Node
 from rclpy.task import Future
-from rclpy.type_support import NoTypeSupportImportedException, check_for_type_support
 from std_msgs.msg import Float64
 
 from vibro_ros.configuration.command_map import CommandMap, find_map, read_map, shipped_maps
@@ -41,7 +39,7 @@ from vibro_ros.ros.controller.script import MOTOR, Script, Segment
 from vibro_ros.ros.controller.script_file import find_script, read_script, shipped_scripts
 from vibro_ros.ros.node import process, qos
 from vibro_ros.ros.node.arguments import check_addressed, check_arguments, own_arguments
-from vibro_ros.ros.node.node import SteadyNode
+from vibro_ros.ros.node.node import SteadyNode, installed_type
 from vibro_ros.ros.node.parameters import declare, parameter_lines, take_overrides
 
 NODE_NAME = "vibro_controller"
@@ -207,28 +205,13 @@ def _parser() -> Parser:
 
 
 class Faults:
-    """Asks the robot to fail, by its service `inject_fault`.
-
-    Parameters
-    ----------
-    node : Node
-        Asks in its executor's thread.
-    robot : CommandedRobot
-        Who is asked.
-
-    Raises
-    ------
-    ValueError
-        Where the service's type is not installed.
-    """
+    """Asks the robot to fail, by its service `inject_fault`; ValueError where the service's type is not installed."""
 
     def __init__(self, node: Node, robot: CommandedRobot):
-        try:
-            self._kind = import_module(f"{PACKAGE}.srv").InjectFault
-            check_for_type_support(self._kind)
-        except (ImportError, AttributeError, NoTypeSupportImportedException):
+        self._kind = installed_type(PACKAGE, "srv", "InjectFault")
+        if not self._kind:
             raise ValueError(f"fault: {PACKAGE} is not installed, or old; `make setup` builds it where there is a C "
-                             "compiler, and colcon from the folder interfaces") from None
+                             "compiler, and colcon from the folder interfaces")
         self._node, self._robot = node, robot
         self._asked: list[tuple[str, Future]] = []
 
@@ -256,25 +239,9 @@ class Faults:
 class ScriptPlayer:
     """The commands of a script, each sent when its value changes.
 
-    Parameters
-    ----------
-    script : Script
-        What to play.
-    reach : float
-        Mean speed [m/s] that the robot holds at most; its sign is that of the way it goes.
-    odometer : Odometer or None
-        For the goals of the script, if it has any.
-    send : callable
-        Publishes a message under a command's name.
-    say : callable
-        Given what comes, and what came of it, in words.
-    advise : callable
-        Given, before they are sent, the number of the entry, all commands that stand then, and those that stand
-        `STAY` later; NaN for a motor speed that feedback has given.
-    robot : CommandedRobot
-        Says how often the motor's command must be repeated.
-    faults : Faults or None
-        For the faults of the script, if it has any.
+    `reach` is the mean speed [m/s] that the robot holds at most, with the sign of the way it goes. `say` is given what
+    comes, and what came of it, in words. `advise` is given, before they are sent, the number of the entry, all commands
+    that stand then, and those that stand `STAY` later; NaN for a motor speed that feedback has given.
     """
 
     def __init__(self, script: Script, reach: float, odometer: Odometer | None,

@@ -26,16 +26,10 @@ class GoalError(RuntimeError):
 
 @dataclass(frozen=True)
 class SpeedGoal:
-    """A mean speed of the body to hold.
+    """A mean speed [m/s] of the body to hold; negative backwards.
 
-    Attributes
-    ----------
-    speed : float
-        Mean speed [m/s]; negative backwards.
-    within : float
-        Largest deviation [m/s] of the mean over the second half of the entry.
-    motor : tuple of float
-        Least and largest motor speed [rad/s] to use.
+    `within` is the largest deviation [m/s] of the mean over the second half of the entry, `motor` the least and the
+    largest motor speed [rad/s] to use.
     """
 
     speed: float
@@ -49,16 +43,10 @@ class SpeedGoal:
 
 @dataclass(frozen=True)
 class PositionGoal:
-    """A position of the body to reach, and to stand at.
+    """A position [m] of the body to reach, in the frame of `odom`, and to stand at.
 
-    Attributes
-    ----------
-    position : float
-        In the frame of `odom` [m].
-    within : float
-        Largest distance [m] from it at which to stand.
-    motor : tuple of float
-        Least and largest motor speed [rad/s] to use.
+    `within` is the largest distance [m] from it at which to stand, `motor` the least and the largest motor speed
+    [rad/s] to use.
     """
 
     position: float
@@ -77,17 +65,8 @@ Goal = SpeedGoal | PositionGoal
 def check_reach(goals: Iterable[tuple[str, Goal]], reach: float) -> None:
     """Refuse goals that a robot which goes one way only cannot reach, as far as that is known before it starts.
 
-    Parameters
-    ----------
-    goals : iterable of (str, Goal)
-        The number of the entry, and its goal, in order.
-    reach : float
-        Mean speed [m/s] that the robot holds at most; its sign is that of the way it goes.
-
-    Raises
-    ------
-    ValueError
-        Naming the entry, the limit and the remedy.
+    `goals` are the numbers of the entries, and their goals, in order; `reach` is the mean speed [m/s] that the robot
+    holds at most, with the sign of the way it goes. ValueError names the entry, the limit and the remedy.
     """
     before: tuple[str, PositionGoal] | None = None
     for entry, goal in goals:
@@ -123,18 +102,9 @@ LEAP, FASTEST = 0.1, 5.0
 class Track:
     """The positions of the last `WINDOW`, from samples of odometry that follow each other in time.
 
-    Attributes
-    ----------
-    position, stamp : float or None
-        Mean over the window of the position [m] and of its time [s], counted from the first sample; None before it.
-    heard : float or None
-        When the last sample was taken over, in the caller's time [s].
-    leaps : int
-        How often the position leapt, and the window was begun again.
-    refused : int
-        Samples that were refused.
-    reason : str
-        Why the last of them was.
+    `position` and `stamp` are the means over the window of the position [m] and of its time [s], counted from the first
+    sample; None before it. `heard` is when the last sample was taken over, in the caller's time [s]. The window begins
+    again at each of the `leaps`; `reason` says why the last of the `refused` samples was.
     """
 
     def __init__(self):
@@ -155,17 +125,7 @@ class Track:
         return math.fsum(stamp for stamp, _ in self._samples) / len(self._samples) if self._samples else None
 
     def add(self, nanoseconds: int, position: float, time: float) -> None:
-        """Take a sample over, or refuse it.
-
-        Parameters
-        ----------
-        nanoseconds : int
-            Its stamp.
-        position : float
-            Of the body [m].
-        time : float
-            The caller's time [s] now.
-        """
+        """Take over, at the caller's `time` [s], a sample that is stamped `nanoseconds`, or refuse it."""
         if not abs(position) <= FARTHEST:  # also for NaN
             self._refuse(f"a position of {position} m")
             return
@@ -203,16 +163,8 @@ class Holding:
     """Holds a mean speed: the body follows a position that moves on at that speed, by a proportional and integral law.
 
     The mean speed is right as long as the distance to this position stays bounded. That holds even where no motor
-    speed gives the wanted mean: the motor then alternates between two that lie on either side of it.
-
-    Parameters
-    ----------
-    goal : SpeedGoal
-        What to hold.
-    duration : float
-        How long [s]; the mean speed counts over the second half.
-    reach : float
-        Mean speed [m/s] that the robot holds at most; its sign is that of the way it goes.
+    speed gives the wanted mean: the motor then alternates between two that lie on either side of it. It counts over the
+    second half of `duration` [s].
     """
 
     def __init__(self, goal: SpeedGoal, duration: float, reach: float):
@@ -324,16 +276,7 @@ STANDSTILL = 0.5, 0.05
 
 
 class Approach:
-    """Reaches a position and stands there: a proportional law on the distance, because there is no way back.
-
-    Parameters
-    ----------
-    goal : PositionGoal
-        What to reach.
-    duration : float
-        Longest time [s].
-    reach : float
-        Mean speed [m/s] that the robot holds at most; its sign is that of the way it goes.
+    """Reaches a position within `duration` [s] and stands there: a proportional law on the distance, with no way back.
     """
 
     def __init__(self, goal: PositionGoal, duration: float, reach: float):
@@ -429,18 +372,8 @@ MOST_LEAPS = 3
 class Pursuit:
     """A goal, and the law by which it is pursued.
 
-    Parameters
-    ----------
-    goal : Goal
-        What to reach.
-    began : float
-        When the entry begins, in the time of the calls [s].
-    duration : float
-        How long to hold a speed, or the longest time to reach a position [s].
-    reach : float
-        Mean speed [m/s] that the robot holds at most; its sign is that of the way it goes.
-    track : Track
-        What odometry tells; the caller adds to it.
+    The entry `began` in the time [s] of the calls, and holds a speed for `duration` [s] or takes as long at most to
+    reach a position. The caller adds to `track` what odometry tells.
     """
 
     def __init__(self, goal: Goal, began: float, duration: float, reach: float, track: Track):

@@ -22,18 +22,7 @@ MOST_UNJUDGED = 1000
 
 
 class MapAdviser:
-    """Says where commands lead the robot into another motion, once the robot is known to be that of the map.
-
-    Parameters
-    ----------
-    node : Node
-        Logs.
-    command_map : CommandMap
-        What is known of the commands.
-    path : Path
-        The map's file, for words.
-    robot : CommandedRobot
-        Hears the commands.
+    """Says where commands lead the robot into another motion, once the robot is known to be that of the map at `path`.
     """
 
     def __init__(self, node: Node, command_map: CommandMap, path: Path, robot: CommandedRobot):
@@ -58,15 +47,7 @@ class MapAdviser:
                                "give motor_speed and gaps, or start a robot of this package")
 
     def advise(self, where: str, commands: Mapping[str, float], later: Mapping[str, float]) -> None:
-        """Say if commands, which are about to be sent, lead into another motion.
-
-        Parameters
-        ----------
-        where : str
-            Names the script's entry.
-        commands, later : mapping of str to float
-            As `MotionWatch.remark` takes them.
-        """
+        """Say if commands, which are about to be sent, lead into another motion; `where` names the script's entry."""
         self._unjudged.append((where, commands, later))
         self.judge()
 
@@ -97,14 +78,7 @@ class MapAdviser:
 
 
 class MotionWatch:
-    """Follows the motion of one robot.
-
-    Parameters
-    ----------
-    command_map : CommandMap
-        Of this robot.
-    initial : mapping of str to float
-        Where the commands stand before the first, in the units of the topics.
+    """Follows the motion of one robot, whose commands stand at `initial` before the first, in the units of the topics.
     """
 
     def __init__(self, command_map: CommandMap, initial: Mapping[str, float]):
@@ -115,15 +89,9 @@ class MotionWatch:
     def remark(self, commands: Mapping[str, float], later: Mapping[str, float]) -> tuple[str, bool]:
         """What is to be said before commands are sent, empty if nothing; and whether they leave the motion undecided.
 
-        A change into the one motion that the commands have is what they ask for. Where they have several, the motion
-        before decides which of them it will be.
-
-        Parameters
-        ----------
-        commands : mapping of str to float
-            All that stand then, in the units of the topics; a number that is not known may be NaN.
-        later : mapping of str to float
-            Those that stand `STAY` after them.
+        `commands` are all that stand then, in the units of the topics, NaN where one is not known; `later` those that
+        stand `STAY` after them. A change into the one motion that the commands have is what they ask for. Where they
+        have several, the motion before decides which of them it will be.
         """
         here, then = self._possible(commands), self._possible(later)
         lasting = {motion: words for motion, words in here.items() if motion in then}

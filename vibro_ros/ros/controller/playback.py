@@ -35,24 +35,7 @@ CLOCK_PERIOD = 0.01
 
 
 class RecordedMessages:
-    """Recorded messages, published byte for byte, and recorded time on /clock.
-
-    Parameters
-    ----------
-    stream : BagStream
-        The recording.
-    topics : sequence of str
-        What to publish of it.
-    rate : float
-        Recorded seconds per second.
-    clock : Publisher or None
-        Of /clock.
-
-    Attributes
-    ----------
-    published : int
-        Messages so far.
-    """
+    """Recorded messages, published byte for byte at `rate` recorded seconds per second, and recorded time on /clock."""
 
     def __init__(self, stream: BagStream, topics: Sequence[str], rate: float, clock: Publisher | None):
         self.published = 0
@@ -88,17 +71,9 @@ class RecordedMessages:
 
 
 def main(words: Sequence[str]) -> int:
-    """Play a bag.
+    """Play a bag, as the command line's `words` say.
 
-    Parameters
-    ----------
-    words : sequence of str
-        The command line.
-
-    Returns
-    -------
-    int
-        0 when done; 1 without a robot; 2 for bad input; 128 + the signal's number when aborted.
+    Returns 0 when done; 1 without a robot; 2 for bad input; 128 + the signal's number when aborted.
     """
     return exit_code("replay", lambda: _run(words))
 

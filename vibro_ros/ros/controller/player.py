@@ -49,11 +49,6 @@ class RosTime:
 
     ROS time changes only while the node's executor runs a callback, so who looks after each callback misses none. A
     clock that says 0 has begun. A clock that stands still is a paused simulation.
-
-    Parameters
-    ----------
-    node : SteadyNode
-        With `use_sim_time`.
     """
 
     def __init__(self, node: SteadyNode):
@@ -127,28 +122,13 @@ def timeline(node: SteadyNode) -> Timeline:
 class Player:
     """Publishes to a robot in time.
 
-    Parameters
-    ----------
-    node : Node
-        Publishes, and logs.
-    executor : Executor
-        Spun while waiting.
-    publishers : mapping of str to Publisher
-        By the names that `send` is given.
-    needed : sequence of str
-        Those of them that a robot must listen to.
-    motor : str
-        That of the motor's command; empty if there is none.
-    meanwhile : callable
-        Called with the time [s] since the start while nothing is due, each `period` [s] at least; before each instant
-        only with times before it.
-    period : float
-        Longest wall time [s] between two looks at the time.
-    prepare : callable
-        Called with the stop request when a robot listens, before time begins to count.
-    timeline : Timeline
-        The time that instants count in. Whatever is due is done after the callback that brings the time, before the
-        executor runs another: a simulator that waits for this node's answer in lock-step relies on it.
+    Of `publishers`, by the names that `send` is given, a robot must listen to the `needed` ones; `motor` is that of the
+    motor's command, empty if there is none. While nothing is due, `meanwhile` is called with the time [s] since the
+    start, each `period` [s] of wall time at least; before each instant only with times before it. `prepare` is called
+    with the stop request when a robot listens, before time begins to count.
+
+    Whatever is due by `timeline` is done after the callback that brings the time, before the executor runs another: a
+    simulator that waits for this node's answer in lock-step relies on it.
     """
 
     def __init__(self, node: Node, executor: Executor, publishers: Mapping[str, Publisher], needed: Sequence[str],
@@ -219,16 +199,7 @@ def wait_for_listeners(node: Node, executor: Executor, publishers: Sequence[Publ
     """Return when somebody subscribes to every one of `publishers`, or on `stop`.
 
     A robot subscribes when it can obey, not before: what is sent to one that compiles would be applied in a burst.
-
-    Parameters
-    ----------
-    patience : float
-        Longest wait [s]; 0 waits without end, and says every `REPORTS` what for.
-
-    Raises
-    ------
-    RuntimeError
-        When `patience` is over.
+    RuntimeError after `patience` [s]; 0 waits without end, and says every `REPORTS` what for.
     """
     begun, log = time.monotonic(), node.get_logger()
     limit = f"up to {patience:g} s " if patience else ""

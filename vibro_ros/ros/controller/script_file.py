@@ -57,19 +57,10 @@ def find_script(name_or_path: str) -> Path:
 
 
 def read_script(path: Path, command_map: CommandMap | None = None) -> Script:
-    """Read and check the script at `path`.
+    """Read and check the script, a YAML file.
 
-    Parameters
-    ----------
-    path : Path
-        Of a YAML file.
-    command_map : CommandMap, optional
-        Gives the commands where an entry asks for a speed over ground; without it such an entry is refused.
-
-    Raises
-    ------
-    ValueError
-        Naming the file, the entry and the reason.
+    An entry that asks for a speed over ground is refused without a command map, which gives its commands. ValueError
+    names the file, the entry and the reason.
     """
     document = read_yaml(path)
     try:
@@ -274,6 +265,9 @@ def _motor(value: object, where: str) -> tuple[float, float]:
                  for key, default in zip(("from", "to"), MOTOR_RANGE, strict=True))
     if low >= high:
         raise ValueError(f"{where}motor_speed: from {low:g} to {high:g} rad/s is no range; give `to` above `from`")
+    if low < 0.0:
+        raise ValueError(f"{where}motor_speed: {low:g} rad/s is below 0; feedback goes faster by a faster motor: give "
+                         "`from` at least 0")
     return low, high
 
 

@@ -32,13 +32,9 @@ FAREWELL = Duration(seconds=2)
 class Commands:
     """Publishes and hears the commands of one robot, in the executor's thread, by the clock `now` [s].
 
-    Attributes
-    ----------
-    in_force : dict of str to float
-        By topic, what was commanded in this run [SI] and has effect. What is missing nobody has commanded, or it is not
-        known; then what the robot does is in force.
-    of_page : bool
-        Whether a page's command keeps the motor turning.
+    `in_force` has by topic what was commanded in this run [SI] and has effect. What is missing nobody has commanded,
+    or it is not known; then what the robot does is in force. `of_page` says whether a page's command keeps the motor
+    turning.
     """
 
     def __init__(self, node: Node, now: Callable[[], float] = time.monotonic):
@@ -71,7 +67,7 @@ class Commands:
                 self.in_force[name] = value
                 if name == SPEED:
                     is_own = value in self._sent
-                    self.of_page = is_own and value > 0.0
+                    self.of_page = is_own and value != 0.0
                     while is_own and self._sent.popleft() != value:  # what was sent before was refused, or is lost
                         pass
         names = {operation.name for operation in operations}

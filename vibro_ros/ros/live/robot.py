@@ -43,18 +43,11 @@ _VOLTAGE, *_OF_VOLTAGE = (FIELDS.index(name) for name in (
 
 
 class LiveRobot:
-    """Follows one robot through its starts and ends.
+    """Follows one robot, whose node has the full name `robot`, through its starts and ends.
 
-    The node counts and says what it refuses; `robot` is the full name of the robot's node.
-
-    Attributes
-    ----------
-    settings : Settings or None
-        What is known of the robot that publishes now.
-    origin : int or None
-        Stamp [ns] of its first sample that was seen.
-    silences : int
-        How often it was heard again after a silence, perhaps as another robot.
+    The node counts and says what it refuses. `settings` is what is known of the robot that publishes now, `origin` the
+    stamp [ns] of its first sample that was seen, and `silences` counts how often it was heard again after a silence,
+    perhaps as another robot.
     """
 
     def __init__(self, node: SteadyNode, robot: str):

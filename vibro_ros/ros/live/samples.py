@@ -90,12 +90,8 @@ class Reading(NamedTuple):
 class Decoder:
     """Reads the messages of a robot of a known scene, whatever library and byte order wrote them.
 
-    The names of the robot's frames begin with `prefix`.
-
-    Attributes
-    ----------
-    columns : dict of str to list of int
-        Which of `FIELDS` the messages of each of `STAMPED` have, and of `NUMBERED` for a dc motor.
+    The names of the robot's frames begin with `prefix`. `columns` says which of `FIELDS` the messages of each of
+    `STAMPED` have, and of `NUMBERED` for a dc motor.
     """
 
     def __init__(self, scene: Scene, prefix: str):

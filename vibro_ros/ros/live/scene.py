@@ -71,14 +71,9 @@ def _value(name: str, message: ParameterValue) -> Any:
 
 
 class SceneReader:
-    """Asks a robot for its parameters, again and again until it answers.
+    """Asks a robot for its parameters, again and again until it answers; `reading` says whether an answer is awaited.
 
     The node asks in its executor's thread. `found` is given the settings, or in words why there are none.
-
-    Attributes
-    ----------
-    reading : bool
-        Whether an answer is awaited.
     """
 
     def __init__(self, node: Node, robot: str, found: Callable[[Settings | str], object]):

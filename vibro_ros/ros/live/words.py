@@ -46,13 +46,7 @@ class Impact(NamedTuple):
 
 
 class Words:
-    """Listens to the robot whose node has the full name `robot`.
-
-    Attributes
-    ----------
-    status : dict
-        Fields of the frame `status`, as the robot has said last.
-    """
+    """Listens to the robot whose node has the full name `robot`; `status` has the fields of the frame of that name."""
 
     def __init__(self, node: Node, robot: str):
         self._robot, self._logger = robot, robot.strip("/").replace("/", ".")

@@ -9,6 +9,7 @@ import copy
 import re
 from collections.abc import Callable, Generator
 from functools import partial
+from importlib import import_module
 from inspect import iscoroutinefunction
 from typing import Any
 
@@ -22,6 +23,7 @@ from rclpy.qos import QoSPolicyKind, QoSProfile
 from rclpy.qos_overriding_options import QoSOverridingOptions
 from rclpy.service import Service
 from rclpy.subscription import Subscription
+from rclpy.type_support import NoTypeSupportImportedException, check_for_type_support
 from rosgraph_msgs.msg import Clock
 from type_description_interfaces.srv import GetTypeDescription
 
@@ -36,28 +38,16 @@ MOST_NAMES = 1000
 """Names in one request to a parameter service; nobody has to ask for a parameter twice."""
 LONGEST_NAME = 1000
 """Characters of such a name."""
+RESULT_TIMEOUT = 60
+"""How long [s] the result of a goal can be asked for; each goal that was ever sent takes memory meanwhile."""
 _HASH = re.compile(r"RIHS01_[0-9a-f]{64}")
 
 
 class SteadyNode(Node):
-    """A node whose callbacks refuse what they cannot take.
+    """A node whose callbacks refuse what they cannot take; ROS arguments may change its name.
 
-    Parameters
-    ----------
-    name : str
-        The node's name, which ROS arguments may change.
-
-    Attributes
-    ----------
-    refusals : Refusals
-        What was refused.
-    clock_heard : bool
-        Whether a time came on /clock, which may be 0.
-
-    Raises
-    ------
-    ValueError
-        When one of rclpy's own parameters was given another type than true or false.
+    `clock_heard` says whether a time came on /clock, which may be 0. ValueError when one of rclpy's own parameters was
+    given another type than true or false.
     """
 
     def __init__(self, name: str):
@@ -156,11 +146,6 @@ class SteadyExecutor(SingleThreadedExecutor):
 
     KeyboardInterrupt, and the end of ROS while waiting, are raised as ever. One guard here stands for one around each
     callback: an error may also come before a callback, while rclpy takes a message or a request of another process.
-
-    Parameters
-    ----------
-    refusals : Refusals
-        Counts and says.
     """
 
     def __init__(self, refusals: Refusals):
@@ -179,6 +164,16 @@ class SteadyExecutor(SingleThreadedExecutor):
                 _release(entity)
             name = getattr(entity, "topic_name", None) or getattr(entity, "service_name", None)
             self._refusals.catch(name or (type(entity).__name__ if entity else "task"), error)
+
+
+def installed_type(package: str, kind: str, name: str) -> Any:
+    """A type of an interface package, its kind `srv` or `action`; None where it is not installed or cannot be used."""
+    try:
+        found = getattr(import_module(f"{package}.{kind}"), name)
+        check_for_type_support(found)
+    except (ImportError, AttributeError, NoTypeSupportImportedException):
+        return None
+    return found
 
 
 class NextTurn:

@@ -32,17 +32,8 @@ DEEPEST = 100_000
 def check_overrides(node: Node, publishers: Iterable[str], subscriptions: Iterable[str]) -> None:
     """Refuse each `qos_overrides` parameter that would be ignored or that no topic can have; fix the others.
 
-    Parameters
-    ----------
-    node : Node
-        Has declared the parameters that it was given.
-    publishers, subscriptions : iterable of str
-        Topics of the node, before namespace and remapping.
-
-    Raises
-    ------
-    ValueError
-        Naming the parameter, the limit and the remedy.
+    `publishers` and `subscriptions` are the node's topics, before namespace and remapping. ValueError names the
+    parameter, the limit and the remedy.
     """
     topics = {"publisher": [node.resolve_topic_name(name) for name in publishers],
               "subscription": [node.resolve_topic_name(name) for name in subscriptions]}

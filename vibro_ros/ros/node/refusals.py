@@ -15,17 +15,8 @@ LONGEST_SHOWN = 60
 class Refusals:
     """The refusals of one node.
 
-    Parameters
-    ----------
-    log : callable
-        Returns the node's logger.
-
-    Attributes
-    ----------
-    count : int
-        Messages and requests that were refused.
-    failures : int
-        Callbacks that ended with an error of this package's own.
+    `count` are the messages and requests that were refused, `failures` the callbacks that ended with an error of this
+    package's own.
     """
 
     def __init__(self, log: Callable[[], RcutilsLogger]):
@@ -75,19 +66,10 @@ def _own_place(traceback: TracebackType | None) -> str:
 
 
 class Throttle:
-    """Lets a short burst of warnings through, then one for each `period`.
+    """Lets a short burst of warnings through, then one for each `period` [s] of the clock `now`.
 
     rclpy's own throttle (`throttle_duration_sec`) does not count what it leaves out, and knows a warning by its line of
     code, where each topic and each peer here has a limit of its own.
-
-    Parameters
-    ----------
-    burst : int
-        Warnings let through at once.
-    period : float
-        Time [s] after which one more is let through.
-    now : callable
-        The clock [s].
     """
 
     def __init__(self, burst: int = 5, period: float = 1.0, now: Callable[[], float] = time.monotonic):

@@ -31,16 +31,7 @@ BEHIND = 1.0
 
 
 class Diagnostics:
-    """Publishes the state of simulation and recorder; runs in the executor's thread.
-
-    Parameters
-    ----------
-    node : SteadyNode
-        Publishes, and gives the name.
-    run, stepping : Run, Stepping
-        What is reported.
-    now : callable
-        ROS time [ns], for stamps.
+    """Publishes the state of simulation and recorder, in the executor's thread; `now` gives ROS time [ns], for stamps.
     """
 
     def __init__(self, node: SteadyNode, run: Run, stepping: Stepping, now: Callable[[], int]):

@@ -29,21 +29,9 @@ _NAME = re.compile(r"(?:/[A-Za-z_][A-Za-z0-9_]*)+")
 
 
 class LockStep:
-    """Waits for nodes after each sample.
+    """Waits after each sample for the nodes with these full `names`; asks in the executor's thread.
 
-    Parameters
-    ----------
-    node : Node
-        Asks, in its executor's thread.
-    names : sequence of str
-        Nodes that are waited for, with their namespaces.
-
-    Attributes
-    ----------
-    answered : Event
-        Set when all have answered.
-    settled : bool
-        Whether all have answered since the last `ask`.
+    `answered` is set when all have answered, `settled` says whether they have since the last `ask`.
     """
 
     def __init__(self, node: Node, names: Sequence[str]):

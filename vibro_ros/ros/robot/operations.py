@@ -43,21 +43,9 @@ BETWEEN = "between"
 class Request(Future):
     """An operation that was asked for: a future of the words that answer it; ValueError where it is refused.
 
-    Parameters
-    ----------
-    operation : Operation
-        What is asked.
-    counted : callable, optional
-        Given the number of samples of a `step` so far, after each one, by the thread that takes them.
-    work : callable, optional
-        The function of `BETWEEN`.
-
-    Attributes
-    ----------
-    completed : int
-        Samples that a `step` has taken so far.
-    given_up : bool
-        Whether the asker wants no more of them.
+    `counted` is given the number of samples of a `step` so far, after each one, by the thread that takes them. `work`
+    is the function of `BETWEEN`. `completed` are the samples that a `step` has taken so far; `given_up` says that the
+    asker wants no more of them.
     """
 
     def __init__(self, operation: Operation, counted: Callable[[int], object] | None = None,
@@ -77,37 +65,11 @@ class Request(Future):
 class Operations:
     """The operations of one run; each that is performed is published and recorded.
 
-    `ask`, `end` and the attributes are for any thread, the other functions for the stepping thread.
-
-    Parameters
-    ----------
-    node : Node
-        Publishes what was done.
-    device : Simulator
-        To which it is done.
-    pacing : Pacing
-        What holds robot time to the wall clock.
-    robot_time : RobotTime
-        Robot time.
-    subscriptions : CommandSubscriptions
-        In whose queue operations and commands wait, in one order of arrival.
-    record : callable
-        The bag.
-    lock_step : LockStep or None
-        Nodes that must be ready before robot time goes on after a pause.
-    paused : bool
-        Whether robot time stands still at first.
-
-    Attributes
-    ----------
-    paused : bool
-        Whether robot time stands still.
-    changed : dict of str to value
-        Parameters that were changed since the start.
-    topic : str
-        Resolved name of the topic.
-    woken : Event
-        Set when somebody asks for something, for a stepping thread that has nothing to do.
+    `ask`, `end` and the attributes are for any thread, the other functions for the stepping thread. Operations and
+    commands wait in the queue of `subscriptions`, in one order of arrival; the nodes of `lock_step` must be ready
+    before robot time goes on after a pause. `paused` says whether robot time stands still, `changed` which parameters
+    were changed since the start; `topic` is the resolved name. `woken` is set when somebody asks for something, for a
+    stepping thread that has nothing to do.
     """
 
     def __init__(self, node: Node, device: Simulator, pacing: Pacing, robot_time: RobotTime,

@@ -18,31 +18,12 @@ POLICY, PRIORITY = os.SCHED_RR, 1
 
 
 class Pacing:
-    """Holds simulated time to `factor` times the wall clock.
+    """Holds simulated time to `factor` times the wall clock `now` [s]; 0 never waits.
 
-    Deadlines are absolute, so sleeping too long once does not add up to drift. A lateness of at most
-    `max_catch_up` is made good by ticks without sleep; after a longer stall the whole lateness is
-    dropped, so that the device never bursts.
-
-    Parameters
-    ----------
-    factor : float
-        Simulated seconds per wall second; 0 never waits.
-    max_catch_up : float
-        Longest lateness [wall s] that is made good.
-    now, sleep : callable
-        The wall clock [s] and how to sleep on it.
-
-    Attributes
-    ----------
-    factor : float
-        As given, or as changed since; dimensionless.
-    missed : int
-        How often the next deadline had passed before anybody waited for it.
-    stalls : int
-        How often time was dropped.
-    dropped : float
-        Simulated time [s] dropped in all.
+    Deadlines are absolute, so sleeping too long once does not add up to drift. A lateness of at most `max_catch_up`
+    [wall s] is made good by ticks without sleep; after a longer stall the whole lateness is dropped, so that the
+    device never bursts. `missed` counts how often the next deadline had passed before anybody waited for it, `stalls`
+    how often time was dropped; `dropped` is the simulated time [s] that this cost in all.
     """
 
     def __init__(
@@ -111,24 +92,12 @@ class Pacing:
 
 
 class RobotTime:
-    """Times of a run's samples.
+    """Times of a run's samples, of which there are `rate` [Hz].
 
     Robot time is `ticks / rate` [s], never a sum of steps, so it does not drift, and nothing turns it back. The
     device's own time begins at 0 with each reset, so that what follows a reset has the bits of what follows a start.
-
-    Parameters
-    ----------
-    rate : float
-        Samples per second of robot time [Hz].
-    start : int
-        ROS time [ns] of robot time 0.
-
-    Attributes
-    ----------
-    start : int
-        The same; to be set before the first sample if it is not known earlier.
-    ticks : int
-        Number of the last sample, from 0.
+    `start` is the ROS time [ns] of robot time 0, to be set before the first sample if it is not known earlier; `ticks`
+    is the number of the last sample, from 0.
     """
 
     def __init__(self, rate: float, start: int = 0):
@@ -136,11 +105,17 @@ class RobotTime:
         self.ticks = 0
         self._rate = rate
         self._origin = 0  # the sample at which the device's time was 0
+        self._before = 0  # samples before robot time was 0 last
 
     @property
     def time(self) -> float:
         """Robot time [s] of the last sample."""
         return self.ticks / self._rate
+
+    @property
+    def simulated(self) -> float:
+        """Time [s] that was simulated since the start, whichever scenes the robot was in."""
+        return (self._before + self.ticks) / self._rate
 
     @property
     def due(self) -> float:
@@ -168,6 +143,7 @@ class RobotTime:
 
     def begin(self, start: int) -> None:
         """Let robot time be 0 now, at ROS time `start` [ns]."""
+        self._before += self.ticks
         self.start, self.ticks, self._origin = start, 0, 0
 
     def restart(self) -> None:

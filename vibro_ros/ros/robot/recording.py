@@ -38,24 +38,11 @@ _TOO_MANY = f"more than {MOST_BAGS} bags were asked for at once; one a second ca
 
 @dataclass(frozen=True)
 class Plan:
-    """How the robot records.
+    """How the robot records: `topics` under resolved names into bags in `directory`.
 
-    Attributes
-    ----------
-    directory : Path
-        Where bags are made.
-    topics : tuple of Topic
-        What is recorded, under resolved names.
-    storage : Storage
-        How bags lie on the disk.
-    metadata : mapping of str to str
-        What each bag says of itself.
-    snapshot : float
-        Time [s] that is kept in memory until it is asked for; 0 records everything.
-    checkpoint : Topic or None
-        Where a bag that may lack the run's beginning has the device's whole state now and then.
-    namespace : str
-        The robot's, for the folders' names.
+    `metadata` is what each bag says of itself. `snapshot` is the time [s] that is kept in memory until it is asked
+    for; 0 records everything. On `checkpoint` a bag that may lack the run's beginning has the device's whole state now
+    and then. The robot's namespace is for the folders' names.
     """
 
     directory: Path
@@ -69,23 +56,9 @@ class Plan:
 
 def plan_recording(settings: Mapping[str, Value], received: Mapping[str, str], publishers: RobotPublishers,
                    metadata: Mapping[str, str]) -> Plan:
-    """How to record, from the device's parameters.
+    """How to record, from the parameters `record.*`: the resolved names of `received`, and the topics of `publishers`.
 
-    Parameters
-    ----------
-    settings : mapping
-        The parameters `record.*`.
-    received : mapping of str to str
-        Resolved names of the topics of `INPUTS`.
-    publishers : RobotPublishers
-        The robot's other topics; recorded under their resolved names.
-    metadata : mapping of str to str
-        What each bag says of itself.
-
-    Raises
-    ------
-    ValueError
-        For a topic that the robot does not have, and for limits that make no sense.
+    ValueError for a topic that the robot does not have, and for limits that make no sense.
     """
     storage = Storage(settings["record.compression"], int(settings["record.max_size"]),
                       settings["record.max_duration"], int(settings["record.max_bytes"]))
@@ -124,21 +97,8 @@ def _chosen(names: Sequence[str], topics: Mapping[str, Topic]) -> tuple[Topic, .
 class Recording:
     """The bags of one run; a context manager that seals the last one.
 
-    `record` is for the stepping thread, everything else for the main thread.
-
-    Parameters
-    ----------
-    plan : Plan
-        How to record.
-    log : logger
-        Where lost messages are reported.
-
-    Attributes
-    ----------
-    faults : list of str
-        Why recordings stopped, in order.
-    latest : Recorder or None
-        The bag that is being written, or was written last; None when there was none.
+    `record` is for the stepping thread, everything else for the main thread. `faults` says why recordings stopped, in
+    order; `latest` is the bag that is being written, or was written last; None when there was none.
     """
 
     def __init__(self, plan: Plan, log: RcutilsLogger):

@@ -183,9 +183,9 @@ def _operate(node: SteadyNode, executor: Executor, settings: Mapping[str, Value]
             recording.save(stepping.error)
     if stepping.error or recording.faults:
         diagnostics.publish_last()
-    log.info(f"{recording.summary()}; {run.robot_time.time:.3f} s simulated, {run.pacing.dropped:.3f} s dropped in "
-             f"{run.pacing.stalls} stalls, {run.subscriptions.refused} commands refused, {run.subscriptions.dropped} "
-             "dropped")
+    log.info(f"{recording.summary()}; {run.robot_time.simulated:.3f} s simulated, {run.pacing.dropped:.3f} s dropped "
+             f"in {run.pacing.stalls} stalls, {run.subscriptions.refused} commands refused, "
+             f"{run.subscriptions.dropped} dropped")
     if stepping.error:
         raise stepping.error
     if recording.faults:

@@ -10,7 +10,6 @@ import time
 from collections.abc import Awaitable, Callable, Iterable, Mapping, Sequence
 from concurrent.futures import TimeoutError as FutureTimeoutError
 from enum import IntEnum, IntFlag
-from importlib import import_module
 from typing import Any
 
 from rcl_interfaces.msg import SetParametersResult
@@ -19,14 +18,13 @@ from rclpy.action.server import ServerGoalHandle
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.node import Node
 from rclpy.parameter import Parameter as ParameterOfRclpy
-from rclpy.type_support import NoTypeSupportImportedException, check_for_type_support
 from std_srvs.srv import SetBool, Trigger
 
 from vibro_ros.messages.fields import fill_entity_state
 from vibro_ros.messages.topics import FAULT, PAUSE, PUSH, RESET, RESUME, SET, STATE, STEP, Operation
 from vibro_ros.model.faults import Incident
 from vibro_ros.model.parameters import Value, checked_parameters, quoted
-from vibro_ros.ros.node.node import NextTurn, SteadyNode
+from vibro_ros.ros.node.node import RESULT_TIMEOUT, NextTurn, SteadyNode, installed_type
 from vibro_ros.ros.node.parameters import TABLE, declare
 from vibro_ros.ros.robot.operations import BETWEEN, Operations, Request
 from vibro_ros.ros.robot.pacing import RobotTime
@@ -55,8 +53,6 @@ ABOUT = ("vibro_ros: a step is one publish period. A reset puts the state back a
 OWN_PACKAGE = "vibro_ros_interfaces"
 INCIDENTS = {"SetState": "~/set_state", "Push": "~/push", "InjectFault": "~/inject_fault"}
 """What is offered of the project's own package, by type."""
-RESULT_TIMEOUT = 60
-"""How long [s] the result of a goal can be asked for; each goal that was ever sent takes memory meanwhile."""
 FEEDBACK_PERIOD = 0.02
 """Least time [s] between two messages of feedback, the last one aside: no clock holds the steps back."""
 
@@ -70,21 +66,9 @@ def offer_run_services(node: SteadyNode, operations: Operations, recording: Reco
         return response
 
     node.create_service(SetBool, "~/record", record)
-    group = ReentrantCallbackGroup()
-
-    def answering(operation: Callable[[Any], Operation]) -> Answer:
-        async def answer(request: Any, response: Any) -> Any:
-            asked = operations.ask(operation(request))
-            await finished(node, asked)
-            response.success, response.message = outcome(asked)
-            return response
-
-        return answer
-
-    for kind, name, operation in (
-            (Trigger, "~/reset", lambda _: Operation(RESET)), (Trigger, "~/step", lambda _: Operation(STEP, steps=1)),
-            (SetBool, "~/pause", lambda request: Operation(PAUSE if request.data else RESUME))):
-        node.create_service(kind, name, answering(operation), callback_group=group)
+    _offer_operations(node, operations, [
+        (Trigger, "~/reset", lambda _: Operation(RESET)), (Trigger, "~/step", lambda _: Operation(STEP, steps=1)),
+        (SetBool, "~/pause", lambda request: Operation(PAUSE if request.data else RESUME))])
 
 
 def offer_incidents(node: SteadyNode, operations: Operations) -> None:
@@ -93,6 +77,12 @@ def offer_incidents(node: SteadyNode, operations: Operations) -> None:
     if len(types) < len(INCIDENTS):
         node.get_logger().info(f"{OWN_PACKAGE} is not installed, or old: without "
                                f"{', '.join(path for name, path in INCIDENTS.items() if name not in types)}")
+    _offer_operations(node, operations, [(kind, INCIDENTS[name], _MEANT[name]) for name, kind in types.items()])
+
+
+def _offer_operations(node: SteadyNode, operations: Operations,
+                      offered: Iterable[tuple[type, str, Callable[[Any], Operation]]]) -> None:
+    """Offer services whose requests mean an operation: types, names, and what a request means (ValueError: nothing)."""
     group = ReentrantCallbackGroup()
 
     def answering(meant: Callable[[Any], Operation]) -> Answer:
@@ -108,8 +98,8 @@ def offer_incidents(node: SteadyNode, operations: Operations) -> None:
 
         return answer
 
-    for name, kind in types.items():
-        node.create_service(kind, INCIDENTS[name], answering(_MEANT[name]), callback_group=group)
+    for kind, name, meant in offered:
+        node.create_service(kind, name, answering(meant), callback_group=group)
 
 
 def _state_asked(request: Any) -> Operation:
@@ -268,14 +258,7 @@ incorrect transition: a stopped simulation stands still already."""
 
 
 class RefusalError(Exception):
-    """A request is refused.
-
-    Parameters
-    ----------
-    code : int
-        Why, for programs.
-    words : str
-        Why, for people: the value, the limit and the remedy.
+    """A request is refused: `code` says why for programs, `words` for people, with the value, the limit and the remedy.
     """
 
     def __init__(self, code: int, words: str):
@@ -351,23 +334,8 @@ def _listed(states: Iterable[State]) -> str:
 class SimulationControl:
     """The robot as a simulator: its state, and how requests of `simulation_interfaces` change it.
 
-    All functions are for the executor's thread.
-
-    Parameters
-    ----------
-    node : Node
-        Whose executor awaits.
-    operations : Operations
-        Perform what is asked.
-    robot_time : RobotTime
-        Knows whether the robot is at its start.
-
-    Attributes
-    ----------
-    quitting : bool
-        Whether somebody asked that the robot ends.
-    waiting : int
-        Requests whose answer is awaited.
+    All functions are for the executor's thread. `quitting` says whether somebody asked that the robot ends; `waiting`
+    counts requests whose answer is awaited.
     """
 
     def __init__(self, node: Node, operations: Operations, robot_time: RobotTime):
@@ -412,19 +380,9 @@ class SimulationControl:
         await self._answer(self._operations.ask(Operation(STATE, parameters=given)), Code.OPERATION_FAILED)
 
     def begin_steps(self, steps: int, counted: Callable[[int], object] | None = None) -> Request:
-        """Ask for samples while robot time stands still.
+        """Ask for samples while robot time stands still; RefusalError when they cannot be taken.
 
-        Parameters
-        ----------
-        steps : int
-            How many.
-        counted : callable, optional
-            Given the number of samples so far after each one; called by the stepping thread.
-
-        Raises
-        ------
-        RefusalError
-            When they cannot be taken.
+        `counted` is given the number of samples so far after each one, by the stepping thread.
         """
         check_steps(steps)
         self.check_idle()
@@ -469,19 +427,10 @@ class SimulationControl:
 
 
 def entity_state_asked(request: Any, entity: str, frame: str) -> dict[str, float]:
-    """What a request of SetEntityState gives, by fields of the state.
+    """What a request of SetEntityState gives, by fields of the state; `frame` is that of the odometry.
 
-    Parameters
-    ----------
-    request : SetEntityState.Request
-        What is asked.
-    entity, frame : str
-        The robot's name, and the frame of its odometry, which an empty name means, too.
-
-    Raises
-    ------
-    RefusalError
-        For another entity or frame, and for what no body on the ground's line can do. Accelerations are ignored.
+    RefusalError for another entity or frame, where an empty one means that of the odometry, and for what no body on the
+    ground's line can do. Accelerations are ignored.
     """
     check_entity(request.entity, entity)
     if request.state.header.frame_id not in ("", frame):
@@ -533,16 +482,8 @@ def offer_simulation(node: SteadyNode, control: SimulationControl, frame: str,
 
 def installed_types(package: str = PACKAGE, names: Iterable[str] = tuple(NAMES)) -> dict[str, Any]:
     """The types of `names` that are installed and can be used, by their names."""
-    found = {}
-    for name in names:
-        module = "action" if name == "SimulateSteps" else "srv"
-        try:
-            kind = getattr(import_module(f"{package}.{module}"), name)
-            check_for_type_support(kind)
-        except (ImportError, AttributeError, NoTypeSupportImportedException):
-            continue
-        found[name] = kind
-    return found
+    found = {name: installed_type(package, "action" if name == "SimulateSteps" else "srv", name) for name in names}
+    return {name: kind for name, kind in found.items() if kind}
 
 
 def _answers(control: SimulationControl, features: list[int], frame: str) -> dict[str, Answer]:
@@ -550,25 +491,18 @@ def _answers(control: SimulationControl, features: list[int], frame: str) -> dic
         response.features.features, response.features.custom_info = features, ABOUT
         return response
 
-    async def entity_of(request: Any, response: Any) -> Any:
-        try:
-            check_entity(request.entity, control.entity)
-            state, stamp = await control.look()
-        except RefusalError as refusal:
-            response.result.result, response.result.error_message = refusal.code, str(refusal)
-            return response
-        response.result.result = Code.OK
-        fill_entity_state(response.state, state, stamp, frame)
-        return response
+    async def entity_of(request: Any, response: Any) -> None:
+        check_entity(request.entity, control.entity)
+        fill_entity_state(response.state, *await control.look(), frame)
 
     async def state_of(request: Any, response: Any) -> Any:
         response.state.state, response.result.result = control.state, Code.OK
         return response
 
-    def answering(perform: Callable[[Any], Awaitable[None]]) -> Answer:
+    def answering(perform: Callable[[Any, Any], Awaitable[None]]) -> Answer:
         async def answer(request: Any, response: Any) -> Any:
             try:
-                await perform(request)
+                await perform(request, response)
                 response.result.result = Code.OK
             except RefusalError as refusal:
                 response.result.result, response.result.error_message = refusal.code, str(refusal)
@@ -579,12 +513,12 @@ def _answers(control: SimulationControl, features: list[int], frame: str) -> dic
     return {
         "GetSimulatorFeatures": features_of,
         "GetSimulationState": state_of,
-        "ResetSimulation": answering(lambda request: control.reset(request.scope)),
-        "SetSimulationState": answering(lambda request: control.change_state(request.state.state)),
-        "GetEntityState": entity_of,
-        "SetEntityState": answering(lambda request: control.set_entity_state(
+        "ResetSimulation": answering(lambda request, _: control.reset(request.scope)),
+        "SetSimulationState": answering(lambda request, _: control.change_state(request.state.state)),
+        "GetEntityState": answering(entity_of),
+        "SetEntityState": answering(lambda request, _: control.set_entity_state(
             entity_state_asked(request, control.entity, frame))),
-        "StepSimulation": answering(lambda request: control.finish_steps(control.begin_steps(request.steps))),
+        "StepSimulation": answering(lambda request, _: control.finish_steps(control.begin_steps(request.steps))),
     }
 
 

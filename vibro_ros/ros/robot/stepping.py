@@ -36,23 +36,10 @@ FOR_BAG = 0.001
 
 
 class CommandTimeout:
-    """When too much robot time has passed since the last command of the motor's speed that took effect, or the start.
+    """When more than `limit` [s] of robot time has passed since the last command of the motor's speed that took effect.
 
-    Robot time, because then a replay finds the same instant, and a pause does not count.
-
-    Parameters
-    ----------
-    limit : float
-        Longest time [s].
-    topic : str
-        Full name of the command's topic, for words.
-
-    Attributes
-    ----------
-    count : int
-        How often the motor was stopped.
-    words : str
-        What is said when it is.
+    Robot time, because then a replay finds the same instant, and a pause does not count; the start counts as a command.
+    `topic` is the command's full name, for the `words` that are said when the motor is stopped, `count` times so far.
     """
 
     def __init__(self, limit: float, topic: str):
@@ -77,15 +64,7 @@ class CommandTimeout:
 
 
 class StallReport:
-    """Says why simulated time was dropped: when stalls begin, then in a summary once a minute at most.
-
-    Parameters
-    ----------
-    warn : callable
-        Is given the lines.
-    now : callable
-        The wall clock [s].
-    """
+    """Says why simulated time was dropped: when stalls begin, then in a summary once a minute at most."""
 
     def __init__(self, warn: Callable[[str], object], now: Callable[[], float] = time.monotonic):
         self._warn, self._now = warn, now
@@ -93,16 +72,9 @@ class StallReport:
         self._count, self._dropped = 0, 0.0
 
     def add(self, dropped: float, total: float, busy: float, ticks: int) -> None:
-        """Take note of a stall.
+        """Take note of a stall that cost `dropped` [s] of simulated time; all stalls of the run have cost `total` [s].
 
-        Parameters
-        ----------
-        dropped, total : float
-            Simulated time [s] that it cost, and that all stalls of the run have cost.
-        busy : float
-            Wall time [s] that the run's steps have taken, without publishing.
-        ticks : int
-            How many steps these were.
+        The run's `ticks` steps have taken `busy` [s] of wall time, without publishing.
         """
         now = self._now()
         self._count, self._dropped = self._count + 1, self._dropped + dropped
@@ -126,30 +98,9 @@ class StallReport:
 
 @dataclass(frozen=True)
 class Run:
-    """One run of the robot.
+    """One run of the robot; once it runs, `device` is used by the stepping thread alone.
 
-    Attributes
-    ----------
-    device : Simulator
-        Used by the stepping thread alone once it runs.
-    robot_time : RobotTime
-        Which sample is the last, and when that is.
-    pacing : Pacing
-        What holds robot time to the wall clock.
-    subscriptions, publishers : CommandSubscriptions, RobotPublishers
-        The robot's topics.
-    operations : Operations
-        Pauses, steps and the like.
-    recording : Recording
-        The bags.
-    control : SimulationControl
-        Answers the requests of simulation_interfaces.
-    timeout : CommandTimeout or None
-        Says when the motor is to stop for want of commands.
-    clock : callable or None
-        Publishes robot time.
-    lock_step : LockStep or None
-        Says when the next sample may be taken.
+    `clock` publishes robot time; None where the robot publishes no /clock.
     """
 
     device: Simulator
@@ -168,27 +119,13 @@ class Run:
 class Stepping:
     """Advances the device tick by tick in its own thread, takes what has arrived before and publishes after each.
 
-    A context manager: the thread runs inside, and has ended outside.
+    A context manager: the thread runs inside, and has ended outside. `begin` is the instant [s] of robot time 0 by the
+    pacing's clock; now unless given. Stamps never run backwards, and fall behind the wall clock by the time that was
+    dropped and by pauses.
 
-    Stamps never run backwards, and fall behind the wall clock by the time that was dropped and by pauses.
-
-    Parameters
-    ----------
-    run : Run
-        What is stepped, and with whom it talks.
-    log : logger
-        Where stalls are reported.
-    begin : float, optional
-        Instant [s] of robot time 0 by the pacing's clock; now unless given.
-
-    Attributes
-    ----------
-    error : Exception or None
-        What ended the thread before it was asked to.
-    busy : float
-        Wall time [s] that steps took, without publishing.
-    unloaded : int
-        Steps after which the ground carried nothing: N by eq. (6) was not above 0, or the body was in the air.
+    `error` is what ended the thread before it was asked to; `busy` the wall time [s] that steps took, without
+    publishing; `unloaded` counts the steps after which the ground carried nothing: N by eq. (6) was not above 0, or
+    the body was in the air.
     """
 
     def __init__(self, run: Run, log: RcutilsLogger, begin: float | None = None):

@@ -43,14 +43,8 @@ WORDS = 300
 class World:
     """A scene as peers know it.
 
-    Attributes
-    ----------
-    name : str
-        Of the scene.
-    uri : str
-        What the parameter `scene` takes; empty for a text.
-    text : str
-        The content of the scene's file where a request had it.
+    `uri` is what the parameter `scene` takes, empty for a text; `text` the content of the scene's file where a request
+    had it.
     """
 
     name: str
@@ -129,16 +123,7 @@ def prepared_device(scene: Scene, log: RcutilsLogger) -> Simulator:
 class Worlds:
     """The scene of a running robot, and its change; for the executor's thread.
 
-    Parameters
-    ----------
-    node : SteadyNode
-        The robot's.
-    settings : mapping
-        Parameters of the device as it was started.
-    run, stepping, diagnostics : Run, Stepping, Diagnostics
-        What goes into another scene.
-    declare : callable
-        Declares the node's parameters with other values.
+    `settings` are the device's parameters as it was started; `declare` declares the node's with other values.
     """
 
     def __init__(self, node: SteadyNode, settings: Mapping[str, Value], run: Run, stepping: Stepping,
@@ -197,22 +182,25 @@ class Worlds:
                 await NextTurn()
                 control.check_idle()
             try:
-                self._change(world, preparation.result())
+                self._change(world, *preparation.result())
             except (ValueError, RuntimeError) as error:
                 raise RefusalError(Code.OPERATION_FAILED, one_line(error, WORDS)) from None
         finally:
             self._loading = False
             control.waiting -= 1
 
-    def _prepared(self, world: World, strict: bool) -> Simulator:
-        scene = scene_of(world, self._node.get_fully_qualified_name(), strict)
+    def _prepared(self, world: World, strict: bool) -> tuple[Simulator, str]:
+        """The world's device, and what the parameter `scene` is there: of a text, the scene that it changes."""
+        name = self._node.get_fully_qualified_name()
+        scene = scene_of(world, name, strict)
         check_interface(self._run.device.scene, scene)
-        return prepared_device(scene, self._node.get_logger())
+        origin = world.uri or merged(sections(Path(TEXT), world.text), name).get("scene", "paper")
+        return prepared_device(scene, self._node.get_logger()), str(origin)
 
-    def _change(self, world: World, device: Simulator) -> None:
+    def _change(self, world: World, device: Simulator, origin: str) -> None:
         """Go into the world of a prepared device, while this thread waits, so that nothing else is done meanwhile."""
         run, recording = self._run, self._run.recording
-        settings = self._settings | {"scene": world.uri or self._settings["scene"], FACTOR: run.pacing.factor}
+        settings = self._settings | {"scene": origin, FACTOR: run.pacing.factor}
 
         def change() -> None:
             if run.operations.takes_steps:

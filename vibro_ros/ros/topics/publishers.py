@@ -60,30 +60,12 @@ _SINGLE = {"current"}  # sensors whose message has numbers of 4 bytes, which no 
 
 
 class RobotPublishers:
-    """The robot's publishers.
+    """The robot's publishers; `publishers` has them by the robot's own names of the topics.
 
-    Parameters
-    ----------
-    node : Node
-        Publishes under the node's names.
-    scene : Scene
-        Says which masses there are.
-    prefix : str
-        Begins the name of every frame in the messages.
-    transforms : str
-        What of the frames is published, of `messages.frames`. Where the type of their messages is missing, there are
-        none, and the log says so.
-    variances : pair of sequences of float
-        Of the pose and of the twist in `odom`, as `messages.fields.fill_odometry` takes them.
-    control : bool
-        Whether `robot_description` tells ros2_control how to command the robot.
-
-    Attributes
-    ----------
-    publishers : dict of str to Publisher
-        By the robot's own names of the topics.
-    frames : Frames or None
-        Those that are published.
+    `prefix` begins the name of every frame in the messages. `transforms` says what of the frames is published, of
+    `messages.frames`; where the type of their messages is missing, there are none, and the log says so. `variances` are
+    those of the pose and of the twist in `odom`, as `messages.fields.fill_odometry` takes them. `control` says whether
+    `robot_description` tells ros2_control how to command the robot.
     """
 
     def __init__(self, node: Node, scene: Scene, prefix: str = "", transforms: str = NONE,
@@ -158,23 +140,10 @@ class RobotPublishers:
                 record: Record, measurements: Sequence[Measurement] = ()) -> None:
         """Publish and record a sample, and the contacts that ended since the one before it, and the measurements.
 
-        Everything is recorded at the sample's instant, so that the bag is in time order; an impact's header has
-        the first instant of contact, a measurement's the instant at which it was measured.
-
-        Parameters
-        ----------
-        values : ndarray, shape (fields,)
-            The sample: `Simulator.values`.
-        events : ndarray, shape (n,)
-            Events of `Simulator.take_events`.
-        stamp : int
-            ROS time [ns] of the sample.
-        stamp_of : callable
-            ROS time [ns] of a time [s] by the device's clock.
-        record : callable
-            The bag.
-        measurements : sequence of Measurement
-            What has come out of the sensors: `SensedSimulator.take_measurements`.
+        `values` are `Simulator.values`, `events` those of `Simulator.take_events`, `measurements` those of
+        `SensedSimulator.take_measurements`; `stamp` is the sample's ROS time [ns], `stamp_of` that of a time [s] by
+        the device's clock. Everything is recorded at the sample's instant, so that the bag is in time order; an
+        impact's header has the first instant of contact, a measurement's the instant at which it was measured.
         """
         numbers = values
         if self.frames is not None:

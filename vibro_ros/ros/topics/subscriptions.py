@@ -57,25 +57,9 @@ Name = TypeVar("Name")
 class CommandSubscriptions:
     """The robot's command subscriptions.
 
-    Parameters
-    ----------
-    node : Node
-        Listens under the node's names; logs refusals.
-    scene : Scene
-        Says which commands the robot has.
-
-    Attributes
-    ----------
-    topics : dict of str to str
-        Resolved name of each command's topic.
-    queue : Queue
-        What has arrived; other threads put their operations into it, too.
-    accepted : Counter
-        Commands that took effect, by name.
-    lost : int
-        Commands that the fault `lost_commands` took.
-    influences : dict of str to int
-        Faults of commands that last, and the instants at which they end, as stamps [ns].
+    `topics` has the resolved name of each command's topic. Other threads put their operations into the `queue`, too.
+    `accepted` counts the commands that took effect, by name, `lost` those that the fault `lost_commands` took;
+    `influences` are faults of commands that last, and the instants at which they end, as stamps [ns].
     """
 
     def __init__(self, node: Node, scene: Scene):
@@ -192,23 +176,11 @@ class CommandSubscriptions:
 
 
 class Queue:
-    """A bounded line for each topic, in one order of arrival; one thread adds, another takes.
+    """A bounded line for each name, `most` long, in one order of arrival; one thread adds, another takes.
 
-    Where a line is full the new command displaces its oldest. All that wait take effect at the same instant, one after
-    the other, and of one topic the last one stands: so it is the last that must not be lost, neither to older ones nor
-    to a flood on another topic.
-
-    Parameters
-    ----------
-    names : iterable of str
-        The lines.
-    most : int
-        Length of a line.
-
-    Attributes
-    ----------
-    dropped : int
-        Messages that were displaced.
+    Where a line is full the new command displaces its oldest, and `dropped` counts it. All that wait take effect at the
+    same instant, one after the other, and of one topic the last one stands: so it is the last that must not be lost,
+    neither to older ones nor to a flood on another topic.
     """
 
     def __init__(self, names: Iterable[str], most: int = MOST_WAITING):
@@ -245,18 +217,10 @@ class Queue:
 class Gathering(Generic[Name]):
     """A callback of raw subscriptions that takes what waits in all of them; for one executor's thread.
 
+    `receive` takes a subscription's name and the bytes of a message; `subscriptions` is to be set before the first.
+
     An executor's turn costs 0.15 ms and a message taken beside it 0.01 ms. By turns alone, a flood of commands at
     5 kHz took three quarters of the interpreter's time from the thread that steps the device.
-
-    Parameters
-    ----------
-    receive : callable
-        Takes a subscription's name and the bytes of a message, for each message.
-
-    Attributes
-    ----------
-    subscriptions : mapping of str to Subscription
-        What is gathered from, by name; to be set before the first message.
     """
 
     def __init__(self, receive: Callable[[Name, bytes], None]):

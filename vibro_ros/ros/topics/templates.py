@@ -32,16 +32,10 @@ _MASK = 0xFFFFFFFF
 
 
 class Template:
-    """The bytes of a message, and where its numbers stand in them.
+    """The bytes of a message of `type_name`, such as ``nav_msgs/msg/Odometry``, and where its numbers stand in them.
 
-    Parameters
-    ----------
-    make : callable
-        Makes a message of rclpy; its texts and lengths are the same for all numbers and stamps.
-    type_name : str
-        Its type, such as ``nav_msgs/msg/Odometry``.
-    count : int
-        How many numbers `make` takes.
+    `make` makes a message of rclpy of `count` numbers; its texts and lengths are the same for all numbers and stamps.
+    ValueError when other numbers make a message of another length, or the message cannot be read.
 
     Attributes
     ----------
@@ -52,11 +46,6 @@ class Template:
         whether it is negated.
     words : list of (int, bool)
         Of each word of a stamp: its place, counted in words of 4 bytes from there; whether it holds the nanoseconds.
-
-    Raises
-    ------
-    ValueError
-        When other numbers make a message of another length, or the message cannot be read.
     """
 
     def __init__(self, make: Make, type_name: str, count: int):
@@ -84,19 +73,8 @@ class Sheet:
     """Serialised messages side by side, of the same numbers and the same stamp; for one thread.
 
     One kernel fills all of them. A tick finds next to nothing of its code in the processor's caches, because a
-    millisecond has passed since the last one; so a loop of Python over messages and numbers would cost more.
-
-    Parameters
-    ----------
-    templates : sequence of Template
-        What the messages are.
-
-    Attributes
-    ----------
-    places : list of (int, int)
-        Where each message begins and ends in the bytes of all.
-    messages : list of ndarray
-        The bytes of each message, as views of what `fill` fills.
+    millisecond has passed since the last one; so a loop of Python over messages and numbers would cost more. `messages`
+    are the bytes of each message, as views of what `fill` fills, and `places` where it begins and ends in them.
     """
 
     def __init__(self, templates: Sequence[Template]):
@@ -126,20 +104,10 @@ class Sheet:
 
 @entry_kernel
 def fill_in(numbers, places, stamps, seconds, nanoseconds, doubles, words):
-    """Write numbers and a stamp where they belong.
+    """Write `numbers` and a stamp where they belong in the memory that `doubles`, of 8 bytes, and `words`, of 4, share.
 
-    Parameters
-    ----------
-    numbers : ndarray, shape (n,)
-        The numbers.
-    places : ndarray of int, shape (m, 3)
-        Place among `doubles`, which number, and whether it is negated.
-    stamps : ndarray of int, shape (k, 2)
-        Place among `words`, and whether the nanoseconds belong there.
-    seconds, nanoseconds : int
-        The stamp.
-    doubles, words : ndarray, shapes (d,) and (2 d,)
-        The same memory as numbers of 8 bytes and of 4.
+    A row of `places` is a place among `doubles`, which number, and whether it is negated; one of `stamps` is a place
+    among `words`, and whether the nanoseconds belong there.
     """
     for i in range(len(places)):
         number = numbers[places[i, 1]]
@@ -151,16 +119,7 @@ def fill_in(numbers, places, stamps, seconds, nanoseconds, doubles, words):
 def checked_template(make: Make, type_name: str, count: int, warn: Callable[[str], object]) -> Template | None:
     """The template of a message of `count` numbers; None if bytes that are filled in are not those of rclpy.
 
-    Parameters
-    ----------
-    make : callable
-        Makes a message.
-    type_name : str
-        Its type.
-    count : int
-        How many numbers `make` takes.
-    warn : callable
-        Given the reason, in words, when there is no template.
+    `warn` is then given the reason, in words.
     """
     # numbers that all differ and have both signs
     numbers = [(-1) ** i * (i + 1) / 3.0 for i in range(count)]

@@ -120,7 +120,7 @@ def _upset(design: Design, row: dict) -> str:
     if row["size"] is None:
         return "no shock was found that changes it"
     parts = np.array([row[f"change.{name}"] for name in names])
-    scale = np.array([design.scene["crank.radius"] * (design.scene["motor.speed"] if UNITS[name] == "m/s" else 1.0)
+    scale = np.array([design.scene["crank.radius"] * (abs(design.scene["motor.speed"]) if UNITS[name] == "m/s" else 1.0)
                       for name in names])
     shown = np.abs(parts / scale) >= _PART * np.abs(parts / scale).max()
     change = ", ".join(f"{name} {part:+.3g} {UNITS[name]}" for name, part, tell in zip(names, parts, shown, strict=True)

@@ -16,7 +16,7 @@ from vibro_ros.model.parameters import Value
 from vibro_ros.model.scene import Scene
 from vibro_ros.orbits.fatal_shock import Shocked
 from vibro_ros.orbits.recurrence import SettledMotion, number_among, settle
-from vibro_ros.orbits.turn_map import TURN, Stroboscope, TurnMap, coordinates
+from vibro_ros.orbits.turn_map import TURN, Stroboscope, TurnMap, coordinates, turn_time
 from vibro_ros.simulation.given_state import UNITS
 from vibro_ros.simulation.motion import SimulationError
 from vibro_ros.simulation.simulator import ToleranceWarning
@@ -152,8 +152,7 @@ def over_in_words(scene: Scene, text: str) -> Over:
     low, high = (_number(name, part) for part in parts[:2])
     if not low < high:
         raise ValueError(f"--over {name}: from {low:g} to {high:g} is no range; give the smaller number first")
-    least = 0.0 if name in (ANGLE, "body_height") else -math.inf
-    if low < least:
+    if name == "body_height" and low < 0.0:
         raise ValueError(f"--over {name}: {low:g} {UNITS[name]} is out of range; give at least 0")
     count = whole_number(f"--over {name}: count", parts[2], 2, _MOST_VALUES) if len(parts) == 3 else 0
     return Over(name, low, high, count)
@@ -186,7 +185,7 @@ def everywhere(scene: Scene) -> tuple[Over, ...]:
     The body starts on the ground. Where a rigid plate is nearer, the range of its mass ends at the plate.
     """
     reach = scene["crank.radius"]
-    speed, sides = reach * scene["motor.speed"], []
+    speed, sides = reach * abs(scene["motor.speed"]), []
     for name in coordinates(scene):
         side = name.split("_")[0]
         if name.endswith("velocity") and name != "body_vertical_velocity":
@@ -249,7 +248,7 @@ class Design:
     @property
     def run_time(self) -> float:
         """Robot time [s] of a start that settles at once."""
-        return self.turns * TURN / self.scene["motor.speed"]
+        return self.turns * turn_time(self.scene)
 
     def document(self) -> dict:
         """All that decides where the starts lead, as JSON has it."""

@@ -3,6 +3,7 @@
 import csv
 import io
 import itertools
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
@@ -15,7 +16,8 @@ from scipy.stats import t as student
 from vibro_ros.accuracy.figures import new_figure, png, tidy, with_unit
 from vibro_ros.accuracy.starts import SAME
 from vibro_ros.model.parameters import BY_NAME
-from vibro_ros.study.measures import MEASURES
+from vibro_ros.orbits.chaos import sign_of
+from vibro_ros.study.measures import EXPONENT, MEASURES, SPREAD
 from vibro_ros.study.sweep.design import NO_SCENE, Design
 
 
@@ -31,7 +33,8 @@ class Summary:
         By varied parameter, its value at each point, in SI units.
     mean, spread : dict of str to ndarray, shape (points,)
         By measure, in its unit: the mean over the starts that have a value, and half of its 95 % interval by Student's
-        distribution; NaN where fewer than one, or two, have one.
+        distribution; NaN where fewer than one, or two, have one. The exponent of a single start, or of starts of which
+        none parts, has the interval that was measured with it.
     count : dict of str to ndarray, shape (points,)
         Starts that have a value.
     failed, refused : ndarray, shape (points,)
@@ -59,6 +62,9 @@ def summary(design: Design, table: pa.Table) -> Summary:
         values = table[name].to_numpy().reshape(shape)
         count[name] = np.sum(~np.isnan(values), axis=1)
         mean[name], spread[name] = _mean_and_spread(values, count[name])
+    if EXPONENT in mean:
+        own = (count[EXPONENT] == 1) | (spread[EXPONENT] == 0.0)
+        spread[EXPONENT] = np.where(own, mean[SPREAD], spread[EXPONENT])
     errors = table["error"].to_pylist()
     refused = np.array([error is not None and error.startswith(NO_SCENE) for error in errors]).reshape(shape)
     has_error = np.array([error is not None for error in errors]).reshape(shape)
@@ -102,12 +108,14 @@ def in_words(found: Summary) -> list[str]:
     design = found.design
     lines = [f"{design.points} points from {design.starts} drawn starts each" if design.starts else
              f"{design.points} points, each from the scene's own start"]
-    for name in design.measures:
+    for name in _shown(design):
         if np.isnan(found.mean[name]).all():
             lines.append(f"{name}: no run has a value")
             continue
         least, most = int(np.nanargmin(found.mean[name])), int(np.nanargmax(found.mean[name]))
         lines.append(f"{name}: from {_at(found, name, least)} to {_at(found, name, most)}")
+        if name == EXPONENT and (unknown := _of_unknown_sign(found)):
+            lines.append(f"{name}: sign not known at {unknown} of {design.points} points")
     for count, what, texts in ((found.failed.sum(), "runs could not go on", [
             text for text in found.errors if not text.startswith(NO_SCENE)]),
             (found.refused.sum(), "runs are of scenes that are refused", [
@@ -119,12 +127,24 @@ def in_words(found: Summary) -> list[str]:
     return lines
 
 
+def _shown(design: Design) -> list[str]:
+    """The measures, without the interval of another one, which stands there."""
+    return [name for name in design.measures if name != SPREAD]
+
+
+def _of_unknown_sign(found: Summary) -> int:
+    """Points at which 0 lies within the interval of the exponent, or the interval is not known."""
+    return sum(not math.isnan(mean) and not sign_of(mean, spread) for mean, spread in zip(
+        found.mean[EXPONENT].tolist(), found.spread[EXPONENT].tolist(), strict=True))
+
+
 def _at(found: Summary, name: str, point: int) -> str:
     where = ", ".join(f"{parameter} = {value:.6g}" if isinstance(value, float) else f"{parameter} = {value}"
                       for parameter, value in ((one, found.parameters[one][point]) for one in found.design.names))
     spread = found.spread[name][point]
-    same = spread <= SAME * abs(found.mean[name][point])  # one motion repeated, whose interval describes the draw
-    interval = "" if np.isnan(spread) or same else f" ± {spread:.2g}"
+    # One motion repeated, whose interval would describe the draw.
+    same = found.count[name][point] > 1 and spread <= SAME * abs(found.mean[name][point])
+    interval = f" ± {spread:.2g}" if spread > 0.0 and not same else ""
     unit = "" if MEASURES[name].unit == "1" else f" {MEASURES[name].unit}"
     return f"{found.mean[name][point]:.4g}{interval}{unit}{' from every start' * bool(same)} ({where})"
 
@@ -142,7 +162,7 @@ def draw_sweep(found: Summary) -> bytes:
     on_grid = not found.design.ranges
     is_map = on_grid and len(numbers) == 2 and len(found.design.names) == 2
     columns = [tuple(numbers)] if is_map else [(name,) for name in numbers] or [(found.design.names[0],)]
-    measures = found.design.measures
+    measures = _shown(found.design)
     figure = new_figure(_WIDTH * len(columns), _HEIGHT * len(measures), 100)
     axes = figure.subplots(len(measures), len(columns), squeeze=False)
     for row, measure in zip(axes, measures, strict=True):

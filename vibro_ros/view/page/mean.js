@@ -5,8 +5,8 @@ import {fixed} from "vibro/ticks.js";
 const SECONDS = 5; // over which is averaged, or less where the run has begun later
 const STEP = 2.5e-4; // s, between two looks at a motion that is known everywhere
 const EVERY = 250; // ms between two readings
-const RESET = 1; // rad, by which only a reset turns the crank back
-const NAMES = ["body_position", "body_height", "crank_angle"];
+const RESET = 1; // rad, by which only a reset turns the crank against its speeds before and after
+const NAMES = ["body_position", "body_height", "crank_angle", "motor_speed"];
 
 /**
  * The means over the seconds before an instant, from the last reset and the last gap of what is known on.
@@ -19,14 +19,16 @@ export function means(source, time) {
   let start = null;
   let before = null;
   let airborne = 0;
-  source.path(NAMES, time - SECONDS, time, STEP, (at, [position, height, angle]) => {
-    if (!before || Number.isNaN(before.position) || before.angle - angle > RESET) {
+  source.path(NAMES, time - SECONDS, time, STEP, (at, [position, height, angle, turning]) => {
+    const turned = before ? angle - before.angle : 0;
+    const isReset = Math.abs(turned) > RESET && turned * before.turning <= 0 && turned * turning <= 0;
+    if (!before || Number.isNaN(before.position) || isReset) {
       start = {at, position};
       airborne = 0;
     } else {
       airborne += (at - before.at) * ((height > 0) + (before.height > 0)) / 2;
     }
-    before = {at, position, height, angle};
+    before = {at, position, height, angle, turning};
   });
   const seconds = start ? before.at - start.at : 0;
   return seconds > 0 ? {seconds, speed: (before.position - start.position) / seconds, airborne: airborne / seconds}

@@ -1,4 +1,4 @@
-"""A driven coordinate with a decaying term against closed forms: sliding blocks whose friction falls with the speed.
+"""A decaying term against closed forms: sliding blocks whose friction falls with the speed.
 
     v' = a - b exp(-v / s)  for v >= 0,  so that w = exp(v / s) obeys w' = (a w - b) / s:
 
@@ -58,9 +58,10 @@ def test_a_block_is_stopped_by_friction_that_grows(speed, sign):
 
 @pytest.mark.parametrize("speed", [1.0, 0.01, 1e-6])
 def test_a_block_breaks_away(speed):
-    """A18. From rest, pushed by a hundredth more than holds it; until the decay is over and long after."""
+    """A18. From rest, pushed by a hundredth more than holds it; until the decay is over, at 41 s, and long after, when
+    a segment of a second rounds what it adds, 5 m/s."""
     push, friction = 5.05, 5.0
-    last = speed / push * math.log(1e25)
+    last = speed / push * math.log(1e20)
     times = np.linspace(0.0, last, 60)
     run = Integration(block(push, friction, speed), [0.0], [0.0])
     points, modes, _ = run.sample(times)
@@ -92,20 +93,10 @@ def test_the_term_is_back_when_the_block_comes_down_to_it(speed):
     assert time == pytest.approx(stop, abs=4e-16)
 
 
-def test_a_system_with_a_term_has_one_driven_coordinate():
-    system = block(-2.0, 5.0, 0.01)
-    channels = Channels(2, 0, 0, 0, 1)
-    two = build(channels, [np.zeros((2, channels.count))], decay=([np.zeros(channels.count)], [0.0]))
-    assert Integration(system, [0.0], [0.3]).segments >= 1
-    with pytest.raises(ValueError, match="one driven coordinate"):
-        Integration(two, [0.0, 0.0], [0.3, 0.0])
-
-
 @pytest.mark.parametrize("speed", [0.1, 0.01])
 @pytest.mark.parametrize("begin", [0.3, 0.51, 0.97])
-def test_a_piece_may_begin_anywhere_in_a_segment(begin, speed):
-    """A18. A block glides until a clock, the dynamic coordinate, has run down; then friction sets in, while the clock's
-    flow goes on, for the second that a segment lasts: in pieces, to roundings of the segment's local time at 7 m/s²."""
+def test_the_term_may_set_in_at_any_time(begin, speed):
+    """A18. A block glides until a clock, the dynamic coordinate, has run down; then friction sets in."""
     push, friction, start = -2.0, 5.0, 0.3
     channels = Channels(2, 1, 0, 0, 1)
     gliding, sliding, stopped = np.zeros((3, 2, channels.count))
@@ -125,7 +116,6 @@ def test_a_piece_may_begin_anywhere_in_a_segment(begin, speed):
     np.testing.assert_allclose(points[:, channels.position(0)], begin - times, rtol=0, atol=4e-16)
     run.sample([begin + stop + 0.1])
     assert run.events[-1][0] == pytest.approx(begin + stop, abs=1e-15)
-    assert run.segments < 12
 
 
 def test_sampling_does_not_disturb():

@@ -1,0 +1,173 @@
+"""Motors known in time turn the crank backwards, and through 0: known motions, mirrored and reversed ones."""
+
+import math
+
+import numpy as np
+import pytest
+
+import vibro_ros
+from vibro_ros.accuracy.tables_by_scipy import Tables, Work, located
+
+MOTORS = ("ideal", "ramp", "lag")
+FREE = {"effects.upper_contact": "none", "effects.inclined_contact": "none", "effects.friction": "none",
+        "upper.spring.damping": 0.0, "inclined.spring.damping": 0.0}
+# At rest, backwards, forwards through 0, and backwards again.
+COURSE = ((0.1, -80.0), (0.3, 70.0), (0.7, -40.0))
+
+
+def ran(scene, times, course, sign=1.0):
+    """A device's samples at `times` under the commands of `course`, or of its mirror image."""
+    return vibro_ros.simulate(scene, times=times, commands=[(at, {"motor_speed": sign * to}) for at, to in course])
+
+
+@pytest.mark.parametrize("motor", MOTORS)
+@pytest.mark.parametrize("name", ["device", "rigid", "damped"])
+@pytest.mark.parametrize("side", ["upper", "inclined"])
+def test_a_mirrored_crank_drives_a_mass_alike(name, motor, side):
+    """A slider's position is even in the angle from its guide: the mass on it, its plate and the body cannot tell which
+    way the crank turns. To some hundred roundings of 0.06 m."""
+    other, tilt = {"upper": "inclined", "inclined": "upper"}[side], 0.0 if side == "upper" else 1.3
+    scene = vibro_ros.load_scene(name).with_parameters({
+        f"effects.{other}_mass": False, "effects.motor": motor, "guide.angle": 1.3, "motor.speed": 0.0,
+        "start.state": "given", "start.crank_angle": tilt, f"start.{side}_position": 0.05})
+    here, there = (ran(scene, np.linspace(0.0, 1.2, 1001), COURSE, sign) for sign in (1.0, -1.0))
+    for field in (f"{side}_position", "body_position"):
+        np.testing.assert_allclose(getattr(there, field), getattr(here, field), rtol=0, atol=1e-13)
+    np.testing.assert_allclose(there.crank_angle - tilt, tilt - here.crank_angle, rtol=0, atol=1e-13)
+    np.testing.assert_allclose(there.motor_speed, -here.motor_speed, rtol=0, atol=1e-12)
+    assert len(there.events) == len(here.events) > 50
+    assert here.crank_angle.min() < tilt - 5.0 and here.motor_speed.max() > 30.0
+
+
+@pytest.mark.parametrize("reaction", [False, True])
+def test_a_motion_without_losses_goes_back_the_way_it_came(reaction):
+    """Both masses and the body, on a ramp through 0: with all speeds reversed, and the ramp, they are at their start
+    again. To roundings of 0.06 m over some hundred segments."""
+    scene = vibro_ros.load_scene("damped").with_parameters({
+        **FREE, "effects.reaction": reaction, "effects.motor": "ramp", "motor.speed": 60.0, "start.state": "given",
+        "start.upper_position": 0.07, "start.upper_velocity": 0.3, "start.inclined_position": 0.05,
+        "start.crank_angle": 1.0})
+    device = vibro_ros.Simulator(scene)
+    start = device.state
+    device.command(motor_speed=-40.0)
+    device.advance_to(0.5)  # of 200 rad/s²: 0 after 0.3 s
+    there = device.state
+    assert there.motor_speed == pytest.approx(-40.0, abs=1e-12)
+    device.set_state(motor_speed=40.0, **{f"{side}_velocity": -getattr(there, f"{side}_velocity")
+                                          for side in ("upper", "inclined", "body")})
+    device.command(motor_speed=-60.0)
+    device.advance_to(1.0)
+    for name in ("upper_position", "inclined_position", "body_position", "crank_angle"):
+        assert getattr(device.state, name) == pytest.approx(getattr(start, name), abs=1e-12), name
+    for name in ("upper_velocity", "inclined_velocity", "body_velocity"):
+        assert getattr(device.state, name) == pytest.approx(-getattr(start, name), abs=1e-10), name
+
+
+@pytest.mark.parametrize("motor", ["ramp", "lag"])
+def test_blows_and_friction_through_0_are_those_of_dop853(motor):
+    """By values instead of series. To 1e-12 m: what a tolerance of 1e-13 makes of a dozen blows."""
+    scene = vibro_ros.load_scene("damped").with_parameters({
+        "effects.motor": motor, "motor.speed": 70.0, "motor.acceleration": 500.0, "solver.audit": False})
+    times = np.linspace(0.0, 0.4, 81)
+    run = vibro_ros.simulate(scene, times=times, commands=[(0.0, {"motor_speed": -90.0})])
+    tables = Tables(scene, -90.0)
+    states, _ = located("DOP853", tables, times, 1e-13, Work(math.inf))
+    forms = tables.model.forms
+    for name, coordinate in (("upper_position", 0), ("inclined_position", 1), ("body_position", forms.body)):
+        np.testing.assert_allclose(states[:, coordinate], getattr(run, name), rtol=0, atol=1e-12)
+    assert run.motor_speed[-1] < -80.0 and len(run.events) > 20
+
+
+def test_the_torque_is_known_where_the_speed_is_0():
+    """Power over speed would be rounding over rounding there. The torque changes by some 10 N m/s."""
+    scene = vibro_ros.load_scene("damped").with_parameters({"effects.motor": "ramp"})
+    times = 0.5 + np.array([-1e-6, -1e-15, 0.0, 1e-15, 1e-6])  # 100 rad/s at 200 rad/s²
+    torque = vibro_ros.simulate(scene, times=times, commands=[(0.0, {"motor_speed": -100.0})]).motor_torque
+    np.testing.assert_allclose(torque, torque[2], rtol=0, atol=1e-4)
+    assert abs(torque[2]) > 0.01
+
+
+@pytest.mark.parametrize("motor", MOTORS)
+@pytest.mark.parametrize(("method", "order"), [("rk4", 4), ("rk4_located", 4), ("semi_implicit_euler", 1)])
+def test_steps_of_fixed_length_pass_0_with_their_order(motor, method, order):
+    """Steps of which none ends where the speed is 0, or where a ramp ends: both lie within one."""
+    scene = vibro_ros.load_scene("no_impact").with_parameters({
+        "effects.motor": motor, "motor.acceleration": 3000.0, "motor.time_constant": 0.03, "motor.speed": -30.0})
+    times = np.array([0.0512, 0.4096])
+    exact = ran(scene, times, ((0.0512, 90.0), (0.1024, -40.0)))
+    off = []
+    for step in (1.6e-3, 0.8e-3, 0.4e-3):
+        run = ran(scene.with_parameters({"solver.method": method, "solver.step": step}), times,
+                  ((0.0512, 90.0), (0.1024, -40.0)))
+        assert run.crank_angle[-1] == pytest.approx(exact.crank_angle[-1], abs=1e-12)
+        off.append(abs(run.upper_position[-1] - exact.upper_position[-1]))
+    assert off[-1] < 1e-4 and off[-2] / off[-1] > 0.75 * 2.0**order
+
+
+@pytest.mark.parametrize("motor", MOTORS)
+@pytest.mark.parametrize("method", ["exact", "rk4", "moreau"])
+def test_a_run_through_0_has_the_same_bits_however_time_is_cut(motor, method):
+    """Also from a checkpoint before, at and behind 0, where a ramp is at 0.35 s."""
+    scene = vibro_ros.load_scene("damped").with_parameters({
+        "effects.motor": motor, "motor.speed": -60.0, "solver.method": method, "solver.step": 1e-4})
+    device, other = vibro_ros.Simulator(scene), vibro_ros.Simulator(scene)
+    for at, to in ((0.05, 60.0), (0.6, -90.0)):
+        device.advance_to(at)
+        device.command(motor_speed=to)
+        for time in np.random.default_rng(1).uniform(at, at + 0.4, 50).tolist() + [0.35]:
+            other.restore(device.checkpoint())
+            other.advance_to(max(time, device.time))
+            other.advance_to(at + 0.5)
+        for time in np.sort(np.random.default_rng(2).uniform(at, at + 0.4, 200)):
+            device.advance_to(time)
+        device.advance_to(at + 0.5)
+        assert device.values.tobytes() == other.values.tobytes()
+
+
+def test_a_checkpoint_says_which_way_and_no_forged_one_is_taken():
+    scene = vibro_ros.load_scene("damped").with_parameters({"effects.motor": "ramp"})
+    device = vibro_ros.Simulator(scene)
+    device.command(motor_speed=-50.0)
+    device.advance_to(0.4)  # of 200 rad/s²: at 20 rad/s, 0.1 s before 0
+    drive = device._motion.state.now["drive"][0]
+    assert (drive["direction"], drive["target"]) == (1, -50.0)
+    before = device.checkpoint()
+    for name, wrong in (("direction", 0), ("direction", 2), ("direction", -1), ("target", -501e2), ("time_left", 0.0),
+                        ("time_left", 0.3), ("acceleration", 200.0), ("speed", -20.0), ("speed", 30.0)):
+        usual = drive[name]
+        drive[name] = wrong
+        forged = device.checkpoint()
+        drive[name] = usual
+        other = vibro_ros.Simulator(scene)
+        if (name, wrong) == ("direction", -1):  # of another device: it turns backwards, and is to turn forwards
+            other.restore(forged)
+            assert other.state.motor_speed == pytest.approx(-20.0) and other.commanded_motor_speed == 50.0
+            continue
+        with pytest.raises(ValueError, match="of no state that this device can be in"):
+            other.restore(forged)
+        assert other.time == 0.0
+    assert np.array_equal(device.checkpoint(), before)
+
+
+def test_limits_hold_both_ways():
+    device = vibro_ros.Simulator(vibro_ros.load_scene("damped").with_parameters({"effects.motor": "lag"}))
+    with pytest.raises(ValueError, match=r"motor.speed: -501 is out of range; give a number from -500 to 500 rad/s"):
+        device.command(motor_speed=-501.0)
+    device.command(motor_speed=-500.0)
+    with pytest.raises(ValueError, match="motor.max_speed: 300 is below the commanded motor speed, -500 rad/s"):
+        device.set_parameters({"motor.max_speed": 300.0})
+    device.advance_to(0.5)
+    device.fail("motor_stall", duration=0.3)
+    device.advance_to(2.0)
+    assert device.state.motor_speed == pytest.approx(-500.0, rel=1e-4)  # 12 time constants
+    assert device.commanded_motor_speed == -500.0
+
+
+@pytest.mark.parametrize("speed", [5e-324, -1e-300])
+def test_a_speed_that_is_none_is_0(speed):
+    """The time in which it falls to 0 underflows: the motor would never turn."""
+    device = vibro_ros.Simulator(vibro_ros.load_scene("damped").with_parameters({"effects.motor": "ramp"}))
+    device.set_state(motor_speed=speed)
+    device.command(motor_speed=-math.copysign(20.0, speed))
+    device.advance_to(0.2)
+    assert device.state.motor_speed == -math.copysign(20.0, speed)

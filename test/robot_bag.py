@@ -1,0 +1,105 @@
+"""Bags as the robot records them, made without ROS: any scene, commands and operations; and bags in another hand."""
+
+import json
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+
+import vibro_ros
+from vibro_ros.bag.cdr import blank, serialised
+from vibro_ros.bag.metadata import Topic, defined
+from vibro_ros.bag.stream import BagStream
+from vibro_ros.bag.writer import BagWriter, Storage
+from vibro_ros.configuration.scene_file import DEVICE_PARAMETERS
+from vibro_ros.messages.topics import (
+    CHECKPOINT,
+    CHECKPOINT_TYPE,
+    OPERATIONS,
+    OPERATIONS_TYPE,
+    ROBOT_TOPICS,
+    TF_TOPICS,
+)
+from vibro_ros.model.scene import Scene
+from vibro_ros.recordings.rerun import Rerun, RunFacts
+from vibro_ros.simulation.provenance import provenance
+
+START = 1_763_700_000_000_000_000  # ns
+KINDS = {**{name: kind for name, kind in ROBOT_TOPICS.items() if name not in TF_TOPICS},
+         OPERATIONS: OPERATIONS_TYPE, CHECKPOINT: CHECKPOINT_TYPE}
+PLAIN = Storage()
+Told = Mapping[int, Mapping[str, float | bytes] | str]
+Message = tuple[str, int, bytes]
+
+
+def robot_bag(folder: Path, scene: Scene | str, ticks: int, told: Told | None = None, rate: float = 200.0,
+              checkpoints: tuple[int, ...] = (), storage: Storage = PLAIN) -> Path:
+    """Record `ticks` samples; `told` are commands, or the text of an operation, by the number of the sample."""
+    scene = vibro_ros.load_scene(scene) if isinstance(scene, str) else scene
+    settings = {one.name: one.default for one in DEVICE_PARAMETERS} | {"rate.publish": rate}
+    topics = {name: f"/{name}" for name in KINDS}
+    facts = RunFacts(settings, scene, START, topics)
+    custom = {"scene": scene.name, "topics": json.dumps(topics), "dropped": "0", "lost": "0",
+              **provenance({**settings, **scene.parameters}, START)}
+    rerun, messages = Rerun(facts, scene), []
+    for tick in range(ticks):
+        stamp = facts.stamp(tick)
+        messages += [(f"/{name}", stamp, data) for name, data in rerun.step()]
+        if tick in checkpoints:
+            messages.append((f"/{CHECKPOINT}", stamp, holding(CHECKPOINT_TYPE, rerun.device.checkpoint())))
+        for name, data in _inputs((told or {}).get(tick, {})):
+            messages.append((f"/{name}", stamp, data))
+            rerun.receive(name, data)
+    return _written(folder, [Topic(f"/{name}", kind, 10) for name, kind in KINDS.items()], messages,
+                    {**custom, "written": str(len(messages))}, storage)
+
+
+def _inputs(told: Mapping[str, float | bytes] | str) -> list[tuple[str, bytes]]:
+    if isinstance(told, str):
+        return [(OPERATIONS, holding(OPERATIONS_TYPE, told))]
+    return [(name, value if isinstance(value, bytes) else holding(ROBOT_TOPICS[name], value))
+            for name, value in told.items()]
+
+
+def holding(kind: str, data: float | str | np.ndarray) -> bytes:
+    """A serialised message of a type that holds `data`."""
+    message = blank(kind)
+    message.data = data
+    return serialised(message, kind)
+
+
+def rewritten(bag: Path, folder: Path, change: Callable[[list[Message]], Iterable[Message]] = list,
+              storage: Storage = PLAIN, known: bool = True, **told: str | None) -> Path:
+    """The same bag with its list of messages changed, stored in another way, or with other custom data, or none."""
+    with BagStream(bag) as stream:
+        topics = [Topic(name, one.type_name, one.qos_depth) for name, one in stream.topics.items()]
+        custom = {key: text for key, text in (stream.metadata | told).items() if known and text is not None}
+        return _written(folder, topics, change(list(stream.messages())), custom, storage)
+
+
+def each(changed: Callable[[Message], Message | None]) -> Callable[[list[Message]], list[Message]]:
+    """A change of each message, or without it."""
+    return lambda messages: list(filter(None, map(changed, messages)))
+
+
+def since(time: float) -> Callable[[list[Message]], list[Message]]:
+    """Leaves out what is before a time [s] of the bags made here."""
+    return each(lambda one: one if one[1] >= START + round(time * 1e9) else None)
+
+
+def _written(folder: Path, topics: Sequence[Topic], messages: Iterable[Message], custom: dict[str, str],
+             storage: Storage) -> Path:
+    writer = BagWriter(folder, defined(topics), custom, storage)
+    numbers = {topic.name: number for number, topic in enumerate(topics, start=1)}
+    for count, (topic, stamp, data) in enumerate(messages):
+        writer.write(numbers[topic], stamp, bytes(data))
+        if count % 100 == 0:
+            writer.flush()  # a chunk each
+    writer.flush()
+    writer.close({})
+    return folder
+
+
+def offset_times(begin: float, end: float, count: int = 20_000, seed: int = 0) -> np.ndarray:
+    """Ascending instants [s] that are no nodes of anything."""
+    return np.sort(np.random.default_rng(seed).uniform(begin, end, count))

@@ -1,0 +1,416 @@
+"""Flows that are not linear: their Taylor series about a segment's start, term by term.
+
+Two things make a flow nonlinear: a phase that is a coordinate, with the torque on it (`rotor`), and a decaying term
+
+    d = f e,        e = exp(r v),
+
+where v is the velocity of a coordinate, f a linear form of the channels, and r is constant in a mode (`system.Decay`).
+
+The coefficient n + 1 of every position and velocity follows from the coefficients n of all channels, which follow from
+the coefficients up to n of positions and velocities. Products, quotients, roots and exponentials of series have
+recurrences with one product of series each, such as e' = r v' e (R. E. Moore, Interval Analysis, 1966, ch. 11).
+
+Two channels may enter the forms that decide them: the phase's acceleration, where the signals' second derivatives enter
+the equations, and d, where d moves what f reads. Both enter linearly, and by the same factors for every n, so that two
+linear equations give their coefficients.
+
+A segment lasts as long as the last coefficients of the velocities are rounding. Its series in y = 0 ... 1 become
+polynomials in the local time x = 2 y - 1, as every other segment has them: guards, events, audit and dense output are
+the same. Where e has decayed to less than rounding, the flow goes on without d until e matters again.
+"""
+
+import math
+
+import numpy as np
+
+from vibro_ros.solver.compilation import called_kernel, entry_kernel, kernel
+from vibro_ros.solver.guards import NO_ROOT, NOISE, first_root
+from vibro_ros.solver.polynomial import differentiate, recentre, scale_argument
+from vibro_ros.solver.rotor import (
+    SERIES_OF_ROTOR,
+    begin_signals,
+    enter_rotor,
+    longest_rotor_segment,
+    product_coefficient,
+    read_phase,
+    slope_row,
+    turn_signals,
+)
+from vibro_ros.solver.segment import choose_segment, fill_forcing
+from vibro_ros.solver.state import MOST_DYNAMIC
+from vibro_ros.solver.system import (
+    NOTHING,
+    first_acceleration,
+    first_ramp,
+    first_signal,
+    form_magnitude,
+    sparse_magnitude,
+)
+from vibro_ros.solver.vector import LENGTH, store, vector
+
+# A velocity's last coefficient, beside its first ones; those that follow fall by `_FALL` each, so that their sum is a
+# quarter of it.
+_LAST, _FALL = 4e-16, 0.2
+# Phase [rad] of a rotor's trial: its series shows how long the segment may be, at most `_LONGER` times as long.
+_TRIAL, _LONGER = 0.5, 4.0
+# How much shorter a segment may be than its trial is found by so many refinements at most, until one changes little.
+_MOST_REFINEMENTS, _SETTLED = 20, 0.99
+# A trial that is too long by more than this is tried again, shorter by as much: its coefficients may be no numbers.
+_SHORTER, _MOST_TRIALS = 1e-8, 4
+# A current that has died away: its products would be lost below the smallest number.
+_VANISHING = 1e-250
+# Where -r v exceeds this, e has decayed to 4e-18 and may be left out ...
+_OVER = 40.0
+# ... and is left out from here on, so that it is not needed again at once. A segment without e ends before e matters
+# again, by more than rounding.
+_WELL_OVER, _BEFORE = 44.0, 1.0 - 1e-6
+# Row n: coefficients of ((1 + x) / 2)^n.
+_FROM_START = np.array([[math.comb(n, k) / 2.0**n for k in range(LENGTH)] for n in range(LENGTH)])
+# Rows of the scratch's series, behind those of `rotor`: e and f.
+_EXPONENTIAL, _FACTOR = SERIES_OF_ROTOR, SERIES_OF_ROTOR + 1
+# Rows for what a unit of the phase's acceleration, and of d, adds to other channels; the loads of the signals stand
+# behind the accelerations of the coordinates.
+_OF_PHASE, _OF_TERM, _LOADS = SERIES_OF_ROTOR + 2, SERIES_OF_ROTOR + 3, MOST_DYNAMIC
+
+
+@kernel
+def _row_at(row, terms, z, n):
+    """Coefficient n of a form."""
+    result = 0.0
+    for channel in terms:
+        if channel == NOTHING:
+            break
+        result += row[channel] * z[channel, n]
+    return result
+
+
+@kernel
+def decays(system, mode):
+    """Whether the mode has a decaying term."""
+    return len(system.decay.rate) > 0 and system.decay.rate[mode] != 0.0
+
+
+@kernel
+def _has_faded(system, mode, speed):
+    """Whether the mode's decaying term is left out at this velocity of its coordinate."""
+    return -system.decay.rate[mode] * speed > _WELL_OVER
+
+
+@kernel
+def is_linear(system, mode, point):
+    """Whether the flow that begins at `point` is linear."""
+    if system.size[0].rotors > 0:
+        return False
+    return not decays(system, mode) or _has_faded(
+        system, mode, point[system.size[0].coordinates + system.decay.coordinate[0]])
+
+
+@kernel
+def _respond(system, mode, series, of_phase, has_term, response):
+    """Store what a unit of the phase's acceleration (`of_phase`), or of d, adds to the other accelerations and to the
+    loads of the signals; return what it adds to the torque and to f."""
+    size, torque, factor = system.size[0], 0.0, 0.0
+    first, of_signals, decay = first_acceleration(size), first_signal(size) + 2 * size.signals, system.row.shape[1] - 2
+    masses, shaken = size.dynamic - 2 * size.rotors, size.signals if of_phase and size.signal_accelerations > 0 else 0
+    for i in range(masses):
+        response[i] = 0.0 if of_phase else system.acceleration[mode, i, decay]
+        for k in range(shaken):
+            response[i] += system.acceleration[mode, i, of_signals + k] * series[slope_row(k), 0]
+        if has_term:
+            factor += system.decay.factor[mode, first + i] * response[i]
+    for k in range(shaken):
+        if has_term:
+            factor += system.decay.factor[mode, of_signals + k] * series[slope_row(k), 0]
+    if size.rotors > 0:
+        for k in range(size.signals):
+            load = 0.0 if of_phase else system.rotor.load[mode, k, decay]
+            for j in range(shaken):
+                load += system.rotor.load[mode, k, of_signals + j] * series[slope_row(j), 0]
+            for i in range(masses):
+                load += system.rotor.load[mode, k, first + i] * response[i]
+            response[_LOADS + k] = load
+            torque += load * series[slope_row(k), 0]
+    return torque, factor
+
+
+@kernel
+def _fill_accelerations(system, mode, z, n, series, mirrored, loads, has_term, of_phase, of_term):
+    """Coefficient n of the accelerations of masses and phase, of d, of the torque, and of the signals' loads.
+
+    `of_phase` and `of_term` are what a unit of the phase's acceleration, and of d, adds to the torque and to f.
+    """
+    size, e, f = system.size[0], series[_EXPONENTIAL], series[_FACTOR]
+    phase, first, torque = size.dynamic - 2, first_acceleration(size), first_ramp(size) + 2 * size.ramps
+    masses, decay, pull, change, term = size.dynamic - 2 * size.rotors, len(z) - 2, 0.0, 0.0, 0.0
+    # First without coefficient n of the phase's acceleration, and without what coefficient n of f adds to that of d.
+    if size.decays > 0:
+        z[decay, n] = 0.0
+        if has_term:
+            for j in range(n):
+                z[decay, n] += f[j] * e[n - j]
+    for i in range(masses):
+        z[first + i, n] = _row_at(system.acceleration[mode, i], system.reads[mode, i], z, n)
+    if size.rotors > 0:
+        z[torque, n] = 0.0
+        for k in range(size.signals):
+            known = product_coefficient(loads[k], mirrored[slope_row(k)], n)  # before the load's own is there
+            loads[k, n] = load = _row_at(system.rotor.load[mode, k], system.rotor.load_terms[mode, k], z, n)
+            z[torque, n] += known + load * series[slope_row(k), 0]
+        row = system.acceleration[mode, phase]
+        change, pull = _row_at(row, system.reads[mode, phase], z, n), row[torque]
+    # Then what these two decide together: change = ... + pull T, and term = e[0] f[n].
+    own = 1.0 - pull * of_phase[0]
+    if has_term:
+        f[n] = _row_at(system.decay.factor[mode], system.decay.terms[mode], z, n)
+        mutual, other, share = pull * of_term[0], e[0] * of_phase[1], 1.0 - e[0] * of_term[1]
+        determinant, known = own * share - mutual * other, e[0] * f[n]
+        change, term = (change * share + mutual * known) / determinant, (own * known + other * change) / determinant
+        f[n] += of_phase[1] * change + of_term[1] * term
+        z[decay, n] += term
+        for i in range(masses):
+            z[first + i, n] += series[_OF_TERM, i] * term
+        if size.rotors > 0:
+            z[torque, n] += of_term[0] * term
+            for k in range(size.signals):
+                loads[k, n] += series[_OF_TERM, _LOADS + k] * term
+    elif size.signal_accelerations > 0:
+        change /= own
+    if size.rotors > 0:
+        if size.signal_accelerations > 0:
+            for i in range(masses):
+                z[first + i, n] += series[_OF_PHASE, i] * change
+            for k in range(size.signals):
+                z[first_signal(size) + 2 * size.signals + k, n] += series[slope_row(k), 0] * change
+                loads[k, n] += series[_OF_PHASE, _LOADS + k] * change
+            z[torque, n] += of_phase[0] * change
+        z[first + phase, n] = change
+
+
+@called_kernel
+def fill_series(system, mode, duration, orders, z, room):
+    """Coefficients of the channels, but of driven coordinates, in y = 0 ... 1 over `duration` [s].
+
+    Parameters
+    ----------
+    mode : int
+        The mode whose equations hold.
+    duration : float
+        Time [s] from y = 0 to 1.
+    orders : int
+        Number of coefficients.
+    z : ndarray, shape (channels, orders or more)
+        Constant terms of positions and velocities are given; of what is known in time, all coefficients.
+    room : record
+        The scratch's; its `series`, `mirrored` and `load` are overwritten.
+    """
+    size, series, mirrored, loads = system.size[0], room.series[:], room.mirrored[:], room.load[:]
+    coordinates, first, charge, body = size.coordinates, first_acceleration(size), size.dynamic - 1, 0
+    has_term, of_phase, of_term = False, (0.0, 0.0), (0.0, 0.0)
+    if size.rotors > 0:
+        series[:], mirrored[:], loads[:] = 0.0, 0.0, 0.0
+    if decays(system, mode):
+        body = system.decay.coordinate[0]
+        has_term = not _has_faded(system, mode, z[coordinates + body, 0])
+        # A speed beyond zero is rounding, or a step of fixed length that has passed the stop.
+        series[_EXPONENTIAL, 0] = math.exp(min(system.decay.rate[mode] * z[coordinates + body, 0], 0.0))
+    if size.rotors > 0:
+        begin_signals(system, z, series, mirrored)
+        of_phase = _respond(system, mode, series, True, has_term, series[_OF_PHASE])
+    if has_term:
+        of_term = _respond(system, mode, series, False, True, series[_OF_TERM])
+    for n in range(orders):
+        step = duration / (n + 1)
+        if size.rotors > 0:
+            turn_signals(system, z, n, step, series, mirrored)
+            if system.rotor.algebraic[mode]:
+                z[coordinates + charge, n] = _row_at(system.rotor.current[mode], system.rotor.current_terms[mode], z, n)
+        _fill_accelerations(system, mode, z, n, series, mirrored, loads, has_term, of_phase, of_term)
+        if size.rotors > 0:
+            z[first + charge, n] = _row_at(system.acceleration[mode, charge], system.reads[mode, charge], z, n)
+        if n + 1 == orders:
+            return
+        for i in range(size.dynamic):
+            z[i, n + 1] = step * z[coordinates + i, n]
+            z[coordinates + i, n + 1] = step * z[first + i, n]
+        if has_term:
+            if body >= size.dynamic:
+                z[body, n + 1] = step * z[coordinates + body, n]
+                z[coordinates + body, n + 1] = step * _row_at(
+                    system.acceleration[mode, body], system.reads[mode, body], z, n)
+            growth = 0.0
+            for j in range(n + 1):
+                growth += (j + 1) * z[coordinates + body, j + 1] * series[_EXPONENTIAL, n - j]
+            series[_EXPONENTIAL, n + 1] = system.decay.rate[mode] * growth / (n + 1)
+
+
+@kernel
+def _resolved_part(p):
+    """How much of y = 0 ... 1 a series may span, so that its last coefficients are rounding."""
+    part, before = _LONGER, 0.0
+    for _ in range(_MOST_REFINEMENTS):
+        size, power = 0.0, 1.0
+        for n in range(LENGTH // 2):
+            size += abs(p[n]) * power
+            power *= part
+        before = part
+        last, last_but_one = abs(p[LENGTH - 1]), abs(p[LENGTH - 2])
+        if last > _VANISHING:
+            part = min(part, (_LAST * size / last) ** (1.0 / (LENGTH - 1)))
+        if last_but_one > _VANISHING:
+            part = min(part, (_LAST / _FALL * size / last_but_one) ** (1.0 / (LENGTH - 2)))
+        if part >= _SETTLED * before:
+            break
+    return part
+
+
+@kernel
+def _to_local_time(z, part):
+    """Turn the coefficients in y = 0 ... 1 over a trial into those in x = -1 ... 1 over `part` of it."""
+    for channel in range(len(z)):
+        p = z[channel]
+        scaled = p[0] * vector(_FROM_START[0])
+        power = part
+        for n in range(1, LENGTH):
+            scaled = scaled + (p[n] * power) * vector(_FROM_START[n])
+            power *= part
+        store(p, scaled)
+
+
+@kernel
+def _set_scales(system, state):
+    """Magnitudes of the terms that make up each channel, of which guards take their rounding error."""
+    size, z, scale, mode = system.size[0], state.z, state.scale, state.now[0].automaton.mode
+    first, torque, masses = first_acceleration(size), first_ramp(size) + 2 * size.ramps, size.dynamic - 2 * size.rotors
+    known = first_signal(size) if size.rotors > 0 else len(z)  # without a rotor, the forcing has its scales
+    for channel in range(len(z)):
+        if channel < size.dynamic or size.coordinates <= channel < size.coordinates + size.dynamic or known <= channel:
+            scale[channel] = abs(z[channel, 0]) + abs(z[channel, 1])
+    if size.rotors > 0 and size.signal_accelerations > 0:  # differences of larger terms
+        rate = scale[size.coordinates + size.dynamic - 2]
+        for k in range(size.signals):
+            scale[first_signal(size) + 2 * size.signals + k] += system.rotor.signal[k, 0] * rate * rate
+    if size.decays > 0:
+        scale[len(z) - 2] = 0.0
+        if decays(system, mode):  # f, whose terms may be those that d moves; e is 1 at most
+            for i in range(masses):
+                scale[first + i] = form_magnitude(system.acceleration[mode, i], scale)
+            scale[len(z) - 2] = form_magnitude(system.decay.factor[mode], scale)
+    for i in range(masses):
+        scale[first + i] = form_magnitude(system.acceleration[mode, i], scale)
+    if size.rotors > 0:
+        for k in range(size.signals):
+            a, b = system.rotor.signal[k, 0], system.rotor.signal[k, 3]
+            slope = a * (1.0 + a / math.sqrt(b)) if b > 0.0 else a  # the largest
+            load = sparse_magnitude(system.rotor.load[mode, k], system.rotor.load_terms[mode, k], scale)
+            scale[torque] += slope * load
+        for i in range(masses, size.dynamic):
+            scale[first + i] = form_magnitude(system.acceleration[mode, i], scale)
+    # A force is rounded, and moves what no spring of its own holds, for as long as the segment lasts.
+    duration = 2.0 * state.now[0].segment.half
+    for i in range(size.dynamic):
+        if system.acceleration[mode, i, i] == 0.0:
+            scale[size.coordinates + i] += scale[first + i] * duration
+            scale[i] += scale[size.coordinates + i] * duration
+
+
+@kernel
+def _fill_known_motor(system, state, trial):
+    """Constant terms of what a rotor's series begin with, and the ramps' slopes over the `trial` [s]."""
+    size, z = system.size[0], state.z
+    z[:] = 0.0
+    for k in range(size.ramps):
+        channel = first_ramp(size) + k
+        z[channel, 0], z[channel, 1] = state.ramp[k].value, state.ramp[k].rate * trial
+        z[channel + size.ramps, 0] = state.ramp[k].rate
+    z[first_ramp(size) + 2 * size.ramps + 1, 0] = state.now[0].motor.held
+    z[len(z) - 1, 0] = 1.0
+
+
+@kernel
+def _fill_known_forcing(system, state, duration):
+    """Forcing over the segment, which lasts `duration` [s], in y = 0 ... 1."""
+    size, z, moved = system.size[0], state.z, state.scratch.room[0].load[:]
+    first, ramp = first_signal(size), first_ramp(size)
+    fill_forcing(system, state)
+    for channel in range(first, first + size.signals):
+        recentre(z[channel:channel + 1], -1.0, LENGTH, moved[:1])
+        scale_argument(moved[0], 2.0, z[channel])
+    for channel in range(first, first + size.signals + size.signal_accelerations):
+        differentiate(z[channel], duration, z[channel + size.signals])
+    for channel in range(ramp, ramp + size.ramps):
+        z[channel, 0] -= z[channel, 1]
+        z[channel, 1] *= 2.0
+
+
+@called_kernel
+def solve_by_taylor(system, state, point):
+    """Begin a segment at `point`, where the flow starts: its duration, and the series of all that moves by itself."""
+    size, now, z, room = system.size[0], state.now[0], state.z, state.scratch.room[0]
+    mode, segment = now.automaton.mode, now.segment
+    if size.rotors > 0:
+        enter_rotor(system, state, point)
+        _, rate = read_phase(system, point)
+        longest = longest_rotor_segment(system, state)
+        trial = min(longest, system.longest_segment[mode], _TRIAL / (1.0 + abs(rate)))
+        _fill_known_motor(system, state, trial)
+        segment.flow_start = segment.mode_start = -1.0
+        segment.slot = 0
+    else:
+        choose_segment(system, state, False)
+        longest = trial = 2.0 * segment.half
+        _fill_known_forcing(system, state, trial)
+    for channel in range(2 * size.coordinates):
+        z[channel, 0] = point[channel]
+    part = 0.0
+    for _ in range(_MOST_TRIALS):
+        fill_series(system, mode, trial, LENGTH, z, room)
+        part = longest / trial
+        for i in range(size.dynamic):
+            part = min(part, _resolved_part(z[size.coordinates + i]))
+        if decays(system, mode):
+            part = min(part, _resolved_part(z[size.coordinates + system.decay.coordinate[0]]))
+        if part > _SHORTER:
+            break
+        trial *= _SHORTER
+        for channel in range(len(z)):
+            scale_argument(z[channel], _SHORTER, z[channel])
+    if not part > 0.0:
+        point[0] = math.nan  # not even a number: the run ends here
+    if size.rotors > 0:
+        point[size.coordinates + size.dynamic - 1] = z[size.coordinates + size.dynamic - 1, 0]  # a current may jump
+    for channel in range(len(state.mode_point)):
+        state.mode_point[channel] = point[channel]
+    _to_local_time(z, part)
+    segment.half = 0.5 * (longest if part * trial >= longest else part * trial)
+    _set_scales(system, state)
+
+
+@kernel
+def end_where_term_returns(system, state):
+    """End the segment, if it goes on without the mode's decaying term, where that matters again."""
+    segment, automaton, mode = state.now[0].segment, state.now[0].automaton, state.now[0].automaton.mode
+    if not decays(system, mode) or segment.next_event <= segment.mode_start:
+        return
+    rate, velocity = system.decay.rate[mode], system.size[0].coordinates + system.decay.coordinate[0]
+    if not _has_faded(system, mode, state.mode_point[velocity]):
+        return
+    guard = state.scratch.room[0].guard[:]
+    store(guard, -rate * vector(state.z[velocity]))
+    guard[0] -= _OVER
+    noise = NOISE * abs(rate) * state.scale[velocity]
+    root = first_root(guard, segment.mode_start, segment.next_event, noise, state.scratch.room[0].search[:])
+    if root != NO_ROOT:
+        segment.next_event = segment.mode_start + (root - segment.mode_start) * _BEFORE
+        automaton.guard = NOTHING
+
+
+@kernel
+def evaluate(system, state, mode, point):
+    """Fill the channels at `point` that follow from positions, velocities and what is known in time in `mode`."""
+    fill_series(system, mode, 1.0, 1, point.reshape((len(point), 1)), state.scratch.room[0])
+
+
+@entry_kernel
+def read_rotor(system, state, point):
+    """`evaluate`, for Python, in the present mode: the very bits that the next segment begins with."""
+    evaluate(system, state, state.now[0].automaton.mode, point)
