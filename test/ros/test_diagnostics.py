@@ -59,7 +59,7 @@ def test_diagnostics_tell_how_it_goes(start, listener, bench, tmp_path):
     status, _ = listener.wait_for_status("simulation", lambda status: value_of(status, "share of time with N<0") > 0.0)
     assert value_of(status, "share of time with N<0") < 1.0
     bench.spin_until(lambda: speed.get_subscription_count() > 0, "robot up")
-    speed.publish(Float64(data=-1.0))
+    speed.publish(Float64(data=-501.0))
     status, values = listener.wait_for_status("simulation", lambda status: "commands refused" in status.message)
     assert (status.level, values["rejected commands"]) == (DiagnosticStatus.WARN, "1")
     status, values = listener.wait_for_status("recorder", lambda status: True)
