@@ -201,6 +201,8 @@ EFFECTS = {
         HOP | DAMPERS | HEAVY | LINKAGE | DC | BY_VOLTAGE | {"motor.speed": 0.0, "motor.acceleration": 2e3}, SPEED_UP),
     "dc motor, masses of the linkage on a body that slips": (
         UNILATERAL | DAMPERS | HEAVY | LINKAGE | DC | WINDING | BY_CURRENT | {"ground.slope": 0.05}, SPEED_UP),
+    "dc motor, masses of the linkage, Stribeck friction": (
+        UNILATERAL | STRIBECK | DAMPERS | HEAVY | LINKAGE | DC | WINDING | BY_CURRENT, SPEED_UP),
     "dc motor on ground that rebounds, without the reaction": (
         HOP | DAMPERS | LINKAGE | DC | {"ground.restitution": 0.4}, ()),
     "ideal motor backwards": (UNILATERAL | {"motor.speed": -100.0}, THROUGH_0),
