@@ -9,6 +9,8 @@ import pytest
 
 import vibro_ros
 from vibro_ros.orbits.branch import Branch, Special
+from vibro_ros.orbits.curve import Curve, CurveSpecial
+from vibro_ros.study.orbits import curves
 from vibro_ros.study.orbits.command import main, parser, plan_of
 from vibro_ros.study.orbits.run import branch_files, branch_of, rows_of
 
@@ -76,6 +78,9 @@ def test_branches_of_another_study_are_refused(short, capsys):
     (["--vary", "motor.speed=0:100", "--from", "0"], "motor.speed: 0 rad/s turns no crank; give the speed"),
     (["--vary", "motor.speed=60:130", "--from", "140"], "--from 140: is not from 60 to 130; give a value of the"),
     (["--vary", "motor.speed=60:130", "--from", "fast"], "motor.speed: 'fast' is not a number"),
+    (["--vary", "motor.speed=60:130", "--curves", "upper.gap=0"], "--curves upper.gap=0: is no range"),
+    (["--vary", "motor.speed=60:130", "--curves", "motor.speed=60:70"], "motor.speed is the parameter of --vary"),
+    (["--vary", "motor.speed=60:130", "--curves", "upper.gap=0.001:0.002"], "does not hold the machine's 0"),
     (["--vary", "motor.speed=60:130", "--turns", "33"], "--turns: 33 is out of range; give a whole number from"),
     (["--vary", "motor.speed=60:130", "--set", "solver.method=rk4"], "solver.method: 'rk4' is not exact to rounding"),
 ])
@@ -108,3 +113,39 @@ def test_a_branch_is_read_as_it_was_written(tmp_path):
         np.testing.assert_array_equal(found.strobe[name], branch.strobe[name])
     assert [(one.kind, one.value, one.change, one.at) for one in found.special_points] == [
         (one.kind, one.value, one.change, one.at) for one in special]
+
+
+def test_curves_are_followed_kept_and_not_followed_twice(tmp_path, capsys):
+    """The fold of `damped` at 107.96 rad/s; the same command reads what is there, and changes no byte."""
+    words = ["--scene", "damped", "--vary", "motor.speed=100:110", "--from", "107", "--starts", "1", "--turns", "1",
+             "--points", "30", "--curves", "inclined.gap=-0.0001:0.0001", "--workers", "1", "--output", str(tmp_path)]
+    assert main(words) == 0
+    before = bytes_of(tmp_path)
+    table = pandas.read_parquet(tmp_path / "curves.parquet")
+    fold = pandas.read_parquet(tmp_path / "special_points.parquet").query("kind == 'fold'").iloc[0]
+    own = table[(table["through"] == fold["name"]) & (table["kind"] == "fold")]
+    assert set(own["way"]) == {"upwards", "downwards"} and own["inclined.gap"].abs().max() == 1e-4
+    begin = own[own["inclined.gap"] == 0.0]
+    assert begin["motor.speed"].to_numpy() == pytest.approx(fold["motor.speed"], abs=1e-7)
+    capsys.readouterr()
+    assert main(words) == 0
+    assert "at most 30 orbits" not in capsys.readouterr().err and bytes_of(tmp_path) == before
+
+
+def test_a_curve_is_read_as_it_was_written(tmp_path):
+    plan = plan_of(parser().parse_args(["--quick", "--scene", "damped"]))
+    asked, random = curves.CurvePlan(plan, "upper.gap", 0.0, 0.002), np.random.default_rng(7)
+    multipliers = random.normal(size=(4, 5)) + 1j * random.normal(size=(4, 5))
+    special = tuple(CurveSpecial(kind, random.normal(size=2), 0.1 * at, multipliers[0], change, 0.5,
+                                 random.normal(size=5), at)
+                    for kind, change, at in (("cusp", "", 0), ("change of events", "stick", 2), ("cusp", "", 4)))
+    curve = Curve("fold", ("motor.speed", "upper.gap"), 2, random.normal(size=(4, 2)), random.normal(size=4),
+                  multipliers, random.normal(size=4), random.normal(size=(4, 5)), special, "an end")
+    files = curves.ParquetBlocks(tmp_path, asked.document(), 5, curves.fields_of(asked))
+    files.write(3, curves.rows_of(curve))
+    found = curves.curve_of(asked, files.read(3))
+    assert (found.kind, found.names, found.turns, found.end) == ("fold", curve.names, 2, "an end")
+    for key in ("values", "mean_speeds", "multipliers", "phases", "states"):
+        np.testing.assert_array_equal(getattr(found, key), getattr(curve, key))
+    assert [(one.kind, one.values.tolist(), one.change, one.at) for one in found.special_points] == [
+        (one.kind, one.values.tolist(), one.change, one.at) for one in special]
