@@ -66,7 +66,7 @@ DOCUMENTS = {
     "map": Document(
         "docs/guide/command_map.md", (
             "vibro_ros.study.study map --output out/study/map",
-            "vibro_ros.study.study map --scene machine --motor-speed 60:200:29 --gap 0:0.006:7 "
+            "vibro_ros.study.study map --scene machine --motor-speed 90:165:16 --gap 0:0.006:4 "
             "--output out/study/map_machine"), 18.0,
         (*_PHYSICS, "vibro_ros/orbits", "vibro_ros/study/map"),
         {"out/study/map/device.json": "config/maps/device.json", "out/study/map/map.png": "docs/map.png",
