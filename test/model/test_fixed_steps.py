@@ -149,6 +149,14 @@ def test_time_stepping_stays_bounded_where_rk4_does_not():
     assert np.abs(run.upper_position).max() < 0.09  # m; the slider's highest point is at 0.08
 
 
+@pytest.mark.parametrize("method", ["rk4", "rk4_located", "semi_implicit_euler"])
+def test_a_dc_motor_that_diverges_ends_the_run(method):
+    """Its crank would have 1e300 turns to count."""
+    made = scene("machine", {"solver.step": 1e-3, "motor.speed": 100.0})
+    with pytest.raises(vibro_ros.SimulationError, match=f"{method} may need a solver.step below 0.001 s"):
+        vibro_ros.simulate(made, duration=5.0, rate=100.0, method=method)
+
+
 @pytest.mark.parametrize("method", METHODS)
 def test_contacts_are_recorded_at_step_resolution(method):
     exact, found = (vibro_ros.simulate(scene("damped", changes), duration=0.08, rate=1e3).events

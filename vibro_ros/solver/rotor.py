@@ -22,6 +22,8 @@ from vibro_ros.solver.system import BY_COMMAND, BY_VOLTAGE, System, first_signal
 from vibro_ros.solver.vector import LENGTH, total, vector
 
 _TURN = 2.0 * math.pi
+# A phase [rad] that no step turns by unless it diverges, which is found at its end: it has no turns to count.
+_LOST = 1e6
 # A sample is due that lies no further ahead than the rounding of its instant.
 _DUE = 8.0 * np.finfo(float).eps
 # Rows of the scratch's series: cosine and sine of the phase, then of each signal a cos, a sin, root, the signal itself
@@ -132,10 +134,10 @@ def turn_signals(system, z, n, step, series, mirrored):
 def _count_turns(system, state, point):
     """Keep the phase within a turn, where its digits are as fine as they can be."""
     phase, drive = system.size[0].dynamic - 2, state.now[0].drive
-    while point[phase] >= _TURN:
+    while _TURN <= point[phase] < _LOST:
         point[phase] -= _TURN
         drive.turns += 1
-    while point[phase] < 0.0:
+    while -_LOST < point[phase] < 0.0:
         point[phase] += _TURN
         drive.turns -= 1
 
