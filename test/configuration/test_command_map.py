@@ -209,5 +209,5 @@ def test_what_is_no_regular_file_is_refused(tmp_path):
 
 @pytest.mark.parametrize("name", ["", "nowhere.json", "a\0b"])
 def test_a_map_that_is_nowhere_is_named(name):
-    with pytest.raises(ValueError, match="is no such file; give a path or one of device"):
+    with pytest.raises(ValueError, match="is no such file; give a path or one of device, machine"):
         find_map(name)

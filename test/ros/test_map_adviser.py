@@ -78,7 +78,7 @@ def test_the_map_of_another_machine_gives_no_commands(start, tmp_path):
 
 
 @pytest.mark.parametrize("words, reason", [
-    (["-p", "map:=none.json"], "map: 'none.json' is no such file; give a path or one of device"),
+    (["-p", "map:=none.json"], "map: 'none.json' is no such file; give a path or one of device, machine"),
     (["-p", "map:=bad.json"], "bad.json: no command map: type: 'x' is not 'vibro_ros command map, version 1'; make one "
      "with `study map`")])
 def test_a_bad_map_is_one_line_and_nothing_is_sent(refusal, tmp_path, words, reason):
