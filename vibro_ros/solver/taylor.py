@@ -57,6 +57,8 @@ _TRIAL, _LONGER = 0.5, 4.0
 _MOST_REFINEMENTS, _SETTLED = 20, 0.99
 # A trial that is too long by more than this is tried again, shorter by as much: its coefficients may be no numbers.
 _SHORTER, _MOST_TRIALS = 1e-8, 4
+# Rate [rad/s] of a phase that something drives beyond all bounds in a finite time, in ever shorter segments.
+_RUNAWAY = 1e9
 # A current that has died away: its products would be lost below the smallest number.
 _VANISHING = 1e-250
 # Where -r v exceeds this, e has decayed to 4e-18 and may be left out ...
@@ -374,8 +376,8 @@ def solve_by_taylor(system, state, point):
         trial *= _SHORTER
         for channel in range(len(z)):
             scale_argument(z[channel], _SHORTER, z[channel])
-    if not part > 0.0:
-        point[0] = math.nan  # not even a number: the run ends here
+    if not part > 0.0 or (size.rotors > 0 and abs(read_phase(system, point)[1]) > _RUNAWAY):
+        point[0] = math.nan  # the run ends here
     if size.rotors > 0:
         point[size.coordinates + size.dynamic - 1] = z[size.coordinates + size.dynamic - 1, 0]  # a current may jump
     for channel in range(len(state.mode_point)):
