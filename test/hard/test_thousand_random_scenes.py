@@ -19,7 +19,8 @@ PART = 250
 LEAST = {"effects.reaction True": 50, "effects.adhesion False": 55, "effects.mass_weight True": 60,
          "both masses": 105, "both plates": 90, "both plates rigid": 16, "in the air": 16,
          "sticks under a force": 55, "slips by coulomb": 15, "slips by static": 14, "slips by stribeck": 16,
-         "crank_stops": 2, "motor_ramp_end": 6, "slips by weight": 14, "slips by unilateral": 13, "slips by printed": 12, "slips by hop": 4}
+         "crank_stops": 2, "motor_ramp_end": 6,
+         "slips by weight": 14, "slips by unilateral": 13, "slips by printed": 12, "slips by hop": 4}
 
 
 @pytest.mark.parametrize("first", range(0, 1000, PART))
