@@ -83,8 +83,6 @@ def _values(rng):
         values["motor.voltage"] = _between(rng, -1.0, 1.0) * values["motor.supply_voltage"]
         values["motor.static_friction"] = min(1e6, values["motor.friction"] * _one_of(rng, [1.0, 1.2, 3.0]))
         values["crank.radius"] *= _one_of(rng, [0.99, 0.3])
-        if values["effects.normal_force"] == "printed":  # where friction may drive a crank beyond all bounds
-            values["effects.normal_force"] = "unilateral"
     values["effects.misprint"] = _may_be_misprinted(values) and _one_of(rng, [False, True])
     values["ground.static_friction"] = min(1e3, values["ground.friction"] * _one_of(rng, [1.0, 1.2, 3.0]))
     if values["effects.friction"] == "coulomb":

