@@ -149,7 +149,7 @@ def test_what_a_page_asks_for_is_what_the_robot_does_and_what_it_shows_is_in_for
     until(page, lambda page: refusal in said(page), refusal)
     bench.spin_until(lambda: heard[-1] == 1e6, "what was refused")
     assert drawn(page)["quantities"]["motor_speed"] == speed
-    assert "1000000 is refused; the robot takes 0 to 500" in page.inner_text("#motor_speed_words")
+    assert "1000000 is refused; the robot takes -500 to 500" in page.inner_text("#motor_speed_words")
     until(page, lambda page: shown(page, "motor_speed") == [speed] * 3, "the speed in force")
     page.fill("#motor_speed", "4.5.0")
     page.press("#motor_speed", "Enter")

@@ -147,7 +147,7 @@ def follow_bifurcation(branch: Branch, special: Special, ranges: Mapping[str, tu
     Examples
     --------
     >>> orbit = vibro_ros.find_orbit(vibro_ros.load_scene("damped"))
-    >>> branch = vibro_ros.follow_orbit(orbit, "motor.speed", 99.0, 109.0, points=20)
+    >>> branch = vibro_ros.follow_orbit(orbit, "motor.speed", 99.0, 109.0, points=30)
     >>> fold = branch.special_points[0]
     >>> curve = vibro_ros.follow_bifurcation(branch, fold, {"motor.speed": (99.0, 109.0), "upper.gap": (0.0, 1e-4)})
     >>> curve.kind, f"{curve.values[0, 0]:.6f}", curve.end

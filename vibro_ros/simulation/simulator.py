@@ -132,7 +132,7 @@ class Simulator:
         >>> device.command(motor_speed=100.0)
         >>> device.advance_to(1.0)
         >>> f"{device.controller_integral:.3f} A"
-        '1.585 A'
+        '1.529 A'
         """
         return self._motion.controller_integral
 
@@ -521,7 +521,7 @@ class Simulator:
         >>> device.advance_to_angle(turn=3, angle=1.0)
         True
         >>> f"{device.time:.5f} s, {device.state.crank_angle - 1.0:.12f} rad"
-        '0.19823 s, 18.849555921539 rad'
+        '0.22856 s, 18.849555921539 rad'
         """
         if not self.scene.has_rotor or self.scene["solver.method"] != "exact":
             raise ValueError(f"effects.motor, solver.method: {self.scene['effects.motor']}, "

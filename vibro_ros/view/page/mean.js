@@ -5,8 +5,20 @@ import {fixed} from "vibro/ticks.js";
 const SECONDS = 5; // over which is averaged, or less where the run has begun later
 const STEP = 2.5e-4; // s, between two looks at a motion that is known everywhere
 const EVERY = 250; // ms between two readings
-const RESET = 1; // rad, by which only a reset turns the crank against its speeds before and after
+const RESET = 1; // rad, by which only a reset turns the crank less or more than its speeds before and after would
 const NAMES = ["body_position", "body_height", "crank_angle", "motor_speed"];
+
+/**
+ * Whether the crank was put elsewhere between two looks.
+ * @param {{at: number, angle: number, turning: number}} before time [s], crank angle [rad] and its rate [rad/s]
+ * @param {{at: number, angle: number, turning: number}} now the same, later
+ * @returns {boolean} false where a rate is not known
+ */
+function isReset(before, now) {
+  const turned = now.angle - before.angle;
+  const rates = [before.turning, now.turning].map((rate) => rate * (now.at - before.at));
+  return turned < Math.min(...rates) - RESET || turned > Math.max(...rates) + RESET;
+}
 
 /**
  * The means over the seconds before an instant, from the last reset and the last gap of what is known on.
@@ -20,9 +32,7 @@ export function means(source, time) {
   let before = null;
   let airborne = 0;
   source.path(NAMES, time - SECONDS, time, STEP, (at, [position, height, angle, turning]) => {
-    const turned = before ? angle - before.angle : 0;
-    const isReset = Math.abs(turned) > RESET && turned * before.turning <= 0 && turned * turning <= 0;
-    if (!before || Number.isNaN(before.position) || isReset) {
+    if (!before || Number.isNaN(before.position) || isReset(before, {at, angle, turning})) {
       start = {at, position};
       airborne = 0;
     } else {
