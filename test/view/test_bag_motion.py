@@ -95,6 +95,14 @@ def test_a_reset_begins_another_motion(tmp_path):
     assert np.isnan(motion.at(np.array([100.5 / RATE]))["body_position"]).all()
 
 
+def test_a_reset_of_a_crank_that_runs_back_to_where_it_began_is_one(tmp_path):
+    told = {0: {"motor_speed": 80.0}, 100: {"motor_speed": -80.0}, 200: "reset"}
+    motion, _ = read(robot_bag(tmp_path / "bag", "device", 260, told, RATE))
+    before = motion.at(np.array([199.5 / RATE]))
+    assert before["crank_angle"][0] > 5.0 and before["motor_speed"][0] < -10.0
+    assert motion.header["exact"] and motion.header["resets"] == [201 / RATE]
+
+
 def test_other_parameters_while_it_runs_a_stop_for_want_of_commands_and_refused_commands(tmp_path):
     told = {0: {"motor_speed": 90.0}, 60: 'set {"ground.friction": 0.05, "motor.acceleration": 50.0}',
             80: {"motor_speed": 130.0}, 120: {"motor_speed": 1e9}, 150: "timeout", 160: "pause", 170: "nonsense"}

@@ -26,6 +26,8 @@ DRIFT = 2e-11
 _STAMP = 2e-9  # s, of a stamp's rounding and of its difference's
 #: Change of the speed [rad/s] that a lagging motor is sent to, which is rounding of published speeds.
 _NO_COMMAND = 1e-9
+# Angle [rad] beyond twice what the crank's published speeds make of an interval, which only a reset turns the crank by.
+_FAR = 1.0
 _TRIED = 100  # samples by which a scene is recognised
 
 
@@ -66,9 +68,11 @@ class Following(ExactRun):
             self.faults.append(self._first_fault + more)
 
     def _is_reset(self, k: int) -> bool:
-        """Whether the crank is elsewhere at the sample after k although it turns the other way at both samples."""
-        turned = np.sign(self._samples["crank_angle"][k + 1] - self._samples["crank_angle"][k])
-        return bool(turned != 0.0 and (turned * self._samples["motor_speed"][k:k + 2] <= 0.0).all())
+        """Whether the crank is elsewhere at the sample after k although it turns the other way at both samples, or not
+        nearly so fast."""
+        turned = self._samples["crank_angle"][k + 1] - self._samples["crank_angle"][k]
+        way = self._samples["motor_speed"][k:k + 2] * (self._times[k + 1] - self._times[k])
+        return bool(turned != 0.0 and ((turned * way <= 0.0).all() or abs(turned) > 2.0 * abs(way).max() + _FAR))
 
     def _pass(self, k: int) -> None:
         """Go from the sample k to the next one; where that fails, from where sample k was published."""
