@@ -12,6 +12,7 @@ from vibro_ros.messages.topics import CHECKPOINT, INPUTS
 from vibro_ros.recordings.rerun import Rerun, RunFacts, most_ticks, run_facts
 from vibro_ros.simulation.motion import SimulationError
 from vibro_ros.simulation.preparation import prepare_kernels
+from vibro_ros.simulation.samples import resets
 
 #: What the robot receives, with the sign that it counts with, and what it loses. A dc motor's crank gives the masses
 #: nothing that its supply has not given before.
@@ -20,7 +21,6 @@ RECEIVED_BY_DC = {"supply": 1.0, "plates": 1.0, "unpaid": 1.0}
 LOST = ("drive_dampers", "plate_dampers", "friction", "blows", "landings", "copper", "bearing")
 
 _AT_ONCE = 20_000  # samples between two looks at the bar of progress
-_BEYOND = 2.0  # so many times as far as by the faster of its speeds at two samples no crank turns back between them
 _SILENCE = 2.0  # s, before the bar is shown
 
 
@@ -152,12 +152,8 @@ def energy_as_lines(energy: dict[str, Any]) -> list[str]:
 
 
 def reset_times(joints: Arrays) -> np.ndarray:
-    """Times [s] of the first samples after resets to the start, shape (n,): only a reset lowers the angle of a crank
-    that turns forwards, or lowers it farther than its speed does."""
-    speeds, lowered = joints["crank.velocity"], -np.diff(joints["crank.position"])
-    backwards = np.minimum(speeds[1:], speeds[:-1])
-    turned = _BEYOND * np.maximum(-backwards, 0.0) * np.diff(joints["time"])
-    return joints["time"][1:][(lowered > 0.0) & (lowered > turned)]
+    """Times [s] of the first samples after resets to the start, shape (n,)."""
+    return joints["time"][1:][resets(joints["time"], joints["crank.position"], joints["crank.velocity"])]
 
 
 def changes(time: np.ndarray, values: np.ndarray, resets: np.ndarray) -> np.ndarray:

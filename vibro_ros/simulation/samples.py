@@ -135,6 +135,26 @@ def one_sample(values: np.ndarray) -> Samples[float]:
     return sample
 
 
+# No crank turns so many times as far as by the faster of its speeds at two samples, and an angle [rad] more.
+_BEYOND, _FAR = 2.0, 1.0
+
+
+def resets(time: np.ndarray, crank_angle: np.ndarray, crank_speed: np.ndarray) -> np.ndarray:
+    """Whether the device was put elsewhere between neighbouring samples, as a reset does; bool, shape (n - 1,).
+
+    The crank then turns against its speeds at both samples, or much farther than these make of the time between.
+
+    Parameters
+    ----------
+    time, crank_angle, crank_speed : ndarray, shape (n,)
+        Instants [s], angle [rad] and its rate [rad/s].
+    """
+    turned, elapsed = np.diff(crank_angle), np.diff(time)
+    speeds = np.stack([crank_speed[:-1], crank_speed[1:]])
+    against = (turned * speeds <= 0.0).all(axis=0)
+    return (turned != 0.0) & (against | (np.abs(turned) > _BEYOND * np.abs(speeds).max(axis=0) * elapsed + _FAR))
+
+
 #: Latest instant [s] that can be asked for, 31 years: there, doubles tell instants apart that are 1e-7 s apart.
 LATEST = 1e9
 #: Most samples of one run: their fields take 20 GB.

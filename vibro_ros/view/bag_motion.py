@@ -21,7 +21,7 @@ from vibro_ros.view.following import Following, common_samples, recognised, regu
 from vibro_ros.view.machine import machine, shown, voltage
 from vibro_ros.view.motion import Impact, impacts_as_json, is_place
 from vibro_ros.view.pieces import Assembly
-from vibro_ros.view.recorded import Recorded, Track, interpolated, lowered
+from vibro_ros.view.recorded import Recorded, Track, interpolated, reset_instants
 from vibro_ros.view.resimulation import Resimulation, pushes
 from vibro_ros.view.stretch import ExactRun, Progress, Span, Stretch, quiet_device, spans
 
@@ -218,4 +218,4 @@ class _Making:
         """Instants [s] of samples at which the robot stood at its start again."""
         if self._facts and self._exact:
             return self._exact[0].resets
-        return lowered(self._tracks["crank_angle"]) if "crank_angle" in self._tracks else []
+        return reset_instants(self._tracks["crank_angle"]) if "crank_angle" in self._tracks else []

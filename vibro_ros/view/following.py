@@ -15,6 +15,7 @@ from vibro_ros.model.scene import Scene
 from vibro_ros.recordings.rerun import LONGEST_PAUSE
 from vibro_ros.simulation.given_state import UNITS
 from vibro_ros.simulation.motion import SimulationError
+from vibro_ros.simulation.samples import resets
 from vibro_ros.simulation.simulator import Simulator
 from vibro_ros.view.machine import quantities
 from vibro_ros.view.motion import is_place
@@ -26,8 +27,6 @@ DRIFT = 2e-11
 _STAMP = 2e-9  # s, of a stamp's rounding and of its difference's
 #: Change of the speed [rad/s] that a lagging motor is sent to, which is rounding of published speeds.
 _NO_COMMAND = 1e-9
-# Angle [rad] beyond twice what the crank's published speeds make of an interval, which only a reset turns the crank by.
-_FAR = 1.0
 _TRIED = 100  # samples by which a scene is recognised
 
 
@@ -54,8 +53,9 @@ class Following(ExactRun):
 
     def follow(self) -> None:
         """Go through all samples."""
-        for k in range(len(self._times) - 1):
-            if self._is_reset(k):
+        of_crank = self._samples["crank_angle"], self._samples["motor_speed"]
+        for k, is_reset in enumerate(resets(self._times, *of_crank)):
+            if is_reset:
                 self._end(k)
                 self.resets.append(float(self._times[k + 1]))
             elif self._times[k + 1] - self._times[k] > LONGEST_PAUSE:  # a spoilt stamp would ask for years
@@ -66,13 +66,6 @@ class Following(ExactRun):
         if self._failed:
             more = f" (and {self._failed - 1} intervals more)" if self._failed > 1 else ""
             self.faults.append(self._first_fault + more)
-
-    def _is_reset(self, k: int) -> bool:
-        """Whether the crank is elsewhere at the sample after k although it turns the other way at both samples, or not
-        nearly so fast."""
-        turned = self._samples["crank_angle"][k + 1] - self._samples["crank_angle"][k]
-        way = self._samples["motor_speed"][k:k + 2] * (self._times[k + 1] - self._times[k])
-        return bool(turned != 0.0 and ((turned * way <= 0.0).all() or abs(turned) > 2.0 * abs(way).max() + _FAR))
 
     def _pass(self, k: int) -> None:
         """Go from the sample k to the next one; where that fails, from where sample k was published."""

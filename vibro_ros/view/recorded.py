@@ -9,6 +9,7 @@ from vibro_ros.bag.reader import Arrays, Series
 from vibro_ros.bag.stream import BagStream, robot_topics
 from vibro_ros.messages.fields import JOINTS, PLATES
 from vibro_ros.messages.topics import CHECKPOINT, INPUTS, ROBOT_TOPICS
+from vibro_ros.simulation.samples import resets
 from vibro_ros.view.pieces import Interpolated, polynomials_through
 from vibro_ros.view.stretch import Progress, Span
 
@@ -16,6 +17,8 @@ MOST_SAMPLES = 1_000_000
 """Samples of a topic that are read, an hour and a half at 200 Hz: more than a page can show."""
 MOST_INPUTS = 200_000
 """Commands, operations and checkpoints that are read, and impacts."""
+
+_FASTEST = 1e100  # rad/s
 
 UNSTAMPED = ("motor_power", "motor_current", "electrical_power")
 """Topics that are quantities, without a stamp in their messages."""
@@ -160,9 +163,10 @@ def interpolated(tracks: Mapping[str, Track], names: Sequence[str], span: Span,
         borders, lambda instants: np.stack([_at(tracks.get(name), instants) for name in names], axis=2), DEGREE + 1)
 
 
-def lowered(crank: Track) -> list[float]:
-    """Instants [s] at which the crank's angle is less than before: only a reset does that."""
-    return crank.times[1:][np.diff(crank.values) < 0.0].tolist()
+def reset_instants(crank: Track) -> list[float]:
+    """Instants [s] of the first samples after resets; where the crank's speed was not recorded, it turns forwards."""
+    speeds = np.full(len(crank.times), _FASTEST) if crank.rates is None else crank.rates
+    return crank.times[1:][resets(crank.times, crank.values, speeds)].tolist()
 
 
 def _longest(times: np.ndarray) -> float:
