@@ -282,6 +282,33 @@ def test_a_stop_signal_in_a_hook_of_a_fork_is_not_lost():
     assert (run.returncode, run.stdout) == (0, "interrupted\n"), run.stderr
 
 
+SWALLOWED = """
+import os, signal, sys
+from vibro_ros.process import stop_signals
+from vibro_ros.simulation.processes import in_processes
+stop_signals.end_at_once("study")
+stop_signals.interrupt_what_runs()
+def propose():
+    for number in range(100):
+        try:
+            if number == 3:
+                os.kill(os.getpid(), signal.SIGINT)
+        except:
+            pass
+        yield number
+try:
+    print(len(list(in_processes(abs, propose(), int(sys.argv[1])))))
+except KeyboardInterrupt:
+    print("interrupted")
+"""
+
+
+@pytest.mark.parametrize("workers", ["1", "2"])
+def test_a_stop_signal_that_a_library_swallows_is_not_lost(workers):
+    run = subprocess.run([sys.executable, "-c", SWALLOWED, workers], capture_output=True, text=True, timeout=60.0)
+    assert (run.returncode, run.stdout) == (0, "interrupted\n"), run.stderr
+
+
 def test_workers_end_with_a_parent_that_is_killed(tmp_path):
     program = ("import itertools, os, signal, multiprocessing, vibro_ros\n"
                "scenes = itertools.repeat(vibro_ros.load_scene('no_impact'))\n"

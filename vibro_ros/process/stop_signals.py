@@ -124,6 +124,15 @@ def interrupted_code() -> int:
     return process.code_after(process.signal or signal.SIGINT)
 
 
+def interrupt_again() -> None:
+    """Raise the KeyboardInterrupt of an earlier stop signal once more, if one came.
+
+    For the next step of a long work: the first may have been swallowed, by a finaliser or by `except:` in a library.
+    """
+    if process.signal is not None:
+        raise KeyboardInterrupt
+
+
 @contextmanager
 def interrupted_afterwards() -> Iterator[None]:
     """Raise the KeyboardInterrupt of a stop signal that comes inside at the end.

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 from multiprocessing.connection import Connection, wait
 from typing import Any
 
-from vibro_ros.process.stop_signals import interrupted_afterwards
+from vibro_ros.process.stop_signals import interrupt_again, interrupted_afterwards
 
 #: Items a process that may be ahead of the result that is due.
 AHEAD = 4
@@ -88,9 +88,15 @@ def in_processes(function: Callable, items: Iterable, workers: int) -> Generator
     Job
         Each item with its result or error, in their order. An error of the iterable comes after all before it. Every
         process ends with the last result, with an error, or when the iterator is closed or dropped.
+
+    Raises
+    ------
+    KeyboardInterrupt
+        Before the next result, if a stop signal came, even if its own KeyboardInterrupt was swallowed elsewhere.
     """
     if workers == 1:
         for item in items:
+            interrupt_again()
             yield Job(item, *_applied(function, item))
         return
     pool = _Pool(function, items, workers)
@@ -121,6 +127,7 @@ class _Pool:
 
     def next_job(self) -> Job | None:
         """Return the job that is due, done; None when there are no more items."""
+        interrupt_again()
         self._give()
         if not self._jobs and self._error:
             raise self._error
