@@ -15,7 +15,7 @@ from benchmark import report
 from tools import documents
 from tools.bench import RATE as BENCH_RATE
 from tools.wrong_speed import draw_ways
-from vibro_ros.accuracy.accuracy import TABLE, TEXT, Accuracy, refereed_scenes, row_writer
+from vibro_ros.accuracy.accuracy import TABLE, TEXT, Accuracy, row_writer
 from vibro_ros.accuracy.findings import (
     LOCATED,
     NEEDS,
@@ -29,7 +29,7 @@ from vibro_ros.accuracy.findings import (
     reference_of,
 )
 from vibro_ros.accuracy.measurement import NEED, Measurement
-from vibro_ros.configuration.scene_file import load_scene
+from vibro_ros.configuration.scene_file import load_scene, shipped_scenes
 from vibro_ros.solver.methods import SCHEMES
 
 FOLDER, WAYS, BENCHMARK = "accuracy", "ways.png", "benchmark"
@@ -180,7 +180,7 @@ def _write(docs: Path) -> None:
     bench, ticks = printed("tools.bench"), printed("tools.tick_cost")
     study = Accuracy(STUDIED_APART, replace(EFFORT, **_EFFORT))
     with row_writer(folder / TABLE) as write:
-        for name in refereed_scenes():
+        for name in shipped_scenes():
             study.measure(name, write, replace(EFFORT, **_CLOSER_EFFORT) if name == CLOSER else None)
     study.draw(folder)
     draw_ways(load_scene(CLOSER), STEPS).savefig(folder / WAYS)

@@ -1,10 +1,10 @@
 """The table of methods: each against exact, and a wrong one must look wrong."""
 
-
 import numpy as np
 import pytest
 
 import vibro_ros
+from vibro_ros.accuracy import precision
 from vibro_ros.accuracy.methods import COLUMNS, METHODS, Answer, UnableError
 
 TIMES = np.linspace(0.0, 0.1, 101)
@@ -38,6 +38,18 @@ def test_scipy_with_located_events_agrees_with_exact(name, method):
 def test_what_a_method_cannot_do_it_says():
     with pytest.raises(UnableError, match="rk4 may need a solver.step below 0.01 s"):
         METHODS["rk4"](scene("damped"), np.linspace(0.0, 20.0, 11), 1e-2)
+
+
+@pytest.mark.parametrize(("method", "reason"), [
+    ("DOP853", "a dc motor's controller takes samples"), ("moreau", "mass.upper_slider: 0.01 is not simulated by moreau")])
+def test_what_a_method_lacks_of_a_machine_with_a_dc_motor_it_says(method, reason):
+    with pytest.raises(UnableError, match=reason):
+        METHODS[method](vibro_ros.load_scene("machine"), TIMES, 1e-6)
+
+
+def test_no_mean_speed_is_asked_of_a_method_that_lacks_the_scene():
+    devices = precision._devices(vibro_ros.load_scene("machine"), METHODS)
+    assert devices == ["exact", "rk4", "rk4_located", "semi_implicit_euler"]
 
 
 @pytest.mark.parametrize(("method", "coarse", "fine"), [("rk4", 1e-4, 1e-6), ("semi_implicit_euler", 1e-4, 1e-6),

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 import vibro_ros
-from vibro_ros.accuracy.accuracy import refereed_scenes
 from vibro_ros.accuracy.methods import METHODS, UnableError
+from vibro_ros.configuration.scene_file import shipped_scenes
 from vibro_ros.model.scene import Scene
 from vibro_ros.simulation import auto
 from vibro_ros.simulation.auto import choose_method, is_stable
@@ -68,7 +68,7 @@ def any_scene(seed):
         return Scene(parameters=changes | {"effects.reaction": False, "guide.angle": 1.2})
 
 
-@pytest.mark.parametrize("name", refereed_scenes())
+@pytest.mark.parametrize("name", shipped_scenes())
 def test_every_tolerance_is_kept(name):
     """Against heyoka at its strictest, whose own error within 0.2 s is below 1e-13 m (test_peer)."""
     scene, by_heyoka = vibro_ros.load_scene(name), pytest.importorskip("tools.peer.accuracy").by_heyoka
@@ -126,7 +126,7 @@ def test_a_grid_is_finer_than_every_step_that_may_be_picked():
     assert auto._ladder()[0] == 1e-2
 
 
-@pytest.mark.parametrize("name", refereed_scenes())
+@pytest.mark.parametrize("name", shipped_scenes())
 def test_auto_is_exact_in_every_shipped_scene_that_runs(name):
     """docs/solver.md says so."""
     scene = vibro_ros.load_scene(name).with_parameters({"motor.speed": 100.0, "solver.accuracy": 1e-2})

@@ -18,6 +18,7 @@ import numpy as np
 from vibro_ros.accuracy import tables_by_scipy as scipy_tables
 from vibro_ros.accuracy.tables_by_scipy import UnableError
 from vibro_ros.model.scene import Scene
+from vibro_ros.model.support import unsupported
 from vibro_ros.simulation.motion import SimulationError
 from vibro_ros.simulation.simulator import Simulator
 
@@ -100,6 +101,8 @@ def event_array(found: Iterable[tuple[float, str]]) -> np.ndarray:
 
 def by_simulator(name: str, evaluations: int, scene: Scene, times: np.ndarray, setting: float) -> Answer:
     """A `solver.method` of the device itself, with `evaluations` of the accelerations a step."""
+    if name == "moreau" and (lacking := unsupported(scene, name)):
+        raise UnableError(lacking)
     parameter = "solver.tolerance" if name == "exact" else "solver.step"
     scene = scene.with_parameters({"solver.method": name, parameter: setting, "solver.audit": False})
     Simulator(scene).advance_to(0.0)  # what is compiled once a scene or once a process is not the method's cost

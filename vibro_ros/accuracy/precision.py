@@ -20,6 +20,7 @@ from vibro_ros.accuracy.methods import (
 )
 from vibro_ros.accuracy.starts import STARTING, average, speeds_of_starts, started_at_share
 from vibro_ros.model.scene import Scene
+from vibro_ros.model.support import unsupported
 from vibro_ros.orbits.chaos import exponent_of_pairs
 from vibro_ros.simulation.motion import SimulationError
 from vibro_ros.solver.methods import SCHEMES
@@ -237,7 +238,7 @@ class SceneStudy:
     def count(self, methods: Mapping[str, ComparedMethod]) -> int:
         """Number of rows that are tried at most."""
         rungs = {name: len(method.ladder) for name, method in methods.items()}
-        averages = [1 if name == "exact" else len(AVERAGE_STEPS) for name in _devices(methods)]
+        averages = [1 if name == "exact" else len(AVERAGE_STEPS) for name in _devices(self.scene, methods)]
         needs = sum(1 + sum(len(method.ladder) for method in self._asked(horizon, methods).values())
                     for horizon in self.needs)
         return 1 + sum(rungs.values()) + needs + sum(averages)
@@ -249,7 +250,7 @@ class SceneStudy:
             asked = self._asked(horizon, methods)
             if asked:
                 yield from Comparison(self.scene, horizon, self._effort, NEED).rows(asked)
-        for name in _devices(methods):
+        for name in _devices(self.scene, methods):
             yield from self._averages(name)
 
     def _asked(self, horizon: float, methods: Mapping[str, ComparedMethod]) -> dict[str, ComparedMethod]:
@@ -297,9 +298,10 @@ def typical(timed: Callable[[], float]) -> float:
     return statistics.median(times)
 
 
-def _devices(methods: Mapping[str, ComparedMethod]) -> list[str]:
-    """The device's own methods, whose mean speeds are measured."""
-    return [name for name in methods if name == "exact" or name in SCHEMES]
+def _devices(scene: Scene, methods: Mapping[str, ComparedMethod]) -> list[str]:
+    """The device's own methods that have `scene`, whose mean speeds are measured."""
+    return [name for name in methods if name == "exact" or name in SCHEMES and not (
+        name == "moreau" and unsupported(scene, name))]
 
 
 def _expected(setting: str, before: float, seconds: float, value: float) -> float:
