@@ -41,7 +41,8 @@ def test_what_a_method_cannot_do_it_says():
 
 
 @pytest.mark.parametrize(("method", "reason"), [
-    ("DOP853", "a dc motor's controller takes samples"), ("moreau", "mass.upper_slider: 0.01 is not simulated by moreau")])
+    ("DOP853", "a dc motor's controller takes samples"),
+    ("moreau", "mass.upper_slider: 0.01 is not simulated by moreau")])
 def test_what_a_method_lacks_of_a_machine_with_a_dc_motor_it_says(method, reason):
     with pytest.raises(UnableError, match=reason):
         METHODS[method](vibro_ros.load_scene("machine"), TIMES, 1e-6)
